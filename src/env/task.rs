@@ -1,0 +1,86 @@
+use fixedbitset::FixedBitSet;
+use serde::{Deserialize, Serialize};
+
+/// Rows and columns of the observation image. Action `row * columns + column` is the pixel
+/// of that vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Shape {
+    pub rows: usize,
+    pub columns: usize,
+}
+
+impl Shape {
+    /// Number of pixels, and so of actions.
+    pub fn pixel_count(self) -> usize {
+        self.rows * self.columns
+    }
+}
+
+/// What the agent sees of one task, and what it may do next (paper, Sections 4.1.1 and
+/// 4.2.1). All fields have one entry a pixel, row by row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Observation {
+    /// Vertex is fixed to the tool.
+    pub draped: FixedBitSet,
+    /// Distance to the tool [m].
+    pub distance: Vec<f32>,
+    /// Vertex has been under the stencil.
+    pub touched: FixedBitSet,
+    /// Actions allowed in this state; never empty.
+    pub mask: FixedBitSet,
+}
+
+/// Why an episode ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum End {
+    /// The task is over: nothing is worth anything afterwards.
+    Terminated,
+    /// Cut off (step limit, diverged simulation): the value of the last observation counts.
+    Truncated,
+}
+
+/// A finished episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Episode {
+    pub end: End,
+    /// Actions taken, in order.
+    pub actions: Vec<u32>,
+    /// Sum of the rewards, undiscounted, in the task's own unit.
+    pub total_reward: f32,
+    /// The observation after the last action, before the reset.
+    pub last: Observation,
+}
+
+/// What one step of one task gave.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// Reward of this step, in the task's own unit.
+    pub reward: f32,
+    /// Set when this step ended an episode; the task has then been reset already.
+    pub episode: Option<Episode>,
+}
+
+/// N independent tasks of the same shape, stepped together; each resets on its own.
+pub trait Tasks {
+    /// Size of the observation image.
+    fn shape(&self) -> Shape;
+
+    /// Number of tasks.
+    fn count(&self) -> usize;
+
+    /// Return of a perfect episode, in the unit of the rewards: learners divide by it.
+    fn reward_scale(&self) -> f32;
+
+    /// What task `index` shows now.
+    fn observation(&self, index: usize) -> &Observation;
+
+    /// Takes one action in every task. `actions[i]` must be allowed by the mask of task `i`.
+    fn step(&mut self, actions: &[u32]) -> Vec<Outcome>;
+
+    /// Everything needed to go on later exactly from here.
+    fn save(&self) -> Vec<u8>;
+
+    /// Goes back to what [`Tasks::save`] returned. Fails with a reason if `bytes` are not
+    /// from tasks of the same kind, number and shape; nothing is changed then.
+    fn load(&mut self, bytes: &[u8]) -> Result<(), String>;
+}

@@ -1,0 +1,21 @@
+//! Finds the order in which a robot with a small roller presses woven fabric on to a
+//! curved tool.
+//!
+//! The library simulates the fabric ([`fabric`], [`sim`]) on a rigid [`tool`], poses the
+//! draping task on top of it ([`scene`], [`env`]), learns to solve it ([`policy`],
+//! [`ppo`]) and keeps what it learnt ([`run`], [`path`], [`report`]). Each module imports
+//! only from those below it; `tests/architecture.rs` holds the table.
+
+pub mod cli;
+pub mod env;
+pub mod fabric;
+pub mod math;
+pub mod mesh;
+pub mod path;
+pub mod policy;
+pub mod ppo;
+pub mod report;
+pub mod run;
+pub mod scene;
+pub mod sim;
+pub mod tool;
