@@ -1,1 +1,14 @@
-//! (to be written)
+//! From a scene file to the initial state: the blank is clamped, tilted, falls on to the
+//! tool and settles (paper, Section 3.3).
+//!
+//! Frame: z up, gravity along -z, the tool where its own configuration puts it. The blank
+//! starts flat, its centre over `placement.centre_mm`, turned about z by `yaw_deg` and then
+//! about the x axis through its lowest edge by `tilt_deg`.
+
+mod config;
+mod fall;
+mod summary;
+
+pub use config::{Clamp, Fall, Placement, SceneConfig, SceneError};
+pub use fall::Scene;
+pub use summary::{Summary, wrinkle_count};

@@ -1,1 +1,33 @@
-//! (to be written)
+//! The cloth core: substep XPBD (paper, Algorithm 1) for many environments in lockstep.
+//!
+//! A [`Model`] is built once from a lamina and the physics that a scene lists; a [`Batch`]
+//! carries the moving state of a group of environments, one SIMD lane each, and steps it.
+//! Particles and massless constraints only: thickness, self-collision and heat are not
+//! modelled. A lane that diverges turns non-finite and says so; its neighbours go on.
+
+mod constraints;
+mod cpu;
+mod model;
+mod state;
+
+pub use cpu::Cpu;
+pub use model::{
+    Bending, BendingStiffness, Compression, Model, PhysicsConfig, PhysicsError, Solver,
+};
+pub use state::{Batch, Control, Press, Snapshot};
+
+use crate::math::{Isa, Portable};
+#[cfg(target_arch = "x86_64")]
+use crate::math::{F32x8, F32x16};
+
+/// A group of environments for an instruction set, f32. Lanes start at rest in the origin;
+/// [`Batch::load`] each before the first step.
+pub fn batch(model: &Model, isa: Isa) -> Box<dyn Batch> {
+    match isa {
+        Isa::Portable => Box::new(Cpu::<Portable>::new(model)),
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => Box::new(Cpu::<F32x8>::new(model)),
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx512 => Box::new(Cpu::<F32x16>::new(model)),
+    }
+}

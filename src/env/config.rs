@@ -1,0 +1,140 @@
+use serde::{Deserialize, Serialize};
+
+use crate::fabric::Lamina;
+
+/// Number type of the episodes' simulation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Precision {
+    /// Several environments in SIMD lanes.
+    #[default]
+    F32,
+    /// One environment at a time, for reference.
+    F64,
+}
+
+/// The draping task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EnvConfig {
+    /// Focus region on the flat blank [mm from its centre]: least x, least y, greatest x,
+    /// greatest y. The whole blank if not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub region_mm: Option<[f64; 4]>,
+    /// Shows the agent the focus region only, instead of the whole blank.
+    pub crop: bool,
+    /// Side of the square stencil [mm].
+    pub stencil_mm: f64,
+    /// A touched vertex nearer to the tool than this is draped [mm].
+    pub drape_threshold_mm: f64,
+    /// Duration of a press, including the lift [s].
+    pub press_s: f64,
+    /// Share of the press in which the stencil comes down.
+    pub descent: f64,
+    /// Time to settle after the lift [s].
+    pub settle_s: f64,
+    /// Substeps a second.
+    pub substep_rate: f64,
+    /// Steps after which an episode is truncated; none if not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_steps: Option<usize>,
+    pub precision: Precision,
+}
+
+impl Default for EnvConfig {
+    fn default() -> Self {
+        Self {
+            region_mm: None,
+            crop: false,
+            stencil_mm: 18.0,
+            drape_threshold_mm: 1.0,
+            press_s: 1.0 / 60.0,
+            descent: 0.5,
+            settle_s: 0.0,
+            substep_rate: 1200.0,
+            max_steps: None,
+            precision: Precision::F32,
+        }
+    }
+}
+
+/// A draping task that cannot be posed.
+#[derive(Debug, thiserror::Error)]
+#[error("`env.{key}` is {found}, expected {expected}")]
+pub struct EnvError {
+    key: &'static str,
+    found: String,
+    expected: &'static str,
+}
+
+/// Rows and columns of the focus region, ends exclusive.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Region {
+    pub rows: std::ops::Range<usize>,
+    pub columns: std::ops::Range<usize>,
+}
+
+impl EnvConfig {
+    /// Checks every value and finds the region on the blank; the error names key, found and
+    /// expected.
+    pub fn region(&self, lamina: &Lamina) -> Result<Region, EnvError> {
+        let fail = |key, found: String, expected| {
+            Err(EnvError {
+                key,
+                found,
+                expected,
+            })
+        };
+        let positive = [
+            ("stencil_mm", self.stencil_mm, 1e5),
+            ("drape_threshold_mm", self.drape_threshold_mm, 1e5),
+            ("press_s", self.press_s, 10.0),
+        ];
+        for (key, value, most) in positive {
+            if !(value > 0.0 && value <= most) {
+                return fail(key, value.to_string(), "a number > 0 in a sensible range");
+            }
+        }
+        if !(self.descent > 0.0 && self.descent <= 1.0) {
+            return fail("descent", self.descent.to_string(), "a share in (0, 1]");
+        }
+        if !(0.0..=10.0).contains(&self.settle_s) {
+            return fail("settle_s", self.settle_s.to_string(), "a time from 0 to 10 s");
+        }
+        if !(60.0..=1e6).contains(&self.substep_rate) {
+            let expected = "a number from 60 to 1000000";
+            return fail("substep_rate", self.substep_rate.to_string(), expected);
+        }
+        if self.max_steps == Some(0) {
+            return fail("max_steps", "0".into(), "a number > 0");
+        }
+        let all = Region {
+            rows: 0..lamina.rows,
+            columns: 0..lamina.columns,
+        };
+        let Some([x0, y0, x1, y1]) = self.region_mm else {
+            return Ok(all);
+        };
+        // A vertex exactly on the border of the region belongs to it.
+        let slack = 1e-9;
+        let inside = |k: usize, low: f64, high: f64, stride: usize, count: usize| {
+            let within = |i: &usize| {
+                let at = lamina.rest[i * stride][k];
+                low * 1e-3 - slack <= at && at <= high * 1e-3 + slack
+            };
+            let first = (0..count).find(within)?;
+            let last = (0..count).rfind(within)?;
+            Some(first..last + 1)
+        };
+        let columns = inside(0, x0, x1, 1, lamina.columns);
+        let rows = inside(1, y0, y1, lamina.columns, lamina.rows);
+        match (rows, columns) {
+            (Some(rows), Some(columns)) => Ok(Region { rows, columns }),
+            _ => fail(
+                "region_mm",
+                format!("{:?}", [x0, y0, x1, y1]),
+                "[least x, least y, greatest x, greatest y] with vertices of the blank inside",
+            ),
+        }
+    }
+}

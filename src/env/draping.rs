@@ -1,0 +1,487 @@
+use std::sync::Arc;
+
+use fixedbitset::FixedBitSet;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::config::{EnvConfig, EnvError, Precision, Region};
+use super::stencil::under_stencil;
+use super::task::{End, Episode, Observation, Outcome, Shape, Tasks};
+use crate::math::Isa;
+use crate::scene::Scene;
+use crate::sim::{Batch, Control, Cpu, Press, Snapshot, batch};
+
+/// N draping tasks on one scene, stepped together in groups of SIMD lanes over rayon.
+pub struct Draping {
+    task: Task,
+    groups: Vec<Group>,
+    count: usize,
+}
+
+/// What is the same for all environments.
+struct Task {
+    scene: Arc<Scene>,
+    config: EnvConfig,
+    region: Region,
+    press: Control,
+    descent: usize,
+    settle: Option<Control>,
+    /// The state after a reset.
+    start: Slot,
+    /// Summed distance of the region at the start [m].
+    initial_distance: f64,
+}
+
+/// Environments in lockstep.
+struct Group {
+    batch: Box<dyn Batch>,
+    slots: Vec<Slot>,
+}
+
+/// One environment, without its cloth.
+#[derive(Clone)]
+struct Slot {
+    progress: Progress,
+    observation: Observation,
+    finished: Option<Finished>,
+}
+
+/// What an episode has done so far. Bits are one a vertex of the blank.
+#[derive(Clone, PartialEq, Serialize, Deserialize)]
+struct Progress {
+    draped: FixedBitSet,
+    touched: FixedBitSet,
+    actions: Vec<u32>,
+    /// The vertices under the stencil in the last step.
+    stencil: Vec<u32>,
+}
+
+/// How the last finished episode of an environment ended, before the reset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finished {
+    pub state: Snapshot,
+    /// One bit a vertex of the blank.
+    pub draped: FixedBitSet,
+    pub touched: FixedBitSet,
+}
+
+impl Draping {
+    /// `count` environments on `scene`, each at its start. One environment alone is computed
+    /// without SIMD; the results are the same bits.
+    pub fn new(scene: Arc<Scene>, config: &EnvConfig, count: usize) -> Result<Self, EnvError> {
+        let task = Task::new(scene, config)?;
+        let model = &task.scene.model;
+        let lanes = match config.precision {
+            Precision::F32 if count > 1 => Isa::best().lanes(),
+            _ => 1,
+        };
+        let groups = (0..count.div_ceil(lanes))
+            .map(|group| {
+                let mut batch: Box<dyn Batch> = match config.precision {
+                    Precision::F64 => Box::new(Cpu::<f64>::new(model)),
+                    Precision::F32 if count > 1 => batch(model, Isa::best()),
+                    Precision::F32 => Box::new(Cpu::<f32>::new(model)),
+                };
+                // Lanes that nobody uses hold a state that can be stepped as well.
+                for lane in 0..batch.lanes() {
+                    batch.load(lane, &task.scene.initial);
+                }
+                let used = lanes.min(count - group * lanes);
+                Group {
+                    batch,
+                    slots: vec![task.start.clone(); used],
+                }
+            })
+            .collect();
+        Ok(Self {
+            task,
+            groups,
+            count,
+        })
+    }
+
+    /// The vertex of the blank that an action presses.
+    pub fn vertex(&self, action: u32) -> u32 {
+        self.task.vertex(action)
+    }
+
+    /// The action that presses a vertex; none outside the image.
+    pub fn action(&self, vertex: u32) -> Option<u32> {
+        let shape = self.shape();
+        (0..shape.pixel_count() as u32).find(|&action| self.task.vertex(action) == vertex)
+    }
+
+    /// The focus region.
+    pub fn region(&self) -> &Region {
+        &self.task.region
+    }
+
+    /// The scene that the tasks are set in.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.task.scene
+    }
+
+    /// Summed distance to the tool of the region at the start [m].
+    pub fn initial_distance(&self) -> f64 {
+        self.task.initial_distance
+    }
+
+    /// Summed distance to the tool of the region [m].
+    pub fn region_distance(&self, state: &Snapshot) -> f64 {
+        self.task.distance(|v| state.position[v as usize])
+    }
+
+    /// Vertices of the region, ascending.
+    pub fn region_vertices(&self) -> impl Iterator<Item = u32> + '_ {
+        self.task.vertices()
+    }
+
+    /// The cloth of one environment as it is now.
+    pub fn state(&self, index: usize) -> Snapshot {
+        let (group, lane) = self.place(index);
+        self.groups[group].batch.snapshot(lane)
+    }
+
+    /// Vertices of the whole blank that are draped now.
+    pub fn draped(&self, index: usize) -> &FixedBitSet {
+        &self.slot(index).progress.draped
+    }
+
+    /// Vertices of the whole blank that have been under the stencil by now.
+    pub fn touched(&self, index: usize) -> &FixedBitSet {
+        &self.slot(index).progress.touched
+    }
+
+    /// How the last episode of an environment ended; none before the first.
+    pub fn finished(&self, index: usize) -> Option<&Finished> {
+        self.slot(index).finished.as_ref()
+    }
+
+    /// Puts one environment back to the start.
+    pub fn reset(&mut self, index: usize) {
+        let (group, lane) = self.place(index);
+        self.groups[group].reset(&self.task, lane);
+    }
+
+    fn place(&self, index: usize) -> (usize, usize) {
+        let lanes = self.groups[0].batch.lanes();
+        (index / lanes, index % lanes)
+    }
+
+    fn slot(&self, index: usize) -> &Slot {
+        let (group, lane) = self.place(index);
+        &self.groups[group].slots[lane]
+    }
+}
+
+impl Task {
+    fn new(scene: Arc<Scene>, config: &EnvConfig) -> Result<Self, EnvError> {
+        let region = config.region(&scene.lamina)?;
+        let control = |seconds: f64| Control {
+            dt: seconds,
+            substeps: ((seconds * config.substep_rate).round() as usize).max(1),
+        };
+        let press = control(config.press_s);
+        let count = scene.lamina.vertex_count();
+        let progress = Progress {
+            draped: FixedBitSet::with_capacity(count),
+            touched: FixedBitSet::with_capacity(count),
+            actions: Vec::new(),
+            stencil: Vec::new(),
+        };
+        let mut task = Self {
+            press,
+            descent: ((press.substeps as f64 * config.descent).round() as usize).max(1),
+            settle: (config.settle_s > 0.0).then(|| control(config.settle_s)),
+            start: Slot {
+                observation: Observation {
+                    draped: FixedBitSet::new(),
+                    distance: Vec::new(),
+                    touched: FixedBitSet::new(),
+                    mask: FixedBitSet::new(),
+                },
+                progress,
+                finished: None,
+            },
+            initial_distance: 0.0,
+            scene: scene.clone(),
+            config: config.clone(),
+            region,
+        };
+        // Through f32, as the environments see it.
+        let position = |v: u32| scene.initial.position[v as usize].map(|x| f64::from(x as f32));
+        task.start.observation = task.observe(&task.start.progress, position);
+        task.initial_distance = task.distance(position);
+        Ok(task)
+    }
+
+    fn shape(&self) -> Shape {
+        let Region { rows, columns } = &self.region;
+        if self.config.crop {
+            Shape {
+                rows: rows.len(),
+                columns: columns.len(),
+            }
+        } else {
+            Shape {
+                rows: self.scene.lamina.rows,
+                columns: self.scene.lamina.columns,
+            }
+        }
+    }
+
+    /// The vertex at a pixel of the image.
+    fn vertex(&self, pixel: u32) -> u32 {
+        if !self.config.crop {
+            return pixel;
+        }
+        let width = self.region.columns.len();
+        let row = self.region.rows.start + pixel as usize / width;
+        let column = self.region.columns.start + pixel as usize % width;
+        (row * self.scene.lamina.columns + column) as u32
+    }
+
+    fn contains(&self, vertex: u32) -> bool {
+        let columns = self.scene.lamina.columns;
+        let (row, column) = (vertex as usize / columns, vertex as usize % columns);
+        self.region.rows.contains(&row) && self.region.columns.contains(&column)
+    }
+
+    fn vertices(&self) -> impl Iterator<Item = u32> + '_ {
+        let columns = self.scene.lamina.columns;
+        self.region.rows.clone().flat_map(move |row| {
+            let columns = self.region.columns.clone().map(move |c| row * columns + c);
+            columns.map(|v| v as u32)
+        })
+    }
+
+    /// Summed distance of the region to the tool [m].
+    fn distance(&self, position: impl Fn(u32) -> [f64; 3]) -> f64 {
+        let distance = |v| self.scene.tool.distance(position(v)).0.max(0.0);
+        self.vertices().map(distance).sum()
+    }
+
+    /// The agent's view: zero outside the focus region.
+    fn observe(&self, progress: &Progress, position: impl Fn(u32) -> [f64; 3]) -> Observation {
+        let count = self.shape().pixel_count();
+        let mut observation = Observation {
+            draped: FixedBitSet::with_capacity(count),
+            distance: vec![0.0; count],
+            touched: FixedBitSet::with_capacity(count),
+            mask: FixedBitSet::with_capacity(count),
+        };
+        let lamina = &self.scene.lamina;
+        let mut near = FixedBitSet::with_capacity(lamina.vertex_count());
+        for &pressed in &progress.stencil {
+            for v in lamina.neighbors(pressed) {
+                near.insert(v as usize);
+            }
+        }
+        for pixel in 0..count {
+            let vertex = self.vertex(pixel as u32);
+            if !self.contains(vertex) {
+                continue;
+            }
+            let touched = progress.touched.contains(vertex as usize);
+            let draped = progress.draped.contains(vertex as usize);
+            observation.touched.set(pixel, touched);
+            observation.draped.set(pixel, draped);
+            let distance = self.scene.tool.distance(position(vertex)).0;
+            observation.distance[pixel] = distance.max(0.0) as f32;
+            observation.mask.set(pixel, near.contains(vertex as usize) && !touched);
+        }
+        if observation.mask.is_clear() {
+            // The stroke is at its end: any untouched vertex of the region may begin a new one.
+            for pixel in 0..count {
+                let vertex = self.vertex(pixel as u32);
+                let free = self.contains(vertex) && !progress.touched.contains(vertex as usize);
+                observation.mask.set(pixel, free);
+            }
+        }
+        observation
+    }
+}
+
+impl Group {
+    fn reset(&mut self, task: &Task, lane: usize) {
+        self.batch.load(lane, &task.scene.initial);
+        let finished = self.slots[lane].finished.take();
+        self.slots[lane] = task.start.clone();
+        self.slots[lane].finished = finished;
+    }
+
+    /// One action in every environment of the group.
+    fn step(&mut self, task: &Task, actions: &[u32]) -> Vec<Outcome> {
+        let Scene {
+            tool,
+            lamina,
+            model,
+            ..
+        } = &*task.scene;
+        let side = task.config.stencil_mm * 1e-3;
+        let threshold = task.config.drape_threshold_mm * 1e-3;
+
+        let mut presses = Vec::with_capacity(actions.len());
+        for (lane, &action) in actions.iter().enumerate() {
+            let slot = &mut self.slots[lane];
+            let allowed = slot.observation.mask.contains(action as usize);
+            assert!(allowed, "action {action} is masked out");
+            let position = |v| self.batch.position(lane, v);
+            let (vertices, height) =
+                under_stencil(lamina, tool, task.vertex(action), side, position);
+            slot.progress.actions.push(action);
+            slot.progress.stencil.clone_from(&vertices);
+            presses.push(Press {
+                lane,
+                vertices,
+                height,
+                descent: task.descent,
+            });
+        }
+        self.batch.step(model, tool, &task.press, &presses);
+
+        for press in presses {
+            let progress = &mut self.slots[press.lane].progress;
+            for vertex in press.vertices {
+                progress.touched.insert(vertex as usize);
+                let x = self.batch.position(press.lane, vertex);
+                if tool.distance(x).0 <= threshold {
+                    progress.draped.insert(vertex as usize);
+                    self.batch.fix(press.lane, vertex);
+                }
+            }
+        }
+        if let Some(settle) = &task.settle {
+            self.batch.step(model, tool, settle, &[]);
+        }
+        (0..actions.len()).map(|lane| self.conclude(task, lane)).collect()
+    }
+
+    /// Observes one environment, and ends and resets its episode when it is over.
+    fn conclude(&mut self, task: &Task, lane: usize) -> Outcome {
+        let sound = self.batch.is_sound(lane);
+        let slot = &mut self.slots[lane];
+        let position = |v| self.batch.position(lane, v);
+        if sound {
+            slot.observation = task.observe(&slot.progress, position);
+        }
+        let progress = &slot.progress;
+        let over = task.vertices().all(|v| progress.touched.contains(v as usize));
+        let limit = task.config.max_steps.unwrap_or(usize::MAX);
+        let end = match (sound, over) {
+            // The last sound observation stands for a state that is lost.
+            (false, _) => End::Truncated,
+            (true, true) => End::Terminated,
+            (true, false) if progress.actions.len() >= limit => End::Truncated,
+            (true, false) => {
+                return Outcome {
+                    reward: 0.0,
+                    episode: None,
+                };
+            }
+        };
+        let reward = match end {
+            End::Terminated => (task.initial_distance - task.distance(position)) as f32,
+            End::Truncated => 0.0,
+        };
+        slot.finished = Some(Finished {
+            state: self.batch.snapshot(lane),
+            draped: progress.draped.clone(),
+            touched: progress.touched.clone(),
+        });
+        let episode = Episode {
+            end,
+            actions: progress.actions.clone(),
+            total_reward: reward,
+            last: slot.observation.clone(),
+        };
+        self.reset(task, lane);
+        Outcome {
+            reward,
+            episode: Some(episode),
+        }
+    }
+}
+
+/// One environment in a saved state.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    progress: Progress,
+    cloth: Snapshot,
+}
+
+impl Tasks for Draping {
+    fn shape(&self) -> Shape {
+        self.task.shape()
+    }
+
+    fn count(&self) -> usize {
+        self.count
+    }
+
+    fn reward_scale(&self) -> f32 {
+        self.task.initial_distance as f32
+    }
+
+    fn observation(&self, index: usize) -> &Observation {
+        &self.slot(index).observation
+    }
+
+    fn step(&mut self, actions: &[u32]) -> Vec<Outcome> {
+        assert_eq!(actions.len(), self.count, "one action an environment");
+        let lanes = self.groups[0].batch.lanes();
+        let task = &self.task;
+        self.groups
+            .par_iter_mut()
+            .zip(actions.par_chunks(lanes))
+            .flat_map_iter(|(group, actions)| group.step(task, actions))
+            .collect()
+    }
+
+    fn save(&self) -> Vec<u8> {
+        let saved: Vec<Saved> = (0..self.count)
+            .map(|index| Saved {
+                progress: self.slot(index).progress.clone(),
+                cloth: self.state(index),
+            })
+            .collect();
+        postcard::to_allocvec(&saved).expect("plain data is serialisable")
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<(), String> {
+        let saved: Vec<Saved> =
+            postcard::from_bytes(bytes).map_err(|e| format!("not saved environments: {e}"))?;
+        if saved.len() != self.count {
+            let (found, expected) = (saved.len(), self.count);
+            return Err(format!("{found} environments saved, expected {expected}"));
+        }
+        let count = self.task.scene.lamina.vertex_count();
+        let pixels = self.shape().pixel_count() as u32;
+        for (index, Saved { progress, cloth }) in saved.iter().enumerate() {
+            let fits = [&progress.draped, &progress.touched].iter().all(|b| b.len() == count)
+                && cloth.position.len() == count
+                && cloth.velocity.len() == count
+                && cloth.fixed.len() <= count
+                && cloth.is_finite()
+                && progress.actions.iter().all(|&a| a < pixels)
+                && progress.stencil.iter().all(|&v| (v as usize) < count);
+            if !fits {
+                return Err(format!(
+                    "environment {index} is not of a blank of {count} vertices"
+                ));
+            }
+        }
+        for (index, Saved { progress, cloth }) in saved.into_iter().enumerate() {
+            let (group, lane) = self.place(index);
+            let Group { batch, slots } = &mut self.groups[group];
+            batch.load(lane, &cloth);
+            let position = |v| batch.position(lane, v);
+            slots[lane] = Slot {
+                observation: self.task.observe(&progress, position),
+                progress,
+                finished: None,
+            };
+        }
+        Ok(())
+    }
+}

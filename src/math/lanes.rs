@@ -1,0 +1,438 @@
+//! SIMD lanes: one lane, one environment.
+//!
+//! Every constraint of the solver is projected for all lanes at once with unit-stride
+//! loads, so the instruction set is a matter of which type implements [`Lanes`]. Nothing
+//! here fuses a multiplication with an addition: IEEE 754 then fixes every result, and a
+//! lane computes the same bits whichever instruction set carries it.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// A floating-point number that a solver can be built on: f32 or f64.
+pub trait Real: Lanes<Scalar = Self> + PartialOrd + std::fmt::Debug {
+    /// Nearest number to `x`.
+    fn from_f64(x: f64) -> Self;
+    /// The same number in f64.
+    fn to_f64(self) -> f64;
+}
+
+/// Code to be compiled for the instruction set of a [`Lanes`] type.
+pub trait Kernel {
+    /// Runs the code. Must be `#[inline(always)]`, like all that it calls, or it is compiled
+    /// without the instruction set.
+    fn run(self);
+}
+
+/// `COUNT` numbers that are computed with in lockstep.
+pub trait Lanes:
+    Copy
+    + Send
+    + Sync
+    + 'static
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+{
+    /// Type of one lane.
+    type Scalar: Real;
+    /// One truth value a lane.
+    type Mask: Copy;
+    /// Number of lanes.
+    const COUNT: usize;
+    /// Name of the instruction set, for reports.
+    const ISA: &'static str;
+
+    /// The same number in every lane.
+    fn splat(x: Self::Scalar) -> Self;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// Smaller of two; `other` where one is NaN.
+    fn min(self, other: Self) -> Self;
+    /// Larger of two; `other` where one is NaN.
+    fn max(self, other: Self) -> Self;
+    /// Where `self` < `other`; false where one is NaN.
+    fn lt(self, other: Self) -> Self::Mask;
+    /// `yes` where the mask is set, else `no`.
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+    /// Runs a kernel compiled for this type's instruction set.
+    fn vectorize<K: Kernel>(kernel: K);
+
+    /// The lanes as a slice.
+    #[inline(always)]
+    fn as_slice(&self) -> &[Self::Scalar] {
+        // SAFETY: every implementor is exactly COUNT scalars, without padding.
+        unsafe { std::slice::from_raw_parts(std::ptr::from_ref(self).cast(), Self::COUNT) }
+    }
+
+    /// The lanes as a mutable slice.
+    #[inline(always)]
+    fn as_mut_slice(&mut self) -> &mut [Self::Scalar] {
+        // SAFETY: as above.
+        unsafe { std::slice::from_raw_parts_mut(std::ptr::from_mut(self).cast(), Self::COUNT) }
+    }
+
+    /// Zero in every lane.
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::splat(Self::Scalar::from_f64(0.0))
+    }
+
+    /// The same number in every lane, rounded from f64.
+    #[inline(always)]
+    fn of(x: f64) -> Self {
+        Self::splat(Self::Scalar::from_f64(x))
+    }
+}
+
+macro_rules! scalar {
+    ($t:ty) => {
+        impl Real for $t {
+            #[inline(always)]
+            fn from_f64(x: f64) -> Self {
+                x as $t
+            }
+            #[inline(always)]
+            fn to_f64(self) -> f64 {
+                self as f64
+            }
+        }
+        impl Lanes for $t {
+            type Scalar = $t;
+            type Mask = bool;
+            const COUNT: usize = 1;
+            const ISA: &'static str = "scalar";
+            #[inline(always)]
+            fn splat(x: $t) -> Self {
+                x
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                <$t>::sqrt(self)
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                if self < other { self } else { other }
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                if self > other { self } else { other }
+            }
+            #[inline(always)]
+            fn lt(self, other: Self) -> bool {
+                self < other
+            }
+            #[inline(always)]
+            fn select(mask: bool, yes: Self, no: Self) -> Self {
+                if mask { yes } else { no }
+            }
+            fn vectorize<K: Kernel>(kernel: K) {
+                kernel.run();
+            }
+        }
+    };
+}
+scalar!(f32);
+scalar!(f64);
+
+/// Eight f32 lanes in plain code: for processors without AVX2.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+pub struct Portable([f32; 8]);
+
+macro_rules! portable_operator {
+    ($trait:ident, $method:ident) => {
+        impl $trait for Portable {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self(std::array::from_fn(|i| self.0[i].$method(other.0[i])))
+            }
+        }
+    };
+}
+portable_operator!(Add, add);
+portable_operator!(Sub, sub);
+portable_operator!(Mul, mul);
+portable_operator!(Div, div);
+
+impl Neg for Portable {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(self.0.map(|x| -x))
+    }
+}
+
+impl Lanes for Portable {
+    type Scalar = f32;
+    type Mask = [bool; 8];
+    const COUNT: usize = 8;
+    const ISA: &'static str = "portable";
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self([x; 8])
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(f32::sqrt))
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| Lanes::min(self.0[i], other.0[i])))
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| Lanes::max(self.0[i], other.0[i])))
+    }
+    #[inline(always)]
+    fn lt(self, other: Self) -> [bool; 8] {
+        std::array::from_fn(|i| self.0[i] < other.0[i])
+    }
+    #[inline(always)]
+    fn select(mask: [bool; 8], yes: Self, no: Self) -> Self {
+        Self(std::array::from_fn(
+            |i| if mask[i] { yes.0[i] } else { no.0[i] },
+        ))
+    }
+    fn vectorize<K: Kernel>(kernel: K) {
+        kernel.run();
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub use x86::{F32x8, F32x16};
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{Add, Div, Kernel, Lanes, Mul, Neg, Sub};
+    use std::arch::x86_64::*;
+
+    // SAFETY, for every intrinsic below: values of these types exist only behind the
+    // feature test in `Isa::best`, and the operations are inlined into the function that
+    // `vectorize` compiles with the feature enabled.
+    macro_rules! vector {
+        ($name:ident, $inner:ty, $count:literal, $isa:literal, $feature:literal, $mask:ty,
+         $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident,
+         $min:ident, $max:ident,
+         |$a:ident, $b:ident| $lt:expr, |$m:ident, $y:ident, $n:ident| $select:expr) => {
+            #[doc = concat!(stringify!($count), " f32 lanes on ", $isa, ".")]
+            #[derive(Clone, Copy)]
+            #[repr(transparent)]
+            pub struct $name($inner);
+
+            impl Add for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn add(self, other: Self) -> Self {
+                    Self(unsafe { $add(self.0, other.0) })
+                }
+            }
+            impl Sub for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn sub(self, other: Self) -> Self {
+                    Self(unsafe { $sub(self.0, other.0) })
+                }
+            }
+            impl Mul for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn mul(self, other: Self) -> Self {
+                    Self(unsafe { $mul(self.0, other.0) })
+                }
+            }
+            impl Div for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn div(self, other: Self) -> Self {
+                    Self(unsafe { $div(self.0, other.0) })
+                }
+            }
+            impl Neg for $name {
+                type Output = Self;
+                #[inline(always)]
+                fn neg(self) -> Self {
+                    Self(unsafe { $sub($splat(-0.0), self.0) })
+                }
+            }
+            impl Lanes for $name {
+                type Scalar = f32;
+                type Mask = $mask;
+                const COUNT: usize = $count;
+                const ISA: &'static str = $isa;
+                #[inline(always)]
+                fn splat(x: f32) -> Self {
+                    Self(unsafe { $splat(x) })
+                }
+                #[inline(always)]
+                fn sqrt(self) -> Self {
+                    Self(unsafe { $sqrt(self.0) })
+                }
+                #[inline(always)]
+                fn min(self, other: Self) -> Self {
+                    Self(unsafe { $min(self.0, other.0) })
+                }
+                #[inline(always)]
+                fn max(self, other: Self) -> Self {
+                    Self(unsafe { $max(self.0, other.0) })
+                }
+                #[inline(always)]
+                fn lt(self, other: Self) -> $mask {
+                    let ($a, $b) = (self.0, other.0);
+                    unsafe { $lt }
+                }
+                #[inline(always)]
+                fn select(mask: $mask, yes: Self, no: Self) -> Self {
+                    let ($m, $y, $n) = (mask, yes.0, no.0);
+                    Self(unsafe { $select })
+                }
+                fn vectorize<K: Kernel>(kernel: K) {
+                    #[target_feature(enable = $feature)]
+                    fn compiled<K: Kernel>(kernel: K) {
+                        kernel.run();
+                    }
+                    // SAFETY: as above.
+                    unsafe { compiled(kernel) }
+                }
+            }
+        };
+    }
+
+    vector!(
+        F32x8, __m256, 8, "avx2", "avx2", __m256,
+        _mm256_set1_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps,
+        _mm256_sqrt_ps, _mm256_min_ps, _mm256_max_ps,
+        |a, b| _mm256_cmp_ps::<_CMP_LT_OQ>(a, b),
+        |m, y, n| _mm256_blendv_ps(n, y, m)
+    );
+    vector!(
+        F32x16, __m512, 16, "avx512", "avx512f", __mmask16,
+        _mm512_set1_ps, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_div_ps,
+        _mm512_sqrt_ps, _mm512_min_ps, _mm512_max_ps,
+        |a, b| _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b),
+        |m, y, n| _mm512_mask_blend_ps(m, n, y)
+    );
+}
+
+/// An instruction set for groups of environments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Isa {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl Isa {
+    /// The instruction sets that this processor can run, widest last.
+    pub fn available() -> Vec<Self> {
+        #[allow(unused_mut)]
+        let mut sets = vec![Self::Portable];
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx2") {
+                sets.push(Self::Avx2);
+            }
+            if is_x86_feature_detected!("avx512f") {
+                sets.push(Self::Avx512);
+            }
+        }
+        sets
+    }
+
+    /// The widest instruction set that this processor can run.
+    pub fn best() -> Self {
+        *Self::available().last().expect("portable code always runs")
+    }
+
+    /// Number of f32 lanes.
+    pub fn lanes(self) -> usize {
+        match self {
+            Self::Portable => Portable::COUNT,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => F32x8::COUNT,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => F32x16::COUNT,
+        }
+    }
+}
+
+/// A vector in space in every lane.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct Vec3x<V>(pub [V; 3]);
+
+impl<V: Lanes> Vec3x<V> {
+    /// The same vector in every lane, rounded from f64.
+    #[inline(always)]
+    pub fn of(x: [f64; 3]) -> Self {
+        Self([V::of(x[0]), V::of(x[1]), V::of(x[2])])
+    }
+
+    /// Zero in every lane.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self([V::zero(); 3])
+    }
+
+    /// Scalar product.
+    #[inline(always)]
+    pub fn dot(self, other: Self) -> V {
+        let ([a, b, c], [d, e, f]) = (self.0, other.0);
+        a * d + b * e + c * f
+    }
+
+    /// Vector product.
+    #[inline(always)]
+    pub fn cross(self, other: Self) -> Self {
+        let ([a, b, c], [d, e, f]) = (self.0, other.0);
+        Self([b * f - c * e, c * d - a * f, a * e - b * d])
+    }
+
+    /// Each component times `s`.
+    #[inline(always)]
+    pub fn scale(self, s: V) -> Self {
+        let [a, b, c] = self.0;
+        Self([a * s, b * s, c * s])
+    }
+
+    /// `yes` where the mask is set, else `no`.
+    #[inline(always)]
+    pub fn select(mask: V::Mask, yes: Self, no: Self) -> Self {
+        Self(std::array::from_fn(|k| {
+            V::select(mask, yes.0[k], no.0[k])
+        }))
+    }
+
+    /// The vector in one lane [f64].
+    pub fn get(&self, lane: usize) -> [f64; 3] {
+        std::array::from_fn(|k| self.0[k].as_slice()[lane].to_f64())
+    }
+
+    /// Replaces the vector in one lane.
+    pub fn set(&mut self, lane: usize, x: [f64; 3]) {
+        for (component, x) in self.0.iter_mut().zip(x) {
+            component.as_mut_slice()[lane] = V::Scalar::from_f64(x);
+        }
+    }
+}
+
+impl<V: Lanes> Add for Vec3x<V> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        let ([a, b, c], [d, e, f]) = (self.0, other.0);
+        Self([a + d, b + e, c + f])
+    }
+}
+
+impl<V: Lanes> Sub for Vec3x<V> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        let ([a, b, c], [d, e, f]) = (self.0, other.0);
+        Self([a - d, b - e, c - f])
+    }
+}

@@ -1,0 +1,126 @@
+use super::config::{SceneConfig, SceneError};
+use super::summary::Summary;
+use crate::fabric::Lamina;
+use crate::sim::{Batch, Control, Cpu, Model, Snapshot};
+use crate::tool::Tool;
+
+/// Duration of a control step of the fall [s].
+const FRAME: f64 = 1.0 / 60.0;
+
+/// A scene that is set up: the lamina lies on the tool as the fall has left it.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    pub config: SceneConfig,
+    pub tool: Tool,
+    pub lamina: Lamina,
+    /// The physics of the scene, ready to be stepped.
+    pub model: Model,
+    /// The settled state.
+    pub initial: Snapshot,
+}
+
+impl Scene {
+    /// Sets up a scene: builds the tool, cuts the blank and lets it fall. About two seconds
+    /// on one core for the standard blank. `progress` is told the simulated share 0..1.
+    ///
+    /// The fall is computed in f64 with many substeps, since every episode starts from its
+    /// result. Equal configurations give equal bits.
+    pub fn new(config: &SceneConfig, mut progress: impl FnMut(f64)) -> Result<Self, SceneError> {
+        config.check()?;
+        let lamina = Lamina::new(&config.blank, config.read_material()?)?;
+        let tool = Tool::new(&config.tool)?;
+        let model = Model::new(&lamina, &config.physics);
+
+        let fall = &config.fall;
+        let substeps = (fall.substep_rate * FRAME).ceil() as usize;
+        let control = Control {
+            dt: FRAME,
+            substeps,
+        };
+        let frames = |seconds: f64| (seconds / FRAME).round() as usize;
+        let (falling, settling) = (frames(fall.fall_s), frames(fall.settle_s));
+
+        let mut batch = Cpu::<f64>::new(&model);
+        batch.load(0, &hung(config, &lamina, falling as f64 * FRAME));
+        let mut quiet = config.physics.clone();
+        quiet.damping = fall.settle_damping;
+        let quiet = Model::new(&lamina, &quiet);
+        for frame in 0..falling + settling {
+            if frame == falling {
+                let mut landed = batch.snapshot(0);
+                for vertex in landed.fixed.ones() {
+                    landed.velocity[vertex] = [0.0; 3];
+                }
+                batch.load(0, &landed);
+            }
+            let model = if frame < falling { &model } else { &quiet };
+            batch.step(model, &tool, &control, &[]);
+            if !batch.is_sound(0) {
+                return Err(SceneError::Diverged {
+                    time_s: (frame + 1) as f64 * FRAME,
+                });
+            }
+            progress((frame + 1) as f64 / (falling + settling) as f64);
+        }
+        Ok(Self {
+            config: config.clone(),
+            tool,
+            lamina,
+            model,
+            initial: batch.snapshot(0),
+        })
+    }
+
+    /// Key figures of a state of this scene.
+    pub fn summary(&self, state: &Snapshot) -> Summary {
+        Summary::new(&self.lamina, &self.tool, state)
+    }
+}
+
+/// The flat blank before the fall; clamps already have the velocity of their way.
+fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Snapshot {
+    let placement = &config.placement;
+    let (yaw_sin, yaw_cos) = placement.yaw_deg.to_radians().sin_cos();
+    let (tilt_sin, tilt_cos) = placement.tilt_deg.to_radians().sin_cos();
+    let [cx, cy] = placement.centre_mm.map(|c| c * 1e-3);
+    let turned: Vec<[f64; 2]> = lamina
+        .rest
+        .iter()
+        .map(|[u, v]| [cx + yaw_cos * u - yaw_sin * v, cy + yaw_sin * u + yaw_cos * v])
+        .collect();
+    let lowest = turned.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
+    let highest = turned.iter().map(|p| p[1]).fold(-f64::INFINITY, f64::max);
+    // With a negative tilt the edge at the highest y is the low one.
+    let hinge = if tilt_sin < 0.0 { highest } else { lowest };
+    let position = turned
+        .iter()
+        .map(|&[x, y]| {
+            let along = y - hinge;
+            let z = 1e-3 * placement.height_mm + along * tilt_sin;
+            [x, hinge + along * tilt_cos, z]
+        })
+        .collect();
+
+    let mut snapshot = Snapshot {
+        position,
+        velocity: vec![[0.0; 3]; lamina.vertex_count()],
+        fixed: fixedbitset::FixedBitSet::with_capacity(lamina.vertex_count()),
+    };
+    for clamp in &config.clamps {
+        let at = clamp.at_mm.map(|c| c * 1e-3);
+        let square = |v: usize| {
+            let [u, w] = lamina.rest[v];
+            (u - at[0]).powi(2) + (w - at[1]).powi(2)
+        };
+        let nearest = (0..lamina.vertex_count())
+            .min_by(|&a, &b| square(a).total_cmp(&square(b)))
+            .expect("a blank has vertices");
+        for vertex in lamina.within(nearest as u32, clamp.radius_mm * 1e-3) {
+            snapshot.fixed.insert(vertex as usize);
+            if fall_s > 0.0 {
+                snapshot.velocity[vertex as usize] = clamp.move_mm.map(|m| m * 1e-3 / fall_s);
+            }
+        }
+    }
+    snapshot
+}

@@ -1,0 +1,96 @@
+use serde::Serialize;
+
+use crate::fabric::Lamina;
+use crate::sim::Snapshot;
+use crate::tool::Tool;
+
+/// A vertex this far from the tool belongs to a wrinkle [m].
+const WRINKLE_HEIGHT: f64 = 0.01;
+/// A wrinkle takes at least this share of the blank's vertices.
+const WRINKLE_SHARE: f64 = 0.004;
+
+/// Key figures of a state: how well the lamina lies, and whether the state can be believed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Sum of the distances of all vertices to the tool [m].
+    pub distance_m: f64,
+    /// Number of wrinkles, see [`wrinkle_count`].
+    pub wrinkles: usize,
+    /// 95th percentile and maximum of the absolute yarn strain [-].
+    pub strain_p95: f64,
+    pub strain_max: f64,
+    /// The same of tension alone: yarns hardly stretch, so this must be small.
+    pub tension_p95: f64,
+    pub tension_max: f64,
+    /// The same of compression alone, as positive numbers: surplus that is crushed because
+    /// the mesh cannot fold it away.
+    pub compression_p95: f64,
+    pub compression_max: f64,
+    /// Deepest vertex inside the tool [mm].
+    pub penetration_mm: f64,
+    /// Root mean square speed [mm/s].
+    pub v_rms_mm_s: f64,
+}
+
+impl Summary {
+    /// Measures `state`.
+    pub fn new(lamina: &Lamina, tool: &Tool, state: &Snapshot) -> Self {
+        let phi: Vec<f64> = state.position.iter().map(|&x| tool.distance(x).0).collect();
+        let strain = lamina.yarn_strain(&state.position);
+        let of = |f: fn(f64) -> f64| -> [f64; 2] {
+            let values: Vec<f64> = strain.iter().map(|&s| f(s)).collect();
+            percentile_and_max(values)
+        };
+        let ([p95, max], [tension_p95, tension_max], [compression_p95, compression_max]) =
+            (of(f64::abs), of(|s| s.max(0.0)), of(|s| (-s).max(0.0)));
+        Self {
+            distance_m: phi.iter().map(|phi| phi.max(0.0)).sum(),
+            wrinkles: wrinkle_count(lamina, &phi),
+            strain_p95: p95,
+            strain_max: max,
+            tension_p95,
+            tension_max,
+            compression_p95,
+            compression_max,
+            penetration_mm: 1e3 * phi.iter().fold(0.0f64, |deepest, phi| deepest.max(-phi)),
+            v_rms_mm_s: 1e3 * state.v_rms(),
+        }
+    }
+}
+
+/// 95th percentile and maximum; NaN counts as the largest number.
+fn percentile_and_max(mut values: Vec<f64>) -> [f64; 2] {
+    values.sort_by(f64::total_cmp);
+    let last = values.len() - 1;
+    [values[(0.95 * last as f64).round() as usize], values[last]]
+}
+
+/// Number of separate patches that stand more than 10 mm off the tool and reach the border
+/// of the blank, each at least 0.4 % of its vertices. Patches over the inside of the blank
+/// bridge a hollow; a wrinkle carries surplus length, and that runs out over the border.
+///
+/// `phi` is the distance of each vertex to the tool [m].
+pub fn wrinkle_count(lamina: &Lamina, phi: &[f64]) -> usize {
+    let least = (WRINKLE_SHARE * phi.len() as f64).ceil() as usize;
+    let mut open: Vec<bool> = phi.iter().map(|&phi| phi > WRINKLE_HEIGHT).collect();
+    let mut count = 0;
+    for start in 0..phi.len() {
+        if !open[start] {
+            continue;
+        }
+        open[start] = false;
+        let mut patch = vec![start as u32];
+        let mut next = 0;
+        while let Some(&vertex) = patch.get(next) {
+            for neighbor in lamina.neighbors(vertex) {
+                if std::mem::take(&mut open[neighbor as usize]) {
+                    patch.push(neighbor);
+                }
+            }
+            next += 1;
+        }
+        let on_border = patch.iter().any(|&v| lamina.neighbors(v).count() < 8);
+        count += usize::from(patch.len() >= least && on_border);
+    }
+    count
+}

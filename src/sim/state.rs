@@ -1,0 +1,77 @@
+use fixedbitset::FixedBitSet;
+use serde::{Deserialize, Serialize};
+
+use super::model::Model;
+use crate::tool::Tool;
+
+/// The moving state of one environment. f64, so that it holds the bits of any backend.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Snapshot {
+    /// [m]
+    pub position: Vec<[f64; 3]>,
+    /// [m/s]. A fixed vertex moves with the velocity it has, whatever pulls at it.
+    pub velocity: Vec<[f64; 3]>,
+    /// Vertices that no force moves: clamped or draped.
+    pub fixed: FixedBitSet,
+}
+
+impl Snapshot {
+    /// Root mean square speed of all vertices [m/s].
+    pub fn v_rms(&self) -> f64 {
+        let sum: f64 = self.velocity.iter().flatten().map(|v| v * v).sum();
+        (sum / self.velocity.len() as f64).sqrt()
+    }
+
+    /// Positions and velocities are numbers.
+    pub fn is_finite(&self) -> bool {
+        let all = self.position.iter().chain(&self.velocity);
+        all.flatten().all(|x| x.is_finite())
+    }
+}
+
+/// How one control step is taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Control {
+    /// Duration of the step [s].
+    pub dt: f64,
+    /// Substeps in it, > 0.
+    pub substeps: usize,
+}
+
+/// A stencil that comes down on some vertices of one lane during a control step.
+///
+/// It is a plate over the tool whose height falls evenly from `height` to 0 over the first
+/// `descent` substeps and stays there; no vertex of the list may be above it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Press {
+    pub lane: usize,
+    pub vertices: Vec<u32>,
+    /// Height over the tool at the start [m].
+    pub height: f64,
+    /// Substeps until the plate is down, > 0.
+    pub descent: usize,
+}
+
+/// A group of environments of the same model which move in lockstep, one lane each.
+pub trait Batch: Send {
+    /// Number of environments.
+    fn lanes(&self) -> usize;
+
+    /// Sets the state of one lane.
+    fn load(&mut self, lane: usize, snapshot: &Snapshot);
+
+    /// The state of one lane, exactly.
+    fn snapshot(&self, lane: usize) -> Snapshot;
+
+    /// Position of a vertex [m].
+    fn position(&self, lane: usize, vertex: u32) -> [f64; 3];
+
+    /// Stops a vertex where it is, for good.
+    fn fix(&mut self, lane: usize, vertex: u32);
+
+    /// Moves all lanes by one control step, with at most one press a lane.
+    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, presses: &[Press]);
+
+    /// Whether every position of a lane is a number within 100 m of the origin.
+    fn is_sound(&self, lane: usize) -> bool;
+}
