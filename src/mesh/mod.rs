@@ -1,5 +1,11 @@
 //! Triangle meshes: tools, laminae and what is measured on them.
 
+mod stl;
+mod topology;
+
+pub use stl::{ReadStlError, Stl, StlFault, WriteStlError, read_stl, to_stl_bytes, write_stl};
+pub use topology::Topology;
+
 use crate::math::Vec3;
 
 /// A triangle mesh with shared vertices.
@@ -36,5 +42,50 @@ impl TriMesh {
         self.vertices
             .iter()
             .fold((inf, -inf), |(low, high), v| (low.inf(v), high.sup(v)))
+    }
+
+    /// Corners of one triangle [m].
+    pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
+        self.triangles[triangle].map(|i| self.vertices[i as usize])
+    }
+
+    /// Sum of the area vectors [m²]: zero for a closed mesh, the upper side's direction for
+    /// an open one.
+    pub fn area_vector(&self) -> Vec3 {
+        self.area_vectors().sum()
+    }
+
+    /// Surface area [m²].
+    pub fn area(&self) -> f64 {
+        self.area_vectors().map(|a| a.norm()).sum()
+    }
+
+    /// Enclosed volume [m³], positive when the triangles face outwards. Meaningful for
+    /// closed meshes only.
+    pub fn signed_volume(&self) -> f64 {
+        // Measured from a point of the mesh: far from the origin the terms would cancel.
+        let Some(&origin) = self.vertices.first() else {
+            return 0.0;
+        };
+        (0..self.triangles.len())
+            .map(|t| {
+                let [a, b, c] = self.corners(t).map(|p| p - origin);
+                a.dot(&b.cross(&c)) / 6.0
+            })
+            .sum()
+    }
+
+    /// Turns every triangle over.
+    pub fn flip(&mut self) {
+        for triangle in &mut self.triangles {
+            triangle.swap(1, 2);
+        }
+    }
+
+    fn area_vectors(&self) -> impl Iterator<Item = Vec3> {
+        (0..self.triangles.len()).map(|t| {
+            let [a, b, c] = self.corners(t);
+            (b - a).cross(&(c - a)) * 0.5
+        })
     }
 }

@@ -1,0 +1,357 @@
+use std::collections::HashMap;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::TriMesh;
+use crate::math::Vec3;
+
+/// Bytes before the first facet of a binary file: 80 free ones, then the facet count.
+const HEADER: usize = 84;
+/// Bytes of a binary facet: normal and three corners as f32, then two unused.
+const FACET: usize = 50;
+/// Corners closer than this share of the mesh's diagonal are the same vertex. Covers the
+/// f32 rounding of exporters (6e-8 of the coordinate); half a micrometre on a tool of half
+/// a metre, far below any feature that matters to fabric.
+const WELD: f64 = 1e-6;
+/// Facets flatter than this (height over longest edge) have no usable normal.
+const FLAT: f64 = 1e-12;
+/// Units of a written file per metre: STL knows no units, but readers expect millimetres.
+const MM_PER_M: f64 = 1e3;
+
+/// A mesh as read from an STL file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stl {
+    /// Equal corners are welded; the normals in the file are ignored.
+    pub mesh: TriMesh,
+    /// Facets without area, left out of the mesh.
+    pub dropped_facet_count: usize,
+}
+
+/// Why an STL file cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadStlError {
+    #[error("cannot read {}", path.display())]
+    Io { path: PathBuf, source: io::Error },
+    #[error("{}: {fault}", path.display())]
+    Format { path: PathBuf, fault: StlFault },
+}
+
+/// What is wrong with the content of an STL file. Facets and lines count from 1.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StlFault {
+    #[error("file is empty")]
+    Empty,
+    #[error("neither a binary nor an ASCII STL file")]
+    NotStl,
+    #[error("truncated after facet {complete} of {declared}")]
+    TruncatedBinary { complete: usize, declared: usize },
+    #[error("truncated after facet {complete}, endsolid is missing")]
+    TruncatedText { complete: usize },
+    #[error("line {line}: expected {expected}, found {found:?}")]
+    Syntax {
+        line: usize,
+        expected: &'static str,
+        found: String,
+    },
+    #[error("facet {facet} has a non-finite coordinate")]
+    NonFinite { facet: usize },
+    #[error("no facets")]
+    NoFacets,
+    #[error("all {facet_count} facets have zero area")]
+    NoArea { facet_count: usize },
+}
+
+/// Why an STL file cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {}", path.display())]
+pub struct WriteStlError {
+    pub path: PathBuf,
+    pub source: io::Error,
+}
+
+/// Corners of a facet [m].
+type Facet = [Vec3; 3];
+
+/// Reads a binary or ASCII STL file whose unit is `scale` metres (0.001 for millimetres).
+///
+/// Binary files are known by their length, so that one whose header begins with `solid` is
+/// read as well; bytes after the last facet are ignored. Memory grows with the file, not
+/// with the facet count it declares. Several solids in one ASCII file become one mesh.
+///
+/// # Errors
+/// Says which file, and which facet or line.
+pub fn read_stl(path: impl AsRef<Path>, scale: f64) -> Result<Stl, ReadStlError> {
+    let path = path.as_ref();
+    let bytes = fs::read(path).map_err(|source| ReadStlError::Io {
+        path: path.to_path_buf(),
+        source,
+    })?;
+    parse(&bytes, scale).map_err(|fault| ReadStlError::Format {
+        path: path.to_path_buf(),
+        fault,
+    })
+}
+
+/// The mesh as a binary STL file in millimetres; the same bytes for the same mesh.
+///
+/// The header says `drape: ` (never `solid`, which some readers take for ASCII) and then as
+/// much of `name` as fits.
+pub fn to_stl_bytes(mesh: &TriMesh, name: &str) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(HEADER + FACET * mesh.triangles.len());
+    bytes.extend(b"drape: ".iter().chain(name.as_bytes()).take(80));
+    bytes.resize(80, 0);
+    bytes.extend((mesh.triangles.len() as u32).to_le_bytes());
+    for triangle in 0..mesh.triangles.len() {
+        let [a, b, c] = mesh.corners(triangle);
+        let normal = (b - a).cross(&(c - a)).try_normalize(0.0);
+        let corners = [a, b, c].map(|p| p * MM_PER_M);
+        for vector in [normal.unwrap_or_default()].iter().chain(&corners) {
+            for coordinate in vector {
+                bytes.extend((*coordinate as f32).to_le_bytes());
+            }
+        }
+        bytes.extend([0; 2]);
+    }
+    bytes
+}
+
+/// Writes the mesh as [`to_stl_bytes`] has it. The file appears complete or not at all: it
+/// is written beside its place, flushed to disk and renamed.
+///
+/// # Errors
+/// Says which file; an existing one is left as it was.
+pub fn write_stl(path: impl AsRef<Path>, mesh: &TriMesh, name: &str) -> Result<(), WriteStlError> {
+    let path = path.as_ref();
+    let write = || -> io::Result<()> {
+        let folder = match path.parent() {
+            Some(folder) if folder != Path::new("") => folder,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        // The default is for secrets: readable by the owner only.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut file = builder.tempfile_in(folder)?;
+        file.write_all(&to_stl_bytes(mesh, name))?;
+        file.as_file().sync_all()?;
+        file.persist(path)?;
+        Ok(())
+    };
+    write().map_err(|source| WriteStlError {
+        path: path.to_path_buf(),
+        source,
+    })
+}
+
+fn parse(bytes: &[u8], scale: f64) -> Result<Stl, StlFault> {
+    if bytes.is_empty() {
+        return Err(StlFault::Empty);
+    }
+    let declared = bytes
+        .get(HEADER - 4..HEADER)
+        .map(|count| u32::from_le_bytes(count.try_into().expect("four bytes")) as usize);
+    let fits = |declared: usize| declared.checked_mul(FACET) == Some(bytes.len() - HEADER);
+    let mut facets = match declared {
+        Some(declared) if fits(declared) => binary_facets(bytes, declared)?,
+        _ if is_text(bytes, b"solid") => text_facets(bytes)?,
+        Some(declared) if !is_text(bytes, b"") => binary_facets(bytes, declared)?,
+        _ => return Err(StlFault::NotStl),
+    };
+    for (i, facet) in facets.iter_mut().enumerate() {
+        for corner in facet {
+            *corner *= scale;
+            if !corner.iter().all(|c| c.is_finite()) {
+                return Err(StlFault::NonFinite { facet: i + 1 });
+            }
+        }
+    }
+    weld(&facets)
+}
+
+/// Begins with `word` and holds no control characters (at first) but white space. A binary
+/// file that is not empty never passes: its facet count has a zero byte, or 16 million.
+fn is_text(bytes: &[u8], word: &[u8]) -> bool {
+    let start = bytes.trim_ascii_start().get(..word.len());
+    start.is_some_and(|start| start.eq_ignore_ascii_case(word))
+        && bytes
+            .iter()
+            .take(1024)
+            .all(|b| *b >= b' ' || b.is_ascii_whitespace())
+}
+
+fn binary_facets(bytes: &[u8], declared: usize) -> Result<Vec<Facet>, StlFault> {
+    let body = &bytes[HEADER..];
+    let complete = body.len() / FACET;
+    if complete < declared {
+        return Err(StlFault::TruncatedBinary { complete, declared });
+    }
+    let float = |b: &[u8]| f64::from(f32::from_le_bytes(b.try_into().expect("four bytes")));
+    let corner = |b: &[u8]| Vec3::new(float(&b[..4]), float(&b[4..8]), float(&b[8..12]));
+    Ok(body
+        .chunks_exact(FACET)
+        .take(declared)
+        .map(|b| [corner(&b[12..]), corner(&b[24..]), corner(&b[36..])])
+        .collect())
+}
+
+fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, StlFault> {
+    let text = String::from_utf8_lossy(bytes);
+    // Names after `solid` and `endsolid` are free text up to the end of the line.
+    let is_named =
+        |word: &str| word.eq_ignore_ascii_case("solid") || word.eq_ignore_ascii_case("endsolid");
+    let mut words = text.lines().enumerate().flat_map(|(i, line)| {
+        let has_name = line.split_ascii_whitespace().next().is_some_and(is_named);
+        let count = if has_name { 1 } else { usize::MAX };
+        let words = line.split_ascii_whitespace().take(count);
+        words.map(move |word| (i + 1, word))
+    });
+
+    let mut facets = Vec::new();
+    let mut is_complete = false;
+    while let Some((line, word)) = words.next() {
+        match word.to_ascii_lowercase().as_str() {
+            "solid" => is_complete = false,
+            "endsolid" => is_complete = true,
+            "facet" if !is_complete => facets.push(text_facet(&mut words, facets.len())?),
+            _ => {
+                return Err(StlFault::Syntax {
+                    line,
+                    expected: if is_complete {
+                        "solid"
+                    } else {
+                        "facet or endsolid"
+                    },
+                    found: word.to_string(),
+                });
+            }
+        }
+    }
+    if is_complete {
+        Ok(facets)
+    } else {
+        let complete = facets.len();
+        Err(StlFault::TruncatedText { complete })
+    }
+}
+
+/// Reads what follows the word `facet`; `complete` facets came before.
+fn text_facet<'a>(
+    words: &mut impl Iterator<Item = (usize, &'a str)>,
+    complete: usize,
+) -> Result<Facet, StlFault> {
+    let mut next = |expected: &'static str, fits: &dyn Fn(&str) -> bool| {
+        let (line, word) = words.next().ok_or(StlFault::TruncatedText { complete })?;
+        if fits(word) {
+            return Ok(word);
+        }
+        Err(StlFault::Syntax {
+            line,
+            expected,
+            found: word.to_string(),
+        })
+    };
+    let is = |keyword: &'static str| move |word: &str| word.eq_ignore_ascii_case(keyword);
+    next("normal", &is("normal"))?;
+    for _ in 0..3 {
+        // Some exporters write nan here; the normal follows from the corners anyway.
+        next("a number", &|_| true)?;
+    }
+    next("outer", &is("outer"))?;
+    next("loop", &is("loop"))?;
+    let mut facet = [Vec3::zeros(); 3];
+    for corner in &mut facet {
+        next("vertex", &is("vertex"))?;
+        for coordinate in corner.iter_mut() {
+            let number = next("a number", &|word| word.parse::<f64>().is_ok())?;
+            *coordinate = number.parse().expect("checked above");
+        }
+    }
+    next("endloop", &is("endloop"))?;
+    next("endfacet", &is("endfacet"))?;
+    Ok(facet)
+}
+
+/// Joins corners within [`WELD`] of one another into shared vertices, in the order in which
+/// the file names them, and drops facets without area.
+fn weld(facets: &[Facet]) -> Result<Stl, StlFault> {
+    if facets.is_empty() {
+        return Err(StlFault::NoFacets);
+    }
+    let mut welder = Welder::new(facets);
+    let mut triangles = Vec::with_capacity(facets.len());
+    for facet in facets {
+        let triangle = facet.map(|corner| welder.index(corner));
+        let [a, b, c] = triangle.map(|i| welder.vertices[i as usize]);
+        let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
+        if (b - a).cross(&(c - a)).norm() > FLAT * longest * longest {
+            triangles.push(triangle);
+        }
+    }
+    if triangles.is_empty() {
+        let facet_count = facets.len();
+        return Err(StlFault::NoArea { facet_count });
+    }
+    Ok(Stl {
+        dropped_facet_count: facets.len() - triangles.len(),
+        mesh: TriMesh {
+            vertices: welder.vertices,
+            triangles,
+        },
+    })
+}
+
+/// Finds earlier vertices by a hash of cells as wide as the tolerance: corners in the same
+/// cell, or within the tolerance of each other along every axis, are one vertex.
+struct Welder {
+    origin: Vec3,
+    tolerance: f64,
+    cells: HashMap<[i64; 3], u32>,
+    /// Shortcut for corners that agree to the last bit, which most do.
+    exact: HashMap<[u64; 3], u32>,
+    vertices: Vec<Vec3>,
+}
+
+impl Welder {
+    fn new(facets: &[Facet]) -> Self {
+        let corners = || facets.iter().flatten();
+        let low = corners().fold(Vec3::repeat(f64::INFINITY), |low, p| low.inf(p));
+        let high = corners().fold(Vec3::repeat(f64::NEG_INFINITY), |high, p| high.sup(p));
+        Self {
+            origin: low,
+            // Not 0, even if all corners agree.
+            tolerance: (WELD * (high - low).norm()).max(f64::MIN_POSITIVE),
+            cells: HashMap::new(),
+            exact: HashMap::new(),
+            vertices: Vec::new(),
+        }
+    }
+
+    fn index(&mut self, corner: Vec3) -> u32 {
+        // Adding zero turns −0 into +0.
+        let bits = [corner.x, corner.y, corner.z].map(|c| (c + 0.0).to_bits());
+        if let Some(&index) = self.exact.get(&bits) {
+            return index;
+        }
+        let index = self.near(corner);
+        self.exact.insert(bits, index);
+        index
+    }
+
+    fn near(&mut self, corner: Vec3) -> u32 {
+        let cell = ((corner - self.origin) / self.tolerance).map(|c| c.floor() as i64);
+        for n in 0..27 {
+            let neighbour = [n % 3, n / 3 % 3, n / 9];
+            let neighbour = std::array::from_fn(|a| cell[a] + neighbour[a] - 1);
+            if let Some(&index) = self.cells.get(&neighbour)
+                && (self.vertices[index as usize] - corner).amax() <= self.tolerance
+            {
+                return index;
+            }
+        }
+        let index = self.vertices.len() as u32;
+        self.vertices.push(corner);
+        self.cells.insert(cell.into(), index);
+        index
+    }
+}
