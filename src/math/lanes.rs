@@ -37,7 +37,7 @@ pub trait Lanes:
     /// Type of one lane.
     type Scalar: Real;
     /// One truth value a lane.
-    type Mask: Copy;
+    type Mask: Copy + Send + Sync;
     /// Number of lanes.
     const COUNT: usize;
     /// Name of the instruction set, for reports.

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::fabric::{BlankConfig, BlankError, Material, MaterialError};
 use crate::sim::{PhysicsConfig, PhysicsError};
-use crate::tool::{ToolConfig, ToolError};
+use crate::tool::{Source, ToolConfig, ToolError};
 
 /// Where the flat blank hangs before it falls.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -149,7 +149,9 @@ impl SceneConfig {
         if let Some(material) = &mut self.material {
             *material = folder.join(&material);
         }
-        self.tool.resolve(folder);
+        if let Source::Stl(stl) = &mut self.tool.source {
+            stl.path = folder.join(&stl.path);
+        }
     }
 
     /// The material, read from its file.

@@ -8,7 +8,6 @@ use crate::tool::Tool;
 const FRAME: f64 = 1.0 / 60.0;
 
 /// A scene that is set up: the lamina lies on the tool as the fall has left it.
-#[derive(Clone, Debug)]
 pub struct Scene {
     pub config: SceneConfig,
     pub tool: Tool,

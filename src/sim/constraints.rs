@@ -46,6 +46,7 @@ pub(super) fn project_chain<V: Lanes>(
     inverse_h_squared: V,
     x: &mut [Vec3x<V>],
     w: &[V],
+    pushed: &mut [V::Mask],
     scratch: &mut ChainScratch<V>,
 ) {
     let rest = V::of(chain.rest_length);
@@ -72,7 +73,7 @@ pub(super) fn project_chain<V: Lanes>(
         let (x1, w1) = (x[v1], w[v1]);
         let (nj, length) = direction(x1 - x0);
         let c = length - rest;
-        let alpha_tilde = V::select(c.lt(V::zero()), compression, tension);
+        let alpha_tilde = V::select(pushed[j], compression, tension);
         // Eliminates the coupling with the edge before, through their common vertex.
         let coupling = -(w0 * previous.dot(nj));
         let factor = coupling * previous_inverse;
@@ -94,6 +95,8 @@ pub(super) fn project_chain<V: Lanes>(
         if j + 1 < edges {
             lambda[j] = lambda[j] - upper[j] * lambda_after;
         }
+        // lambda > 0 pushes the ends apart.
+        pushed[j] = V::zero().lt(lambda[j]);
         let pull = n[j].scale(lambda[j]);
         let v1 = chain.vertices[j + 1] as usize;
         x[v1] = x[v1] + (pull - after).scale(w[v1]);

@@ -9,7 +9,7 @@ use crate::math::{Kernel, Lanes, Real, Vec3x};
 use crate::tool::Tool;
 
 /// The CPU backend: state in lanes, [vertex][xyz][lane].
-pub struct Cpu<V> {
+pub struct Cpu<V: Lanes> {
     position: Vec<Vec3x<V>>,
     velocity: Vec<Vec3x<V>>,
     inverse_mass: Vec<V>,
@@ -20,6 +20,7 @@ pub struct Cpu<V> {
     /// Tangent plane of the tool under each vertex, as last looked up.
     plane: Vec<Plane<V>>,
     chain: ChainScratch<V>,
+    pushed: Vec<V::Mask>,
 }
 
 /// n . x - offset is the distance to the tool [m].
@@ -45,6 +46,7 @@ impl<V: Lanes> Cpu<V> {
             previous: vec![Vec3x::zero(); count],
             plane: vec![plane; count],
             chain: ChainScratch::new(model.longest_chain),
+            pushed: vec![V::zero().lt(V::zero()); 10000],
         }
     }
 
@@ -131,7 +133,7 @@ impl<V: Lanes> Batch for Cpu<V> {
 }
 
 /// Consecutive substeps of a control step (paper, Algorithm 1).
-struct Substeps<'a, V> {
+struct Substeps<'a, V: Lanes> {
     model: &'a Model,
     control: Control,
     presses: &'a [Press],
@@ -187,7 +189,8 @@ fn project<V: Lanes>(pass: &Pass, h: f64, state: &mut Cpu<V>) {
     match pass {
         Pass::Yarns(chains) => {
             for chain in chains {
-                project_chain(chain, inverse_h_squared, x, w, &mut state.chain);
+                let m=chain.vertices.len()-1;
+                project_chain(chain, inverse_h_squared, x, w, &mut state.pushed[chain.first..chain.first+m], &mut state.chain);
             }
         }
         Pass::Edges(class) => project_edges(class, inverse_h_squared, x, w),

@@ -160,6 +160,8 @@ pub(super) struct EdgeClass {
 #[derive(Clone, Debug)]
 pub(super) struct Chain {
     pub vertices: Vec<u32>,
+    /// Index of its first edge among all edges of all yarns.
+    pub first: usize,
     pub rest_length: f64,
     pub law: EdgeLaw,
 }
@@ -250,7 +252,9 @@ fn yarn_law(lamina: &Lamina, physics: &PhysicsConfig, family: Family, b: f64, a:
 }
 
 fn length_passes(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Pass> {
+    let mut next = 0;
     let chains = lamina.yarns.iter().map(|yarn| Chain {
+        first: { let first=next; next += yarn.vertices.len()-1; first },
         vertices: yarn.vertices.clone(),
         rest_length: yarn.rest_length,
         law: yarn_law(lamina, physics, yarn.family, yarn.width, yarn.rest_length),

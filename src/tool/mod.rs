@@ -239,4 +239,17 @@ impl Tool {
             dropped_facet_count: 0,
         })
     }
+
+    /// Distance to the tool [m], negative inside, and its outward unit normal, both
+    /// interpolated: what contact, presses and observations work with.
+    #[inline]
+    pub fn distance(&self, x: [f64; 3]) -> (f64, [f64; 3]) {
+        let (phi, [a, b, c]) = self.grid.sample(x);
+        let norm = (a * a + b * b + c * c).sqrt();
+        if norm > 1e-9 {
+            (phi, [a / norm, b / norm, c / norm])
+        } else {
+            (phi, [0.0, 0.0, 1.0])
+        }
+    }
 }
