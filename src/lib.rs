@@ -9,6 +9,7 @@
 pub mod cli;
 pub mod env;
 pub mod fabric;
+pub mod file;
 pub mod math;
 pub mod mesh;
 pub mod path;
