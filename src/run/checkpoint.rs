@@ -3,38 +3,22 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use super::container::{Decoder, Encoder, FORMAT, Fault, text};
 use crate::file::{WriteError, write_atomic};
 
-const MAGIC: [u8; 8] = *b"\x89drape\r\n";
-const FORMAT: u32 = 1;
 const KIND: &str = "drape checkpoint";
 
-/// Longest section name [bytes]. Ours are one word; a bound makes a damaged length readable
-/// in the message.
-const NAME_LIMIT: usize = 64;
-
 /// Sections every checkpoint begins with; the others carry the prefix.
-const HEADER_COUNT: usize = 4;
+const HEADER_COUNT: u32 = 4;
 const DATA_PREFIX: &str = "data.";
 
 /// Everything a run needs to go on exactly where it was, in one file.
 ///
 /// The container knows names and bytes, not what they mean: whoever owns a network,
-/// optimiser or random stream turns it into a section. Layout, little-endian:
-///
-/// ```text
-/// magic          8 bytes, "\x89drape\r\n": binary, and broken by text-mode transfers
-/// format         u32
-/// CRC-32         u32, of the 12 bytes before
-/// section count  u32
-/// sections       name length u32, data length u64, name, data,
-///                CRC-32 u32 of all these
-/// CRC-32         u32, of everything before
-/// ```
+/// optimiser or random stream turns it into a section.
 ///
 /// The first sections are `kind`, `version`, `config` and `counters` (JSON); then come
-/// those of [`Checkpoint::sections`], their names prefixed by `data.`. Section checksums
-/// say where a damage is; the last one covers the bytes between them.
+/// those of [`Checkpoint::sections`], their names prefixed by `data.`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
     /// Version of drape that wrote it.
@@ -58,47 +42,6 @@ pub enum CheckpointError {
     },
     #[error("{}: {fault}", path.display())]
     Content { path: PathBuf, fault: Fault },
-}
-
-/// What is wrong with the bytes of a checkpoint. Every message is one line; offsets count
-/// from the start of the file.
-#[derive(Debug, PartialEq, thiserror::Error)]
-pub enum Fault {
-    #[error("not a drape file: it does not begin with the signature of one")]
-    Magic,
-    #[error("format version is {found}, the newest this drape reads is {FORMAT}: update drape")]
-    Format { found: u32 },
-    #[error("kind is {found:?}, expected {KIND:?}")]
-    Kind { found: String },
-    #[error("{part} at byte {offset}: needs {needed} bytes, the file has {left} left")]
-    Truncated {
-        part: String,
-        offset: usize,
-        needed: u64,
-        left: usize,
-    },
-    #[error("{part} at byte {offset}: checksum is {found:08x}, expected {expected:08x}")]
-    Checksum {
-        part: String,
-        offset: usize,
-        found: u32,
-        expected: u32,
-    },
-    #[error("{part} at byte {offset}: its name has {found} bytes, at most {NAME_LIMIT} expected")]
-    NameLength {
-        part: String,
-        offset: usize,
-        found: u32,
-    },
-    #[error("{part} at byte {offset}: found {found}, expected {expected}")]
-    Unexpected {
-        part: String,
-        offset: usize,
-        found: String,
-        expected: &'static str,
-    },
-    #[error("{count} bytes too many from byte {offset} on, behind the end of the checkpoint")]
-    Trailing { offset: usize, count: usize },
 }
 
 /// The checkpoint is sound but lacks something; it may come from another drape.
@@ -178,11 +121,7 @@ impl Checkpoint {
     fn encode(&self, file: &mut impl Write) -> io::Result<()> {
         let counters = serde_json::to_vec(&self.counters).expect("numbers under string keys");
         let mut out = Encoder::new(file);
-        out.put(&MAGIC)?;
-        out.put(&FORMAT.to_le_bytes())?;
-        out.put_checksum()?;
-        let count = HEADER_COUNT + self.sections.len();
-        out.put(&u32::try_from(count).expect("few sections").to_le_bytes())?;
+        out.put_preamble(FORMAT, HEADER_COUNT + self.sections.len() as u32)?;
         out.put_section("kind", KIND.as_bytes())?;
         out.put_section("version", self.version.as_bytes())?;
         out.put_section("config", self.config.as_bytes())?;
@@ -195,11 +134,14 @@ impl Checkpoint {
     }
 
     fn decode(bytes: &[u8]) -> Result<Self, Fault> {
-        let mut input = Decoder { bytes, offset: 0 };
+        let mut input = Decoder::new(bytes);
         let count = input.preamble()?;
         let kind = text(input.header("kind")?)?;
         if kind != KIND {
-            return Err(Fault::Kind { found: kind });
+            return Err(Fault::Kind {
+                found: kind,
+                expected: KIND,
+            });
         }
         let version = text(input.header("version")?)?;
         let config = text(input.header("config")?)?;
@@ -207,7 +149,7 @@ impl Checkpoint {
         let counters = serde_json::from_slice(counters.data)
             .map_err(|error| counters.unexpected(error.to_string(), "named whole numbers"))?;
         let mut sections = BTreeMap::new();
-        for _ in HEADER_COUNT as u32..count {
+        for _ in HEADER_COUNT..count {
             let section = input.section()?;
             let Some(name) = section.name.strip_prefix(DATA_PREFIX) else {
                 return Err(section.unexpected("a name without `data.`".into(), "one with it"));
@@ -224,193 +166,6 @@ impl Checkpoint {
             counters,
             sections,
         })
-    }
-}
-
-/// Writes and keeps the checksums of the current part and of the file.
-struct Encoder<'a, W> {
-    file: &'a mut W,
-    part: crc32fast::Hasher,
-    whole: crc32fast::Hasher,
-}
-
-impl<'a, W: Write> Encoder<'a, W> {
-    fn new(file: &'a mut W) -> Self {
-        Self {
-            file,
-            part: crc32fast::Hasher::new(),
-            whole: crc32fast::Hasher::new(),
-        }
-    }
-
-    fn put(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.part.update(bytes);
-        self.whole.update(bytes);
-        self.file.write_all(bytes)
-    }
-
-    /// Ends a part by its checksum.
-    fn put_checksum(&mut self) -> io::Result<()> {
-        let checksum = std::mem::take(&mut self.part).finalize();
-        self.put(&checksum.to_le_bytes())
-    }
-
-    fn put_section(&mut self, name: &str, data: &[u8]) -> io::Result<()> {
-        assert!(
-            name.len() <= NAME_LIMIT,
-            "section name `{name}` is too long"
-        );
-        self.part.reset();
-        self.put(&(name.len() as u32).to_le_bytes())?;
-        self.put(&(data.len() as u64).to_le_bytes())?;
-        self.put(name.as_bytes())?;
-        self.put(data)?;
-        self.put_checksum()
-    }
-
-    fn put_file_checksum(self) -> io::Result<()> {
-        self.file.write_all(&self.whole.finalize().to_le_bytes())
-    }
-}
-
-/// One section, its checksum verified.
-struct Section<'a> {
-    name: &'a str,
-    data: &'a [u8],
-    offset: usize,
-}
-
-impl Section<'_> {
-    fn unexpected(&self, found: String, expected: &'static str) -> Fault {
-        Fault::Unexpected {
-            part: quoted(self.name),
-            offset: self.offset,
-            found,
-            expected,
-        }
-    }
-}
-
-fn quoted(name: &str) -> String {
-    format!("section `{}`", name.escape_debug())
-}
-
-fn text(section: Section) -> Result<String, Fault> {
-    match str::from_utf8(section.data) {
-        Ok(text) => Ok(text.into()),
-        Err(error) => Err(section.unexpected(error.to_string(), "UTF-8 text")),
-    }
-}
-
-/// Walks through the bytes of a checkpoint.
-struct Decoder<'a> {
-    bytes: &'a [u8],
-    offset: usize,
-}
-
-impl<'a> Decoder<'a> {
-    /// Magic, format and section count; returns the last.
-    fn preamble(&mut self) -> Result<u32, Fault> {
-        let start = &self.bytes[..self.bytes.len().min(MAGIC.len())];
-        if !MAGIC.starts_with(start) {
-            return Err(Fault::Magic);
-        }
-        let part = || "preamble".into();
-        self.take(part, MAGIC.len() as u64)?;
-        let format = u32::from_le_bytes(self.array(part)?);
-        self.checksum(part, 0)?;
-        if format != FORMAT {
-            return Err(Fault::Format { found: format });
-        }
-        Ok(u32::from_le_bytes(self.array(|| "section count".into())?))
-    }
-
-    /// The next section, which must be called `name`.
-    fn header(&mut self, name: &'static str) -> Result<Section<'a>, Fault> {
-        let section = self.section()?;
-        if section.name == name {
-            Ok(section)
-        } else {
-            Err(Fault::Unexpected {
-                part: "header".into(),
-                offset: section.offset,
-                found: quoted(section.name),
-                expected: name,
-            })
-        }
-    }
-
-    fn section(&mut self) -> Result<Section<'a>, Fault> {
-        let offset = self.offset;
-        let nameless = || "section".to_string();
-        let name_length = u32::from_le_bytes(self.array(nameless)?);
-        let data_length = u64::from_le_bytes(self.array(nameless)?);
-        if name_length as usize > NAME_LIMIT {
-            return Err(Fault::NameLength {
-                part: nameless(),
-                offset,
-                found: name_length,
-            });
-        }
-        let name = self.take(nameless, u64::from(name_length))?;
-        let part = || quoted(&String::from_utf8_lossy(name));
-        let data = self.take(part, data_length)?;
-        self.checksum(part, offset)?;
-        let name = str::from_utf8(name).map_err(|error| Fault::Unexpected {
-            part: part(),
-            offset,
-            found: error.to_string(),
-            expected: "a name in UTF-8",
-        })?;
-        Ok(Section { name, data, offset })
-    }
-
-    /// The checksum of the whole file, and nothing behind it.
-    fn end(&mut self) -> Result<(), Fault> {
-        self.checksum(|| "whole file".into(), 0)?;
-        match self.bytes.len() - self.offset {
-            0 => Ok(()),
-            count => Err(Fault::Trailing {
-                offset: self.offset,
-                count,
-            }),
-        }
-    }
-
-    /// Compares the checksum that comes next with that of all bytes since `start`.
-    fn checksum(&mut self, part: impl Fn() -> String, start: usize) -> Result<(), Fault> {
-        let found = crc32fast::hash(&self.bytes[start..self.offset]);
-        let expected = u32::from_le_bytes(self.array(&part)?);
-        if found == expected {
-            return Ok(());
-        }
-        Err(Fault::Checksum {
-            part: part(),
-            offset: start,
-            found,
-            expected,
-        })
-    }
-
-    fn array<const N: usize>(&mut self, part: impl Fn() -> String) -> Result<[u8; N], Fault> {
-        let bytes = self.take(part, N as u64)?;
-        Ok(bytes.try_into().expect("as many bytes as asked for"))
-    }
-
-    fn take(&mut self, part: impl Fn() -> String, count: u64) -> Result<&'a [u8], Fault> {
-        let rest = &self.bytes[self.offset..];
-        match usize::try_from(count) {
-            Ok(count) if count <= rest.len() => {
-                self.offset += count;
-                Ok(&rest[..count])
-            }
-            _ => Err(Fault::Truncated {
-                part: part(),
-                offset: self.offset,
-                needed: count,
-                left: rest.len(),
-            }),
-        }
     }
 }
 
@@ -447,10 +202,7 @@ mod tests {
     fn forged(format: u32, count: u32, sections: &[(&str, &[u8])]) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut out = Encoder::new(&mut bytes);
-        out.put(&MAGIC).unwrap();
-        out.put(&format.to_le_bytes()).unwrap();
-        out.put_checksum().unwrap();
-        out.put(&count.to_le_bytes()).unwrap();
+        out.put_preamble(format, count).unwrap();
         for (name, data) in sections {
             out.put_section(name, data).unwrap();
         }
@@ -553,7 +305,10 @@ mod tests {
         let found = "drape\nmodel".to_string();
         assert_eq!(
             fault(&forged(FORMAT, 1, &[("kind", found.as_bytes())])),
-            Fault::Kind { found }
+            Fault::Kind {
+                found,
+                expected: KIND
+            }
         );
         assert_eq!(fault(b"solid cube"), Fault::Magic);
     }

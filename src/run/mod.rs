@@ -6,13 +6,15 @@
 //! the checkpoint knew, so that an interruption leaves no trace in them.
 
 mod checkpoint;
+mod container;
 mod date;
 mod events;
 mod folder;
 mod log;
 mod metrics;
 
-pub use checkpoint::{Checkpoint, CheckpointError, Fault, MissingPart};
+pub use checkpoint::{Checkpoint, CheckpointError, MissingPart};
+pub use container::Fault;
 pub use events::EventWriter;
 pub use folder::{BestSequence, FolderError, RunFolder, RunInfo, SequenceFault, config_digest};
 pub use log::LogError;
