@@ -2,13 +2,14 @@
 //! curved tool.
 //!
 //! The library simulates the fabric ([`fabric`], [`sim`]) on a rigid [`tool`], poses the
-//! draping task on top of it ([`scene`], [`env`]), learns to solve it ([`policy`],
+//! draping task on top of it ([`scene`], [`mod@env`]), learns to solve it ([`policy`],
 //! [`ppo`]) and keeps what it learnt ([`run`], [`path`], [`report`]). Each module imports
 //! only from those below it; `tests/architecture.rs` holds the table.
 
 pub mod cli;
 pub mod env;
 pub mod fabric;
+pub mod file;
 pub mod math;
 pub mod mesh;
 pub mod path;

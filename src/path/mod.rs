@@ -1,1 +1,19 @@
-//! (to be written)
+//! From the order in which vertices are pressed to files a robot programme can be made of.
+//!
+//! Points near each other become one stroke, driven in contact; a longer way between two
+//! points is a jump; a point on its own is pressed without travel (paper, Section 6.2).
+//! Reachability, collisions and joint angles are not considered here.
+//!
+//! # Frame
+//!
+//! Everything is in the frame of the tool's mesh. Normals point out of the tool. A robot's
+//! roller frame at a point follows from them: z = −normal, **into** the surface; x = travel;
+//! y = z × x, along the axis of the roller; its origin is on the roller's line of contact.
+
+mod csv;
+mod json;
+mod strokes;
+
+pub use csv::write_csv;
+pub use json::{PathFileError, read_json, write_json};
+pub use strokes::{DrapingPoint, Kind, PressedPoint, StrokeError, strokes};

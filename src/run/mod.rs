@@ -1,1 +1,21 @@
-//! (to be written)
+//! What a training run leaves on disk, and how it goes on from there.
+//!
+//! A [`RunFolder`] holds the resolved configuration, the metrics ([`MetricsWriter`],
+//! [`EventWriter`]), the [`Checkpoint`]s and the best action sequence seen. Files that are
+//! replaced are written atomically; files that grow are cut back on a resume to the length
+//! the checkpoint knew, so that an interruption leaves no trace in them.
+
+mod checkpoint;
+mod container;
+mod date;
+mod events;
+mod folder;
+mod log;
+mod metrics;
+
+pub use checkpoint::{Checkpoint, CheckpointError, MissingPart};
+pub use container::Fault;
+pub use events::EventWriter;
+pub use folder::{BestSequence, FolderError, RunFolder, RunInfo, SequenceFault, config_digest};
+pub use log::LogError;
+pub use metrics::{Metrics, MetricsError, MetricsWriter, curve, read_metrics};

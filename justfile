@@ -1,0 +1,22 @@
+# The commit goes into every run folder.
+export DRAPE_COMMIT := `git rev-parse --short=12 HEAD 2>/dev/null || echo unknown`
+
+# List the recipes.
+default:
+    @just --list
+
+# Everything a change has to pass: format, lints, documentation, tests.
+check:
+    .ci/run
+
+# Tests only, all or those whose names contain the arguments.
+test *names:
+    cargo test --release -- {{ names }}
+
+# Train an agent: `just train --help` shows the options.
+train *options:
+    cargo run --release -- train {{ options }}
+
+# Format the sources.
+fmt:
+    cargo fmt

@@ -1,0 +1,187 @@
+//! Files that are written whole or not at all.
+//!
+//! Everything that replaces a file goes through [`write_atomic`], so that a crash, a full
+//! disk or a pulled plug leaves either the old content or the new, never half of it. Logs
+//! that grow line by line are not written here.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Why a file could not be written. The previous file, if any, is as it was.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The folder the file belongs in is not there.
+    #[error("cannot write {}: folder {} does not exist", path.display(), folder.display())]
+    FolderMissing { path: PathBuf, folder: PathBuf },
+    /// The system or the caller's writer refused: disk full, no permission, ...
+    #[error("cannot write {}", path.display())]
+    Io {
+        path: PathBuf,
+        #[source]
+        source: io::Error,
+    },
+}
+
+/// Replaces the file at `path` by what `write` writes, in one step.
+///
+/// The bytes go to a temporary file in the same folder, are flushed to the disk and renamed
+/// over `path`; then the folder is flushed, so that the rename survives a power failure.
+/// On failure, also of `write` itself, `path` keeps its old content and the temporary file
+/// is removed; only if that last flush of the folder fails is the new content already in
+/// place. A symbolic link at `path` is replaced, not followed. The file's mode follows the
+/// process's umask.
+pub fn write_atomic(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> Result<(), WriteError> {
+    let folder = match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    replace(path, folder, write).map_err(|source| {
+        if source.kind() == io::ErrorKind::NotFound && !folder.exists() {
+            WriteError::FolderMissing {
+                path: path.into(),
+                folder: folder.into(),
+            }
+        } else {
+            WriteError::Io {
+                path: path.into(),
+                source,
+            }
+        }
+    })
+}
+
+fn replace(
+    path: &Path,
+    folder: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> io::Result<()> {
+    let (file, temporary) = create_temporary(folder)?.into_parts();
+    let mut writer = BufWriter::new(file);
+    write(&mut writer)?;
+    writer.flush()?;
+    writer.get_ref().sync_all()?;
+    // Closed before the rename: some systems refuse to rename an open file.
+    drop(writer);
+    temporary.persist(path).map_err(|error| error.error)?;
+    sync_folder(folder)
+}
+
+fn create_temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".").suffix(".tmp");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // Without this the file would stay readable by its owner alone.
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder)
+}
+
+#[cfg(unix)]
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    File::open(folder)?.sync_all()
+}
+
+/// Elsewhere a folder cannot be opened as a file, and renames are journalled.
+#[cfg(not(unix))]
+fn sync_folder(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::error::Error;
+    use std::fs;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<_> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn new_content_replaces_old() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        for content in ["first", "2nd"] {
+            write_atomic(&path, |w| w.write_all(content.as_bytes())).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), content);
+        }
+        assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn failing_writer_leaves_the_old_file_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        fs::write(&path, "old").unwrap();
+        let error = write_atomic(&path, |w| {
+            // More than the buffer holds, so that some of it has reached the disk.
+            w.write_all(&[b'x'; 100_000])?;
+            Err(io::ErrorKind::StorageFull.into())
+        })
+        .unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            format!("cannot write {}", path.display())
+        );
+        assert_eq!(error.source().unwrap().to_string(), "no storage space");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn panicking_writer_leaves_the_old_file_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        fs::write(&path, "old").unwrap();
+        let outcome = std::panic::catch_unwind(|| write_atomic(&path, |_| panic!("planned")));
+        assert!(outcome.is_err());
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn missing_folder_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("none").join("a.txt");
+        let error = write_atomic(&path, |_| Ok(())).unwrap_err();
+        assert!(
+            error.to_string().ends_with("none does not exist"),
+            "{error}"
+        );
+        assert_eq!(names(folder.path()), [""; 0]);
+    }
+
+    #[test]
+    fn folder_in_the_way_is_an_error_and_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        fs::create_dir(&path).unwrap();
+        let error = write_atomic(&path, |w| w.write_all(b"x")).unwrap_err();
+        assert!(matches!(error, WriteError::Io { .. }), "{error}");
+        assert_eq!(names(folder.path()), ["a"]);
+        assert!(path.is_dir());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn mode_follows_the_umask() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let [plain, atomic] = ["plain", "atomic"].map(|name| folder.path().join(name));
+        fs::write(&plain, "").unwrap();
+        write_atomic(&atomic, |_| Ok(())).unwrap();
+        let [plain, atomic] = [plain, atomic].map(|p| fs::metadata(p).unwrap().permissions());
+        assert_eq!(plain.mode(), atomic.mode());
+    }
+}

@@ -1,0 +1,485 @@
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Component, Path, PathBuf};
+use std::time::SystemTime;
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use super::date::Utc;
+use crate::env::Shape;
+use crate::file::{WriteError, write_atomic};
+
+/// The folder of one run: `ROOT/NAME/`. Its layout is described in `runs/README.md`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunFolder {
+    path: PathBuf,
+}
+
+/// `run.json`: where a run came from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunInfo {
+    /// Seed of all random streams of the run.
+    pub seed: u64,
+    /// Version of drape.
+    pub version: String,
+    /// Commit drape was built from; unknown unless `DRAPE_COMMIT` was set when building.
+    pub commit: Option<String>,
+    /// Architecture and operating system, for example `x86_64-linux`.
+    pub platform: String,
+    /// UTC, ISO 8601.
+    pub created: String,
+}
+
+impl RunInfo {
+    /// Describes this drape and the moment `now`.
+    pub fn new(seed: u64, now: SystemTime) -> Self {
+        use std::env::consts::{ARCH, OS};
+        Self {
+            seed,
+            version: env!("CARGO_PKG_VERSION").into(),
+            commit: option_env!("DRAPE_COMMIT").map(Into::into),
+            platform: format!("{ARCH}-{OS}"),
+            created: Utc::new(now).iso(),
+        }
+    }
+}
+
+/// `best_sequence.json`: the best episode ever seen, which can be replayed without the
+/// network.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BestSequence {
+    /// Vertices in the order they were pressed; each is the action
+    /// `row * columns + column` of `grid`.
+    pub vertices: Vec<u32>,
+    /// Score of the episode; higher is better.
+    pub score: f64,
+    /// Rows and columns of the fabric's vertices.
+    pub grid: Shape,
+    /// [`config_digest`] of the configuration in which the sequence was found.
+    pub config_digest: String,
+}
+
+/// Why a sequence cannot be replayed.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum SequenceFault {
+    #[error("score is {0}, expected a finite number")]
+    Score(f64),
+    #[error(
+        "vertex {vertex} (number {number} of the sequence) is not among the {count} of the grid"
+    )]
+    Vertex {
+        vertex: u32,
+        /// Counted from 0.
+        number: usize,
+        count: usize,
+    },
+    #[error("found in the configuration with digest {found}, this one has {expected}")]
+    OtherConfig { found: String, expected: String },
+}
+
+impl BestSequence {
+    /// Checks that all vertices are on the grid and the score is a number.
+    pub fn validate(&self) -> Result<(), SequenceFault> {
+        if !self.score.is_finite() {
+            return Err(SequenceFault::Score(self.score));
+        }
+        let count = self.grid.pixel_count();
+        match self.vertices.iter().position(|&v| v as usize >= count) {
+            None => Ok(()),
+            Some(number) => Err(SequenceFault::Vertex {
+                vertex: self.vertices[number],
+                number,
+                count,
+            }),
+        }
+    }
+
+    /// Checks that the sequence was found in `config`: elsewhere its score means nothing.
+    pub fn validate_config(&self, config: &str) -> Result<(), SequenceFault> {
+        let expected = config_digest(config);
+        if self.config_digest == expected {
+            return Ok(());
+        }
+        Err(SequenceFault::OtherConfig {
+            found: self.config_digest.clone(),
+            expected,
+        })
+    }
+}
+
+/// A short name for a configuration text: `crc32:` and eight hexadecimal digits. Tells
+/// different configurations apart; it is no protection against forgery.
+pub fn config_digest(config: &str) -> String {
+    format!("crc32:{:08x}", crc32fast::hash(config.as_bytes()))
+}
+
+/// Why a run folder could not be created, opened, read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum FolderError {
+    #[error("{name:?} cannot name a run: expected one name of a folder")]
+    Name { name: String },
+    #[error(
+        "run {} already exists: choose another name, resume it, or remove the folder",
+        path.display()
+    )]
+    Exists { path: PathBuf },
+    #[error("cannot create {}", path.display())]
+    Create {
+        path: PathBuf,
+        #[source]
+        source: io::Error,
+    },
+    #[error("there is no run {}", path.display())]
+    Missing { path: PathBuf },
+    #[error("{} is not a run folder: {reason}", path.display())]
+    NotARun { path: PathBuf, reason: &'static str },
+    #[error("cannot read {}", path.display())]
+    Read {
+        path: PathBuf,
+        #[source]
+        source: io::Error,
+    },
+    #[error("{} is damaged", path.display())]
+    Json {
+        path: PathBuf,
+        #[source]
+        source: serde_json::Error,
+    },
+    #[error("{}: {fault}", path.display())]
+    Sequence { path: PathBuf, fault: SequenceFault },
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+impl RunFolder {
+    /// Makes the folder of a new run, `root/name`, and writes `config` (TOML, resolved) and
+    /// `info` into it. Never touches an existing one; if it fails in the middle, what it
+    /// made is removed.
+    pub fn create(
+        root: &Path,
+        name: &str,
+        config: &str,
+        info: &RunInfo,
+    ) -> Result<Self, FolderError> {
+        let mut parts = Path::new(name).components();
+        let single = matches!(
+            (parts.next(), parts.next()),
+            (Some(Component::Normal(part)), None) if part == name
+        );
+        if !single {
+            return Err(FolderError::Name { name: name.into() });
+        }
+        let path = root.join(name);
+        let create_error = |source| FolderError::Create {
+            path: path.clone(),
+            source,
+        };
+        fs::create_dir_all(root).map_err(create_error)?;
+        fs::create_dir(&path).map_err(|source| match source.kind() {
+            io::ErrorKind::AlreadyExists => FolderError::Exists { path: path.clone() },
+            _ => create_error(source),
+        })?;
+        let run = Self { path };
+        match run.fill(config, info) {
+            Ok(()) => Ok(run),
+            Err(error) => {
+                // The first failure is the one worth reporting.
+                let _ = fs::remove_dir_all(&run.path);
+                Err(error)
+            }
+        }
+    }
+
+    /// As [`RunFolder::create`], named after the minute of `now` (UTC): `2026-11-21-0412`,
+    /// or with `-2`, `-3`, ... where that is taken.
+    pub fn create_dated(
+        root: &Path,
+        now: SystemTime,
+        config: &str,
+        info: &RunInfo,
+    ) -> Result<Self, FolderError> {
+        let base = Utc::new(now).for_name();
+        let mut name = base.clone();
+        let mut number = 1;
+        loop {
+            match Self::create(root, &name, config, info) {
+                Err(FolderError::Exists { .. }) => {
+                    number += 1;
+                    name = format!("{base}-{number}");
+                }
+                outcome => return outcome,
+            }
+        }
+    }
+
+    /// `run.json` comes last: a folder that has it is complete.
+    fn fill(&self, config: &str, info: &RunInfo) -> Result<(), FolderError> {
+        for path in [
+            self.event_folder(),
+            self.checkpoint_folder(),
+            self.pictures(),
+        ] {
+            fs::create_dir(&path).map_err(|source| FolderError::Create { path, source })?;
+        }
+        write_atomic(&self.config(), |file| file.write_all(config.as_bytes()))?;
+        write_json(&self.info(), info)
+    }
+
+    /// The existing run folder at `path`.
+    pub fn open(path: &Path) -> Result<Self, FolderError> {
+        let not_a_run = |reason| FolderError::NotARun {
+            path: path.into(),
+            reason,
+        };
+        let metadata = fs::metadata(path).map_err(|source| match source.kind() {
+            io::ErrorKind::NotFound => FolderError::Missing { path: path.into() },
+            _ => FolderError::Read {
+                path: path.into(),
+                source,
+            },
+        })?;
+        if !metadata.is_dir() {
+            return Err(not_a_run(
+                "it is a file; give the folder that holds run.json",
+            ));
+        }
+        let run = Self { path: path.into() };
+        if !run.info().is_file() {
+            return Err(not_a_run("it has no run.json"));
+        }
+        Ok(run)
+    }
+
+    /// The folder itself.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Resolved configuration.
+    pub fn config(&self) -> PathBuf {
+        self.path.join("config.toml")
+    }
+
+    /// Where the run came from ([`RunInfo`]).
+    pub fn info(&self) -> PathBuf {
+        self.path.join("run.json")
+    }
+
+    /// One JSON object a line ([`super::MetricsWriter`]).
+    pub fn metrics(&self) -> PathBuf {
+        self.path.join("metrics.jsonl")
+    }
+
+    /// The TensorBoard file ([`super::EventWriter`]).
+    pub fn events(&self) -> PathBuf {
+        self.event_folder().join("events.out.tfevents.drape")
+    }
+
+    /// The checkpoint to resume from.
+    pub fn last_checkpoint(&self) -> PathBuf {
+        self.checkpoint_folder().join("last.drape")
+    }
+
+    /// The checkpoint that evaluated best.
+    pub fn best_checkpoint(&self) -> PathBuf {
+        self.checkpoint_folder().join("best.drape")
+    }
+
+    /// The best action sequence seen ([`BestSequence`]).
+    pub fn best_sequence(&self) -> PathBuf {
+        self.path.join("best_sequence.json")
+    }
+
+    /// Draping points of the best sequence ([`crate::path`]).
+    pub fn trajectory(&self) -> PathBuf {
+        self.path.join("trajectory.json")
+    }
+
+    /// Folder of pictures and films.
+    pub fn pictures(&self) -> PathBuf {
+        self.path.join("pictures")
+    }
+
+    fn event_folder(&self) -> PathBuf {
+        self.path.join("events")
+    }
+
+    fn checkpoint_folder(&self) -> PathBuf {
+        self.path.join("checkpoints")
+    }
+
+    /// Text of the resolved configuration (TOML).
+    pub fn read_config(&self) -> Result<String, FolderError> {
+        read(&self.config())
+    }
+
+    pub fn read_info(&self) -> Result<RunInfo, FolderError> {
+        read_json(&self.info())
+    }
+
+    /// Replaces the best sequence, after validating it.
+    pub fn write_best_sequence(&self, sequence: &BestSequence) -> Result<(), FolderError> {
+        let path = self.best_sequence();
+        match sequence.validate() {
+            Ok(()) => write_json(&path, sequence),
+            Err(fault) => Err(FolderError::Sequence { path, fault }),
+        }
+    }
+
+    /// Reads and validates the best sequence.
+    pub fn read_best_sequence(&self) -> Result<BestSequence, FolderError> {
+        let path = self.best_sequence();
+        let sequence: BestSequence = read_json(&path)?;
+        match sequence.validate() {
+            Ok(()) => Ok(sequence),
+            Err(fault) => Err(FolderError::Sequence { path, fault }),
+        }
+    }
+}
+
+fn read(path: &Path) -> Result<String, FolderError> {
+    fs::read_to_string(path).map_err(|source| FolderError::Read {
+        path: path.into(),
+        source,
+    })
+}
+
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, FolderError> {
+    serde_json::from_str(&read(path)?).map_err(|source| FolderError::Json {
+        path: path.into(),
+        source,
+    })
+}
+
+fn write_json(path: &Path, value: &impl Serialize) -> Result<(), FolderError> {
+    Ok(write_atomic(path, |file| {
+        serde_json::to_writer_pretty(&mut *file, value)?;
+        file.write_all(b"\n")
+    })?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    const CONFIG: &str = "[train]\nseed = 7\n";
+
+    fn now() -> SystemTime {
+        SystemTime::UNIX_EPOCH + Duration::from_secs(1_795_234_329)
+    }
+
+    fn info() -> RunInfo {
+        RunInfo::new(u64::MAX, now())
+    }
+
+    fn sequence() -> BestSequence {
+        BestSequence {
+            vertices: vec![5, 0, 5],
+            score: 0.75,
+            grid: Shape {
+                rows: 2,
+                columns: 3,
+            },
+            config_digest: config_digest(CONFIG),
+        }
+    }
+
+    #[test]
+    fn created_folder_opens_and_gives_back_what_went_in() {
+        let root = tempfile::tempdir().unwrap();
+        let root = root.path().join("runs");
+        let created = RunFolder::create(&root, "a", CONFIG, &info()).unwrap();
+        let run = RunFolder::open(&root.join("a")).unwrap();
+        assert_eq!(run, created);
+        assert_eq!(run.read_config().unwrap(), CONFIG);
+        assert_eq!(run.read_info().unwrap(), info());
+        assert_eq!(info().created, "2026-11-21T04:12:09Z");
+        for file in [run.events(), run.last_checkpoint(), run.best_checkpoint()] {
+            assert!(file.parent().unwrap().is_dir(), "{}", file.display());
+        }
+        assert!(run.pictures().is_dir());
+    }
+
+    #[test]
+    fn existing_run_is_refused_and_untouched() {
+        let root = tempfile::tempdir().unwrap();
+        RunFolder::create(root.path(), "a", CONFIG, &info()).unwrap();
+        let error = RunFolder::create(root.path(), "a", "", &info()).unwrap_err();
+        assert!(error.to_string().contains("choose another name"), "{error}");
+        let run = RunFolder::open(&root.path().join("a")).unwrap();
+        assert_eq!(run.read_config().unwrap(), CONFIG);
+    }
+
+    #[test]
+    fn dated_names_count_up_where_taken() {
+        let root = tempfile::tempdir().unwrap();
+        for expected in ["2026-11-21-0412", "2026-11-21-0412-2", "2026-11-21-0412-3"] {
+            let run = RunFolder::create_dated(root.path(), now(), CONFIG, &info()).unwrap();
+            assert_eq!(run.path(), root.path().join(expected));
+        }
+    }
+
+    #[test]
+    fn names_that_leave_the_root_are_refused() {
+        let root = tempfile::tempdir().unwrap();
+        for name in ["", ".", "..", "a/b", "a/", "./a", "/a"] {
+            let error = RunFolder::create(root.path(), name, CONFIG, &info()).unwrap_err();
+            assert!(matches!(error, FolderError::Name { .. }), "{name}: {error}");
+        }
+        assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn what_is_no_run_folder_is_refused_with_the_reason() {
+        let root = tempfile::tempdir().unwrap();
+        let open = |path: &Path| RunFolder::open(path).unwrap_err().to_string();
+        assert!(open(&root.path().join("none")).starts_with("there is no run"));
+        assert!(open(root.path()).ends_with("is not a run folder: it has no run.json"));
+        let file = root.path().join("file");
+        fs::write(&file, "").unwrap();
+        assert!(open(&file).ends_with("it is a file; give the folder that holds run.json"));
+    }
+
+    #[test]
+    fn best_sequence_round_trips() {
+        let root = tempfile::tempdir().unwrap();
+        let run = RunFolder::create(root.path(), "a", CONFIG, &info()).unwrap();
+        run.write_best_sequence(&sequence()).unwrap();
+        let again = run.read_best_sequence().unwrap();
+        assert_eq!(again, sequence());
+        assert_eq!(again.validate_config(CONFIG), Ok(()));
+        assert!(matches!(
+            again.validate_config("seed = 8"),
+            Err(SequenceFault::OtherConfig { .. })
+        ));
+    }
+
+    #[test]
+    fn impossible_sequences_are_neither_written_nor_read() {
+        let root = tempfile::tempdir().unwrap();
+        let run = RunFolder::create(root.path(), "a", CONFIG, &info()).unwrap();
+        run.write_best_sequence(&sequence()).unwrap();
+        let mut outside = sequence();
+        outside.vertices[1] = 6;
+        let error = run.write_best_sequence(&outside).unwrap_err().to_string();
+        assert!(
+            error.ends_with("vertex 6 (number 1 of the sequence) is not among the 6 of the grid"),
+            "{error}"
+        );
+        let mut unscored = sequence();
+        unscored.score = f64::NAN;
+        run.write_best_sequence(&unscored).unwrap_err();
+        assert_eq!(run.read_best_sequence().unwrap(), sequence());
+
+        let text = fs::read_to_string(run.best_sequence()).unwrap();
+        fs::write(run.best_sequence(), text.replace("5", "6")).unwrap();
+        let error = run.read_best_sequence().unwrap_err();
+        assert!(matches!(error, FolderError::Sequence { .. }), "{error}");
+        fs::write(run.best_sequence(), &text[..text.len() / 2]).unwrap();
+        let error = run.read_best_sequence().unwrap_err();
+        assert!(matches!(error, FolderError::Json { .. }), "{error}");
+    }
+}

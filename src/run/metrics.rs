@@ -1,0 +1,196 @@
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::ser::{Serialize, SerializeMap, Serializer};
+
+use super::log::{Log, LogError};
+
+/// Appends to `metrics.jsonl`: one JSON object a line, `step` first.
+///
+/// A run that is resumed leaves the same file as one that was never interrupted, provided
+/// the values themselves repeat; wall times therefore belong in the event file.
+#[derive(Debug)]
+pub struct MetricsWriter(Log);
+
+impl MetricsWriter {
+    /// Starts a file. Fails if `path` exists.
+    pub fn create(path: &Path) -> Result<Self, LogError> {
+        Ok(Self(Log::create(path)?))
+    }
+
+    /// Goes on with the file at `path` after its first `length` bytes, which
+    /// [`MetricsWriter::sync`] returned; what came later is dropped.
+    pub fn resume(path: &Path, length: u64) -> Result<Self, LogError> {
+        Ok(Self(Log::resume(path, length)?))
+    }
+
+    /// Appends the `values` (name, value) of `step` in the given order. Numbers that are
+    /// not finite become `null`.
+    ///
+    /// # Panics
+    ///
+    /// If two values have the same name or one is called `step`.
+    pub fn append(&mut self, step: u64, values: &[(&str, f64)]) -> Result<(), LogError> {
+        for (i, (name, _)) in values.iter().enumerate() {
+            let taken = *name == "step" || values[..i].iter().any(|(other, _)| other == name);
+            assert!(!taken, "metric `{name}` would appear twice in one line");
+        }
+        let mut line =
+            serde_json::to_vec(&Line { step, values }).expect("numbers under string keys");
+        line.push(b'\n');
+        self.0.append(&line)
+    }
+
+    /// Makes the file survive a power failure and returns its length [bytes].
+    pub fn sync(&self) -> Result<u64, LogError> {
+        self.0.sync()
+    }
+}
+
+struct Line<'a> {
+    step: u64,
+    values: &'a [(&'a str, f64)],
+}
+
+impl Serialize for Line<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(1 + self.values.len()))?;
+        map.serialize_entry("step", &self.step)?;
+        for (name, value) in self.values {
+            map.serialize_entry(name, value)?;
+        }
+        map.end()
+    }
+}
+
+/// One line of a metrics file.
+#[derive(Clone, Debug, PartialEq, serde::Deserialize)]
+pub struct Metrics {
+    pub step: u64,
+    /// Values by name; `None` where the number was not finite.
+    #[serde(flatten)]
+    pub values: BTreeMap<String, Option<f64>>,
+}
+
+/// Why a metrics file could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum MetricsError {
+    #[error("cannot read {}", path.display())]
+    Read {
+        path: PathBuf,
+        #[source]
+        source: io::Error,
+    },
+    #[error("{}, line {line}: not a line of metrics", path.display())]
+    Line {
+        path: PathBuf,
+        /// Counted from 1.
+        line: usize,
+        #[source]
+        source: serde_json::Error,
+    },
+}
+
+/// All lines of the metrics file at `path`, in order. A last line without its line break is
+/// still being written and is left out.
+pub fn read_metrics(path: &Path) -> Result<Vec<Metrics>, MetricsError> {
+    let text = fs::read_to_string(path).map_err(|source| MetricsError::Read {
+        path: path.into(),
+        source,
+    })?;
+    text.split_inclusive('\n')
+        .filter(|line| line.ends_with('\n'))
+        .enumerate()
+        .map(|(i, line)| {
+            serde_json::from_str(line).map_err(|source| MetricsError::Line {
+                path: path.into(),
+                line: i + 1,
+                source,
+            })
+        })
+        .collect()
+}
+
+/// The finite values called `name`, as (step, value): one curve.
+pub fn curve(metrics: &[Metrics], name: &str) -> Vec<(u64, f64)> {
+    metrics
+        .iter()
+        .filter_map(|line| Some((line.step, (*line.values.get(name)?)?)))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_keep_their_order_and_lose_what_is_not_finite() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("metrics.jsonl");
+        let mut metrics = MetricsWriter::create(&path).unwrap();
+        metrics
+            .append(10, &[("score", 0.1), ("kl", f64::NAN)])
+            .unwrap();
+        metrics
+            .append(20, &[("score", -2.5e-9), ("kl", 3.0)])
+            .unwrap();
+        metrics.append(30, &[("kl", f64::INFINITY)]).unwrap();
+        assert_eq!(
+            fs::read_to_string(&path).unwrap(),
+            "{\"step\":10,\"score\":0.1,\"kl\":null}\n\
+             {\"step\":20,\"score\":-2.5e-9,\"kl\":3.0}\n\
+             {\"step\":30,\"kl\":null}\n"
+        );
+        let lines = read_metrics(&path).unwrap();
+        assert_eq!(curve(&lines, "score"), [(10, 0.1), (20, -2.5e-9)]);
+        assert_eq!(curve(&lines, "kl"), [(20, 3.0)]);
+        assert_eq!(curve(&lines, "other"), []);
+    }
+
+    #[test]
+    fn resumed_file_equals_an_uninterrupted_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let [whole, broken] = ["whole", "broken"].map(|name| folder.path().join(name));
+        let value = |step: u64| 1.0 / (1.0 + step as f64);
+        let mut metrics = MetricsWriter::create(&whole).unwrap();
+        for step in 0..9 {
+            metrics.append(step, &[("a", value(step))]).unwrap();
+        }
+
+        let mut metrics = MetricsWriter::create(&broken).unwrap();
+        for step in 0..4 {
+            metrics.append(step, &[("a", value(step))]).unwrap();
+        }
+        let known = metrics.sync().unwrap();
+        metrics.append(4, &[("a", 99.0)]).unwrap();
+        let mut metrics = MetricsWriter::resume(&broken, known).unwrap();
+        for step in 4..9 {
+            metrics.append(step, &[("a", value(step))]).unwrap();
+        }
+        assert_eq!(fs::read(&broken).unwrap(), fs::read(&whole).unwrap());
+    }
+
+    #[test]
+    fn damaged_line_is_located_and_unfinished_one_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("metrics.jsonl");
+        fs::write(&path, "{\"step\":1,\"a\":1.0}\n{\"step\":2,\"a\":").unwrap();
+        assert_eq!(read_metrics(&path).unwrap().len(), 1);
+        fs::write(&path, "{\"step\":1,\"a\":1.0}\n{\"step\":2,\"a\":\n").unwrap();
+        let error = read_metrics(&path).unwrap_err().to_string();
+        assert!(
+            error.ends_with("metrics.jsonl, line 2: not a line of metrics"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    #[should_panic(expected = "metric `step` would appear twice")]
+    fn metric_called_step_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut metrics = MetricsWriter::create(&folder.path().join("m")).unwrap();
+        let _ = metrics.append(1, &[("step", 1.0)]);
+    }
+}
