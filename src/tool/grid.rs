@@ -183,3 +183,186 @@ impl DistanceGrid {
         ]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{Purpose, Stream};
+    use crate::tool::{GridConfig, Hemisphere, Plate, Shape, Tool};
+
+    fn tool(shape: Shape, spacing_mm: f64) -> Tool {
+        let grid = GridConfig {
+            spacing_mm,
+            margin_mm: 30.0,
+        };
+        Tool::from_mesh(shape.mesh().unwrap(), &grid).unwrap()
+    }
+
+    /// Points in a box that reaches `beyond` [m] out of the grid.
+    fn points(grid: &DistanceGrid, beyond: f64, count: usize) -> Vec<[f64; 3]> {
+        let mut stream = Stream::new(3, Purpose::Evaluation, 0);
+        let low = grid.origin() - Vec3::repeat(beyond);
+        let size = grid.end() - grid.origin() + Vec3::repeat(2.0 * beyond);
+        (0..count)
+            .map(|_| std::array::from_fn(|a| low[a] + size[a] * stream.uniform()))
+            .collect()
+    }
+
+    #[test]
+    fn plane_is_exact() {
+        let grid = tool(Shape::Plate(Plate::default()), 4.0).grid;
+        for z in [-0.009, -0.001, 0.0, 0.0123, 0.029] {
+            let (phi, grad) = grid.sample([0.0123, -0.0456, z]);
+            assert!((phi - z).abs() < 1e-8, "{phi} at {z}");
+            assert!((Vec3::from(grad) - Vec3::z()).norm() < 1e-5, "{grad:?}");
+        }
+    }
+
+    #[test]
+    fn box_outside_and_inside() {
+        let grid = tool(Shape::Plate(Plate::default()), 2.0).grid;
+        // Beside the middle of an edge, above a vertical edge's end, and in the middle.
+        let diagonal = (0.02_f64.powi(2) + 0.02_f64.powi(2)).sqrt();
+        for (x, exact, tolerance) in [
+            ([0.26, 0.0, -0.01], 0.02, 1e-6),
+            ([0.26, 0.0, 0.02], diagonal, 2e-5),
+            ([0.0, 0.0, -0.0101], -0.0099, 1e-4),
+        ] {
+            let (phi, _) = grid.sample(x);
+            assert!(
+                (phi - exact).abs() < tolerance,
+                "{phi} for {exact} at {x:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn sphere_converges_at_second_order() {
+        // A mesh fine enough for its facets (0.004 mm off the sphere) not to matter.
+        let shape = Hemisphere {
+            radius_mm: 75.0,
+            segment_count: 512,
+            ring_count: 128,
+            plate_mm: [200.0, 200.0],
+            ..Hemisphere::default()
+        };
+        let errors = [8.0, 4.0].map(|spacing_mm| {
+            let grid = tool(Shape::Hemisphere(shape.clone()), spacing_mm).grid;
+            let mut stream = Stream::new(9, Purpose::Evaluation, 0);
+            let (mut worst_phi, mut worst_normal) = (0.0_f64, 0.0_f64);
+            for _ in 0..2000 {
+                // Within 60 degrees of the pole, the plate is farther away.
+                let (cos, turn) = (0.5 + 0.5 * stream.uniform(), 6.28 * stream.uniform());
+                let sin = (1.0 - cos * cos).sqrt();
+                let n = Vec3::new(sin * turn.cos(), sin * turn.sin(), cos);
+                let phi = 0.01 * (2.0 * stream.uniform() - 1.0);
+                let x = (n * (0.075 + phi)).into();
+                worst_phi = worst_phi.max((grid.sample(x).0 - phi).abs());
+                worst_normal = worst_normal.max((Vec3::from(grid.normal(x)) - n).norm());
+            }
+            (worst_phi, worst_normal)
+        });
+        let [coarse, fine] = errors;
+        println!("{errors:?}");
+        // Distance: order 2; its gradient: order 1.
+        assert!(fine.0 < 0.3 * coarse.0 && fine.0 < 4e-5, "{errors:?}");
+        assert!(fine.1 < 0.6 * coarse.1 && fine.1 < 0.04, "{errors:?}");
+    }
+
+    #[test]
+    fn gradient_is_that_of_the_value() {
+        let grid = tool(Shape::default(), 6.0).grid;
+        let step = 1e-7;
+        let mut compared = 0;
+        for x in points(&grid, 0.2, 2000) {
+            // Differences across a cell face or the border of the box mean nothing.
+            let is_smooth = (0..3).all(|a| {
+                let u = (x[a] - grid.origin()[a]) / grid.spacing();
+                (u - u.round()).abs() > 1e-3
+            });
+            if !is_smooth {
+                continue;
+            }
+            compared += 1;
+            let (_, grad) = grid.sample(x);
+            for a in 0..3 {
+                let [mut ahead, mut behind] = [x, x];
+                ahead[a] += step;
+                behind[a] -= step;
+                let slope = (grid.sample(ahead).0 - grid.sample(behind).0) / (2.0 * step);
+                assert!(
+                    (slope - grad[a]).abs() < 1e-6,
+                    "{slope} for {grad:?} at {x:?}"
+                );
+            }
+        }
+        assert!(compared > 1900);
+    }
+
+    #[test]
+    fn far_points_are_bounded_from_above_and_never_nan() {
+        let tool = tool(Shape::default(), 8.0);
+        for x in points(&tool.grid, 1.0, 500) {
+            let (phi, grad) = tool.grid.sample(x);
+            let exact = tool.surface.signed_distance(x.into());
+            // 8 mm cells: a few millimetres of interpolation error at sharp edges.
+            assert!(
+                phi > exact - 4e-3 && phi < exact + 0.35,
+                "{phi} for {exact}"
+            );
+            assert!(Vec3::from(grad).norm() < 2.0);
+        }
+        for huge in [1e3, 1e9, 1e38, f64::MAX, f64::INFINITY] {
+            for x in [[huge, 0.0, 0.0], [-huge, huge, -huge], [0.0, 0.0, -huge]] {
+                let (phi, grad) = tool.grid.sample(x);
+                assert!(phi.is_finite() && phi > 900.0, "{phi} at {x:?}");
+                assert!(grad.iter().all(|g| g.is_finite()));
+                let (phi, grad) = tool.grid.sample_f32(x.map(|c| c as f32));
+                assert!(phi.is_finite() && grad.iter().all(|g| g.is_finite()));
+                assert!((Vec3::from(tool.grid.normal(x)).norm() - 1.0).abs() < 1e-12);
+            }
+        }
+        assert!(tool.grid.sample([f64::NAN, 0.0, 0.0]).0.is_nan());
+    }
+
+    #[test]
+    fn same_bits_for_any_number_of_threads() {
+        let build = |threads| {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap()
+                .install(|| tool(Shape::default(), 10.0).grid)
+        };
+        let one = build(1);
+        for threads in [2, 7] {
+            let many = build(threads);
+            let bits = |grid: &DistanceGrid| -> Vec<u32> {
+                grid.samples().iter().map(|s| s.to_bits()).collect()
+            };
+            assert!(bits(&one) == bits(&many));
+        }
+    }
+
+    #[test]
+    fn too_fine_a_grid_is_refused() {
+        let error = |spacing_mm| {
+            let grid = GridConfig {
+                spacing_mm,
+                margin_mm: 30.0,
+            };
+            Tool::from_mesh(Shape::default().mesh().unwrap(), &grid).err()
+        };
+        assert_eq!(
+            error(0.5).unwrap().to_string(),
+            "a grid of 1081 x 1001 x 277 nodes at spacing 0.5 mm is too large, expected at most \
+             67108864 nodes; increase grid.spacing_mm"
+        );
+        for spacing_mm in [1e-300, 0.0, -1.0, f64::NAN] {
+            assert!(matches!(
+                error(spacing_mm),
+                Some(ToolError::GridTooLarge { .. })
+            ));
+        }
+    }
+}

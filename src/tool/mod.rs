@@ -5,6 +5,7 @@
 //! interpolates. Both see the mesh as the boundary of a solid; an open mesh becomes one by
 //! extending its border downwards.
 
+mod accuracy;
 mod grid;
 mod patch;
 mod shapes;
@@ -15,6 +16,7 @@ use std::path::PathBuf;
 use nalgebra::Rotation3;
 use serde::{Deserialize, Serialize};
 
+pub use accuracy::{ErrorSummary, GridError};
 pub use grid::DistanceGrid;
 pub use shapes::{Cylinder, DoubleDome, Hemisphere, Incline, Plate, Rib, Shape};
 pub use surface::{Surface, SurfacePoint};
