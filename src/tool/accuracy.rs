@@ -137,10 +137,14 @@ mod tests {
                     let x = Vec3::new(x, y, top + NEAR * (2.0 * halton(i, 5) - 1.0));
                     (tool.grid.sample(x.into()).0 - tool.surface.signed_distance(x)).abs()
                 })
-                .fold(0.0, f64::max)
+                .reduce(f64::max)
+                .unwrap()
         };
-        let errors = [6.0, 4.0, 3.0].map(worst);
-        println!("{errors:?}");
+        let (coarse, fine) = (worst(6.0), worst(4.0));
+        assert!(
+            fine < 0.5 * coarse && fine < 1.5e-4,
+            "{fine} after {coarse}"
+        );
     }
 
     #[test]

@@ -8,9 +8,6 @@ use super::surface::{Surface, winding};
 /// Most nodes of a grid: 256 MiB of samples.
 const MAX_NODES: usize = 64 << 20;
 
-/// Beyond this [m], coordinates are clamped, so that their squares stay finite in f32.
-const HORIZON: f64 = 1e15;
-
 /// Signed distance to a tool on a regular grid [m], negative inside.
 ///
 /// Samples are exact at the nodes but for rounding to f32. Between them the trilinear
@@ -64,13 +61,13 @@ impl DistanceGrid {
             .enumerate()
             .for_each(|(row, samples)| {
                 let (j, k) = (row % dims[1], row / dims[1]);
-                // Distance changes by at most the way gone, so that the node before bounds
-                // the search for the next one; without, building takes three times as long.
-                let mut bound = f64::MAX;
+                // What was nearest to the node before bounds the search for the next one.
+                let mut near = None;
                 for (i, sample) in samples.iter_mut().enumerate() {
                     let x = node(i, j, k);
-                    let distance = surface.distance(x, bound);
-                    bound = distance + 1.001 * spacing;
+                    let bound = near.map_or(f64::MAX, |p: Vec3| (p - x).norm() * (1.0 + 1e-9));
+                    let (distance, point) = surface.nearest(x, bound);
+                    near = Some(point);
                     let inside = winding(&columns[j * dims[0] + i], x.z) > 0;
                     *sample = if inside { -distance } else { distance } as f32;
                 }
@@ -104,56 +101,6 @@ impl DistanceGrid {
         self.origin + Vec3::new(x, y, z) * self.spacing
     }
 
-    /// Signed distance [m] at `x` [m] and its gradient, by trilinear interpolation.
-    ///
-    /// Beyond the box: the value at the nearest point of the box plus the distance to that
-    /// point (never too small, by the triangle inequality), and the gradient of just that.
-    /// Continuous everywhere; finite for all numbers. NaN in gives NaN out.
-    pub fn sample(&self, x: [f64; 3]) -> (f64, [f64; 3]) {
-        let mut cell = [0; 3];
-        let mut t = [0.0; 3];
-        let mut beyond = [0.0; 3];
-        for a in 0..3 {
-            let offset = x[a].clamp(-HORIZON, HORIZON) - self.origin[a];
-            let last = (self.dims[a] - 1) as f64;
-            let u = (offset / self.spacing).clamp(0.0, last);
-            let below = u.min(last - 1.0).floor();
-            cell[a] = below as usize;
-            t[a] = u - below;
-            beyond[a] = offset - offset.clamp(0.0, last * self.spacing);
-        }
-        let v = self.corners(cell).map(f64::from);
-        let lerp = |a: f64, b: f64, t: f64| a + (b - a) * t;
-        // Along x on the four edges, then along y on the two faces, then along z.
-        let e = [0, 2, 4, 6].map(|i| lerp(v[i], v[i + 1], t[0]));
-        let f = [lerp(e[0], e[1], t[1]), lerp(e[2], e[3], t[1])];
-        let d = [0, 2, 4, 6].map(|i| v[i + 1] - v[i]);
-        let mut phi = lerp(f[0], f[1], t[2]);
-        let mut grad = [
-            lerp(lerp(d[0], d[1], t[1]), lerp(d[2], d[3], t[1]), t[2]) / self.spacing,
-            lerp(e[1] - e[0], e[3] - e[2], t[2]) / self.spacing,
-            (f[1] - f[0]) / self.spacing,
-        ];
-        let distance = beyond.iter().map(|b| b * b).sum::<f64>().sqrt();
-        if distance > 0.0 {
-            phi += distance;
-            for a in 0..3 {
-                if beyond[a] != 0.0 {
-                    grad[a] = beyond[a] / distance;
-                }
-            }
-        }
-        (phi, grad)
-    }
-
-    /// [`Self::sample`] in single precision: the solver's variant. Agrees with it to about
-    /// 1e-7 m within a metre of the tool.
-    #[inline]
-    pub fn sample_f32(&self, x: [f32; 3]) -> (f32, [f32; 3]) {
-        let (phi, grad) = self.sample(x.map(f64::from));
-        (phi as f32, grad.map(|g| g as f32))
-    }
-
     /// Unit gradient at `x` [m]: the outward direction. Upwards (+z) where the gradient
     /// vanishes.
     pub fn normal(&self, x: [f64; 3]) -> [f64; 3] {
@@ -169,8 +116,7 @@ impl DistanceGrid {
     fn corners(&self, [i, j, k]: [usize; 3]) -> [f32; 8] {
         let row = self.dims[0];
         let layer = row * self.dims[1];
-        let first = k * layer + j * row + i;
-        let s = &self.samples[first..][..layer + row + 2];
+        let s = &self.samples[k * layer + j * row + i..][..layer + row + 2];
         [
             s[0],
             s[1],
@@ -184,8 +130,74 @@ impl DistanceGrid {
     }
 }
 
+/// Implements sampling in one precision.
+macro_rules! impl_sample {
+    ($(#[$doc:meta])* $name:ident, $float:ty) => {
+        impl DistanceGrid {
+            $(#[$doc])*
+            #[inline]
+            pub fn $name(&self, x: [$float; 3]) -> ($float, [$float; 3]) {
+                const HORIZON: $float = 1e15;
+                let spacing = self.spacing as $float;
+                let mut cell = [0; 3];
+                let mut t = [0.0; 3];
+                let mut beyond = [0.0; 3];
+                for a in 0..3 {
+                    let offset = x[a].clamp(-HORIZON, HORIZON) - self.origin[a] as $float;
+                    let last = (self.dims[a] - 1) as $float;
+                    let u = (offset / spacing).clamp(0.0, last);
+                    // Rounds down (u is not negative), and takes NaN to 0.
+                    cell[a] = (u as u32 as usize).min(self.dims[a] - 2);
+                    t[a] = u - cell[a] as $float;
+                    beyond[a] = offset - offset.clamp(0.0, last * spacing);
+                }
+                let v = self.corners(cell).map(<$float>::from);
+                let lerp = |a: $float, b: $float, t: $float| a + (b - a) * t;
+                // Along x on four edges, then along y on two faces, then along z.
+                let d = [0, 2, 4, 6].map(|i| v[i + 1] - v[i]);
+                let e = [0, 1, 2, 3].map(|i| v[2 * i] + d[i] * t[0]);
+                let f = [lerp(e[0], e[1], t[1]), lerp(e[2], e[3], t[1])];
+                let mut phi = lerp(f[0], f[1], t[2]);
+                let mut grad = [
+                    lerp(lerp(d[0], d[1], t[1]), lerp(d[2], d[3], t[1]), t[2]) / spacing,
+                    lerp(e[1] - e[0], e[3] - e[2], t[2]) / spacing,
+                    (f[1] - f[0]) / spacing,
+                ];
+                if beyond != [0.0; 3] {
+                    let distance = beyond.iter().map(|b| b * b).sum::<$float>().sqrt();
+                    phi += distance;
+                    for a in 0..3 {
+                        if beyond[a] != 0.0 {
+                            grad[a] = beyond[a] / distance;
+                        }
+                    }
+                }
+                (phi, grad)
+            }
+        }
+    };
+}
+
+impl_sample! {
+    /// Signed distance [m] at `x` [m] and its gradient, by trilinear interpolation.
+    ///
+    /// Beyond the box: the value at the nearest point of the box plus the distance to that
+    /// point (never too small, by the triangle inequality), and the gradient of just that.
+    /// Continuous; finite for all numbers (coordinates beyond 1e15 m are clamped, so that
+    /// their squares are finite). NaN in gives NaN out.
+    sample, f64
+}
+
+impl_sample! {
+    /// [`Self::sample`] in single precision, for the solver. Differs from it by about 1e-7 m
+    /// within a metre of the tool.
+    sample_f32, f32
+}
+
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
     use crate::math::{Purpose, Stream};
     use crate::tool::{GridConfig, Hemisphere, Plate, Shape, Tool};
@@ -220,12 +232,12 @@ mod tests {
 
     #[test]
     fn box_outside_and_inside() {
-        let grid = tool(Shape::Plate(Plate::default()), 2.0).grid;
+        let grid = tool(Shape::Plate(Plate::default()), 4.0).grid;
         // Beside the middle of an edge, above a vertical edge's end, and in the middle.
         let diagonal = (0.02_f64.powi(2) + 0.02_f64.powi(2)).sqrt();
         for (x, exact, tolerance) in [
             ([0.26, 0.0, -0.01], 0.02, 1e-6),
-            ([0.26, 0.0, 0.02], diagonal, 2e-5),
+            ([0.26, 0.0, 0.02], diagonal, 1e-4),
             ([0.0, 0.0, -0.0101], -0.0099, 1e-4),
         ] {
             let (phi, _) = grid.sample(x);
@@ -252,7 +264,7 @@ mod tests {
             let (mut worst_phi, mut worst_normal) = (0.0_f64, 0.0_f64);
             for _ in 0..2000 {
                 // Within 60 degrees of the pole, the plate is farther away.
-                let (cos, turn) = (0.5 + 0.5 * stream.uniform(), 6.28 * stream.uniform());
+                let (cos, turn) = (0.5 + 0.5 * stream.uniform(), TAU * stream.uniform());
                 let sin = (1.0 - cos * cos).sqrt();
                 let n = Vec3::new(sin * turn.cos(), sin * turn.sin(), cos);
                 let phi = 0.01 * (2.0 * stream.uniform() - 1.0);
@@ -266,6 +278,26 @@ mod tests {
         // Distance: order 2, and h²/8 · 2/R = 0.06 mm at 4 mm; its gradient: order 1.
         assert!(fine.0 < 0.3 * coarse.0 && fine.0 < 6.5e-5, "{errors:?}");
         assert!(fine.1 < 0.6 * coarse.1 && fine.1 < 0.045, "{errors:?}");
+    }
+
+    #[test]
+    fn single_precision_agrees() {
+        let grid = tool(Shape::default(), 6.0).grid;
+        for x in points(&grid, 0.2, 2000) {
+            let x = x.map(|c| c as f32);
+            let (phi, grad) = grid.sample(x.map(f64::from));
+            let (phi_f32, grad_f32) = grid.sample_f32(x);
+            assert!(
+                (f64::from(phi_f32) - phi).abs() < 2e-7,
+                "{phi_f32} for {phi}"
+            );
+            for (a, b) in grad_f32.iter().zip(grad) {
+                assert!(
+                    (f64::from(*a) - b).abs() < 1e-3,
+                    "{grad_f32:?} for {grad:?}"
+                );
+            }
+        }
     }
 
     #[test]

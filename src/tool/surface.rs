@@ -1,5 +1,6 @@
 use parry3d_f64::math::Vector;
-use parry3d_f64::query::{PointProjection, PointQueryWithLocation};
+use parry3d_f64::partitioning::BvhNode;
+use parry3d_f64::query::PointQueryWithLocation;
 use parry3d_f64::shape;
 
 use crate::math::Vec3;
@@ -63,7 +64,7 @@ impl Surface {
 
     /// Signed distance [m], negative inside the solid, at the point `x` [m].
     pub fn signed_distance(&self, x: Vec3) -> f64 {
-        let distance = self.distance(x, f64::MAX);
+        let (distance, _) = self.nearest(x, f64::MAX);
         let inside = winding(&self.crossings(x.x, x.y), x.z) > 0;
         if inside { -distance } else { distance }
     }
@@ -85,31 +86,29 @@ impl Surface {
         }
     }
 
-    /// Distance [m] to the boundary of the solid, given that it is less than `bound` [m].
-    /// A bound that does not hold costs time, nothing else.
-    pub(super) fn distance(&self, x: Vec3, bound: f64) -> f64 {
-        let x = to_parry(&x);
+    /// The nearest point of the solid's boundary and its distance [m], which is expected to
+    /// be less than `bound` [m]. A bound that does not hold costs time, nothing else.
+    pub(super) fn nearest(&self, x: Vec3, bound: f64) -> (f64, Vec3) {
+        let target = to_parry(&x);
         let within = |mesh: &shape::TriMesh, bound: f64| {
-            mesh.project_local_point_and_get_location_with_max_dist(x, false, bound)
-                .map(|(nearest, _): (PointProjection, _)| (nearest.point - x).length())
+            mesh.project_local_point_and_get_location_with_max_dist(target, false, bound)
+                .map(|(nearest, _)| ((nearest.point - target).length(), nearest.point))
         };
-        let facets = within(&self.facets, bound);
-        let walls = self
-            .walls
-            .as_ref()
-            .and_then(|walls| within(walls, facets.unwrap_or(bound)));
-        match walls.or(facets) {
-            Some(distance) => distance,
-            None if bound < f64::MAX => self.distance(from_parry(x), f64::MAX),
+        let facet = within(&self.facets, bound);
+        let closer = facet.map_or(bound, |(distance, _)| distance);
+        let wall = self.walls.as_ref().and_then(|walls| within(walls, closer));
+        match wall.or(facet) {
+            Some((distance, point)) => (distance, from_parry(point)),
+            None if bound < f64::MAX => self.nearest(x, f64::MAX),
             // Only for coordinates that are not finite.
-            None => f64::INFINITY,
+            None => (f64::INFINITY, x),
         }
     }
 
     /// Where the vertical line through (`x`, `y`) meets the facets: heights [m], ascending,
     /// with +1 for a facet that faces up and −1 for one that faces down.
     pub(super) fn crossings(&self, x: f64, y: f64) -> Vec<(f64, i32)> {
-        let on_line = |node: &parry3d_f64::partitioning::BvhNode| {
+        let on_line = |node: &BvhNode| {
             let (low, high) = (node.mins(), node.maxs());
             low.x <= x && x <= high.x && low.y <= y && y <= high.y
         };
@@ -255,9 +254,9 @@ mod tests {
         let mesh = Shape::default().mesh().unwrap();
         let surface = Surface::new(&mesh).unwrap();
         let x = Vec3::new(0.01, 0.05, 0.09);
-        let distance = surface.distance(x, f64::MAX);
+        let (distance, _) = surface.nearest(x, f64::MAX);
         for bound in [1.0, distance * 1.001, distance, distance * 0.5, 0.0] {
-            assert_eq!(surface.distance(x, bound), distance);
+            assert_eq!(surface.nearest(x, bound).0, distance);
         }
     }
 
