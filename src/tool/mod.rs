@@ -91,6 +91,7 @@ fn millimetre() -> f64 {
 }
 
 /// A rigid tool at its place, with everything that contact and export ask of it.
+#[derive(Clone, Debug)]
 pub struct Tool {
     /// Facing outwards (upwards if open).
     pub mesh: TriMesh,

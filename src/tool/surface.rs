@@ -26,6 +26,7 @@ const CLOSURE_DEFECT: f64 = 1e-3;
 ///
 /// Does not model: an undercut open mesh whose border lies below other parts of itself (the
 /// extension then cuts through what is there).
+#[derive(Clone, Debug)]
 pub struct Surface {
     facets: shape::TriMesh,
     /// Downward extension of the border; absent for a closed mesh.
