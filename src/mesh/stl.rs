@@ -170,7 +170,7 @@ fn parse(bytes: &[u8], scale: f64) -> Result<Stl, StlFault> {
 }
 
 /// Begins with `word` and holds no control characters (at first) but white space. A binary
-/// file that is not empty never passes: its facet count has a zero byte, or 16 million.
+/// file that is not empty never passes: its facet count has a byte below 9, or says 150 million.
 fn is_text(bytes: &[u8], word: &[u8]) -> bool {
     let start = bytes.trim_ascii_start().get(..word.len());
     start.is_some_and(|start| start.eq_ignore_ascii_case(word))
