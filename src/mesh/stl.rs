@@ -170,7 +170,7 @@ fn parse(bytes: &[u8], scale: f64) -> Result<Stl, StlFault> {
 }
 
 /// Begins with `word` and holds no control characters (at first) but white space. A binary
-/// file that is not empty never passes: its facet count has a zero byte, or 16 million.
+/// file that is not empty never passes: its facet count has a byte below 9, or says 150 million.
 fn is_text(bytes: &[u8], word: &[u8]) -> bool {
     let start = bytes.trim_ascii_start().get(..word.len());
     start.is_some_and(|start| start.eq_ignore_ascii_case(word))
@@ -353,5 +353,190 @@ impl Welder {
         self.vertices.push(corner);
         self.cells.insert(cell.into(), index);
         index
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A tetrahedron with legs of 1 mm.
+    fn tetrahedron() -> TriMesh {
+        let mm = 1e-3;
+        TriMesh {
+            vertices: vec![
+                Vec3::zeros(),
+                Vec3::x() * mm,
+                Vec3::y() * mm,
+                Vec3::z() * mm,
+            ],
+            triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        }
+    }
+
+    fn text(mesh: &TriMesh) -> String {
+        let mut text = String::from("solid a facet of vertex\n");
+        for t in 0..mesh.triangles.len() {
+            text += " facet normal 0 0 nan\n  outer loop\n";
+            for c in mesh.corners(t) {
+                text += &format!("   vertex {:e} {} {}\n", c.x * 1e3, c.y * 1e3, c.z * 1e3);
+            }
+            text += "  endloop\n endfacet\n";
+        }
+        text + "endsolid a facet of vertex\n"
+    }
+
+    fn fault(bytes: &[u8]) -> String {
+        parse(bytes, 1.0).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn binary_and_text_come_back_as_they_were() {
+        let mesh = tetrahedron();
+        let mut binary = to_stl_bytes(&mesh, "tetrahedron");
+        assert_eq!(binary.len(), 284);
+        assert!(binary.starts_with(b"drape: tetrahedron\0"));
+        let upper = text(&mesh).to_ascii_uppercase().replace("NAN", "nan");
+        let windows = text(&mesh).replace('\n', "\r\n");
+        // Vertices are numbered as the file names them.
+        let order = [0, 2, 1, 3];
+        let welded = |bytes: &[u8]| {
+            let stl = parse(bytes, 1e-3).unwrap();
+            assert_eq!(stl.dropped_facet_count, 0);
+            assert_eq!(stl.mesh.triangles[0], [0, 1, 2]);
+            for (v, &i) in stl.mesh.vertices.iter().zip(&order) {
+                assert!((v - mesh.vertices[i]).norm() < 1e-12);
+            }
+            assert_eq!(stl.mesh.vertices.len(), 4);
+            assert!((stl.mesh.signed_volume() * 6e9 - 1.0).abs() < 1e-6);
+        };
+        welded(&binary);
+        for text in [text(&mesh), upper, windows] {
+            welded(text.as_bytes());
+        }
+        // A header that pretends to be text, and bytes after the end.
+        binary[..6].copy_from_slice(b"solid ");
+        welded(&binary);
+        binary.extend(b"colour table");
+        welded(&binary);
+    }
+
+    #[test]
+    fn every_truncation_is_an_error() {
+        let mesh = tetrahedron();
+        let binary = to_stl_bytes(&mesh, "tetrahedron");
+        for end in 0..binary.len() {
+            assert!(parse(&binary[..end], 1.0).is_err(), "{end}");
+        }
+        let text = text(&mesh);
+        let complete = text.find("endsolid").unwrap() + "endsolid".len();
+        for end in 0..complete {
+            assert!(parse(&text.as_bytes()[..end], 1.0).is_err(), "{end}");
+        }
+        assert_eq!(fault(&binary[..200]), "truncated after facet 2 of 4");
+        let cut = text.match_indices("vertex").nth(7).unwrap().0;
+        assert_eq!(
+            fault(&text.as_bytes()[..cut]),
+            "truncated after facet 2, endsolid is missing"
+        );
+    }
+
+    #[test]
+    fn every_damaged_byte_is_survived() {
+        let mesh = tetrahedron();
+        for bytes in [to_stl_bytes(&mesh, "tetrahedron"), text(&mesh).into_bytes()] {
+            for i in 0..bytes.len() {
+                for value in [0, b' ', b'e', 0x7f, 0xff] {
+                    let mut damaged = bytes.clone();
+                    damaged[i] = value;
+                    // Either an error or a mesh whose indices are valid.
+                    if let Ok(stl) = parse(&damaged, 1e-3) {
+                        let count = stl.mesh.vertices.len() as u32;
+                        assert!(stl.mesh.triangles.iter().flatten().all(|&v| v < count));
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn faults_are_located() {
+        let mesh = tetrahedron();
+        let mut binary = to_stl_bytes(&mesh, "tetrahedron");
+        // The x of the second corner of facet 3.
+        let at = HEADER + 2 * FACET + 24;
+        binary[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+        assert_eq!(fault(&binary), "facet 3 has a non-finite coordinate");
+        // A count of 4 billion neither allocates nor passes.
+        binary[80..84].fill(0xff);
+        assert_eq!(fault(&binary), "truncated after facet 4 of 4294967295");
+        binary[80..84].fill(0);
+        assert_eq!(fault(&binary[..HEADER]), "no facets");
+
+        let text = text(&mesh);
+        assert_eq!(
+            fault(text.replacen("outer", "inner", 1).as_bytes()),
+            "line 3: expected outer, found \"inner\""
+        );
+        assert_eq!(
+            fault(text.replacen("0e0", "0,0", 1).as_bytes()),
+            "line 4: expected a number, found \"0,0\""
+        );
+        assert_eq!(
+            fault(text.replacen("0e0", "inf", 1).as_bytes()),
+            "facet 1 has a non-finite coordinate"
+        );
+        assert_eq!(fault(b"solid nothing\nendsolid nothing"), "no facets");
+        assert_eq!(fault(b""), "file is empty");
+        let prose = "It was a dark and stormy night. ".repeat(20);
+        for bytes in [prose.as_bytes(), b"x", &[0; 40]] {
+            assert_eq!(fault(bytes), "neither a binary nor an ASCII STL file");
+        }
+    }
+
+    #[test]
+    fn near_corners_are_welded_and_flat_facets_dropped() {
+        let mut mesh = tetrahedron();
+        // A second copy of each facet's corners, off by less than the tolerance of 1.7 nm.
+        let corners: Vec<Facet> = (0..4)
+            .map(|t| mesh.corners(t).map(|c| c.add_scalar(5e-10 * t as f64)))
+            .collect();
+        let stl = weld(&corners).unwrap();
+        assert_eq!(stl.mesh.vertices.len(), 4);
+        assert!(crate::mesh::Topology::new(&stl.mesh).is_closed());
+
+        // One facet with two equal corners, and one whose corners lie on a line.
+        mesh.vertices.push(Vec3::x() * 5e-4);
+        mesh.triangles.extend([[0, 0, 1], [0, 4, 1]]);
+        let stl = parse(&to_stl_bytes(&mesh, ""), 1e-3).unwrap();
+        assert_eq!(stl.dropped_facet_count, 2);
+        assert_eq!(stl.mesh.triangles.len(), 4);
+        mesh.triangles.drain(..4);
+        assert_eq!(
+            fault(&to_stl_bytes(&mesh, "")),
+            "all 2 facets have zero area"
+        );
+    }
+
+    #[test]
+    fn files_are_written_whole_and_errors_name_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("punch.stl");
+        fs::write(&path, "an older file").unwrap();
+        let mesh = tetrahedron();
+        write_stl(&path, &mesh, "punch").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), to_stl_bytes(&mesh, "punch"));
+        assert_eq!(read_stl(&path, 1e-3).unwrap().mesh.vertices.len(), 4);
+        // Nothing else is left behind.
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+
+        let missing = folder.path().join("missing/punch.stl");
+        let error = read_stl(&missing, 1.0).unwrap_err().to_string();
+        assert_eq!(error, format!("cannot read {}", missing.display()));
+        let error = write_stl(&missing, &mesh, "").unwrap_err().to_string();
+        assert_eq!(error, format!("cannot write {}", missing.display()));
+        fs::write(&path, "").unwrap();
+        let error = read_stl(&path, 1.0).unwrap_err().to_string();
+        assert_eq!(error, format!("{}: file is empty", path.display()));
     }
 }

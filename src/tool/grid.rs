@@ -8,15 +8,12 @@ use super::surface::{Surface, winding};
 /// Most nodes of a grid: 256 MiB of samples.
 const MAX_NODES: usize = 64 << 20;
 
-/// Beyond this [m], coordinates are clamped, so that their squares stay finite in f32.
-const HORIZON: f64 = 1e15;
-
 /// Signed distance to a tool on a regular grid [m], negative inside.
 ///
 /// Samples are exact at the nodes but for rounding to f32. Between them the trilinear
-/// interpolant errs by up to h²/8 times the distance's second derivatives (1/8 · 16 mm² /
-/// 50 mm = 0.04 mm at spacing h = 4 mm beside a radius of 50 mm), and by up to about h/2
-/// at sharp edges and where two parts of the tool are equally near.
+/// interpolant errs by up to h²/8 times the sum of the surface's curvatures (0.04 mm beside a
+/// cylinder of radius 50 mm at spacing h = 4 mm), and by up to about h/2 at sharp edges and
+/// where two parts of the tool are equally near. [`super::Tool::grid_error`] measures it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DistanceGrid {
     origin: Vec3,
@@ -64,13 +61,13 @@ impl DistanceGrid {
             .enumerate()
             .for_each(|(row, samples)| {
                 let (j, k) = (row % dims[1], row / dims[1]);
-                // Distance changes by at most the way gone, so that the node before bounds
-                // the search for the next one; without, building takes three times as long.
-                let mut bound = f64::MAX;
+                // What was nearest to the node before bounds the search for the next one.
+                let mut near = None;
                 for (i, sample) in samples.iter_mut().enumerate() {
                     let x = node(i, j, k);
-                    let distance = surface.distance(x, bound);
-                    bound = distance + 1.001 * spacing;
+                    let bound = near.map_or(f64::MAX, |p: Vec3| (p - x).norm() * (1.0 + 1e-9));
+                    let (distance, point) = surface.nearest(x, bound);
+                    near = Some(point);
                     let inside = winding(&columns[j * dims[0] + i], x.z) > 0;
                     *sample = if inside { -distance } else { distance } as f32;
                 }
@@ -104,56 +101,6 @@ impl DistanceGrid {
         self.origin + Vec3::new(x, y, z) * self.spacing
     }
 
-    /// Signed distance [m] at `x` [m] and its gradient, by trilinear interpolation.
-    ///
-    /// Beyond the box: the value at the nearest point of the box plus the distance to that
-    /// point (never too small, by the triangle inequality), and the gradient of just that.
-    /// Continuous everywhere; finite for all numbers. NaN in gives NaN out.
-    pub fn sample(&self, x: [f64; 3]) -> (f64, [f64; 3]) {
-        let mut cell = [0; 3];
-        let mut t = [0.0; 3];
-        let mut beyond = [0.0; 3];
-        for a in 0..3 {
-            let offset = x[a].clamp(-HORIZON, HORIZON) - self.origin[a];
-            let last = (self.dims[a] - 1) as f64;
-            let u = (offset / self.spacing).clamp(0.0, last);
-            let below = u.min(last - 1.0).floor();
-            cell[a] = below as usize;
-            t[a] = u - below;
-            beyond[a] = offset - offset.clamp(0.0, last * self.spacing);
-        }
-        let v = self.corners(cell).map(f64::from);
-        let lerp = |a: f64, b: f64, t: f64| a + (b - a) * t;
-        // Along x on the four edges, then along y on the two faces, then along z.
-        let e = [0, 2, 4, 6].map(|i| lerp(v[i], v[i + 1], t[0]));
-        let f = [lerp(e[0], e[1], t[1]), lerp(e[2], e[3], t[1])];
-        let d = [0, 2, 4, 6].map(|i| v[i + 1] - v[i]);
-        let mut phi = lerp(f[0], f[1], t[2]);
-        let mut grad = [
-            lerp(lerp(d[0], d[1], t[1]), lerp(d[2], d[3], t[1]), t[2]) / self.spacing,
-            lerp(e[1] - e[0], e[3] - e[2], t[2]) / self.spacing,
-            (f[1] - f[0]) / self.spacing,
-        ];
-        let distance = beyond.iter().map(|b| b * b).sum::<f64>().sqrt();
-        if distance > 0.0 {
-            phi += distance;
-            for a in 0..3 {
-                if beyond[a] != 0.0 {
-                    grad[a] = beyond[a] / distance;
-                }
-            }
-        }
-        (phi, grad)
-    }
-
-    /// [`Self::sample`] in single precision: the solver's variant. Agrees with it to about
-    /// 1e-7 m within a metre of the tool.
-    #[inline]
-    pub fn sample_f32(&self, x: [f32; 3]) -> (f32, [f32; 3]) {
-        let (phi, grad) = self.sample(x.map(f64::from));
-        (phi as f32, grad.map(|g| g as f32))
-    }
-
     /// Unit gradient at `x` [m]: the outward direction. Upwards (+z) where the gradient
     /// vanishes.
     pub fn normal(&self, x: [f64; 3]) -> [f64; 3] {
@@ -169,8 +116,7 @@ impl DistanceGrid {
     fn corners(&self, [i, j, k]: [usize; 3]) -> [f32; 8] {
         let row = self.dims[0];
         let layer = row * self.dims[1];
-        let first = k * layer + j * row + i;
-        let s = &self.samples[first..][..layer + row + 2];
+        let s = &self.samples[k * layer + j * row + i..][..layer + row + 2];
         [
             s[0],
             s[1],
@@ -181,5 +127,273 @@ impl DistanceGrid {
             s[layer + row],
             s[layer + row + 1],
         ]
+    }
+}
+
+/// Implements sampling in one precision.
+macro_rules! impl_sample {
+    ($(#[$doc:meta])* $name:ident, $float:ty) => {
+        impl DistanceGrid {
+            $(#[$doc])*
+            #[inline]
+            pub fn $name(&self, x: [$float; 3]) -> ($float, [$float; 3]) {
+                const HORIZON: $float = 1e15;
+                let spacing = self.spacing as $float;
+                let mut cell = [0; 3];
+                let mut t = [0.0; 3];
+                let mut beyond = [0.0; 3];
+                for a in 0..3 {
+                    let offset = x[a].clamp(-HORIZON, HORIZON) - self.origin[a] as $float;
+                    let last = (self.dims[a] - 1) as $float;
+                    let u = (offset / spacing).clamp(0.0, last);
+                    // Rounds down (u is not negative), and takes NaN to 0.
+                    cell[a] = (u as u32 as usize).min(self.dims[a] - 2);
+                    t[a] = u - cell[a] as $float;
+                    beyond[a] = offset - offset.clamp(0.0, last * spacing);
+                }
+                let v = self.corners(cell).map(<$float>::from);
+                let lerp = |a: $float, b: $float, t: $float| a + (b - a) * t;
+                // Along x on four edges, then along y on two faces, then along z.
+                let d = [0, 2, 4, 6].map(|i| v[i + 1] - v[i]);
+                let e = [0, 1, 2, 3].map(|i| v[2 * i] + d[i] * t[0]);
+                let f = [lerp(e[0], e[1], t[1]), lerp(e[2], e[3], t[1])];
+                let mut phi = lerp(f[0], f[1], t[2]);
+                let mut grad = [
+                    lerp(lerp(d[0], d[1], t[1]), lerp(d[2], d[3], t[1]), t[2]) / spacing,
+                    lerp(e[1] - e[0], e[3] - e[2], t[2]) / spacing,
+                    (f[1] - f[0]) / spacing,
+                ];
+                if beyond != [0.0; 3] {
+                    let distance = beyond.iter().map(|b| b * b).sum::<$float>().sqrt();
+                    phi += distance;
+                    for a in 0..3 {
+                        if beyond[a] != 0.0 {
+                            grad[a] = beyond[a] / distance;
+                        }
+                    }
+                }
+                (phi, grad)
+            }
+        }
+    };
+}
+
+impl_sample! {
+    /// Signed distance [m] at `x` [m] and its gradient, by trilinear interpolation.
+    ///
+    /// Beyond the box: the value at the nearest point of the box plus the distance to that
+    /// point (never too small, by the triangle inequality), and the gradient of just that.
+    /// Continuous; finite for all numbers (coordinates beyond 1e15 m are clamped, so that
+    /// their squares are finite). NaN in gives NaN out.
+    sample, f64
+}
+
+impl_sample! {
+    /// [`Self::sample`] in single precision, for the solver. Differs from it by about 1e-7 m
+    /// within a metre of the tool.
+    sample_f32, f32
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+    use crate::math::{Purpose, Stream};
+    use crate::tool::{GridConfig, Hemisphere, Plate, Shape, Tool};
+
+    fn tool(shape: Shape, spacing_mm: f64) -> Tool {
+        let grid = GridConfig {
+            spacing_mm,
+            margin_mm: 30.0,
+        };
+        Tool::from_mesh(shape.mesh().unwrap(), &grid).unwrap()
+    }
+
+    /// Points in a box that reaches `beyond` [m] out of the grid.
+    fn points(grid: &DistanceGrid, beyond: f64, count: usize) -> Vec<[f64; 3]> {
+        let mut stream = Stream::new(3, Purpose::Evaluation, 0);
+        let low = grid.origin() - Vec3::repeat(beyond);
+        let size = grid.end() - grid.origin() + Vec3::repeat(2.0 * beyond);
+        (0..count)
+            .map(|_| std::array::from_fn(|a| low[a] + size[a] * stream.uniform()))
+            .collect()
+    }
+
+    #[test]
+    fn plane_is_exact() {
+        let grid = tool(Shape::Plate(Plate::default()), 4.0).grid;
+        for z in [-0.009, -0.001, 0.0, 0.0123, 0.029] {
+            let (phi, grad) = grid.sample([0.0123, -0.0456, z]);
+            assert!((phi - z).abs() < 1e-8, "{phi} at {z}");
+            assert!((Vec3::from(grad) - Vec3::z()).norm() < 1e-5, "{grad:?}");
+        }
+    }
+
+    #[test]
+    fn box_outside_and_inside() {
+        let grid = tool(Shape::Plate(Plate::default()), 4.0).grid;
+        // Beside the middle of an edge, above a vertical edge's end, and in the middle.
+        let diagonal = (0.02_f64.powi(2) + 0.02_f64.powi(2)).sqrt();
+        for (x, exact, tolerance) in [
+            ([0.26, 0.0, -0.01], 0.02, 1e-6),
+            ([0.26, 0.0, 0.02], diagonal, 1e-4),
+            ([0.0, 0.0, -0.0101], -0.0099, 1e-4),
+        ] {
+            let (phi, _) = grid.sample(x);
+            assert!(
+                (phi - exact).abs() < tolerance,
+                "{phi} for {exact} at {x:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn sphere_converges_at_second_order() {
+        // A mesh fine enough for its facets (0.005 mm off the sphere) not to matter.
+        let shape = Hemisphere {
+            radius_mm: 75.0,
+            segment_count: 384,
+            ring_count: 96,
+            plate_mm: [200.0, 200.0],
+            ..Hemisphere::default()
+        };
+        let errors = [8.0, 4.0].map(|spacing_mm| {
+            let grid = tool(Shape::Hemisphere(shape.clone()), spacing_mm).grid;
+            let mut stream = Stream::new(9, Purpose::Evaluation, 0);
+            let (mut worst_phi, mut worst_normal) = (0.0_f64, 0.0_f64);
+            for _ in 0..2000 {
+                // Within 60 degrees of the pole, the plate is farther away.
+                let (cos, turn) = (0.5 + 0.5 * stream.uniform(), TAU * stream.uniform());
+                let sin = (1.0 - cos * cos).sqrt();
+                let n = Vec3::new(sin * turn.cos(), sin * turn.sin(), cos);
+                let phi = 0.01 * (2.0 * stream.uniform() - 1.0);
+                let x = (n * (0.075 + phi)).into();
+                worst_phi = worst_phi.max((grid.sample(x).0 - phi).abs());
+                worst_normal = worst_normal.max((Vec3::from(grid.normal(x)) - n).norm());
+            }
+            (worst_phi, worst_normal)
+        });
+        let [coarse, fine] = errors;
+        // Distance: order 2, and h²/8 · 2/R = 0.06 mm at 4 mm; its gradient: order 1.
+        assert!(fine.0 < 0.3 * coarse.0 && fine.0 < 6.5e-5, "{errors:?}");
+        assert!(fine.1 < 0.6 * coarse.1 && fine.1 < 0.045, "{errors:?}");
+    }
+
+    #[test]
+    fn single_precision_agrees() {
+        let grid = tool(Shape::default(), 6.0).grid;
+        for x in points(&grid, 0.2, 2000) {
+            let x = x.map(|c| c as f32);
+            let (phi, grad) = grid.sample(x.map(f64::from));
+            let (phi_f32, grad_f32) = grid.sample_f32(x);
+            assert!(
+                (f64::from(phi_f32) - phi).abs() < 2e-7,
+                "{phi_f32} for {phi}"
+            );
+            for (a, b) in grad_f32.iter().zip(grad) {
+                assert!(
+                    (f64::from(*a) - b).abs() < 1e-3,
+                    "{grad_f32:?} for {grad:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn gradient_is_that_of_the_value() {
+        let grid = tool(Shape::default(), 6.0).grid;
+        let step = 1e-7;
+        let mut compared = 0;
+        for x in points(&grid, 0.2, 2000) {
+            // Differences across a cell face or the border of the box mean nothing.
+            let is_smooth = (0..3).all(|a| {
+                let u = (x[a] - grid.origin()[a]) / grid.spacing();
+                (u - u.round()).abs() > 1e-3
+            });
+            if !is_smooth {
+                continue;
+            }
+            compared += 1;
+            let (_, grad) = grid.sample(x);
+            for a in 0..3 {
+                let [mut ahead, mut behind] = [x, x];
+                ahead[a] += step;
+                behind[a] -= step;
+                let slope = (grid.sample(ahead).0 - grid.sample(behind).0) / (2.0 * step);
+                assert!(
+                    (slope - grad[a]).abs() < 1e-6,
+                    "{slope} for {grad:?} at {x:?}"
+                );
+            }
+        }
+        assert!(compared > 1900);
+    }
+
+    #[test]
+    fn far_points_are_bounded_from_above_and_never_nan() {
+        let tool = tool(Shape::default(), 8.0);
+        for x in points(&tool.grid, 1.0, 500) {
+            let (phi, grad) = tool.grid.sample(x);
+            let exact = tool.surface.signed_distance(x.into());
+            // 8 mm cells: a few millimetres of interpolation error at sharp edges.
+            assert!(
+                phi > exact - 4e-3 && phi < exact + 0.35,
+                "{phi} for {exact}"
+            );
+            assert!(Vec3::from(grad).norm() < 2.0);
+        }
+        for huge in [1e3, 1e9, 1e38, f64::MAX, f64::INFINITY] {
+            for x in [[huge, 0.0, 0.0], [-huge, huge, -huge], [0.0, 0.0, -huge]] {
+                let (phi, grad) = tool.grid.sample(x);
+                assert!(phi.is_finite() && phi > 900.0, "{phi} at {x:?}");
+                assert!(grad.iter().all(|g| g.is_finite()));
+                let (phi, grad) = tool.grid.sample_f32(x.map(|c| c as f32));
+                assert!(phi.is_finite() && grad.iter().all(|g| g.is_finite()));
+                assert!((Vec3::from(tool.grid.normal(x)).norm() - 1.0).abs() < 1e-12);
+            }
+        }
+        assert!(tool.grid.sample([f64::NAN, 0.0, 0.0]).0.is_nan());
+    }
+
+    #[test]
+    fn same_bits_for_any_number_of_threads() {
+        let build = |threads| {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap()
+                .install(|| tool(Shape::default(), 10.0).grid)
+        };
+        let one = build(1);
+        for threads in [2, 7] {
+            let many = build(threads);
+            let bits = |grid: &DistanceGrid| -> Vec<u32> {
+                grid.samples().iter().map(|s| s.to_bits()).collect()
+            };
+            assert!(bits(&one) == bits(&many));
+        }
+    }
+
+    #[test]
+    fn too_fine_a_grid_is_refused() {
+        let error = |spacing_mm| {
+            let grid = GridConfig {
+                spacing_mm,
+                margin_mm: 30.0,
+            };
+            Tool::from_mesh(Shape::default().mesh().unwrap(), &grid).err()
+        };
+        assert_eq!(
+            error(0.5).unwrap().to_string(),
+            "a grid of 1081 x 1001 x 281 nodes at spacing 0.5 mm is too large, expected at most \
+             67108864 nodes; increase grid.spacing_mm"
+        );
+        for spacing_mm in [1e-300, 0.0, -1.0, f64::NAN] {
+            assert!(matches!(
+                error(spacing_mm),
+                Some(ToolError::GridTooLarge { .. })
+            ));
+        }
     }
 }

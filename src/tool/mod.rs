@@ -5,6 +5,7 @@
 //! interpolates. Both see the mesh as the boundary of a solid; an open mesh becomes one by
 //! extending its border downwards.
 
+mod accuracy;
 mod grid;
 mod patch;
 mod shapes;
@@ -15,6 +16,7 @@ use std::path::PathBuf;
 use nalgebra::Rotation3;
 use serde::{Deserialize, Serialize};
 
+pub use accuracy::{ErrorSummary, GridError};
 pub use grid::DistanceGrid;
 pub use shapes::{Cylinder, DoubleDome, Hemisphere, Incline, Plate, Rib, Shape};
 pub use surface::{Surface, SurfacePoint};
@@ -89,6 +91,7 @@ fn millimetre() -> f64 {
 }
 
 /// A rigid tool at its place, with everything that contact and export ask of it.
+#[derive(Clone, Debug)]
 pub struct Tool {
     /// Facing outwards (upwards if open).
     pub mesh: TriMesh,
@@ -250,6 +253,154 @@ impl Tool {
             (phi, [a / norm, b / norm, c / norm])
         } else {
             (phi, [0.0, 0.0, 1.0])
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::write_stl;
+
+    #[test]
+    fn config_reads_as_documented() {
+        let config: ToolConfig = toml::from_str(
+            r#"
+            [source.stl]
+            path = "punch.stl"
+            [pose]
+            rotation_deg = [0, 0, 90]
+            [grid]
+            spacing_mm = 3
+            "#,
+        )
+        .unwrap();
+        assert_eq!(
+            config,
+            ToolConfig {
+                source: Source::Stl(StlSource {
+                    path: "punch.stl".into(),
+                    scale: 1e-3,
+                }),
+                pose: Pose {
+                    translation_mm: [0.0; 3],
+                    rotation_deg: [0.0, 0.0, 90.0],
+                },
+                grid: GridConfig {
+                    spacing_mm: 3.0,
+                    margin_mm: 40.0,
+                },
+            }
+        );
+        let config: ToolConfig = toml::from_str("").unwrap();
+        assert_eq!(config, ToolConfig::default());
+        let again = toml::from_str(&toml::to_string(&config).unwrap()).unwrap();
+        assert_eq!(config, again);
+        let error = toml::from_str::<ToolConfig>("[grid]\nspacing = 3").unwrap_err();
+        assert!(error.message().contains("unknown field `spacing`"));
+    }
+
+    #[test]
+    fn senseless_config_names_its_key() {
+        let mut config = ToolConfig::default();
+        config.pose.rotation_deg[1] = f64::INFINITY;
+        assert_eq!(
+            config.validate().unwrap_err().to_string(),
+            "pose.rotation_deg is inf, expected finite numbers"
+        );
+        config = ToolConfig::default();
+        config.grid.spacing_mm = 0.0;
+        assert_eq!(config.validate().unwrap_err().key, "grid.spacing_mm");
+        config = ToolConfig::default();
+        config.source = Source::Stl(StlSource {
+            path: "punch.stl".into(),
+            scale: -1.0,
+        });
+        assert_eq!(config.validate().unwrap_err().key, "source.stl.scale");
+    }
+
+    #[test]
+    fn pose_turns_about_x_then_y_then_z_and_moves() {
+        let pose = Pose {
+            translation_mm: [0.0, 0.0, 10.0],
+            rotation_deg: [90.0, 90.0, 0.0],
+        };
+        // About x: y → z. About y: z → x.
+        let moved = pose.apply(&Vec3::y());
+        assert!((moved - Vec3::new(1.0, 0.0, 0.01)).norm() < 1e-15);
+        let pose = Pose {
+            translation_mm: [0.0; 3],
+            rotation_deg: [90.0, 0.0, 90.0],
+        };
+        // About x: z → −y. About z: −y → x.
+        assert!((pose.apply(&Vec3::z()) - Vec3::x()).norm() < 1e-15);
+    }
+
+    #[test]
+    fn posed_tool_measures_distance_at_its_place() {
+        let config = ToolConfig {
+            source: Source::Shape(Shape::Plate(Plate::default())),
+            pose: Pose {
+                translation_mm: [0.0, 0.0, 100.0],
+                rotation_deg: [0.0, 20.0, 0.0],
+            },
+            ..ToolConfig::default()
+        };
+        let tool = Tool::new(&config).unwrap();
+        let n = Vec3::new(
+            20.0_f64.to_radians().sin(),
+            0.0,
+            20.0_f64.to_radians().cos(),
+        );
+        let x = Vec3::new(0.0, 0.01, 0.1) + n * 0.0137;
+        let (phi, grad) = tool.grid.sample(x.into());
+        assert!((phi - 0.0137).abs() < 1e-7);
+        assert!((Vec3::from(grad) - n).norm() < 1e-5);
+    }
+
+    #[test]
+    fn file_gives_the_same_tool_as_the_shape_it_was_written_from() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rib.stl");
+        let grid = GridConfig {
+            spacing_mm: 10.0,
+            ..GridConfig::default()
+        };
+        let rib = Tool::from_mesh(Shape::default().mesh().unwrap(), &grid).unwrap();
+        write_stl(&path, &rib.mesh, "rib").unwrap();
+        let source = Source::Stl(StlSource { path, scale: 1e-3 });
+        let read = Tool::new(&ToolConfig {
+            source,
+            grid,
+            ..ToolConfig::default()
+        })
+        .unwrap();
+        assert_eq!((read.flipped, read.dropped_facet_count), (false, 0));
+        assert_eq!(read.mesh.vertices.len(), 4575);
+        assert_eq!(read.grid.dims(), rib.grid.dims());
+        for (a, b) in read.grid.samples().iter().zip(rib.grid.samples()) {
+            assert!((a - b).abs() < 1e-7);
+        }
+    }
+
+    #[test]
+    fn tools_turned_inside_out_are_flipped() {
+        let grid = GridConfig {
+            spacing_mm: 20.0,
+            ..GridConfig::default()
+        };
+        let mut closed = Shape::default().mesh().unwrap();
+        let mut open = closed.clone();
+        // Without skirt and bottom.
+        open.triangles.truncate(8360);
+        for mesh in [&mut closed, &mut open] {
+            let right = Tool::from_mesh(mesh.clone(), &grid).unwrap();
+            mesh.flip();
+            let turned = Tool::from_mesh(mesh.clone(), &grid).unwrap();
+            assert!(turned.flipped && !right.flipped);
+            assert!(turned.grid.sample([0.0, 0.0, 0.03]).0 < 0.0);
+            assert_eq!(turned.grid.dims(), right.grid.dims());
+            assert!(turned.grid.samples() == right.grid.samples());
         }
     }
 }

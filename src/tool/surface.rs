@@ -1,5 +1,6 @@
 use parry3d_f64::math::Vector;
-use parry3d_f64::query::{PointProjection, PointQueryWithLocation};
+use parry3d_f64::partitioning::BvhNode;
+use parry3d_f64::query::PointQueryWithLocation;
 use parry3d_f64::shape;
 
 use crate::math::Vec3;
@@ -25,6 +26,7 @@ const CLOSURE_DEFECT: f64 = 1e-3;
 ///
 /// Does not model: an undercut open mesh whose border lies below other parts of itself (the
 /// extension then cuts through what is there).
+#[derive(Clone, Debug)]
 pub struct Surface {
     facets: shape::TriMesh,
     /// Downward extension of the border; absent for a closed mesh.
@@ -63,7 +65,7 @@ impl Surface {
 
     /// Signed distance [m], negative inside the solid, at the point `x` [m].
     pub fn signed_distance(&self, x: Vec3) -> f64 {
-        let distance = self.distance(x, f64::MAX);
+        let (distance, _) = self.nearest(x, f64::MAX);
         let inside = winding(&self.crossings(x.x, x.y), x.z) > 0;
         if inside { -distance } else { distance }
     }
@@ -85,31 +87,29 @@ impl Surface {
         }
     }
 
-    /// Distance [m] to the boundary of the solid, given that it is less than `bound` [m].
-    /// A bound that does not hold costs time, nothing else.
-    pub(super) fn distance(&self, x: Vec3, bound: f64) -> f64 {
-        let x = to_parry(&x);
+    /// The nearest point of the solid's boundary and its distance [m], which is expected to
+    /// be less than `bound` [m]. A bound that does not hold costs time, nothing else.
+    pub(super) fn nearest(&self, x: Vec3, bound: f64) -> (f64, Vec3) {
+        let target = to_parry(&x);
         let within = |mesh: &shape::TriMesh, bound: f64| {
-            mesh.project_local_point_and_get_location_with_max_dist(x, false, bound)
-                .map(|(nearest, _): (PointProjection, _)| (nearest.point - x).length())
+            mesh.project_local_point_and_get_location_with_max_dist(target, false, bound)
+                .map(|(nearest, _)| ((nearest.point - target).length(), nearest.point))
         };
-        let facets = within(&self.facets, bound);
-        let walls = self
-            .walls
-            .as_ref()
-            .and_then(|walls| within(walls, facets.unwrap_or(bound)));
-        match walls.or(facets) {
-            Some(distance) => distance,
-            None if bound < f64::MAX => self.distance(from_parry(x), f64::MAX),
+        let facet = within(&self.facets, bound);
+        let closer = facet.map_or(bound, |(distance, _)| distance);
+        let wall = self.walls.as_ref().and_then(|walls| within(walls, closer));
+        match wall.or(facet) {
+            Some((distance, point)) => (distance, from_parry(point)),
+            None if bound < f64::MAX => self.nearest(x, f64::MAX),
             // Only for coordinates that are not finite.
-            None => f64::INFINITY,
+            None => (f64::INFINITY, x),
         }
     }
 
     /// Where the vertical line through (`x`, `y`) meets the facets: heights [m], ascending,
     /// with +1 for a facet that faces up and −1 for one that faces down.
     pub(super) fn crossings(&self, x: f64, y: f64) -> Vec<(f64, i32)> {
-        let on_line = |node: &parry3d_f64::partitioning::BvhNode| {
+        let on_line = |node: &BvhNode| {
             let (low, high) = (node.mins(), node.maxs());
             low.x <= x && x <= high.x && low.y <= y && y <= high.y
         };
@@ -195,4 +195,187 @@ fn to_parry(v: &Vec3) -> Vector {
 
 fn from_parry(v: Vector) -> Vec3 {
     Vec3::new(v.x, v.y, v.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use parry3d_f64::query::PointQuery;
+
+    use super::*;
+    use crate::math::{Purpose, Stream};
+    use crate::tool::{DoubleDome, Rib, Shape};
+
+    fn random(stream: &mut Stream, low: Vec3, high: Vec3) -> Vec3 {
+        low.zip_map(&high, |l, h| l + (h - l) * stream.uniform())
+    }
+
+    /// The square [−1, 1]² at height 0, facing up.
+    fn sheet() -> TriMesh {
+        TriMesh {
+            vertices: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+                .map(|[x, y]| Vec3::new(x, y, 0.0))
+                .to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+        }
+    }
+
+    #[test]
+    fn sign_agrees_with_pseudo_normals() {
+        for shape in [
+            Shape::Rib(Rib::default()),
+            Shape::DoubleDome(DoubleDome::default()),
+        ] {
+            let mesh = shape.mesh().unwrap();
+            let surface = Surface::new(&mesh).unwrap();
+            let oracle = shape::TriMesh::with_flags(
+                mesh.vertices.iter().map(to_parry).collect(),
+                mesh.triangles.clone(),
+                shape::TriMeshFlags::ORIENTED,
+            )
+            .unwrap();
+            let (low, high) = mesh.bounds();
+            let margin = Vec3::repeat(0.03);
+            let mut stream = Stream::new(1, Purpose::Evaluation, 0);
+            let mut inside = 0;
+            for _ in 0..5000 {
+                let x = random(&mut stream, low - margin, high + margin);
+                let phi = surface.signed_distance(x);
+                let nearest = oracle.project_local_point(to_parry(&x), false);
+                let distance = (nearest.point - to_parry(&x)).length();
+                assert!((phi.abs() - distance).abs() < 1e-12);
+                assert_eq!(phi < 0.0, nearest.is_inside, "{shape:?} at {x:?}");
+                inside += usize::from(phi < 0.0);
+            }
+            assert!(inside > 500);
+        }
+    }
+
+    #[test]
+    fn bounded_search_finds_the_same_distance() {
+        let mesh = Shape::default().mesh().unwrap();
+        let surface = Surface::new(&mesh).unwrap();
+        let x = Vec3::new(0.01, 0.05, 0.09);
+        let (distance, _) = surface.nearest(x, f64::MAX);
+        for bound in [1.0, distance * 1.001, distance, distance * 0.5, 0.0] {
+            assert_eq!(surface.nearest(x, bound).0, distance);
+        }
+    }
+
+    #[test]
+    fn open_mesh_is_the_top_of_a_block() {
+        let surface = Surface::new(&sheet()).unwrap();
+        for (x, exact) in [
+            ([0.3, 0.2, 0.5], 0.5),
+            ([0.3, 0.2, -0.5], -0.5),
+            // Deep down, the side walls are nearer than the sheet.
+            ([0.3, 0.2, -5.0], -0.7),
+            // Beyond the border: above, level and below.
+            ([1.3, 0.0, 0.4], 0.5),
+            ([1.3, 0.0, 0.0], 0.3),
+            ([1.3, 0.0, -0.4], 0.3),
+        ] {
+            let phi = surface.signed_distance(Vec3::from(x));
+            assert!((phi - exact).abs() < 1e-12, "{phi} for {exact} at {x:?}");
+        }
+    }
+
+    #[test]
+    fn lines_through_edges_and_vertices_cross_once() {
+        let surface = Surface::new(&sheet()).unwrap();
+        // The shared diagonal, and corners and sides: each belongs to the sheet or does not.
+        for (x, y) in [(0.0, 0.0), (0.5, 0.5), (-0.25, -0.25), (-1.0, 0.5)] {
+            let winding = winding(&surface.crossings(x, y), -1.0);
+            assert!(winding == 0 || winding == 1, "{winding}");
+        }
+        assert_eq!(surface.crossings(0.0, 0.0), [(0.0, 1)]);
+        // Right through the vertices of a closed body.
+        let mesh = Shape::default().mesh().unwrap();
+        let surface = Surface::new(&mesh).unwrap();
+        for v in &mesh.vertices {
+            let crossings = surface.crossings(v.x, v.y);
+            assert_eq!(winding(&crossings, f64::MIN), 0, "{crossings:?}");
+        }
+    }
+
+    #[test]
+    fn overlapping_and_touching_bodies_are_inside_once() {
+        let plate = |low: f64| {
+            let mut mesh = Shape::Plate(crate::tool::Plate {
+                plate_mm: [2000.0, 2000.0],
+                base_mm: 1000.0,
+            })
+            .mesh()
+            .unwrap();
+            for v in &mut mesh.vertices {
+                v.z += low;
+            }
+            mesh
+        };
+        for (offset, inside, outside) in [(0.5, 0.25, 0.75), (1.0, 0.5, 1.25)] {
+            let mut mesh = plate(0.0);
+            let other = plate(offset);
+            let first = mesh.vertices.len() as u32;
+            mesh.vertices.extend(&other.vertices);
+            mesh.triangles
+                .extend(other.triangles.iter().map(|t| t.map(|i| i + first)));
+            let surface = Surface::new(&mesh).unwrap();
+            let phi = |z| surface.signed_distance(Vec3::new(0.1, 0.2, z));
+            assert!(phi(inside) < 0.0 && phi(-0.3) < 0.0 && phi(outside) > -1.0);
+            assert!((phi(offset + 0.25) - 0.25).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn cracked_body_keeps_its_sign_and_distance() {
+        // Every facet with its own three vertices, each moved a little: nothing is shared.
+        let whole = Shape::default().mesh().unwrap();
+        let mut stream = Stream::new(4, Purpose::Evaluation, 0);
+        let mut cracked = TriMesh::default();
+        for t in 0..whole.triangles.len() {
+            let first = cracked.vertices.len() as u32;
+            let noise = Vec3::repeat(1e-6);
+            cracked.vertices.extend(
+                whole
+                    .corners(t)
+                    .map(|v| v + random(&mut stream, -noise, noise)),
+            );
+            cracked.triangles.push([first, first + 1, first + 2]);
+        }
+        let [exact, noisy] = [&whole, &cracked].map(|mesh| Surface::new(mesh).unwrap());
+        let (low, high) = whole.bounds();
+        for _ in 0..3000 {
+            let x = random(&mut stream, low, high);
+            let (phi, found) = (exact.signed_distance(x), noisy.signed_distance(x));
+            assert!((phi - found).abs() < 3e-6, "{found} for {phi} at {x:?}");
+        }
+    }
+
+    #[test]
+    fn projection_lies_on_the_mesh_and_faces_out() {
+        let mesh = Shape::default().mesh().unwrap();
+        let surface = Surface::new(&mesh).unwrap();
+        let x = Vec3::new(0.02, 0.05, 0.08);
+        let nearest = surface.project(x);
+        let [a, b, c] = mesh.corners(nearest.triangle);
+        let n = (b - a).cross(&(c - a)).normalize();
+        assert!((nearest.normal - n).norm() < 1e-12);
+        assert!((nearest.position - a).dot(&n).abs() < 1e-12);
+        let away = x - nearest.position;
+        assert!((away.norm() - surface.signed_distance(x)).abs() < 1e-12);
+        assert!(away.normalize().dot(&n) > 0.99);
+    }
+
+    #[test]
+    fn disagreeing_facets_are_refused() {
+        let mut mesh = sheet();
+        mesh.triangles[1].swap(1, 2);
+        assert!(matches!(
+            Surface::new(&mesh),
+            Err(ToolError::Misoriented { edge_count: 1 })
+        ));
+        assert!(matches!(
+            Surface::new(&TriMesh::default()),
+            Err(ToolError::Empty)
+        ));
+    }
 }
