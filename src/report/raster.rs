@@ -1,0 +1,235 @@
+//! A visibility buffer: first each sample learns what it sees, then each pixel is shaded
+//! once per thing its samples see. Shading therefore costs the same however many layers lie
+//! behind each other, and edges are smooth at the price of depth tests alone.
+
+use super::{Color, Image};
+
+/// A vertex as the grid sees it.
+pub(super) struct Vertex {
+    /// Samples from the left and from the top, depth away from the eye [m].
+    pub position: [f32; 3],
+    /// Right, up, towards the eye; unit length or zero.
+    pub normal: [f32; 3],
+    /// Red, green, blue, 0 to 255.
+    pub color: [f32; 3],
+}
+
+/// A triangle that at least one sample may see.
+struct Facet {
+    corners: [u32; 3],
+    /// Change of the second and third barycentric coordinate per sample in x and in y.
+    gradients: [[f32; 2]; 2],
+    /// 1 where the front is seen, -1 where the back is.
+    side: f32,
+}
+
+/// What a sample sees: a facet's number, or a flat colour above [`FLAT`].
+type Seen = u32;
+const FLAT: Seen = 0xff00_0000;
+
+fn flat([r, g, b]: Color) -> Seen {
+    FLAT | Seen::from(r) << 16 | Seen::from(g) << 8 | Seen::from(b)
+}
+
+/// Twice as many samples as pixels each way; sample centres are at half numbers.
+pub(super) struct Grid {
+    width: usize,
+    height: usize,
+    /// Depth of what is seen [m], shape `[height, width]`.
+    depth: Vec<f32>,
+    seen: Vec<Seen>,
+    vertices: Vec<Vertex>,
+    facets: Vec<Facet>,
+}
+
+impl Grid {
+    /// A grid for a picture of `width` by `height` pixels, empty but for its background.
+    pub(super) fn new(width: usize, height: usize, background: Color) -> Self {
+        let (width, height) = (2 * width, 2 * height);
+        Self {
+            width,
+            height,
+            depth: vec![f32::INFINITY; width * height],
+            seen: vec![flat(background); width * height],
+            vertices: Vec::new(),
+            facets: Vec::new(),
+        }
+    }
+
+    /// Draws triangles, given as numbers of `vertices`.
+    pub(super) fn mesh(
+        &mut self,
+        vertices: impl Iterator<Item = Vertex>,
+        triangles: &[[u32; 3]],
+    ) {
+        let first = self.vertices.len() as u32;
+        self.vertices.extend(vertices);
+        for triangle in triangles {
+            self.facet(triangle.map(|i| first + i));
+        }
+    }
+
+    fn facet(&mut self, corners: [u32; 3]) {
+        let p = corners.map(|i| self.vertices[i as usize].position);
+        let [dx1, dy1] = [p[1][0] - p[0][0], p[1][1] - p[0][1]];
+        let [dx2, dy2] = [p[2][0] - p[0][0], p[2][1] - p[0][1]];
+        let twice_area = dx1 * dy2 - dx2 * dy1;
+        // Seen edge-on, without area, or not finite; 1e-6 of a sample is never hit anyway.
+        let drawn = twice_area.abs() > 1e-6 && twice_area.is_finite();
+        if !drawn || !p.as_flattened().iter().all(|x| x.is_finite()) {
+            return;
+        }
+        let gradients = [
+            [dy2 / twice_area, -dx2 / twice_area],
+            [-dy1 / twice_area, dx1 / twice_area],
+        ];
+        let slope = |axis: usize| {
+            gradients[0][axis] * (p[1][2] - p[0][2]) + gradients[1][axis] * (p[2][2] - p[0][2])
+        };
+        let slope = [slope(0), slope(1)];
+        let depth = p.map(|p| p[2]);
+        let nearest = depth.into_iter().fold(f32::INFINITY, f32::min);
+        let farthest = depth.into_iter().fold(f32::NEG_INFINITY, f32::max);
+
+        let id = self.facets.len() as Seen;
+        let mut hit = false;
+        for_each_span(p, self.width, self.height, |y, xs| {
+            hit = true;
+            let row = y * self.width;
+            let samples = row + xs.start..row + xs.end;
+            let dx = xs.start as f32 + 0.5 - p[0][0];
+            let dy = y as f32 + 0.5 - p[0][1];
+            let mut z = p[0][2] + slope[0] * dx + slope[1] * dy;
+            let seen = &mut self.seen[samples.clone()];
+            for (depth, seen) in self.depth[samples].iter_mut().zip(seen) {
+                // Rounding must not throw a steep triangle out of its own range.
+                let here = z.clamp(nearest, farthest);
+                if here < *depth {
+                    *depth = here;
+                    *seen = id;
+                }
+                z += slope[0];
+            }
+        });
+        if hit {
+            // The y axis points down: counter-clockwise in space is negative here.
+            let side = -twice_area.signum();
+            self.facets.push(Facet {
+                corners,
+                gradients,
+                side,
+            });
+        }
+    }
+
+    /// Draws all samples within `radius` of the segment between `ends`, whose depth they
+    /// take; two equal ends make a disc.
+    pub(super) fn capsule(&mut self, ends: [[f32; 3]; 2], radius: f32, color: Color) {
+        let [a, b] = ends;
+        let finite = ends.as_flattened().iter().all(|x| x.is_finite());
+        if !finite || radius.is_nan() {
+            return;
+        }
+        let range = |axis: usize, limit: usize| {
+            let low = a[axis].min(b[axis]) - radius;
+            let high = a[axis].max(b[axis]) + radius;
+            centers(low, limit)..centers(high, limit)
+        };
+        let d = [b[0] - a[0], b[1] - a[1]];
+        let length_squared = (d[0] * d[0] + d[1] * d[1]).max(f32::MIN_POSITIVE);
+        for y in range(1, self.height) {
+            for x in range(0, self.width) {
+                let p = [x as f32 + 0.5 - a[0], y as f32 + 0.5 - a[1]];
+                let t = ((p[0] * d[0] + p[1] * d[1]) / length_squared).clamp(0.0, 1.0);
+                let q = [p[0] - t * d[0], p[1] - t * d[1]];
+                let depth = a[2] + t * (b[2] - a[2]);
+                let i = y * self.width + x;
+                if q[0] * q[0] + q[1] * q[1] <= radius * radius && depth < self.depth[i] {
+                    self.depth[i] = depth;
+                    self.seen[i] = flat(color);
+                }
+            }
+        }
+    }
+
+    /// Shades what is seen. `light` gives the brightness, 0 to 1, for a normal that is on
+    /// the side of the eye and need not have unit length.
+    pub(super) fn resolve(&self, light: impl Fn([f32; 3]) -> f32) -> Image {
+        let mut image = Image::new(self.width / 2, self.height / 2, [0; 3]);
+        for (i, pixel) in image.pixels.iter_mut().enumerate() {
+            let [x, y] = [i % image.width * 2, i / image.width * 2];
+            let upper = y * self.width + x;
+            let lower = upper + self.width;
+            let seen = [upper, upper + 1, lower, lower + 1].map(|sample| self.seen[sample]);
+            let [x, y] = [x as f32, y as f32];
+            *pixel = if seen[1..] == [seen[0]; 3] {
+                self.shade(seen[0], x + 1.0, y + 1.0, &light)
+            } else {
+                let at = |k: usize| {
+                    let (x, y) = (x + (k & 1) as f32 + 0.5, y + (k >> 1) as f32 + 0.5);
+                    self.shade(seen[k], x, y, &light).map(u16::from)
+                };
+                let colors = [at(0), at(1), at(2), at(3)];
+                let mean = |c: usize| (colors.iter().map(|color| color[c]).sum::<u16>() + 2) / 4;
+                std::array::from_fn(|c| mean(c) as u8)
+            };
+        }
+        image
+    }
+
+    fn shade(&self, seen: Seen, x: f32, y: f32, light: impl Fn([f32; 3]) -> f32) -> Color {
+        if seen >= FLAT {
+            let [_, r, g, b] = seen.to_be_bytes();
+            return [r, g, b];
+        }
+        let facet = &self.facets[seen as usize];
+        let v = facet.corners.map(|i| &self.vertices[i as usize]);
+        let d = [x - v[0].position[0], y - v[0].position[1]];
+        let w = facet.gradients.map(|g| g[0] * d[0] + g[1] * d[1]);
+        let w = [1.0 - w[0] - w[1], w[0], w[1]];
+        let mix = |a: [f32; 3]| w[0] * a[0] + w[1] * a[1] + w[2] * a[2];
+        let normal = |c: usize| facet.side * mix(v.map(|v| v.normal[c]));
+        let light = light([normal(0), normal(1), normal(2)]);
+        // A cast saturates: the middle of a pixel may be a hair outside the triangle.
+        std::array::from_fn(|c| (light * mix(v.map(|v| v.color[c])) + 0.5) as u8)
+    }
+}
+
+/// Calls `paint(y, xs)` for each row of samples whose centres lie in triangle `p`.
+///
+/// Both triangles at an edge compute the same crossing of that edge with a row, and a
+/// centre on it belongs to the right one: no sample is drawn twice, none is left out.
+fn for_each_span(
+    mut p: [[f32; 3]; 3],
+    width: usize,
+    height: usize,
+    mut paint: impl FnMut(usize, std::ops::Range<usize>),
+) {
+    p.sort_unstable_by(|a, b| a[1].total_cmp(&b[1]));
+    let [top, middle, bottom] = p;
+    let edge = |a: [f32; 3], b: [f32; 3]| {
+        let slope = (b[0] - a[0]) / (b[1] - a[1]);
+        move |y: f32| a[0] + (y - a[1]) * slope
+    };
+    let long = edge(top, bottom);
+    let (upper, lower) = (edge(top, middle), edge(middle, bottom));
+    for y in centers(top[1], height)..centers(bottom[1], height) {
+        let row = y as f32 + 0.5;
+        let short = if row < middle[1] {
+            upper(row)
+        } else {
+            lower(row)
+        };
+        let (left, right) = (long(row).min(short), long(row).max(short));
+        let xs = centers(left, width)..centers(right, width);
+        if !xs.is_empty() {
+            paint(y, xs);
+        }
+    }
+}
+
+/// Number of sample centres, out of `limit`, below coordinate `x`: the first one that is
+/// not. The cast saturates at 0.
+fn centers(x: f32, limit: usize) -> usize {
+    ((x - 0.5).ceil() as usize).min(limit)
+}
