@@ -74,7 +74,9 @@ impl ColorMap {
 
 /// `a` at t = 0, `b` at t = 1, straight in between.
 pub(super) fn mix(a: Color, b: Color, t: f64) -> Color {
-    std::array::from_fn(|i| (f64::from(a[i]) + (f64::from(b[i]) - f64::from(a[i])) * t).round() as u8)
+    std::array::from_fn(|i| {
+        (f64::from(a[i]) + (f64::from(b[i]) - f64::from(a[i])) * t).round() as u8
+    })
 }
 
 #[cfg(test)]

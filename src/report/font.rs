@@ -59,7 +59,11 @@ pub(super) fn draw_text(text: &str, size: f32, mut paint: impl FnMut(i32, i32, f
         if let Some(outline) = FONT.outline_glyph(glyph) {
             let corner = outline.px_bounds().min;
             outline.draw(|x, y, coverage| {
-                paint(x as i32 + corner.x as i32, y as i32 + corner.y as i32, coverage);
+                paint(
+                    x as i32 + corner.x as i32,
+                    y as i32 + corner.y as i32,
+                    coverage,
+                );
             });
         }
     }
@@ -85,7 +89,10 @@ mod tests {
             }
         });
         assert_eq!(bottom, -1);
-        assert!((top as f32 + cap_height(100.0)).abs() <= 1.0, "top at {top}");
+        assert!(
+            (top as f32 + cap_height(100.0)).abs() <= 1.0,
+            "top at {top}"
+        );
         assert!((right as f32) < text_width("H", 100.0));
     }
 

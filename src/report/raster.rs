@@ -57,11 +57,7 @@ impl Grid {
     }
 
     /// Draws triangles, given as numbers of `vertices`.
-    pub(super) fn mesh(
-        &mut self,
-        vertices: impl Iterator<Item = Vertex>,
-        triangles: &[[u32; 3]],
-    ) {
+    pub(super) fn mesh(&mut self, vertices: impl Iterator<Item = Vertex>, triangles: &[[u32; 3]]) {
         let first = self.vertices.len() as u32;
         self.vertices.extend(vertices);
         for triangle in triangles {
@@ -156,23 +152,33 @@ impl Grid {
     /// the side of the eye and need not have unit length.
     pub(super) fn resolve(&self, light: impl Fn([f32; 3]) -> f32) -> Image {
         let mut image = Image::new(self.width / 2, self.height / 2, [0; 3]);
-        for (i, pixel) in image.pixels.iter_mut().enumerate() {
-            let [x, y] = [i % image.width * 2, i / image.width * 2];
-            let upper = y * self.width + x;
-            let lower = upper + self.width;
-            let seen = [upper, upper + 1, lower, lower + 1].map(|sample| self.seen[sample]);
-            let [x, y] = [x as f32, y as f32];
-            *pixel = if seen[1..] == [seen[0]; 3] {
-                self.shade(seen[0], x + 1.0, y + 1.0, &light)
-            } else {
-                let at = |k: usize| {
-                    let (x, y) = (x + (k & 1) as f32 + 0.5, y + (k >> 1) as f32 + 0.5);
-                    self.shade(seen[k], x, y, &light).map(u16::from)
+        if image.pixels.is_empty() {
+            return image;
+        }
+        let rows = image.pixels.chunks_exact_mut(image.width);
+        let seen = self.seen.chunks_exact(2 * self.width);
+        for (y, (row, seen)) in rows.zip(seen).enumerate() {
+            let (upper, lower) = seen.split_at(self.width);
+            let seen = upper.chunks_exact(2).zip(lower.chunks_exact(2));
+            for (x, (pixel, (upper, lower))) in row.iter_mut().zip(seen).enumerate() {
+                let seen = [upper[0], upper[1], lower[0], lower[1]];
+                let [x, y] = [2 * x as u32, 2 * y as u32].map(|c| c as f32);
+                *pixel = if seen[1..] == [seen[0]; 3] {
+                    self.shade(seen[0], x + 1.0, y + 1.0, &light)
+                } else {
+                    let at = |k: usize, dx: f32, dy: f32| {
+                        self.shade(seen[k], x + dx, y + dy, &light).map(u16::from)
+                    };
+                    let colors = [
+                        at(0, 0.5, 0.5),
+                        at(1, 1.5, 0.5),
+                        at(2, 0.5, 1.5),
+                        at(3, 1.5, 1.5),
+                    ];
+                    let sum = |c: usize| colors.iter().map(|color| color[c]).sum::<u16>();
+                    std::array::from_fn(|c| ((sum(c) + 2) / 4) as u8)
                 };
-                let colors = [at(0), at(1), at(2), at(3)];
-                let mean = |c: usize| (colors.iter().map(|color| color[c]).sum::<u16>() + 2) / 4;
-                std::array::from_fn(|c| mean(c) as u8)
-            };
+            }
         }
         image
     }
@@ -229,7 +235,11 @@ fn for_each_span(
 }
 
 /// Number of sample centres, out of `limit`, below coordinate `x`: the first one that is
-/// not. The cast saturates at 0.
+/// not. Casts saturate, and are many times faster here than `ceil`, which is a call on
+/// processors of the x86-64 baseline.
 fn centers(x: f32, limit: usize) -> usize {
-    ((x - 0.5).ceil() as usize).min(limit)
+    let from_first = x - 0.5;
+    let whole = from_first as u32;
+    let rest = u32::from(whole as f32 != from_first && from_first > 0.0);
+    (whole.saturating_add(rest) as usize).min(limit)
 }

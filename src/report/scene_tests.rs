@@ -8,7 +8,9 @@ fn soup(points: &[[f64; 3]]) -> TriMesh {
     let count = points.len() as u32;
     TriMesh {
         vertices: points.iter().map(|&p| p.into()).collect(),
-        triangles: (0..count / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+        triangles: (0..count / 3)
+            .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+            .collect(),
     }
 }
 
@@ -19,7 +21,8 @@ fn sphere(radius: f64, rings: u32) -> TriMesh {
             let theta = PI * f64::from(i) / f64::from(rings);
             let phi = PI * f64::from(j) / f64::from(rings);
             let ring = Vec3::new(phi.cos(), phi.sin(), 0.0) * theta.sin();
-            mesh.vertices.push(radius * (ring + Vec3::z() * theta.cos()));
+            mesh.vertices
+                .push(radius * (ring + Vec3::z() * theta.cos()));
         }
     }
     for i in 0..rings {
@@ -158,7 +161,10 @@ fn colors_are_mixed_by_barycentric_coordinates() {
         let expected = [1.0 - u - v, u, v].map(|w| w as f32 * 250.0 * brightness);
         let found = pixel(&image, x, y);
         for c in 0..3 {
-            assert!((f32::from(found[c]) - expected[c]).abs() <= 1.0, "{found:?} {expected:?}");
+            assert!(
+                (f32::from(found[c]) - expected[c]).abs() <= 1.0,
+                "{found:?} {expected:?}"
+            );
         }
     }
 }
@@ -168,7 +174,7 @@ fn cloth_looks_the_same_from_behind() {
     let front = soup(&[[-0.9, -0.9, 0.0], [0.9, -0.9, 0.5], [0.0, 0.9, 0.0]]);
     let mut back = front.clone();
     back.triangles[0].swap(0, 1);
-    assert_eq!(render(&front, WHITE), render(&back, WHITE));
+    assert!(render(&front, WHITE) == render(&back, WHITE));
 }
 
 #[test]
@@ -186,31 +192,37 @@ fn light_comes_from_the_upper_left_and_never_goes_out() {
 fn empty_and_degenerate_scenes_show_the_background() {
     let scene = Scene::default();
     let image = scene.render(&camera(), 8, 6);
-    assert_eq!(image, Image::new(8, 6, BACKGROUND));
-    assert_eq!(scene.render(&camera(), 0, 0), Image::new(0, 0, BACKGROUND));
+    assert!(image == Image::new(8, 6, BACKGROUND));
+    assert!(scene.render(&camera(), 0, 0) == Image::new(0, 0, BACKGROUND));
 
     let nan = f64::NAN;
-    let degenerate = soup(&[
-        [[0.1, 0.2, 0.0]; 3],
-        [[-0.5, -0.5, 0.0], [0.0, 0.0, 0.0], [0.5, 0.5, 0.0]],
-        [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, nan, 0.0]],
-        [[-0.5, 0.0, 0.0], [0.5, 0.0, nan], [0.0, 0.5, 0.0]],
-        [[-0.5, 0.0, 0.0], [f64::INFINITY, 0.0, 0.0], [0.0, 0.5, 0.0]],
-        // Seen edge-on from above.
-        [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.5]],
-    ]
-    .concat());
-    assert_eq!(render(&degenerate, WHITE), Image::new(SIDE, SIDE, [0; 3]));
+    let degenerate = soup(
+        &[
+            [[0.1, 0.2, 0.0]; 3],
+            [[-0.5, -0.5, 0.0], [0.0, 0.0, 0.0], [0.5, 0.5, 0.0]],
+            [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, nan, 0.0]],
+            [[-0.5, 0.0, 0.0], [0.5, 0.0, nan], [0.0, 0.5, 0.0]],
+            [[-0.5, 0.0, 0.0], [f64::INFINITY, 0.0, 0.0], [0.0, 0.5, 0.0]],
+            // Seen edge-on from above.
+            [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.5]],
+        ]
+        .concat(),
+    );
+    assert!(render(&degenerate, WHITE) == Image::new(SIDE, SIDE, [0; 3]));
 }
 
 #[test]
 fn triangles_beyond_the_edges_are_cut_there() {
-    let huge = soup(&[[-900.0, -900.0, 0.0], [900.0, -900.0, 0.0], [0.0, 900.0, 0.0]]);
+    let huge = soup(&[
+        [-900.0, -900.0, 0.0],
+        [900.0, -900.0, 0.0],
+        [0.0, 900.0, 0.0],
+    ]);
     let image = render(&huge, WHITE);
     let middle = pixel(&image, 0.0, 0.0);
     assert!(middle[0] > 0 && image.pixels.iter().all(|&p| p == middle));
     let aside = soup(&[[5.0, 5.0, 0.0], [6.0, 5.0, 0.0], [5.0, 6.0, 0.0]]);
-    assert_eq!(render(&aside, WHITE), Image::new(SIDE, SIDE, [0; 3]));
+    assert!(render(&aside, WHITE) == Image::new(SIDE, SIDE, [0; 3]));
 }
 
 #[test]
