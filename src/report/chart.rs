@@ -322,10 +322,11 @@ fn tick_label(value: f64, range: &Range<f64>) -> String {
     };
     let decimals = (-(step / unit).log10().floor()).clamp(0.0, 9.0);
     let number = format!("{:.*}", decimals as usize, value / unit);
-    // A tick at -1e-17 is a zero.
-    match number.strip_prefix('-') {
-        Some(rest) if rest.bytes().all(|b| matches!(b, b'0' | b'.')) => rest.to_owned(),
-        _ => format!("{number}{suffix}"),
+    // A tick at -1e-17 is a zero, and zero has no unit.
+    if number.bytes().all(|b| matches!(b, b'-' | b'0' | b'.')) {
+        number.trim_start_matches('-').to_owned()
+    } else {
+        number + suffix
     }
 }
 

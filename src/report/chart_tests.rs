@@ -128,6 +128,7 @@ fn ticks_have_the_decimals_they_need() {
     assert_eq!(label(-1e-17, -1.0, 1.0), "0.0");
     assert_eq!(label(40.0, 0.0, 100.0), "40");
     assert_eq!(label(150_000.0, 0.0, 400_000.0), "150k");
+    assert_eq!(label(0.0, 0.0, 400_000.0), "0");
     assert_eq!(label(2.5e6, 0.0, 4e6), "2.5M");
     assert_eq!(label(2e-5, 0.0, 9e-5), "2.0e-5");
 }

@@ -99,7 +99,7 @@ impl Grid {
             let seen = &mut self.seen[samples.clone()];
             for (depth, seen) in self.depth[samples].iter_mut().zip(seen) {
                 // Rounding must not throw a steep triangle out of its own range.
-                let here = z.clamp(nearest, farthest);
+                let here = z.max(nearest).min(farthest);
                 if here < *depth {
                     *depth = here;
                     *seen = id;
