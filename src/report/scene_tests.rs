@@ -48,9 +48,15 @@ fn pixel(image: &Image, x: f64, y: f64) -> Color {
     image.pixels[row as usize * image.width + column as usize]
 }
 
+fn dark<'a>() -> Scene<'a> {
+    Scene {
+        background: [0; 3],
+        ..Scene::default()
+    }
+}
+
 fn render(mesh: &TriMesh, paint: Paint) -> Image {
-    let mut scene = Scene::default();
-    scene.background = [0; 3];
+    let mut scene = dark();
     scene.add(mesh, paint, 0.0);
     scene.render(&camera(), SIDE, SIDE)
 }
@@ -227,8 +233,7 @@ fn triangles_beyond_the_edges_are_cut_there() {
 
 #[test]
 fn marks_have_their_size_and_hide_behind_what_is_nearer() {
-    let mut scene = Scene::default();
-    scene.background = [0; 3];
+    let mut scene = dark();
     scene.marks.push(Mark::Disc {
         center: Vec3::zeros(),
         radius: 20.0,
