@@ -1,1 +1,30 @@
-//! (to be written)
+//! Pictures, curves and films, drawn on the CPU without display, driver or system font.
+//!
+//! A [`Scene`] of meshes and marks seen by a [`Camera`] becomes an [`Image`]; images stand
+//! beside each other, carry labels, and follow each other in a [`Film`]. A [`Chart`] draws
+//! curves. Files are written atomically: whoever looks sees the old file or the new one.
+//!
+//! The rasteriser knows opaque, diffusely lit triangles under an orthographic camera: no
+//! shadows, textures, transparency or perspective. Colours are 8-bit sRGB and are averaged
+//! as such.
+
+mod camera;
+mod canvas;
+mod chart;
+mod color;
+mod error;
+mod file;
+mod film;
+mod font;
+mod image;
+mod palette;
+mod raster;
+mod scene;
+
+pub use camera::Camera;
+pub use chart::{Band, Chart, Level, Series};
+pub use color::{BACKGROUND, CLOTH, Color, ColorMap, DRAPED, PATH, SERIES, TOOL, TOUCHED};
+pub use error::ReportError;
+pub use film::Film;
+pub use image::Image;
+pub use scene::{Item, Mark, Paint, Scene};
