@@ -6,7 +6,7 @@
 
 mod failure;
 mod output;
-mod picture;
+pub mod picture;
 mod scene;
 mod tool;
 

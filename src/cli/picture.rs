@@ -6,14 +6,14 @@ use rayon::prelude::*;
 use crate::math::Vec3;
 use crate::mesh::TriMesh;
 use crate::report::{
-    BACKGROUND, CLOTH, Camera, Color, ColorMap, DRAPED, Film, Image, PATH, Paint,
-    Scene as Picture, TOOL, TOUCHED,
+    BACKGROUND, CLOTH, Camera, Color, ColorMap, DRAPED, Film, Image, PATH, Paint, Scene as Picture,
+    TOOL, TOUCHED,
 };
 use crate::scene::Scene;
 use crate::sim::Snapshot;
 
 /// Distance to the tool from which on cloth is fully red [m].
-pub(super) const FAR: f64 = 0.025;
+pub const FAR: f64 = 0.025;
 /// Cloth counts as this much nearer to the eye than it is [m], so that the tool does not
 /// shine through its facets where they cut a corner of the tool.
 const CLOTH_BIAS: f64 = 3e-3;
@@ -31,7 +31,7 @@ const HOLD: u16 = 200;
 
 /// From where a scene is seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum View {
+pub enum View {
     /// From above: x to the right, y up.
     Top,
     /// From above the front left corner.
@@ -40,7 +40,7 @@ pub(super) enum View {
 
 /// A moment of an episode.
 #[derive(Clone, Debug)]
-pub(super) struct Frame {
+pub struct Frame {
     pub state: Snapshot,
     /// One bit a vertex of the blank.
     pub draped: FixedBitSet,
@@ -53,7 +53,7 @@ pub(super) struct Frame {
 
 /// Scene, eye and size [px] of a row of pictures. The eye stays where it is: it sees the
 /// lamina as it lies at the start, so that pictures of later states can be compared.
-pub(super) struct Studio<'a> {
+pub struct Studio<'a> {
     scene: &'a Scene,
     camera: Camera,
     width: usize,
@@ -141,12 +141,13 @@ impl<'a> Studio<'a> {
         let right = self.width as i32 - em(0.8);
         let text = format!("{:.0} mm", FAR * 1e3);
         let text_left = right - em(3.5);
-        let (bar_left, bar_right) = (text_left - em(7.5), text_left - em(0.5));
+        let (bar_left, bar_right) = (text_left - em(5.5), text_left - em(0.5));
         image.label([bar_left - em(1.0), top], "0", size, TEXT_COLOR);
         image.label([text_left, top], &text, size, TEXT_COLOR);
+        let bottom = (top + em(0.73)).min(self.height as i32);
         for x in bar_left.max(0)..bar_right {
             let t = f64::from(x - bar_left) / f64::from(bar_right - bar_left);
-            for y in top..top + em(0.73) {
+            for y in top.max(0)..bottom {
                 image.pixels[y as usize * self.width + x as usize] = ColorMap::Distance.at(t);
             }
         }
@@ -166,5 +167,112 @@ impl<'a> Studio<'a> {
         let size = self.text_size();
         let top = (self.height - self.strip()) as f32 + 0.5 * (STRIP - 0.73) * size;
         ((0.8 * size) as i32, top as i32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fabric::BlankConfig;
+    use crate::scene::{Fall, SceneConfig};
+
+    /// A coarse blank flat over the middle of the rib's plate, which nothing has moved.
+    fn scene() -> Scene {
+        let mut config = SceneConfig::rib();
+        config.blank = BlankConfig {
+            vertices: [9, 9],
+            ..BlankConfig::default()
+        };
+        config.placement.tilt_deg = 0.0;
+        config.placement.height_mm = 80.0;
+        config.clamps.clear();
+        config.tool.grid.spacing_mm = 20.0;
+        config.fall = Fall {
+            fall_s: 0.0,
+            settle_s: 0.0,
+            ..Fall::default()
+        };
+        Scene::new(&config, |_| {}).unwrap()
+    }
+
+    fn frame(scene: &Scene, draped: &[usize], touched: &[usize], path: &[u32]) -> Frame {
+        let bits = |set: &[usize]| {
+            let mut bits = FixedBitSet::with_capacity(scene.lamina.vertex_count());
+            bits.extend(set.iter().copied());
+            bits
+        };
+        Frame {
+            state: scene.initial.clone(),
+            draped: bits(draped),
+            touched: bits(touched),
+            path: path.to_vec(),
+            caption: "step 1".into(),
+        }
+    }
+
+    /// Pixels of which `strongest` is the strongest channel by far.
+    fn count(image: &Image, strongest: usize) -> usize {
+        let is = |p: &&Color| (0..3).all(|c| c == strongest || p[c] + 60 < p[strongest]);
+        image.pixels.iter().filter(is).count()
+    }
+
+    #[test]
+    fn far_cloth_is_red_and_near_cloth_is_blue() {
+        let scene = scene();
+        let studio = Studio::new(&scene, View::Top, [320, 240]);
+        let mut state = scene.initial.clone();
+        let far = studio.distance(&state, "");
+        // Half of the picture is cloth; little of that is a crest 20 mm below.
+        assert!(count(&far, 0) > 20_000 && count(&far, 2) < 200);
+        for x in &mut state.position {
+            let distance = scene.tool.distance(*x).0;
+            x[2] -= distance;
+        }
+        let near = studio.distance(&state, "");
+        assert!(count(&near, 2) > 15_000 && count(&near, 0) < 200);
+        assert_eq!((near.width, near.height), (320, 240));
+        assert_eq!(near.pixels.len(), 320 * 240);
+    }
+
+    #[test]
+    fn progress_shows_every_state_and_the_path() {
+        let scene = scene();
+        let all: Vec<usize> = (0..81).collect();
+        let studio = Studio::new(&scene, View::Isometric, [320, 240]);
+        let image = |frame: Frame| studio.progress(&frame);
+        let free = image(frame(&scene, &[], &[], &[]));
+        assert_eq!(count(&free, 2), 0);
+        let draped = image(frame(&scene, &all, &all, &[]));
+        assert!(count(&draped, 2) > 10_000);
+        let touched = image(frame(&scene, &[], &all, &[]));
+        assert!(count(&touched, 2) == 0 && touched != free);
+        let path = image(frame(&scene, &[], &[], &[0, 40, 80]));
+        let yellow = |image: &Image| image.pixels.iter().filter(|&&p| p == PATH).count();
+        assert!(yellow(&free) == 0 && yellow(&path) > 100);
+    }
+
+    #[test]
+    fn film_keeps_the_order_of_its_frames() {
+        let scene = scene();
+        let studio = Studio::new(&scene, View::Isometric, [160, 120]);
+        let frames: Vec<Frame> = (0..20)
+            .map(|i| frame(&scene, &[i], &[i], &[0, i as u32]))
+            .collect();
+        let film = studio.film(&frames);
+        assert_eq!(film.frames.len(), 20);
+        for (image, frame) in film.frames.iter().zip(&frames) {
+            assert!(*image == studio.progress(frame));
+        }
+    }
+
+    #[test]
+    fn tiny_pictures_have_the_size_asked_for() {
+        let scene = scene();
+        for size in [[1, 1], [64, 20], [7, 300]] {
+            let studio = Studio::new(&scene, View::Top, size);
+            let image = studio.distance(&scene.initial, "long caption that cannot fit");
+            assert_eq!([image.width, image.height], size);
+            assert_eq!(image.pixels.len(), size[0] * size[1]);
+        }
     }
 }

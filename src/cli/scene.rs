@@ -101,7 +101,11 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
 
 fn write_files(scene: &Scene, summary: &Summary, folder: &Path) -> Result<(), Failure> {
     let state = &scene.initial;
-    write_stl(folder.join("lamina.stl"), &scene.lamina.mesh(&state.position), "lamina")?;
+    write_stl(
+        folder.join("lamina.stl"),
+        &scene.lamina.mesh(&state.position),
+        "lamina",
+    )?;
     write_stl(folder.join("tool.stl"), &scene.tool.mesh, "tool")?;
     let caption = caption(summary);
     for (name, view) in [("top.png", View::Top), ("isometric.png", View::Isometric)] {
@@ -109,14 +113,16 @@ fn write_files(scene: &Scene, summary: &Summary, folder: &Path) -> Result<(), Fa
         image.save_png(&folder.join(name))?;
     }
     let json = serde_json::to_string_pretty(summary)?;
-    write_atomic(&folder.join("summary.json"), |file| writeln!(file, "{json}"))?;
+    write_atomic(&folder.join("summary.json"), |file| {
+        writeln!(file, "{json}")
+    })?;
     Ok(())
 }
 
 /// Key figures in one line.
 pub(super) fn caption(summary: &Summary) -> String {
     format!(
-        "distance {:.2} m · wrinkles {} · strain p95 {:.2} % · penetration {:.2} mm",
+        "distance {:.2} m · {} wrinkles · strain p95 {:.2} % · penetration {:.2} mm",
         summary.distance_m,
         summary.wrinkles,
         1e2 * summary.strain_p95,
@@ -134,7 +140,11 @@ fn text(scene: &Scene, summary: &Summary) -> String {
         scene.tool.mesh.triangles.len(),
     );
     if scene.tool.dropped_facet_count > 0 {
-        let _ = write!(text, ", {} facets without area dropped", scene.tool.dropped_facet_count);
+        let _ = write!(
+            text,
+            ", {} facets without area dropped",
+            scene.tool.dropped_facet_count
+        );
     }
     if scene.tool.flipped {
         text += ", turned over to face outwards";

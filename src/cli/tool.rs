@@ -106,7 +106,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let mut grid_error = None;
     if args.grid_error {
         let grid = GridConfig::default();
-        let error = Tool::from_mesh(mesh, &grid).or_invalid()?.grid_error(GRID_SAMPLES);
+        let error = Tool::from_mesh(mesh, &grid)
+            .or_invalid()?
+            .grid_error(GRID_SAMPLES);
         report.grid_error_mm = Some(GridErrorMm::new(&error, grid.spacing_mm));
         grid_error = Some(error);
     }
@@ -125,7 +127,7 @@ impl Kind {
             let (key, value) = pair
                 .split_once('=')
                 .ok_or_else(|| anyhow!("--set {pair}: expected KEY=VALUE"))?;
-            let key = key.trim();
+            let (key, value) = (key.trim(), value.trim());
             let value: toml::Value = value
                 .parse()
                 .map_err(|_| anyhow!("--set {pair}: `{value}` is no TOML value"))?;

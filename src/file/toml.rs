@@ -44,7 +44,11 @@ pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, Par
         let line_start = before.rfind('\n').map_or(0, |end| end + 1);
         let line = text[line_start..].lines().next().unwrap_or_default().trim();
         // The parser's own message may have several lines.
-        let mut message = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
+        let mut message = error
+            .message()
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ");
         let key = line.split('=').next().unwrap_or_default().trim();
         if !key.is_empty() && !message.contains(&format!("`{key}`")) {
             let quote: String = line.chars().take(QUOTE).collect();
@@ -94,12 +98,21 @@ mod tests {
                 "# \u{b5}\n[part]\nlength_mm = \"\u{b5}\"",
                 "a.toml:3:13: invalid type: string \"\u{b5}\", expected f64 in `length_mm = \"\u{b5}\"`",
             ),
-            ("[part]", "a.toml:1:1: missing field `length_mm` in `[part]`"),
+            (
+                "[part]",
+                "a.toml:1:1: missing field `length_mm` in `[part]`",
+            ),
             ("", "a.toml:1:1: missing field `part`"),
         ] {
             assert_eq!(message(text), expected);
         }
-        for text in ["[part", "part = \"\"\"\n", "= 3", "\u{0}", "[part]\r\nlength_mm ="] {
+        for text in [
+            "[part",
+            "part = \"\"\"\n",
+            "= 3",
+            "\u{0}",
+            "[part]\r\nlength_mm =",
+        ] {
             let message = message(text);
             assert!(message.starts_with("a.toml:"), "{message}");
             assert!(!message.contains('\n'), "{message}");
@@ -110,7 +123,9 @@ mod tests {
     fn long_lines_are_cut() {
         let text = format!("[part]\nlength_mm = \"{}\"", "x".repeat(1000));
         let error = message(&text);
-        assert!(error.ends_with("in `length_mm = \"xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx`"));
+        assert!(
+            error.ends_with("in `length_mm = \"xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx`")
+        );
     }
 
     #[test]

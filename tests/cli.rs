@@ -1,0 +1,626 @@
+//! Runs the binary in temporary folders: what it prints and writes, and how it fails.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn folder() -> TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn drape(folder: &Path, args: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_drape"));
+    command.args(args).current_dir(folder).output().unwrap()
+}
+
+/// What a successful command printed on stdout; it must not print anything else.
+fn stdout(folder: &Path, args: &[&str]) -> String {
+    let output = drape(folder, args);
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{args:?}: {stderr}");
+    assert_eq!(stderr, "", "{args:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn json(folder: &Path, args: &[&str]) -> Value {
+    let text = stdout(folder, args);
+    let value: Value = serde_json::from_str(&text).unwrap();
+    assert!(value.is_object(), "{text}");
+    value
+}
+
+/// Checks that a command failed with `code`, no output and one line that holds all of
+/// `words`.
+fn assert_failure(output: &Output, code: i32, words: &[&str]) {
+    let stderr = String::from_utf8(output.stderr.clone()).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{stderr}");
+    assert!(output.stdout.is_empty(), "{stderr}");
+    assert!(
+        stderr.starts_with("error: ") && stderr.ends_with('\n'),
+        "{stderr:?}"
+    );
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
+    for word in words {
+        assert!(stderr.contains(word), "no `{word}` in {stderr}");
+    }
+    assert!(!stderr.contains("panicked"), "{stderr}");
+}
+
+/// Names of all files in `folder`, sorted.
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let name = |entry: fs::DirEntry| entry.file_name().into_string().unwrap();
+    let mut names: Vec<String> = entries.map(|entry| name(entry.unwrap())).collect();
+    names.sort();
+    names
+}
+
+/// A coarse scene that takes some milliseconds, with `tool` as its table of the tool.
+fn scene(tool: &str) -> String {
+    format!(
+        "[blank]\nvertices = [17, 17]\n\
+         [fall]\nfall_s = 0.2\nsettle_s = 0.1\nsubstep_rate = 1200\n\
+         [[clamps]]\nat_mm = [0, -185]\n\
+         [tool.grid]\nspacing_mm = 12\n{tool}"
+    )
+}
+
+const RIB: &str = "[tool.source.shape]\nkind = \"rib\"\n";
+
+/// Writes `text` as the scene file of `folder` and sets it up.
+fn set_up(folder: &Path, text: &str) -> Output {
+    fs::write(folder.join("scene.toml"), text).unwrap();
+    drape(folder, &["scene", "scene.toml", "--out", "out", "--json"])
+}
+
+const SCENE_FILES: [&str; 5] = [
+    "isometric.png",
+    "lamina.stl",
+    "summary.json",
+    "tool.stl",
+    "top.png",
+];
+
+#[test]
+fn help_version_and_missing_commands() {
+    let folder = folder();
+    assert_eq!(
+        stdout(folder.path(), &["--version"]),
+        concat!("drape ", env!("CARGO_PKG_VERSION"), "\n")
+    );
+    for args in [&["--help"][..], &["tool", "--help"], &["scene", "--help"]] {
+        assert!(stdout(folder.path(), args).contains("Usage: drape"));
+    }
+    for args in [
+        &[][..],
+        &["cut"],
+        &["tool", "cube", "--out", "a"],
+        &["tool", "rib"],
+        &["scene"],
+    ] {
+        let output = drape(folder.path(), args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(
+            output.stdout.is_empty() && !output.stderr.is_empty(),
+            "{args:?}"
+        );
+    }
+    assert_eq!(names(folder.path()), [""; 0]);
+}
+
+#[test]
+fn rib_is_the_one_in_the_assets() {
+    let folder = folder();
+    let text = stdout(folder.path(), &["tool", "rib", "--out", "rib.stl"]);
+    assert!(
+        text.starts_with("rib.stl: 4575 vertices, 9146 triangles\n"),
+        "{text}"
+    );
+    let written = fs::read(folder.path().join("rib.stl")).unwrap();
+    assert!(written == include_bytes!("../assets/rib.stl"));
+    assert_eq!(names(folder.path()), ["rib.stl"]);
+}
+
+#[test]
+fn every_shape_is_written_with_its_values() {
+    let folder = folder();
+    for (shape, set, top) in [
+        ("rib", "height_mm=41", 41.0),
+        ("hemisphere", "radius_mm=33", 33.0),
+        ("double-dome", "plate_mm=[500, 400]", 60.0),
+        ("plate", "base_mm=7.5", 0.0),
+        ("cylinder", "radius_mm = 55", 55.0),
+        ("incline", "angle_deg=45", 200.0),
+    ] {
+        let report = json(
+            folder.path(),
+            &["tool", shape, "--set", set, "--out", "tool.stl", "--json"],
+        );
+        let found = report["bounds_mm"][1][2].as_f64().unwrap();
+        assert!((found - top).abs() < 0.5, "{shape}: {found}");
+        let triangles = report["triangles"].as_u64().unwrap();
+        let length = fs::metadata(folder.path().join("tool.stl")).unwrap().len();
+        assert_eq!(length, 84 + 50 * triangles, "{shape}");
+        assert_eq!(report["shape"]["kind"], shape);
+    }
+}
+
+#[test]
+fn grid_error_is_a_table_or_an_object() {
+    let folder = folder();
+    let args = ["tool", "plate", "--out", "a.stl", "--grid-error", "--json"];
+    let text = stdout(folder.path(), &args[..5]);
+    assert!(text.contains("\nwithin 2 mm        mean "), "{text}");
+    let report = json(folder.path(), &args);
+    let error = &report["grid_error_mm"]["within_2_mm"];
+    let [mean, p95, max] = ["mean", "p95", "max"].map(|key| error[key].as_f64().unwrap());
+    assert!(
+        0.0 < mean && mean < max && p95 <= max && max < 4.0,
+        "{report}"
+    );
+}
+
+#[test]
+fn impossible_values_are_refused_and_the_old_file_stays() {
+    let folder = folder();
+    fs::write(folder.path().join("a.stl"), "old").unwrap();
+    for (set, words) in [
+        (
+            "hieght_mm=1",
+            &["unknown field `hieght_mm`", "`height_mm`", "`crest_drop`"][..],
+        ),
+        ("kind='plate'", &["unknown field `kind`", "`height_mm`"]),
+        (
+            "height_mm=nan",
+            &["rib.height_mm is NaN", "expected above 0"],
+        ),
+        (
+            "height_mm=inf",
+            &["rib.height_mm is inf", "expected above 0"],
+        ),
+        ("height_mm=-1", &["rib.height_mm is -1"]),
+        (
+            "height_mm='1'",
+            &["invalid type: string \"1\"", "`height_mm`"],
+        ),
+        ("height_mm=abc", &["`abc` is no TOML value"]),
+        ("height_mm=", &["height_mm="]),
+        ("height_mm", &["--set height_mm", "expected KEY=VALUE"]),
+        ("crest_drop=1", &["rib.crest_drop is 1", "below 1"]),
+        (
+            "vertex_counts=[2, 5000]",
+            &["rib.vertex_counts is 5000", "4096"],
+        ),
+        ("vertex_counts=[2, -5]", &["vertex_counts"]),
+        ("plate_mm=[1]", &["array of length 2", "plate_mm"]),
+    ] {
+        let args = ["tool", "rib", "--out", "a.stl", "--json", "--set", set];
+        assert_failure(&drape(folder.path(), &args), 2, words);
+    }
+    let twice = ["--set", "base_mm=1", "--set", "base_mm=2"];
+    let args = [&["tool", "rib", "--out", "a.stl"][..], &twice].concat();
+    assert_failure(&drape(folder.path(), &args), 2, &["base_mm is given twice"]);
+    assert_eq!(fs::read(folder.path().join("a.stl")).unwrap(), b"old");
+    assert_eq!(names(folder.path()), ["a.stl"]);
+}
+
+#[test]
+fn tool_files_that_cannot_be_written_are_named() {
+    let folder = folder();
+    fs::create_dir(folder.path().join("taken")).unwrap();
+    fs::write(folder.path().join("file"), "").unwrap();
+    for (out, words) in [
+        (
+            "none/a.stl",
+            &["none/a.stl", "folder none does not exist"][..],
+        ),
+        ("taken", &["cannot write taken"]),
+        ("file/a.stl", &["file/a.stl"]),
+    ] {
+        let output = drape(folder.path(), &["tool", "plate", "--out", out]);
+        assert_failure(&output, 1, words);
+    }
+    assert_eq!(names(folder.path()), ["file", "taken"]);
+}
+
+#[test]
+fn scene_writes_its_files_and_replaces_them() {
+    let folder = folder();
+    fs::write(folder.path().join("scene.toml"), scene(RIB)).unwrap();
+    let args = ["scene", "scene.toml", "--out", "new/out", "--grid-error"];
+    let text = stdout(folder.path(), &args);
+    assert!(
+        text.starts_with("lamina       289 vertices, 512 triangles\n"),
+        "{text}"
+    );
+    assert!(
+        text.contains("\nwithin 2 mm ") && text.ends_with("written to new/out\n"),
+        "{text}"
+    );
+
+    let out = folder.path().join("new/out");
+    let read = || SCENE_FILES.map(|name| fs::read(out.join(name)).unwrap());
+    let first = read();
+    for name in SCENE_FILES {
+        fs::write(out.join(name), "old").unwrap();
+    }
+    let report = json(folder.path(), &[&args[..], &["--json"]].concat());
+    assert!(read() == first);
+    assert_eq!(names(&out), SCENE_FILES);
+
+    let [isometric, _, summary, _, top] = first;
+    assert!(isometric.starts_with(b"\x89PNG") && top.starts_with(b"\x89PNG"));
+    let summary: Value = serde_json::from_slice(&summary).unwrap();
+    for (key, value) in summary.as_object().unwrap() {
+        assert_eq!(report[key], *value, "{key}");
+    }
+    for key in [
+        "distance_m",
+        "strain_p95",
+        "strain_max",
+        "penetration_mm",
+        "v_rms_mm_s",
+        "seconds",
+    ] {
+        assert!(report[key].as_f64().unwrap() >= 0.0, "{key}");
+    }
+    assert!(report["wrinkles"].is_u64());
+    assert_eq!(report["grid_error_mm"]["spacing"], 12.0);
+}
+
+/// Facets of a binary STL file, in its unit.
+fn facets(bytes: &[u8]) -> Vec<[[f64; 3]; 3]> {
+    let number = |at: usize| f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()).into();
+    let facet = |at: usize| {
+        std::array::from_fn(|v| std::array::from_fn(|c| number(at + 12 + 12 * v + 4 * c)))
+    };
+    (84..bytes.len()).step_by(50).map(facet).collect()
+}
+
+/// The same tool as a formula, as a binary file in millimetres and as an ASCII file in
+/// metres that is turned and moved into place, gives the same drape.
+#[test]
+fn own_stl_files_do_as_the_formula_does() {
+    let folder = folder();
+    let path = folder.path();
+    stdout(path, &["tool", "rib", "--out", "rib.stl"]);
+    let mut ascii = String::from("solid rib of mine\n");
+    for facet in facets(&fs::read(path.join("rib.stl")).unwrap()) {
+        ascii += "facet normal 0 0 0\nouter loop\n";
+        for [x, y, z] in facet.map(|corner| corner.map(|c| c * 1e-3)) {
+            // Turned by -90 degrees about z.
+            let _ = writeln!(ascii, "vertex {} {} {}", y - 0.02, 0.01 - x, z - 0.5);
+        }
+        ascii += "endloop\nendfacet\n";
+    }
+    fs::create_dir(path.join("tools")).unwrap();
+    fs::write(path.join("tools/mine.stl"), ascii + "endsolid\n").unwrap();
+
+    let mut reports = Vec::new();
+    for tool in [
+        RIB,
+        "[tool.source.stl]\npath = \"rib.stl\"\n",
+        "[tool.source.stl]\npath = \"tools/mine.stl\"\nscale = 1\n\
+         [tool.pose]\nrotation_deg = [0, 0, 90]\ntranslation_mm = [10, 20, 500]\n",
+    ] {
+        let output = set_up(path, &scene(tool));
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{stderr}");
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let tool = facets(&fs::read(path.join("out/tool.stl")).unwrap());
+        assert_eq!(tool.len(), 9146);
+        let size = |axis: usize| {
+            let values = tool.iter().flatten().map(|corner| corner[axis]);
+            values.fold([f64::MAX, f64::MIN], |[l, h], v| [l.min(v), h.max(v)])
+        };
+        for (axis, expected) in [[-240.0, 240.0], [-220.0, 220.0], [-20.0, 59.7]]
+            .iter()
+            .enumerate()
+        {
+            let found = size(axis);
+            assert!(
+                (found[0] - expected[0]).abs() < 0.1 && (found[1] - expected[1]).abs() < 0.1,
+                "{found:?}"
+            );
+        }
+        reports.push(report);
+    }
+    let distance = |report: &Value| report["distance_m"].as_f64().unwrap();
+    let expected = distance(&reports[0]);
+    assert!(expected > 0.1, "{expected}");
+    for report in &reports[1..] {
+        assert!(
+            (distance(report) - expected).abs() < 1e-2 * expected,
+            "{reports:?}"
+        );
+    }
+}
+
+#[test]
+fn invalid_scenes_are_refused_before_anything_is_written() {
+    let folder = folder();
+    let path = folder.path();
+    let args = ["scene", "none.toml", "--out", "out"];
+    assert_failure(
+        &drape(path, &args),
+        2,
+        &["cannot read none.toml", "No such file"],
+    );
+    let args = ["scene", ".", "--out", "out"];
+    assert_failure(&drape(path, &args), 2, &["cannot read ."]);
+    fs::write(path.join("latin.toml"), b"# \xfc\n").unwrap();
+    let args = ["scene", "latin.toml", "--out", "out"];
+    assert_failure(&drape(path, &args), 2, &["latin.toml", "UTF-8"]);
+
+    for (text, words) in [
+        ("", &["scene.toml:1:1: missing field `tool`"][..]),
+        ("[tool", &["scene.toml:1:6: "]),
+        (
+            "[tool]\n[fall]\nfal_s = 1",
+            &["scene.toml:3:1: unknown field `fal_s`", "`fall_s`"],
+        ),
+        (
+            "[tool]\n[fall]\nfall_s = \"1\"",
+            &["scene.toml:3:10: ", "string \"1\"", "`fall_s = "],
+        ),
+        (
+            "[tool]\n[blank]\nvertices = [1.5, 2]",
+            &["scene.toml:3:13: ", "1.5", "`vertices = "],
+        ),
+        (
+            "[tool]\n[blank]\nmass = \"much\"",
+            &["scene.toml:3:8: ", "`much`", "`paper`"],
+        ),
+        (
+            "[tool.source.shape]\nkind = \"cube\"",
+            &["scene.toml:", "`cube`", "`rib`"],
+        ),
+        (
+            "[tool.source.shape]\nkind = \"rib\"\nhight_mm = 1",
+            &["scene.toml:", "`hight_mm`", "`height_mm`"],
+        ),
+        (
+            "[tool.source.file]\n",
+            &["scene.toml:1:", "`file`", "`stl`"],
+        ),
+    ] {
+        assert_failure(&set_up(path, text), 2, words);
+    }
+    assert_eq!(names(path), ["latin.toml", "scene.toml"]);
+}
+
+#[test]
+fn values_out_of_range_are_located() {
+    let folder = folder();
+    for (text, words) in [
+        (
+            "[tool]\n[fall]\nfall_s = nan",
+            &["`fall.fall_s` is NaN", "from 0 to 600"][..],
+        ),
+        (
+            "[tool]\n[fall]\nsettle_damping = inf",
+            &["`fall.settle_damping` is inf"],
+        ),
+        (
+            "[tool]\n[fall]\nsubstep_rate = 1",
+            &["`fall.substep_rate` is 1,", "60"],
+        ),
+        (
+            "[tool]\n[blank]\nvertices = [1, 9]",
+            &["`blank.vertices` is [1, 9]", "2 to 1025"],
+        ),
+        (
+            "[tool]\n[blank]\nsize_mm = [nan, 9]",
+            &["`blank.size_mm` is [NaN, 9.0]"],
+        ),
+        (
+            "[tool]\n[placement]\ntilt_deg = 90",
+            &["`placement.tilt_deg` is 90"],
+        ),
+        (
+            "[tool]\n[placement]\nheight_mm = -inf",
+            &["`placement.height_mm` is -inf"],
+        ),
+        (
+            "[tool]\n[physics]\niterations = 0",
+            &["`physics.iterations` is 0"],
+        ),
+        (
+            "[tool]\n[physics]\ngravity = nan",
+            &["`physics.gravity` is NaN"],
+        ),
+        (
+            "[tool]\n[[clamps]]\nat_mm = [nan, 0]",
+            &["`clamps[0].at_mm` is [NaN, 0.0]"],
+        ),
+        (
+            "[tool]\n[[clamps]]\nat_mm = [0, 900]",
+            &["`clamps[0].at_mm` is [0.0, 900.0]"],
+        ),
+        (
+            "[tool.pose]\nrotation_deg = [0, 0, nan]",
+            &["pose.rotation_deg is NaN"],
+        ),
+        ("[tool.grid]\nspacing_mm = 0", &["grid.spacing_mm is 0"]),
+        (
+            "[tool.grid]\nspacing_mm = 0.01",
+            &["grid of", "increase grid.spacing_mm"],
+        ),
+        (
+            "[tool.source.shape]\nkind = \"plate\"\nbase_mm = inf",
+            &["plate.base_mm is inf"],
+        ),
+        (
+            "[tool.source.stl]\npath = \"a.stl\"\nscale = -1",
+            &["source.stl.scale is -1"],
+        ),
+    ] {
+        let output = set_up(folder.path(), text);
+        assert_failure(&output, 2, words);
+        assert_failure(&output, 2, &["error: scene.toml: "]);
+    }
+}
+
+#[test]
+fn materials_are_read_from_the_folder_of_the_scene() {
+    let folder = folder();
+    let path = folder.path();
+    let text = format!("material = \"cloth.toml\"\n{}", scene(RIB));
+    assert_failure(
+        &set_up(path, &text),
+        2,
+        &["scene.toml: ", "cannot read cloth.toml"],
+    );
+
+    let cloth = include_str!("../configs/materials/interglas-92125.toml");
+    fs::create_dir(path.join("sub")).unwrap();
+    fs::write(path.join("sub/cloth.toml"), cloth).unwrap();
+    fs::write(path.join("sub/scene.toml"), &text).unwrap();
+    json(path, &["scene", "sub/scene.toml", "--out", "out", "--json"]);
+
+    for (from, to, words) in [
+        (
+            "thickness_mm = 0.35",
+            "thickness_mm = nan",
+            &["`thickness_mm` is NaN"][..],
+        ),
+        (
+            "thickness_mm = 0.35",
+            "thick_mm = 0.35",
+            &["cloth.toml:", "`thick_mm`"],
+        ),
+        ("thickness_mm = 0.35", "thickness_mm = [", &["cloth.toml:"]),
+    ] {
+        fs::write(path.join("cloth.toml"), cloth.replace(from, to)).unwrap();
+        assert_failure(&set_up(path, &text), 2, words);
+    }
+}
+
+#[test]
+fn broken_stl_files_are_refused() {
+    let folder = folder();
+    let path = folder.path();
+    let whole = include_bytes!("../assets/rib.stl");
+    let mut infinite = whole[..84 + 50].to_vec();
+    infinite[80..84].copy_from_slice(&1_u32.to_le_bytes());
+    infinite[84 + 12..84 + 16].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    let flat = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 1 1\nvertex 2 2 2\n\
+                endloop\nendfacet\nendsolid\n";
+    let cut = flat.replace("endsolid\n", "");
+    let word = flat.replace("1 1 1", "1 x 1");
+    let text = scene("[tool.source.stl]\npath = \"mine.stl\"\n");
+    assert_failure(
+        &set_up(path, &text),
+        2,
+        &["scene.toml: cannot read the tool", "mine.stl"],
+    );
+    for (content, words) in [
+        (&b""[..], &["mine.stl: file is empty"][..]),
+        (
+            b"what is this?",
+            &["neither a binary nor an ASCII STL file"],
+        ),
+        (&whole[..5000], &["truncated after facet 98 of 9146"]),
+        (&infinite, &["facet 1 has a non-finite coordinate"]),
+        (b"solid\nendsolid\n", &["no facets"]),
+        (flat.as_bytes(), &["all 1 facets have zero area"]),
+        (cut.as_bytes(), &["truncated after facet 1", "endsolid"]),
+        (word.as_bytes(), &["line 5: expected a number, found \"x\""]),
+    ] {
+        fs::write(path.join("mine.stl"), content).unwrap();
+        assert_failure(&set_up(path, &text), 2, words);
+        assert_failure(&set_up(path, &text), 2, &["scene.toml: ", "mine.stl: "]);
+    }
+    assert_eq!(names(&path.join("out")), [""; 0]);
+}
+
+#[test]
+fn diverging_fall_is_a_failure_at_work() {
+    let folder = folder();
+    let text = scene(RIB) + "[physics]\ngravity = 1e9\nspeed_cap = 0\n";
+    assert_failure(
+        &set_up(folder.path(), &text),
+        1,
+        &["scene.toml: the fall diverged after "],
+    );
+    assert_eq!(names(&folder.path().join("out")), [""; 0]);
+}
+
+#[test]
+fn output_folders_that_cannot_be_used_are_named() {
+    let folder = folder();
+    let path = folder.path();
+    fs::write(path.join("scene.toml"), scene(RIB)).unwrap();
+    fs::write(path.join("file"), "").unwrap();
+    for out in ["file", "file/out"] {
+        let output = drape(path, &["scene", "scene.toml", "--out", out]);
+        assert_failure(&output, 1, &["cannot create folder file"]);
+    }
+    fs::create_dir_all(path.join("out/top.png")).unwrap();
+    let output = drape(path, &["scene", "scene.toml", "--out", "out"]);
+    assert_failure(&output, 1, &["cannot write out/top.png"]);
+    assert_eq!(
+        names(&path.join("out")),
+        ["lamina.stl", "tool.stl", "top.png"]
+    );
+}
+
+/// Runs drape where no file may grow beyond 51 200 bytes.
+#[cfg(unix)]
+fn drape_on_full_disk(folder: &Path, args: &[&str]) -> Output {
+    let script = "trap '' XFSZ; ulimit -f 100; exec \"$0\" \"$@\"";
+    let mut command = Command::new("sh");
+    command.args(["-c", script, env!("CARGO_BIN_EXE_drape")]);
+    command.args(args).current_dir(folder).output().unwrap()
+}
+
+#[cfg(unix)]
+#[test]
+fn full_disk_leaves_whole_files_only() {
+    let folder = folder();
+    let path = folder.path();
+    fs::write(path.join("a.stl"), "old").unwrap();
+    let output = drape_on_full_disk(path, &["tool", "rib", "--out", "a.stl"]);
+    assert_failure(&output, 1, &["cannot write a.stl: File too large"]);
+    assert_eq!(fs::read(path.join("a.stl")).unwrap(), b"old");
+    assert_eq!(names(path), ["a.stl"]);
+
+    fs::write(path.join("scene.toml"), scene(RIB)).unwrap();
+    let output = drape_on_full_disk(path, &["scene", "scene.toml", "--out", "out", "--json"]);
+    assert_failure(&output, 1, &["cannot write out/tool.stl: File too large"]);
+    assert_eq!(names(&path.join("out")), ["lamina.stl"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn stdout_that_takes_nothing_is_a_failure_but_a_closed_pipe_is_none() {
+    let folder = folder();
+    let command = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_drape"));
+        command
+            .args(["tool", "plate", "--out", "a.stl"])
+            .current_dir(folder.path());
+        command.stderr(Stdio::piped());
+        command
+    };
+    let full = fs::OpenOptions::new()
+        .write(true)
+        .open("/dev/full")
+        .unwrap();
+    let output = command().stdout(full).output().unwrap();
+    assert_failure(
+        &output,
+        1,
+        &["cannot write to standard output: No space left"],
+    );
+
+    let mut child = command().stdout(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(String::from_utf8(output.stderr).unwrap(), "");
+    assert!(output.status.success());
+}
