@@ -71,9 +71,25 @@ impl Memory {
         (0..count).map(|_| moves[stream.below(moves.len())]).collect()
     }
 
-    /// Room for as many episodes and tasks as `other`.
-    pub fn fits(&self, other: &Self) -> bool {
-        self.capacity == other.capacity && self.open.len() == other.open.len()
+    /// Whether this memory, read from a file, can replace `other`: as much room, and only
+    /// possible moves on images of `pixel_count` pixels.
+    pub fn fits(&self, other: &Self, pixel_count: usize) -> bool {
+        let fits = |m: &Move| {
+            let Observation {
+                draped,
+                distance,
+                touched,
+                mask,
+            } = &m.observation;
+            [draped, touched, mask].iter().all(|x| x.len() == pixel_count)
+                && distance.len() == pixel_count
+                && mask.contains(m.action as usize)
+        };
+        let moves = self.best.iter().map(|k| &k.moves).chain(&self.open);
+        self.capacity == other.capacity
+            && self.open.len() == other.open.len()
+            && self.best.len() <= self.capacity
+            && moves.flatten().all(fits)
     }
 }
 

@@ -236,8 +236,8 @@ impl<T: Tasks> Trainer<T> {
             None => None,
             Some(own) => {
                 let memory: Memory = decode(sections, IMITATION)?;
-                if !memory.fits(own) {
-                    let reason = "made for other numbers of tasks or episodes";
+                if !memory.fits(own, self.tasks.shape().pixel_count()) {
+                    let reason = "made for other tasks or another number of episodes";
                     return Err(LoadError::section(IMITATION, reason));
                 }
                 Some(memory)
