@@ -101,9 +101,13 @@ mod bits {
         (set.len(), words).serialize(serializer)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<FixedBitSet, D::Error> {
+    pub fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<FixedBitSet, D::Error> {
         let (length, words) = <(usize, Vec<u64>)>::deserialize(deserializer)?;
-        let tail = words.last().map_or(0, |word| word.checked_shr(length as u32 % 64).unwrap_or(0));
+        let tail = words
+            .last()
+            .map_or(0, |word| word.checked_shr(length as u32 % 64).unwrap_or(0));
         if words.len() != length.div_ceil(64) || (length % 64 != 0 && tail != 0) {
             return Err(D::Error::custom("words do not fit the number of bits"));
         }
@@ -132,7 +136,10 @@ mod tests {
             mask: set(0, &[]),
         };
         let bytes = postcard::to_allocvec(&observation).unwrap();
-        assert_eq!(postcard::from_bytes::<Observation>(&bytes).unwrap(), observation);
+        assert_eq!(
+            postcard::from_bytes::<Observation>(&bytes).unwrap(),
+            observation
+        );
         // Too few words, then a bit beyond the length.
         for damaged in [(70usize, vec![0u64]), (1, vec![2])] {
             let mut bytes = postcard::to_allocvec(&damaged).unwrap();

@@ -9,7 +9,8 @@
 //!
 //! Why no convolutions: burn's `flex` takes 33 ms for a training step of one 3x3 convolution
 //! (400 images, 32 channels, 9 x 9), and 5 ms for the map over the same 81 places. The price:
-//! what is learnt at one place is not known at another.
+//! what is learnt at one place is not known at another. A training step of 400 images of 33 x 33
+//! takes 46 ms with the preset on two shared cores, and inference of 16 takes 0.6 ms.
 
 use super::config::CompactConfig;
 use super::layer::{Dense, Initializer, POLICY_GAIN, RELU_GAIN, VALUE_GAIN};
@@ -115,11 +116,17 @@ impl Block {
     /// `x` `[batch, tokens, channels]`, and so is what comes back.
     fn forward(&self, x: Tensor<3>) -> Tensor<3> {
         let [batch, tokens, channels] = x.dims();
-        let across = x.clone().swap_dims(1, 2).reshape([batch * channels, tokens]);
+        let across = x
+            .clone()
+            .swap_dims(1, 2)
+            .reshape([batch * channels, tokens]);
         let across = self.places.forward(across);
         let across = across.reshape([batch, channels, tokens]).swap_dims(1, 2);
         let within = x.clone().reshape([batch * tokens, channels]);
-        let within = self.channels.forward(within).reshape([batch, tokens, channels]);
+        let within = self
+            .channels
+            .forward(within)
+            .reshape([batch, tokens, channels]);
         x + relu(across + within)
     }
 }
@@ -142,7 +149,11 @@ mod tests {
         let network = CompactNetwork::new(&config, 3, 4, &mut Initializer::new(0, &device));
         let numbers: Vec<f32> = (0..16).map(|i| i as f32).collect();
         let patches = Tensor::from_data(TensorData::new(numbers, [4, 4]), &device);
-        let image: Vec<f32> = network.assemble(patches, 1).into_data().try_into_vec().unwrap();
+        let image: Vec<f32> = network
+            .assemble(patches, 1)
+            .into_data()
+            .try_into_vec()
+            .unwrap();
         // Patches row by row, each row by row; the fourth image row does not exist.
         assert_eq!(image, [0., 1., 4., 5., 2., 3., 6., 7., 8., 9., 12., 13.]);
     }

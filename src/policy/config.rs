@@ -74,7 +74,7 @@ impl PolicyConfig {
             network: NetworkConfig::Compact(CompactConfig {
                 patch: 4,
                 border: 1,
-                channels: 32,
+                channels: 24,
                 blocks: 2,
                 value_hidden: 64,
             }),

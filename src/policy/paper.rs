@@ -2,10 +2,10 @@ use super::config::PaperConfig;
 use super::layer::{Conv, Dense, Initializer, POLICY_GAIN, RELU_GAIN, VALUE_GAIN};
 use super::network::Prediction;
 use burn::module::Module;
+use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
 use burn::tensor::module::max_pool2d;
 use burn::tensor::ops::MaxPoolOptions;
-use burn::tensor::Tensor;
 
 /// The paper's networks (Section 4.3): the policy's and the value's share nothing.
 #[derive(Module, Debug)]
@@ -24,8 +24,7 @@ impl PaperNetwork {
         initializer: &mut Initializer,
     ) -> Self {
         let actions = rows * columns;
-        let mut vgg =
-            |outputs, gain| Vgg::new(config, rows, columns, outputs, gain, initializer);
+        let mut vgg = |outputs, gain| Vgg::new(config, rows, columns, outputs, gain, initializer);
         Self {
             policy: vgg(actions, POLICY_GAIN),
             value: vgg(1, VALUE_GAIN),

@@ -105,7 +105,10 @@ impl ModuleVisitor for Collector {
         self.parameters.push(Parameter {
             name: self.path.join("."),
             shape: value.dims().to_vec(),
-            numbers: value.into_data().try_into_vec().expect("parameters are f32"),
+            numbers: value
+                .into_data()
+                .try_into_vec()
+                .expect("parameters are f32"),
         });
     }
 }

@@ -84,7 +84,10 @@ impl Patches {
             (row + self.border) * line + (column + self.border) * CHANNELS
         };
         pixels.draped.ones().for_each(|i| image[place(i)] = 1.0);
-        pixels.touched.ones().for_each(|i| image[place(i) + 2] = 1.0);
+        pixels
+            .touched
+            .ones()
+            .for_each(|i| image[place(i) + 2] = 1.0);
         pixels.mask.ones().for_each(|i| image[place(i) + 3] = 1.0);
         for (row, distances) in pixels.distance.chunks_exact(self.columns).enumerate() {
             let start = place(row * self.columns) + 1;

@@ -102,7 +102,12 @@ impl Adam {
         Ok(Self {
             epsilon: self.epsilon,
             step_count: stored.step_count,
-            moments: self.moments.iter().zip(stored.moments).map(restore).collect(),
+            moments: self
+                .moments
+                .iter()
+                .zip(stored.moments)
+                .map(restore)
+                .collect(),
         })
     }
 }
@@ -156,7 +161,10 @@ struct Step<'a> {
 
 impl ModuleMapper for Step<'_> {
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
-        let moments = self.moments.next().expect("one pair of moments a parameter");
+        let moments = self
+            .moments
+            .next()
+            .expect("one pair of moments a parameter");
         let Some(gradient) = self.gradients.remove::<D>(param.id) else {
             return param;
         };

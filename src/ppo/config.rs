@@ -150,10 +150,30 @@ impl PpoConfig {
             ("minibatch_size", self.minibatch_size as f64, &count, COUNT),
             ("epochs", self.epochs as f64, &count, COUNT),
             ("clip_range", self.clip_range.into(), &positive, POSITIVE),
-            ("policy_coefficient", self.policy_coefficient.into(), &weight, WEIGHT),
-            ("value_coefficient", self.value_coefficient.into(), &weight, WEIGHT),
-            ("entropy_coefficient", self.entropy_coefficient.into(), &weight, WEIGHT),
-            ("advantage_floor", self.advantage_floor.into(), &positive, POSITIVE),
+            (
+                "policy_coefficient",
+                self.policy_coefficient.into(),
+                &weight,
+                WEIGHT,
+            ),
+            (
+                "value_coefficient",
+                self.value_coefficient.into(),
+                &weight,
+                WEIGHT,
+            ),
+            (
+                "entropy_coefficient",
+                self.entropy_coefficient.into(),
+                &weight,
+                WEIGHT,
+            ),
+            (
+                "advantage_floor",
+                self.advantage_floor.into(),
+                &positive,
+                POSITIVE,
+            ),
         ];
         if let Some(steps) = self.annealing_steps {
             checks.push(("annealing_steps", steps as f64, &count, COUNT));
@@ -171,7 +191,10 @@ impl PpoConfig {
             checks.push(("imitation.samples", samples as f64, &count, COUNT));
             checks.push(("imitation.coefficient", coefficient, &weight, WEIGHT));
         }
-        match checks.into_iter().find(|(_, found, valid, _)| !valid(*found)) {
+        match checks
+            .into_iter()
+            .find(|(_, found, valid, _)| !valid(*found))
+        {
             Some((key, found, _, expected)) => Err(ConfigError {
                 key,
                 found,

@@ -83,13 +83,25 @@ mod tests {
     #[test]
     fn tasks_do_not_mix() {
         let next = [Step, Terminated, Step, Step];
-        let a = halves(&[1.0, 3.0, 2.0, 2.0], &[1.0, 1.0, 4.0, 4.0], &next, &[8.0, 8.0]);
+        let a = halves(
+            &[1.0, 3.0, 2.0, 2.0],
+            &[1.0, 1.0, 4.0, 4.0],
+            &next,
+            &[8.0, 8.0],
+        );
         assert_eq!(a, [2.5, 2.0, 2.0, 2.0]);
     }
 
     #[test]
     fn lambda_one_gives_the_return_minus_the_value() {
-        let a = gae(&[0.0, 0.0, 1.0], &[0.3, -2.0, 5.0], &[Step, Step, Terminated], &[7.0], 1.0, 1.0);
+        let a = gae(
+            &[0.0, 0.0, 1.0],
+            &[0.3, -2.0, 5.0],
+            &[Step, Step, Terminated],
+            &[7.0],
+            1.0,
+            1.0,
+        );
         for (a, v) in a.iter().zip([0.3, -2.0, 5.0]) {
             assert!((a - (1.0 - v)).abs() < 1e-6);
         }

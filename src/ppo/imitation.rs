@@ -46,8 +46,14 @@ impl Memory {
         let moves = std::mem::take(&mut self.open[task]);
         let actions = |moves: &[Move]| moves.iter().map(|m| m.action).collect::<Vec<_>>();
         let total_reward = episode.total_reward;
-        let rank = self.best.partition_point(|k| k.total_reward >= total_reward);
-        let known = || self.best.iter().any(|k| actions(&k.moves) == episode.actions);
+        let rank = self
+            .best
+            .partition_point(|k| k.total_reward >= total_reward);
+        let known = || {
+            self.best
+                .iter()
+                .any(|k| actions(&k.moves) == episode.actions)
+        };
         if episode.end == End::Terminated
             && total_reward.is_finite()
             && rank < self.capacity
@@ -68,7 +74,9 @@ impl Memory {
         if moves.is_empty() {
             return Vec::new();
         }
-        (0..count).map(|_| moves[stream.below(moves.len())]).collect()
+        (0..count)
+            .map(|_| moves[stream.below(moves.len())])
+            .collect()
     }
 
     /// Whether this memory, read from a file, can replace `other`: as much room, and only
@@ -81,7 +89,9 @@ impl Memory {
                 touched,
                 mask,
             } = &m.observation;
-            [draped, touched, mask].iter().all(|x| x.len() == pixel_count)
+            [draped, touched, mask]
+                .iter()
+                .all(|x| x.len() == pixel_count)
                 && distance.len() == pixel_count
                 && mask.contains(m.action as usize)
         };
@@ -134,7 +144,11 @@ mod tests {
         let rewards: Vec<f32> = memory.best.iter().map(|k| k.total_reward).collect();
         assert_eq!(rewards, [1.0, 0.7]);
         let mut stream = Stream::new(0, Purpose::Shuffle, 0);
-        let mut drawn: Vec<u32> = memory.draw(50, &mut stream).iter().map(|m| m.action).collect();
+        let mut drawn: Vec<u32> = memory
+            .draw(50, &mut stream)
+            .iter()
+            .map(|m| m.action)
+            .collect();
         drawn.sort_unstable();
         drawn.dedup();
         assert_eq!(drawn, [1, 2, 6]);

@@ -12,7 +12,9 @@ pub fn policy_loss(
 ) -> Tensor<1> {
     let rho = (log_prob - old_log_prob).exp();
     let clipped = rho.clone().clamp(1.0 - clip_range, 1.0 + clip_range);
-    -(rho * advantage.clone()).min_pair(clipped * advantage).mean()
+    -(rho * advantage.clone())
+        .min_pair(clipped * advantage)
+        .mean()
 }
 
 /// ½ mean (R - V)².
@@ -99,7 +101,10 @@ mod tests {
         let loss = value_loss(value.clone(), tensor([2.0, 5.0]));
         assert_eq!(number(loss.clone()), 2.5);
         let gradient = value.grad(&loss.backward()).unwrap();
-        assert_eq!(gradient.into_data().try_into_vec::<f32>().unwrap(), [-0.5, -1.5]);
+        assert_eq!(
+            gradient.into_data().try_into_vec::<f32>().unwrap(),
+            [-0.5, -1.5]
+        );
     }
 
     #[test]
@@ -107,7 +112,10 @@ mod tests {
         let (log_prob, old, _) = ratios();
         let kl = (0.5 - 1.5f32.ln() + (-0.5) - 0.5f32.ln()) / 2.0;
         assert!((number(approx_kl(log_prob.clone(), old.clone())) - kl).abs() < 1e-6);
-        assert_eq!(number(clip_fraction(log_prob.clone(), old.clone(), 0.4)), 1.0);
+        assert_eq!(
+            number(clip_fraction(log_prob.clone(), old.clone(), 0.4)),
+            1.0
+        );
         assert_eq!(number(clip_fraction(log_prob, old, 0.6)), 0.0);
         assert_eq!(explained_variance(&[0.0, 0.0], &[1.0, 3.0]), 0.0);
         assert_eq!(explained_variance(&[1.0, 3.0], &[1.0, 3.0]), 1.0);

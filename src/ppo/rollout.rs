@@ -72,7 +72,9 @@ pub fn collect<T: Tasks>(
                 None => Next::Step,
                 Some(episode) => follows(agent, episode),
             });
-            rollout.episodes.extend(episode.map(|e| Finished::new(task, e)));
+            rollout
+                .episodes
+                .extend(episode.map(|e| Finished::new(task, e)));
         }
         rollout.observations.extend(seen);
         rollout.actions.extend(actions);

@@ -1,5 +1,6 @@
 //! Learning, masks, exact resume and refusal of what is not finite, on a toy task.
 
+use super::rollout::collect;
 use super::*;
 use crate::env::{End, Episode, Observation, Outcome, Shape, Tasks};
 use crate::math::{Purpose, Stream};
@@ -14,6 +15,8 @@ struct Order {
     states: Vec<(Observation, Vec<u32>)>,
     /// Reward of a position: not finite to see that it is refused.
     reward: f32,
+    /// How episodes end.
+    end: End,
 }
 
 const SHAPE: Shape = Shape {
@@ -27,6 +30,7 @@ impl Order {
         Self {
             states: vec![Self::start(); count],
             reward: 10.0,
+            end: End::Terminated,
         }
     }
 
@@ -62,7 +66,7 @@ impl Tasks for Order {
     }
 
     fn step(&mut self, actions: &[u32]) -> Vec<Outcome> {
-        let reward = self.reward;
+        let Self { reward, end, .. } = *self;
         let step = |(state, &action): (&mut (Observation, Vec<u32>), &u32)| {
             let (observation, taken) = state;
             let pixel = action as usize;
@@ -83,7 +87,7 @@ impl Tasks for Order {
             Outcome {
                 reward: reward * right as f32,
                 episode: Some(Episode {
-                    end: End::Terminated,
+                    end,
                     actions,
                     total_reward: reward * right as f32,
                     last,
@@ -198,6 +202,36 @@ fn timeless(iteration: Iteration) -> Iteration {
 }
 
 #[test]
+fn rollout_notes_ends_scaled_rewards_and_the_values_behind_truncations() {
+    let agent = trainer(ppo(), 5).agent();
+    for end in [End::Terminated, End::Truncated] {
+        let mut tasks = Order::new(1);
+        tasks.end = end;
+        let streams = &mut [Stream::new(5, Purpose::Actions, 0)];
+        let mut seconds = Seconds::default();
+        let rollout = collect(&agent, &mut tasks, streams, None, 6, 0.5, &mut seconds);
+        let (mut last, _) = Order::start();
+        for action in ORDER.map(|a| a as usize) {
+            last.mask.remove(action);
+            last.touched.insert(action);
+            last.draped.insert(action);
+            last.distance[action] = 0.0;
+        }
+        let value = agent.value(&[&last])[0];
+        let expected = match end {
+            End::Terminated => Next::Terminated,
+            End::Truncated => Next::Truncated { value },
+        };
+        assert!(rollout.next[..5].iter().all(|next| *next == Next::Step));
+        assert_eq!(rollout.next[5], expected);
+        assert_eq!(rollout.rewards[5], 0.5 * rollout.episodes[0].total_reward);
+        assert_eq!(rollout.actions, rollout.episodes[0].actions);
+        // The task has been reset: what follows the rollout is the start again.
+        assert_eq!(rollout.last_values, agent.value(&[&Order::start().0]));
+    }
+}
+
+#[test]
 fn resumed_training_is_the_uninterrupted_one() {
     let mut whole = trainer(everything(), 5);
     (0..3).for_each(|_| drop(whole.iterate().unwrap()));
@@ -257,7 +291,10 @@ fn reward_that_is_not_finite_stops_the_training_and_leaves_the_network() {
     sections.insert("tasks".to_owned(), tasks.save());
     trainer.load(&sections).unwrap();
     let error = trainer.iterate().unwrap_err().to_string();
-    assert!(error.starts_with("iteration 2: policy loss is not finite"), "{error}");
+    assert!(
+        error.starts_with("iteration 2: policy loss is not finite"),
+        "{error}"
+    );
     assert!(trainer.agent().save() == before);
 }
 
@@ -268,8 +305,7 @@ fn papers_network_learns_and_survives_its_file() {
         unreachable!("the paper's preset has its network")
     };
     paper.channels.truncate(2);
-    let mut trainer =
-        Trainer::new(config, &policy, Order::new(2), 0, DeviceKind::Flex).unwrap();
+    let mut trainer = Trainer::new(config, &policy, Order::new(2), 0, DeviceKind::Flex).unwrap();
     let before = trainer.agent().save();
     let iteration = trainer.iterate().unwrap();
     assert_eq!((iteration.env_steps, iteration.metrics.epochs), (200, 4));

@@ -68,7 +68,14 @@ pub fn update(
         last_values,
         ..
     } = rollout;
-    let mut advantages = gae(rewards, values, next, last_values, config.gamma, config.gae_lambda);
+    let mut advantages = gae(
+        rewards,
+        values,
+        next,
+        last_values,
+        config.gamma,
+        config.gae_lambda,
+    );
     let returns: Vec<f32> = advantages.iter().zip(values).map(|(a, v)| a + v).collect();
     if config.advantage_norm == AdvantageNorm::Batch {
         advantages = loss::normalised(&advantages, config.advantage_floor);
@@ -90,7 +97,15 @@ pub fn update(
             let minibatch = Minibatch::new(config, rollout, &advantages, &returns, indices);
             let terms = evaluate(config, actor_critic, &minibatch, &imitated);
             let found = terms.metrics();
-            descend(config, actor_critic, adam, terms.total, found, learning_rate, &mut sum)?;
+            descend(
+                config,
+                actor_critic,
+                adam,
+                terms.total,
+                found,
+                learning_rate,
+                &mut sum,
+            )?;
             kl += found.approx_kl / pieces as f32;
             steps += 1;
         }
