@@ -19,6 +19,10 @@ pub struct Prediction {
 
 /// The parameters of a policy and a value.
 #[derive(Module, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a training holds a handful of them"
+)]
 pub enum Network {
     Paper(PaperNetwork),
     Compact(CompactNetwork),

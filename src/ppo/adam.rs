@@ -85,8 +85,8 @@ impl Adam {
             let length = m.first.dims()[0];
             first.len() == length && second.len() == length
         };
-        let pairs = self.moments.iter().zip(&stored.moments);
-        if self.moments.len() != stored.moments.len() || !pairs.map(fits).all(|fit| fit) {
+        let mut pairs = self.moments.iter().zip(&stored.moments);
+        if self.moments.len() != stored.moments.len() || !pairs.all(fits) {
             return Err("moments are of another network".to_owned());
         }
         let restore = |(old, [first, second]): (&Moments, [Vec<f32>; 2])| {

@@ -1,8 +1,8 @@
 //! Proximal policy optimisation (Schulman et al. 2017) of masked discrete actions.
 //!
-//! One [`Trainer::iterate`] is: a rollout of all tasks ([`rollout`]), advantages ([`gae`]), and
-//! some epochs of updates on them ([`update`], with the pure losses of [`loss`]). Optionally
-//! the best episodes ever seen are imitated as well ([`imitation`]). A trainer saves and
+//! One [`Trainer::iterate`] is: a rollout of all tasks (`rollout`), advantages ([`gae()`]), and
+//! some epochs of updates on them (`update`, with the pure losses of `loss`). Optionally
+//! the best episodes ever seen are imitated as well (`imitation`). A trainer saves and
 //! restores itself exactly: a resumed training gives the same bits as one never interrupted.
 
 mod adam;
