@@ -10,7 +10,7 @@
 //! Why no convolutions: burn's `flex` takes 33 ms for a training step of one 3x3 convolution
 //! (400 images, 32 channels, 9 x 9), and 5 ms for the map over the same 81 places. The price:
 //! what is learnt at one place is not known at another. A training step of 400 images of 33 x 33
-//! takes 46 ms with the preset on two shared cores, and inference of 16 takes 0.6 ms.
+//! takes 46 to 62 ms with the preset on two shared cores, and inference of 16 about 0.8 ms.
 
 use super::config::CompactConfig;
 use super::layer::{Dense, Initializer, POLICY_GAIN, RELU_GAIN, VALUE_GAIN};
