@@ -1,1 +1,41 @@
-//! (to be written)
+//! The command line.
+//!
+//! One file a command, each with its `Args` and `run(Args) -> Result<(), Failure>`; adding
+//! a command is that file and one variant of [`Command`]. Results go to stdout, as text or,
+//! with `--json`, as exactly one JSON object; progress and errors go to stderr.
+
+mod failure;
+mod output;
+mod scene;
+mod tool;
+
+use clap::{Parser, Subcommand};
+
+pub use failure::Failure;
+
+/// Finds the order in which a robot presses woven fabric on to a curved tool.
+#[derive(Debug, Parser)]
+#[command(name = "drape", version, after_help = EXIT_CODES)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed at work (disk full, simulation diverged, ...); \
+                          2 wrong usage or configuration.";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Tool(tool::Args),
+    Scene(scene::Args),
+}
+
+impl Cli {
+    /// Runs the command that was asked for.
+    pub fn run(self) -> Result<(), Failure> {
+        match self.command {
+            Command::Tool(args) => tool::run(args),
+            Command::Scene(args) => scene::run(args),
+        }
+    }
+}

@@ -2,19 +2,13 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::file::{ReadTomlError, parse_toml, read_toml};
+
 /// A material file could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum MaterialError {
-    #[error("{path}: {source}", path = path.display())]
-    Read {
-        path: PathBuf,
-        source: std::io::Error,
-    },
-    #[error("{path}: {source}", path = path.display())]
-    Parse {
-        path: PathBuf,
-        source: Box<toml::de::Error>,
-    },
+    #[error(transparent)]
+    Read(#[from] ReadTomlError),
     #[error("{path}: `{key}` is {found}, expected {expected}", path = path.display())]
     Value {
         path: PathBuf,
@@ -101,11 +95,9 @@ const INTERGLAS_92125: &str = include_str!("../../configs/materials/interglas-92
 impl Material {
     /// Reads and checks a material file.
     pub fn read(path: &Path) -> Result<Self, MaterialError> {
-        let text = std::fs::read_to_string(path).map_err(|source| MaterialError::Read {
-            path: path.into(),
-            source,
-        })?;
-        Self::parse(&text, path)
+        let material: Self = read_toml(path)?;
+        material.check(path)?;
+        Ok(material)
     }
 
     /// The fabric of the paper, Interglas 92125.
@@ -115,10 +107,7 @@ impl Material {
     }
 
     fn parse(text: &str, path: &Path) -> Result<Self, MaterialError> {
-        let material: Self = toml::from_str(text).map_err(|source| MaterialError::Parse {
-            path: path.into(),
-            source: Box::new(source),
-        })?;
+        let material: Self = parse_toml(text, path).map_err(ReadTomlError::from)?;
         material.check(path)?;
         Ok(material)
     }

@@ -3,6 +3,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::fabric::{BlankConfig, BlankError, Material, MaterialError};
+use crate::file::{ReadTomlError, read_toml};
 use crate::sim::{PhysicsConfig, PhysicsError};
 use crate::tool::{Source, ToolConfig, ToolError};
 
@@ -93,16 +94,8 @@ pub struct SceneConfig {
 /// A scene that cannot be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
-    #[error("{path}: {source}", path = path.display())]
-    Read {
-        path: PathBuf,
-        source: std::io::Error,
-    },
-    #[error("{path}: {source}", path = path.display())]
-    Parse {
-        path: PathBuf,
-        source: Box<toml::de::Error>,
-    },
+    #[error(transparent)]
+    Read(#[from] ReadTomlError),
     #[error("`{key}` is {found}, expected {expected}")]
     Value {
         key: String,
@@ -132,14 +125,7 @@ impl SceneConfig {
 
     /// Reads a scene file. Paths in it count from the folder of the file.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
-        let text = std::fs::read_to_string(path).map_err(|source| SceneError::Read {
-            path: path.into(),
-            source,
-        })?;
-        let mut scene: Self = toml::from_str(&text).map_err(|source| SceneError::Parse {
-            path: path.into(),
-            source: Box::new(source),
-        })?;
+        let mut scene: Self = read_toml(path)?;
         scene.resolve(path.parent().unwrap_or(Path::new("")));
         Ok(scene)
     }

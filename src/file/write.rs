@@ -1,9 +1,3 @@
-//! Files that are written whole or not at all.
-//!
-//! Everything that replaces a file goes through [`write_atomic`], so that a crash, a full
-//! disk or a pulled plug leaves either the old content or the new, never half of it. Logs
-//! that grow line by line are not written here.
-
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};

@@ -1,0 +1,101 @@
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+use anyhow::{Context, Error};
+
+use crate::scene::SceneError;
+
+/// Why a command ended early, and whose turn it is.
+///
+/// `?` makes any error a failure at work (exit code 1). What the user got wrong becomes a
+/// failure of the input (exit code 2) by [`OrInvalid::or_invalid`].
+#[derive(Debug)]
+pub struct Failure {
+    error: Error,
+    is_input: bool,
+}
+
+impl Failure {
+    /// Wrong usage or configuration.
+    pub(super) fn invalid(error: impl Into<Error>) -> Self {
+        Self {
+            error: error.into(),
+            is_input: true,
+        }
+    }
+
+    /// Prints the chain of causes as one line on stderr and gives the exit code.
+    pub fn report(&self) -> ExitCode {
+        // Without stderr there is nobody left to tell.
+        let _ = writeln!(io::stderr(), "error: {}", self.line());
+        ExitCode::from(if self.is_input { 2 } else { 1 })
+    }
+
+    /// The chain of causes, outermost first, as one line.
+    fn line(&self) -> String {
+        let chain = format!("{:#}", self.error);
+        let lines = chain.lines().map(str::trim).filter(|line| !line.is_empty());
+        lines.collect::<Vec<_>>().join(" ")
+    }
+}
+
+impl<E: Into<Error>> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self {
+            error: error.into(),
+            is_input: false,
+        }
+    }
+}
+
+/// Marks errors that the user can mend.
+pub(super) trait OrInvalid<T> {
+    /// Fails with exit code 2.
+    fn or_invalid(self) -> Result<T, Failure>;
+
+    /// Fails with exit code 2; `place`, such as the name of the file, leads the message.
+    fn or_invalid_in(self, place: impl ToString) -> Result<T, Failure>;
+}
+
+impl<T, E: Into<Error>> OrInvalid<T> for Result<T, E> {
+    fn or_invalid(self) -> Result<T, Failure> {
+        self.map_err(Failure::invalid)
+    }
+
+    fn or_invalid_in(self, place: impl ToString) -> Result<T, Failure> {
+        let result = self.map_err(Into::into).with_context(|| place.to_string());
+        result.map_err(Failure::invalid)
+    }
+}
+
+/// Sorts what can go wrong with a scene whose file, or other origin, is `place`.
+pub(super) fn scene_failure(error: SceneError, place: &str) -> Failure {
+    let is_input = !matches!(error, SceneError::Diverged { .. });
+    Failure {
+        error: Error::new(error).context(place.to_string()),
+        is_input,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chain_becomes_one_line() {
+        let error = anyhow::anyhow!("cause\n  in two lines\n");
+        let failure = Failure::from(error.context("attempt"));
+        assert_eq!(failure.line(), "attempt: cause in two lines");
+    }
+
+    #[test]
+    fn only_marked_errors_are_the_user_s() {
+        let fail = || Err::<(), _>(anyhow::anyhow!("cause"));
+        assert!(fail().or_invalid().unwrap_err().is_input);
+        let failure = fail().or_invalid_in("a.toml").unwrap_err();
+        assert!(failure.is_input);
+        assert_eq!(failure.line(), "a.toml: cause");
+        assert!(!Failure::from(fail().unwrap_err()).is_input);
+        assert!(!scene_failure(SceneError::Diverged { time_s: 0.5 }, "a.toml").is_input);
+    }
+}

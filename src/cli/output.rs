@@ -1,0 +1,54 @@
+use std::io::{self, ErrorKind, IsTerminal, Write};
+
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+
+use super::Failure;
+
+/// Prints `text` and a line break on stdout. A reader that has left early is no failure.
+pub(super) fn print(text: &str) -> Result<(), Failure> {
+    let mut stdout = io::stdout().lock();
+    let written = writeln!(stdout, "{text}").and_then(|()| stdout.flush());
+    match written {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => Ok(written.context("cannot write to standard output")?),
+    }
+}
+
+/// Prints `value` as one JSON object on stdout. Numbers that are not finite become `null`.
+pub(super) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
+    print(&serde_json::to_string_pretty(value)?)
+}
+
+/// A bar on stderr that `0..=1` fills; hidden where nobody watches, and on demand.
+pub(super) struct Progress(ProgressBar);
+
+/// Steps of the bar: finer than a terminal is wide.
+const STEPS: u64 = 1000;
+
+impl Progress {
+    /// Starts a bar. With `--json` it is hidden, so that a program sees no control codes.
+    pub fn new(title: &'static str, json: bool) -> Self {
+        let style = ProgressStyle::with_template("{msg} [{bar:40}] {percent:>3} % {eta}")
+            .expect("the template is valid");
+        let target = if json || !io::stderr().is_terminal() {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr()
+        };
+        let bar = ProgressBar::with_draw_target(Some(STEPS), target).with_style(style);
+        Self(bar.with_message(title))
+    }
+
+    /// Shows the share that is done, 0 to 1.
+    pub fn set(&self, share: f64) {
+        self.0.set_position((share * STEPS as f64) as u64);
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}

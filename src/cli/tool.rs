@@ -1,0 +1,184 @@
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use anyhow::{Context, Error, anyhow};
+use clap::ValueEnum;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::Failure;
+use super::failure::OrInvalid;
+use super::output::{print, print_json};
+use crate::mesh::write_stl;
+use crate::tool::{ErrorSummary, GridConfig, GridError, Shape, Tool};
+
+/// Points at which the distance grid is compared, in its box and near the surface each.
+pub(super) const GRID_SAMPLES: usize = 20_000;
+
+/// Write a parametric tool as STL file (binary, millimetres)
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape tool rib --out rib.stl
+  drape tool hemisphere --set radius_mm=90 --set 'plate_mm=[420, 420]' --out dome.stl
+  drape tool incline --set angle_deg=30 --out incline.stl --grid-error --json")]
+pub struct Args {
+    /// Shape of the tool
+    #[arg(value_enum)]
+    shape: Kind,
+
+    /// Replaces a value of the shape, in TOML; an unknown KEY lists the valid ones
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+
+    /// STL file to write; its folder must exist
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+
+    /// Also compare the distance grid with the exact distance
+    #[arg(long)]
+    grid_error: bool,
+
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Kind {
+    /// Rib with a curved crest across a plate
+    Rib,
+    /// Hemisphere on a plate
+    Hemisphere,
+    /// Two hemispheres on a plate, joined by a waist
+    DoubleDome,
+    /// Flat plate
+    Plate,
+    /// Upper half of a lying cylinder
+    Cylinder,
+    /// Inclined plane
+    Incline,
+}
+
+/// What is printed.
+#[derive(Debug, Serialize)]
+struct Report {
+    file: PathBuf,
+    shape: Shape,
+    vertices: usize,
+    triangles: usize,
+    /// Least and greatest coordinates.
+    bounds_mm: [[f64; 3]; 2],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    grid_error_mm: Option<GridErrorMm>,
+}
+
+/// The error of the distance grid [mm].
+#[derive(Debug, Serialize)]
+pub(super) struct GridErrorMm {
+    spacing: f64,
+    everywhere: ErrorMm,
+    within_2_mm: ErrorMm,
+}
+
+#[derive(Debug, Serialize)]
+struct ErrorMm {
+    mean: f64,
+    p95: f64,
+    max: f64,
+}
+
+/// Runs `drape tool`.
+pub fn run(args: Args) -> Result<(), Failure> {
+    let shape = args.shape.with(&args.set).or_invalid()?;
+    let mesh = shape.mesh().or_invalid_in("--set")?;
+    let name = args.shape.to_possible_value().expect("no shape is hidden");
+    write_stl(&args.out, &mesh, name.get_name())?;
+
+    let (low, high) = mesh.bounds();
+    let mut report = Report {
+        file: args.out,
+        shape,
+        vertices: mesh.vertices.len(),
+        triangles: mesh.triangles.len(),
+        bounds_mm: [low, high].map(|corner| (corner * 1e3).into()),
+        grid_error_mm: None,
+    };
+    let mut grid_error = None;
+    if args.grid_error {
+        let grid = GridConfig::default();
+        let error = Tool::from_mesh(mesh, &grid).or_invalid()?.grid_error(GRID_SAMPLES);
+        report.grid_error_mm = Some(GridErrorMm::new(&error, grid.spacing_mm));
+        grid_error = Some(error);
+    }
+    if args.json {
+        print_json(&report)
+    } else {
+        print(&report.text(grid_error.as_ref()))
+    }
+}
+
+impl Kind {
+    /// The shape with the values of `set` in place of its own.
+    fn with(self, set: &[String]) -> Result<Shape, Error> {
+        let mut table = toml::Table::new();
+        for pair in set {
+            let (key, value) = pair
+                .split_once('=')
+                .ok_or_else(|| anyhow!("--set {pair}: expected KEY=VALUE"))?;
+            let key = key.trim();
+            let value: toml::Value = value
+                .parse()
+                .map_err(|_| anyhow!("--set {pair}: `{value}` is no TOML value"))?;
+            if table.insert(key.into(), value).is_some() {
+                return Err(anyhow!("--set {key} is given twice"));
+            }
+        }
+        Ok(match self {
+            Self::Rib => Shape::Rib(read(table)?),
+            Self::Hemisphere => Shape::Hemisphere(read(table)?),
+            Self::DoubleDome => Shape::DoubleDome(read(table)?),
+            Self::Plate => Shape::Plate(read(table)?),
+            Self::Cylinder => Shape::Cylinder(read(table)?),
+            Self::Incline => Shape::Incline(read(table)?),
+        })
+    }
+}
+
+fn read<T: DeserializeOwned>(table: toml::Table) -> Result<T, Error> {
+    table.try_into().context("--set")
+}
+
+impl Report {
+    fn text(&self, grid_error: Option<&GridError>) -> String {
+        let [low, high] = self.bounds_mm;
+        let mut text = format!(
+            "{}: {} vertices, {} triangles",
+            self.file.display(),
+            self.vertices,
+            self.triangles
+        );
+        for (axis, (low, high)) in ["x", "y", "z"].iter().zip(low.iter().zip(high)) {
+            let _ = write!(text, "\n{axis} {low:8.1} to {high:8.1} mm");
+        }
+        if let Some(error) = grid_error {
+            let _ = write!(text, "\nerror of the distance grid\n{error}");
+        }
+        text
+    }
+}
+
+impl GridErrorMm {
+    /// Converts `error` of a grid with spacing `spacing` [mm].
+    pub fn new(error: &GridError, spacing: f64) -> Self {
+        let mm = |summary: &ErrorSummary| ErrorMm {
+            mean: summary.mean * 1e3,
+            p95: summary.p95 * 1e3,
+            max: summary.max * 1e3,
+        };
+        Self {
+            spacing,
+            everywhere: mm(&error.everywhere),
+            within_2_mm: mm(&error.near),
+        }
+    }
+}

@@ -1,0 +1,122 @@
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+
+/// Longest part of a line that a message quotes [characters].
+const QUOTE: usize = 60;
+
+/// Why a TOML file could not be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadTomlError {
+    #[error("cannot read {}", path.display())]
+    Io { path: PathBuf, source: io::Error },
+    #[error(transparent)]
+    Parse(#[from] ParseError),
+}
+
+/// Where a TOML text is wrong, and what was expected there: one line, with the key. Lines
+/// and columns [characters] count from 1.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}:{line}:{column}: {message}", path.display())]
+pub struct ParseError {
+    pub path: PathBuf,
+    pub line: usize,
+    pub column: usize,
+    pub message: String,
+}
+
+/// Reads the TOML file at `path`.
+pub fn read_toml<T: DeserializeOwned>(path: &Path) -> Result<T, ReadTomlError> {
+    let text = fs::read_to_string(path).map_err(|source| ReadTomlError::Io {
+        path: path.into(),
+        source,
+    })?;
+    Ok(parse_toml(&text, path)?)
+}
+
+/// Reads TOML from `text`; errors name `path` as its origin.
+pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ParseError> {
+    toml::from_str(text).map_err(|error| {
+        let start = error.span().map_or(0, |span| span.start);
+        let before = text.get(..start).unwrap_or(text);
+        let line_start = before.rfind('\n').map_or(0, |end| end + 1);
+        let line = text[line_start..].lines().next().unwrap_or_default().trim();
+        // The parser's own message may have several lines.
+        let mut message = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
+        let key = line.split('=').next().unwrap_or_default().trim();
+        if !key.is_empty() && !message.contains(&format!("`{key}`")) {
+            let quote: String = line.chars().take(QUOTE).collect();
+            message += &format!(" in `{quote}`");
+        }
+        ParseError {
+            path: path.into(),
+            line: before.matches('\n').count() + 1,
+            column: before[line_start..].chars().count() + 1,
+            message,
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Plan {
+        #[serde(rename = "part")]
+        _part: Part,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Part {
+        #[serde(rename = "length_mm")]
+        _length_mm: f64,
+    }
+
+    fn message(text: &str) -> String {
+        let error = parse_toml::<Plan>(text, Path::new("a.toml")).unwrap_err();
+        error.to_string()
+    }
+
+    #[test]
+    fn errors_are_one_line_with_place_and_key() {
+        for (text, expected) in [
+            (
+                "[part]\nlength_mm = 1\n  widht = 2",
+                "a.toml:3:3: unknown field `widht`, expected `length_mm`",
+            ),
+            (
+                "# \u{b5}\n[part]\nlength_mm = \"\u{b5}\"",
+                "a.toml:3:13: invalid type: string \"\u{b5}\", expected f64 in `length_mm = \"\u{b5}\"`",
+            ),
+            ("[part]", "a.toml:1:1: missing field `length_mm` in `[part]`"),
+            ("", "a.toml:1:1: missing field `part`"),
+        ] {
+            assert_eq!(message(text), expected);
+        }
+        for text in ["[part", "part = \"\"\"\n", "= 3", "\u{0}", "[part]\r\nlength_mm ="] {
+            let message = message(text);
+            assert!(message.starts_with("a.toml:"), "{message}");
+            assert!(!message.contains('\n'), "{message}");
+        }
+    }
+
+    #[test]
+    fn long_lines_are_cut() {
+        let text = format!("[part]\nlength_mm = \"{}\"", "x".repeat(1000));
+        let error = message(&text);
+        assert!(error.ends_with("in `length_mm = \"xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx`"));
+    }
+
+    #[test]
+    fn unreadable_files_are_named() {
+        let error = read_toml::<Plan>(Path::new("none/a.toml")).unwrap_err();
+        assert_eq!(error.to_string(), "cannot read none/a.toml");
+        assert!(matches!(error, ReadTomlError::Io { .. }));
+    }
+}
