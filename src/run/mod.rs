@@ -13,6 +13,7 @@ mod events;
 mod folder;
 mod log;
 mod metrics;
+mod rollout;
 mod training;
 
 pub use checkpoint::{Checkpoint, CheckpointError, MissingPart};
@@ -22,4 +23,8 @@ pub use events::EventWriter;
 pub use folder::{BestSequence, FolderError, RunFolder, RunInfo, SequenceFault, config_digest};
 pub use log::LogError;
 pub use metrics::{Metrics, MetricsError, MetricsWriter, curve, read_metrics};
+pub use rollout::{
+    EpisodeSummary, Played, RolloutError, mean_and_deviation, parallel_episodes, play,
+    random_episodes, replay,
+};
 pub use training::{Report, Training, TrainingError};
