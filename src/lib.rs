@@ -6,6 +6,9 @@
 //! [`ppo`]) and keeps what it learnt ([`run`], [`path`], [`report`]). Each module imports
 //! only from those below it; `tests/architecture.rs` holds the table.
 
+// Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
+#![allow(rustdoc::broken_intra_doc_links)]
+
 pub mod cli;
 pub mod env;
 pub mod fabric;

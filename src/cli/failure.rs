@@ -8,7 +8,7 @@ use crate::scene::SceneError;
 /// Why a command ended early, and whose turn it is.
 ///
 /// `?` makes any error a failure at work (exit code 1). What the user got wrong becomes a
-/// failure of the input (exit code 2) by [`OrInvalid::or_invalid`].
+/// failure of the input (exit code 2) by `or_invalid`.
 #[derive(Debug)]
 pub struct Failure {
     error: Error,

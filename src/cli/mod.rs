@@ -1,11 +1,12 @@
 //! The command line.
 //!
 //! One file a command, each with its `Args` and `run(Args) -> Result<(), Failure>`; adding
-//! a command is that file and one variant of [`Command`]. Results go to stdout, as text or,
+//! a command is that file and one variant of `Command`. Results go to stdout, as text or,
 //! with `--json`, as exactly one JSON object; progress and errors go to stderr.
 
 mod failure;
 mod output;
+mod picture;
 mod scene;
 mod tool;
 

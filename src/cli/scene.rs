@@ -1,13 +1,32 @@
-use std::path::PathBuf;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use anyhow::Context;
+use serde::Serialize;
+
 use super::Failure;
-use super::failure::scene_failure;
-use super::output::Progress;
-use crate::scene::{Scene, SceneConfig};
+use super::failure::{OrInvalid, scene_failure};
+use super::output::{Progress, print, print_json};
+use super::picture::{Studio, View};
+use super::tool::{GRID_SAMPLES, GridErrorMm};
+use crate::file::write_atomic;
+use crate::mesh::write_stl;
+use crate::scene::{Scene, SceneConfig, Summary};
+
+/// Width and height of the pictures [px].
+const SIZE: [usize; 2] = [960, 720];
 
 /// Let the blank fall on to the tool and show how it lies
+///
+/// Writes lamina.stl and tool.stl (millimetres), top.png and isometric.png, coloured by the
+/// distance to the tool, and summary.json. Files of an earlier run are replaced.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape scene --out rib
+  drape scene configs/scenes/rib.toml --out rib --grid-error
+  drape scene mine.toml --out mine --json > mine.json")]
 pub struct Args {
     /// Scene file; the built-in rib with two wrinkles if not given
     config: Option<PathBuf>,
@@ -25,20 +44,115 @@ pub struct Args {
     json: bool,
 }
 
+/// What is printed.
+#[derive(Debug, Serialize)]
+struct Report {
+    #[serde(flatten)]
+    summary: Summary,
+    /// Wall time of setting up the scene [s].
+    seconds: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    grid_error_mm: Option<GridErrorMm>,
+}
+
 /// Runs `drape scene`.
 pub fn run(args: Args) -> Result<(), Failure> {
-    let start = Instant::now();
     let (config, place) = match &args.config {
-        Some(path) => (SceneConfig::read(path)?, path.display().to_string()),
+        Some(path) => {
+            let config = SceneConfig::read(path).or_invalid()?;
+            (config, path.display().to_string())
+        }
         None => (SceneConfig::rib(), "built-in scene".into()),
     };
+    // Before the work: a folder that cannot be made would waste it.
+    let folder = &args.out;
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("cannot create folder {}", folder.display()))?;
+
+    let start = Instant::now();
     let scene = set_up(&config, &place, args.json)?;
-    let _ = (start, scene);
-    Ok(())
+    let seconds = start.elapsed().as_secs_f64();
+    let summary = scene.summary(&scene.initial);
+    write_files(&scene, &summary, folder)?;
+
+    let grid_error = args.grid_error.then(|| scene.tool.grid_error(GRID_SAMPLES));
+    if args.json {
+        let spacing = config.tool.grid.spacing_mm;
+        return print_json(&Report {
+            summary,
+            seconds,
+            grid_error_mm: grid_error.map(|error| GridErrorMm::new(&error, spacing)),
+        });
+    }
+    let mut text = text(&scene, &summary);
+    let _ = write!(text, "\nset up in {seconds:.1} s");
+    if let Some(error) = grid_error {
+        let _ = write!(text, "\nerror of the distance grid\n{error}");
+    }
+    let _ = write!(text, "\nwritten to {}", folder.display());
+    print(&text)
 }
 
 /// Sets up the scene that was read from `place`, with a progress bar.
 pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Scene, Failure> {
     let progress = Progress::new("draping", json);
     Scene::new(config, |share| progress.set(share)).map_err(|error| scene_failure(error, place))
+}
+
+fn write_files(scene: &Scene, summary: &Summary, folder: &Path) -> Result<(), Failure> {
+    let state = &scene.initial;
+    write_stl(folder.join("lamina.stl"), &scene.lamina.mesh(&state.position), "lamina")?;
+    write_stl(folder.join("tool.stl"), &scene.tool.mesh, "tool")?;
+    let caption = caption(summary);
+    for (name, view) in [("top.png", View::Top), ("isometric.png", View::Isometric)] {
+        let image = Studio::new(scene, view, SIZE).distance(state, &caption);
+        image.save_png(&folder.join(name))?;
+    }
+    let json = serde_json::to_string_pretty(summary)?;
+    write_atomic(&folder.join("summary.json"), |file| writeln!(file, "{json}"))?;
+    Ok(())
+}
+
+/// Key figures in one line.
+pub(super) fn caption(summary: &Summary) -> String {
+    format!(
+        "distance {:.2} m · wrinkles {} · strain p95 {:.2} % · penetration {:.2} mm",
+        summary.distance_m,
+        summary.wrinkles,
+        1e2 * summary.strain_p95,
+        summary.penetration_mm,
+    )
+}
+
+fn text(scene: &Scene, summary: &Summary) -> String {
+    let lamina = &scene.lamina;
+    let mut text = format!(
+        "lamina       {} vertices, {} triangles\ntool         {} vertices, {} triangles",
+        lamina.vertex_count(),
+        lamina.triangles.len(),
+        scene.tool.mesh.vertices.len(),
+        scene.tool.mesh.triangles.len(),
+    );
+    if scene.tool.dropped_facet_count > 0 {
+        let _ = write!(text, ", {} facets without area dropped", scene.tool.dropped_facet_count);
+    }
+    if scene.tool.flipped {
+        text += ", turned over to face outwards";
+    }
+    let _ = write!(
+        text,
+        "\ndistance     {:.3} m in sum, {:.2} mm a vertex\n\
+         wrinkles     {}\n\
+         yarn strain  p95 {:.3} %, max {:.3} %\n\
+         penetration  {:.3} mm\n\
+         speed        {:.3} mm/s rms",
+        summary.distance_m,
+        1e3 * summary.distance_m / lamina.vertex_count() as f64,
+        summary.wrinkles,
+        1e2 * summary.strain_p95,
+        1e2 * summary.strain_max,
+        summary.penetration_mm,
+        summary.v_rms_mm_s,
+    );
+    text
 }

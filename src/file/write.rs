@@ -8,6 +8,9 @@ pub enum WriteError {
     /// The folder the file belongs in is not there.
     #[error("cannot write {}: folder {} does not exist", path.display(), folder.display())]
     FolderMissing { path: PathBuf, folder: PathBuf },
+    /// A device, pipe or socket: renaming over it would remove it.
+    #[error("cannot write {}: it is not a regular file", path.display())]
+    NotAFile { path: PathBuf },
     /// The system or the caller's writer refused: disk full, no permission, ...
     #[error("cannot write {}", path.display())]
     Io {
@@ -23,8 +26,8 @@ pub enum WriteError {
 /// over `path`; then the folder is flushed, so that the rename survives a power failure.
 /// On failure, also of `write` itself, `path` keeps its old content and the temporary file
 /// is removed; only if that last flush of the folder fails is the new content already in
-/// place. A symbolic link at `path` is replaced, not followed. The file's mode follows the
-/// process's umask.
+/// place. A symbolic link at `path` is replaced, not followed, but no device, pipe or socket
+/// is, nor a link to one. The file's mode follows the process's umask.
 pub fn write_atomic(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
@@ -33,6 +36,10 @@ pub fn write_atomic(
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
     };
+    // Folders are left to the rename, which says what they are.
+    if std::fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+        return Err(WriteError::NotAFile { path: path.into() });
+    }
     replace(path, folder, write).map_err(|source| {
         if source.kind() == io::ErrorKind::NotFound && !folder.exists() {
             WriteError::FolderMissing {
@@ -165,6 +172,22 @@ mod tests {
         assert!(matches!(error, WriteError::Io { .. }), "{error}");
         assert_eq!(names(folder.path()), ["a"]);
         assert!(path.is_dir());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn sockets_and_links_to_them_stay() {
+        use std::os::unix::fs::FileTypeExt;
+        let folder = tempfile::tempdir().unwrap();
+        let [socket, link] = ["socket", "link"].map(|name| folder.path().join(name));
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        std::os::unix::fs::symlink(&socket, &link).unwrap();
+        for path in [&socket, &link] {
+            let error = write_atomic(path, |w| w.write_all(b"x")).unwrap_err();
+            assert!(matches!(error, WriteError::NotAFile { .. }), "{error}");
+            assert!(fs::metadata(path).unwrap().file_type().is_socket());
+        }
+        assert_eq!(names(folder.path()), ["link", "socket"]);
     }
 
     #[cfg(unix)]

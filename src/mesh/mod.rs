@@ -3,7 +3,7 @@
 mod stl;
 mod topology;
 
-pub use stl::{ReadStlError, Stl, StlFault, WriteStlError, read_stl, to_stl_bytes, write_stl};
+pub use stl::{ReadStlError, Stl, StlFault, read_stl, to_stl_bytes, write_stl};
 pub use topology::Topology;
 
 use crate::math::Vec3;

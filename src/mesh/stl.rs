@@ -4,6 +4,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use super::TriMesh;
+use crate::file::{WriteError, write_atomic};
 use crate::math::Vec3;
 
 /// Bytes before the first facet of a binary file: 80 free ones, then the facet count.
@@ -62,14 +63,6 @@ pub enum StlFault {
     NoArea { facet_count: usize },
 }
 
-/// Why an STL file cannot be written.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot write {}", path.display())]
-pub struct WriteStlError {
-    pub path: PathBuf,
-    pub source: io::Error,
-}
-
 /// Corners of a facet [m].
 type Facet = [Vec3; 3];
 
@@ -116,31 +109,10 @@ pub fn to_stl_bytes(mesh: &TriMesh, name: &str) -> Vec<u8> {
     bytes
 }
 
-/// Writes the mesh as [`to_stl_bytes`] has it. The file appears complete or not at all: it
-/// is written beside its place, flushed to disk and renamed.
-///
-/// # Errors
-/// Says which file; an existing one is left as it was.
-pub fn write_stl(path: impl AsRef<Path>, mesh: &TriMesh, name: &str) -> Result<(), WriteStlError> {
-    let path = path.as_ref();
-    let write = || -> io::Result<()> {
-        let folder = match path.parent() {
-            Some(folder) if folder != Path::new("") => folder,
-            _ => Path::new("."),
-        };
-        let mut builder = tempfile::Builder::new();
-        // The default is for secrets: readable by the owner only.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let mut file = builder.tempfile_in(folder)?;
-        file.write_all(&to_stl_bytes(mesh, name))?;
-        file.as_file().sync_all()?;
-        file.persist(path)?;
-        Ok(())
-    };
-    write().map_err(|source| WriteStlError {
-        path: path.to_path_buf(),
-        source,
+/// Writes the mesh as [`to_stl_bytes`] has it, by [`write_atomic`].
+pub fn write_stl(path: impl AsRef<Path>, mesh: &TriMesh, name: &str) -> Result<(), WriteError> {
+    write_atomic(path.as_ref(), |file| {
+        file.write_all(&to_stl_bytes(mesh, name))
     })
 }
 
@@ -533,8 +505,8 @@ mod tests {
         let missing = folder.path().join("missing/punch.stl");
         let error = read_stl(&missing, 1.0).unwrap_err().to_string();
         assert_eq!(error, format!("cannot read {}", missing.display()));
-        let error = write_stl(&missing, &mesh, "").unwrap_err().to_string();
-        assert_eq!(error, format!("cannot write {}", missing.display()));
+        let error = write_stl(&missing, &mesh, "").unwrap_err();
+        assert!(matches!(error, WriteError::FolderMissing { .. }), "{error}");
         fs::write(&path, "").unwrap();
         let error = read_stl(&path, 1.0).unwrap_err().to_string();
         assert_eq!(error, format!("{}: file is empty", path.display()));

@@ -1,10 +1,12 @@
 use super::canvas::{Canvas, SIZE_PER_EM};
-use super::{Color, Image, ReportError, file, font};
+use super::{Color, Image, ReportError, font};
+use crate::file::write_atomic;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::Color as _;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::ops::Range;
+use std::io::Write;
 use std::path::Path;
 
 /// Width and height of a chart [px].
@@ -82,7 +84,7 @@ impl Chart {
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
         match extension.to_ascii_lowercase().as_str() {
             "png" => self.image().save_png(path),
-            "svg" => file::write_atomically(path, self.svg().as_bytes()),
+            "svg" => Ok(write_atomic(path, |file| file.write_all(self.svg().as_bytes()))?),
             _ => Err(ReportError::ChartFormat {
                 path: path.to_path_buf(),
             }),

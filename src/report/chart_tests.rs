@@ -168,5 +168,5 @@ fn extension_chooses_the_format() {
         assert!(error.to_string().contains(name));
     }
     let error = save("missing/curve.svg").unwrap_err();
-    assert!(matches!(error, ReportError::Write { .. }));
+    assert!(matches!(error, ReportError::Write(_)));
 }

@@ -1,16 +1,13 @@
 use std::path::PathBuf;
 
+use crate::file::WriteError;
+
 /// Why a picture, film or chart was not written. The file at the path is then unchanged.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// The folder is missing or read-only, or the disk is full.
-    #[error("cannot write {}", path.display())]
-    Write {
-        /// The file that was to be written.
-        path: PathBuf,
-        /// What the operating system said.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Write(#[from] WriteError),
     /// The picture has no PNG form, for example because it has no pixels.
     #[error("cannot encode {} as PNG", path.display())]
     Png {

@@ -1,8 +1,10 @@
 use super::palette::Palette;
-use super::{Image, ReportError, file};
+use super::{Image, ReportError};
+use crate::file::write_atomic;
 use gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
 use rayon::prelude::*;
 use std::borrow::Cow;
+use std::io::Write;
 use std::path::Path;
 
 /// Number, in the palette, of what shows the frame before.
@@ -41,7 +43,7 @@ impl Film {
             path: path.to_path_buf(),
             source,
         })?;
-        file::write_atomically(path, &bytes)
+        Ok(write_atomic(path, |file| file.write_all(&bytes))?)
     }
 
     /// Width and height [px], the same for all frames.

@@ -1,5 +1,7 @@
 use super::color::mix;
-use super::{BACKGROUND, Color, ReportError, file, font};
+use super::{BACKGROUND, Color, ReportError, font};
+use crate::file::write_atomic;
+use std::io::Write;
 use std::path::Path;
 
 /// Pixels between images that stand beside each other.
@@ -69,7 +71,7 @@ impl Image {
             path: path.to_path_buf(),
             source,
         })?;
-        file::write_atomically(path, &bytes)
+        Ok(write_atomic(path, |file| file.write_all(&bytes))?)
     }
 
     fn png(&self) -> Result<Vec<u8>, png::EncodingError> {

@@ -13,7 +13,6 @@ mod canvas;
 mod chart;
 mod color;
 mod error;
-mod file;
 mod film;
 mod font;
 mod image;
