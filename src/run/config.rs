@@ -107,6 +107,13 @@ impl RunConfig {
         }
     }
 
+    /// Makes the paths in it independent of the current folder, so that a run can be gone on
+    /// with from anywhere.
+    pub fn make_paths_absolute(&mut self) {
+        let here = std::env::current_dir().unwrap_or_default();
+        self.scene.resolve(&here);
+    }
+
     /// The configuration as TOML, complete: reading it gives the same again.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("a configuration is representable in TOML")

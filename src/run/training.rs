@@ -159,6 +159,11 @@ impl Training {
         &self.folder
     }
 
+    /// The scene of the run.
+    pub fn scene(&self) -> &Arc<Scene> {
+        self.evaluation.scene()
+    }
+
     /// Environment steps taken so far.
     pub fn env_steps(&self) -> u64 {
         self.trainer.env_steps()
