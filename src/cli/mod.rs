@@ -4,11 +4,15 @@
 //! a command is that file and one variant of `Command`. Results go to stdout, as text or,
 //! with `--json`, as exactly one JSON object; progress and errors go to stderr.
 
+mod eval;
+mod export;
 mod failure;
 mod output;
-pub mod picture;
+mod picture;
+mod result;
 mod scene;
 mod tool;
+mod train;
 
 use clap::{Parser, Subcommand};
 
@@ -27,6 +31,9 @@ const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed at work (disk full, simul
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Train(train::Args),
+    Eval(eval::Args),
+    Export(export::Args),
     Tool(tool::Args),
     Scene(scene::Args),
 }
@@ -35,6 +42,9 @@ impl Cli {
     /// Runs the command that was asked for.
     pub fn run(self) -> Result<(), Failure> {
         match self.command {
+            Command::Train(args) => train::run(args),
+            Command::Eval(args) => eval::run(args),
+            Command::Export(args) => export::run(args),
             Command::Tool(args) => tool::run(args),
             Command::Scene(args) => scene::run(args),
         }

@@ -17,6 +17,9 @@ pub const FAR: f64 = 0.025;
 /// Cloth counts as this much nearer to the eye than it is [m], so that the tool does not
 /// shine through its facets where they cut a corner of the tool.
 const CLOTH_BIAS: f64 = 3e-3;
+/// Facets that share a vertex are shaded as one smooth surface up to this angle: cosine of
+/// 35 degrees, more than the steps of a finely cut dome and less than the edge of a plate.
+const CREASE: f64 = 0.82;
 /// Free space round the lamina, as a share of its longer side.
 const MARGIN: f64 = 0.04;
 /// Em size of a caption, as a share of the picture's height; not below [`LEAST_TEXT`] px.
@@ -55,6 +58,8 @@ pub struct Frame {
 /// lamina as it lies at the start, so that pictures of later states can be compared.
 pub struct Studio<'a> {
     scene: &'a Scene,
+    /// The tool with sharp edges.
+    tool: TriMesh,
     camera: Camera,
     width: usize,
     height: usize,
@@ -72,6 +77,7 @@ impl<'a> Studio<'a> {
         };
         Self {
             scene,
+            tool: creased(&scene.tool.mesh),
             camera,
             width,
             height,
@@ -118,7 +124,7 @@ impl<'a> Studio<'a> {
     fn captioned(&self, state: &Snapshot, colors: &[Color], path: &[Vec3], text: &str) -> Image {
         let lamina: TriMesh = self.scene.lamina.mesh(&state.position);
         let mut picture = Picture::default();
-        picture.add(&self.scene.tool.mesh, Paint::Uniform(TOOL), 0.0);
+        picture.add(&self.tool, Paint::Uniform(TOOL), 0.0);
         picture.add(&lamina, Paint::PerVertex(colors), CLOTH_BIAS);
         if !path.is_empty() {
             picture.add_path(path, PATH);
@@ -170,6 +176,30 @@ impl<'a> Studio<'a> {
     }
 }
 
+/// The same surface, where facets at an angle share no vertex and hence no normal.
+fn creased(mesh: &TriMesh) -> TriMesh {
+    // Copies of each vertex with the normal of the facet that needed it first.
+    let mut copies: Vec<Vec<(Vec3, u32)>> = vec![Vec::new(); mesh.vertices.len()];
+    let mut creased = TriMesh::default();
+    for (t, triangle) in mesh.triangles.iter().enumerate() {
+        let [a, b, c] = mesh.corners(t);
+        let normal = (b - a).cross(&(c - a)).try_normalize(0.0);
+        let normal = normal.unwrap_or_default();
+        creased.triangles.push(triangle.map(|v| {
+            let copies = &mut copies[v as usize];
+            let smooth = copies.iter().find(|(n, _)| n.dot(&normal) > CREASE);
+            if let Some((_, copy)) = smooth {
+                return *copy;
+            }
+            let copy = creased.vertices.len() as u32;
+            creased.vertices.push(mesh.vertices[v as usize]);
+            copies.push((normal, copy));
+            copy
+        }));
+    }
+    creased
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -212,7 +242,7 @@ mod tests {
 
     /// Pixels of which `strongest` is the strongest channel by far.
     fn count(image: &Image, strongest: usize) -> usize {
-        let is = |p: &&Color| (0..3).all(|c| c == strongest || p[c] + 60 < p[strongest]);
+        let is = |p: &&Color| (0..3).all(|c| c == strongest || p[c].saturating_add(60) < p[strongest]);
         image.pixels.iter().filter(is).count()
     }
 
@@ -262,6 +292,21 @@ mod tests {
         assert_eq!(film.frames.len(), 20);
         for (image, frame) in film.frames.iter().zip(&frames) {
             assert!(*image == studio.progress(frame));
+        }
+    }
+
+    #[test]
+    fn edges_of_the_plate_are_sharp_and_the_rib_is_smooth() {
+        let mesh = scene().tool.mesh;
+        let creased = creased(&mesh);
+        // The border of the upper face and that of the base have a copy for either side, and
+        // corners one for each of three.
+        let border = 2 * (77 - 1 + 56 - 1);
+        let extra = creased.vertices.len() - mesh.vertices.len();
+        assert!((border..=2 * border + 8).contains(&extra), "{extra}");
+        for (t, triangle) in creased.triangles.iter().enumerate() {
+            let corners = triangle.map(|v| creased.vertices[v as usize]);
+            assert_eq!(corners, mesh.corners(t));
         }
     }
 

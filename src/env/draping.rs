@@ -142,6 +142,17 @@ impl Draping {
         self.groups[group].batch.snapshot(lane)
     }
 
+    /// Position of a vertex of the blank in one environment [m].
+    pub fn position(&self, index: usize, vertex: u32) -> [f64; 3] {
+        let (group, lane) = self.place(index);
+        self.groups[group].batch.position(lane, vertex)
+    }
+
+    /// The task's configuration.
+    pub fn config(&self) -> &EnvConfig {
+        &self.task.config
+    }
+
     /// Vertices of the whole blank that are draped now.
     pub fn draped(&self, index: usize) -> &FixedBitSet {
         &self.slot(index).progress.draped

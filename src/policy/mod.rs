@@ -1,1 +1,27 @@
-//! (to be written)
+//! The agent's networks: from an image of the fabric to a choice among its vertices.
+//!
+//! [`ActorCritic`] turns observations ([`Pixels`]) into one logit a pixel and a value;
+//! [`masked`] turns logits and a mask into a categorical distribution. Two networks are
+//! offered: the paper's ([`NetworkConfig::Paper`]) and one made for training on a CPU
+//! ([`NetworkConfig::Compact`]). Everything random comes from a seed passed in, computed on
+//! the host, so that a network is the same on every device and never depends on burn's
+//! process-wide generator.
+//!
+//! The module knows sizes, not environments. It knows nothing of recurrence or of continuous
+//! actions.
+
+mod compact;
+mod config;
+mod device;
+mod layer;
+pub mod masked;
+mod network;
+mod paper;
+mod parameters;
+mod pixels;
+
+pub use config::{CompactConfig, ConfigError, NetworkConfig, PaperConfig, PolicyConfig};
+pub use device::{DeviceError, DeviceKind};
+pub use network::{ActorCritic, Network, Prediction};
+pub use parameters::ParameterError;
+pub use pixels::Pixels;

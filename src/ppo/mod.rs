@@ -1,1 +1,24 @@
-//! (to be written)
+//! Proximal policy optimisation (Schulman et al. 2017) of masked discrete actions.
+//!
+//! One [`Trainer::iterate`] is: a rollout of all tasks (`rollout`), advantages ([`gae()`]), and
+//! some epochs of updates on them (`update`, with the pure losses of `loss`). Optionally
+//! the best episodes ever seen are imitated as well (`imitation`). A trainer saves and
+//! restores itself exactly: a resumed training gives the same bits as one never interrupted.
+
+mod adam;
+mod agent;
+mod config;
+mod gae;
+mod imitation;
+mod loss;
+mod rollout;
+#[cfg(test)]
+mod tests;
+mod trainer;
+mod update;
+
+pub use agent::{Agent, AgentError, Sampling};
+pub use config::{AdvantageNorm, ConfigError, ImitationConfig, PpoConfig};
+pub use gae::{Next, gae};
+pub use trainer::{Finished, Iteration, LoadError, Seconds, TrainError, Trainer};
+pub use update::{Metrics, NotFinite};

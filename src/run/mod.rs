@@ -6,16 +6,25 @@
 //! the checkpoint knew, so that an interruption leaves no trace in them.
 
 mod checkpoint;
+mod config;
 mod container;
 mod date;
 mod events;
 mod folder;
 mod log;
 mod metrics;
+mod rollout;
+mod training;
 
 pub use checkpoint::{Checkpoint, CheckpointError, MissingPart};
+pub use config::{Preset, RunConfig, RunConfigError};
 pub use container::Fault;
 pub use events::EventWriter;
 pub use folder::{BestSequence, FolderError, RunFolder, RunInfo, SequenceFault, config_digest};
 pub use log::LogError;
 pub use metrics::{Metrics, MetricsError, MetricsWriter, curve, read_metrics};
+pub use rollout::{
+    EpisodeSummary, Played, RolloutError, mean_and_deviation, parallel_episodes, play,
+    random_episodes, replay,
+};
+pub use training::{Report, Training, TrainingError};

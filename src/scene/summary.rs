@@ -5,7 +5,7 @@ use crate::sim::Snapshot;
 use crate::tool::Tool;
 
 /// A vertex this far from the tool belongs to a wrinkle [m].
-const WRINKLE_HEIGHT: f64 = 0.01;
+const WRINKLE_HEIGHT: f64 = 0.015;
 /// A wrinkle takes at least this share of the blank's vertices.
 const WRINKLE_SHARE: f64 = 0.004;
 
@@ -65,7 +65,7 @@ fn percentile_and_max(mut values: Vec<f64>) -> [f64; 2] {
     [values[(0.95 * last as f64).round() as usize], values[last]]
 }
 
-/// Number of separate patches that stand more than 10 mm off the tool and reach the border
+/// Number of separate patches that stand more than 15 mm off the tool and reach the border
 /// of the blank, each at least 0.4 % of its vertices. Patches over the inside of the blank
 /// bridge a hollow; a wrinkle carries surplus length, and that runs out over the border.
 ///

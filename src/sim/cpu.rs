@@ -157,10 +157,8 @@ impl<V: Lanes> Kernel for Substeps<'_, V> {
             for press in self.presses {
                 hold_down(model, press, substep, h, state);
             }
-            for _ in 0..model.physics().iterations {
-                for pass in &model.passes {
-                    project(pass, h, state);
-                }
+            for pass in &model.passes {
+                project(pass, h, state);
             }
             contact(model, state);
             update_velocity(model, h, state);

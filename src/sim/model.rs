@@ -53,8 +53,6 @@ pub enum Compression {
 #[serde(deny_unknown_fields, default)]
 pub struct PhysicsConfig {
     pub solver: Solver,
-    /// Passes over all constraints in a substep.
-    pub iterations: usize,
     pub bending: Bending,
     pub bending_stiffness: BendingStiffness,
     pub compression: Compression,
@@ -78,14 +76,13 @@ impl Default for PhysicsConfig {
     fn default() -> Self {
         Self {
             solver: Solver::Yarn,
-            iterations: 1,
             bending: Bending::Yarns,
             bending_stiffness: BendingStiffness::NewtonMetre(2e-4),
             compression: Compression::Material,
             shear: true,
             friction: true,
             gravity: 9.81,
-            damping: 5.0,
+            damping: 50.0,
             speed_cap: 4.0,
             contact_interval: 20,
             press_stiffness: 300.0,
@@ -112,10 +109,6 @@ impl PhysicsConfig {
                 expected,
             })
         };
-        if !(1..=1000).contains(&self.iterations) {
-            let expected = "a number from 1 to 1000";
-            return fail("iterations", self.iterations.to_string(), expected);
-        }
         if self.contact_interval == 0 {
             return fail("contact_interval", "0".into(), "a number > 0");
         }

@@ -1,0 +1,266 @@
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::anyhow;
+use serde::Serialize;
+
+use super::Failure;
+use super::failure::OrInvalid;
+use super::result::{BASELINE_SEED, Baseline, Recorder, rollout_failure};
+use super::scene::set_up;
+use crate::env::{Draping, Tasks};
+use crate::ppo::{Agent, Sampling};
+use crate::run::{
+    Checkpoint, EpisodeSummary, Played, RunConfig, RunFolder, mean_and_deviation,
+    parallel_episodes, play, replay,
+};
+use crate::scene::Scene;
+
+/// Roll out a trained policy and compare it with the random one
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Run folder
+    run: PathBuf,
+
+    /// Which checkpoint to play: best, last, or a file
+    #[arg(long, value_name = "best|last|FILE", default_value = "best")]
+    checkpoint: String,
+
+    /// Episodes of the random policy, and of the sampled one with --sample
+    #[arg(long, value_name = "K", default_value_t = 32,
+          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=4096))]
+    episodes: usize,
+
+    /// Also draw actions from the policy, K episodes, instead of its best action only
+    #[arg(long, conflicts_with = "sequence")]
+    sample: bool,
+
+    /// Replay the best action sequence of the run; needs no checkpoint
+    #[arg(long, conflicts_with = "checkpoint")]
+    sequence: bool,
+
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is printed.
+#[derive(Serialize)]
+struct Report {
+    run: PathBuf,
+    /// `best`, `last`, a file, or `sequence`.
+    played: String,
+    /// The greedy episode, or the replayed one.
+    episode: EpisodeSummary,
+    /// How many deviations of the random policy's final region distance the episode lies
+    /// below its mean.
+    deviations_below_random: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sampled: Option<Sampled>,
+    random: Baseline,
+}
+
+/// Episodes with actions drawn from the policy.
+#[derive(Serialize)]
+struct Sampled {
+    mean_score: f64,
+    deviation: f64,
+    best_score: f64,
+    episodes: Vec<EpisodeSummary>,
+}
+
+/// Runs `drape eval`.
+pub fn run(args: Args) -> Result<(), Failure> {
+    let loaded = Loaded::open(&args.run, args.json)?;
+    let source = if args.sequence {
+        Source::Sequence
+    } else {
+        Source::Checkpoint(&args.checkpoint)
+    };
+    let (played, agent, recorder, draping) = loaded.play(source)?;
+    let Loaded {
+        folder,
+        config,
+        scene,
+    } = &loaded;
+
+    let random = Baseline::play(scene, &config.env, args.episodes, BASELINE_SEED)?;
+    let sampled = match (&agent, args.sample) {
+        (Some(agent), true) => Some(sampled(agent, scene, config, args.episodes)?),
+        _ => None,
+    };
+    let title = if args.sequence { "sequence" } else { "policy" };
+    recorder.write(folder, &draping, &played, title)?;
+
+    let below = random.mean_region_final_m - played.summary.region_final_m;
+    let report = Report {
+        run: args.run.clone(),
+        played: if args.sequence { "sequence".into() } else { args.checkpoint.clone() },
+        deviations_below_random: below / random.deviation_region_final_m,
+        episode: played.summary,
+        sampled,
+        random,
+    };
+    if args.json {
+        return super::output::print_json(&report);
+    }
+    super::output::print(&text(&report, folder))
+}
+
+/// What an episode is played from.
+pub(super) enum Source<'a> {
+    /// `best`, `last` or a file.
+    Checkpoint(&'a str),
+    Sequence,
+}
+
+/// A run folder, read and ready to be played.
+pub(super) struct Loaded {
+    pub folder: RunFolder,
+    pub config: RunConfig,
+    pub scene: Arc<Scene>,
+}
+
+impl Loaded {
+    /// Reads the configuration of a run and sets up its scene.
+    pub fn open(run: &Path, json: bool) -> Result<Self, Failure> {
+        let folder = RunFolder::open(run).or_invalid()?;
+        let config = RunConfig::read(&folder.config()).or_invalid()?;
+        let place = folder.config().display().to_string();
+        let scene = Arc::new(set_up(&config.scene, &place, json)?);
+        Ok(Self {
+            folder,
+            config,
+            scene,
+        })
+    }
+
+    /// Plays one episode, greedily if by a policy. Gives the agent too, if there is one, the
+    /// frames, and the environment as the episode has left it.
+    pub fn play(
+        &self,
+        source: Source,
+    ) -> Result<(Played, Option<Agent>, Recorder, Draping), Failure> {
+        let mut draping = Draping::new(self.scene.clone(), &self.config.env, 1).or_invalid()?;
+        let mut recorder = Recorder::default();
+        let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);
+        let (played, agent) = match source {
+            Source::Sequence => {
+                let best = self.folder.read_best_sequence()?;
+                let config = self.config.to_toml();
+                best.validate_config(&config).or_invalid_in(
+                    self.folder.best_sequence().display(),
+                )?;
+                (replay(&mut draping, &best.vertices, watch), None)
+            }
+            Source::Checkpoint(name) => {
+                let agent = self.agent(name, &draping)?;
+                let choose = |draping: &Draping, _| {
+                    Ok(agent.act(&[draping.observation(0)], Sampling::Greedy)[0])
+                };
+                (play(&mut draping, choose, watch), Some(agent))
+            }
+        };
+        Ok((played.map_err(rollout_failure)?, agent, recorder, draping))
+    }
+
+    /// The policy of a checkpoint of this run.
+    fn agent(&self, name: &str, draping: &Draping) -> Result<Agent, Failure> {
+        let path = match name {
+            "best" => self.folder.best_checkpoint(),
+            "last" => self.folder.last_checkpoint(),
+            file => file.into(),
+        };
+        let checkpoint = Checkpoint::load(&path)?;
+        let fail = |reason: String| anyhow!("{}: {reason}", path.display());
+        if checkpoint.config != self.config.to_toml() {
+            let config = self.folder.config();
+            let reason = format!("written for another configuration than {}", config.display());
+            return Err(Failure::invalid(fail(reason)));
+        }
+        let config = &self.config;
+        let mut agent = Agent::new(&config.policy, draping.shape(), config.seed, config.device)
+            .or_invalid()?;
+        let section = checkpoint.section("network").map_err(|e| fail(e.to_string()))?;
+        agent.load(section).map_err(|e| fail(e.to_string()))?;
+        Ok(agent)
+    }
+}
+
+fn sampled(
+    agent: &Agent,
+    scene: &Arc<Scene>,
+    config: &RunConfig,
+    count: usize,
+) -> Result<Sampled, Failure> {
+    let choose = |draping: &Draping, streams: &mut [_]| -> Vec<u32> {
+        let act = |(index, stream)| {
+            let observation = draping.observation(index);
+            agent.act(&[observation], Sampling::Drawn(stream))[0]
+        };
+        streams.iter_mut().enumerate().map(act).collect()
+    };
+    let episodes = parallel_episodes(scene, &config.env, count, BASELINE_SEED, choose)?;
+    let scores: Vec<f64> = episodes.iter().map(|episode| episode.score).collect();
+    let [mean_score, deviation] = mean_and_deviation(&scores);
+    Ok(Sampled {
+        mean_score,
+        deviation,
+        best_score: scores.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        episodes,
+    })
+}
+
+fn text(report: &Report, folder: &RunFolder) -> String {
+    let Report {
+        episode, random, ..
+    } = report;
+    let mut lines = vec![
+        format!("{}: {}", report.run.display(), report.played),
+        format!(
+            "  region: {:.4} m of {:.3} m left, {:.2} % removed",
+            episode.region_final_m,
+            episode.region_initial_m,
+            100.0 * episode.score
+        ),
+        format!(
+            "  whole sheet: {:.3} m of {:.3} m left",
+            episode.sheet_final_m, episode.sheet_initial_m
+        ),
+        format!(
+            "  undraped inner vertices {}, steps {}, jumps {}",
+            episode.undraped_inner, episode.steps, episode.jumps
+        ),
+        format!(
+            "  yarn strain p95 {:.2} %, maximum {:.1} %; v_rms {:.1} mm/s; {:.2} s",
+            100.0 * episode.strain_p95,
+            100.0 * episode.strain_max,
+            episode.v_rms_mm_s,
+            episode.seconds
+        ),
+    ];
+    if let Some(sampled) = &report.sampled {
+        lines.push(format!(
+            "sampled policy, {} episodes: {:.2} +- {:.2} % removed, best {:.2} %",
+            sampled.episodes.len(),
+            100.0 * sampled.mean_score,
+            100.0 * sampled.deviation,
+            100.0 * sampled.best_score
+        ));
+    }
+    lines.push(format!(
+        "masked random, {} episodes: {:.4} +- {:.4} m left ({:.2} +- {:.2} % removed), best {:.2} %",
+        random.episodes.len(),
+        random.mean_region_final_m,
+        random.deviation_region_final_m,
+        100.0 * random.mean_score,
+        100.0 * random.deviation,
+        100.0 * random.best_score
+    ));
+    lines.push(format!(
+        "the episode lies {:.2} deviations below the random mean",
+        report.deviations_below_random
+    ));
+    lines.push(format!("pictures in {}", folder.pictures().display()));
+    lines.join("\n")
+}

@@ -1,0 +1,209 @@
+//! What a run is measured against, and the files that show what it has found.
+
+use std::sync::Arc;
+
+use anyhow::Context;
+use serde::Serialize;
+
+use super::Failure;
+use super::failure::OrInvalid;
+use super::picture::{Frame, Studio, View};
+use crate::env::{Draping, EnvConfig};
+use crate::path::{DrapingPoint, PressedPoint, strokes, write_json};
+use crate::report::{Chart, Level, SERIES, Series};
+use crate::run::{
+    EpisodeSummary, Played, RolloutError, RunFolder, Training, curve, mean_and_deviation,
+    random_episodes, read_metrics, replay,
+};
+use crate::scene::Scene;
+use crate::sim::Snapshot;
+
+/// Random episodes that a training is compared with.
+const BASELINE_EPISODES: usize = 32;
+/// Seed of the random episodes: every run is compared with the same.
+pub(super) const BASELINE_SEED: u64 = 0;
+/// Frames of a film, at most.
+const FRAMES: usize = 120;
+const PICTURE_SIZE: [usize; 2] = [720, 620];
+const FILM_SIZE: [usize; 2] = [480, 400];
+
+/// What the masked random policy reaches.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Baseline {
+    pub mean_score: f64,
+    pub deviation: f64,
+    pub best_score: f64,
+    pub mean_region_final_m: f64,
+    pub deviation_region_final_m: f64,
+    pub episodes: Vec<EpisodeSummary>,
+}
+
+impl Baseline {
+    /// Plays `count` random episodes. Fails if all diverge.
+    pub fn play(
+        scene: &Arc<Scene>,
+        config: &EnvConfig,
+        count: usize,
+        seed: u64,
+    ) -> Result<Self, Failure> {
+        let episodes = random_episodes(scene, config, count, seed)?;
+        if episodes.is_empty() {
+            return Err(anyhow::anyhow!("all random episodes diverged").into());
+        }
+        let of = |value: fn(&EpisodeSummary) -> f64| -> Vec<f64> {
+            episodes.iter().map(value).collect()
+        };
+        let scores = of(|episode| episode.score);
+        let [mean_score, deviation] = mean_and_deviation(&scores);
+        let [mean_region_final_m, deviation_region_final_m] =
+            mean_and_deviation(&of(|episode| episode.region_final_m));
+        Ok(Self {
+            mean_score,
+            deviation,
+            best_score: scores.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            mean_region_final_m,
+            deviation_region_final_m,
+            episodes,
+        })
+    }
+}
+
+/// The random baseline of a training.
+pub(super) fn baseline(training: &Training, json: bool) -> Result<Baseline, Failure> {
+    if !json {
+        eprintln!("playing {BASELINE_EPISODES} random episodes for comparison");
+    }
+    let config = &training.config().env;
+    Baseline::play(training.scene(), config, BASELINE_EPISODES, BASELINE_SEED)
+}
+
+/// Writes curve, trajectory, pictures and film of a training that is complete.
+pub(super) fn write(training: &Training, baseline: &Baseline, json: bool) -> Result<(), Failure> {
+    let folder = training.folder();
+    if !json {
+        eprintln!("drawing pictures");
+    }
+    reward_curve(folder, baseline)?;
+    let sequence = folder.read_best_sequence()?;
+    let mut draping = Draping::new(training.scene().clone(), &training.config().env, 1)?;
+    let mut recorder = Recorder::default();
+    let played = replay(&mut draping, &sequence.vertices, |draping, points| {
+        recorder.watch(draping, points);
+    })?;
+    write_json(&folder.trajectory(), &path(&played, &training.config().env)?)?;
+    recorder.write(folder, &draping, &played, "best sequence")
+}
+
+/// The draping points of an episode.
+pub(super) fn path(played: &Played, config: &EnvConfig) -> Result<Vec<DrapingPoint>, Failure> {
+    Ok(strokes(&played.points, config.stencil_mm * 1e-3)?)
+}
+
+/// Scores over environment steps, with the random policy as a band.
+fn reward_curve(folder: &RunFolder, baseline: &Baseline) -> Result<(), Failure> {
+    let metrics = read_metrics(&folder.metrics())?;
+    let series = |label: &str, name: &str, color| Series {
+        label: label.into(),
+        points: curve(&metrics, name)
+            .into_iter()
+            .map(|(step, score)| [step as f64, 100.0 * score])
+            .collect(),
+        color,
+    };
+    let chart = Chart {
+        title: "Distance to the tool removed in the focus region".into(),
+        x_label: "environment steps".into(),
+        y_label: "removed [%]".into(),
+        series: vec![
+            series("last 50 episodes", "mean_score", SERIES[0]),
+            series("greedy policy", "greedy_score", SERIES[1]),
+            series("best sequence so far", "best_score", SERIES[2]),
+        ],
+        levels: vec![Level {
+            label: "random, mean ± deviation".into(),
+            value: 100.0 * baseline.mean_score,
+            deviation: 100.0 * baseline.deviation,
+            color: SERIES[3],
+        }],
+        ..Chart::default()
+    };
+    Ok(chart.save(&folder.pictures().join("reward.png"))?)
+}
+
+/// Keeps the states of an episode that its film shows.
+#[derive(Default)]
+pub(super) struct Recorder {
+    frames: Vec<Frame>,
+}
+
+impl Recorder {
+    /// Remembers the episode as it is now.
+    pub fn watch(&mut self, draping: &Draping, points: &[PressedPoint]) {
+        let state = draping.state(0);
+        let distance = draping.region_distance(&state);
+        self.frames.push(Frame {
+            draped: draping.draped(0).clone(),
+            touched: draping.touched(0).clone(),
+            path: points.iter().map(|point| point.vertex).collect(),
+            caption: caption(points.len(), distance, draping.initial_distance()),
+            state,
+        });
+    }
+
+    /// Writes the pictures before and after and the film into the run's folder.
+    pub fn write(
+        mut self,
+        folder: &RunFolder,
+        draping: &Draping,
+        played: &Played,
+        title: &str,
+    ) -> Result<(), Failure> {
+        let scene = draping.scene();
+        let finished = draping.finished(0).context("the episode is not over")?;
+        let end = Frame {
+            state: played.state.clone(),
+            draped: finished.draped.clone(),
+            touched: finished.touched.clone(),
+            path: played.vertices.clone(),
+            caption: caption(
+                played.vertices.len(),
+                played.summary.region_final_m,
+                played.summary.region_initial_m,
+            ),
+        };
+        let stride = self.frames.len().div_ceil(FRAMES).max(1);
+        let mut number = 0;
+        self.frames.retain(|_| {
+            number += 1;
+            (number - 1) % stride == 0
+        });
+        self.frames.push(end.clone());
+
+        let pictures = folder.pictures();
+        let studio = Studio::new(scene, View::Isometric, PICTURE_SIZE);
+        let shot = |state: &Snapshot, text: &str| studio.distance(state, text);
+        shot(&scene.initial, "before").save_png(&pictures.join("before.png"))?;
+        shot(&played.state, &format!("after, {title}")).save_png(&pictures.join("after.png"))?;
+        let top = Studio::new(scene, View::Top, PICTURE_SIZE);
+        top.progress(&end).save_png(&pictures.join("path.png"))?;
+        let film = Studio::new(scene, View::Isometric, FILM_SIZE).film(&self.frames);
+        Ok(film.save_gif(&pictures.join("rollout.gif"))?)
+    }
+}
+
+fn caption(steps: usize, distance: f64, initial: f64) -> String {
+    format!(
+        "press {steps}   D = {distance:.3} m of {initial:.3} m ({:.1} % removed)",
+        100.0 * (1.0 - distance / initial)
+    )
+}
+
+/// A sequence that cannot be replayed belongs to the user's folder, a diverged one to us.
+pub(super) fn rollout_failure(error: RolloutError) -> Failure {
+    match error {
+        RolloutError::Env(_) | RolloutError::Forbidden { .. } | RolloutError::Short { .. } => {
+            Err::<(), _>(error).or_invalid().unwrap_err()
+        }
+        RolloutError::Truncated { .. } => error.into(),
+    }
+}

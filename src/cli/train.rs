@@ -1,0 +1,246 @@
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Instant, SystemTime};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+
+use super::Failure;
+use super::failure::OrInvalid;
+use super::result;
+use super::scene::set_up;
+use crate::policy::DeviceKind;
+use crate::run::{RunConfig, RunFolder, RunInfo, Training, TrainingError};
+
+/// Iterations between two checkpoints.
+const CHECKPOINT_INTERVAL: u64 = 10;
+
+/// Train a draping policy
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Configuration file; the built-in quickstart if not given
+    #[arg(conflicts_with = "resume")]
+    config: Option<PathBuf>,
+
+    /// Name of the run; its time of day if not given
+    #[arg(long, value_name = "NAME", conflicts_with = "resume")]
+    name: Option<String>,
+
+    /// Seed of all random streams, instead of the configuration's
+    #[arg(long, conflicts_with = "resume")]
+    seed: Option<u64>,
+
+    /// Environment steps of the whole training, instead of the configuration's
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..), conflicts_with = "resume")]
+    steps: Option<u64>,
+
+    /// Go on with a run that was interrupted
+    #[arg(long, value_name = "DIR")]
+    resume: Option<PathBuf>,
+
+    /// Where the networks are computed: flex, ndarray or gpu
+    #[arg(long, value_parser = device, conflicts_with = "resume")]
+    device: Option<DeviceKind>,
+
+    /// Folder that holds the runs
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    runs: PathBuf,
+
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+fn device(name: &str) -> Result<DeviceKind, String> {
+    match name {
+        "flex" => Ok(DeviceKind::Flex),
+        "ndarray" => Ok(DeviceKind::Ndarray),
+        "gpu" => Ok(DeviceKind::Gpu),
+        _ => Err("expected flex, ndarray or gpu".into()),
+    }
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Outcome {
+    run: PathBuf,
+    complete: bool,
+    env_steps: u64,
+    seconds: f64,
+    env_steps_per_second: f64,
+    /// Share of the time in simulation, inference, update and evaluation.
+    simulation_share: f64,
+    inference_share: f64,
+    update_share: f64,
+    mean_score: Option<f64>,
+    best_score: Option<f64>,
+    random_mean_score: f64,
+    random_deviation: f64,
+}
+
+/// Runs `drape train`.
+pub fn run(args: Args) -> Result<(), Failure> {
+    let mut training = begin(&args)?;
+    let stop = stop_on_signal()?;
+    let baseline = result::baseline(&training, args.json)?;
+
+    let bar = bar(&training, args.json);
+    let start = Instant::now();
+    let first = training.env_steps();
+    let mut seconds = [0.0; 3];
+    let mut last = None;
+    while !training.is_complete() && !stop.load(Ordering::Relaxed) {
+        let report = training.advance().map_err(failure)?;
+        bar.set_position(training.env_steps());
+        let percent = |score: Option<f64>| {
+            score.map_or("-".into(), |score| format!("{:.2} %", 100.0 * score))
+        };
+        bar.set_message(format!(
+            "removed: mean {}, best {} (random {:.2} %)",
+            percent(report.mean_score),
+            percent(report.best_score),
+            100.0 * baseline.mean_score,
+        ));
+        let spent = &report.iteration.seconds;
+        for (sum, part) in seconds.iter_mut().zip([spent.simulation, spent.inference, spent.update])
+        {
+            *sum += part;
+        }
+        if report.iteration.number.is_multiple_of(CHECKPOINT_INTERVAL) {
+            training.checkpoint().map_err(failure)?;
+        }
+        last = Some(report);
+    }
+    training.checkpoint().map_err(failure)?;
+    bar.finish_and_clear();
+    let elapsed = start.elapsed().as_secs_f64();
+    if training.is_complete() {
+        result::write(&training, &baseline, args.json)?;
+    }
+
+    let taken = (training.env_steps() - first) as f64;
+    let outcome = Outcome {
+        run: training.folder().path().into(),
+        complete: training.is_complete(),
+        env_steps: training.env_steps(),
+        seconds: elapsed,
+        env_steps_per_second: taken / elapsed,
+        simulation_share: seconds[0] / elapsed,
+        inference_share: seconds[1] / elapsed,
+        update_share: seconds[2] / elapsed,
+        mean_score: last.as_ref().and_then(|report| report.mean_score),
+        best_score: last.as_ref().and_then(|report| report.best_score),
+        random_mean_score: baseline.mean_score,
+        random_deviation: baseline.deviation,
+    };
+    report(&outcome, &args)
+}
+
+/// A new run, or the one to be resumed.
+fn begin(args: &Args) -> Result<Training, Failure> {
+    if let Some(path) = &args.resume {
+        let folder = RunFolder::open(path).or_invalid()?;
+        let config = RunConfig::read(&folder.config()).or_invalid()?;
+        let place = folder.config().display().to_string();
+        let scene = Arc::new(set_up(&config.scene, &place, args.json)?);
+        return Training::resume(config, scene, folder).map_err(failure);
+    }
+    let (mut config, place) = match &args.config {
+        Some(path) => (RunConfig::read(path).or_invalid()?, path.display().to_string()),
+        None => (RunConfig::quickstart(), "built-in quickstart".into()),
+    };
+    config.seed = args.seed.unwrap_or(config.seed);
+    config.steps = args.steps.unwrap_or(config.steps);
+    config.device = args.device.unwrap_or(config.device);
+    config.make_paths_absolute();
+    // All that can be wrong with the configuration shows before the folder is made.
+    config.device.open().or_invalid_in(&place)?;
+    let scene = Arc::new(set_up(&config.scene, &place, args.json)?);
+    crate::env::Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
+
+    let info = RunInfo::new(config.seed, SystemTime::now());
+    let text = config.to_toml();
+    let folder = match &args.name {
+        Some(name) => RunFolder::create(&args.runs, name, &text, &info),
+        None => RunFolder::create_dated(&args.runs, SystemTime::now(), &text, &info),
+    };
+    let folder = folder.map_err(folder_failure)?;
+    if !args.json {
+        eprintln!("writing {}", folder.path().display());
+    }
+    Training::new(config, scene, folder).map_err(failure)
+}
+
+/// A name that is taken is the user's to mend, a full disk is not.
+fn folder_failure(error: crate::run::FolderError) -> Failure {
+    use crate::run::FolderError::{Exists, Name};
+    if matches!(error, Exists { .. } | Name { .. }) {
+        Failure::invalid(error)
+    } else {
+        error.into()
+    }
+}
+
+fn failure(error: TrainingError) -> Failure {
+    match error {
+        TrainingError::Env(_) | TrainingError::OtherConfig { .. } => Failure::invalid(error),
+        error => error.into(),
+    }
+}
+
+/// Set by the first Ctrl-C or termination signal; the second one ends the program at once.
+fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let seen = stop.clone();
+    ctrlc::set_handler(move || {
+        if seen.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        eprintln!("stopping after this iteration; again to stop at once");
+    })?;
+    Ok(stop)
+}
+
+fn bar(training: &Training, json: bool) -> ProgressBar {
+    let style = ProgressStyle::with_template(
+        "{bar:24} {pos}/{len} steps, {per_sec:.0}, {eta} left; {msg}",
+    )
+    .expect("the template is valid");
+    let target = if json {
+        ProgressDrawTarget::hidden()
+    } else {
+        ProgressDrawTarget::stderr()
+    };
+    let bar = ProgressBar::with_draw_target(Some(training.config().steps), target);
+    bar.with_style(style).with_position(training.env_steps())
+}
+
+fn report(outcome: &Outcome, args: &Args) -> Result<(), Failure> {
+    if args.json {
+        return super::output::print_json(outcome);
+    }
+    let run = outcome.run.display();
+    let percent = |share: f64| 100.0 * share;
+    let score = |score: Option<f64>| score.map_or("-".into(), |s| format!("{:.2} %", percent(s)));
+    let next = if outcome.complete {
+        format!("next: drape eval {run}")
+    } else {
+        format!("interrupted; go on with: drape train --resume {run}")
+    };
+    super::output::print(&format!(
+        "{run}: {} environment steps in {:.0} s ({:.0} a second; simulation {:.0} %, inference \
+         {:.0} %, update {:.0} %)\n\
+         distance removed: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{next}",
+        outcome.env_steps,
+        outcome.seconds,
+        outcome.env_steps_per_second,
+        percent(outcome.simulation_share),
+        percent(outcome.inference_share),
+        percent(outcome.update_share),
+        score(outcome.mean_score),
+        score(outcome.best_score),
+        percent(outcome.random_mean_score),
+        percent(outcome.random_deviation),
+    ))
+}

@@ -1,0 +1,164 @@
+use serde::{Deserialize, Serialize};
+
+/// What the networks see and how they are built.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PolicyConfig {
+    /// Distance to the tool that the network sees as 1 [mm].
+    pub distance_scale_mm: f32,
+    pub network: NetworkConfig,
+}
+
+/// Which network, and its sizes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NetworkConfig {
+    Paper(PaperConfig),
+    Compact(CompactConfig),
+}
+
+/// The paper's network (Section 4.3): separate policy and value networks of VGG blocks
+/// (twice [3x3 convolution, ReLU], then 2x2 max-pooling) and dense layers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PaperConfig {
+    /// Channels of each block. The paper does not state them; 8, 16, 32 are those of the
+    /// documentation of its framework, Maze.
+    pub channels: Vec<usize>,
+    /// Units of each dense layer.
+    pub hidden: Vec<usize>,
+}
+
+/// A network for training on a CPU: patches, mixed among places and among channels, and
+/// taken back to pixels by a linear map (see `compact.rs`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompactConfig {
+    /// Width and height of a patch, the unit of the trunk [pixel].
+    pub patch: usize,
+    /// Pixels around its patch that the stem sees on each side.
+    pub border: usize,
+    /// Channels of the trunk.
+    pub channels: usize,
+    /// Mixing blocks.
+    pub blocks: usize,
+    /// Units of the value head's dense layer.
+    pub value_hidden: usize,
+}
+
+/// A value that no network can be built with.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("`{key}` is {found}, expected {expected}")]
+pub struct ConfigError {
+    pub key: &'static str,
+    pub found: String,
+    pub expected: &'static str,
+}
+
+impl PolicyConfig {
+    /// The paper's network.
+    pub fn paper() -> Self {
+        Self {
+            distance_scale_mm: 1000.0,
+            network: NetworkConfig::Paper(PaperConfig {
+                channels: vec![8, 16, 32],
+                hidden: vec![256, 256],
+            }),
+        }
+    }
+
+    /// The network for training on a CPU.
+    pub fn compact() -> Self {
+        Self {
+            distance_scale_mm: 20.0,
+            network: NetworkConfig::Compact(CompactConfig {
+                patch: 4,
+                border: 1,
+                channels: 24,
+                blocks: 2,
+                value_hidden: 64,
+            }),
+        }
+    }
+
+    /// Checks every value against its range, for an image of `rows` x `columns` pixels.
+    pub fn validate(&self, rows: usize, columns: usize) -> Result<(), ConfigError> {
+        if !(self.distance_scale_mm.is_finite() && self.distance_scale_mm > 0.0) {
+            return Err(ConfigError {
+                key: "distance_scale_mm",
+                found: self.distance_scale_mm.to_string(),
+                expected: "a finite number above 0",
+            });
+        }
+        match &self.network {
+            NetworkConfig::Paper(paper) => paper.validate(rows, columns),
+            NetworkConfig::Compact(compact) => compact.validate(),
+        }
+    }
+}
+
+impl PaperConfig {
+    fn validate(&self, rows: usize, columns: usize) -> Result<(), ConfigError> {
+        positive("network.paper.channels", &self.channels)?;
+        positive("network.paper.hidden", &self.hidden)?;
+        if rows.min(columns) >> self.channels.len() == 0 {
+            return Err(ConfigError {
+                key: "network.paper.channels",
+                found: format!("{} blocks", self.channels.len()),
+                expected: "few enough to leave a pixel after halving the image in each block",
+            });
+        }
+        Ok(())
+    }
+}
+
+impl CompactConfig {
+    fn validate(&self) -> Result<(), ConfigError> {
+        positive("network.compact.patch", &[self.patch])?;
+        positive("network.compact.channels", &[self.channels])?;
+        positive("network.compact.value_hidden", &[self.value_hidden])
+    }
+}
+
+/// Checks that there are `sizes` and that none is 0.
+fn positive(key: &'static str, sizes: &[usize]) -> Result<(), ConfigError> {
+    if sizes.is_empty() || sizes.contains(&0) {
+        return Err(ConfigError {
+            key,
+            found: format!("{sizes:?}"),
+            expected: "whole numbers above 0",
+        });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_are_valid_and_survive_toml() {
+        for config in [PolicyConfig::paper(), PolicyConfig::compact()] {
+            config.validate(33, 33).unwrap();
+            let text = toml::to_string(&config).unwrap();
+            assert_eq!(toml::from_str::<PolicyConfig>(&text).unwrap(), config);
+        }
+    }
+
+    #[test]
+    fn unknown_key_and_value_out_of_range_are_named() {
+        let mut text = toml::to_string(&PolicyConfig::compact()).unwrap();
+        text.push_str("chanels = 3\n");
+        let error = toml::from_str::<PolicyConfig>(&text).unwrap_err();
+        assert!(error.to_string().contains("chanels"), "{error}");
+
+        let mut config = PolicyConfig::paper();
+        config.distance_scale_mm = f32::NAN;
+        assert_eq!(
+            config.validate(65, 65).unwrap_err().to_string(),
+            "`distance_scale_mm` is NaN, expected a finite number above 0"
+        );
+        let small = PolicyConfig::paper().validate(7, 65).unwrap_err();
+        assert_eq!(small.key, "network.paper.channels");
+    }
+}

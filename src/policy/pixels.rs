@@ -1,0 +1,178 @@
+use fixedbitset::FixedBitSet;
+use rayon::prelude::*;
+
+/// One observation as the network takes it, one entry a pixel, row by row.
+#[derive(Clone, Copy, Debug)]
+pub struct Pixels<'a> {
+    /// Vertex is fixed to the tool.
+    pub draped: &'a FixedBitSet,
+    /// Distance to the tool [m].
+    pub distance: &'a [f32],
+    /// Vertex has been under the stencil.
+    pub touched: &'a FixedBitSet,
+    /// Actions allowed.
+    pub mask: &'a FixedBitSet,
+}
+
+impl Pixels<'_> {
+    /// Draped, distance, touched as three planes `[3, rows, columns]`; `scale` is 1 / m.
+    pub fn write_planes(&self, scale: f32, out: &mut [f32]) {
+        let count = self.distance.len();
+        let (draped, rest) = out.split_at_mut(count);
+        let (distance, touched) = rest.split_at_mut(count);
+        draped.fill(0.0);
+        touched.fill(0.0);
+        self.draped.ones().for_each(|i| draped[i] = 1.0);
+        self.touched.ones().for_each(|i| touched[i] = 1.0);
+        for (out, &d) in distance.iter_mut().zip(self.distance) {
+            *out = d * scale;
+        }
+    }
+}
+
+/// Cuts an image into square patches with a border, so that a convolution whose stride is the
+/// patch becomes one matrix product: on a CPU several times faster than burn's convolutions.
+#[derive(Clone, Debug)]
+pub struct Patches {
+    rows: usize,
+    columns: usize,
+    patch: usize,
+    border: usize,
+}
+
+/// Channels of a pixel in a patch: draped, distance, touched, allowed.
+const CHANNELS: usize = 4;
+
+impl Patches {
+    /// Patches of `patch` x `patch` pixels with `border` more on each side. The image is
+    /// extended with zeros to whole patches.
+    pub fn new(rows: usize, columns: usize, patch: usize, border: usize) -> Self {
+        Self {
+            rows,
+            columns,
+            patch,
+            border,
+        }
+    }
+
+    /// Rows and columns of patches.
+    pub fn grid(&self) -> [usize; 2] {
+        [
+            self.rows.div_ceil(self.patch),
+            self.columns.div_ceil(self.patch),
+        ]
+    }
+
+    /// Number of patches.
+    pub fn count(&self) -> usize {
+        self.grid().iter().product()
+    }
+
+    /// Numbers in a patch with its border.
+    pub fn width(&self) -> usize {
+        (self.patch + 2 * self.border).pow(2) * CHANNELS
+    }
+
+    /// Writes `[count, width]`; `scale` is 1 / m.
+    pub fn write(&self, pixels: &Pixels, scale: f32, out: &mut [f32]) {
+        let [grid_rows, grid_columns] = self.grid();
+        let window = self.patch + 2 * self.border;
+        let line = (grid_columns * self.patch + 2 * self.border) * CHANNELS;
+        let mut image = vec![0.0; line * (grid_rows * self.patch + 2 * self.border)];
+        let place = |i: usize| {
+            let (row, column) = (i / self.columns, i % self.columns);
+            (row + self.border) * line + (column + self.border) * CHANNELS
+        };
+        pixels.draped.ones().for_each(|i| image[place(i)] = 1.0);
+        pixels
+            .touched
+            .ones()
+            .for_each(|i| image[place(i) + 2] = 1.0);
+        pixels.mask.ones().for_each(|i| image[place(i) + 3] = 1.0);
+        for (row, distances) in pixels.distance.chunks_exact(self.columns).enumerate() {
+            let start = place(row * self.columns) + 1;
+            for (column, &distance) in distances.iter().enumerate() {
+                image[start + column * CHANNELS] = distance * scale;
+            }
+        }
+        let runs = out.chunks_exact_mut(window * CHANNELS);
+        for (index, run) in runs.enumerate() {
+            let (token, dy) = (index / window, index % window);
+            let (row, column) = (token / grid_columns, token % grid_columns);
+            let start = (row * self.patch + dy) * line + column * self.patch * CHANNELS;
+            run.copy_from_slice(&image[start..start + window * CHANNELS]);
+        }
+    }
+}
+
+/// Writes all `batch` one after the other, `width` numbers each, in parallel.
+pub fn write_batch(
+    batch: &[Pixels],
+    width: usize,
+    write: impl Fn(&Pixels, &mut [f32]) + Sync,
+) -> Vec<f32> {
+    let mut out = vec![0.0; batch.len() * width];
+    out.par_chunks_exact_mut(width)
+        .zip(batch)
+        .for_each(|(out, pixels)| write(pixels, out));
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bits(count: usize, ones: &[usize]) -> FixedBitSet {
+        let mut set = FixedBitSet::with_capacity(count);
+        ones.iter().for_each(|&i| set.insert(i));
+        set
+    }
+
+    #[test]
+    fn planes_are_draped_distance_touched() {
+        let pixels = Pixels {
+            draped: &bits(2, &[0]),
+            distance: &[0.5, 1.0],
+            touched: &bits(2, &[1]),
+            mask: &bits(2, &[]),
+        };
+        let mut out = [f32::NAN; 6];
+        pixels.write_planes(10.0, &mut out);
+        assert_eq!(out, [1.0, 0.0, 5.0, 10.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn every_patch_shows_its_pixels_and_their_neighbours() {
+        let (rows, columns, patch, border) = (5, 3, 2, 1);
+        let distance: Vec<f32> = (1..=15).map(|i| i as f32).collect();
+        let [draped, touched, mask] = [bits(15, &[0]), bits(15, &[7]), bits(15, &[14])];
+        let pixels = Pixels {
+            draped: &draped,
+            distance: &distance,
+            touched: &touched,
+            mask: &mask,
+        };
+        let patches = Patches::new(rows, columns, patch, border);
+        assert_eq!((patches.grid(), patches.width()), ([3, 2], 64));
+        let mut out = vec![f32::NAN; patches.count() * patches.width()];
+        patches.write(&pixels, 2.0, &mut out);
+        let mut numbers = out.iter();
+        for token in 0..6 {
+            for y in 0..4 {
+                for x in 0..4 {
+                    let row = (token / 2 * patch + y).checked_sub(border);
+                    let column = (token % 2 * patch + x).checked_sub(border);
+                    let inside = row.zip(column).filter(|&(r, c)| r < rows && c < columns);
+                    let expected = inside.map_or([0.0; 4], |(r, c)| {
+                        let i = r * columns + c;
+                        let bit = |set: &FixedBitSet| f32::from(u8::from(set[i]));
+                        [bit(&draped), distance[i] * 2.0, bit(&touched), bit(&mask)]
+                    });
+                    for value in expected {
+                        assert_eq!(*numbers.next().unwrap(), value, "{token} {y} {x}");
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,262 @@
+use serde::{Deserialize, Serialize};
+
+/// How the policy is trained.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PpoConfig {
+    /// Step size of Adam.
+    pub learning_rate: f64,
+    /// Environment steps over which the learning rate falls linearly to 0; none: constant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub annealing_steps: Option<u64>,
+    /// Adam's guard against division by 0.
+    pub adam_epsilon: f64,
+    /// Discount of a step.
+    pub gamma: f32,
+    /// Decay of the advantage estimate: 0 trusts the value, 1 the rewards seen.
+    pub gae_lambda: f32,
+    /// Steps of each task in a rollout.
+    pub rollout_steps: usize,
+    /// Samples of an update at most; a batch is split evenly.
+    pub minibatch_size: usize,
+    /// Passes over a rollout.
+    pub epochs: usize,
+    /// How far the probability of an action may move from the rollout's, as a ratio.
+    pub clip_range: f32,
+    pub policy_coefficient: f32,
+    pub value_coefficient: f32,
+    pub entropy_coefficient: f32,
+    /// Divide the entropy of a state by ln(valid actions), so that all states weigh alike.
+    pub normalise_entropy: bool,
+    pub advantage_norm: AdvantageNorm,
+    /// Least deviation that advantages are divided by.
+    pub advantage_floor: f32,
+    /// Limit of the gradient's norm over all parameters; none: no limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_grad_norm: Option<f32>,
+    /// Ends the epochs of an update once its KL divergence exceeds this [nat]; none: never.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_kl: Option<f32>,
+    /// Divide rewards by the return of a perfect episode.
+    pub scale_rewards: bool,
+    /// Imitate the best episodes seen; none: do not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub imitation: Option<ImitationConfig>,
+}
+
+/// Over which samples advantages get mean 0 and deviation 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AdvantageNorm {
+    None,
+    Minibatch,
+    Batch,
+}
+
+/// Imitation of the best episodes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImitationConfig {
+    /// How many episodes are kept.
+    pub episodes: usize,
+    /// Samples from them in each minibatch, on top of its own.
+    pub samples: usize,
+    /// Weight of the cross-entropy.
+    pub coefficient: f32,
+}
+
+/// A value outside its range.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("`{key}` is {found}, expected {expected}")]
+pub struct ConfigError {
+    pub key: &'static str,
+    pub found: f64,
+    pub expected: &'static str,
+}
+
+impl PpoConfig {
+    /// The paper's Table 1; the rest as in its framework, Maze 0.2.
+    pub fn paper() -> Self {
+        Self {
+            learning_rate: 2.5e-4,
+            annealing_steps: None,
+            adam_epsilon: 1e-8,
+            gamma: 0.999,
+            gae_lambda: 1.0,
+            rollout_steps: 100,
+            minibatch_size: 400,
+            epochs: 4,
+            clip_range: 0.2,
+            policy_coefficient: 1.0,
+            value_coefficient: 0.5,
+            entropy_coefficient: 2.5e-4,
+            normalise_entropy: false,
+            advantage_norm: AdvantageNorm::Minibatch,
+            advantage_floor: 1e-8,
+            max_grad_norm: None,
+            target_kl: None,
+            scale_rewards: false,
+            imitation: None,
+        }
+    }
+
+    /// Made to learn much in little CPU time: rewards of order 1, no discount, one
+    /// normalisation for the whole batch, and the best episodes imitated.
+    pub fn compact() -> Self {
+        Self {
+            learning_rate: 1e-3,
+            annealing_steps: None,
+            adam_epsilon: 1e-5,
+            gamma: 1.0,
+            gae_lambda: 0.97,
+            rollout_steps: 100,
+            minibatch_size: 400,
+            epochs: 3,
+            clip_range: 0.2,
+            policy_coefficient: 1.0,
+            value_coefficient: 0.5,
+            entropy_coefficient: 5e-3,
+            normalise_entropy: true,
+            advantage_norm: AdvantageNorm::Batch,
+            advantage_floor: 1e-3,
+            max_grad_norm: Some(0.5),
+            target_kl: None,
+            scale_rewards: true,
+            imitation: Some(ImitationConfig {
+                episodes: 8,
+                samples: 64,
+                coefficient: 0.1,
+            }),
+        }
+    }
+
+    /// Checks every value against its range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        const POSITIVE: &str = "a finite number above 0";
+        const WEIGHT: &str = "a finite number, 0 or above";
+        const SHARE: &str = "a number from 0 to 1";
+        const COUNT: &str = "1 or more";
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        let weight = |x: f64| x.is_finite() && x >= 0.0;
+        let share = |x: f64| (0.0..=1.0).contains(&x);
+        let count = |x: f64| x >= 1.0;
+        type Check<'a> = (&'static str, f64, &'a dyn Fn(f64) -> bool, &'static str);
+        let mut checks: Vec<Check> = vec![
+            ("learning_rate", self.learning_rate, &positive, POSITIVE),
+            ("adam_epsilon", self.adam_epsilon, &positive, POSITIVE),
+            ("gamma", self.gamma.into(), &share, SHARE),
+            ("gae_lambda", self.gae_lambda.into(), &share, SHARE),
+            ("rollout_steps", self.rollout_steps as f64, &count, COUNT),
+            ("minibatch_size", self.minibatch_size as f64, &count, COUNT),
+            ("epochs", self.epochs as f64, &count, COUNT),
+            ("clip_range", self.clip_range.into(), &positive, POSITIVE),
+            (
+                "policy_coefficient",
+                self.policy_coefficient.into(),
+                &weight,
+                WEIGHT,
+            ),
+            (
+                "value_coefficient",
+                self.value_coefficient.into(),
+                &weight,
+                WEIGHT,
+            ),
+            (
+                "entropy_coefficient",
+                self.entropy_coefficient.into(),
+                &weight,
+                WEIGHT,
+            ),
+            (
+                "advantage_floor",
+                self.advantage_floor.into(),
+                &positive,
+                POSITIVE,
+            ),
+        ];
+        if let Some(steps) = self.annealing_steps {
+            checks.push(("annealing_steps", steps as f64, &count, COUNT));
+        }
+        if let Some(norm) = self.max_grad_norm {
+            checks.push(("max_grad_norm", norm.into(), &positive, POSITIVE));
+        }
+        if let Some(kl) = self.target_kl {
+            checks.push(("target_kl", kl.into(), &positive, POSITIVE));
+        }
+        if let Some(imitation) = &self.imitation {
+            let [episodes, samples] = [imitation.episodes, imitation.samples];
+            let coefficient = imitation.coefficient.into();
+            checks.push(("imitation.episodes", episodes as f64, &count, COUNT));
+            checks.push(("imitation.samples", samples as f64, &count, COUNT));
+            checks.push(("imitation.coefficient", coefficient, &weight, WEIGHT));
+        }
+        match checks
+            .into_iter()
+            .find(|(_, found, valid, _)| !valid(*found))
+        {
+            Some((key, found, _, expected)) => Err(ConfigError {
+                key,
+                found,
+                expected,
+            }),
+            None => Ok(()),
+        }
+    }
+
+    /// The learning rate after `env_steps` environment steps.
+    pub fn learning_rate_at(&self, env_steps: u64) -> f64 {
+        let left = match self.annealing_steps {
+            Some(steps) => 1.0 - env_steps as f64 / steps as f64,
+            None => 1.0,
+        };
+        self.learning_rate * left.max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_are_valid_and_survive_toml() {
+        for config in [PpoConfig::paper(), PpoConfig::compact()] {
+            config.validate().unwrap();
+            let text = toml::to_string(&config).unwrap();
+            assert_eq!(toml::from_str::<PpoConfig>(&text).unwrap(), config);
+        }
+    }
+
+    #[test]
+    fn values_out_of_range_are_named() {
+        let error = |change: fn(&mut PpoConfig)| {
+            let mut config = PpoConfig::compact();
+            change(&mut config);
+            config.validate().unwrap_err().to_string()
+        };
+        assert_eq!(
+            error(|c| c.gamma = 1.5),
+            "`gamma` is 1.5, expected a number from 0 to 1"
+        );
+        assert_eq!(
+            error(|c| c.learning_rate = f64::NAN),
+            "`learning_rate` is NaN, expected a finite number above 0"
+        );
+        assert_eq!(error(|c| c.epochs = 0), "`epochs` is 0, expected 1 or more");
+        assert_eq!(
+            error(|c| c.imitation.as_mut().unwrap().coefficient = -1.0),
+            "`imitation.coefficient` is -1, expected a finite number, 0 or above"
+        );
+        let unknown = toml::from_str::<PpoConfig>("gama = 1.0").unwrap_err();
+        assert!(unknown.to_string().contains("gama"), "{unknown}");
+    }
+
+    #[test]
+    fn learning_rate_falls_to_zero_and_stays() {
+        let mut config = PpoConfig::paper();
+        assert_eq!(config.learning_rate_at(u64::MAX), 2.5e-4);
+        config.annealing_steps = Some(100);
+        assert_eq!(config.learning_rate_at(50), 1.25e-4);
+        assert_eq!(config.learning_rate_at(101), 0.0);
+    }
+}

@@ -1,0 +1,308 @@
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+use crate::env::EnvConfig;
+use crate::file::{ParseError, parse_toml};
+use crate::policy::{DeviceKind, PolicyConfig};
+use crate::ppo::PpoConfig;
+use crate::scene::{SceneConfig, SceneError};
+
+/// A set of defaults for task, network and learner.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Preset {
+    /// The paper's network and Table 1.
+    Paper,
+    /// Cropped observation, small network, the best episodes imitated.
+    #[default]
+    Compact,
+}
+
+/// Everything that decides a training run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunConfig {
+    pub preset: Preset,
+    /// Decides initial weights, actions and the order of samples.
+    pub seed: u64,
+    /// Environment steps of the whole training, all environments counted.
+    pub steps: u64,
+    /// Environments stepped together.
+    pub environments: usize,
+    pub device: DeviceKind,
+    /// Iterations between two evaluations of the greedy policy; each is one episode.
+    pub evaluation_interval: u64,
+    pub env: EnvConfig,
+    pub policy: PolicyConfig,
+    pub ppo: PpoConfig,
+    pub scene: SceneConfig,
+}
+
+/// A configuration that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum RunConfigError {
+    #[error("cannot read {path}", path = path.display())]
+    Read {
+        path: PathBuf,
+        source: std::io::Error,
+    },
+    #[error(transparent)]
+    Parse(#[from] ParseError),
+    #[error("{path}:{place} {message}", path = path.display())]
+    Value {
+        path: PathBuf,
+        /// Line of the key, if it stands in the file.
+        place: String,
+        message: String,
+    },
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+}
+
+/// The configuration that is used when none is given.
+const QUICKSTART: &str = include_str!("../../configs/quickstart.toml");
+
+impl RunConfig {
+    /// The built-in configuration: one wrinkle of the rib, a few minutes on two cores.
+    pub fn quickstart() -> Self {
+        let path = Path::new("configs/quickstart.toml");
+        Self::parse(QUICKSTART, path).expect("the built-in configuration is valid")
+    }
+
+    /// Reads a configuration. Paths in it count from its folder. Keys that are not given are
+    /// those of its `preset`; an optional key of the preset is removed by `"off"`.
+    pub fn read(path: &Path) -> Result<Self, RunConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|source| RunConfigError::Read {
+            path: path.into(),
+            source,
+        })?;
+        Self::parse(&text, path)
+    }
+
+    /// The defaults of a preset, on the built-in scene.
+    pub fn preset(preset: Preset) -> Self {
+        let (crop, policy, ppo) = match preset {
+            Preset::Paper => (false, PolicyConfig::paper(), PpoConfig::paper()),
+            Preset::Compact => (true, PolicyConfig::compact(), PpoConfig::compact()),
+        };
+        Self {
+            preset,
+            seed: 1,
+            steps: 160_000,
+            environments: 32,
+            device: DeviceKind::Flex,
+            evaluation_interval: 2,
+            env: EnvConfig {
+                crop,
+                ..EnvConfig::default()
+            },
+            policy,
+            ppo,
+            scene: SceneConfig::rib(),
+        }
+    }
+
+    /// Makes the paths in it independent of the current folder, so that a run can be gone on
+    /// with from anywhere.
+    pub fn make_paths_absolute(&mut self) {
+        let here = std::env::current_dir().unwrap_or_default();
+        self.scene.resolve(&here);
+    }
+
+    /// The configuration as TOML, complete: reading it gives the same again.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("a configuration is representable in TOML")
+    }
+
+    fn parse(text: &str, path: &Path) -> Result<Self, RunConfigError> {
+        let mut given: Table = parse_toml(text, path)?;
+        let fail = |key: &str, message: String| RunConfigError::Value {
+            path: path.into(),
+            place: place(text, key),
+            message,
+        };
+        let folder = path.parent().unwrap_or(Path::new(""));
+
+        let preset = match given.get("preset") {
+            None => Preset::default(),
+            Some(value) => section(value.clone(), "preset").map_err(|e| fail("preset", e))?,
+        };
+        let scene = match (given.remove("scene_file"), given.remove("scene")) {
+            (Some(_), Some(_)) => {
+                let message = "`scene_file` and `scene` are both given, expected one";
+                return Err(fail("scene_file", message.into()));
+            }
+            (Some(Value::String(file)), None) => SceneConfig::read(&folder.join(file))?,
+            (Some(value), None) => {
+                let message = format!("`scene_file` is {value}, expected a path");
+                return Err(fail("scene_file", message));
+            }
+            (None, Some(value)) => {
+                let mut scene: SceneConfig =
+                    section(value, "scene").map_err(|e| fail(&unknown(&e), e))?;
+                scene.resolve(folder);
+                scene
+            }
+            (None, None) => SceneConfig::rib(),
+        };
+
+        let base = Table::try_from(Self::preset(preset)).expect("a preset is a table");
+        let mut merged = base.clone();
+        merged.remove("scene");
+        merge(&mut merged, given);
+        // Section by section, so that a message says where it belongs.
+        let mut config = Self::preset(preset);
+        let get = |merged: &mut Table, key: &str| merged.remove(key).expect("presets have all");
+        macro_rules! take {
+            ($($field:ident).+, $key:literal) => {
+                config.$($field).+ = section(get(&mut merged, $key), $key)
+                    .map_err(|e| fail(&unknown(&e), e))?;
+            };
+        }
+        take!(preset, "preset");
+        take!(seed, "seed");
+        take!(steps, "steps");
+        take!(environments, "environments");
+        take!(device, "device");
+        take!(evaluation_interval, "evaluation_interval");
+        take!(env, "env");
+        take!(policy, "policy");
+        take!(ppo, "ppo");
+        if let Some(key) = merged.keys().next() {
+            let known: Vec<&str> = base.keys().map(String::as_str).collect();
+            let message = format!(
+                "unknown key `{key}`, expected one of {}, scene_file",
+                known.join(", ")
+            );
+            return Err(fail(key, message));
+        }
+        config.scene = scene;
+        config.check().map_err(|(key, e)| fail(key, e))?;
+        Ok(config)
+    }
+
+    /// Checks what can be checked without setting up the scene.
+    fn check(&self) -> Result<(), (&'static str, String)> {
+        let range = |key, value: u64, most: u64| {
+            if (1..=most).contains(&value) {
+                return Ok(());
+            }
+            Err((
+                key,
+                format!("`{key}` is {value}, expected a number from 1 to {most}"),
+            ))
+        };
+        range("steps", self.steps, 1 << 40)?;
+        range("environments", self.environments as u64, 4096)?;
+        range("evaluation_interval", self.evaluation_interval, 1 << 32)?;
+        self.ppo.validate().map_err(|e| (e.key, format!("ppo: {e}")))
+    }
+}
+
+fn section<T: DeserializeOwned>(value: Value, key: &str) -> Result<T, String> {
+    T::deserialize(value).map_err(|e| format!("`{key}`: {}", one_line(&e.to_string())))
+}
+
+fn one_line(message: &str) -> String {
+    message.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// The last word in backticks after "field": the key that an error is about, if it says so.
+fn unknown(message: &str) -> String {
+    let after = message.split("field `").nth(1).unwrap_or_default();
+    after.split('`').next().unwrap_or_default().to_string()
+}
+
+/// " line 7:" for the first line that sets `key`, else nothing.
+fn place(text: &str, key: &str) -> String {
+    let sets = |line: &str| {
+        let name = line.split('=').next().unwrap_or_default().trim();
+        !key.is_empty() && name == key
+    };
+    match text.lines().position(sets) {
+        Some(index) => format!("{}:", index + 1),
+        None => String::new(),
+    }
+}
+
+/// Puts `over` on top of `base`, table by table. `"off"` removes a key that is not text.
+fn merge(base: &mut Table, over: Table) {
+    for (key, value) in over {
+        match (base.get_mut(&key), value) {
+            // Another kind of network replaces the preset's wholly.
+            (Some(Value::Table(below)), Value::Table(above))
+                if key != "network" || above.keys().any(|k| below.contains_key(k)) =>
+            {
+                merge(below, above);
+            }
+            (Some(old), Value::String(text)) if text == "off" && !old.is_str() => {
+                base.remove(&key);
+            }
+            (_, value) => {
+                base.insert(key, value);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<RunConfig, String> {
+        RunConfig::parse(text, Path::new("c.toml")).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn a_preset_is_overridden_key_by_key() {
+        let config = parse("preset = \"paper\"\n[ppo]\ngamma = 0.5").unwrap();
+        let mut expected = RunConfig::preset(Preset::Paper);
+        expected.ppo.gamma = 0.5;
+        assert_eq!(config, expected);
+    }
+
+    #[test]
+    fn an_optional_key_is_switched_off() {
+        let config = parse("[ppo]\nimitation = \"off\"").unwrap();
+        assert_eq!(config.ppo.imitation, None);
+        assert!(RunConfig::preset(Preset::Compact).ppo.imitation.is_some());
+    }
+
+    #[test]
+    fn another_network_replaces_the_preset_s() {
+        let paper = RunConfig::preset(Preset::Paper);
+        let text = format!("[policy]\n{}", toml::to_string(&paper.policy).unwrap());
+        let text = text.replace("[network", "[policy.network");
+        assert_eq!(parse(&text).unwrap().policy, paper.policy);
+    }
+
+    #[test]
+    fn resolved_configuration_reads_back() {
+        let config = RunConfig::quickstart();
+        assert_eq!(parse(&config.to_toml()), Ok(config));
+    }
+
+    #[test]
+    fn mistakes_are_located() {
+        let cases = [
+            ("seed = 1\nsteqs = 5", "c.toml:2: unknown key `steqs`, expected one of"),
+            ("\n[ppo]\ngama = 1.0", "c.toml:3: `ppo`: unknown field `gama`, expected one of"),
+            ("[env]\nstencil_mm = \"x\"", "c.toml: `env`: invalid type: string \"x\", expected f64"),
+            ("steps = 0", "c.toml:1: `steps` is 0, expected a number from 1 to"),
+            ("steps = -3", "c.toml: `steps`: invalid value: integer `-3`, expected u64"),
+            ("[ppo]\ngamma = 2.0", "c.toml:2: ppo: `gamma` is 2, expected"),
+            ("[scene]\nfoo = 1", "c.toml:2: `scene`: unknown field `foo`"),
+            ("scene_file = 3", "c.toml:1: `scene_file` is 3, expected a path"),
+            ("scene_file = \"a\"\n[scene]", "c.toml:1: `scene_file` and `scene` are both given"),
+        ];
+        for (text, message) in cases {
+            let found = parse(text).unwrap_err();
+            assert!(found.starts_with(message), "{found}");
+            assert!(!found.contains('\n'), "{found}");
+        }
+        assert!(parse("seed = ").unwrap_err().contains("c.toml"));
+    }
+}

@@ -1,0 +1,248 @@
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::env::{Draping, End, EnvConfig, EnvError, Tasks};
+use crate::math::{Purpose, Stream, Vec3};
+use crate::path::{PressedPoint, strokes};
+use crate::scene::Scene;
+use crate::sim::Snapshot;
+
+/// How an episode went.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EpisodeSummary {
+    /// 1 - D_T / D_init of the region [-].
+    pub score: f64,
+    /// Summed distance of the region to the tool at the start and at the end [m].
+    pub region_initial_m: f64,
+    pub region_final_m: f64,
+    /// The same of the whole sheet [m].
+    pub sheet_initial_m: f64,
+    pub sheet_final_m: f64,
+    /// Vertices of the region, all eight neighbours within it, that are not draped.
+    pub undraped_inner: usize,
+    /// Presses.
+    pub steps: usize,
+    /// Presses that the stencil did not reach in contact.
+    pub jumps: usize,
+    /// 95th percentile and maximum of the absolute yarn strain of the whole sheet [-].
+    pub strain_p95: f64,
+    pub strain_max: f64,
+    /// Root mean square speed at the end [mm/s].
+    pub v_rms_mm_s: f64,
+    /// Wall-clock time of the episode.
+    pub seconds: f64,
+}
+
+/// An episode played out.
+#[derive(Clone, Debug)]
+pub struct Played {
+    pub summary: EpisodeSummary,
+    /// Vertices in the order they were pressed.
+    pub vertices: Vec<u32>,
+    /// Where on the tool each was pressed.
+    pub points: Vec<PressedPoint>,
+    /// The cloth at the end.
+    pub state: Snapshot,
+}
+
+/// An episode that did not come to its end.
+#[derive(Debug, thiserror::Error)]
+pub enum RolloutError {
+    #[error(transparent)]
+    Env(#[from] EnvError),
+    #[error("the simulation diverged after {steps} steps")]
+    Truncated { steps: usize },
+    #[error("step {step} of the sequence presses vertex {vertex}, which is not allowed there")]
+    Forbidden { step: usize, vertex: u32 },
+    #[error("the sequence ends after {steps} steps, before the episode does")]
+    Short { steps: usize },
+}
+
+/// Presses farther apart than this many stencils are joined by a jump.
+const JUMP: f64 = 1.0;
+
+/// Plays one episode in the only environment of `draping`, from its start. `choose` gives the
+/// action for what is seen, `watch` is called before each press and at the end.
+pub fn play(
+    draping: &mut Draping,
+    mut choose: impl FnMut(&Draping, usize) -> Result<u32, RolloutError>,
+    mut watch: impl FnMut(&Draping, &[PressedPoint]),
+) -> Result<Played, RolloutError> {
+    let start = std::time::Instant::now();
+    draping.reset(0);
+    let scene = draping.scene().clone();
+    let mut points = Vec::new();
+    let mut vertices = Vec::new();
+    loop {
+        watch(draping, &points);
+        let action = choose(draping, points.len())?;
+        let vertex = draping.vertex(action);
+        let surface = scene.tool.surface.project(Vec3::from(draping.position(0, vertex)));
+        points.push(PressedPoint {
+            vertex,
+            position: surface.position,
+            normal: surface.normal,
+        });
+        vertices.push(vertex);
+        let outcome = draping.step(&[action]).swap_remove(0);
+        match outcome.episode.map(|episode| episode.end) {
+            None => {}
+            Some(End::Terminated) => break,
+            Some(End::Truncated) => {
+                return Err(RolloutError::Truncated {
+                    steps: points.len(),
+                });
+            }
+        }
+    }
+    let seconds = start.elapsed().as_secs_f64();
+    let mut summary = summarise(draping, 0, &points);
+    summary.seconds = seconds;
+    let state = draping.finished(0).expect("the episode is over").state.clone();
+    Ok(Played {
+        summary,
+        vertices,
+        points,
+        state,
+    })
+}
+
+/// Plays a sequence of vertices again.
+pub fn replay(
+    draping: &mut Draping,
+    sequence: &[u32],
+    watch: impl FnMut(&Draping, &[PressedPoint]),
+) -> Result<Played, RolloutError> {
+    let choose = |draping: &Draping, step: usize| {
+        let vertex = *sequence
+            .get(step)
+            .ok_or(RolloutError::Short { steps: step })?;
+        draping
+            .action(vertex)
+            .filter(|&action| draping.observation(0).mask.contains(action as usize))
+            .ok_or(RolloutError::Forbidden { step, vertex })
+    };
+    play(draping, choose, watch)
+}
+
+/// `count` episodes of the masked random policy: what learning has to beat.
+pub fn random_episodes(
+    scene: &Arc<Scene>,
+    config: &EnvConfig,
+    count: usize,
+    seed: u64,
+) -> Result<Vec<EpisodeSummary>, RolloutError> {
+    let choose = |draping: &Draping, streams: &mut [Stream]| -> Vec<u32> {
+        let draw = |(index, stream): (usize, &mut Stream)| {
+            let mask = &draping.observation(index).mask;
+            let chosen = stream.below(mask.count_ones(..));
+            mask.ones().nth(chosen).expect("a mask is never empty") as u32
+        };
+        streams.iter_mut().enumerate().map(draw).collect()
+    };
+    parallel_episodes(scene, config, count, seed, choose)
+}
+
+/// `count` episodes at once, each with a random stream of its own. `choose` gives one action
+/// an environment. Diverged episodes are left out.
+pub fn parallel_episodes(
+    scene: &Arc<Scene>,
+    config: &EnvConfig,
+    count: usize,
+    seed: u64,
+    mut choose: impl FnMut(&Draping, &mut [Stream]) -> Vec<u32>,
+) -> Result<Vec<EpisodeSummary>, RolloutError> {
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    let start = std::time::Instant::now();
+    let mut draping = Draping::new(scene.clone(), config, count)?;
+    let mut streams: Vec<Stream> = (0..count)
+        .map(|index| Stream::new(seed, Purpose::Evaluation, index as u32))
+        .collect();
+    let mut points: Vec<Vec<PressedPoint>> = vec![Vec::new(); count];
+    let mut summaries: Vec<Option<EpisodeSummary>> = vec![None; count];
+    let mut open = count;
+    let mut over = vec![false; count];
+    while open > 0 {
+        let actions = choose(&draping, &mut streams);
+        for (index, &action) in actions.iter().enumerate() {
+            let vertex = draping.vertex(action);
+            let x = Vec3::from(draping.position(index, vertex));
+            points[index].push(PressedPoint {
+                vertex,
+                position: x,
+                normal: Vec3::from(scene.tool.distance(x.into()).1),
+            });
+        }
+        let outcomes = draping.step(&actions);
+        for (index, outcome) in outcomes.into_iter().enumerate() {
+            let Some(episode) = outcome.episode else {
+                continue;
+            };
+            if !over[index] {
+                over[index] = true;
+                open -= 1;
+                if episode.end == End::Terminated {
+                    let mut summary = summarise(&draping, index, &points[index]);
+                    summary.seconds = start.elapsed().as_secs_f64() / count as f64;
+                    summaries[index] = Some(summary);
+                }
+            }
+            points[index].clear();
+        }
+    }
+    Ok(summaries.into_iter().flatten().collect())
+}
+
+/// Measures the episode that has just ended in environment `index`.
+fn summarise(draping: &Draping, index: usize, points: &[PressedPoint]) -> EpisodeSummary {
+    let scene = draping.scene();
+    let finished = draping.finished(index).expect("the episode is over");
+    let at_start = scene.summary(&scene.initial);
+    let at_end = scene.summary(&finished.state);
+    let region_initial_m = draping.initial_distance();
+    let region_final_m = draping.region_distance(&finished.state);
+    let region: std::collections::BTreeSet<u32> = draping.region_vertices().collect();
+    let inner = |&v: &u32| {
+        let mut near = scene.lamina.neighbors(v);
+        scene.lamina.neighbors(v).count() == 8 && near.all(|n| region.contains(&n))
+    };
+    let undraped = |v: &u32| !finished.draped.contains(*v as usize);
+    let join = JUMP * draping.config().stencil_mm * 1e-3;
+    let strokes = strokes(points, join).map_or(0, |path| path.iter().filter(|p| p.starts_stroke).count());
+    EpisodeSummary {
+        score: 1.0 - region_final_m / region_initial_m,
+        region_initial_m,
+        region_final_m,
+        sheet_initial_m: at_start.distance_m,
+        sheet_final_m: at_end.distance_m,
+        undraped_inner: region.iter().filter(|v| undraped(v) && inner(v)).count(),
+        steps: points.len(),
+        jumps: strokes.saturating_sub(1),
+        strain_p95: at_end.strain_p95,
+        strain_max: at_end.strain_max,
+        v_rms_mm_s: at_end.v_rms_mm_s,
+        seconds: 0.0,
+    }
+}
+
+/// Mean and standard deviation (of the sample); NaN for nothing, deviation 0 for one.
+pub fn mean_and_deviation(values: &[f64]) -> [f64; 2] {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let square: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    [mean, (square / (count - 1.0).max(1.0)).sqrt()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn deviation_is_that_of_the_sample() {
+        assert_eq!(mean_and_deviation(&[1.0, 3.0]), [2.0, 2f64.sqrt()]);
+        assert_eq!(mean_and_deviation(&[5.0]), [5.0, 0.0]);
+    }
+}

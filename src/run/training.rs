@@ -1,0 +1,353 @@
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use serde::{Deserialize, Serialize};
+
+use super::checkpoint::{Checkpoint, CheckpointError, MissingPart};
+use super::config::RunConfig;
+use super::events::EventWriter;
+use super::folder::{BestSequence, FolderError, RunFolder, config_digest};
+use super::log::LogError;
+use super::metrics::{MetricsError, MetricsWriter, read_metrics};
+use crate::env::{Draping, End, EnvError, Shape, Tasks};
+use crate::file::WriteError;
+use crate::ppo::{Iteration, LoadError, Sampling, TrainError, Trainer};
+use crate::scene::Scene;
+
+/// Checkpoint section of what the run itself remembers.
+const RUN: &str = "run";
+
+/// A training that writes into its run folder.
+pub struct Training {
+    config: RunConfig,
+    config_text: String,
+    folder: RunFolder,
+    trainer: Trainer<Draping>,
+    /// One environment for the greedy episodes.
+    evaluation: Draping,
+    memory: Memory,
+    metrics: MetricsWriter,
+    events: EventWriter,
+}
+
+/// What a run remembers beside its learner.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Memory {
+    /// Score of the best greedy episode so far.
+    best_greedy: Option<f64>,
+    /// The best action sequence, as vertices, and its score.
+    best_sequence: Option<(Vec<u32>, f64)>,
+    /// Scores of the last episodes of the training, oldest first.
+    recent: Vec<f64>,
+}
+
+/// Episodes that the mean score of a report is taken over.
+const RECENT: usize = 50;
+
+/// What one iteration has brought.
+#[derive(Clone, Debug)]
+pub struct Report {
+    pub iteration: Iteration,
+    /// Mean score of the last 50 episodes; none before the first ends.
+    pub mean_score: Option<f64>,
+    /// Score of the greedy episode, if one was played.
+    pub greedy_score: Option<f64>,
+    /// Best score of any episode so far.
+    pub best_score: Option<f64>,
+}
+
+/// A training that cannot be set up, go on or be written.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainingError {
+    #[error(transparent)]
+    Env(#[from] EnvError),
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    #[error(transparent)]
+    Log(#[from] LogError),
+    #[error(transparent)]
+    Metrics(#[from] MetricsError),
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    #[error("{path}: {fault}")]
+    Missing { path: String, fault: MissingPart },
+    #[error("{path}: {fault}")]
+    Load { path: String, fault: LoadError },
+    #[error("{path}: section `{RUN}` is not of this program")]
+    Memory { path: String },
+    #[error("{path}: written for another configuration than {config}")]
+    OtherConfig { path: String, config: String },
+}
+
+impl Training {
+    /// A new training in a new run folder.
+    pub fn new(
+        config: RunConfig,
+        scene: Arc<Scene>,
+        folder: RunFolder,
+    ) -> Result<Self, TrainingError> {
+        let (trainer, evaluation) = learner(&config, scene)?;
+        Ok(Self {
+            metrics: MetricsWriter::create(&folder.metrics())?,
+            events: EventWriter::create(&folder.events(), SystemTime::now())?,
+            config_text: config.to_toml(),
+            config,
+            folder,
+            trainer,
+            evaluation,
+            memory: Memory::default(),
+        })
+    }
+
+    /// The training in `folder` as its last checkpoint left it. Metrics that were written
+    /// after that checkpoint are cut off: their steps are taken again.
+    pub fn resume(
+        config: RunConfig,
+        scene: Arc<Scene>,
+        folder: RunFolder,
+    ) -> Result<Self, TrainingError> {
+        let path = folder.last_checkpoint();
+        let name = || path.display().to_string();
+        let checkpoint = Checkpoint::load(&path)?;
+        let config_text = config.to_toml();
+        if checkpoint.config != config_text {
+            return Err(TrainingError::OtherConfig {
+                path: name(),
+                config: folder.config().display().to_string(),
+            });
+        }
+        let (mut trainer, evaluation) = learner(&config, scene)?;
+        trainer
+            .load(&checkpoint.sections)
+            .map_err(|fault| TrainingError::Load {
+                path: name(),
+                fault,
+            })?;
+        let memory = checkpoint
+            .section(RUN)
+            .map_err(|fault| TrainingError::Missing {
+                path: name(),
+                fault,
+            })?;
+        let memory =
+            postcard::from_bytes(memory).map_err(|_| TrainingError::Memory { path: name() })?;
+        let (metrics, events) = reopen_logs(&folder, trainer.env_steps())?;
+        Ok(Self {
+            config,
+            config_text,
+            folder,
+            trainer,
+            evaluation,
+            memory,
+            metrics,
+            events,
+        })
+    }
+
+    /// The configuration of the run.
+    pub fn config(&self) -> &RunConfig {
+        &self.config
+    }
+
+    /// The folder that the run writes into.
+    pub fn folder(&self) -> &RunFolder {
+        &self.folder
+    }
+
+    /// The scene of the run.
+    pub fn scene(&self) -> &Arc<Scene> {
+        self.evaluation.scene()
+    }
+
+    /// Environment steps taken so far.
+    pub fn env_steps(&self) -> u64 {
+        self.trainer.env_steps()
+    }
+
+    /// All steps of the configuration are taken.
+    pub fn is_complete(&self) -> bool {
+        self.env_steps() >= self.config.steps
+    }
+
+    /// One iteration of the learner, with its metrics written. Checkpoints are up to the
+    /// caller, except that of a policy which plays better than every one before.
+    pub fn advance(&mut self) -> Result<Report, TrainingError> {
+        let iteration = self.trainer.iterate()?;
+        let initial = self.evaluation.initial_distance();
+        for episode in &iteration.episodes {
+            if episode.end == End::Terminated {
+                let score = f64::from(episode.total_reward) / initial;
+                self.remember(score, &episode.actions)?;
+                self.memory.recent.push(score);
+            }
+        }
+        let surplus = self.memory.recent.len().saturating_sub(RECENT);
+        self.memory.recent.drain(..surplus);
+
+        let due = iteration.number % self.config.evaluation_interval == 0 || self.is_complete();
+        let greedy_score = if due { self.evaluate()? } else { None };
+        let recent = &self.memory.recent;
+        let mean = recent.iter().sum::<f64>() / recent.len() as f64;
+        let report = Report {
+            mean_score: (!recent.is_empty()).then_some(mean),
+            greedy_score,
+            best_score: self.memory.best_sequence.as_ref().map(|best| best.1),
+            iteration,
+        };
+        self.log(&report)?;
+        Ok(report)
+    }
+
+    /// Writes everything needed to go on exactly from here.
+    pub fn checkpoint(&mut self) -> Result<(), TrainingError> {
+        self.metrics.sync()?;
+        self.events.sync()?;
+        self.save(&self.folder.last_checkpoint())
+    }
+
+    fn save(&self, path: &Path) -> Result<(), TrainingError> {
+        let mut checkpoint = Checkpoint::new(self.config_text.clone());
+        checkpoint.sections = self.trainer.save();
+        let memory = postcard::to_allocvec(&self.memory).expect("plain data is serialisable");
+        checkpoint.sections.insert(RUN.into(), memory);
+        checkpoint
+            .counters
+            .insert("env_steps".into(), self.env_steps());
+        Ok(checkpoint.save(path)?)
+    }
+
+    /// Plays one greedy episode. A policy better than every one before is kept.
+    fn evaluate(&mut self) -> Result<Option<f64>, TrainingError> {
+        let agent = self.trainer.agent();
+        self.evaluation.reset(0);
+        let episode = loop {
+            let action = agent.act(&[self.evaluation.observation(0)], Sampling::Greedy);
+            let outcome = self.evaluation.step(&action).swap_remove(0);
+            if let Some(episode) = outcome.episode {
+                break episode;
+            }
+        };
+        if episode.end == End::Truncated {
+            return Ok(None);
+        }
+        let score = f64::from(episode.total_reward) / self.evaluation.initial_distance();
+        self.remember(score, &episode.actions)?;
+        if self.memory.best_greedy.is_none_or(|best| score > best) {
+            self.memory.best_greedy = Some(score);
+            self.save(&self.folder.best_checkpoint())?;
+        }
+        Ok(Some(score))
+    }
+
+    /// Keeps the sequence of an episode if it is the best so far.
+    fn remember(&mut self, score: f64, actions: &[u32]) -> Result<(), TrainingError> {
+        let best = self.memory.best_sequence.as_ref();
+        if best.is_some_and(|(_, best)| *best >= score) {
+            return Ok(());
+        }
+        let vertices: Vec<u32> = actions.iter().map(|&a| self.evaluation.vertex(a)).collect();
+        let lamina = &self.evaluation.scene().lamina;
+        self.folder.write_best_sequence(&BestSequence {
+            vertices: vertices.clone(),
+            score,
+            grid: Shape {
+                rows: lamina.rows,
+                columns: lamina.columns,
+            },
+            config_digest: config_digest(&self.config_text),
+        })?;
+        self.memory.best_sequence = Some((vertices, score));
+        Ok(())
+    }
+
+    fn log(&mut self, report: &Report) -> Result<(), TrainingError> {
+        let Report { iteration, .. } = report;
+        let metrics = &iteration.metrics;
+        let seconds = &iteration.seconds;
+        let lengths = iteration.episodes.iter().map(|e| e.actions.len() as f64);
+        let truncated = |e: &&crate::ppo::Finished| e.end == End::Truncated;
+        let now = SystemTime::now();
+        let wall_time = now.duration_since(UNIX_EPOCH).unwrap_or_default();
+        let mut values = vec![
+            ("iteration", iteration.number as f64),
+            ("wall_time", wall_time.as_secs_f64()),
+            ("episodes", iteration.episodes.len() as f64),
+            (
+                "truncated",
+                iteration.episodes.iter().filter(truncated).count() as f64,
+            ),
+            ("learning_rate", iteration.learning_rate),
+            ("policy_loss", metrics.policy_loss.into()),
+            ("value_loss", metrics.value_loss.into()),
+            ("entropy", metrics.entropy.into()),
+            ("imitation_loss", metrics.imitation_loss.into()),
+            ("approx_kl", metrics.approx_kl.into()),
+            ("clip_fraction", metrics.clip_fraction.into()),
+            ("gradient_norm", metrics.gradient_norm.into()),
+            ("explained_variance", metrics.explained_variance.into()),
+            ("seconds_simulation", seconds.simulation),
+            ("seconds_inference", seconds.inference),
+            ("seconds_update", seconds.update),
+        ];
+        if !iteration.episodes.is_empty() {
+            let mean = lengths.sum::<f64>() / iteration.episodes.len() as f64;
+            values.push(("episode_length", mean));
+        }
+        let optional = [
+            ("mean_score", report.mean_score),
+            ("greedy_score", report.greedy_score),
+            ("best_score", report.best_score),
+        ];
+        values.extend(optional.iter().filter_map(|&(name, v)| Some((name, v?))));
+        self.metrics.append(iteration.env_steps, &values)?;
+        self.events.append(now, iteration.env_steps, &values)?;
+        Ok(())
+    }
+}
+
+fn learner(
+    config: &RunConfig,
+    scene: Arc<Scene>,
+) -> Result<(Trainer<Draping>, Draping), TrainingError> {
+    let tasks = Draping::new(scene.clone(), &config.env, config.environments)?;
+    let evaluation = Draping::new(scene, &config.env, 1)?;
+    let trainer = Trainer::new(
+        config.ppo.clone(),
+        &config.policy,
+        tasks,
+        config.seed,
+        config.device,
+    )?;
+    Ok((trainer, evaluation))
+}
+
+/// Cuts the metrics back to the lines up to `env_steps` and writes the events anew from them.
+fn reopen_logs(
+    folder: &RunFolder,
+    env_steps: u64,
+) -> Result<(MetricsWriter, EventWriter), TrainingError> {
+    let path = folder.metrics();
+    let kept: Vec<_> = read_metrics(&path)?
+        .into_iter()
+        .take_while(|line| line.step <= env_steps)
+        .collect();
+    let text = std::fs::read_to_string(&path).unwrap_or_default();
+    let length: usize = text.split_inclusive('\n').take(kept.len()).map(str::len).sum();
+    let metrics = MetricsWriter::resume(&path, length as u64)?;
+    let _ = std::fs::remove_file(folder.events());
+    let mut events = EventWriter::create(&folder.events(), SystemTime::now())?;
+    for line in &kept {
+        let number = |v: Option<f64>| v.unwrap_or(f64::NAN);
+        let values = line.values.iter();
+        let values: Vec<(&str, f64)> = values.map(|(k, &v)| (k.as_str(), number(v))).collect();
+        let seconds = line.values.get("wall_time").copied().flatten().unwrap_or_default();
+        let time = UNIX_EPOCH + std::time::Duration::from_secs_f64(seconds.max(0.0));
+        events.append(time, line.step, &values)?;
+    }
+    Ok((metrics, events))
+}
