@@ -242,7 +242,8 @@ mod tests {
 
     /// Pixels of which `strongest` is the strongest channel by far.
     fn count(image: &Image, strongest: usize) -> usize {
-        let is = |p: &&Color| (0..3).all(|c| c == strongest || p[c].saturating_add(60) < p[strongest]);
+        let is =
+            |p: &&Color| (0..3).all(|c| c == strongest || p[c].saturating_add(60) < p[strongest]);
         image.pixels.iter().filter(is).count()
     }
 

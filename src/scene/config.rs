@@ -189,16 +189,16 @@ impl SceneConfig {
             ("placement.yaw_deg", yaw_deg),
         ];
         for (key, value) in placement {
-            if !(value.abs() <= 1e5) {
+            if !(-1e5..=1e5).contains(&value) {
                 return fail(key, value, "a number within +-100000");
             }
         }
-        if !(tilt_deg.abs() < 90.0) {
+        if tilt_deg.is_nan() || tilt_deg.abs() >= 90.0 {
             return fail("placement.tilt_deg", tilt_deg, "an angle within +-90 degrees");
         }
         for (index, clamp) in self.clamps.iter().enumerate() {
             let half = self.blank.size_mm.map(|s| 0.5 * s);
-            let off = |k: usize| !(clamp.at_mm[k].abs() <= half[k] + 1e-6);
+            let off = |k: usize| clamp.at_mm[k].is_nan() || clamp.at_mm[k].abs() > half[k] + 1e-6;
             if off(0) || off(1) {
                 return Err(SceneError::Value {
                     key: format!("clamps[{index}].at_mm"),
