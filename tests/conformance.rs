@@ -266,9 +266,9 @@ fn fixed_vertices_obey_nothing(mut batch: Box<dyn Batch>, model: &Model, roundin
         let start = case(index);
         for vertex in start.fixed.ones() {
             let found = batch.position(lane, vertex as u32);
-            for k in 0..3 {
+            for (k, found) in found.into_iter().enumerate() {
                 let way = start.velocity[vertex][k] * 2.0 * CONTROL.dt;
-                let off = found[k] - start.position[vertex][k] - way;
+                let off = found - start.position[vertex][k] - way;
                 assert!(off.abs() <= rounding, "vertex {vertex} is {off:e} m off");
             }
         }
