@@ -138,3 +138,6 @@ impl EnvConfig {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

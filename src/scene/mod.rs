@@ -12,3 +12,6 @@ mod summary;
 pub use config::{Clamp, Fall, Placement, SceneConfig, SceneError};
 pub use fall::Scene;
 pub use summary::{Summary, wrinkle_count};
+
+#[cfg(test)]
+mod tests;

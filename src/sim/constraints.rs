@@ -235,3 +235,6 @@ pub(super) fn project_hinges<V: Lanes>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -361,3 +361,6 @@ fn classes_of<T: Copy>(all: &[T], classes: Vec<Vec<u32>>) -> impl Iterator<Item 
         .into_iter()
         .map(|class| class.iter().map(|&i| all[i as usize]).collect())
 }
+
+#[cfg(test)]
+mod tests;

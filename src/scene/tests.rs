@@ -1,0 +1,211 @@
+use std::sync::LazyLock;
+
+use super::*;
+
+/// The built-in scene, set up as users get it.
+static RIB: LazyLock<Scene> = LazyLock::new(|| Scene::new(&SceneConfig::rib(), |_| {}).unwrap());
+
+/// The built-in scene on a coarse blank, grid and substep.
+fn coarse() -> SceneConfig {
+    let mut config = SceneConfig::rib();
+    config.blank.vertices = [17, 17];
+    config.tool.grid.spacing_mm = 10.0;
+    config.fall.substep_rate = 1200.0;
+    config
+}
+
+#[test]
+fn rib_leaves_two_wrinkles_in_a_believable_state() {
+    let summary = RIB.summary(&RIB.initial);
+    assert_eq!(summary.wrinkles, 2, "{summary:?}");
+    assert!(summary.strain_p95 < 0.01, "{summary:?}");
+    assert!(summary.penetration_mm < 0.1, "{summary:?}");
+    assert!(summary.v_rms_mm_s < 5.0, "{summary:?}");
+    // Glass hardly stretches: 6e-5 found. Some edges next to clamps stretch by 0.3 %.
+    assert!(summary.tension_p95 < 2e-4, "{summary:?}");
+    assert!(summary.tension_max < 0.01, "{summary:?}");
+    assert!(RIB.initial.is_finite());
+}
+
+#[test]
+fn equal_configurations_give_equal_bits() {
+    let [a, b] = [coarse(), coarse()].map(|config| Scene::new(&config, |_| {}).unwrap());
+    let bits = |scene: &Scene| -> Vec<u64> {
+        let state = &scene.initial;
+        let numbers = state.position.iter().chain(&state.velocity).flatten();
+        numbers.map(|x| x.to_bits()).collect()
+    };
+    assert!(bits(&a) == bits(&b));
+}
+
+/// Each clamp goes its way in a straight line, holds what lies within its radius, and rests.
+#[test]
+fn clamps_end_where_they_are_told() {
+    let mut config = coarse();
+    config.clamps[0].radius_mm = 25.0;
+    config.clamps[2].move_mm = [-24.0, 3.0, 5.0];
+    let scene = Scene::new(&config, |_| {}).unwrap();
+    let held: Vec<usize> = scene.initial.fixed.ones().collect();
+    // The first one holds 2 x 2 vertices of 23 mm cells in its corner.
+    assert_eq!(held, [0, 1, 8, 16, 17, 18]);
+    // The low edge hangs level at 2 mm; the blank rises from it at 25 degrees.
+    let (sin, cos) = 25.0f64.to_radians().sin_cos();
+    for vertex in held {
+        let [u, v] = scene.lamina.rest[vertex];
+        let way = match vertex {
+            8 => [0.0; 3],
+            16 => [-0.024, 0.003, 0.005],
+            _ => [0.024, 0.0, 0.0],
+        };
+        let along = v + 0.185;
+        let hung = [u, -0.185 + along * cos, 0.002 + along * sin];
+        for k in 0..3 {
+            let off = scene.initial.position[vertex][k] - hung[k] - way[k];
+            assert!(off.abs() < 1e-12, "vertex {vertex} is {off:e} m off");
+        }
+        assert_eq!(scene.initial.velocity[vertex], [0.0; 3]);
+    }
+}
+
+/// Without fall and settling the blank is where its placement puts it.
+#[test]
+fn placement_turns_then_tilts_about_the_lowest_edge() {
+    let mut config = coarse();
+    config.fall.fall_s = 0.0;
+    config.fall.settle_s = 0.0;
+    config.placement = Placement {
+        centre_mm: [10.0, 20.0],
+        height_mm: 30.0,
+        tilt_deg: -30.0,
+        yaw_deg: 90.0,
+    };
+    let scene = Scene::new(&config, |_| {}).unwrap();
+    // Turned by 90 degrees: (u, v) lies at (10 - v, 20 + u), and the edge at the highest y,
+    // u = 185, stays low.
+    for (x, [u, v]) in scene.initial.position.iter().zip(&scene.lamina.rest) {
+        let along = 0.185 - u;
+        let (sin, cos) = 30.0f64.to_radians().sin_cos();
+        let expected = [0.01 - v, 0.205 - along * cos, 0.03 + along * sin];
+        for k in 0..3 {
+            assert!(
+                (x[k] - expected[k]).abs() < 1e-12,
+                "{x:?} is not {expected:?}"
+            );
+        }
+    }
+    assert_eq!(scene.initial.v_rms(), 0.0);
+}
+
+#[test]
+fn progress_runs_from_the_first_frame_to_one() {
+    let mut seen = Vec::new();
+    let mut config = coarse();
+    config.fall.fall_s = 0.05;
+    config.fall.settle_s = 0.05;
+    Scene::new(&config, |share| seen.push(share)).unwrap();
+    assert_eq!(seen.len(), 6);
+    assert!(seen.is_sorted() && seen[5] == 1.0);
+}
+
+#[test]
+fn impossible_scenes_are_refused_with_key_found_and_expected() {
+    let refuse = |change: fn(&mut SceneConfig), message: &str| {
+        let mut config = coarse();
+        change(&mut config);
+        let error = Scene::new(&config, |_| {}).err().expect(message);
+        assert_eq!(error.to_string(), message);
+    };
+    refuse(
+        |c| c.fall.fall_s = -1.0,
+        "`fall.fall_s` is -1, expected a number from 0 to 600",
+    );
+    refuse(
+        |c| c.fall.settle_s = f64::NAN,
+        "`fall.settle_s` is NaN, expected a number from 0 to 600",
+    );
+    refuse(
+        |c| c.fall.settle_damping = -2.0,
+        "`fall.settle_damping` is -2, expected a number >= 0",
+    );
+    refuse(
+        |c| c.fall.substep_rate = 10.0,
+        "`fall.substep_rate` is 10, expected a number from 60 to 1000000",
+    );
+    refuse(
+        |c| c.placement.tilt_deg = 90.0,
+        "`placement.tilt_deg` is 90, expected an angle within +-90 degrees",
+    );
+    refuse(
+        |c| c.placement.height_mm = f64::INFINITY,
+        "`placement.height_mm` is inf, expected a number within +-100000",
+    );
+    refuse(
+        |c| c.clamps[1].at_mm = [0.0, -186.0],
+        "`clamps[1].at_mm` is [0.0, -186.0], expected a place on the blank, from its centre",
+    );
+    refuse(
+        |c| c.clamps[2].radius_mm = -1.0,
+        "`clamps[2].radius_mm` is -1, expected a length from 0 to 100000 mm",
+    );
+    refuse(
+        |c| c.clamps[0].move_mm[2] = f64::NAN,
+        "`clamps[0].move_mm` is [24.0, 0.0, NaN], expected three lengths within +-100000 mm",
+    );
+    refuse(
+        |c| c.physics.contact_interval = 0,
+        "`physics.contact_interval` is 0, expected a number > 0",
+    );
+    refuse(
+        |c| c.physics.damping = -1.0,
+        "`physics.damping` is -1, expected a number >= 0",
+    );
+    refuse(
+        |c| c.blank.vertices = [1, 17],
+        "`blank.vertices` is [1, 17], expected two numbers from 2 to 1025",
+    );
+}
+
+#[test]
+fn unknown_keys_are_refused_and_paths_count_from_the_file() {
+    let error = toml::from_str::<SceneConfig>("[tool]\n[fall]\nfall = 1").unwrap_err();
+    assert!(error.message().contains("unknown field `fall`"), "{error}");
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.toml");
+    let text = "material = \"cloth.toml\"\n[tool.source.stl]\npath = \"punch.stl\"\n";
+    std::fs::write(&path, text).unwrap();
+    let config = SceneConfig::read(&path).unwrap();
+    assert_eq!(config.material, Some(folder.path().join("cloth.toml")));
+    let error = Scene::new(&config, |_| {}).err().unwrap().to_string();
+    assert!(error.contains("cloth.toml"), "{error}");
+
+    let error = SceneConfig::read(&folder.path().join("none.toml")).unwrap_err();
+    assert!(error.to_string().contains("none.toml"), "{error}");
+}
+
+/// Patches that stand off by more than 10 mm, on a blank of 20 x 20 vertices: at least two of
+/// them and touching the border.
+#[test]
+fn wrinkles_are_patches_that_run_out_over_the_border() {
+    let mut config = coarse();
+    config.blank.vertices = [20, 20];
+    config.fall.fall_s = 0.0;
+    config.fall.settle_s = 0.0;
+    let lamina = Scene::new(&config, |_| {}).unwrap().lamina;
+    let count = |raised: &[[usize; 2]]| {
+        let mut phi = vec![0.0099; 400];
+        for [row, column] in raised {
+            phi[row * 20 + column] = 0.0101;
+        }
+        wrinkle_count(&lamina, &phi)
+    };
+    assert_eq!(count(&[]), 0);
+    // One vertex is less than 0.4 % of 400; two beside each other, even by a corner, count.
+    assert_eq!(count(&[[0, 5]]), 0);
+    assert_eq!(count(&[[0, 5], [1, 6]]), 1);
+    assert_eq!(count(&[[0, 5], [1, 6], [19, 0], [18, 0]]), 2);
+    // A bridge over the inside is none.
+    assert_eq!(count(&[[9, 9], [9, 10], [10, 9], [10, 10]]), 0);
+    // Joined at the far end it is one.
+    assert_eq!(count(&[[0, 5], [1, 6], [2, 7], [1, 8], [0, 9]]), 1);
+}

@@ -1,0 +1,216 @@
+//! Length and shear: hanging, standing and sheared cloth at rest.
+
+use super::*;
+
+/// A strip of 64 edges of 5.78 mm that hangs by its upper end, after all motion is damped
+/// out. Returns the mean strain of its length.
+fn hanging(family: Family, physics: PhysicsConfig, h: f64) -> f64 {
+    let physics = PhysicsConfig {
+        damping: 20.0,
+        ..physics
+    };
+    let strip = strip(family, 0.37, 64);
+    let mut state = placed(&strip, |s, t| [t, 0.0, -s]);
+    fix(&strip, &mut state, &[0]);
+    let end = run(&Model::new(&strip, &physics), &NOWHERE, &state, h, 3.0);
+    assert!(end.v_rms() < 1e-7, "still moves at {} m/s", end.v_rms());
+    -mean_at(&strip, &end, 64).z / 0.37 - 1.0
+}
+
+/// One pass of Gauss-Seidel leaves the stretch g h^2 N / (2 a passes), whatever the material.
+#[test]
+fn one_gauss_seidel_pass_stretches_by_its_floor() {
+    for (h, iterations, floor) in [
+        (1.0 / 600.0, 1, 0.1508),
+        (1e-3, 1, 0.0543),
+        (1e-3, 10, 0.00543),
+        (1e-4, 1, 0.000_543),
+    ] {
+        let physics = PhysicsConfig {
+            solver: Solver::GaussSeidel,
+            iterations,
+            ..yarns_alone()
+        };
+        close(hanging(Family::Warp, physics, h), floor, 0.02);
+    }
+}
+
+/// Mean strain rho g L / (2 E h): the yarn solver carries the weight at the material's
+/// stiffness at any substep.
+#[test]
+fn yarn_solver_hangs_at_the_elastic_truth() {
+    for (family, modulus) in [(Family::Warp, 600e6), (Family::Weft, 5e6 / 0.006)] {
+        let truth = AREAL_MASS * GRAVITY * 0.37 / (2.0 * modulus * 0.35e-3);
+        for h in [1.0 / 600.0, 1e-4] {
+            close(hanging(family, yarns_alone(), h), truth, 1e-6);
+        }
+    }
+}
+
+/// Displacement rho g (L s - s^2 / 2) / (E h) along the whole strip, under 500 g, which
+/// strains it by up to 0.24 %: force over strain is k = E h b / a for every edge.
+#[test]
+fn uniaxial_tension_has_the_stiffness_of_table_2() {
+    for (family, modulus) in [(Family::Warp, 600e6), (Family::Weft, 5e6 / 0.006)] {
+        let strip = strip(family, 0.37, 16);
+        let mut state = placed(&strip, |s, t| [t, 0.0, -s]);
+        fix(&strip, &mut state, &[0]);
+        let physics = PhysicsConfig {
+            gravity: 500.0 * GRAVITY,
+            damping: 50.0,
+            ..yarns_alone()
+        };
+        let end = run(&Model::new(&strip, &physics), &NOWHERE, &state, 1e-4, 1.0);
+        for k in 1..=16 {
+            let s = 0.37 * k as f64 / 16.0;
+            let u = AREAL_MASS * 500.0 * GRAVITY * (0.37 * s - 0.5 * s * s) / (modulus * 0.35e-3);
+            close(-mean_at(&strip, &end, k).z - s, u, 1e-4);
+        }
+    }
+}
+
+/// A strip of eight edges under gravity, held at section `held`. It stands above that and
+/// hangs below, until it topples: implicit Euler damps motion along the yarns within a few
+/// hundredths of a second, long before that.
+fn standing(family: Family, held: usize, compression: Compression) -> (Lamina, Snapshot) {
+    let strip = strip(family, 0.1, 8);
+    let mut state = placed(&strip, |s, t| [t, 0.0, -s]);
+    fix(&strip, &mut state, &[held]);
+    let physics = PhysicsConfig {
+        compression,
+        ..yarns_alone()
+    };
+    let end = run(&Model::new(&strip, &physics), &NOWHERE, &state, 1e-3, 0.1);
+    (strip, end)
+}
+
+/// Mean strain between two sections of a strip of eight edges and 0.1 m.
+fn strain_between((strip, state): &(Lamina, Snapshot), upper: usize, lower: usize) -> f64 {
+    let length = mean_at(strip, state, upper).z - mean_at(strip, state, lower).z;
+    length / (0.1 * (lower - upper) as f64 / 8.0) - 1.0
+}
+
+/// A strip that stands on its fixed lower end: mean strain -rho g L / (2 E_c h).
+#[test]
+fn compression_carries_with_the_branch_of_the_material() {
+    let weight = AREAL_MASS * GRAVITY * 0.1 / (2.0 * 0.35e-3);
+    for (family, tension, compression) in [
+        (Family::Warp, 600e6, 6e6),
+        (Family::Weft, 5e6 / 0.006, 2.025e6),
+    ] {
+        let soft = strain_between(&standing(family, 8, Compression::Material), 0, 8);
+        close(soft, -weight / compression, 1e-6);
+        let stiff = strain_between(&standing(family, 8, Compression::AsTension), 0, 8);
+        close(stiff, -weight / tension, 1e-6);
+    }
+}
+
+/// Held in the middle, the lower half hangs and the upper half stands: at rest, no edge may
+/// jump between the two branches.
+#[test]
+fn mixed_tension_and_compression_come_to_rest() {
+    let weight = AREAL_MASS * GRAVITY * 0.05 / (2.0 * 0.35e-3);
+    let end = standing(Family::Warp, 4, Compression::Material);
+    let v_rms = end.1.v_rms();
+    assert!(v_rms < 1e-9, "v_rms {v_rms}");
+    close(strain_between(&end, 4, 8), weight / 600e6, 1e-6);
+    close(strain_between(&end, 0, 4), -weight / 6e6, 1e-6);
+}
+
+/// Sag of a strip of length 0.37 over a span of 0.30 [m].
+fn catenary_sag(edges: usize) -> f64 {
+    let strip = strip(Family::Warp, 0.37, edges);
+    let slope = (0.185f64.powi(2) - 0.15f64.powi(2)).sqrt() / 0.185;
+    let mut state = placed(&strip, |s, t| {
+        [s * 0.30 / 0.37, t, -slope * s.min(0.37 - s)]
+    });
+    fix(&strip, &mut state, &[0, edges]);
+    let physics = PhysicsConfig {
+        damping: 10.0,
+        ..yarns_alone()
+    };
+    let end = run(&Model::new(&strip, &physics), &NOWHERE, &state, 5e-4, 4.0);
+    assert!(end.v_rms() < 1e-6, "still moves at {} m/s", end.v_rms());
+    -mean_at(&strip, &end, edges / 2).z
+}
+
+#[test]
+fn catenary_has_its_sag_at_second_order() {
+    let sags = [8, 16, 32, 64].map(catenary_sag);
+    close(sags[3], 0.095_689, 2e-4);
+    for order in orders(&sags[..3].iter().map(|s| s - 0.095_689).collect::<Vec<_>>()) {
+        assert!((1.8..2.2).contains(&order), "order {order}");
+    }
+}
+
+/// A cell that hangs by one corner: its yarns are stiff, so its weight works against shear
+/// alone. The diagonal, a spring of 2 G h, grows by 3 m g / (2 G h) where a triangle's third
+/// weighs m, if it hangs upright; it shrinks by that times the tangent of half the angle
+/// between the yarns if it lies across.
+#[test]
+fn sheared_cell_has_the_stiffness_of_its_branch() {
+    let a = 0.01;
+    let cell = lamina([a, a], [2, 2]);
+    let third = cell.mass[1];
+    let weight = 300.0 * GRAVITY;
+    let physics = PhysicsConfig {
+        shear: true,
+        gravity: weight,
+        damping: 200.0,
+        ..yarns_alone()
+    };
+    let model = Model::new(&cell, &physics);
+    let length = |state: &Snapshot, [p, q]: [usize; 2]| {
+        (Vec3::from(state.position[p]) - Vec3::from(state.position[q])).norm()
+    };
+    let hung = |corner: usize| {
+        let [x, y] = cell.rest[corner];
+        let (sin, cos) = (std::f64::consts::FRAC_PI_2 - y.atan2(x)).sin_cos();
+        let mut state = placed(&cell, |_, _| [0.0; 3]);
+        for (v, [x, y]) in cell.rest.iter().enumerate() {
+            state.position[v] = [cos * x - sin * y, 0.0, sin * x + cos * y];
+        }
+        state.fixed.insert(corner);
+        run(&model, &NOWHERE, &state, 2e-5, 1.0)
+    };
+    let end = hung(0);
+    assert!(end.v_rms() < 1e-6);
+    let spring = |modulus: f64| 2.0 * modulus * 0.35e-3;
+    let grown = length(&end, [0, 3]) - a * 2.0f64.sqrt();
+    let positive = cell.material.shear.positive.modulus();
+    close(grown, 3.0 * third * weight / spring(positive), 1e-3);
+
+    let end = hung(1);
+    assert!(end.v_rms() < 1e-6);
+    let across = length(&end, [0, 3]);
+    let tangent = across / length(&end, [1, 2]);
+    let negative = cell.material.shear.negative.modulus();
+    let shrunk = a * 2.0f64.sqrt() - across;
+    close(
+        shrunk,
+        3.0 * third * weight * tangent / spring(negative),
+        1e-3,
+    );
+}
+
+/// The same energy, whatever the number of passes: a second pass must not count the compliance
+/// of the first one again.
+#[test]
+#[ignore = "lambda is not carried from pass to pass: each pass adds the whole stiffness again"]
+fn more_iterations_do_not_stiffen_the_material() {
+    let strip = strip(Family::Warp, 0.37, 16);
+    let mut state = placed(&strip, |s, t| [t, 0.0, -s]);
+    fix(&strip, &mut state, &[0]);
+    for iterations in [1, 2, 4] {
+        let physics = PhysicsConfig {
+            iterations,
+            gravity: 500.0 * GRAVITY,
+            damping: 50.0,
+            ..yarns_alone()
+        };
+        let end = run(&Model::new(&strip, &physics), &NOWHERE, &state, 1e-4, 1.0);
+        let strain = -mean_at(&strip, &end, 16).z / 0.37 - 1.0;
+        let truth = AREAL_MASS * 500.0 * GRAVITY * 0.37 / (2.0 * 600e6 * 0.35e-3);
+        close(strain, truth, 1e-4);
+    }
+}
