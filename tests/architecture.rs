@@ -44,7 +44,12 @@ const TABLE: &[(&str, &[&str])] = &[
         ],
     ),
     ("report", &["mesh", "math", "file"]),
-    ("run", &["ppo", "policy", "env", "math", "file"]),
+    (
+        "run",
+        &[
+            "ppo", "policy", "path", "env", "scene", "sim", "math", "file",
+        ],
+    ),
     ("ppo", &["env", "policy", "math"]),
     ("policy", &[]),
     ("path", &["tool", "mesh", "math", "file"]),

@@ -80,6 +80,7 @@ fn case(index: usize) -> Snapshot {
             .map(|_| [0.1 * stream.normal(), 0.1 * stream.normal(), -0.5])
             .collect(),
         fixed: fixedbitset::FixedBitSet::with_capacity(count),
+        compressed: fixedbitset::FixedBitSet::new(),
     };
     for _ in 0..index % 4 {
         let vertex = stream.below(count);
@@ -333,7 +334,6 @@ macro_rules! suite {
             }
 
             #[test]
-            #[ignore = "the branches that yarns were on are neither loaded nor saved"]
             fn snapshot_goes_on_exactly_with_yarns() {
                 super::snapshot_goes_on_exactly(|model| batch(model, $isa), Solver::Yarn);
             }
@@ -344,7 +344,6 @@ macro_rules! suite {
             }
 
             #[test]
-            #[ignore = "the branches that yarns were on are neither loaded nor saved"]
             fn loading_forgets_what_was_before_with_yarns() {
                 super::loading_forgets_what_was_before(|model| batch(model, $isa), Solver::Yarn);
             }
@@ -389,7 +388,6 @@ fn scalar_backends_go_on_from_a_snapshot() {
 }
 
 #[test]
-#[ignore = "the branches that yarns were on are neither loaded nor saved"]
 fn scalar_backends_go_on_from_a_snapshot_with_yarns() {
     snapshot_goes_on_exactly(|model| Box::new(Cpu::<f32>::new(model)), Solver::Yarn);
     snapshot_goes_on_exactly(|model| Box::new(Cpu::<f64>::new(model)), Solver::Yarn);

@@ -95,7 +95,11 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let below = random.mean_region_final_m - played.summary.region_final_m;
     let report = Report {
         run: args.run.clone(),
-        played: if args.sequence { "sequence".into() } else { args.checkpoint.clone() },
+        played: if args.sequence {
+            "sequence".into()
+        } else {
+            args.checkpoint.clone()
+        },
         deviations_below_random: below / random.deviation_region_final_m,
         episode: played.summary,
         sampled,
@@ -148,9 +152,8 @@ impl Loaded {
             Source::Sequence => {
                 let best = self.folder.read_best_sequence()?;
                 let config = self.config.to_toml();
-                best.validate_config(&config).or_invalid_in(
-                    self.folder.best_sequence().display(),
-                )?;
+                best.validate_config(&config)
+                    .or_invalid_in(self.folder.best_sequence().display())?;
                 (replay(&mut draping, &best.vertices, watch), None)
             }
             Source::Checkpoint(name) => {
@@ -175,13 +178,18 @@ impl Loaded {
         let fail = |reason: String| anyhow!("{}: {reason}", path.display());
         if checkpoint.config != self.config.to_toml() {
             let config = self.folder.config();
-            let reason = format!("written for another configuration than {}", config.display());
+            let reason = format!(
+                "written for another configuration than {}",
+                config.display()
+            );
             return Err(Failure::invalid(fail(reason)));
         }
         let config = &self.config;
-        let mut agent = Agent::new(&config.policy, draping.shape(), config.seed, config.device)
-            .or_invalid()?;
-        let section = checkpoint.section("network").map_err(|e| fail(e.to_string()))?;
+        let mut agent =
+            Agent::new(&config.policy, draping.shape(), config.seed, config.device).or_invalid()?;
+        let section = checkpoint
+            .section("network")
+            .map_err(|e| fail(e.to_string()))?;
         agent.load(section).map_err(|e| fail(e.to_string()))?;
         Ok(agent)
     }

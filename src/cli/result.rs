@@ -90,7 +90,10 @@ pub(super) fn write(training: &Training, baseline: &Baseline, json: bool) -> Res
     let played = replay(&mut draping, &sequence.vertices, |draping, points| {
         recorder.watch(draping, points);
     })?;
-    write_json(&folder.trajectory(), &path(&played, &training.config().env)?)?;
+    write_json(
+        &folder.trajectory(),
+        &path(&played, &training.config().env)?,
+    )?;
     recorder.write(folder, &draping, &played, "best sequence")
 }
 

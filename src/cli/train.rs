@@ -103,7 +103,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
             100.0 * baseline.mean_score,
         ));
         let spent = &report.iteration.seconds;
-        for (sum, part) in seconds.iter_mut().zip([spent.simulation, spent.inference, spent.update])
+        for (sum, part) in seconds
+            .iter_mut()
+            .zip([spent.simulation, spent.inference, spent.update])
         {
             *sum += part;
         }
@@ -147,7 +149,10 @@ fn begin(args: &Args) -> Result<Training, Failure> {
         return Training::resume(config, scene, folder).map_err(failure);
     }
     let (mut config, place) = match &args.config {
-        Some(path) => (RunConfig::read(path).or_invalid()?, path.display().to_string()),
+        Some(path) => (
+            RunConfig::read(path).or_invalid()?,
+            path.display().to_string(),
+        ),
         None => (RunConfig::quickstart(), "built-in quickstart".into()),
     };
     config.seed = args.seed.unwrap_or(config.seed);
@@ -203,10 +208,9 @@ fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
 }
 
 fn bar(training: &Training, json: bool) -> ProgressBar {
-    let style = ProgressStyle::with_template(
-        "{bar:24} {pos}/{len} steps, {per_sec:.0}, {eta} left; {msg}",
-    )
-    .expect("the template is valid");
+    let style =
+        ProgressStyle::with_template("{bar:24} {pos}/{len} steps, {per_sec:.0}, {eta} left; {msg}")
+            .expect("the template is valid");
     let target = if json {
         ProgressDrawTarget::hidden()
     } else {

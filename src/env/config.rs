@@ -99,7 +99,11 @@ impl EnvConfig {
             return fail("descent", self.descent.to_string(), "a share in (0, 1]");
         }
         if !(0.0..=10.0).contains(&self.settle_s) {
-            return fail("settle_s", self.settle_s.to_string(), "a time from 0 to 10 s");
+            return fail(
+                "settle_s",
+                self.settle_s.to_string(),
+                "a time from 0 to 10 s",
+            );
         }
         if !(60.0..=1e6).contains(&self.substep_rate) {
             let expected = "a number from 60 to 1000000";

@@ -49,7 +49,9 @@ struct Slot {
 /// What an episode has done so far. Bits are one a vertex of the blank.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 struct Progress {
+    #[serde(with = "crate::math::bits")]
     draped: FixedBitSet,
+    #[serde(with = "crate::math::bits")]
     touched: FixedBitSet,
     actions: Vec<u32>,
     /// The vertices under the stencil in the last step.
@@ -299,7 +301,9 @@ impl Task {
             observation.draped.set(pixel, draped);
             let distance = self.scene.tool.distance(position(vertex)).0;
             observation.distance[pixel] = distance.max(0.0) as f32;
-            observation.mask.set(pixel, near.contains(vertex as usize) && !touched);
+            observation
+                .mask
+                .set(pixel, near.contains(vertex as usize) && !touched);
         }
         if observation.mask.is_clear() {
             // The stroke is at its end: any untouched vertex of the region may begin a new one.
@@ -365,7 +369,9 @@ impl Group {
         if let Some(settle) = &task.settle {
             self.batch.step(model, tool, settle, &[]);
         }
-        (0..actions.len()).map(|lane| self.conclude(task, lane)).collect()
+        (0..actions.len())
+            .map(|lane| self.conclude(task, lane))
+            .collect()
     }
 
     /// Observes one environment, and ends and resets its episode when it is over.
@@ -377,7 +383,9 @@ impl Group {
             slot.observation = task.observe(&slot.progress, position);
         }
         let progress = &slot.progress;
-        let over = task.vertices().all(|v| progress.touched.contains(v as usize));
+        let over = task
+            .vertices()
+            .all(|v| progress.touched.contains(v as usize));
         let limit = task.config.max_steps.unwrap_or(usize::MAX);
         let end = match (sound, over) {
             // The last sound observation stands for a state that is lost.
@@ -469,7 +477,9 @@ impl Tasks for Draping {
         let count = self.task.scene.lamina.vertex_count();
         let pixels = self.shape().pixel_count() as u32;
         for (index, Saved { progress, cloth }) in saved.iter().enumerate() {
-            let fits = [&progress.draped, &progress.touched].iter().all(|b| b.len() == count)
+            let fits = [&progress.draped, &progress.touched]
+                .iter()
+                .all(|b| b.len() == count)
                 && cloth.position.len() == count
                 && cloth.velocity.len() == count
                 && cloth.fixed.len() <= count

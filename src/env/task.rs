@@ -21,15 +21,15 @@ impl Shape {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Observation {
     /// Vertex is fixed to the tool.
-    #[serde(with = "bits")]
+    #[serde(with = "crate::math::bits")]
     pub draped: FixedBitSet,
     /// Distance to the tool [m].
     pub distance: Vec<f32>,
     /// Vertex has been under the stencil.
-    #[serde(with = "bits")]
+    #[serde(with = "crate::math::bits")]
     pub touched: FixedBitSet,
     /// Actions allowed in this state; never empty.
-    #[serde(with = "bits")]
+    #[serde(with = "crate::math::bits")]
     pub mask: FixedBitSet,
 }
 
@@ -86,36 +86,6 @@ pub trait Tasks {
     /// Goes back to what [`Tasks::save`] returned. Fails with a reason if `bytes` are not
     /// from tasks of the same kind, number and shape; nothing is changed then.
     fn load(&mut self, bytes: &[u8]) -> Result<(), String>;
-}
-
-/// Bit sets as their length and 64-bit words. `fixedbitset`'s own format panics on bytes that
-/// it did not write, and a checkpoint may hold any.
-mod bits {
-    use fixedbitset::FixedBitSet;
-    use serde::de::{Deserialize, Deserializer, Error};
-    use serde::ser::{Serialize, Serializer};
-
-    pub fn serialize<S: Serializer>(set: &FixedBitSet, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut words = vec![0u64; set.len().div_ceil(64)];
-        set.ones().for_each(|i| words[i / 64] |= 1 << (i % 64));
-        (set.len(), words).serialize(serializer)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(
-        deserializer: D,
-    ) -> Result<FixedBitSet, D::Error> {
-        let (length, words) = <(usize, Vec<u64>)>::deserialize(deserializer)?;
-        let tail = words
-            .last()
-            .map_or(0, |word| word.checked_shr(length as u32 % 64).unwrap_or(0));
-        if words.len() != length.div_ceil(64) || (length % 64 != 0 && tail != 0) {
-            return Err(D::Error::custom("words do not fit the number of bits"));
-        }
-        let mut set = FixedBitSet::with_capacity(length);
-        let ones = (0..length).filter(|i| words[i / 64] >> (i % 64) & 1 == 1);
-        set.extend(ones);
-        Ok(set)
-    }
 }
 
 #[cfg(test)]

@@ -70,7 +70,9 @@ pub struct Diagonal {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hinge {
     pub vertices: [u32; 4],
-    /// 3 |e|^2 / (area sum) [-]: energy = D * weight / 2 * angle^2 (discrete shells).
+    /// |e|^2 / (area sum) [-]: energy = D * weight / 2 * angle^2, that of a plate of stiffness
+    /// D for bending along the yarns (3 |e|^2 would be that of discrete shells, three times
+    /// too stiff on this mesh).
     pub weight: f64,
 }
 
@@ -114,10 +116,7 @@ impl Lamina {
             });
         }
         let size = config.size_mm.map(|s| s * 1e-3);
-        let cell = [
-            size[0] / (columns - 1) as f64,
-            size[1] / (rows - 1) as f64,
-        ];
+        let cell = [size[0] / (columns - 1) as f64, size[1] / (rows - 1) as f64];
         let at = |row: usize, column: usize| (row * columns + column) as u32;
 
         let rest = (0..rows * columns)
@@ -201,7 +200,7 @@ impl Lamina {
                     let area = self.rest_area(index) + self.rest_area(other);
                     hinges.push(Hinge {
                         vertices: [a, b, c, opposite],
-                        weight: 3.0 * square / area,
+                        weight: square / area,
                     });
                 } else {
                     open.insert((a, b), (index, c));
@@ -226,10 +225,12 @@ impl Lamina {
             (radius / cell * (1.0 + 1e-9)) as usize
         };
         let (across, along) = (reach(0, 1), reach(1, self.columns));
-        let (row, column) = (vertex as usize / self.columns, vertex as usize % self.columns);
+        let (row, column) = (
+            vertex as usize / self.columns,
+            vertex as usize % self.columns,
+        );
         debug_assert!(self.rest[row * self.columns + column] == centre);
-        let columns =
-            column.saturating_sub(across)..=(column + across).min(self.columns - 1);
+        let columns = column.saturating_sub(across)..=(column + across).min(self.columns - 1);
         (row.saturating_sub(along)..=(row + along).min(self.rows - 1)).flat_map(move |row| {
             columns
                 .clone()
@@ -239,7 +240,10 @@ impl Lamina {
 
     /// The vertices next to `vertex`, diagonals included (up to 8).
     pub fn neighbors(&self, vertex: u32) -> impl Iterator<Item = u32> + '_ {
-        let (row, column) = (vertex as usize / self.columns, vertex as usize % self.columns);
+        let (row, column) = (
+            vertex as usize / self.columns,
+            vertex as usize % self.columns,
+        );
         let rows = row.saturating_sub(1)..=(row + 1).min(self.rows - 1);
         rows.flat_map(move |r| {
             let columns = column.saturating_sub(1)..=(column + 1).min(self.columns - 1);

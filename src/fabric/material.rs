@@ -44,7 +44,10 @@ impl Curve {
         self.0.len() >= 2
             && self.0[0] == [0.0, 0.0]
             && self.0.iter().flatten().all(|x| x.is_finite())
-            && self.0.windows(2).all(|w| w[1][0] > w[0][0] && w[1][1] > w[0][1])
+            && self
+                .0
+                .windows(2)
+                .all(|w| w[1][0] > w[0][0] && w[1][1] > w[0][1])
     }
 }
 
@@ -183,8 +186,7 @@ impl Material {
     pub fn bending_stiffness(&self, family: Family) -> f64 {
         let law = self.yarn(family);
         let (tension, compression) = (law.tension.modulus(), law.compression.modulus());
-        let reduced =
-            4.0 * tension * compression / (tension.sqrt() + compression.sqrt()).powi(2);
+        let reduced = 4.0 * tension * compression / (tension.sqrt() + compression.sqrt()).powi(2);
         reduced * self.thickness().powi(3) / 12.0
     }
 
@@ -245,7 +247,11 @@ mod tests {
     fn bad_values_are_located() {
         let bad = INTERGLAS_92125.replace("[0.1, 0.0036]", "[0.1, -0.0036]");
         let error = Material::parse(&bad, Path::new("m.toml")).unwrap_err();
-        assert!(error.to_string().starts_with("m.toml: `shear.negative` is [[0.0"));
+        assert!(
+            error
+                .to_string()
+                .starts_with("m.toml: `shear.negative` is [[0.0")
+        );
         let bad = INTERGLAS_92125.replace("thickness_mm = 0.35", "thickness_mm = nan");
         let error = Material::parse(&bad, Path::new("m.toml")).unwrap_err();
         assert_eq!(

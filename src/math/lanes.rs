@@ -191,9 +191,9 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn select(mask: [bool; 8], yes: Self, no: Self) -> Self {
-        Self(std::array::from_fn(
-            |i| if mask[i] { yes.0[i] } else { no.0[i] },
-        ))
+        Self(std::array::from_fn(|i| {
+            if mask[i] { yes.0[i] } else { no.0[i] }
+        }))
     }
     fn vectorize<K: Kernel>(kernel: K) {
         kernel.run();
@@ -300,16 +300,38 @@ mod x86 {
     }
 
     vector!(
-        F32x8, __m256, 8, "avx2", "avx2", __m256,
-        _mm256_set1_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps,
-        _mm256_sqrt_ps, _mm256_min_ps, _mm256_max_ps,
+        F32x8,
+        __m256,
+        8,
+        "avx2",
+        "avx2",
+        __m256,
+        _mm256_set1_ps,
+        _mm256_add_ps,
+        _mm256_sub_ps,
+        _mm256_mul_ps,
+        _mm256_div_ps,
+        _mm256_sqrt_ps,
+        _mm256_min_ps,
+        _mm256_max_ps,
         |a, b| _mm256_cmp_ps::<_CMP_LT_OQ>(a, b),
         |m, y, n| _mm256_blendv_ps(n, y, m)
     );
     vector!(
-        F32x16, __m512, 16, "avx512", "avx512f", __mmask16,
-        _mm512_set1_ps, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_div_ps,
-        _mm512_sqrt_ps, _mm512_min_ps, _mm512_max_ps,
+        F32x16,
+        __m512,
+        16,
+        "avx512",
+        "avx512f",
+        __mmask16,
+        _mm512_set1_ps,
+        _mm512_add_ps,
+        _mm512_sub_ps,
+        _mm512_mul_ps,
+        _mm512_div_ps,
+        _mm512_sqrt_ps,
+        _mm512_min_ps,
+        _mm512_max_ps,
         |a, b| _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b),
         |m, y, n| _mm512_mask_blend_ps(m, n, y)
     );
@@ -401,9 +423,7 @@ impl<V: Lanes> Vec3x<V> {
     /// `yes` where the mask is set, else `no`.
     #[inline(always)]
     pub fn select(mask: V::Mask, yes: Self, no: Self) -> Self {
-        Self(std::array::from_fn(|k| {
-            V::select(mask, yes.0[k], no.0[k])
-        }))
+        Self(std::array::from_fn(|k| V::select(mask, yes.0[k], no.0[k])))
     }
 
     /// The vector in one lane [f64].

@@ -1,11 +1,12 @@
 //! Vectors, SIMD lanes and seeded random streams: what every other module counts with.
 
+pub mod bits;
 mod lanes;
 mod stream;
 
-pub use lanes::{Isa, Kernel, Lanes, Portable, Real, Vec3x};
 #[cfg(target_arch = "x86_64")]
 pub use lanes::{F32x8, F32x16};
+pub use lanes::{Isa, Kernel, Lanes, Portable, Real, Vec3x};
 pub use stream::{Purpose, Stream};
 
 /// A point or direction in space [m], f64.

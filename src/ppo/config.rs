@@ -104,18 +104,18 @@ impl PpoConfig {
     /// normalisation for the whole batch, and the best episodes imitated.
     pub fn compact() -> Self {
         Self {
-            learning_rate: 1e-3,
+            learning_rate: 2e-3,
             annealing_steps: None,
             adam_epsilon: 1e-5,
             gamma: 1.0,
-            gae_lambda: 0.97,
+            gae_lambda: 0.98,
             rollout_steps: 100,
             minibatch_size: 400,
-            epochs: 3,
+            epochs: 4,
             clip_range: 0.2,
             policy_coefficient: 1.0,
             value_coefficient: 0.5,
-            entropy_coefficient: 5e-3,
+            entropy_coefficient: 2e-3,
             normalise_entropy: true,
             advantage_norm: AdvantageNorm::Batch,
             advantage_floor: 1e-3,
@@ -123,9 +123,9 @@ impl PpoConfig {
             target_kl: None,
             scale_rewards: true,
             imitation: Some(ImitationConfig {
-                episodes: 8,
-                samples: 64,
-                coefficient: 0.1,
+                episodes: 4,
+                samples: 128,
+                coefficient: 0.3,
             }),
         }
     }

@@ -160,7 +160,7 @@ fn iterations_to_solve(config: &PpoConfig, seed: u64, iterations: u64) -> Option
 fn ppo_solves_the_order_from_three_seeds() {
     for seed in 0..3 {
         let needed = iterations_to_solve(&ppo(), seed, 300);
-        println!("seed {seed}: {needed:?} iterations");
+        eprintln!("seed {seed}: {needed:?} iterations");
         assert!(needed.is_some(), "seed {seed} did not learn");
     }
 }
@@ -178,7 +178,7 @@ fn imitation_alone_solves_the_order() {
     };
     for seed in 0..3 {
         let needed = iterations_to_solve(&config, seed, 600);
-        println!("seed {seed}: {needed:?} iterations");
+        eprintln!("seed {seed}: {needed:?} iterations");
         assert!(needed.is_some(), "seed {seed} did not learn");
     }
 }

@@ -91,7 +91,7 @@ impl RunConfig {
         Self {
             preset,
             seed: 1,
-            steps: 160_000,
+            steps: 200_000,
             environments: 32,
             device: DeviceKind::Flex,
             evaluation_interval: 2,
@@ -198,7 +198,9 @@ impl RunConfig {
         range("steps", self.steps, 1 << 40)?;
         range("environments", self.environments as u64, 4096)?;
         range("evaluation_interval", self.evaluation_interval, 1 << 32)?;
-        self.ppo.validate().map_err(|e| (e.key, format!("ppo: {e}")))
+        self.ppo
+            .validate()
+            .map_err(|e| (e.key, format!("ppo: {e}")))
     }
 }
 
@@ -288,15 +290,39 @@ mod tests {
     #[test]
     fn mistakes_are_located() {
         let cases = [
-            ("seed = 1\nsteqs = 5", "c.toml:2: unknown key `steqs`, expected one of"),
-            ("\n[ppo]\ngama = 1.0", "c.toml:3: `ppo`: unknown field `gama`, expected one of"),
-            ("[env]\nstencil_mm = \"x\"", "c.toml: `env`: invalid type: string \"x\", expected f64"),
-            ("steps = 0", "c.toml:1: `steps` is 0, expected a number from 1 to"),
-            ("steps = -3", "c.toml: `steps`: invalid value: integer `-3`, expected u64"),
-            ("[ppo]\ngamma = 2.0", "c.toml:2: ppo: `gamma` is 2, expected"),
+            (
+                "seed = 1\nsteqs = 5",
+                "c.toml:2: unknown key `steqs`, expected one of",
+            ),
+            (
+                "\n[ppo]\ngama = 1.0",
+                "c.toml:3: `ppo`: unknown field `gama`, expected one of",
+            ),
+            (
+                "[env]\nstencil_mm = \"x\"",
+                "c.toml: `env`: invalid type: string \"x\", expected f64",
+            ),
+            (
+                "steps = 0",
+                "c.toml:1: `steps` is 0, expected a number from 1 to",
+            ),
+            (
+                "steps = -3",
+                "c.toml: `steps`: invalid value: integer `-3`, expected u64",
+            ),
+            (
+                "[ppo]\ngamma = 2.0",
+                "c.toml:2: ppo: `gamma` is 2, expected",
+            ),
             ("[scene]\nfoo = 1", "c.toml:2: `scene`: unknown field `foo`"),
-            ("scene_file = 3", "c.toml:1: `scene_file` is 3, expected a path"),
-            ("scene_file = \"a\"\n[scene]", "c.toml:1: `scene_file` and `scene` are both given"),
+            (
+                "scene_file = 3",
+                "c.toml:1: `scene_file` is 3, expected a path",
+            ),
+            (
+                "scene_file = \"a\"\n[scene]",
+                "c.toml:1: `scene_file` and `scene` are both given",
+            ),
         ];
         for (text, message) in cases {
             let found = parse(text).unwrap_err();

@@ -78,7 +78,10 @@ pub fn play(
         watch(draping, &points);
         let action = choose(draping, points.len())?;
         let vertex = draping.vertex(action);
-        let surface = scene.tool.surface.project(Vec3::from(draping.position(0, vertex)));
+        let surface = scene
+            .tool
+            .surface
+            .project(Vec3::from(draping.position(0, vertex)));
         points.push(PressedPoint {
             vertex,
             position: surface.position,
@@ -99,7 +102,11 @@ pub fn play(
     let seconds = start.elapsed().as_secs_f64();
     let mut summary = summarise(draping, 0, &points);
     summary.seconds = seconds;
-    let state = draping.finished(0).expect("the episode is over").state.clone();
+    let state = draping
+        .finished(0)
+        .expect("the episode is over")
+        .state
+        .clone();
     Ok(Played {
         summary,
         vertices,
@@ -211,7 +218,8 @@ fn summarise(draping: &Draping, index: usize, points: &[PressedPoint]) -> Episod
     };
     let undraped = |v: &u32| !finished.draped.contains(*v as usize);
     let join = JUMP * draping.config().stencil_mm * 1e-3;
-    let strokes = strokes(points, join).map_or(0, |path| path.iter().filter(|p| p.starts_stroke).count());
+    let strokes =
+        strokes(points, join).map_or(0, |path| path.iter().filter(|p| p.starts_stroke).count());
     EpisodeSummary {
         score: 1.0 - region_final_m / region_initial_m,
         region_initial_m,

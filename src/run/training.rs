@@ -337,7 +337,11 @@ fn reopen_logs(
         .take_while(|line| line.step <= env_steps)
         .collect();
     let text = std::fs::read_to_string(&path).unwrap_or_default();
-    let length: usize = text.split_inclusive('\n').take(kept.len()).map(str::len).sum();
+    let length: usize = text
+        .split_inclusive('\n')
+        .take(kept.len())
+        .map(str::len)
+        .sum();
     let metrics = MetricsWriter::resume(&path, length as u64)?;
     let _ = std::fs::remove_file(folder.events());
     let mut events = EventWriter::create(&folder.events(), SystemTime::now())?;
@@ -345,7 +349,12 @@ fn reopen_logs(
         let number = |v: Option<f64>| v.unwrap_or(f64::NAN);
         let values = line.values.iter();
         let values: Vec<(&str, f64)> = values.map(|(k, &v)| (k.as_str(), number(v))).collect();
-        let seconds = line.values.get("wall_time").copied().flatten().unwrap_or_default();
+        let seconds = line
+            .values
+            .get("wall_time")
+            .copied()
+            .flatten()
+            .unwrap_or_default();
         let time = UNIX_EPOCH + std::time::Duration::from_secs_f64(seconds.max(0.0));
         events.append(time, line.step, &values)?;
     }

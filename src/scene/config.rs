@@ -110,7 +110,9 @@ pub enum SceneError {
     Material(#[from] MaterialError),
     #[error(transparent)]
     Tool(#[from] ToolError),
-    #[error("the fall diverged after {time_s:.3} s: reduce `physics.speed_cap` or raise `fall.substep_rate`")]
+    #[error(
+        "the fall diverged after {time_s:.3} s: reduce `physics.speed_cap` or raise `fall.substep_rate`"
+    )]
     Diverged { time_s: f64 },
 }
 
@@ -194,7 +196,11 @@ impl SceneConfig {
             }
         }
         if tilt_deg.is_nan() || tilt_deg.abs() >= 90.0 {
-            return fail("placement.tilt_deg", tilt_deg, "an angle within +-90 degrees");
+            return fail(
+                "placement.tilt_deg",
+                tilt_deg,
+                "an angle within +-90 degrees",
+            );
         }
         for (index, clamp) in self.clamps.iter().enumerate() {
             let half = self.blank.size_mm.map(|s| 0.5 * s);

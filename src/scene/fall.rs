@@ -1,3 +1,5 @@
+use fixedbitset::FixedBitSet;
+
 use super::config::{SceneConfig, SceneError};
 use super::summary::Summary;
 use crate::fabric::Lamina;
@@ -85,7 +87,12 @@ fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Snapshot {
     let turned: Vec<[f64; 2]> = lamina
         .rest
         .iter()
-        .map(|[u, v]| [cx + yaw_cos * u - yaw_sin * v, cy + yaw_sin * u + yaw_cos * v])
+        .map(|[u, v]| {
+            [
+                cx + yaw_cos * u - yaw_sin * v,
+                cy + yaw_sin * u + yaw_cos * v,
+            ]
+        })
         .collect();
     let lowest = turned.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
     let highest = turned.iter().map(|p| p[1]).fold(-f64::INFINITY, f64::max);
@@ -103,7 +110,8 @@ fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Snapshot {
     let mut snapshot = Snapshot {
         position,
         velocity: vec![[0.0; 3]; lamina.vertex_count()],
-        fixed: fixedbitset::FixedBitSet::with_capacity(lamina.vertex_count()),
+        fixed: FixedBitSet::with_capacity(lamina.vertex_count()),
+        compressed: FixedBitSet::new(),
     };
     for clamp in &config.clamps {
         let at = clamp.at_mm.map(|c| c * 1e-3);

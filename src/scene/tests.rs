@@ -21,8 +21,8 @@ fn rib_leaves_two_wrinkles_in_a_believable_state() {
     assert!(summary.strain_p95 < 0.01, "{summary:?}");
     assert!(summary.penetration_mm < 0.1, "{summary:?}");
     assert!(summary.v_rms_mm_s < 5.0, "{summary:?}");
-    // Glass hardly stretches: 6e-5 found. Some edges next to clamps stretch by 0.3 %.
-    assert!(summary.tension_p95 < 2e-4, "{summary:?}");
+    // Glass hardly stretches: 2e-4 found. Some edges next to clamps stretch by 0.7 %.
+    assert!(summary.tension_p95 < 4e-4, "{summary:?}");
     assert!(summary.tension_max < 0.01, "{summary:?}");
     assert!(RIB.initial.is_finite());
 }
@@ -48,7 +48,7 @@ fn clamps_end_where_they_are_told() {
     let held: Vec<usize> = scene.initial.fixed.ones().collect();
     // The first one holds 2 x 2 vertices of 23 mm cells in its corner.
     assert_eq!(held, [0, 1, 8, 16, 17, 18]);
-    // The low edge hangs level at 2 mm; the blank rises from it at 25 degrees.
+    // The low edge hangs level at 0.2 mm; the blank rises from it at 25 degrees.
     let (sin, cos) = 25.0f64.to_radians().sin_cos();
     for vertex in held {
         let [u, v] = scene.lamina.rest[vertex];
@@ -58,7 +58,7 @@ fn clamps_end_where_they_are_told() {
             _ => [0.024, 0.0, 0.0],
         };
         let along = v + 0.185;
-        let hung = [u, -0.185 + along * cos, 0.002 + along * sin];
+        let hung = [u, -0.185 + along * cos, 0.0002 + along * sin];
         for k in 0..3 {
             let off = scene.initial.position[vertex][k] - hung[k] - way[k];
             assert!(off.abs() < 1e-12, "vertex {vertex} is {off:e} m off");
@@ -183,7 +183,7 @@ fn unknown_keys_are_refused_and_paths_count_from_the_file() {
     assert!(error.to_string().contains("none.toml"), "{error}");
 }
 
-/// Patches that stand off by more than 10 mm, on a blank of 20 x 20 vertices: at least two of
+/// Patches that stand off by more than 15 mm, on a blank of 20 x 20 vertices: at least two of
 /// them and touching the border.
 #[test]
 fn wrinkles_are_patches_that_run_out_over_the_border() {
@@ -193,9 +193,9 @@ fn wrinkles_are_patches_that_run_out_over_the_border() {
     config.fall.settle_s = 0.0;
     let lamina = Scene::new(&config, |_| {}).unwrap().lamina;
     let count = |raised: &[[usize; 2]]| {
-        let mut phi = vec![0.0099; 400];
+        let mut phi = vec![0.0149; 400];
         for [row, column] in raised {
-            phi[row * 20 + column] = 0.0101;
+            phi[row * 20 + column] = 0.0151;
         }
         wrinkle_count(&lamina, &phi)
     };

@@ -38,7 +38,10 @@ fn direction<V: Lanes>(d: Vec3x<V>) -> (Vec3x<V>, V) {
 ///
 /// C_j = |x_{j+1} - x_j| - l [m]; the system (J W J^T + alpha_tilde) lambda = -C of a chain
 /// is tridiagonal (Thomas algorithm). Each edge takes the compliance [1/kg, as alpha / h^2]
-/// of the sign of its strain. Pinned vertices (w = 0) decouple their neighbours by the
+/// of the sign that its multiplier had in the last substep, `compressed`, which is updated.
+/// The sign of the predicted strain would not do: at rest it is that of gravity's last push,
+/// not of the force in the yarn, so edges change branch in every substep and never come to
+/// rest (30 mm/s on the rib instead of 0.0002). Pinned vertices (w = 0) decouple their neighbours by the
 /// formula itself.
 #[inline(always)]
 pub(super) fn project_chain<V: Lanes>(
@@ -46,7 +49,7 @@ pub(super) fn project_chain<V: Lanes>(
     inverse_h_squared: V,
     x: &mut [Vec3x<V>],
     w: &[V],
-    pushed: &mut [V::Mask],
+    compressed: &mut [V::Mask],
     scratch: &mut ChainScratch<V>,
 ) {
     let rest = V::of(chain.rest_length);
@@ -73,7 +76,7 @@ pub(super) fn project_chain<V: Lanes>(
         let (x1, w1) = (x[v1], w[v1]);
         let (nj, length) = direction(x1 - x0);
         let c = length - rest;
-        let alpha_tilde = V::select(pushed[j], compression, tension);
+        let alpha_tilde = V::select(compressed[j], compression, tension);
         // Eliminates the coupling with the edge before, through their common vertex.
         let coupling = -(w0 * previous.dot(nj));
         let factor = coupling * previous_inverse;
@@ -96,7 +99,7 @@ pub(super) fn project_chain<V: Lanes>(
             lambda[j] = lambda[j] - upper[j] * lambda_after;
         }
         // lambda > 0 pushes the ends apart.
-        pushed[j] = V::zero().lt(lambda[j]);
+        compressed[j] = V::zero().lt(lambda[j]);
         let pull = n[j].scale(lambda[j]);
         let v1 = chain.vertices[j + 1] as usize;
         x[v1] = x[v1] + (pull - after).scale(w[v1]);
@@ -117,15 +120,16 @@ pub(super) fn project_edges<V: Lanes>(
     x: &mut [Vec3x<V>],
     w: &[V],
 ) {
-    for ((v, rest), law) in class.vertices.iter().zip(&class.rest_length).zip(&class.law) {
+    for ((v, rest), law) in class
+        .vertices
+        .iter()
+        .zip(&class.rest_length)
+        .zip(&class.law)
+    {
         let [a, b] = v.map(|v| v as usize);
         let (n, length) = direction(x[b] - x[a]);
         let c = length - V::of(*rest);
-        let compliance = V::select(
-            c.lt(V::zero()),
-            V::of(law.compression),
-            V::of(law.tension),
-        );
+        let compliance = V::select(c.lt(V::zero()), V::of(law.compression), V::of(law.tension));
         let sum = w[a] + w[b] + compliance * inverse_h_squared;
         let pull = n.scale(c / sum.max(V::of(1e-28)));
         x[a] = x[a] + pull.scale(w[a]);
@@ -177,11 +181,7 @@ fn arc_tangent<V: Lanes>(t: V) -> V {
         sum = sum * s + V::of(c);
     }
     let angle = u * sum;
-    V::select(
-        large,
-        V::of(std::f64::consts::FRAC_PI_2) - angle,
-        angle,
-    )
+    V::select(large, V::of(std::f64::consts::FRAC_PI_2) - angle, angle)
 }
 
 /// Projects dihedral bending, one colour.

@@ -19,8 +19,9 @@ pub struct Cpu<V: Lanes> {
     previous: Vec<Vec3x<V>>,
     /// Tangent plane of the tool under each vertex, as last looked up.
     plane: Vec<Plane<V>>,
+    /// Yarn edges that the last direct solve found in compression.
+    compressed: Vec<V::Mask>,
     chain: ChainScratch<V>,
-    pushed: Vec<V::Mask>,
 }
 
 /// n . x - offset is the distance to the tool [m].
@@ -46,7 +47,7 @@ impl<V: Lanes> Cpu<V> {
             previous: vec![Vec3x::zero(); count],
             plane: vec![plane; count],
             chain: ChainScratch::new(model.longest_chain),
-            pushed: vec![V::zero().lt(V::zero()); 10000],
+            compressed: vec![V::zero().lt(V::zero()); model.yarn_edge_count],
         }
     }
 
@@ -69,6 +70,11 @@ impl<V: Lanes> Cpu<V> {
     }
 }
 
+/// 1 where the mask is set, else 0.
+fn as_numbers<V: Lanes>(mask: V::Mask) -> V {
+    V::select(mask, V::of(1.0), V::zero())
+}
+
 impl<V: Lanes> Batch for Cpu<V> {
     fn lanes(&self) -> usize {
         V::COUNT
@@ -85,6 +91,12 @@ impl<V: Lanes> Batch for Cpu<V> {
             };
             self.inverse_mass[v].as_mut_slice()[lane] = V::Scalar::from_f64(w);
         }
+        for (edge, mask) in self.compressed.iter_mut().enumerate() {
+            let mut bits = as_numbers::<V>(*mask);
+            let bit = f64::from(u8::from(snapshot.compressed.contains(edge)));
+            bits.as_mut_slice()[lane] = V::Scalar::from_f64(bit);
+            *mask = V::zero().lt(bits);
+        }
     }
 
     fn snapshot(&self, lane: usize) -> Snapshot {
@@ -92,10 +104,16 @@ impl<V: Lanes> Batch for Cpu<V> {
         for (vertex, w) in self.inverse_mass.iter().enumerate() {
             fixed.set(vertex, w.as_slice()[lane] == V::Scalar::from_f64(0.0));
         }
+        let mut compressed = FixedBitSet::with_capacity(self.compressed.len());
+        for (edge, mask) in self.compressed.iter().enumerate() {
+            let bit = as_numbers::<V>(*mask).as_slice()[lane];
+            compressed.set(edge, bit == V::Scalar::from_f64(1.0));
+        }
         Snapshot {
             position: self.position.iter().map(|x| x.get(lane)).collect(),
             velocity: self.velocity.iter().map(|v| v.get(lane)).collect(),
             fixed,
+            compressed,
         }
     }
 
@@ -187,8 +205,8 @@ fn project<V: Lanes>(pass: &Pass, h: f64, state: &mut Cpu<V>) {
     match pass {
         Pass::Yarns(chains) => {
             for chain in chains {
-                let m=chain.vertices.len()-1;
-                project_chain(chain, inverse_h_squared, x, w, &mut state.pushed[chain.first..chain.first+m], &mut state.chain);
+                let compressed = &mut state.compressed[chain.edges.clone()];
+                project_chain(chain, inverse_h_squared, x, w, compressed, &mut state.chain);
             }
         }
         Pass::Edges(class) => project_edges(class, inverse_h_squared, x, w),
@@ -230,19 +248,23 @@ fn contact<V: Lanes>(model: &Model, state: &mut Cpu<V>) {
     for (((x, p), plane), w) in vertices.zip(&state.plane).zip(&state.inverse_mass) {
         let phi = plane.normal.dot(*x) - plane.offset;
         let inside = phi.lt(V::zero());
-        let depth = V::select(V::zero().lt(*w), V::select(inside, -phi, V::zero()), V::zero());
-        let mut pushed = *x + plane.normal.scale(depth);
+        let depth = V::select(
+            V::zero().lt(*w),
+            V::select(inside, -phi, V::zero()),
+            V::zero(),
+        );
+        let mut out = *x + plane.normal.scale(depth);
         if let Some([stick, slide]) = model.friction {
-            let moved = pushed - *p;
+            let moved = out - *p;
             let tangential = moved - plane.normal.scale(plane.normal.dot(moved));
             let length = tangential.dot(tangential).sqrt();
             let holds = length.lt(V::of(stick) * depth);
             let share = V::of(slide) * depth / length.max(V::of(1e-20));
             let share = V::select(holds, V::of(1.0), share.min(V::of(1.0)));
             // Without contact the depth is 0, and so is the share that is taken back.
-            pushed = pushed - tangential.scale(V::select(V::zero().lt(depth), share, V::zero()));
+            out = out - tangential.scale(V::select(V::zero().lt(depth), share, V::zero()));
         }
-        *x = pushed;
+        *x = out;
     }
 }
 

@@ -16,9 +16,9 @@ pub use model::{
 };
 pub use state::{Batch, Control, Press, Snapshot};
 
-use crate::math::{Isa, Portable};
 #[cfg(target_arch = "x86_64")]
 use crate::math::{F32x8, F32x16};
+use crate::math::{Isa, Portable};
 
 /// A group of environments for an instruction set, f32. Lanes start at rest in the origin;
 /// [`Batch::load`] each before the first step.

@@ -153,8 +153,8 @@ pub(super) struct EdgeClass {
 #[derive(Clone, Debug)]
 pub(super) struct Chain {
     pub vertices: Vec<u32>,
-    /// Index of its first edge among all edges of all yarns.
-    pub first: usize,
+    /// Its edges among those of all yarns.
+    pub edges: std::ops::Range<usize>,
     pub rest_length: f64,
     pub law: EdgeLaw,
 }
@@ -199,6 +199,8 @@ pub struct Model {
     pub(super) friction: Option<[f64; 2]>,
     /// Vertices of the longest yarn: the size of the scratch space of the direct solve.
     pub(super) longest_chain: usize,
+    /// Edges of all yarns.
+    pub(super) yarn_edge_count: usize,
 }
 
 impl Model {
@@ -214,6 +216,7 @@ impl Model {
             passes: passes.concat(),
             friction: physics.friction.then(|| lamina.material.friction()),
             longest_chain: lamina.rows.max(lamina.columns),
+            yarn_edge_count: lamina.yarns.iter().map(|y| y.vertices.len() - 1).sum(),
             physics: physics.clone(),
         }
     }
@@ -245,9 +248,13 @@ fn yarn_law(lamina: &Lamina, physics: &PhysicsConfig, family: Family, b: f64, a:
 }
 
 fn length_passes(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Pass> {
-    let mut next = 0;
+    let mut edge_count = 0;
     let chains = lamina.yarns.iter().map(|yarn| Chain {
-        first: { let first=next; next += yarn.vertices.len()-1; first },
+        edges: {
+            let first = edge_count;
+            edge_count += yarn.vertices.len() - 1;
+            first..edge_count
+        },
         vertices: yarn.vertices.clone(),
         rest_length: yarn.rest_length,
         law: yarn_law(lamina, physics, yarn.family, yarn.width, yarn.rest_length),

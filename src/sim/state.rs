@@ -12,7 +12,12 @@ pub struct Snapshot {
     /// [m/s]. A fixed vertex moves with the velocity it has, whatever pulls at it.
     pub velocity: Vec<[f64; 3]>,
     /// Vertices that no force moves: clamped or draped.
+    #[serde(with = "crate::math::bits")]
     pub fixed: FixedBitSet,
+    /// Yarn edges that the direct solve found in compression, yarn by yarn as in the lamina:
+    /// the branch of the material law that they are on. Missing bits are edges in tension.
+    #[serde(with = "crate::math::bits")]
+    pub compressed: FixedBitSet,
 }
 
 impl Snapshot {

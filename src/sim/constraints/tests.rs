@@ -46,7 +46,7 @@ fn chain_solves_its_linear_system() {
         };
         let chain = Chain {
             vertices: (0..=edges as u32).rev().collect(),
-            first: 0,
+            edges: 0..edges,
             rest_length: 1.0,
             law,
         };
@@ -64,7 +64,7 @@ fn chain_solves_its_linear_system() {
                 }
             })
             .collect();
-        let pushed: Vec<bool> = (0..edges).map(|_| stream.uniform() < 0.5).collect();
+        let compressed: Vec<bool> = (0..edges).map(|_| stream.uniform() < 0.5).collect();
 
         let mut jacobian = DMatrix::zeros(edges, 3 * (edges + 1));
         let mut c = DVector::zeros(edges);
@@ -77,7 +77,7 @@ fn chain_solves_its_linear_system() {
                 jacobian[(j, 3 * a + k)] = -d[k] / d.norm();
                 jacobian[(j, 3 * b + k)] = d[k] / d.norm();
             }
-            let compliance = if pushed[j] {
+            let compliance = if compressed[j] {
                 law.compression
             } else {
                 law.tension
@@ -90,7 +90,7 @@ fn chain_solves_its_linear_system() {
         let moved = &mass * jacobian.transpose() * &lambda;
 
         let mut found: Vec<Vec3x<f64>> = x.iter().map(|x| Vec3x((*x).into())).collect();
-        let mut branch = pushed.clone();
+        let mut branch = compressed.clone();
         // More room than needed, filled with what must not be read.
         let mut scratch = ChainScratch::new(16);
         scratch.lambda.fill(f64::NAN);
@@ -115,7 +115,7 @@ fn chain_solves_its_linear_system() {
 fn impossible_chains_stay_finite() {
     let chain = Chain {
         vertices: vec![0, 1, 2],
-        first: 0,
+        edges: 0..2,
         rest_length: 1.0,
         law: EdgeLaw {
             tension: 0.0,
