@@ -115,6 +115,27 @@ pub fn play(
     })
 }
 
+/// Plays a sequence of vertices under other physics than it was found in, where the stencil
+/// may cover other vertices: a vertex that is not allowed any more is left out, and what the
+/// sequence leaves untouched is pressed after it, in the order of the vertices.
+pub fn replay_loosely(
+    draping: &mut Draping,
+    sequence: &[u32],
+    watch: impl FnMut(&Draping, &[PressedPoint]),
+) -> Result<Played, RolloutError> {
+    let mut rest = sequence.iter();
+    let choose = |draping: &Draping, _| {
+        let mask = &draping.observation(0).mask;
+        let allowed = |&vertex: &u32| {
+            let action = draping.action(vertex)?;
+            mask.contains(action as usize).then_some(action)
+        };
+        let lowest = || mask.minimum().expect("a mask is never empty") as u32;
+        Ok(rest.by_ref().find_map(allowed).unwrap_or_else(lowest))
+    };
+    play(draping, choose, watch)
+}
+
 /// Plays a sequence of vertices again.
 pub fn replay(
     draping: &mut Draping,

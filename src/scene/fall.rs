@@ -3,13 +3,14 @@ use fixedbitset::FixedBitSet;
 use super::config::{SceneConfig, SceneError};
 use super::summary::Summary;
 use crate::fabric::Lamina;
-use crate::sim::{Batch, Control, Cpu, Model, Snapshot};
+use crate::sim::{Batch, Control, Cpu, Model, PhysicsConfig, Snapshot};
 use crate::tool::Tool;
 
 /// Duration of a control step of the fall [s].
 const FRAME: f64 = 1.0 / 60.0;
 
 /// A scene that is set up: the lamina lies on the tool as the fall has left it.
+#[derive(Clone)]
 pub struct Scene {
     pub config: SceneConfig,
     pub tool: Tool,
@@ -70,6 +71,15 @@ impl Scene {
             model,
             initial: batch.snapshot(0),
         })
+    }
+
+    /// The same initial state under other physics: what differs then is the episode alone.
+    /// `physics` must have been checked.
+    pub fn with_physics(&self, physics: PhysicsConfig) -> Self {
+        let mut scene = self.clone();
+        scene.model = Model::new(&scene.lamina, &physics);
+        scene.config.physics = physics;
+        scene
     }
 
     /// Key figures of a state of this scene.
