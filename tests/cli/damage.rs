@@ -197,7 +197,7 @@ fn options_that_cannot_be_are_refused() {
     for args in [
         &["--steps", "0"][..],
         &["--steps", "1099511627777"],
-        &["--seed", "-1"],
+        &["--seed", "x"],
         &["--seed", "9223372036854775808"],
         &["--device", "tpu"],
         &["--resume", "runs/a"],
