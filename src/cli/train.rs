@@ -3,6 +3,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Instant, SystemTime};
 
+use anyhow::Context;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
@@ -10,6 +11,7 @@ use super::Failure;
 use super::failure::OrInvalid;
 use super::result;
 use super::scene::set_up;
+use crate::env::{Draping, Shape, Tasks};
 use crate::policy::DeviceKind;
 use crate::run::{RunConfig, RunFolder, RunInfo, Training, TrainingError};
 
@@ -28,11 +30,13 @@ pub struct Args {
     name: Option<String>,
 
     /// Seed of all random streams, instead of the configuration's
-    #[arg(long, conflicts_with = "resume")]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..=RunConfig::MOST_SEED),
+          conflicts_with = "resume")]
     seed: Option<u64>,
 
     /// Environment steps of the whole training, instead of the configuration's
-    #[arg(long, value_parser = clap::value_parser!(u64).range(1..), conflicts_with = "resume")]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..=RunConfig::MOST_STEPS),
+          conflicts_with = "resume")]
     steps: Option<u64>,
 
     /// Go on with a run that was interrupted
@@ -89,7 +93,6 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let start = Instant::now();
     let first = training.env_steps();
     let mut seconds = [0.0; 3];
-    let mut last = None;
     while !training.is_complete() && !stop.load(Ordering::Relaxed) {
         let report = training.advance().map_err(failure)?;
         bar.set_position(training.env_steps());
@@ -112,7 +115,6 @@ pub fn run(args: Args) -> Result<(), Failure> {
         if report.iteration.number.is_multiple_of(CHECKPOINT_INTERVAL) {
             training.checkpoint().map_err(failure)?;
         }
-        last = Some(report);
     }
     training.checkpoint().map_err(failure)?;
     bar.finish_and_clear();
@@ -131,8 +133,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
         simulation_share: seconds[0] / elapsed,
         inference_share: seconds[1] / elapsed,
         update_share: seconds[2] / elapsed,
-        mean_score: last.as_ref().and_then(|report| report.mean_score),
-        best_score: last.as_ref().and_then(|report| report.best_score),
+        mean_score: training.mean_score(),
+        best_score: training.best_score(),
         random_mean_score: baseline.mean_score,
         random_deviation: baseline.deviation,
     };
@@ -162,7 +164,10 @@ fn begin(args: &Args) -> Result<Training, Failure> {
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
     let scene = Arc::new(set_up(&config.scene, &place, args.json)?);
-    crate::env::Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
+    let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
+    let Shape { rows, columns } = draping.shape();
+    let policy = config.policy.validate(rows, columns).context("policy");
+    policy.or_invalid_in(&place)?;
 
     let info = RunInfo::new(config.seed, SystemTime::now());
     let text = config.to_toml();
@@ -174,7 +179,10 @@ fn begin(args: &Args) -> Result<Training, Failure> {
     if !args.json {
         eprintln!("writing {}", folder.path().display());
     }
-    Training::new(config, scene, folder).map_err(failure)
+    let mut training = Training::new(config, scene, folder).map_err(failure)?;
+    // Whatever happens from now on, the run can be gone on with.
+    training.checkpoint().map_err(failure)?;
+    Ok(training)
 }
 
 /// A name that is taken is the user's to mend, a full disk is not.

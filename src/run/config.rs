@@ -2,7 +2,8 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use toml::{Table, Value};
+use toml::de::{DeTable, DeValue};
+use toml::{Spanned, Table, Value};
 
 use crate::env::EnvConfig;
 use crate::file::{ParseError, parse_toml};
@@ -66,6 +67,11 @@ pub enum RunConfigError {
 const QUICKSTART: &str = include_str!("../../configs/quickstart.toml");
 
 impl RunConfig {
+    /// Most steps of a training.
+    pub const MOST_STEPS: u64 = 1 << 40;
+    /// Greatest seed: TOML has signed numbers only.
+    pub const MOST_SEED: u64 = i64::MAX as u64;
+
     /// The built-in configuration: one wrinkle of the rib, a few minutes on two cores.
     pub fn quickstart() -> Self {
         let path = Path::new("configs/quickstart.toml");
@@ -112,9 +118,25 @@ impl RunConfig {
         self.scene.resolve(&here);
     }
 
-    /// The configuration as TOML, complete: reading it gives the same again.
+    /// The configuration as TOML, complete: reading it gives the same again. A key that the
+    /// preset has and this configuration lacks is written as `"off"`.
     pub fn to_toml(&self) -> String {
-        toml::to_string(self).expect("a configuration is representable in TOML")
+        let text = toml::to_string(self).expect("a configuration is representable in TOML");
+        // Through the text: numbers of single precision keep their short form.
+        let mut table: Table = toml::from_str(&text).expect("TOML reads back");
+        let base = Table::try_from(Self::preset(self.preset)).expect("a preset is a table");
+        let mut any = false;
+        for section in OPTIONAL_SECTIONS {
+            if let (Some(Value::Table(own)), Some(Value::Table(base))) =
+                (table.get_mut(section), base.get(section))
+            {
+                any |= switch_off(own, base);
+            }
+        }
+        match any {
+            true => toml::to_string(&table).expect("what was read is representable"),
+            false => text,
+        }
     }
 
     fn parse(text: &str, path: &Path) -> Result<Self, RunConfigError> {
@@ -124,11 +146,12 @@ impl RunConfig {
             place: place(text, key),
             message,
         };
+        let wrong = |(key, message): (String, String)| fail(&key, message);
         let folder = path.parent().unwrap_or(Path::new(""));
 
         let preset = match given.get("preset") {
             None => Preset::default(),
-            Some(value) => section(value.clone(), "preset").map_err(|e| fail("preset", e))?,
+            Some(value) => section(value.clone(), "preset").map_err(wrong)?,
         };
         let scene = match (given.remove("scene_file"), given.remove("scene")) {
             (Some(_), Some(_)) => {
@@ -141,8 +164,7 @@ impl RunConfig {
                 return Err(fail("scene_file", message));
             }
             (None, Some(value)) => {
-                let mut scene: SceneConfig =
-                    section(value, "scene").map_err(|e| fail(&unknown(&e), e))?;
+                let mut scene: SceneConfig = section(value, "scene").map_err(wrong)?;
                 scene.resolve(folder);
                 scene
             }
@@ -158,8 +180,7 @@ impl RunConfig {
         let get = |merged: &mut Table, key: &str| merged.remove(key).expect("presets have all");
         macro_rules! take {
             ($($field:ident).+, $key:literal) => {
-                config.$($field).+ = section(get(&mut merged, $key), $key)
-                    .map_err(|e| fail(&unknown(&e), e))?;
+                config.$($field).+ = section(get(&mut merged, $key), $key).map_err(wrong)?;
             };
         }
         take!(preset, "preset");
@@ -180,54 +201,109 @@ impl RunConfig {
             return Err(fail(key, message));
         }
         config.scene = scene;
-        config.check().map_err(|(key, e)| fail(key, e))?;
+        config.check().map_err(wrong)?;
         Ok(config)
     }
 
     /// Checks what can be checked without setting up the scene.
-    fn check(&self) -> Result<(), (&'static str, String)> {
-        let range = |key, value: u64, most: u64| {
+    fn check(&self) -> Result<(), (String, String)> {
+        let range = |key: &str, value: u64, most: u64| {
             if (1..=most).contains(&value) {
                 return Ok(());
             }
             Err((
-                key,
+                key.into(),
                 format!("`{key}` is {value}, expected a number from 1 to {most}"),
             ))
         };
-        range("steps", self.steps, 1 << 40)?;
+        range("steps", self.steps, Self::MOST_STEPS)?;
         range("environments", self.environments as u64, 4096)?;
         range("evaluation_interval", self.evaluation_interval, 1 << 32)?;
         self.ppo
             .validate()
-            .map_err(|e| (e.key, format!("ppo: {e}")))
+            .map_err(|e| (format!("ppo.{}", e.key), format!("ppo: {e}")))
     }
 }
 
-fn section<T: DeserializeOwned>(value: Value, key: &str) -> Result<T, String> {
-    T::deserialize(value).map_err(|e| format!("`{key}`: {}", one_line(&e.to_string())))
+/// The value of `key`; the error is where it is wrong, as keys joined by dots, and a message.
+fn section<T: DeserializeOwned>(value: Value, key: &str) -> Result<T, (String, String)> {
+    T::deserialize(value).map_err(|error| {
+        let text = one_line(&error.to_string());
+        // The parser names the keys below `key` last.
+        let inner = text.strip_suffix('`').and_then(|t| t.rsplit_once(" in `"));
+        let (message, path) = match inner {
+            Some((message, below)) => (message, format!("{key}.{below}")),
+            None => (text.as_str(), key.into()),
+        };
+        let message = format!("`{path}`: {message}");
+        match message.split("unknown field `").nth(1) {
+            Some(rest) => {
+                let name = rest.split('`').next().unwrap_or_default();
+                (format!("{path}.{name}"), message)
+            }
+            None => (path, message),
+        }
+    })
 }
 
 fn one_line(message: &str) -> String {
     message.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// The last word in backticks after "field": the key that an error is about, if it says so.
-fn unknown(message: &str) -> String {
-    let after = message.split("field `").nth(1).unwrap_or_default();
-    after.split('`').next().unwrap_or_default().to_string()
-}
-
-/// " line 7:" for the first line that sets `key`, else nothing.
-fn place(text: &str, key: &str) -> String {
-    let sets = |line: &str| {
-        let name = line.split('=').next().unwrap_or_default().trim();
-        !key.is_empty() && name == key
+/// "7:" for line 7 that sets the key at `path` (keys joined by dots), or the nearest one
+/// above it; else nothing.
+fn place(text: &str, path: &str) -> String {
+    let Ok(document) = DeTable::parse(text) else {
+        return String::new();
     };
-    match text.lines().position(sets) {
-        Some(index) => format!("{}:", index + 1),
+    let mut table = Some(document.get_ref());
+    let mut start = None;
+    for key in path.split('.') {
+        let Some((found, below)) = table.and_then(|table| find(table, key)) else {
+            break;
+        };
+        start = Some(found);
+        table = below;
+    }
+    match start {
+        Some(start) => format!("{}:", text[..start].matches('\n').count() + 1),
         None => String::new(),
     }
+}
+
+/// Where `key` stands in `table` or, as the parser leaves out the kinds of things, in a table
+/// within it; and the table that it holds, if it does.
+fn find<'t, 'i>(table: &'t DeTable<'i>, key: &str) -> Option<(usize, Option<&'t DeTable<'i>>)> {
+    let below = |value: &'t Spanned<DeValue<'i>>| match value.get_ref() {
+        DeValue::Table(table) => Some(table),
+        _ => None,
+    };
+    let own = table.iter().find(|(name, _)| name.get_ref() == key);
+    if let Some((name, value)) = own {
+        return Some((name.span().start, below(value)));
+    }
+    let mut tables = table.values().filter_map(below);
+    tables.find_map(|table| find(table, key))
+}
+
+/// Sections with keys that may be absent.
+const OPTIONAL_SECTIONS: [&str; 2] = ["env", "ppo"];
+
+/// Sets to `"off"` what `base` has and `table` has not, table by table; whether there was
+/// anything.
+fn switch_off(table: &mut Table, base: &Table) -> bool {
+    let mut any = false;
+    for (key, value) in base {
+        match (table.get_mut(key), value) {
+            (None, _) => {
+                table.insert(key.clone(), "off".into());
+                any = true;
+            }
+            (Some(Value::Table(table)), Value::Table(base)) => any |= switch_off(table, base),
+            _ => {}
+        }
+    }
+    any
 }
 
 /// Puts `over` on top of `base`, table by table. `"off"` removes a key that is not text.
@@ -285,6 +361,10 @@ mod tests {
     fn resolved_configuration_reads_back() {
         let config = RunConfig::quickstart();
         assert_eq!(parse(&config.to_toml()), Ok(config));
+        let text = "[ppo]\nimitation = \"off\"\nmax_grad_norm = \"off\"";
+        let config = parse(text).unwrap();
+        assert_eq!(config.ppo.imitation, None);
+        assert_eq!(parse(&config.to_toml()), Ok(config));
     }
 
     #[test]
@@ -300,7 +380,7 @@ mod tests {
             ),
             (
                 "[env]\nstencil_mm = \"x\"",
-                "c.toml: `env`: invalid type: string \"x\", expected f64",
+                "c.toml:2: `env.stencil_mm`: invalid type: string \"x\", expected f64",
             ),
             (
                 "steps = 0",
@@ -308,11 +388,31 @@ mod tests {
             ),
             (
                 "steps = -3",
-                "c.toml: `steps`: invalid value: integer `-3`, expected u64",
+                "c.toml:1: `steps`: invalid value: integer `-3`, expected u64",
             ),
             (
                 "[ppo]\ngamma = 2.0",
                 "c.toml:2: ppo: `gamma` is 2, expected",
+            ),
+            (
+                "ppo.epochs = 1\nppo.gamma = 2.0",
+                "c.toml:2: ppo: `gamma` is 2, expected",
+            ),
+            (
+                "[ppo.imitation]\nsamples = 0",
+                "c.toml:2: ppo: `imitation.samples` is 0, expected",
+            ),
+            (
+                "[policy.network.compact]\nchanels = 1",
+                "c.toml:2: `policy.network`: unknown field `chanels`, expected one of",
+            ),
+            (
+                "[scene.fall]\nsubstep_rate = 1e3\n[env]\nsubstep_rate = \"x\"",
+                "c.toml:1: `scene`: missing field `tool`",
+            ),
+            (
+                "scene = 1",
+                "c.toml:1: `scene`: invalid type: integer `1`, expected",
             ),
             ("[scene]\nfoo = 1", "c.toml:2: `scene`: unknown field `foo`"),
             (

@@ -10,7 +10,7 @@ use super::log::{Log, LogError};
 /// Appends to `metrics.jsonl`: one JSON object a line, `step` first.
 ///
 /// A run that is resumed leaves the same file as one that was never interrupted, provided
-/// the values themselves repeat; wall times therefore belong in the event file.
+/// the values themselves repeat; times do not.
 #[derive(Debug)]
 pub struct MetricsWriter(Log);
 

@@ -174,6 +174,18 @@ impl Training {
         self.env_steps() >= self.config.steps
     }
 
+    /// Mean score of the last 50 episodes; none before the first ends.
+    pub fn mean_score(&self) -> Option<f64> {
+        let recent = &self.memory.recent;
+        let mean = recent.iter().sum::<f64>() / recent.len() as f64;
+        (!recent.is_empty()).then_some(mean)
+    }
+
+    /// Best score of any episode so far.
+    pub fn best_score(&self) -> Option<f64> {
+        self.memory.best_sequence.as_ref().map(|best| best.1)
+    }
+
     /// One iteration of the learner, with its metrics written. Checkpoints are up to the
     /// caller, except that of a policy which plays better than every one before.
     pub fn advance(&mut self) -> Result<Report, TrainingError> {
@@ -191,12 +203,10 @@ impl Training {
 
         let due = iteration.number % self.config.evaluation_interval == 0 || self.is_complete();
         let greedy_score = if due { self.evaluate()? } else { None };
-        let recent = &self.memory.recent;
-        let mean = recent.iter().sum::<f64>() / recent.len() as f64;
         let report = Report {
-            mean_score: (!recent.is_empty()).then_some(mean),
+            mean_score: self.mean_score(),
             greedy_score,
-            best_score: self.memory.best_sequence.as_ref().map(|best| best.1),
+            best_score: self.best_score(),
             iteration,
         };
         self.log(&report)?;

@@ -1,7 +1,11 @@
 //! Runs the binary in temporary folders: what it prints and writes, and how it fails.
 
+mod damage;
+mod eval;
+mod run;
 mod scene;
 mod tool;
+mod train;
 
 use std::fs;
 use std::path::Path;

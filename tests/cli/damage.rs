@@ -1,0 +1,409 @@
+//! Runs that cannot be begun, read or gone on with.
+
+use super::run::*;
+use super::*;
+
+#[test]
+fn folders_that_are_no_runs_are_refused() {
+    let folder = folder();
+    let path = folder.path();
+    fs::write(path.join("file"), "").unwrap();
+    fs::create_dir(path.join("empty")).unwrap();
+    for (run, word) in [
+        ("none", "there is no run none"),
+        ("empty", "empty is not a run folder: it has no run.json"),
+        ("file", "file is not a run folder: it is a file"),
+    ] {
+        for args in [
+            &["eval", run][..],
+            &["export", run],
+            &["train", "--resume", run],
+        ] {
+            assert_failure(&drape(path, args), 2, &[word]);
+        }
+    }
+    assert_eq!(names(path), ["empty", "file"]);
+    assert_eq!(names(&path.join("empty")), [""; 0]);
+}
+
+#[test]
+fn mistakes_in_the_configuration_are_located_and_nothing_is_made() {
+    let folder = folder();
+    let path = folder.path();
+    let args = ["train", "none.toml", "--json"];
+    assert_failure(
+        &drape(path, &args),
+        2,
+        &["cannot read none.toml", "No such file"],
+    );
+    let rib = "[scene.tool.source.shape]\nkind = \"rib\"\n";
+    for (text, words) in [
+        (
+            "seed = 1\nsteqs = 5",
+            &[
+                "config.toml:2: unknown key `steqs`, expected one of",
+                "steps",
+            ][..],
+        ),
+        ("seed = ", &["config.toml:1:"]),
+        (
+            "seed = -1",
+            &["config.toml:1: `seed`: ", "integer `-1`, expected u64"],
+        ),
+        (
+            "seed = 18446744073709551615",
+            &["config.toml:1:8: ", "`seed = 18446744073709551615`"],
+        ),
+        (
+            "\nsteps = 0",
+            &["config.toml:2: `steps` is 0, expected a number from 1 to"],
+        ),
+        (
+            "environments = 9999",
+            &["config.toml:1: `environments` is 9999, expected"],
+        ),
+        (
+            "[ppo]\ngama = 1",
+            &["config.toml:2: `ppo`: unknown field `gama`", "`gamma`"],
+        ),
+        (
+            "[ppo]\ngamma = 2.0",
+            &["config.toml:2: ppo: `gamma` is 2, expected a number from 0 to 1"],
+        ),
+        (
+            "ppo = 2",
+            &["config.toml:1: `ppo`: ", "integer `2`, expected"],
+        ),
+        (
+            "[ppo.imitation]\n\nepisodes = 0.5",
+            &[
+                "config.toml:3: `ppo.imitation.episodes`: ",
+                "`0.5`, expected usize",
+            ],
+        ),
+        (
+            "[env]\nstencil_mm = \"x\"",
+            &[
+                "config.toml:2: `env.stencil_mm`: ",
+                "string \"x\", expected f64",
+            ],
+        ),
+        (
+            "[env]\nregion_mm = [1, 2]",
+            &[
+                "config.toml:2: `env.region_mm`: ",
+                "2, expected an array of length 4",
+            ],
+        ),
+        (
+            "[env]\nstencil_mm = -1",
+            &["config.toml: `env.stencil_mm` is -1, expected"],
+        ),
+        (
+            "[env]\nregion_mm = [9, 9, 1, 1]",
+            &["config.toml: `env.region_mm` is [9.0, 9.0, 1.0, 1.0], expected"],
+        ),
+        (
+            "[policy.network.compact]\npatch = 0",
+            &["config.toml: policy: `network.compact.patch` is [0], expected"],
+        ),
+        (
+            "[policy.network.compact]\npach = 0",
+            &[
+                "config.toml:2: `policy.network`: unknown field `pach`",
+                "`patch`",
+            ],
+        ),
+        (
+            "[policy]\ndistance_scale_mm = -1",
+            &["config.toml: policy: `distance_scale_mm` is -1, expected"],
+        ),
+        (
+            "preset = \"papr\"",
+            &["config.toml:1: `preset`: unknown variant `papr`, expected `paper`"],
+        ),
+        (
+            "device = \"tpu\"",
+            &["config.toml:1: `device`: unknown variant `tpu`", "`flex`"],
+        ),
+        (
+            "scene_file = \"no.toml\"",
+            &["cannot read no.toml: No such file"],
+        ),
+        (
+            "scene_file = 3",
+            &["config.toml:1: `scene_file` is 3, expected a path"],
+        ),
+        (
+            "scene_file = \"a\"\n[scene]",
+            &["config.toml:1: `scene_file` and `scene` are both given"],
+        ),
+        (
+            "[scene]\nfoo = 1",
+            &["config.toml:2: `scene`: unknown field `foo`"],
+        ),
+        (
+            "[scene.fall]\nfall_s = \"x\"",
+            &[
+                "config.toml:2: `scene.fall.fall_s`: ",
+                "string \"x\", expected f64",
+            ],
+        ),
+        (
+            "[scene.fall]\nfall_s = -1",
+            &["config.toml: `fall.fall_s` is -1, expected"],
+        ),
+    ] {
+        let text = if text.contains("[scene.") {
+            format!("{text}\n{rib}")
+        } else {
+            text.into()
+        };
+        // A coarse scene, where it gets that far.
+        let text = if text.contains("scene") {
+            text
+        } else {
+            format!("{text}\n{}", coarse())
+        };
+        let output = refused(path, &text);
+        assert_failure(&output, 2, words);
+        assert_failure(&output, 2, &[]);
+    }
+    fs::write(path.join("scene.toml"), "[tool]\n[fall]\nfal_s = 1").unwrap();
+    let output = refused(path, "scene_file = \"scene.toml\"");
+    assert_failure(&output, 2, &["scene.toml:3:1: unknown field `fal_s`"]);
+    assert_eq!(names(path), ["config.toml", "scene.toml"]);
+}
+
+/// The scene of [`CONFIG`].
+fn coarse() -> &'static str {
+    &CONFIG[CONFIG.find("[scene.").unwrap()..]
+}
+
+#[test]
+fn options_that_cannot_be_are_refused() {
+    let folder = folder();
+    let path = folder.path();
+    fs::write(path.join("config.toml"), CONFIG).unwrap();
+    for name in ["", ".", "..", "a/b", "/a", "a/"] {
+        let output = drape(path, &["train", "config.toml", "--json", "--name", name]);
+        assert_failure(
+            &output,
+            2,
+            &["cannot name a run: expected one name of a folder"],
+        );
+    }
+    // Those that the parser of the command line finds.
+    for args in [
+        &["--steps", "0"][..],
+        &["--steps", "1099511627777"],
+        &["--seed", "x"],
+        &["--seed", "9223372036854775808"],
+        &["--device", "tpu"],
+        &["--resume", "runs/a"],
+    ] {
+        let output = drape(path, &[&["train", "config.toml"], args].concat());
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert!(stderr.contains(args[0]), "{stderr}");
+        assert!(output.stdout.is_empty());
+    }
+    for args in [
+        &["eval", "a", "--episodes", "0"][..],
+        &["eval", "a", "--sequence", "--sample"],
+        &["eval", "a", "--sequence", "--checkpoint", "last"],
+        &["export", "a", "--format", "xml"],
+    ] {
+        assert_eq!(drape(path, args).status.code(), Some(2), "{args:?}");
+    }
+    assert_eq!(names(path), ["config.toml"]);
+
+    fs::write(path.join("file"), "").unwrap();
+    let args = [
+        "train",
+        "config.toml",
+        "--json",
+        "--name",
+        "a",
+        "--runs",
+        "file",
+    ];
+    assert_failure(&drape(path, &args), 1, &["cannot create file/a"]);
+}
+
+#[cfg(not(any(feature = "gpu", feature = "ndarray")))]
+#[test]
+fn devices_that_are_not_built_in_say_how_to_get_them() {
+    let folder = folder();
+    let path = folder.path();
+    for device in ["gpu", "ndarray"] {
+        let words =
+            format!("device `{device}` is not in this build: rebuild with `--features {device}`");
+        let output = refused(path, &format!("device = \"{device}\""));
+        assert_failure(&output, 2, &["config.toml: ", &words]);
+        fs::write(path.join("config.toml"), CONFIG).unwrap();
+        let output = drape(path, &["train", "config.toml", "--device", device]);
+        assert_failure(&output, 2, &[&words]);
+    }
+    assert_eq!(names(path), ["config.toml"]);
+}
+
+#[test]
+fn name_that_is_taken_is_refused_and_its_run_untouched() {
+    let folder = trained();
+    let path = folder.path();
+    let before = files(&path.join("runs"));
+    let output = refused(path, CONFIG);
+    assert_failure(
+        &output,
+        2,
+        &["run runs/a already exists: choose another name"],
+    );
+    assert!(files(&path.join("runs")) == before);
+}
+
+#[test]
+fn damaged_checkpoints_are_located_and_nothing_is_changed() {
+    let folder = trained();
+    let path = folder.path();
+    let run = path.join("runs/a");
+    let last = run.join("checkpoints/last.drape");
+    let whole = fs::read(&last).unwrap();
+    let mut flipped = whole.clone();
+    flipped[whole.len() / 2] ^= 4;
+    let stl = include_bytes!("../../assets/rib.stl");
+    for (content, words) in [
+        (
+            Some(&whole[..whole.len() / 2]),
+            &["last.drape: section `data.", "bytes, the file has"][..],
+        ),
+        (
+            Some(&whole[..5]),
+            &["last.drape: preamble at byte 0: needs 8 bytes"],
+        ),
+        (
+            Some(&[]),
+            &["last.drape: preamble at byte 0: needs 8 bytes, the file has 0 left"],
+        ),
+        (
+            Some(&flipped),
+            &["last.drape: section `data.", "checksum is"],
+        ),
+        (Some(stl), &["last.drape: not a drape file"]),
+        (
+            None,
+            &["cannot read runs/a/checkpoints/last.drape: No such file"],
+        ),
+    ] {
+        match content {
+            Some(bytes) => fs::write(&last, bytes).unwrap(),
+            None => fs::remove_file(&last).unwrap(),
+        }
+        let before = files(&run);
+        for args in [
+            &["eval", "runs/a", "--checkpoint", "last"][..],
+            &["export", "runs/a", "--checkpoint", "last"],
+            &["train", "--resume", "runs/a", "--json"],
+        ] {
+            assert_failure(&drape(path, args), 1, words);
+        }
+        assert!(files(&run) == before);
+    }
+    // The best one is another file.
+    json(
+        path,
+        &[
+            "eval",
+            "runs/a",
+            "--checkpoint",
+            "best",
+            "--episodes",
+            "1",
+            "--json",
+        ],
+    );
+    let output = drape(path, &["eval", "runs/a", "--checkpoint", "none"]);
+    assert_failure(&output, 1, &["cannot read none: No such file"]);
+}
+
+#[test]
+fn checkpoint_of_another_run_is_refused() {
+    let folder = trained();
+    let path = folder.path();
+    let other = CONFIG
+        .replace("steps = 240", "steps = 80")
+        .replace("seed = 3", "seed = 4");
+    train(path, &other, "b");
+    let file = "runs/b/checkpoints/last.drape";
+    let words = ["b/checkpoints/last.drape: written for another configuration than runs/a/"];
+    assert_failure(
+        &drape(path, &["eval", "runs/a", "--checkpoint", file]),
+        2,
+        &words,
+    );
+    fs::copy(path.join(file), path.join("runs/a/checkpoints/last.drape")).unwrap();
+    let before = files(&path.join("runs/a"));
+    let output = drape(path, &["train", "--resume", "runs/a", "--json"]);
+    assert_failure(
+        &output,
+        2,
+        &["last.drape: written for another configuration than runs/a/"],
+    );
+    assert!(files(&path.join("runs/a")) == before);
+}
+
+#[test]
+fn damaged_sequences_and_metrics_are_located() {
+    let folder = trained();
+    let path = folder.path();
+    let file = path.join("runs/a/best_sequence.json");
+    let text = fs::read_to_string(&file).unwrap();
+    let sequence: Value = serde_json::from_str(&text).unwrap();
+    let with = |vertices: &[Value]| {
+        let mut sequence = sequence.clone();
+        sequence["vertices"] = vertices.into();
+        sequence.to_string()
+    };
+    let vertices = sequence["vertices"].as_array().unwrap();
+    let twice = [vertices[0].clone(), vertices[0].clone()];
+    for (content, code, words) in [
+        (
+            text[..text.len() / 2].into(),
+            1,
+            &["best_sequence.json is damaged: EOF"][..],
+        ),
+        (
+            with(&[9999.into()]),
+            1,
+            &["best_sequence.json: vertex 9999 (number 0 "],
+        ),
+        (
+            with(&twice),
+            2,
+            &["step 1 of the sequence presses vertex ", "not allowed"],
+        ),
+        (
+            with(&vertices[..3]),
+            2,
+            &["the sequence ends after 3 steps, before the episode does"],
+        ),
+    ] {
+        fs::write(&file, content).unwrap();
+        for args in [&["eval", "runs/a", "--sequence"][..], &["export", "runs/a"]] {
+            assert_failure(&drape(path, args), code, words);
+        }
+    }
+    fs::write(&file, text).unwrap();
+
+    let metrics = path.join("runs/a/metrics.jsonl");
+    let text = fs::read_to_string(&metrics).unwrap();
+    fs::write(&metrics, text.replacen("\"step\"", "step", 1)).unwrap();
+    let before = files(path);
+    let args = ["train", "--resume", "runs/a", "--json"];
+    assert_failure(
+        &drape(path, &args),
+        1,
+        &["runs/a/metrics.jsonl, line 1: not a line of metrics"],
+    );
+    assert!(files(path) == before);
+}

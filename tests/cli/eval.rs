@@ -1,0 +1,267 @@
+use super::run::*;
+use super::*;
+
+/// Checks that the fields of an episode agree with each other.
+fn check_episode(episode: &Value) {
+    let [score, initial, remaining, sheet] = [
+        "score",
+        "region_initial_m",
+        "region_final_m",
+        "sheet_initial_m",
+    ]
+    .map(|key| number(&episode[key]));
+    assert!(
+        (score - (1.0 - remaining / initial)).abs() < 1e-12,
+        "{episode}"
+    );
+    assert!(
+        0.0 < initial && initial < sheet && remaining >= 0.0,
+        "{episode}"
+    );
+    assert!(number(&episode["strain_p95"]) <= number(&episode["strain_max"]));
+    for key in ["undraped_inner", "steps", "jumps"] {
+        assert!(episode[key].is_u64(), "{key}");
+    }
+    assert!(number(&episode["jumps"]) < number(&episode["steps"]));
+    for key in ["sheet_final_m", "v_rms_mm_s", "seconds"] {
+        assert!(number(&episode[key]) >= 0.0, "{key}");
+    }
+}
+
+/// Checks mean, deviation and best score against the episodes beside them.
+fn check_episodes(group: &Value, count: usize) {
+    let episodes = group["episodes"].as_array().unwrap();
+    assert_eq!(episodes.len(), count);
+    episodes.iter().for_each(check_episode);
+    let scores: Vec<f64> = episodes.iter().map(|e| number(&e["score"])).collect();
+    let mean = scores.iter().sum::<f64>() / count as f64;
+    let square: f64 = scores.iter().map(|s| (s - mean).powi(2)).sum();
+    let deviation = (square / (count as f64 - 1.0)).sqrt();
+    assert!((number(&group["mean_score"]) - mean).abs() < 1e-12);
+    assert!((number(&group["deviation"]) - deviation).abs() < 1e-12);
+    assert!(scores.contains(&number(&group["best_score"])));
+}
+
+fn eval(folder: &Path, more: &[&str]) -> Value {
+    let args = [&["eval", "runs/a", "--json", "--episodes", "5"], more].concat();
+    json(folder, &args)
+}
+
+/// Training adds up rewards in single precision.
+const SCORE_TOLERANCE: f64 = 1e-6;
+
+#[test]
+fn checkpoints_play_as_they_did_in_training() {
+    let folder = trained();
+    let path = folder.path();
+    let metrics = metrics(&path.join("runs/a"));
+    let greedy: Vec<f64> = metrics.iter().map(|l| number(&l["greedy_score"])).collect();
+    let best = greedy.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let default = eval(path, &[]);
+    assert_eq!(default["played"], "best");
+    for (name, expected) in [
+        ("best", best),
+        ("last", greedy[2]),
+        ("runs/a/checkpoints/best.drape", best),
+    ] {
+        let report = eval(path, &["--checkpoint", name]);
+        assert_eq!(report["played"], name);
+        assert_eq!(report["run"], "runs/a");
+        check_episode(&report["episode"]);
+        check_episodes(&report["random"], 5);
+        assert_eq!(
+            report["random"]["mean_score"],
+            default["random"]["mean_score"]
+        );
+        let random = &report["random"];
+        let below =
+            number(&random["mean_region_final_m"]) - number(&report["episode"]["region_final_m"]);
+        let below = below / number(&random["deviation_region_final_m"]);
+        assert!((number(&report["deviations_below_random"]) - below).abs() < 1e-12);
+        assert!(report.get("sampled").is_none());
+        let score = number(&report["episode"]["score"]);
+        assert!(
+            (score - expected).abs() < SCORE_TOLERANCE,
+            "{name}: {score}, {expected}"
+        );
+    }
+}
+
+#[test]
+fn best_sequence_replays_to_its_score_without_a_checkpoint() {
+    let folder = trained();
+    let path = folder.path();
+    fs::remove_dir_all(path.join("runs/a/checkpoints")).unwrap();
+    let report = eval(path, &["--sequence"]);
+    assert_eq!(report["played"], "sequence");
+    check_episode(&report["episode"]);
+    let sequence = read_json(&path.join("runs/a/best_sequence.json"));
+    let score = number(&report["episode"]["score"]);
+    assert!((score - number(&sequence["score"])).abs() < SCORE_TOLERANCE);
+    let count = sequence["vertices"].as_array().unwrap().len();
+    assert_eq!(report["episode"]["steps"], count);
+}
+
+#[test]
+fn sampled_episodes_are_told_apart_and_repeat() {
+    let folder = trained();
+    let report = eval(folder.path(), &["--sample"]);
+    check_episodes(&report["sampled"], 5);
+    let again = eval(folder.path(), &["--sample"]);
+    for group in ["sampled", "random"] {
+        for key in ["mean_score", "deviation", "best_score"] {
+            assert_eq!(report[group][key], again[group][key]);
+        }
+    }
+    assert_ne!(
+        report["sampled"]["mean_score"],
+        report["random"]["mean_score"]
+    );
+    let text = stdout(
+        folder.path(),
+        &["eval", "runs/a", "--sample", "--episodes", "2"],
+    );
+    assert!(text.starts_with("runs/a: best\n  region: "), "{text}");
+    assert!(text.contains("\nsampled policy, 2 episodes: "), "{text}");
+    assert!(text.contains("\nmasked random, 2 episodes: "), "{text}");
+    assert!(text.ends_with("pictures in runs/a/pictures\n"), "{text}");
+}
+
+#[test]
+fn exported_points_are_the_sequence_in_metres_and_millimetres() {
+    let folder = trained();
+    let path = folder.path();
+    let trajectory = fs::read(path.join("runs/a/trajectory.json")).unwrap();
+    let report = json(path, &["export", "runs/a", "--json"]);
+    assert_eq!(report["file"], "runs/a/trajectory.json");
+    assert!(fs::read(path.join("runs/a/trajectory.json")).unwrap() == trajectory);
+    json(path, &["export", "runs/a", "--format", "csv", "--json"]);
+    let csv = fs::read_to_string(path.join("runs/a/trajectory.csv")).unwrap();
+
+    let sequence = read_json(&path.join("runs/a/best_sequence.json"));
+    let vertices = sequence["vertices"].as_array().unwrap();
+    let document: Value = serde_json::from_slice(&trajectory).unwrap();
+    let points = document["points"].as_array().unwrap();
+    assert_eq!(report["points"], vertices.len());
+    assert!((number(&report["score"]) - number(&sequence["score"])).abs() < SCORE_TOLERANCE);
+
+    let mut rows = csv.lines().filter(|line| !line.starts_with('#'));
+    let header: Vec<&str> = rows.next().unwrap().split(',').collect();
+    assert_eq!(
+        header[..8],
+        ["index", "vertex", "x", "y", "z", "i", "j", "k"]
+    );
+    let rows: Vec<Vec<&str>> = rows.map(|row| row.split(',').collect()).collect();
+    assert_eq!((rows.len(), points.len()), (vertices.len(), vertices.len()));
+    let mut strokes = 0;
+    for (index, (row, point)) in rows.iter().zip(points).enumerate() {
+        assert_eq!(row.len(), header.len());
+        assert_eq!(row[0], index.to_string());
+        assert_eq!(point["index"], index);
+        assert_eq!(point["vertex"], vertices[index]);
+        assert_eq!(row[1], vertices[index].to_string());
+        for axis in 0..3 {
+            let millimetres: f64 = row[2 + axis].parse().unwrap();
+            let metres = number(&point["position"][axis]);
+            assert!((millimetres - 1e3 * metres).abs() <= 1e-6, "{row:?}");
+            assert!(metres.abs() < 0.3);
+        }
+        let normal = [5, 6, 7].map(|column| row[column].parse::<f64>().unwrap());
+        let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
+        assert!((length - 1.0).abs() < 3e-6, "{row:?}");
+        let starts = point["starts_stroke"].as_bool().unwrap();
+        assert_eq!(*row.last().unwrap(), if starts { "1" } else { "0" });
+        strokes += u64::from(starts);
+    }
+    assert_eq!(report["strokes"], strokes);
+}
+
+#[test]
+fn exports_go_where_they_are_told_and_nowhere_else() {
+    let folder = trained();
+    let path = folder.path();
+    let before = files(&path.join("runs/a"));
+    for (out, format) in [("a.json", "json"), ("a.csv", "csv")] {
+        let text = stdout(
+            path,
+            &["export", "runs/a", "--format", format, "--out", out],
+        );
+        assert!(text.starts_with(&format!("{out}: ")), "{text}");
+        assert!(path.join(out).is_file());
+        let args = ["export", "runs/a", "--format", format, "--out", "none/a"];
+        assert_failure(
+            &drape(path, &args),
+            1,
+            &["none/a", "folder none does not exist"],
+        );
+        let args = ["export", "runs/a", "--format", format, "--out", "runs"];
+        assert_failure(&drape(path, &args), 1, &["cannot write runs"]);
+    }
+    let report = json(
+        path,
+        &[
+            "export",
+            "runs/a",
+            "--checkpoint",
+            "best",
+            "--out",
+            "b",
+            "--json",
+        ],
+    );
+    let greedy = eval(path, &[]);
+    assert_eq!(report["score"], greedy["episode"]["score"]);
+    assert_eq!(report["points"], greedy["episode"]["steps"]);
+    let after = files(&path.join("runs/a"));
+    for (name, bytes) in before
+        .iter()
+        .filter(|(name, _)| !name.starts_with("pictures/"))
+    {
+        assert!(after[name] == *bytes, "{name}");
+    }
+}
+
+#[test]
+fn run_whose_configuration_was_edited_is_refused() {
+    let folder = trained();
+    let path = folder.path();
+    let file = path.join("runs/a/config.toml");
+    let text = fs::read_to_string(&file).unwrap();
+    let edited = text.replace("stencil_mm = 18.0", "stencil_mm = 24.0");
+    assert_ne!(edited, text);
+    fs::write(&file, edited).unwrap();
+    let before = files(path);
+    for (args, word) in [
+        (
+            &["eval", "runs/a"][..],
+            "checkpoints/best.drape: written for another configuration",
+        ),
+        (
+            &["eval", "runs/a", "--sequence"],
+            "best_sequence.json: found in the configuration",
+        ),
+        (
+            &["export", "runs/a"],
+            "best_sequence.json: found in the configuration",
+        ),
+        (
+            &["export", "runs/a", "--checkpoint", "last"],
+            "last.drape: written for another",
+        ),
+        (
+            &["train", "--resume", "runs/a", "--json"],
+            "last.drape: written for another configuration than runs/a/config.toml",
+        ),
+    ] {
+        assert_failure(&drape(path, args), 2, &[word]);
+    }
+    fs::write(&file, text.replace("stencil_mm", "stencil_m")).unwrap();
+    let word = "runs/a/config.toml:11: `env`: unknown field `stencil_m`";
+    assert_failure(&drape(path, &["eval", "runs/a"]), 2, &[word]);
+    fs::write(
+        &file,
+        text.replace("stencil_mm = 18.0", "stencil_mm = 24.0"),
+    )
+    .unwrap();
+    assert!(files(path) == before);
+}

@@ -1,0 +1,172 @@
+//! A tiny but real training, and what its run folder holds.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use super::*;
+
+/// A coarse rib and a short fall. An iteration takes 80 environment steps and some 30 ms, an
+/// episode about 50 presses.
+pub const CONFIG: &str = r#"
+seed = 3
+steps = 240
+environments = 4
+evaluation_interval = 1
+
+[env]
+region_mm = [-186.0, -186.0, -30.0, -30.0]
+
+[ppo]
+rollout_steps = 20
+minibatch_size = 40
+epochs = 2
+
+[scene.blank]
+vertices = [17, 17]
+
+[scene.fall]
+fall_s = 0.2
+settle_s = 0.2
+substep_rate = 1200
+
+[[scene.clamps]]
+at_mm = [-185.0, -185.0]
+move_mm = [24.0, 0.0, 0.0]
+
+[[scene.clamps]]
+at_mm = [0.0, -185.0]
+
+[scene.tool.source.shape]
+kind = "rib"
+
+[scene.tool.grid]
+spacing_mm = 12
+"#;
+
+/// What a complete run leaves, sorted.
+pub const FILES: [&str; 13] = [
+    "best_sequence.json",
+    "checkpoints/best.drape",
+    "checkpoints/last.drape",
+    "config.toml",
+    "events/events.out.tfevents.drape",
+    "metrics.jsonl",
+    "pictures/after.png",
+    "pictures/before.png",
+    "pictures/path.png",
+    "pictures/reward.png",
+    "pictures/rollout.gif",
+    "run.json",
+    "trajectory.json",
+];
+
+/// What the learner has found, without times.
+pub const LEARNT: [&str; 3] = [
+    "checkpoints/last.drape",
+    "checkpoints/best.drape",
+    "best_sequence.json",
+];
+
+pub type Files = BTreeMap<String, Vec<u8>>;
+
+/// All files below `folder` with their content, by path.
+pub fn files(folder: &Path) -> Files {
+    let mut files = Files::new();
+    for name in names(folder) {
+        let path = folder.join(&name);
+        if path.is_dir() {
+            let inner = self::files(&path).into_iter();
+            files.extend(inner.map(|(below, bytes)| (format!("{name}/{below}"), bytes)));
+        } else {
+            files.insert(name, fs::read(path).unwrap());
+        }
+    }
+    files
+}
+
+/// A folder with a complete run of [`CONFIG`] in `runs/a`, trained once for all tests.
+pub fn trained() -> TempDir {
+    static TRAINED: OnceLock<Files> = OnceLock::new();
+    let files = TRAINED.get_or_init(|| {
+        let folder = folder();
+        train(folder.path(), CONFIG, "a");
+        files(&folder.path().join("runs/a"))
+    });
+    let folder = folder();
+    for (name, bytes) in files {
+        let path = folder.path().join("runs/a").join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    }
+    folder
+}
+
+/// Trains `config` to the end in `runs/NAME`.
+pub fn train(folder: &Path, config: &str, name: &str) -> Value {
+    fs::write(folder.join("config.toml"), config).unwrap();
+    json(folder, &["train", "config.toml", "--name", name, "--json"])
+}
+
+/// Trains `config` where it must fail, and gives what it printed.
+pub fn refused(folder: &Path, config: &str) -> Output {
+    fs::write(folder.join("config.toml"), config).unwrap();
+    drape(folder, &["train", "config.toml", "--name", "a", "--json"])
+}
+
+pub fn read_json(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+/// The lines of the metrics file, times taken out.
+pub fn metrics(run: &Path) -> Vec<Value> {
+    let text = fs::read_to_string(run.join("metrics.jsonl")).unwrap();
+    assert!(text.ends_with('\n'));
+    let line = |line: &str| {
+        let mut value: Value = serde_json::from_str(line).unwrap();
+        let object = value.as_object_mut().unwrap();
+        object.retain(|key, _| key != "wall_time" && !key.starts_with("seconds_"));
+        value
+    };
+    text.lines().map(line).collect()
+}
+
+pub fn steps(metrics: &[Value]) -> Vec<u64> {
+    let step = |line: &Value| line["step"].as_u64().unwrap();
+    metrics.iter().map(step).collect()
+}
+
+pub fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value}"))
+}
+
+/// Starts a training of `config` in `runs/NAME` and sends `signal` once `count` lines of
+/// metrics are written.
+#[cfg(unix)]
+pub fn interrupted(
+    folder: &Path,
+    config: &str,
+    name: &str,
+    signal: &str,
+    count: usize,
+) -> (PathBuf, Output) {
+    fs::write(folder.join("config.toml"), config).unwrap();
+    let run = folder.join("runs").join(name);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_drape"));
+    command.args(["train", "config.toml", "--name", name, "--json"]);
+    command.current_dir(folder);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = child.spawn().unwrap();
+    let start = Instant::now();
+    let written = || fs::read(run.join("metrics.jsonl")).unwrap_or_default();
+    while written().iter().filter(|&&byte| byte == b'\n').count() < count {
+        assert_eq!(child.try_wait().unwrap(), None, "ended by itself");
+        assert!(start.elapsed() < Duration::from_secs(60));
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let script = format!("kill -{signal} {}", child.id());
+    let status = Command::new("sh").args(["-c", &script]).status();
+    assert!(status.unwrap().success());
+    (run, child.wait_with_output().unwrap())
+}
