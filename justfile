@@ -17,6 +17,14 @@ test *names:
 train *options:
     cargo run --release -- train {{ options }}
 
+# Run any command: `just drape eval runs/NAME`.
+drape *arguments:
+    cargo run --release -- {{ arguments }}
+
+# Measure steps of the simulation and of the task.
+bench *names:
+    cargo bench -- {{ names }}
+
 # Format the sources.
 fmt:
     cargo fmt
