@@ -26,7 +26,9 @@ impl DeviceKind {
     pub fn open(self) -> Result<Device, DeviceError> {
         match self {
             Self::Flex => Ok(Device::flex()),
+            // Kept for comparison, although burn has deprecated it.
             #[cfg(feature = "ndarray")]
+            #[allow(deprecated)]
             Self::Ndarray => Ok(Device::ndarray()),
             #[cfg(not(feature = "ndarray"))]
             Self::Ndarray => Err(DeviceError { kind: "ndarray" }),
