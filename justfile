@@ -1,6 +1,3 @@
-# The commit goes into every run folder.
-export DRAPE_COMMIT := `git rev-parse --short=12 HEAD 2>/dev/null || echo unknown`
-
 # List the recipes.
 default:
     @just --list

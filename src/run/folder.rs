@@ -23,7 +23,7 @@ pub struct RunInfo {
     pub seed: u64,
     /// Version of drape.
     pub version: String,
-    /// Commit drape was built from; unknown unless `DRAPE_COMMIT` was set when building.
+    /// Commit drape was built from; unknown if it was not built in a checkout.
     pub commit: Option<String>,
     /// Architecture and operating system, for example `x86_64-linux`.
     pub platform: String,
