@@ -68,8 +68,8 @@ struct Report {
     /// The greedy episode, or the replayed one.
     episode: EpisodeSummary,
     /// How many deviations of the random policy's final region distance the episode lies
-    /// below its mean.
-    deviations_below_random: f64,
+    /// below its mean; none if that does not deviate.
+    deviations_below_random: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     sampled: Option<Sampled>,
     random: Baseline,
@@ -122,7 +122,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
         } else {
             args.checkpoint.clone()
         },
-        deviations_below_random: below / random.deviation_region_final_m,
+        deviations_below_random: (random.deviation_region_final_m > 0.0)
+            .then(|| below / random.deviation_region_final_m),
         episode: played.summary,
         sampled,
         random,
@@ -181,6 +182,10 @@ impl Loaded {
         let mut draping = Draping::new(self.scene.clone(), &self.config.env, 1).or_invalid()?;
         let mut recorder = Recorder::default();
         let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);
+        let place = match source {
+            Source::Sequence => self.folder.best_sequence(),
+            Source::Checkpoint(name) => self.checkpoint_path(name),
+        };
         let (played, agent) = match source {
             Source::Sequence => {
                 let best = self.folder.read_best_sequence()?;
@@ -198,16 +203,28 @@ impl Loaded {
                 (play(&mut draping, choose, watch), Some(agent))
             }
         };
-        Ok((played.map_err(rollout_failure)?, agent, recorder, draping))
+        let played = played.map_err(|error| rollout_failure(error, &place))?;
+        Ok((played, agent, recorder, draping))
+    }
+
+    fn checkpoint_path(&self, name: &str) -> PathBuf {
+        match name {
+            "best" => self.folder.best_checkpoint(),
+            "last" => self.folder.last_checkpoint(),
+            file => file.into(),
+        }
     }
 
     /// The policy of a checkpoint of this run.
     fn agent(&self, name: &str, draping: &Draping) -> Result<Agent, Failure> {
-        let path = match name {
-            "best" => self.folder.best_checkpoint(),
-            "last" => self.folder.last_checkpoint(),
-            file => file.into(),
-        };
+        let path = self.checkpoint_path(name);
+        let given = !matches!(name, "best" | "last");
+        if given && !path.exists() {
+            return Err(Failure::invalid(anyhow!(
+                "there is no checkpoint {}",
+                path.display()
+            )));
+        }
         let checkpoint = Checkpoint::load(&path)?;
         let fail = |reason: String| anyhow!("{}: {reason}", path.display());
         if checkpoint.config != self.config.to_toml() {
@@ -243,6 +260,9 @@ fn sampled(
         streams.iter_mut().enumerate().map(act).collect()
     };
     let episodes = parallel_episodes(scene, &config.env, count, BASELINE_SEED, choose)?;
+    if episodes.is_empty() {
+        return Err(anyhow!("all sampled episodes diverged").into());
+    }
     let scores: Vec<f64> = episodes.iter().map(|episode| episode.score).collect();
     let [mean_score, deviation] = mean_and_deviation(&scores);
     Ok(Sampled {
@@ -302,10 +322,11 @@ fn text(report: &Report, folder: &RunFolder) -> String {
         100.0 * random.deviation,
         100.0 * random.best_score
     ));
-    lines.push(format!(
-        "the episode lies {:.2} deviations below the random mean",
-        report.deviations_below_random
-    ));
+    if let Some(deviations) = report.deviations_below_random {
+        lines.push(format!(
+            "the episode lies {deviations:.2} deviations below the random mean"
+        ));
+    }
     lines.push(format!("pictures in {}", folder.pictures().display()));
     lines.join("\n")
 }

@@ -1,12 +1,12 @@
 //! What a run is measured against, and the files that show what it has found.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context;
 use serde::Serialize;
 
 use super::Failure;
-use super::failure::OrInvalid;
 use super::picture::{Frame, Studio, View};
 use crate::env::{Draping, EnvConfig};
 use crate::path::{DrapingPoint, PressedPoint, strokes, write_json};
@@ -89,7 +89,8 @@ pub(super) fn write(training: &Training, baseline: &Baseline, json: bool) -> Res
     let mut recorder = Recorder::default();
     let played = replay(&mut draping, &sequence.vertices, |draping, points| {
         recorder.watch(draping, points);
-    })?;
+    })
+    .map_err(|error| rollout_failure(error, &folder.best_sequence()))?;
     write_json(
         &folder.trajectory(),
         &path(&played, &training.config().env)?,
@@ -202,11 +203,12 @@ fn caption(steps: usize, distance: f64, initial: f64) -> String {
 }
 
 /// A sequence that cannot be replayed belongs to the user's folder, a diverged one to us.
-pub(super) fn rollout_failure(error: RolloutError) -> Failure {
-    match error {
-        RolloutError::Env(_) | RolloutError::Forbidden { .. } | RolloutError::Short { .. } => {
-            Err::<(), _>(error).or_invalid().unwrap_err()
-        }
-        RolloutError::Truncated { .. } => error.into(),
+pub(super) fn rollout_failure(error: RolloutError, place: &Path) -> Failure {
+    let diverged = matches!(error, RolloutError::Truncated { .. });
+    let error = anyhow::Error::new(error).context(place.display().to_string());
+    if diverged {
+        error.into()
+    } else {
+        Failure::invalid(error)
     }
 }

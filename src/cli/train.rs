@@ -25,7 +25,7 @@ pub struct Args {
     #[arg(conflicts_with = "resume")]
     config: Option<PathBuf>,
 
-    /// Name of the run; its time of day if not given
+    /// Name of the run; date and minute (UTC) if not given
     #[arg(long, value_name = "NAME", conflicts_with = "resume")]
     name: Option<String>,
 
@@ -160,11 +160,21 @@ fn begin(args: &Args) -> Result<Training, Failure> {
     config.seed = args.seed.unwrap_or(config.seed);
     config.steps = args.steps.unwrap_or(config.steps);
     config.device = args.device.unwrap_or(config.device);
-    config.make_paths_absolute();
+    config
+        .make_paths_absolute()
+        .context("cannot find the current folder")?;
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
     let scene = Arc::new(set_up(&config.scene, &place, args.json)?);
     let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
+    // Below a micrometre in sum there is nothing to win, and scores divide by it.
+    let initial = draping.initial_distance();
+    if initial < 1e-6 {
+        return Err(Failure::invalid(anyhow::anyhow!(
+            "{place}: `env.region_mm` has cloth {initial} m off the tool in sum, expected a \
+             region that does not lie on it yet"
+        )));
+    }
     let Shape { rows, columns } = draping.shape();
     let policy = config.policy.validate(rows, columns).context("policy");
     policy.or_invalid_in(&place)?;

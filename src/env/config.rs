@@ -27,11 +27,11 @@ pub struct EnvConfig {
     pub stencil_mm: f64,
     /// A touched vertex nearer to the tool than this is draped [mm].
     pub drape_threshold_mm: f64,
-    /// Duration of a press, including the lift [s].
+    /// Duration of a press [s]; the stencil is gone at its end.
     pub press_s: f64,
     /// Share of the press in which the stencil comes down.
     pub descent: f64,
-    /// Time to settle after the lift [s].
+    /// Time to settle after the press [s].
     pub settle_s: f64,
     /// Substeps a second.
     pub substep_rate: f64,

@@ -221,8 +221,12 @@ impl Task {
             config: config.clone(),
             region,
         };
-        // Through f32, as the environments see it.
-        let position = |v: u32| scene.initial.position[v as usize].map(|x| f64::from(x as f32));
+        // As the environments hold it.
+        let held = |x: f64| match config.precision {
+            Precision::F32 => f64::from(x as f32),
+            Precision::F64 => x,
+        };
+        let position = |v: u32| scene.initial.position[v as usize].map(held);
         task.start.observation = task.observe(&task.start.progress, position);
         task.initial_distance = task.distance(position);
         Ok(task)

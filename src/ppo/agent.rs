@@ -16,7 +16,7 @@ pub enum Sampling<'a> {
 pub enum AgentError {
     #[error(transparent)]
     Device(#[from] DeviceError),
-    #[error("policy: {0}")]
+    #[error("policy")]
     Config(#[from] policy::ConfigError),
 }
 

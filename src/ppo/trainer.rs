@@ -71,10 +71,10 @@ pub struct Iteration {
 pub enum TrainError {
     #[error(transparent)]
     Agent(#[from] AgentError),
-    #[error("ppo: {0}")]
+    #[error("ppo")]
     Config(#[from] config::ConfigError),
     /// The update stopped before the step that would have done harm.
-    #[error("iteration {iteration}: {source}; lower the learning rate or limit the gradient norm")]
+    #[error("iteration {iteration} failed: lower the learning rate or limit the gradient norm")]
     NotFinite { iteration: u64, source: NotFinite },
 }
 
@@ -83,7 +83,7 @@ pub enum TrainError {
 pub enum LoadError {
     #[error("section `{section}` is missing")]
     Missing { section: &'static str },
-    #[error("section `network`: {0}")]
+    #[error("section `network`")]
     Network(#[from] ParameterError),
     #[error("section `{section}`: {reason}")]
     Section {

@@ -113,9 +113,12 @@ impl RunConfig {
 
     /// Makes the paths in it independent of the current folder, so that a run can be gone on
     /// with from anywhere.
-    pub fn make_paths_absolute(&mut self) {
-        let here = std::env::current_dir().unwrap_or_default();
-        self.scene.resolve(&here);
+    ///
+    /// # Errors
+    /// The current folder is not known.
+    pub fn make_paths_absolute(&mut self) -> std::io::Result<()> {
+        self.scene.resolve(&std::env::current_dir()?);
+        Ok(())
     }
 
     /// The configuration as TOML, complete: reading it gives the same again. A key that the
@@ -158,7 +161,16 @@ impl RunConfig {
                 let message = "`scene_file` and `scene` are both given, expected one";
                 return Err(fail("scene_file", message.into()));
             }
-            (Some(Value::String(file)), None) => SceneConfig::read(&folder.join(file))?,
+            (Some(Value::String(file)), None) => {
+                let path = folder.join(file);
+                let scene = SceneConfig::read(&path)?;
+                scene.check().map_err(|error| RunConfigError::Value {
+                    path,
+                    place: String::new(),
+                    message: error.to_string(),
+                })?;
+                scene
+            }
             (Some(value), None) => {
                 let message = format!("`scene_file` is {value}, expected a path");
                 return Err(fail("scene_file", message));
@@ -306,7 +318,17 @@ fn switch_off(table: &mut Table, base: &Table) -> bool {
     any
 }
 
-/// Puts `over` on top of `base`, table by table. `"off"` removes a key that is not text.
+/// Keys that may be absent, and so be switched off.
+const OPTIONAL: [&str; 6] = [
+    "region_mm",
+    "max_steps",
+    "annealing_steps",
+    "max_grad_norm",
+    "target_kl",
+    "imitation",
+];
+
+/// Puts `over` on top of `base`, table by table. `"off"` removes an optional key.
 fn merge(base: &mut Table, over: Table) {
     for (key, value) in over {
         match (base.get_mut(&key), value) {
@@ -316,7 +338,7 @@ fn merge(base: &mut Table, over: Table) {
             {
                 merge(below, above);
             }
-            (Some(old), Value::String(text)) if text == "off" && !old.is_str() => {
+            (_, Value::String(text)) if text == "off" && OPTIONAL.contains(&key.as_str()) => {
                 base.remove(&key);
             }
             (_, value) => {

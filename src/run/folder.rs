@@ -315,6 +315,7 @@ impl RunFolder {
         read(&self.config())
     }
 
+    /// Where the run came from.
     pub fn read_info(&self) -> Result<RunInfo, FolderError> {
         read_json(&self.info())
     }

@@ -30,7 +30,7 @@ pub struct EpisodeSummary {
     pub strain_max: f64,
     /// Root mean square speed at the end [mm/s].
     pub v_rms_mm_s: f64,
-    /// Wall-clock time of the episode.
+    /// Wall-clock time of the episode, without watching it; of several at once, its share.
     pub seconds: f64,
 }
 
@@ -53,14 +53,36 @@ pub enum RolloutError {
     Env(#[from] EnvError),
     #[error("the simulation diverged after {steps} steps")]
     Truncated { steps: usize },
-    #[error("step {step} of the sequence presses vertex {vertex}, which is not allowed there")]
+    #[error(
+        "step {step} (from 0) of the sequence presses vertex {vertex}, which is not allowed there"
+    )]
     Forbidden { step: usize, vertex: u32 },
     #[error("the sequence ends after {steps} steps, before the episode does")]
     Short { steps: usize },
+    #[error("the episode is over after {steps} steps, the sequence has {found}")]
+    Long { steps: usize, found: usize },
 }
 
 /// Presses farther apart than this many stencils are joined by a jump.
 const JUMP: f64 = 1.0;
+
+/// Whether the simulation failed in the episode that has just ended; one that the step limit
+/// cut off has come to its end.
+pub(super) fn diverged(draping: &Draping, index: usize, end: End, steps: usize) -> bool {
+    let finite = draping.finished(index).is_some_and(|f| f.state.is_finite());
+    end == End::Truncated && !(finite && draping.config().max_steps == Some(steps))
+}
+
+/// Where on the tool a press on `vertex` lands.
+fn pressed(draping: &Draping, index: usize, vertex: u32) -> PressedPoint {
+    let x = Vec3::from(draping.position(index, vertex));
+    let surface = draping.scene().tool.surface.project(x);
+    PressedPoint {
+        vertex,
+        position: surface.position,
+        normal: surface.normal,
+    }
+}
 
 /// Plays one episode in the only environment of `draping`, from its start. `choose` gives the
 /// action for what is seen, `watch` is called before each press and at the end.
@@ -69,37 +91,29 @@ pub fn play(
     mut choose: impl FnMut(&Draping, usize) -> Result<u32, RolloutError>,
     mut watch: impl FnMut(&Draping, &[PressedPoint]),
 ) -> Result<Played, RolloutError> {
-    let start = std::time::Instant::now();
+    let mut seconds = 0.0;
     draping.reset(0);
-    let scene = draping.scene().clone();
     let mut points = Vec::new();
     let mut vertices = Vec::new();
     loop {
         watch(draping, &points);
+        let start = std::time::Instant::now();
         let action = choose(draping, points.len())?;
         let vertex = draping.vertex(action);
-        let surface = scene
-            .tool
-            .surface
-            .project(Vec3::from(draping.position(0, vertex)));
-        points.push(PressedPoint {
-            vertex,
-            position: surface.position,
-            normal: surface.normal,
-        });
+        points.push(pressed(draping, 0, vertex));
         vertices.push(vertex);
         let outcome = draping.step(&[action]).swap_remove(0);
+        seconds += start.elapsed().as_secs_f64();
         match outcome.episode.map(|episode| episode.end) {
             None => {}
-            Some(End::Terminated) => break,
-            Some(End::Truncated) => {
+            Some(end) if !diverged(draping, 0, end, points.len()) => break,
+            Some(_) => {
                 return Err(RolloutError::Truncated {
                     steps: points.len(),
                 });
             }
         }
     }
-    let seconds = start.elapsed().as_secs_f64();
     let mut summary = summarise(draping, 0, &points);
     summary.seconds = seconds;
     let state = draping
@@ -151,7 +165,12 @@ pub fn replay(
             .filter(|&action| draping.observation(0).mask.contains(action as usize))
             .ok_or(RolloutError::Forbidden { step, vertex })
     };
-    play(draping, choose, watch)
+    let played = play(draping, choose, watch)?;
+    let (steps, found) = (played.vertices.len(), sequence.len());
+    if steps < found {
+        return Err(RolloutError::Long { steps, found });
+    }
+    Ok(played)
 }
 
 /// `count` episodes of the masked random policy: what learning has to beat.
@@ -196,13 +215,7 @@ pub fn parallel_episodes(
     while open > 0 {
         let actions = choose(&draping, &mut streams);
         for (index, &action) in actions.iter().enumerate() {
-            let vertex = draping.vertex(action);
-            let x = Vec3::from(draping.position(index, vertex));
-            points[index].push(PressedPoint {
-                vertex,
-                position: x,
-                normal: Vec3::from(scene.tool.distance(x.into()).1),
-            });
+            points[index].push(pressed(&draping, index, draping.vertex(action)));
         }
         let outcomes = draping.step(&actions);
         for (index, outcome) in outcomes.into_iter().enumerate() {
@@ -212,7 +225,7 @@ pub fn parallel_episodes(
             if !over[index] {
                 over[index] = true;
                 open -= 1;
-                if episode.end == End::Terminated {
+                if !diverged(&draping, index, episode.end, points[index].len()) {
                     let mut summary = summarise(&draping, index, &points[index]);
                     summary.seconds = start.elapsed().as_secs_f64() / count as f64;
                     summaries[index] = Some(summary);

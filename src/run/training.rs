@@ -10,6 +10,7 @@ use super::events::EventWriter;
 use super::folder::{BestSequence, FolderError, RunFolder, config_digest};
 use super::log::LogError;
 use super::metrics::{MetricsError, MetricsWriter, read_metrics};
+use super::rollout::diverged;
 use crate::env::{Draping, End, EnvError, Shape, Tasks};
 use crate::file::WriteError;
 use crate::ppo::{Iteration, LoadError, Sampling, TrainError, Trainer};
@@ -40,6 +41,8 @@ struct Memory {
     best_sequence: Option<(Vec<u32>, f64)>,
     /// Scores of the last episodes of the training, oldest first.
     recent: Vec<f64>,
+    /// Lines of the metrics.
+    lines: u64,
 }
 
 /// Episodes that the mean score of a report is taken over.
@@ -76,8 +79,14 @@ pub enum TrainingError {
     Checkpoint(#[from] CheckpointError),
     #[error("{path}: {fault}")]
     Missing { path: String, fault: MissingPart },
-    #[error("{path}: {fault}")]
-    Load { path: String, fault: LoadError },
+    #[error("{path}")]
+    Load { path: String, source: LoadError },
+    #[error("{path} has {found} lines, expected {expected} at least", path = path.display())]
+    LostMetrics {
+        path: std::path::PathBuf,
+        found: u64,
+        expected: u64,
+    },
     #[error("{path}: section `{RUN}` is not of this program")]
     Memory { path: String },
     #[error("{path}: written for another configuration than {config}")]
@@ -124,9 +133,9 @@ impl Training {
         let (mut trainer, evaluation) = learner(&config, scene)?;
         trainer
             .load(&checkpoint.sections)
-            .map_err(|fault| TrainingError::Load {
+            .map_err(|source| TrainingError::Load {
                 path: name(),
-                fault,
+                source,
             })?;
         let memory = checkpoint
             .section(RUN)
@@ -134,9 +143,9 @@ impl Training {
                 path: name(),
                 fault,
             })?;
-        let memory =
+        let memory: Memory =
             postcard::from_bytes(memory).map_err(|_| TrainingError::Memory { path: name() })?;
-        let (metrics, events) = reopen_logs(&folder, trainer.env_steps())?;
+        let (metrics, events) = reopen_logs(&folder, memory.lines)?;
         Ok(Self {
             config,
             config_text,
@@ -242,10 +251,12 @@ impl Training {
                 break episode;
             }
         };
-        if episode.end == End::Truncated {
+        if diverged(&self.evaluation, 0, episode.end, episode.actions.len()) {
             return Ok(None);
         }
-        let score = f64::from(episode.total_reward) / self.evaluation.initial_distance();
+        let finished = self.evaluation.finished(0).expect("the episode is over");
+        let left = self.evaluation.region_distance(&finished.state);
+        let score = 1.0 - left / self.evaluation.initial_distance();
         self.remember(score, &episode.actions)?;
         if self.memory.best_greedy.is_none_or(|best| score > best) {
             self.memory.best_greedy = Some(score);
@@ -314,6 +325,7 @@ impl Training {
             ("best_score", report.best_score),
         ];
         values.extend(optional.iter().filter_map(|&(name, v)| Some((name, v?))));
+        self.memory.lines += 1;
         self.metrics.append(iteration.env_steps, &values)?;
         self.events.append(now, iteration.env_steps, &values)?;
         Ok(())
@@ -336,22 +348,24 @@ fn learner(
     Ok((trainer, evaluation))
 }
 
-/// Cuts the metrics back to the lines up to `env_steps` and writes the events anew from them.
+/// Cuts the metrics back to their first `lines` and writes the events anew from them.
 fn reopen_logs(
     folder: &RunFolder,
-    env_steps: u64,
+    lines: u64,
 ) -> Result<(MetricsWriter, EventWriter), TrainingError> {
     let path = folder.metrics();
-    let kept: Vec<_> = read_metrics(&path)?
-        .into_iter()
-        .take_while(|line| line.step <= env_steps)
-        .collect();
+    let mut kept = read_metrics(&path)?;
+    if (kept.len() as u64) < lines {
+        return Err(TrainingError::LostMetrics {
+            path,
+            found: kept.len() as u64,
+            expected: lines,
+        });
+    }
+    kept.truncate(lines as usize);
     let text = std::fs::read_to_string(&path).unwrap_or_default();
-    let length: usize = text
-        .split_inclusive('\n')
-        .take(kept.len())
-        .map(str::len)
-        .sum();
+    let lengths = text.split_inclusive('\n').map(str::len);
+    let length: usize = lengths.take(kept.len()).sum();
     let metrics = MetricsWriter::resume(&path, length as u64)?;
     let _ = std::fs::remove_file(folder.events());
     let mut events = EventWriter::create(&folder.events(), SystemTime::now())?;

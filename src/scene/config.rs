@@ -151,7 +151,7 @@ impl SceneConfig {
     }
 
     /// Checks all values that are not checked by the parts they belong to.
-    pub(super) fn check(&self) -> Result<(), SceneError> {
+    pub fn check(&self) -> Result<(), SceneError> {
         let fail = |key: &str, found: f64, expected| {
             Err(SceneError::Value {
                 key: key.into(),

@@ -64,12 +64,17 @@ impl Scene {
             }
             progress((frame + 1) as f64 / (falling + settling) as f64);
         }
+        // Clamps stay where they are, also if no time to settle has followed.
+        let mut initial = batch.snapshot(0);
+        for vertex in initial.fixed.ones() {
+            initial.velocity[vertex] = [0.0; 3];
+        }
         Ok(Self {
             config: config.clone(),
             tool,
             lamina,
             model,
-            initial: batch.snapshot(0),
+            initial,
         })
     }
 

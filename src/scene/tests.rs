@@ -209,3 +209,16 @@ fn wrinkles_are_patches_that_run_out_over_the_border() {
     // Joined at the far end it is one.
     assert_eq!(count(&[[0, 5], [1, 6], [2, 7], [1, 8], [0, 9]]), 1);
 }
+
+/// Clamps stop with the fall, whether or not there is time to settle.
+#[test]
+fn clamps_rest_without_settling() {
+    let mut config = coarse();
+    config.fall.settle_s = 0.0;
+    config.fall.fall_s = 0.1;
+    let scene = Scene::new(&config, |_| {}).unwrap();
+    assert_eq!(scene.initial.fixed.count_ones(..), 3);
+    for vertex in scene.initial.fixed.ones() {
+        assert_eq!(scene.initial.velocity[vertex], [0.0; 3]);
+    }
+}

@@ -51,8 +51,8 @@ impl<V: Lanes> Cpu<V> {
         }
     }
 
-    /// Looks up the tangent plane of the tool under every vertex. Vertices fixed in all lanes
-    /// keep theirs.
+    /// Looks up the tangent plane of the tool under every vertex that is free in its lane;
+    /// fixed ones keep theirs, which nothing reads.
     fn find_planes(&mut self, tool: &Tool) {
         let moving = self.position.iter().zip(&self.inverse_mass);
         for ((x, w), plane) in moving.zip(&mut self.plane) {

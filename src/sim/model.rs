@@ -211,12 +211,19 @@ impl Model {
             shear_passes(lamina, physics),
             bending_passes(lamina, physics),
         ];
+        // What only the direct solve needs costs nothing without it.
+        let direct = physics.solver == Solver::Yarn;
+        let yarn_edges = lamina.yarns.iter().map(|yarn| yarn.vertices.len() - 1);
         Self {
             inverse_mass: lamina.mass.iter().map(|m| 1.0 / m).collect(),
             passes: passes.concat(),
             friction: physics.friction.then(|| lamina.material.friction()),
-            longest_chain: lamina.rows.max(lamina.columns),
-            yarn_edge_count: lamina.yarns.iter().map(|y| y.vertices.len() - 1).sum(),
+            longest_chain: if direct {
+                lamina.rows.max(lamina.columns)
+            } else {
+                0
+            },
+            yarn_edge_count: if direct { yarn_edges.sum() } else { 0 },
             physics: physics.clone(),
         }
     }

@@ -15,7 +15,8 @@ pub struct Snapshot {
     #[serde(with = "crate::math::bits")]
     pub fixed: FixedBitSet,
     /// Yarn edges that the direct solve found in compression, yarn by yarn as in the lamina:
-    /// the branch of the material law that they are on. Missing bits are edges in tension.
+    /// the branch of the material law that they are on. Missing bits are edges in tension;
+    /// without the direct solve all are missing.
     #[serde(with = "crate::math::bits")]
     pub compressed: FixedBitSet,
 }

@@ -323,7 +323,7 @@ fn damaged_checkpoints_are_located_and_nothing_is_changed() {
         ],
     );
     let output = drape(path, &["eval", "runs/a", "--checkpoint", "none"]);
-    assert_failure(&output, 1, &["cannot read none: No such file"]);
+    assert_failure(&output, 2, &["there is no checkpoint none"]);
 }
 
 #[test]
@@ -380,12 +380,23 @@ fn damaged_sequences_and_metrics_are_located() {
         (
             with(&twice),
             2,
-            &["step 1 of the sequence presses vertex ", "not allowed"],
+            &[
+                "best_sequence.json: step 1 (from 0) of the sequence presses vertex ",
+                "not allowed",
+            ],
         ),
         (
             with(&vertices[..3]),
             2,
             &["the sequence ends after 3 steps, before the episode does"],
+        ),
+        (
+            with(&[vertices.as_slice(), &twice].concat()),
+            2,
+            &[
+                "best_sequence.json: the episode is over after ",
+                "the sequence has ",
+            ],
         ),
     ] {
         fs::write(&file, content).unwrap();
@@ -406,4 +417,12 @@ fn damaged_sequences_and_metrics_are_located() {
         &["runs/a/metrics.jsonl, line 1: not a line of metrics"],
     );
     assert!(files(path) == before);
+
+    let first = text.lines().next().unwrap();
+    fs::write(&metrics, format!("{first}\n")).unwrap();
+    assert_failure(
+        &drape(path, &args),
+        1,
+        &["runs/a/metrics.jsonl has 1 lines, expected 3 at least"],
+    );
 }

@@ -371,3 +371,36 @@ fn full_disk_during_training_costs_no_checkpoint() {
         &["cannot write runs/b/checkpoints/last.drape: File too large"],
     );
 }
+
+/// A step limit ends episodes early; they count with what they have reached.
+#[test]
+fn step_limit_shorter_than_an_episode_trains_and_replays() {
+    let folder = folder();
+    let path = folder.path();
+    let config = CONFIG
+        .replace("[env]", "[env]\nmax_steps = 5")
+        .replace("steps = 240", "steps = 80");
+    train(path, &config, "a");
+    let report = json(path, &["eval", "runs/a", "--episodes", "2", "--json"]);
+    assert_eq!(report["episode"]["steps"], 5);
+}
+
+/// Where the cloth lies on the tool already there is nothing to learn.
+#[test]
+fn region_that_lies_on_the_tool_is_refused() {
+    let folder = folder();
+    let path = folder.path();
+    let config = CONFIG
+        .replace("kind = \"rib\"", "kind = \"plate\"")
+        .replace("move_mm = [24.0, 0.0, 0.0]", "")
+        .replace(
+            "[scene.fall]",
+            "[scene.placement]\ntilt_deg = 0.0\nheight_mm = 0.0\n[scene.fall]",
+        );
+    let output = refused(path, &config);
+    assert_failure(
+        &output,
+        2,
+        &["`env.region_mm` has cloth", "expected a region"],
+    );
+}

@@ -1,6 +1,6 @@
 //! How episodes end, begin again, and go on from a saved state.
 
-use drape::env::End;
+use drape::env::{End, Precision};
 use drape::sim::Snapshot;
 use fixedbitset::FixedBitSet;
 
@@ -37,6 +37,21 @@ fn saved_state_goes_on_exactly_by_gauss_seidel() {
 #[test]
 fn saved_state_goes_on_exactly_with_yarns() {
     saved_state_goes_on_exactly(&COARSE);
+}
+
+/// An environment at its start sees the same after loading, to the bit, in either precision.
+#[test]
+fn start_is_observed_alike_after_loading() {
+    for precision in [Precision::F32, Precision::F64] {
+        let config = EnvConfig {
+            precision,
+            ..small_region()
+        };
+        let env = Draping::new(COARSE.clone(), &config, 2).unwrap();
+        let mut again = Draping::new(COARSE.clone(), &config, 2).unwrap();
+        again.load(&env.save()).unwrap();
+        assert_eq!(again.observation(1), env.observation(1));
+    }
 }
 
 /// The same actions give the same episode, whatever came before it.
