@@ -290,11 +290,10 @@ fn reward_that_is_not_finite_stops_the_training_and_leaves_the_network() {
     tasks.reward = f32::NAN;
     sections.insert("tasks".to_owned(), tasks.save());
     trainer.load(&sections).unwrap();
-    let error = trainer.iterate().unwrap_err().to_string();
-    assert!(
-        error.starts_with("iteration 2: policy loss is not finite"),
-        "{error}"
-    );
+    let error = trainer.iterate().unwrap_err();
+    let cause = std::error::Error::source(&error).unwrap().to_string();
+    assert!(error.to_string().starts_with("iteration 2 failed"));
+    assert_eq!(cause, "policy loss is not finite");
     assert!(trainer.agent().save() == before);
 }
 
