@@ -79,7 +79,7 @@ impl RunConfig {
     }
 
     /// Reads a configuration. Paths in it count from its folder. Keys that are not given are
-    /// those of its `preset`; an optional key of the preset is removed by `"off"`.
+    /// those of its `preset`; an optional key is removed by `"off"`.
     pub fn read(path: &Path) -> Result<Self, RunConfigError> {
         let text = std::fs::read_to_string(path).map_err(|source| RunConfigError::Read {
             path: path.into(),
