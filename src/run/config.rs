@@ -69,6 +69,8 @@ const QUICKSTART: &str = include_str!("../../configs/quickstart.toml");
 impl RunConfig {
     /// Most steps of a training.
     pub const MOST_STEPS: u64 = 1 << 40;
+    /// Most samples of a rollout, all environments counted.
+    pub const MOST_SAMPLES: usize = 1 << 18;
     /// Greatest seed: TOML has signed numbers only.
     pub const MOST_SEED: u64 = i64::MAX as u64;
 
@@ -231,6 +233,9 @@ impl RunConfig {
         range("steps", self.steps, Self::MOST_STEPS)?;
         range("environments", self.environments as u64, 4096)?;
         range("evaluation_interval", self.evaluation_interval, 1 << 32)?;
+        // A rollout is held in memory: 17 kB a sample on the whole standard blank.
+        let most = (Self::MOST_SAMPLES / self.environments) as u64;
+        range("ppo.rollout_steps", self.ppo.rollout_steps as u64, most)?;
         self.ppo
             .validate()
             .map_err(|e| (format!("ppo.{}", e.key), format!("ppo: {e}")))
