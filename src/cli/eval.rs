@@ -225,6 +225,13 @@ impl Loaded {
                 path.display()
             )));
         }
+        if name == "best" && !path.exists() && self.folder.last_checkpoint().exists() {
+            return Err(Failure::invalid(anyhow!(
+                "{} has no best checkpoint yet, as no greedy episode has been played: use \
+                 --checkpoint last, or resume the run",
+                self.folder.path().display()
+            )));
+        }
         let checkpoint = Checkpoint::load(&path)?;
         let fail = |reason: String| anyhow!("{}: {reason}", path.display());
         if checkpoint.config != self.config.to_toml() {

@@ -116,17 +116,21 @@ impl CompactConfig {
     fn validate(&self) -> Result<(), ConfigError> {
         positive("network.compact.patch", &[self.patch])?;
         positive("network.compact.channels", &[self.channels])?;
+        // None is allowed of these two.
+        positive("network.compact.border", &[self.border.saturating_add(1)])?;
+        positive("network.compact.blocks", &[self.blocks.saturating_add(1)])?;
         positive("network.compact.value_hidden", &[self.value_hidden])
     }
 }
 
-/// Checks that there are `sizes` and that none is 0.
+/// Checks that there are `sizes` and that each is from 1 to 4096: greater ones only exhaust the
+/// memory.
 fn positive(key: &'static str, sizes: &[usize]) -> Result<(), ConfigError> {
-    if sizes.is_empty() || sizes.contains(&0) {
+    if sizes.is_empty() || !sizes.iter().all(|size| (1..=4096).contains(size)) {
         return Err(ConfigError {
             key,
             found: format!("{sizes:?}"),
-            expected: "whole numbers above 0",
+            expected: "whole numbers from 1 to 4096",
         });
     }
     Ok(())

@@ -109,12 +109,16 @@ impl PhysicsConfig {
                 expected,
             })
         };
+        // Its square must neither overflow nor vanish in f32.
+        if self.speed_cap != 0.0 && !(1e-6..=1e6).contains(&self.speed_cap) {
+            let expected = "0 for none, or a number from 1e-6 to 1e6";
+            return fail("speed_cap", self.speed_cap.to_string(), expected);
+        }
         if self.contact_interval == 0 {
             return fail("contact_interval", "0".into(), "a number > 0");
         }
         let non_negative = [
             ("damping", self.damping),
-            ("speed_cap", self.speed_cap),
             ("press_stiffness", self.press_stiffness),
         ];
         for (key, value) in non_negative {

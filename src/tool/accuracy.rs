@@ -45,6 +45,8 @@ impl Tool {
         let near_surface = |i: usize| {
             let chosen = area * halton(i, 2);
             let t = area_up_to.partition_point(|&up_to| up_to <= chosen);
+            // Areas too small for f64 add up to nothing.
+            let t = t.min(area_up_to.len() - 1);
             let [a, b, c] = self.mesh.corners(t);
             // Evenly over the triangle: the square root makes up for its tip.
             let (r, s) = (halton(i, 3).sqrt(), halton(i, 5));

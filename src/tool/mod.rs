@@ -150,6 +150,10 @@ impl ConfigError {
     }
 }
 
+/// Coarsest spacing and widest margin of the distance grid: coarser than a tool, a grid does
+/// not see it.
+const MOST_MM: f64 = 1000.0;
+
 impl ToolConfig {
     /// Checks what can be checked without building the tool.
     ///
@@ -160,16 +164,17 @@ impl ToolConfig {
             ("grid.spacing_mm", self.grid.spacing_mm),
             ("grid.margin_mm", self.grid.margin_mm),
         ] {
-            if !(found > 0.0 && found.is_finite()) {
-                return Err(ConfigError::new(key, found, "a positive number"));
+            if !(found > 0.0 && found <= MOST_MM) {
+                let expected = "a positive number up to 1000 mm";
+                return Err(ConfigError::new(key, found, expected));
             }
         }
         for (key, values) in [
             ("pose.translation_mm", self.pose.translation_mm),
             ("pose.rotation_deg", self.pose.rotation_deg),
         ] {
-            if let Some(found) = values.iter().find(|v| !v.is_finite()) {
-                return Err(ConfigError::new(key, found, "finite numbers"));
+            if let Some(found) = values.iter().find(|v| v.is_nan() || v.abs() > 1e5) {
+                return Err(ConfigError::new(key, found, "numbers within +-100000"));
             }
         }
         match &self.source {
@@ -306,7 +311,7 @@ mod tests {
         config.pose.rotation_deg[1] = f64::INFINITY;
         assert_eq!(
             config.validate().unwrap_err().to_string(),
-            "pose.rotation_deg is inf, expected finite numbers"
+            "pose.rotation_deg is inf, expected numbers within +-100000"
         );
         config = ToolConfig::default();
         config.grid.spacing_mm = 0.0;
