@@ -1,3 +1,4 @@
+use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
 use crate::fabric::Lamina;
@@ -17,7 +18,7 @@ pub enum Precision {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EnvConfig {
-    /// Focus region on the flat blank [mm from its centre]: least x, least y, greatest x,
+    /// Focus region on the flat blank [mm, in its frame]: least x, least y, greatest x,
     /// greatest y. The whole blank if not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub region_mm: Option<[f64; 4]>,
@@ -67,11 +68,14 @@ pub struct EnvError {
     expected: &'static str,
 }
 
-/// Rows and columns of the focus region, ends exclusive.
+/// The vertices of the focus region, and the rows and columns, ends exclusive, that hold them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Region {
     pub rows: std::ops::Range<usize>,
     pub columns: std::ops::Range<usize>,
+    /// One bit a vertex of the blank. In rows and columns that run obliquely to the region, or
+    /// over a hole, not every place has one.
+    pub vertices: FixedBitSet,
 }
 
 impl EnvConfig {
@@ -112,31 +116,33 @@ impl EnvConfig {
         if self.max_steps == Some(0) {
             return fail("max_steps", "0".into(), "a number > 0");
         }
-        let all = Region {
-            rows: 0..lamina.rows,
-            columns: 0..lamina.columns,
-        };
-        let Some([x0, y0, x1, y1]) = self.region_mm else {
-            return Ok(all);
-        };
         // A vertex exactly on the border of the region belongs to it.
         let slack = 1e-9;
-        let inside = |k: usize, low: f64, high: f64, stride: usize, count: usize| {
-            let within = |i: &usize| {
-                let at = lamina.rest[i * stride][k];
-                low * 1e-3 - slack <= at && at <= high * 1e-3 + slack
-            };
-            let first = (0..count).find(within)?;
-            let last = (0..count).rfind(within)?;
-            Some(first..last + 1)
+        let inside = |at: &[f64; 2]| {
+            self.region_mm.is_none_or(|[x0, y0, x1, y1]| {
+                let between = |at: f64, low: f64, high: f64| {
+                    low * 1e-3 - slack <= at && at <= high * 1e-3 + slack
+                };
+                between(at[0], x0, x1) && between(at[1], y0, y1)
+            })
         };
-        let columns = inside(0, x0, x1, 1, lamina.columns);
-        let rows = inside(1, y0, y1, lamina.columns, lamina.rows);
-        match (rows, columns) {
-            (Some(rows), Some(columns)) => Ok(Region { rows, columns }),
+        let mut vertices = FixedBitSet::with_capacity(lamina.vertex_count());
+        for (vertex, at) in lamina.rest.iter().enumerate() {
+            vertices.set(vertex, inside(at));
+        }
+        let range = |k: usize| {
+            let places = || vertices.ones().map(|v| lamina.place(v as u32)[k]);
+            Some(places().min()?..places().max()? + 1)
+        };
+        match (range(0), range(1)) {
+            (Some(rows), Some(columns)) => Ok(Region {
+                rows,
+                columns,
+                vertices,
+            }),
             _ => fail(
                 "region_mm",
-                format!("{:?}", [x0, y0, x1, y1]),
+                format!("{:?}", self.region_mm.unwrap_or_default()),
                 "[least x, least y, greatest x, greatest y] with vertices of the blank inside",
             ),
         }

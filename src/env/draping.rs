@@ -102,15 +102,14 @@ impl Draping {
         })
     }
 
-    /// The vertex of the blank that an action presses.
-    pub fn vertex(&self, action: u32) -> u32 {
+    /// The vertex of the blank that an action presses; none where the blank has been cut away.
+    pub fn vertex(&self, action: u32) -> Option<u32> {
         self.task.vertex(action)
     }
 
     /// The action that presses a vertex; none outside the image.
     pub fn action(&self, vertex: u32) -> Option<u32> {
-        let shape = self.shape();
-        (0..shape.pixel_count() as u32).find(|&action| self.task.vertex(action) == vertex)
+        self.task.pixel(vertex)
     }
 
     /// The focus region.
@@ -233,7 +232,7 @@ impl Task {
     }
 
     fn shape(&self) -> Shape {
-        let Region { rows, columns } = &self.region;
+        let Region { rows, columns, .. } = &self.region;
         if self.config.crop {
             Shape {
                 rows: rows.len(),
@@ -247,29 +246,40 @@ impl Task {
         }
     }
 
-    /// The vertex at a pixel of the image.
-    fn vertex(&self, pixel: u32) -> u32 {
-        if !self.config.crop {
-            return pixel;
+    /// First row and column of the image.
+    fn corner(&self) -> [usize; 2] {
+        if self.config.crop {
+            [self.region.rows.start, self.region.columns.start]
+        } else {
+            [0, 0]
         }
-        let width = self.region.columns.len();
-        let row = self.region.rows.start + pixel as usize / width;
-        let column = self.region.columns.start + pixel as usize % width;
-        (row * self.scene.lamina.columns + column) as u32
     }
 
-    fn contains(&self, vertex: u32) -> bool {
-        let columns = self.scene.lamina.columns;
-        let (row, column) = (vertex as usize / columns, vertex as usize % columns);
-        self.region.rows.contains(&row) && self.region.columns.contains(&column)
+    /// The vertex at a pixel of the image.
+    fn vertex(&self, pixel: u32) -> Option<u32> {
+        let width = self.shape().columns;
+        let [row, column] = self.corner();
+        let (down, right) = (pixel as usize / width, pixel as usize % width);
+        self.scene.lamina.vertex_at(row + down, column + right)
+    }
+
+    /// The pixel of a vertex; none outside the image.
+    fn pixel(&self, vertex: u32) -> Option<u32> {
+        let Shape { rows, columns } = self.shape();
+        let (place, corner) = (self.scene.lamina.place(vertex), self.corner());
+        let down = place[0].checked_sub(corner[0]).filter(|&d| d < rows)?;
+        let right = place[1].checked_sub(corner[1]).filter(|&r| r < columns)?;
+        Some((down * columns + right) as u32)
+    }
+
+    /// The vertex of the focus region at a pixel of the image.
+    fn region_vertex(&self, pixel: usize) -> Option<usize> {
+        let vertex = self.vertex(pixel as u32)? as usize;
+        self.region.vertices.contains(vertex).then_some(vertex)
     }
 
     fn vertices(&self) -> impl Iterator<Item = u32> + '_ {
-        let columns = self.scene.lamina.columns;
-        self.region.rows.clone().flat_map(move |row| {
-            let columns = self.region.columns.clone().map(move |c| row * columns + c);
-            columns.map(|v| v as u32)
-        })
+        self.region.vertices.ones().map(|v| v as u32)
     }
 
     /// Summed distance of the region to the tool [m].
@@ -278,7 +288,7 @@ impl Task {
         self.vertices().map(distance).sum()
     }
 
-    /// The agent's view: zero outside the focus region.
+    /// The agent's view: zero outside the focus region and where the blank has been cut away.
     fn observe(&self, progress: &Progress, position: impl Fn(u32) -> [f64; 3]) -> Observation {
         let count = self.shape().pixel_count();
         let mut observation = Observation {
@@ -295,25 +305,24 @@ impl Task {
             }
         }
         for pixel in 0..count {
-            let vertex = self.vertex(pixel as u32);
-            if !self.contains(vertex) {
+            let Some(vertex) = self.region_vertex(pixel) else {
                 continue;
-            }
-            let touched = progress.touched.contains(vertex as usize);
-            let draped = progress.draped.contains(vertex as usize);
+            };
+            let touched = progress.touched.contains(vertex);
+            let draped = progress.draped.contains(vertex);
             observation.touched.set(pixel, touched);
             observation.draped.set(pixel, draped);
-            let distance = self.scene.tool.distance(position(vertex)).0;
+            let distance = self.scene.tool.distance(position(vertex as u32)).0;
             observation.distance[pixel] = distance.max(0.0) as f32;
             observation
                 .mask
-                .set(pixel, near.contains(vertex as usize) && !touched);
+                .set(pixel, near.contains(vertex) && !touched);
         }
         if observation.mask.is_clear() {
             // The stroke is at its end: any untouched vertex of the region may begin a new one.
             for pixel in 0..count {
-                let vertex = self.vertex(pixel as u32);
-                let free = self.contains(vertex) && !progress.touched.contains(vertex as usize);
+                let vertex = self.region_vertex(pixel);
+                let free = vertex.is_some_and(|v| !progress.touched.contains(v));
                 observation.mask.set(pixel, free);
             }
         }
@@ -345,9 +354,9 @@ impl Group {
             let slot = &mut self.slots[lane];
             let allowed = slot.observation.mask.contains(action as usize);
             assert!(allowed, "action {action} is masked out");
+            let pressed = task.vertex(action).expect("allowed actions have a vertex");
             let position = |v| self.batch.position(lane, v);
-            let (vertices, height) =
-                under_stencil(lamina, tool, task.vertex(action), side, position);
+            let (vertices, height) = under_stencil(lamina, tool, pressed, side, position);
             slot.progress.actions.push(action);
             slot.progress.stencil.clone_from(&vertices);
             presses.push(Press {

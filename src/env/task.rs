@@ -2,7 +2,7 @@ use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
 /// Rows and columns of the observation image. Action `row * columns + column` is the pixel
-/// of that vertex.
+/// of that vertex; one without a vertex is never allowed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Shape {
     pub rows: usize,

@@ -1,49 +1,11 @@
-use serde::{Deserialize, Serialize};
-
+use super::blank::{BlankConfig, BlankError, MassModel};
+use super::cut::{Cell, Cells};
+use super::grid::Grid;
 use super::material::{Family, Material};
+use super::membrane::Membrane;
+use super::outline::Outline;
 use crate::math::Vec3;
 use crate::mesh::TriMesh;
-
-/// Which areal mass a blank has.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MassModel {
-    /// The paper's particle masses.
-    #[default]
-    Paper,
-    /// The fabric's data sheet.
-    Datasheet,
-}
-
-/// A rectangular blank.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct BlankConfig {
-    /// Sides along warp (x) and weft (y) [mm].
-    pub size_mm: [f64; 2],
-    /// Vertices along x and y.
-    pub vertices: [usize; 2],
-    pub mass: MassModel,
-}
-
-impl Default for BlankConfig {
-    fn default() -> Self {
-        Self {
-            size_mm: [370.0, 370.0],
-            vertices: [65, 65],
-            mass: MassModel::Paper,
-        }
-    }
-}
-
-/// A blank that cannot be cut.
-#[derive(Debug, thiserror::Error)]
-#[error("`blank.{key}` is {found}, expected {expected}")]
-pub struct BlankError {
-    key: &'static str,
-    found: String,
-    expected: &'static str,
-}
 
 /// One yarn: a chain of vertices.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,7 +15,9 @@ pub struct Yarn {
     pub vertices: Vec<u32>,
     /// Length of each edge at rest [m].
     pub rest_length: f64,
-    /// Width of fabric that this yarn stands for [m]: one cell, at the border half a cell.
+    /// Width of fabric that this yarn stands for [m]: half a cell for each whole cell beside
+    /// it. If that changes along the yarn, the harmonic mean, with which the yarn as a whole
+    /// stretches as its edges would.
     pub width: f64,
 }
 
@@ -78,98 +42,144 @@ pub struct Hinge {
 
 /// A blank cut from a material, at rest in the plane.
 ///
-/// Vertex `row * columns + column`; columns run along x (warp), rows along y (weft), the
-/// centre of the blank at the origin.
+/// Its vertices stand in rows along the warp and columns along the weft, except where the
+/// outline has moved or removed them. They are counted row by row; in a rectangle along its
+/// yarns, vertex `row * columns + column`. The flat blank has the frame of its outline, a
+/// rectangle its centre at the origin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lamina {
     pub material: Material,
     pub columns: usize,
     pub rows: usize,
-    /// Rest positions in the plane [m].
+    /// Rest positions on the flat blank [m].
     pub rest: Vec<[f64; 2]>,
     /// Counter-clockwise from above.
     pub triangles: Vec<[u32; 3]>,
     /// Mass of each vertex [kg]: a third of each adjacent triangle.
     pub mass: Vec<f64>,
-    /// All warp yarns, then all weft yarns.
+    /// All warp yarns, then all weft yarns: along the sides of whole cells. A yarn that the
+    /// outline interrupts is several.
     pub yarns: Vec<Yarn>,
+    /// Those of whole cells.
     pub diagonals: Vec<Diagonal>,
+    /// Triangles that are not halves of whole cells.
+    pub membranes: Vec<Membrane>,
+    grid: Grid,
 }
 
 impl Lamina {
-    /// Cuts a blank. Fails with the key of the value that is out of range.
+    /// Cuts a blank. Fails with the key of the value that is out of range, or with the line of
+    /// the outline that is wrong.
     pub fn new(config: &BlankConfig, material: Material) -> Result<Self, BlankError> {
-        let [columns, rows] = config.vertices;
-        if !(2..=1025).contains(&columns) || !(2..=1025).contains(&rows) {
-            return Err(BlankError {
-                key: "vertices",
-                found: format!("{:?}", config.vertices),
-                expected: "two numbers from 2 to 1025",
-            });
-        }
-        let range = 1.0..=100_000.0;
-        if !config.size_mm.iter().all(|s| range.contains(s)) {
-            return Err(BlankError {
-                key: "size_mm",
-                found: format!("{:?}", config.size_mm),
-                expected: "two lengths from 1 to 100000 mm",
-            });
-        }
+        config.check()?;
         let size = config.size_mm.map(|s| s * 1e-3);
-        let cell = [size[0] / (columns - 1) as f64, size[1] / (rows - 1) as f64];
-        let at = |row: usize, column: usize| (row * columns + column) as u32;
+        let angle = config.yarn_angle_deg.to_radians();
+        let cells = if config.is_plain() {
+            Cells::rectangle(size, config.vertices, config.cell())
+        } else {
+            let outline = match &config.outline {
+                Some(path) => Outline::read(path)?,
+                None => Outline::rectangle(size),
+            };
+            Cells::new(&outline, config.cell(), angle).map_err(|fault| config.coarse(fault))?
+        };
+        Ok(Self::woven(cells, config.mass, angle, material))
+    }
 
-        let rest = (0..rows * columns)
-            .map(|v| {
-                [
-                    (v % columns) as f64 * cell[0] - 0.5 * size[0],
-                    (v / columns) as f64 * cell[1] - 0.5 * size[1],
-                ]
-            })
-            .collect();
-
-        let mut triangles = Vec::with_capacity(2 * (rows - 1) * (columns - 1));
-        let mut diagonals = Vec::with_capacity((rows - 1) * (columns - 1));
-        let rest_length = cell[0].hypot(cell[1]);
-        for row in 0..rows - 1 {
-            for column in 0..columns - 1 {
-                let [a, b] = [at(row, column), at(row, column + 1)];
-                let [c, d] = [at(row + 1, column), at(row + 1, column + 1)];
-                triangles.extend([[a, b, d], [a, d, c]]);
-                diagonals.push(Diagonal {
-                    vertices: [a, d],
-                    rest_length,
-                });
-            }
+    /// A rectangle whose mesh lies along its sides, whatever the angle of the yarns: all
+    /// triangles are membranes. It locks where the mesh does not follow the yarns, and is
+    /// there to test their law and to measure that.
+    pub fn of_membranes(config: &BlankConfig, material: Material) -> Result<Self, BlankError> {
+        config.check()?;
+        let size = config.size_mm.map(|s| s * 1e-3);
+        let mut cells = Cells::rectangle(size, config.vertices, config.cell());
+        let columns = cells.grid.columns;
+        for (index, cell) in cells.cells.iter_mut().enumerate() {
+            let first = index / (columns - 1) * columns + index % (columns - 1);
+            let [a, b, c, d] = [0, 1, columns, columns + 1].map(|step| (first + step) as u32);
+            *cell = Cell::Cut(vec![[a, b, d], [a, d, c]]);
         }
+        let angle = config.yarn_angle_deg.to_radians();
+        Ok(Self::woven(cells, config.mass, angle, material))
+    }
 
+    /// Adds what lies between the vertices; `angle` is that of the warp [rad].
+    fn woven(cells: Cells, mass: MassModel, angle: f64, material: Material) -> Self {
+        let Cells { grid, rest, cells } = cells;
+        let (columns, rows) = (grid.columns, grid.rows);
+        let at = |row: usize, column: usize| {
+            grid.vertex_at(row, column)
+                .expect("whole cells have their corners")
+        };
+        let mut triangles = Vec::new();
+        let mut diagonals = Vec::new();
+        let mut membranes = Vec::new();
+        let (sin, cos) = angle.sin_cos();
+        let rest_length = grid.cell[0].hypot(grid.cell[1]);
         let areal_mass = 1e-3
-            * match config.mass {
+            * match mass {
                 MassModel::Paper => material.areal_mass_g_m2.paper,
                 MassModel::Datasheet => material.areal_mass_g_m2.datasheet,
             };
-        let third = areal_mass * cell[0] * cell[1] / 6.0;
-        let mut mass = vec![0.0; rows * columns];
-        for &v in triangles.iter().flatten() {
-            mass[v as usize] += third;
+        let third = areal_mass * grid.cell[0] * grid.cell[1] / 6.0;
+        let mut mass = vec![0.0; rest.len()];
+        for (index, cell) in cells.iter().enumerate() {
+            let (row, column) = (index / (columns - 1), index % (columns - 1));
+            let cut = match cell {
+                Cell::Whole => {
+                    let [a, b] = [at(row, column), at(row, column + 1)];
+                    let [c, d] = [at(row + 1, column), at(row + 1, column + 1)];
+                    triangles.extend([[a, b, d], [a, d, c]]);
+                    diagonals.push(Diagonal {
+                        vertices: [a, d],
+                        rest_length,
+                    });
+                    for v in [a, b, d, a, d, c] {
+                        mass[v as usize] += third;
+                    }
+                    continue;
+                }
+                Cell::Cut(cut) => cut,
+            };
+            triangles.extend(cut);
+            for &vertices in cut {
+                let corners = vertices.map(|v| rest[v as usize]);
+                let membrane = Membrane::new(vertices, corners, [cos, sin]);
+                for v in vertices {
+                    mass[v as usize] += areal_mass * membrane.area / 3.0;
+                }
+                membranes.push(membrane);
+            }
         }
 
-        let border = |i: usize, count: usize| if i == 0 || i + 1 == count { 0.5 } else { 1.0 };
-        let warps = (0..rows).map(|row| Yarn {
-            family: Family::Warp,
-            vertices: (0..columns).map(|column| at(row, column)).collect(),
-            rest_length: cell[0],
-            width: cell[1] * border(row, rows),
+        let is_whole = |row: Option<usize>, column: Option<usize>| match (row, column) {
+            (Some(row), Some(column)) if row + 1 < rows && column + 1 < columns => {
+                cells[row * (columns - 1) + column] == Cell::Whole
+            }
+            _ => false,
+        };
+        // Whole cells on either side of an edge, and the vertices at its ends.
+        let beside = |cells: [bool; 2]| cells.into_iter().filter(|&whole| whole).count();
+        let warps = (0..rows).flat_map(|row| {
+            let edge = |column: usize| {
+                let below = is_whole(row.checked_sub(1), Some(column));
+                beside([below, is_whole(Some(row), Some(column))])
+            };
+            let edges: Vec<usize> = (0..columns - 1).map(edge).collect();
+            yarns(Family::Warp, grid.cell, &edges, |column| at(row, column))
         });
-        let wefts = (0..columns).map(|column| Yarn {
-            family: Family::Weft,
-            vertices: (0..rows).map(|row| at(row, column)).collect(),
-            rest_length: cell[1],
-            width: cell[0] * border(column, columns),
+        let wefts = (0..columns).flat_map(|column| {
+            let edge = |row: usize| {
+                let left = is_whole(Some(row), column.checked_sub(1));
+                beside([left, is_whole(Some(row), Some(column))])
+            };
+            let edges: Vec<usize> = (0..rows - 1).map(edge).collect();
+            let cell = [grid.cell[1], grid.cell[0]];
+            yarns(Family::Weft, cell, &edges, |row| at(row, column))
         });
         let yarns = warps.chain(wefts).collect();
 
-        Ok(Self {
+        Self {
             material,
             columns,
             rows,
@@ -178,7 +188,9 @@ impl Lamina {
             mass,
             yarns,
             diagonals,
-        })
+            membranes,
+            grid,
+        }
     }
 
     /// Number of vertices.
@@ -188,6 +200,30 @@ impl Lamina {
 
     /// Pairs of triangles over every inner edge, for dihedral bending.
     pub fn hinges(&self) -> Vec<Hinge> {
+        self.shared_edges()
+            .into_iter()
+            .map(|(_, hinge)| hinge)
+            .collect()
+    }
+
+    /// Those of [`Lamina::hinges`] with a membrane on at least one side.
+    pub fn membrane_hinges(&self) -> Vec<Hinge> {
+        let mut membranes = self.membranes.iter().map(|m| m.vertices).peekable();
+        // Membranes are listed in the order of the triangles.
+        let is_membrane: Vec<bool> = self
+            .triangles
+            .iter()
+            .map(|t| membranes.next_if_eq(t).is_some())
+            .collect();
+        let hinges = self.shared_edges().into_iter();
+        hinges
+            .filter(|(sides, _)| sides.iter().any(|&t| is_membrane[t]))
+            .map(|(_, hinge)| hinge)
+            .collect()
+    }
+
+    /// The two triangles at every inner edge, and their hinge.
+    fn shared_edges(&self) -> Vec<([usize; 2], Hinge)> {
         let mut open = std::collections::BTreeMap::new();
         let mut hinges = Vec::new();
         for (index, triangle) in self.triangles.iter().enumerate() {
@@ -198,10 +234,11 @@ impl Lamina {
                     let [p, q] = [a, b].map(|v: u32| self.rest[v as usize]);
                     let square = (p[0] - q[0]).powi(2) + (p[1] - q[1]).powi(2);
                     let area = self.rest_area(index) + self.rest_area(other);
-                    hinges.push(Hinge {
+                    let hinge = Hinge {
                         vertices: [a, b, c, opposite],
                         weight: square / area,
-                    });
+                    };
+                    hinges.push(([index, other], hinge));
                 } else {
                     open.insert((a, b), (index, c));
                 }
@@ -215,41 +252,49 @@ impl Lamina {
         0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
     }
 
+    /// Area of the blank [m^2].
+    pub fn area(&self) -> f64 {
+        (0..self.triangles.len()).map(|t| self.rest_area(t)).sum()
+    }
+
+    /// Diagonal of a whole cell [m].
+    pub fn cell_diagonal(&self) -> f64 {
+        self.grid.cell[0].hypot(self.grid.cell[1])
+    }
+
+    /// The vertex in a row and column; none where the blank has been cut away.
+    pub fn vertex_at(&self, row: usize, column: usize) -> Option<u32> {
+        self.grid.vertex_at(row, column)
+    }
+
+    /// Row and column of a vertex.
+    pub fn place(&self, vertex: u32) -> [usize; 2] {
+        self.grid.place(vertex)
+    }
+
     /// Vertices whose rest position lies within `radius` [m] of that of `vertex` along both
     /// axes, itself included, ascending.
     pub fn within(&self, vertex: u32, radius: f64) -> impl Iterator<Item = u32> + '_ {
         let centre = self.rest[vertex as usize];
-        let reach = |k: usize, stride: usize| {
-            let cell = self.rest[stride][k] - self.rest[0][k];
-            // A hair more than the radius, so that a vertex exactly on it counts.
-            (radius / cell * (1.0 + 1e-9)) as usize
+        let [cos, sin] = self.grid.axis.map(f64::abs);
+        // Two more than the square's reach: the outline moves vertices by less than a cell.
+        let reach = |cell: f64| (radius * (cos + sin) / cell) as usize + 3;
+        let [across, along] = self.grid.cell.map(reach);
+        // A hair more than the radius, so that a vertex exactly on it counts.
+        let near = move |v: &u32| {
+            let at = self.rest[*v as usize];
+            (0..2).all(|k| (at[k] - centre[k]).abs() <= radius * (1.0 + 1e-9))
         };
-        let (across, along) = (reach(0, 1), reach(1, self.columns));
-        let (row, column) = (
-            vertex as usize / self.columns,
-            vertex as usize % self.columns,
-        );
-        debug_assert!(self.rest[row * self.columns + column] == centre);
-        let columns = column.saturating_sub(across)..=(column + across).min(self.columns - 1);
-        (row.saturating_sub(along)..=(row + along).min(self.rows - 1)).flat_map(move |row| {
-            columns
-                .clone()
-                .map(move |column| (row * self.columns + column) as u32)
-        })
+        self.grid
+            .window(vertex, [along, across])
+            .filter(move |v| *v == vertex || near(v))
     }
 
     /// The vertices next to `vertex`, diagonals included (up to 8).
     pub fn neighbors(&self, vertex: u32) -> impl Iterator<Item = u32> + '_ {
-        let (row, column) = (
-            vertex as usize / self.columns,
-            vertex as usize % self.columns,
-        );
-        let rows = row.saturating_sub(1)..=(row + 1).min(self.rows - 1);
-        rows.flat_map(move |r| {
-            let columns = column.saturating_sub(1)..=(column + 1).min(self.columns - 1);
-            columns.map(move |c| (r * self.columns + c) as u32)
-        })
-        .filter(move |&v| v != vertex)
+        self.grid
+            .window(vertex, [1, 1])
+            .filter(move |&v| v != vertex)
     }
 
     /// The lamina as a mesh, with its vertices at `position` [m].
@@ -260,8 +305,8 @@ impl Lamina {
         }
     }
 
-    /// Engineering strain of every yarn edge at `position`: (length - rest) / rest, yarn by
-    /// yarn.
+    /// Engineering strain along the yarns at `position`: (length - rest) / rest of every yarn
+    /// edge, yarn by yarn, then that along warp and weft of every membrane.
     pub fn yarn_strain(&self, position: &[[f64; 3]]) -> Vec<f64> {
         let mut strain = Vec::new();
         for yarn in &self.yarns {
@@ -270,8 +315,37 @@ impl Lamina {
                 strain.push((b - a).norm() / yarn.rest_length - 1.0);
             }
         }
+        for membrane in &self.membranes {
+            strain.extend(membrane.stretch(position).map(|s| s - 1.0));
+        }
         strain
     }
+}
+
+/// The yarns along one line of the grid, `edges` saying how many whole cells lie beside each
+/// edge; those beside none are none. `cell` has the side along the yarn first.
+fn yarns(
+    family: Family,
+    cell: [f64; 2],
+    edges: &[usize],
+    vertex: impl Fn(usize) -> u32,
+) -> Vec<Yarn> {
+    let mut yarns = Vec::new();
+    let mut first = 0;
+    for run in edges.chunk_by(|a, b| (*a > 0) == (*b > 0)) {
+        if run[0] > 0 {
+            // In half widths: whole numbers, so that a yarn of one width has it exactly.
+            let inverse: f64 = run.iter().map(|&halves| 2.0 / halves as f64).sum();
+            yarns.push(Yarn {
+                family,
+                vertices: (first..=first + run.len()).map(&vertex).collect(),
+                rest_length: cell[0],
+                width: cell[1] * (run.len() as f64 / inverse),
+            });
+        }
+        first += run.len();
+    }
+    yarns
 }
 
 #[cfg(test)]

@@ -1,13 +1,23 @@
 //! The lamina: rest shape, masses, yarns and material law of a woven blank.
 //!
-//! A rectangular blank is cut into cells of two right triangles each, all diagonals in the
-//! same direction, as in the paper's mesh. Its edges along x are warp yarns, along y weft
-//! yarns; the diagonals carry shear. How any of this is solved is not known here.
+//! A blank is cut into cells along its yarns, of two right triangles each, all diagonals in
+//! the same direction, as in the paper's mesh. The sides of cells are warp and weft yarns;
+//! the diagonals carry shear. Where the outline does not follow the yarns, border vertices
+//! move on to it, and triangles there become membranes, which have the same law without yarns
+//! along their sides. How any of this is solved is not known here.
 
+mod blank;
 mod colors;
+mod cut;
+mod grid;
 mod lamina;
 mod material;
+mod membrane;
+mod outline;
 
+pub use blank::{BlankConfig, BlankError, CutFault, MassModel};
 pub use colors::color;
-pub use lamina::{BlankConfig, BlankError, Diagonal, Hinge, Lamina, MassModel, Yarn};
+pub use lamina::{Diagonal, Hinge, Lamina, Yarn};
 pub use material::{ArealMass, Curve, Family, Material, MaterialError, ShearLaw, YarnLaw};
+pub use membrane::Membrane;
+pub use outline::{Outline, OutlineError, OutlineFault};

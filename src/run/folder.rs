@@ -50,8 +50,7 @@ impl RunInfo {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BestSequence {
-    /// Vertices in the order they were pressed; each is the action
-    /// `row * columns + column` of `grid`.
+    /// Vertices in the order they were pressed, as the lamina counts them.
     pub vertices: Vec<u32>,
     /// Score of the episode; higher is better.
     pub score: f64,

@@ -99,7 +99,9 @@ pub fn play(
         watch(draping, &points);
         let start = std::time::Instant::now();
         let action = choose(draping, points.len())?;
-        let vertex = draping.vertex(action);
+        let vertex = draping
+            .vertex(action)
+            .expect("allowed actions have a vertex");
         points.push(pressed(draping, 0, vertex));
         vertices.push(vertex);
         let outcome = draping.step(&[action]).swap_remove(0);
@@ -215,7 +217,10 @@ pub fn parallel_episodes(
     while open > 0 {
         let actions = choose(&draping, &mut streams);
         for (index, &action) in actions.iter().enumerate() {
-            points[index].push(pressed(&draping, index, draping.vertex(action)));
+            let vertex = draping
+                .vertex(action)
+                .expect("allowed actions have a vertex");
+            points[index].push(pressed(&draping, index, vertex));
         }
         let outcomes = draping.step(&actions);
         for (index, outcome) in outcomes.into_iter().enumerate() {

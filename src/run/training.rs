@@ -271,7 +271,14 @@ impl Training {
         if best.is_some_and(|(_, best)| *best >= score) {
             return Ok(());
         }
-        let vertices: Vec<u32> = actions.iter().map(|&a| self.evaluation.vertex(a)).collect();
+        let vertices: Vec<u32> = actions
+            .iter()
+            .map(|&a| {
+                self.evaluation
+                    .vertex(a)
+                    .expect("allowed actions have a vertex")
+            })
+            .collect();
         let lamina = &self.evaluation.scene().lamina;
         self.folder.write_best_sequence(&BestSequence {
             vertices: vertices.clone(),

@@ -11,7 +11,7 @@ use crate::tool::{Source, ToolConfig, ToolError};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Placement {
-    /// Centre of the untilted blank in x and y [mm].
+    /// Centre of the untilted blank, or origin of its outline, in x and y [mm].
     pub centre_mm: [f64; 2],
     /// Height of its lowest edge [mm].
     pub height_mm: f64,
@@ -36,7 +36,7 @@ impl Default for Placement {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Clamp {
-    /// Place on the flat blank, from its centre [mm].
+    /// Place on the flat blank, from its centre or in the frame of its outline [mm].
     pub at_mm: [f64; 2],
     /// Vertices up to this far along x and y are held [mm]; always the nearest one.
     #[serde(default)]
@@ -44,6 +44,17 @@ pub struct Clamp {
     /// Way of the clamp during the fall [mm].
     #[serde(default)]
     pub move_mm: [f64; 3],
+}
+
+impl Clamp {
+    /// The error of clamp number `index` where there is no blank.
+    pub(super) fn off_the_blank(&self, index: usize) -> SceneError {
+        SceneError::Value {
+            key: format!("clamps[{index}].at_mm"),
+            found: format!("{:?}", self.at_mm),
+            expected: "a place on the blank, from its centre",
+        }
+    }
 }
 
 /// How the fall is simulated.
@@ -140,6 +151,9 @@ impl SceneConfig {
         if let Source::Stl(stl) = &mut self.tool.source {
             stl.path = folder.join(&stl.path);
         }
+        if let Some(outline) = &mut self.blank.outline {
+            *outline = folder.join(&outline);
+        }
     }
 
     /// The material, read from its file.
@@ -205,12 +219,9 @@ impl SceneConfig {
         for (index, clamp) in self.clamps.iter().enumerate() {
             let half = self.blank.size_mm.map(|s| 0.5 * s);
             let off = |k: usize| clamp.at_mm[k].is_nan() || clamp.at_mm[k].abs() > half[k] + 1e-6;
-            if off(0) || off(1) {
-                return Err(SceneError::Value {
-                    key: format!("clamps[{index}].at_mm"),
-                    found: format!("{:?}", clamp.at_mm),
-                    expected: "a place on the blank, from its centre",
-                });
+            // What an outline encloses is known when the blank is cut.
+            if self.blank.outline.is_none() && (off(0) || off(1)) {
+                return Err(clamp.off_the_blank(index));
             }
             if !(0.0..=1e5).contains(&clamp.radius_mm) {
                 let key = format!("clamps[{index}].radius_mm");

@@ -43,7 +43,7 @@ impl Scene {
         let (falling, settling) = (frames(fall.fall_s), frames(fall.settle_s));
 
         let mut batch = Cpu::<f64>::new(&model);
-        batch.load(0, &hung(config, &lamina, falling as f64 * FRAME));
+        batch.load(0, &hung(config, &lamina, falling as f64 * FRAME)?);
         let mut quiet = config.physics.clone();
         quiet.damping = fall.settle_damping;
         let quiet = Model::new(&lamina, &quiet);
@@ -93,8 +93,9 @@ impl Scene {
     }
 }
 
-/// The flat blank before the fall; clamps already have the velocity of their way.
-fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Snapshot {
+/// The flat blank before the fall; clamps already have the velocity of their way. Fails if one
+/// is further from the blank than a cell is long.
+fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Result<Snapshot, SceneError> {
     let placement = &config.placement;
     let (yaw_sin, yaw_cos) = placement.yaw_deg.to_radians().sin_cos();
     let (tilt_sin, tilt_cos) = placement.tilt_deg.to_radians().sin_cos();
@@ -128,7 +129,7 @@ fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Snapshot {
         fixed: FixedBitSet::with_capacity(lamina.vertex_count()),
         compressed: FixedBitSet::new(),
     };
-    for clamp in &config.clamps {
+    for (index, clamp) in config.clamps.iter().enumerate() {
         let at = clamp.at_mm.map(|c| c * 1e-3);
         let square = |v: usize| {
             let [u, w] = lamina.rest[v];
@@ -137,6 +138,10 @@ fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Snapshot {
         let nearest = (0..lamina.vertex_count())
             .min_by(|&a, &b| square(a).total_cmp(&square(b)))
             .expect("a blank has vertices");
+        let reach = lamina.cell_diagonal();
+        if config.blank.outline.is_some() && !(square(nearest) <= reach * reach) {
+            return Err(clamp.off_the_blank(index));
+        }
         for vertex in lamina.within(nearest as u32, clamp.radius_mm * 1e-3) {
             snapshot.fixed.insert(vertex as usize);
             if fall_s > 0.0 {
@@ -144,5 +149,5 @@ fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Snapshot {
             }
         }
     }
-    snapshot
+    Ok(snapshot)
 }

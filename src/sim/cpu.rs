@@ -3,6 +3,7 @@ use fixedbitset::FixedBitSet;
 use super::constraints::{
     ChainScratch, project_chain, project_edges, project_hinges, project_triples,
 };
+use super::membrane::project_elements;
 use super::model::{Model, Pass};
 use super::state::{Batch, Control, Press, Snapshot};
 use crate::math::{Kernel, Lanes, Real, Vec3x};
@@ -212,6 +213,7 @@ fn project<V: Lanes>(pass: &Pass, h: f64, state: &mut Cpu<V>) {
         Pass::Edges(class) => project_edges(class, inverse_h_squared, x, w),
         Pass::Triples(triples) => project_triples(triples, inverse_h_squared, x, w),
         Pass::Hinges(hinges) => project_hinges(hinges, inverse_h_squared, x, w),
+        Pass::Membrane(elements) => project_elements(elements, inverse_h_squared, x, w),
     }
 }
 

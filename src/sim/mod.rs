@@ -7,6 +7,7 @@
 
 mod constraints;
 mod cpu;
+mod membrane;
 mod model;
 mod state;
 

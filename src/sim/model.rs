@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
-use crate::fabric::{Family, Lamina, color};
+use super::membrane::{Element, elements};
+use crate::fabric::{Family, Hinge, Lamina, color};
 
 /// How the yarns' length is kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -190,6 +191,8 @@ pub(super) enum Pass {
     Triples(Vec<BendTriple>),
     /// Dihedral bending, one colour.
     Hinges(Vec<BendHinge>),
+    /// Triangles whose sides are no yarns, one colour.
+    Membrane(Vec<Element>),
 }
 
 /// All that is fixed between resets: masses and the list of passes which a scene asks for.
@@ -212,6 +215,10 @@ impl Model {
     pub fn new(lamina: &Lamina, physics: &PhysicsConfig) -> Self {
         let passes = [
             length_passes(lamina, physics),
+            elements(lamina, physics)
+                .into_iter()
+                .map(Pass::Membrane)
+                .collect(),
             shear_passes(lamina, physics),
             bending_passes(lamina, physics),
         ];
@@ -329,10 +336,6 @@ fn edge_passes(
 }
 
 fn bending_passes(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Pass> {
-    let stiffness = |family| match physics.bending_stiffness {
-        BendingStiffness::Material => lamina.material.bending_stiffness(family),
-        BendingStiffness::NewtonMetre(d) => d,
-    };
     match physics.bending {
         Bending::Off => Vec::new(),
         // Curvature is C / l^2, a vertex stands for the length l: energy = D b |C|^2 / 2 l^3.
@@ -344,34 +347,47 @@ fn bending_passes(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Pass> {
                     let triple = |v: &[u32]| BendTriple {
                         vertices: [v[0], v[1], v[2]],
                         compliance: yarn.rest_length.powi(3)
-                            / (stiffness(yarn.family) * yarn.width),
+                            / (stiffness(lamina, physics, yarn.family) * yarn.width),
                     };
                     yarn.vertices.windows(3).map(triple).collect::<Vec<_>>()
                 })
                 .filter(|triple| triple.compliance.is_finite())
                 .collect();
             let vertices: Vec<_> = triples.iter().map(|t| t.vertices).collect();
-            classes_of(&triples, color(lamina.vertex_count(), &vertices))
-                .map(Pass::Triples)
-                .collect()
+            let mut passes: Vec<Pass> =
+                classes_of(&triples, color(lamina.vertex_count(), &vertices))
+                    .map(Pass::Triples)
+                    .collect();
+            // Along and beside membranes there is no yarn to bend.
+            passes.extend(hinge_passes(lamina, physics, &lamina.membrane_hinges()));
+            passes
         }
-        Bending::Dihedral => {
-            let mean = 0.5 * (stiffness(Family::Warp) + stiffness(Family::Weft));
-            let hinges: Vec<BendHinge> = lamina
-                .hinges()
-                .iter()
-                .map(|hinge| BendHinge {
-                    vertices: hinge.vertices,
-                    compliance: 1.0 / (mean * hinge.weight),
-                })
-                .filter(|hinge| hinge.compliance.is_finite())
-                .collect();
-            let vertices: Vec<_> = hinges.iter().map(|h| h.vertices).collect();
-            classes_of(&hinges, color(lamina.vertex_count(), &vertices))
-                .map(Pass::Hinges)
-                .collect()
-        }
+        Bending::Dihedral => hinge_passes(lamina, physics, &lamina.hinges()),
     }
+}
+
+fn stiffness(lamina: &Lamina, physics: &PhysicsConfig, family: Family) -> f64 {
+    match physics.bending_stiffness {
+        BendingStiffness::Material => lamina.material.bending_stiffness(family),
+        BendingStiffness::NewtonMetre(d) => d,
+    }
+}
+
+fn hinge_passes(lamina: &Lamina, physics: &PhysicsConfig, hinges: &[Hinge]) -> Vec<Pass> {
+    let of = |family| stiffness(lamina, physics, family);
+    let mean = 0.5 * (of(Family::Warp) + of(Family::Weft));
+    let hinges: Vec<BendHinge> = hinges
+        .iter()
+        .map(|hinge| BendHinge {
+            vertices: hinge.vertices,
+            compliance: 1.0 / (mean * hinge.weight),
+        })
+        .filter(|hinge| hinge.compliance.is_finite())
+        .collect();
+    let vertices: Vec<_> = hinges.iter().map(|h| h.vertices).collect();
+    classes_of(&hinges, color(lamina.vertex_count(), &vertices))
+        .map(Pass::Hinges)
+        .collect()
 }
 
 fn classes_of<T: Copy>(all: &[T], classes: Vec<Vec<u32>>) -> impl Iterator<Item = Vec<T>> {

@@ -47,6 +47,7 @@ fn lamina(size: [f64; 2], vertices: [usize; 2]) -> Lamina {
         size_mm: size.map(|s| 1e3 * s),
         vertices,
         mass: MassModel::Datasheet,
+        ..BlankConfig::default()
     };
     Lamina::new(&config, Material::interglas_92125()).unwrap()
 }

@@ -23,7 +23,7 @@ fn check(scene: &Arc<Scene>, config: &EnvConfig, count: usize, seed: u64) {
                 None => View::new(&env, index),
                 Some(_) => View::last(&env, index),
             };
-            let pressed = env.vertex(actions[index]);
+            let pressed = env.vertex(actions[index]).unwrap();
             check_step(&env, config, &before[index], &after, pressed);
 
             let left = env
@@ -34,6 +34,7 @@ fn check(scene: &Arc<Scene>, config: &EnvConfig, count: usize, seed: u64) {
                 assert_eq!(outcomes[index].reward, 0.0);
                 check_observation(
                     &env,
+                    config,
                     index,
                     &after,
                     &stencil(&env, config, &before[index], pressed),
@@ -143,13 +144,20 @@ fn check_step(env: &Draping, config: &EnvConfig, before: &View, after: &View, pr
     assert!(after.draped.is_subset(&after.touched));
 }
 
-fn check_observation(env: &Draping, index: usize, after: &View, under: &FixedBitSet) {
+fn check_observation(
+    env: &Draping,
+    config: &EnvConfig,
+    index: usize,
+    after: &View,
+    under: &FixedBitSet,
+) {
     let (scene, region) = (env.scene(), env.region());
-    let columns = scene.lamina.columns;
-    let cell = |v: usize| [v / columns, v % columns];
+    let cell = |v: usize| scene.lamina.place(v as u32);
     let inside = |v: usize| {
-        let [row, column] = cell(v);
-        region.rows.contains(&row) && region.columns.contains(&column)
+        let [x0, y0, x1, y1] = config.region_mm.unwrap_or([-1e9, -1e9, 1e9, 1e9]);
+        let [x, y] = scene.lamina.rest[v].map(|x| 1e3 * x);
+        let slack = 1e-6;
+        x0 - slack <= x && x <= x1 + slack && y0 - slack <= y && y <= y1 + slack
     };
     let open: Vec<usize> = (0..scene.lamina.vertex_count())
         .filter(|&v| inside(v) && !after.touched.contains(v))
@@ -167,15 +175,30 @@ fn check_observation(env: &Draping, index: usize, after: &View, under: &FixedBit
     let found: Vec<usize> = observation
         .mask
         .ones()
-        .map(|action| env.vertex(action as u32) as usize)
+        .map(|action| env.vertex(action as u32).unwrap() as usize)
         .collect();
     assert!(!found.is_empty());
     assert_eq!(found, allowed);
 
     let shape = env.shape();
     assert_eq!(observation.distance.len(), shape.rows * shape.columns);
+    let corner = if config.crop {
+        [region.rows.start, region.columns.start]
+    } else {
+        [0, 0]
+    };
     for pixel in 0..shape.pixel_count() {
-        let v = env.vertex(pixel as u32) as usize;
+        let place = [pixel / shape.columns, pixel % shape.columns];
+        let place = [0, 1].map(|k| place[k] + corner[k]);
+        let Some(v) = env.vertex(pixel as u32) else {
+            // The blank has been cut away here.
+            assert_eq!(scene.lamina.vertex_at(place[0], place[1]), None);
+            assert_eq!(observation.distance[pixel], 0.0);
+            assert!(!observation.touched.contains(pixel) && !observation.draped.contains(pixel));
+            continue;
+        };
+        let v = v as usize;
+        assert_eq!(cell(v), place);
         assert_eq!(env.action(v as u32), Some(pixel as u32));
         let distance = scene.tool.distance(after.state.position[v]).0.max(0.0) as f32;
         let expected = if inside(v) { distance } else { 0.0 };

@@ -105,6 +105,7 @@ fn passes_hold_everything_once_without_conflict() {
                 Pass::Edges(class) => class.vertices.iter().map(|v| v.to_vec()).collect(),
                 Pass::Triples(triples) => triples.iter().map(|t| t.vertices.to_vec()).collect(),
                 Pass::Hinges(hinges) => hinges.iter().map(|h| h.vertices.to_vec()).collect(),
+                Pass::Membrane(elements) => elements.iter().map(|e| e.vertices.to_vec()).collect(),
             };
             count += members.len();
             let mut vertices = members.concat();

@@ -1,0 +1,175 @@
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::outline::OutlineError;
+
+/// Which areal mass a blank has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MassModel {
+    /// The paper's particle masses.
+    #[default]
+    Paper,
+    /// The fabric's data sheet.
+    Datasheet,
+}
+
+/// Shape, yarn direction and mesh of a blank.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BlankConfig {
+    /// Sides of a rectangular blank along x and y [mm].
+    pub size_mm: [f64; 2],
+    /// Vertices along the sides of a rectangular blank. They also give the cell of any other
+    /// blank, `size_mm / (vertices - 1)`, unless `cell_mm` does.
+    pub vertices: [usize; 2],
+    pub mass: MassModel,
+    /// File of the outline, see [`Outline`](super::Outline); the rectangle if not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub outline: Option<PathBuf>,
+    /// Side of a cell along warp and weft [mm].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cell_mm: Option<f64>,
+    /// Angle of the warp against x [degrees], counter-clockwise from above.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub yarn_angle_deg: f64,
+}
+
+/// Resolved configurations of blanks that are cut along their yarns read as they always did.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+fn is_zero(angle: &f64) -> bool {
+    *angle == 0.0
+}
+
+impl Default for BlankConfig {
+    fn default() -> Self {
+        Self {
+            size_mm: [370.0, 370.0],
+            vertices: [65, 65],
+            mass: MassModel::Paper,
+            outline: None,
+            cell_mm: None,
+            yarn_angle_deg: 0.0,
+        }
+    }
+}
+
+/// A blank that cannot be cut.
+#[derive(Debug, thiserror::Error)]
+pub enum BlankError {
+    #[error("`blank.{key}` is {found}, expected {expected}")]
+    Value {
+        key: &'static str,
+        found: String,
+        expected: &'static str,
+    },
+    /// Cells that are larger than what the outline shows.
+    #[error("`blank.{key}` is {found}, expected cells finer than the features of {blank}: {fault}")]
+    Coarse {
+        key: &'static str,
+        found: String,
+        /// File of the outline, or what else was cut.
+        blank: String,
+        fault: CutFault,
+    },
+    #[error(transparent)]
+    Outline(#[from] OutlineError),
+}
+
+/// What is wrong with a mesh whose cells are too large.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CutFault {
+    #[error("no cell lies inside")]
+    Empty,
+    #[error("the mesh falls into {0} parts")]
+    Parts(usize),
+    #[error("parts of the mesh hang together by a single vertex")]
+    Pinched,
+    #[error("the mesh has {found} loops of border, the outline has {expected}")]
+    Loops { found: usize, expected: usize },
+    #[error("{0} vertices along a side, at most 1025 are possible")]
+    Fine(usize),
+}
+
+/// Most vertices along a side.
+pub(super) const MOST_VERTICES: usize = 1025;
+
+impl BlankConfig {
+    /// The blank is the rectangle, and its sides are yarns.
+    pub(super) fn is_plain(&self) -> bool {
+        self.outline.is_none() && self.cell_mm.is_none() && self.yarn_angle_deg == 0.0
+    }
+
+    /// Checks all values that do not depend on the outline.
+    pub(super) fn check(&self) -> Result<(), BlankError> {
+        let fail = |key, found: String, expected| {
+            Err(BlankError::Value {
+                key,
+                found,
+                expected,
+            })
+        };
+        if !self
+            .vertices
+            .iter()
+            .all(|n| (2..=MOST_VERTICES).contains(n))
+        {
+            let found = format!("{:?}", self.vertices);
+            return fail("vertices", found, "two numbers from 2 to 1025");
+        }
+        let range = 1.0..=100_000.0;
+        if !self.size_mm.iter().all(|s| range.contains(s)) {
+            let found = format!("{:?}", self.size_mm);
+            return fail("size_mm", found, "two lengths from 1 to 100000 mm");
+        }
+        if let Some(cell) = self.cell_mm
+            && !(0.01..=10_000.0).contains(&cell)
+        {
+            return fail(
+                "cell_mm",
+                cell.to_string(),
+                "a length from 0.01 to 10000 mm",
+            );
+        }
+        let angle = self.yarn_angle_deg;
+        if !(-360.0..=360.0).contains(&angle) {
+            let expected = "an angle within +-360 degrees";
+            return fail("yarn_angle_deg", angle.to_string(), expected);
+        }
+        Ok(())
+    }
+
+    /// Sides of a cell along warp and weft [m].
+    pub(super) fn cell(&self) -> [f64; 2] {
+        match self.cell_mm {
+            Some(cell) => [1e-3 * cell; 2],
+            None => [0, 1].map(|k| self.size_mm[k] * 1e-3 / (self.vertices[k] - 1) as f64),
+        }
+    }
+
+    /// The error of cells that do not suit the blank.
+    pub(super) fn coarse(&self, fault: CutFault) -> BlankError {
+        let (key, found) = match self.cell_mm {
+            Some(cell) => ("cell_mm", cell.to_string()),
+            None => ("vertices", format!("{:?}", self.vertices)),
+        };
+        if let CutFault::Fine(_) = fault {
+            return BlankError::Value {
+                key,
+                found,
+                expected: "cells of which at most 1024 lie along the blank",
+            };
+        }
+        let blank = match &self.outline {
+            Some(path) => path.display().to_string(),
+            None => "the rectangle".into(),
+        };
+        BlankError::Coarse {
+            key,
+            found,
+            blank,
+            fault,
+        }
+    }
+}

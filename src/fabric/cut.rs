@@ -1,0 +1,475 @@
+//! From an outline to the cells of a blank.
+//!
+//! The grid lies along the yarns, centred on the outline's extent. Nodes inside the outline,
+//! or outside by less than [`OVERHANG`], become vertices; those on the border of the mesh
+//! then move on to the nearest point of the outline, and the nearest of them into its
+//! corners. Lengths are in cells throughout, so that quality does not depend on their size.
+
+use std::collections::BTreeMap;
+
+use super::blank::{CutFault, MOST_VERTICES};
+use super::grid::Grid;
+use super::outline::{Outline, Point};
+
+/// A node outside the outline by less than this becomes a vertex. Around 0.35 the rows at a
+/// border in any direction end about as far inside the outline as outside, and triangles are
+/// squeezed no more than they are stretched.
+const OVERHANG: f64 = 0.35;
+/// A node moves at most this far on to the outline, and into a corner of it.
+const REACH: f64 = 0.9;
+/// The outline turns by at least this much at a corner: cosine of 30 degrees.
+const CORNER: f64 = 0.866;
+/// Least quality of a triangle, 4 sqrt 3 area / (sum of squared sides), which is 1 if all
+/// sides are equal and 0.87 for half a square. No angle is then below 13 degrees. Where it
+/// would be missed, vertices stay short of the outline.
+pub(super) const LEAST_QUALITY: f64 = 0.4;
+/// A vertex that moves less than this stays where it is.
+const STILL: f64 = 1e-6;
+/// Parts of the mesh of up to this many triangles are tips thinner than a cell, and dropped.
+const TIP: usize = 4;
+
+/// The cell between four nodes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Cell {
+    /// A rectangle between yarns.
+    Whole,
+    /// Triangles of vertices that do not stand on a regular grid: none where the blank has
+    /// been cut away. Counter-clockwise.
+    Cut(Vec<[u32; 3]>),
+}
+
+/// A blank before it is woven.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Cells {
+    pub grid: Grid,
+    /// Place of each vertex on the flat blank [m].
+    pub rest: Vec<Point>,
+    /// Row by row.
+    pub cells: Vec<Cell>,
+}
+
+impl Cells {
+    /// A rectangle of `size` [m] around the origin, its sides along the grid.
+    pub fn rectangle(size: [f64; 2], [columns, rows]: [usize; 2], cell: [f64; 2]) -> Self {
+        let place = |v: usize| {
+            [
+                (v % columns) as f64 * cell[0] - 0.5 * size[0],
+                (v / columns) as f64 * cell[1] - 0.5 * size[1],
+            ]
+        };
+        Self {
+            grid: Grid::full([columns, rows], cell),
+            rest: (0..rows * columns).map(place).collect(),
+            cells: vec![Cell::Whole; (rows - 1) * (columns - 1)],
+        }
+    }
+
+    /// Cuts along `outline` with rows of cells of sides `cell` [m] at `angle` [rad] to x.
+    pub fn new(outline: &Outline, cell: [f64; 2], angle: f64) -> Result<Self, CutFault> {
+        let (sin, cos) = angle.sin_cos();
+        let turned =
+            outline.mapped(|[x, y]| [(cos * x + sin * y) / cell[0], (cos * y - sin * x) / cell[1]]);
+        let fold = |k: usize, f: fn(f64, f64) -> f64| {
+            turned
+                .iter()
+                .flatten()
+                .map(|p| p[k])
+                .reduce(f)
+                .expect("has points")
+        };
+        let low = [0, 1].map(|k| fold(k, f64::min));
+        let extent = [0, 1].map(|k| fold(k, f64::max) - low[k]);
+        // A hair less, so that rounding does not add a column beside the outline.
+        let [columns, rows] = extent.map(|e| ((e - STILL).ceil() as usize + 1).max(2));
+        if columns.max(rows) > MOST_VERTICES {
+            return Err(CutFault::Fine(columns.max(rows)));
+        }
+        let counts = [columns, rows];
+        let origin = [0, 1].map(|k| low[k] + 0.5 * extent[k] - 0.5 * (counts[k] - 1) as f64);
+        let shift = |p: &Point| [p[0] - origin[0], p[1] - origin[1]];
+        let loops: Vec<Vec<Point>> = turned
+            .iter()
+            .map(|one| one.iter().map(shift).collect())
+            .collect();
+
+        let snapped = Cutter::new(loops, columns, rows).cut()?;
+        let place = |[s, t]: Point| {
+            let [s, t] = [(s + origin[0]) * cell[0], (t + origin[1]) * cell[1]];
+            [cos * s - sin * t, sin * s + cos * t]
+        };
+        let mut nodes: Vec<u32> = snapped
+            .triangles
+            .iter()
+            .flatten()
+            .flatten()
+            .copied()
+            .collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let grid = Grid::new(counts, cell, [cos, sin], nodes.clone());
+        let vertex = |node: u32| {
+            let node = node as usize;
+            grid.vertex_at(node / columns, node % columns)
+                .expect("it is one of the nodes")
+        };
+        let cells = snapped
+            .triangles
+            .iter()
+            .map(|triangles| {
+                let moved = triangles
+                    .iter()
+                    .flatten()
+                    .any(|&n| snapped.moved[n as usize]);
+                if triangles.len() == 2 && !moved {
+                    return Cell::Whole;
+                }
+                Cell::Cut(triangles.iter().map(|t| t.map(vertex)).collect())
+            })
+            .collect();
+        Ok(Self {
+            rest: nodes
+                .iter()
+                .map(|&n| place(snapped.position[n as usize]))
+                .collect(),
+            grid,
+            cells,
+        })
+    }
+}
+
+/// Nodes, the outline, and what is known of their places, in cells.
+struct Cutter {
+    loops: Vec<Vec<Point>>,
+    columns: usize,
+    rows: usize,
+    /// Nearest point of the outline within one cell of each node.
+    nearest: Vec<Option<Point>>,
+    kept: Vec<bool>,
+}
+
+/// A mesh whose border lies on the outline. Everything is by node.
+struct Snapped {
+    position: Vec<Point>,
+    moved: Vec<bool>,
+    /// Triangles of each cell.
+    triangles: Vec<Vec<[u32; 3]>>,
+}
+
+impl Cutter {
+    fn new(loops: Vec<Vec<Point>>, columns: usize, rows: usize) -> Self {
+        let mut cutter = Self {
+            loops,
+            columns,
+            rows,
+            nearest: vec![None; columns * rows],
+            kept: vec![false; columns * rows],
+        };
+        cutter.find_inside();
+        cutter.find_nearest();
+        for node in 0..columns * rows {
+            if let Some(near) = cutter.nearest[node] {
+                cutter.kept[node] |= distance(near, cutter.place(node)) < OVERHANG;
+            }
+        }
+        cutter
+    }
+
+    fn place(&self, node: usize) -> Point {
+        [(node % self.columns) as f64, (node / self.columns) as f64]
+    }
+
+    fn edges(&self) -> impl Iterator<Item = [Point; 2]> + '_ {
+        self.loops.iter().flat_map(|one| {
+            let next = one.iter().cycle().skip(1);
+            one.iter().zip(next).map(|(&a, &b)| [a, b])
+        })
+    }
+
+    /// Keeps the nodes between an odd and an even crossing of their row with the outline.
+    fn find_inside(&mut self) {
+        for row in 0..self.rows {
+            let y = row as f64;
+            let mut crossings: Vec<f64> = self
+                .edges()
+                .filter(|[a, b]| (a[1] <= y) != (b[1] <= y))
+                .map(|[a, b]| a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
+                .collect();
+            crossings.sort_by(f64::total_cmp);
+            for pair in crossings.chunks_exact(2) {
+                let first = pair[0].ceil().max(0.0) as usize;
+                for column in first..self.columns {
+                    if column as f64 > pair[1] {
+                        break;
+                    }
+                    self.kept[row * self.columns + column] = true;
+                }
+            }
+        }
+    }
+
+    fn find_nearest(&mut self) {
+        let mut nearest = vec![None; self.nearest.len()];
+        let counts = [self.columns, self.rows];
+        for [a, b] in self.edges() {
+            let range = |k: usize| {
+                let first = (a[k].min(b[k]) - 1.0).ceil().max(0.0) as usize;
+                let last = (a[k].max(b[k]) + 1.0).floor().max(0.0) as usize;
+                first..=last.min(counts[k] - 1)
+            };
+            for row in range(1) {
+                for column in range(0) {
+                    let node = row * self.columns + column;
+                    let place = self.place(node);
+                    let point = nearest_on(a, b, place);
+                    let best: &mut Option<Point> = &mut nearest[node];
+                    if best.is_none_or(|best| distance(point, place) < distance(best, place)) {
+                        *best = Some(point);
+                    }
+                }
+            }
+        }
+        self.nearest = nearest;
+    }
+
+    /// Nodes at the corners of a cell, counter-clockwise from the least row and column; none
+    /// where they are not kept.
+    fn corners(&self, cell: usize) -> [Option<u32>; 4] {
+        let (row, column) = (cell / (self.columns - 1), cell % (self.columns - 1));
+        let first = row * self.columns + column;
+        [0, 1, self.columns + 1, self.columns]
+            .map(|step| first + step)
+            .map(|node| self.kept[node].then_some(node as u32))
+    }
+
+    fn cut(mut self) -> Result<Snapped, CutFault> {
+        let cell_count = (self.columns - 1) * (self.rows - 1);
+        let mut triangles: Vec<Vec<[u32; 3]>> = (0..cell_count)
+            .map(|cell| fill(self.corners(cell), |_| 1.0))
+            .collect();
+        keep_parts(&mut triangles)?;
+        let mut used = vec![false; self.kept.len()];
+        for &node in triangles.iter().flatten().flatten() {
+            used[node as usize] = true;
+        }
+        self.kept = used;
+
+        let border = border(&triangles);
+        let found = loop_count(&border)?;
+        if found != self.loops.len() {
+            let expected = self.loops.len();
+            return Err(CutFault::Loops { found, expected });
+        }
+        let nodes: Vec<usize> = border.iter().map(|&[a, _]| a as usize).collect();
+        Ok(self.snap(triangles, &self.targets(&nodes)))
+    }
+
+    /// Where the nodes of the border go.
+    fn targets(&self, border: &[usize]) -> BTreeMap<usize, Point> {
+        let mut targets: BTreeMap<usize, Point> = border
+            .iter()
+            .filter_map(|&node| {
+                let near = self.nearest[node]?;
+                (distance(near, self.place(node)) < REACH).then_some((node, near))
+            })
+            .collect();
+        let mut taken: BTreeMap<usize, Point> = BTreeMap::new();
+        for corner in self.loops.iter().flat_map(|one| corners(one)) {
+            let nearest = border
+                .iter()
+                .map(|&node| (distance(corner, self.place(node)), node))
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((away, node)) = nearest.filter(|(away, _)| *away < REACH) else {
+                continue;
+            };
+            let nearer = |other: &Point| distance(*other, self.place(node)) <= away;
+            if !taken.get(&node).is_some_and(nearer) {
+                taken.insert(node, corner);
+            }
+        }
+        targets.append(&mut taken);
+        targets.retain(|&node, target| distance(*target, self.place(node)) > STILL);
+        targets
+    }
+
+    /// Moves nodes to their targets, or a part of the way where triangles would become worse
+    /// than [`LEAST_QUALITY`]. Without any way all triangles are halves of cells, so this ends.
+    fn snap(&self, mut triangles: Vec<Vec<[u32; 3]>>, targets: &BTreeMap<usize, Point>) -> Snapped {
+        let mut share: BTreeMap<usize, f64> = targets.keys().map(|&node| (node, 1.0)).collect();
+        let mut position: Vec<Point> = (0..self.kept.len()).map(|n| self.place(n)).collect();
+        loop {
+            for (&node, share) in &share {
+                let (from, to) = (self.place(node), targets[&node]);
+                position[node] = [0, 1].map(|k| from[k] + share * (to[k] - from[k]));
+            }
+            let at = |t: &[u32; 3]| quality(t.map(|node| position[node as usize]));
+            let mut bad = Vec::new();
+            for (cell, triangles) in triangles.iter_mut().enumerate() {
+                let corners = self.corners(cell);
+                // Cells whose third triangle was a tip keep what they have.
+                if triangles.len() == 2 {
+                    *triangles = fill(corners, at);
+                }
+                bad.extend(triangles.iter().filter(|t| at(t) < LEAST_QUALITY).flatten());
+            }
+            bad.sort_unstable();
+            bad.dedup();
+            bad.retain(|&node: &u32| share.get(&(node as usize)).is_some_and(|&s| s > 0.0));
+            if bad.is_empty() {
+                break;
+            }
+            for node in bad {
+                let share = share.get_mut(&(node as usize)).expect("it has one");
+                *share = if *share < 0.1 { 0.0 } else { 0.7 * *share };
+            }
+        }
+        let mut moved = vec![false; position.len()];
+        for (node, share) in share {
+            moved[node] = share > 0.0;
+        }
+        Snapped {
+            position,
+            moved,
+            triangles,
+        }
+    }
+}
+
+/// Fills a cell: two triangles if it has all its corners, by the diagonal whose worse triangle
+/// is better (the rising one where both are alike), one if it has three.
+fn fill(corners: [Option<u32>; 4], quality: impl Fn(&[u32; 3]) -> f64) -> Vec<[u32; 3]> {
+    match corners {
+        [Some(a), Some(b), Some(d), Some(c)] => {
+            let rising = [[a, b, d], [a, d, c]];
+            let falling = [[a, b, c], [b, d, c]];
+            let [up, down] =
+                [&rising, &falling].map(|pair| quality(&pair[0]).min(quality(&pair[1])));
+            // A hair better is rounding.
+            if down > up + 1e-9 { falling } else { rising }.into()
+        }
+        _ => {
+            let left: Vec<u32> = corners.into_iter().flatten().collect();
+            <[u32; 3]>::try_from(left).into_iter().collect()
+        }
+    }
+}
+
+/// Drops tips that hang on to nothing and refuses a mesh of several parts.
+fn keep_parts(triangles: &mut [Vec<[u32; 3]>]) -> Result<(), CutFault> {
+    let all: Vec<[u32; 3]> = triangles.concat();
+    let mut beside: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+    let mut neighbors = vec![Vec::new(); all.len()];
+    for (index, t) in all.iter().enumerate() {
+        for [a, b] in sides(t) {
+            match beside.remove(&[b, a]) {
+                Some(other) => {
+                    neighbors[index].push(other);
+                    neighbors[other].push(index);
+                }
+                None => {
+                    beside.insert([a, b], index);
+                }
+            }
+        }
+    }
+    let mut part = vec![usize::MAX; all.len()];
+    let mut sizes = Vec::new();
+    for start in 0..all.len() {
+        if part[start] != usize::MAX {
+            continue;
+        }
+        part[start] = sizes.len();
+        let mut found = vec![start];
+        let mut next = 0;
+        while let Some(&index) = found.get(next) {
+            for &other in &neighbors[index] {
+                if part[other] == usize::MAX {
+                    part[other] = sizes.len();
+                    found.push(other);
+                }
+            }
+            next += 1;
+        }
+        sizes.push(found.len());
+    }
+    let largest = (0..sizes.len()).max_by_key(|&p| (sizes[p], usize::MAX - p));
+    let Some(largest) = largest else {
+        return Err(CutFault::Empty);
+    };
+    let parts = (0..sizes.len())
+        .filter(|&p| p == largest || sizes[p] > TIP)
+        .count();
+    if parts > 1 {
+        return Err(CutFault::Parts(parts));
+    }
+    let mut part = part.into_iter();
+    for triangles in triangles {
+        triangles.retain(|_| part.next() == Some(largest));
+    }
+    Ok(())
+}
+
+fn sides(t: &[u32; 3]) -> [[u32; 2]; 3] {
+    [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]
+}
+
+/// Sides that belong to one triangle only, by their first node.
+fn border(triangles: &[Vec<[u32; 3]>]) -> Vec<[u32; 2]> {
+    let mut open = std::collections::BTreeSet::new();
+    for [a, b] in triangles.iter().flatten().flat_map(sides) {
+        if !open.remove(&[b, a]) {
+            open.insert([a, b]);
+        }
+    }
+    open.into_iter().collect()
+}
+
+/// Number of closed loops of a border.
+fn loop_count(border: &[[u32; 2]]) -> Result<usize, CutFault> {
+    let mut next: BTreeMap<u32, u32> = BTreeMap::new();
+    for &[a, b] in border {
+        if next.insert(a, b).is_some() {
+            return Err(CutFault::Pinched);
+        }
+    }
+    let mut count = 0;
+    while let Some((first, mut at)) = next.pop_first() {
+        count += 1;
+        while at != first {
+            at = next.remove(&at).expect("borders are closed");
+        }
+    }
+    Ok(count)
+}
+
+/// Points of a loop at which it turns sharply.
+fn corners(points: &[Point]) -> Vec<Point> {
+    let count = points.len();
+    let is_sharp = |i: &usize| {
+        let [a, b, c] = [i + count - 1, *i, i + 1].map(|j| points[j % count]);
+        let [u, v] = [[b[0] - a[0], b[1] - a[1]], [c[0] - b[0], c[1] - b[1]]];
+        let lengths = u[0].hypot(u[1]) * v[0].hypot(v[1]);
+        u[0] * v[0] + u[1] * v[1] < CORNER * lengths
+    };
+    (0..count).filter(is_sharp).map(|i| points[i]).collect()
+}
+
+fn distance(a: Point, b: Point) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+fn nearest_on(a: Point, b: Point, p: Point) -> Point {
+    let [u, v] = [[b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]];
+    let along = (u[0] * v[0] + u[1] * v[1]) / (u[0] * u[0] + u[1] * u[1]);
+    let along = along.clamp(0.0, 1.0);
+    [a[0] + along * u[0], a[1] + along * u[1]]
+}
+
+/// See [`LEAST_QUALITY`]; negative for triangles that are turned over.
+fn quality([a, b, c]: [Point; 3]) -> f64 {
+    let area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
+    let squares = distance(a, b).powi(2) + distance(b, c).powi(2) + distance(c, a).powi(2);
+    4.0 * 3f64.sqrt() * area / squares
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,323 @@
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Coordinates of an outline are at most this large [mm].
+const FARTHEST_MM: f64 = 1e5;
+
+/// A point of the plane.
+pub(super) type Point = [f64; 2];
+
+/// Closed loops that bound a blank: the outer one first, then its holes. None crosses or
+/// touches another or itself.
+///
+/// The file has one point a line, x and y [mm], apart by a comma, semicolon or white space.
+/// Blank lines separate loops, `#` begins a comment. Loops may run either way round, and may
+/// repeat their first point at the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outline {
+    /// [m]
+    loops: Vec<Vec<Point>>,
+}
+
+/// An outline that bounds no blank. Lines count from 1.
+#[derive(Debug, thiserror::Error)]
+pub enum OutlineError {
+    #[error("cannot read {}", path.display())]
+    Io { path: PathBuf, source: io::Error },
+    #[error("{}:{line}: {fault}", path.display())]
+    Format {
+        path: PathBuf,
+        line: usize,
+        fault: OutlineFault,
+    },
+}
+
+/// What is wrong at a line of an outline.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum OutlineFault {
+    #[error("found {found:?}, expected two numbers within +-100000: x, y [mm]")]
+    Point { found: String },
+    #[error("loop of {0} points, expected at least 3")]
+    Short(usize),
+    #[error("no points, expected a closed loop of at least 3")]
+    Empty,
+    #[error("point is that of line {0} again, expected another")]
+    Repeated(usize),
+    #[error("edge from this point meets that from line {0}, expected loops that do not cross")]
+    Crossing(usize),
+    #[error("hole lies outside the outer loop, expected it inside")]
+    Outside,
+    #[error("hole lies in the hole of line {0}, expected it apart")]
+    Nested(usize),
+}
+
+/// A loop as it was read.
+#[derive(Default)]
+struct Loop {
+    points: Vec<Point>,
+    /// Line of each point.
+    lines: Vec<usize>,
+}
+
+/// An edge of a loop, and where it comes from.
+struct Edge {
+    ends: [Point; 2],
+    from: usize,
+    index: usize,
+}
+
+impl Outline {
+    /// A rectangle of `size` [m] around the origin.
+    pub fn rectangle(size: [f64; 2]) -> Self {
+        let [x, y] = size.map(|s| 0.5 * s);
+        Self {
+            loops: vec![vec![[-x, -y], [x, -y], [x, y], [-x, y]]],
+        }
+    }
+
+    /// Reads an outline; the error names file, line, found and expected.
+    pub fn read(path: &Path) -> Result<Self, OutlineError> {
+        let bytes = fs::read(path).map_err(|source| OutlineError::Io {
+            path: path.into(),
+            source,
+        })?;
+        // What is not text is quoted as the line that cannot be understood.
+        Self::parse(&String::from_utf8_lossy(&bytes)).map_err(|(line, fault)| {
+            OutlineError::Format {
+                path: path.into(),
+                line,
+                fault,
+            }
+        })
+    }
+
+    /// Reads an outline from the text of its file.
+    pub(super) fn parse(text: &str) -> Result<Self, (usize, OutlineFault)> {
+        let mut loops = vec![Loop::default()];
+        for (index, line) in text.lines().enumerate() {
+            let content = line.split('#').next().unwrap_or_default().trim();
+            let last = loops.last_mut().expect("begins with one");
+            if !content.is_empty() {
+                last.points.push(point(content).ok_or_else(|| {
+                    let found = content.chars().take(40).collect();
+                    (index + 1, OutlineFault::Point { found })
+                })?);
+                last.lines.push(index + 1);
+            } else if line.trim().is_empty() && !last.points.is_empty() {
+                loops.push(Loop::default());
+            }
+        }
+        if loops.last().is_some_and(|last| last.points.is_empty()) {
+            loops.pop();
+        }
+        if loops.is_empty() {
+            return Err((1, OutlineFault::Empty));
+        }
+        for one in &mut loops {
+            if one.points.len() > 1 && one.points.first() == one.points.last() {
+                one.points.pop();
+            }
+            if one.points.len() < 3 {
+                return Err((one.lines[0], OutlineFault::Short(one.points.len())));
+            }
+            for (i, pair) in one.points.windows(2).enumerate() {
+                if pair[0] == pair[1] {
+                    return Err((one.lines[i + 1], OutlineFault::Repeated(one.lines[i])));
+                }
+            }
+        }
+        check_crossings(&loops)?;
+        let (outer, holes) = loops.split_first().expect("not empty");
+        for (i, hole) in holes.iter().enumerate() {
+            if !encloses(&outer.points, hole.points[0]) {
+                return Err((hole.lines[0], OutlineFault::Outside));
+            }
+            for (j, other) in holes.iter().enumerate() {
+                if i != j && encloses(&other.points, hole.points[0]) {
+                    return Err((hole.lines[0], OutlineFault::Nested(other.lines[0])));
+                }
+            }
+        }
+        let metres = |one: Loop| one.points.iter().map(|p| p.map(|c| 1e-3 * c)).collect();
+        Ok(Self {
+            loops: loops.into_iter().map(metres).collect(),
+        })
+    }
+
+    /// Number of loops: one more than holes.
+    pub fn loop_count(&self) -> usize {
+        self.loops.len()
+    }
+
+    /// Area between the outer loop and the holes [m^2].
+    pub fn area(&self) -> f64 {
+        let sizes: Vec<f64> = self.loops.iter().map(|l| signed_area(l).abs()).collect();
+        2.0 * sizes[0] - sizes.iter().sum::<f64>()
+    }
+
+    /// Every loop with its points mapped by `to`.
+    pub(super) fn mapped(&self, to: impl Fn(Point) -> Point) -> Vec<Vec<Point>> {
+        let map = |one: &Vec<Point>| one.iter().map(|&p| to(p)).collect();
+        self.loops.iter().map(map).collect()
+    }
+}
+
+fn point(content: &str) -> Option<Point> {
+    let separator = |c: char| c == ',' || c == ';' || c.is_whitespace();
+    let mut fields = content.split(separator).filter(|field| !field.is_empty());
+    let mut number = || {
+        let number: f64 = fields.next()?.parse().ok()?;
+        (number.abs() <= FARTHEST_MM).then_some(number)
+    };
+    let point = [number()?, number()?];
+    fields.next().is_none().then_some(point)
+}
+
+/// Refuses edges that meet others than at the point which they share with their neighbours.
+/// Edges are swept in the order of their least x.
+fn check_crossings(loops: &[Loop]) -> Result<(), (usize, OutlineFault)> {
+    let mut edges: Vec<Edge> = Vec::new();
+    for (from, Loop { points, .. }) in loops.iter().enumerate() {
+        let edge = |index: usize| Edge {
+            ends: [points[index], points[(index + 1) % points.len()]],
+            from,
+            index,
+        };
+        edges.extend((0..points.len()).map(edge));
+    }
+    let range = |edge: &Edge, k: usize| {
+        let [a, b] = edge.ends.map(|p| p[k]);
+        [a.min(b), a.max(b)]
+    };
+    edges.sort_by(|a, b| range(a, 0)[0].total_cmp(&range(b, 0)[0]));
+    for (i, a) in edges.iter().enumerate() {
+        let near = edges[i + 1..]
+            .iter()
+            .take_while(|b| range(b, 0)[0] <= range(a, 0)[1])
+            .filter(|b| range(b, 1)[0] <= range(a, 1)[1] && range(a, 1)[0] <= range(b, 1)[1]);
+        for b in near {
+            if meet(a, b, loops) {
+                let line = |edge: &Edge| loops[edge.from].lines[edge.index];
+                let [first, second] = [line(a).min(line(b)), line(a).max(line(b))];
+                return Err((second, OutlineFault::Crossing(first)));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn meet(a: &Edge, b: &Edge, loops: &[Loop]) -> bool {
+    let count = loops[a.from].points.len();
+    let follows = |a: &Edge, b: &Edge| a.from == b.from && (a.index + 1) % count == b.index;
+    for (first, second) in [(a, b), (b, a)] {
+        if follows(first, second) {
+            // Neighbours share a point, and no more unless the second runs back.
+            let [p, q, r] = [first.ends[0], first.ends[1], second.ends[1]];
+            let forward = (q[0] - p[0]) * (r[0] - q[0]) + (q[1] - p[1]) * (r[1] - q[1]);
+            return turn(p, q, r) == 0.0 && forward < 0.0;
+        }
+    }
+    let sides = |edge: &Edge, of: &Edge| {
+        let [p, q] = edge.ends;
+        of.ends.map(|r| turn(p, q, r))
+    };
+    let apart = |[s, t]: [f64; 2]| (s > 0.0 && t > 0.0) || (s < 0.0 && t < 0.0);
+    // On one line they meet because their ranges do.
+    !apart(sides(a, b)) && !apart(sides(b, a))
+}
+
+/// Twice the area of the triangle p, q, r: positive if it turns to the left.
+fn turn(p: Point, q: Point, r: Point) -> f64 {
+    (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+}
+
+/// Whether `p` lies inside a loop, by the parity of crossings.
+fn encloses(points: &[Point], p: Point) -> bool {
+    let mut inside = false;
+    for (i, &a) in points.iter().enumerate() {
+        let b = points[(i + 1) % points.len()];
+        if (a[1] <= p[1]) != (b[1] <= p[1]) {
+            let x = a[0] + (p[1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0]);
+            inside ^= p[0] < x;
+        }
+    }
+    inside
+}
+
+/// Area of a loop, positive if it runs counter-clockwise.
+fn signed_area(points: &[Point]) -> f64 {
+    let next = |i: usize| points[(i + 1) % points.len()];
+    let twice = |i: usize| points[i][0] * next(i)[1] - points[i][1] * next(i)[0];
+    0.5 * (0..points.len()).map(twice).sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fault(text: &str) -> (usize, String) {
+        let (line, fault) = Outline::parse(text).unwrap_err();
+        (line, fault.to_string())
+    }
+
+    #[test]
+    fn loops_comments_and_separators_are_read() {
+        let text = "# plate\n0, 0\n100 0\n100;50 # corner\n0,50\n0,0\n\n\n10,10\n\
+                    20\t10\n# still the hole\n20,20\n\n";
+        let outline = Outline::parse(text).unwrap();
+        assert_eq!(outline.loop_count(), 2);
+        assert!((outline.area() - (5000.0 - 50.0) * 1e-6).abs() < 1e-15);
+        // Loops may run either way round.
+        let turned = Outline::parse("0,0\n0,50\n100,50\n100,0\n\n10,10\n20,10\n20,20").unwrap();
+        assert!((turned.area() - outline.area()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn faults_are_located() {
+        let square = "0,0\n9,0\n9,9\n0,9\n";
+        for (text, line, words) in [
+            ("", 1, "no points"),
+            ("# nothing\n\n", 1, "no points"),
+            ("0,0\n1,0\n", 1, "loop of 2 points, expected at least 3"),
+            ("0,0\n1,0\n0,0", 1, "loop of 2 points"),
+            (
+                "0,0\n1,nan\n1,1",
+                2,
+                "found \"1,nan\", expected two numbers",
+            ),
+            ("0,0\n1,inf\n1,1", 2, "found \"1,inf\""),
+            ("0,0\n1\n1,1", 2, "found \"1\""),
+            ("0,0\n1,2,3\n1,1", 2, "found \"1,2,3\""),
+            ("0,0\n1,0\n1,0\n1,1", 3, "point is that of line 2 again"),
+            ("0,0\n9,9\n9,0\n0,9", 3, "meets that from line 1"),
+            // A spike, and a loop without area.
+            ("0,0\n9,0\n9,9\n9,3\n0,3", 3, "meets that from line 2"),
+            ("0,0\n9,0\n4,0", 2, "meets that from line 1"),
+        ] {
+            let (found, message) = fault(text);
+            assert!(
+                found == line && message.contains(words),
+                "{found}: {message}"
+            );
+        }
+        for (hole, line, words) in [
+            ("20,20\n21,20\n20,21", 6, "outside the outer loop"),
+            ("5,5\n12,5\n5,6", 6, "meets that from line 2"),
+            (
+                "2,2\n5,2\n2,5\n\n2.5,2.5\n3,2.5\n2.5,3",
+                10,
+                "hole of line 6",
+            ),
+            ("2,2\n5,2\n2,5\n\n1,1\n8,1\n1,8", 6, "hole of line 10"),
+            // Touching the border from within.
+            ("0,5\n3,5\n3,6", 6, "meets that from line 4"),
+        ] {
+            let (found, message) = fault(&format!("{square}\n{hole}"));
+            assert!(
+                found == line && message.contains(words),
+                "{found}: {message}"
+            );
+        }
+    }
+}

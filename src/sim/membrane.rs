@@ -1,0 +1,142 @@
+//! Membrane triangles: the material law where no yarn runs along an edge.
+//!
+//! The deformation gradient F of a triangle takes the yarns' directions at rest to F a and
+//! F b. Three constraints: C1 = |F a| - 1, C2 = |F b| - 1 [-], the strains of warp and weft,
+//! and C3 = F a . F b / (|F a| |F b|), the sine of the shear angle. Their energies are
+//! E t A C1^2 / 2, E t A C2^2 / 2 and G t A C3^2 / 2 with the area A and the thickness t, each
+//! modulus by the sign of its C: the law of yarns and diagonals, integrated over the triangle.
+//!
+//! Linear triangles have constant strain. Where yarns run obliquely to the mesh they cannot
+//! follow inextensible yarns in bending lines, and lock; `docs/PHYSICS.md` says by how much.
+
+use super::model::{Compression, EdgeLaw, PhysicsConfig};
+use crate::fabric::{Family, Lamina, color};
+use crate::math::{Lanes, Vec3x};
+
+/// Below this squared stretch a direction is lost, and nothing acts along it.
+const LEAST_SQUARE: f64 = 1e-12;
+
+/// A triangle, with compliances [1/J] of its dimensionless constraints.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Element {
+    pub vertices: [u32; 3],
+    /// Slopes along warp and weft of the shares of the second and the third corner [1/m];
+    /// that of the first is minus their sum.
+    pub gradient: [[f64; 2]; 2],
+    /// Of C1 and C2.
+    pub yarns: [EdgeLaw; 2],
+    /// Of C3; none if the scene has no shear.
+    pub shear: Option<EdgeLaw>,
+}
+
+/// The elements of a lamina, in colours.
+pub(super) fn elements(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<Element>> {
+    let thickness = lamina.material.thickness();
+    let all: Vec<Element> = lamina
+        .membranes
+        .iter()
+        .map(|membrane| {
+            let compliance = |modulus: f64| 1.0 / (modulus * thickness * membrane.area);
+            let yarn = |family| {
+                let law = lamina.material.yarn(family);
+                let tension = compliance(law.tension.modulus());
+                let compression = match physics.compression {
+                    Compression::Material => compliance(law.compression.modulus()),
+                    Compression::AsTension => tension,
+                };
+                EdgeLaw {
+                    tension,
+                    compression,
+                }
+            };
+            let shear = &lamina.material.shear;
+            Element {
+                vertices: membrane.vertices,
+                gradient: [membrane.gradient[1], membrane.gradient[2]],
+                yarns: [Family::Warp, Family::Weft].map(yarn),
+                shear: physics.shear.then(|| EdgeLaw {
+                    tension: compliance(shear.positive.modulus()),
+                    compression: compliance(shear.negative.modulus()),
+                }),
+            }
+        })
+        .collect();
+    let vertices: Vec<_> = all.iter().map(|element| element.vertices).collect();
+    color(lamina.vertex_count(), &vertices)
+        .into_iter()
+        .map(|class| class.iter().map(|&i| all[i as usize]).collect())
+        .collect()
+}
+
+/// The branch of a law by the sign of `c`, times 1 / h^2.
+#[inline(always)]
+fn branch<V: Lanes>(law: &EdgeLaw, c: V, inverse_h_squared: V) -> V {
+    V::select(c.lt(V::zero()), V::of(law.compression), V::of(law.tension)) * inverse_h_squared
+}
+
+/// Moves the corners along `gradient` of C (that of the first corner is minus the sum of the
+/// others', so that no force is left over) by the XPBD step with lambda = 0 before it.
+#[inline(always)]
+fn apply<V: Lanes>(
+    c: V,
+    [g1, g2]: [Vec3x<V>; 2],
+    alpha_tilde: V,
+    x: &mut [Vec3x<V>; 3],
+    w: &[V; 3],
+) {
+    let g0 = g1 + g2;
+    let sum = w[0] * g0.dot(g0) + w[1] * g1.dot(g1) + w[2] * g2.dot(g2) + alpha_tilde;
+    let lambda = c / sum.max(V::of(1e-28));
+    x[0] = x[0] + g0.scale(lambda * w[0]);
+    x[1] = x[1] - g1.scale(lambda * w[1]);
+    x[2] = x[2] - g2.scale(lambda * w[2]);
+}
+
+/// Direction and length of a column of F; none is zero.
+#[inline(always)]
+fn column<V: Lanes>(x: &[Vec3x<V>; 3], [s, t]: [V; 2]) -> (Vec3x<V>, V) {
+    let f = (x[1] - x[0]).scale(s) + (x[2] - x[0]).scale(t);
+    let length = f.dot(f).max(V::of(LEAST_SQUARE)).sqrt();
+    (f.scale(V::of(1.0) / length), length)
+}
+
+/// Projects the elements of one colour: C1, C2, then C3, each from where the one before has
+/// left the corners. Macklin et al. 2016 (XPBD), eqs. 17-18.
+#[inline(always)]
+pub(super) fn project_elements<V: Lanes>(
+    elements: &[Element],
+    inverse_h_squared: V,
+    position: &mut [Vec3x<V>],
+    inverse_mass: &[V],
+) {
+    for element in elements {
+        let v = element.vertices.map(|v| v as usize);
+        let mut x = v.map(|v| position[v]);
+        let w = v.map(|v| inverse_mass[v]);
+        let [g1, g2] = element.gradient;
+        let slopes = [[g1[0], g2[0]].map(V::of), [g1[1], g2[1]].map(V::of)];
+        for (slope, law) in slopes.into_iter().zip(&element.yarns) {
+            let (n, length) = column(&x, slope);
+            let c = length - V::of(1.0);
+            let alpha_tilde = branch(law, c, inverse_h_squared);
+            apply(c, slope.map(|s| n.scale(s)), alpha_tilde, &mut x, &w);
+        }
+        if let Some(law) = &element.shear {
+            let [(a, a_length), (b, b_length)] = slopes.map(|slope| column(&x, slope));
+            let c = a.dot(b);
+            // Derivatives of C3 by F a and F b.
+            let by_a = (b - a.scale(c)).scale(V::of(1.0) / a_length);
+            let by_b = (a - b.scale(c)).scale(V::of(1.0) / b_length);
+            let [warp, weft] = slopes;
+            let gradient = [0, 1].map(|k| by_a.scale(warp[k]) + by_b.scale(weft[k]));
+            let alpha_tilde = branch(law, c, inverse_h_squared);
+            apply(c, gradient, alpha_tilde, &mut x, &w);
+        }
+        for k in 0..3 {
+            position[v[k]] = x[k];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
