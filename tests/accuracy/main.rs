@@ -5,6 +5,7 @@
 
 mod bending;
 mod contact;
+mod membranes;
 mod motion;
 mod yarns;
 

@@ -78,7 +78,6 @@ fn triangles_are_sound_and_fill_the_outline() {
             assert!(least >= LEAST_QUALITY - 1e-9, "{name} at {angle}: {least}");
             worst = worst.max((area(&cells) / outline.area() - 1.0).abs());
         }
-        println!("{name}: area off by {worst:.4}");
         assert!(worst < *tolerance, "{name}: area off by {worst}");
     }
 }
@@ -112,7 +111,6 @@ fn border_of_a_disc_lies_on_its_circle() {
             short += usize::from(radius < 0.049_9);
         }
     }
-    println!("{short} of {count} short");
     assert!(
         short * 20 < count,
         "{short} of {count} vertices are short of the circle"
@@ -150,5 +148,8 @@ fn coarse_cells_are_refused() {
     };
     assert_eq!(fault(&small, 12.0), lost);
     assert_eq!(fault(&disc(), 400.0), CutFault::Empty);
-    assert_eq!(fault(&disc(), 0.01), CutFault::Fine(10001));
+    let CutFault::Fine(count) = fault(&disc(), 0.01) else {
+        panic!("ten thousand vertices along a side");
+    };
+    assert!(count.abs_diff(10_000) < 10);
 }
