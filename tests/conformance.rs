@@ -6,7 +6,7 @@
 
 use std::sync::LazyLock;
 
-use drape::fabric::{BlankConfig, Lamina, Material};
+use drape::fabric::{BlankConfig, Lamina, MassModel, Material};
 use drape::math::{Isa, Purpose, Stream};
 use drape::sim::{
     Batch, Bending, Control, Cpu, Model, PhysicsConfig, Press, Snapshot, Solver, batch,
@@ -37,14 +37,17 @@ static TOOL: LazyLock<Tool> = LazyLock::new(|| {
     .unwrap()
 });
 
-static LAMINA: LazyLock<Lamina> = LazyLock::new(|| {
-    let blank = BlankConfig {
-        size_mm: [200.0, 160.0],
-        vertices: [14, 11],
-        ..BlankConfig::default()
-    };
-    Lamina::new(&blank, Material::interglas_92125()).unwrap()
-});
+const BLANK: BlankConfig = BlankConfig {
+    size_mm: [200.0, 160.0],
+    vertices: [14, 11],
+    mass: MassModel::Paper,
+    outline: None,
+    cell_mm: None,
+    yarn_angle_deg: 0.0,
+};
+
+static LAMINA: LazyLock<Lamina> =
+    LazyLock::new(|| Lamina::new(&BLANK, Material::interglas_92125()).unwrap());
 
 /// Every combination of passes that a scene can list.
 static MODELS: LazyLock<Vec<Model>> = LazyLock::new(|| {
@@ -61,6 +64,13 @@ static MODELS: LazyLock<Vec<Model>> = LazyLock::new(|| {
             ));
         }
     }
+    // Membranes all over, on the same vertices.
+    let blank = BlankConfig {
+        yarn_angle_deg: 30.0,
+        ..BLANK
+    };
+    let oblique = Lamina::of_membranes(&blank, Material::interglas_92125()).unwrap();
+    models.push(Model::new(&oblique, &PhysicsConfig::default()));
     models
 });
 

@@ -132,8 +132,12 @@ pub(super) fn caption(summary: &Summary) -> String {
 
 fn text(scene: &Scene, summary: &Summary) -> String {
     let lamina = &scene.lamina;
+    let cut = match lamina.membranes.len() {
+        0 => String::new(),
+        count => format!(", {count} of them along the outline"),
+    };
     let mut text = format!(
-        "lamina       {} vertices, {} triangles\ntool         {} vertices, {} triangles",
+        "lamina       {} vertices, {} triangles{cut}\ntool         {} vertices, {} triangles",
         lamina.vertex_count(),
         lamina.triangles.len(),
         scene.tool.mesh.vertices.len(),

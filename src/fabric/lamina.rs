@@ -415,4 +415,99 @@ mod tests {
             "`blank.vertices` is [1, 65], expected two numbers from 2 to 1025"
         );
     }
+
+    fn holed(angle: f64) -> Lamina {
+        let config = BlankConfig {
+            outline: Some("assets/outlines/plate-with-hole.csv".into()),
+            cell_mm: Some(8.0),
+            yarn_angle_deg: angle,
+            ..BlankConfig::default()
+        };
+        Lamina::new(&config, Material::interglas_92125()).unwrap()
+    }
+
+    /// Mass is that of the triangles, these fill the outline, and every vertex is found where
+    /// the grid says.
+    #[test]
+    fn cut_blank_has_its_mass_area_and_places() {
+        let outline = Outline::read("assets/outlines/plate-with-hole.csv".as_ref()).unwrap();
+        for angle in [0.0, 20.0, 45.0, 90.0, -130.0] {
+            let lamina = holed(angle);
+            let mass: f64 = lamina.mass.iter().sum();
+            assert!((mass / (0.875 * lamina.area()) - 1.0).abs() < 1e-12);
+            assert!(lamina.mass.iter().all(|&m| m > 0.0));
+            let off = lamina.area() / outline.area() - 1.0;
+            assert!(off.abs() < 0.01, "{off} at {angle}");
+            let mut count = 0;
+            for row in 0..lamina.rows {
+                for column in 0..lamina.columns {
+                    let Some(v) = lamina.vertex_at(row, column) else {
+                        continue;
+                    };
+                    assert_eq!((v, lamina.place(v)), (count, [row, column]));
+                    count += 1;
+                }
+            }
+            assert_eq!(count as usize, lamina.vertex_count());
+        }
+    }
+
+    /// Yarns lie on whole cells and keep one length; a row over the hole has two.
+    #[test]
+    fn hole_interrupts_yarns() {
+        let lamina = holed(20.0);
+        let mut starts = std::collections::BTreeMap::new();
+        for yarn in &lamina.yarns {
+            for pair in yarn.vertices.windows(2) {
+                let [a, b] = [pair[0], pair[1]].map(|v| lamina.rest[v as usize]);
+                let length = (a[0] - b[0]).hypot(a[1] - b[1]);
+                assert!((length - yarn.rest_length).abs() < 1e-12);
+            }
+            assert!((0.5..=1.0).contains(&(yarn.width / 0.008)));
+            if yarn.family == Family::Warp {
+                *starts.entry(lamina.place(yarn.vertices[0])[0]).or_insert(0) += 1;
+            }
+        }
+        assert!(starts.values().any(|&count| count == 2));
+        assert_eq!(
+            lamina.membranes.len() + 2 * lamina.diagonals.len(),
+            lamina.triangles.len()
+        );
+    }
+
+    /// [`Lamina::within`] against every vertex, at an angle at which rows run obliquely.
+    #[test]
+    fn neighbourhoods_of_a_cut_blank_are_complete() {
+        let lamina = holed(33.0);
+        for vertex in (0..lamina.vertex_count() as u32).step_by(7) {
+            let at = lamina.rest[vertex as usize];
+            let expected: Vec<u32> = (0..lamina.vertex_count() as u32)
+                .filter(|&v| (0..2).all(|k| (lamina.rest[v as usize][k] - at[k]).abs() <= 0.027))
+                .collect();
+            assert_eq!(lamina.within(vertex, 0.027).collect::<Vec<_>>(), expected);
+        }
+    }
+
+    /// A rectangle that is cut where it would be anyway has the same mesh and law.
+    #[test]
+    fn cutting_along_the_yarns_changes_nothing() {
+        let plain = BlankConfig {
+            size_mm: [100.0, 80.0],
+            vertices: [21, 17],
+            ..BlankConfig::default()
+        };
+        let cut = BlankConfig {
+            cell_mm: Some(5.0),
+            ..plain.clone()
+        };
+        let [plain, cut] =
+            [plain, cut].map(|c| Lamina::new(&c, Material::interglas_92125()).unwrap());
+        assert_eq!(cut.triangles, plain.triangles);
+        assert!(cut.membranes.is_empty());
+        assert_eq!(cut.yarns.len(), plain.yarns.len());
+        for (a, b) in cut.yarns.iter().zip(&plain.yarns) {
+            assert_eq!(a.vertices, b.vertices);
+            assert!((a.width - b.width).abs() < 1e-15);
+        }
+    }
 }

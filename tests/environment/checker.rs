@@ -256,3 +256,25 @@ fn region_of_the_standard_blank() {
     let standard = Arc::new(rib(65, Solver::Yarn));
     check(&standard, &small_region(), 2, 5);
 }
+
+/// Rows and columns run obliquely to the region, which reaches over the hole and the border.
+#[test]
+fn region_of_a_blank_with_a_hole() {
+    for crop in [true, false] {
+        let config = EnvConfig {
+            region_mm: Some([-40.0, -60.0, 90.0, 120.0]),
+            crop,
+            ..EnvConfig::default()
+        };
+        let env = Draping::new(HOLED.clone(), &config, 1).unwrap();
+        let shape = env.shape();
+        let absent = |action: &u32| env.vertex(*action).is_none();
+        assert!((0..shape.pixel_count() as u32).any(|action| absent(&action)));
+        check(&HOLED, &config, 2, 6);
+    }
+}
+
+#[test]
+fn whole_blank_with_a_hole() {
+    check(&HOLED, &EnvConfig::default(), 2, 8);
+}

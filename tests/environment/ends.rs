@@ -39,6 +39,24 @@ fn saved_state_goes_on_exactly_with_yarns() {
     saved_state_goes_on_exactly(&COARSE);
 }
 
+#[test]
+fn saved_state_goes_on_exactly_over_a_hole() {
+    let config = EnvConfig {
+        region_mm: Some([-20.0, 20.0, 60.0, 80.0]),
+        crop: true,
+        ..EnvConfig::default()
+    };
+    let make = || Draping::new(HOLED.clone(), &config, 2).unwrap();
+    let mut env = make();
+    play(&mut env, &mut Player::new(1, 2), 15);
+    let mut again = make();
+    again.load(&env.save()).unwrap();
+    let expected = play(&mut env, &mut Player::new(3, 2), 60);
+    assert!(expected.iter().flatten().any(|o| o.episode.is_some()));
+    assert!(play(&mut again, &mut Player::new(3, 2), 60) == expected);
+    assert!(again.save() == env.save());
+}
+
 /// An environment at its start sees the same after loading, to the bit, in either precision.
 #[test]
 fn start_is_observed_alike_after_loading() {
@@ -124,6 +142,15 @@ fn forbidden_action_panics() {
     let action = env.observation(0).mask.ones().next().unwrap() as u32;
     env.step(&[action]);
     // Touched by now.
+    env.step(&[action]);
+}
+
+#[test]
+#[should_panic(expected = "is masked out")]
+fn action_in_the_hole_panics() {
+    let mut env = Draping::new(HOLED.clone(), &EnvConfig::default(), 1).unwrap();
+    let absent = |action: &u32| env.vertex(*action).is_none();
+    let action = (0..env.shape().pixel_count() as u32).find(absent).unwrap();
     env.step(&[action]);
 }
 

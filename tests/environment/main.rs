@@ -4,6 +4,7 @@ mod checker;
 mod ends;
 mod stencil;
 
+use std::path::Path;
 use std::sync::{Arc, LazyLock};
 
 use drape::env::{Draping, EnvConfig, Outcome, Tasks};
@@ -29,6 +30,17 @@ fn rib(vertices: usize, solver: Solver) -> Scene {
     config.physics.solver = solver;
     Scene::new(&config, |_| {}).unwrap()
 }
+
+/// A plate with a hole, its yarns turned by 20 degrees, over a dome.
+static HOLED: LazyLock<Arc<Scene>> = LazyLock::new(|| {
+    let path = Path::new("configs/scenes/outline-with-hole.toml");
+    let mut config = SceneConfig::read(path).unwrap();
+    config.blank.cell_mm = Some(11.0);
+    config.fall.fall_s = 0.3;
+    config.fall.settle_s = 0.1;
+    config.fall.substep_rate = 2400.0;
+    Arc::new(Scene::new(&config, |_| {}).unwrap())
+});
 
 /// A region of 9 x 9 vertices of the coarse blank under a wrinkle.
 fn small_region() -> EnvConfig {
