@@ -293,7 +293,7 @@ mod tests {
             ("0,0\n9,9\n9,0\n0,9", 3, "meets that from line 1"),
             // A spike, and a loop without area.
             ("0,0\n9,0\n9,9\n9,3\n0,3", 4, "meets that from line 2"),
-            ("0,0\n9,0\n4,0", 2, "meets that from line 1"),
+            ("0,0\n9,0\n4,0", 3, "meets that from line 1"),
         ] {
             let (found, message) = fault(text);
             assert!(

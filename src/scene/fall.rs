@@ -138,8 +138,9 @@ fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Result<Snapshot, 
         let nearest = (0..lamina.vertex_count())
             .min_by(|&a, &b| square(a).total_cmp(&square(b)))
             .expect("a blank has vertices");
-        let reach = lamina.cell_diagonal();
-        if config.blank.outline.is_some() && !(square(nearest) <= reach * reach) {
+        // NaN is no place either.
+        let is_near = square(nearest) <= lamina.cell_diagonal().powi(2);
+        if config.blank.outline.is_some() && !is_near {
             return Err(clamp.off_the_blank(index));
         }
         for vertex in lamina.within(nearest as u32, clamp.radius_mm * 1e-3) {

@@ -67,7 +67,7 @@ fn elements_follow_the_gradients_of_their_constraints() {
         let which = trial % 3;
         let mut alpha = [None; 3];
         alpha[which] = Some(SOFT);
-        let element = element(17.0 * f64::from(trial as u32), alpha);
+        let element = element(6.0 * f64::from(trial as u32), alpha);
         let x = corners(&mut stream);
         let w = [1.0, 2.0, 0.5];
         let mut moved = x.map(|x| Vec3x(x.into()));
