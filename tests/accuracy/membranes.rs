@@ -189,7 +189,10 @@ fn yarns_and_membranes_carry_together() {
         state.position[v] = [*y, 0.0, -x - 0.02];
         state.fixed.set(v, *x < -0.0199);
     }
+    // A diagonal spring also takes some of the tension, of the order of G / E: nothing for
+    // glass, 3 % for the soft fabric.
     let physics = PhysicsConfig {
+        shear: false,
         gravity: 10.0 * GRAVITY,
         ..in_plane(1000.0)
     };
@@ -197,11 +200,16 @@ fn yarns_and_membranes_carry_together() {
     for column in 1..9 {
         let s = length * f64::from(column) / 8.0;
         let weight = AREAL_MASS * 10.0 * GRAVITY * (length * s - 0.5 * s * s);
-        for row in 0..sheet.rows {
-            let v = sheet.vertex_at(row, column as usize).unwrap();
-            let u = -end.position[v as usize][2] - s;
-            close(u, weight / (MODULI[0] * THICKNESS), 2e-2);
-        }
+        // Rows by the width that they stand for: membranes end at 6 mm, yarns lie at 2.5 mm.
+        let mean: f64 = [1.75, 4.25, 4.25, 1.75]
+            .into_iter()
+            .enumerate()
+            .map(|(row, width)| {
+                let v = sheet.vertex_at(row, column as usize).unwrap();
+                width / 12.0 * (-end.position[v as usize][2] - s)
+            })
+            .sum();
+        close(mean, weight / (MODULI[0] * THICKNESS), 5e-3);
     }
 }
 
