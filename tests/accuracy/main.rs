@@ -6,6 +6,7 @@
 mod bending;
 mod contact;
 mod motion;
+mod stability;
 mod yarns;
 
 use std::sync::LazyLock;

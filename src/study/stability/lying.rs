@@ -78,7 +78,8 @@ pub(super) fn overlap(setting: &Setting) -> Result<Trial, Refusal> {
     Trial::new(sheet, &physics, PLATE.clone(), start, clock, flat())
 }
 
-/// x: substeps, y: speed towards the plate [m/s], from 5 mm above it.
+/// x: substeps, y: speed towards the plate [m/s], from 5 mm above it and tilted
+/// by 10 degrees.
 pub(super) fn impact(setting: &Setting) -> Result<Trial, Refusal> {
     let cap = PhysicsConfig::default().speed_cap;
     hit(setting, cap)
@@ -91,7 +92,11 @@ pub(super) fn uncapped_impact(setting: &Setting) -> Result<Trial, Refusal> {
 
 fn hit(setting: &Setting, speed_cap: f64) -> Result<Trial, Refusal> {
     let sheet = sheet()?;
-    let mut start = over(&sheet, 5e-3);
+    let (sin, cos) = 10f64.to_radians().sin_cos();
+    let mut start = over(&sheet, 5e-3 + 0.5 * SIDE * sin);
+    for x in &mut start.position {
+        *x = [cos * x[0], x[1], x[2] + sin * x[0]];
+    }
     start.velocity.fill([0.0, 0.0, -setting.y]);
     let physics = PhysicsConfig {
         speed_cap,
@@ -180,12 +185,12 @@ fn slide(setting: &Setting, mu: f64, degrees: f64, substeps: f64) -> Result<Tria
     }
     let sheet = blank([SIDE; 2], [5; 2], material)?;
     let down = [angle.cos(), 0.0, -angle.sin()];
-    // High on the slope, so that there is room to slide.
+    // Up the slope, so that the way is about the origin as on a tool.
     let start = placed(&sheet, |[x, y]| {
-        let s = x - 1.2;
+        let s = x - 0.2;
         [down[0] * s, y, down[2] * s]
     });
-    let clock = Clock::new(0.5, FRAME, substeps);
+    let clock = Clock::new(0.3, FRAME, substeps);
     let expected = truth::slid(mu, angle, GRAVITY, clock.seconds());
     let along = move |x: &[f64; 3]| x[0] * down[0] + x[2] * down[2];
     let mean = move |state: &Snapshot| {

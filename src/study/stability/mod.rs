@@ -139,6 +139,8 @@ pub struct Figures {
     pub strain_max: f64,
     /// Largest speed of a vertex at the end of any frame [m/s].
     pub speed_max: f64,
+    /// Largest speed of a vertex at the end [m/s].
+    pub speed_end: f64,
     /// Deepest vertex inside the tool at the end [mm].
     pub penetration_mm: f64,
     /// Simulated time [s] and substeps taken.
@@ -152,6 +154,7 @@ impl Figures {
         strain_p95: f64::NAN,
         strain_max: f64::NAN,
         speed_max: f64::NAN,
+        speed_end: f64::NAN,
         penetration_mm: f64::NAN,
         simulated_s: 0.0,
         substeps: 0,

@@ -73,6 +73,20 @@ pub fn sweeps(extent: Extent) -> Vec<Sweep> {
             free::flight,
         ),
         by_substeps(
+            "speed",
+            "the same, at speeds that leave the space of 100 m: diverged, not garbage",
+            numbers(
+                "factor on speeds of 0.5 m/s",
+                &pick(
+                    &[1.0, 1e2, 1e4, 1e38],
+                    &[
+                        1.0, 1e1, 1e2, 1e3, 1e4, 1e6, 1e10, 1e20, 1e38, 1e40, 1e150, 1e300,
+                    ],
+                ),
+            ),
+            free::speed,
+        ),
+        by_substeps(
             "compliance",
             "hanging strip, against the stretch of springs under their load",
             numbers("compliance of an edge [m/N]", &with_zero(decades(-9, 0, 3))),
@@ -87,7 +101,7 @@ pub fn sweeps(extent: Extent) -> Vec<Sweep> {
         by_substeps(
             "bending",
             "strip clamped level, against the heavy elastica",
-            numbers("bending stiffness [N m]", &decades(-6, 2, 2)),
+            numbers("bending stiffness [N m]", &decades(-5, 2, 2)),
             hanging::bending,
         ),
         by_substeps(

@@ -7,7 +7,7 @@ use crate::sim::Solver;
 pub fn csv(swept: &[Swept]) -> String {
     let mut text = String::from(
         "sweep,x,x_value,y,y_value,solver,precision,outcome,error,strain_p95,strain_max,\
-         speed_max_m_s,penetration_mm,simulated_s,substeps,seconds,note\n",
+         speed_max_m_s,speed_end_m_s,penetration_mm,simulated_s,substeps,seconds,note\n",
     );
     for Swept { sweep, cells } in swept {
         for cell in cells {
@@ -30,6 +30,7 @@ pub fn csv(swept: &[Swept]) -> String {
                 f.strain_p95,
                 f.strain_max,
                 f.speed_max,
+                f.speed_end,
                 f.penetration_mm,
                 f.simulated_s,
             ] {

@@ -104,7 +104,8 @@ impl Trial {
             if !state.is_finite() {
                 return (Outcome::NonFinite, figures);
             }
-            figures.speed_max = speed_max(&state).max(figures.speed_max);
+            figures.speed_end = speed(&state);
+            figures.speed_max = figures.speed_end.max(figures.speed_max);
         }
         self.measure(&state, &mut figures);
         let outcome = if figures.error <= THRESHOLD {
@@ -130,7 +131,7 @@ impl Trial {
 }
 
 /// Largest speed of a vertex [m/s].
-fn speed_max(state: &Snapshot) -> f64 {
+fn speed(state: &Snapshot) -> f64 {
     let squares = state.velocity.iter().map(|v| v.iter().map(|v| v * v).sum());
     squares.fold(0.0, f64::max).sqrt()
 }
