@@ -70,7 +70,7 @@ impl HeatMap {
         for (index, tile) in self.tiles.iter().enumerate() {
             let index = index as i32;
             let (column, row) = (index % columns.max(1), index / columns.max(1));
-            if row >= rows {
+            if columns == 0 || row >= rows {
                 break;
             }
             let corner = [left + column * TILE[0], bottom - (row + 1) * TILE[1]];

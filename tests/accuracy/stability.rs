@@ -15,8 +15,11 @@ fn sheet() -> Lamina {
 
 fn noisy(sheet: &Lamina, share: f64) -> Snapshot {
     let mut stream = Stream::new(11, Purpose::Evaluation, 0);
-    let mut off = || share * SIDE / CELLS as f64 * stream.normal();
-    placed(sheet, |s, t| [s + off(), t + off(), off()])
+    let mut state = placed(sheet, |s, t| [s, t, 0.0]);
+    for x in state.position.as_flattened_mut() {
+        *x += share * SIDE / CELLS as f64 * stream.normal();
+    }
+    state
 }
 
 /// Nothing but inner forces, linear in strain.

@@ -18,7 +18,7 @@ fn cut(name: &str, x: &[usize], y: &[usize]) -> Sweep {
 
 #[test]
 fn outcomes_are_counted_and_cells_come_in_their_order() {
-    let sweep = cut("damping", &[0, 1], &[0, 3]);
+    let sweep = cut("damping", &[0, 2], &[0, 3]);
     let heard = Mutex::new(Tally::default());
     let swept = run(vec![sweep.clone(), sweep], |outcome| {
         heard.lock().unwrap().add(outcome);
