@@ -10,7 +10,7 @@ use super::cloth::{
 use super::trial::{Clock, Judge, Refusal, Setting, Trial};
 use super::truth;
 use crate::fabric::{Lamina, Material};
-use crate::math::{Purpose, Stream};
+use crate::math::{Purpose, Stream, Vec3};
 use crate::sim::{Bending, BendingStiffness, Compression, PhysicsConfig};
 
 /// Damping and duration that bring a hanging strip of 160 mm to rest: its slowest swing has
@@ -44,8 +44,13 @@ fn hang(strip: Lamina, physics: &PhysicsConfig, clock: Clock, tilt: f64) -> Resu
     Trial::new(strip, physics, NOWHERE.clone(), start, clock, to(expected))
 }
 
+/// Held against a place to come to rest at: what jitters about it has not arrived.
 fn to(expected: Vec<[f64; 3]>) -> Judge {
-    Box::new(move |lamina, state| mean_error(lamina, state, &expected))
+    Box::new(move |lamina, state| {
+        let speeds = state.velocity.iter().map(|v| Vec3::from(*v).norm());
+        let way = FRAME * speeds.sum::<f64>() / expected.len() as f64;
+        mean_error(lamina, state, &expected).max(way / size(lamina))
+    })
 }
 
 /// x: substeps, y: frame [s].
