@@ -3,8 +3,9 @@
 //!
 //! The library simulates the fabric ([`fabric`], [`sim`]) on a rigid [`tool`], poses the
 //! draping task on top of it ([`scene`], [`mod@env`]), learns to solve it ([`policy`],
-//! [`ppo`]) and keeps what it learnt ([`run`], [`path`], [`report`]). Each module imports
-//! only from those below it; `tests/architecture.rs` holds the table.
+//! [`ppo`]) and keeps what it learnt ([`run`], [`path`], [`report`]); [`study`] measures the
+//! simulation itself. Each module imports only from those below it; `tests/architecture.rs`
+//! holds the table.
 
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
 #![allow(rustdoc::broken_intra_doc_links)]
@@ -22,4 +23,5 @@ pub mod report;
 pub mod run;
 pub mod scene;
 pub mod sim;
+pub mod study;
 pub mod tool;

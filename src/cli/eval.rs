@@ -81,6 +81,8 @@ struct Sampled {
     mean_score: f64,
     deviation: f64,
     best_score: f64,
+    /// Episodes in which the simulation was lost; they count in no mean.
+    diverged: usize,
     episodes: Vec<EpisodeSummary>,
 }
 
@@ -276,6 +278,7 @@ fn sampled(
         mean_score,
         deviation,
         best_score: scores.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        diverged: count - episodes.len(),
         episodes,
     })
 }
@@ -329,6 +332,10 @@ fn text(report: &Report, folder: &RunFolder) -> String {
         100.0 * random.deviation,
         100.0 * random.best_score
     ));
+    let lost = random.diverged + report.sampled.as_ref().map_or(0, |s| s.diverged);
+    if lost > 0 {
+        lines.push(format!("episodes left out because they diverged: {lost}"));
+    }
     if let Some(deviations) = report.deviations_below_random {
         lines.push(format!(
             "the episode lies {deviations:.2} deviations below the random mean"

@@ -11,6 +11,7 @@ mod output;
 mod picture;
 mod result;
 mod scene;
+mod study;
 mod tool;
 mod train;
 
@@ -36,6 +37,7 @@ enum Command {
     Export(export::Args),
     Tool(tool::Args),
     Scene(scene::Args),
+    Study(study::Args),
 }
 
 impl Cli {
@@ -47,6 +49,7 @@ impl Cli {
             Command::Export(args) => export::run(args),
             Command::Tool(args) => tool::run(args),
             Command::Scene(args) => scene::run(args),
+            Command::Study(args) => study::run(args),
         }
     }
 }

@@ -33,6 +33,8 @@ pub(super) struct Baseline {
     pub mean_score: f64,
     pub deviation: f64,
     pub best_score: f64,
+    /// Episodes in which the simulation was lost; they count in no mean.
+    pub diverged: usize,
     pub mean_region_final_m: f64,
     pub deviation_region_final_m: f64,
     pub episodes: Vec<EpisodeSummary>,
@@ -60,6 +62,7 @@ impl Baseline {
         Ok(Self {
             mean_score,
             deviation,
+            diverged: count - episodes.len(),
             best_score: scores.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             mean_region_final_m,
             deviation_region_final_m,
@@ -204,7 +207,7 @@ fn caption(steps: usize, distance: f64, initial: f64) -> String {
 
 /// A sequence that cannot be replayed belongs to the user's folder, a diverged one to us.
 pub(super) fn rollout_failure(error: RolloutError, place: &Path) -> Failure {
-    let diverged = matches!(error, RolloutError::Truncated { .. });
+    let diverged = matches!(error, RolloutError::Diverged { .. });
     let error = anyhow::Error::new(error).context(place.display().to_string());
     if diverged {
         error.into()

@@ -11,7 +11,7 @@ use super::Failure;
 use super::failure::OrInvalid;
 use super::result;
 use super::scene::set_up;
-use crate::env::{Draping, Shape, Tasks};
+use crate::env::{Draping, End, Shape, Tasks};
 use crate::policy::DeviceKind;
 use crate::run::{RunConfig, RunFolder, RunInfo, Training, TrainingError};
 
@@ -81,6 +81,8 @@ struct Outcome {
     best_score: Option<f64>,
     random_mean_score: f64,
     random_deviation: f64,
+    /// Episodes since the command began in which the simulation was lost.
+    diverged_episodes: usize,
 }
 
 /// Runs `drape train`.
@@ -93,6 +95,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let start = Instant::now();
     let first = training.env_steps();
     let mut seconds = [0.0; 3];
+    let mut diverged_episodes = 0;
     while !training.is_complete() && !stop.load(Ordering::Relaxed) {
         let report = training.advance().map_err(failure)?;
         bar.set_position(training.env_steps());
@@ -105,6 +108,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
             percent(report.best_score),
             100.0 * baseline.mean_score,
         ));
+        let ends = report.iteration.episodes.iter().map(|episode| episode.end);
+        diverged_episodes += ends.filter(|&end| end == End::Diverged).count();
         let spent = &report.iteration.seconds;
         for (sum, part) in seconds
             .iter_mut()
@@ -137,6 +142,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         best_score: training.best_score(),
         random_mean_score: baseline.mean_score,
         random_deviation: baseline.deviation,
+        diverged_episodes,
     };
     report(&outcome, &args)
 }
@@ -245,6 +251,10 @@ fn report(outcome: &Outcome, args: &Args) -> Result<(), Failure> {
     let run = outcome.run.display();
     let percent = |share: f64| 100.0 * share;
     let score = |score: Option<f64>| score.map_or("-".into(), |s| format!("{:.2} %", percent(s)));
+    let lost = match outcome.diverged_episodes {
+        0 => String::new(),
+        count => format!("episodes cut off because they diverged: {count}\n"),
+    };
     let next = if outcome.complete {
         format!("next: drape eval {run}")
     } else {
@@ -253,7 +263,7 @@ fn report(outcome: &Outcome, args: &Args) -> Result<(), Failure> {
     super::output::print(&format!(
         "{run}: {} environment steps in {:.0} s ({:.0} a second; simulation {:.0} %, inference \
          {:.0} %, update {:.0} %)\n\
-         distance removed: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{next}",
+         distance removed: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{lost}{next}",
         outcome.env_steps,
         outcome.seconds,
         outcome.env_steps_per_second,

@@ -402,7 +402,7 @@ impl Group {
         let limit = task.config.max_steps.unwrap_or(usize::MAX);
         let end = match (sound, over) {
             // The last sound observation stands for a state that is lost.
-            (false, _) => End::Truncated,
+            (false, _) => End::Diverged,
             (true, true) => End::Terminated,
             (true, false) if progress.actions.len() >= limit => End::Truncated,
             (true, false) => {
@@ -414,7 +414,7 @@ impl Group {
         };
         let reward = match end {
             End::Terminated => (task.initial_distance - task.distance(position)) as f32,
-            End::Truncated => 0.0,
+            End::Truncated | End::Diverged => 0.0,
         };
         slot.finished = Some(Finished {
             state: self.batch.snapshot(lane),

@@ -38,8 +38,17 @@ pub struct Observation {
 pub enum End {
     /// The task is over: nothing is worth anything afterwards.
     Terminated,
-    /// Cut off (step limit, diverged simulation): the value of the last observation counts.
+    /// Cut off by the step limit: the value of the last observation counts.
     Truncated,
+    /// Cut off because the simulation is lost: the value of the last sound observation counts.
+    Diverged,
+}
+
+impl End {
+    /// Cut off, for whatever reason: the task was not over.
+    pub fn is_truncation(self) -> bool {
+        self != Self::Terminated
+    }
 }
 
 /// A finished episode.

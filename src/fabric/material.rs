@@ -24,6 +24,17 @@ pub enum MaterialError {
 pub struct Curve(Vec<[f64; 2]>);
 
 impl Curve {
+    /// A straight law of one modulus [Pa]; an infinite one makes yarns of compliance 0.
+    pub fn line(modulus: f64) -> Self {
+        // The largest stress that a file can hold, in MPa, is infinite in Pa.
+        Self(vec![[0.0, 0.0], [1.0, (1e-6 * modulus).min(f64::MAX)]])
+    }
+
+    /// The same law, `factor` times as stiff.
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self(self.0.iter().map(|&[e, s]| [e, factor * s]).collect())
+    }
+
     /// Stress [Pa] at a strain >= 0; beyond the last point its slope goes on.
     pub fn stress(&self, strain: f64) -> f64 {
         let last = self.0.len() - 2;
@@ -234,6 +245,18 @@ mod tests {
     fn beyond_the_last_point_the_slope_goes_on() {
         let curve = Material::interglas_92125().shear.positive;
         close(curve.stress(0.9), 45_000.0, 1e-12);
+    }
+
+    #[test]
+    fn straight_and_scaled_laws_have_their_modulus() {
+        for modulus in [1e-6, 600e6, 1e18, f64::INFINITY] {
+            let line = Curve::line(modulus);
+            assert!(line.is_valid());
+            let same = line.modulus() == modulus || (line.modulus() / modulus - 1.0).abs() < 1e-12;
+            assert!(same, "{} is not {modulus}", line.modulus());
+        }
+        let warp = Material::interglas_92125().warp.tension;
+        close(warp.scaled(1e-3).modulus(), 1e-3 * warp.modulus(), 1e-12);
     }
 
     #[test]

@@ -96,7 +96,7 @@ fn observations<T: Tasks>(tasks: &T) -> Vec<Observation> {
 fn follows(agent: &Agent, episode: &Episode) -> Next {
     match episode.end {
         End::Terminated => Next::Terminated,
-        End::Truncated => Next::Truncated {
+        End::Truncated | End::Diverged => Next::Truncated {
             value: agent.value(&[&episode.last])[0],
         },
     }

@@ -204,7 +204,7 @@ fn timeless(iteration: Iteration) -> Iteration {
 #[test]
 fn rollout_notes_ends_scaled_rewards_and_the_values_behind_truncations() {
     let agent = trainer(ppo(), 5).agent();
-    for end in [End::Terminated, End::Truncated] {
+    for end in [End::Terminated, End::Truncated, End::Diverged] {
         let mut tasks = Order::new(1);
         tasks.end = end;
         let streams = &mut [Stream::new(5, Purpose::Actions, 0)];
@@ -220,7 +220,7 @@ fn rollout_notes_ends_scaled_rewards_and_the_values_behind_truncations() {
         let value = agent.value(&[&last])[0];
         let expected = match end {
             End::Terminated => Next::Terminated,
-            End::Truncated => Next::Truncated { value },
+            End::Truncated | End::Diverged => Next::Truncated { value },
         };
         assert!(rollout.next[..5].iter().all(|next| *next == Next::Step));
         assert_eq!(rollout.next[5], expected);

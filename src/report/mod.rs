@@ -2,7 +2,8 @@
 //!
 //! A [`Scene`] of meshes and marks seen by a [`Camera`] becomes an [`Image`]; images stand
 //! beside each other, carry labels, and follow each other in a [`Film`]. A [`Chart`] draws
-//! curves. Files are written atomically: whoever looks sees the old file or the new one.
+//! curves, a [`HeatMap`] a table of tiles. Files are written atomically: whoever looks sees the
+//! old file or the new one.
 //!
 //! The rasteriser knows opaque, diffusely lit triangles under an orthographic camera: no
 //! shadows, textures, transparency or perspective. Colours are 8-bit sRGB and are averaged
@@ -15,6 +16,7 @@ mod color;
 mod error;
 mod film;
 mod font;
+mod heat;
 mod image;
 mod palette;
 mod raster;
@@ -25,5 +27,6 @@ pub use chart::{Band, Chart, Level, Series};
 pub use color::{BACKGROUND, CLOTH, Color, ColorMap, DRAPED, PATH, SERIES, TOOL, TOUCHED};
 pub use error::ReportError;
 pub use film::Film;
+pub use heat::{HeatMap, Tile};
 pub use image::Image;
 pub use scene::{Item, Mark, Paint, Scene};

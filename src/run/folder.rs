@@ -152,6 +152,29 @@ pub enum FolderError {
     Write(#[from] WriteError),
 }
 
+/// Makes an empty folder in `root` that is named after `prefix` and the minute of `now` (UTC),
+/// or with `-2`, `-3`, ... where that is taken: for what is no training run.
+pub fn dated_folder(root: &Path, prefix: &str, now: SystemTime) -> Result<PathBuf, FolderError> {
+    let create_error = |path: &Path, source| FolderError::Create {
+        path: path.into(),
+        source,
+    };
+    fs::create_dir_all(root).map_err(|source| create_error(root, source))?;
+    let base = format!("{prefix}{}", Utc::new(now).for_name());
+    let mut path = root.join(&base);
+    let mut number = 1;
+    loop {
+        match fs::create_dir(&path) {
+            Ok(()) => return Ok(path),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                number += 1;
+                path = root.join(format!("{base}-{number}"));
+            }
+            Err(source) => return Err(create_error(&path, source)),
+        }
+    }
+}
+
 impl RunFolder {
     /// Makes the folder of a new run, `root/name`, and writes `config` (TOML, resolved) and
     /// `info` into it. Never touches an existing one; if it fails in the middle, what it

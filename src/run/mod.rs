@@ -20,7 +20,9 @@ pub use checkpoint::{Checkpoint, CheckpointError, MissingPart};
 pub use config::{Preset, RunConfig, RunConfigError};
 pub use container::Fault;
 pub use events::EventWriter;
-pub use folder::{BestSequence, FolderError, RunFolder, RunInfo, SequenceFault, config_digest};
+pub use folder::{
+    BestSequence, FolderError, RunFolder, RunInfo, SequenceFault, config_digest, dated_folder,
+};
 pub use log::LogError;
 pub use metrics::{Metrics, MetricsError, MetricsWriter, curve, read_metrics};
 pub use rollout::{

@@ -52,7 +52,7 @@ pub enum RolloutError {
     #[error(transparent)]
     Env(#[from] EnvError),
     #[error("the simulation diverged after {steps} steps")]
-    Truncated { steps: usize },
+    Diverged { steps: usize },
     #[error(
         "step {step} (from 0) of the sequence presses vertex {vertex}, which is not allowed there"
     )]
@@ -65,13 +65,6 @@ pub enum RolloutError {
 
 /// Presses farther apart than this many stencils are joined by a jump.
 const JUMP: f64 = 1.0;
-
-/// Whether the simulation failed in the episode that has just ended; one that the step limit
-/// cut off has come to its end.
-pub(super) fn diverged(draping: &Draping, index: usize, end: End, steps: usize) -> bool {
-    let finite = draping.finished(index).is_some_and(|f| f.state.is_finite());
-    end == End::Truncated && !(finite && draping.config().max_steps == Some(steps))
-}
 
 /// Where on the tool a press on `vertex` lands.
 fn pressed(draping: &Draping, index: usize, vertex: u32) -> PressedPoint {
@@ -108,9 +101,9 @@ pub fn play(
         seconds += start.elapsed().as_secs_f64();
         match outcome.episode.map(|episode| episode.end) {
             None => {}
-            Some(end) if !diverged(draping, 0, end, points.len()) => break,
-            Some(_) => {
-                return Err(RolloutError::Truncated {
+            Some(End::Terminated | End::Truncated) => break,
+            Some(End::Diverged) => {
+                return Err(RolloutError::Diverged {
                     steps: points.len(),
                 });
             }
@@ -230,7 +223,7 @@ pub fn parallel_episodes(
             if !over[index] {
                 over[index] = true;
                 open -= 1;
-                if !diverged(&draping, index, episode.end, points[index].len()) {
+                if episode.end != End::Diverged {
                     let mut summary = summarise(&draping, index, &points[index]);
                     summary.seconds = start.elapsed().as_secs_f64() / count as f64;
                     summaries[index] = Some(summary);

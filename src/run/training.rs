@@ -10,7 +10,6 @@ use super::events::EventWriter;
 use super::folder::{BestSequence, FolderError, RunFolder, config_digest};
 use super::log::LogError;
 use super::metrics::{MetricsError, MetricsWriter, read_metrics};
-use super::rollout::diverged;
 use crate::env::{Draping, End, EnvError, Shape, Tasks};
 use crate::file::WriteError;
 use crate::ppo::{Iteration, LoadError, Sampling, TrainError, Trainer};
@@ -251,7 +250,7 @@ impl Training {
                 break episode;
             }
         };
-        if diverged(&self.evaluation, 0, episode.end, episode.actions.len()) {
+        if episode.end == End::Diverged {
             return Ok(None);
         }
         let finished = self.evaluation.finished(0).expect("the episode is over");
@@ -298,17 +297,18 @@ impl Training {
         let metrics = &iteration.metrics;
         let seconds = &iteration.seconds;
         let lengths = iteration.episodes.iter().map(|e| e.actions.len() as f64);
-        let truncated = |e: &&crate::ppo::Finished| e.end == End::Truncated;
+        let count = |chosen: fn(End) -> bool| {
+            let ends = iteration.episodes.iter().map(|episode| episode.end);
+            ends.filter(|&end| chosen(end)).count() as f64
+        };
         let now = SystemTime::now();
         let wall_time = now.duration_since(UNIX_EPOCH).unwrap_or_default();
         let mut values = vec![
             ("iteration", iteration.number as f64),
             ("wall_time", wall_time.as_secs_f64()),
             ("episodes", iteration.episodes.len() as f64),
-            (
-                "truncated",
-                iteration.episodes.iter().filter(truncated).count() as f64,
-            ),
+            ("truncated", count(End::is_truncation)),
+            ("diverged", count(|end| end == End::Diverged)),
             ("learning_rate", iteration.learning_rate),
             ("policy_loss", metrics.policy_loss.into()),
             ("value_loss", metrics.value_loss.into()),

@@ -7,6 +7,7 @@ mod bending;
 mod contact;
 mod membranes;
 mod motion;
+mod stability;
 mod yarns;
 
 use std::sync::LazyLock;

@@ -5,6 +5,7 @@ mod damage;
 mod eval;
 mod run;
 mod scene;
+mod study;
 mod tool;
 mod train;
 

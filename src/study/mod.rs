@@ -1,0 +1,6 @@
+//! Studies of the simulator itself: what it gets right, how fast, and where it fails.
+//!
+//! A study runs the simulator over cases whose answer is known beforehand and returns what it
+//! found as plain data; drawing and printing are left to the command that asked.
+
+pub mod stability;
