@@ -9,7 +9,8 @@ use std::sync::LazyLock;
 use drape::fabric::{BlankConfig, Lamina, MassModel, Material};
 use drape::math::{Isa, Purpose, Stream};
 use drape::sim::{
-    Batch, Bending, Control, Cpu, Model, PhysicsConfig, Press, Snapshot, Solver, batch,
+    Batch, Bending, Control, Cpu, Model, PhysicsConfig, Press, SelfCollision, Snapshot, Solver,
+    batch,
 };
 use drape::tool::{GridConfig, Hemisphere, Shape, Source, Tool, ToolConfig};
 
@@ -71,6 +72,13 @@ static MODELS: LazyLock<Vec<Model>> = LazyLock::new(|| {
     };
     let oblique = Lamina::of_membranes(&blank, Material::interglas_92125()).unwrap();
     models.push(Model::new(&oblique, &PhysicsConfig::default()));
+    models.push(Model::new(
+        &LAMINA,
+        &PhysicsConfig {
+            self_collision: SelfCollision::Material,
+            ..PhysicsConfig::default()
+        },
+    ));
     models
 });
 
@@ -91,6 +99,7 @@ fn case(index: usize) -> Snapshot {
             .collect(),
         fixed: fixedbitset::FixedBitSet::with_capacity(count),
         compressed: fixedbitset::FixedBitSet::new(),
+        sides: Vec::new(),
     };
     for _ in 0..index % 4 {
         let vertex = stream.below(count);

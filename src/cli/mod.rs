@@ -4,6 +4,7 @@
 //! a command is that file and one variant of `Command`. Results go to stdout, as text or,
 //! with `--json`, as exactly one JSON object; progress and errors go to stderr.
 
+mod comparison;
 mod eval;
 mod export;
 mod failure;

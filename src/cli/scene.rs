@@ -7,6 +7,7 @@ use anyhow::Context;
 use serde::Serialize;
 
 use super::Failure;
+use super::comparison::{Compared, compare};
 use super::failure::{OrInvalid, scene_failure};
 use super::output::{Progress, print, print_json};
 use super::picture::{Studio, View};
@@ -26,6 +27,7 @@ const SIZE: [usize; 2] = [960, 720];
 #[command(after_help = "Examples:
   drape scene --out rib
   drape scene configs/scenes/rib.toml --out rib --grid-error
+  drape scene configs/scenes/fold.toml --out fold --compare-self-collision
   drape scene mine.toml --out mine --json > mine.json")]
 pub struct Args {
     /// Scene file; the built-in rib with two wrinkles if not given
@@ -34,6 +36,11 @@ pub struct Args {
     /// Folder for meshes, pictures and summary; created where missing
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+
+    /// Also set the scene up without self-collision, and show both beside each other in
+    /// self-collision.png
+    #[arg(long)]
+    compare_self_collision: bool,
 
     /// Also compare the distance grid with the exact distance
     #[arg(long)]
@@ -53,6 +60,8 @@ struct Report {
     seconds: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     grid_error_mm: Option<GridErrorMm>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    without_self_collision: Option<Compared>,
 }
 
 /// Runs `drape scene`.
@@ -75,6 +84,11 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let summary = scene.summary(&scene.initial);
     write_files(&scene, &summary, folder)?;
 
+    let without = if args.compare_self_collision {
+        Some(compare(&scene, &summary, &place, args.json, folder)?)
+    } else {
+        None
+    };
     let grid_error = args.grid_error.then(|| scene.tool.grid_error(GRID_SAMPLES));
     if args.json {
         let spacing = config.tool.grid.spacing_mm;
@@ -82,10 +96,18 @@ pub fn run(args: Args) -> Result<(), Failure> {
             summary,
             seconds,
             grid_error_mm: grid_error.map(|error| GridErrorMm::new(&error, spacing)),
+            without_self_collision: without,
         });
     }
     let mut text = text(&scene, &summary);
     let _ = write!(text, "\nset up in {seconds:.1} s");
+    if let Some(without) = without {
+        let (count, seconds) = (without.summary.self_intersections, without.seconds);
+        let _ = write!(
+            text,
+            "\nwithout self-collision: {count} self-intersections, set up in {seconds:.1} s"
+        );
+    }
     if let Some(error) = grid_error {
         let _ = write!(text, "\nerror of the distance grid\n{error}");
     }
@@ -159,6 +181,7 @@ fn text(scene: &Scene, summary: &Summary) -> String {
          wrinkles     {}\n\
          yarn strain  p95 {:.3} %, max {:.3} %\n\
          penetration  {:.3} mm\n\
+         self-intersections  {}\n\
          speed        {:.3} mm/s rms",
         summary.distance_m,
         1e3 * summary.distance_m / lamina.vertex_count() as f64,
@@ -166,6 +189,7 @@ fn text(scene: &Scene, summary: &Summary) -> String {
         1e2 * summary.strain_p95,
         1e2 * summary.strain_max,
         summary.penetration_mm,
+        summary.self_intersections,
         summary.v_rms_mm_s,
     );
     text

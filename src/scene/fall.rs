@@ -30,6 +30,7 @@ impl Scene {
     pub fn new(config: &SceneConfig, mut progress: impl FnMut(f64)) -> Result<Self, SceneError> {
         config.check()?;
         let lamina = Lamina::new(&config.blank, config.read_material()?)?;
+        config.physics.self_collision.check(&lamina)?;
         let tool = Tool::new(&config.tool)?;
         let model = Model::new(&lamina, &config.physics);
 
@@ -128,6 +129,7 @@ fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Result<Snapshot, 
         velocity: vec![[0.0; 3]; lamina.vertex_count()],
         fixed: FixedBitSet::with_capacity(lamina.vertex_count()),
         compressed: FixedBitSet::new(),
+        sides: Vec::new(),
     };
     for (index, clamp) in config.clamps.iter().enumerate() {
         let at = clamp.at_mm.map(|c| c * 1e-3);

@@ -28,6 +28,8 @@ pub struct Summary {
     pub compression_max: f64,
     /// Deepest vertex inside the tool [mm].
     pub penetration_mm: f64,
+    /// Places where an edge of the lamina passes through one of its triangles.
+    pub self_intersections: usize,
     /// Root mean square speed [mm/s].
     pub v_rms_mm_s: f64,
 }
@@ -53,6 +55,7 @@ impl Summary {
             compression_p95,
             compression_max,
             penetration_mm: 1e3 * phi.iter().fold(0.0f64, |deepest, phi| deepest.max(-phi)),
+            self_intersections: lamina.mesh(&state.position).self_intersection_count(),
             v_rms_mm_s: 1e3 * state.v_rms(),
         }
     }

@@ -5,6 +5,7 @@ use super::constraints::{
 };
 use super::membrane::project_elements;
 use super::model::{Model, Pass};
+use super::self_contact::{Around, SelfContact};
 use super::state::{Batch, Control, Press, Snapshot};
 use crate::math::{Kernel, Lanes, Real, Vec3x};
 use crate::tool::Tool;
@@ -23,13 +24,14 @@ pub struct Cpu<V: Lanes> {
     /// Yarn edges that the last direct solve found in compression.
     compressed: Vec<V::Mask>,
     chain: ChainScratch<V>,
+    self_contact: Option<Box<SelfContact<V>>>,
 }
 
 /// n . x - offset is the distance to the tool [m].
 #[derive(Clone, Copy)]
-struct Plane<V> {
-    normal: Vec3x<V>,
-    offset: V,
+pub(super) struct Plane<V> {
+    pub normal: Vec3x<V>,
+    pub offset: V,
 }
 
 impl<V: Lanes> Cpu<V> {
@@ -48,6 +50,7 @@ impl<V: Lanes> Cpu<V> {
             previous: vec![Vec3x::zero(); count],
             plane: vec![plane; count],
             chain: ChainScratch::new(model.longest_chain),
+            self_contact: (model.layers.is_some()).then(|| Box::new(SelfContact::new(count))),
             compressed: vec![V::zero().lt(V::zero()); model.yarn_edge_count],
         }
     }
@@ -98,6 +101,9 @@ impl<V: Lanes> Batch for Cpu<V> {
             bits.as_mut_slice()[lane] = V::Scalar::from_f64(bit);
             *mask = V::zero().lt(bits);
         }
+        if let Some(contact) = &mut self.self_contact {
+            contact.load(lane, &snapshot.sides);
+        }
     }
 
     fn snapshot(&self, lane: usize) -> Snapshot {
@@ -115,6 +121,7 @@ impl<V: Lanes> Batch for Cpu<V> {
             velocity: self.velocity.iter().map(|v| v.get(lane)).collect(),
             fixed,
             compressed,
+            sides: (self.self_contact.as_ref()).map_or(Vec::new(), |c| c.sides(lane)),
         }
     }
 
@@ -130,6 +137,9 @@ impl<V: Lanes> Batch for Cpu<V> {
 
     fn step(&mut self, model: &Model, tool: &Tool, control: &Control, presses: &[Press]) {
         let interval = model.physics().contact_interval;
+        if let Some(contact) = &mut self.self_contact {
+            contact.start();
+        }
         let mut first = 0;
         while first < control.substeps {
             let last = (first + interval).min(control.substeps);
@@ -178,6 +188,14 @@ impl<V: Lanes> Kernel for Substeps<'_, V> {
             }
             for pass in &model.passes {
                 project(pass, h, state);
+            }
+            if let (Some(contact), Some(layers)) = (&mut state.self_contact, &model.layers) {
+                let around = Around {
+                    previous: &state.previous,
+                    w: &state.inverse_mass,
+                    planes: &state.plane,
+                };
+                contact.separate(layers, &mut state.position, &around);
             }
             contact(model, state);
             update_velocity(model, h, state);
@@ -230,7 +248,11 @@ fn hold_down<V: Lanes>(model: &Model, press: &Press, substep: usize, h: f64, sta
         let n = state.plane[v].normal.get(press.lane);
         let offset = state.plane[v].offset.as_slice()[press.lane].to_f64();
         let mut x = state.position[v].get(press.lane);
-        let c = n[0] * x[0] + n[1] * x[1] + n[2] * x[2] - offset - height;
+        let beneath = match (&state.self_contact, &model.layers) {
+            (Some(contact), Some(layers)) => contact.beneath(layers, press.lane, v),
+            _ => 0.0,
+        };
+        let c = n[0] * x[0] + n[1] * x[1] + n[2] * x[2] - offset - height - beneath;
         if c > 0.0 && w > 0.0 {
             let depth = c * w / (w + alpha_tilde);
             for k in 0..3 {

@@ -2,19 +2,21 @@
 //!
 //! A [`Model`] is built once from a lamina and the physics that a scene lists; a [`Batch`]
 //! carries the moving state of a group of environments, one SIMD lane each, and steps it.
-//! Particles and massless constraints only: thickness, self-collision and heat are not
-//! modelled. A lane that diverges turns non-finite and says so; its neighbours go on.
+//! Particles and massless constraints only; heat is not modelled, and layers of cloth hold
+//! each other apart only where the scene asks for it. A lane that diverges turns non-finite and says so; its neighbours go on.
 
 mod constraints;
 mod cpu;
 mod membrane;
 mod model;
+mod self_contact;
 mod state;
 
 pub use cpu::Cpu;
 pub use model::{
     Bending, BendingStiffness, Compression, Model, PhysicsConfig, PhysicsError, Solver,
 };
+pub use self_contact::SelfCollision;
 pub use state::{Batch, Control, Press, Snapshot};
 
 #[cfg(target_arch = "x86_64")]

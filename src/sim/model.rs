@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::membrane::{Element, elements};
+use super::self_contact::{Layers, SelfCollision};
 use crate::fabric::{Family, Hinge, Lamina, color};
 
 /// How the yarns' length is kept.
@@ -61,6 +62,8 @@ pub struct PhysicsConfig {
     pub shear: bool,
     /// Coulomb friction against the tool.
     pub friction: bool,
+    /// Contact of the cloth with itself; with friction where `friction` is listed.
+    pub self_collision: SelfCollision,
     /// Gravity [m/s^2], along -z.
     pub gravity: f64,
     /// Decay rate of every velocity [1/s].
@@ -82,6 +85,7 @@ impl Default for PhysicsConfig {
             compression: Compression::Material,
             shear: true,
             friction: true,
+            self_collision: SelfCollision::Off,
             gravity: 9.81,
             damping: 50.0,
             speed_cap: 4.0,
@@ -95,9 +99,9 @@ impl Default for PhysicsConfig {
 #[derive(Debug, thiserror::Error)]
 #[error("`physics.{key}` is {found}, expected {expected}")]
 pub struct PhysicsError {
-    key: &'static str,
-    found: String,
-    expected: &'static str,
+    pub(super) key: &'static str,
+    pub(super) found: String,
+    pub(super) expected: &'static str,
 }
 
 impl PhysicsConfig {
@@ -127,6 +131,7 @@ impl PhysicsConfig {
                 return fail(key, value.to_string(), "a number >= 0");
             }
         }
+        self.self_collision.check_value()?;
         if !self.gravity.is_finite() {
             return fail("gravity", self.gravity.to_string(), "a finite number");
         }
@@ -204,6 +209,7 @@ pub struct Model {
     pub(super) physics: PhysicsConfig,
     /// Static and dynamic coefficient.
     pub(super) friction: Option<[f64; 2]>,
+    pub(super) layers: Option<Layers>,
     /// Vertices of the longest yarn: the size of the scratch space of the direct solve.
     pub(super) longest_chain: usize,
     /// Edges of all yarns.
@@ -223,12 +229,14 @@ impl Model {
             bending_passes(lamina, physics),
         ];
         // What only the direct solve needs costs nothing without it.
+        let friction = physics.friction.then(|| lamina.material.friction());
         let direct = physics.solver == Solver::Yarn;
         let yarn_edges = lamina.yarns.iter().map(|yarn| yarn.vertices.len() - 1);
         Self {
             inverse_mass: lamina.mass.iter().map(|m| 1.0 / m).collect(),
             passes: passes.concat(),
-            friction: physics.friction.then(|| lamina.material.friction()),
+            layers: Layers::new(lamina, physics.self_collision, friction),
+            friction,
             longest_chain: if direct {
                 lamina.rows.max(lamina.columns)
             } else {

@@ -19,6 +19,9 @@ pub struct Snapshot {
     /// without the direct solve all are missing.
     #[serde(with = "crate::math::bits")]
     pub compressed: FixedBitSet,
+    /// Sides on which layers of the cloth lie to each other, ascending, as self-collision
+    /// remembers them; empty without it.
+    pub sides: Vec<u64>,
 }
 
 impl Snapshot {

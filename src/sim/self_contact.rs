@@ -1,0 +1,346 @@
+//! Contact of the cloth with itself.
+//!
+//! Vertices against triangles and edges against edges, as far as they are near and share no
+//! vertex, are kept one fabric thickness apart, with Coulomb friction. Each pair that faces
+//! each other remembers on which side it was before it met: a press that drives layers
+//! through each other within a substep does not decide which of them is on top.
+//!
+//! Pairs are found with boxes that cover the way of the last substep, so that nothing passes
+//! unseen between two looks; a look is taken at the start of every control step and whenever a
+//! vertex has moved by `SLACK` thicknesses since the last one. Pairs are pushed apart one after
+//! the other until none overlaps by half the thickness, so under a press layers come nearer
+//! than the thickness. Everything is counted lane by lane in f64, so that a lane's bits depend on
+//! nothing but its own state.
+//!
+//! Not modelled: adhesion, compaction of the fabric. Neighbours that share a vertex do not
+//! touch; a fold is as sharp as its cells allow.
+
+mod geometry;
+mod search;
+mod tree;
+
+use serde::{Deserialize, Serialize};
+
+use super::cpu::Plane;
+use super::model::PhysicsError;
+use crate::fabric::Lamina;
+use crate::math::{Lanes, Real, Vec3x};
+use geometry::{Gap, Kind, Overlap, Point, dot};
+use search::{Scratch, Surface};
+
+/// Whether layers of cloth hold each other apart, and by how much.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SelfCollision {
+    /// They pass through each other.
+    #[default]
+    Off,
+    /// By the thickness of the material.
+    Material,
+    /// By this distance [mm].
+    ThicknessMm(f64),
+}
+
+/// Way of a vertex after which pairs are looked for again, in thicknesses. More finds pairs
+/// less often, but more of them.
+const SLACK: f64 = 1.0;
+
+/// Times that the pairs of a lane are pushed apart in a substep at most, one pair after the
+/// other, and the overlap in thicknesses with which it is enough.
+const PASSES: usize = 30;
+const TOLERANCE: f64 = 0.5;
+/// Projections of a substep at most, for each vertex: bounds the time that a tangle costs.
+const WORK: usize = 120;
+
+impl SelfCollision {
+    /// Distance between the middles of two layers in contact [m].
+    fn thickness(self, lamina: &Lamina) -> Option<f64> {
+        match self {
+            Self::Off => None,
+            Self::Material => Some(lamina.material.thickness()),
+            Self::ThicknessMm(thickness) => Some(1e-3 * thickness),
+        }
+    }
+
+    /// Checks the value without a blank.
+    pub(super) fn check_value(self) -> Result<(), PhysicsError> {
+        match self {
+            Self::ThicknessMm(t) if !(t > 0.0 && t.is_finite()) => Err(PhysicsError {
+                key: "self_collision.thickness_mm",
+                found: t.to_string(),
+                expected: "a number > 0",
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks that the cells of the blank are large enough: neighbours that share no vertex
+    /// are 0.7 cells apart in the flat blank, and must not touch there.
+    pub fn check(self, lamina: &Lamina) -> Result<(), PhysicsError> {
+        let shortest = lamina.yarns.iter().map(|yarn| yarn.rest_length);
+        let shortest = shortest.fold(f64::INFINITY, f64::min);
+        match self.thickness(lamina) {
+            Some(t) if t > 0.5 * shortest => Err(PhysicsError {
+                key: "self_collision",
+                found: format!(
+                    "a thickness of {} mm on cells of {:.3} mm",
+                    1e3 * t,
+                    1e3 * shortest
+                ),
+                expected: "a thickness of at most half a cell",
+            }),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// What of self-contact is fixed between resets.
+#[derive(Clone, Debug)]
+pub(super) struct Layers {
+    surface: Surface,
+    /// Distance between the middles of two layers in contact [m].
+    thickness: f64,
+    /// Static and dynamic coefficient.
+    friction: Option<[f64; 2]>,
+}
+
+impl Layers {
+    pub fn new(
+        lamina: &Lamina,
+        collision: SelfCollision,
+        friction: Option<[f64; 2]>,
+    ) -> Option<Self> {
+        let thickness = collision.thickness(lamina)?;
+        Some(Self {
+            surface: Surface::new(&lamina.rest, &lamina.triangles),
+            thickness,
+            friction,
+        })
+    }
+}
+
+/// Two parts of the cloth that may touch.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    kind: Kind,
+    vertices: [u32; 4],
+    /// 1 or -1: the sign of [`Gap::height`] as long as layers do not pass through each other.
+    side: f64,
+}
+
+/// What a substep knows of the vertices besides their positions.
+pub(super) struct Around<'a, V> {
+    /// Positions at its start, which tell the sides.
+    pub previous: &'a [Vec3x<V>],
+    /// Inverse masses [1/kg].
+    pub w: &'a [V],
+    /// Tangent planes of the tool.
+    pub planes: &'a [Plane<V>],
+}
+
+/// Contacts of one lane.
+#[derive(Default)]
+struct Lane {
+    /// Those that may touch before the next look, in the order of projection.
+    pairs: Vec<Pair>,
+    /// Sides of the pairs that faced each other at the last look, see [`search`], ascending.
+    sides: Vec<u64>,
+    /// Layers of cloth between each vertex and the tool at the last look.
+    beneath: Vec<u8>,
+    /// Look for pairs in the next substep, whether or not anything has moved.
+    due: bool,
+}
+
+/// Contacts of the cloth with itself in a group of environments.
+pub(super) struct SelfContact<V> {
+    lanes: Vec<Lane>,
+    /// Positions at the last look of each lane.
+    seen: Vec<Vec3x<V>>,
+    scratch: Scratch,
+}
+
+impl<V: Lanes> SelfContact<V> {
+    pub fn new(vertex_count: usize) -> Self {
+        Self {
+            lanes: (0..V::COUNT)
+                .map(|_| Lane {
+                    beneath: vec![0; vertex_count],
+                    ..Lane::default()
+                })
+                .collect(),
+            seen: vec![Vec3x::zero(); vertex_count],
+            scratch: Scratch::default(),
+        }
+    }
+
+    pub fn load(&mut self, lane: usize, sides: &[u64]) {
+        self.lanes[lane].beneath.fill(0);
+        self.lanes[lane].sides.clear();
+        self.lanes[lane].sides.extend_from_slice(sides);
+    }
+
+    /// What has to be remembered of a lane between two control steps.
+    pub fn sides(&self, lane: usize) -> Vec<u64> {
+        self.lanes[lane].sides.clone()
+    }
+
+    /// How high over the tool the cloth beneath a vertex reaches [m]: no plate can press the
+    /// vertex further down.
+    pub fn beneath(&self, layers: &Layers, lane: usize, vertex: usize) -> f64 {
+        layers.thickness * f64::from(self.lanes[lane].beneath[vertex])
+    }
+
+    /// Starts a control step. A look at its start makes what follows a function of the
+    /// snapshot alone.
+    pub fn start(&mut self) {
+        self.lanes.iter_mut().for_each(|lane| lane.due = true);
+    }
+
+    /// Keeps the layers of every lane apart.
+    #[inline(always)]
+    pub fn separate(&mut self, layers: &Layers, x: &mut [Vec3x<V>], around: &Around<V>) {
+        let mut moved = V::zero();
+        for (x, seen) in x.iter().zip(&self.seen) {
+            for d in (*x - *seen).0 {
+                moved = moved.max(d.max(-d));
+            }
+        }
+        let slack = V::of(SLACK * layers.thickness);
+        let moved = V::select(slack.lt(moved), V::of(1.0), V::zero());
+        for lane in 0..V::COUNT {
+            let moved = moved.as_slice()[lane].to_f64() > 0.0;
+            self.separate_lane(layers, lane, moved, x, around);
+        }
+    }
+
+    /// Scalar code, for which the instruction set of the lanes is of no use.
+    #[inline(never)]
+    fn separate_lane(
+        &mut self,
+        layers: &Layers,
+        lane: usize,
+        moved: bool,
+        x: &mut [Vec3x<V>],
+        around: &Around<V>,
+    ) {
+        let contacts = &mut self.lanes[lane];
+        if moved || contacts.due {
+            contacts.due = false;
+            let place = |to: &mut Vec<Point>, from: &[Vec3x<V>]| {
+                to.clear();
+                to.extend(from.iter().map(|x| x.get(lane)));
+            };
+            place(&mut self.scratch.from, around.previous);
+            place(&mut self.scratch.to, x);
+            for (seen, x) in self.seen.iter_mut().zip(&self.scratch.to) {
+                seen.set(lane, *x);
+            }
+            let slack = SLACK * layers.thickness;
+            let surface = &layers.surface;
+            let Lane {
+                pairs,
+                sides,
+                beneath,
+                ..
+            } = contacts;
+            self.scratch
+                .search(surface, layers.thickness, slack, pairs, sides);
+            count_beneath(pairs, &self.scratch.from, beneath, |v| {
+                around.planes[v].normal.get(lane)
+            });
+        }
+        let work = WORK * x.len() / self.lanes[lane].pairs.len().max(1);
+        for _ in 0..PASSES.min(work.max(1)) {
+            let mut deepest = 0.0f64;
+            for pair in &self.lanes[lane].pairs {
+                deepest = deepest.max(project(layers, pair, lane, x, around));
+            }
+            if deepest <= TOLERANCE * layers.thickness {
+                break;
+            }
+        }
+    }
+}
+
+/// Counts the layers between each vertex and the tool, near enough to touch: of each layer,
+/// one triangle faces the vertex.
+fn count_beneath(pairs: &[Pair], x: &[Point], beneath: &mut [u8], normal: impl Fn(usize) -> Point) {
+    beneath.fill(0);
+    for pair in pairs.iter().filter(|p| p.kind == Kind::VertexFace) {
+        let index = pair.vertices.map(|v| v as usize);
+        let Some(gap) = Gap::new(pair.kind, index.map(|v| x[v])) else {
+            continue;
+        };
+        let up = pair.side * dot(gap.normal, normal(index[0]));
+        if gap.aside <= 0.0 && up > 0.5 {
+            beneath[index[0]] = beneath[index[0]].saturating_add(1);
+        }
+    }
+}
+
+/// Projects one pair: C = side height - thickness >= 0 [m], rigid; then takes back what it slid
+/// in this substep, as far as friction holds (wholly while below the static coefficient times
+/// the push, else by the dynamic coefficient times the push).
+///
+/// Shares add up to zero and the push is along the line between the nearest points, so neither
+/// changes the momentum of free vertices.
+#[inline(always)]
+fn project<V: Lanes>(
+    layers: &Layers,
+    pair: &Pair,
+    lane: usize,
+    x: &mut [Vec3x<V>],
+    around: &Around<V>,
+) -> f64 {
+    let Around {
+        previous,
+        w,
+        planes,
+    } = *around;
+    let index = pair.vertices.map(|v| v as usize);
+    let at = index.map(|v| x[v].get(lane));
+    let Some(gap) = Overlap::new(pair.kind, at, pair.side, layers.thickness) else {
+        return 0.0;
+    };
+    let depth = gap.depth;
+    let w = index.map(|v| w[v].as_slice()[lane].to_f64());
+    let sum: f64 = (0..4).map(|i| w[i] * gap.weight[i] * gap.weight[i]).sum();
+    let movable = sum > 0.0;
+    if !movable {
+        return 0.0;
+    }
+    let mut push = gap.normal.map(|n| n * pair.side * depth);
+    if let Some([stick, slide]) = layers.friction {
+        let mut slid = [0.0; 3];
+        for i in 0..4 {
+            let before = previous[index[i]].get(lane);
+            for k in 0..3 {
+                slid[k] += gap.weight[i] * (at[i][k] - before[k]);
+            }
+        }
+        let along = dot(slid, gap.normal);
+        let slid: Point = std::array::from_fn(|k| slid[k] - along * gap.normal[k]);
+        let length = dot(slid, slid).sqrt();
+        let share = if length < stick * depth {
+            1.0
+        } else {
+            (slide * depth / length.max(1e-20)).min(1.0)
+        };
+        for k in 0..3 {
+            push[k] -= share * slid[k];
+        }
+    }
+    for i in (0..4).filter(|&i| w[i] > 0.0) {
+        let share = w[i] * gap.weight[i] / sum;
+        let mut to: Point = std::array::from_fn(|k| at[i][k] + share * push[k]);
+        // The tool gives way to no layer, so the stack grows from it upwards.
+        let plane = &planes[index[i]];
+        let normal = plane.normal.get(lane);
+        let phi = dot(normal, to) - plane.offset.as_slice()[lane].to_f64();
+        if phi < 0.0 {
+            to = std::array::from_fn(|k| to[k] - phi * normal[k]);
+        }
+        x[index[i]].set(lane, to);
+    }
+    depth
+}
