@@ -98,7 +98,7 @@ fn case(index: usize) -> Snapshot {
             .map(|_| [0.1 * stream.normal(), 0.1 * stream.normal(), -0.5])
             .collect(),
         fixed: fixedbitset::FixedBitSet::with_capacity(count),
-        compressed: fixedbitset::FixedBitSet::new(),
+        force: Vec::new(),
         sides: Vec::new(),
     };
     for _ in 0..index % 4 {

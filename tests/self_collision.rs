@@ -81,7 +81,7 @@ fn wrinkle() -> Snapshot {
         position: position.collect(),
         velocity: vec![[0.0; 3]; count],
         fixed: fixedbitset::FixedBitSet::with_capacity(count),
-        compressed: fixedbitset::FixedBitSet::new(),
+        force: Vec::new(),
         sides: Vec::new(),
     }
 }

@@ -28,6 +28,9 @@ pub struct EnvConfig {
     pub stencil_mm: f64,
     /// A touched vertex nearer to the tool than this is draped [mm].
     pub drape_threshold_mm: f64,
+    /// A yarn stretched by more than this [-] pulls a vertex off the tool again: the vertex
+    /// is draped once a press leaves it at most this much.
+    pub drape_strain: f64,
     /// Duration of a press [s]; the stencil is gone at its end.
     pub press_s: f64,
     /// Share of the press in which the stencil comes down.
@@ -49,6 +52,7 @@ impl Default for EnvConfig {
             crop: false,
             stencil_mm: 18.0,
             drape_threshold_mm: 1.0,
+            drape_strain: 0.01,
             press_s: 1.0 / 60.0,
             descent: 0.5,
             settle_s: 0.0,
@@ -92,6 +96,7 @@ impl EnvConfig {
         let positive = [
             ("stencil_mm", self.stencil_mm, 1e5),
             ("drape_threshold_mm", self.drape_threshold_mm, 1e5),
+            ("drape_strain", self.drape_strain, 1e5),
             ("press_s", self.press_s, 10.0),
         ];
         for (key, value, most) in positive {

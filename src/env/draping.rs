@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::config::{EnvConfig, EnvError, Precision, Region};
 use super::stencil::under_stencil;
 use super::task::{End, Episode, Observation, Outcome, Shape, Tasks};
-use crate::math::Isa;
+use crate::fabric::Lamina;
+use crate::math::{Isa, Vec3};
 use crate::scene::Scene;
 use crate::sim::{Batch, Control, Cpu, Press, Snapshot, batch};
 
@@ -26,6 +27,9 @@ struct Task {
     press: Control,
     descent: usize,
     settle: Option<Control>,
+    /// The next vertices on the yarns of each vertex, and the length between them [m] beyond
+    /// which the yarn pulls the vertex off the tool.
+    ties: Vec<Vec<(u32, f64)>>,
     /// The state after a reset.
     start: Slot,
     /// Summed distance of the region at the start [m].
@@ -205,6 +209,7 @@ impl Task {
             press,
             descent: ((press.substeps as f64 * config.descent).round() as usize).max(1),
             settle: (config.settle_s > 0.0).then(|| control(config.settle_s)),
+            ties: ties(&scene.lamina, config.drape_strain),
             start: Slot {
                 observation: Observation {
                     draped: FixedBitSet::new(),
@@ -330,6 +335,18 @@ impl Task {
     }
 }
 
+fn ties(lamina: &Lamina, strain: f64) -> Vec<Vec<(u32, f64)>> {
+    let mut ties = vec![Vec::new(); lamina.vertex_count()];
+    for yarn in &lamina.yarns {
+        let length = yarn.rest_length * (1.0 + strain);
+        for pair in yarn.vertices.windows(2) {
+            ties[pair[0] as usize].push((pair[1], length));
+            ties[pair[1] as usize].push((pair[0], length));
+        }
+    }
+    ties
+}
+
 impl Group {
     fn reset(&mut self, task: &Task, lane: usize) {
         self.batch.load(lane, &task.scene.initial);
@@ -373,7 +390,12 @@ impl Group {
             for vertex in press.vertices {
                 progress.touched.insert(vertex as usize);
                 let x = self.batch.position(press.lane, vertex);
-                if tool.distance(x).0 <= threshold {
+                let slack = |&(neighbor, length): &(u32, f64)| {
+                    let y = self.batch.position(press.lane, neighbor);
+                    (Vec3::from(x) - Vec3::from(y)).norm() <= length
+                };
+                let held = task.ties[vertex as usize].iter().all(slack);
+                if held && tool.distance(x).0 <= threshold {
                     progress.draped.insert(vertex as usize);
                     self.batch.fix(press.lane, vertex);
                 }
@@ -495,6 +517,7 @@ impl Tasks for Draping {
                 .all(|b| b.len() == count)
                 && cloth.position.len() == count
                 && cloth.velocity.len() == count
+                && cloth.force.len() <= 2 * count
                 && cloth.fixed.len() <= count
                 && cloth.is_finite()
                 && progress.actions.iter().all(|&a| a < pixels)

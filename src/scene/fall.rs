@@ -128,7 +128,7 @@ fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Result<Snapshot, 
         position,
         velocity: vec![[0.0; 3]; lamina.vertex_count()],
         fixed: FixedBitSet::with_capacity(lamina.vertex_count()),
-        compressed: FixedBitSet::new(),
+        force: Vec::new(),
         sides: Vec::new(),
     };
     for (index, clamp) in config.clamps.iter().enumerate() {

@@ -9,7 +9,8 @@
 //! Linear triangles have constant strain. Where yarns run obliquely to the mesh they cannot
 //! follow inextensible yarns in bending lines, and lock; `docs/PHYSICS.md` says by how much.
 
-use super::model::{Compression, EdgeLaw, PhysicsConfig};
+use super::model::EdgeLaw;
+use super::physics::{Compression, PhysicsConfig};
 use crate::fabric::{Family, Lamina, color};
 use crate::math::{Lanes, Vec3x};
 
@@ -68,24 +69,18 @@ pub(super) fn elements(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<Elem
         .collect()
 }
 
-/// The branch of a law by the sign of `c`, times 1 / h^2.
+/// The branch of a law by the sign of `c`.
 #[inline(always)]
-fn branch<V: Lanes>(law: &EdgeLaw, c: V, inverse_h_squared: V) -> V {
-    V::select(c.lt(V::zero()), V::of(law.compression), V::of(law.tension)) * inverse_h_squared
+fn branch<V: Lanes>(law: &EdgeLaw, c: V) -> V {
+    V::select(c.lt(V::zero()), V::of(law.compression), V::of(law.tension))
 }
 
 /// Moves the corners along `gradient` of C (that of the first corner is minus the sum of the
 /// others', so that no force is left over) by the XPBD step with lambda = 0 before it.
 #[inline(always)]
-fn apply<V: Lanes>(
-    c: V,
-    [g1, g2]: [Vec3x<V>; 2],
-    alpha_tilde: V,
-    x: &mut [Vec3x<V>; 3],
-    w: &[V; 3],
-) {
+fn apply<V: Lanes>(c: V, [g1, g2]: [Vec3x<V>; 2], alpha: V, x: &mut [Vec3x<V>; 3], w: &[V; 3]) {
     let g0 = g1 + g2;
-    let sum = w[0] * g0.dot(g0) + w[1] * g1.dot(g1) + w[2] * g2.dot(g2) + alpha_tilde;
+    let sum = w[0] * g0.dot(g0) + w[1] * g1.dot(g1) + w[2] * g2.dot(g2) + alpha;
     let lambda = c / sum.max(V::of(1e-28));
     x[0] = x[0] + g0.scale(lambda * w[0]);
     x[1] = x[1] - g1.scale(lambda * w[1]);
@@ -105,21 +100,20 @@ fn column<V: Lanes>(x: &[Vec3x<V>; 3], [s, t]: [V; 2]) -> (Vec3x<V>, V) {
 #[inline(always)]
 pub(super) fn project_elements<V: Lanes>(
     elements: &[Element],
-    inverse_h_squared: V,
     position: &mut [Vec3x<V>],
-    inverse_mass: &[V],
+    mobility: &[V],
 ) {
     for element in elements {
         let v = element.vertices.map(|v| v as usize);
         let mut x = v.map(|v| position[v]);
-        let w = v.map(|v| inverse_mass[v]);
+        let w = v.map(|v| mobility[v]);
         let [g1, g2] = element.gradient;
         let slopes = [[g1[0], g2[0]].map(V::of), [g1[1], g2[1]].map(V::of)];
         for (slope, law) in slopes.into_iter().zip(&element.yarns) {
             let (n, length) = column(&x, slope);
             let c = length - V::of(1.0);
-            let alpha_tilde = branch(law, c, inverse_h_squared);
-            apply(c, slope.map(|s| n.scale(s)), alpha_tilde, &mut x, &w);
+            let alpha = branch(law, c);
+            apply(c, slope.map(|s| n.scale(s)), alpha, &mut x, &w);
         }
         if let Some(law) = &element.shear {
             let [(a, a_length), (b, b_length)] = slopes.map(|slope| column(&x, slope));
@@ -129,8 +123,8 @@ pub(super) fn project_elements<V: Lanes>(
             let by_b = (a - b.scale(c)).scale(V::of(1.0) / b_length);
             let [warp, weft] = slopes;
             let gradient = [0, 1].map(|k| by_a.scale(warp[k]) + by_b.scale(weft[k]));
-            let alpha_tilde = branch(law, c, inverse_h_squared);
-            apply(c, gradient, alpha_tilde, &mut x, &w);
+            let alpha = branch(law, c);
+            apply(c, gradient, alpha, &mut x, &w);
         }
         for k in 0..3 {
             position[v[k]] = x[k];

@@ -7,15 +7,17 @@
 
 mod constraints;
 mod cpu;
+mod line;
 mod membrane;
 mod model;
+mod physics;
 mod self_contact;
 mod state;
+mod substep;
 
 pub use cpu::Cpu;
-pub use model::{
-    Bending, BendingStiffness, Compression, Model, PhysicsConfig, PhysicsError, Solver,
-};
+pub use model::Model;
+pub use physics::{Bending, BendingStiffness, Compression, PhysicsConfig, PhysicsError, Solver};
 pub use self_contact::SelfCollision;
 pub use state::{Batch, Control, Press, Snapshot};
 

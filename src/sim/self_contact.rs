@@ -22,7 +22,7 @@ mod tree;
 use serde::{Deserialize, Serialize};
 
 use super::cpu::Plane;
-use super::model::PhysicsError;
+use super::physics::PhysicsError;
 use crate::fabric::Lamina;
 use crate::math::{Lanes, Real, Vec3x};
 use geometry::{Gap, Kind, Overlap, Point, dot};

@@ -1,0 +1,380 @@
+//! Direct solves along lines of vertices: yarns in tension and bending, rows of diagonals in
+//! shear. Everything here is inlined into the substep, so that it is compiled for the
+//! instruction set in use.
+//!
+//! A projection that goes constraint by constraint sees, of all the inertia and stiffness
+//! around it, only its own vertices. Long waves then meet a fabric that is softer the longer
+//! the substep, and a wrinkle sinks by itself. Along a line the system is banded, and solving
+//! it as a whole costs hardly more. What is left is the splitting between lines that cross.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::constraints::direction;
+use super::model::{EdgeLaw, bending_stiffness, yarn_law};
+use super::physics::{Bending, PhysicsConfig};
+use crate::fabric::{Family, Lamina};
+use crate::math::{Lanes, Vec3x};
+
+/// A chain of vertices which is solved as a whole.
+#[derive(Clone, Debug)]
+pub(super) struct Line {
+    /// At least one.
+    pub vertices: Vec<u32>,
+    /// Its edges among those of all yarns; empty for a row of diagonals, whose forces nobody
+    /// keeps.
+    pub edges: Range<usize>,
+    pub rest_length: f64,
+    pub law: EdgeLaw,
+    /// Bending stiffness D b / l^3 [N/m]: energy = stiffness |x0 - 2 x1 + x2|^2 / 2.
+    pub bending: f64,
+}
+
+/// The lines of a lamina. Of the warps and of the wefts each holds every vertex once: where
+/// no yarn runs, a line of one vertex stands in.
+#[derive(Clone, Debug)]
+pub(super) struct Lines {
+    pub warps: Vec<Line>,
+    pub wefts: Vec<Line>,
+    pub diagonals: Vec<Line>,
+    /// Edges of all yarns.
+    pub edge_count: usize,
+    /// Vertices of the longest line.
+    pub longest: usize,
+}
+
+impl Lines {
+    pub fn new(lamina: &Lamina, physics: &PhysicsConfig, shear: Option<EdgeLaw>) -> Self {
+        let mut edge_count = 0;
+        let mut yarns: Vec<(Family, Line)> = Vec::new();
+        for yarn in &lamina.yarns {
+            let first = edge_count;
+            edge_count += yarn.vertices.len() - 1;
+            let stiffness = match physics.bending {
+                Bending::Yarns => bending_stiffness(lamina, physics, yarn.family),
+                Bending::Dihedral | Bending::Off => 0.0,
+            };
+            let line = Line {
+                vertices: yarn.vertices.clone(),
+                edges: first..edge_count,
+                rest_length: yarn.rest_length,
+                law: yarn_law(lamina, physics, yarn),
+                bending: stiffness * yarn.width / yarn.rest_length.powi(3),
+            };
+            yarns.push((yarn.family, line));
+        }
+        let family = |wanted| {
+            let of = yarns.iter().filter(|(family, _)| *family == wanted);
+            with_lone_vertices(of.map(|(_, line)| line.clone()).collect(), lamina)
+        };
+        let (warps, wefts) = (family(Family::Warp), family(Family::Weft));
+        let diagonals = shear.map_or(Vec::new(), |law| diagonals(lamina, law));
+        let all = warps.iter().chain(&wefts).chain(&diagonals);
+        Self {
+            longest: all.map(|line| line.vertices.len()).max().unwrap_or(0),
+            warps,
+            wefts,
+            diagonals,
+            edge_count,
+        }
+    }
+}
+
+fn with_lone_vertices(mut lines: Vec<Line>, lamina: &Lamina) -> Vec<Line> {
+    let mut held = vec![false; lamina.vertex_count()];
+    for &v in lines.iter().flat_map(|line| &line.vertices) {
+        held[v as usize] = true;
+    }
+    for v in (0..held.len()).filter(|&v| !held[v]) {
+        lines.push(Line {
+            vertices: vec![v as u32],
+            edges: 0..0,
+            rest_length: 1.0,
+            law: EdgeLaw {
+                tension: 1.0,
+                compression: 1.0,
+            },
+            bending: 0.0,
+        });
+    }
+    lines
+}
+
+/// Diagonals strung together from end to end.
+fn diagonals(lamina: &Lamina, law: EdgeLaw) -> Vec<Line> {
+    let mut next: BTreeMap<u32, (u32, f64)> = BTreeMap::new();
+    let mut ends = Vec::new();
+    for diagonal in &lamina.diagonals {
+        let [from, to] = diagonal.vertices;
+        next.insert(from, (to, diagonal.rest_length));
+        ends.push(to);
+    }
+    ends.sort_unstable();
+    let starts: Vec<u32> = next
+        .keys()
+        .filter(|v| ends.binary_search(v).is_err())
+        .copied()
+        .collect();
+    let mut lines = Vec::new();
+    for start in starts {
+        let mut vertices = vec![start];
+        let mut rest_length = 0.0;
+        while let Some((to, length)) = next.remove(vertices.last().expect("not empty")) {
+            rest_length = length;
+            vertices.push(to);
+        }
+        lines.push(Line {
+            vertices,
+            edges: 0..0,
+            rest_length,
+            law,
+            bending: 0.0,
+        });
+    }
+    lines
+}
+
+/// Scratch space of a line, one entry a vertex.
+pub(super) struct Scratch<V> {
+    direction: Vec<Vec3x<V>>,
+    upper: Vec<V>,
+    second: Vec<V>,
+}
+
+impl<V: Lanes> Scratch<V> {
+    pub fn new(longest: usize) -> Self {
+        Self {
+            direction: vec![Vec3x::zero(); longest],
+            upper: vec![V::zero(); longest],
+            second: vec![V::zero(); longest],
+        }
+    }
+}
+
+/// What the yarns of a vertex do to it, for the next substep.
+pub(super) struct Grip<'a, V> {
+    /// Net force of its yarns [N].
+    pub pull: &'a mut [Vec3x<V>],
+    /// Sum over its yarn edges of |force| / length [N/m].
+    pub stress: &'a mut [V],
+}
+
+/// Solves all length constraints of a yarn together.
+///
+/// C_j = |x_{j+1} - x_j| - l [m], law C = compliance * force with force > 0 in tension. The
+/// forces of the last substep have moved the vertices already; with their change d the
+/// system (J M J^T + compliance) d = C - compliance * force of a chain is tridiagonal (Thomas
+/// algorithm), M the `mobility` [m/N]. XPBD (Macklin et al. 2016, eqs. 17-18) with multipliers
+/// that last: at rest nothing changes, so every yarn meets its law whatever the splitting.
+///
+/// Each edge takes the compliance of the sign of its force. That of the predicted strain would
+/// not do: at rest it is the sign of gravity's last push, so edges would change branch in every
+/// substep and never come to rest. Pinned vertices (mobility 0) decouple their neighbours by
+/// the formula itself.
+#[inline(always)]
+pub(super) fn stretch<V: Lanes>(
+    line: &Line,
+    x: &mut [Vec3x<V>],
+    mobility: &[V],
+    force: &mut [V],
+    grip: &mut Grip<V>,
+    scratch: &mut Scratch<V>,
+) {
+    let edges = line.vertices.len() - 1;
+    let inverse_rest = V::of(1.0 / line.rest_length);
+    let (n, upper, change) = scratch.parts(line.vertices.len());
+    eliminate(line, x, mobility, Some(force), (n, upper, change));
+
+    // Back substitution from the far end; a vertex moves once both its edges are known.
+    let mut after = Vec3x::zero();
+    let mut change_after = V::zero();
+    let mut pull_after = Vec3x::zero();
+    let mut stress_after = V::zero();
+    for j in (0..edges).rev() {
+        let d = change[j] - upper[j] * change_after;
+        let total = force[j] + d;
+        force[j] = total;
+        let moved = n[j].scale(d);
+        let pull = n[j].scale(total);
+        let stress = total.max(-total) * inverse_rest;
+        let v = line.vertices[j + 1] as usize;
+        x[v] = x[v] + (after - moved).scale(mobility[v]);
+        grip.pull[v] = grip.pull[v] + (pull_after - pull);
+        grip.stress[v] = grip.stress[v] + (stress_after + stress);
+        (after, change_after, pull_after, stress_after) = (moved, d, pull, stress);
+    }
+    let v = line.vertices[0] as usize;
+    x[v] = x[v] + after.scale(mobility[v]);
+    grip.pull[v] = grip.pull[v] + pull_after;
+    grip.stress[v] = grip.stress[v] + stress_after;
+}
+
+/// The pull of a yarn's forces where it lies, for the first substep of a step.
+#[inline(always)]
+pub(super) fn recall<V: Lanes>(line: &Line, x: &[Vec3x<V>], force: &[V], grip: &mut Grip<V>) {
+    let inverse_rest = V::of(1.0 / line.rest_length);
+    for (j, &force) in force.iter().enumerate() {
+        let [a, b] = [line.vertices[j] as usize, line.vertices[j + 1] as usize];
+        let pull = direction(x[b] - x[a]).0.scale(force);
+        let stress = force.max(-force) * inverse_rest;
+        grip.pull[a] = grip.pull[a] + pull;
+        grip.pull[b] = grip.pull[b] - pull;
+        grip.stress[a] = grip.stress[a] + stress;
+        grip.stress[b] = grip.stress[b] + stress;
+    }
+}
+
+/// Solves a row of diagonals together, each from force 0 and with the compliance of the sign
+/// of its C. As for a yarn, but soft enough that its forces need not be kept.
+#[inline(always)]
+pub(super) fn shear<V: Lanes>(
+    line: &Line,
+    x: &mut [Vec3x<V>],
+    mobility: &[V],
+    scratch: &mut Scratch<V>,
+) {
+    let edges = line.vertices.len() - 1;
+    let (n, upper, change) = scratch.parts(line.vertices.len());
+    eliminate(line, x, mobility, None, (n, upper, change));
+    let mut after = Vec3x::zero();
+    let mut change_after = V::zero();
+    for j in (0..edges).rev() {
+        let d = change[j] - upper[j] * change_after;
+        let moved = n[j].scale(d);
+        let v = line.vertices[j + 1] as usize;
+        x[v] = x[v] + (after - moved).scale(mobility[v]);
+        (after, change_after) = (moved, d);
+    }
+    let v = line.vertices[0] as usize;
+    x[v] = x[v] + after.scale(mobility[v]);
+}
+
+impl<V: Lanes> Scratch<V> {
+    #[inline(always)]
+    fn parts(&mut self, vertices: usize) -> (&mut [Vec3x<V>], &mut [V], &mut [V]) {
+        (
+            &mut self.direction[..vertices],
+            &mut self.upper[..vertices],
+            &mut self.second[..vertices],
+        )
+    }
+}
+
+/// Forward elimination of the tridiagonal system of a line's edges into directions, upper
+/// diagonal and right side.
+#[inline(always)]
+fn eliminate<V: Lanes>(
+    line: &Line,
+    x: &[Vec3x<V>],
+    mobility: &[V],
+    force: Option<&[V]>,
+    (n, upper, right): (&mut [Vec3x<V>], &mut [V], &mut [V]),
+) {
+    let rest = V::of(line.rest_length);
+    let tension = V::of(line.law.tension);
+    let compression = V::of(line.law.compression);
+    // Two pinned ends and no compliance leave a zero diagonal; any finite value does then.
+    let smallest = V::of(1e-28);
+
+    let v0 = line.vertices[0] as usize;
+    let (mut x0, mut w0) = (x[v0], mobility[v0]);
+    let mut previous = Vec3x::zero();
+    let mut previous_inverse = V::zero();
+    let mut previous_right = V::zero();
+    for j in 0..line.vertices.len() - 1 {
+        let v1 = line.vertices[j + 1] as usize;
+        let (x1, w1) = (x[v1], mobility[v1]);
+        let (nj, length) = direction(x1 - x0);
+        let c = length - rest;
+        let (compliance, residual) = match force {
+            Some(force) => {
+                let compressed = force[j].lt(V::zero());
+                let compliance = V::select(compressed, compression, tension);
+                (compliance, c - compliance * force[j])
+            }
+            None => (V::select(c.lt(V::zero()), compression, tension), c),
+        };
+        // Eliminates the coupling with the edge before, through their common vertex.
+        let coupling = -(w0 * previous.dot(nj));
+        let factor = coupling * previous_inverse;
+        let diagonal = (w0 + w1 + compliance - coupling * factor).max(smallest);
+        let inverse = V::of(1.0) / diagonal;
+        let solved = (residual - coupling * previous_right) * inverse;
+        if j > 0 {
+            upper[j - 1] = factor;
+        }
+        n[j] = nj;
+        right[j] = solved;
+        (x0, w0, previous, previous_inverse, previous_right) = (x1, w1, nj, inverse, solved);
+    }
+}
+
+/// Solves the bending of a yarn as a whole: (1 + M K) d = -M K x, with M the mobility and
+/// K = B^T k B of the second differences B, a pentadiagonal system that is the same for x, y
+/// and z (Gaussian elimination; M^1/2 (1/M + K) M^1/2 is positive definite, so no pivot is 0).
+#[inline(always)]
+pub(super) fn bend<V: Lanes>(
+    line: &Line,
+    x: &mut [Vec3x<V>],
+    mobility: &[V],
+    scratch: &mut Scratch<V>,
+) {
+    let count = line.vertices.len();
+    if line.bending == 0.0 || count < 3 {
+        return;
+    }
+    let k = V::of(line.bending);
+    let two = V::of(2.0);
+    let (z, first, second) = scratch.parts(count);
+
+    // Second differences around the vertex before, the vertex and the vertex after.
+    let at = |j: usize| x[line.vertices[j] as usize];
+    let (mut x0, mut x1) = (at(0), at(1));
+    let (mut before, mut around) = (Vec3x::zero(), Vec3x::zero());
+    // Rows i - 2 and i - 1 of the eliminated system: upper diagonals and right side.
+    let (mut first2, mut first1) = (V::zero(), V::zero());
+    let (mut second2, mut second1) = (V::zero(), V::zero());
+    let (mut z2, mut z1) = (Vec3x::zero(), Vec3x::zero());
+    for i in 0..count {
+        // Whether a triple is centred on the vertex before, the vertex, the vertex after.
+        let has = |centre: usize| {
+            if (2..=count - 1).contains(&centre) {
+                1.0
+            } else {
+                0.0
+            }
+        };
+        let [l, m, r] = [has(i), has(i + 1), has(i + 2)];
+        let after = if i + 2 < count {
+            let x2 = at(i + 2);
+            let after = x0 + x2 - x1.scale(two);
+            (x0, x1) = (x1, x2);
+            after
+        } else {
+            Vec3x::zero()
+        };
+        let wk = mobility[line.vertices[i] as usize] * k;
+        let kx = before + after - around.scale(two);
+        let lower2 = wk * V::of(l);
+        let lower1 = wk * V::of(-2.0 * (l + m)) - lower2 * first2;
+        let diagonal = V::of(1.0) + wk * V::of(l + 4.0 * m + r);
+        let inverse = V::of(1.0) / (diagonal - lower2 * second2 - lower1 * first1);
+        let upper1 = (wk * V::of(-2.0 * (m + r)) - lower1 * second1) * inverse;
+        let upper2 = wk * V::of(r) * inverse;
+        let right = kx.scale(wk) + z2.scale(lower2) + z1.scale(lower1);
+        let right = right.scale(-inverse);
+        (first[i], second[i], z[i]) = (upper1, upper2, right);
+        (first2, first1, second2, second1, z2, z1) = (first1, upper1, second1, upper2, z1, right);
+        (before, around) = (around, after);
+    }
+    let (mut d1, mut d2) = (Vec3x::zero(), Vec3x::zero());
+    for i in (0..count).rev() {
+        let d = z[i] - d1.scale(first[i]) - d2.scale(second[i]);
+        let v = line.vertices[i] as usize;
+        x[v] = x[v] + d;
+        (d1, d2) = (d, d1);
+    }
+}
+
+#[cfg(test)]
+mod tests;
