@@ -73,24 +73,6 @@ impl<V: Lanes> Cpu<V> {
             self_contact: (model.layers.is_some()).then(|| Box::new(SelfContact::new(count))),
         }
     }
-
-    /// Looks up the tangent plane of the tool under every vertex that is free in its lane;
-    /// fixed ones keep theirs, which nothing reads.
-    fn find_planes(&mut self, tool: &Tool) {
-        let moving = self.position.iter().zip(&self.inverse_mass);
-        for ((x, w), plane) in moving.zip(&mut self.plane) {
-            for lane in 0..V::COUNT {
-                if w.as_slice()[lane] == V::Scalar::from_f64(0.0) {
-                    continue;
-                }
-                let x = x.get(lane);
-                let (phi, n) = tool.distance(x);
-                plane.normal.set(lane, n);
-                let offset = n[0] * x[0] + n[1] * x[1] + n[2] * x[2] - phi;
-                plane.offset.as_mut_slice()[lane] = V::Scalar::from_f64(offset);
-            }
-        }
-    }
 }
 
 impl<V: Lanes> Batch for Cpu<V> {
@@ -151,9 +133,9 @@ impl<V: Lanes> Batch for Cpu<V> {
         let mut first = 0;
         while first < control.substeps {
             let last = (first + interval).min(control.substeps);
-            self.find_planes(tool);
             V::vectorize(Substeps {
                 model,
+                tool,
                 control: *control,
                 presses,
                 range: first..last,

@@ -4,13 +4,14 @@
 use std::ops::Range;
 
 use super::constraints::{project_edges, project_hinges, project_triples};
-use super::cpu::{Cpu, YarnState};
+use super::cpu::{Cpu, Plane, YarnState};
 use super::line::{Grip, Line, Lines, bend, recall, shear, stretch};
 use super::membrane::project_elements;
 use super::model::{Model, Pass};
 use super::self_contact::Around;
 use super::state::{Control, Press};
 use crate::math::{Kernel, Lanes, Real, Vec3x};
+use crate::tool::Tool;
 
 /// Substeps in which a vertex would at least need to cross an edge under the forces of its
 /// yarns. The solve along a line is linear in the directions at its start, so yarns that pull
@@ -22,9 +23,10 @@ use crate::math::{Kernel, Lanes, Real, Vec3x};
 /// is with many substeps.
 const CROSSING: f64 = 5.0;
 
-/// Consecutive substeps of a control step (paper, Algorithm 1).
+/// Consecutive substeps of a control step (paper, Algorithm 1), with one look for contact.
 pub(super) struct Substeps<'a, V: Lanes> {
     pub model: &'a Model,
+    pub tool: &'a Tool,
     pub control: Control,
     pub presses: &'a [Press],
     pub range: Range<usize>,
@@ -57,6 +59,7 @@ impl<V: Lanes> Kernel for Substeps<'_, V> {
             speed_cap: physics.speed_cap,
             friction: self.model.friction,
         };
+        find_planes(self.tool, self.state);
         match &self.model.lines {
             Some(lines) => self.along(lines, &frame),
             None => self.edge_by_edge(&frame),
@@ -149,6 +152,17 @@ impl<V: Lanes> Substeps<'_, V> {
                 conclude(v, frame, state);
             }
         }
+    }
+}
+
+/// Looks up the tangent plane of the tool under every vertex.
+#[inline(always)]
+fn find_planes<V: Lanes>(tool: &Tool, state: &mut Cpu<V>) {
+    for (x, plane) in state.position.iter().zip(&mut state.plane) {
+        let (phi, n) = tool.distance_in_lanes(x.0);
+        let normal = Vec3x(n);
+        let offset = normal.dot(*x) - phi;
+        *plane = Plane { normal, offset };
     }
 }
 
@@ -295,9 +309,10 @@ fn conclude<V: Lanes>(v: usize, frame: &Frame, state: &mut Cpu<V>) {
     let mut out = x;
     if let Some([stick, slide]) = frame.friction {
         let tangential = moved - plane.normal.scale(plane.normal.dot(moved));
-        let length = tangential.dot(tangential).sqrt();
-        let holds = length.lt(V::of(stick) * depth);
-        let share = V::of(slide) * depth / length.max(V::of(1e-20));
+        let square = tangential.dot(tangential);
+        let hold = V::of(stick) * depth;
+        let holds = square.lt(hold * hold);
+        let share = V::of(slide) * depth / square.max(V::of(1e-20)).sqrt();
         let share = V::select(holds, V::of(1.0), share.min(V::of(1.0)));
         // Without contact the depth is 0, and so is the share that is taken back.
         let share = V::select(V::zero().lt(depth), share, V::zero());

@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use crate::math::Vec3;
+use crate::math::{Lanes, Real, Vec3};
 
 use super::ToolError;
 use super::surface::{Surface, winding};
@@ -101,14 +101,73 @@ impl DistanceGrid {
         self.origin + Vec3::new(x, y, z) * self.spacing
     }
 
-    /// Unit gradient at `x` [m]: the outward direction. Upwards (+z) where the gradient
-    /// vanishes.
-    pub fn normal(&self, x: [f64; 3]) -> [f64; 3] {
-        let (_, grad) = self.sample(x);
-        Vec3::from(grad)
-            .try_normalize(1e-9)
-            .unwrap_or_else(Vec3::z)
-            .into()
+    /// Signed distance [m] at `x` [m] and its gradient, by trilinear interpolation, in every
+    /// lane.
+    ///
+    /// Beyond the box: the value at the nearest point of the box plus the distance to that
+    /// point (never too small, by the triangle inequality), and the gradient of just that.
+    /// Continuous; finite for all numbers (coordinates beyond 1e15 m are clamped, so that
+    /// their squares are finite). NaN in gives NaN out. f32 differs from f64 by about 1e-7 m
+    /// within a metre of the tool.
+    #[inline(always)]
+    pub fn sample<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
+        let zero = V::zero();
+        let horizon = V::of(1e15);
+        let spacing = V::of(self.spacing);
+        let mut cell = [zero; 3];
+        let mut t = [zero; 3];
+        let mut beyond = [zero; 3];
+        for a in 0..3 {
+            // The bounds come first, since a comparison with NaN yields the second operand.
+            let offset = horizon.min((-horizon).max(x[a])) - V::of(self.origin[a]);
+            let last = V::of((self.dims[a] - 1) as f64);
+            let u = last.min(zero.max(offset / spacing));
+            t[a] = u;
+            for lane in 0..V::COUNT {
+                // Rounds down (u is not negative), and takes NaN to 0.
+                let index = (u.as_slice()[lane].to_f64() as u32 as usize).min(self.dims[a] - 2);
+                cell[a].as_mut_slice()[lane] = V::Scalar::from_f64(index as f64);
+            }
+            t[a] = t[a] - cell[a];
+            beyond[a] = offset - (last * spacing).min(zero.max(offset));
+        }
+        let mut v = [zero; 8];
+        for lane in 0..V::COUNT {
+            let cell = cell.map(|c| c.as_slice()[lane].to_f64() as usize);
+            for (v, corner) in v.iter_mut().zip(self.corners(cell)) {
+                v.as_mut_slice()[lane] = V::Scalar::from_f64(f64::from(corner));
+            }
+        }
+        let lerp = |a: V, b: V, t: V| a + (b - a) * t;
+        // Along x on four edges, then along y on two faces, then along z.
+        let d = [v[1] - v[0], v[3] - v[2], v[5] - v[4], v[7] - v[6]];
+        let e: [V; 4] = [
+            v[0] + d[0] * t[0],
+            v[2] + d[1] * t[0],
+            v[4] + d[2] * t[0],
+            v[6] + d[3] * t[0],
+        ];
+        let f = [lerp(e[0], e[1], t[1]), lerp(e[2], e[3], t[1])];
+        let inside = lerp(f[0], f[1], t[2]);
+        let gradient = [
+            lerp(lerp(d[0], d[1], t[1]), lerp(d[2], d[3], t[1]), t[2]) / spacing,
+            lerp(e[1] - e[0], e[3] - e[2], t[2]) / spacing,
+            (f[1] - f[0]) / spacing,
+        ];
+        let [bx, by, bz] = beyond;
+        let square = bx * bx + by * by + bz * bz;
+        let distance = square.sqrt();
+        let divisor = V::select(zero.lt(square), distance, V::of(1.0));
+        let outwards = |b: V, inside: V| {
+            let off = zero.lt(b * b);
+            V::select(off, b / divisor, inside)
+        };
+        let gradient = [
+            outwards(bx, gradient[0]),
+            outwards(by, gradient[1]),
+            outwards(bz, gradient[2]),
+        ];
+        (inside + distance, gradient)
     }
 
     /// Samples at the corners of a cell, x running fastest.
@@ -128,70 +187,6 @@ impl DistanceGrid {
             s[layer + row + 1],
         ]
     }
-}
-
-/// Implements sampling in one precision.
-macro_rules! impl_sample {
-    ($(#[$doc:meta])* $name:ident, $float:ty) => {
-        impl DistanceGrid {
-            $(#[$doc])*
-            #[inline]
-            pub fn $name(&self, x: [$float; 3]) -> ($float, [$float; 3]) {
-                const HORIZON: $float = 1e15;
-                let spacing = self.spacing as $float;
-                let mut cell = [0; 3];
-                let mut t = [0.0; 3];
-                let mut beyond = [0.0; 3];
-                for a in 0..3 {
-                    let offset = x[a].clamp(-HORIZON, HORIZON) - self.origin[a] as $float;
-                    let last = (self.dims[a] - 1) as $float;
-                    let u = (offset / spacing).clamp(0.0, last);
-                    // Rounds down (u is not negative), and takes NaN to 0.
-                    cell[a] = (u as u32 as usize).min(self.dims[a] - 2);
-                    t[a] = u - cell[a] as $float;
-                    beyond[a] = offset - offset.clamp(0.0, last * spacing);
-                }
-                let v = self.corners(cell).map(<$float>::from);
-                let lerp = |a: $float, b: $float, t: $float| a + (b - a) * t;
-                // Along x on four edges, then along y on two faces, then along z.
-                let d = [0, 2, 4, 6].map(|i| v[i + 1] - v[i]);
-                let e = [0, 1, 2, 3].map(|i| v[2 * i] + d[i] * t[0]);
-                let f = [lerp(e[0], e[1], t[1]), lerp(e[2], e[3], t[1])];
-                let mut phi = lerp(f[0], f[1], t[2]);
-                let mut grad = [
-                    lerp(lerp(d[0], d[1], t[1]), lerp(d[2], d[3], t[1]), t[2]) / spacing,
-                    lerp(e[1] - e[0], e[3] - e[2], t[2]) / spacing,
-                    (f[1] - f[0]) / spacing,
-                ];
-                if beyond != [0.0; 3] {
-                    let distance = beyond.iter().map(|b| b * b).sum::<$float>().sqrt();
-                    phi += distance;
-                    for a in 0..3 {
-                        if beyond[a] != 0.0 {
-                            grad[a] = beyond[a] / distance;
-                        }
-                    }
-                }
-                (phi, grad)
-            }
-        }
-    };
-}
-
-impl_sample! {
-    /// Signed distance [m] at `x` [m] and its gradient, by trilinear interpolation.
-    ///
-    /// Beyond the box: the value at the nearest point of the box plus the distance to that
-    /// point (never too small, by the triangle inequality), and the gradient of just that.
-    /// Continuous; finite for all numbers (coordinates beyond 1e15 m are clamped, so that
-    /// their squares are finite). NaN in gives NaN out.
-    sample, f64
-}
-
-impl_sample! {
-    /// [`Self::sample`] in single precision, for the solver. Differs from it by about 1e-7 m
-    /// within a metre of the tool.
-    sample_f32, f32
 }
 
 #[cfg(test)]
@@ -270,7 +265,8 @@ mod tests {
                 let phi = 0.01 * (2.0 * stream.uniform() - 1.0);
                 let x = (n * (0.075 + phi)).into();
                 worst_phi = worst_phi.max((grid.sample(x).0 - phi).abs());
-                worst_normal = worst_normal.max((Vec3::from(grid.normal(x)) - n).norm());
+                worst_normal =
+                    worst_normal.max((Vec3::from(grid.sample(x).1).normalize() - n).norm());
             }
             (worst_phi, worst_normal)
         });
@@ -286,7 +282,7 @@ mod tests {
         for x in points(&grid, 0.2, 2000) {
             let x = x.map(|c| c as f32);
             let (phi, grad) = grid.sample(x.map(f64::from));
-            let (phi_f32, grad_f32) = grid.sample_f32(x);
+            let (phi_f32, grad_f32) = grid.sample(x);
             assert!(
                 (f64::from(phi_f32) - phi).abs() < 2e-7,
                 "{phi_f32} for {phi}"
@@ -348,9 +344,8 @@ mod tests {
                 let (phi, grad) = tool.grid.sample(x);
                 assert!(phi.is_finite() && phi > 900.0, "{phi} at {x:?}");
                 assert!(grad.iter().all(|g| g.is_finite()));
-                let (phi, grad) = tool.grid.sample_f32(x.map(|c| c as f32));
+                let (phi, grad) = tool.grid.sample(x.map(|c| c as f32));
                 assert!(phi.is_finite() && grad.iter().all(|g| g.is_finite()));
-                assert!((Vec3::from(tool.grid.normal(x)).norm() - 1.0).abs() < 1e-12);
             }
         }
         assert!(tool.grid.sample([f64::NAN, 0.0, 0.0]).0.is_nan());
