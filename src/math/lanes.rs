@@ -55,6 +55,8 @@ pub trait Lanes:
     fn lt(self, other: Self) -> Self::Mask;
     /// `yes` where the mask is set, else `no`.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+    /// Whether the mask is set in any lane.
+    fn any(mask: Self::Mask) -> bool;
     /// Runs a kernel compiled for this type's instruction set.
     fn vectorize<K: Kernel>(kernel: K);
 
@@ -126,6 +128,10 @@ macro_rules! scalar {
             fn select(mask: bool, yes: Self, no: Self) -> Self {
                 if mask { yes } else { no }
             }
+            #[inline(always)]
+            fn any(mask: bool) -> bool {
+                mask
+            }
             fn vectorize<K: Kernel>(kernel: K) {
                 kernel.run();
             }
@@ -195,6 +201,10 @@ impl Lanes for Portable {
             if mask[i] { yes.0[i] } else { no.0[i] }
         }))
     }
+    #[inline(always)]
+    fn any(mask: [bool; 8]) -> bool {
+        mask.contains(&true)
+    }
     fn vectorize<K: Kernel>(kernel: K) {
         kernel.run();
     }
@@ -215,7 +225,7 @@ mod x86 {
         ($name:ident, $inner:ty, $count:literal, $isa:literal, $feature:literal, $mask:ty,
          $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident,
          $min:ident, $max:ident,
-         |$a:ident, $b:ident| $lt:expr, |$m:ident, $y:ident, $n:ident| $select:expr) => {
+         |$a:ident, $b:ident| $lt:expr, |$m:ident, $y:ident, $n:ident| $select:expr, |$k:ident| $any:expr) => {
             #[doc = concat!(stringify!($count), " f32 lanes on ", $isa, ".")]
             #[derive(Clone, Copy)]
             #[repr(transparent)]
@@ -287,6 +297,14 @@ mod x86 {
                     let ($m, $y, $n) = (mask, yes.0, no.0);
                     Self(unsafe { $select })
                 }
+                #[inline(always)]
+                fn any(mask: $mask) -> bool {
+                    let $k = mask;
+                    #[allow(unused_unsafe)]
+                    unsafe {
+                        $any
+                    }
+                }
                 fn vectorize<K: Kernel>(kernel: K) {
                     #[target_feature(enable = $feature)]
                     fn compiled<K: Kernel>(kernel: K) {
@@ -315,7 +333,8 @@ mod x86 {
         _mm256_min_ps,
         _mm256_max_ps,
         |a, b| _mm256_cmp_ps::<_CMP_LT_OQ>(a, b),
-        |m, y, n| _mm256_blendv_ps(n, y, m)
+        |m, y, n| _mm256_blendv_ps(n, y, m),
+        |m| _mm256_movemask_ps(m) != 0
     );
     vector!(
         F32x16,
@@ -333,7 +352,8 @@ mod x86 {
         _mm512_min_ps,
         _mm512_max_ps,
         |a, b| _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b),
-        |m, y, n| _mm512_mask_blend_ps(m, n, y)
+        |m, y, n| _mm512_mask_blend_ps(m, n, y),
+        |m| m != 0
     );
 }
 

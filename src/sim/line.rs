@@ -323,56 +323,93 @@ pub(super) fn bend<V: Lanes>(
     if line.bending == 0.0 || count < 3 {
         return;
     }
-    let k = V::of(line.bending);
-    let two = V::of(2.0);
-    let (z, first, second) = scratch.parts(count);
-
-    // Second differences around the vertex before, the vertex and the vertex after.
-    let at = |j: usize| x[line.vertices[j] as usize];
-    let (mut x0, mut x1) = (at(0), at(1));
-    let (mut before, mut around) = (Vec3x::zero(), Vec3x::zero());
-    // Rows i - 2 and i - 1 of the eliminated system: upper diagonals and right side.
-    let (mut first2, mut first1) = (V::zero(), V::zero());
-    let (mut second2, mut second1) = (V::zero(), V::zero());
-    let (mut z2, mut z1) = (Vec3x::zero(), Vec3x::zero());
-    for i in 0..count {
-        // Whether a triple is centred on the vertex before, the vertex, the vertex after.
-        let has = |centre: usize| {
-            if (2..=count - 1).contains(&centre) {
-                1.0
-            } else {
-                0.0
-            }
-        };
-        let [l, m, r] = [has(i), has(i + 1), has(i + 2)];
-        let after = if i + 2 < count {
-            let x2 = at(i + 2);
-            let after = x0 + x2 - x1.scale(two);
-            (x0, x1) = (x1, x2);
-            after
-        } else {
-            Vec3x::zero()
-        };
-        let wk = mobility[line.vertices[i] as usize] * k;
-        let kx = before + after - around.scale(two);
-        let lower2 = wk * V::of(l);
-        let lower1 = wk * V::of(-2.0 * (l + m)) - lower2 * first2;
-        let diagonal = V::of(1.0) + wk * V::of(l + 4.0 * m + r);
-        let inverse = V::of(1.0) / (diagonal - lower2 * second2 - lower1 * first1);
-        let upper1 = (wk * V::of(-2.0 * (m + r)) - lower1 * second1) * inverse;
-        let upper2 = wk * V::of(r) * inverse;
-        let right = kx.scale(wk) + z2.scale(lower2) + z1.scale(lower1);
-        let right = right.scale(-inverse);
-        (first[i], second[i], z[i]) = (upper1, upper2, right);
-        (first2, first1, second2, second1, z2, z1) = (first1, upper1, second1, upper2, z1, right);
-        (before, around) = (around, after);
+    let mut rows = BendRows::new(line, x);
+    let triples =
+        |i: usize| [i, i + 1, i + 2].map(|next| f64::from(u8::from((2..count).contains(&next))));
+    let inner = 2..count.saturating_sub(2).max(2);
+    for i in 0..2 {
+        rows.eliminate(i, triples(i), x, mobility, scratch);
     }
+    for i in inner.clone() {
+        rows.eliminate(i, [1.0; 3], x, mobility, scratch);
+    }
+    for i in inner.end..count {
+        rows.eliminate(i, triples(i), x, mobility, scratch);
+    }
+    let (z, first, second) = scratch.parts(count);
     let (mut d1, mut d2) = (Vec3x::zero(), Vec3x::zero());
     for i in (0..count).rev() {
         let d = z[i] - d1.scale(first[i]) - d2.scale(second[i]);
         let v = line.vertices[i] as usize;
         x[v] = x[v] + d;
         (d1, d2) = (d, d1);
+    }
+}
+
+/// Elimination of the rows of the pentadiagonal system, one after the other.
+struct BendRows<'a, V> {
+    line: &'a Line,
+    /// Positions of the vertex and of the next.
+    x: [Vec3x<V>; 2],
+    /// Second differences around the vertex before and the vertex.
+    difference: [Vec3x<V>; 2],
+    /// Of the last two rows: upper diagonals and right side.
+    first: [V; 2],
+    second: [V; 2],
+    right: [Vec3x<V>; 2],
+}
+
+impl<'a, V: Lanes> BendRows<'a, V> {
+    #[inline(always)]
+    fn new(line: &'a Line, x: &[Vec3x<V>]) -> Self {
+        Self {
+            line,
+            x: [x[line.vertices[0] as usize], x[line.vertices[1] as usize]],
+            difference: [Vec3x::zero(); 2],
+            first: [V::zero(); 2],
+            second: [V::zero(); 2],
+            right: [Vec3x::zero(); 2],
+        }
+    }
+
+    /// Row of vertex i, which is on l triples as their last vertex, on m as their middle and
+    /// on r as their first (0 or 1).
+    #[inline(always)]
+    fn eliminate(
+        &mut self,
+        i: usize,
+        [l, m, r]: [f64; 3],
+        x: &[Vec3x<V>],
+        mobility: &[V],
+        scratch: &mut Scratch<V>,
+    ) {
+        let [before, around] = self.difference;
+        let after = if r > 0.0 {
+            let [x0, x1] = self.x;
+            let x2 = x[self.line.vertices[i + 2] as usize];
+            self.x = [x1, x2];
+            x0 + x2 - x1.scale(V::of(2.0))
+        } else {
+            Vec3x::zero()
+        };
+        self.difference = [around, after];
+        let wk = mobility[self.line.vertices[i] as usize] * V::of(self.line.bending);
+        let kx = before + after - around.scale(V::of(2.0));
+        let lower2 = wk * V::of(l);
+        let lower1 = wk * V::of(-2.0 * (l + m)) - lower2 * self.first[0];
+        let diagonal = V::of(1.0) + wk * V::of(l + 4.0 * m + r);
+        let pivot = diagonal - lower2 * self.second[0] - lower1 * self.first[1];
+        let inverse = V::of(1.0) / pivot;
+        let first = (wk * V::of(-2.0 * (m + r)) - lower1 * self.second[1]) * inverse;
+        let second = wk * V::of(r) * inverse;
+        let right = kx.scale(wk) + self.right[0].scale(lower2) + self.right[1].scale(lower1);
+        let right = right.scale(-inverse);
+        scratch.upper[i] = first;
+        scratch.second[i] = second;
+        scratch.direction[i] = right;
+        self.first = [self.first[1], first];
+        self.second = [self.second[1], second];
+        self.right = [self.right[1], right];
     }
 }
 

@@ -191,8 +191,13 @@ fn start<V: Lanes>(warp: &Line, frame: &Frame, state: &mut Cpu<V>) {
         let v = v as usize;
         let YarnState { pull, stress, .. } = &mut state.yarns;
         let free = state.inverse_mass[v] * square;
-        let inertia = V::of(1.0).max(free * stress[v] * V::of(CROSSING));
-        let mobility = free / inertia;
+        let inertia = free * stress[v] * V::of(CROSSING);
+        // What is rare is computed only where it happens: divisions and roots cost most.
+        let mobility = if V::any(V::of(1.0).lt(inertia)) {
+            free / V::of(1.0).max(inertia)
+        } else {
+            free
+        };
         state.mobility[v] = mobility;
         let pulled = pull[v].scale(mobility);
         (pull[v], stress[v]) = (Vec3x::zero(), V::zero());
@@ -307,15 +312,20 @@ fn conclude<V: Lanes>(v: usize, frame: &Frame, state: &mut Cpu<V>) {
     let x = x + plane.normal.scale(depth);
     let mut moved = x - state.previous[v];
     let mut out = x;
-    if let Some([stick, slide]) = frame.friction {
+    if let Some([stick, slide]) = frame.friction
+        && V::any(V::zero().lt(depth))
+    {
         let tangential = moved - plane.normal.scale(plane.normal.dot(moved));
         let square = tangential.dot(tangential);
         let hold = V::of(stick) * depth;
-        let holds = square.lt(hold * hold);
-        let share = V::of(slide) * depth / square.max(V::of(1e-20)).sqrt();
-        let share = V::select(holds, V::of(1.0), share.min(V::of(1.0)));
+        let slides = (hold * hold).lt(square);
         // Without contact the depth is 0, and so is the share that is taken back.
-        let share = V::select(V::zero().lt(depth), share, V::zero());
+        let touches = V::zero().lt(depth);
+        let mut share = V::select(touches, V::of(1.0), V::zero());
+        if V::any(slides) {
+            let taken = V::of(slide) * depth / square.sqrt();
+            share = V::select(slides, taken.min(V::of(1.0)), share);
+        }
         out = x - tangential.scale(share);
         moved = out - state.previous[v];
     }
@@ -323,8 +333,11 @@ fn conclude<V: Lanes>(v: usize, frame: &Frame, state: &mut Cpu<V>) {
     let mut velocity = moved.scale(V::of(frame.rate));
     if frame.speed_cap > 0.0 {
         let cap = V::of(frame.speed_cap);
-        let square = velocity.dot(velocity).max(cap * cap);
-        velocity = velocity.scale(cap / square.sqrt());
+        let square = velocity.dot(velocity);
+        let fast = (cap * cap).lt(square);
+        if V::any(fast) {
+            velocity = Vec3x::select(fast, velocity.scale(cap / square.sqrt()), velocity);
+        }
     }
     state.velocity[v] = Vec3x::select(free, velocity, state.velocity[v]);
 }
