@@ -23,6 +23,10 @@ pub struct Args {
     #[arg(long)]
     quick: bool,
 
+    /// Turns of every variant; fewer than the usual say nothing about speed
+    #[arg(long, hide = true, value_parser = clap::value_parser!(u16).range(1..))]
+    repeats: Option<u16>,
+
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
@@ -40,11 +44,14 @@ struct Report {
 
 /// Runs `drape bench`.
 pub fn run(args: Args) -> Result<(), Failure> {
-    let effort = if args.quick {
+    let mut effort = if args.quick {
         Effort::QUICK
     } else {
         Effort::FULL
     };
+    if let Some(repeats) = args.repeats {
+        effort.repeats = repeats.into();
+    }
     let start = Instant::now();
     let progress = Progress::new("measuring", args.json);
     let findings = measure(&effort, |share| progress.set(share)).context("cannot start threads")?;

@@ -46,9 +46,9 @@ pub struct Effort {
 impl Effort {
     /// About a minute.
     pub const FULL: Self = Self {
-        repeats: 41,
+        repeats: 31,
         control_steps: 6,
-        actions: 40,
+        actions: 20,
     };
     /// Some seconds.
     pub const QUICK: Self = Self {
