@@ -4,6 +4,7 @@
 //! a command is that file and one variant of `Command`. Results go to stdout, as text or,
 //! with `--json`, as exactly one JSON object; progress and errors go to stderr.
 
+mod bench;
 mod comparison;
 mod eval;
 mod export;
@@ -39,6 +40,7 @@ enum Command {
     Tool(tool::Args),
     Scene(scene::Args),
     Study(study::Args),
+    Bench(bench::Args),
 }
 
 impl Cli {
@@ -51,6 +53,7 @@ impl Cli {
             Command::Tool(args) => tool::run(args),
             Command::Scene(args) => scene::run(args),
             Command::Study(args) => study::run(args),
+            Command::Bench(args) => bench::run(args),
         }
     }
 }

@@ -10,7 +10,7 @@ use super::task::{End, Episode, Observation, Outcome, Shape, Tasks};
 use crate::fabric::Lamina;
 use crate::math::{Isa, Vec3};
 use crate::scene::Scene;
-use crate::sim::{Batch, Control, Cpu, Press, Snapshot, batch};
+use crate::sim::{Batch, Control, Cpu, Press, Snapshot, alone, batch};
 
 /// N draping tasks on one scene, stepped together in groups of SIMD lanes over rayon.
 pub struct Draping {
@@ -86,7 +86,7 @@ impl Draping {
                 let mut batch: Box<dyn Batch> = match config.precision {
                     Precision::F64 => Box::new(Cpu::<f64>::new(model)),
                     Precision::F32 if count > 1 => batch(model, Isa::best()),
-                    Precision::F32 => Box::new(Cpu::<f32>::new(model)),
+                    Precision::F32 => alone(model),
                 };
                 // Lanes that nobody uses hold a state that can be stepped as well.
                 for lane in 0..batch.lanes() {

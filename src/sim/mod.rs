@@ -36,3 +36,8 @@ pub fn batch(model: &Model, isa: Isa) -> Box<dyn Batch> {
         Isa::Avx512 => Box::new(Cpu::<F32x16>::new(model)),
     }
 }
+
+/// One environment by itself, f32, with the same bits as in any lane of a [`batch`].
+pub fn alone(model: &Model) -> Box<dyn Batch> {
+    Box::new(Cpu::<f32>::new(model))
+}

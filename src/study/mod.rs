@@ -3,4 +3,5 @@
 //! A study runs the simulator over cases whose answer is known beforehand and returns what it
 //! found as plain data; drawing and printing are left to the command that asked.
 
+pub mod bench;
 pub mod stability;

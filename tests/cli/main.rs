@@ -1,5 +1,6 @@
 //! Runs the binary in temporary folders: what it prints and writes, and how it fails.
 
+mod bench;
 mod blank;
 mod damage;
 mod eval;
