@@ -68,7 +68,7 @@ pub struct PhysicsConfig {
     pub damping: f64,
     /// Largest speed of a vertex [m/s]; 0 means no limit.
     pub speed_cap: f64,
-    /// Substeps between two looks for contact.
+    /// Substeps between two looks for the tool's tangent planes.
     pub contact_interval: usize,
     /// Stiffness with which the stencil holds a vertex down [N/m].
     pub press_stiffness: f64,
@@ -87,7 +87,7 @@ impl Default for PhysicsConfig {
             gravity: 9.81,
             damping: 50.0,
             speed_cap: 4.0,
-            contact_interval: 20,
+            contact_interval: 10,
             press_stiffness: 300.0,
         }
     }
