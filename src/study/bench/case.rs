@@ -108,7 +108,7 @@ pub const FEATURES: [&str; 8] = [
     "compression = \"as_tension\"",
     "self_collision = \"material\"",
     // Twice as many look-ups: the difference is what they cost.
-    "contact_interval = 10",
+    "contact_interval = 5",
 ];
 
 /// The default physics with the lines of a scene file's `[physics]` in `change`.
