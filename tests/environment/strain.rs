@@ -30,15 +30,6 @@ fn random_episodes_stretch_no_yarn() {
         }
     }
     for summary in ended.iter().flatten() {
-        println!(
-            "STRAIN {} {} {} {}",
-            summary.tension_p95,
-            summary.tension_max,
-            summary.compression_p95,
-            summary.compression_max
-        );
-    }
-    for summary in ended.iter().flatten() {
         assert!(summary.tension_p95 <= 0.005, "{summary:?}");
         assert!(summary.compression_p95 <= 0.005, "{summary:?}");
         assert!(summary.tension_max <= 0.03, "{summary:?}");
