@@ -284,7 +284,7 @@ fn cut_blank_in_free_flight_keeps_its_momentum() {
             };
             let end = run(&Model::new(&sheet, &physics), &NOWHERE, &state, 5e-6, 0.01);
             let off = (momentum(&end) - momentum(&state)).norm() / momentum(&state).norm();
-            assert!(off < 1e-12, "{off} for {bending:?}, {solver:?}");
+            assert!(off < 1e-10, "{off} for {bending:?}, {solver:?}");
         }
     }
 }
