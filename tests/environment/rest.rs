@@ -37,12 +37,11 @@ fn leave<V: drape::math::Lanes>(substeps: usize) -> Rest {
     };
     let pairs = end.position.iter().zip(&initial.position);
     let way = pairs.map(|(x, start)| (Vec3::from(*x) - Vec3::from(*start)).norm());
-    let rest = Rest {
+    Rest {
         share: distance(&end) / distance(initial),
         way: way.sum::<f64>() / end.position.len() as f64,
         v_rms: end.v_rms(),
-    };
-    rest
+    }
 }
 
 /// At the 20 substeps of episodes, in either precision.
