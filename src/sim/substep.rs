@@ -82,11 +82,11 @@ impl<V: Lanes> Substeps<'_, V> {
             ..
         } = self;
         let last = range.end;
-        remember(lines, state);
-        for warp in &lines.warps {
-            start(warp, frame, state);
+        for v in 0..state.position.len() {
+            predict(v, frame, state);
         }
         for substep in range {
+            pull(lines, frame, state);
             for diagonal in &lines.diagonals {
                 let scratch = &mut state.yarns.scratch;
                 shear(diagonal, &mut state.position, &state.mobility, scratch);
@@ -105,19 +105,13 @@ impl<V: Lanes> Substeps<'_, V> {
             for warp in &lines.warps {
                 stretch_yarn(warp, state);
                 if model.layers.is_none() {
-                    finish(&warp.vertices, frame, state);
-                    if substep + 1 < last {
-                        start(warp, frame, state);
-                    }
+                    finish(&warp.vertices, frame, substep + 1 < last, state);
                 }
             }
             if model.layers.is_some() {
                 separate(model, state);
                 for warp in &lines.warps {
-                    finish(&warp.vertices, frame, state);
-                    if substep + 1 < last {
-                        start(warp, frame, state);
-                    }
+                    finish(&warp.vertices, frame, substep + 1 < last, state);
                 }
             }
         }
@@ -139,7 +133,10 @@ impl<V: Lanes> Substeps<'_, V> {
         }
         for substep in range {
             for v in 0..state.position.len() {
-                predict(v, frame, Vec3x::zero(), state);
+                predict(v, frame, state);
+                let (free, fall) = (V::zero().lt(state.inverse_mass[v]), V::of(frame.fall));
+                let Vec3x([x, y, z]) = state.position[v];
+                state.position[v] = Vec3x([x, y, z + V::select(free, fall, V::zero())]);
             }
             for press in presses {
                 hold_down(model, press, substep, state);
@@ -166,77 +163,57 @@ fn find_planes<V: Lanes>(tool: &Tool, state: &mut Cpu<V>) {
     }
 }
 
-/// Net force and stress of the yarns as they lie, for the first substep.
+/// Position at the start of a substep, and the way that its velocity takes a vertex.
 #[inline(always)]
-fn remember<V: Lanes>(lines: &Lines, state: &mut Cpu<V>) {
+fn predict<V: Lanes>(v: usize, frame: &Frame, state: &mut Cpu<V>) {
+    let x = state.position[v];
+    state.previous[v] = x;
+    state.position[v] = x + state.velocity[v].scale(V::of(frame.h));
+}
+
+/// What weight and the yarns' kept forces do to the predicted positions, by directions there (at
+/// the start of the substep they would feed the yarns' vibrations), and the bending of warps.
+#[inline(always)]
+fn pull<V: Lanes>(lines: &Lines, frame: &Frame, state: &mut Cpu<V>) {
     let YarnState {
         force,
         pull,
         stress,
-        ..
+        scratch,
     } = &mut state.yarns;
-    pull.fill(Vec3x::zero());
-    stress.fill(V::zero());
-    let mut grip = Grip { pull, stress };
     for line in lines.warps.iter().chain(&lines.wefts) {
+        let mut grip = Grip { pull, stress };
         recall(line, &state.position, &force[line.edges.clone()], &mut grip);
     }
-}
-
-/// The start of a substep for the vertices of a warp: prediction and bending.
-#[inline(always)]
-fn start<V: Lanes>(warp: &Line, frame: &Frame, state: &mut Cpu<V>) {
     let square = V::of(frame.h * frame.h);
-    for &v in &warp.vertices {
-        let v = v as usize;
-        let YarnState { pull, stress, .. } = &mut state.yarns;
-        let free = state.inverse_mass[v] * square;
-        let inertia = free * stress[v] * V::of(CROSSING);
-        // What is rare is computed only where it happens: divisions and roots cost most.
-        let mobility = if V::any(V::of(1.0).lt(inertia)) {
-            free / V::of(1.0).max(inertia)
-        } else {
-            free
-        };
-        state.mobility[v] = mobility;
-        let pulled = pull[v].scale(mobility);
-        (pull[v], stress[v]) = (Vec3x::zero(), V::zero());
-        predict(v, frame, pulled, state);
+    for warp in &lines.warps {
+        for &v in &warp.vertices {
+            let v = v as usize;
+            let free = state.inverse_mass[v] * square;
+            let inertia = free * stress[v] * V::of(CROSSING);
+            let fall = V::select(V::zero().lt(free), V::of(frame.fall), V::zero());
+            // What is rare is computed only where it happens: divisions and roots cost most.
+            let (mobility, fall) = if V::any(V::of(1.0).lt(inertia)) {
+                let share = V::of(1.0) / V::of(1.0).max(inertia);
+                (free * share, fall * share)
+            } else {
+                (free, fall)
+            };
+            state.mobility[v] = mobility;
+            let Vec3x([dx, dy, dz]) = pull[v].scale(mobility);
+            state.position[v] = state.position[v] + Vec3x([dx, dy, dz + fall]);
+            (pull[v], stress[v]) = (Vec3x::zero(), V::zero());
+        }
+        bend(warp, &mut state.position, &state.mobility, scratch);
     }
-    let scratch = &mut state.yarns.scratch;
-    bend(warp, &mut state.position, &state.mobility, scratch);
-}
-
-/// x~ = x + h v + h^2 g and the way that the yarns' forces `pulled`, for vertices that are
-/// free; fixed ones move with their velocity.
-#[inline(always)]
-fn predict<V: Lanes>(v: usize, frame: &Frame, pulled: Vec3x<V>, state: &mut Cpu<V>) {
-    let x = state.position[v];
-    state.previous[v] = x;
-    let free = V::zero().lt(state.inverse_mass[v]);
-    let fall = V::select(free, V::of(frame.fall), V::zero());
-    let Vec3x([dx, dy, dz]) = state.velocity[v].scale(V::of(frame.h)) + pulled;
-    state.position[v] = x + Vec3x([dx, dy, dz + fall]);
 }
 
 #[inline(always)]
 fn stretch_yarn<V: Lanes>(yarn: &Line, state: &mut Cpu<V>) {
-    let YarnState {
-        force,
-        pull,
-        stress,
-        scratch,
-    } = &mut state.yarns;
+    let YarnState { force, scratch, .. } = &mut state.yarns;
     let force = &mut force[yarn.edges.clone()];
-    let mut grip = Grip { pull, stress };
-    stretch(
-        yarn,
-        &mut state.position,
-        &state.mobility,
-        force,
-        &mut grip,
-        scratch,
-    );
+    let x = &mut state.position;
+    stretch(yarn, x, &state.mobility, force, scratch);
 }
 
 #[inline(always)]
@@ -291,11 +268,15 @@ fn separate<V: Lanes>(model: &Model, state: &mut Cpu<V>) {
     }
 }
 
-/// The end of a substep for some vertices: contact and velocity.
+/// The end of a substep for some vertices, contact and velocity, and the prediction of the
+/// `next` one if there is one: while they are at hand.
 #[inline(always)]
-fn finish<V: Lanes>(vertices: &[u32], frame: &Frame, state: &mut Cpu<V>) {
+fn finish<V: Lanes>(vertices: &[u32], frame: &Frame, next: bool, state: &mut Cpu<V>) {
     for &v in vertices {
         conclude(v as usize, frame, state);
+        if next {
+            predict(v as usize, frame, state);
+        }
     }
 }
 

@@ -218,7 +218,7 @@ mod tests {
     #[test]
     fn plane_is_exact() {
         let grid = tool(Shape::Plate(Plate::default()), 4.0).grid;
-        for z in [-0.009, -0.001, 0.0, 0.0123, 0.029] {
+        for z in [-0.009_f64, -0.001, 0.0, 0.0123, 0.029] {
             let (phi, grad) = grid.sample([0.0123, -0.0456, z]);
             assert!((phi - z).abs() < 1e-8, "{phi} at {z}");
             assert!((Vec3::from(grad) - Vec3::z()).norm() < 1e-5, "{grad:?}");

@@ -149,22 +149,27 @@ fn cases(seed: u64, pinned: f64, mut check: impl FnMut(&Case, &mut Stream)) {
     }
 }
 
-/// Solves with random forces; returns positions, forces, pull and stress.
-fn stretched(case: &Case, force: &[f64]) -> (Vec<Vec3>, Vec<f64>, Vec<Vec3>, Vec<f64>) {
+/// Solves with random forces; returns positions and forces.
+fn stretched(case: &Case, force: &[f64]) -> (Vec<Vec3>, Vec<f64>) {
     let mut force = force.to_vec();
+    let x = case.moved(|x, w, scratch| stretch(&case.line, x, w, &mut force, scratch));
+    (x, force)
+}
+
+/// What `recall` finds where the line lies: pull and stress.
+fn recalled(case: &Case, force: &[f64]) -> (Vec<Vec3>, Vec<f64>) {
     let mut pull = vec![Vec3x::zero(); case.x.len()];
     let mut stress = vec![0.0; case.x.len()];
     let mut grip = Grip {
         pull: &mut pull,
         stress: &mut stress,
     };
-    let x = case.moved(|x, w, scratch| stretch(&case.line, x, w, &mut force, &mut grip, scratch));
-    let pull = pull.iter().map(|p| Vec3::from(p.0)).collect();
-    (x, force, pull, stress)
+    recall(&case.line, &case.lanes(), force, &mut grip);
+    (pull.iter().map(|p| Vec3::from(p.0)).collect(), stress)
 }
 
 /// (J M J^T + compliance) d = C - compliance force, with the compliance of the sign of the
-/// force; the force grows by d, the vertices move by -M J^T d, and the pull is -J^T force.
+/// force; the kept force grows by d, and the vertices move by -M J^T d.
 #[test]
 fn stretch_solves_its_linear_system() {
     cases(1, PINNED, |case, stream| {
@@ -177,51 +182,55 @@ fn stretch_solves_its_linear_system() {
                 false => case.line.law.tension,
             }),
         );
-        let force = DVector::from_column_slice(&before);
+        let force = DVector::from_column_slice(&before).map(|f| kept(&case.line, f));
         let mass = case.masses();
         let system = &jacobian * &mass * jacobian.transpose() + DMatrix::from_diagonal(&compliance);
         let change = solved(system, &(c - compliance.component_mul(&force)));
         let total = force + &change;
-        let pulled = -(jacobian.transpose() * &total);
-        let (x, found, pull, stress) = stretched(case, &before);
+        let (x, found) = stretched(case, &before);
         case.check(&x, &-(&mass * jacobian.transpose() * &change));
         // Edges between pinned vertices have forces as large as 1 / compliance.
         let rounding = 1e-9 * (1.0 + total.amax());
         for (found, total) in found.iter().zip(&total) {
             assert!((found - total).abs() < rounding, "{found} is not {total}");
         }
+    });
+}
+
+/// The pull is -J^T of the kept forces, the stress the sum of all beside a vertex.
+#[test]
+fn recall_gives_pull_and_stress() {
+    cases(2, PINNED, |case, stream| {
+        let force: Vec<f64> = (0..case.edges()).map(|_| stream.normal()).collect();
+        let (_, jacobian) = case.constraints();
+        let all = DVector::from_column_slice(&force);
+        let pulled = -(jacobian.transpose() * all.map(|f| kept(&case.line, f)));
+        let (pull, stress) = recalled(case, &force);
         for v in 0..case.x.len() {
             let expected = Vec3::from_fn(|k, _| pulled[3 * v + k]);
-            assert!((pull[v] - expected).norm() < rounding);
+            assert!((pull[v] - expected).norm() < 1e-12 * (1.0 + all.amax()));
         }
         for (i, &v) in case.line.vertices.iter().enumerate() {
             let beside = [i.checked_sub(1), Some(i)].into_iter().flatten();
-            let sum: f64 = beside.filter_map(|j| total.get(j)).map(|f| f.abs()).sum();
-            assert!((stress[v as usize] - sum).abs() < rounding);
+            let sum: f64 = beside.filter_map(|j| force.get(j)).map(|f: &f64| f.abs()).sum();
+            assert!((stress[v as usize] - sum).abs() < 1e-12 * (1.0 + sum));
         }
     });
 }
 
-/// The pull that a solve reports is that of its forces where the line lay, added to what other
-/// yarns pull.
+/// Tension lasts, and compression up to a multiple of that at which bending gives way.
 #[test]
-fn recall_gives_the_pull_of_the_solve() {
-    cases(2, PINNED, |case, stream| {
-        let force: Vec<f64> = (0..case.edges()).map(|_| stream.normal()).collect();
-        let (_, force, pull, stress) = stretched(case, &force);
-        let rounding = 1e-12 * (1.0 + force.iter().fold(0.0, |most: f64, f| most.max(f.abs())));
-        let other = random_vector(stream);
-        let mut again = vec![Vec3x(other.into()); case.x.len()];
-        let mut stress_again = vec![0.5; case.x.len()];
-        let mut grip = Grip {
-            pull: &mut again,
-            stress: &mut stress_again,
-        };
-        recall(&case.line, &case.lanes(), &force, &mut grip);
-        for v in 0..case.x.len() {
-            assert!((Vec3::from(again[v].0) - other - pull[v]).norm() < rounding);
-            assert!((stress_again[v] - 0.5 - stress[v]).abs() < rounding);
+fn only_compression_that_bending_holds_is_kept() {
+    cases(9, PINNED, |case, _| {
+        let most = 4.0 * KEPT_COMPRESSION * case.line.bending * case.line.rest_length;
+        for (force, expected) in [(3.0, 3.0), (-0.5 * most, -0.5 * most), (-2.0 * most, -most)] {
+            assert_eq!(kept(&case.line, force), expected);
         }
+        let limp = Line {
+            bending: 0.0,
+            ..case.line.clone()
+        };
+        assert_eq!(kept(&limp, -1.0), 0.0);
     });
 }
 
@@ -234,7 +243,8 @@ fn forces_that_meet_the_law_change_nothing() {
             x: vec![Vec3::zeros(); case.x.len()],
             mobility: case.mobility.clone(),
         };
-        let force: Vec<f64> = (0..case.edges()).map(|_| stream.normal()).collect();
+        let all = (0..case.edges()).map(|_| stream.normal());
+        let force: Vec<f64> = all.map(|f| kept(&case.line, f)).collect();
         for (j, force) in force.iter().enumerate() {
             let [a, b] = [0, 1].map(|k| case.line.vertices[j + k] as usize);
             let compliance = match *force < 0.0 {
@@ -244,7 +254,7 @@ fn forces_that_meet_the_law_change_nothing() {
             let length = 1.0 + compliance * force;
             case.x[b] = case.x[a] + random_vector(stream).normalize() * length;
         }
-        let (x, found, ..) = stretched(&case, &force);
+        let (x, found) = stretched(&case, &force);
         for (found, x) in x.iter().zip(&case.x) {
             assert!((found - x).norm() < 1e-13);
         }
@@ -305,7 +315,8 @@ fn bend_solves_its_linear_system() {
 fn solves_keep_momentum() {
     cases(6, 0.0, |case, stream| {
         let force: Vec<f64> = (0..case.edges()).map(|_| stream.normal()).collect();
-        let (found, _, pull, _) = stretched(case, &force);
+        let (found, _) = stretched(case, &force);
+        let (pull, _) = recalled(case, &force);
         case.check_momentum(&found, &case.x);
         let sum: Vec3 = pull.iter().sum();
         assert!(sum.norm() < 1e-11);
@@ -329,7 +340,8 @@ fn rigid_motion_moves_nothing() {
         for (i, &v) in case.line.vertices.iter().enumerate() {
             case.x[v as usize] += along * i as f64;
         }
-        let (stretched, force, pull, _) = stretched(&case, &vec![0.0; case.edges()]);
+        let (stretched, force) = stretched(&case, &vec![0.0; case.edges()]);
+        let (pull, _) = recalled(&case, &force);
         let sheared = case.moved(|x, w, scratch| shear(&case.line, x, w, scratch));
         let bent = case.moved(|x, w, scratch| bend(&case.line, x, w, scratch));
         for found in [stretched, sheared, bent] {
@@ -376,7 +388,8 @@ fn impossible_lines_stay_finite() {
                 mobility: mobility.to_vec(),
             };
             for force in [[0.0; 2], [1e3, -1e3], [-1e3; 2]] {
-                let (found, force, pull, stress) = stretched(&case, &force);
+                let (found, force) = stretched(&case, &force);
+                let (pull, stress) = recalled(&case, &force);
                 let sheared = case.moved(|x, w, scratch| shear(&case.line, x, w, scratch));
                 let bent = case.moved(|x, w, scratch| bend(&case.line, x, w, scratch));
                 for found in [&found, &sheared, &bent] {
