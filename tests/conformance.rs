@@ -426,12 +426,14 @@ fn fixed_vertices_obey_nothing_in_f64() {
 #[test]
 fn f32_follows_f64() {
     for model in MODELS.iter() {
-        let first = match model.physics().solver {
-            Solver::GaussSeidel => 1e-6,
-            Solver::Yarn => 2e-5,
+        // Kept forces carry the rounding of positions over a stiffness from one substep to the
+        // next: after some frames a buckled sheet may have fallen another way.
+        let tolerances: &[(usize, f64)] = match model.physics().solver {
+            Solver::GaussSeidel => &[(1, 1e-6), (4, 1e-4)],
+            Solver::Yarn => &[(1, 2e-4)],
         };
         for index in 0..CASES {
-            for (steps, tolerance) in [(1, first), (4, 1e-4)] {
+            for &(steps, tolerance) in tolerances {
                 let single = &run(&mut Cpu::<f32>::new(model), model, &[index], steps)[0];
                 let double = &run(&mut Cpu::<f64>::new(model), model, &[index], steps)[0];
                 let off = furthest(single, double);

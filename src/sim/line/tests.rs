@@ -212,7 +212,10 @@ fn recall_gives_pull_and_stress() {
         }
         for (i, &v) in case.line.vertices.iter().enumerate() {
             let beside = [i.checked_sub(1), Some(i)].into_iter().flatten();
-            let sum: f64 = beside.filter_map(|j| force.get(j)).map(|f: &f64| f.abs()).sum();
+            let sum: f64 = beside
+                .filter_map(|j| force.get(j))
+                .map(|f: &f64| f.abs())
+                .sum();
             assert!((stress[v as usize] - sum).abs() < 1e-12 * (1.0 + sum));
         }
     });
