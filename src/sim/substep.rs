@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use super::constraints::{project_edges, project_hinges, project_triples};
+use super::constraints::{project_edges, project_hinges, project_limited_edges, project_triples};
 use super::cpu::{Cpu, Plane, YarnState};
 use super::line::{Grip, Line, Lines, bend, recall, shear, stretch};
 use super::membrane::project_elements;
@@ -23,6 +23,10 @@ use crate::tool::Tool;
 /// is with many substeps.
 const CROSSING: f64 = 5.0;
 
+/// Gap over which the tool's tack pulls [m]: a film of resin, thinner than a layer of cloth, so
+/// that only what lies on the tool is held.
+const TACK_RANGE: f64 = 2e-4;
+
 /// Consecutive substeps of a control step (paper, Algorithm 1), with one look for contact.
 pub(super) struct Substeps<'a, V: Lanes> {
     pub model: &'a Model,
@@ -34,17 +38,21 @@ pub(super) struct Substeps<'a, V: Lanes> {
 }
 
 /// What is the same for all vertices in a substep.
-struct Frame {
+struct Frame<'a> {
     /// Duration [s].
     h: f64,
     /// Motion under gravity in it [m].
     fall: f64,
+    /// Motion under the wind in it [m].
+    wind: Option<[f64; 3]>,
     /// v = rate (x - p) [1/s].
     rate: f64,
     /// Largest speed [m/s], 0 for none.
     speed_cap: f64,
     /// Static and dynamic coefficient.
     friction: Option<[f64; 2]>,
+    /// Greatest pull of the tool's tack on each vertex [N].
+    tack: Option<&'a [f64]>,
 }
 
 impl<V: Lanes> Kernel for Substeps<'_, V> {
@@ -55,9 +63,11 @@ impl<V: Lanes> Kernel for Substeps<'_, V> {
         let frame = Frame {
             h,
             fall: -h * h * physics.gravity,
+            wind: self.model.wind.map(|wind| wind.map(|a| h * h * a)),
             rate: 1.0 / h / (1.0 + h * physics.damping),
             speed_cap: physics.speed_cap,
             friction: self.model.friction,
+            tack: self.model.tack.as_deref(),
         };
         find_planes(self.tool, self.state);
         match &self.model.lines {
@@ -105,7 +115,7 @@ impl<V: Lanes> Substeps<'_, V> {
             for warp in &lines.warps {
                 stretch_yarn(warp, state);
                 if model.layers.is_none() {
-                    finish(&warp.vertices, frame, state);
+                    finish(indices(warp), frame, state);
                     if substep + 1 < last {
                         start(warp, frame, state);
                     }
@@ -114,7 +124,7 @@ impl<V: Lanes> Substeps<'_, V> {
             if model.layers.is_some() {
                 separate(model, state);
                 for warp in &lines.warps {
-                    finish(&warp.vertices, frame, state);
+                    finish(indices(warp), frame, state);
                     if substep + 1 < last {
                         start(warp, frame, state);
                     }
@@ -138,8 +148,9 @@ impl<V: Lanes> Substeps<'_, V> {
             *mobility = *w * square;
         }
         for substep in range {
-            for v in 0..state.position.len() {
-                predict(v, frame, Vec3x::zero(), state);
+            match frame.wind {
+                None => float(frame, None, state),
+                wind => float(frame, wind, state),
             }
             for press in presses {
                 hold_down(model, press, substep, state);
@@ -148,9 +159,7 @@ impl<V: Lanes> Substeps<'_, V> {
                 project(pass, state);
             }
             separate(model, state);
-            for v in 0..state.position.len() {
-                conclude(v, frame, state);
-            }
+            finish(0..state.position.len(), frame, state);
         }
     }
 }
@@ -186,6 +195,17 @@ fn remember<V: Lanes>(lines: &Lines, state: &mut Cpu<V>) {
 /// The start of a substep for the vertices of a warp: prediction and bending.
 #[inline(always)]
 fn start<V: Lanes>(warp: &Line, frame: &Frame, state: &mut Cpu<V>) {
+    match frame.wind {
+        None => follow(warp, frame, None, state),
+        wind => follow(warp, frame, wind, state),
+    }
+    let scratch = &mut state.yarns.scratch;
+    bend(warp, &mut state.position, &state.mobility, scratch);
+}
+
+/// Prediction of the vertices of a warp, where their yarns pull them.
+#[inline(always)]
+fn follow<V: Lanes>(warp: &Line, frame: &Frame, wind: Option<[f64; 3]>, state: &mut Cpu<V>) {
     let square = V::of(frame.h * frame.h);
     for &v in &warp.vertices {
         let v = v as usize;
@@ -201,22 +221,40 @@ fn start<V: Lanes>(warp: &Line, frame: &Frame, state: &mut Cpu<V>) {
         state.mobility[v] = mobility;
         let pulled = pull[v].scale(mobility);
         (pull[v], stress[v]) = (Vec3x::zero(), V::zero());
-        predict(v, frame, pulled, state);
+        predict(v, frame, wind, pulled, state);
     }
-    let scratch = &mut state.yarns.scratch;
-    bend(warp, &mut state.position, &state.mobility, scratch);
+}
+
+/// Prediction of all vertices, where no force of yarns is kept.
+#[inline(always)]
+fn float<V: Lanes>(frame: &Frame, wind: Option<[f64; 3]>, state: &mut Cpu<V>) {
+    for v in 0..state.position.len() {
+        predict(v, frame, wind, Vec3x::zero(), state);
+    }
 }
 
 /// x~ = x + h v + h^2 g and the way that the yarns' forces `pulled`, for vertices that are
-/// free; fixed ones move with their velocity.
+/// free; fixed ones move with their velocity. `wind` is a constant where this is inlined
+/// without it, so that it costs nothing there.
 #[inline(always)]
-fn predict<V: Lanes>(v: usize, frame: &Frame, pulled: Vec3x<V>, state: &mut Cpu<V>) {
+fn predict<V: Lanes>(
+    v: usize,
+    frame: &Frame,
+    wind: Option<[f64; 3]>,
+    pulled: Vec3x<V>,
+    state: &mut Cpu<V>,
+) {
     let x = state.position[v];
     state.previous[v] = x;
     let free = V::zero().lt(state.inverse_mass[v]);
     let fall = V::select(free, V::of(frame.fall), V::zero());
     let Vec3x([dx, dy, dz]) = state.velocity[v].scale(V::of(frame.h)) + pulled;
-    state.position[v] = x + Vec3x([dx, dy, dz + fall]);
+    let mut moved = Vec3x([dx, dy, dz + fall]);
+    if let Some(wind) = wind {
+        let blown = Vec3x(wind.map(V::of));
+        moved = moved + Vec3x::select(free, blown, Vec3x::zero());
+    }
+    state.position[v] = x + moved;
 }
 
 #[inline(always)]
@@ -244,6 +282,7 @@ fn project<V: Lanes>(pass: &Pass, state: &mut Cpu<V>) {
     let (x, w) = (&mut state.position, &state.mobility);
     match pass {
         Pass::Edges(class) => project_edges(class, x, w),
+        Pass::LimitedEdges(class, limit) => project_limited_edges(class, *limit, x, w),
         Pass::Triples(triples) => project_triples(triples, x, w),
         Pass::Hinges(hinges) => project_hinges(hinges, x, w),
         Pass::Membrane(elements) => project_elements(elements, x, w),
@@ -293,21 +332,38 @@ fn separate<V: Lanes>(model: &Model, state: &mut Cpu<V>) {
 
 /// The end of a substep for some vertices: contact and velocity.
 #[inline(always)]
-fn finish<V: Lanes>(vertices: &[u32], frame: &Frame, state: &mut Cpu<V>) {
-    for &v in vertices {
-        conclude(v as usize, frame, state);
+fn finish<V: Lanes>(vertices: impl Iterator<Item = usize>, frame: &Frame, state: &mut Cpu<V>) {
+    match frame.tack {
+        None => vertices.for_each(|v| conclude(v, frame, None, state)),
+        Some(tack) => vertices.for_each(|v| conclude(v, frame, Some(tack[v]), state)),
     }
+}
+
+/// Indices of the vertices of a line.
+#[inline(always)]
+fn indices(line: &Line) -> impl Iterator<Item = usize> + '_ {
+    line.vertices.iter().map(|&v| v as usize)
 }
 
 /// Pushes a vertex out of the tool, and holds or slows what slides on it (Coulomb): the
 /// tangential motion of the substep is taken back wholly while it is below the static
 /// coefficient times the push, else by the dynamic coefficient times the push. Then
 /// v = (x - p) / h, damped and capped; fixed vertices keep theirs.
+///
+/// Within its range `tack` [N] draws the vertex towards the tool first. It lasts in contact, so
+/// the push, and with it friction, is that of a load greater by it (Derjaguin's law). `tack` is
+/// a constant where this is inlined without it, so that it costs nothing there.
 #[inline(always)]
-fn conclude<V: Lanes>(v: usize, frame: &Frame, state: &mut Cpu<V>) {
-    let (x, plane) = (state.position[v], &state.plane[v]);
+fn conclude<V: Lanes>(v: usize, frame: &Frame, tack: Option<f64>, state: &mut Cpu<V>) {
+    let (mut x, plane) = (state.position[v], &state.plane[v]);
     let free = V::zero().lt(state.inverse_mass[v]);
-    let phi = plane.normal.dot(x) - plane.offset;
+    let mut phi = plane.normal.dot(x) - plane.offset;
+    if let Some(tack) = tack {
+        let near = phi.lt(V::of(TACK_RANGE));
+        let drawn = V::select(near, V::of(tack) * state.mobility[v], V::zero());
+        x = x - plane.normal.scale(drawn);
+        phi = phi - drawn;
+    }
     let depth = V::select(free, (-phi).max(V::zero()), V::zero());
     let x = x + plane.normal.scale(depth);
     let mut moved = x - state.previous[v];
