@@ -66,7 +66,7 @@ pub struct Model {
     pub(super) friction: Option<[f64; 2]>,
     /// Greatest pull of the tool's tack on each vertex [N].
     pub(super) tack: Option<Vec<f64>>,
-    /// Acceleration of every free vertex besides gravity [m/s^2].
+    /// Velocity of the air, to which damping slows [m/s]; at rest if none.
     pub(super) wind: Option<[f64; 3]>,
     pub(super) layers: Option<Layers>,
     /// What is solved along whole lines; none under Gauss-Seidel.
@@ -109,10 +109,9 @@ impl Model {
     }
 
     /// The same in a frame that moves evenly with `velocity` [m/s]. Only damping knows the
-    /// difference: it slows what moves in the world, where the air rests. In the frame, with
-    /// v = v_world - velocity, that is -damping v and the constant -damping velocity.
+    /// difference: it slows what moves against the air, which rests in the world.
     pub fn seen_from(mut self, velocity: [f64; 3]) -> Self {
-        self.wind = Some(velocity.map(|u| -self.physics.damping * u));
+        self.wind = Some(velocity.map(|u| -u));
         self
     }
 

@@ -43,7 +43,7 @@ struct Frame<'a> {
     h: f64,
     /// Motion under gravity in it [m].
     fall: f64,
-    /// Motion under the wind in it [m].
+    /// What the wind adds to velocities in it [m/s].
     wind: Option<[f64; 3]>,
     /// v = rate (x - p) [1/s].
     rate: f64,
@@ -63,7 +63,7 @@ impl<V: Lanes> Kernel for Substeps<'_, V> {
         let frame = Frame {
             h,
             fall: -h * h * physics.gravity,
-            wind: self.model.wind.map(|wind| wind.map(|a| h * h * a)),
+            wind: (self.model.wind).map(|u| u.map(|u| u - u / (1.0 + h * physics.damping))),
             rate: 1.0 / h / (1.0 + h * physics.damping),
             speed_cap: physics.speed_cap,
             friction: self.model.friction,
@@ -148,9 +148,8 @@ impl<V: Lanes> Substeps<'_, V> {
             *mobility = *w * square;
         }
         for substep in range {
-            match frame.wind {
-                None => float(frame, None, state),
-                wind => float(frame, wind, state),
+            for v in 0..state.position.len() {
+                predict(v, frame, Vec3x::zero(), state);
             }
             for press in presses {
                 hold_down(model, press, substep, state);
@@ -195,17 +194,6 @@ fn remember<V: Lanes>(lines: &Lines, state: &mut Cpu<V>) {
 /// The start of a substep for the vertices of a warp: prediction and bending.
 #[inline(always)]
 fn start<V: Lanes>(warp: &Line, frame: &Frame, state: &mut Cpu<V>) {
-    match frame.wind {
-        None => follow(warp, frame, None, state),
-        wind => follow(warp, frame, wind, state),
-    }
-    let scratch = &mut state.yarns.scratch;
-    bend(warp, &mut state.position, &state.mobility, scratch);
-}
-
-/// Prediction of the vertices of a warp, where their yarns pull them.
-#[inline(always)]
-fn follow<V: Lanes>(warp: &Line, frame: &Frame, wind: Option<[f64; 3]>, state: &mut Cpu<V>) {
     let square = V::of(frame.h * frame.h);
     for &v in &warp.vertices {
         let v = v as usize;
@@ -221,40 +209,22 @@ fn follow<V: Lanes>(warp: &Line, frame: &Frame, wind: Option<[f64; 3]>, state: &
         state.mobility[v] = mobility;
         let pulled = pull[v].scale(mobility);
         (pull[v], stress[v]) = (Vec3x::zero(), V::zero());
-        predict(v, frame, wind, pulled, state);
+        predict(v, frame, pulled, state);
     }
-}
-
-/// Prediction of all vertices, where no force of yarns is kept.
-#[inline(always)]
-fn float<V: Lanes>(frame: &Frame, wind: Option<[f64; 3]>, state: &mut Cpu<V>) {
-    for v in 0..state.position.len() {
-        predict(v, frame, wind, Vec3x::zero(), state);
-    }
+    let scratch = &mut state.yarns.scratch;
+    bend(warp, &mut state.position, &state.mobility, scratch);
 }
 
 /// x~ = x + h v + h^2 g and the way that the yarns' forces `pulled`, for vertices that are
-/// free; fixed ones move with their velocity. `wind` is a constant where this is inlined
-/// without it, so that it costs nothing there.
+/// free; fixed ones move with their velocity.
 #[inline(always)]
-fn predict<V: Lanes>(
-    v: usize,
-    frame: &Frame,
-    wind: Option<[f64; 3]>,
-    pulled: Vec3x<V>,
-    state: &mut Cpu<V>,
-) {
+fn predict<V: Lanes>(v: usize, frame: &Frame, pulled: Vec3x<V>, state: &mut Cpu<V>) {
     let x = state.position[v];
     state.previous[v] = x;
     let free = V::zero().lt(state.inverse_mass[v]);
     let fall = V::select(free, V::of(frame.fall), V::zero());
     let Vec3x([dx, dy, dz]) = state.velocity[v].scale(V::of(frame.h)) + pulled;
-    let mut moved = Vec3x([dx, dy, dz + fall]);
-    if let Some(wind) = wind {
-        let blown = Vec3x(wind.map(V::of));
-        moved = moved + Vec3x::select(free, blown, Vec3x::zero());
-    }
-    state.position[v] = x + moved;
+    state.position[v] = x + Vec3x([dx, dy, dz + fall]);
 }
 
 #[inline(always)]
@@ -332,16 +302,28 @@ fn separate<V: Lanes>(model: &Model, state: &mut Cpu<V>) {
 
 /// The end of a substep for some vertices: contact and velocity.
 #[inline(always)]
-fn finish<V: Lanes>(vertices: impl Iterator<Item = usize>, frame: &Frame, state: &mut Cpu<V>) {
+fn finish<V: Lanes>(
+    vertices: impl Iterator<Item = usize> + Clone,
+    frame: &Frame,
+    state: &mut Cpu<V>,
+) {
+    let all = vertices.clone();
     match frame.tack {
-        None => vertices.for_each(|v| conclude(v, frame, None, state)),
-        Some(tack) => vertices.for_each(|v| conclude(v, frame, Some(tack[v]), state)),
+        None => all.for_each(|v| conclude(v, frame, None, state)),
+        Some(tack) => all.for_each(|v| conclude(v, frame, Some(tack[v]), state)),
+    }
+    if let Some(wind) = frame.wind {
+        for v in vertices {
+            let free = V::zero().lt(state.inverse_mass[v]);
+            let gained = Vec3x::select(free, Vec3x(wind.map(V::of)), Vec3x::zero());
+            state.velocity[v] = state.velocity[v] + gained;
+        }
     }
 }
 
 /// Indices of the vertices of a line.
 #[inline(always)]
-fn indices(line: &Line) -> impl Iterator<Item = usize> + '_ {
+fn indices(line: &Line) -> impl Iterator<Item = usize> + Clone + '_ {
     line.vertices.iter().map(|&v| v as usize)
 }
 
