@@ -166,6 +166,7 @@ fn advance(batch: &mut dyn Batch, model: &Model, cases: &[usize], steps: std::op
 /// The bits of a state; NaN equals itself.
 fn bits(state: &Snapshot) -> Vec<u64> {
     let numbers = state.position.iter().chain(&state.velocity).flatten();
+    let numbers = numbers.chain(&state.force);
     let fixed = state.fixed.ones().map(|v| v as u64);
     numbers.map(|x| x.to_bits()).chain(fixed).collect()
 }

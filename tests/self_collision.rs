@@ -3,7 +3,9 @@
 use std::sync::LazyLock;
 
 use drape::fabric::{BlankConfig, Lamina, Material};
-use drape::sim::{Batch, Control, Cpu, Model, PhysicsConfig, Press, SelfCollision, Snapshot};
+use drape::sim::{
+    Batch, Control, Cpu, Model, PhysicsConfig, Press, SelfCollision, Snapshot, Solver,
+};
 use drape::tool::{Plate, Shape, Source, Tool, ToolConfig};
 
 const CONTROL: Control = Control {
@@ -239,7 +241,9 @@ fn fixed_collapsed_and_random_cloth_stays_finite() {
 /// Without gravity, tool and friction a wrinkle that is driven together keeps its momentum.
 #[test]
 fn contact_keeps_the_momentum() {
+    // By Gauss-Seidel, which keeps it too; yarns that pull hard do not, when solved along lines.
     let physics = PhysicsConfig {
+        solver: Solver::GaussSeidel,
         self_collision: SelfCollision::Material,
         gravity: 0.0,
         damping: 0.0,

@@ -1,3 +1,4 @@
+mod episodes;
 mod stability;
 
 use clap::Subcommand;
@@ -13,12 +14,14 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Study {
+    Episodes(episodes::Args),
     Stability(stability::Args),
 }
 
 /// Runs `drape study`.
 pub fn run(args: Args) -> Result<(), Failure> {
     match args.study {
+        Study::Episodes(args) => episodes::run(args),
         Study::Stability(args) => stability::run(args),
     }
 }

@@ -348,6 +348,8 @@ fn eliminate<V: Lanes>(
         right[j] = solved;
         (x0, w0, previous, previous_inverse, previous_right) = (x1, w1, nj, inverse, solved);
     }
+    // Nothing comes after the last edge, and what a longer line left there may be no number.
+    upper[line.vertices.len().saturating_sub(2)] = V::zero();
 }
 
 /// Solves the bending of a yarn as a whole: (1 + M K) d = -M K x, with M the mobility and

@@ -4,4 +4,5 @@
 //! found as plain data; drawing and printing are left to the command that asked.
 
 pub mod bench;
+pub mod episodes;
 pub mod stability;

@@ -179,6 +179,89 @@ fn absurd_states_are_reported_and_kept_from_the_neighbours() {
     }
 }
 
+/// A strip that hangs by its upper end at the N = h^2 T / (m a) of its first edge, let go
+/// 20 degrees off the vertical: mean error of place over the length, and v_rms [m/s].
+fn taut(number: f64, h: f64) -> (f64, f64) {
+    let (length, edges) = (0.16, 16);
+    let mut strip = strip(Family::Weft, length, edges);
+    for row in strip.mass.chunks_exact_mut(2) {
+        let mean = 0.5 * (row[0] + row[1]);
+        row.fill(mean);
+    }
+    let edge = length / edges as f64;
+    let gravity = number * edge / (edges as f64 * h * h);
+    let physics = PhysicsConfig {
+        gravity,
+        damping: 50.0,
+        ..yarns_alone()
+    };
+    let (sin, cos) = 20f64.to_radians().sin_cos();
+    let mut state = placed(&strip, |s, t| [t, sin * s, -cos * s]);
+    fix(&strip, &mut state, &[0]);
+    let end = run(&Model::new(&strip, &physics), &NOWHERE, &state, h, 3.0);
+    let modulus = strip.material.yarn(Family::Weft).tension.modulus();
+    let mut off = 0.0;
+    for k in 1..=edges {
+        let s = edge * k as f64;
+        let stretch = AREAL_MASS * gravity * (length * s - 0.5 * s * s) / (modulus * 0.35e-3);
+        let expected = Vec3::new(0.0, 0.0, -s - stretch);
+        off += (mean_at(&strip, &end, k) - expected).norm() / (length * edges as f64);
+    }
+    (off, end.v_rms())
+}
+
+/// N far above 1: yarns that would throw a vertex over many edges in a substep come to rest all
+/// the same, each edge stretched by the weight below it.
+#[test]
+fn taut_strip_comes_to_rest() {
+    for (h, numbers) in [
+        (1.0 / 300.0, [1.0, 5.0, 100.0]),
+        (1.0 / 1200.0, [0.1, 1.0, 5.0]),
+    ] {
+        for number in numbers {
+            let (off, v_rms) = taut(number, h);
+            assert!(
+                off < 1e-5,
+                "{off:e} of the length off at N = {number}, {h} s"
+            );
+            assert!(v_rms < 1e-5, "{v_rms:e} m/s at N = {number}, {h} s");
+        }
+    }
+}
+
+/// Two fixed ends too far apart: the free vertices between them come to rest on the straight
+/// line, evenly spaced, whatever the substep.
+#[test]
+fn yarn_between_ends_too_far_apart_comes_to_rest_straight() {
+    for edges in [2, 3, 8] {
+        for share in [1.01, 1.1, 1.5] {
+            let length = 0.01 * edges as f64;
+            let strip = strip(Family::Warp, length, edges);
+            let mut state = placed(&strip, |s, t| {
+                let phase = 3.0 * std::f64::consts::PI * s / length;
+                [share * s, t, 0.002 * phase.sin()]
+            });
+            fix(&strip, &mut state, &[0, edges]);
+            let physics = PhysicsConfig {
+                gravity: 0.0,
+                damping: 50.0,
+                ..yarns_alone()
+            };
+            let model = Model::new(&strip, &physics);
+            for h in [1.0 / 300.0, 1.0 / 1200.0, 1.0 / 6000.0] {
+                let end = run(&model, &NOWHERE, &state, h, 1.0);
+                assert!(end.is_finite());
+                assert!(end.v_rms() < 1e-8, "{:e} m/s, {h} s", end.v_rms());
+                for k in 1..edges {
+                    let [x, _, z] = mean_at(&strip, &end, k).into();
+                    let off = (x - share * 0.01 * k as f64).hypot(z);
+                    assert!(off < 1e-10, "{off:e} m, {edges} edges, {share}, {h} s");
+                }
+            }
+        }
+    }
+}
+
 /// The study of stability on some of its sweeps: no panic, no number that is none, and the
 /// solver of episodes converges from their 20 substeps on.
 #[test]

@@ -3,7 +3,9 @@
 mod checker;
 mod diverged;
 mod ends;
+mod rest;
 mod stencil;
+mod strain;
 
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
@@ -16,7 +18,11 @@ use drape::sim::Solver;
 /// The rib under a blank of 33 x 33 vertices.
 static COARSE: LazyLock<Arc<Scene>> = LazyLock::new(|| Arc::new(rib(33, Solver::Yarn)));
 
-/// The same by the paper's method.
+/// The built-in scene as it is, settled.
+static RIB: LazyLock<Arc<Scene>> =
+    LazyLock::new(|| Arc::new(Scene::new(&SceneConfig::rib(), |_| {}).unwrap()));
+
+/// The coarse rib by the paper's method.
 static GAUSS_SEIDEL: LazyLock<Arc<Scene>> =
     LazyLock::new(|| Arc::new(rib(33, Solver::GaussSeidel)));
 

@@ -1,10 +1,15 @@
 use super::*;
 use crate::fabric::{BlankConfig, Material};
+use crate::sim::line::Line;
 
-fn passes(physics: PhysicsConfig) -> Vec<Pass> {
+fn model(physics: PhysicsConfig) -> Model {
     let blank = BlankConfig::default();
     let lamina = Lamina::new(&blank, Material::interglas_92125()).unwrap();
-    Model::new(&lamina, &physics).passes
+    Model::new(&lamina, &physics)
+}
+
+fn lines(physics: PhysicsConfig) -> Lines {
+    model(physics).lines.unwrap()
 }
 
 #[track_caller]
@@ -18,13 +23,12 @@ fn close(found: f64, expected: f64) {
 /// Table 2 as compliance of the edges of the standard blank; border yarns are half as wide.
 #[test]
 fn yarn_compliances_are_those_of_table_2() {
-    let passes = passes(PhysicsConfig::default());
-    let [Pass::Yarns(warps), Pass::Yarns(wefts)] = &passes[..2] else {
-        panic!("all warps, then all wefts");
-    };
-    assert_eq!((warps.len(), wefts.len()), (65, 65));
-    for (yarns, tension, compression) in [(warps, 4.762e-6, 4.762e-4), (wefts, 3.429e-6, 1.411e-3)]
-    {
+    let lines = lines(PhysicsConfig::default());
+    assert_eq!((lines.warps.len(), lines.wefts.len()), (65, 65));
+    for (yarns, tension, compression) in [
+        (lines.warps, 4.762e-6, 4.762e-4),
+        (lines.wefts, 3.429e-6, 1.411e-3),
+    ] {
         close(yarns[30].law.tension, tension);
         close(yarns[30].law.compression, compression);
         for border in [0, 64] {
@@ -36,42 +40,69 @@ fn yarn_compliances_are_those_of_table_2() {
 /// A spring of 2 G h along the diagonal: 35 N/m for +45 degrees, 25.2 N/m for -45 degrees.
 #[test]
 fn shear_springs_have_twice_the_shear_stiffness() {
-    let passes = passes(PhysicsConfig {
+    let rows = lines(PhysicsConfig::default()).diagonals;
+    let in_rows = rows.iter().map(|row| (row.law, row.vertices.len() - 1));
+    let coloured = model(PhysicsConfig {
         bending: Bending::Off,
+        solver: Solver::GaussSeidel,
         ..PhysicsConfig::default()
     });
-    let mut count = 0;
-    for pass in &passes[2..] {
-        let Pass::Edges(class) = pass else {
-            panic!("shear is a pass over edges");
-        };
-        for law in &class.law {
+    // Yarns are the passes before, two colours of each family.
+    let passes = coloured.passes[4..].iter().map(|pass| match pass {
+        Pass::Edges(class) => class,
+        _ => panic!("shear is a pass over edges"),
+    });
+    let in_passes = passes.flat_map(|class| class.law.iter().map(|law| (*law, 1)));
+    for springs in [in_rows.collect::<Vec<_>>(), in_passes.collect()] {
+        for (law, _) in &springs {
             close(1.0 / law.tension, 35.0);
             close(1.0 / law.compression, 25.2);
-            count += 1;
         }
+        assert_eq!(springs.iter().map(|s| s.1).sum::<usize>(), 64 * 64);
     }
-    assert_eq!(count, 64 * 64);
 }
 
-/// What a scene does not list costs no pass.
+/// What a scene does not list costs no pass, no row and no arithmetic along the yarns.
 #[test]
-fn passes_are_those_that_were_asked_for() {
+fn passes_and_lines_are_those_that_were_asked_for() {
     let bare = PhysicsConfig {
         shear: false,
         bending: Bending::Off,
         ..PhysicsConfig::default()
     };
-    assert_eq!(passes(bare.clone()).len(), 2);
-    let stiffness = BendingStiffness::NewtonMetre(0.0);
-    for bending in [Bending::Yarns, Bending::Dihedral] {
-        let limp = PhysicsConfig {
-            bending,
-            bending_stiffness: stiffness,
-            ..bare.clone()
-        };
-        assert_eq!(passes(limp).len(), 2, "no stiffness, no pass");
+    let limp = |bending| PhysicsConfig {
+        bending,
+        bending_stiffness: BendingStiffness::NewtonMetre(0.0),
+        ..bare.clone()
+    };
+    let straight = |line: &Line| line.bending == 0.0;
+    for physics in [bare.clone(), limp(Bending::Yarns), limp(Bending::Dihedral)] {
+        let model = model(physics.clone());
+        let lines = model.lines.unwrap();
+        assert!(model.passes.is_empty() && lines.diagonals.is_empty());
+        assert!(lines.warps.iter().chain(&lines.wefts).all(straight));
+        assert!(model.layers.is_none());
+        // The edges of warps and wefts by Gauss-Seidel: two colours each, and nothing along lines.
+        let model = self::model(PhysicsConfig {
+            solver: Solver::GaussSeidel,
+            ..physics
+        });
+        assert!(model.lines.is_none());
+        assert_eq!(model.passes.len(), 4);
     }
+    // All that the default lists is in its lines; dihedral bending is passes.
+    let whole = model(PhysicsConfig::default());
+    assert!(whole.passes.is_empty());
+    let whole = whole.lines.unwrap();
+    assert!(!whole.warps.iter().chain(&whole.wefts).any(straight));
+    let dihedral = model(PhysicsConfig {
+        bending: Bending::Dihedral,
+        ..PhysicsConfig::default()
+    });
+    let hinges = |pass: &Pass| matches!(pass, Pass::Hinges(_));
+    assert!(!dihedral.passes.is_empty() && dihedral.passes.iter().all(hinges));
+    let lines = dihedral.lines.unwrap();
+    assert!(lines.warps.iter().chain(&lines.wefts).all(straight));
 }
 
 /// Whatever runs in one pass shares no vertex, and all passes together hold everything once.
@@ -81,7 +112,8 @@ fn passes_hold_everything_once_without_conflict() {
     let triples = 2 * 65 * 63;
     let hinges = (3 * 8192 - 4 * 64) / 2;
     for (solver, bending, expected) in [
-        (Solver::Yarn, Bending::Yarns, 130 + 4096 + triples),
+        (Solver::Yarn, Bending::Yarns, 0),
+        (Solver::Yarn, Bending::Dihedral, hinges),
         (
             Solver::GaussSeidel,
             Bending::Yarns,
@@ -93,15 +125,15 @@ fn passes_hold_everything_once_without_conflict() {
             yarn_edges + 4096 + hinges,
         ),
     ] {
-        let passes = passes(PhysicsConfig {
+        let passes = model(PhysicsConfig {
             solver,
             bending,
             ..PhysicsConfig::default()
-        });
+        })
+        .passes;
         let mut count = 0;
         for pass in &passes {
             let members: Vec<Vec<u32>> = match pass {
-                Pass::Yarns(chains) => chains.iter().map(|c| c.vertices.clone()).collect(),
                 Pass::Edges(class) => class.vertices.iter().map(|v| v.to_vec()).collect(),
                 Pass::Triples(triples) => triples.iter().map(|t| t.vertices.to_vec()).collect(),
                 Pass::Hinges(hinges) => hinges.iter().map(|h| h.vertices.to_vec()).collect(),
@@ -118,30 +150,42 @@ fn passes_hold_everything_once_without_conflict() {
     }
 }
 
-/// Energy D b |C|^2 / (2 l^3): compliance l^3 / (D b), from the bimodulus warp and weft apart.
+/// Energy k |C|^2 / 2 with k = D b / l^3, from the bimodulus warp and weft apart; the coloured
+/// passes have the same.
 #[test]
-fn bending_compliance_follows_the_material() {
-    let passes = passes(PhysicsConfig {
+fn bending_stiffness_follows_the_material() {
+    let physics = PhysicsConfig {
         shear: false,
         bending_stiffness: BendingStiffness::Material,
         ..PhysicsConfig::default()
-    });
+    };
     let l: f64 = 0.37 / 64.0;
-    let mut stiffness: Vec<f64> = passes[2..]
-        .iter()
-        .flat_map(|pass| match pass {
-            Pass::Triples(triples) => triples.iter(),
-            _ => panic!("bending along the yarns is a pass over triples"),
-        })
-        .map(|t| l * l / t.compliance)
-        .collect();
-    stiffness.sort_by(f64::total_cmp);
-    stiffness.dedup_by(|a, b| (*a / *b - 1.0).abs() < 1e-9);
-    // Weft and warp, each for yarns on the border and inside.
-    for (found, expected) in stiffness.iter().zip([1.315e-5, 2.63e-5, 3.545e-5, 7.09e-5]) {
-        assert!((found / expected - 1.0).abs() < 2e-3, "{stiffness:?}");
+    let lines = lines(physics.clone());
+    for (yarns, inside) in [(&lines.warps, 7.09e-5), (&lines.wefts, 2.63e-5)] {
+        for (yarn, expected) in [(0, 0.5 * inside), (30, inside), (64, 0.5 * inside)] {
+            let found = yarns[yarn].bending * l * l;
+            assert!((found / expected - 1.0).abs() < 2e-3, "{found}");
+        }
     }
-    assert_eq!(stiffness.len(), 4);
+    let coloured = model(PhysicsConfig {
+        solver: Solver::GaussSeidel,
+        ..physics
+    });
+    let along = lines.warps.iter().chain(&lines.wefts);
+    let mut expected: Vec<f64> = along
+        .flat_map(|line| vec![line.bending; line.vertices.len() - 2])
+        .collect();
+    let triples = coloured.passes.iter().flat_map(|pass| match pass {
+        Pass::Triples(triples) => triples.clone(),
+        _ => Vec::new(),
+    });
+    let mut found: Vec<f64> = triples.map(|triple| 1.0 / triple.compliance).collect();
+    expected.sort_by(f64::total_cmp);
+    found.sort_by(f64::total_cmp);
+    assert_eq!(found.len(), expected.len());
+    for (found, expected) in found.iter().zip(&expected) {
+        assert!((found / expected - 1.0).abs() < 1e-12);
+    }
 }
 
 #[test]

@@ -110,7 +110,7 @@ pub const FEATURES: [&str; 10] = [
     "adhesion = 1",
     "strain_limit = 0.02",
     // Twice as many look-ups: the difference is what they cost.
-    "contact_interval = 10",
+    "contact_interval = 5",
 ];
 
 /// The default physics with the lines of a scene file's `[physics]` in `change`.

@@ -200,7 +200,7 @@ pub fn run(
     let counted = |solver| Counted {
         solver,
         operations: operations(&scene.lamina, solver),
-        bytes: bytes_moved(&scene.lamina, size_of::<f32>()),
+        bytes: bytes_moved(&scene.lamina, solver, size_of::<f32>()),
     };
     Ok(Findings {
         sheet: Constraints::of(&scene.lamina),
@@ -299,7 +299,7 @@ fn absent(scene: &Scene, backend: Backend) -> Case {
 fn row(scene: &Scene, solver: Solver, backend: Backend, times: &Samples, limits: &Limits) -> Row {
     let seconds = 1e-6 * times.min();
     let arithmetic = operations(&scene.lamina, solver).seconds(limits);
-    let bytes = bytes_moved(&scene.lamina, backend.number_size());
+    let bytes = bytes_moved(&scene.lamina, solver, backend.number_size());
     Row {
         microseconds: Some(times.median()),
         microseconds_min: Some(times.min()),

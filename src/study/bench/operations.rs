@@ -4,7 +4,7 @@
 //! the standard sheet, not of the instructions of a kernel: a kernel that computes something
 //! twice, or in another order, is held to the same numbers. Free of charge are loads and stores,
 //! changes of sign, and all that does not change within a control step: constants, alpha / h^2,
-//! 1 / h. Looking up the tool's distance is left out too: it is done once in 20 substeps, lane
+//! 1 / h. Looking up the tool's distance is left out too: it is done once in 10 substeps, lane
 //! by lane from a table; the feature `contact_interval` shows what it costs.
 
 use std::ops::{Add, Mul};
@@ -27,10 +27,23 @@ pub struct Operations {
 /// x1 - x0: 3; its square 5, not below the shortest 1, root, 1 / root, direction 3, length 1.
 const DIRECTION: Operations = Operations::new(13, 1, 1);
 
-/// An edge of a yarn in the direct solve, one term a step of `sim`'s elimination:
-/// C 1, branch 1, coupling 6, factor 1, diagonal 5, its inverse, right side 3; then backwards
-/// multiplier 2, next branch 1, pull 3, and its difference to the one before, moved by w, 9.
-const CHAINED_EDGE: Operations = DIRECTION.plus(Operations::new(32, 1, 0));
+/// An edge in a tridiagonal solve: C 1, branch by a sign 2, coupling 6, factor 1, diagonal 5, its
+/// inverse, right side 3; then backwards multiplier 2, pull 3, and its difference to the one
+/// before, moved by w, 9.
+const LINE_EDGE: Operations = DIRECTION.plus(Operations::new(32, 1, 0));
+
+/// What the edge of a yarn has on top, whose force is kept: what the force explains 2, its new
+/// value 1, the pull 3 and its sum 6, the stress 2 and its sum 2.
+const KEPT_FORCE: Operations = Operations::new(16, 0, 0);
+
+/// A vertex in the pentadiagonal solve of bending: second difference 9, stiffness 1, K x 9, lower
+/// diagonals 3, diagonal 2, pivot 4 and its inverse, upper diagonals 4, right side 18; then
+/// backwards 15.
+const BENT_VERTEX: Operations = Operations::new(65, 1, 0);
+
+/// A vertex's pull in the prediction of the solve along lines: h^2 w 1, whether it is held back 3,
+/// the pull 3, added 3.
+const PULLED: Operations = Operations::new(10, 0, 0);
 
 /// An edge by itself: C 1, branch by its sign 2, denominator 2, multiplier 1 division, pull 3,
 /// both ends moved by w 12.
@@ -46,48 +59,61 @@ const PREDICT: Operations = Operations::new(9, 0, 0);
 /// Push out of the tool: distance to the plane 6, depth 1 if free 2, moved along the normal 6.
 const CONTACT: Operations = Operations::new(15, 0, 0);
 
-/// Friction: way 3, its tangential part 11, length 5 and root, whether it holds 2, share 2 and a
-/// division, at most 1 2, only in contact 2, taken back 6.
-const FRICTION: Operations = Operations::new(33, 1, 1);
+/// Friction of what sticks (sliding is rare, and its division is skipped where nothing does): way
+/// 3, its tangential part 11, square 5, whether it holds 3, only in contact 2, taken back 6, way 3.
+const FRICTION: Operations = Operations::new(33, 0, 0);
 
-/// New velocity: 6, its square 5, not below that of the cap 1, root, cap / root, scaled 3, free
-/// or not 4.
-const VELOCITY: Operations = Operations::new(19, 1, 1);
+/// New velocity: 3, whether it is above the cap 6 (then it is rare, and skipped), free or not 4.
+const VELOCITY: Operations = Operations::new(13, 0, 0);
 
 /// What a substep of the standard sheet has to compute with the default physics and `solver`,
 /// for one environment.
 pub fn operations(lamina: &Lamina, solver: Solver) -> Operations {
     let count = Constraints::of(lamina);
-    let yarn_edge = match solver {
-        Solver::Yarn => CHAINED_EDGE,
-        Solver::GaussSeidel => SINGLE_EDGE,
-    };
-    let vertex = PREDICT + CONTACT + FRICTION + VELOCITY;
-    yarn_edge * count.yarn_edges
-        + SINGLE_EDGE * count.diagonals
-        + TRIPLE * count.triples
-        + vertex * count.vertices
+    let vertex = (PREDICT + CONTACT + FRICTION + VELOCITY) * count.vertices;
+    match solver {
+        Solver::Yarn => {
+            vertex
+                + (LINE_EDGE + KEPT_FORCE) * count.yarn_edges
+                + LINE_EDGE * count.diagonals
+                + BENT_VERTEX * (2 * count.vertices)
+                + PULLED * count.vertices
+        }
+        Solver::GaussSeidel => {
+            vertex + SINGLE_EDGE * (count.yarn_edges + count.diagonals) + TRIPLE * count.triples
+        }
+    }
 }
 
-/// Numbers of a vertex that a substep reads: position 3, velocity 3, inverse mass 1, tangent
-/// plane 4; that it leaves behind: position 3, velocity 3; and the position at its start, which
-/// it writes and reads again after everything else has moved: 6.
-const NUMBERS_MOVED: usize = 23;
+/// Numbers of a vertex that a substep reads: position 3, velocity 3, inverse mass and mobility 2,
+/// tangent plane 4; that it leaves behind: position 3, velocity 3; and the position at its start,
+/// which it writes and reads again after everything else has moved: 6.
+const NUMBERS_MOVED: usize = 24;
+
+/// What the solve along lines moves on top: the forces of two yarn edges, pull and stress, read
+/// and left behind, and the mobility, left behind.
+const FORCE_NUMBERS_MOVED: usize = 13;
 
 /// Numbers of a vertex that an environment holds: position, velocity, position at the start of
-/// the substep, inverse mass, tangent plane.
-const NUMBERS_HELD: usize = 14;
+/// the substep, inverse mass, mobility, tangent plane; with forces of two yarn edges, pull and
+/// stress under the solve along lines.
+const NUMBERS_HELD: usize = 15;
+const FORCE_NUMBERS_HELD: usize = 6;
 
 /// Bytes that a substep of one environment has to move if everything that is touched again
 /// within the substep could be kept at hand: the state once through. Constants of constraints
-/// are shared by all lanes, and the branches of yarn edges are a bit a lane: both left out.
-pub fn bytes_moved(lamina: &Lamina, number_size: usize) -> usize {
-    lamina.vertex_count() * NUMBERS_MOVED * number_size
+/// are shared by all lanes, and left out.
+pub fn bytes_moved(lamina: &Lamina, solver: Solver, number_size: usize) -> usize {
+    let numbers = match solver {
+        Solver::Yarn => NUMBERS_MOVED + FORCE_NUMBERS_MOVED,
+        Solver::GaussSeidel => NUMBERS_MOVED,
+    };
+    lamina.vertex_count() * numbers * number_size
 }
 
-/// Numbers in the state of one environment.
+/// Numbers in the state of one environment under the solve along lines.
 pub fn numbers_held(lamina: &Lamina) -> usize {
-    lamina.vertex_count() * NUMBERS_HELD
+    lamina.vertex_count() * (NUMBERS_HELD + FORCE_NUMBERS_HELD)
 }
 
 /// How many constraints of each kind a lamina has.

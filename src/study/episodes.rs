@@ -1,0 +1,156 @@
+//! Whole episodes in fixed orders of pressing: whether the states they end in can be believed,
+//! and how much the order matters.
+//!
+//! Three orders: masked random; straight sweeps, one direction an episode; and outwards from a
+//! place, one place of a 7 x 7 grid an episode. All are played under the rules of the task, on
+//! the allowed vertex that comes first.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::env::{Draping, End, EnvConfig, EnvError, Tasks};
+use crate::math::{Purpose, Stream};
+use crate::scene::{Scene, Summary};
+use crate::sim::{Batch, Control, Cpu, Snapshot};
+
+/// Time to come to rest after an episode [s].
+const REST: f64 = 0.25;
+
+/// An order in which an episode presses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Order {
+    Random,
+    Sweep,
+    Outwards,
+}
+
+impl Order {
+    /// All orders.
+    pub const ALL: [Self; 3] = [Self::Random, Self::Sweep, Self::Outwards];
+}
+
+/// The state after an episode.
+#[derive(Clone, Debug, Serialize)]
+pub struct Ended {
+    /// Whether the simulation was lost.
+    pub diverged: bool,
+    pub steps: usize,
+    /// Summed distance of the region to the tool [m].
+    pub region_m: f64,
+    /// Touched vertices which are not draped.
+    pub undraped: usize,
+    #[serde(flatten)]
+    pub summary: Summary,
+    /// Root mean square speed [mm/s] a quarter of a second later.
+    pub rest_v_rms_mm_s: f64,
+    /// Share of the blank's yarn edges compressed by more than 5 %: crushed surplus.
+    pub crushed_share: f64,
+}
+
+/// What an order has led to.
+#[derive(Clone, Debug, Serialize)]
+pub struct Played {
+    pub order: Order,
+    /// Summed distance of the region at the start [m].
+    pub initial_m: f64,
+    pub episodes: Vec<Ended>,
+}
+
+/// Plays `count` episodes in `order`. `progress` is told the number of steps taken.
+pub fn play(
+    scene: &Arc<Scene>,
+    config: &EnvConfig,
+    order: Order,
+    count: usize,
+    seed: u64,
+    mut progress: impl FnMut(usize),
+) -> Result<Played, EnvError> {
+    let mut env = Draping::new(scene.clone(), config, count)?;
+    let mut streams: Vec<Stream> = (0..count)
+        .map(|index| Stream::new(seed, Purpose::Evaluation, index as u32))
+        .collect();
+    let mut ended: Vec<Option<Ended>> = vec![None; count];
+    let mut steps = 0;
+    while ended.iter().any(Option::is_none) {
+        let choose = |(index, stream): (usize, &mut Stream)| {
+            let share = index as f64 / count as f64;
+            choose(&env, index, order, share, stream)
+        };
+        let actions: Vec<u32> = streams.iter_mut().enumerate().map(choose).collect();
+        for (index, outcome) in env.step(&actions).into_iter().enumerate() {
+            if let (Some(episode), None) = (outcome.episode, &ended[index]) {
+                let finished = env.finished(index).expect("an episode has ended");
+                let undraped = finished.touched.difference(&finished.draped).count();
+                ended[index] = Some(Ended {
+                    diverged: episode.end == End::Diverged,
+                    steps: episode.actions.len(),
+                    region_m: env.region_distance(&finished.state),
+                    undraped,
+                    ..measure(scene, config, &finished.state)
+                });
+            }
+        }
+        steps += 1;
+        progress(steps);
+    }
+    Ok(Played {
+        order,
+        initial_m: env.initial_distance(),
+        episodes: ended.into_iter().flatten().collect(),
+    })
+}
+
+/// The allowed action that comes first in `order`; `share` 0..1 of the episodes came before.
+fn choose(env: &Draping, index: usize, order: Order, share: f64, stream: &mut Stream) -> u32 {
+    let mask = &env.observation(index).mask;
+    let shape = env.shape();
+    let (columns, rows) = (shape.columns as f64, shape.rows as f64);
+    let pixel = |p: usize| ((p % shape.columns) as f64, (p / shape.columns) as f64);
+    let first = |rank: &dyn Fn(f64, f64) -> f64| {
+        let by_rank = |a: &usize, b: &usize| {
+            let [a, b] = [*a, *b].map(|p| {
+                let (x, y) = pixel(p);
+                rank(x, y)
+            });
+            a.total_cmp(&b)
+        };
+        mask.ones().min_by(by_rank)
+    };
+    let chosen = match order {
+        Order::Random => mask.ones().nth(stream.below(mask.count_ones(..))),
+        Order::Sweep => {
+            let (sin, cos) = (TAU * share).sin_cos();
+            first(&|x, y| cos * x + sin * y)
+        }
+        Order::Outwards => {
+            let place = 49.0 * share;
+            let (across, along) = ((place % 7.0).floor() / 6.0, (place / 7.0).floor() / 6.0);
+            first(&|x, y| (x - across * columns).hypot(y - along * rows))
+        }
+    };
+    chosen.expect("a mask is never empty") as u32
+}
+
+fn measure(scene: &Scene, config: &EnvConfig, state: &Snapshot) -> Ended {
+    let strain = scene.lamina.yarn_strain(&state.position);
+    let crushed = strain.iter().filter(|&&strain| strain < -0.05).count();
+    let mut cloth = Cpu::<f32>::new(&scene.model);
+    cloth.load(0, state);
+    let control = Control {
+        dt: REST,
+        substeps: (REST * config.substep_rate).round() as usize,
+    };
+    cloth.step(&scene.model, &scene.tool, &control, &[]);
+    Ended {
+        diverged: false,
+        steps: 0,
+        region_m: 0.0,
+        undraped: 0,
+        summary: scene.summary(state),
+        rest_v_rms_mm_s: 1e3 * cloth.snapshot(0).v_rms(),
+        crushed_share: crushed as f64 / strain.len() as f64,
+    }
+}
