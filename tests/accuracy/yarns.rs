@@ -98,9 +98,9 @@ fn soft_yarns_stretch_to_their_limit_and_no_further() {
     for (solver, tolerance) in [(Solver::Yarn, 1e-6), (Solver::GaussSeidel, 1e-4)] {
         let free = soft(solver, None);
         assert_eq!(free, soft(solver, Some(1.5)));
-        for limit in [0.02, 0.2] {
+        // At the tip one border has a third and the other two thirds of an edge's weight; no limit lies between them.
+        for limit in [0.025, 0.21] {
             let strains = soft(solver, Some(limit));
-            eprintln!("{solver:?} {limit} {strains:?}");
             for (k, (strain, free)) in strains.into_iter().zip(&free).enumerate() {
                 let load = unlimited(k);
                 assert!((free - load).abs() < tolerance, "{free} is not {load}");
