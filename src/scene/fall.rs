@@ -97,6 +97,13 @@ impl Scene {
         scene
     }
 
+    /// Distance to the tool of the vertex nearest to it, as the fall has left it [m].
+    pub fn clearance(&self) -> f64 {
+        let distances = self.initial.position.iter();
+        let distances = distances.map(|&x| self.tool.distance(x).0);
+        distances.fold(f64::INFINITY, f64::min)
+    }
+
     /// Key figures of a state of this scene.
     pub fn summary(&self, state: &Snapshot) -> Summary {
         Summary::new(&self.lamina, &self.tool, state)

@@ -95,10 +95,11 @@ fn unlimited(k: usize) -> f64 {
 /// much. One pass of Gauss-Seidel adds its floor.
 #[test]
 fn soft_yarns_stretch_to_their_limit_and_no_further() {
-    for (solver, tolerance) in [(Solver::Yarn, 1e-6), (Solver::GaussSeidel, 1e-4)] {
+    for (solver, tolerance) in [(Solver::Yarn, 1e-6), (Solver::GaussSeidel, 3e-4)] {
         let free = soft(solver, None);
         assert_eq!(free, soft(solver, Some(1.5)));
-        // At the tip one border has a third and the other two thirds of an edge's weight; no limit lies between them.
+        // At the tip one border has a third and the other two thirds of an edge's weight: no
+        // limit lies between the loads of both.
         for limit in [0.025, 0.21] {
             let strains = soft(solver, Some(limit));
             for (k, (strain, free)) in strains.into_iter().zip(&free).enumerate() {
