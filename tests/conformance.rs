@@ -79,6 +79,15 @@ static MODELS: LazyLock<Vec<Model>> = LazyLock::new(|| {
             ..PhysicsConfig::default()
         },
     ));
+    for solver in [Solver::Yarn, Solver::GaussSeidel] {
+        let physics = PhysicsConfig {
+            solver,
+            adhesion: 1.0,
+            strain_limit: Some(1e-3),
+            ..PhysicsConfig::default()
+        };
+        models.push(Model::new(&LAMINA, &physics).seen_from([0.3, 0.0, -0.2]));
+    }
     models
 });
 

@@ -19,6 +19,18 @@ use crate::scene::{Scene, SceneConfig, Summary};
 /// Width and height of the pictures [px].
 const SIZE: [usize; 2] = [960, 720];
 
+/// A blank that is nowhere as near to the tool as this has missed it [m].
+pub(super) const MISSED: f64 = 0.05;
+
+/// What is wrong with a blank that has missed the tool by `clearance` [m].
+pub(super) fn missed(clearance: f64) -> String {
+    format!(
+        "after the fall the blank is {:.1} mm off the tool at its nearest, expected at most {} mm",
+        1e3 * clearance,
+        1e3 * MISSED
+    )
+}
+
 /// Let the blank fall on to the tool and show how it lies
 ///
 /// Writes lamina.stl and tool.stl (millimetres), top.png and isometric.png, coloured by the
@@ -75,11 +87,21 @@ pub fn run(args: Args) -> Result<(), Failure> {
     };
     // Before the work: a folder that cannot be made would waste it.
     let folder = &args.out;
+    let is_new = !folder.exists();
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot create folder {}", folder.display()))?;
 
     let start = Instant::now();
-    let scene = set_up(&config, &place, args.json)?;
+    let scene = set_up(&config, &place, args.json).inspect_err(|_| {
+        if is_new {
+            // Fails where it is not empty, and then it shall stay.
+            let _ = std::fs::remove_dir(folder);
+        }
+    })?;
+    let clearance = scene.clearance();
+    if clearance > MISSED {
+        eprintln!("warning: {place}: {}", missed(clearance));
+    }
     let seconds = start.elapsed().as_secs_f64();
     let summary = scene.summary(&scene.initial);
     write_files(&scene, &summary, folder)?;

@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::Failure;
 use super::failure::OrInvalid;
 use super::result;
-use super::scene::set_up;
+use super::scene::{MISSED, missed, set_up};
 use crate::env::{Draping, End, Shape, Tasks};
 use crate::policy::DeviceKind;
 use crate::run::{RunConfig, RunFolder, RunInfo, Training, TrainingError};
@@ -172,6 +172,13 @@ fn begin(args: &Args) -> Result<Training, Failure> {
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
     let scene = Arc::new(set_up(&config.scene, &place, args.json)?);
+    let clearance = scene.clearance();
+    if clearance > MISSED {
+        return Err(Failure::invalid(anyhow::anyhow!(
+            "{place}: {}",
+            missed(clearance)
+        )));
+    }
     let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
     // Below a micrometre in sum there is nothing to win, and scores divide by it.
     let initial = draping.initial_distance();

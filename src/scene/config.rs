@@ -7,6 +7,9 @@ use crate::file::{ReadTomlError, read_toml};
 use crate::sim::{PhysicsConfig, PhysicsError};
 use crate::tool::{Source, ToolConfig, ToolError};
 
+/// Duration of a control step of the fall [s].
+pub(super) const FRAME: f64 = 1.0 / 60.0;
+
 /// Where the flat blank hangs before it falls.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -69,6 +72,8 @@ pub struct Fall {
     pub settle_damping: f64,
     /// Substeps a second.
     pub substep_rate: f64,
+    /// Way of the tool during the fall, at whose end it stands in its place [mm].
+    pub tool_move_mm: [f64; 3],
 }
 
 impl Default for Fall {
@@ -78,6 +83,7 @@ impl Default for Fall {
             settle_s: 1.0,
             settle_damping: 20.0,
             substep_rate: 6000.0,
+            tool_move_mm: [0.0; 3],
         }
     }
 }
@@ -156,6 +162,18 @@ impl SceneConfig {
         }
     }
 
+    /// Control steps of the fall.
+    pub(super) fn falling(&self) -> usize {
+        (self.fall.fall_s / FRAME).round() as usize
+    }
+
+    /// Velocity of the tool during the fall [m/s]; none if it stands.
+    pub(super) fn tool_velocity(&self) -> Option<[f64; 3]> {
+        let way = self.fall.tool_move_mm;
+        let seconds = self.falling() as f64 * FRAME;
+        (way != [0.0; 3] && seconds > 0.0).then(|| way.map(|m| 1e-3 * m / seconds))
+    }
+
     /// The material, read from its file.
     pub fn read_material(&self) -> Result<Material, SceneError> {
         Ok(match &self.material {
@@ -179,6 +197,7 @@ impl SceneConfig {
             settle_s,
             settle_damping,
             substep_rate,
+            tool_move_mm,
         } = self.fall;
         for (key, value) in [("fall.fall_s", fall_s), ("fall.settle_s", settle_s)] {
             if !(0.0..=600.0).contains(&value) {
@@ -191,6 +210,25 @@ impl SceneConfig {
         if !(60.0..=1e6).contains(&substep_rate) {
             let expected = "a number from 60 to 1000000";
             return fail("fall.substep_rate", substep_rate, expected);
+        }
+        let fail_to_move = |expected| {
+            Err(SceneError::Value {
+                key: "fall.tool_move_mm".into(),
+                found: format!("{tool_move_mm:?}"),
+                expected,
+            })
+        };
+        if !tool_move_mm.iter().all(|m| m.abs() <= 1e5) {
+            return fail_to_move("three lengths within +-100000 mm");
+        }
+        if let Some(velocity) = self.tool_velocity() {
+            let cap = self.physics.speed_cap;
+            let speed = velocity.iter().map(|u| u * u).sum::<f64>().sqrt();
+            if cap > 0.0 && speed > 0.5 * cap {
+                return fail_to_move("a way at no more than half of `physics.speed_cap`");
+            }
+        } else if tool_move_mm != [0.0; 3] {
+            return fail_to_move("[0, 0, 0] where `fall.fall_s` is 0");
         }
         let Placement {
             centre_mm: [x, y],

@@ -1,13 +1,10 @@
 use fixedbitset::FixedBitSet;
 
-use super::config::{SceneConfig, SceneError};
+use super::config::{FRAME, SceneConfig, SceneError};
 use super::summary::Summary;
 use crate::fabric::Lamina;
 use crate::sim::{Batch, Control, Cpu, Model, PhysicsConfig, Snapshot};
 use crate::tool::Tool;
-
-/// Duration of a control step of the fall [s].
-const FRAME: f64 = 1.0 / 60.0;
 
 /// A scene that is set up: the lamina lies on the tool as the fall has left it.
 #[derive(Clone)]
@@ -40,23 +37,34 @@ impl Scene {
             dt: FRAME,
             substeps,
         };
-        let frames = |seconds: f64| (seconds / FRAME).round() as usize;
-        let (falling, settling) = (frames(fall.fall_s), frames(fall.settle_s));
+        let falling = config.falling();
+        let settling = (fall.settle_s / FRAME).round() as usize;
 
         let mut batch = Cpu::<f64>::new(&model);
-        batch.load(0, &hung(config, &lamina, falling as f64 * FRAME)?);
+        let mut start = hung(config, &lamina, falling as f64 * FRAME)?;
+        // A tool in even motion is an inertial frame: there it stands, and the cloth comes.
+        let tool_velocity = config.tool_velocity();
+        let moving = tool_velocity.map(|u| model.clone().seen_from(u));
+        if let Some(u) = tool_velocity {
+            displace(
+                &mut start.position,
+                config.fall.tool_move_mm.map(|m| 1e-3 * m),
+            );
+            displace(&mut start.velocity, u.map(|u| -u));
+        }
+        batch.load(0, &start);
         let mut quiet = config.physics.clone();
         quiet.damping = fall.settle_damping;
         let quiet = Model::new(&lamina, &quiet);
         for frame in 0..falling + settling {
             if frame == falling {
-                let mut landed = batch.snapshot(0);
-                for vertex in landed.fixed.ones() {
-                    landed.velocity[vertex] = [0.0; 3];
-                }
-                batch.load(0, &landed);
+                batch.load(0, &landed(batch.snapshot(0), tool_velocity));
             }
-            let model = if frame < falling { &model } else { &quiet };
+            let model = if frame < falling {
+                moving.as_ref().unwrap_or(&model)
+            } else {
+                &quiet
+            };
             batch.step(model, &tool, &control, &[]);
             if !batch.is_sound(0) {
                 return Err(SceneError::Diverged {
@@ -65,11 +73,12 @@ impl Scene {
             }
             progress((frame + 1) as f64 / (falling + settling) as f64);
         }
-        // Clamps stay where they are, also if no time to settle has followed.
-        let mut initial = batch.snapshot(0);
-        for vertex in initial.fixed.ones() {
-            initial.velocity[vertex] = [0.0; 3];
-        }
+        // Tool and clamps stop, also if no time to settle follows.
+        let initial = if settling == 0 {
+            landed(batch.snapshot(0), tool_velocity)
+        } else {
+            batch.snapshot(0)
+        };
         Ok(Self {
             config: config.clone(),
             tool,
@@ -88,9 +97,37 @@ impl Scene {
         scene
     }
 
+    /// Distance to the tool of the vertex nearest to it, as the fall has left it [m].
+    pub fn clearance(&self) -> f64 {
+        let distances = self.initial.position.iter();
+        let distances = distances.map(|&x| self.tool.distance(x).0);
+        distances.fold(f64::INFINITY, f64::min)
+    }
+
     /// Key figures of a state of this scene.
     pub fn summary(&self, state: &Snapshot) -> Summary {
         Summary::new(&self.lamina, &self.tool, state)
+    }
+}
+
+/// The cloth at the end of the fall, when clamps and tool stop and the world's frame is that of
+/// the tool again.
+fn landed(mut state: Snapshot, tool_velocity: Option<[f64; 3]>) -> Snapshot {
+    if let Some(u) = tool_velocity {
+        displace(&mut state.velocity, u);
+    }
+    for vertex in state.fixed.ones() {
+        state.velocity[vertex] = [0.0; 3];
+    }
+    state
+}
+
+/// Adds `by` to every vector.
+fn displace(vectors: &mut [[f64; 3]], by: [f64; 3]) {
+    for vector in vectors {
+        for (x, by) in vector.iter_mut().zip(by) {
+            *x += by;
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Projections of the constraints, for all lanes at once. Everything here is inlined into
 //! the substep, so that it is compiled for the instruction set in use.
 
-use super::model::{BendHinge, BendTriple, EdgeClass};
+use super::model::{BendHinge, BendTriple, EdgeClass, LIMITED};
 use crate::math::{Lanes, Vec3x};
 
 /// Below this squared length [m^2] an edge has no direction, and nothing pulls along it.
@@ -33,6 +33,38 @@ pub(super) fn project_edges<V: Lanes>(class: &EdgeClass, x: &mut [Vec3x<V>], w: 
         let compliance = V::select(c.lt(V::zero()), V::of(law.compression), V::of(law.tension));
         let sum = w[a] + w[b] + compliance;
         let pull = n.scale(c / sum.max(V::of(1e-28)));
+        x[a] = x[a] + pull.scale(w[a]);
+        x[b] = x[b] - pull.scale(w[b]);
+    }
+}
+
+/// As [`project_edges`], for yarns that hardly stretch beyond the strain `limit`.
+///
+/// Of the projection by the soft and by the stiff branch of the law, that with the greater force
+/// is the exact one: the branches meet in the limit, and beyond it the stiff one pulls harder.
+#[inline(always)]
+pub(super) fn project_limited_edges<V: Lanes>(
+    class: &EdgeClass,
+    limit: f64,
+    x: &mut [Vec3x<V>],
+    w: &[V],
+) {
+    let smallest = V::of(1e-28);
+    for ((v, rest), law) in class
+        .vertices
+        .iter()
+        .zip(&class.rest_length)
+        .zip(&class.law)
+    {
+        let [a, b] = v.map(|v| v as usize);
+        let (n, length) = direction(x[b] - x[a]);
+        let c = length - V::of(*rest);
+        let compliance = V::select(c.lt(V::zero()), V::of(law.compression), V::of(law.tension));
+        let gives = w[a] + w[b];
+        let soft = c / (gives + compliance).max(smallest);
+        let beyond = c - V::of(limit * rest * (1.0 - LIMITED));
+        let stiff = beyond / (gives + V::of(LIMITED * law.tension)).max(smallest);
+        let pull = n.scale(soft.max(stiff));
         x[a] = x[a] + pull.scale(w[a]);
         x[b] = x[b] - pull.scale(w[b]);
     }

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::constraints::direction;
-use super::model::{EdgeLaw, bending_stiffness, yarn_law};
+use super::model::{EdgeLaw, LIMITED, bending_stiffness, yarn_law};
 use super::physics::{Bending, PhysicsConfig};
 use crate::fabric::{Family, Lamina};
 use crate::math::{Lanes, Vec3x};
@@ -26,8 +26,31 @@ pub(super) struct Line {
     pub edges: Range<usize>,
     pub rest_length: f64,
     pub law: EdgeLaw,
+    pub limit: Option<Limit>,
     /// Bending stiffness D b / l^3 [N/m]: energy = stiffness |x0 - 2 x1 + x2|^2 / 2.
     pub bending: f64,
+}
+
+/// The law of an edge beyond the strain limit: C = offset + compliance * force.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limit {
+    /// Force at which it begins [N].
+    pub force: f64,
+    /// [m/N]
+    pub compliance: f64,
+    /// [m]; such that there the law is continuous.
+    pub offset: f64,
+}
+
+impl Limit {
+    /// Of edges whose length may grow by about `stretch` [m].
+    fn new(law: EdgeLaw, stretch: f64) -> Self {
+        Self {
+            force: stretch / law.tension,
+            compliance: LIMITED * law.tension,
+            offset: stretch * (1.0 - LIMITED),
+        }
+    }
 }
 
 /// The lines of a lamina. Of the warps and of the wefts each holds every vertex once: where
@@ -54,11 +77,14 @@ impl Lines {
                 Bending::Yarns => bending_stiffness(lamina, physics, yarn.family),
                 Bending::Dihedral | Bending::Off => 0.0,
             };
+            let law = yarn_law(lamina, physics, yarn);
+            let limit = physics.strain_limit;
             let line = Line {
                 vertices: yarn.vertices.clone(),
                 edges: first..edge_count,
                 rest_length: yarn.rest_length,
-                law: yarn_law(lamina, physics, yarn),
+                law,
+                limit: limit.map(|strain| Limit::new(law, strain * yarn.rest_length)),
                 bending: stiffness * yarn.width / yarn.rest_length.powi(3),
             };
             yarns.push((yarn.family, line));
@@ -94,6 +120,7 @@ fn with_lone_vertices(mut lines: Vec<Line>, lamina: &Lamina) -> Vec<Line> {
                 tension: 1.0,
                 compression: 1.0,
             },
+            limit: None,
             bending: 0.0,
         });
     }
@@ -128,6 +155,7 @@ fn diagonals(lamina: &Lamina, law: EdgeLaw) -> Vec<Line> {
             edges: 0..0,
             rest_length,
             law,
+            limit: None,
             bending: 0.0,
         });
     }
@@ -170,7 +198,8 @@ pub(super) struct Grip<'a, V> {
 /// Each edge takes the compliance of the sign of its force. That of the predicted strain would
 /// not do: at rest it is the sign of gravity's last push, so edges would change branch in every
 /// substep and never come to rest. Pinned vertices (mobility 0) decouple their neighbours by
-/// the formula itself.
+/// the formula itself. Beyond the strain limit of a yarn that has one there is a third branch,
+/// likewise by its force.
 #[inline(always)]
 pub(super) fn stretch<V: Lanes>(
     line: &Line,
@@ -181,7 +210,10 @@ pub(super) fn stretch<V: Lanes>(
 ) {
     let edges = line.vertices.len() - 1;
     let (n, upper, change) = scratch.parts(line.vertices.len());
-    eliminate(line, x, mobility, Some(force), (n, upper, change));
+    match line.limit {
+        None => eliminate(line, x, mobility, Some((force, None)), (n, upper, change)),
+        limit => eliminate(line, x, mobility, Some((force, limit)), (n, upper, change)),
+    }
 
     // Back substitution from the far end; a vertex moves once both its edges are known.
     let mut after = Vec3x::zero();
@@ -265,13 +297,14 @@ impl<V: Lanes> Scratch<V> {
 }
 
 /// Forward elimination of the tridiagonal system of a line's edges into directions, upper
-/// diagonal and right side.
+/// diagonal and right side. The limit is a constant where this is inlined without it, so that
+/// it costs nothing there.
 #[inline(always)]
 fn eliminate<V: Lanes>(
     line: &Line,
     x: &[Vec3x<V>],
     mobility: &[V],
-    force: Option<&[V]>,
+    force: Option<(&[V], Option<Limit>)>,
     (n, upper, right): (&mut [Vec3x<V>], &mut [V], &mut [V]),
 ) {
     let rest = V::of(line.rest_length);
@@ -291,10 +324,19 @@ fn eliminate<V: Lanes>(
         let (nj, length) = direction(x1 - x0);
         let c = length - rest;
         let (compliance, residual) = match force {
-            Some(force) => {
+            Some((force, limit)) => {
                 let compressed = force[j].lt(V::zero());
                 let compliance = V::select(compressed, compression, tension);
-                (compliance, c - compliance * kept(line, force[j]))
+                let force = kept(line, force[j]);
+                match limit {
+                    None => (compliance, c - compliance * force),
+                    Some(limit) => {
+                        let beyond = V::of(limit.force).lt(force);
+                        let compliance = V::select(beyond, V::of(limit.compliance), compliance);
+                        let offset = V::select(beyond, V::of(limit.offset), V::zero());
+                        (compliance, c - offset - compliance * force)
+                    }
+                }
             }
             None => (V::select(c.lt(V::zero()), compression, tension), c),
         };

@@ -11,6 +11,11 @@ pub(super) struct EdgeLaw {
     pub compression: f64,
 }
 
+/// Compliance of a yarn beyond the strain limit, as a share of that in tension. At the limit's
+/// force times ten it adds a hundredth of the limit. 0 would make the system of a yarn between
+/// clamps singular.
+pub(super) const LIMITED: f64 = 1e-3;
+
 /// Edges of which no two share a vertex.
 #[derive(Clone, Debug)]
 pub(super) struct EdgeClass {
@@ -40,6 +45,8 @@ pub(super) struct BendHinge {
 pub(super) enum Pass {
     /// Edges, one colour.
     Edges(EdgeClass),
+    /// Edges of yarns that hardly stretch beyond this strain, one colour.
+    LimitedEdges(EdgeClass, f64),
     /// Three-node bending, one colour.
     Triples(Vec<BendTriple>),
     /// Dihedral bending, one colour.
@@ -57,6 +64,10 @@ pub struct Model {
     pub(super) physics: PhysicsConfig,
     /// Static and dynamic coefficient.
     pub(super) friction: Option<[f64; 2]>,
+    /// Greatest pull of the tool's tack on each vertex [N].
+    pub(super) tack: Option<Vec<f64>>,
+    /// Velocity of the air, to which damping slows [m/s]; at rest if none.
+    pub(super) wind: Option<[f64; 3]>,
     pub(super) layers: Option<Layers>,
     /// What is solved along whole lines; none under Gauss-Seidel.
     pub(super) lines: Option<Lines>,
@@ -91,8 +102,17 @@ impl Model {
             passes,
             layers: Layers::new(lamina, physics.self_collision, friction),
             friction,
+            tack: tack(lamina, physics),
+            wind: None,
             physics: physics.clone(),
         }
+    }
+
+    /// The same in a frame that moves evenly with `velocity` [m/s]. Only damping knows the
+    /// difference: it slows what moves against the air, which rests in the world.
+    pub fn seen_from(mut self, velocity: [f64; 3]) -> Self {
+        self.wind = Some(velocity.map(|u| -u));
+        self
     }
 
     /// Number of vertices.
@@ -104,6 +124,14 @@ impl Model {
     pub fn physics(&self) -> &PhysicsConfig {
         &self.physics
     }
+}
+
+/// Tack times the area of each vertex, which is to the blank's as their masses.
+fn tack(lamina: &Lamina, physics: &PhysicsConfig) -> Option<Vec<f64>> {
+    let mass: f64 = lamina.mass.iter().sum();
+    let per_mass = 1e3 * physics.adhesion * lamina.area() / mass;
+    let pull = lamina.mass.iter().map(|m| per_mass * m);
+    (physics.adhesion > 0.0).then(|| pull.collect())
 }
 
 /// Edge stiffness k = E h (b / a) of a yarn of width b and edge length a (Table 2).
@@ -138,31 +166,36 @@ fn yarn_edges(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Pass> {
         let pairs = yarn.vertices.windows(2);
         pairs.map(move |v| ([v[0], v[1]], yarn.rest_length, law))
     });
-    edge_passes(lamina, edges)
+    let classes = edge_classes(lamina, edges);
+    match physics.strain_limit {
+        None => classes.map(Pass::Edges).collect(),
+        Some(limit) => classes.map(|c| Pass::LimitedEdges(c, limit)).collect(),
+    }
 }
 
 fn diagonals(lamina: &Lamina, law: EdgeLaw) -> Vec<Pass> {
     let diagonals = lamina.diagonals.iter();
-    edge_passes(lamina, diagonals.map(|d| (d.vertices, d.rest_length, law)))
+    edge_classes(lamina, diagonals.map(|d| (d.vertices, d.rest_length, law)))
+        .map(Pass::Edges)
+        .collect()
 }
 
-fn edge_passes(
+fn edge_classes(
     lamina: &Lamina,
     edges: impl Iterator<Item = ([u32; 2], f64, EdgeLaw)>,
-) -> Vec<Pass> {
+) -> impl Iterator<Item = EdgeClass> {
     let edges: Vec<_> = edges.collect();
     let vertices: Vec<[u32; 2]> = edges.iter().map(|e| e.0).collect();
     color(lamina.vertex_count(), &vertices)
         .into_iter()
-        .map(|class| {
+        .map(move |class| {
             let of = |&i: &u32| edges[i as usize];
-            Pass::Edges(EdgeClass {
+            EdgeClass {
                 vertices: class.iter().map(|i| of(i).0).collect(),
                 rest_length: class.iter().map(|i| of(i).1).collect(),
                 law: class.iter().map(|i| of(i).2).collect(),
-            })
+            }
         })
-        .collect()
 }
 
 /// Bending stiffness per width of a family [N m].

@@ -60,6 +60,11 @@ pub struct PhysicsConfig {
     pub shear: bool,
     /// Coulomb friction against the tool.
     pub friction: bool,
+    /// Tack of the tool [kPa]: greatest pull per area on cloth that lies on it; 0 for none.
+    pub adhesion: f64,
+    /// Tensile strain beyond which a yarn hardly stretches [-].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub strain_limit: Option<f64>,
     /// Contact of the cloth with itself; with friction where `friction` is listed.
     pub self_collision: SelfCollision,
     /// Gravity [m/s^2], along -z.
@@ -83,6 +88,8 @@ impl Default for PhysicsConfig {
             compression: Compression::Material,
             shear: true,
             friction: true,
+            adhesion: 0.0,
+            strain_limit: None,
             self_collision: SelfCollision::Off,
             gravity: 9.81,
             damping: 50.0,
@@ -120,7 +127,14 @@ impl PhysicsConfig {
         if self.contact_interval == 0 {
             return fail("contact_interval", "0".into(), "a number > 0");
         }
+        if let Some(limit) = self.strain_limit
+            && !(1e-6..=10.0).contains(&limit)
+        {
+            let expected = "a strain from 1e-6 to 10";
+            return fail("strain_limit", limit.to_string(), expected);
+        }
         let non_negative = [
+            ("adhesion", self.adhesion),
             ("damping", self.damping),
             ("press_stiffness", self.press_stiffness),
         ];

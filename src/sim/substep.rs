@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use super::constraints::{project_edges, project_hinges, project_triples};
+use super::constraints::{project_edges, project_hinges, project_limited_edges, project_triples};
 use super::cpu::{Cpu, Plane, YarnState};
 use super::line::{Grip, Line, Lines, bend, recall, shear, stretch};
 use super::membrane::project_elements;
@@ -23,6 +23,10 @@ use crate::tool::Tool;
 /// is with many substeps.
 const CROSSING: f64 = 5.0;
 
+/// Gap over which the tool's tack pulls [m]: a film of resin, thinner than a layer of cloth, so
+/// that only what lies on the tool is held.
+const TACK_RANGE: f64 = 2e-4;
+
 /// Consecutive substeps of a control step (paper, Algorithm 1), with one look for contact.
 pub(super) struct Substeps<'a, V: Lanes> {
     pub model: &'a Model,
@@ -34,17 +38,21 @@ pub(super) struct Substeps<'a, V: Lanes> {
 }
 
 /// What is the same for all vertices in a substep.
-struct Frame {
+struct Frame<'a> {
     /// Duration [s].
     h: f64,
     /// Motion under gravity in it [m].
     fall: f64,
+    /// What the wind adds to velocities in it [m/s].
+    wind: Option<[f64; 3]>,
     /// v = rate (x - p) [1/s].
     rate: f64,
     /// Largest speed [m/s], 0 for none.
     speed_cap: f64,
     /// Static and dynamic coefficient.
     friction: Option<[f64; 2]>,
+    /// Greatest pull of the tool's tack on each vertex [N].
+    tack: Option<&'a [f64]>,
 }
 
 impl<V: Lanes> Kernel for Substeps<'_, V> {
@@ -55,9 +63,11 @@ impl<V: Lanes> Kernel for Substeps<'_, V> {
         let frame = Frame {
             h,
             fall: -h * h * physics.gravity,
+            wind: (self.model.wind).map(|u| u.map(|u| u - u / (1.0 + h * physics.damping))),
             rate: 1.0 / h / (1.0 + h * physics.damping),
             speed_cap: physics.speed_cap,
             friction: self.model.friction,
+            tack: self.model.tack.as_deref(),
         };
         find_planes(self.tool, self.state);
         match &self.model.lines {
@@ -105,13 +115,13 @@ impl<V: Lanes> Substeps<'_, V> {
             for warp in &lines.warps {
                 stretch_yarn(warp, state);
                 if model.layers.is_none() {
-                    finish(&warp.vertices, frame, substep + 1 < last, state);
+                    finish(indices(warp), frame, substep + 1 < last, state);
                 }
             }
             if model.layers.is_some() {
                 separate(model, state);
                 for warp in &lines.warps {
-                    finish(&warp.vertices, frame, substep + 1 < last, state);
+                    finish(indices(warp), frame, substep + 1 < last, state);
                 }
             }
         }
@@ -145,9 +155,7 @@ impl<V: Lanes> Substeps<'_, V> {
                 project(pass, state);
             }
             separate(model, state);
-            for v in 0..state.position.len() {
-                conclude(v, frame, state);
-            }
+            finish(0..state.position.len(), frame, false, state);
         }
     }
 }
@@ -221,6 +229,7 @@ fn project<V: Lanes>(pass: &Pass, state: &mut Cpu<V>) {
     let (x, w) = (&mut state.position, &state.mobility);
     match pass {
         Pass::Edges(class) => project_edges(class, x, w),
+        Pass::LimitedEdges(class, limit) => project_limited_edges(class, *limit, x, w),
         Pass::Triples(triples) => project_triples(triples, x, w),
         Pass::Hinges(hinges) => project_hinges(hinges, x, w),
         Pass::Membrane(elements) => project_elements(elements, x, w),
@@ -255,6 +264,12 @@ fn hold_down<V: Lanes>(model: &Model, press: &Press, substep: usize, state: &mut
     }
 }
 
+/// The vertices of a line.
+#[inline(always)]
+fn indices(line: &Line) -> impl Iterator<Item = usize> + '_ {
+    line.vertices.iter().map(|&v| v as usize)
+}
+
 /// Keeps the layers of the cloth apart, in a scene that asks for it.
 #[inline(always)]
 fn separate<V: Lanes>(model: &Model, state: &mut Cpu<V>) {
@@ -271,12 +286,38 @@ fn separate<V: Lanes>(model: &Model, state: &mut Cpu<V>) {
 /// The end of a substep for some vertices, contact and velocity, and the prediction of the
 /// `next` one if there is one: while they are at hand.
 #[inline(always)]
-fn finish<V: Lanes>(vertices: &[u32], frame: &Frame, next: bool, state: &mut Cpu<V>) {
-    for &v in vertices {
-        conclude(v as usize, frame, state);
-        if next {
-            predict(v as usize, frame, state);
+fn finish<V: Lanes>(
+    vertices: impl Iterator<Item = usize>,
+    frame: &Frame,
+    next: bool,
+    state: &mut Cpu<V>,
+) {
+    match frame.tack {
+        None => {
+            for v in vertices {
+                conclude(v, frame, None, state);
+                go_on(v, frame, next, state);
+            }
         }
+        Some(tack) => {
+            for v in vertices {
+                conclude(v, frame, Some(tack[v]), state);
+                go_on(v, frame, next, state);
+            }
+        }
+    }
+}
+
+/// What the air of a moving frame adds to a velocity, and the prediction of the next substep.
+#[inline(always)]
+fn go_on<V: Lanes>(v: usize, frame: &Frame, next: bool, state: &mut Cpu<V>) {
+    if let Some(wind) = frame.wind {
+        let free = V::zero().lt(state.inverse_mass[v]);
+        let gained = Vec3x::select(free, Vec3x(wind.map(V::of)), Vec3x::zero());
+        state.velocity[v] = state.velocity[v] + gained;
+    }
+    if next {
+        predict(v, frame, state);
     }
 }
 
@@ -284,11 +325,21 @@ fn finish<V: Lanes>(vertices: &[u32], frame: &Frame, next: bool, state: &mut Cpu
 /// tangential motion of the substep is taken back wholly while it is below the static
 /// coefficient times the push, else by the dynamic coefficient times the push. Then
 /// v = (x - p) / h, damped and capped; fixed vertices keep theirs.
+///
+/// Within its range `tack` [N] draws the vertex towards the tool first. It lasts in contact, so
+/// the push, and with it friction, is that of a load greater by it (Derjaguin's law). `tack` is
+/// a constant where this is inlined without it, so that it costs nothing there.
 #[inline(always)]
-fn conclude<V: Lanes>(v: usize, frame: &Frame, state: &mut Cpu<V>) {
-    let (x, plane) = (state.position[v], &state.plane[v]);
+fn conclude<V: Lanes>(v: usize, frame: &Frame, tack: Option<f64>, state: &mut Cpu<V>) {
+    let (mut x, plane) = (state.position[v], &state.plane[v]);
     let free = V::zero().lt(state.inverse_mass[v]);
-    let phi = plane.normal.dot(x) - plane.offset;
+    let mut phi = plane.normal.dot(x) - plane.offset;
+    if let Some(tack) = tack {
+        let near = phi.lt(V::of(TACK_RANGE));
+        let drawn = V::select(near, V::of(tack) * state.mobility[v], V::zero());
+        x = x - plane.normal.scale(drawn);
+        phi = phi - drawn;
+    }
     let depth = V::select(free, (-phi).max(V::zero()), V::zero());
     let x = x + plane.normal.scale(depth);
     let mut moved = x - state.previous[v];

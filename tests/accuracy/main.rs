@@ -8,6 +8,7 @@ mod contact;
 mod membranes;
 mod motion;
 mod stability;
+mod tool_motion;
 mod yarns;
 
 use std::sync::LazyLock;

@@ -63,6 +63,58 @@ fn uniaxial_tension_has_the_stiffness_of_table_2() {
     }
 }
 
+/// Strains of the edges of a hanging strip of 16, from the top, so soft that its weight would
+/// stretch the uppermost by 47 %.
+fn soft(solver: Solver, strain_limit: Option<f64>) -> Vec<f64> {
+    let mut strip = strip(Family::Warp, 0.37, 16);
+    let law = &mut strip.material.warp;
+    law.tension = law.tension.scaled(1e-5);
+    law.compression = law.compression.scaled(1e-3);
+    let mut state = placed(&strip, |s, t| [t, 0.0, -s]);
+    fix(&strip, &mut state, &[0]);
+    let physics = PhysicsConfig {
+        solver,
+        strain_limit,
+        damping: 20.0,
+        ..yarns_alone()
+    };
+    let end = run(&Model::new(&strip, &physics), &NOWHERE, &state, 1e-4, 4.0);
+    assert!(end.v_rms() < 1e-6, "still moves at {} m/s", end.v_rms());
+    let z: Vec<f64> = (0..=16).map(|k| mean_at(&strip, &end, k).z).collect();
+    z.windows(2)
+        .map(|z| (z[0] - z[1]) / (0.37 / 16.0) - 1.0)
+        .collect()
+}
+
+/// Strain of the edge `k` of the soft strip with the law of tension alone.
+fn unlimited(k: usize) -> f64 {
+    AREAL_MASS * GRAVITY * 0.37 * (15.5 - k as f64) / 16.0 / (6e3 * 0.35e-3)
+}
+
+/// Below the limit the law is that of tension, to the bit; beyond it a yarn gives a thousandth as
+/// much. One pass of Gauss-Seidel adds its floor.
+#[test]
+fn soft_yarns_stretch_to_their_limit_and_no_further() {
+    for (solver, tolerance) in [(Solver::Yarn, 1e-6), (Solver::GaussSeidel, 3e-4)] {
+        let free = soft(solver, None);
+        assert_eq!(free, soft(solver, Some(1.5)));
+        // At the tip one border has a third and the other two thirds of an edge's weight: no
+        // limit lies between the loads of both.
+        for limit in [0.025, 0.21] {
+            let strains = soft(solver, Some(limit));
+            for (k, (strain, free)) in strains.into_iter().zip(&free).enumerate() {
+                let load = unlimited(k);
+                assert!((free - load).abs() < tolerance, "{free} is not {load}");
+                let expected = load.min(limit) + 1e-3 * (load - limit).max(0.0);
+                assert!(
+                    (strain - expected).abs() < tolerance,
+                    "edge {k} is strained by {strain}, not {expected}"
+                );
+            }
+        }
+    }
+}
+
 /// A strip of eight edges under gravity, held at section `held`. It stands above that and
 /// hangs below, until it topples: implicit Euler damps motion along the yarns within a few
 /// hundredths of a second, long before that.

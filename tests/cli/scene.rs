@@ -318,6 +318,10 @@ fn broken_stl_files_are_refused() {
         assert_failure(&set_up(path, &text), 2, words);
         assert_failure(&set_up(path, &text), 2, &["scene.toml: ", "mine.stl: "]);
     }
+    assert!(!path.join("out").exists());
+    // What was there stays.
+    fs::create_dir(path.join("out")).unwrap();
+    assert_failure(&set_up(path, &text), 2, &[]);
     assert_eq!(names(&path.join("out")), [""; 0]);
 }
 
@@ -330,7 +334,7 @@ fn diverging_fall_is_a_failure_at_work() {
         1,
         &["scene.toml: the fall diverged after "],
     );
-    assert_eq!(names(&folder.path().join("out")), [""; 0]);
+    assert!(!folder.path().join("out").exists());
 }
 
 #[test]
@@ -350,4 +354,27 @@ fn output_folders_that_cannot_be_used_are_named() {
         names(&path.join("out")),
         ["lamina.stl", "tool.stl", "top.png"]
     );
+}
+
+/// Training refuses what a scene warns of.
+#[test]
+fn a_blank_that_misses_the_tool_is_noticed() {
+    let folder = folder();
+    let path = folder.path();
+    let text = scene(RIB) + "[placement]\nheight_mm = 2000\n";
+    let output = set_up(path, &text);
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{stderr}");
+    assert!(
+        stderr.starts_with("warning: scene.toml: after the fall the blank is "),
+        "{stderr}"
+    );
+    fs::write(path.join("run.toml"), "scene_file = \"scene.toml\"\n").unwrap();
+    let output = drape(path, &["train", "run.toml", "--name", "a"]);
+    let words = [
+        "run.toml: after the fall the blank is ",
+        "expected at most 50 mm",
+    ];
+    assert_failure(&output, 2, &words);
+    assert!(!path.join("runs").exists());
 }

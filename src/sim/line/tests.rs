@@ -25,6 +25,7 @@ impl Case {
             edges: 0..vertices - 1,
             rest_length: 1.0,
             law,
+            limit: None,
             bending: uniform(0.01, 10.0),
         };
         let mobility = (0..vertices)
@@ -377,6 +378,7 @@ fn impossible_lines_stay_finite() {
             tension: 0.0,
             compression: 0.0,
         },
+        limit: None,
         bending: 1e30,
     };
     for x in [

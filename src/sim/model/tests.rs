@@ -134,7 +134,9 @@ fn passes_hold_everything_once_without_conflict() {
         let mut count = 0;
         for pass in &passes {
             let members: Vec<Vec<u32>> = match pass {
-                Pass::Edges(class) => class.vertices.iter().map(|v| v.to_vec()).collect(),
+                Pass::Edges(class) | Pass::LimitedEdges(class, _) => {
+                    class.vertices.iter().map(|v| v.to_vec()).collect()
+                }
                 Pass::Triples(triples) => triples.iter().map(|t| t.vertices.to_vec()).collect(),
                 Pass::Hinges(hinges) => hinges.iter().map(|h| h.vertices.to_vec()).collect(),
                 Pass::Membrane(elements) => elements.iter().map(|e| e.vertices.to_vec()).collect(),

@@ -99,7 +99,7 @@ pub fn variants() -> Vec<(Solver, Backend)> {
 }
 
 /// The features of `[physics]`, each as a scene file would change it. A feature is one line.
-pub const FEATURES: [&str; 8] = [
+pub const FEATURES: [&str; 10] = [
     "bending = \"dihedral\"",
     "bending = \"off\"",
     "friction = false",
@@ -107,6 +107,8 @@ pub const FEATURES: [&str; 8] = [
     "speed_cap = 0",
     "compression = \"as_tension\"",
     "self_collision = \"material\"",
+    "adhesion = 1",
+    "strain_limit = 0.02",
     // Twice as many look-ups: the difference is what they cost.
     "contact_interval = 5",
 ];
