@@ -78,7 +78,10 @@ fn outlines_that_bound_no_blank_are_located() {
         assert_failure(&output, 2, words);
         assert_failure(&output, 2, &["error: scene.toml: "]);
     }
-    assert!(!path.join("out").exists(), "a failed scene leaves no folder");
+    assert!(
+        !path.join("out").exists(),
+        "a failed scene leaves no folder"
+    );
 }
 
 #[test]
