@@ -55,7 +55,7 @@ impl Clamp {
         SceneError::Value {
             key: format!("clamps[{index}].at_mm"),
             found: format!("{:?}", self.at_mm),
-            expected: "a place on the blank, from its centre",
+            expected: "a place on the blank, in its own frame",
         }
     }
 }

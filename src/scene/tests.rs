@@ -141,7 +141,7 @@ fn impossible_scenes_are_refused_with_key_found_and_expected() {
     );
     refuse(
         |c| c.clamps[1].at_mm = [0.0, -186.0],
-        "`clamps[1].at_mm` is [0.0, -186.0], expected a place on the blank, from its centre",
+        "`clamps[1].at_mm` is [0.0, -186.0], expected a place on the blank, in its own frame",
     );
     refuse(
         |c| c.clamps[2].radius_mm = -1.0,

@@ -133,8 +133,12 @@ impl PhysicsConfig {
             let expected = "a strain from 1e-6 to 10";
             return fail("strain_limit", limit.to_string(), expected);
         }
+        // More than any glue holds; its force must stay a number in f32.
+        if !(0.0..=1e6).contains(&self.adhesion) {
+            let expected = "a tack from 0 to 1000000 kPa";
+            return fail("adhesion", self.adhesion.to_string(), expected);
+        }
         let non_negative = [
-            ("adhesion", self.adhesion),
             ("damping", self.damping),
             ("press_stiffness", self.press_stiffness),
         ];

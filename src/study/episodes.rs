@@ -2,8 +2,8 @@
 //! and how much the order matters.
 //!
 //! Three orders: masked random; straight sweeps, one direction an episode; and outwards from a
-//! place, one place of a 7 x 7 grid an episode. All are played under the rules of the task, on
-//! the allowed vertex that comes first.
+//! place, one place of a 7 x 7 grid an episode (some twice where there are more episodes). All are played under the rules of the task, on
+//! the allowed vertex that comes first, by rows and columns.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -128,7 +128,7 @@ fn choose(env: &Draping, index: usize, order: Order, share: f64, stream: &mut St
         Order::Outwards => {
             let place = 49.0 * share;
             let (across, along) = ((place % 7.0).floor() / 6.0, (place / 7.0).floor() / 6.0);
-            first(&|x, y| (x - across * columns).hypot(y - along * rows))
+            first(&|x, y| (x - across * (columns - 1.0)).hypot(y - along * (rows - 1.0)))
         }
     };
     chosen.expect("a mask is never empty") as u32

@@ -167,7 +167,7 @@ fn ways_of_the_tool_that_cannot_be_are_refused() {
     for (physics, message) in [
         (
             "adhesion = -1.0",
-            "`physics.adhesion` is -1, expected a number >= 0",
+            "`physics.adhesion` is -1, expected a tack from 0 to 1000000 kPa",
         ),
         (
             "strain_limit = 0.0",

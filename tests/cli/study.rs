@@ -101,3 +101,16 @@ fn unknown_sweeps_are_refused_before_anything_is_written() {
     );
     assert_eq!(names(folder.path()), [""; 0]);
 }
+
+/// A region is four numbers, which may be negative; anything else is refused before the work.
+#[test]
+fn regions_of_episodes_are_four_numbers() {
+    let folder = folder();
+    for region in ["-1,2,3", "1,2,3,x", "1,2,3,4,5", "nan,0,0,0"] {
+        let region = format!("--region={region}");
+        let output = drape(folder.path(), &["study", "episodes", &region]);
+        assert_eq!(output.status.code(), Some(2), "{region}");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(stderr.contains("four numbers between commas"), "{stderr}");
+    }
+}

@@ -29,8 +29,8 @@ pub struct Args {
 
     /// Focus region on the flat blank [mm]: least x, least y, greatest x, greatest y; the whole
     /// blank if not given
-    #[arg(long, value_name = "X,Y,X,Y", value_delimiter = ',', num_args = 4)]
-    region: Vec<f64>,
+    #[arg(long, value_name = "X,Y,X,Y", value_parser = region, allow_hyphen_values = true)]
+    region: Option<[f64; 4]>,
 
     /// Seed of the random order
     #[arg(long, default_value_t = 1, value_name = "N")]
@@ -49,6 +49,19 @@ struct Report {
     seconds: f64,
 }
 
+/// Four numbers between commas.
+fn region(text: &str) -> Result<[f64; 4], String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|n| n.trim().parse().ok())
+        .collect();
+    let all = numbers.len() == text.split(',').count() && numbers.iter().all(|n| n.is_finite());
+    match <[f64; 4]>::try_from(numbers) {
+        Ok(region) if all => Ok(region),
+        _ => Err("expected four numbers between commas, as -186,-186,-60,-60".into()),
+    }
+}
+
 /// Runs `drape study episodes`.
 pub fn run(args: Args) -> Result<(), Failure> {
     let config = match &args.config {
@@ -56,7 +69,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         None => SceneConfig::rib(),
     };
     let env = EnvConfig {
-        region_mm: args.region.clone().try_into().ok(),
+        region_mm: args.region,
         crop: true,
         ..EnvConfig::default()
     };
@@ -129,7 +142,9 @@ fn table(report: &Report) -> String {
             "greatest"
         );
         for (name, scale, of) in FIGURES {
-            let values: Vec<f64> = played.episodes.iter().map(|e| scale * of(e)).collect();
+            // A state that is lost has no figures.
+            let sound = played.episodes.iter().filter(|e| !e.diverged);
+            let values: Vec<f64> = sound.map(|e| scale * of(e)).collect();
             let count = values.len() as f64;
             let mean = values.iter().sum::<f64>() / count;
             let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;

@@ -31,7 +31,7 @@ const TABLE: &str = "cells.csv";
   drape study stability --quick --sweep compliance --sweep impact --out soft
   drape study stability --out study --json > study.json")]
 pub struct Args {
-    /// Sample the sweeps coarsely: about a minute on two cores instead of some ten
+    /// Sample the sweeps coarsely: about 15 s on two cores instead of some minutes
     #[arg(long)]
     quick: bool,
 
