@@ -7,7 +7,7 @@
 use std::sync::LazyLock;
 
 use drape::fabric::{BlankConfig, Lamina, MassModel, Material};
-use drape::math::{Isa, Purpose, Stream};
+use drape::math::{Isa, Lanes, Purpose, Stream};
 use drape::sim::{
     Batch, Bending, Control, Cpu, Model, PhysicsConfig, Press, SelfCollision, Snapshot, Solver,
     batch,
@@ -426,6 +426,30 @@ fn scalar_backends_go_on_from_a_snapshot_with_yarns() {
 fn fixed_vertices_obey_nothing_in_f64() {
     for model in MODELS.iter() {
         fixed_vertices_obey_nothing(Box::new(Cpu::<f64>::new(model)), model, 1e-15);
+    }
+}
+
+/// What rounding may do in a frame [m].
+const AIR: f64 = 2e-5;
+
+/// Off the tool, where no contact decides: after one frame the two differ by rounding.
+#[test]
+fn f32_follows_f64_in_the_air() {
+    fn flown<V: Lanes>(model: &Model, index: usize) -> Snapshot {
+        let mut state = case(index);
+        for x in &mut state.position {
+            x[2] += 0.3;
+        }
+        let mut batch = Cpu::<V>::new(model);
+        batch.load(0, &state);
+        batch.step(model, &TOOL, &CONTROL, &[]);
+        batch.snapshot(0)
+    }
+    for model in MODELS.iter() {
+        for index in 0..CASES {
+            let off = furthest(&flown::<f32>(model, index), &flown::<f64>(model, index));
+            assert!(off <= AIR, "case {index}: {off:e} m, {:?}", model.physics());
+        }
     }
 }
 
