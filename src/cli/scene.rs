@@ -15,6 +15,7 @@ use super::tool::{GRID_SAMPLES, GridErrorMm};
 use crate::file::write_atomic;
 use crate::mesh::write_stl;
 use crate::scene::{Scene, SceneConfig, Summary};
+use crate::sim::SelfCollision;
 
 /// Width and height of the pictures [px].
 const SIZE: [usize; 2] = [960, 720];
@@ -85,6 +86,12 @@ pub fn run(args: Args) -> Result<(), Failure> {
         }
         None => (SceneConfig::rib(), "built-in scene".into()),
     };
+    if args.compare_self_collision && config.physics.self_collision == SelfCollision::Off {
+        return Err(Failure::invalid(anyhow::anyhow!(
+            "{place}: `physics.self_collision` is \"off\", expected \"material\" or a thickness \
+             to compare with"
+        )));
+    }
     // Before the work: a folder that cannot be made would waste it.
     let folder = &args.out;
     let is_new = !folder.exists();

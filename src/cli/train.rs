@@ -14,6 +14,7 @@ use super::scene::{MISSED, missed, set_up};
 use crate::env::{Draping, End, Shape, Tasks};
 use crate::policy::DeviceKind;
 use crate::run::{RunConfig, RunFolder, RunInfo, Training, TrainingError};
+use crate::scene::{Scene, SceneConfig};
 
 /// Iterations between two checkpoints.
 const CHECKPOINT_INTERVAL: u64 = 10;
@@ -153,7 +154,7 @@ fn begin(args: &Args) -> Result<Training, Failure> {
         let folder = RunFolder::open(path).or_invalid()?;
         let config = RunConfig::read(&folder.config()).or_invalid()?;
         let place = folder.config().display().to_string();
-        let scene = Arc::new(set_up(&config.scene, &place, args.json)?);
+        let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
         return Training::resume(config, scene, folder).map_err(failure);
     }
     let (mut config, place) = match &args.config {
@@ -171,14 +172,7 @@ fn begin(args: &Args) -> Result<Training, Failure> {
         .context("cannot find the current folder")?;
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
-    let scene = Arc::new(set_up(&config.scene, &place, args.json)?);
-    let clearance = scene.clearance();
-    if clearance > MISSED {
-        return Err(Failure::invalid(anyhow::anyhow!(
-            "{place}: {}",
-            missed(clearance)
-        )));
-    }
+    let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
     let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
     // Below a micrometre in sum there is nothing to win, and scores divide by it.
     let initial = draping.initial_distance();
@@ -206,6 +200,19 @@ fn begin(args: &Args) -> Result<Training, Failure> {
     // Whatever happens from now on, the run can be gone on with.
     training.checkpoint().map_err(failure)?;
     Ok(training)
+}
+
+/// Sets a scene up, and refuses one whose blank has missed its tool.
+fn set_up_over_tool(config: &SceneConfig, place: &str, json: bool) -> Result<Scene, Failure> {
+    let scene = set_up(config, place, json)?;
+    let clearance = scene.clearance();
+    if clearance > MISSED {
+        return Err(Failure::invalid(anyhow::anyhow!(
+            "{place}: {}",
+            missed(clearance)
+        )));
+    }
+    Ok(scene)
 }
 
 /// A name that is taken is the user's to mend, a full disk is not.

@@ -24,6 +24,9 @@ struct Task {
     scene: Arc<Scene>,
     config: EnvConfig,
     region: Region,
+    /// The pixels that the agent sees something at, ascending, and the vertex of each.
+    pixels: Vec<usize>,
+    seen: Vec<u32>,
     press: Control,
     descent: usize,
     settle: Option<Control>,
@@ -76,18 +79,13 @@ impl Draping {
     /// without SIMD; the results are the same bits.
     pub fn new(scene: Arc<Scene>, config: &EnvConfig, count: usize) -> Result<Self, EnvError> {
         let task = Task::new(scene, config)?;
-        let model = &task.scene.model;
         let lanes = match config.precision {
             Precision::F32 if count > 1 => Isa::best().lanes(),
             _ => 1,
         };
         let groups = (0..count.div_ceil(lanes))
             .map(|group| {
-                let mut batch: Box<dyn Batch> = match config.precision {
-                    Precision::F64 => Box::new(Cpu::<f64>::new(model)),
-                    Precision::F32 if count > 1 => batch(model, Isa::best()),
-                    Precision::F32 => alone(model),
-                };
+                let mut batch = task.cloth(count);
                 // Lanes that nobody uses hold a state that can be stepped as well.
                 for lane in 0..batch.lanes() {
                     batch.load(lane, &task.scene.initial);
@@ -224,16 +222,33 @@ impl Task {
             scene: scene.clone(),
             config: config.clone(),
             region,
+            pixels: Vec::new(),
+            seen: Vec::new(),
         };
+        for pixel in 0..task.shape().pixel_count() {
+            let vertex = task.vertex(pixel as u32);
+            if let Some(v) = vertex.filter(|&v| task.region.vertices.contains(v as usize)) {
+                task.pixels.push(pixel);
+                task.seen.push(v);
+            }
+        }
         // As the environments hold it.
-        let held = |x: f64| match config.precision {
-            Precision::F32 => f64::from(x as f32),
-            Precision::F64 => x,
-        };
-        let position = |v: u32| scene.initial.position[v as usize].map(held);
-        task.start.observation = task.observe(&task.start.progress, position);
-        task.initial_distance = task.distance(position);
+        let mut cloth = task.cloth(1);
+        cloth.load(0, &scene.initial);
+        let distances = cloth.distances(&scene.tool, &task.seen);
+        task.start.observation = task.observe(&task.start.progress, |k| distances[k]);
+        task.initial_distance = task.distance(|v| cloth.position(0, v));
         Ok(task)
+    }
+
+    /// The cloth of some of `count` environments.
+    fn cloth(&self, count: usize) -> Box<dyn Batch> {
+        let model = &self.scene.model;
+        match self.config.precision {
+            Precision::F64 => Box::new(Cpu::<f64>::new(model)),
+            Precision::F32 if count > 1 => batch(model, Isa::best()),
+            Precision::F32 => alone(model),
+        }
     }
 
     fn shape(&self) -> Shape {
@@ -277,12 +292,6 @@ impl Task {
         Some((down * columns + right) as u32)
     }
 
-    /// The vertex of the focus region at a pixel of the image.
-    fn region_vertex(&self, pixel: usize) -> Option<usize> {
-        let vertex = self.vertex(pixel as u32)? as usize;
-        self.region.vertices.contains(vertex).then_some(vertex)
-    }
-
     fn vertices(&self) -> impl Iterator<Item = u32> + '_ {
         self.region.vertices.ones().map(|v| v as u32)
     }
@@ -294,7 +303,8 @@ impl Task {
     }
 
     /// The agent's view: zero outside the focus region and where the blank has been cut away.
-    fn observe(&self, progress: &Progress, position: impl Fn(u32) -> [f64; 3]) -> Observation {
+    /// `distance` is that to the tool [m] of `self.seen[k]`.
+    fn observe(&self, progress: &Progress, distance: impl Fn(usize) -> f64) -> Observation {
         let count = self.shape().pixel_count();
         let mut observation = Observation {
             draped: FixedBitSet::with_capacity(count),
@@ -309,25 +319,21 @@ impl Task {
                 near.insert(v as usize);
             }
         }
-        for pixel in 0..count {
-            let Some(vertex) = self.region_vertex(pixel) else {
-                continue;
-            };
+        for (k, &pixel) in self.pixels.iter().enumerate() {
+            let vertex = self.seen[k] as usize;
             let touched = progress.touched.contains(vertex);
             let draped = progress.draped.contains(vertex);
             observation.touched.set(pixel, touched);
             observation.draped.set(pixel, draped);
-            let distance = self.scene.tool.distance(position(vertex as u32)).0;
-            observation.distance[pixel] = distance.max(0.0) as f32;
+            observation.distance[pixel] = distance(k).max(0.0) as f32;
             observation
                 .mask
                 .set(pixel, near.contains(vertex) && !touched);
         }
         if observation.mask.is_clear() {
             // The stroke is at its end: any untouched vertex of the region may begin a new one.
-            for pixel in 0..count {
-                let vertex = self.region_vertex(pixel);
-                let free = vertex.is_some_and(|v| !progress.touched.contains(v));
+            for (&pixel, &v) in self.pixels.iter().zip(&self.seen) {
+                let free = !progress.touched.contains(v as usize);
                 observation.mask.set(pixel, free);
             }
         }
@@ -404,19 +410,24 @@ impl Group {
         if let Some(settle) = &task.settle {
             self.batch.step(model, tool, settle, &[]);
         }
+        let sound = self.batch.sound();
+        let distances = self.batch.distances(tool, &task.seen);
         (0..actions.len())
-            .map(|lane| self.conclude(task, lane))
+            .map(|lane| {
+                let slot = &mut self.slots[lane];
+                if sound[lane] {
+                    let distance = |k| distances[k * sound.len() + lane];
+                    slot.observation = task.observe(&slot.progress, distance);
+                }
+                self.conclude(task, lane, sound[lane])
+            })
             .collect()
     }
 
-    /// Observes one environment, and ends and resets its episode when it is over.
-    fn conclude(&mut self, task: &Task, lane: usize) -> Outcome {
-        let sound = self.batch.is_sound(lane);
+    /// Ends and resets the episode of one environment when it is over.
+    fn conclude(&mut self, task: &Task, lane: usize, sound: bool) -> Outcome {
         let slot = &mut self.slots[lane];
         let position = |v| self.batch.position(lane, v);
-        if sound {
-            slot.observation = task.observe(&slot.progress, position);
-        }
         let progress = &slot.progress;
         let over = task
             .vertices()
@@ -532,12 +543,18 @@ impl Tasks for Draping {
             let (group, lane) = self.place(index);
             let Group { batch, slots } = &mut self.groups[group];
             batch.load(lane, &cloth);
-            let position = |v| batch.position(lane, v);
             slots[lane] = Slot {
-                observation: self.task.observe(&progress, position),
                 progress,
-                finished: None,
+                ..self.task.start.clone()
             };
+        }
+        let tool = &self.task.scene.tool;
+        for Group { batch, slots } in &mut self.groups {
+            let distances = batch.distances(tool, &self.task.seen);
+            for (lane, slot) in slots.iter_mut().enumerate() {
+                let distance = |k: usize| distances[k * batch.lanes() + lane];
+                slot.observation = self.task.observe(&slot.progress, distance);
+            }
         }
         Ok(())
     }

@@ -292,8 +292,11 @@ mod tests {
 
     #[test]
     fn other_formats_and_kinds_are_told_apart_from_damage() {
-        let found = FORMAT + 1;
-        assert_eq!(fault(&forged(found, 0, &[])), Fault::Format { found });
+        for (found, advice) in [(FORMAT + 1, "update drape"), (FORMAT - 1, "train again")] {
+            let fault = fault(&forged(found, 0, &[]));
+            assert_eq!(fault, Fault::Format { found });
+            assert!(fault.to_string().ends_with(advice), "{fault}");
+        }
         let found = "drape\nmodel".to_string();
         assert_eq!(
             fault(&forged(FORMAT, 1, &[("kind", found.as_bytes())])),

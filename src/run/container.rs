@@ -3,7 +3,8 @@ use std::io::{self, Write};
 /// Binary at a glance, and broken by transfers that rewrite line ends.
 const MAGIC: [u8; 8] = *b"\x89drape\r\n";
 /// Newest format of the container.
-pub(super) const FORMAT: u32 = 1;
+/// 2: states of the simulation hold the forces of their yarns.
+pub(super) const FORMAT: u32 = 2;
 
 /// Longest section name [bytes]. Ours are one word; a bound makes a damaged length readable
 /// in the message.
@@ -15,7 +16,7 @@ const NAME_LIMIT: usize = 64;
 pub enum Fault {
     #[error("not a drape file: it does not begin with the signature of one")]
     Magic,
-    #[error("format version is {found}, the newest this drape reads is {FORMAT}: update drape")]
+    #[error("format version is {found}, expected {FORMAT}: {advice}", advice = if *found > FORMAT { "update drape" } else { "an older drape wrote it, train again" })]
     Format { found: u32 },
     #[error("kind is {found:?}, expected {expected:?}")]
     Kind {

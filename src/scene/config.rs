@@ -128,7 +128,7 @@ pub enum SceneError {
     #[error(transparent)]
     Tool(#[from] ToolError),
     #[error(
-        "the fall diverged after {time_s:.3} s: reduce `physics.speed_cap` or raise `fall.substep_rate`"
+        "the fall diverged after {time_s:.3} s: raise `fall.substep_rate`, or reduce `physics.speed_cap`, `physics.gravity` or `physics.bending_stiffness` if one of them is larger than a fabric's"
     )]
     Diverged { time_s: f64 },
 }

@@ -66,7 +66,7 @@ impl Scene {
                 &quiet
             };
             batch.step(model, &tool, &control, &[]);
-            if !batch.is_sound(0) {
+            if !batch.sound()[0] {
                 return Err(SceneError::Diverged {
                     time_s: (frame + 1) as f64 * FRAME,
                 });

@@ -5,7 +5,7 @@ use super::model::Model;
 use super::self_contact::SelfContact;
 use super::state::{Batch, Control, Press, Snapshot};
 use super::substep::Substeps;
-use crate::math::{Lanes, Real, Vec3x};
+use crate::math::{Kernel, Lanes, Real, Vec3x};
 use crate::tool::Tool;
 
 /// The CPU backend: state in lanes, [vertex][xyz][lane].
@@ -145,8 +145,60 @@ impl<V: Lanes> Batch for Cpu<V> {
         }
     }
 
-    fn is_sound(&self, lane: usize) -> bool {
-        let inside = |x: &Vec3x<V>| x.get(lane).iter().all(|x| x.abs() <= 100.0);
-        self.position.iter().all(inside)
+    fn sound(&self) -> Vec<bool> {
+        let mut lost = V::zero();
+        V::vectorize(Lost {
+            position: &self.position,
+            lost: &mut lost,
+        });
+        let is_zero = |lost: &V::Scalar| lost.to_f64() == 0.0;
+        lost.as_slice().iter().map(is_zero).collect()
+    }
+
+    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
+        let mut distances = vec![V::zero(); vertices.len()];
+        V::vectorize(Distances {
+            tool,
+            position: &self.position,
+            vertices,
+            distances: &mut distances,
+        });
+        let lanes = distances.iter().flat_map(|phi| phi.as_slice());
+        lanes.map(|phi| phi.to_f64()).collect()
+    }
+}
+
+/// Marks the lanes in which a position is no number or out of reach by 1.
+struct Lost<'a, V> {
+    position: &'a [Vec3x<V>],
+    lost: &'a mut V,
+}
+
+impl<V: Lanes> Kernel for Lost<'_, V> {
+    #[inline(always)]
+    fn run(self) {
+        let mut lost = V::zero();
+        for &x in self.position.iter().flat_map(|x| &x.0) {
+            let inside = x.max(-x).lt(V::of(100.0));
+            lost = V::select(inside, lost, V::of(1.0));
+        }
+        *self.lost = lost;
+    }
+}
+
+/// Looks up the distance of vertices to the tool.
+struct Distances<'a, V> {
+    tool: &'a Tool,
+    position: &'a [Vec3x<V>],
+    vertices: &'a [u32],
+    distances: &'a mut [V],
+}
+
+impl<V: Lanes> Kernel for Distances<'_, V> {
+    #[inline(always)]
+    fn run(self) {
+        for (&v, distance) in self.vertices.iter().zip(self.distances) {
+            *distance = self.tool.distance_in_lanes(self.position[v as usize].0).0;
+        }
     }
 }

@@ -79,6 +79,10 @@ pub trait Batch: Send {
     /// Moves all lanes by one control step, with at most one press a lane.
     fn step(&mut self, model: &Model, tool: &Tool, control: &Control, presses: &[Press]);
 
-    /// Whether every position of a lane is a number within 100 m of the origin.
-    fn is_sound(&self, lane: usize) -> bool;
+    /// Whether every position of a lane is a number within 100 m of the origin, lane by lane.
+    fn sound(&self) -> Vec<bool>;
+
+    /// Distance of some vertices to the tool [m], negative inside, [vertex][lane]. A lane's are
+    /// the same bits in any company.
+    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64>;
 }

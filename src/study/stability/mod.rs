@@ -11,7 +11,7 @@
 //! | --- | --- |
 //! | panicked | the simulator panicked: a bug |
 //! | refused | a check of the configuration refused the cell with an error |
-//! | diverged | [`Batch::is_sound`](crate::sim::Batch::is_sound) said no after a frame |
+//! | diverged | [`Batch::sound`](crate::sim::Batch::sound) said no after a frame |
 //! | non-finite | it said yes, but a position or velocity is no number: a bug |
 //! | converged | the error at the end is at most [`THRESHOLD`] |
 //! | wrong | it is larger |

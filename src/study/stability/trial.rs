@@ -97,7 +97,7 @@ impl Trial {
             batch.step(&self.model, &self.tool, &control, &[]);
             figures.simulated_s = frame as f64 * self.clock.frame;
             figures.substeps += control.substeps;
-            if !batch.is_sound(0) {
+            if !batch.sound()[0] {
                 return (Outcome::Diverged, figures);
             }
             state = batch.snapshot(0);
