@@ -10,7 +10,7 @@ use super::task::{End, Episode, Observation, Outcome, Shape, Tasks};
 use crate::fabric::Lamina;
 use crate::math::{Isa, Vec3};
 use crate::scene::Scene;
-use crate::sim::{Batch, Control, Cpu, Press, Snapshot, alone, batch};
+use crate::sim::{Batch, Control, Press, Snapshot, alone, alone_f64, batch};
 
 /// N draping tasks on one scene, stepped together in groups of SIMD lanes over rayon.
 pub struct Draping {
@@ -84,9 +84,9 @@ impl Draping {
         let groups = (0..count.div_ceil(lanes))
             .map(|group| {
                 let mut batch: Box<dyn Batch> = match config.precision {
-                    Precision::F64 => Box::new(Cpu::<f64>::new(model)),
+                    Precision::F64 => alone_f64(model, Isa::best()),
                     Precision::F32 if count > 1 => batch(model, Isa::best()),
-                    Precision::F32 => alone(model),
+                    Precision::F32 => alone(model, Isa::best()),
                 };
                 // Lanes that nobody uses hold a state that can be stepped as well.
                 for lane in 0..batch.lanes() {

@@ -60,6 +60,32 @@ pub trait Lanes:
     /// Runs a kernel compiled for this type's instruction set.
     fn vectorize<K: Kernel>(kernel: K);
 
+    /// Makes lane i of number j lane j of number i, of as many numbers as there are lanes.
+    #[inline(always)]
+    fn transpose(block: &mut [Self]) {
+        for i in 0..Self::COUNT {
+            for j in 0..i {
+                let (a, b) = (block[i].as_slice()[j], block[j].as_slice()[i]);
+                block[i].as_mut_slice()[j] = b;
+                block[j].as_mut_slice()[i] = a;
+            }
+        }
+    }
+
+    /// The lanes of all numbers, one after the other.
+    #[inline(always)]
+    fn flat(all: &[Self]) -> &[Self::Scalar] {
+        // SAFETY: as in `as_slice`.
+        unsafe { std::slice::from_raw_parts(all.as_ptr().cast(), all.len() * Self::COUNT) }
+    }
+
+    /// The same, to be changed.
+    #[inline(always)]
+    fn flat_mut(all: &mut [Self]) -> &mut [Self::Scalar] {
+        // SAFETY: as in `as_slice`.
+        unsafe { std::slice::from_raw_parts_mut(all.as_mut_ptr().cast(), all.len() * Self::COUNT) }
+    }
+
     /// The lanes as a slice.
     #[inline(always)]
     fn as_slice(&self) -> &[Self::Scalar] {
@@ -211,7 +237,7 @@ impl Lanes for Portable {
 }
 
 #[cfg(target_arch = "x86_64")]
-pub use x86::{F32x8, F32x16};
+pub use x86::{F32x8, F32x16, F64x4, F64x8};
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
@@ -222,11 +248,11 @@ mod x86 {
     // feature test in `Isa::best`, and the operations are inlined into the function that
     // `vectorize` compiles with the feature enabled.
     macro_rules! vector {
-        ($name:ident, $inner:ty, $count:literal, $isa:literal, $feature:literal, $mask:ty,
+        ($name:ident, $scalar:ty, $inner:ty, $count:literal, $isa:literal, $feature:literal, $mask:ty,
          $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident,
          $min:ident, $max:ident,
          |$a:ident, $b:ident| $lt:expr, |$m:ident, $y:ident, $n:ident| $select:expr, |$k:ident| $any:expr) => {
-            #[doc = concat!(stringify!($count), " f32 lanes on ", $isa, ".")]
+            #[doc = concat!(stringify!($count), " ", stringify!($scalar), " lanes on ", $isa, ".")]
             #[derive(Clone, Copy)]
             #[repr(transparent)]
             pub struct $name($inner);
@@ -267,12 +293,12 @@ mod x86 {
                 }
             }
             impl Lanes for $name {
-                type Scalar = f32;
+                type Scalar = $scalar;
                 type Mask = $mask;
                 const COUNT: usize = $count;
                 const ISA: &'static str = $isa;
                 #[inline(always)]
-                fn splat(x: f32) -> Self {
+                fn splat(x: $scalar) -> Self {
                     Self(unsafe { $splat(x) })
                 }
                 #[inline(always)]
@@ -319,6 +345,7 @@ mod x86 {
 
     vector!(
         F32x8,
+        f32,
         __m256,
         8,
         "avx2",
@@ -338,6 +365,7 @@ mod x86 {
     );
     vector!(
         F32x16,
+        f32,
         __m512,
         16,
         "avx512",
@@ -353,6 +381,46 @@ mod x86 {
         _mm512_max_ps,
         |a, b| _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b),
         |m, y, n| _mm512_mask_blend_ps(m, n, y),
+        |m| m != 0
+    );
+    vector!(
+        F64x4,
+        f64,
+        __m256d,
+        4,
+        "avx2",
+        "avx2",
+        __m256d,
+        _mm256_set1_pd,
+        _mm256_add_pd,
+        _mm256_sub_pd,
+        _mm256_mul_pd,
+        _mm256_div_pd,
+        _mm256_sqrt_pd,
+        _mm256_min_pd,
+        _mm256_max_pd,
+        |a, b| _mm256_cmp_pd::<_CMP_LT_OQ>(a, b),
+        |m, y, n| _mm256_blendv_pd(n, y, m),
+        |m| _mm256_movemask_pd(m) != 0
+    );
+    vector!(
+        F64x8,
+        f64,
+        __m512d,
+        8,
+        "avx512",
+        "avx512f",
+        __mmask8,
+        _mm512_set1_pd,
+        _mm512_add_pd,
+        _mm512_sub_pd,
+        _mm512_mul_pd,
+        _mm512_div_pd,
+        _mm512_sqrt_pd,
+        _mm512_min_pd,
+        _mm512_max_pd,
+        |a, b| _mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b),
+        |m, y, n| _mm512_mask_blend_pd(m, n, y),
         |m| m != 0
     );
 }
@@ -444,6 +512,20 @@ impl<V: Lanes> Vec3x<V> {
     #[inline(always)]
     pub fn select(mask: V::Mask, yes: Self, no: Self) -> Self {
         Self(std::array::from_fn(|k| V::select(mask, yes.0[k], no.0[k])))
+    }
+
+    /// The components of all vectors, one after the other.
+    #[inline(always)]
+    pub fn components(all: &[Self]) -> &[V] {
+        // SAFETY: a vector is exactly three numbers.
+        unsafe { std::slice::from_raw_parts(all.as_ptr().cast(), 3 * all.len()) }
+    }
+
+    /// The same, to be changed.
+    #[inline(always)]
+    pub fn components_mut(all: &mut [Self]) -> &mut [V] {
+        // SAFETY: as above.
+        unsafe { std::slice::from_raw_parts_mut(all.as_mut_ptr().cast(), 3 * all.len()) }
     }
 
     /// The vector in one lane [f64].

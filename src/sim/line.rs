@@ -162,6 +162,68 @@ fn diagonals(lamina: &Lamina, law: EdgeLaw) -> Vec<Line> {
     lines
 }
 
+/// A line as the solves see it, for all lanes: the same line in every lane, or another in each.
+pub(super) trait Chain<V: Lanes> {
+    /// Where the vertices of the line are; at least one.
+    fn vertices(&self) -> &[u32];
+    /// Where the forces of its edges are.
+    fn edges(&self) -> Range<usize>;
+    /// Rest length of an edge [m], and its inverse.
+    fn rest(&self) -> [V; 2];
+    /// Compliance of an edge in tension and in compression [m/N].
+    fn compliance(&self) -> [V; 2];
+    /// Greatest compression, as a force <= 0 [N], that lasts into the next substep.
+    fn least_kept(&self) -> V;
+    /// Force at which the strain limit begins, compliance and offset beyond it.
+    fn limit(&self) -> Option<[V; 3]>;
+    /// Bending stiffness [N/m]; none where no lane has any.
+    fn bending(&self) -> Option<V>;
+    /// `x` in the lanes whose line has edge `j`, else 0.
+    fn of_edge(&self, j: usize, x: V) -> V;
+    /// 1 in the lanes whose line has edge `j`, which is one of the line's longest, else 0.
+    fn has_edge(&self, j: usize) -> V;
+}
+
+impl<V: Lanes> Chain<V> for Line {
+    #[inline(always)]
+    fn vertices(&self) -> &[u32] {
+        &self.vertices
+    }
+    #[inline(always)]
+    fn edges(&self) -> Range<usize> {
+        self.edges.clone()
+    }
+    #[inline(always)]
+    fn rest(&self) -> [V; 2] {
+        [V::of(self.rest_length), V::of(1.0 / self.rest_length)]
+    }
+    #[inline(always)]
+    fn compliance(&self) -> [V; 2] {
+        [V::of(self.law.tension), V::of(self.law.compression)]
+    }
+    #[inline(always)]
+    fn least_kept(&self) -> V {
+        V::of(-4.0 * KEPT_COMPRESSION * self.bending * self.rest_length)
+    }
+    #[inline(always)]
+    fn limit(&self) -> Option<[V; 3]> {
+        let of = |limit: Limit| [limit.force, limit.compliance, limit.offset].map(V::of);
+        self.limit.map(of)
+    }
+    #[inline(always)]
+    fn bending(&self) -> Option<V> {
+        (self.bending != 0.0).then(|| V::of(self.bending))
+    }
+    #[inline(always)]
+    fn of_edge(&self, _: usize, x: V) -> V {
+        x
+    }
+    #[inline(always)]
+    fn has_edge(&self, _: usize) -> V {
+        V::of(1.0)
+    }
+}
+
 /// Scratch space of a line, one entry a vertex.
 pub(super) struct Scratch<V> {
     direction: Vec<Vec3x<V>>,
@@ -202,15 +264,15 @@ pub(super) struct Grip<'a, V> {
 /// likewise by its force.
 #[inline(always)]
 pub(super) fn stretch<V: Lanes>(
-    line: &Line,
+    line: &impl Chain<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
     force: &mut [V],
     scratch: &mut Scratch<V>,
 ) {
-    let edges = line.vertices.len() - 1;
-    let (n, upper, change) = scratch.parts(line.vertices.len());
-    match line.limit {
+    let edges = line.vertices().len() - 1;
+    let (n, upper, change) = scratch.parts(line.vertices().len());
+    match line.limit() {
         None => eliminate(line, x, mobility, Some((force, None)), (n, upper, change)),
         limit => eliminate(line, x, mobility, Some((force, limit)), (n, upper, change)),
     }
@@ -222,11 +284,11 @@ pub(super) fn stretch<V: Lanes>(
         let d = change[j] - upper[j] * change_after;
         force[j] = kept(line, force[j]) + d;
         let moved = n[j].scale(d);
-        let v = line.vertices[j + 1] as usize;
+        let v = line.vertices()[j + 1] as usize;
         x[v] = x[v] + (after - moved).scale(mobility[v]);
         (after, change_after) = (moved, d);
     }
-    let v = line.vertices[0] as usize;
+    let v = line.vertices()[0] as usize;
     x[v] = x[v] + after.scale(mobility[v]);
 }
 
@@ -239,18 +301,21 @@ const KEPT_COMPRESSION: f64 = 25.0;
 
 /// The part of a yarn's force that lasts into the next substep.
 #[inline(always)]
-fn kept<V: Lanes>(line: &Line, force: V) -> V {
-    force.max(V::of(
-        -4.0 * KEPT_COMPRESSION * line.bending * line.rest_length,
-    ))
+fn kept<V: Lanes>(line: &impl Chain<V>, force: V) -> V {
+    force.max(line.least_kept())
 }
 
 /// Adds the pull of a yarn's kept forces where it lies, and the stress of all.
 #[inline(always)]
-pub(super) fn recall<V: Lanes>(line: &Line, x: &[Vec3x<V>], force: &[V], grip: &mut Grip<V>) {
-    let inverse_rest = V::of(1.0 / line.rest_length);
+pub(super) fn recall<V: Lanes>(
+    line: &impl Chain<V>,
+    x: &[Vec3x<V>],
+    force: &[V],
+    grip: &mut Grip<V>,
+) {
+    let [_, inverse_rest] = line.rest();
     for (j, &force) in force.iter().enumerate() {
-        let [a, b] = [line.vertices[j] as usize, line.vertices[j + 1] as usize];
+        let [a, b] = [0, 1].map(|k| line.vertices()[j + k] as usize);
         let pull = direction(x[b] - x[a]).0.scale(kept(line, force));
         let stress = force.max(-force) * inverse_rest;
         grip.pull[a] = grip.pull[a] + pull;
@@ -264,24 +329,24 @@ pub(super) fn recall<V: Lanes>(line: &Line, x: &[Vec3x<V>], force: &[V], grip: &
 /// of its C. As for a yarn, but soft enough that its forces need not be kept.
 #[inline(always)]
 pub(super) fn shear<V: Lanes>(
-    line: &Line,
+    line: &impl Chain<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
     scratch: &mut Scratch<V>,
 ) {
-    let edges = line.vertices.len() - 1;
-    let (n, upper, change) = scratch.parts(line.vertices.len());
+    let edges = line.vertices().len() - 1;
+    let (n, upper, change) = scratch.parts(line.vertices().len());
     eliminate(line, x, mobility, None, (n, upper, change));
     let mut after = Vec3x::zero();
     let mut change_after = V::zero();
     for j in (0..edges).rev() {
         let d = change[j] - upper[j] * change_after;
         let moved = n[j].scale(d);
-        let v = line.vertices[j + 1] as usize;
+        let v = line.vertices()[j + 1] as usize;
         x[v] = x[v] + (after - moved).scale(mobility[v]);
         (after, change_after) = (moved, d);
     }
-    let v = line.vertices[0] as usize;
+    let v = line.vertices()[0] as usize;
     x[v] = x[v] + after.scale(mobility[v]);
 }
 
@@ -301,28 +366,33 @@ impl<V: Lanes> Scratch<V> {
 /// it costs nothing there.
 #[inline(always)]
 fn eliminate<V: Lanes>(
-    line: &Line,
+    line: &impl Chain<V>,
     x: &[Vec3x<V>],
     mobility: &[V],
-    force: Option<(&[V], Option<Limit>)>,
+    force: Option<(&[V], Option<[V; 3]>)>,
     (n, upper, right): (&mut [Vec3x<V>], &mut [V], &mut [V]),
 ) {
-    let rest = V::of(line.rest_length);
-    let tension = V::of(line.law.tension);
-    let compression = V::of(line.law.compression);
+    let [rest, _] = line.rest();
+    let [tension, compression] = line.compliance();
     // Two pinned ends and no compliance leave a zero diagonal; any finite value does then.
     let smallest = V::of(1e-28);
 
-    let v0 = line.vertices[0] as usize;
+    let v0 = line.vertices()[0] as usize;
     let (mut x0, mut w0) = (x[v0], mobility[v0]);
     let mut previous = Vec3x::zero();
     let mut previous_inverse = V::zero();
     let mut previous_right = V::zero();
-    for j in 0..line.vertices.len() - 1 {
-        let v1 = line.vertices[j + 1] as usize;
+    for j in 0..line.vertices().len() - 1 {
+        let v1 = line.vertices()[j + 1] as usize;
         let (x1, w1) = (x[v1], mobility[v1]);
         let (nj, length) = direction(x1 - x0);
-        let c = length - rest;
+        let Vec3x([nx, ny, nz]) = nj;
+        let nj = Vec3x([
+            line.of_edge(j, nx),
+            line.of_edge(j, ny),
+            line.of_edge(j, nz),
+        ]);
+        let c = line.of_edge(j, length - rest);
         let (compliance, residual) = match force {
             Some((force, limit)) => {
                 let compressed = force[j].lt(V::zero());
@@ -330,10 +400,10 @@ fn eliminate<V: Lanes>(
                 let force = kept(line, force[j]);
                 match limit {
                     None => (compliance, c - compliance * force),
-                    Some(limit) => {
-                        let beyond = V::of(limit.force).lt(force);
-                        let compliance = V::select(beyond, V::of(limit.compliance), compliance);
-                        let offset = V::select(beyond, V::of(limit.offset), V::zero());
+                    Some([most, limited, offset]) => {
+                        let beyond = most.lt(force);
+                        let compliance = V::select(beyond, limited, compliance);
+                        let offset = V::select(beyond, offset, V::zero());
                         (compliance, c - offset - compliance * force)
                     }
                 }
@@ -354,7 +424,7 @@ fn eliminate<V: Lanes>(
         (x0, w0, previous, previous_inverse, previous_right) = (x1, w1, nj, inverse, solved);
     }
     // Nothing comes after the last edge, and what a longer line left there may be no number.
-    upper[line.vertices.len().saturating_sub(2)] = V::zero();
+    upper[line.vertices().len().saturating_sub(2)] = V::zero();
 }
 
 /// Solves the bending of a yarn as a whole: (1 + M K) d = -M K x, with M the mobility and
@@ -362,41 +432,54 @@ fn eliminate<V: Lanes>(
 /// and z (Gaussian elimination; M^1/2 (1/M + K) M^1/2 is positive definite, so no pivot is 0).
 #[inline(always)]
 pub(super) fn bend<V: Lanes>(
-    line: &Line,
+    line: &impl Chain<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
     scratch: &mut Scratch<V>,
 ) {
-    let count = line.vertices.len();
-    if line.bending == 0.0 || count < 3 {
+    let count = line.vertices().len();
+    let Some(stiffness) = line.bending().filter(|_| count > 2) else {
         return;
-    }
-    let mut rows = BendRows::new(line, x);
-    let triples =
-        |i: usize| [i, i + 1, i + 2].map(|next| f64::from(u8::from((2..count).contains(&next))));
+    };
+    let mut rows = BendRows::new(line, stiffness, x);
     let inner = 2..count.saturating_sub(2).max(2);
     for i in 0..2 {
-        rows.eliminate(i, triples(i), x, mobility, scratch);
+        rows.eliminate(i, i + 2 < count, triples(line, i), x, mobility, scratch);
     }
     for i in inner.clone() {
-        rows.eliminate(i, [1.0; 3], x, mobility, scratch);
+        let triples = [line.has_edge(i - 1), line.has_edge(i), line.has_edge(i + 1)];
+        rows.eliminate(i, true, triples, x, mobility, scratch);
     }
     for i in inner.end..count {
-        rows.eliminate(i, triples(i), x, mobility, scratch);
+        rows.eliminate(i, i + 2 < count, triples(line, i), x, mobility, scratch);
     }
     let (z, first, second) = scratch.parts(count);
     let (mut d1, mut d2) = (Vec3x::zero(), Vec3x::zero());
     for i in (0..count).rev() {
         let d = z[i] - d1.scale(first[i]) - d2.scale(second[i]);
-        let v = line.vertices[i] as usize;
+        let v = line.vertices()[i] as usize;
         x[v] = x[v] + d;
         (d1, d2) = (d, d1);
     }
 }
 
+/// 1 in the lanes where vertex i is the last of a triple, where the middle, where the first. A
+/// triple is there if its second edge is.
+#[inline(always)]
+fn triples<V: Lanes>(line: &impl Chain<V>, i: usize) -> [V; 3] {
+    let mut found = [V::zero(); 3];
+    for (k, found) in found.iter_mut().enumerate() {
+        if (2..line.vertices().len()).contains(&(i + k)) {
+            *found = line.has_edge(i + k - 1);
+        }
+    }
+    found
+}
+
 /// Elimination of the rows of the pentadiagonal system, one after the other.
-struct BendRows<'a, V> {
-    line: &'a Line,
+struct BendRows<'a, V, C> {
+    line: &'a C,
+    stiffness: V,
     /// Positions of the vertex and of the next.
     x: [Vec3x<V>; 2],
     /// Second differences around the vertex before and the vertex.
@@ -407,12 +490,16 @@ struct BendRows<'a, V> {
     right: [Vec3x<V>; 2],
 }
 
-impl<'a, V: Lanes> BendRows<'a, V> {
+impl<'a, V: Lanes, C: Chain<V>> BendRows<'a, V, C> {
     #[inline(always)]
-    fn new(line: &'a Line, x: &[Vec3x<V>]) -> Self {
+    fn new(line: &'a C, stiffness: V, x: &[Vec3x<V>]) -> Self {
         Self {
             line,
-            x: [x[line.vertices[0] as usize], x[line.vertices[1] as usize]],
+            stiffness,
+            x: [
+                x[line.vertices()[0] as usize],
+                x[line.vertices()[1] as usize],
+            ],
             difference: [Vec3x::zero(); 2],
             first: [V::zero(); 2],
             second: [V::zero(); 2],
@@ -421,35 +508,42 @@ impl<'a, V: Lanes> BendRows<'a, V> {
     }
 
     /// Row of vertex i, which is on l triples as their last vertex, on m as their middle and
-    /// on r as their first (0 or 1).
+    /// on r as their first (0 or 1); r is 0 in all lanes unless there is an `onward` vertex i + 2.
     #[inline(always)]
     fn eliminate(
         &mut self,
         i: usize,
-        [l, m, r]: [f64; 3],
+        onward: bool,
+        [l, m, r]: [V; 3],
         x: &[Vec3x<V>],
         mobility: &[V],
         scratch: &mut Scratch<V>,
     ) {
         let [before, around] = self.difference;
-        let after = if r > 0.0 {
+        let after = if onward {
             let [x0, x1] = self.x;
-            let x2 = x[self.line.vertices[i + 2] as usize];
+            let x2 = x[self.line.vertices()[i + 2] as usize];
             self.x = [x1, x2];
-            x0 + x2 - x1.scale(V::of(2.0))
+            let after = x0 + x2 - x1.scale(V::of(2.0));
+            let Vec3x([dx, dy, dz]) = after;
+            Vec3x([
+                self.line.of_edge(i + 1, dx),
+                self.line.of_edge(i + 1, dy),
+                self.line.of_edge(i + 1, dz),
+            ])
         } else {
             Vec3x::zero()
         };
         self.difference = [around, after];
-        let wk = mobility[self.line.vertices[i] as usize] * V::of(self.line.bending);
+        let wk = mobility[self.line.vertices()[i] as usize] * self.stiffness;
         let kx = before + after - around.scale(V::of(2.0));
-        let lower2 = wk * V::of(l);
-        let lower1 = wk * V::of(-2.0 * (l + m)) - lower2 * self.first[0];
-        let diagonal = V::of(1.0) + wk * V::of(l + 4.0 * m + r);
+        let lower2 = wk * l;
+        let lower1 = wk * (V::of(-2.0) * (l + m)) - lower2 * self.first[0];
+        let diagonal = V::of(1.0) + wk * (l + V::of(4.0) * m + r);
         let pivot = diagonal - lower2 * self.second[0] - lower1 * self.first[1];
         let inverse = V::of(1.0) / pivot;
-        let first = (wk * V::of(-2.0 * (m + r)) - lower1 * self.second[1]) * inverse;
-        let second = wk * V::of(r) * inverse;
+        let first = (wk * (V::of(-2.0) * (m + r)) - lower1 * self.second[1]) * inverse;
+        let second = wk * r * inverse;
         let right = kx.scale(wk) + self.right[0].scale(lower2) + self.right[1].scale(lower1);
         let right = right.scale(-inverse);
         scratch.upper[i] = first;

@@ -9,7 +9,7 @@ use crate::fabric::Lamina;
 use crate::math::{F32x8, F32x16};
 use crate::math::{Isa, Lanes, Portable};
 use crate::scene::Scene;
-use crate::sim::{Batch, Control, Cpu, Model, PhysicsConfig, Solver, alone, batch};
+use crate::sim::{Batch, Control, Model, PhysicsConfig, Solver, alone, alone_f64, batch};
 
 /// The control step of an episode: a frame.
 pub const CONTROL: Control = Control {
@@ -41,8 +41,8 @@ impl Backend {
     /// A batch for `model`.
     pub fn batch(self, model: &Model) -> Box<dyn Batch> {
         match self {
-            Self::AloneF64 => Box::new(Cpu::<f64>::new(model)),
-            Self::AloneF32 => alone(model),
+            Self::AloneF64 => alone_f64(model, Isa::best()),
+            Self::AloneF32 => alone(model, Isa::best()),
             Self::Group(isa) => batch(model, isa),
         }
     }
@@ -152,8 +152,7 @@ impl Case {
     }
 
     /// The state of the first environment.
-    #[cfg(test)]
-    pub(super) fn state(&self) -> crate::sim::Snapshot {
+    pub fn state(&self) -> crate::sim::Snapshot {
         self.batch.snapshot(0)
     }
 
