@@ -73,7 +73,7 @@ pub struct Finished {
 
 impl Draping {
     /// `count` environments on `scene`, each at its start. One environment alone is computed
-    /// without SIMD; the results are the same bits.
+    /// with its lines in the lanes; the results are the same bits.
     pub fn new(scene: Arc<Scene>, config: &EnvConfig, count: usize) -> Result<Self, EnvError> {
         let task = Task::new(scene, config)?;
         let model = &task.scene.model;

@@ -5,7 +5,7 @@ use super::model::{BendHinge, BendTriple, EdgeClass, LIMITED};
 use crate::math::{Lanes, Vec3x};
 
 /// Below this squared length [m^2] an edge has no direction, and nothing pulls along it.
-const SHORTEST_SQUARE: f64 = 1e-20;
+pub(super) const SHORTEST_SQUARE: f64 = 1e-20;
 
 /// Direction and length of an edge; a collapsed edge has direction zero.
 #[inline(always)]

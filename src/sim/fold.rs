@@ -159,12 +159,14 @@ impl Places {
                 }
                 Part::Single(range) => {
                     let (state, bundle) = (V::flat(state), V::flat_mut(bundle));
-                    for i in range.clone() {
-                        for lane in 0..V::COUNT {
-                            let slot = self.slots[i * V::COUNT + lane] as usize;
-                            let from = slot / V::COUNT * K * V::COUNT + slot % V::COUNT;
+                    let slots = self.slots[range.start * V::COUNT..].chunks_exact(V::COUNT);
+                    let vertices = bundle[K * V::COUNT * range.start..K * V::COUNT * range.end]
+                        .chunks_exact_mut(K * V::COUNT);
+                    for (slots, vertex) in slots.zip(vertices) {
+                        for (lane, &slot) in slots.iter().enumerate() {
+                            let state = &state[component::<V, K>(slot)..][..(K - 1) * V::COUNT + 1];
                             for k in 0..K {
-                                bundle[(K * i + k) * V::COUNT + lane] = state[from + k * V::COUNT];
+                                vertex[k * V::COUNT + lane] = state[k * V::COUNT];
                             }
                         }
                     }
@@ -192,12 +194,15 @@ impl Places {
                 }
                 Part::Single(range) => {
                     let (bundle, state) = (V::flat(bundle), V::flat_mut(state));
-                    for i in range.clone() {
-                        for lane in 0..V::COUNT {
-                            let slot = self.slots[i * V::COUNT + lane] as usize;
-                            let to = slot / V::COUNT * K * V::COUNT + slot % V::COUNT;
+                    let slots = self.slots[range.start * V::COUNT..].chunks_exact(V::COUNT);
+                    let vertices = bundle[K * V::COUNT * range.start..K * V::COUNT * range.end]
+                        .chunks_exact(K * V::COUNT);
+                    for (slots, vertex) in slots.zip(vertices) {
+                        for (lane, &slot) in slots.iter().enumerate() {
+                            let state =
+                                &mut state[component::<V, K>(slot)..][..(K - 1) * V::COUNT + 1];
                             for k in 0..K {
-                                state[to + k * V::COUNT] = bundle[(K * i + k) * V::COUNT + lane];
+                                state[k * V::COUNT] = vertex[k * V::COUNT + lane];
                             }
                         }
                     }
@@ -205,6 +210,13 @@ impl Places {
             }
         }
     }
+}
+
+/// Where the first of the `K` components of a slot is.
+#[inline(always)]
+fn component<V: Lanes, const K: usize>(slot: u32) -> usize {
+    let slot = slot as usize;
+    slot / V::COUNT * K * V::COUNT + slot % V::COUNT
 }
 
 /// Lanes of the widest instruction set.

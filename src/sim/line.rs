@@ -10,7 +10,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::constraints::direction;
+use super::constraints::SHORTEST_SQUARE;
 use super::model::{EdgeLaw, LIMITED, bending_stiffness, yarn_law};
 use super::physics::{Bending, PhysicsConfig};
 use crate::fabric::{Family, Lamina};
@@ -64,6 +64,52 @@ pub(super) struct Lines {
     pub edge_count: usize,
     /// Vertices of the longest line.
     pub longest: usize,
+    /// Edges of wefts, by the first warp that each has a vertex on.
+    pub crossings: Vec<Crossings>,
+}
+
+/// Edges of wefts from a warp to later ones.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Crossings {
+    pub edges: Vec<Crossing>,
+    /// The last warp that they lead to.
+    pub last_warp: usize,
+}
+
+/// An edge of a weft.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Crossing {
+    pub ends: [u32; 2],
+    /// Among those of all yarns.
+    pub edge: u32,
+    /// 1 / rest length [1/m].
+    pub inverse_rest: f64,
+    /// See [`Chain::least_kept`].
+    pub least_kept: f64,
+}
+
+fn crossings(warps: &[Line], wefts: &[Line], vertex_count: usize) -> Vec<Crossings> {
+    let mut warp_of = vec![0; vertex_count];
+    for (index, warp) in warps.iter().enumerate() {
+        for &v in &warp.vertices {
+            warp_of[v as usize] = index;
+        }
+    }
+    let mut all = vec![Crossings::default(); warps.len()];
+    for weft in wefts {
+        for (ends, edge) in weft.vertices.windows(2).zip(weft.edges.clone()) {
+            let on = [warp_of[ends[0] as usize], warp_of[ends[1] as usize]];
+            let from = &mut all[on[0].min(on[1])];
+            from.last_warp = from.last_warp.max(on[0]).max(on[1]);
+            from.edges.push(Crossing {
+                ends: [ends[0], ends[1]],
+                edge: edge as u32,
+                inverse_rest: Chain::<f64>::rest(weft)[1],
+                least_kept: weft.least_kept(),
+            });
+        }
+    }
+    all
 }
 
 impl Lines {
@@ -98,6 +144,7 @@ impl Lines {
         let all = warps.iter().chain(&wefts).chain(&diagonals);
         Self {
             longest: all.map(|line| line.vertices.len()).max().unwrap_or(0),
+            crossings: crossings(&warps, &wefts, lamina.vertex_count()),
             warps,
             wefts,
             diagonals,
@@ -227,6 +274,7 @@ impl<V: Lanes> Chain<V> for Line {
 /// Scratch space of a line, one entry a vertex.
 pub(super) struct Scratch<V> {
     direction: Vec<Vec3x<V>>,
+    length: Vec<V>,
     upper: Vec<V>,
     second: Vec<V>,
 }
@@ -235,6 +283,7 @@ impl<V: Lanes> Scratch<V> {
     pub fn new(longest: usize) -> Self {
         Self {
             direction: vec![Vec3x::zero(); longest],
+            length: vec![V::zero(); longest],
             upper: vec![V::zero(); longest],
             second: vec![V::zero(); longest],
         }
@@ -271,22 +320,23 @@ pub(super) fn stretch<V: Lanes>(
     scratch: &mut Scratch<V>,
 ) {
     let edges = line.vertices().len() - 1;
-    let (n, upper, change) = scratch.parts(line.vertices().len());
+    let rows = scratch.rows(line.vertices().len());
     match line.limit() {
-        None => eliminate(line, x, mobility, Some((force, None)), (n, upper, change)),
-        limit => eliminate(line, x, mobility, Some((force, limit)), (n, upper, change)),
+        None => eliminate(line, x, mobility, Some((force, None)), rows),
+        limit => eliminate(line, x, mobility, Some((force, limit)), rows),
     }
 
     // Back substitution from the far end; a vertex moves once both its edges are known.
+    let rows = scratch.rows(line.vertices().len());
     let mut after = Vec3x::zero();
     let mut change_after = V::zero();
     for j in (0..edges).rev() {
-        let d = change[j] - upper[j] * change_after;
-        force[j] = kept(line, force[j]) + d;
-        let moved = n[j].scale(d);
+        let change = rows.right[j] + rows.upper[j] * change_after;
+        force[j] = kept(line, force[j]) + change * rows.length[j];
+        let moved = rows.edge[j].scale(change);
         let v = line.vertices()[j + 1] as usize;
         x[v] = x[v] + (after - moved).scale(mobility[v]);
-        (after, change_after) = (moved, d);
+        (after, change_after) = (moved, change);
     }
     let v = line.vertices()[0] as usize;
     x[v] = x[v] + after.scale(mobility[v]);
@@ -313,16 +363,31 @@ pub(super) fn recall<V: Lanes>(
     force: &[V],
     grip: &mut Grip<V>,
 ) {
-    let [_, inverse_rest] = line.rest();
+    let ([_, inverse_rest], least_kept) = (line.rest(), line.least_kept());
     for (j, &force) in force.iter().enumerate() {
-        let [a, b] = [0, 1].map(|k| line.vertices()[j + k] as usize);
-        let pull = direction(x[b] - x[a]).0.scale(kept(line, force));
-        let stress = force.max(-force) * inverse_rest;
-        grip.pull[a] = grip.pull[a] + pull;
-        grip.pull[b] = grip.pull[b] - pull;
-        grip.stress[a] = grip.stress[a] + stress;
-        grip.stress[b] = grip.stress[b] + stress;
+        let ends = [line.vertices()[j], line.vertices()[j + 1]];
+        recall_edge([inverse_rest, least_kept], ends, x, force, grip);
     }
+}
+
+/// The same for one edge, with the inverse of its rest length and the least force that is kept.
+#[inline(always)]
+pub(super) fn recall_edge<V: Lanes>(
+    [inverse_rest, least_kept]: [V; 2],
+    ends: [u32; 2],
+    x: &[Vec3x<V>],
+    force: V,
+    grip: &mut Grip<V>,
+) {
+    let [a, b] = ends.map(|v| v as usize);
+    let d = x[b] - x[a];
+    let length = d.dot(d).max(V::of(SHORTEST_SQUARE)).sqrt();
+    let pull = d.scale(force.max(least_kept) / length);
+    let stress = force.max(-force) * inverse_rest;
+    grip.pull[a] = grip.pull[a] + pull;
+    grip.pull[b] = grip.pull[b] - pull;
+    grip.stress[a] = grip.stress[a] + stress;
+    grip.stress[b] = grip.stress[b] + stress;
 }
 
 /// Solves a row of diagonals together, each from force 0 and with the compliance of the sign
@@ -335,46 +400,57 @@ pub(super) fn shear<V: Lanes>(
     scratch: &mut Scratch<V>,
 ) {
     let edges = line.vertices().len() - 1;
-    let (n, upper, change) = scratch.parts(line.vertices().len());
-    eliminate(line, x, mobility, None, (n, upper, change));
+    eliminate(line, x, mobility, None, scratch.rows(line.vertices().len()));
+    let rows = scratch.rows(line.vertices().len());
     let mut after = Vec3x::zero();
     let mut change_after = V::zero();
     for j in (0..edges).rev() {
-        let d = change[j] - upper[j] * change_after;
-        let moved = n[j].scale(d);
+        let change = rows.right[j] + rows.upper[j] * change_after;
+        let moved = rows.edge[j].scale(change);
         let v = line.vertices()[j + 1] as usize;
         x[v] = x[v] + (after - moved).scale(mobility[v]);
-        (after, change_after) = (moved, d);
+        (after, change_after) = (moved, change);
     }
     let v = line.vertices()[0] as usize;
     x[v] = x[v] + after.scale(mobility[v]);
 }
 
+/// Eliminated rows of a system, one a vertex or edge.
+struct Rows<'a, V> {
+    /// From end to end.
+    edge: &'a mut [Vec3x<V>],
+    length: &'a mut [V],
+    upper: &'a mut [V],
+    right: &'a mut [V],
+}
+
 impl<V: Lanes> Scratch<V> {
     #[inline(always)]
-    fn parts(&mut self, vertices: usize) -> (&mut [Vec3x<V>], &mut [V], &mut [V]) {
-        (
-            &mut self.direction[..vertices],
-            &mut self.upper[..vertices],
-            &mut self.second[..vertices],
-        )
+    fn rows(&mut self, vertices: usize) -> Rows<'_, V> {
+        Rows {
+            edge: &mut self.direction[..vertices],
+            length: &mut self.length[..vertices],
+            upper: &mut self.upper[..vertices],
+            right: &mut self.second[..vertices],
+        }
     }
 }
 
-/// Forward elimination of the tridiagonal system of a line's edges into directions, upper
-/// diagonal and right side. The limit is a constant where this is inlined without it, so that
-/// it costs nothing there.
+/// Forward elimination of the tridiagonal system of a line's edges. Rows and unknowns are scaled
+/// by the lengths of their edges, in place of their directions: that saves a division. The limit
+/// is a constant where this is inlined without it, so that it costs nothing there.
 #[inline(always)]
 fn eliminate<V: Lanes>(
     line: &impl Chain<V>,
     x: &[Vec3x<V>],
     mobility: &[V],
     force: Option<(&[V], Option<[V; 3]>)>,
-    (n, upper, right): (&mut [Vec3x<V>], &mut [V], &mut [V]),
+    rows: Rows<V>,
 ) {
     let [rest, _] = line.rest();
     let [tension, compression] = line.compliance();
-    // Two pinned ends and no compliance leave a zero diagonal; any finite value does then.
+    // A collapsed edge, or two pinned ends and no compliance, leave a zero diagonal; any finite
+    // value does then.
     let smallest = V::of(1e-28);
 
     let v0 = line.vertices()[0] as usize;
@@ -385,14 +461,15 @@ fn eliminate<V: Lanes>(
     for j in 0..line.vertices().len() - 1 {
         let v1 = line.vertices()[j + 1] as usize;
         let (x1, w1) = (x[v1], mobility[v1]);
-        let (nj, length) = direction(x1 - x0);
-        let Vec3x([nx, ny, nz]) = nj;
-        let nj = Vec3x([
-            line.of_edge(j, nx),
-            line.of_edge(j, ny),
-            line.of_edge(j, nz),
+        let Vec3x([dx, dy, dz]) = x1 - x0;
+        let d = Vec3x([
+            line.of_edge(j, dx),
+            line.of_edge(j, dy),
+            line.of_edge(j, dz),
         ]);
-        let c = line.of_edge(j, length - rest);
+        let square = d.dot(d);
+        let length = square.sqrt();
+        let c = length - rest;
         let (compliance, residual) = match force {
             Some((force, limit)) => {
                 let compressed = force[j].lt(V::zero());
@@ -411,20 +488,21 @@ fn eliminate<V: Lanes>(
             None => (V::select(c.lt(V::zero()), compression, tension), c),
         };
         // Eliminates the coupling with the edge before, through their common vertex.
-        let coupling = -(w0 * previous.dot(nj));
-        let factor = coupling * previous_inverse;
-        let diagonal = (w0 + w1 + compliance - coupling * factor).max(smallest);
+        let coupling = w0 * previous.dot(d);
+        let upper = coupling * previous_inverse;
+        let diagonal = ((w0 + w1 + compliance) * square - coupling * upper).max(smallest);
         let inverse = V::of(1.0) / diagonal;
-        let solved = (residual - coupling * previous_right) * inverse;
+        let right = (residual * length + coupling * previous_right) * inverse;
         if j > 0 {
-            upper[j - 1] = factor;
+            rows.upper[j - 1] = upper;
         }
-        n[j] = nj;
-        right[j] = solved;
-        (x0, w0, previous, previous_inverse, previous_right) = (x1, w1, nj, inverse, solved);
+        rows.edge[j] = d;
+        rows.length[j] = length;
+        rows.right[j] = right;
+        (x0, w0, previous, previous_inverse, previous_right) = (x1, w1, d, inverse, right);
     }
     // Nothing comes after the last edge, and what a longer line left there may be no number.
-    upper[line.vertices().len().saturating_sub(2)] = V::zero();
+    rows.upper[line.vertices().len().saturating_sub(2)] = V::zero();
 }
 
 /// Solves the bending of a yarn as a whole: (1 + M K) d = -M K x, with M the mobility and
@@ -453,7 +531,12 @@ pub(super) fn bend<V: Lanes>(
     for i in inner.end..count {
         rows.eliminate(i, i + 2 < count, triples(line, i), x, mobility, scratch);
     }
-    let (z, first, second) = scratch.parts(count);
+    let Rows {
+        edge: z,
+        upper: first,
+        right: second,
+        ..
+    } = scratch.rows(count);
     let (mut d1, mut d2) = (Vec3x::zero(), Vec3x::zero());
     for i in (0..count).rev() {
         let d = z[i] - d1.scale(first[i]) - d2.scale(second[i]);

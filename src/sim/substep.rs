@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::constraints::{project_edges, project_hinges, project_limited_edges, project_triples};
 use super::cpu::{Cpu, Plane, YarnState};
-use super::line::{Chain, Grip, Line, Lines, bend, recall, shear, stretch};
+use super::line::{Chain, Grip, Line, Lines, bend, recall, recall_edge, shear, stretch};
 use super::membrane::project_elements;
 use super::model::{Model, Pass};
 use super::self_contact::Around;
@@ -87,8 +87,8 @@ impl<V: Lanes> Substeps<'_, V> {
     /// Substeps of the solve along lines: weight, kept forces and the warps' bending, shear and
     /// what else there is, the press, wefts in bending and length, warps in length, the cloth's
     /// own contact, the tool. Yarns have the last word before the tool: their stiffness is
-    /// greatest, so what comes after them shows as strain. The prediction of the next substep is
-    /// made while the vertices of a warp are at hand.
+    /// greatest, so what comes after them shows as strain. The next substep begins for a warp
+    /// while its vertices are at hand, once those that wefts lead to from there are predicted.
     #[inline(always)]
     fn along(self, lines: &Lines, frame: &Frame) {
         let Self {
@@ -102,8 +102,10 @@ impl<V: Lanes> Substeps<'_, V> {
         for v in 0..state.position.len() {
             predict(v, frame, state);
         }
+        for warp in 0..lines.warps.len() {
+            begin(warp, lines, frame, state);
+        }
         for substep in range {
-            pull(lines, frame, state);
             for diagonal in &lines.diagonals {
                 let scratch = &mut state.yarns.scratch;
                 shear(diagonal, &mut state.position, &state.mobility, scratch);
@@ -119,16 +121,22 @@ impl<V: Lanes> Substeps<'_, V> {
                 bend(weft, &mut state.position, &state.mobility, scratch);
                 stretch_yarn(weft, state);
             }
-            for warp in &lines.warps {
-                stretch_yarn(warp, state);
-                if model.layers.is_none() {
-                    finish(indices(warp), frame, substep + 1 < last, state);
-                }
-            }
             if model.layers.is_some() {
-                separate(model, state);
                 for warp in &lines.warps {
-                    finish(indices(warp), frame, substep + 1 < last, state);
+                    stretch_yarn(warp, state);
+                }
+                separate(model, state);
+            }
+            let goes_on = substep + 1 < last;
+            let mut next = 0;
+            for (index, warp) in lines.warps.iter().enumerate() {
+                if model.layers.is_none() {
+                    stretch_yarn(warp, state);
+                }
+                finish(indices(warp), frame, goes_on, state);
+                while goes_on && next <= index && lines.crossings[next].last_warp <= index {
+                    begin(next, lines, frame, state);
+                    next += 1;
                 }
             }
         }
@@ -186,17 +194,26 @@ pub(super) fn predict<V: Lanes>(v: usize, frame: &Frame, state: &mut Cpu<V>) {
     state.position[v] = x + state.velocity[v].scale(V::of(frame.h));
 }
 
-/// The pull of the yarns' kept forces by directions at the predicted positions (at the start of
-/// the substep they would feed the yarns' vibrations), and what it and weight do.
+/// The start of a substep along a warp: the pull of the kept forces of its yarns by directions at
+/// the predicted positions (at the start of the substep they would feed the yarns' vibrations),
+/// what it and weight do, and its bending. Warps begin in their order, those that wefts lead to
+/// from here later.
 #[inline(always)]
-fn pull<V: Lanes>(lines: &Lines, frame: &Frame, state: &mut Cpu<V>) {
-    for weft in &lines.wefts {
-        recall_yarn(weft, state);
+fn begin<V: Lanes>(warp: usize, lines: &Lines, frame: &Frame, state: &mut Cpu<V>) {
+    let YarnState {
+        force,
+        pull,
+        stress,
+        ..
+    } = &mut state.yarns;
+    let mut grip = Grip { pull, stress };
+    for crossing in &lines.crossings[warp].edges {
+        let weft = [V::of(crossing.inverse_rest), V::of(crossing.least_kept)];
+        let force = force[crossing.edge as usize];
+        recall_edge(weft, crossing.ends, &state.position, force, &mut grip);
     }
-    for warp in &lines.warps {
-        recall_yarn(warp, state);
-        give_way(warp, frame, state);
-    }
+    recall_yarn(&lines.warps[warp], state);
+    give_way(&lines.warps[warp], frame, state);
 }
 
 /// Adds what the kept forces of a yarn do.
