@@ -40,7 +40,10 @@ pub fn batch(model: &Model, isa: Isa) -> Box<dyn Batch> {
     }
 }
 
-/// One environment by itself, f32, with the same bits as in any lane of a [`batch`].
+/// One environment by itself, f32, with the same bits as in any lane of a [`batch`]. Its lines are
+/// solved side by side in the lanes, see [`Alone`]; by Gauss-Seidel, or where layers of the cloth
+/// touch each other, it is computed in one lane. It must be stepped with `model`, or one that
+/// differs in damping, friction, gravity or the air alone.
 pub fn alone(model: &Model, isa: Isa) -> Box<dyn Batch> {
     match isa {
         Isa::Portable => folded::<Portable>(model),

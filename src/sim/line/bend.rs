@@ -14,9 +14,12 @@ pub(in crate::sim) fn bend<V: Lanes>(
     scratch: &mut Scratch<V>,
 ) {
     let count = line.vertices().len();
-    let Some(stiffness) = line.bending().filter(|_| count > 2) else {
+    let Some(stiffness) = line.bending() else {
         return;
     };
+    if count < 3 {
+        return;
+    }
     let mut rows = BendRows::new(line, stiffness, x);
     let inner = 2..count.saturating_sub(2).max(2);
     for i in 0..2 {
