@@ -1,5 +1,5 @@
 //! One suite for all backends: every instruction set that this processor has, one lane of f32,
-//! and f64.
+//! f64, and one environment with its lines side by side in the lanes.
 //!
 //! The cases differ in every lane, so that a lane which reads its neighbour is found, and the
 //! presses are in some lanes only.
@@ -10,7 +10,7 @@ use drape::fabric::{BlankConfig, Lamina, MassModel, Material};
 use drape::math::{Isa, Lanes, Purpose, Stream};
 use drape::sim::{
     Batch, Bending, Control, Cpu, Model, PhysicsConfig, Press, SelfCollision, Snapshot, Solver,
-    batch,
+    alone_f64, batch,
 };
 use drape::tool::{GridConfig, Hemisphere, Shape, Source, Tool, ToolConfig};
 
@@ -93,12 +93,16 @@ static MODELS: LazyLock<Vec<Model>> = LazyLock::new(|| {
 
 /// A buckled sheet that falls on the dome, another in every case; in some it is clamped.
 fn case(index: usize) -> Snapshot {
+    case_on(&LAMINA, index)
+}
+
+fn case_on(lamina: &Lamina, index: usize) -> Snapshot {
     let mut stream = Stream::new(3, Purpose::Evaluation, index as u32);
     let phase = stream.uniform();
     let height = 0.0602 + 0.002 * stream.uniform();
-    let count = LAMINA.vertex_count();
+    let count = lamina.vertex_count();
     let mut state = Snapshot {
-        position: LAMINA
+        position: lamina
             .rest
             .iter()
             .map(|[x, y]| [*x, *y, height + 0.004 * (40.0 * x + 6.0 * phase).sin()])
@@ -404,6 +408,77 @@ fn every_instruction_set_of_this_processor_gives_the_same_bits() {
     }
 }
 
+/// A plain blank, in which lines fill all lanes and more, and one whose yarns end at holes.
+static LARGE: LazyLock<[Lamina; 2]> = LazyLock::new(|| {
+    let plain = BlankConfig {
+        vertices: [38, 35],
+        ..BLANK
+    };
+    let holed = BlankConfig {
+        outline: Some("assets/outlines/plate-with-hole.csv".into()),
+        cell_mm: Some(8.0),
+        yarn_angle_deg: 20.0,
+        ..BlankConfig::default()
+    };
+    [plain, holed].map(|blank| Lamina::new(&blank, Material::interglas_92125()).unwrap())
+});
+
+/// The state of a case on `lamina` after some control steps, the second under a stencil.
+fn end(mut batch: Box<dyn Batch>, model: &Model, lamina: &Lamina, index: usize) -> Snapshot {
+    batch.load(0, &case_on(lamina, index));
+    advance(&mut *batch, model, &[index], 0..4);
+    batch.snapshot(0)
+}
+
+/// One environment whose lines are solved side by side is computed as one lane, whatever the
+/// width of the lanes and the shape of the blank.
+#[test]
+fn lines_side_by_side_give_the_same_bits() {
+    let small = MODELS.iter().map(|model| (&*LAMINA, model.clone()));
+    let large = LARGE
+        .iter()
+        .map(|lamina| (lamina, Model::new(lamina, &PhysicsConfig::default())));
+    for (lamina, model) in small.chain(large) {
+        for index in [1, 2, 6] {
+            let single = end(Box::new(Cpu::<f32>::new(&model)), &model, lamina, index);
+            let double = end(Box::new(Cpu::<f64>::new(&model)), &model, lamina, index);
+            assert!(single.is_finite() && double.is_finite());
+            for isa in Isa::available() {
+                for (found, expected) in [
+                    (drape::sim::alone(&model, isa), &single),
+                    (alone_f64(&model, isa), &double),
+                ] {
+                    let found = end(found, &model, lamina, index);
+                    assert!(
+                        bits(&found) == bits(expected),
+                        "case {index} on {isa:?} is off by {:e} m with {:?}",
+                        furthest(&found, expected),
+                        model.physics(),
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// What was lost before leaves no trace in a state that is loaded after it.
+#[test]
+fn lines_side_by_side_forget_a_lost_state() {
+    for lamina in LARGE.iter() {
+        let model = Model::new(lamina, &PhysicsConfig::default());
+        for isa in Isa::available() {
+            let expected = end(drape::sim::alone(&model, isa), &model, lamina, 2);
+            let mut used = drape::sim::alone(&model, isa);
+            let mut lost = case_on(lamina, 1);
+            lost.position[30] = [f64::NAN, f64::INFINITY, 0.0];
+            used.load(0, &lost);
+            advance(&mut *used, &model, &[1], 0..1);
+            assert!(!used.is_sound(0));
+            assert!(bits(&end(used, &model, lamina, 2)) == bits(&expected));
+        }
+    }
+}
+
 #[test]
 fn scalar_backends_go_on_from_a_snapshot() {
     snapshot_goes_on_exactly(
@@ -423,8 +498,17 @@ fn scalar_backends_go_on_from_a_snapshot_with_yarns() {
 }
 
 #[test]
+fn lines_side_by_side_go_on_from_a_snapshot() {
+    for isa in Isa::available() {
+        snapshot_goes_on_exactly(|model| drape::sim::alone(model, isa), Solver::Yarn);
+        snapshot_goes_on_exactly(|model| alone_f64(model, isa), Solver::Yarn);
+    }
+}
+
+#[test]
 fn fixed_vertices_obey_nothing_in_f64() {
     for model in MODELS.iter() {
+        fixed_vertices_obey_nothing(alone_f64(model, Isa::best()), model, 1e-15);
         fixed_vertices_obey_nothing(Box::new(Cpu::<f64>::new(model)), model, 1e-15);
     }
 }

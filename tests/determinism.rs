@@ -89,7 +89,7 @@ fn scene_does_not_depend_on_the_number_of_threads() {
     assert!(one.initial == seven.initial);
 }
 
-/// One environment alone is computed without SIMD.
+/// One environment alone is computed with its lines side by side in the lanes.
 #[test]
 fn environment_alone_equals_itself_in_a_group() {
     let group = play(0..16);

@@ -10,7 +10,7 @@ use super::task::{End, Episode, Observation, Outcome, Shape, Tasks};
 use crate::fabric::Lamina;
 use crate::math::{Isa, Vec3};
 use crate::scene::Scene;
-use crate::sim::{Batch, Control, Cpu, Press, Snapshot, alone, batch};
+use crate::sim::{Batch, Control, Press, Snapshot, alone, alone_f64, batch};
 
 /// N draping tasks on one scene, stepped together in groups of SIMD lanes over rayon.
 pub struct Draping {
@@ -76,7 +76,7 @@ pub struct Finished {
 
 impl Draping {
     /// `count` environments on `scene`, each at its start. One environment alone is computed
-    /// without SIMD; the results are the same bits.
+    /// with its lines in the lanes; the results are the same bits.
     pub fn new(scene: Arc<Scene>, config: &EnvConfig, count: usize) -> Result<Self, EnvError> {
         let task = Task::new(scene, config)?;
         let lanes = match config.precision {
@@ -245,9 +245,9 @@ impl Task {
     fn cloth(&self, count: usize) -> Box<dyn Batch> {
         let model = &self.scene.model;
         match self.config.precision {
-            Precision::F64 => Box::new(Cpu::<f64>::new(model)),
+            Precision::F64 => alone_f64(model, Isa::best()),
             Precision::F32 if count > 1 => batch(model, Isa::best()),
-            Precision::F32 => alone(model),
+            Precision::F32 => alone(model, Isa::best()),
         }
     }
 

@@ -60,6 +60,68 @@ pub trait Lanes:
     /// Runs a kernel compiled for this type's instruction set.
     fn vectorize<K: Kernel>(kernel: K);
 
+    /// Makes lane i of number j lane j of number i, of as many numbers as there are lanes.
+    #[inline(always)]
+    fn transpose(block: &mut [Self]) {
+        for i in 0..Self::COUNT {
+            for j in 0..i {
+                let (a, b) = (block[i].as_slice()[j], block[j].as_slice()[i]);
+                block[i].as_mut_slice()[j] = b;
+                block[j].as_mut_slice()[i] = a;
+            }
+        }
+    }
+
+    /// Rounds numbers from 0 to 2^24 down; what is no number, or less, becomes 0.
+    #[inline(always)]
+    fn floor(self) -> Self {
+        let mut found = Self::zero();
+        for (found, x) in found.as_mut_slice().iter_mut().zip(self.as_slice()) {
+            *found = Self::Scalar::from_f64(f64::from(x.to_f64() as u32));
+        }
+        found
+    }
+
+    /// For whole numbers i, j, k >= 0 in every lane what `table` holds at
+    /// i + row j + layer k + c, for each c of `corners`.
+    ///
+    /// # Panics
+    /// May panic outside the table; or it returns any other number of it.
+    #[inline(always)]
+    fn look_up(
+        table: &[f32],
+        [i, j, k]: [Self; 3],
+        [row, layer]: [usize; 2],
+        corners: [usize; 8],
+    ) -> [Self; 8] {
+        let mut found = [Self::zero(); 8];
+        for lane in 0..Self::COUNT {
+            let i = i.as_slice()[lane].to_f64() as usize;
+            let j = j.as_slice()[lane].to_f64() as usize;
+            let k = k.as_slice()[lane].to_f64() as usize;
+            let table = &table[k * layer + j * row + i..][..corners[7] + 1];
+            for (found, corner) in found.iter_mut().zip(corners) {
+                let sample = f64::from(table[corner]);
+                found.as_mut_slice()[lane] = Self::Scalar::from_f64(sample);
+            }
+        }
+        found
+    }
+
+    /// The lanes of all numbers, one after the other.
+    #[inline(always)]
+    fn flat(all: &[Self]) -> &[Self::Scalar] {
+        // SAFETY: as in `as_slice`.
+        unsafe { std::slice::from_raw_parts(all.as_ptr().cast(), all.len() * Self::COUNT) }
+    }
+
+    /// The same, to be changed.
+    #[inline(always)]
+    fn flat_mut(all: &mut [Self]) -> &mut [Self::Scalar] {
+        // SAFETY: as in `as_slice`.
+        unsafe { std::slice::from_raw_parts_mut(all.as_mut_ptr().cast(), all.len() * Self::COUNT) }
+    }
+
     /// The lanes as a slice.
     #[inline(always)]
     fn as_slice(&self) -> &[Self::Scalar] {
@@ -211,151 +273,10 @@ impl Lanes for Portable {
 }
 
 #[cfg(target_arch = "x86_64")]
-pub use x86::{F32x8, F32x16};
+pub use x86::{F32x8, F32x16, F64x4, F64x8};
 
 #[cfg(target_arch = "x86_64")]
-mod x86 {
-    use super::{Add, Div, Kernel, Lanes, Mul, Neg, Sub};
-    use std::arch::x86_64::*;
-
-    // SAFETY, for every intrinsic below: values of these types exist only behind the
-    // feature test in `Isa::best`, and the operations are inlined into the function that
-    // `vectorize` compiles with the feature enabled.
-    macro_rules! vector {
-        ($name:ident, $inner:ty, $count:literal, $isa:literal, $feature:literal, $mask:ty,
-         $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident,
-         $min:ident, $max:ident,
-         |$a:ident, $b:ident| $lt:expr, |$m:ident, $y:ident, $n:ident| $select:expr, |$k:ident| $any:expr) => {
-            #[doc = concat!(stringify!($count), " f32 lanes on ", $isa, ".")]
-            #[derive(Clone, Copy)]
-            #[repr(transparent)]
-            pub struct $name($inner);
-
-            impl Add for $name {
-                type Output = Self;
-                #[inline(always)]
-                fn add(self, other: Self) -> Self {
-                    Self(unsafe { $add(self.0, other.0) })
-                }
-            }
-            impl Sub for $name {
-                type Output = Self;
-                #[inline(always)]
-                fn sub(self, other: Self) -> Self {
-                    Self(unsafe { $sub(self.0, other.0) })
-                }
-            }
-            impl Mul for $name {
-                type Output = Self;
-                #[inline(always)]
-                fn mul(self, other: Self) -> Self {
-                    Self(unsafe { $mul(self.0, other.0) })
-                }
-            }
-            impl Div for $name {
-                type Output = Self;
-                #[inline(always)]
-                fn div(self, other: Self) -> Self {
-                    Self(unsafe { $div(self.0, other.0) })
-                }
-            }
-            impl Neg for $name {
-                type Output = Self;
-                #[inline(always)]
-                fn neg(self) -> Self {
-                    Self(unsafe { $sub($splat(-0.0), self.0) })
-                }
-            }
-            impl Lanes for $name {
-                type Scalar = f32;
-                type Mask = $mask;
-                const COUNT: usize = $count;
-                const ISA: &'static str = $isa;
-                #[inline(always)]
-                fn splat(x: f32) -> Self {
-                    Self(unsafe { $splat(x) })
-                }
-                #[inline(always)]
-                fn sqrt(self) -> Self {
-                    Self(unsafe { $sqrt(self.0) })
-                }
-                #[inline(always)]
-                fn min(self, other: Self) -> Self {
-                    Self(unsafe { $min(self.0, other.0) })
-                }
-                #[inline(always)]
-                fn max(self, other: Self) -> Self {
-                    Self(unsafe { $max(self.0, other.0) })
-                }
-                #[inline(always)]
-                fn lt(self, other: Self) -> $mask {
-                    let ($a, $b) = (self.0, other.0);
-                    unsafe { $lt }
-                }
-                #[inline(always)]
-                fn select(mask: $mask, yes: Self, no: Self) -> Self {
-                    let ($m, $y, $n) = (mask, yes.0, no.0);
-                    Self(unsafe { $select })
-                }
-                #[inline(always)]
-                fn any(mask: $mask) -> bool {
-                    let $k = mask;
-                    #[allow(unused_unsafe)]
-                    unsafe {
-                        $any
-                    }
-                }
-                fn vectorize<K: Kernel>(kernel: K) {
-                    #[target_feature(enable = $feature)]
-                    fn compiled<K: Kernel>(kernel: K) {
-                        kernel.run();
-                    }
-                    // SAFETY: as above.
-                    unsafe { compiled(kernel) }
-                }
-            }
-        };
-    }
-
-    vector!(
-        F32x8,
-        __m256,
-        8,
-        "avx2",
-        "avx2",
-        __m256,
-        _mm256_set1_ps,
-        _mm256_add_ps,
-        _mm256_sub_ps,
-        _mm256_mul_ps,
-        _mm256_div_ps,
-        _mm256_sqrt_ps,
-        _mm256_min_ps,
-        _mm256_max_ps,
-        |a, b| _mm256_cmp_ps::<_CMP_LT_OQ>(a, b),
-        |m, y, n| _mm256_blendv_ps(n, y, m),
-        |m| _mm256_movemask_ps(m) != 0
-    );
-    vector!(
-        F32x16,
-        __m512,
-        16,
-        "avx512",
-        "avx512f",
-        __mmask16,
-        _mm512_set1_ps,
-        _mm512_add_ps,
-        _mm512_sub_ps,
-        _mm512_mul_ps,
-        _mm512_div_ps,
-        _mm512_sqrt_ps,
-        _mm512_min_ps,
-        _mm512_max_ps,
-        |a, b| _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b),
-        |m, y, n| _mm512_mask_blend_ps(m, n, y),
-        |m| m != 0
-    );
-}
+mod x86;
 
 /// An instruction set for groups of environments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -444,6 +365,20 @@ impl<V: Lanes> Vec3x<V> {
     #[inline(always)]
     pub fn select(mask: V::Mask, yes: Self, no: Self) -> Self {
         Self(std::array::from_fn(|k| V::select(mask, yes.0[k], no.0[k])))
+    }
+
+    /// The components of all vectors, one after the other.
+    #[inline(always)]
+    pub fn components(all: &[Self]) -> &[V] {
+        // SAFETY: a vector is exactly three numbers.
+        unsafe { std::slice::from_raw_parts(all.as_ptr().cast(), 3 * all.len()) }
+    }
+
+    /// The same, to be changed.
+    #[inline(always)]
+    pub fn components_mut(all: &mut [Self]) -> &mut [V] {
+        // SAFETY: as above.
+        unsafe { std::slice::from_raw_parts_mut(all.as_mut_ptr().cast(), 3 * all.len()) }
     }
 
     /// The vector in one lane [f64].

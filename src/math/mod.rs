@@ -5,7 +5,7 @@ mod lanes;
 mod stream;
 
 #[cfg(target_arch = "x86_64")]
-pub use lanes::{F32x8, F32x16};
+pub use lanes::{F32x8, F32x16, F64x4, F64x8};
 pub use lanes::{Isa, Kernel, Lanes, Portable, Real, Vec3x};
 pub use stream::{Purpose, Stream};
 

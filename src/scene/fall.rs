@@ -3,7 +3,8 @@ use fixedbitset::FixedBitSet;
 use super::config::{FRAME, SceneConfig, SceneError};
 use super::summary::Summary;
 use crate::fabric::Lamina;
-use crate::sim::{Batch, Control, Cpu, Model, PhysicsConfig, Snapshot};
+use crate::math::Isa;
+use crate::sim::{Control, Model, PhysicsConfig, Snapshot, alone_f64};
 use crate::tool::Tool;
 
 /// A scene that is set up: the lamina lies on the tool as the fall has left it.
@@ -40,7 +41,7 @@ impl Scene {
         let falling = config.falling();
         let settling = (fall.settle_s / FRAME).round() as usize;
 
-        let mut batch = Cpu::<f64>::new(&model);
+        let mut batch = alone_f64(&model, Isa::best());
         let mut start = hung(config, &lamina, falling as f64 * FRAME)?;
         // A tool in even motion is an inertial frame: there it stands, and the cloth comes.
         let tool_velocity = config.tool_velocity();

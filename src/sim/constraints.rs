@@ -5,15 +5,7 @@ use super::model::{BendHinge, BendTriple, EdgeClass, LIMITED};
 use crate::math::{Lanes, Vec3x};
 
 /// Below this squared length [m^2] an edge has no direction, and nothing pulls along it.
-const SHORTEST_SQUARE: f64 = 1e-20;
-
-/// Direction and length of an edge; a collapsed edge has direction zero.
-#[inline(always)]
-pub(super) fn direction<V: Lanes>(d: Vec3x<V>) -> (Vec3x<V>, V) {
-    let square = d.dot(d);
-    let inverse = V::of(1.0) / square.max(V::of(SHORTEST_SQUARE)).sqrt();
-    (d.scale(inverse), square * inverse)
-}
+pub(super) const SHORTEST_SQUARE: f64 = 1e-20;
 
 /// Projects the edges of one colour, one after the other.
 ///
@@ -28,11 +20,12 @@ pub(super) fn project_edges<V: Lanes>(class: &EdgeClass, x: &mut [Vec3x<V>], w: 
         .zip(&class.law)
     {
         let [a, b] = v.map(|v| v as usize);
-        let (n, length) = direction(x[b] - x[a]);
+        let d = x[b] - x[a];
+        let length = d.dot(d).max(V::of(SHORTEST_SQUARE)).sqrt();
         let c = length - V::of(*rest);
         let compliance = V::select(c.lt(V::zero()), V::of(law.compression), V::of(law.tension));
         let sum = w[a] + w[b] + compliance;
-        let pull = n.scale(c / sum.max(V::of(1e-28)));
+        let pull = d.scale(c / (sum * length).max(V::of(1e-28)));
         x[a] = x[a] + pull.scale(w[a]);
         x[b] = x[b] - pull.scale(w[b]);
     }
@@ -57,14 +50,16 @@ pub(super) fn project_limited_edges<V: Lanes>(
         .zip(&class.law)
     {
         let [a, b] = v.map(|v| v as usize);
-        let (n, length) = direction(x[b] - x[a]);
+        let d = x[b] - x[a];
+        let length = d.dot(d).max(V::of(SHORTEST_SQUARE)).sqrt();
         let c = length - V::of(*rest);
         let compliance = V::select(c.lt(V::zero()), V::of(law.compression), V::of(law.tension));
         let gives = w[a] + w[b];
-        let soft = c / (gives + compliance).max(smallest);
+        let soft = c / ((gives + compliance) * length).max(smallest);
         let beyond = c - V::of(limit * rest * (1.0 - LIMITED));
-        let stiff = beyond / (gives + V::of(LIMITED * law.tension)).max(smallest);
-        let pull = n.scale(soft.max(stiff));
+        let limited = gives + V::of(LIMITED * law.tension);
+        let stiff = beyond / (limited * length).max(smallest);
+        let pull = d.scale(soft.max(stiff));
         x[a] = x[a] + pull.scale(w[a]);
         x[b] = x[b] - pull.scale(w[b]);
     }

@@ -48,19 +48,31 @@ impl<V: Lanes> Cpu<V> {
     /// A group for `model` with every vertex free and at rest in the origin.
     pub fn new(model: &Model) -> Self {
         let count = model.vertex_count();
+        let (edges, longest) = match &model.lines {
+            Some(lines) => (lines.edge_count, lines.longest),
+            None => (0, 0),
+        };
+        Self {
+            inverse_mass: model.inverse_mass.iter().map(|&w| V::of(w)).collect(),
+            free_inverse_mass: model.inverse_mass.clone(),
+            self_contact: (model.layers.is_some()).then(|| Box::new(SelfContact::new(count))),
+            ..Self::immovable(count, edges, longest)
+        }
+    }
+
+    /// Room for so many vertices and yarn edges and the vertices of the longest line, 0 for none,
+    /// with every vertex fixed in the origin.
+    pub(super) fn immovable(count: usize, edges: usize, longest: usize) -> Self {
         let plane = Plane {
             normal: Vec3x::zero(),
             offset: V::zero(),
         };
-        let (edges, vertices, longest) = match &model.lines {
-            Some(lines) => (lines.edge_count, count, lines.longest),
-            None => (0, 0, 0),
-        };
+        let vertices = if longest > 0 { count } else { 0 };
         Self {
             position: vec![Vec3x::zero(); count],
             velocity: vec![Vec3x::zero(); count],
-            inverse_mass: model.inverse_mass.iter().map(|&w| V::of(w)).collect(),
-            free_inverse_mass: model.inverse_mass.clone(),
+            inverse_mass: vec![V::zero(); count],
+            free_inverse_mass: Vec::new(),
             previous: vec![Vec3x::zero(); count],
             mobility: vec![V::zero(); count],
             plane: vec![plane; count],
@@ -70,7 +82,7 @@ impl<V: Lanes> Cpu<V> {
                 stress: vec![V::zero(); vertices],
                 scratch: Scratch::new(longest),
             },
-            self_contact: (model.layers.is_some()).then(|| Box::new(SelfContact::new(count))),
+            self_contact: None,
         }
     }
 }

@@ -7,14 +7,18 @@
 //! the substep, and a wrinkle sinks by itself. Along a line the system is banded, and solving
 //! it as a whole costs hardly more. What is left is the splitting between lines that cross.
 
+mod bend;
+
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::constraints::direction;
+use super::constraints::SHORTEST_SQUARE;
 use super::model::{EdgeLaw, LIMITED, bending_stiffness, yarn_law};
 use super::physics::{Bending, PhysicsConfig};
 use crate::fabric::{Family, Lamina};
 use crate::math::{Lanes, Vec3x};
+
+pub(super) use bend::bend;
 
 /// A chain of vertices which is solved as a whole.
 #[derive(Clone, Debug)]
@@ -64,6 +68,52 @@ pub(super) struct Lines {
     pub edge_count: usize,
     /// Vertices of the longest line.
     pub longest: usize,
+    /// Edges of wefts, by the first warp that each has a vertex on.
+    pub crossings: Vec<Crossings>,
+}
+
+/// Edges of wefts from a warp to later ones.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Crossings {
+    pub edges: Vec<Crossing>,
+    /// The last warp that they lead to.
+    pub last_warp: usize,
+}
+
+/// An edge of a weft.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Crossing {
+    pub ends: [u32; 2],
+    /// Among those of all yarns.
+    pub edge: u32,
+    /// 1 / rest length [1/m].
+    pub inverse_rest: f64,
+    /// See [`Chain::least_kept`].
+    pub least_kept: f64,
+}
+
+fn crossings(warps: &[Line], wefts: &[Line], vertex_count: usize) -> Vec<Crossings> {
+    let mut warp_of = vec![0; vertex_count];
+    for (index, warp) in warps.iter().enumerate() {
+        for &v in &warp.vertices {
+            warp_of[v as usize] = index;
+        }
+    }
+    let mut all = vec![Crossings::default(); warps.len()];
+    for weft in wefts {
+        for (ends, edge) in weft.vertices.windows(2).zip(weft.edges.clone()) {
+            let on = [warp_of[ends[0] as usize], warp_of[ends[1] as usize]];
+            let from = &mut all[on[0].min(on[1])];
+            from.last_warp = from.last_warp.max(on[0]).max(on[1]);
+            from.edges.push(Crossing {
+                ends: [ends[0], ends[1]],
+                edge: edge as u32,
+                inverse_rest: Chain::<f64>::rest(weft)[1],
+                least_kept: weft.least_kept(),
+            });
+        }
+    }
+    all
 }
 
 impl Lines {
@@ -98,6 +148,7 @@ impl Lines {
         let all = warps.iter().chain(&wefts).chain(&diagonals);
         Self {
             longest: all.map(|line| line.vertices.len()).max().unwrap_or(0),
+            crossings: crossings(&warps, &wefts, lamina.vertex_count()),
             warps,
             wefts,
             diagonals,
@@ -162,9 +213,72 @@ fn diagonals(lamina: &Lamina, law: EdgeLaw) -> Vec<Line> {
     lines
 }
 
+/// A line as the solves see it, for all lanes: the same line in every lane, or another in each.
+pub(super) trait Chain<V: Lanes> {
+    /// Where the vertices of the line are; at least one.
+    fn vertices(&self) -> &[u32];
+    /// Where the forces of its edges are.
+    fn edges(&self) -> Range<usize>;
+    /// Rest length of an edge [m], and its inverse.
+    fn rest(&self) -> [V; 2];
+    /// Compliance of an edge in tension and in compression [m/N].
+    fn compliance(&self) -> [V; 2];
+    /// Greatest compression, as a force <= 0 [N], that lasts into the next substep.
+    fn least_kept(&self) -> V;
+    /// Force at which the strain limit begins, compliance and offset beyond it.
+    fn limit(&self) -> Option<[V; 3]>;
+    /// Bending stiffness [N/m]; none where no lane has any.
+    fn bending(&self) -> Option<V>;
+    /// `x` in the lanes whose line has edge `j`, else 0.
+    fn of_edge(&self, j: usize, x: V) -> V;
+    /// 1 in the lanes whose line has edge `j`, which is one of the line's longest, else 0.
+    fn has_edge(&self, j: usize) -> V;
+}
+
+impl<V: Lanes> Chain<V> for Line {
+    #[inline(always)]
+    fn vertices(&self) -> &[u32] {
+        &self.vertices
+    }
+    #[inline(always)]
+    fn edges(&self) -> Range<usize> {
+        self.edges.clone()
+    }
+    #[inline(always)]
+    fn rest(&self) -> [V; 2] {
+        [V::of(self.rest_length), V::of(1.0 / self.rest_length)]
+    }
+    #[inline(always)]
+    fn compliance(&self) -> [V; 2] {
+        [V::of(self.law.tension), V::of(self.law.compression)]
+    }
+    #[inline(always)]
+    fn least_kept(&self) -> V {
+        V::of(-4.0 * KEPT_COMPRESSION * self.bending * self.rest_length)
+    }
+    #[inline(always)]
+    fn limit(&self) -> Option<[V; 3]> {
+        let of = |limit: Limit| [limit.force, limit.compliance, limit.offset].map(V::of);
+        self.limit.map(of)
+    }
+    #[inline(always)]
+    fn bending(&self) -> Option<V> {
+        (self.bending != 0.0).then(|| V::of(self.bending))
+    }
+    #[inline(always)]
+    fn of_edge(&self, _: usize, x: V) -> V {
+        x
+    }
+    #[inline(always)]
+    fn has_edge(&self, _: usize) -> V {
+        V::of(1.0)
+    }
+}
+
 /// Scratch space of a line, one entry a vertex.
 pub(super) struct Scratch<V> {
     direction: Vec<Vec3x<V>>,
+    length: Vec<V>,
     upper: Vec<V>,
     second: Vec<V>,
 }
@@ -173,6 +287,7 @@ impl<V: Lanes> Scratch<V> {
     pub fn new(longest: usize) -> Self {
         Self {
             direction: vec![Vec3x::zero(); longest],
+            length: vec![V::zero(); longest],
             upper: vec![V::zero(); longest],
             second: vec![V::zero(); longest],
         }
@@ -202,31 +317,32 @@ pub(super) struct Grip<'a, V> {
 /// likewise by its force.
 #[inline(always)]
 pub(super) fn stretch<V: Lanes>(
-    line: &Line,
+    line: &impl Chain<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
     force: &mut [V],
     scratch: &mut Scratch<V>,
 ) {
-    let edges = line.vertices.len() - 1;
-    let (n, upper, change) = scratch.parts(line.vertices.len());
-    match line.limit {
-        None => eliminate(line, x, mobility, Some((force, None)), (n, upper, change)),
-        limit => eliminate(line, x, mobility, Some((force, limit)), (n, upper, change)),
+    let edges = line.vertices().len() - 1;
+    let rows = scratch.rows(line.vertices().len());
+    match line.limit() {
+        None => eliminate(line, x, mobility, Some((force, None)), rows),
+        limit => eliminate(line, x, mobility, Some((force, limit)), rows),
     }
 
     // Back substitution from the far end; a vertex moves once both its edges are known.
+    let rows = scratch.rows(line.vertices().len());
     let mut after = Vec3x::zero();
     let mut change_after = V::zero();
     for j in (0..edges).rev() {
-        let d = change[j] - upper[j] * change_after;
-        force[j] = kept(line, force[j]) + d;
-        let moved = n[j].scale(d);
-        let v = line.vertices[j + 1] as usize;
+        let change = rows.right[j] + rows.upper[j] * change_after;
+        force[j] = kept(line, force[j]) + change * rows.length[j];
+        let moved = rows.edge[j].scale(change);
+        let v = line.vertices()[j + 1] as usize;
         x[v] = x[v] + (after - moved).scale(mobility[v]);
-        (after, change_after) = (moved, d);
+        (after, change_after) = (moved, change);
     }
-    let v = line.vertices[0] as usize;
+    let v = line.vertices()[0] as usize;
     x[v] = x[v] + after.scale(mobility[v]);
 }
 
@@ -239,89 +355,124 @@ const KEPT_COMPRESSION: f64 = 25.0;
 
 /// The part of a yarn's force that lasts into the next substep.
 #[inline(always)]
-fn kept<V: Lanes>(line: &Line, force: V) -> V {
-    force.max(V::of(
-        -4.0 * KEPT_COMPRESSION * line.bending * line.rest_length,
-    ))
+fn kept<V: Lanes>(line: &impl Chain<V>, force: V) -> V {
+    force.max(line.least_kept())
 }
 
 /// Adds the pull of a yarn's kept forces where it lies, and the stress of all.
 #[inline(always)]
-pub(super) fn recall<V: Lanes>(line: &Line, x: &[Vec3x<V>], force: &[V], grip: &mut Grip<V>) {
-    let inverse_rest = V::of(1.0 / line.rest_length);
+pub(super) fn recall<V: Lanes>(
+    line: &impl Chain<V>,
+    x: &[Vec3x<V>],
+    force: &[V],
+    grip: &mut Grip<V>,
+) {
+    let ([_, inverse_rest], least_kept) = (line.rest(), line.least_kept());
     for (j, &force) in force.iter().enumerate() {
-        let [a, b] = [line.vertices[j] as usize, line.vertices[j + 1] as usize];
-        let pull = direction(x[b] - x[a]).0.scale(kept(line, force));
-        let stress = force.max(-force) * inverse_rest;
-        grip.pull[a] = grip.pull[a] + pull;
-        grip.pull[b] = grip.pull[b] - pull;
-        grip.stress[a] = grip.stress[a] + stress;
-        grip.stress[b] = grip.stress[b] + stress;
+        let ends = [line.vertices()[j], line.vertices()[j + 1]];
+        recall_edge([inverse_rest, least_kept], ends, x, force, grip);
     }
+}
+
+/// The same for one edge, with the inverse of its rest length and the least force that is kept.
+#[inline(always)]
+pub(super) fn recall_edge<V: Lanes>(
+    [inverse_rest, least_kept]: [V; 2],
+    ends: [u32; 2],
+    x: &[Vec3x<V>],
+    force: V,
+    grip: &mut Grip<V>,
+) {
+    let [a, b] = ends.map(|v| v as usize);
+    let d = x[b] - x[a];
+    let length = d.dot(d).max(V::of(SHORTEST_SQUARE)).sqrt();
+    let pull = d.scale(force.max(least_kept) / length);
+    let stress = force.max(-force) * inverse_rest;
+    grip.pull[a] = grip.pull[a] + pull;
+    grip.pull[b] = grip.pull[b] - pull;
+    grip.stress[a] = grip.stress[a] + stress;
+    grip.stress[b] = grip.stress[b] + stress;
 }
 
 /// Solves a row of diagonals together, each from force 0 and with the compliance of the sign
 /// of its C. As for a yarn, but soft enough that its forces need not be kept.
 #[inline(always)]
 pub(super) fn shear<V: Lanes>(
-    line: &Line,
+    line: &impl Chain<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
     scratch: &mut Scratch<V>,
 ) {
-    let edges = line.vertices.len() - 1;
-    let (n, upper, change) = scratch.parts(line.vertices.len());
-    eliminate(line, x, mobility, None, (n, upper, change));
+    let edges = line.vertices().len() - 1;
+    eliminate(line, x, mobility, None, scratch.rows(line.vertices().len()));
+    let rows = scratch.rows(line.vertices().len());
     let mut after = Vec3x::zero();
     let mut change_after = V::zero();
     for j in (0..edges).rev() {
-        let d = change[j] - upper[j] * change_after;
-        let moved = n[j].scale(d);
-        let v = line.vertices[j + 1] as usize;
+        let change = rows.right[j] + rows.upper[j] * change_after;
+        let moved = rows.edge[j].scale(change);
+        let v = line.vertices()[j + 1] as usize;
         x[v] = x[v] + (after - moved).scale(mobility[v]);
-        (after, change_after) = (moved, d);
+        (after, change_after) = (moved, change);
     }
-    let v = line.vertices[0] as usize;
+    let v = line.vertices()[0] as usize;
     x[v] = x[v] + after.scale(mobility[v]);
+}
+
+/// Eliminated rows of a system, one a vertex or edge.
+struct Rows<'a, V> {
+    /// From end to end.
+    edge: &'a mut [Vec3x<V>],
+    length: &'a mut [V],
+    upper: &'a mut [V],
+    right: &'a mut [V],
 }
 
 impl<V: Lanes> Scratch<V> {
     #[inline(always)]
-    fn parts(&mut self, vertices: usize) -> (&mut [Vec3x<V>], &mut [V], &mut [V]) {
-        (
-            &mut self.direction[..vertices],
-            &mut self.upper[..vertices],
-            &mut self.second[..vertices],
-        )
+    fn rows(&mut self, vertices: usize) -> Rows<'_, V> {
+        Rows {
+            edge: &mut self.direction[..vertices],
+            length: &mut self.length[..vertices],
+            upper: &mut self.upper[..vertices],
+            right: &mut self.second[..vertices],
+        }
     }
 }
 
-/// Forward elimination of the tridiagonal system of a line's edges into directions, upper
-/// diagonal and right side. The limit is a constant where this is inlined without it, so that
-/// it costs nothing there.
+/// Forward elimination of the tridiagonal system of a line's edges. Rows and unknowns are scaled
+/// by the lengths of their edges, in place of their directions: that saves a division. The limit
+/// is a constant where this is inlined without it, so that it costs nothing there.
 #[inline(always)]
 fn eliminate<V: Lanes>(
-    line: &Line,
+    line: &impl Chain<V>,
     x: &[Vec3x<V>],
     mobility: &[V],
-    force: Option<(&[V], Option<Limit>)>,
-    (n, upper, right): (&mut [Vec3x<V>], &mut [V], &mut [V]),
+    force: Option<(&[V], Option<[V; 3]>)>,
+    rows: Rows<V>,
 ) {
-    let rest = V::of(line.rest_length);
-    let tension = V::of(line.law.tension);
-    let compression = V::of(line.law.compression);
-    // Two pinned ends and no compliance leave a zero diagonal; any finite value does then.
+    let [rest, _] = line.rest();
+    let [tension, compression] = line.compliance();
+    // A collapsed edge, or two pinned ends and no compliance, leave a zero diagonal; any finite
+    // value does then.
     let smallest = V::of(1e-28);
 
-    let v0 = line.vertices[0] as usize;
+    let v0 = line.vertices()[0] as usize;
     let (mut x0, mut w0) = (x[v0], mobility[v0]);
     let mut previous = Vec3x::zero();
     let mut previous_inverse = V::zero();
     let mut previous_right = V::zero();
-    for j in 0..line.vertices.len() - 1 {
-        let v1 = line.vertices[j + 1] as usize;
+    for j in 0..line.vertices().len() - 1 {
+        let v1 = line.vertices()[j + 1] as usize;
         let (x1, w1) = (x[v1], mobility[v1]);
-        let (nj, length) = direction(x1 - x0);
+        let Vec3x([dx, dy, dz]) = x1 - x0;
+        let d = Vec3x([
+            line.of_edge(j, dx),
+            line.of_edge(j, dy),
+            line.of_edge(j, dz),
+        ]);
+        let square = d.dot(d);
+        let length = square.sqrt();
         let c = length - rest;
         let (compliance, residual) = match force {
             Some((force, limit)) => {
@@ -330,10 +481,10 @@ fn eliminate<V: Lanes>(
                 let force = kept(line, force[j]);
                 match limit {
                     None => (compliance, c - compliance * force),
-                    Some(limit) => {
-                        let beyond = V::of(limit.force).lt(force);
-                        let compliance = V::select(beyond, V::of(limit.compliance), compliance);
-                        let offset = V::select(beyond, V::of(limit.offset), V::zero());
+                    Some([most, limited, offset]) => {
+                        let beyond = most.lt(force);
+                        let compliance = V::select(beyond, limited, compliance);
+                        let offset = V::select(beyond, offset, V::zero());
                         (compliance, c - offset - compliance * force)
                     }
                 }
@@ -341,124 +492,21 @@ fn eliminate<V: Lanes>(
             None => (V::select(c.lt(V::zero()), compression, tension), c),
         };
         // Eliminates the coupling with the edge before, through their common vertex.
-        let coupling = -(w0 * previous.dot(nj));
-        let factor = coupling * previous_inverse;
-        let diagonal = (w0 + w1 + compliance - coupling * factor).max(smallest);
+        let coupling = w0 * previous.dot(d);
+        let upper = coupling * previous_inverse;
+        let diagonal = ((w0 + w1 + compliance) * square - coupling * upper).max(smallest);
         let inverse = V::of(1.0) / diagonal;
-        let solved = (residual - coupling * previous_right) * inverse;
+        let right = (residual * length + coupling * previous_right) * inverse;
         if j > 0 {
-            upper[j - 1] = factor;
+            rows.upper[j - 1] = upper;
         }
-        n[j] = nj;
-        right[j] = solved;
-        (x0, w0, previous, previous_inverse, previous_right) = (x1, w1, nj, inverse, solved);
+        rows.edge[j] = d;
+        rows.length[j] = length;
+        rows.right[j] = right;
+        (x0, w0, previous, previous_inverse, previous_right) = (x1, w1, d, inverse, right);
     }
     // Nothing comes after the last edge, and what a longer line left there may be no number.
-    upper[line.vertices.len().saturating_sub(2)] = V::zero();
-}
-
-/// Solves the bending of a yarn as a whole: (1 + M K) d = -M K x, with M the mobility and
-/// K = B^T k B of the second differences B, a pentadiagonal system that is the same for x, y
-/// and z (Gaussian elimination; M^1/2 (1/M + K) M^1/2 is positive definite, so no pivot is 0).
-#[inline(always)]
-pub(super) fn bend<V: Lanes>(
-    line: &Line,
-    x: &mut [Vec3x<V>],
-    mobility: &[V],
-    scratch: &mut Scratch<V>,
-) {
-    let count = line.vertices.len();
-    if line.bending == 0.0 || count < 3 {
-        return;
-    }
-    let mut rows = BendRows::new(line, x);
-    let triples =
-        |i: usize| [i, i + 1, i + 2].map(|next| f64::from(u8::from((2..count).contains(&next))));
-    let inner = 2..count.saturating_sub(2).max(2);
-    for i in 0..2 {
-        rows.eliminate(i, triples(i), x, mobility, scratch);
-    }
-    for i in inner.clone() {
-        rows.eliminate(i, [1.0; 3], x, mobility, scratch);
-    }
-    for i in inner.end..count {
-        rows.eliminate(i, triples(i), x, mobility, scratch);
-    }
-    let (z, first, second) = scratch.parts(count);
-    let (mut d1, mut d2) = (Vec3x::zero(), Vec3x::zero());
-    for i in (0..count).rev() {
-        let d = z[i] - d1.scale(first[i]) - d2.scale(second[i]);
-        let v = line.vertices[i] as usize;
-        x[v] = x[v] + d;
-        (d1, d2) = (d, d1);
-    }
-}
-
-/// Elimination of the rows of the pentadiagonal system, one after the other.
-struct BendRows<'a, V> {
-    line: &'a Line,
-    /// Positions of the vertex and of the next.
-    x: [Vec3x<V>; 2],
-    /// Second differences around the vertex before and the vertex.
-    difference: [Vec3x<V>; 2],
-    /// Of the last two rows: upper diagonals and right side.
-    first: [V; 2],
-    second: [V; 2],
-    right: [Vec3x<V>; 2],
-}
-
-impl<'a, V: Lanes> BendRows<'a, V> {
-    #[inline(always)]
-    fn new(line: &'a Line, x: &[Vec3x<V>]) -> Self {
-        Self {
-            line,
-            x: [x[line.vertices[0] as usize], x[line.vertices[1] as usize]],
-            difference: [Vec3x::zero(); 2],
-            first: [V::zero(); 2],
-            second: [V::zero(); 2],
-            right: [Vec3x::zero(); 2],
-        }
-    }
-
-    /// Row of vertex i, which is on l triples as their last vertex, on m as their middle and
-    /// on r as their first (0 or 1).
-    #[inline(always)]
-    fn eliminate(
-        &mut self,
-        i: usize,
-        [l, m, r]: [f64; 3],
-        x: &[Vec3x<V>],
-        mobility: &[V],
-        scratch: &mut Scratch<V>,
-    ) {
-        let [before, around] = self.difference;
-        let after = if r > 0.0 {
-            let [x0, x1] = self.x;
-            let x2 = x[self.line.vertices[i + 2] as usize];
-            self.x = [x1, x2];
-            x0 + x2 - x1.scale(V::of(2.0))
-        } else {
-            Vec3x::zero()
-        };
-        self.difference = [around, after];
-        let wk = mobility[self.line.vertices[i] as usize] * V::of(self.line.bending);
-        let kx = before + after - around.scale(V::of(2.0));
-        let lower2 = wk * V::of(l);
-        let lower1 = wk * V::of(-2.0 * (l + m)) - lower2 * self.first[0];
-        let diagonal = V::of(1.0) + wk * V::of(l + 4.0 * m + r);
-        let pivot = diagonal - lower2 * self.second[0] - lower1 * self.first[1];
-        let inverse = V::of(1.0) / pivot;
-        let first = (wk * V::of(-2.0 * (m + r)) - lower1 * self.second[1]) * inverse;
-        let second = wk * V::of(r) * inverse;
-        let right = kx.scale(wk) + self.right[0].scale(lower2) + self.right[1].scale(lower1);
-        let right = right.scale(-inverse);
-        scratch.upper[i] = first;
-        scratch.second[i] = second;
-        scratch.direction[i] = right;
-        self.first = [self.first[1], first];
-        self.second = [self.second[1], second];
-        self.right = [self.right[1], right];
-    }
+    rows.upper[line.vertices().len().saturating_sub(2)] = V::zero();
 }
 
 #[cfg(test)]

@@ -55,6 +55,20 @@ pub(super) enum Pass {
     Membrane(Vec<Element>),
 }
 
+impl Pass {
+    /// The vertices that it moves, each once or more.
+    pub fn vertices(&self) -> Vec<u32> {
+        match self {
+            Self::Edges(class) | Self::LimitedEdges(class, _) => {
+                class.vertices.as_flattened().to_vec()
+            }
+            Self::Triples(all) => all.iter().flat_map(|t| t.vertices).collect(),
+            Self::Hinges(all) => all.iter().flat_map(|h| h.vertices).collect(),
+            Self::Membrane(all) => all.iter().flat_map(|e| e.vertices).collect(),
+        }
+    }
+}
+
 /// All that is fixed between resets: masses and the list of passes which a scene asks for.
 #[derive(Clone, Debug)]
 pub struct Model {

@@ -11,9 +11,9 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use crate::env::{Draping, End, EnvConfig, EnvError, Tasks};
-use crate::math::{Purpose, Stream};
+use crate::math::{Isa, Purpose, Stream};
 use crate::scene::{Scene, Summary};
-use crate::sim::{Batch, Control, Cpu, Snapshot};
+use crate::sim::{Control, Snapshot, alone};
 
 /// Time to come to rest after an episode [s].
 const REST: f64 = 0.25;
@@ -137,7 +137,7 @@ fn choose(env: &Draping, index: usize, order: Order, share: f64, stream: &mut St
 fn measure(scene: &Scene, config: &EnvConfig, state: &Snapshot) -> Ended {
     let strain = scene.lamina.yarn_strain(&state.position);
     let crushed = strain.iter().filter(|&&strain| strain < -0.05).count();
-    let mut cloth = Cpu::<f32>::new(&scene.model);
+    let mut cloth = alone(&scene.model, Isa::best());
     cloth.load(0, state);
     let control = Control {
         dt: REST,

@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use crate::math::{Lanes, Real, Vec3};
+use crate::math::{Lanes, Vec3};
 
 use super::ToolError;
 use super::surface::{Surface, winding};
@@ -123,21 +123,15 @@ impl DistanceGrid {
             let last = V::of((self.dims[a] - 1) as f64);
             let u = last.min(zero.max(offset / spacing));
             t[a] = u;
-            for lane in 0..V::COUNT {
-                // Rounds down (u is not negative), and takes NaN to 0.
-                let index = (u.as_slice()[lane].to_f64() as u32 as usize).min(self.dims[a] - 2);
-                cell[a].as_mut_slice()[lane] = V::Scalar::from_f64(index as f64);
-            }
+            cell[a] = u.floor().min(V::of((self.dims[a] - 2) as f64));
             t[a] = t[a] - cell[a];
             beyond[a] = offset - (last * spacing).min(zero.max(offset));
         }
-        let mut v = [zero; 8];
-        for lane in 0..V::COUNT {
-            let cell = cell.map(|c| c.as_slice()[lane].to_f64() as usize);
-            for (v, corner) in v.iter_mut().zip(self.corners(cell)) {
-                v.as_mut_slice()[lane] = V::Scalar::from_f64(f64::from(corner));
-            }
-        }
+        let [row, layer] = [self.dims[0], self.dims[0] * self.dims[1]];
+        // Corners of a cell, x running fastest.
+        let (up, far) = (layer + row, layer + row + 1);
+        let corners = [0, 1, row, row + 1, layer, layer + 1, up, far];
+        let v = V::look_up(&self.samples, cell, [row, layer], corners);
         let lerp = |a: V, b: V, t: V| a + (b - a) * t;
         // Along x on four edges, then along y on two faces, then along z.
         let d = [v[1] - v[0], v[3] - v[2], v[5] - v[4], v[7] - v[6]];
@@ -168,24 +162,6 @@ impl DistanceGrid {
             outwards(bz, gradient[2]),
         ];
         (inside + distance, gradient)
-    }
-
-    /// Samples at the corners of a cell, x running fastest.
-    #[inline(always)]
-    fn corners(&self, [i, j, k]: [usize; 3]) -> [f32; 8] {
-        let row = self.dims[0];
-        let layer = row * self.dims[1];
-        let s = &self.samples[k * layer + j * row + i..][..layer + row + 2];
-        [
-            s[0],
-            s[1],
-            s[row],
-            s[row + 1],
-            s[layer],
-            s[layer + 1],
-            s[layer + row],
-            s[layer + row + 1],
-        ]
     }
 }
 

@@ -6,10 +6,10 @@ use super::limits::Limits;
 use super::{Effort, Samples};
 use crate::fabric::Lamina;
 #[cfg(target_arch = "x86_64")]
-use crate::math::{F32x8, F32x16};
+use crate::math::{F32x8, F32x16, F64x4, F64x8};
 use crate::math::{Isa, Lanes, Portable};
 use crate::scene::Scene;
-use crate::sim::{Batch, Control, Cpu, Model, PhysicsConfig, Solver, alone, batch};
+use crate::sim::{Batch, Control, Model, PhysicsConfig, Solver, alone, alone_f64, batch};
 
 /// The control step of an episode: a frame.
 pub const CONTROL: Control = Control {
@@ -41,8 +41,8 @@ impl Backend {
     /// A batch for `model`.
     pub fn batch(self, model: &Model) -> Box<dyn Batch> {
         match self {
-            Self::AloneF64 => Box::new(Cpu::<f64>::new(model)),
-            Self::AloneF32 => alone(model),
+            Self::AloneF64 => alone_f64(model, Isa::best()),
+            Self::AloneF32 => alone(model, Isa::best()),
             Self::Group(isa) => batch(model, isa),
         }
     }
@@ -55,11 +55,11 @@ impl Backend {
         }
     }
 
-    /// Name of the instruction set.
+    /// Name of the instruction set whose limits hold. One environment has its lines in these
+    /// lanes, as far as its solver works along lines.
     pub fn isa(self) -> &'static str {
         match self {
-            Self::AloneF64 => <f64 as Lanes>::ISA,
-            Self::AloneF32 => <f32 as Lanes>::ISA,
+            Self::AloneF64 | Self::AloneF32 => Self::Group(Isa::best()).isa(),
             Self::Group(Isa::Portable) => Portable::ISA,
             #[cfg(target_arch = "x86_64")]
             Self::Group(Isa::Avx2) => F32x8::ISA,
@@ -79,8 +79,14 @@ impl Backend {
     /// Measures the machine's limits for these lanes, once.
     pub(super) fn limits(self, numbers: usize) -> Limits {
         match self {
-            Self::AloneF64 => Limits::measure::<f64>(numbers),
-            Self::AloneF32 => Limits::measure::<f32>(numbers),
+            Self::AloneF64 => match Isa::best() {
+                Isa::Portable => Limits::measure::<f64>(numbers),
+                #[cfg(target_arch = "x86_64")]
+                Isa::Avx2 => Limits::measure::<F64x4>(numbers),
+                #[cfg(target_arch = "x86_64")]
+                Isa::Avx512 => Limits::measure::<F64x8>(numbers),
+            },
+            Self::AloneF32 => Self::Group(Isa::best()).limits(numbers),
             Self::Group(Isa::Portable) => Limits::measure::<Portable>(numbers),
             #[cfg(target_arch = "x86_64")]
             Self::Group(Isa::Avx2) => Limits::measure::<F32x8>(numbers),

@@ -24,17 +24,18 @@ pub struct Operations {
     pub roots: usize,
 }
 
-/// x1 - x0: 3; its square 5, not below the shortest 1, root, 1 / root, direction 3, length 1.
-const DIRECTION: Operations = Operations::new(13, 1, 1);
+/// x1 - x0: 3; its square 5, root.
+const LENGTH: Operations = Operations::new(8, 0, 1);
 
-/// An edge in a tridiagonal solve: C 1, branch by a sign 2, coupling 6, factor 1, diagonal 5, its
-/// inverse, right side 3; then backwards multiplier 2, pull 3, and its difference to the one
+/// An edge in a tridiagonal solve: C 1, branch by a sign 2, coupling 6, factor 1, diagonal 6, its
+/// inverse, right side 4; then backwards multiplier 2, pull 3, and its difference to the one
 /// before, moved by w, 9.
-const LINE_EDGE: Operations = DIRECTION.plus(Operations::new(32, 1, 0));
+const LINE_EDGE: Operations = LENGTH.plus(Operations::new(34, 1, 0));
 
 /// What the edge of a yarn has on top, whose force is kept: what the force explains 2, its new
-/// value 1, the pull 3 and its sum 6, the stress 2 and its sum 2.
-const KEPT_FORCE: Operations = Operations::new(16, 0, 0);
+/// value 2; in the next substep the length anew, not below the shortest 1, force over length, the
+/// pull 3 and its sum 6, the stress 2 and its sum 2.
+const KEPT_FORCE: Operations = LENGTH.plus(Operations::new(18, 1, 0));
 
 /// A vertex in the pentadiagonal solve of bending: second difference 9, stiffness 1, K x 9, lower
 /// diagonals 3, diagonal 2, pivot 4 and its inverse, upper diagonals 4, right side 18; then
@@ -45,9 +46,9 @@ const BENT_VERTEX: Operations = Operations::new(65, 1, 0);
 /// the pull 3, added 3.
 const PULLED: Operations = Operations::new(10, 0, 0);
 
-/// An edge by itself: C 1, branch by its sign 2, denominator 2, multiplier 1 division, pull 3,
-/// both ends moved by w 12.
-const SINGLE_EDGE: Operations = DIRECTION.plus(Operations::new(20, 1, 0));
+/// An edge by itself: not below the shortest length 1, C 1, branch by its sign 2, denominator 3,
+/// multiplier 1 division, pull 3, both ends moved by w 12.
+const SINGLE_EDGE: Operations = LENGTH.plus(Operations::new(22, 1, 0));
 
 /// Three neighbours on a yarn: x0 - 2 x1 + x2 9, denominator 4, its inverse, pull 3, three ends
 /// moved by w 18, twice w in the middle 1.

@@ -2,7 +2,8 @@ use std::sync::Arc;
 
 use super::{Figures, Outcome, Precision, THRESHOLD};
 use crate::fabric::Lamina;
-use crate::sim::{Batch, Control, Cpu, Model, PhysicsConfig, Snapshot, Solver};
+use crate::math::Isa;
+use crate::sim::{Batch, Control, Model, PhysicsConfig, Snapshot, Solver, alone, alone_f64};
 use crate::tool::Tool;
 
 /// Place of a cell in its sweep.
@@ -80,8 +81,8 @@ impl Trial {
     /// Simulates and judges.
     pub fn run(&self, precision: Precision) -> (Outcome, Figures) {
         let mut batch: Box<dyn Batch> = match precision {
-            Precision::F64 => Box::new(Cpu::<f64>::new(&self.model)),
-            Precision::F32 => Box::new(Cpu::<f32>::new(&self.model)),
+            Precision::F64 => alone_f64(&self.model, Isa::best()),
+            Precision::F32 => alone(&self.model, Isa::best()),
         };
         batch.load(0, &self.start);
         let control = Control {

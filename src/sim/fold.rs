@@ -1,0 +1,325 @@
+//! One environment in many lanes: lines that share no vertex are solved side by side.
+//!
+//! Warps are bundled by length, and the state lies in the order of these bundles: along a warp
+//! from number to number, another warp in every lane. What runs along warps, or goes vertex by
+//! vertex, works on it as it is. Wefts and rows of diagonals are copied out, solved and copied
+//! back; where warps and wefts cross in a full square, that is a transposition.
+
+use std::ops::Range;
+
+use super::line::{Chain, Line, Lines};
+use crate::math::{Lanes, Real};
+
+/// A line in every lane. Shorter ones are filled up with edges that are not there.
+pub(super) struct Bundle<V> {
+    vertices: Vec<u32>,
+    edges: Range<usize>,
+    rest: [V; 2],
+    compliance: [V; 2],
+    least_kept: V,
+    limit: Option<[V; 3]>,
+    bending: Option<V>,
+    /// 1 in the lanes that have an edge, else 0.
+    has_edge: Vec<V>,
+}
+
+impl<V: Lanes> Bundle<V> {
+    /// Of `lines`, longest first, at most one a lane; their vertices begin at number `first`,
+    /// their forces at number `edge`.
+    fn new(lines: &[&Line], first: usize, edge: usize) -> Self {
+        let longest = lines[0].vertices.len();
+        let mut bundle = Self {
+            vertices: (first as u32..(first + longest) as u32).collect(),
+            edges: edge..edge + longest - 1,
+            rest: [V::of(1.0); 2],
+            compliance: [V::of(1.0); 2],
+            least_kept: V::zero(),
+            limit: None,
+            bending: None,
+            has_edge: vec![V::zero(); longest - 1],
+        };
+        let set = |of: &mut V, lane: usize, x: f64| {
+            of.as_mut_slice()[lane] = V::Scalar::from_f64(x);
+        };
+        for (lane, line) in lines.iter().enumerate() {
+            for k in 0..2 {
+                set(&mut bundle.rest[k], lane, Chain::<f64>::rest(*line)[k]);
+                let compliance = Chain::<f64>::compliance(*line)[k];
+                set(&mut bundle.compliance[k], lane, compliance);
+            }
+            set(&mut bundle.least_kept, lane, line.least_kept());
+            if let Some(limit) = Chain::<f64>::limit(*line) {
+                let all = bundle.limit.get_or_insert([V::of(1.0); 3]);
+                for (all, limit) in all.iter_mut().zip(limit) {
+                    set(all, lane, limit);
+                }
+            }
+            if let Some(stiffness) = Chain::<f64>::bending(*line) {
+                set(bundle.bending.get_or_insert(V::zero()), lane, stiffness);
+            }
+            for has_edge in &mut bundle.has_edge[..line.vertices.len() - 1] {
+                set(has_edge, lane, 1.0);
+            }
+        }
+        bundle
+    }
+}
+
+impl<V: Lanes> Chain<V> for Bundle<V> {
+    #[inline(always)]
+    fn vertices(&self) -> &[u32] {
+        &self.vertices
+    }
+    #[inline(always)]
+    fn edges(&self) -> Range<usize> {
+        self.edges.clone()
+    }
+    #[inline(always)]
+    fn rest(&self) -> [V; 2] {
+        self.rest
+    }
+    #[inline(always)]
+    fn compliance(&self) -> [V; 2] {
+        self.compliance
+    }
+    #[inline(always)]
+    fn least_kept(&self) -> V {
+        self.least_kept
+    }
+    #[inline(always)]
+    fn limit(&self) -> Option<[V; 3]> {
+        self.limit
+    }
+    #[inline(always)]
+    fn bending(&self) -> Option<V> {
+        self.bending
+    }
+    #[inline(always)]
+    fn of_edge(&self, j: usize, x: V) -> V {
+        x * self.has_edge[j]
+    }
+    #[inline(always)]
+    fn has_edge(&self, j: usize) -> V {
+        self.has_edge[j]
+    }
+}
+
+/// Where the vertices of a bundle that crosses the warps are in the state.
+pub(super) struct Places {
+    /// Number and lane, as number * lanes + lane, of every vertex and lane of the bundle.
+    slots: Vec<u32>,
+    /// Parts of it in their order along the bundle.
+    parts: Vec<Part>,
+}
+
+enum Part {
+    /// As many vertices as there are lanes, from the first on: number j of them is in every
+    /// lane of the bundle what lane j is of these numbers of the state.
+    Square(usize, Vec<u32>),
+    /// Any others.
+    Single(Range<usize>),
+}
+
+impl Places {
+    fn new(slots: Vec<u32>, lanes: usize) -> Self {
+        let count = slots.len() / lanes;
+        let mut parts = Vec::new();
+        let mut i = 0;
+        while i < count {
+            if let Some(numbers) = square(&slots[i * lanes..], lanes) {
+                parts.push(Part::Square(i, numbers));
+                i += lanes;
+                continue;
+            }
+            match parts.last_mut() {
+                Some(Part::Single(range)) => range.end += 1,
+                _ => parts.push(Part::Single(i..i + 1)),
+            }
+            i += 1;
+        }
+        Self { slots, parts }
+    }
+
+    /// Copies the `K` components of the bundle's vertices out of the state.
+    #[inline(always)]
+    pub fn read<V: Lanes, const K: usize>(&self, state: &[V], bundle: &mut [V]) {
+        for part in &self.parts {
+            match part {
+                Part::Square(first, numbers) => {
+                    for k in 0..K {
+                        let mut block = [V::zero(); WIDEST];
+                        for (block, number) in block.iter_mut().zip(numbers) {
+                            *block = state[K * *number as usize + k];
+                        }
+                        V::transpose(&mut block[..V::COUNT]);
+                        for (j, block) in block[..V::COUNT].iter().enumerate() {
+                            bundle[K * (first + j) + k] = *block;
+                        }
+                    }
+                }
+                Part::Single(range) => {
+                    let (state, bundle) = (V::flat(state), V::flat_mut(bundle));
+                    let slots = self.slots[range.start * V::COUNT..].chunks_exact(V::COUNT);
+                    let vertices = bundle[K * V::COUNT * range.start..K * V::COUNT * range.end]
+                        .chunks_exact_mut(K * V::COUNT);
+                    for (slots, vertex) in slots.zip(vertices) {
+                        for (lane, &slot) in slots.iter().enumerate() {
+                            let state = &state[component::<V, K>(slot)..][..(K - 1) * V::COUNT + 1];
+                            for k in 0..K {
+                                vertex[k * V::COUNT + lane] = state[k * V::COUNT];
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Copies them back.
+    #[inline(always)]
+    pub fn write<V: Lanes, const K: usize>(&self, bundle: &[V], state: &mut [V]) {
+        for part in &self.parts {
+            match part {
+                Part::Square(first, numbers) => {
+                    for k in 0..K {
+                        let mut block = [V::zero(); WIDEST];
+                        for (j, block) in block[..V::COUNT].iter_mut().enumerate() {
+                            *block = bundle[K * (first + j) + k];
+                        }
+                        V::transpose(&mut block[..V::COUNT]);
+                        for (block, number) in block.iter().zip(numbers) {
+                            state[K * *number as usize + k] = *block;
+                        }
+                    }
+                }
+                Part::Single(range) => {
+                    let (bundle, state) = (V::flat(bundle), V::flat_mut(state));
+                    let slots = self.slots[range.start * V::COUNT..].chunks_exact(V::COUNT);
+                    let vertices = bundle[K * V::COUNT * range.start..K * V::COUNT * range.end]
+                        .chunks_exact(K * V::COUNT);
+                    for (slots, vertex) in slots.zip(vertices) {
+                        for (lane, &slot) in slots.iter().enumerate() {
+                            let state =
+                                &mut state[component::<V, K>(slot)..][..(K - 1) * V::COUNT + 1];
+                            for k in 0..K {
+                                state[k * V::COUNT] = vertex[k * V::COUNT + lane];
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Where the first of the `K` components of a slot is.
+#[inline(always)]
+fn component<V: Lanes, const K: usize>(slot: u32) -> usize {
+    let slot = slot as usize;
+    slot / V::COUNT * K * V::COUNT + slot % V::COUNT
+}
+
+/// Lanes of the widest instruction set.
+const WIDEST: usize = 16;
+
+/// The numbers in the state of which the first vertices of a bundle are the transposition.
+fn square(slots: &[u32], lanes: usize) -> Option<Vec<u32>> {
+    if slots.len() < lanes * lanes {
+        return None;
+    }
+    let numbers: Vec<u32> = slots[..lanes].iter().map(|s| s / lanes as u32).collect();
+    let fits = |(i, &slot): (usize, &u32)| {
+        let [j, lane] = [i / lanes, i % lanes];
+        slot == numbers[lane] * lanes as u32 + j as u32
+    };
+    let all = slots[..lanes * lanes].iter().enumerate().all(fits);
+    all.then_some(numbers)
+}
+
+/// The lines of a model, bundled.
+pub(super) struct Fold<V> {
+    pub warps: Vec<Bundle<V>>,
+    pub wefts: Vec<(Bundle<V>, Places)>,
+    pub diagonals: Vec<(Bundle<V>, Places)>,
+    /// Numbers in the state; the last holds no vertex and is as immovable as all such.
+    pub count: usize,
+    /// Numbers for forces.
+    pub edge_count: usize,
+    /// Vertices of the longest line.
+    pub longest: usize,
+    /// Number and lane of each vertex.
+    pub vertices: Vec<[u32; 2]>,
+    /// Number and lane of each edge's force.
+    pub edges: Vec<[u32; 2]>,
+}
+
+impl<V: Lanes> Fold<V> {
+    pub fn new(lines: &Lines) -> Self {
+        let vertex_count = lines.warps.iter().map(|line| line.vertices.len()).sum();
+        let mut fold = Self {
+            warps: Vec::new(),
+            wefts: Vec::new(),
+            diagonals: Vec::new(),
+            count: 0,
+            edge_count: 0,
+            longest: lines.longest,
+            vertices: vec![[0; 2]; vertex_count],
+            edges: vec![[0; 2]; lines.edge_count],
+        };
+        for lines in by_length(&lines.warps).chunks(V::COUNT) {
+            let bundle = Bundle::new(lines, fold.count, fold.edge_count);
+            for (lane, line) in lines.iter().enumerate() {
+                for (&v, number) in line.vertices.iter().zip(&bundle.vertices) {
+                    fold.vertices[v as usize] = [*number, lane as u32];
+                }
+            }
+            fold.place_forces(lines);
+            fold.count += bundle.vertices.len();
+            fold.warps.push(bundle);
+        }
+        for lines in by_length(&lines.wefts).chunks(V::COUNT) {
+            let bundle = Bundle::new(lines, 0, fold.edge_count);
+            let places = fold.places(lines);
+            fold.place_forces(lines);
+            fold.wefts.push((bundle, places));
+        }
+        for lines in by_length(&lines.diagonals).chunks(V::COUNT) {
+            let places = fold.places(lines);
+            fold.diagonals.push((Bundle::new(lines, 0, 0), places));
+        }
+        fold.count += 1;
+        fold
+    }
+
+    /// Gives the forces of a bundle of `lines` room.
+    fn place_forces(&mut self, lines: &[&Line]) {
+        for (lane, line) in lines.iter().enumerate() {
+            for (j, edge) in line.edges.clone().enumerate() {
+                self.edges[edge] = [(self.edge_count + j) as u32, lane as u32];
+            }
+        }
+        self.edge_count += lines[0].vertices.len() - 1;
+    }
+
+    fn places(&self, lines: &[&Line]) -> Places {
+        let lanes = V::COUNT as u32;
+        let nowhere = self.count as u32 * lanes;
+        let slot = |i: usize, lane: usize| {
+            let vertex = lines.get(lane).and_then(|line| line.vertices.get(i));
+            vertex.map_or(nowhere, |&v| {
+                let [number, lane] = self.vertices[v as usize];
+                number * lanes + lane
+            })
+        };
+        let along = 0..lines[0].vertices.len();
+        let slots = along.flat_map(|i| (0..V::COUNT).map(move |lane| (i, lane)));
+        Places::new(slots.map(|(i, lane)| slot(i, lane)).collect(), V::COUNT)
+    }
+}
+
+/// Longest first, otherwise in their order.
+fn by_length(lines: &[Line]) -> Vec<&Line> {
+    let mut sorted: Vec<&Line> = lines.iter().collect();
+    sorted.sort_by_key(|line| std::cmp::Reverse(line.vertices.len()));
+    sorted
+}

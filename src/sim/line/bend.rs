@@ -1,0 +1,140 @@
+//! Bending along a line.
+
+use super::{Chain, Rows, Scratch};
+use crate::math::{Lanes, Vec3x};
+
+/// Solves the bending of a yarn as a whole: (1 + M K) d = -M K x, with M the mobility and
+/// K = B^T k B of the second differences B, a pentadiagonal system that is the same for x, y
+/// and z (Gaussian elimination; M^1/2 (1/M + K) M^1/2 is positive definite, so no pivot is 0).
+#[inline(always)]
+pub(in crate::sim) fn bend<V: Lanes>(
+    line: &impl Chain<V>,
+    x: &mut [Vec3x<V>],
+    mobility: &[V],
+    scratch: &mut Scratch<V>,
+) {
+    let count = line.vertices().len();
+    let Some(stiffness) = line.bending() else {
+        return;
+    };
+    if count < 3 {
+        return;
+    }
+    let mut rows = BendRows::new(line, stiffness, x);
+    let inner = 2..count.saturating_sub(2).max(2);
+    for i in 0..2 {
+        rows.eliminate(i, i + 2 < count, triples(line, i), x, mobility, scratch);
+    }
+    for i in inner.clone() {
+        let triples = [line.has_edge(i - 1), line.has_edge(i), line.has_edge(i + 1)];
+        rows.eliminate(i, true, triples, x, mobility, scratch);
+    }
+    for i in inner.end..count {
+        rows.eliminate(i, i + 2 < count, triples(line, i), x, mobility, scratch);
+    }
+    let Rows {
+        edge: z,
+        upper: first,
+        right: second,
+        ..
+    } = scratch.rows(count);
+    let (mut d1, mut d2) = (Vec3x::zero(), Vec3x::zero());
+    for i in (0..count).rev() {
+        let d = z[i] - d1.scale(first[i]) - d2.scale(second[i]);
+        let v = line.vertices()[i] as usize;
+        x[v] = x[v] + d;
+        (d1, d2) = (d, d1);
+    }
+}
+
+/// 1 in the lanes where vertex i is the last of a triple, where the middle, where the first. A
+/// triple is there if its second edge is.
+#[inline(always)]
+fn triples<V: Lanes>(line: &impl Chain<V>, i: usize) -> [V; 3] {
+    let mut found = [V::zero(); 3];
+    for (k, found) in found.iter_mut().enumerate() {
+        if (2..line.vertices().len()).contains(&(i + k)) {
+            *found = line.has_edge(i + k - 1);
+        }
+    }
+    found
+}
+
+/// Elimination of the rows of the pentadiagonal system, one after the other.
+struct BendRows<'a, V, C> {
+    line: &'a C,
+    stiffness: V,
+    /// Positions of the vertex and of the next.
+    x: [Vec3x<V>; 2],
+    /// Second differences around the vertex before and the vertex.
+    difference: [Vec3x<V>; 2],
+    /// Of the last two rows: upper diagonals and right side.
+    first: [V; 2],
+    second: [V; 2],
+    right: [Vec3x<V>; 2],
+}
+
+impl<'a, V: Lanes, C: Chain<V>> BendRows<'a, V, C> {
+    #[inline(always)]
+    fn new(line: &'a C, stiffness: V, x: &[Vec3x<V>]) -> Self {
+        Self {
+            line,
+            stiffness,
+            x: [
+                x[line.vertices()[0] as usize],
+                x[line.vertices()[1] as usize],
+            ],
+            difference: [Vec3x::zero(); 2],
+            first: [V::zero(); 2],
+            second: [V::zero(); 2],
+            right: [Vec3x::zero(); 2],
+        }
+    }
+
+    /// Row of vertex i, which is on l triples as their last vertex, on m as their middle and
+    /// on r as their first (0 or 1); r is 0 in all lanes unless there is an `onward` vertex i + 2.
+    #[inline(always)]
+    fn eliminate(
+        &mut self,
+        i: usize,
+        onward: bool,
+        [l, m, r]: [V; 3],
+        x: &[Vec3x<V>],
+        mobility: &[V],
+        scratch: &mut Scratch<V>,
+    ) {
+        let [before, around] = self.difference;
+        let after = if onward {
+            let [x0, x1] = self.x;
+            let x2 = x[self.line.vertices()[i + 2] as usize];
+            self.x = [x1, x2];
+            let after = x0 + x2 - x1.scale(V::of(2.0));
+            let Vec3x([dx, dy, dz]) = after;
+            Vec3x([
+                self.line.of_edge(i + 1, dx),
+                self.line.of_edge(i + 1, dy),
+                self.line.of_edge(i + 1, dz),
+            ])
+        } else {
+            Vec3x::zero()
+        };
+        self.difference = [around, after];
+        let wk = mobility[self.line.vertices()[i] as usize] * self.stiffness;
+        let kx = before + after - around.scale(V::of(2.0));
+        let lower2 = wk * l;
+        let lower1 = wk * (V::of(-2.0) * (l + m)) - lower2 * self.first[0];
+        let diagonal = V::of(1.0) + wk * (l + V::of(4.0) * m + r);
+        let pivot = diagonal - lower2 * self.second[0] - lower1 * self.first[1];
+        let inverse = V::of(1.0) / pivot;
+        let first = (wk * (V::of(-2.0) * (m + r)) - lower1 * self.second[1]) * inverse;
+        let second = wk * r * inverse;
+        let right = kx.scale(wk) + self.right[0].scale(lower2) + self.right[1].scale(lower1);
+        let right = right.scale(-inverse);
+        scratch.upper[i] = first;
+        scratch.second[i] = second;
+        scratch.direction[i] = right;
+        self.first = [self.first[1], first];
+        self.second = [self.second[1], second];
+        self.right = [self.right[1], right];
+    }
+}
