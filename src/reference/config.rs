@@ -17,7 +17,7 @@ pub enum BendingStiffness {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Extrapolation {
-    /// As much as at the end, as Abaqus does with test data.
+    /// As much as at the end: what Abaqus does if nothing else is asked for.
     Constant,
     /// The last slope goes on.
     #[default]

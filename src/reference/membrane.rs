@@ -135,20 +135,19 @@ impl Membranes {
             }
             if let Some(viscosity) = viscosity {
                 let rate = if self.remembers { viscosity } else { 0.0 };
-                for family in 0..2 {
-                    let memory = &mut some.memory[family];
-                    let strain = &columns.strain[family];
+                let of_family = some.memory.iter_mut().zip(&columns.strain);
+                for ((memory, strain), stress) in of_family.zip(&mut stress) {
                     for l in 0..WIDTH {
-                        let viscous = rate * (stress[family][l] - memory.stress[l]);
+                        let viscous = rate * (stress[l] - memory.stress[l]);
                         let way = strain[l] - memory.strain[l];
                         let mean = 0.5 * (viscous + memory.viscous[l]);
                         // The first pass has no way behind it.
                         let work = some.volume[l] * mean * way;
                         dissipated[l] += if self.remembers { work } else { 0.0 };
-                        memory.stress[l] = stress[family][l];
+                        memory.stress[l] = stress[l];
                         memory.strain[l] = strain[l];
                         memory.viscous[l] = viscous;
-                        stress[family][l] += viscous;
+                        stress[l] += viscous;
                     }
                 }
             }
@@ -241,10 +240,10 @@ impl Triangles {
         let mut sides = [[[0.0; WIDTH]; 3]; 2];
         for axis in 0..3 {
             let first = self.block.load(&x[axis], 0);
-            for corner in 0..2 {
+            for (corner, side) in sides.iter_mut().enumerate() {
                 let other = self.block.load(&x[axis], corner + 1);
                 for l in 0..WIDTH {
-                    sides[corner][axis][l] = other[l] - first[l];
+                    side[axis][l] = other[l] - first[l];
                 }
             }
         }
@@ -263,7 +262,11 @@ impl Triangles {
                 let y = u[1][l] * g1[l] + v[1][l] * g2[l];
                 let z = u[2][l] * g1[l] + v[2][l] * g2[l];
                 let stretch = (x * x + y * y + z * z).sqrt();
-                let some = if stretch > LEAST_STRETCH { stretch } else { LEAST_STRETCH };
+                let some = if stretch > LEAST_STRETCH {
+                    stretch
+                } else {
+                    LEAST_STRETCH
+                };
                 let inverse = 1.0 / some;
                 dx[l] = x * inverse;
                 dy[l] = y * inverse;
@@ -291,7 +294,11 @@ impl Triangles {
         for l in 0..WIDTH {
             let sine = columns.sine[l];
             let cosine = (1.0 - sine * sine).sqrt();
-            let some = if cosine > LEAST_COSINE { cosine } else { LEAST_COSINE };
+            let some = if cosine > LEAST_COSINE {
+                cosine
+            } else {
+                LEAST_COSINE
+            };
             let turn = tau[l] / some * self.volume[l];
             for family in 0..2 {
                 let across = turn * columns.inverse[family][l];
@@ -299,7 +306,7 @@ impl Triangles {
                 other[family][l] = across;
             }
         }
-        for axis in 0..3 {
+        for (axis, f) in f.iter_mut().enumerate() {
             let (a, b) = (&columns.direction[0][axis], &columns.direction[1][axis]);
             let mut first = [0.0; WIDTH];
             let mut rest = [[0.0; WIDTH]; 2];
@@ -312,9 +319,9 @@ impl Triangles {
                 rest[0][l] = -p;
                 rest[1][l] = -q;
             }
-            self.block.add(&mut f[axis], 0, &first);
-            self.block.add(&mut f[axis], 1, &rest[0]);
-            self.block.add(&mut f[axis], 2, &rest[1]);
+            self.block.add(f, 0, &first);
+            self.block.add(f, 1, &rest[0]);
+            self.block.add(f, 2, &rest[1]);
         }
     }
 }
@@ -348,30 +355,38 @@ fn warp_direction(lamina: &Lamina) -> [f64; 2] {
 #[inline(always)]
 fn asin(x: &Lane) -> Lane {
     const P: [f64; 6] = [
-        1.666_666_666_666_666_574_15e-1,
-        -3.255_658_186_224_009_154_05e-1,
-        2.012_125_321_348_629_258_81e-1,
-        -4.005_553_450_067_941_140_27e-2,
-        7.915_349_942_898_145_321_76e-4,
-        3.479_331_075_960_211_675_70e-5,
+        0.166_666_666_666_666_66,
+        -0.325_565_818_622_400_9,
+        0.201_212_532_134_862_93,
+        -0.040_055_534_500_679_41,
+        0.000_791_534_994_289_814_5,
+        3.479_331_075_960_212e-5,
     ];
     const Q: [f64; 4] = [
-        -2.403_394_911_734_414_218_78,
-        2.020_945_760_233_505_694_71,
-        -6.882_839_716_054_532_930_30e-1,
-        7.703_815_055_590_193_527_91e-2,
+        -2.403_394_911_734_414,
+        2.020_945_760_233_505_7,
+        -0.688_283_971_605_453_3,
+        0.077_038_150_555_901_94,
     ];
     let mut angle = [0.0; WIDTH];
     for l in 0..WIDTH {
         let size = x[l].abs();
         let is_small = size < 0.5;
-        let t = if is_small { size * size } else { 0.5 * (1.0 - size) };
+        let t = if is_small {
+            size * size
+        } else {
+            0.5 * (1.0 - size)
+        };
         let root = t.sqrt();
         let p = t * (P[0] + t * (P[1] + t * (P[2] + t * (P[3] + t * (P[4] + t * P[5])))));
         let q = 1.0 + t * (Q[0] + t * (Q[1] + t * (Q[2] + t * Q[3])));
         let base = if is_small { size } else { root };
         let arc = base + base * (p / q);
-        let whole = if is_small { arc } else { std::f64::consts::FRAC_PI_2 - 2.0 * arc };
+        let whole = if is_small {
+            arc
+        } else {
+            std::f64::consts::FRAC_PI_2 - 2.0 * arc
+        };
         angle[l] = whole.copysign(x[l]);
     }
     angle

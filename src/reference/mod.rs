@@ -20,6 +20,7 @@ mod output;
 mod pack;
 mod press;
 mod relax;
+mod step;
 mod twin;
 
 pub use config::{BendingStiffness, Extrapolation, TwinConfig, TwinError};
@@ -27,4 +28,5 @@ pub use energy::Energies;
 pub use membrane::Strain;
 pub use press::{Hold, PressAction, PressConfig, PressDirection, under_box};
 pub use relax::Relaxed;
-pub use twin::{Diverged, Twin};
+pub use step::Diverged;
+pub use twin::Twin;

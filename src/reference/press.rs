@@ -1,7 +1,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::config::TwinError;
-use super::twin::{Diverged, Twin};
+use super::step::Diverged;
+use super::twin::Twin;
 use crate::fabric::Lamina;
 use crate::math::Vec3;
 use crate::tool::Tool;
@@ -123,7 +124,10 @@ pub fn under_box(
         let offset = Vec3::from(positions[*v as usize]) - centre;
         *v == vertex || offset.dot(&along).abs() <= half && offset.dot(&across).abs() <= half
     };
-    lamina.within(vertex, REACH * side).filter(is_below).collect()
+    lamina
+        .within(vertex, REACH * side)
+        .filter(is_below)
+        .collect()
 }
 
 impl Twin {

@@ -1,10 +1,14 @@
-use super::twin::{Diverged, Twin};
+use super::step::Diverged;
+use super::twin::Twin;
 use crate::tool::Tool;
 
 /// Least and most steps between two looks at how the twin moves.
 const WINDOW: [usize; 2] = [200, 20_000];
 /// Share of a radian of the slowest motion in which to look again.
 const SHARE: f64 = 0.1;
+
+/// Looks in a row that have to find the twin at rest.
+const QUIET: usize = 3;
 
 /// How a search for rest has ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +27,7 @@ impl Twin {
     ///
     /// Adaptive dynamic relaxation (Underwood 1983): the slowest frequency omega is estimated
     /// from the motion itself by Rayleigh's quotient, and damping is critical for it, 2 omega.
+    /// Motion that only creeps is damped too much; the rate at which it fades tells by how much.
     /// How the twin gets there is no motion of cloth; where it comes to rest is. With friction
     /// that can depend on the way.
     ///
@@ -52,12 +57,13 @@ impl Twin {
         let mut quiet = 0;
         let mut way = f64::INFINITY;
         let (mut x, mut f) = (self.x.clone(), self.elastic_field());
-        while self.seconds() - start < seconds && quiet < 2 {
+        let mut last: Option<(f64, f64)> = None;
+        while start + seconds - self.seconds() > 1e-9 * self.stable_time_step() && quiet < QUIET {
             let began = self.seconds();
             for _ in 0..window {
                 // An even share of what is left is a whole step as long as that is long.
-                let left = seconds - (self.seconds() - start);
-                if left <= 0.0 {
+                let left = start + seconds - self.seconds();
+                if left <= 1e-9 * self.stable_time_step() {
                     break;
                 }
                 self.step(tool, left)?;
@@ -73,15 +79,24 @@ impl Twin {
                     inertia += self.mass_of(v) * u * u;
                 }
             }
-            let omega = (work / inertia).max(0.0).sqrt();
+            let speed = (inertia / mass).sqrt() / time;
             // A sheet that falls freely has none, and a sheet that does not move 0 / 0.
-            let omega = if omega.is_finite() { omega } else { 0.0 };
+            let omega = (work / inertia).max(0.0).sqrt();
+            let mut omega = if omega.is_finite() { omega } else { 0.0 };
+            let damping = self.config.damping;
+            let fading = last.map_or(0.0, |(speed_then, time_then)| {
+                (speed_then / speed).ln() / (0.5 * (time_then + time))
+            });
+            if fading > 0.0 && fading < 0.5 * damping {
+                omega = omega.min((fading * (damping - fading)).sqrt());
+            }
             self.config.damping = 2.0 * omega;
-            way = if inertia > 0.0 {
-                (inertia / mass).sqrt() / time / omega.max(1.0 / seconds)
+            way = if speed > 0.0 {
+                speed / fading.min(omega).max(1.0 / seconds)
             } else {
                 0.0
             };
+            last = Some((speed, time));
             quiet = if way < tolerance { quiet + 1 } else { 0 };
             let steps = SHARE / omega.max(f64::MIN_POSITIVE) / self.stable_time_step();
             window = (steps as usize).clamp(WINDOW[0], WINDOW[1]);
@@ -91,7 +106,7 @@ impl Twin {
         Ok(Relaxed {
             seconds: self.seconds() - start,
             way,
-            is_at_rest: quiet >= 2,
+            is_at_rest: quiet >= QUIET,
         })
     }
 }

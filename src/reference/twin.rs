@@ -1,37 +1,22 @@
 use super::bending::Bending;
 use super::config::{TwinConfig, TwinError};
-use super::contact::{Contact, Step, Work};
+use super::contact::{Contact, Work};
 use super::energy::Energies;
 use super::frequency::{Bound, bound};
 use super::law::Laws;
 use super::membrane::{Membranes, Strain};
 use super::pack::{Field, WIDTH, zeros};
 use crate::fabric::Lamina;
-use crate::math::{Isa, Kernel, Lanes};
-use crate::tool::Tool;
+use crate::math::Isa;
 
 /// Steps between two looks at frequencies and soundness: some milliseconds, in which the cloth
 /// hardly turns.
 const LOOK_INTERVAL: usize = 256;
-/// A yarn that has grown by this much is no yarn any more [-].
-const TORN: f64 = 10.0;
-
-/// The twin cannot go on.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "the twin diverged after {seconds:.6} s at a time step of {time_step:.3e} s: reduce \
-     `twin.safety`, or look for clamps and loads that tear the lamina"
-)]
-pub struct Diverged {
-    pub seconds: f64,
-    pub time_step: f64,
-}
-
 /// How a vertex moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Held {
-    vertex: usize,
-    velocity: [f64; 3],
+pub(super) struct Held {
+    pub vertex: usize,
+    pub velocity: [f64; 3],
 }
 
 /// The finite-element digital twin of a lamina, in motion.
@@ -41,46 +26,46 @@ struct Held {
 pub struct Twin {
     pub(super) config: TwinConfig,
     pub(super) triangles: Vec<[u32; 3]>,
-    count: usize,
+    pub(super) count: usize,
     /// Mass, for weight [kg].
     weight: Vec<f64>,
     /// Mass, for inertia [kg], 0 in padding.
-    mass: Vec<f64>,
+    pub(super) mass: Vec<f64>,
     /// 1 / inertia [1/kg], 0 in padding.
-    inverse_mass: Vec<f64>,
+    pub(super) inverse_mass: Vec<f64>,
     /// Area of fabric that a vertex stands for [m^2].
     pub(super) area: Vec<f64>,
-    membranes: Membranes,
-    bending: Bending,
+    pub(super) membranes: Membranes,
+    pub(super) bending: Bending,
     pub(super) contact: Contact,
-    held: Vec<Held>,
-    is_held: Vec<bool>,
-    loads: Vec<(usize, [f64; 3])>,
+    pub(super) held: Vec<Held>,
+    pub(super) is_held: Vec<bool>,
+    pub(super) loads: Vec<(usize, [f64; 3])>,
     /// Weight and loads [N].
-    base: Field,
+    pub(super) base: Field,
     pub(super) x: Field,
     pub(super) v: Field,
-    f: Field,
-    seconds: f64,
+    pub(super) f: Field,
+    pub(super) seconds: f64,
     /// Duration of the last step [s]; 0 when velocities are those of now.
-    last: f64,
-    isa: Isa,
-    peak: [f64; 2],
-    bound: Bound,
-    time_step: f64,
-    until_look: usize,
-    ledger: Ledger,
+    pub(super) last: f64,
+    pub(super) isa: Isa,
+    pub(super) peak: [f64; 2],
+    pub(super) bound: Bound,
+    pub(super) time_step: f64,
+    pub(super) until_look: usize,
+    pub(super) ledger: Ledger,
 }
 
 /// What has come and gone since the start [J].
 #[derive(Clone, Copy, Default)]
-struct Ledger {
-    work: Work,
-    external: f64,
+pub(super) struct Ledger {
+    pub work: Work,
+    pub external: f64,
     /// By loads in the last step: half of it lies beyond where energies are taken.
-    last_load: f64,
-    damping: f64,
-    viscosity: f64,
+    pub last_load: f64,
+    pub damping: f64,
+    pub viscosity: f64,
     /// Potential of weight, kinetic and strain energy at the start.
     potential: f64,
     initial: f64,
@@ -296,7 +281,9 @@ impl Twin {
 
     fn kinetic(&self) -> f64 {
         let square = |v: usize| self.v.iter().map(|axis| axis[v] * axis[v]).sum::<f64>();
-        (0..self.count).map(|v| 0.5 * self.mass[v] * square(v)).sum()
+        (0..self.count)
+            .map(|v| 0.5 * self.mass[v] * square(v))
+            .sum()
     }
 
     fn potential(&self, x: &Field) -> f64 {
@@ -312,10 +299,7 @@ impl Twin {
                 *x -= self.last * v;
             }
         }
-        let (now, then) = (
-            self.membranes.energy(&self.x),
-            self.membranes.energy(&back),
-        );
+        let (now, then) = (self.membranes.energy(&self.x), self.membranes.energy(&back));
         let Ledger { work, .. } = self.ledger;
         let potential = 0.5 * (self.potential(&self.x) + self.potential(&back));
         Energies {
@@ -351,7 +335,9 @@ impl Twin {
         };
         self.peak = [0, 1].map(|family| {
             let strains = self.strains();
-            strains.iter().fold(0.0, |most, s| s.yarns[family].max(most))
+            strains
+                .iter()
+                .fold(0.0, |most, s| s.yarns[family].max(most))
         });
         self.look();
     }
@@ -374,110 +360,20 @@ impl Twin {
     }
 
     /// Bounds the frequencies anew, and with them the time step.
-    fn look(&mut self) {
+    pub(super) fn look(&mut self) {
         let (membranes, bending) = (&self.membranes, &self.bending);
-        self.bound = bound(membranes, bending, &self.x, &self.mass[..self.count], self.peak);
+        self.bound = bound(
+            membranes,
+            bending,
+            &self.x,
+            &self.mass[..self.count],
+            self.peak,
+        );
         // Viscous forces come a step late (Abaqus Theory Guide, explicit dynamics).
         let xi = self.config.viscosity;
         let share = (1.0 + xi * xi).sqrt() - xi;
         self.time_step = self.config.safety * 2.0 / self.bound.frequency * share;
         self.until_look = LOOK_INTERVAL;
-    }
-
-    /// Goes on for `seconds`, on `tool` if there is one.
-    ///
-    /// # Errors
-    /// When positions are no numbers any more, or yarns are torn.
-    pub fn advance(&mut self, tool: Option<&Tool>, seconds: f64) -> Result<(), Diverged> {
-        self.contact.forget();
-        let end = self.seconds + seconds;
-        loop {
-            let left = end - self.seconds;
-            if !(left > 1e-9 * self.time_step) {
-                return Ok(());
-            }
-            self.step(tool, left)?;
-        }
-    }
-
-    /// One step, of an even share of what is `left` [s].
-    pub(super) fn step(&mut self, tool: Option<&Tool>, left: f64) -> Result<(), Diverged> {
-        self.vectorize(Task::Forces);
-        let torn = self.peak.iter().any(|peak| !(*peak < TORN));
-        let stiffer = (0..2).any(|k| self.peak[k] > self.bound.limit[k]);
-        if self.until_look == 0 || stiffer || torn {
-            if torn || !self.is_finite() {
-                return Err(self.diverged());
-            }
-            self.look();
-        }
-        self.until_look -= 1;
-        let drift = left / (left / self.time_step - 1e-9).ceil().max(1.0);
-        let kick = 0.5 * (self.last + drift);
-        let step = Step {
-            kick,
-            drift,
-            damped: 0.5 * self.config.damping * kick,
-        };
-        if let Some(tool) = tool {
-            let (x, v) = (&self.x, &self.v);
-            let (mass, fixed) = (&self.mass, &self.is_held);
-            let work = (self.contact).add_forces(tool, [x, v], mass, fixed, &step, &mut self.f);
-            let sum = &mut self.ledger.work;
-            sum.contact += work.contact;
-            sum.friction += work.friction;
-            sum.tack += work.tack;
-            sum.press += work.press;
-        }
-        self.hold(&step);
-        self.vectorize(Task::Move(step));
-        let work = |(v, force): &(usize, [f64; 3])| -> f64 {
-            (0..3).map(|k| force[k] * self.v[k][*v] * drift).sum()
-        };
-        self.ledger.last_load = self.loads.iter().map(work).sum();
-        self.ledger.external += self.ledger.last_load;
-        self.last = drift;
-        self.seconds += drift;
-        Ok(())
-    }
-
-    /// Adds the forces of clamps, which give held vertices their velocity.
-    fn hold(&mut self, step: &Step) {
-        for held in &self.held {
-            let v = held.vertex;
-            for k in 0..3 {
-                let (before, after) = (self.v[k][v], held.velocity[k]);
-                let start = step.velocity(before, self.f[k][v] * self.inverse_mass[v]);
-                let force = step.force(self.mass[v], after - start);
-                self.f[k][v] += force;
-                self.ledger.external += force * step.kick * 0.5 * (before + after);
-            }
-        }
-    }
-
-    fn is_finite(&self) -> bool {
-        let fields = self.x.iter().chain(&self.v);
-        fields.flatten().all(|x| x.is_finite())
-    }
-
-    fn diverged(&self) -> Diverged {
-        Diverged {
-            seconds: self.seconds,
-            time_step: self.last,
-        }
-    }
-
-    /// Runs a task compiled for this machine. Equal bits on all of them.
-    fn vectorize(&mut self, task: Task) {
-        let isa = self.isa;
-        let kernel = Run { twin: self, task };
-        match isa {
-            Isa::Portable => kernel.run(),
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => crate::math::F32x8::vectorize(kernel),
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => crate::math::F32x16::vectorize(kernel),
-        }
     }
 }
 
@@ -489,62 +385,53 @@ fn fill(field: &mut Field, vectors: &[[f64; 3]]) {
     }
 }
 
-/// What is done for the whole sheet at once.
-#[derive(Clone, Copy)]
-enum Task {
-    /// Forces at the present positions.
-    Forces,
-    /// Velocities and positions after a step.
-    Move(Step),
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fabric::{BlankConfig, Material};
+    use crate::tool::{Hemisphere, Shape, Source, Tool, ToolConfig};
 
-struct Run<'a> {
-    twin: &'a mut Twin,
-    task: Task,
-}
+    /// A fall on to a dome has the same bits on every instruction set.
+    #[test]
+    fn bits_do_not_depend_on_the_instruction_set() {
+        let blank = BlankConfig {
+            size_mm: [80.0, 80.0],
+            vertices: [21, 21],
+            yarn_angle_deg: 10.0,
+            ..BlankConfig::default()
+        };
+        let lamina = Lamina::new(&blank, Material::interglas_92125()).unwrap();
+        let tool = Tool::new(&ToolConfig {
+            source: Source::Shape(Shape::Hemisphere(Hemisphere::default())),
+            ..ToolConfig::default()
+        })
+        .unwrap();
+        let ends: Vec<_> = Isa::available()
+            .into_iter()
+            .map(|isa| {
+                let mut twin = Twin::new(&lamina, &TwinConfig::default()).unwrap();
+                twin.isa = isa;
+                let at: Vec<[f64; 3]> = (lamina.rest.iter())
+                    .map(|[x, y]| [*x, *y, 0.0752])
+                    .collect();
+                twin.set_positions(&at);
+                twin.advance(Some(&tool), 0.02).unwrap();
+                (twin.positions(), twin.energies())
+            })
+            .collect();
+        assert!(ends.iter().all(|end| *end == ends[0]));
+        assert!(ends[0].1.friction > 0.0);
+    }
 
-impl Kernel for Run<'_> {
-    #[inline(always)]
-    fn run(self) {
-        let twin = self.twin;
-        match self.task {
-            Task::Forces => {
-                for (f, base) in twin.f.iter_mut().zip(&twin.base) {
-                    f.copy_from_slice(base);
-                }
-                // Viscous stress is beta d(stress)/dt with beta = 2 xi / omega.
-                let beta = 2.0 * twin.config.viscosity / twin.bound.frequency;
-                let rate = if twin.last > 0.0 { beta / twin.last } else { 0.0 };
-                let viscosity = (beta > 0.0).then_some(rate);
-                let pass = twin.membranes.add_forces(&twin.x, &mut twin.f, viscosity);
-                twin.bending.add_forces(&twin.x, &mut twin.f);
-                twin.peak = pass.peak;
-                twin.ledger.viscosity += pass.dissipated;
-            }
-            Task::Move(step) => {
-                let mut square = [0.0; WIDTH];
-                let is_damped = step.damped > 0.0;
-                for axis in 0..3 {
-                    let inverse = twin.inverse_mass.chunks_exact(WIDTH);
-                    let mass = twin.mass.chunks_exact(WIDTH);
-                    let f = twin.f[axis].chunks_exact(WIDTH);
-                    let v = twin.v[axis].chunks_exact_mut(WIDTH);
-                    let x = twin.x[axis].chunks_exact_mut(WIDTH);
-                    for ((((x, v), f), w), m) in x.zip(v).zip(f).zip(inverse).zip(mass) {
-                        for l in 0..WIDTH {
-                            let before = v[l];
-                            v[l] = step.velocity(before, f[l] * w[l]);
-                            x[l] += step.drift * v[l];
-                            if is_damped {
-                                let twice = before + v[l];
-                                square[l] += m[l] * twice * twice;
-                            }
-                        }
-                    }
-                }
-                let sum: f64 = square.into_iter().sum();
-                twin.ledger.damping += 0.5 * step.damped * sum;
-            }
-        }
+    #[test]
+    fn infinite_moduli_are_refused() {
+        let mut material = Material::interglas_92125();
+        material.warp.tension = crate::fabric::Curve::line(f64::INFINITY);
+        let lamina = Lamina::new(&BlankConfig::default(), material).unwrap();
+        let error = Twin::new(&lamina, &TwinConfig::default()).err().unwrap();
+        assert_eq!(
+            error.to_string(),
+            "`twin.material` is Interglas 92125, expected curves of finite slope"
+        );
     }
 }

@@ -21,13 +21,24 @@ fn free_flight_keeps_momentum() {
         .map(|x| [x[0] + noise(2e-4), x[1] + noise(2e-4), x[2] + noise(2e-3)])
         .collect();
     let velocities: Vec<[f64; 3]> = (positions.iter())
-        .map(|x| [1.0 - 30.0 * x[1] + noise(1.0), 30.0 * x[0], 2.0 + noise(1.0)])
+        .map(|x| {
+            [
+                1.0 - 30.0 * x[1] + noise(1.0),
+                30.0 * x[0],
+                2.0 + noise(1.0),
+            ]
+        })
         .collect();
     twin.set_positions(&positions);
     twin.set_velocities(&velocities);
     let momenta = |twin: &Twin| {
         let mut sum = [0.0; 6];
-        for ((x, v), m) in twin.positions().iter().zip(twin.velocities()).zip(&sheet.mass) {
+        for ((x, v), m) in twin
+            .positions()
+            .iter()
+            .zip(twin.velocities())
+            .zip(&sheet.mass)
+        {
             for k in 0..3 {
                 let (a, b) = ((k + 1) % 3, (k + 2) % 3);
                 sum[k] += m * v[k];
@@ -49,26 +60,32 @@ fn free_flight_keeps_momentum() {
     }
 }
 
-/// Amplitude and time of a period of a stretched strip with a heavy end that swings along its
-/// length: energy stays, the frequency is that of the closed form, at second order.
+/// A sheet that snaps back from tension and trembles on without any damping. The laws have a
+/// kink at rest, a hundred times as stiff in tension as in compression, at which central
+/// differences near their limit gain energy; the error goes with the step.
 #[test]
-fn undamped_vibration_keeps_its_energy() {
+fn undamped_vibration_keeps_its_energy_with_small_steps() {
     let sheet = lamina([0.1, 0.08], [11, 9]);
-    for safety in [0.9,0.7, 0.5, 0.25, 0.1] {
-    let mut twin = Twin::new(&sheet, &TwinConfig { gravity: 0.0, safety, ..bare() }).unwrap();
-    let stretched: Vec<[f64; 3]> = (twin.positions().iter())
-        .map(|x| [x[0] * 1.004, x[1] * 1.005, x[2]])
-        .collect();
-    twin.set_positions(&stretched);
-    let start = twin.energies();
-    assert!(start.stretch > 0.0 && start.kinetic == 0.0);
-    twin.advance(None, 0.02).unwrap();
-    let end = twin.energies();
-    assert!(end.kinetic > 0.05 * start.stretch);
-    let off = end.residual().abs() / start.initial;
-    eprintln!( "{safety} {off}: {end:?}");
-    }
-    panic!();
+    let off = |safety: f64| {
+        let config = TwinConfig {
+            gravity: 0.0,
+            safety,
+            ..bare()
+        };
+        let mut twin = Twin::new(&sheet, &config).unwrap();
+        let stretched: Vec<[f64; 3]> = (twin.positions().iter())
+            .map(|x| [x[0] * 1.004, x[1] * 1.005, x[2]])
+            .collect();
+        twin.set_positions(&stretched);
+        let start = twin.energies();
+        assert!(start.stretch > 0.0 && start.kinetic == 0.0);
+        twin.advance(None, 0.02).unwrap();
+        let end = twin.energies();
+        assert!(end.kinetic > 0.05 * start.stretch);
+        end.residual().abs() / start.initial
+    };
+    let (coarse, fine) = (off(0.4), off(0.1));
+    assert!(coarse < 0.02 && fine < 0.002, "{coarse}, {fine}");
 }
 
 /// A fall on to a hemisphere with friction and both kinds of damping: every joule is found.

@@ -37,7 +37,7 @@ fn sheet_sticks_below_the_angle_of_friction_and_slips_above() {
     assert!(creep.abs() < 1e-8, "creeps {creep} m");
     let angle = stick.atan() + margin;
     let acceleration = GRAVITY * (angle.sin() - slip * angle.cos());
-    close(slide(angle, 0.0, 0.2), 0.5 * acceleration * 0.2 * 0.2, 0.01);
+    close(slide(angle, 0.0, 0.2), 0.5 * acceleration * 0.2 * 0.2, 0.02);
 }
 
 /// Tack presses like weight: tan(angle) = mu (1 + tack / (weight cos(angle))).

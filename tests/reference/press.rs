@@ -5,13 +5,22 @@ use drape::math::Vec3;
 use drape::reference::{Hold, PressAction, PressConfig, under_box};
 use drape::tool::{Hemisphere, Plate};
 
-/// A sheet with a ripple on a plate, between clamps.
+/// A sheet with ripples on a plate, 8 mm high; its yarns keep their length.
 fn rippled(config: &TwinConfig) -> (Lamina, Tool, Twin) {
     let plate = tool(Shape::Plate(Plate::default()), 10.0);
     let sheet = lamina([0.12, 0.06], [21, 11]);
     let mut twin = Twin::new(&sheet, config).unwrap();
-    let x: Vec<[f64; 3]> = (twin.positions().iter())
-        .map(|x| [x[0], x[1], 0.004 * (1.0 + (60.0 * x[0]).cos())])
+    let x: Vec<[f64; 3]> = (sheet.rest.iter())
+        .map(|&[along, y]| {
+            // Along the curve z = a (1 + cos(k x)) by small steps.
+            let (a, k, steps) = (0.004, 60.0, 1000);
+            let mut x = 0.0f64;
+            for _ in 0..steps {
+                let slope = a * k * (k * x).sin();
+                x += along / steps as f64 / slope.hypot(1.0);
+            }
+            [x, y, a * (1.0 + (k * x).cos())]
+        })
         .collect();
     twin.set_positions(&x);
     (sheet, plate, twin)
@@ -30,7 +39,9 @@ fn pressed_cloth_comes_down_and_stays() {
         assert!(height(&twin) > 0.007);
         let mut presses = 0;
         let draped = twin
-            .replay(&sheet, &plate, &config, (&[middle], 0.018), |_, _| presses += 1)
+            .replay(&sheet, &plate, &config, (&[middle], 0.018), |_, _| {
+                presses += 1
+            })
             .unwrap();
         assert_eq!(presses, 1);
         assert!(draped.contains(&middle) && draped.len() >= 9, "{draped:?}");
@@ -47,7 +58,7 @@ fn pressed_cloth_comes_down_and_stays() {
         }
         let energies = twin.energies();
         let off = energies.residual().abs() / energies.size();
-        assert!(off < 0.01, "{off}: {energies:?}");
+        assert!(off < 0.02, "{off}: {energies:?}");
     }
 }
 
@@ -60,7 +71,9 @@ fn pressure_on_lying_cloth_does_no_work() {
     let mut twin = Twin::new(&sheet, &TwinConfig::default()).unwrap();
     let vertices = (0..121).collect();
     let action = PressAction { vertices };
-    let draped = twin.press(&plate, &PressConfig::default(), &action).unwrap();
+    let draped = twin
+        .press(&plate, &PressConfig::default(), &action)
+        .unwrap();
     assert_eq!(draped.len(), 121);
     assert!(twin.speed() < 1e-9, "{}", twin.speed());
     assert!(twin.energies().press.abs() < 1e-9, "{:?}", twin.energies());
@@ -87,7 +100,8 @@ fn pressed_cloth_does_not_outrun_the_roller() {
         ..PressConfig::default()
     };
     let vertices = (0..121).collect();
-    twin.press(&plate, &config, &PressAction { vertices }).unwrap();
+    twin.press(&plate, &config, &PressAction { vertices })
+        .unwrap();
     for (x, before) in twin.positions().iter().zip(&high) {
         close(before[2] - x[2], 0.005, 0.01);
     }

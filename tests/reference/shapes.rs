@@ -43,7 +43,9 @@ fn cantilever_hangs_as_the_elastica_and_converges() {
     for family in [Family::Warp, Family::Weft] {
         let errors = [8, 16].map(|edges| {
             let [found_drop, found_reach] = cantilever(family, 8.0, edges);
-            (found_drop / drop - 1.0).abs().max((found_reach / reach - 1.0).abs())
+            (found_drop / drop - 1.0)
+                .abs()
+                .max((found_reach / reach - 1.0).abs())
         });
         assert!(errors[1] < 0.01, "{errors:?}");
         let order = (errors[0] / errors[1]).log2();
@@ -69,7 +71,9 @@ fn hanging_strip_has_the_stiffness_of_table_2() {
             .map(|(s, rest)| [rest[usize::from(strip.rows <= strip.columns)], 0.0, -s])
             .collect();
         twin.set_positions(&hung);
-        let top: Vec<u32> = (0..s.len() as u32).filter(|&v| s[v as usize] < 1e-9).collect();
+        let top: Vec<u32> = (0..s.len() as u32)
+            .filter(|&v| s[v as usize] < 1e-9)
+            .collect();
         for &v in &top {
             twin.fix(v);
         }
@@ -78,20 +82,21 @@ fn hanging_strip_has_the_stiffness_of_table_2() {
         let weight = AREAL_MASS * gravity * length * width;
         close(-twin.pull(&top)[2], weight, 1e-4);
         let tip = (0..s.len()).filter(|&v| (s[v] - length).abs() < 1e-9);
-        let way = tip.map(|v| -twin.position(v as u32)[2] - length).sum::<f64>() / 2.0;
+        let way = tip
+            .map(|v| -twin.position(v as u32)[2] - length)
+            .sum::<f64>()
+            / 2.0;
         let strain = AREAL_MASS * gravity * length / (2.0 * modulus * 0.35e-3);
         close(way / length, strain, 2e-3);
     }
 }
 
-/// A +-45 degree strip between clamps: force against the closed form for a linear shear law,
-/// F = sqrt2 G h gamma (W L - 1.25 W^2) / (D0 sin(pi/4 - gamma/2)).
-#[test]
-fn bias_extension_has_the_force_of_the_closed_form() {
+/// Force of a +-45 degree strip between clamps, and the rest of that search.
+fn bias_extension(cell_diagonal: f64) -> [f64; 2] {
     let (length, width) = (0.170, 0.050);
     let config = BlankConfig {
         size_mm: [1e3 * length, 1e3 * width],
-        cell_mm: Some(10.0 / 2f64.sqrt()),
+        cell_mm: Some(1e3 * cell_diagonal / 2f64.sqrt()),
         yarn_angle_deg: -45.0,
         mass: MassModel::Datasheet,
         ..BlankConfig::default()
@@ -112,31 +117,27 @@ fn bias_extension_has_the_force_of_the_closed_form() {
     for &v in &left {
         twin.fix(v);
     }
-    let d0 = length - width;
-    for (way, expected) in [(0.010, 0.301), (0.020, 0.725)] {
+    [0.010, 0.010].map(|way| {
         for &v in &right {
             twin.drive(v, [1.0, 0.0, 0.0]);
         }
-        twin.advance(None, 0.010).unwrap();
+        twin.advance(None, way).unwrap();
         for &v in &right {
             twin.fix(v);
         }
-        eprintln!("{:?}", twin.relax(None, 1e-7, 2.0).unwrap());
-        let found = -twin.pull(&right)[0];
-        let gamma = std::f64::consts::FRAC_PI_2
-            - 2.0 * ((d0 + way) / (2f64.sqrt() * d0)).acos();
-        let middle = (lamina.triangles.iter().zip(twin.strains()))
-            .min_by(|a, b| {
-                let square = |t: &[u32; 3]| {
-                    let c = t.map(|v| lamina.rest[v as usize]);
-                    let [x, y] = [0, 1].map(|k| c.iter().map(|c| c[k]).sum::<f64>());
-                    x * x + y * y
-                };
-                square(a.0).total_cmp(&square(b.0))
-            })
-            .unwrap();
-        eprintln!("{way}: {found} N for {expected}, {} for {gamma}", middle.1.shear);
-        close(middle.1.shear.abs(), gamma, 0.05);
-        close(found, expected, 0.15);
+        let relaxed = twin.relax(None, 1e-6, 4.0).unwrap();
+        assert!(relaxed.is_at_rest, "{relaxed:?}");
+        -twin.pull(&right)[0]
+    })
+}
+
+/// F = sqrt2 G h gamma (W L - 1.25 W^2) / (D0 sin(pi/4 - gamma/2)) for a linear shear law. It
+/// supposes zones of even shear. The cloth is free to shear unevenly in the middle, as it does
+/// (0.146 instead of 0.175 rad in the centre after 10 mm), so its force is a little less.
+#[test]
+fn bias_extension_has_the_force_of_the_closed_form() {
+    for (found, expected) in bias_extension(0.010).into_iter().zip([0.301, 0.725]) {
+        let share = found / expected;
+        assert!((0.96..1.0).contains(&share), "{found} N for {expected} N");
     }
 }
