@@ -1,6 +1,7 @@
 //! Shapes at rest.
 
 use super::*;
+use drape::tool::Cylinder;
 
 /// Drop and reach of the tip of a heavy strip clamped level, over its free length.
 ///
@@ -139,5 +140,59 @@ fn bias_extension_has_the_force_of_the_closed_form() {
     for (found, expected) in bias_extension(0.010).into_iter().zip([0.301, 0.725]) {
         let share = found / expected;
         assert!((0.96..1.0).contains(&share), "{found} N for {expected} N");
+    }
+}
+
+/// A heavy strip of length 2 R, clamped at the crown of a frictionless cylinder, lifts off it:
+/// the tip from the axis, over R, for w R^3 / D = 2.
+#[test]
+fn strip_on_a_cylinder_lifts_off_to_its_tip() {
+    let radius = 0.1;
+    let cylinder = Cylinder {
+        radius_mm: 1e3 * radius,
+        length_mm: 100.0,
+        segment_count: 512,
+        ..Cylinder::default()
+    };
+    let cylinder = tool(Shape::Cylinder(cylinder), 2.0);
+    let edges = 24;
+    let edge = 2.0 * radius / (edges as f64 - 0.5);
+    let strip = strip(Family::Weft, edge * edges as f64, edges);
+    let config = TwinConfig {
+        bending_stiffness: BendingStiffness::NewtonMetre(
+            AREAL_MASS * GRAVITY * radius.powi(3) / 2.0,
+        ),
+        viscosity: 0.1,
+        ..bare()
+    };
+    let mut twin = Twin::new(&strip, &config).unwrap();
+    let s: Vec<f64> = along(&strip).iter().map(|s| s - 0.5 * edge).collect();
+    // Wound on, then let go: it comes to its place from the inner side.
+    let wound: Vec<[f64; 3]> = (s.iter().zip(&strip.rest))
+        .map(|(&s, rest)| {
+            if s < edge {
+                return [rest[0], s, radius];
+            }
+            let (sin, cos) = (s / radius).sin_cos();
+            [rest[0], radius * sin, radius * cos + 1e-4]
+        })
+        .collect();
+    twin.set_positions(&wound);
+    for (v, s) in s.iter().enumerate() {
+        if *s < edge {
+            twin.fix(v as u32);
+        }
+    }
+    let relaxed = twin.relax(Some(&cylinder), 1e-6, 6.0).unwrap();
+    assert!(relaxed.is_at_rest, "{relaxed:?}");
+    let tips = (0..s.len()).filter(|&v| s[v] > 2.0 * radius - 1e-9);
+    let mut found = [0.0; 2];
+    for v in tips {
+        let x = twin.position(v as u32);
+        found[0] += 0.5 * x[1] / radius;
+        found[1] += 0.5 * x[2] / radius;
+    }
+    for (found, expected) in found.into_iter().zip([1.34870, -0.31890]) {
+        assert!((found - expected).abs() < 0.01, "{found} is not {expected}");
     }
 }
