@@ -393,5 +393,4 @@ fn asin(x: &Lane) -> Lane {
 }
 
 #[cfg(test)]
-#[path = "membrane_tests.rs"]
 mod tests;
