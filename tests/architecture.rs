@@ -55,7 +55,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("path", &["tool", "mesh", "math", "file"]),
     ("env", &["scene", "sim", "fabric", "tool", "mesh", "math"]),
     ("scene", &["sim", "fabric", "tool", "mesh", "math", "file"]),
-    ("reference", &["fabric", "tool", "mesh", "math"]),
+    ("reference", &["fabric", "tool", "mesh", "math", "file"]),
     ("sim", &["fabric", "tool", "mesh", "math"]),
     ("fabric", &["mesh", "math", "file"]),
     ("tool", &["mesh", "math", "file"]),
