@@ -9,6 +9,7 @@
 mod blank;
 mod colors;
 mod cut;
+mod drape;
 mod grid;
 mod lamina;
 mod material;
@@ -17,6 +18,7 @@ mod outline;
 
 pub use blank::{BlankConfig, BlankError, CutFault, MassModel};
 pub use colors::color;
+pub use drape::{Drape, DrapeFault, ReadDrapeError, Tangents};
 pub use lamina::{Diagonal, Hinge, Lamina, Yarn};
 pub use material::{ArealMass, Curve, Family, Material, MaterialError, ShearLaw, YarnLaw};
 pub use membrane::Membrane;
