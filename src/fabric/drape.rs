@@ -105,11 +105,10 @@ impl Drape {
             path: path.into(),
             source,
         })?;
-        let drape: Self =
-            serde_json::from_slice(&text).map_err(|source| ReadDrapeError::Json {
-                path: path.into(),
-                source,
-            })?;
+        let drape: Self = serde_json::from_slice(&text).map_err(|source| ReadDrapeError::Json {
+            path: path.into(),
+            source,
+        })?;
         match drape.fault() {
             None => Ok(drape),
             Some(fault) => Err(ReadDrapeError::Fault {
@@ -169,7 +168,11 @@ impl Drape {
     /// The flat blank, at height 0.
     pub fn flat(&self) -> TriMesh {
         TriMesh {
-            vertices: self.rest.iter().map(|r| Vec3::new(r[0], r[1], 0.0)).collect(),
+            vertices: self
+                .rest
+                .iter()
+                .map(|r| Vec3::new(r[0], r[1], 0.0))
+                .collect(),
             triangles: self.triangles.clone(),
         }
     }
@@ -212,7 +215,10 @@ impl Tangents {
     /// By how much the angle between the yarns has closed: 90 degrees less the angle [rad].
     /// 0 where a yarn has no length left.
     pub fn shear(&self) -> f64 {
-        let (sin, cos) = (self.warp.cross(&self.weft).norm(), self.warp.dot(&self.weft));
+        let (sin, cos) = (
+            self.warp.cross(&self.weft).norm(),
+            self.warp.dot(&self.weft),
+        );
         cos.atan2(sin)
     }
 
@@ -350,15 +356,15 @@ mod tests {
                 &|d| d.position.truncate(3),
                 format!("`position` has 3 vertices, expected {count} as `rest` has"),
             ),
-            (
-                &|d| d.position[4][1] = 2e3,
-                "vertex 4: found [".into(),
-            ),
+            (&|d| d.position[4][1] = 2e3, "vertex 4: found [".into()),
             (
                 &|d| d.triangles[2][1] = 900,
                 format!("triangle 2 has vertex 900, expected one below {count}"),
             ),
-            (&|d| d.triangles[1].swap(0, 1), "triangle 1 has area -".into()),
+            (
+                &|d| d.triangles[1].swap(0, 1),
+                "triangle 1 has area -".into(),
+            ),
             (&|d| d.triangles.clear(), "`triangles` is empty".into()),
         ] {
             let message = message(change);

@@ -298,7 +298,9 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
             .map(|t| (drape.tangents(t), drape.rest_area(t)))
             .collect();
         let angles = Spread::new(all.iter().map(|(t, area)| (t.shear().to_degrees(), *area)));
-        let locked = all.iter().filter(|(t, _)| t.shear().abs() > criteria.locking);
+        let locked = all
+            .iter()
+            .filter(|(t, _)| t.shear().abs() > criteria.locking);
         shear = angles.map(|found| Shear {
             rms: found.rms,
             min: found.min,
@@ -311,8 +313,7 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
             };
             Spread::new(all.iter().flat_map(both)).map(|found| [found.p95, found.max])
         };
-        let (all, tension, compression) =
-            (of(f64::abs), of(|s| s.max(0.0)), of(|s| (-s).max(0.0)));
+        let (all, tension, compression) = (of(f64::abs), of(|s| s.max(0.0)), of(|s| (-s).max(0.0)));
         strain = match (all, tension, compression) {
             (Some(all), Some(tension), Some(compression)) => Some(Strain {
                 p95: all[0],
@@ -338,7 +339,11 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
 
 /// Gaps to the tool and penetration, by the exact distance.
 fn tooling(mesh: &TriMesh, tool: &Surface, gap: f64) -> Tooling {
-    let phi: Vec<f64> = mesh.vertices.iter().map(|&x| tool.signed_distance(x)).collect();
+    let phi: Vec<f64> = mesh
+        .vertices
+        .iter()
+        .map(|&x| tool.signed_distance(x))
+        .collect();
     let areas = vertex_areas(mesh);
     let open = phi.iter().zip(&areas).filter(|(phi, _)| **phi > gap);
     let bridged: f64 = open.map(|(_, area)| area).sum();

@@ -2,6 +2,7 @@
 
 mod bench;
 mod blank;
+mod compare;
 mod damage;
 mod eval;
 mod run;

@@ -114,9 +114,7 @@ impl Sheet {
             .facets
             .project_local_point_and_get_location(to_parry(&x), false);
         let position = Vec3::new(nearest.point.x, nearest.point.y, nearest.point.z);
-        let weights = location
-            .barycentric_coordinates()
-            .unwrap_or([1.0 / 3.0; 3]);
+        let weights = location.barycentric_coordinates().unwrap_or([1.0 / 3.0; 3]);
         let facet = facet as usize;
         let Feature { normal, on_border } = self.feature(facet, weights);
         let offset = x - position;

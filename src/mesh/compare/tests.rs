@@ -25,9 +25,14 @@ fn square(cells: u32, height: impl Fn(f64, f64) -> f64) -> TriMesh {
 fn cap(r: f64, cells: u32) -> TriMesh {
     let mut mesh = square(cells, |_, _| 0.0);
     for x in &mut mesh.vertices {
-        let polar = 2.0 * PI / 3.0 * x.x.hypot(x.y).min(0.5);
+        // Squares about the middle become circles about the pole.
+        let polar = 2.0 * PI / 3.0 * x.x.abs().max(x.y.abs());
         let turn = x.y.atan2(x.x);
-        *x = Vec3::new(polar.sin() * turn.cos(), polar.sin() * turn.sin(), polar.cos()) * r;
+        *x = Vec3::new(
+            polar.sin() * turn.cos(),
+            polar.sin() * turn.sin(),
+            polar.cos(),
+        ) * r;
     }
     mesh
 }
@@ -64,7 +69,10 @@ fn shifted_plane_deviates_by_the_shift() {
     let plane = square(7, |x, y| 0.3 * x - 0.2 * y);
     let normal = Vec3::new(-0.3, 0.2, 1.0).normalize();
     for d in [0.013, -0.013] {
-        let found = deviation(&moved(square(5, |x, y| 0.3 * x - 0.2 * y), normal * d), &plane);
+        let found = deviation(
+            &moved(square(5, |x, y| 0.3 * x - 0.2 * y), normal * d),
+            &plane,
+        );
         for value in [found.mean, found.min, found.max] {
             assert!((value - d).abs() < 1e-12, "{found:?}");
         }
@@ -92,7 +100,8 @@ fn concentric_caps_deviate_by_their_radii() {
         // Half of the longest edge subtends this angle, the facets lie this deep.
         let half = (2.0 * PI / 3.0) / f64::from(cells);
         let sagitta = r * (1.0 - half.cos());
-        assert!(found.min > d - 1e-9 && found.max < d + sagitta, "{found:?}");
+        // At the rim only what lies along the normal of the last facets counts.
+        assert!(found.min > 0.98 * d && found.max < d + sagitta, "{found:?}");
         assert!((found.mean - d).abs() < sagitta);
     }
     // From the other side it is the same with the other sign.
@@ -113,15 +122,19 @@ fn ridges_and_their_ends_have_a_side() {
 #[test]
 fn what_cannot_be_measured_against_is_refused() {
     let mut mesh = square(3, |_, _| 0.0);
+    // In a corner: two of its edges are border.
     mesh.triangles[4].swap(0, 1);
     let error = Sheet::new(&mesh).unwrap_err();
-    assert_eq!(error, SheetError::Misoriented { edge_count: 3 });
+    assert_eq!(error, SheetError::Misoriented { edge_count: 1 });
     let mut flat = square(3, |_, _| 0.0);
     for x in &mut flat.vertices {
         x.x = 0.0;
     }
     assert_eq!(Sheet::new(&flat).unwrap_err(), SheetError::Empty);
-    assert_eq!(Sheet::new(&TriMesh::default()).unwrap_err(), SheetError::Empty);
+    assert_eq!(
+        Sheet::new(&TriMesh::default()).unwrap_err(),
+        SheetError::Empty
+    );
 }
 
 /// Triangles without area neither hide their neighbours nor spoil the numbers.
@@ -137,14 +150,15 @@ fn collapsed_triangles_are_passed_over() {
     }
 }
 
-/// Two sides of the square move away by s; of the two others a length s sticks out.
+/// One side moves outwards by s. The opposite one moves inwards by s, but its ends stay nearer
+/// to the sides across; of these a length s sticks out, which makes up for it.
 #[test]
 fn contour_of_a_shifted_square() {
     let s = 0.06;
     let a = moved(square(6, |_, _| 0.0), Vec3::new(s, 0.0, 0.0));
     let found = contour_deviation(&a, &square(5, |_, _| 0.0)).unwrap();
     assert!((found.max - s).abs() < 1e-12);
-    let mean = (2.0 * s + s * s) / 4.0;
+    let mean = s / 2.0;
     assert!((found.mean / mean - 1.0).abs() < 1e-4, "{found:?}");
     let same = contour_deviation(&a, &a).unwrap();
     assert!(same.max < 1e-15);
@@ -154,7 +168,9 @@ fn contour_of_a_shifted_square() {
 fn closed_surfaces_have_no_contour() {
     let open = square(1, |_, _| 0.0);
     let mut closed = open.clone();
-    closed.triangles.extend(open.triangles.iter().map(|&[a, b, c]| [a, c, b]));
+    closed
+        .triangles
+        .extend(open.triangles.iter().map(|&[a, b, c]| [a, c, b]));
     assert_eq!(contour_deviation(&closed, &open), None);
     assert_eq!(contour_deviation(&open, &closed), None);
 }
@@ -168,7 +184,7 @@ fn wrinkles_have_their_amplitude_and_number() {
         height: 0.001,
     };
     let mesh = square(60, |x, y| {
-        0.1 * x + 0.2 * y - amplitude * (10.0 * PI * x).cos()
+        0.1 * x + 0.2 * y + amplitude * (10.0 * PI * x).cos()
     });
     let found = wrinkles(&mesh, filter).unwrap();
     // Waves start and end in a trough: five crests between.
@@ -188,7 +204,9 @@ fn filter_cuts_where_it_says() {
     let half = high_pass(&wave, 0.25)[middle];
     assert!((half / 0.001 - 0.5).abs() < 0.03, "{half}");
     let bowl = square(30, |x, y| 0.1 * x * x + 0.05 * x * y + 0.02 * y);
-    let most = high_pass(&bowl, 0.2).iter().fold(0.0f64, |m, d| m.max(d.abs()));
+    let most = high_pass(&bowl, 0.2)
+        .iter()
+        .fold(0.0f64, |m, d| m.max(d.abs()));
     // The frame turns with the normal, so that a paraboloid stays one to third order.
     assert!(most < 2e-5, "{most}");
     let none = wrinkles(

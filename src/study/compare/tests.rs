@@ -46,7 +46,11 @@ fn sliding_shows_at_the_material_points_only() {
     close(found.a.shear_deg.unwrap().rms, 0.0);
     // All of both tools' metrics need a tool.
     assert_eq!(found.a.tool, None);
-    let metrics: Vec<_> = found.not_applicable.iter().map(|n| &n.metrics[..]).collect();
+    let metrics: Vec<_> = found
+        .not_applicable
+        .iter()
+        .map(|n| &n.metrics[..])
+        .collect();
     assert_eq!(metrics, [["tool"]]);
 }
 
@@ -113,7 +117,9 @@ fn locked_area_strain_and_bridging_are_those_made() {
     assert_eq!(found.a, found.b);
     assert!(found.not_applicable.is_empty());
 
-    let lower = draped([11, 11], |x, y| [x, y, if y > 1e-9 { 0.001 } else { -0.002 }]);
+    let lower = draped([11, 11], |x, y| {
+        [x, y, if y > 1e-9 { 0.001 } else { -0.002 }]
+    });
     let tooling = compare(&lower, &sheared, &criteria).a.tool.unwrap();
     close(tooling.penetration_mm, 2.0);
     assert!((tooling.bridged_share - 0.5).abs() < 0.06);
