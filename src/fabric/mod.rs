@@ -9,17 +9,17 @@
 mod blank;
 mod colors;
 mod cut;
-mod drape;
 mod grid;
 mod lamina;
 mod material;
 mod membrane;
 mod outline;
+mod state;
 
 pub use blank::{BlankConfig, BlankError, CutFault, MassModel};
 pub use colors::color;
-pub use drape::{Drape, DrapeFault, ReadDrapeError, Tangents};
 pub use lamina::{Diagonal, Hinge, Lamina, Yarn};
 pub use material::{ArealMass, Curve, Family, Material, MaterialError, ShearLaw, YarnLaw};
 pub use membrane::Membrane;
 pub use outline::{Outline, OutlineError, OutlineFault};
+pub use state::{Drape, DrapeFault, ReadDrapeError, Tangents};

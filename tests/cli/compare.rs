@@ -97,6 +97,16 @@ fn stl_gives_the_surface_figures_only() {
     );
 }
 
+/// Equal but for the last digits that a file may change.
+fn same_measures(a: &Value, b: &Value) {
+    for (key, value) in a.as_object().unwrap() {
+        match value.as_f64() {
+            Some(value) => assert!((value - number(&b[key])).abs() < 1e-6, "{key}: {a} {b}"),
+            None => same_measures(value, &b[key]),
+        }
+    }
+}
+
 /// A run is its best sequence, played again: the state that `eval` leaves.
 #[test]
 fn run_is_the_state_of_its_best_sequence() {
@@ -108,7 +118,7 @@ fn run_is_the_state_of_its_best_sequence() {
     assert_eq!(report["a_source"]["kind"], "run");
     assert_eq!(report["tool_source"], "runs/a");
     assert!(number(&report["material_points_mm"]["max"]) < 1e-9);
-    assert_eq!(report["a"], report["b"]);
+    same_measures(&report["a"], &report["b"]);
     assert!(number(&report["a"]["tool"]["bridged_share"]) > 0.0);
     let args = [
         "compare",
@@ -118,7 +128,7 @@ fn run_is_the_state_of_its_best_sequence() {
         "runs/a/config.toml",
     ];
     let again = json(path, &[&args[..], &["--json"]].concat());
-    assert_eq!(again["a"], report["a"]);
+    same_measures(&again["a"], &report["a"]);
 }
 
 #[test]
@@ -155,7 +165,7 @@ fn what_cannot_be_compared_is_refused_in_one_line() {
         ("--region", "3,2,1,4"),
         ("--region", "0,0,nan,4"),
         ("--gap", "0"),
-        ("--locking", "-3"),
+        ("--locking", "steep"),
     ] {
         let output = drape(path, &["compare", "a.json", "a.json", option, value]);
         assert_eq!(output.status.code(), Some(2), "{option} {value}");

@@ -5,6 +5,7 @@ mod blank;
 mod compare;
 mod damage;
 mod eval;
+mod inp;
 mod run;
 mod scene;
 mod study;

@@ -175,6 +175,8 @@ impl DrapingDeck<'_> {
                     .card("MATERIAL, NAME=TOOL")
                     .card("ELASTIC")
                     .row(&[210e3, 0.3])
+                    .card("DENSITY")
+                    .row(&[7.85e-9])
                     .card(section)
                     .row(&[thickness])
                     .card("SHELL SECTION, ELSET=TOOL, MATERIAL=TOOL")
