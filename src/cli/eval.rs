@@ -10,6 +10,7 @@ use super::failure::OrInvalid;
 use super::result::{BASELINE_SEED, Baseline, Recorder, rollout_failure};
 use super::scene::set_up;
 use crate::env::{Draping, Tasks};
+use crate::fabric::Drape;
 use crate::ppo::{Agent, Sampling};
 use crate::run::{
     Checkpoint, EpisodeSummary, Played, RunConfig, RunFolder, mean_and_deviation,
@@ -45,6 +46,10 @@ pub struct Args {
     /// is followed as far as the stencil's reach allows
     #[arg(long, value_enum)]
     solver: Option<SolverName>,
+
+    /// Also write where every vertex of the blank lies after the episode, for `drape compare`
+    #[arg(long, value_name = "FILE")]
+    state: Option<PathBuf>,
 
     /// Print one JSON object instead of text
     #[arg(long)]
@@ -107,6 +112,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
         scene,
         ..
     } = &loaded;
+    if let Some(file) = &args.state {
+        Drape::new(&scene.lamina, &played.state.position).write(file)?;
+    }
 
     let random = Baseline::play(scene, &config.env, args.episodes, BASELINE_SEED)?;
     let sampled = match (&agent, args.sample) {

@@ -6,19 +6,29 @@ use serde::Serialize;
 use super::Failure;
 use super::eval::{Loaded, Source};
 use super::result::path;
-use crate::path::{write_csv, write_json};
+use crate::fabric::{Curve, Drape, Family};
+use crate::math::Vec3;
+use crate::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
+use crate::path::{DrapingPoint, write_csv, write_json};
 
-/// Write the ordered draping points for the robot
+/// Write the ordered draping points for the robot, or the whole case for finite elements
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Run folder
     run: PathBuf,
 
-    /// JSON in metres, or CSV in millimetres
+    /// JSON in metres, CSV in millimetres, or a deck of lamina, tool, material and presses for a
+    /// finite-element programme (inp)
     #[arg(long, value_enum, default_value_t = Format::Json)]
     format: Format,
 
-    /// File to write; trajectory.json or trajectory.csv in the run folder if not given
+    /// Which programme shall read the deck: Abaqus has the fabric's test data, CalculiX an
+    /// elastic approximation
+    #[arg(long, value_enum, default_value_t = DialectName::Calculix)]
+    dialect: DialectName,
+
+    /// File to write; trajectory.json, trajectory.csv or draping.inp in the run folder if not
+    /// given
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 
@@ -36,6 +46,13 @@ pub struct Args {
 enum Format {
     Json,
     Csv,
+    Inp,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum DialectName {
+    Calculix,
+    Abaqus,
 }
 
 /// What is printed.
@@ -61,11 +78,19 @@ pub fn run(args: Args) -> Result<(), Failure> {
         match args.format {
             Format::Json => json,
             Format::Csv => json.with_extension("csv"),
+            Format::Inp => json.with_file_name("draping.inp"),
         }
     });
     match args.format {
         Format::Json => write_json(&file, &points)?,
         Format::Csv => write_csv(&file, &points)?,
+        Format::Inp => {
+            let dialect = match args.dialect {
+                DialectName::Calculix => Dialect::Calculix,
+                DialectName::Abaqus => Dialect::Abaqus,
+            };
+            deck(&loaded, &points, dialect).write(&file)?;
+        }
     }
     let report = Report {
         points: points.len(),
@@ -83,4 +108,58 @@ pub fn run(args: Args) -> Result<(), Failure> {
         report.strokes,
         100.0 * report.score
     ))
+}
+
+/// Pressure under the stencil [Pa]: 1 N/mm^2 (paper, Section 2.2).
+const PRESSURE: f64 = 1e6;
+
+/// The lamina as it lies before the first press, with the presses of `points`. Under the
+/// stencil are the triangles whose middle is, on the flat blank, within half of its side of the
+/// pressed vertex.
+fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Deck {
+    let scene = &loaded.scene;
+    let (lamina, material) = (&scene.lamina, &scene.lamina.material);
+    let drape = Drape::new(lamina, &scene.initial.position);
+    let count = drape.triangles.len();
+    let yarns: Vec<[Vec3; 2]> = (0..count)
+        .map(|t| drape.tangents(t))
+        .map(|tangents| [tangents.warp, tangents.weft])
+        .collect();
+    let half = 0.5e-3 * loaded.config.env.stencil_mm;
+    let centres: Vec<[f64; 2]> = (0..count).map(|t| drape.rest_centre(t)).collect();
+    let presses: Vec<Vec<u32>> = points
+        .iter()
+        .map(|point| {
+            let at = drape.rest[point.vertex as usize];
+            let is_under = |t: &u32| {
+                let centre = centres[*t as usize];
+                (0..2).all(|k| (centre[k] - at[k]).abs() <= half)
+            };
+            (0..count as u32).filter(is_under).collect()
+        })
+        .collect();
+    let points = |curve: &Curve| curve.points().to_vec();
+    let fabric = FabricCard {
+        thickness: material.thickness(),
+        areal_mass: lamina.mass.iter().sum::<f64>() / lamina.area(),
+        tension: [&material.warp, &material.weft].map(|law| points(&law.tension)),
+        compression: [&material.warp, &material.weft].map(|law| points(&law.compression)),
+        shear: [&material.shear.positive, &material.shear.negative].map(points),
+        bending: [Family::Warp, Family::Weft].map(|family| material.bending_stiffness(family)),
+        friction: material.friction(),
+    };
+    let clamped: Vec<u32> = scene.initial.fixed.ones().map(|v| v as u32).collect();
+    let (deck, _) = DrapingDeck {
+        title: "woven lamina on a tool, pressed along a draping path",
+        lamina: &drape.mesh(),
+        yarns: &yarns,
+        clamped: &clamped,
+        tool: &scene.tool.mesh,
+        fabric: &fabric,
+        presses: &presses,
+        press_s: loaded.config.env.press_s,
+        pressure: PRESSURE,
+    }
+    .deck(dialect);
+    deck
 }

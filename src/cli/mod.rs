@@ -5,6 +5,7 @@
 //! with `--json`, as exactly one JSON object; progress and errors go to stderr.
 
 mod bench;
+mod compare;
 mod comparison;
 mod eval;
 mod export;
@@ -39,6 +40,7 @@ enum Command {
     Export(export::Args),
     Tool(tool::Args),
     Scene(scene::Args),
+    Compare(compare::Args),
     Study(study::Args),
     Bench(bench::Args),
 }
@@ -52,6 +54,7 @@ impl Cli {
             Command::Export(args) => export::run(args),
             Command::Tool(args) => tool::run(args),
             Command::Scene(args) => scene::run(args),
+            Command::Compare(args) => compare::run(args),
             Command::Study(args) => study::run(args),
             Command::Bench(args) => bench::run(args),
         }

@@ -16,7 +16,7 @@ use crate::sim::Snapshot;
 pub const FAR: f64 = 0.025;
 /// Cloth counts as this much nearer to the eye than it is [m], so that the tool does not
 /// shine through its facets where they cut a corner of the tool.
-const CLOTH_BIAS: f64 = 3e-3;
+pub(super) const CLOTH_BIAS: f64 = 3e-3;
 /// Facets that share a vertex are shaded as one smooth surface up to this angle: cosine of
 /// 35 degrees, more than the steps of a finely cut dome and less than the edge of a plate.
 const CREASE: f64 = 0.82;
@@ -177,7 +177,7 @@ impl<'a> Studio<'a> {
 }
 
 /// The same surface, where facets at an angle share no vertex and hence no normal.
-fn creased(mesh: &TriMesh) -> TriMesh {
+pub(super) fn creased(mesh: &TriMesh) -> TriMesh {
     // Copies of each vertex with the normal of the facet that needed it first.
     let mut copies: Vec<Vec<(Vec3, u32)>> = vec![Vec::new(); mesh.vertices.len()];
     let mut creased = TriMesh::default();

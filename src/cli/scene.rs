@@ -12,6 +12,7 @@ use super::failure::{OrInvalid, scene_failure};
 use super::output::{Progress, print, print_json};
 use super::picture::{Studio, View};
 use super::tool::{GRID_SAMPLES, GridErrorMm};
+use crate::fabric::Drape;
 use crate::file::write_atomic;
 use crate::mesh::write_stl;
 use crate::scene::{Scene, SceneConfig, Summary};
@@ -49,6 +50,10 @@ pub struct Args {
     /// Folder for meshes, pictures and summary; created where missing
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+
+    /// Also write where every vertex of the blank lies, for `drape compare`
+    #[arg(long, value_name = "FILE")]
+    state: Option<PathBuf>,
 
     /// Also set the scene up without self-collision, and show both beside each other in
     /// self-collision.png
@@ -112,6 +117,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let seconds = start.elapsed().as_secs_f64();
     let summary = scene.summary(&scene.initial);
     write_files(&scene, &summary, folder)?;
+    if let Some(file) = &args.state {
+        Drape::new(&scene.lamina, &scene.initial.position).write(file)?;
+    }
 
     let without = if args.compare_self_collision {
         Some(compare(&scene, &summary, &place, args.json, folder)?)

@@ -257,6 +257,11 @@ impl Lamina {
         (0..self.triangles.len()).map(|t| self.rest_area(t)).sum()
     }
 
+    /// Unit vector along the warp on the flat blank; the weft is that turned to the left.
+    pub fn warp(&self) -> [f64; 2] {
+        self.grid.axis
+    }
+
     /// Diagonal of a whole cell [m].
     pub fn cell_diagonal(&self) -> f64 {
         self.grid.cell[0].hypot(self.grid.cell[1])

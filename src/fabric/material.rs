@@ -30,6 +30,11 @@ impl Curve {
         Self(vec![[0.0, 0.0], [1.0, (1e-6 * modulus).min(f64::MAX)]])
     }
 
+    /// Points of strain and stress [MPa], from [0, 0] on.
+    pub fn points(&self) -> &[[f64; 2]] {
+        &self.0
+    }
+
     /// The same law, `factor` times as stiff.
     pub fn scaled(&self, factor: f64) -> Self {
         Self(self.0.iter().map(|&[e, s]| [e, factor * s]).collect())

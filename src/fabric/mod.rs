@@ -14,6 +14,7 @@ mod lamina;
 mod material;
 mod membrane;
 mod outline;
+mod state;
 
 pub use blank::{BlankConfig, BlankError, CutFault, MassModel};
 pub use colors::color;
@@ -21,3 +22,4 @@ pub use lamina::{Diagonal, Hinge, Lamina, Yarn};
 pub use material::{ArealMass, Curve, Family, Material, MaterialError, ShearLaw, YarnLaw};
 pub use membrane::Membrane;
 pub use outline::{Outline, OutlineError, OutlineFault};
+pub use state::{Drape, DrapeFault, ReadDrapeError, Tangents};

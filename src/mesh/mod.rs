@@ -1,5 +1,6 @@
 //! Triangle meshes: tools, laminae and what is measured on them.
 
+pub mod compare;
 mod crossing;
 mod stl;
 mod topology;

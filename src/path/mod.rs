@@ -11,6 +11,7 @@
 //! y = z × x, along the axis of the roller; its origin is on the roller's line of contact.
 
 mod csv;
+pub mod inp;
 mod json;
 mod strokes;
 

@@ -34,6 +34,9 @@ pub enum ColorMap {
     /// Distance to the tool: blue at 0, green half way, red at 1. Hue says what is flat and
     /// what is a wrinkle at a glance; equal steps do not look equal.
     Distance,
+    /// Deviation: blue at 0, white half way, red at 1. Hue says the side, saturation how far
+    /// (ColorBrewer, RdBu; Brewer 2003); told apart by the colour-blind too.
+    Deviation,
     /// Viridis (Smith and van der Walt 2015), five points of it: lightness grows evenly, so
     /// that equal steps look equal.
     Viridis,
@@ -44,6 +47,13 @@ impl ColorMap {
     pub fn at(self, t: f64) -> Color {
         let stops: &[Color] = match self {
             ColorMap::Distance => &[[18, 38, 224], [70, 196, 36], [255, 26, 38]],
+            ColorMap::Deviation => &[
+                [5, 48, 97],
+                [67, 147, 195],
+                [247, 247, 247],
+                [214, 96, 77],
+                [103, 0, 31],
+            ],
             ColorMap::Viridis => &[
                 [68, 1, 84],
                 [59, 82, 139],
@@ -95,7 +105,7 @@ mod tests {
 
     #[test]
     fn ends_hold_beyond_and_nan_is_seen() {
-        for map in [ColorMap::Distance, ColorMap::Viridis] {
+        for map in [ColorMap::Distance, ColorMap::Deviation, ColorMap::Viridis] {
             assert_eq!(map.at(-1.0), map.at(0.0));
             assert_eq!(map.at(f64::INFINITY), map.at(1.0));
             assert_eq!(map.at(f64::NAN), NOT_A_NUMBER);
@@ -105,6 +115,16 @@ mod tests {
         let expected = [0.0, 0.0, 1.0, 1.0, f64::NAN].map(|t| map.at(t));
         assert_eq!(colors, expected);
         assert_eq!(map.colors(&[0.0, 1e-9], 0.0), [map.at(0.0), map.at(1.0)]);
+    }
+
+    #[test]
+    fn deviation_is_white_in_the_middle_and_darkens_to_both_sides() {
+        let at = |t| ColorMap::Deviation.at(t);
+        assert_eq!(at(0.5), [247; 3]);
+        for t in [0.1, 0.3, 0.45] {
+            assert!(at(t)[2] > at(t)[0] && at(1.0 - t)[0] > at(1.0 - t)[2]);
+            assert!(at(t)[1] > at(t - 0.1)[1] && at(1.0 - t)[1] > at(1.1 - t)[1]);
+        }
     }
 
     #[test]

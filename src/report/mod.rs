@@ -2,13 +2,14 @@
 //!
 //! A [`Scene`] of meshes and marks seen by a [`Camera`] becomes an [`Image`]; images stand
 //! beside each other, carry labels, and follow each other in a [`Film`]. A [`Chart`] draws
-//! curves, a [`HeatMap`] a table of tiles. Files are written atomically: whoever looks sees the
+//! curves, a [`HeatMap`] a table of tiles, a [`ColorBar`] what colours mean. Files are written atomically: whoever looks sees the
 //! old file or the new one.
 //!
 //! The rasteriser knows opaque, diffusely lit triangles under an orthographic camera: no
 //! shadows, textures, transparency or perspective. Colours are 8-bit sRGB and are averaged
 //! as such.
 
+mod bar;
 mod camera;
 mod canvas;
 mod chart;
@@ -22,6 +23,7 @@ mod palette;
 mod raster;
 mod scene;
 
+pub use bar::ColorBar;
 pub use camera::Camera;
 pub use chart::{Band, Chart, Level, Series};
 pub use color::{BACKGROUND, CLOTH, Color, ColorMap, DRAPED, PATH, SERIES, TOOL, TOUCHED};

@@ -4,5 +4,6 @@
 //! found as plain data; drawing and printing are left to the command that asked.
 
 pub mod bench;
+pub mod compare;
 pub mod episodes;
 pub mod stability;

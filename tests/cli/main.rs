@@ -2,8 +2,10 @@
 
 mod bench;
 mod blank;
+mod compare;
 mod damage;
 mod eval;
+mod inp;
 mod run;
 mod scene;
 mod study;

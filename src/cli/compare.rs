@@ -1,0 +1,229 @@
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow};
+use serde::Serialize;
+
+use super::Failure;
+use super::eval::{Loaded, Source};
+use super::failure::OrInvalid;
+use super::output::{print, print_json};
+use crate::fabric::Drape;
+use crate::mesh::compare::WrinkleFilter;
+use crate::mesh::read_stl;
+use crate::run::RunConfig;
+use crate::scene::{Scene, SceneConfig};
+use crate::study::compare::{Comparison, Criteria, Surveyed, compare};
+use crate::tool::Tool;
+
+mod picture;
+mod text;
+
+/// Compare two drapes
+///
+/// A and B are each a run folder (its best sequence is played again), a state file of
+/// `drape scene --state` or `drape eval --state`, or an STL file of a lamina. B is the
+/// reference. Both must be in the frame of the tool: nothing is moved to fit.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape compare runs/a runs/b
+  drape compare fast.json twin.json --region 60,-186,186,-60 --out deviation.png
+  drape compare scan.stl fast.json --config scene.toml --json")]
+pub struct Args {
+    /// What is compared
+    a: PathBuf,
+
+    /// The reference
+    b: PathBuf,
+
+    /// Scene or run configuration with the tool; that of the run if A or B is one
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// Also compare inside and outside of this part of the flat blank [mm]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region, allow_hyphen_values = true)]
+    region: Option<Region>,
+
+    /// PNG of A coloured by its signed distance from B
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+
+    /// Distance at the ends of the colours [mm]; not given, what 95 % of the area keep within
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    range: Option<f64>,
+
+    /// Metres per unit of STL files
+    #[arg(long, value_name = "METRES", value_parser = positive, default_value_t = 1e-3)]
+    scale: f64,
+
+    /// Shear from which on the fabric counts as locked [deg]
+    #[arg(long, value_name = "DEG", value_parser = positive, default_value_t = 45.0)]
+    locking: f64,
+
+    /// Angle below which yarns agree [deg]
+    #[arg(long, value_name = "DEG", value_parser = positive, default_value_t = 5.0)]
+    fibre: f64,
+
+    /// Gap to the tool from which on cloth is bridged [mm]
+    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 0.5)]
+    gap: f64,
+
+    /// Wavelength that the low-pass surface cuts off, for wrinkles [mm]
+    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 50.0)]
+    wavelength: f64,
+
+    /// Height above the low-pass surface from which on it is a wrinkle [mm]
+    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 0.5)]
+    height: f64,
+
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// Least x, least y, greatest x, greatest y on the flat blank [mm].
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Region([f64; 4]);
+
+fn region(text: &str) -> Result<Region, String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse()).collect();
+    match numbers.ok().and_then(|n| <[f64; 4]>::try_from(n).ok()) {
+        Some(n) if n.iter().all(|x| x.is_finite()) && n[0] < n[2] && n[1] < n[3] => Ok(Region(n)),
+        _ => Err("expected four numbers: least x, least y, greatest x, greatest y".into()),
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(number) if number > 0.0 && number <= 1e6 => Ok(number),
+        _ => Err("expected a number > 0 and at most 1000000".into()),
+    }
+}
+
+/// What is printed.
+#[derive(Serialize)]
+struct Report {
+    a_source: Origin,
+    b_source: Origin,
+    /// Where the tool came from.
+    tool_source: Option<PathBuf>,
+    region_mm: Option<Region>,
+    fibre_deg: f64,
+    locking_deg: f64,
+    gap_mm: f64,
+    wrinkle_wavelength_mm: f64,
+    wrinkle_height_mm: f64,
+    #[serde(flatten)]
+    comparison: Comparison,
+    picture: Option<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct Origin {
+    path: PathBuf,
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    Run,
+    State,
+    Stl,
+}
+
+/// Runs `drape compare`.
+pub fn run(args: Args) -> Result<(), Failure> {
+    let (a, a_scene, a_kind) = survey(&args.a, &args)?;
+    let (b, b_scene, b_kind) = survey(&args.b, &args)?;
+    let (tool, tool_source) = match &args.config {
+        Some(path) => (Some(tool(path)?), Some(path.clone())),
+        None => match (a_scene, b_scene) {
+            (Some(scene), _) => (Some(scene.tool), Some(args.a.clone())),
+            (None, Some(scene)) => (Some(scene.tool), Some(args.b.clone())),
+            (None, None) => (None, None),
+        },
+    };
+    let region = args.region.map(|region| region.0.map(|x| 1e-3 * x));
+    let criteria = Criteria {
+        tool: tool.as_ref().map(|tool| &tool.surface),
+        region,
+        locking: args.locking.to_radians(),
+        fibre: args.fibre.to_radians(),
+        gap: 1e-3 * args.gap,
+        wrinkle: WrinkleFilter {
+            cutoff: 1e-3 * args.wavelength,
+            height: 1e-3 * args.height,
+        },
+    };
+    let comparison = compare(&a, &b, &criteria);
+    if let Some(file) = &args.out {
+        let range = args.range.unwrap_or_else(|| picture::range(&comparison));
+        let image = picture::deviation(&a, &b, tool.as_ref(), region, range);
+        image.save_png(file)?;
+    }
+    let origin = |path: &Path, kind| Origin {
+        path: path.into(),
+        kind,
+    };
+    let report = Report {
+        a_source: origin(&args.a, a_kind),
+        b_source: origin(&args.b, b_kind),
+        tool_source,
+        region_mm: args.region,
+        fibre_deg: args.fibre,
+        locking_deg: args.locking,
+        gap_mm: args.gap,
+        wrinkle_wavelength_mm: args.wavelength,
+        wrinkle_height_mm: args.height,
+        comparison,
+        picture: args.out,
+    };
+    if args.json {
+        return print_json(&report);
+    }
+    print(&text::text(&report))
+}
+
+/// The drape at `path`, with its scene if it is a run.
+fn survey(path: &Path, args: &Args) -> Result<(Surveyed, Option<Scene>, Kind), Failure> {
+    let is_stl = |path: &Path| {
+        let extension = path.extension();
+        extension.is_some_and(|extension| extension.eq_ignore_ascii_case("stl"))
+    };
+    let (surveyed, scene, kind) = if path.is_dir() {
+        let loaded = Loaded::open(path, args.json)?;
+        let (played, ..) = loaded.play(Source::Sequence)?;
+        let drape = Drape::new(&loaded.scene.lamina, &played.state.position);
+        let scene = (*loaded.scene).clone();
+        (Surveyed::draped(drape), Some(scene), Kind::Run)
+    } else if is_stl(path) {
+        let stl = read_stl(path, args.scale).or_invalid()?;
+        (Surveyed::scan(stl.mesh), None, Kind::Stl)
+    } else if path.exists() {
+        let drape = Drape::read(path).or_invalid()?;
+        (Surveyed::draped(drape), None, Kind::State)
+    } else {
+        let error = anyhow!(
+            "there is no {}, expected a run folder, a state file or an STL file",
+            path.display()
+        );
+        return Err(Failure::invalid(error));
+    };
+    let surveyed = surveyed.or_invalid_in(path.display())?;
+    Ok((surveyed, scene, kind))
+}
+
+/// The tool of a scene file or of a run configuration.
+fn tool(path: &Path) -> Result<Tool, Failure> {
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()));
+    let table: Option<toml::Table> = text.or_invalid()?.parse().ok();
+    // A scene cannot do without a tool, a run configuration has it in its scene.
+    let is_run = table.is_some_and(|table| !table.contains_key("tool"));
+    let scene = if is_run {
+        RunConfig::read(path).or_invalid()?.scene
+    } else {
+        SceneConfig::read(path).or_invalid()?
+    };
+    Tool::new(&scene.tool).or_invalid_in(path.display())
+}

@@ -1,0 +1,103 @@
+use std::collections::HashMap;
+
+use crate::cli::picture::{CLOTH_BIAS, creased};
+use crate::math::Vec3;
+use crate::mesh::TriMesh;
+use crate::report::{
+    Camera, Color, ColorBar, ColorMap, Image, Mark, PATH, Paint, Scene as Picture, TOOL,
+};
+use crate::study::compare::{Comparison, Surveyed};
+use crate::tool::Tool;
+
+/// Width and height of each view [px].
+const SIZE: [usize; 2] = [760, 600];
+/// Width of the region's outline [px].
+const LINE: f64 = 2.4;
+/// Free space round the drape, as a share of its longest side.
+const MARGIN: f64 = 0.03;
+/// Finest range of the colours [mm]: rounding of STL files shows below it.
+const LEAST: f64 = 1e-3;
+
+/// The smallest of 1, 2 and 5 times a power of ten [mm] which 95 % of A's area keep within.
+pub(super) fn range(comparison: &Comparison) -> f64 {
+    let p95 = comparison.all.topology_a_to_b_mm.map_or(0.0, |d| d.p95);
+    let least = p95.max(LEAST);
+    let power = 10f64.powf(least.log10().floor());
+    let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * power);
+    // A hair below still counts: 2 shall not become 5 by rounding.
+    let fits = steps.iter().find(|step| **step >= least * (1.0 - 1e-9));
+    *fits.unwrap_or(&steps[3])
+}
+
+/// Drape `a` from the side and from above, coloured by its signed distance from `b` up to
+/// `range` [mm], over the tool, with the outline of the `region` [m on the flat blank].
+pub(super) fn deviation(
+    a: &Surveyed,
+    b: &Surveyed,
+    tool: Option<&Tool>,
+    region: Option<[f64; 4]>,
+    range: f64,
+) -> Image {
+    let deviations: Vec<f64> = a.deviations(b).iter().map(|d| 1e3 * d).collect();
+    let color = |d: &f64| ColorMap::Deviation.at(0.5 + 0.5 * d / range);
+    let colors: Vec<Color> = deviations.iter().map(color).collect();
+    let tool = tool.map(|tool| creased(&tool.mesh));
+    let (low, high) = a.mesh.bounds();
+    let margin = Vec3::repeat(MARGIN * (high - low).max());
+    let bounds = (low - margin, high + margin);
+    let outline = region.map_or(Vec::new(), |region| outline(a, region));
+
+    let views = [Camera::isometric(bounds), Camera::top(bounds)].map(|camera| {
+        let mut picture = Picture::default();
+        if let Some(tool) = &tool {
+            picture.add(tool, Paint::Uniform(TOOL), 0.0);
+        }
+        picture.add(&a.mesh, Paint::PerVertex(&colors), CLOTH_BIAS);
+        picture
+            .marks
+            .extend(outline.iter().map(|points| Mark::Line {
+                points: points.to_vec(),
+                width: LINE,
+                color: PATH,
+            }));
+        picture.render(&camera, SIZE[0], SIZE[1])
+    });
+    let bar = ColorBar {
+        map: ColorMap::Deviation,
+        low: -range,
+        high: range,
+        exceeded: [
+            deviations.iter().any(|d| *d < -range),
+            deviations.iter().any(|d| *d > range),
+        ],
+        title: "signed distance of A from B [mm], positive on B's upper side".into(),
+    };
+    bar.below(&Image::beside(&views))
+}
+
+/// Edges of the draped mesh between triangles inside and outside of the region.
+fn outline(a: &Surveyed, [x0, y0, x1, y1]: [f64; 4]) -> Vec<[Vec3; 2]> {
+    let Some(drape) = &a.drape else {
+        return Vec::new();
+    };
+    let mesh: &TriMesh = &a.mesh;
+    // Inside minus outside, for every edge without direction; sorted later, as drawing order
+    // must not depend on the map's.
+    let mut edges: HashMap<[u32; 2], [bool; 2]> = HashMap::new();
+    for (t, triangle) in mesh.triangles.iter().enumerate() {
+        let [x, y] = drape.rest_centre(t);
+        let is_inside = x0 <= x && x <= x1 && y0 <= y && y <= y1;
+        for k in 0..3 {
+            let [v, w] = [triangle[k], triangle[(k + 1) % 3]];
+            edges.entry([v.min(w), v.max(w)]).or_default()[usize::from(is_inside)] = true;
+        }
+    }
+    let mut border: Vec<[u32; 2]> = edges
+        .into_iter()
+        .filter(|(_, sides)| *sides == [true; 2])
+        .map(|(edge, _)| edge)
+        .collect();
+    border.sort_unstable();
+    let place = |v: u32| mesh.vertices[v as usize];
+    border.into_iter().map(|edge| edge.map(place)).collect()
+}

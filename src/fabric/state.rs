@@ -1,0 +1,386 @@
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::membrane::Membrane;
+use super::{Family, Lamina};
+use crate::file::{WriteError, write_atomic};
+use crate::math::Vec3;
+use crate::mesh::TriMesh;
+
+/// Where every material point of a blank lies: what a simulation leaves, whichever it was.
+///
+/// Complete by itself: two drapes can be compared without the configurations they came from,
+/// and also if their meshes differ.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drape {
+    /// Says what the file is, and in which version.
+    format: String,
+    /// Unit vector along the warp on the flat blank; the weft is that turned to the left.
+    pub warp: [f64; 2],
+    /// Rest positions on the flat blank [m], in the order of the lamina's vertices.
+    pub rest: Vec<[f64; 2]>,
+    /// Positions in the frame of the tool [m].
+    pub position: Vec<[f64; 3]>,
+    /// Counter-clockwise from above, on the flat blank.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// The format that this drape writes and reads.
+const FORMAT: &str = "drape state 1, metres";
+
+/// Why a state file could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadDrapeError {
+    #[error("cannot read {}", path.display())]
+    Io { path: PathBuf, source: io::Error },
+    #[error("{} is not a state file", path.display())]
+    Json {
+        path: PathBuf,
+        source: serde_json::Error,
+    },
+    #[error("{}: {fault}", path.display())]
+    Fault { path: PathBuf, fault: DrapeFault },
+}
+
+/// What is wrong with the content of a state file. Vertices and triangles count from 0.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum DrapeFault {
+    #[error("`format` is {0:?}, expected {FORMAT:?}")]
+    Format(String),
+    #[error("`warp` is {0:?}, expected a unit vector")]
+    Warp([f64; 2]),
+    #[error("`position` has {found} vertices, expected {expected} as `rest` has")]
+    Count { found: usize, expected: usize },
+    #[error("vertex {vertex}: found {found:?}, expected numbers within +-1000 m")]
+    Number { vertex: usize, found: Vec<f64> },
+    #[error("`triangles` is empty, expected at least one")]
+    Empty,
+    #[error("triangle {triangle} has vertex {found}, expected one below {count}")]
+    Vertex {
+        triangle: usize,
+        found: u32,
+        count: usize,
+    },
+    #[error(
+        "triangle {triangle} has area {area} m^2 on the flat blank, expected one above 0, \
+         counter-clockwise"
+    )]
+    Area { triangle: usize, area: f64 },
+}
+
+/// How a piece of fabric has been stretched: the images of unit vectors along the yarns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tangents {
+    pub warp: Vec3,
+    pub weft: Vec3,
+}
+
+impl Drape {
+    /// The lamina at `position` [m].
+    pub fn new(lamina: &Lamina, position: &[[f64; 3]]) -> Self {
+        Self {
+            format: FORMAT.into(),
+            warp: lamina.warp(),
+            rest: lamina.rest.clone(),
+            position: position.to_vec(),
+            triangles: lamina.triangles.clone(),
+        }
+    }
+
+    /// Writes the state as JSON, atomically. Numbers are written with all their bits and read
+    /// to the last but one.
+    pub fn write(&self, path: &Path) -> Result<(), WriteError> {
+        write_atomic(path, |file| {
+            serde_json::to_writer(&mut *file, self)?;
+            file.write_all(b"\n")
+        })
+    }
+
+    /// Reads and checks what [`Drape::write`] wrote.
+    pub fn read(path: &Path) -> Result<Self, ReadDrapeError> {
+        let text = fs::read(path).map_err(|source| ReadDrapeError::Io {
+            path: path.into(),
+            source,
+        })?;
+        let drape: Self = serde_json::from_slice(&text).map_err(|source| ReadDrapeError::Json {
+            path: path.into(),
+            source,
+        })?;
+        match drape.fault() {
+            None => Ok(drape),
+            Some(fault) => Err(ReadDrapeError::Fault {
+                path: path.into(),
+                fault,
+            }),
+        }
+    }
+
+    fn fault(&self) -> Option<DrapeFault> {
+        if self.format != FORMAT {
+            return Some(DrapeFault::Format(self.format.clone()));
+        }
+        let length = self.warp[0].hypot(self.warp[1]);
+        if length.is_nan() || (length - 1.0).abs() > 1e-6 {
+            return Some(DrapeFault::Warp(self.warp));
+        }
+        let (found, expected) = (self.position.len(), self.rest.len());
+        if found != expected {
+            return Some(DrapeFault::Count { found, expected });
+        }
+        if self.triangles.is_empty() {
+            return Some(DrapeFault::Empty);
+        }
+        let far = |x: &f64| x.is_nan() || x.abs() > 1e3;
+        for (vertex, (rest, position)) in self.rest.iter().zip(&self.position).enumerate() {
+            if rest.iter().chain(position).any(far) {
+                let found = rest.iter().chain(position).copied().collect();
+                return Some(DrapeFault::Number { vertex, found });
+            }
+        }
+        let count = self.rest.len();
+        for (triangle, corners) in self.triangles.iter().enumerate() {
+            if let Some(&found) = corners.iter().find(|&&v| v as usize >= count) {
+                return Some(DrapeFault::Vertex {
+                    triangle,
+                    found,
+                    count,
+                });
+            }
+            let area = self.rest_area(triangle);
+            if area <= 0.0 {
+                return Some(DrapeFault::Area { triangle, area });
+            }
+        }
+        None
+    }
+
+    /// The draped blank.
+    pub fn mesh(&self) -> TriMesh {
+        TriMesh {
+            vertices: self.position.iter().map(|&x| Vec3::from(x)).collect(),
+            triangles: self.triangles.clone(),
+        }
+    }
+
+    /// The flat blank, at height 0.
+    pub fn flat(&self) -> TriMesh {
+        TriMesh {
+            vertices: self
+                .rest
+                .iter()
+                .map(|r| Vec3::new(r[0], r[1], 0.0))
+                .collect(),
+            triangles: self.triangles.clone(),
+        }
+    }
+
+    /// Area of a triangle on the flat blank [m^2].
+    pub fn rest_area(&self, triangle: usize) -> f64 {
+        self.piece(triangle).area
+    }
+
+    /// Middle of a triangle on the flat blank [m].
+    pub fn rest_centre(&self, triangle: usize) -> [f64; 2] {
+        let corners = self.triangles[triangle].map(|v| self.rest[v as usize]);
+        [0, 1].map(|k| corners.iter().map(|x| x[k]).sum::<f64>() / 3.0)
+    }
+
+    /// Where the yarns of a triangle have gone to; their lengths are the stretch.
+    pub fn tangents(&self, triangle: usize) -> Tangents {
+        let piece = self.piece(triangle);
+        let [warp, weft] = [0, 1].map(|family| {
+            let corners = piece.vertices.iter().zip(&piece.gradient);
+            corners
+                .map(|(&v, slope)| Vec3::from(self.position[v as usize]) * slope[family])
+                .sum()
+        });
+        Tangents { warp, weft }
+    }
+
+    fn piece(&self, triangle: usize) -> Membrane {
+        let corners = self.triangles[triangle];
+        Membrane::new(corners, corners.map(|v| self.rest[v as usize]), self.warp)
+    }
+}
+
+impl Tangents {
+    /// Engineering strain along both families [-].
+    pub fn strain(&self) -> [f64; 2] {
+        [self.warp.norm() - 1.0, self.weft.norm() - 1.0]
+    }
+
+    /// By how much the angle between the yarns has closed: 90 degrees less the angle [rad].
+    /// 0 where a yarn has no length left.
+    pub fn shear(&self) -> f64 {
+        let (sin, cos) = (
+            self.warp.cross(&self.weft).norm(),
+            self.warp.dot(&self.weft),
+        );
+        cos.atan2(sin)
+    }
+
+    /// Angle [rad] between the yarns of one family here and in `reference`, both seen in the
+    /// tangent plane of the reference. A right angle where that plane or a direction in it is
+    /// lost: the yarns then have nothing to do with each other.
+    pub fn angle(&self, reference: &Self, family: Family) -> f64 {
+        let pick = |tangents: &Self| match family {
+            Family::Warp => tangents.warp,
+            Family::Weft => tangents.weft,
+        };
+        let normal = reference.warp.cross(&reference.weft).try_normalize(0.0);
+        let normal = normal.unwrap_or_default();
+        let there = pick(reference);
+        let here = pick(self) - normal * pick(self).dot(&normal);
+        let (sin, cos) = (here.cross(&there).norm(), here.dot(&there));
+        if normal == Vec3::zeros() || (sin == 0.0 && cos == 0.0) {
+            return std::f64::consts::FRAC_PI_2;
+        }
+        sin.atan2(cos)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fabric::{BlankConfig, Material};
+
+    fn lamina(yarn_angle_deg: f64) -> Lamina {
+        let config = BlankConfig {
+            size_mm: [100.0, 60.0],
+            vertices: [6, 4],
+            yarn_angle_deg,
+            cell_mm: (yarn_angle_deg != 0.0).then_some(15.0),
+            ..BlankConfig::default()
+        };
+        Lamina::new(&config, Material::interglas_92125()).unwrap()
+    }
+
+    /// The flat blank moved to `place`(x, y).
+    fn draped(lamina: &Lamina, place: impl Fn(f64, f64) -> [f64; 3]) -> Drape {
+        let position: Vec<_> = lamina.rest.iter().map(|&[x, y]| place(x, y)).collect();
+        Drape::new(lamina, &position)
+    }
+
+    fn all(drape: &Drape) -> impl Iterator<Item = Tangents> + '_ {
+        (0..drape.triangles.len()).map(|t| drape.tangents(t))
+    }
+
+    /// The middle of the blank turns by 20 degrees about the vertical: so do all yarns, also
+    /// on a steep reference plane if they turn within it.
+    #[test]
+    fn turned_yarns_have_the_angle_they_were_turned_by() {
+        let angle = 20f64.to_radians();
+        let (sin, cos) = angle.sin_cos();
+        for yarns in [0.0, 30.0] {
+            let lamina = lamina(yarns);
+            let flat = draped(&lamina, |x, y| [x, y, 0.0]);
+            let turned = draped(&lamina, |x, y| [cos * x - sin * y, sin * x + cos * y, 0.3]);
+            for (a, b) in all(&turned).zip(all(&flat)) {
+                for family in [Family::Warp, Family::Weft] {
+                    assert!((a.angle(&b, family) - angle).abs() < 1e-12);
+                }
+                assert!(a.shear().abs() < 1e-12);
+                assert!(a.strain().iter().all(|s| s.abs() < 1e-12));
+            }
+            // Lifted out of the plane, the projection turns by nothing, the slope is no angle.
+            let lifted = draped(&lamina, |x, y| [x, y, 2.0 * x - y]);
+            for (a, b) in all(&lifted).zip(all(&flat)) {
+                assert!(a.angle(&b, Family::Warp) < 1e-12);
+            }
+        }
+    }
+
+    /// A trellis: both yarns keep their length, the weft leans over by the shear.
+    #[test]
+    fn sheared_grid_has_its_angle_and_sign() {
+        for degrees in [35.0f64, -35.0] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let sheared = draped(&lamina(0.0), |x, y| [x + sin * y, cos * y, 0.1]);
+            for tangents in all(&sheared) {
+                assert!((tangents.shear().to_degrees() - degrees).abs() < 1e-9);
+                assert!(tangents.strain().iter().all(|s| s.abs() < 1e-12));
+            }
+            let flat = draped(&lamina(0.0), |x, y| [x, y, 0.1]);
+            for (a, b) in all(&sheared).zip(all(&flat)) {
+                assert!(a.angle(&b, Family::Warp) < 1e-12);
+                assert!((a.angle(&b, Family::Weft).to_degrees() - 35.0).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn stretched_yarns_have_their_strain() {
+        let stretched = draped(&lamina(30.0), |x, y| [1.02 * x, 1.02 * y, 0.0]);
+        for tangents in all(&stretched) {
+            assert!(tangents.strain().iter().all(|s| (s - 0.02).abs() < 1e-12));
+        }
+        let collapsed = draped(&lamina(0.0), |_, _| [0.1; 3]);
+        let flat = draped(&lamina(0.0), |x, y| [x, y, 0.0]);
+        let (lost, found) = (collapsed.tangents(0), flat.tangents(0));
+        assert_eq!(lost.shear(), 0.0);
+        for (a, b) in [(lost, found), (found, lost), (lost, lost)] {
+            assert_eq!(a.angle(&b, Family::Weft), std::f64::consts::FRAC_PI_2);
+        }
+    }
+
+    #[test]
+    fn state_files_round_trip_and_locate_faults() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.json");
+        let drape = draped(&lamina(30.0), |x, y| [x / 3.0, y.sin(), x * y]);
+        drape.write(&path).unwrap();
+        let again = Drape::read(&path).unwrap();
+        assert_eq!(again.triangles, drape.triangles);
+        for (found, expected) in again.position.iter().zip(&drape.position) {
+            assert!((0..3).all(|k| (found[k] - expected[k]).abs() <= 1e-15));
+        }
+        for (found, expected) in again.rest.iter().zip(&drape.rest) {
+            assert!((0..2).all(|k| (found[k] - expected[k]).abs() <= 1e-15));
+        }
+        assert!((drape.flat().area() / lamina(30.0).area() - 1.0).abs() < 1e-12);
+
+        let message = |change: &dyn Fn(&mut Drape)| {
+            let mut changed = drape.clone();
+            change(&mut changed);
+            changed.write(&path).unwrap();
+            let error = Drape::read(&path).unwrap_err().to_string();
+            error.replace(&path.display().to_string(), "a.json")
+        };
+        let count = drape.rest.len();
+        for (change, expected) in [
+            (
+                (&|d: &mut Drape| d.format = "drape state 9".into()) as &dyn Fn(&mut Drape),
+                format!("`format` is \"drape state 9\", expected \"{FORMAT}\""),
+            ),
+            (
+                &|d| d.warp = [1.0, 1.0],
+                "`warp` is [1.0, 1.0], expected a unit vector".into(),
+            ),
+            (
+                &|d| d.position.truncate(3),
+                format!("`position` has 3 vertices, expected {count} as `rest` has"),
+            ),
+            (&|d| d.position[4][1] = 2e3, "vertex 4: found [".into()),
+            (
+                &|d| d.triangles[2][1] = 900,
+                format!("triangle 2 has vertex 900, expected one below {count}"),
+            ),
+            (
+                &|d| d.triangles[1].swap(0, 1),
+                "triangle 1 has area -".into(),
+            ),
+            (&|d| d.triangles.clear(), "`triangles` is empty".into()),
+        ] {
+            let message = message(change);
+            let expected = format!("a.json: {expected}");
+            assert!(message.starts_with(&expected), "{message}");
+        }
+        fs::write(&path, "{").unwrap();
+        let error = Drape::read(&path).unwrap_err();
+        assert!(matches!(error, ReadDrapeError::Json { .. }), "{error}");
+    }
+}

@@ -1,0 +1,34 @@
+//! How far one surface lies from another, and how smooth it is by itself.
+//!
+//! Surfaces are open triangle meshes with an upper side: laminae, scans of them. Everything
+//! is measured at vertices and weighed with their share of the area, so that the result does
+//! not depend on where a mesh is fine. Nothing is moved beforehand: both surfaces must be
+//! given in the same frame.
+
+mod contour;
+mod sheet;
+mod spread;
+mod wrinkles;
+
+pub use contour::{ContourDeviation, contour_deviation};
+pub use sheet::{Foot, Sheet, SheetError};
+pub use spread::Spread;
+pub use wrinkles::{WrinkleFilter, Wrinkles, high_pass, wrinkles};
+
+use super::TriMesh;
+
+/// A third of the area of every triangle at each vertex [m²].
+pub fn vertex_areas(mesh: &TriMesh) -> Vec<f64> {
+    let mut areas = vec![0.0; mesh.vertices.len()];
+    for (t, triangle) in mesh.triangles.iter().enumerate() {
+        let [a, b, c] = mesh.corners(t);
+        let third = (b - a).cross(&(c - a)).norm() / 6.0;
+        for &v in triangle {
+            areas[v as usize] += third;
+        }
+    }
+    areas
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,56 @@
+use super::run::trained;
+use super::*;
+
+/// Lines of the data of the first card that begins with `card`.
+fn data<'a>(deck: &'a str, card: &str) -> Vec<&'a str> {
+    let (_, rest) = deck
+        .split_once(&format!("\n{card}"))
+        .unwrap_or_else(|| panic!("no {card}"));
+    // What is left of the card itself comes first.
+    let lines = rest.split_once('\n').map_or("", |(_, data)| data).lines();
+    lines.take_while(|line| !line.starts_with('*')).collect()
+}
+
+/// Both dialects have the same lamina in its order and the same presses.
+#[test]
+fn decks_hold_lamina_clamps_and_presses() {
+    let folder = trained();
+    let path = folder.path();
+    stdout(path, &["export", "runs/a", "--format", "inp"]);
+    let args = ["export", "runs/a", "--format", "inp", "--dialect", "abaqus"];
+    let report = json(path, &[&args[..], &["--out", "ab.inp", "--json"]].concat());
+    assert_eq!(report["file"], "ab.inp");
+    let read = |name: &str| fs::read_to_string(path.join(name)).unwrap();
+    let [calculix, abaqus] = ["runs/a/draping.inp", "ab.inp"].map(read);
+    for card in [
+        "*NODE, NSET=LAMINA_NODES",
+        "*ELEMENT, TYPE=S3, ELSET=LAMINA",
+    ] {
+        assert_eq!(data(&calculix, card), data(&abaqus, card), "{card}");
+    }
+    assert_eq!(data(&calculix, "*NODE, NSET=LAMINA_NODES").len(), 289);
+    assert_eq!(
+        data(&calculix, "*ELEMENT, TYPE=S3, ELSET=LAMINA").len(),
+        512
+    );
+    assert_eq!(data(&abaqus, "*ELEMENT, TYPE=R3D3, ELSET=TOOL").len(), 9146);
+    // The clamps at the front left corner and in the middle of the front edge.
+    assert_eq!(data(&calculix, "*NSET, NSET=CLAMPS"), ["1, 9"]);
+    let count = |deck: &str, card: &str| deck.matches(card).count();
+    let presses = count(&calculix, "*ELSET, ELSET=PRESS_");
+    assert!(presses > 10, "{presses}");
+    for (deck, step) in [(&calculix, "*STATIC\n"), (&abaqus, "*DYNAMIC, EXPLICIT\n")] {
+        assert_eq!(count(deck, step), 1 + presses);
+        assert_eq!(count(deck, ", P, -1.00000000e0\n"), presses);
+    }
+    // Every triangle is pressed by one step at most.
+    let mut pressed: Vec<&str> = (1..=presses)
+        .flat_map(|k| data(&calculix, &format!("*ELSET, ELSET=PRESS_{k}")))
+        .flat_map(|line| line.split(", "))
+        .collect();
+    let total = pressed.len();
+    pressed.sort_unstable();
+    pressed.dedup();
+    assert_eq!(pressed.len(), total);
+    assert!(abaqus.contains("*FABRIC") && !calculix.contains("*FABRIC"));
+}
