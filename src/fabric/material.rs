@@ -30,7 +30,7 @@ impl Curve {
         Self(vec![[0.0, 0.0], [1.0, (1e-6 * modulus).min(f64::MAX)]])
     }
 
-    /// Points of strain and stress [MPa], from [0, 0] on.
+    /// Points of strain and stress as in the file [MPa], ascending from [0, 0].
     pub fn points(&self) -> &[[f64; 2]] {
         &self.0
     }
@@ -49,13 +49,6 @@ impl Curve {
             .unwrap_or(last);
         let [p, q] = [self.0[segment], self.0[segment + 1]];
         1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
-    }
-
-    /// Strain and stress [Pa] of every point, ascending from [0, 0].
-    pub fn points(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
-        self.0
-            .iter()
-            .map(|&[strain, stress]| [strain, 1e6 * stress])
     }
 
     /// Slope at strain 0 [Pa].

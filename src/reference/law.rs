@@ -14,7 +14,7 @@ pub(super) struct Ramps {
 impl Ramps {
     /// The curve, its last slope going on.
     fn of(curve: &Curve) -> Self {
-        let points: Vec<[f64; 2]> = curve.points().collect();
+        let points: Vec<[f64; 2]> = curve.points().iter().map(|&[e, s]| [e, 1e6 * s]).collect();
         let mut last = 0.0;
         let steps = points
             .windows(2)
