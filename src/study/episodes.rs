@@ -46,6 +46,8 @@ pub struct Ended {
     pub summary: Summary,
     /// Root mean square speed [mm/s] a quarter of a second later.
     pub rest_v_rms_mm_s: f64,
+    /// Greatest tensile strain of a yarn edge [-] then.
+    pub rest_tension_max: f64,
     /// Share of the blank's yarn edges compressed by more than 5 %: crushed surplus.
     pub crushed_share: f64,
 }
@@ -144,13 +146,16 @@ fn measure(scene: &Scene, config: &EnvConfig, state: &Snapshot) -> Ended {
         substeps: (REST * config.substep_rate).round() as usize,
     };
     cloth.step(&scene.model, &scene.tool, &control, &[]);
+    let rested = cloth.snapshot(0);
+    let strain = scene.lamina.yarn_strain(&rested.position);
     Ended {
         diverged: false,
         steps: 0,
         region_m: 0.0,
         undraped: 0,
         summary: scene.summary(state),
-        rest_v_rms_mm_s: 1e3 * cloth.snapshot(0).v_rms(),
+        rest_v_rms_mm_s: 1e3 * rested.v_rms(),
+        rest_tension_max: strain.iter().copied().fold(0.0, f64::max),
         crushed_share: crushed as f64 / strain.len() as f64,
     }
 }

@@ -216,7 +216,9 @@ fn check_observation(
         assert_eq!(env.action(v as u32), Some(pixel as u32));
         let distance = scene.tool.distance(after.state.position[v]).0.max(0.0) as f32;
         let expected = if inside(v) { distance } else { 0.0 };
-        assert_eq!(observation.distance[pixel], expected);
+        // Looked up in the environment's precision: a tenth of a micrometre.
+        let error = (observation.distance[pixel] - expected).abs();
+        assert!(error < 2e-7, "{error} m off at pixel {pixel}");
         let seen = |bits: &FixedBitSet| inside(v) && bits.contains(v);
         assert_eq!(observation.touched.contains(pixel), seen(&after.touched));
         assert_eq!(observation.draped.contains(pixel), seen(&after.draped));

@@ -111,7 +111,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
 /// A figure of the table, from the end of an episode.
 type Figure = (&'static str, f64, fn(&Ended) -> f64);
 
-const FIGURES: [Figure; 11] = [
+const FIGURES: [Figure; 12] = [
     ("distance left [m]", 1.0, |e| e.region_m),
     ("whole sheet [m]", 1.0, |e| e.summary.distance_m),
     ("undraped vertices", 1.0, |e| e.undraped as f64),
@@ -123,6 +123,7 @@ const FIGURES: [Figure; 11] = [
     ("penetration [mm]", 1.0, |e| e.summary.penetration_mm),
     ("v_rms at the end [mm/s]", 1.0, |e| e.summary.v_rms_mm_s),
     ("v_rms at rest [mm/s]", 1.0, |e| e.rest_v_rms_mm_s),
+    ("tension max at rest [%]", 1e2, |e| e.rest_tension_max),
 ];
 
 fn table(report: &Report) -> String {
