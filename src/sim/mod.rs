@@ -11,6 +11,7 @@ mod line;
 mod membrane;
 mod model;
 mod physics;
+mod preset;
 mod self_contact;
 mod state;
 mod substep;
@@ -18,6 +19,7 @@ mod substep;
 pub use cpu::Cpu;
 pub use model::Model;
 pub use physics::{Bending, BendingStiffness, Compression, PhysicsConfig, PhysicsError, Solver};
+pub use preset::Preset;
 pub use self_contact::SelfCollision;
 pub use state::{Batch, Control, Press, Snapshot};
 
