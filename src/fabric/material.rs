@@ -46,6 +46,11 @@ impl Curve {
         1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
     }
 
+    /// Strain and stress [Pa] of every point, ascending from [0, 0].
+    pub fn points(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+        self.0.iter().map(|&[strain, stress]| [strain, 1e6 * stress])
+    }
+
     /// Slope at strain 0 [Pa].
     pub fn modulus(&self) -> f64 {
         1e6 * self.0[1][1] / self.0[1][0]

@@ -3,9 +3,11 @@
 mod crossing;
 mod stl;
 mod topology;
+mod vtk;
 
 pub use stl::{ReadStlError, Stl, StlFault, read_stl, to_stl_bytes, write_stl};
 pub use topology::Topology;
+pub use vtk::{VtkField, to_vtk, write_vtk};
 
 use crate::math::Vec3;
 

@@ -1,0 +1,223 @@
+use crate::fabric::{Curve, Material, YarnLaw};
+
+use super::config::{Extrapolation, TwinConfig};
+
+/// A piecewise linear law as a sum of ramps: stress = sum of gain max(0, strain - start).
+///
+/// So it costs no branches, and its energy is exact.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Ramps {
+    /// Start [-] and gain of slope there [Pa], ascending from 0.
+    steps: Vec<[f64; 2]>,
+}
+
+impl Ramps {
+    /// The curve, its last slope going on.
+    fn of(curve: &Curve) -> Self {
+        let points: Vec<[f64; 2]> = curve.points().collect();
+        let mut last = 0.0;
+        let steps = points
+            .windows(2)
+            .map(|pair| {
+                let slope = (pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]);
+                let gain = slope - last;
+                last = slope;
+                [pair[0][0], gain]
+            })
+            .collect();
+        Self { steps }
+    }
+
+    /// Slope beyond the last step [Pa].
+    fn last_slope(&self) -> f64 {
+        self.steps.iter().map(|step| step[1]).sum()
+    }
+
+    /// Greatest slope up to `strain` [Pa], and the strain from which on there may be a greater.
+    pub fn stiffest(&self, strain: f64) -> (f64, f64) {
+        let (mut slope, mut greatest) = (0.0, 0.0f64);
+        for &[start, gain] in &self.steps {
+            slope += gain;
+            if start > strain && slope > greatest {
+                return (greatest, start);
+            }
+            greatest = greatest.max(slope);
+        }
+        (greatest, f64::INFINITY)
+    }
+}
+
+/// Stress against a strain of either sign.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Law {
+    pub positive: Ramps,
+    /// Strain and stress both counted positive.
+    pub negative: Ramps,
+}
+
+impl Law {
+    /// Of yarns.
+    pub fn of_yarns(law: &YarnLaw) -> Self {
+        Self {
+            positive: Ramps::of(&law.tension),
+            negative: Ramps::of(&law.compression),
+        }
+    }
+
+    /// Of shear: what holds beyond the data is the twin's own choice.
+    pub fn of_shear(material: &Material, config: &TwinConfig) -> Self {
+        let branch = |curve: &Curve| {
+            let mut ramps = Ramps::of(curve);
+            if config.shear_extrapolation == Extrapolation::Constant {
+                let end = curve.points().last().map_or(0.0, |point| point[0]);
+                let slope = ramps.last_slope();
+                ramps.steps.push([end, -slope]);
+            }
+            if let Some(angle) = config.locking_deg {
+                let gain = config.locking_factor * curve.modulus();
+                ramps.steps.push([angle.to_radians(), gain]);
+            }
+            ramps.steps.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            ramps
+        };
+        Self {
+            positive: branch(&material.shear.positive),
+            negative: branch(&material.shear.negative),
+        }
+    }
+
+    /// Stress [Pa] in every lane.
+    #[inline(always)]
+    pub fn stress<const N: usize>(&self, strain: &[f64; N]) -> [f64; N] {
+        let mut stress = [0.0; N];
+        for &[start, gain] in &self.positive.steps {
+            for l in 0..N {
+                let over = strain[l] - start;
+                stress[l] += gain * if over > 0.0 { over } else { 0.0 };
+            }
+        }
+        for &[start, gain] in &self.negative.steps {
+            for l in 0..N {
+                let over = -strain[l] - start;
+                stress[l] -= gain * if over > 0.0 { over } else { 0.0 };
+            }
+        }
+        stress
+    }
+
+    /// Energy per volume [J/m^3], the integral of the stress.
+    pub fn energy(&self, strain: f64) -> f64 {
+        let sum = |ramps: &Ramps, strain: f64| -> f64 {
+            let over = |step: &[f64; 2]| 0.5 * step[1] * (strain - step[0]).max(0.0).powi(2);
+            ramps.steps.iter().map(over).sum()
+        };
+        sum(&self.positive, strain) + sum(&self.negative, -strain)
+    }
+
+    /// Every slope is finite.
+    pub fn is_finite(&self) -> bool {
+        [&self.positive, &self.negative]
+            .iter()
+            .all(|ramps| ramps.steps.iter().flatten().all(|x| x.is_finite()))
+    }
+}
+
+/// The three laws of a woven fabric: stress along each family, and shear stress.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Laws {
+    pub yarns: [Law; 2],
+    pub shear: Law,
+}
+
+impl Laws {
+    pub fn new(material: &Material, config: &TwinConfig) -> Self {
+        Self {
+            yarns: [&material.warp, &material.weft].map(Law::of_yarns),
+            shear: Law::of_shear(material, config),
+        }
+    }
+
+    /// Every slope is finite.
+    pub fn are_finite(&self) -> bool {
+        self.yarns.iter().all(Law::is_finite) && self.shear.is_finite()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(found: f64, expected: f64) {
+        assert!(
+            (found - expected).abs() <= 1e-12 * expected.abs(),
+            "{found} is not {expected}"
+        );
+    }
+
+    /// Stress per width of Table 2, in tension and compression, between points and beyond.
+    #[test]
+    fn ramps_have_the_stress_of_the_curves() {
+        let material = Material::interglas_92125();
+        let laws = Laws::new(&material, &TwinConfig::default());
+        for (law, yarn) in laws.yarns.iter().zip([&material.warp, &material.weft]) {
+            for strain in [0.0, 0.001, 0.005, 0.006, 0.0125, 0.02, 0.03, 0.5] {
+                let [tension, compression] = law.stress(&[strain, -strain]);
+                close(tension, yarn.tension.stress(strain));
+                close(compression, -yarn.compression.stress(strain));
+            }
+        }
+    }
+
+    #[test]
+    fn shear_beyond_the_data_is_what_was_asked_for() {
+        let material = Material::interglas_92125();
+        let at = |config: &TwinConfig, angle: f64| Law::of_shear(&material, config).stress(&[angle])[0];
+        let mut config = TwinConfig {
+            shear_extrapolation: Extrapolation::Linear,
+            ..TwinConfig::default()
+        };
+        close(at(&config, 0.05), 2500.0);
+        close(at(&config, 0.9), 45_000.0);
+        close(at(&config, -0.9), -32_400.0);
+        config.shear_extrapolation = Extrapolation::Constant;
+        close(at(&config, 0.05), 2500.0);
+        close(at(&config, 0.9), 5000.0);
+        close(at(&config, -0.9), -3600.0);
+        config.locking_deg = Some(45.0);
+        config.locking_factor = 100.0;
+        let over = 0.9 - 45f64.to_radians();
+        close(at(&config, 0.9), 5000.0 + 100.0 * 50_000.0 * over);
+    }
+
+    #[test]
+    fn energy_is_the_integral_of_the_stress() {
+        let material = Material::interglas_92125();
+        let config = TwinConfig {
+            shear_extrapolation: Extrapolation::Constant,
+            locking_deg: Some(40.0),
+            ..TwinConfig::default()
+        };
+        let laws = Laws::new(&material, &config);
+        for (law, reach) in [(&laws.yarns[0], 0.03), (&laws.yarns[1], 0.03), (&laws.shear, 1.2)] {
+            for sign in [1.0, -1.0] {
+                let count = 30_000;
+                let h = sign * reach / count as f64;
+                let middle = |k: usize| law.stress(&[(k as f64 + 0.5) * h])[0];
+                let sum: f64 = (0..count).map(|k| middle(k) * h).sum();
+                let energy = law.energy(sign * reach);
+                assert!((sum / energy - 1.0).abs() < 1e-6, "{sum} is not {energy}");
+            }
+        }
+    }
+
+    #[test]
+    fn stiffest_slope_says_how_far_it_holds() {
+        let laws = Laws::new(&Material::interglas_92125(), &TwinConfig::default());
+        let (slope, limit) = laws.yarns[0].positive.stiffest(0.004);
+        close(slope, 600e6);
+        close(limit, 0.005);
+        let (slope, limit) = laws.yarns[0].positive.stiffest(0.0051);
+        close(slope, 37e6 / 0.015);
+        assert_eq!(limit, f64::INFINITY);
+    }
+}

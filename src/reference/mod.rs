@@ -1,0 +1,30 @@
+//! The finite-element digital twin: the same lamina by another method, slow and in f64.
+//!
+//! Triangles of constant strain with the law of a woven fabric ([`Strain`] along warp and weft
+//! and the change of their angle), bending along yarns, lumped masses and explicit central
+//! differences, as the paper's Section 2 has it in Abaqus/Explicit. With the fast solver it
+//! shares material and mesh, and no code: where both agree, neither is wrong by itself.
+//!
+//! The time step follows from a bound on the highest frequency, contact is kinematic, and a
+//! balance of energy says what the integration has lost. The cloth does not touch itself, and
+//! has no thickness but in its stiffness. `docs/TWIN.md` has equations and figures.
+
+mod bending;
+mod config;
+mod contact;
+mod energy;
+mod frequency;
+mod law;
+mod membrane;
+mod output;
+mod pack;
+mod press;
+mod relax;
+mod twin;
+
+pub use config::{BendingStiffness, Extrapolation, TwinConfig, TwinError};
+pub use energy::Energies;
+pub use membrane::Strain;
+pub use press::{Hold, PressAction, PressConfig, PressDirection, under_box};
+pub use relax::Relaxed;
+pub use twin::{Diverged, Twin};

@@ -1,0 +1,97 @@
+use super::twin::{Diverged, Twin};
+use crate::tool::Tool;
+
+/// Least and most steps between two looks at how the twin moves.
+const WINDOW: [usize; 2] = [200, 20_000];
+/// Share of a radian of the slowest motion in which to look again.
+const SHARE: f64 = 0.1;
+
+/// How a search for rest has ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Relaxed {
+    /// Time that it took [s], of the twin.
+    pub seconds: f64,
+    /// How far vertices still have to go, about (root mean square) [m].
+    pub way: f64,
+    /// That way is within the tolerance.
+    pub is_at_rest: bool,
+}
+
+impl Twin {
+    /// Goes on under the damping that brings the present motion to rest soonest, until vertices
+    /// have about `tolerance` [m] left to go (root mean square), for `seconds` at most.
+    ///
+    /// Adaptive dynamic relaxation (Underwood 1983): the slowest frequency omega is estimated
+    /// from the motion itself by Rayleigh's quotient, and damping is critical for it, 2 omega.
+    /// How the twin gets there is no motion of cloth; where it comes to rest is. With friction
+    /// that can depend on the way.
+    ///
+    /// # Errors
+    /// As for [`Twin::advance`].
+    pub fn relax(
+        &mut self,
+        tool: Option<&Tool>,
+        tolerance: f64,
+        seconds: f64,
+    ) -> Result<Relaxed, Diverged> {
+        let damping = self.config.damping;
+        let result = self.relax_damped(tool, tolerance, seconds);
+        self.config.damping = damping;
+        result
+    }
+
+    fn relax_damped(
+        &mut self,
+        tool: Option<&Tool>,
+        tolerance: f64,
+        seconds: f64,
+    ) -> Result<Relaxed, Diverged> {
+        let start = self.seconds();
+        self.contact.forget();
+        let mut window = WINDOW[0];
+        let mut quiet = 0;
+        let mut way = f64::INFINITY;
+        let (mut x, mut f) = (self.x.clone(), self.elastic_field());
+        while self.seconds() - start < seconds && quiet < 2 {
+            let began = self.seconds();
+            for _ in 0..window {
+                // An even share of what is left is a whole step as long as that is long.
+                let left = seconds - (self.seconds() - start);
+                if left <= 0.0 {
+                    break;
+                }
+                self.step(tool, left)?;
+            }
+            let time = self.seconds() - began;
+            let now = self.elastic_field();
+            let (mut work, mut inertia, mut mass) = (0.0, 0.0, 0.0);
+            for v in 0..self.vertex_count() {
+                mass += self.mass_of(v);
+                for k in 0..3 {
+                    let u = self.x[k][v] - x[k][v];
+                    work -= u * (now[k][v] - f[k][v]);
+                    inertia += self.mass_of(v) * u * u;
+                }
+            }
+            let omega = (work / inertia).max(0.0).sqrt();
+            // A sheet that falls freely has none, and a sheet that does not move 0 / 0.
+            let omega = if omega.is_finite() { omega } else { 0.0 };
+            self.config.damping = 2.0 * omega;
+            way = if inertia > 0.0 {
+                (inertia / mass).sqrt() / time / omega.max(1.0 / seconds)
+            } else {
+                0.0
+            };
+            quiet = if way < tolerance { quiet + 1 } else { 0 };
+            let steps = SHARE / omega.max(f64::MIN_POSITIVE) / self.stable_time_step();
+            window = (steps as usize).clamp(WINDOW[0], WINDOW[1]);
+            x.clone_from(&self.x);
+            f = now;
+        }
+        Ok(Relaxed {
+            seconds: self.seconds() - start,
+            way,
+            is_at_rest: quiet >= 2,
+        })
+    }
+}

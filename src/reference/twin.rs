@@ -1,0 +1,550 @@
+use super::bending::Bending;
+use super::config::{TwinConfig, TwinError};
+use super::contact::{Contact, Step, Work};
+use super::energy::Energies;
+use super::frequency::{Bound, bound};
+use super::law::Laws;
+use super::membrane::{Membranes, Strain};
+use super::pack::{Field, WIDTH, zeros};
+use crate::fabric::Lamina;
+use crate::math::{Isa, Kernel, Lanes};
+use crate::tool::Tool;
+
+/// Steps between two looks at frequencies and soundness: some milliseconds, in which the cloth
+/// hardly turns.
+const LOOK_INTERVAL: usize = 256;
+/// A yarn that has grown by this much is no yarn any more [-].
+const TORN: f64 = 10.0;
+
+/// The twin cannot go on.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "the twin diverged after {seconds:.6} s at a time step of {time_step:.3e} s: reduce \
+     `twin.safety`, or look for clamps and loads that tear the lamina"
+)]
+pub struct Diverged {
+    pub seconds: f64,
+    pub time_step: f64,
+}
+
+/// How a vertex moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Held {
+    vertex: usize,
+    velocity: [f64; 3],
+}
+
+/// The finite-element digital twin of a lamina, in motion.
+///
+/// Explicit central differences: positions at whole steps, velocities at half steps. A twin
+/// begins at rest, flat, in the lamina's own frame at z = 0.
+pub struct Twin {
+    pub(super) config: TwinConfig,
+    pub(super) triangles: Vec<[u32; 3]>,
+    count: usize,
+    /// Mass, for weight [kg].
+    weight: Vec<f64>,
+    /// Mass, for inertia [kg], 0 in padding.
+    mass: Vec<f64>,
+    /// 1 / inertia [1/kg], 0 in padding.
+    inverse_mass: Vec<f64>,
+    /// Area of fabric that a vertex stands for [m^2].
+    pub(super) area: Vec<f64>,
+    membranes: Membranes,
+    bending: Bending,
+    pub(super) contact: Contact,
+    held: Vec<Held>,
+    is_held: Vec<bool>,
+    loads: Vec<(usize, [f64; 3])>,
+    /// Weight and loads [N].
+    base: Field,
+    pub(super) x: Field,
+    pub(super) v: Field,
+    f: Field,
+    seconds: f64,
+    /// Duration of the last step [s]; 0 when velocities are those of now.
+    last: f64,
+    isa: Isa,
+    peak: [f64; 2],
+    bound: Bound,
+    time_step: f64,
+    until_look: usize,
+    ledger: Ledger,
+}
+
+/// What has come and gone since the start [J].
+#[derive(Clone, Copy, Default)]
+struct Ledger {
+    work: Work,
+    external: f64,
+    /// By loads in the last step: half of it lies beyond where energies are taken.
+    last_load: f64,
+    damping: f64,
+    viscosity: f64,
+    /// Potential of weight, kinetic and strain energy at the start.
+    potential: f64,
+    initial: f64,
+}
+
+impl Twin {
+    /// A lamina at rest. Fails with the key of the value that is out of range.
+    pub fn new(lamina: &Lamina, config: &TwinConfig) -> Result<Self, TwinError> {
+        config.check()?;
+        let laws = Laws::new(&lamina.material, config);
+        if !laws.are_finite() {
+            return Err(TwinError {
+                key: "material",
+                found: lamina.material.name.clone(),
+                expected: "curves of finite slope",
+            });
+        }
+        let count = lamina.vertex_count();
+        let total: f64 = lamina.mass.iter().sum();
+        let area: Vec<f64> = (lamina.mass.iter())
+            .map(|m| m * lamina.area() / total)
+            .collect();
+        let mut mass: Vec<f64> = (lamina.mass.iter())
+            .map(|m| m * config.mass_scaling)
+            .collect();
+        let mut inverse_mass: Vec<f64> = mass.iter().map(|m| 1.0 / m).collect();
+        for some in [&mut mass, &mut inverse_mass] {
+            some.resize(count.next_multiple_of(WIDTH), 0.0);
+        }
+        let friction = config.friction.then(|| lamina.material.friction());
+        let tack = (config.adhesion > 0.0)
+            .then(|| area.iter().map(|a| 1e3 * config.adhesion * a).collect());
+        let offset = 1e-3 * config.contact_offset_mm;
+        let mut twin = Self {
+            config: config.clone(),
+            triangles: lamina.triangles.clone(),
+            count,
+            weight: lamina.mass.clone(),
+            mass,
+            inverse_mass,
+            membranes: Membranes::new(lamina, laws),
+            bending: Bending::new(lamina, config),
+            contact: Contact::new(count, friction, tack, offset),
+            area,
+            held: Vec::new(),
+            is_held: vec![false; count],
+            loads: Vec::new(),
+            base: zeros(count),
+            x: zeros(count),
+            v: zeros(count),
+            f: zeros(count),
+            seconds: 0.0,
+            last: 0.0,
+            isa: Isa::best(),
+            peak: [0.0; 2],
+            bound: Bound {
+                frequency: f64::INFINITY,
+                limit: [0.0; 2],
+            },
+            time_step: 0.0,
+            until_look: 0,
+            ledger: Ledger::default(),
+        };
+        for (v, &[x, y]) in lamina.rest.iter().enumerate() {
+            twin.x[0][v] = x;
+            twin.x[1][v] = y;
+        }
+        twin.sum_base();
+        twin.restart();
+        Ok(twin)
+    }
+
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.count
+    }
+
+    /// The configuration it was made from.
+    pub fn config(&self) -> &TwinConfig {
+        &self.config
+    }
+
+    /// Time since the twin was made [s].
+    pub fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    /// Position of every vertex [m].
+    pub fn positions(&self) -> Vec<[f64; 3]> {
+        self.vectors(&self.x)
+    }
+
+    /// Velocity of every vertex [m/s], half a step ago.
+    pub fn velocities(&self) -> Vec<[f64; 3]> {
+        self.vectors(&self.v)
+    }
+
+    fn vectors(&self, field: &Field) -> Vec<[f64; 3]> {
+        let at = |v: usize| [field[0][v], field[1][v], field[2][v]];
+        (0..self.count).map(at).collect()
+    }
+
+    /// Position of a vertex [m].
+    pub fn position(&self, vertex: u32) -> [f64; 3] {
+        let v = vertex as usize;
+        [self.x[0][v], self.x[1][v], self.x[2][v]]
+    }
+
+    /// Puts every vertex in its place [m]. The rest shape stays that of the lamina; energies
+    /// count from here.
+    ///
+    /// # Panics
+    /// If there is not one position a vertex.
+    pub fn set_positions(&mut self, positions: &[[f64; 3]]) {
+        assert_eq!(positions.len(), self.count, "one position a vertex");
+        fill(&mut self.x, positions);
+        self.restart();
+    }
+
+    /// Gives every vertex its velocity [m/s]; held vertices keep theirs.
+    ///
+    /// # Panics
+    /// If there is not one velocity a vertex.
+    pub fn set_velocities(&mut self, velocities: &[[f64; 3]]) {
+        assert_eq!(velocities.len(), self.count, "one velocity a vertex");
+        fill(&mut self.v, velocities);
+        for held in &self.held {
+            for (v, held_v) in self.v.iter_mut().zip(held.velocity) {
+                v[held.vertex] = held_v;
+            }
+        }
+        self.restart();
+    }
+
+    /// Stops all motion but that of held vertices.
+    pub fn stop(&mut self) {
+        self.set_velocities(&vec![[0.0; 3]; self.count]);
+    }
+
+    /// Holds a vertex where it is.
+    pub fn fix(&mut self, vertex: u32) {
+        self.drive(vertex, [0.0; 3]);
+    }
+
+    /// Holds a vertex, moving it evenly [m/s].
+    pub fn drive(&mut self, vertex: u32, velocity: [f64; 3]) {
+        self.free(vertex);
+        let vertex = vertex as usize;
+        self.is_held[vertex] = true;
+        let place = self.held.partition_point(|held| held.vertex < vertex);
+        self.held.insert(place, Held { vertex, velocity });
+    }
+
+    /// Lets a held vertex go.
+    pub fn free(&mut self, vertex: u32) {
+        self.is_held[vertex as usize] = false;
+        self.held.retain(|held| held.vertex != vertex as usize);
+    }
+
+    /// Whether a vertex is held.
+    pub fn is_held(&self, vertex: u32) -> bool {
+        self.is_held[vertex as usize]
+    }
+
+    /// Adds a lasting force on a vertex [N].
+    pub fn add_force(&mut self, vertex: u32, force: [f64; 3]) {
+        self.loads.push((vertex as usize, force));
+        self.sum_base();
+    }
+
+    /// Takes all lasting forces away.
+    pub fn clear_forces(&mut self) {
+        self.loads.clear();
+        self.sum_base();
+    }
+
+    /// The force with which the cloth pulls at a vertex, weight and loads included [N]: what
+    /// whatever holds the vertex has to bear. Viscous stress and inertia are not counted.
+    pub fn pull(&self, vertices: &[u32]) -> [f64; 3] {
+        let elastic = self.elastic_field();
+        [0, 1, 2].map(|axis| {
+            let of = |&v: &u32| self.base[axis][v as usize] + elastic[axis][v as usize];
+            vertices.iter().map(of).sum()
+        })
+    }
+
+    /// Force of the material on every vertex at the present positions [N].
+    pub fn elastic_forces(&self) -> Vec<[f64; 3]> {
+        self.vectors(&self.elastic_field())
+    }
+
+    pub(super) fn elastic_field(&self) -> Field {
+        let mut f = zeros(self.count);
+        self.membranes.add_elastic_forces(&self.x, &mut f);
+        self.bending.add_forces(&self.x, &mut f);
+        f
+    }
+
+    /// Strains of every triangle, in the lamina's order.
+    pub fn strains(&self) -> Vec<Strain> {
+        self.membranes.strains(&self.x)
+    }
+
+    /// Kinetic energy over mass, as a speed: root mean square velocity by inertia [m/s].
+    pub fn speed(&self) -> f64 {
+        let sum: f64 = self.mass.iter().sum();
+        (2.0 * self.kinetic() / sum).sqrt()
+    }
+
+    pub(super) fn mass_of(&self, vertex: usize) -> f64 {
+        self.mass[vertex]
+    }
+
+    fn kinetic(&self) -> f64 {
+        let square = |v: usize| self.v.iter().map(|axis| axis[v] * axis[v]).sum::<f64>();
+        (0..self.count).map(|v| 0.5 * self.mass[v] * square(v)).sum()
+    }
+
+    fn potential(&self, x: &Field) -> f64 {
+        let g = self.config.gravity;
+        (0..self.count).map(|v| g * self.weight[v] * x[2][v]).sum()
+    }
+
+    /// The balance of energy, half a step ago.
+    pub fn energies(&self) -> Energies {
+        let mut back = self.x.clone();
+        for (x, v) in back.iter_mut().zip(&self.v) {
+            for (x, v) in x.iter_mut().zip(v) {
+                *x -= self.last * v;
+            }
+        }
+        let (now, then) = (
+            self.membranes.energy(&self.x),
+            self.membranes.energy(&back),
+        );
+        let Ledger { work, .. } = self.ledger;
+        let potential = 0.5 * (self.potential(&self.x) + self.potential(&back));
+        Energies {
+            kinetic: self.kinetic(),
+            stretch: 0.5 * (now[0] + then[0]),
+            shear: 0.5 * (now[1] + then[1]),
+            bending: 0.5 * (self.bending.energy(&self.x) + self.bending.energy(&back)),
+            initial: self.ledger.initial,
+            gravity: self.ledger.potential - potential,
+            external: self.ledger.external - 0.5 * self.ledger.last_load,
+            press: work.press,
+            adhesion: work.tack,
+            contact: work.contact,
+            friction: work.friction,
+            damping: self.ledger.damping,
+            viscosity: self.ledger.viscosity,
+        }
+    }
+
+    /// Takes the present as the start.
+    fn restart(&mut self) {
+        self.last = 0.0;
+        self.until_look = 0;
+        self.membranes.forget();
+        self.contact.forget();
+        let initial = self.kinetic()
+            + self.membranes.energy(&self.x).iter().sum::<f64>()
+            + self.bending.energy(&self.x);
+        self.ledger = Ledger {
+            potential: self.potential(&self.x),
+            initial,
+            ..Ledger::default()
+        };
+        self.peak = [0, 1].map(|family| {
+            let strains = self.strains();
+            strains.iter().fold(0.0, |most, s| s.yarns[family].max(most))
+        });
+        self.look();
+    }
+
+    fn sum_base(&mut self) {
+        self.base = zeros(self.count);
+        for (f, weight) in self.base[2].iter_mut().zip(&self.weight) {
+            *f = -self.config.gravity * weight;
+        }
+        for (v, force) in &self.loads {
+            for (base, f) in self.base.iter_mut().zip(force) {
+                base[*v] += f;
+            }
+        }
+    }
+
+    /// The time step that is known to be stable, times `safety` [s], for the present strain.
+    pub fn stable_time_step(&self) -> f64 {
+        self.time_step
+    }
+
+    /// Bounds the frequencies anew, and with them the time step.
+    fn look(&mut self) {
+        let (membranes, bending) = (&self.membranes, &self.bending);
+        self.bound = bound(membranes, bending, &self.x, &self.mass[..self.count], self.peak);
+        // Viscous forces come a step late (Abaqus Theory Guide, explicit dynamics).
+        let xi = self.config.viscosity;
+        let share = (1.0 + xi * xi).sqrt() - xi;
+        self.time_step = self.config.safety * 2.0 / self.bound.frequency * share;
+        self.until_look = LOOK_INTERVAL;
+    }
+
+    /// Goes on for `seconds`, on `tool` if there is one.
+    ///
+    /// # Errors
+    /// When positions are no numbers any more, or yarns are torn.
+    pub fn advance(&mut self, tool: Option<&Tool>, seconds: f64) -> Result<(), Diverged> {
+        self.contact.forget();
+        let end = self.seconds + seconds;
+        loop {
+            let left = end - self.seconds;
+            if !(left > 1e-9 * self.time_step) {
+                return Ok(());
+            }
+            self.step(tool, left)?;
+        }
+    }
+
+    /// One step, of an even share of what is `left` [s].
+    pub(super) fn step(&mut self, tool: Option<&Tool>, left: f64) -> Result<(), Diverged> {
+        self.vectorize(Task::Forces);
+        let torn = self.peak.iter().any(|peak| !(*peak < TORN));
+        let stiffer = (0..2).any(|k| self.peak[k] > self.bound.limit[k]);
+        if self.until_look == 0 || stiffer || torn {
+            if torn || !self.is_finite() {
+                return Err(self.diverged());
+            }
+            self.look();
+        }
+        self.until_look -= 1;
+        let drift = left / (left / self.time_step - 1e-9).ceil().max(1.0);
+        let kick = 0.5 * (self.last + drift);
+        let step = Step {
+            kick,
+            drift,
+            damped: 0.5 * self.config.damping * kick,
+        };
+        if let Some(tool) = tool {
+            let (x, v) = (&self.x, &self.v);
+            let (mass, fixed) = (&self.mass, &self.is_held);
+            let work = (self.contact).add_forces(tool, [x, v], mass, fixed, &step, &mut self.f);
+            let sum = &mut self.ledger.work;
+            sum.contact += work.contact;
+            sum.friction += work.friction;
+            sum.tack += work.tack;
+            sum.press += work.press;
+        }
+        self.hold(&step);
+        self.vectorize(Task::Move(step));
+        let work = |(v, force): &(usize, [f64; 3])| -> f64 {
+            (0..3).map(|k| force[k] * self.v[k][*v] * drift).sum()
+        };
+        self.ledger.last_load = self.loads.iter().map(work).sum();
+        self.ledger.external += self.ledger.last_load;
+        self.last = drift;
+        self.seconds += drift;
+        Ok(())
+    }
+
+    /// Adds the forces of clamps, which give held vertices their velocity.
+    fn hold(&mut self, step: &Step) {
+        for held in &self.held {
+            let v = held.vertex;
+            for k in 0..3 {
+                let (before, after) = (self.v[k][v], held.velocity[k]);
+                let start = step.velocity(before, self.f[k][v] * self.inverse_mass[v]);
+                let force = step.force(self.mass[v], after - start);
+                self.f[k][v] += force;
+                self.ledger.external += force * step.kick * 0.5 * (before + after);
+            }
+        }
+    }
+
+    fn is_finite(&self) -> bool {
+        let fields = self.x.iter().chain(&self.v);
+        fields.flatten().all(|x| x.is_finite())
+    }
+
+    fn diverged(&self) -> Diverged {
+        Diverged {
+            seconds: self.seconds,
+            time_step: self.last,
+        }
+    }
+
+    /// Runs a task compiled for this machine. Equal bits on all of them.
+    fn vectorize(&mut self, task: Task) {
+        let isa = self.isa;
+        let kernel = Run { twin: self, task };
+        match isa {
+            Isa::Portable => kernel.run(),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => crate::math::F32x8::vectorize(kernel),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => crate::math::F32x16::vectorize(kernel),
+        }
+    }
+}
+
+fn fill(field: &mut Field, vectors: &[[f64; 3]]) {
+    for (v, vector) in vectors.iter().enumerate() {
+        for (axis, x) in field.iter_mut().zip(vector) {
+            axis[v] = *x;
+        }
+    }
+}
+
+/// What is done for the whole sheet at once.
+#[derive(Clone, Copy)]
+enum Task {
+    /// Forces at the present positions.
+    Forces,
+    /// Velocities and positions after a step.
+    Move(Step),
+}
+
+struct Run<'a> {
+    twin: &'a mut Twin,
+    task: Task,
+}
+
+impl Kernel for Run<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let twin = self.twin;
+        match self.task {
+            Task::Forces => {
+                for (f, base) in twin.f.iter_mut().zip(&twin.base) {
+                    f.copy_from_slice(base);
+                }
+                // Viscous stress is beta d(stress)/dt with beta = 2 xi / omega.
+                let beta = 2.0 * twin.config.viscosity / twin.bound.frequency;
+                let rate = if twin.last > 0.0 { beta / twin.last } else { 0.0 };
+                let viscosity = (beta > 0.0).then_some(rate);
+                let pass = twin.membranes.add_forces(&twin.x, &mut twin.f, viscosity);
+                twin.bending.add_forces(&twin.x, &mut twin.f);
+                twin.peak = pass.peak;
+                twin.ledger.viscosity += pass.dissipated;
+            }
+            Task::Move(step) => {
+                let mut square = [0.0; WIDTH];
+                let is_damped = step.damped > 0.0;
+                for axis in 0..3 {
+                    let inverse = twin.inverse_mass.chunks_exact(WIDTH);
+                    let mass = twin.mass.chunks_exact(WIDTH);
+                    let f = twin.f[axis].chunks_exact(WIDTH);
+                    let v = twin.v[axis].chunks_exact_mut(WIDTH);
+                    let x = twin.x[axis].chunks_exact_mut(WIDTH);
+                    for ((((x, v), f), w), m) in x.zip(v).zip(f).zip(inverse).zip(mass) {
+                        for l in 0..WIDTH {
+                            let before = v[l];
+                            v[l] = step.velocity(before, f[l] * w[l]);
+                            x[l] += step.drift * v[l];
+                            if is_damped {
+                                let twice = before + v[l];
+                                square[l] += m[l] * twice * twice;
+                            }
+                        }
+                    }
+                }
+                let sum: f64 = square.into_iter().sum();
+                twin.ledger.damping += 0.5 * step.damped * sum;
+            }
+        }
+    }
+}
