@@ -48,7 +48,9 @@ impl Curve {
 
     /// Strain and stress [Pa] of every point, ascending from [0, 0].
     pub fn points(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
-        self.0.iter().map(|&[strain, stress]| [strain, 1e6 * stress])
+        self.0
+            .iter()
+            .map(|&[strain, stress]| [strain, 1e6 * stress])
     }
 
     /// Slope at strain 0 [Pa].

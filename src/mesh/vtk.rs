@@ -29,16 +29,28 @@ impl VtkField {
 /// # Panics
 /// If a field has not one value a point or a triangle.
 pub fn to_vtk(mesh: &TriMesh, name: &str, points: &[VtkField], triangles: &[VtkField]) -> String {
-    let title: String = name.lines().next().unwrap_or("").chars().take(200).collect();
+    let title: String = name
+        .lines()
+        .next()
+        .unwrap_or("")
+        .chars()
+        .take(200)
+        .collect();
     let mut text = format!("# vtk DataFile Version 3.0\ndrape: {title}\nASCII\nDATASET POLYDATA\n");
     let (n, m) = (mesh.vertices.len(), mesh.triangles.len());
     let mut line = |line: std::fmt::Arguments| {
-        text.write_fmt(line).expect("strings take all that is written");
+        text.write_fmt(line)
+            .expect("strings take all that is written");
         text.push('\n');
     };
     line(format_args!("POINTS {n} double"));
     for x in &mesh.vertices {
-        line(format_args!("{} {} {}", number(x.x), number(x.y), number(x.z)));
+        line(format_args!(
+            "{} {} {}",
+            number(x.x),
+            number(x.y),
+            number(x.z)
+        ));
     }
     line(format_args!("POLYGONS {m} {}", 4 * m));
     for [a, b, c] in &mesh.triangles {
@@ -52,7 +64,9 @@ pub fn to_vtk(mesh: &TriMesh, name: &str, points: &[VtkField], triangles: &[VtkF
         for field in fields {
             assert_eq!(field.values.len(), count, "one value each");
             let name = field.name.replace(char::is_whitespace, "_");
-            line(format_args!("SCALARS {name} double 1\nLOOKUP_TABLE default"));
+            line(format_args!(
+                "SCALARS {name} double 1\nLOOKUP_TABLE default"
+            ));
             for value in &field.values {
                 line(format_args!("{}", number(*value)));
             }
@@ -101,6 +115,9 @@ mod tests {
             POINT_DATA 3\nSCALARS distance_to_tool double 1\nLOOKUP_TABLE default\n\
             0e0\n1.5e0\nnan\n\
             CELL_DATA 1\nSCALARS shear double 1\nLOOKUP_TABLE default\n-1.25e-1\n";
-        assert_eq!(to_vtk(&mesh, "twin\nsecond line", &points, &cells), expected);
+        assert_eq!(
+            to_vtk(&mesh, "twin\nsecond line", &points, &cells),
+            expected
+        );
     }
 }

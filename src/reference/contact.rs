@@ -98,7 +98,12 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 impl Contact {
-    pub fn new(count: usize, friction: Option<[f64; 2]>, tack: Option<Vec<f64>>, offset: f64) -> Self {
+    pub fn new(
+        count: usize,
+        friction: Option<[f64; 2]>,
+        tack: Option<Vec<f64>>,
+        offset: f64,
+    ) -> Self {
         let stale = Plane {
             at: [0.0; 3],
             reach: -1.0,
@@ -172,7 +177,9 @@ impl Contact {
         step: &Step,
         work: &mut Work,
     ) -> [f64; 3] {
-        let Plane { normal: n, offset, .. } = self.planes[i];
+        let Plane {
+            normal: n, offset, ..
+        } = self.planes[i];
         let start = [0, 1, 2].map(|k| step.velocity(before[k], force[k] / mass));
         let mut after = start;
         let height = dot(n, x) - offset;
@@ -190,7 +197,11 @@ impl Contact {
         // The roller: its force falls to nothing where the cloth is as fast as itself. Implicit
         // in the velocity, or 33 N on 30 mg would overshoot.
         let mut pushed = 0.0;
-        let toward = if self.press_down { [0.0, 0.0, -1.0] } else { n.map(|n| -n) };
+        let toward = if self.press_down {
+            [0.0, 0.0, -1.0]
+        } else {
+            n.map(|n| -n)
+        };
         if self.pressure[i] > 0.0 {
             let gain = step.kick * self.pressure[i] / (mass * (1.0 + step.damped));
             let speed = dot(after, toward);

@@ -121,7 +121,10 @@ mod tests {
             ([1.0, 4.0, 9.0, 2.0, 3.0, 6.0], 14.0),
         ] {
             let found = greatest(&matrix);
-            assert!((found - expected).abs() < 1e-12, "{found} is not {expected}");
+            assert!(
+                (found - expected).abs() < 1e-12,
+                "{found} is not {expected}"
+            );
         }
     }
 }

@@ -171,7 +171,8 @@ mod tests {
     #[test]
     fn shear_beyond_the_data_is_what_was_asked_for() {
         let material = Material::interglas_92125();
-        let at = |config: &TwinConfig, angle: f64| Law::of_shear(&material, config).stress(&[angle])[0];
+        let at =
+            |config: &TwinConfig, angle: f64| Law::of_shear(&material, config).stress(&[angle])[0];
         let mut config = TwinConfig {
             shear_extrapolation: Extrapolation::Linear,
             ..TwinConfig::default()
@@ -198,7 +199,11 @@ mod tests {
             ..TwinConfig::default()
         };
         let laws = Laws::new(&material, &config);
-        for (law, reach) in [(&laws.yarns[0], 0.03), (&laws.yarns[1], 0.03), (&laws.shear, 1.2)] {
+        for (law, reach) in [
+            (&laws.yarns[0], 0.03),
+            (&laws.yarns[1], 0.03),
+            (&laws.shear, 1.2),
+        ] {
             for sign in [1.0, -1.0] {
                 let count = 30_000;
                 let h = sign * reach / count as f64;

@@ -38,7 +38,10 @@ fn arc_sine_is_that_of_the_standard_library() {
     for k in 0..=2000 {
         let x = f64::from(k - 1000) / 1000.0;
         let found = asin(&[x; WIDTH])[3];
-        assert!((found - x.asin()).abs() <= 5e-16 * x.asin().abs(), "{x}: {found}");
+        assert!(
+            (found - x.asin()).abs() <= 5e-16 * x.asin().abs(),
+            "{x}: {found}"
+        );
     }
 }
 
@@ -49,7 +52,9 @@ fn forces_are_the_slope_of_the_energy() {
     for (angle, of_membranes) in [(0.0, false), (30.0, true), (20.0, false)] {
         let lamina = sheet(angle, of_membranes);
         let membranes = membranes(&lamina);
-        let mut x = placed(&lamina, |[u, v]| [1.02 * u + 0.4 * v, 0.97 * v, 2.0 * u * v / 0.01]);
+        let mut x = placed(&lamina, |[u, v]| {
+            [1.02 * u + 0.4 * v, 0.97 * v, 2.0 * u * v / 0.01]
+        });
         for axis in &mut x {
             for x in axis.iter_mut().take(lamina.vertex_count()) {
                 *x += 4e-4 * (stream.uniform() - 0.5);
@@ -85,7 +90,11 @@ fn strains_are_those_of_the_deformation() {
         // Warp stays, weft turns towards it by gamma; stretched by 1 % and 2 %.
         let x = placed(&lamina, |[x, y]| {
             let (along, across) = (x * cos + y * sin, y * cos - x * sin);
-            [1.01 * along + 1.02 * across * gamma.sin(), 0.0, 1.02 * across * gamma.cos()]
+            [
+                1.01 * along + 1.02 * across * gamma.sin(),
+                0.0,
+                1.02 * across * gamma.cos(),
+            ]
         });
         for strain in membranes(&lamina).strains(&x) {
             assert!((strain.yarns[0] - 0.01).abs() < 1e-12);
@@ -119,7 +128,10 @@ fn uniaxial_force_per_width_is_that_of_table_2() {
                 .sum();
             let width = [0.015, 0.020][family];
             let found = pull / width;
-            assert!((found / expected - 1.0).abs() < 1e-9, "{found} is not {expected}");
+            assert!(
+                (found / expected - 1.0).abs() < 1e-9,
+                "{found} is not {expected}"
+            );
         }
     }
 }
@@ -135,11 +147,18 @@ fn picture_frame_has_the_energy_of_shear() {
             let half = 0.5 * gamma;
             let x = placed(&lamina, |[x, y]| {
                 let (a, b) = (x * cos + y * sin, y * cos - x * sin);
-                [a * half.cos() + b * half.sin(), a * half.sin() + b * half.cos(), 0.0]
+                [
+                    a * half.cos() + b * half.sin(),
+                    a * half.sin() + b * half.cos(),
+                    0.0,
+                ]
             });
             let [stretch, shear] = membranes(&lamina).energy(&x);
             let expected = 0.5 * modulus * gamma * gamma * 0.35e-3 * lamina.area();
-            assert!((shear / expected - 1.0).abs() < 1e-9, "{shear} is not {expected}");
+            assert!(
+                (shear / expected - 1.0).abs() < 1e-9,
+                "{shear} is not {expected}"
+            );
             assert!(stretch < 1e-18, "{stretch}");
         }
     }

@@ -123,7 +123,10 @@ pub fn under_box(
         let offset = Vec3::from(positions[*v as usize]) - centre;
         *v == vertex || offset.dot(&along).abs() <= half && offset.dot(&across).abs() <= half
     };
-    lamina.within(vertex, REACH * side).filter(is_below).collect()
+    lamina
+        .within(vertex, REACH * side)
+        .filter(is_below)
+        .collect()
 }
 
 impl Twin {

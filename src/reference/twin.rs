@@ -296,7 +296,9 @@ impl Twin {
 
     fn kinetic(&self) -> f64 {
         let square = |v: usize| self.v.iter().map(|axis| axis[v] * axis[v]).sum::<f64>();
-        (0..self.count).map(|v| 0.5 * self.mass[v] * square(v)).sum()
+        (0..self.count)
+            .map(|v| 0.5 * self.mass[v] * square(v))
+            .sum()
     }
 
     fn potential(&self, x: &Field) -> f64 {
@@ -312,10 +314,7 @@ impl Twin {
                 *x -= self.last * v;
             }
         }
-        let (now, then) = (
-            self.membranes.energy(&self.x),
-            self.membranes.energy(&back),
-        );
+        let (now, then) = (self.membranes.energy(&self.x), self.membranes.energy(&back));
         let Ledger { work, .. } = self.ledger;
         let potential = 0.5 * (self.potential(&self.x) + self.potential(&back));
         Energies {
@@ -351,7 +350,9 @@ impl Twin {
         };
         self.peak = [0, 1].map(|family| {
             let strains = self.strains();
-            strains.iter().fold(0.0, |most, s| s.yarns[family].max(most))
+            strains
+                .iter()
+                .fold(0.0, |most, s| s.yarns[family].max(most))
         });
         self.look();
     }
@@ -376,7 +377,13 @@ impl Twin {
     /// Bounds the frequencies anew, and with them the time step.
     fn look(&mut self) {
         let (membranes, bending) = (&self.membranes, &self.bending);
-        self.bound = bound(membranes, bending, &self.x, &self.mass[..self.count], self.peak);
+        self.bound = bound(
+            membranes,
+            bending,
+            &self.x,
+            &self.mass[..self.count],
+            self.peak,
+        );
         // Viscous forces come a step late (Abaqus Theory Guide, explicit dynamics).
         let xi = self.config.viscosity;
         let share = (1.0 + xi * xi).sqrt() - xi;
@@ -514,7 +521,11 @@ impl Kernel for Run<'_> {
                 }
                 // Viscous stress is beta d(stress)/dt with beta = 2 xi / omega.
                 let beta = 2.0 * twin.config.viscosity / twin.bound.frequency;
-                let rate = if twin.last > 0.0 { beta / twin.last } else { 0.0 };
+                let rate = if twin.last > 0.0 {
+                    beta / twin.last
+                } else {
+                    0.0
+                };
                 let viscosity = (beta > 0.0).then_some(rate);
                 let pass = twin.membranes.add_forces(&twin.x, &mut twin.f, viscosity);
                 twin.bending.add_forces(&twin.x, &mut twin.f);

@@ -6,3 +6,4 @@
 pub mod bench;
 pub mod episodes;
 pub mod stability;
+pub mod verify;

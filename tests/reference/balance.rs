@@ -21,13 +21,24 @@ fn free_flight_keeps_momentum() {
         .map(|x| [x[0] + noise(2e-4), x[1] + noise(2e-4), x[2] + noise(2e-3)])
         .collect();
     let velocities: Vec<[f64; 3]> = (positions.iter())
-        .map(|x| [1.0 - 30.0 * x[1] + noise(1.0), 30.0 * x[0], 2.0 + noise(1.0)])
+        .map(|x| {
+            [
+                1.0 - 30.0 * x[1] + noise(1.0),
+                30.0 * x[0],
+                2.0 + noise(1.0),
+            ]
+        })
         .collect();
     twin.set_positions(&positions);
     twin.set_velocities(&velocities);
     let momenta = |twin: &Twin| {
         let mut sum = [0.0; 6];
-        for ((x, v), m) in twin.positions().iter().zip(twin.velocities()).zip(&sheet.mass) {
+        for ((x, v), m) in twin
+            .positions()
+            .iter()
+            .zip(twin.velocities())
+            .zip(&sheet.mass)
+        {
             for k in 0..3 {
                 let (a, b) = ((k + 1) % 3, (k + 2) % 3);
                 sum[k] += m * v[k];
@@ -54,19 +65,27 @@ fn free_flight_keeps_momentum() {
 #[test]
 fn undamped_vibration_keeps_its_energy() {
     let sheet = lamina([0.1, 0.08], [11, 9]);
-    for safety in [0.9,0.7, 0.5, 0.25, 0.1] {
-    let mut twin = Twin::new(&sheet, &TwinConfig { gravity: 0.0, safety, ..bare() }).unwrap();
-    let stretched: Vec<[f64; 3]> = (twin.positions().iter())
-        .map(|x| [x[0] * 1.004, x[1] * 1.005, x[2]])
-        .collect();
-    twin.set_positions(&stretched);
-    let start = twin.energies();
-    assert!(start.stretch > 0.0 && start.kinetic == 0.0);
-    twin.advance(None, 0.02).unwrap();
-    let end = twin.energies();
-    assert!(end.kinetic > 0.05 * start.stretch);
-    let off = end.residual().abs() / start.initial;
-    eprintln!( "{safety} {off}: {end:?}");
+    for safety in [0.9, 0.7, 0.5, 0.25, 0.1] {
+        let mut twin = Twin::new(
+            &sheet,
+            &TwinConfig {
+                gravity: 0.0,
+                safety,
+                ..bare()
+            },
+        )
+        .unwrap();
+        let stretched: Vec<[f64; 3]> = (twin.positions().iter())
+            .map(|x| [x[0] * 1.004, x[1] * 1.005, x[2]])
+            .collect();
+        twin.set_positions(&stretched);
+        let start = twin.energies();
+        assert!(start.stretch > 0.0 && start.kinetic == 0.0);
+        twin.advance(None, 0.02).unwrap();
+        let end = twin.energies();
+        assert!(end.kinetic > 0.05 * start.stretch);
+        let off = end.residual().abs() / start.initial;
+        eprintln!("{safety} {off}: {end:?}");
     }
     panic!();
 }

@@ -30,7 +30,9 @@ fn pressed_cloth_comes_down_and_stays() {
         assert!(height(&twin) > 0.007);
         let mut presses = 0;
         let draped = twin
-            .replay(&sheet, &plate, &config, (&[middle], 0.018), |_, _| presses += 1)
+            .replay(&sheet, &plate, &config, (&[middle], 0.018), |_, _| {
+                presses += 1
+            })
             .unwrap();
         assert_eq!(presses, 1);
         assert!(draped.contains(&middle) && draped.len() >= 9, "{draped:?}");
@@ -60,7 +62,9 @@ fn pressure_on_lying_cloth_does_no_work() {
     let mut twin = Twin::new(&sheet, &TwinConfig::default()).unwrap();
     let vertices = (0..121).collect();
     let action = PressAction { vertices };
-    let draped = twin.press(&plate, &PressConfig::default(), &action).unwrap();
+    let draped = twin
+        .press(&plate, &PressConfig::default(), &action)
+        .unwrap();
     assert_eq!(draped.len(), 121);
     assert!(twin.speed() < 1e-9, "{}", twin.speed());
     assert!(twin.energies().press.abs() < 1e-9, "{:?}", twin.energies());
@@ -87,7 +91,8 @@ fn pressed_cloth_does_not_outrun_the_roller() {
         ..PressConfig::default()
     };
     let vertices = (0..121).collect();
-    twin.press(&plate, &config, &PressAction { vertices }).unwrap();
+    twin.press(&plate, &config, &PressAction { vertices })
+        .unwrap();
     for (x, before) in twin.positions().iter().zip(&high) {
         close(before[2] - x[2], 0.005, 0.01);
     }

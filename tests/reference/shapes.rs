@@ -43,7 +43,9 @@ fn cantilever_hangs_as_the_elastica_and_converges() {
     for family in [Family::Warp, Family::Weft] {
         let errors = [8, 16].map(|edges| {
             let [found_drop, found_reach] = cantilever(family, 8.0, edges);
-            (found_drop / drop - 1.0).abs().max((found_reach / reach - 1.0).abs())
+            (found_drop / drop - 1.0)
+                .abs()
+                .max((found_reach / reach - 1.0).abs())
         });
         assert!(errors[1] < 0.01, "{errors:?}");
         let order = (errors[0] / errors[1]).log2();
@@ -69,7 +71,9 @@ fn hanging_strip_has_the_stiffness_of_table_2() {
             .map(|(s, rest)| [rest[usize::from(strip.rows <= strip.columns)], 0.0, -s])
             .collect();
         twin.set_positions(&hung);
-        let top: Vec<u32> = (0..s.len() as u32).filter(|&v| s[v as usize] < 1e-9).collect();
+        let top: Vec<u32> = (0..s.len() as u32)
+            .filter(|&v| s[v as usize] < 1e-9)
+            .collect();
         for &v in &top {
             twin.fix(v);
         }
@@ -78,7 +82,10 @@ fn hanging_strip_has_the_stiffness_of_table_2() {
         let weight = AREAL_MASS * gravity * length * width;
         close(-twin.pull(&top)[2], weight, 1e-4);
         let tip = (0..s.len()).filter(|&v| (s[v] - length).abs() < 1e-9);
-        let way = tip.map(|v| -twin.position(v as u32)[2] - length).sum::<f64>() / 2.0;
+        let way = tip
+            .map(|v| -twin.position(v as u32)[2] - length)
+            .sum::<f64>()
+            / 2.0;
         let strain = AREAL_MASS * gravity * length / (2.0 * modulus * 0.35e-3);
         close(way / length, strain, 2e-3);
     }
@@ -123,8 +130,7 @@ fn bias_extension_has_the_force_of_the_closed_form() {
         }
         eprintln!("{:?}", twin.relax(None, 1e-7, 2.0).unwrap());
         let found = -twin.pull(&right)[0];
-        let gamma = std::f64::consts::FRAC_PI_2
-            - 2.0 * ((d0 + way) / (2f64.sqrt() * d0)).acos();
+        let gamma = std::f64::consts::FRAC_PI_2 - 2.0 * ((d0 + way) / (2f64.sqrt() * d0)).acos();
         let middle = (lamina.triangles.iter().zip(twin.strains()))
             .min_by(|a, b| {
                 let square = |t: &[u32; 3]| {
@@ -135,7 +141,10 @@ fn bias_extension_has_the_force_of_the_closed_form() {
                 square(a.0).total_cmp(&square(b.0))
             })
             .unwrap();
-        eprintln!("{way}: {found} N for {expected}, {} for {gamma}", middle.1.shear);
+        eprintln!(
+            "{way}: {found} N for {expected}, {} for {gamma}",
+            middle.1.shear
+        );
         close(middle.1.shear.abs(), gamma, 0.05);
         close(found, expected, 0.15);
     }

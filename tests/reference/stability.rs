@@ -28,7 +28,10 @@ fn trembling(config: &TwinConfig) -> Twin {
 /// True highest frequency of the trembling sheet [rad/s]: power iteration on differences of
 /// forces, which pull() gives vertex by vertex.
 fn highest_frequency() -> f64 {
-    let config = TwinConfig { gravity: 0.0, ..bare() };
+    let config = TwinConfig {
+        gravity: 0.0,
+        ..bare()
+    };
     let mut twin = trembling(&config);
     let sheet = lamina([0.05, 0.05], [9, 9]);
     let free: Vec<usize> = (0..sheet.vertex_count())
@@ -86,8 +89,14 @@ fn time_step_is_below_the_true_limit_and_near_it() {
 fn stable_below_the_limit_and_reported_beyond() {
     let limit = 2.0 / highest_frequency();
     let with = |share: f64| {
-        let config = TwinConfig { gravity: 0.0, ..bare() };
-        let safe = TwinConfig { safety: 1.0, ..config.clone() };
+        let config = TwinConfig {
+            gravity: 0.0,
+            ..bare()
+        };
+        let safe = TwinConfig {
+            safety: 1.0,
+            ..config.clone()
+        };
         let safety = share * limit / trembling(&safe).stable_time_step();
         trembling(&TwinConfig { safety, ..config })
     };
@@ -96,7 +105,12 @@ fn stable_below_the_limit_and_reported_beyond() {
     let end = stable.energies();
     assert!(end.residual().abs() < 0.01 * end.initial, "{end:?}");
     let error = with(1.2).advance(None, 0.02).unwrap_err();
-    assert!(error.to_string().starts_with("the twin diverged after 0.00"), "{error}");
+    assert!(
+        error
+            .to_string()
+            .starts_with("the twin diverged after 0.00"),
+        "{error}"
+    );
 }
 
 /// Inertia 100 times as large, steps 10 times as long; weight stays.
@@ -107,7 +121,11 @@ fn mass_scaling_lengthens_the_step_by_its_root() {
         let config = TwinConfig::default().accelerated(factor);
         Twin::new(&sheet, &config).unwrap()
     });
-    close(scaled.stable_time_step(), 10.0 * plain.stable_time_step(), 1e-12);
+    close(
+        scaled.stable_time_step(),
+        10.0 * plain.stable_time_step(),
+        1e-12,
+    );
     close(scaled.pull(&[7])[2], plain.pull(&[7])[2], 1e-12);
 }
 

@@ -4,7 +4,12 @@
 ///
 /// Edges of length `edge` and compliance `compliance` [m/N] carry the weight of all vertices
 /// below them; `mass` is that of each vertex [kg], the fixed one included.
-pub(in crate::study) fn hanging(mass: &[f64], edge: f64, compliance: f64, gravity: f64) -> Vec<f64> {
+pub(in crate::study) fn hanging(
+    mass: &[f64],
+    edge: f64,
+    compliance: f64,
+    gravity: f64,
+) -> Vec<f64> {
     let mut load: f64 = mass.iter().sum::<f64>() * gravity;
     let mut length = 0.0;
     let lengths = mass.iter().enumerate().map(|(i, m)| {

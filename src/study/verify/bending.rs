@@ -1,8 +1,6 @@
 //! Bending: the heavy elastica.
 
-use super::cloth::{
-    AREAL_MASS, GRAVITY, NOWHERE, Piece, Solve, fix, mean_at, placed, rigid, strip,
-};
+use super::cloth::{AREAL_MASS, GRAVITY, Piece, Solve, fix, mean_at, placed, rigid, strip};
 use crate::fabric::{Family, Material};
 use crate::sim::{Bending, BendingStiffness, PhysicsConfig};
 use crate::study::stability::truth;
@@ -96,7 +94,7 @@ impl Cantilever {
         let piece = Piece {
             lamina: &strip,
             physics: &physics,
-            tool: &NOWHERE,
+            tool: None,
         };
         let end = solver.settle(piece, &state, [1e-6 * swing * self.length, 40.0 / swing]);
         let profile = (1..=self.edges).map(|k| {

@@ -53,7 +53,7 @@ impl Fast {
 pub struct Piece<'a> {
     pub lamina: &'a Lamina,
     pub physics: &'a PhysicsConfig,
-    pub tool: &'a Tool,
+    pub tool: Option<&'a Tool>,
 }
 
 /// Whoever can be asked where a piece of cloth goes.
@@ -67,6 +67,10 @@ pub trait Solve: Sync {
     /// Where it comes to rest: once its root mean square speed is below `speed` [m/s], but no
     /// later than after `seconds`.
     fn settle(&self, piece: Piece, state: &Snapshot, limits: [f64; 2]) -> Snapshot;
+
+    /// Force with which cloth at rest pulls at its fixed `vertices` [N]; none of a solver that
+    /// does not know it.
+    fn pull(&self, piece: Piece, state: &Snapshot, vertices: &[u32]) -> Option<[f64; 3]>;
 }
 
 impl Solve for Fast {
@@ -88,7 +92,7 @@ impl Solve for Fast {
         let mut batch = Cpu::<f64>::new(&model);
         batch.load(0, state);
         let left = (seconds / self.substep).round().max(1.0) as usize;
-        self.advance(&mut batch, &model, piece.tool, left);
+        self.advance(&mut batch, &model, piece.tool.unwrap_or(&NOWHERE), left);
         batch.snapshot(0)
     }
 
@@ -96,17 +100,23 @@ impl Solve for Fast {
         let model = Model::new(piece.lamina, piece.physics);
         let mut batch = Cpu::<f64>::new(&model);
         batch.load(0, state);
+        let tool = piece.tool.unwrap_or(&NOWHERE);
         let look = (0.05 / self.substep).round().max(1.0) as usize;
         let mut left = (seconds / self.substep).round().max(1.0) as usize;
         loop {
             let substeps = left.min(look);
-            self.advance(&mut batch, &model, piece.tool, substeps);
+            self.advance(&mut batch, &model, tool, substeps);
             left -= substeps;
             let state = batch.snapshot(0);
             if left == 0 || state.v_rms() < speed || !batch.is_sound(0) {
                 return state;
             }
         }
+    }
+
+    /// It knows the tension of yarns, but not what else holds a vertex.
+    fn pull(&self, _: Piece, _: &Snapshot, _: &[u32]) -> Option<[f64; 3]> {
+        None
     }
 }
 
@@ -135,7 +145,7 @@ pub fn tool(shape: Shape, pose: Pose, spacing_mm: f64) -> Tool {
 }
 
 /// A plate so far below that nothing touches it.
-pub static NOWHERE: LazyLock<Tool> = LazyLock::new(|| {
+static NOWHERE: LazyLock<Tool> = LazyLock::new(|| {
     let pose = Pose {
         translation_mm: [0.0, 0.0, -50_000.0],
         ..Pose::default()

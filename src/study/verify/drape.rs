@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use super::cloth::{GRAVITY, Piece, Solve, laid, sheet, shearing, tool};
+use super::cloth::{GRAVITY, Piece, Solve, laid, shearing, sheet, tool};
 use super::shear::shear_at;
 use crate::fabric::Lamina;
 use crate::math::Vec3;
@@ -48,7 +48,11 @@ pub fn fishnet(arm: f64, edges: usize) -> Vec<[f64; 2]> {
             // Of both intersections the one farther from the node before.
             let before = net[i - 1][j - 1];
             let (p, q) = (along + across, along - across);
-            net[i][j] = if p.dot(&before) < q.dot(&before) { p } else { q };
+            net[i][j] = if p.dot(&before) < q.dot(&before) {
+                p
+            } else {
+                q
+            };
         }
     }
     let mut found = vec![[0.0, 0.0]];
@@ -99,7 +103,7 @@ pub fn wrap(solver: &dyn Solve, edges: usize) -> Wrapped {
     let piece = Piece {
         lamina: &lamina,
         physics: &physics,
-        tool: &DOME,
+        tool: Some(&DOME),
     };
     let end = solver.settle(piece, &state, [1e-5, 2.5]);
     look(&lamina, &DOME, &end, edges)
@@ -138,7 +142,9 @@ fn look(lamina: &Lamina, dome: &Tool, state: &Snapshot, edges: usize) -> Wrapped
 
 /// The shear at a polar angle [rad], between the nodes of a bias line; NaN beyond its last.
 pub fn at_polar(line: &[[f64; 2]], polar: f64) -> f64 {
-    let pair = line.windows(2).find(|p| p[0][0] <= polar && polar <= p[1][0]);
+    let pair = line
+        .windows(2)
+        .find(|p| p[0][0] <= polar && polar <= p[1][0]);
     pair.map_or(f64::NAN, |p| {
         let part = (polar - p[0][0]) / (p[1][0] - p[0][0]);
         p[0][1] + part * (p[1][1] - p[0][1])

@@ -1,8 +1,7 @@
 //! Length: pulled, hanging and sagging strips.
 
 use super::cloth::{
-    AREAL_MASS, GRAVITY, NOWHERE, Piece, Solve, even_strip, fix, mean_at, placed, rigid, section,
-    strip,
+    AREAL_MASS, GRAVITY, Piece, Solve, even_strip, fix, mean_at, placed, rigid, section, strip,
 };
 use crate::fabric::{Family, Material};
 use crate::sim::PhysicsConfig;
@@ -35,7 +34,7 @@ pub fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
     let piece = Piece {
         lamina: &strip,
         physics: &physics,
-        tool: &NOWHERE,
+        tool: None,
     };
     let end = solver.settle(piece, &state, [1e-8, 3.0]);
     -mean_at(&strip, &end, edges).z / length - 1.0
@@ -74,7 +73,7 @@ pub fn hanging(solver: &dyn Solve, family: Family) -> f64 {
     let piece = Piece {
         lamina: &strip,
         physics: &physics,
-        tool: &NOWHERE,
+        tool: None,
     };
     let end = solver.settle(piece, &state, [1e-9, 3.0]);
     -mean_at(&strip, &end, edges).z / length - 1.0
@@ -113,7 +112,7 @@ pub fn catenary_sag(solver: &dyn Solve, edges: usize) -> f64 {
     let piece = Piece {
         lamina: &strip,
         physics: &physics,
-        tool: &NOWHERE,
+        tool: None,
     };
     let end = solver.settle(piece, &state, [1e-7, 4.0]);
     -mean_at(&strip, &end, edges / 2).z

@@ -23,6 +23,7 @@ pub mod length;
 pub mod motion;
 pub mod shear;
 mod trials;
+pub mod twin;
 
 use cpu_time::ThreadTime;
 use rayon::prelude::*;
@@ -30,6 +31,7 @@ use serde::Serialize;
 
 use crate::sim::{Preset, Solver};
 use cloth::{Fast, Solve};
+use twin::Reference;
 
 pub use trials::{GROUPS, trials};
 
@@ -43,6 +45,8 @@ pub enum Subject {
         /// How finely it steps.
         preset: Preset,
     },
+    /// The finite-element twin.
+    Twin,
 }
 
 impl Subject {
@@ -53,7 +57,7 @@ impl Subject {
             let presets = Preset::ALL.into_iter();
             presets.map(move |preset| Self::Fast { solver, preset })
         });
-        fast.collect()
+        fast.chain([Self::Twin]).collect()
     }
 
     /// As in tables.
@@ -63,6 +67,7 @@ impl Subject {
                 Solver::Yarn => "yarn",
                 Solver::GaussSeidel => "gauss_seidel",
             },
+            Self::Twin => "twin",
         }
     }
 
@@ -70,6 +75,7 @@ impl Subject {
     pub fn preset(&self) -> &'static str {
         match self {
             Self::Fast { preset, .. } => preset.name(),
+            Self::Twin => "reference",
         }
     }
 
@@ -77,6 +83,7 @@ impl Subject {
     fn fast(&self) -> Option<Fast> {
         match *self {
             Self::Fast { solver, preset } => Some(Fast::at(solver, preset)),
+            Self::Twin => None,
         }
     }
 
@@ -84,6 +91,7 @@ impl Subject {
     fn solve(&self) -> Box<dyn Solve> {
         match *self {
             Self::Fast { solver, preset } => Box::new(Fast::at(solver, preset)),
+            Self::Twin => Box::new(Reference),
         }
     }
 }
@@ -91,7 +99,7 @@ impl Subject {
 /// How fine the meshes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
-    /// Coarser ones of the two costly cases.
+    /// Coarser ones of the costly cases, of which the twin is not asked.
     Quick,
     Full,
 }
@@ -139,6 +147,8 @@ pub struct Findings {
 /// A question, one simulation or a few.
 pub struct Trial {
     pub group: &'static str,
+    /// Whether the twin is asked too.
+    with_twin: bool,
     ask: Box<dyn Fn(&Subject) -> Option<Findings> + Send + Sync>,
 }
 
@@ -181,7 +191,10 @@ pub fn run(trials: &[Trial], subjects: &[Subject], watch: impl Fn() + Sync) -> V
         .with_max_len(1)
         .map(|(trial, subject)| {
             let start = ThreadTime::now();
-            let findings = (trials[*trial].ask)(subject).unwrap_or_default();
+            let trial = &trials[*trial];
+            let asked = trial.with_twin || *subject != Subject::Twin;
+            let findings = asked.then(|| (trial.ask)(subject)).flatten();
+            let findings = findings.unwrap_or_default();
             watch();
             (findings, start.elapsed().as_secs_f64())
         })

@@ -1,6 +1,6 @@
 //! Motion: what flight keeps and what the integrator damps.
 
-use super::cloth::{Fast, NOWHERE, Piece, Solve, laid, placed, rigid, sheet};
+use super::cloth::{Fast, Piece, Solve, laid, placed, rigid, sheet};
 use crate::fabric::{Curve, Lamina, Material};
 use crate::math::{Purpose, Stream, Vec3};
 use crate::sim::{Bending, PhysicsConfig, Snapshot};
@@ -34,7 +34,11 @@ pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
     let lamina = sheet([0.1, 0.08], [7, 6], Material::interglas_92125());
     let length = 0.157;
     let mut state = laid(&lamina, |[x, y]| {
-        [x, y, waves * length * (std::f64::consts::TAU * x / length).sin()]
+        [
+            x,
+            y,
+            waves * length * (std::f64::consts::TAU * x / length).sin(),
+        ]
     });
     for (v, [x, y]) in lamina.rest.iter().enumerate() {
         let even = [0.5 - omega * y, omega * x - 0.4, 0.3];
@@ -50,7 +54,7 @@ pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
     let piece = Piece {
         lamina: &lamina,
         physics: &physics,
-        tool: &NOWHERE,
+        tool: None,
     };
     let end = fast.run(piece, &state, seconds);
     // About the centre of mass, so that flight itself has none.
@@ -95,7 +99,7 @@ pub fn oscillation(fast: &Fast, pace: f64) -> [f64; 2] {
     let piece = Piece {
         lamina: &cell,
         physics: &physics,
-        tool: &NOWHERE,
+        tool: None,
     };
     let mut state = placed(&cell, |s, t| [(1.0 + 1e-5) * s, t, 0.0]);
     let energy = |state: &Snapshot| {

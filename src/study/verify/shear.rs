@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
 
-use super::cloth::{NOWHERE, Piece, Solve, laid, sheet, shearing};
+use super::cloth::{Piece, Solve, laid, shearing, sheet};
 use crate::fabric::{BlankConfig, Family, Lamina, MassModel, Material};
 use crate::math::Vec3;
 use crate::sim::{PhysicsConfig, Snapshot};
@@ -82,7 +82,9 @@ pub fn picture_frame(solver: &dyn Solve, d: f64, cells: usize) -> f64 {
     let half = 0.5 * frame_angle(d);
     // Both families turn towards the first bias direction.
     let (sin, cos) = half.sin_cos();
-    let target = laid(&lamina, |[x, y]| [cos * x + sin * y, sin * x + cos * y, 0.0]);
+    let target = laid(&lamina, |[x, y]| {
+        [cos * x + sin * y, sin * x + cos * y, 0.0]
+    });
     let mut state = laid(&lamina, |[x, y]| [x, y, 0.0]);
     for v in 0..lamina.vertex_count() as u32 {
         if lamina.neighbors(v).count() < 8 {
@@ -98,7 +100,7 @@ pub fn picture_frame(solver: &dyn Solve, d: f64, cells: usize) -> f64 {
     let piece = Piece {
         lamina: &lamina,
         physics: &physics,
-        tool: &NOWHERE,
+        tool: None,
     };
     let end = pull(solver, piece, &state, &target, 0.5);
     mean_shear(&lamina, &end, |_| true)
@@ -141,10 +143,8 @@ pub struct Extension {
     pub d: f64,
     /// Mean shear of its middle zone [rad].
     pub shear: f64,
-    /// Slope of the elastic energy by `d` [N].
+    /// Pull at a clamp, or else the slope of the elastic energy by `d` [N].
     pub force: f64,
-    /// Share of the yarns' strain in that force [-].
-    pub locked: f64,
     pub v_rms: f64,
 }
 
@@ -159,13 +159,15 @@ pub fn draw_out(solver: &dyn Solve, lamina: &Lamina, ways: &[f64]) -> Vec<Extens
     let piece = Piece {
         lamina,
         physics: &physics,
-        tool: &NOWHERE,
+        tool: None,
     };
     let half = 0.5 * SPECIMEN[0];
     let mut state = laid(lamina, |[x, y]| [x, y, 0.0]);
     for (v, [x, _]) in lamina.rest.iter().enumerate() {
         state.fixed.set(v, x.abs() > half - 1e-9);
     }
+    let left = |v: &u32| lamina.rest[*v as usize][0] < 1e-9 - half;
+    let clamp: Vec<u32> = (0..lamina.vertex_count() as u32).filter(left).collect();
     let mut last = 0.0;
     let mut to = |state: &Snapshot, d: f64| {
         let seconds = 0.02 * (1e3 * (d - last)).max(1.0);
@@ -181,13 +183,15 @@ pub fn draw_out(solver: &dyn Solve, lamina: &Lamina, ways: &[f64]) -> Vec<Extens
         let before = to(&state, d - step);
         let at = to(&before, d);
         let after = to(&at, d + step);
-        let [low, high] = [&before, &after].map(|s| energy(lamina, s));
-        let slopes = [0, 1].map(|k| (high[k] - low[k]) / (2.0 * step));
+        let slope = || {
+            let [low, high] = [&before, &after].map(|s| energy(lamina, s));
+            (high.iter().sum::<f64>() - low.iter().sum::<f64>()) / (2.0 * step)
+        };
+        let pull = solver.pull(piece, &at, &clamp);
         found.push(Extension {
             d,
             shear: mean_shear(lamina, &at, |[x, y]| x.abs() + y.abs() < middle),
-            force: slopes[0] + slopes[1],
-            locked: slopes[0] / (slopes[0] + slopes[1]),
+            force: pull.map_or_else(slope, |[x, ..]| x),
             v_rms: at.v_rms(),
         });
         state = after;

@@ -23,7 +23,7 @@ pub fn trials(extent: Extent) -> Vec<Trial> {
         length_trials(),
         shear_trials(extent),
         drape_trials(extent),
-        contact_trials(),
+        contact_trials(extent),
         motion_trials(),
     ]
     .into_iter()
@@ -39,7 +39,16 @@ impl Trial {
     ) -> Self {
         Self {
             group,
+            with_twin: true,
             ask: Box::new(move |subject| Some(ask(&*subject.solve()))),
+        }
+    }
+
+    /// The same, of which the twin is asked in a full study only: it would take minutes.
+    fn costly(self, extent: Extent) -> Self {
+        Self {
+            with_twin: extent == Extent::Full,
+            ..self
         }
     }
 
@@ -50,6 +59,7 @@ impl Trial {
     ) -> Self {
         Self {
             group,
+            with_twin: false,
             ask: Box::new(move |subject: &Subject| ask(&subject.fast()?)),
         }
     }
@@ -88,7 +98,12 @@ fn bending_trials() -> Vec<Trial> {
             let mut findings = Findings {
                 answers: vec![
                     answer(format!("cantilever {gamma}: drop"), "-", drop, found_drop),
-                    answer(format!("cantilever {gamma}: reach"), "-", reach, found_reach),
+                    answer(
+                        format!("cantilever {gamma}: reach"),
+                        "-",
+                        reach,
+                        found_reach,
+                    ),
                 ],
                 curves: Vec::new(),
             };
@@ -141,7 +156,12 @@ fn length_trials() -> Vec<Trial> {
     trials.push(Trial::new("length", |solver| {
         let expected = elastic_stretch(Family::Warp);
         let found = hanging(solver, Family::Warp);
-        one(answer("hanging chain: elastic stretch", "-", expected, found))
+        one(answer(
+            "hanging chain: elastic stretch",
+            "-",
+            expected,
+            found,
+        ))
     }));
     trials.push(Trial::of_fast("length", |fast| {
         let expected = one_pass_stretch(fast.substep) + elastic_stretch(Family::Warp);
@@ -177,7 +197,11 @@ fn shear_trials(extent: Extent) -> Vec<Trial> {
     // The diagonals of the mesh along the pull and across it.
     let specimens = [(45.0, "across"), (-45.0, "along")].map(|(turn, diagonals)| {
         Trial::new("shear", move |solver| {
-            let found = draw_out(solver, &specimen(cells, turn), &EXTENSIONS.map(|d| 1e-3 * d));
+            let found = draw_out(
+                solver,
+                &specimen(cells, turn),
+                &EXTENSIONS.map(|d| 1e-3 * d),
+            );
             let mut findings = Findings::default();
             for state in &found {
                 let [gamma, force] = bias_extension(state.d);
@@ -231,30 +255,30 @@ fn drape_trials(extent: Extent) -> Vec<Trial> {
     let degrees = |line: &[[f64; 2]]| -> Vec<[f64; 2]> {
         line.iter().map(|p| p.map(f64::to_degrees)).collect()
     };
-    vec![Trial::new("drape", move |solver| {
-        let wrapped = wrap(solver, edges);
-        let answers = FISHNET.map(|[polar, shear]| {
-            let found = at_polar(&wrapped.shear, polar.to_radians()).to_degrees();
-            let case = format!("hemisphere: shear at {polar:.0} deg");
-            answer(case, "deg", shear, found)
-        });
-        let line = |exact, line: &[[f64; 2]]| Curve {
-            picture: Picture::Hemisphere,
-            exact,
-            label: String::new(),
-            points: degrees(line),
-        };
-        Findings {
-            answers: answers.into(),
-            curves: vec![
-                line(true, &fishnet(0.95, 200)),
-                line(false, &wrapped.shear),
-            ],
-        }
-    })]
+    vec![
+        Trial::new("drape", move |solver| {
+            let wrapped = wrap(solver, edges);
+            let answers = FISHNET.map(|[polar, shear]| {
+                let found = at_polar(&wrapped.shear, polar.to_radians()).to_degrees();
+                let case = format!("hemisphere: shear at {polar:.0} deg");
+                answer(case, "deg", shear, found)
+            });
+            let line = |exact, line: &[[f64; 2]]| Curve {
+                picture: Picture::Hemisphere,
+                exact,
+                label: String::new(),
+                points: degrees(line),
+            };
+            Findings {
+                answers: answers.into(),
+                curves: vec![line(true, &fishnet(0.95, 200)), line(false, &wrapped.shear)],
+            }
+        })
+        .costly(extent),
+    ]
 }
 
-fn contact_trials() -> Vec<Trial> {
+fn contact_trials(extent: Extent) -> Vec<Trial> {
     let inclines = [0.28, 0.25].map(|mu: f64| {
         Trial::new("contact", move |solver| {
             let case = format!("incline: slips with friction {mu} at");
@@ -273,6 +297,7 @@ fn contact_trials() -> Vec<Trial> {
             };
             one(answer(case, "-", expected, rope.slips_at(solver)))
         })
+        .costly(extent)
     });
     let lifts = LIFT_OFF.map(|(g_r, angle, tip)| {
         Trial::new("contact", move |solver| {
