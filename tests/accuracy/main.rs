@@ -21,7 +21,7 @@ use drape::sim::{
     Solver,
 };
 use drape::study::verify::cloth::Fast;
-use drape::tool::{GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolConfig};
+use drape::tool::{Cylinder, GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolConfig};
 
 const GRAVITY: f64 = 9.81;
 

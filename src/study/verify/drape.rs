@@ -35,10 +35,13 @@ pub fn fishnet(arm: f64, edges: usize) -> Vec<[f64; 2]> {
     let step = arm / edges as f64;
     let cosine = step.cos();
     let mut net = vec![vec![Vec3::zeros(); edges + 1]; edges + 1];
-    for k in 0..=edges {
+    for (k, row) in net.iter_mut().enumerate() {
         let (sin, cos) = (k as f64 * step).sin_cos();
-        net[k][0] = Vec3::new(sin, 0.0, cos);
-        net[0][k] = Vec3::new(0.0, sin, cos);
+        row[0] = Vec3::new(sin, 0.0, cos);
+    }
+    for (k, node) in net[0].iter_mut().enumerate() {
+        let (sin, cos) = (k as f64 * step).sin_cos();
+        *node = Vec3::new(0.0, sin, cos);
     }
     for i in 1..=edges {
         for j in 1..=edges {

@@ -144,12 +144,15 @@ pub struct Findings {
     pub curves: Vec<Curve>,
 }
 
+/// What a subject finds; none where it cannot be asked.
+type Ask = Box<dyn Fn(&Subject) -> Option<Findings> + Send + Sync>;
+
 /// A question, one simulation or a few.
 pub struct Trial {
     pub group: &'static str,
     /// Whether the twin is asked too.
     with_twin: bool,
-    ask: Box<dyn Fn(&Subject) -> Option<Findings> + Send + Sync>,
+    ask: Ask,
 }
 
 /// A row of the table.

@@ -86,8 +86,10 @@ impl Solve for Reference {
 
     fn settle(&self, piece: Piece, state: &Snapshot, [speed, seconds]: [f64; 2]) -> Snapshot {
         let mut twin = Self::twin(piece, state);
-        // Under critical damping what is left to go shrinks to a tenth in about this time.
-        let ended = twin.relax(piece.tool, 0.1 * speed, seconds);
+        // Under critical damping what is left to go shrinks to a tenth in about this time; a tenth
+        // of a micrometre is less than any case can tell.
+        let tolerance = (0.1 * speed).max(1e-7);
+        let ended = twin.relax(piece.tool, tolerance, seconds);
         snapshot(&twin, state, ended.map(|_| ()))
     }
 
