@@ -1,5 +1,6 @@
 mod episodes;
 mod stability;
+mod verify;
 
 use clap::Subcommand;
 
@@ -16,6 +17,7 @@ pub struct Args {
 enum Study {
     Episodes(episodes::Args),
     Stability(stability::Args),
+    Verify(verify::Args),
 }
 
 /// Runs `drape study`.
@@ -23,5 +25,6 @@ pub fn run(args: Args) -> Result<(), Failure> {
     match args.study {
         Study::Episodes(args) => episodes::run(args),
         Study::Stability(args) => stability::run(args),
+        Study::Verify(args) => verify::run(args),
     }
 }

@@ -114,3 +114,52 @@ fn regions_of_episodes_are_four_numbers() {
         assert!(stderr.contains("four numbers between commas"), "{stderr}");
     }
 }
+
+#[test]
+fn verify_writes_rows_and_counts_those_that_are_met() {
+    let folder = folder();
+    let path = folder.path();
+    let args = ["study", "verify", "--quick", "--group", "motion"];
+    let report = json(path, &[&args[..], &["--out", "out", "--json"]].concat());
+    let cases = report["cases"].as_array().unwrap();
+    let keys = [
+        "case",
+        "expected",
+        "found",
+        "preset",
+        "relative_error",
+        "solver",
+        "unit",
+    ];
+    for case in cases {
+        let mut found: Vec<_> = case.as_object().unwrap().keys().collect();
+        found.sort();
+        assert_eq!(found, keys);
+    }
+    let met = |solver: &str| {
+        let own = cases.iter().filter(|case| case["solver"] == solver);
+        own.filter(|case| case["relative_error"].as_f64().unwrap().abs() <= 0.01)
+            .count() as u64
+    };
+    for solver in ["yarn", "gauss_seidel", "twin"] {
+        let counts = report["counts"].as_array().unwrap().iter();
+        let own = counts.filter(|count| count["solver"] == solver);
+        let sum: u64 = own.map(|count| count["met"].as_u64().unwrap()).sum();
+        assert_eq!(sum, met(solver), "{solver}");
+    }
+    assert!(met("yarn") > 0);
+    assert_eq!(names(&path.join("out")), ["cases.json"]);
+    let text = stdout(path, &args);
+    assert!(
+        text.starts_with("case ") && text.contains("\nmotion\n"),
+        "{text}"
+    );
+}
+
+#[test]
+fn unknown_groups_are_refused_before_anything_is_written() {
+    let folder = folder();
+    let output = drape(folder.path(), &["study", "verify", "--group", "bend"]);
+    assert_failure(&output, 2, &["there is no group `bend`", "bending, length"]);
+    assert_eq!(names(folder.path()), [""; 0]);
+}
