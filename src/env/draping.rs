@@ -401,9 +401,13 @@ impl Group {
                     (Vec3::from(x) - Vec3::from(y)).norm() <= length
                 };
                 let held = task.ties[vertex as usize].iter().all(slack);
-                if held && tool.distance(x).0 <= threshold {
+                let (phi, normal) = tool.distance(x);
+                if held && phi <= threshold {
                     progress.draped.insert(vertex as usize);
-                    self.batch.fix(press.lane, vertex);
+                    // Tangent planes are a few substeps old: what they let in goes out again.
+                    let depth = (-phi).max(0.0);
+                    let at = [0, 1, 2].map(|k| x[k] + depth * normal[k]);
+                    self.batch.fix(press.lane, vertex, at);
                 }
             }
         }

@@ -144,8 +144,9 @@ impl<V: Lanes> Batch for Alone<V> {
         self.cloth.position[v].get(lane)
     }
 
-    fn fix(&mut self, _: usize, vertex: u32) {
+    fn fix(&mut self, _: usize, vertex: u32, at: [f64; 3]) {
         let (v, lane) = self.place(vertex as usize);
+        self.cloth.position[v].set(lane, at);
         let zero = V::Scalar::from_f64(0.0);
         self.cloth.inverse_mass[v].as_mut_slice()[lane] = zero;
         self.cloth.velocity[v].set(lane, [0.0; 3]);

@@ -108,7 +108,7 @@ impl Solve for Fast {
             self.advance(&mut batch, &model, tool, substeps);
             left -= substeps;
             let state = batch.snapshot(0);
-            if left == 0 || state.v_rms() < speed || !batch.is_sound(0) {
+            if left == 0 || state.v_rms() < speed || !batch.sound()[0] {
                 return state;
             }
         }
