@@ -396,11 +396,14 @@ impl Group {
             for vertex in press.vertices {
                 progress.touched.insert(vertex as usize);
                 let x = self.batch.position(press.lane, vertex);
-                let slack = |&(neighbor, length): &(u32, f64)| {
-                    let y = self.batch.position(press.lane, neighbor);
-                    (Vec3::from(x) - Vec3::from(y)).norm() <= length
+                let position = |v| Vec3::from(self.batch.position(press.lane, v));
+                let slack = |v: u32| {
+                    let ties = task.ties[v as usize].iter();
+                    let x = position(v);
+                    ties.clone().all(|&(w, length)| (x - position(w)).norm() <= length)
                 };
-                let held = task.ties[vertex as usize].iter().all(slack);
+                let beside = task.ties[vertex as usize].iter();
+                let held = slack(vertex) && beside.clone().all(|&(w, _)| slack(w));
                 let (phi, normal) = tool.distance(x);
                 if held && phi <= threshold {
                     progress.draped.insert(vertex as usize);
