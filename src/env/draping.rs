@@ -400,7 +400,8 @@ impl Group {
                 let slack = |v: u32| {
                     let ties = task.ties[v as usize].iter();
                     let x = position(v);
-                    ties.clone().all(|&(w, length)| (x - position(w)).norm() <= length)
+                    ties.clone()
+                        .all(|&(w, length)| (x - position(w)).norm() <= length)
                 };
                 let beside = task.ties[vertex as usize].iter();
                 let held = slack(vertex) && beside.clone().all(|&(w, _)| slack(w));
