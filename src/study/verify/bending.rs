@@ -96,7 +96,7 @@ impl Cantilever {
             physics: &physics,
             tool: None,
         };
-        let end = solver.settle(piece, &state, [1e-9 * swing * self.length, 40.0 / swing]);
+        let end = solver.settle(piece, &state, [1e-9 * swing * self.length, 160.0 / swing]);
         let profile = (1..=self.edges).map(|k| {
             let x = mean_at(&strip, &end, k) / self.length;
             [x.x, -x.z]
