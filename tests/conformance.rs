@@ -313,10 +313,7 @@ fn fixed_vertices_obey_nothing(mut batch: Box<dyn Batch>, model: &Model, roundin
             .map(|l| batch.position(l, vertex))
             .collect();
         for lane in 0..cases.len() {
-            {
-                let at = batch.position(lane, vertex);
-                batch.fix(lane, vertex, at);
-            }
+            batch.fix(lane, vertex);
         }
         advance(&mut *batch, model, &cases, 1..3);
         for (lane, before) in before.iter().enumerate() {

@@ -392,26 +392,27 @@ impl Group {
         self.batch.step(model, tool, &task.press, &presses);
 
         for press in presses {
-            let progress = &mut self.slots[press.lane].progress;
-            for vertex in press.vertices {
-                progress.touched.insert(vertex as usize);
-                let x = self.batch.position(press.lane, vertex);
-                let position = |v| Vec3::from(self.batch.position(press.lane, v));
-                let slack = |v: u32| {
-                    let ties = task.ties[v as usize].iter();
-                    let x = position(v);
-                    ties.clone()
-                        .all(|&(w, length)| (x - position(w)).norm() <= length)
-                };
-                let beside = task.ties[vertex as usize].iter();
-                let held = slack(vertex) && beside.clone().all(|&(w, _)| slack(w));
+            let lane = press.lane;
+            let progress = &mut self.slots[lane].progress;
+            let mut touched = press.vertices;
+            touched.retain(|&v| !progress.draped.contains(v as usize));
+            for &v in &touched {
+                progress.touched.insert(v as usize);
+                let x = self.batch.position(lane, v);
                 let (phi, normal) = tool.distance(x);
-                if held && phi <= threshold {
-                    progress.draped.insert(vertex as usize);
-                    // Tangent planes are a few substeps old: what they let in goes out again.
-                    let depth = (-phi).max(0.0);
-                    let at = [0, 1, 2].map(|k| x[k] + depth * normal[k]);
-                    self.batch.fix(press.lane, vertex, at);
+                // Tangent planes are a few substeps old: what they let in goes out again.
+                if phi < 0.0 && !task.scene.initial.fixed.contains(v as usize) {
+                    let at = [0, 1, 2].map(|k| x[k] - phi * normal[k]);
+                    self.batch.place(lane, v, at);
+                }
+            }
+            for v in touched {
+                let x = self.batch.position(lane, v);
+                let beside = task.ties[v as usize].iter().map(|&(w, _)| w);
+                let held = beside.chain([v]).all(|v| self.is_slack(task, lane, v));
+                if held && tool.distance(x).0 <= threshold {
+                    self.slots[lane].progress.draped.insert(v as usize);
+                    self.batch.fix(lane, v);
                 }
             }
         }
@@ -430,6 +431,14 @@ impl Group {
                 self.conclude(task, lane, sound[lane])
             })
             .collect()
+    }
+
+    /// No yarn of a vertex is stretched so much that it would pull it off the tool.
+    fn is_slack(&self, task: &Task, lane: usize, vertex: u32) -> bool {
+        let position = |v| Vec3::from(self.batch.position(lane, v));
+        let x = position(vertex);
+        let mut ties = task.ties[vertex as usize].iter();
+        ties.all(|&(w, length)| (x - position(w)).norm() <= length)
     }
 
     /// Ends and resets the episode of one environment when it is over.

@@ -73,8 +73,11 @@ pub trait Batch: Send {
     /// Position of a vertex [m].
     fn position(&self, lane: usize, vertex: u32) -> [f64; 3];
 
-    /// Puts a vertex `at` a place [m] and stops it there, for good.
-    fn fix(&mut self, lane: usize, vertex: u32, at: [f64; 3]);
+    /// Puts a vertex `at` a place [m].
+    fn place(&mut self, lane: usize, vertex: u32, at: [f64; 3]);
+
+    /// Stops a vertex where it is, for good.
+    fn fix(&mut self, lane: usize, vertex: u32);
 
     /// Moves all lanes by one control step, with at most one press a lane.
     fn step(&mut self, model: &Model, tool: &Tool, control: &Control, presses: &[Press]);

@@ -263,7 +263,7 @@ fn yarn_between_ends_too_far_apart_comes_to_rest_straight() {
 }
 
 /// The study of stability on some of its sweeps: no panic, no number that is none, and the
-/// solver of episodes converges from their 20 substeps on.
+/// solver of episodes converges from 20 substeps a frame on.
 #[test]
 fn extremes_are_converged_wrong_or_diverged_and_nothing_else() {
     let named = |name: &str| {

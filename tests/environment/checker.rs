@@ -129,6 +129,16 @@ fn slack(env: &Draping, config: &EnvConfig, state: &Snapshot, v: usize) -> bool 
         })
 }
 
+/// The same for `v` and its neighbours on yarns.
+fn slack_around(env: &Draping, config: &EnvConfig, state: &Snapshot, v: usize) -> bool {
+    let yarns = env.scene().lamina.yarns.iter();
+    let mut pairs = yarns.flat_map(|yarn| yarn.vertices.windows(2));
+    pairs.all(|pair| {
+        let of = |w: u32| slack(env, config, state, w as usize);
+        !pair.contains(&(v as u32)) || (of(pair[0]) && of(pair[1]))
+    })
+}
+
 fn check_step(env: &Draping, config: &EnvConfig, before: &View, after: &View, pressed: u32) {
     let scene = env.scene();
     let under = stencil(env, config, before, pressed);
@@ -144,7 +154,7 @@ fn check_step(env: &Draping, config: &EnvConfig, before: &View, after: &View, pr
         let near =
             scene.tool.distance(after.state.position[v]).0 <= 1e-3 * config.drape_threshold_mm;
         let draped = before.draped.contains(v)
-            || under.contains(v) && near && slack(env, config, &after.state, v);
+            || under.contains(v) && near && slack_around(env, config, &after.state, v);
         assert_eq!(after.draped.contains(v), draped, "vertex {v}");
         if before.draped.contains(v) {
             assert_eq!(
