@@ -99,12 +99,18 @@ pub fn sequences(
 ) -> Result<Vec<Vec<u32>>, EnvError> {
     let mut pressed = vec![Vec::new(); count];
     let orders = (order, count, seed);
-    play_out(scene, config, orders, |_| {}, |env, index, episode| {
-        if episode.end != End::Diverged {
-            let vertices = episode.actions.iter().map(|&action| env.vertex(action));
-            pressed[index] = vertices.flatten().collect();
-        }
-    })?;
+    play_out(
+        scene,
+        config,
+        orders,
+        |_| {},
+        |env, index, episode| {
+            if episode.end != End::Diverged {
+                let vertices = episode.actions.iter().map(|&action| env.vertex(action));
+                pressed[index] = vertices.flatten().collect();
+            }
+        },
+    )?;
     pressed.retain(|sequence| !sequence.is_empty());
     Ok(pressed)
 }

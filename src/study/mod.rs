@@ -6,4 +6,7 @@
 pub mod bench;
 pub mod compare;
 pub mod episodes;
+pub mod ranking;
 pub mod stability;
+pub mod transfer;
+pub mod twin;
