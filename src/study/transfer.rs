@@ -15,11 +15,11 @@ use serde::Serialize;
 use super::episodes::{Order, sequences};
 use super::ranking::{least, pair_loss, ranks, spearman};
 use super::twin::{
-    ACCELERATION, TwinStudyError, distance, fallen, lying, press_config, twin_config,
+    ACCELERATION, SPEED, TwinStudyError, distance, fallen, lying, press_config, twin_config,
 };
 use crate::env::{Draping, EnvConfig, EnvError, Precision};
 use crate::math::Vec3;
-use crate::reference::{Hold, TwinConfig};
+use crate::reference::{Hold, Twin, TwinConfig};
 use crate::scene::Scene;
 use crate::sim::Solver;
 
@@ -37,6 +37,8 @@ pub struct Sequence {
 /// Where a sequence has led to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct End {
+    /// Summed distance left in the region after half of the presses, rounded up [m].
+    pub half: f64,
     /// Summed distance left in the region [m].
     pub left: f64,
     /// Position of every vertex [m].
@@ -108,16 +110,9 @@ fn settings() -> Vec<(&'static str, Setting)> {
     ]
 }
 
-/// What a setting has found.
+/// How a setting judges the sequences, by the distance left at some time.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
-    pub name: &'static str,
-    /// What it is.
-    pub what: String,
-    /// Sequences in which the simulation was lost; they count in no figure.
-    pub diverged: usize,
-    /// Summed distance of the region before the first press [m].
-    pub initial_m: f64,
+pub struct Agreement {
     /// Summed distance left in the region, mean and standard deviation over the sequences [m].
     pub mean_left_m: Option<f64>,
     pub deviation_left_m: Option<f64>,
@@ -129,21 +124,40 @@ pub struct Row {
     /// More distance left in the twin [m], on average over all pairs of sequences, when the one
     /// that this setting finds better is taken, than by the better one.
     pub lost_m: Option<f64>,
+    /// The same when either is taken by chance.
+    pub lost_by_chance_m: Option<f64>,
     /// More distance left in the twin by this setting's best sequence than by the twin's best [m].
     pub best_lost_m: Option<f64>,
     /// Rank in the twin of this setting's best sequence, 1 for the best.
     pub best_rank_twin: Option<f64>,
     pub is_best_among_3: Option<bool>,
-    /// Mean distance of the same vertices from where the twin and the accurate setting have them,
-    /// inside and outside the region [mm].
+    /// Distance left by every sequence [m].
+    pub left_m: Vec<Option<f64>>,
+}
+
+/// What a setting has found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    pub name: &'static str,
+    /// What it is.
+    pub what: String,
+    /// Sequences in which the simulation was lost; they count in no figure.
+    pub diverged: usize,
+    /// Summed distance of the region before the first press [m].
+    pub initial_m: f64,
+    /// After all presses.
+    #[serde(flatten)]
+    pub end: Agreement,
+    /// After half of them.
+    pub halfway: Agreement,
+    /// Mean distance of the same vertices from where the twin and the accurate setting have them
+    /// in the end, inside and outside the region [mm].
     pub inside_mm: Option<f64>,
     pub outside_mm: Option<f64>,
     pub inside_accurate_mm: Option<f64>,
     pub outside_accurate_mm: Option<f64>,
     /// CPU time of all presses of all sequences [s].
     pub cpu_s: f64,
-    /// Distance left by every sequence [m].
-    pub left_m: Vec<Option<f64>>,
 }
 
 /// What the study has found.
@@ -186,6 +200,7 @@ pub fn replay(
     let mut draping = Draping::new(scene.clone(), env, sequences.len())?;
     let mut ends = vec![None; sequences.len()];
     let mut is_sound = vec![true; sequences.len()];
+    let mut halves = vec![0.0; sequences.len()];
     let longest = sequences.iter().map(|s| s.len()).max().unwrap_or(0);
     for step in 0..longest {
         let vertices: Vec<Option<u32>> = (sequences.iter().zip(&is_sound))
@@ -194,9 +209,13 @@ pub fn replay(
         let sound = draping.press(&vertices);
         for (index, sequence) in sequences.iter().enumerate() {
             is_sound[index] &= sound[index];
+            if is_sound[index] && sequence.len().div_ceil(2) == step + 1 {
+                halves[index] = draping.region_distance(&draping.state(index));
+            }
             if is_sound[index] && sequence.len() == step + 1 {
                 let state = draping.state(index);
                 ends[index] = Some(End {
+                    half: halves[index],
                     left: draping.region_distance(&state),
                     positions: state.position,
                 });
@@ -375,7 +394,7 @@ impl TwinCase<'_> {
             rest,
         } = *self;
         let region = env.region(&scene.lamina)?.vertices;
-        let press = press_config(&scene.config, env, hold);
+        let press = press_config(env, hold, SPEED);
         press.check()?;
         let config = match accelerated {
             true => config.accelerated(ACCELERATION),
@@ -391,12 +410,23 @@ impl TwinCase<'_> {
             let began = ThreadTime::now();
             let mut twin = lying(scene, &config, start)?;
             let (lamina, tool) = (&scene.lamina, &scene.tool);
-            twin.replay(lamina, tool, &press, (*list, side), |_, _| {})
+            let (mut pressed, mut half) = (0, 0.0);
+            let measure = |twin: &Twin| distance(tool, region.ones(), &twin.positions());
+            let watch = |twin: &Twin, _: &[u32]| {
+                pressed += 1;
+                if pressed == list.len().div_ceil(2) {
+                    half = measure(twin);
+                }
+            };
+            twin.replay(lamina, tool, &press, (*list, side), watch)
                 .map_err(|source| TwinStudyError::Diverged { name, source })?;
-            let positions = twin.positions();
-            let left = distance(tool, region.ones(), &positions);
+            let end = End {
+                half,
+                left: measure(&twin),
+                positions: twin.positions(),
+            };
             let seconds = began.elapsed().as_secs_f64();
-            Ok((End { left, positions }, seconds))
+            Ok((end, seconds))
         };
         let ended: Vec<Result<(End, f64), TwinStudyError>> = lists.par_iter().map(play).collect();
         let mut ends = Vec::new();
@@ -425,19 +455,6 @@ struct Judge<'a> {
 
 impl Judge<'_> {
     fn row(&self, name: &'static str, what: String, ends: &[Option<End>]) -> Row {
-        let found: Vec<f64> = ends.iter().flatten().map(|end| end.left).collect();
-        let count = found.len() as f64;
-        let mean = (count > 0.0).then(|| found.iter().sum::<f64>() / count);
-        let variance = |mean: f64| found.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
-        let [own, twin] = pairs(ends, self.twin, |_| true);
-        let correlation = |[a, b]: [Vec<f64>; 2]| spearman(&a, &b);
-        let best = least(&own);
-        let best_twin = least(&twin);
-        let rank = best.map(|best| ranks(&twin)[best]);
-        let of_order = |order| {
-            let is_of = |index: usize| self.sequences[index].order == order;
-            (order, correlation(pairs(ends, self.twin, is_of)))
-        };
         let away = |other: &[Option<End>], inside: bool| {
             mean_distance(ends, other, |v| (self.is_inside)(v) == inside)
         };
@@ -446,39 +463,52 @@ impl Judge<'_> {
             what,
             diverged: ends.iter().filter(|end| end.is_none()).count(),
             initial_m: 0.0,
-            mean_left_m: mean,
-            deviation_left_m: mean.map(|mean| variance(mean).sqrt()),
-            rank_correlation_accurate: correlation(pairs(ends, self.accurate, |_| true)),
-            rank_correlation_twin: spearman(&own, &twin),
-            rank_correlation_twin_by_order: Order::ALL.map(of_order).to_vec(),
-            lost_m: pair_loss(&own, &twin),
-            best_lost_m: (best.zip(best_twin)).map(|(own, best)| twin[own] - twin[best]),
-            best_rank_twin: rank,
-            is_best_among_3: rank.map(|rank| rank <= 3.0),
+            end: self.agreement(ends, |end| end.left),
+            halfway: self.agreement(ends, |end| end.half),
             inside_mm: away(self.twin, true),
             outside_mm: away(self.twin, false),
             inside_accurate_mm: away(self.accurate, true),
             outside_accurate_mm: away(self.accurate, false),
             cpu_s: 0.0,
-            left_m: ends
-                .iter()
-                .map(|end| end.as_ref().map(|end| end.left))
-                .collect(),
         }
     }
-}
 
-/// Distances left by the sequences that both have brought to an end.
-fn pairs(a: &[Option<End>], b: &[Option<End>], chosen: impl Fn(usize) -> bool) -> [Vec<f64>; 2] {
-    let both = a
-        .iter()
-        .zip(b)
-        .enumerate()
-        .filter(|(index, _)| chosen(*index));
-    let (a, b) = both
-        .filter_map(|(_, (a, b))| Some((a.as_ref()?.left, b.as_ref()?.left)))
-        .unzip();
-    [a, b]
+    fn agreement(&self, ends: &[Option<End>], left: fn(&End) -> f64) -> Agreement {
+        let left_m: Vec<Option<f64>> = ends.iter().map(|end| end.as_ref().map(left)).collect();
+        let found: Vec<f64> = left_m.iter().flatten().copied().collect();
+        let count = found.len() as f64;
+        let mean = (count > 0.0).then(|| found.iter().sum::<f64>() / count);
+        let variance = |mean: f64| found.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+        // Distances left by the chosen sequences that both have brought to an end.
+        let pairs = |other: &[Option<End>], is_chosen: &dyn Fn(usize) -> bool| {
+            let both = ends.iter().zip(other).enumerate();
+            both.filter(|(index, _)| is_chosen(*index))
+                .filter_map(|(_, (a, b))| Some((left(a.as_ref()?), left(b.as_ref()?))))
+                .unzip::<f64, f64, Vec<f64>, Vec<f64>>()
+        };
+        let (own, twin) = pairs(self.twin, &|_| true);
+        let (same, accurate) = pairs(self.accurate, &|_| true);
+        let of_order = |order| {
+            let (own, twin) = pairs(self.twin, &|index| self.sequences[index].order == order);
+            (order, spearman(&own, &twin))
+        };
+        let best = least(&own);
+        let best_twin = least(&twin);
+        let rank = best.map(|best| ranks(&twin)[best]);
+        Agreement {
+            mean_left_m: mean,
+            deviation_left_m: mean.map(|mean| variance(mean).sqrt()),
+            rank_correlation_accurate: spearman(&same, &accurate),
+            rank_correlation_twin: spearman(&own, &twin),
+            rank_correlation_twin_by_order: Order::ALL.map(of_order).to_vec(),
+            lost_m: pair_loss(&own, &twin),
+            lost_by_chance_m: pair_loss(&vec![0.0; twin.len()], &twin),
+            best_lost_m: (best.zip(best_twin)).map(|(own, best)| twin[own] - twin[best]),
+            best_rank_twin: rank,
+            is_best_among_3: rank.map(|rank| rank <= 3.0),
+            left_m,
+        }
+    }
 }
 
 /// Mean distance between the same vertices [mm], over the sequences that both have ended.

@@ -21,8 +21,9 @@ use crate::tool::Tool;
 
 /// Inertia over mass of the paper's accelerated variant: 8.15 h become 40.2 min.
 pub const ACCELERATION: f64 = 148.0;
-/// How fast the roller comes down where the scene does not cap speeds [m/s].
-const ROLLER_SPEED: f64 = 4.0;
+/// How fast the twin's roller comes down [m/s]: as the stencil of the fast solver comes down on
+/// a wrinkle of 33 mm, and as fast as speeds are capped at there.
+pub const SPEED: f64 = 4.0;
 /// Cells under the stencil's side, at least: 18 mm on the paper's mesh are three.
 const STENCIL_CELLS: f64 = 3.0;
 
@@ -108,12 +109,11 @@ pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
     })
 }
 
-/// How the twin's roller presses where the environment's stencil does: as long, as fast as
-/// speeds are capped at, and with the same distance for draped.
-pub fn press_config(scene: &SceneConfig, env: &EnvConfig, hold: Hold) -> PressConfig {
-    let cap = scene.physics.speed_cap;
+/// How the twin's roller, which comes down at `speed` [m/s], presses where the environment's
+/// stencil does: as long, and with the same distance for draped.
+pub fn press_config(env: &EnvConfig, hold: Hold, speed: f64) -> PressConfig {
     PressConfig {
-        speed: if cap > 0.0 { cap } else { ROLLER_SPEED },
+        speed,
         press_s: env.press_s,
         settle_s: env.settle_s,
         drape_threshold_mm: env.drape_threshold_mm,
@@ -229,6 +229,8 @@ pub struct Case<'a> {
     pub env: &'a EnvConfig,
     pub sequence: &'a [u32],
     pub hold: Hold,
+    /// How fast the twin's roller comes down [m/s].
+    pub speed: f64,
     /// Inertia over mass of the accelerated twin.
     pub acceleration: f64,
 }
@@ -300,7 +302,7 @@ impl Case<'_> {
         let before = (Balance::new(twin.energies()), 1e3 * twin.speed());
         let time_step_s = twin.stable_time_step();
 
-        let press = press_config(&scene.config, self.env, self.hold);
+        let press = press_config(self.env, self.hold, self.speed);
         press.check()?;
         let side = 1e-3 * self.env.stencil_mm;
         let start = ThreadTime::now();

@@ -10,9 +10,9 @@ use crate::cli::failure::{OrInvalid, scene_failure};
 use crate::cli::output::{Progress, print, print_json};
 use crate::env::EnvConfig;
 use crate::file::write_atomic;
-use crate::report::{Chart, SERIES, Series};
+use crate::report::{Chart, Image, SERIES, Series};
 use crate::study::episodes::Order;
-use crate::study::transfer::{FAST, Row, TWIN, Transfer, generate, transfer};
+use crate::study::transfer::{Agreement, FAST, Row, TWIN, Transfer, generate, transfer};
 use crate::study::twin::{set_up, stencil_mm};
 
 /// Play the same presses under several settings and in the finite-element twin: do they agree
@@ -90,7 +90,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let found = transfer(&scene, &env, paths, |share| bar.set(share));
     drop(bar);
     let found = found.map_err(|error| twin_failure(error, &place))?;
-    scatter(&found).save(&out.join("scatter.png"))?;
+    let halves = scatter(&found, "after half of the presses", |row| &row.halfway);
+    let ends = scatter(&found, "after all presses", |row| &row.end);
+    Image::beside(&[halves, ends]).save_png(&out.join("scatter.png"))?;
     let report = Report {
         vertices: scene.lamina.vertex_count(),
         stencil_mm: env.stencil_mm,
@@ -113,8 +115,8 @@ fn row<'a>(found: &'a Transfer, name: &str) -> &'a Row {
 }
 
 /// Every path as a dot: distance left in the twin over that in the fast solver.
-fn scatter(found: &Transfer) -> Chart {
-    let (fast, twin) = (row(found, FAST), row(found, TWIN));
+fn scatter(found: &Transfer, when: &str, of: fn(&Row) -> &Agreement) -> Image {
+    let (fast, twin) = (of(row(found, FAST)), of(row(found, TWIN)));
     let mut series = Vec::new();
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for (order, color) in Order::ALL.into_iter().zip(SERIES) {
@@ -144,63 +146,78 @@ fn scatter(found: &Transfer) -> Chart {
         color: [150, 150, 150],
     });
     Chart {
-        title: "Distance left in the focus region".into(),
+        title: format!("Distance left in the focus region {when}"),
         x_label: "fast solver, 1200 substeps/s [m]".into(),
         y_label: "finite-element twin [m]".into(),
         series,
         ..Chart::default()
     }
+    .image()
 }
 
 fn table(report: &Report) -> String {
     let found = &report.transfer;
+    let presses: usize = found.sequences.iter().map(|s| s.vertices.len()).sum();
     let mut text = format!(
-        "{} vertices, {} paths of {:.1} presses on average\n{:18} {:>8} {:>8} {:>7} {:>7} {:>8} {:>8} {:>5} {:>8} {:>8} {:>9}\n",
+        "{} vertices, {} paths of {:.1} presses on average\n",
         report.vertices,
         found.sequences.len(),
-        found
-            .sequences
-            .iter()
-            .map(|s| s.vertices.len())
-            .sum::<usize>() as f64
-            / found.sequences.len() as f64,
-        "",
-        "left [m]",
-        "+-",
-        "rank/ac",
-        "rank/tw",
-        "lost [m]",
-        "best [m]",
-        "rank",
-        "in [mm]",
-        "out [mm]",
-        "CPU [s]"
+        presses as f64 / found.sequences.len() as f64
     );
-    for row in &found.settings {
-        let number = |value: Option<f64>, decimals: usize| {
-            value.map_or("-".into(), |value| format!("{value:.decimals$}"))
-        };
+    let number = |value: Option<f64>, decimals: usize| {
+        value.map_or("-".into(), |value| format!("{value:.decimals$}"))
+    };
+    let times: [(&str, fn(&Row) -> &Agreement); 2] = [
+        ("after half of the presses", |row| &row.halfway),
+        ("after all presses", |row| &row.end),
+    ];
+    for (when, of) in times {
         let _ = writeln!(
             text,
-            "{:18} {:>8} {:>8} {:>7} {:>7} {:>8} {:>8} {:>5} {:>8} {:>8} {:9.2}",
+            "{when:26} {:>8} {:>8} {:>7} {:>7} {:>8} {:>8} {:>5}",
+            "left [m]", "+-", "rank/ac", "rank/tw", "lost [m]", "best [m]", "rank"
+        );
+        for row in &found.settings {
+            let found = of(row);
+            let _ = writeln!(
+                text,
+                "  {:24} {:>8} {:>8} {:>7} {:>7} {:>8} {:>8} {:>5}",
+                row.name,
+                number(found.mean_left_m, 4),
+                number(found.deviation_left_m, 4),
+                number(found.rank_correlation_accurate, 3),
+                number(found.rank_correlation_twin, 3),
+                number(found.lost_m, 4),
+                number(found.best_lost_m, 4),
+                number(found.best_rank_twin, 1)
+            );
+        }
+        let chance = found.settings.first().map(of);
+        let chance = chance.and_then(|found| found.lost_by_chance_m);
+        let _ = writeln!(text, "  {:24} {:>43}", "by chance", number(chance, 4));
+    }
+    let _ = writeln!(
+        text,
+        "{:26} {:>8} {:>8} {:>7} {:>7} {:>8}",
+        "off the twin, accurate [mm]", "inside", "outside", "inside", "outside", "CPU [s]"
+    );
+    for row in &found.settings {
+        let _ = writeln!(
+            text,
+            "  {:24} {:>9} {:>8} {:>7} {:>7} {:8.2}",
             row.name,
-            number(row.mean_left_m, 4),
-            number(row.deviation_left_m, 4),
-            number(row.rank_correlation_accurate, 3),
-            number(row.rank_correlation_twin, 3),
-            number(row.lost_m, 4),
-            number(row.best_lost_m, 4),
-            number(row.best_rank_twin, 1),
             number(row.inside_mm, 3),
             number(row.outside_mm, 3),
+            number(row.inside_accurate_mm, 3),
+            number(row.outside_accurate_mm, 3),
             row.cpu_s
         );
     }
     let _ = write!(
         text,
-        "rank: correlation with the accurate setting and with the twin; lost: left more in the twin \
-         by this setting's choice of two paths, best: by its best path, whose rank in the twin \
-         follows; in, out: vertices from the twin's in and outside the region\nfiles in {}",
+        "rank/ac, rank/tw: rank correlation with the accurate setting and with the twin; lost: \
+         left more in the twin by this setting's choice of two paths; best: by its best path, \
+         whose rank in the twin follows\nfiles in {}",
         report.out.display()
     );
     text

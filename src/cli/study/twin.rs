@@ -20,7 +20,7 @@ use crate::scene::{Scene, SceneConfig};
 use crate::study::compare::{Comparison, Parts};
 use crate::study::episodes::{Order, sequences};
 use crate::study::twin::{
-    ACCELERATION, Balance, Case, Compared, Ran, compare_all, set_up, stencil_mm,
+    ACCELERATION, Balance, Case, Compared, Ran, SPEED, compare_all, set_up, stencil_mm,
 };
 
 /// Solve the paper's test case in the finite-element twin and compare the fast solver with it
@@ -57,6 +57,10 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = HoldName::Pressure)]
     hold: HoldName,
 
+    /// How fast the twin's roller comes down [m/s]
+    #[arg(long, value_name = "M/S", default_value_t = SPEED, value_parser = speed)]
+    speed: f64,
+
     /// Inertia over mass of the accelerated twin
     #[arg(long, value_name = "FACTOR", default_value_t = ACCELERATION, value_parser = factor)]
     scaling: f64,
@@ -84,6 +88,13 @@ fn factor(text: &str) -> Result<f64, String> {
     }
 }
 
+fn speed(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(number) if (0.01..=100.0).contains(&number) => Ok(number),
+        _ => Err("expected a number from 0.01 to 100".into()),
+    }
+}
+
 /// What the paper quotes for its test case (Section 7.2.2) [s].
 #[derive(Serialize)]
 struct Paper {
@@ -102,10 +113,11 @@ const PAPER: Paper = Paper {
 #[derive(Serialize)]
 struct Report {
     vertices: usize,
-    /// How far the same vertices are apart along a yarn [mm].
+    /// Side of the stencil [mm].
     stencil_mm: f64,
     region_mm: [f64; 4],
     hold: HoldName,
+    speed_m_s: f64,
     mass_scaling: f64,
     presses: usize,
     /// Vertices in the order they were pressed.
@@ -174,6 +186,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
             HoldName::Pressure => Hold::Pressure,
             HoldName::Fixed => Hold::Fixed,
         },
+        speed: args.speed,
         acceleration: args.scaling,
     }
     .run()
@@ -191,6 +204,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         stencil_mm: env.stencil_mm,
         region_mm: case.region,
         hold: args.hold,
+        speed_m_s: args.speed,
         mass_scaling: args.scaling,
         presses: sequence.len(),
         twin_over_fast: ratio(twin.cpu_s(), fast.cpu_s()),

@@ -44,6 +44,7 @@ fn one_press_is_a_step_of_the_environment() {
             let state = stepped.state(index);
             assert!(state.position != scene.initial.position);
             let expected = End {
+                half: stepped.region_distance(&state),
                 left: stepped.region_distance(&state),
                 positions: state.position,
             };
@@ -80,6 +81,7 @@ fn sequences_are_shared_among_the_orders() {
 fn rows_leave_lost_sequences_out() {
     let end = |left: f64, x: f64| {
         Some(End {
+            half: 2.0 * left,
             left,
             positions: vec![[x, 0.0, 0.0], [0.0; 3]],
         })
@@ -97,15 +99,23 @@ fn rows_leave_lost_sequences_out() {
         is_inside: &|v| v == 0,
     };
     let row = judge.row("own", String::new(), &own);
-    assert_eq!((row.diverged, row.mean_left_m), (1, Some(3.5)));
-    assert_eq!(row.rank_correlation_twin, Some(-1.0));
-    assert_eq!(row.rank_correlation_accurate, Some(1.0));
-    assert_eq!((row.lost_m, row.best_lost_m), (Some(2.0), Some(2.0)));
-    assert_eq!(row.best_rank_twin, Some(2.0));
+    assert_eq!((row.diverged, row.end.mean_left_m), (1, Some(3.5)));
+    let half = row.halfway;
+    assert_eq!((half.mean_left_m, half.lost_m), (Some(7.0), Some(4.0)));
+    let row_end = row.end;
+    assert_eq!(row_end.rank_correlation_twin, Some(-1.0));
+    assert_eq!(row_end.rank_correlation_accurate, Some(1.0));
+    assert_eq!(
+        (row_end.lost_m, row_end.best_lost_m),
+        (Some(2.0), Some(2.0))
+    );
+    assert_eq!(row_end.lost_by_chance_m, Some(1.0));
+    assert_eq!(row_end.best_rank_twin, Some(2.0));
+    assert_eq!(row_end.is_best_among_3, Some(true));
     assert!((row.inside_mm.unwrap() - 3.0).abs() < 1e-12);
     assert_eq!(row.outside_mm, Some(0.0));
-    assert_eq!(row.left_m, [Some(4.0), Some(3.0), None]);
-    let by_order = row.rank_correlation_twin_by_order;
+    assert_eq!(row_end.left_m, [Some(4.0), Some(3.0), None]);
+    let by_order = row_end.rank_correlation_twin_by_order;
     assert_eq!(by_order[1], (Order::Sweep, Some(-1.0)));
     assert_eq!(by_order[0], (Order::Random, None));
 }
