@@ -30,7 +30,8 @@ fn clamps_of_both_end_in_the_same_places() {
         for (a, b) in positions[v].iter().zip(scene.initial.position[v]) {
             assert!((a - b).abs() < 1e-9, "vertex {v}: {a} and {b}");
         }
-        assert_eq!(twin.velocities()[v], [0.0; 3]);
+        // A clamp's force stops its vertex up to rounding.
+        assert!(twin.velocities()[v].iter().all(|u| u.abs() < 1e-12));
     }
     let balance = Balance::new(twin.energies());
     assert!(balance.residual_share < 0.02, "{balance:?}");
