@@ -15,7 +15,7 @@ use crate::scene::{Scene, SceneConfig};
 use crate::study::compare::{Comparison, Criteria, Surveyed, compare};
 use crate::tool::Tool;
 
-mod picture;
+pub(super) mod picture;
 mod text;
 
 /// Compare two drapes

@@ -177,6 +177,28 @@ impl Draping {
         self.groups[group].reset(&self.task, lane);
     }
 
+    /// Presses on a vertex in every environment, whatever the masks allow; where there is none,
+    /// time passes all the same. No episode begins or ends by it, and observations stay as they
+    /// were: it is for lists of presses that were made elsewhere. Tells which are sound.
+    ///
+    /// # Panics
+    /// If there is not one entry an environment.
+    pub fn press(&mut self, vertices: &[Option<u32>]) -> Vec<bool> {
+        assert_eq!(vertices.len(), self.count, "one entry an environment");
+        let lanes = self.groups[0].batch.lanes();
+        let task = &self.task;
+        self.groups
+            .par_iter_mut()
+            .zip(vertices.par_chunks(lanes))
+            .flat_map_iter(|(group, vertices)| {
+                group.press(task, vertices);
+                let mut sound = group.batch.sound();
+                sound.truncate(vertices.len());
+                sound
+            })
+            .collect()
+    }
+
     fn place(&self, index: usize) -> (usize, usize) {
         let lanes = self.groups[0].batch.lanes();
         (index / lanes, index % lanes)
@@ -363,6 +385,31 @@ impl Group {
 
     /// One action in every environment of the group.
     fn step(&mut self, task: &Task, actions: &[u32]) -> Vec<Outcome> {
+        let mut vertices = Vec::with_capacity(actions.len());
+        for (slot, &action) in self.slots.iter_mut().zip(actions) {
+            let allowed = slot.observation.mask.contains(action as usize);
+            assert!(allowed, "action {action} is masked out");
+            slot.progress.actions.push(action);
+            vertices.push(task.vertex(action));
+        }
+        self.press(task, &vertices);
+        let tool = &task.scene.tool;
+        let sound = self.batch.sound();
+        let distances = self.batch.distances(tool, &task.seen);
+        (0..actions.len())
+            .map(|lane| {
+                let slot = &mut self.slots[lane];
+                if sound[lane] {
+                    let distance = |k| distances[k * sound.len() + lane];
+                    slot.observation = task.observe(&slot.progress, distance);
+                }
+                self.conclude(task, lane, sound[lane])
+            })
+            .collect()
+    }
+
+    /// A press on a vertex in every environment of the group, or time without one.
+    fn press(&mut self, task: &Task, vertices: &[Option<u32>]) {
         let Scene {
             tool,
             lamina,
@@ -372,16 +419,12 @@ impl Group {
         let side = task.config.stencil_mm * 1e-3;
         let threshold = task.config.drape_threshold_mm * 1e-3;
 
-        let mut presses = Vec::with_capacity(actions.len());
-        for (lane, &action) in actions.iter().enumerate() {
-            let slot = &mut self.slots[lane];
-            let allowed = slot.observation.mask.contains(action as usize);
-            assert!(allowed, "action {action} is masked out");
-            let pressed = task.vertex(action).expect("allowed actions have a vertex");
+        let mut presses = Vec::with_capacity(vertices.len());
+        for (lane, &vertex) in vertices.iter().enumerate() {
+            let Some(pressed) = vertex else { continue };
             let position = |v| self.batch.position(lane, v);
             let (vertices, height) = under_stencil(lamina, tool, pressed, side, position);
-            slot.progress.actions.push(action);
-            slot.progress.stencil.clone_from(&vertices);
+            self.slots[lane].progress.stencil.clone_from(&vertices);
             presses.push(Press {
                 lane,
                 vertices,
@@ -419,18 +462,6 @@ impl Group {
         if let Some(settle) = &task.settle {
             self.batch.step(model, tool, settle, &[]);
         }
-        let sound = self.batch.sound();
-        let distances = self.batch.distances(tool, &task.seen);
-        (0..actions.len())
-            .map(|lane| {
-                let slot = &mut self.slots[lane];
-                if sound[lane] {
-                    let distance = |k| distances[k * sound.len() + lane];
-                    slot.observation = task.observe(&slot.progress, distance);
-                }
-                self.conclude(task, lane, sound[lane])
-            })
-            .collect()
     }
 
     /// No yarn of a vertex is stretched so much that it would pull it off the tool.

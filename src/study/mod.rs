@@ -6,5 +6,8 @@
 pub mod bench;
 pub mod compare;
 pub mod episodes;
+pub mod ranking;
 pub mod stability;
+pub mod transfer;
+pub mod twin;
 pub mod verify;

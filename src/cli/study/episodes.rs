@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::region;
 use crate::cli::Failure;
 use crate::cli::failure::{OrInvalid, scene_failure};
 use crate::cli::output::{Progress, print, print_json};
@@ -47,19 +48,6 @@ struct Report {
     orders: Vec<Played>,
     /// Wall time of the episodes [s].
     seconds: f64,
-}
-
-/// Four numbers between commas.
-fn region(text: &str) -> Result<[f64; 4], String> {
-    let numbers: Vec<f64> = text
-        .split(',')
-        .filter_map(|n| n.trim().parse().ok())
-        .collect();
-    let all = numbers.len() == text.split(',').count() && numbers.iter().all(|n| n.is_finite());
-    match <[f64; 4]>::try_from(numbers) {
-        Ok(region) if all => Ok(region),
-        _ => Err("expected four numbers between commas, as -186,-186,-60,-60".into()),
-    }
 }
 
 /// Runs `drape study episodes`.
