@@ -5,12 +5,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, EnvError, Precision, Region};
+use super::rules::{Progress, Slot, Task};
 use super::stencil::under_stencil;
 use super::task::{End, Episode, Observation, Outcome, Shape, Tasks};
-use crate::fabric::Lamina;
 use crate::math::{Isa, Vec3};
 use crate::scene::Scene;
-use crate::sim::{Batch, Control, Press, Snapshot, alone, alone_f64, batch};
+use crate::sim::{Batch, Press, Snapshot};
 
 /// N draping tasks on one scene, stepped together in groups of SIMD lanes over rayon.
 pub struct Draping {
@@ -19,50 +19,10 @@ pub struct Draping {
     count: usize,
 }
 
-/// What is the same for all environments.
-struct Task {
-    scene: Arc<Scene>,
-    config: EnvConfig,
-    region: Region,
-    /// The pixels that the agent sees something at, ascending, and the vertex of each.
-    pixels: Vec<usize>,
-    seen: Vec<u32>,
-    press: Control,
-    descent: usize,
-    settle: Option<Control>,
-    /// The next vertices on the yarns of each vertex, and the length between them [m] beyond
-    /// which the yarn pulls the vertex off the tool.
-    ties: Vec<Vec<(u32, f64)>>,
-    /// The state after a reset.
-    start: Slot,
-    /// Summed distance of the region at the start [m].
-    initial_distance: f64,
-}
-
 /// Environments in lockstep.
 struct Group {
     batch: Box<dyn Batch>,
     slots: Vec<Slot>,
-}
-
-/// One environment, without its cloth.
-#[derive(Clone)]
-struct Slot {
-    progress: Progress,
-    observation: Observation,
-    finished: Option<Finished>,
-}
-
-/// What an episode has done so far. Bits are one a vertex of the blank.
-#[derive(Clone, PartialEq, Serialize, Deserialize)]
-struct Progress {
-    #[serde(with = "crate::math::bits")]
-    draped: FixedBitSet,
-    #[serde(with = "crate::math::bits")]
-    touched: FixedBitSet,
-    actions: Vec<u32>,
-    /// The vertices under the stencil in the last step.
-    stencil: Vec<u32>,
 }
 
 /// How the last finished episode of an environment ended, before the reset.
@@ -208,171 +168,6 @@ impl Draping {
         let (group, lane) = self.place(index);
         &self.groups[group].slots[lane]
     }
-}
-
-impl Task {
-    fn new(scene: Arc<Scene>, config: &EnvConfig) -> Result<Self, EnvError> {
-        let region = config.region(&scene.lamina)?;
-        let control = |seconds: f64| Control {
-            dt: seconds,
-            substeps: ((seconds * config.substep_rate).round() as usize).max(1),
-        };
-        let press = control(config.press_s);
-        let count = scene.lamina.vertex_count();
-        let progress = Progress {
-            draped: FixedBitSet::with_capacity(count),
-            touched: FixedBitSet::with_capacity(count),
-            actions: Vec::new(),
-            stencil: Vec::new(),
-        };
-        let mut task = Self {
-            press,
-            descent: ((press.substeps as f64 * config.descent).round() as usize).max(1),
-            settle: (config.settle_s > 0.0).then(|| control(config.settle_s)),
-            ties: ties(&scene.lamina, config.drape_strain),
-            start: Slot {
-                observation: Observation {
-                    draped: FixedBitSet::new(),
-                    distance: Vec::new(),
-                    touched: FixedBitSet::new(),
-                    mask: FixedBitSet::new(),
-                },
-                progress,
-                finished: None,
-            },
-            initial_distance: 0.0,
-            scene: scene.clone(),
-            config: config.clone(),
-            region,
-            pixels: Vec::new(),
-            seen: Vec::new(),
-        };
-        for pixel in 0..task.shape().pixel_count() {
-            let vertex = task.vertex(pixel as u32);
-            if let Some(v) = vertex.filter(|&v| task.region.vertices.contains(v as usize)) {
-                task.pixels.push(pixel);
-                task.seen.push(v);
-            }
-        }
-        // As the environments hold it.
-        let mut cloth = task.cloth(1);
-        cloth.load(0, &scene.initial);
-        let distances = cloth.distances(&scene.tool, &task.seen);
-        task.start.observation = task.observe(&task.start.progress, |k| distances[k]);
-        task.initial_distance = task.distance(|v| cloth.position(0, v));
-        Ok(task)
-    }
-
-    /// The cloth of some of `count` environments.
-    fn cloth(&self, count: usize) -> Box<dyn Batch> {
-        let model = &self.scene.model;
-        match self.config.precision {
-            Precision::F64 => alone_f64(model, Isa::best()),
-            Precision::F32 if count > 1 => batch(model, Isa::best()),
-            Precision::F32 => alone(model, Isa::best()),
-        }
-    }
-
-    fn shape(&self) -> Shape {
-        let Region { rows, columns, .. } = &self.region;
-        if self.config.crop {
-            Shape {
-                rows: rows.len(),
-                columns: columns.len(),
-            }
-        } else {
-            Shape {
-                rows: self.scene.lamina.rows,
-                columns: self.scene.lamina.columns,
-            }
-        }
-    }
-
-    /// First row and column of the image.
-    fn corner(&self) -> [usize; 2] {
-        if self.config.crop {
-            [self.region.rows.start, self.region.columns.start]
-        } else {
-            [0, 0]
-        }
-    }
-
-    /// The vertex at a pixel of the image.
-    fn vertex(&self, pixel: u32) -> Option<u32> {
-        let width = self.shape().columns;
-        let [row, column] = self.corner();
-        let (down, right) = (pixel as usize / width, pixel as usize % width);
-        self.scene.lamina.vertex_at(row + down, column + right)
-    }
-
-    /// The pixel of a vertex; none outside the image.
-    fn pixel(&self, vertex: u32) -> Option<u32> {
-        let Shape { rows, columns } = self.shape();
-        let (place, corner) = (self.scene.lamina.place(vertex), self.corner());
-        let down = place[0].checked_sub(corner[0]).filter(|&d| d < rows)?;
-        let right = place[1].checked_sub(corner[1]).filter(|&r| r < columns)?;
-        Some((down * columns + right) as u32)
-    }
-
-    fn vertices(&self) -> impl Iterator<Item = u32> + '_ {
-        self.region.vertices.ones().map(|v| v as u32)
-    }
-
-    /// Summed distance of the region to the tool [m].
-    fn distance(&self, position: impl Fn(u32) -> [f64; 3]) -> f64 {
-        let distance = |v| self.scene.tool.distance(position(v)).0.max(0.0);
-        self.vertices().map(distance).sum()
-    }
-
-    /// The agent's view: zero outside the focus region and where the blank has been cut away.
-    /// `distance` is that to the tool [m] of `self.seen[k]`.
-    fn observe(&self, progress: &Progress, distance: impl Fn(usize) -> f64) -> Observation {
-        let count = self.shape().pixel_count();
-        let mut observation = Observation {
-            draped: FixedBitSet::with_capacity(count),
-            distance: vec![0.0; count],
-            touched: FixedBitSet::with_capacity(count),
-            mask: FixedBitSet::with_capacity(count),
-        };
-        let lamina = &self.scene.lamina;
-        let mut near = FixedBitSet::with_capacity(lamina.vertex_count());
-        for &pressed in &progress.stencil {
-            for v in lamina.neighbors(pressed) {
-                near.insert(v as usize);
-            }
-        }
-        for (k, &pixel) in self.pixels.iter().enumerate() {
-            let vertex = self.seen[k] as usize;
-            let touched = progress.touched.contains(vertex);
-            let draped = progress.draped.contains(vertex);
-            observation.touched.set(pixel, touched);
-            observation.draped.set(pixel, draped);
-            observation.distance[pixel] = distance(k).max(0.0) as f32;
-            observation
-                .mask
-                .set(pixel, near.contains(vertex) && !touched);
-        }
-        if observation.mask.is_clear() {
-            // The stroke is at its end: any untouched vertex of the region may begin a new one.
-            for (&pixel, &v) in self.pixels.iter().zip(&self.seen) {
-                let free = !progress.touched.contains(v as usize);
-                observation.mask.set(pixel, free);
-            }
-        }
-        observation
-    }
-}
-
-fn ties(lamina: &Lamina, strain: f64) -> Vec<Vec<(u32, f64)>> {
-    let mut ties = vec![Vec::new(); lamina.vertex_count()];
-    for yarn in &lamina.yarns {
-        let length = yarn.rest_length * (1.0 + strain);
-        for pair in yarn.vertices.windows(2) {
-            ties[pair[0] as usize].push((pair[1], length));
-            ties[pair[1] as usize].push((pair[0], length));
-        }
-    }
-    ties
 }
 
 impl Group {

@@ -6,6 +6,7 @@
 
 mod config;
 mod draping;
+mod rules;
 mod stencil;
 mod task;
 

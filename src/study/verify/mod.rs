@@ -18,7 +18,7 @@
 pub mod bending;
 pub mod cloth;
 pub mod contact;
-pub mod drape;
+pub mod dome;
 pub mod length;
 pub mod motion;
 pub mod shear;

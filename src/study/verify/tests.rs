@@ -1,6 +1,6 @@
 use super::bending::{ELASTICA, elastica, stiffness_shown};
 use super::cloth::{AREAL_MASS, GRAVITY};
-use super::drape::{at_polar, fishnet};
+use super::dome::{at_polar, fishnet};
 use super::length::{elastic_stretch, one_pass_stretch};
 use super::shear::{bias_extension, frame_angle};
 use super::trials::FISHNET;

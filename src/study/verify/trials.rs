@@ -3,7 +3,7 @@
 use super::bending::{Cantilever, ELASTICA, elastica, stiffness_shown};
 use super::cloth::{Fast, Solve};
 use super::contact::{LIFT_OFF, Rope, lift_off, slip_angle};
-use super::drape::{at_polar, fishnet, wrap};
+use super::dome::{at_polar, fishnet, wrap};
 use super::length::{
     SAG, UNIAXIAL, catenary_sag, elastic_stretch, force_at, hanging, one_pass_stretch,
 };
