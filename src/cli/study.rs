@@ -1,5 +1,6 @@
 mod episodes;
 mod stability;
+mod tradeoff;
 
 use clap::Subcommand;
 
@@ -16,6 +17,7 @@ pub struct Args {
 enum Study {
     Episodes(episodes::Args),
     Stability(stability::Args),
+    Tradeoff(tradeoff::Args),
 }
 
 /// Runs `drape study`.
@@ -23,5 +25,6 @@ pub fn run(args: Args) -> Result<(), Failure> {
     match args.study {
         Study::Episodes(args) => episodes::run(args),
         Study::Stability(args) => stability::run(args),
+        Study::Tradeoff(args) => tradeoff::run(args),
     }
 }

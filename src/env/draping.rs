@@ -177,6 +177,24 @@ impl Draping {
         self.groups[group].reset(&self.task, lane);
     }
 
+    /// Presses one vertex of the blank in every environment, whatever the mask says: what a step
+    /// costs and does, without reward, end or reset. So the same places can be pressed under
+    /// settings that would allow different ones.
+    ///
+    /// # Panics
+    /// If there is not one vertex an environment, or the blank has no such vertex.
+    pub fn press(&mut self, vertices: &[u32]) {
+        assert_eq!(vertices.len(), self.count, "one vertex an environment");
+        let lanes = self.groups[0].batch.lanes();
+        let task = &self.task;
+        self.groups
+            .par_iter_mut()
+            .zip(vertices.par_chunks(lanes))
+            .for_each(|(group, vertices)| {
+                group.press(task, vertices);
+            });
+    }
+
     fn place(&self, index: usize) -> (usize, usize) {
         let lanes = self.groups[0].batch.lanes();
         (index / lanes, index % lanes)
@@ -363,6 +381,23 @@ impl Group {
 
     /// One action in every environment of the group.
     fn step(&mut self, task: &Task, actions: &[u32]) -> Vec<Outcome> {
+        let mut pressed = Vec::with_capacity(actions.len());
+        for (slot, &action) in self.slots.iter_mut().zip(actions) {
+            let allowed = slot.observation.mask.contains(action as usize);
+            assert!(allowed, "action {action} is masked out");
+            pressed.push(task.vertex(action).expect("allowed actions have a vertex"));
+            slot.progress.actions.push(action);
+        }
+        let sound = self.press(task, &pressed);
+        let lanes = sound.into_iter().take(actions.len()).enumerate();
+        lanes
+            .map(|(lane, sound)| self.conclude(task, lane, sound))
+            .collect()
+    }
+
+    /// One press in every environment of the group, and what is seen after it. Returns whether
+    /// each lane's state is sound.
+    fn press(&mut self, task: &Task, pressed: &[u32]) -> Vec<bool> {
         let Scene {
             tool,
             lamina,
@@ -372,15 +407,11 @@ impl Group {
         let side = task.config.stencil_mm * 1e-3;
         let threshold = task.config.drape_threshold_mm * 1e-3;
 
-        let mut presses = Vec::with_capacity(actions.len());
-        for (lane, &action) in actions.iter().enumerate() {
+        let mut presses = Vec::with_capacity(pressed.len());
+        for (lane, &pressed) in pressed.iter().enumerate() {
             let slot = &mut self.slots[lane];
-            let allowed = slot.observation.mask.contains(action as usize);
-            assert!(allowed, "action {action} is masked out");
-            let pressed = task.vertex(action).expect("allowed actions have a vertex");
             let position = |v| self.batch.position(lane, v);
             let (vertices, height) = under_stencil(lamina, tool, pressed, side, position);
-            slot.progress.actions.push(action);
             slot.progress.stencil.clone_from(&vertices);
             presses.push(Press {
                 lane,
@@ -412,16 +443,13 @@ impl Group {
         }
         let sound = self.batch.sound();
         let distances = self.batch.distances(tool, &task.seen);
-        (0..actions.len())
-            .map(|lane| {
-                let slot = &mut self.slots[lane];
-                if sound[lane] {
-                    let distance = |k| distances[k * sound.len() + lane];
-                    slot.observation = task.observe(&slot.progress, distance);
-                }
-                self.conclude(task, lane, sound[lane])
-            })
-            .collect()
+        for (lane, slot) in self.slots.iter_mut().enumerate() {
+            if sound[lane] {
+                let distance = |k| distances[k * sound.len() + lane];
+                slot.observation = task.observe(&slot.progress, distance);
+            }
+        }
+        sound
     }
 
     /// Ends and resets the episode of one environment when it is over.

@@ -13,6 +13,7 @@ mod line;
 mod membrane;
 mod model;
 mod physics;
+mod preset;
 mod self_contact;
 mod state;
 mod substep;
@@ -21,6 +22,7 @@ pub use alone::Alone;
 pub use cpu::Cpu;
 pub use model::Model;
 pub use physics::{Bending, BendingStiffness, Compression, PhysicsConfig, PhysicsError, Solver};
+pub use preset::Preset;
 pub use self_contact::SelfCollision;
 pub use state::{Batch, Control, Press, Snapshot};
 

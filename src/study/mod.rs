@@ -7,3 +7,4 @@ pub mod bench;
 pub mod compare;
 pub mod episodes;
 pub mod stability;
+pub mod tradeoff;

@@ -50,7 +50,7 @@ struct Report {
 }
 
 /// Four numbers between commas.
-fn region(text: &str) -> Result<[f64; 4], String> {
+pub(super) fn region(text: &str) -> Result<[f64; 4], String> {
     let numbers: Vec<f64> = text
         .split(',')
         .filter_map(|n| n.trim().parse().ok())
