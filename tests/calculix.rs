@@ -10,15 +10,6 @@ use drape::math::Vec3;
 use drape::mesh::TriMesh;
 use drape::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
 
-/// Whether `ccx` can be run; a note on stderr if not.
-fn has_ccx() -> bool {
-    let found = Command::new("ccx").arg("-v").output().is_ok();
-    if !found {
-        eprintln!("skipped: ccx is not installed");
-    }
-    found
-}
-
 /// Runs the deck `name`.inp of `folder` and gives what `ccx` printed. It names what it cannot
 /// read with `*ERROR`; its exit status does not tell, being 201 after a check without analysis.
 fn ccx(folder: &Path, name: &str) -> String {
@@ -80,10 +71,8 @@ fn strip(length: f64, width: f64, cells: u32) -> (Vec<Vec3>, Vec<[u32; 8]>) {
 
 /// Heavy elastica at w L^3 / D = 8: drop and reach of the tip.
 #[test]
+#[ignore = "needs ccx"]
 fn cantilever_has_the_drop_and_reach_of_the_elastica() {
-    if !has_ccx() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     // mm, N, s, t, MPa.
     let (length, thickness, modulus, gravity) = (100.0, 0.2, 1e5, 9810.0);
@@ -128,11 +117,8 @@ fn cantilever_has_the_drop_and_reach_of_the_elastica() {
 /// Strip clamped at the crown of a frictionless cylinder of radius R, w R^3 / D = 2, length 2 R:
 /// place of the tip, from the axis. Contact is a penalty on the face of solid elements.
 #[test]
-#[ignore = "takes 23 s of CPU time"]
+#[ignore = "needs ccx and 23 s of CPU time"]
 fn strip_over_a_cylinder_has_its_tip_where_the_closed_form_has_it() {
-    if !has_ccx() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let (radius, thickness, modulus, gravity) = (100.0, 0.2, 1e5, 9810.0);
     let stiffness = modulus * f64::powi(thickness, 3) / 12.0;
@@ -267,10 +253,8 @@ fn draping_deck() -> Deck {
 
 /// `ccx` reads every card of a draping deck and the geometry behind it; nothing is solved.
 #[test]
+#[ignore = "needs ccx"]
 fn draping_deck_is_read() {
-    if !has_ccx() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let mut lines = Vec::new();
     let deck = draping_deck();

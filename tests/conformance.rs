@@ -473,7 +473,7 @@ fn lines_side_by_side_forget_a_lost_state() {
             lost.position[30] = [f64::NAN, f64::INFINITY, 0.0];
             used.load(0, &lost);
             advance(&mut *used, &model, &[1], 0..1);
-            assert!(!used.is_sound(0));
+            assert!(!used.sound()[0]);
             assert!(bits(&end(used, &model, lamina, 2)) == bits(&expected));
         }
     }

@@ -15,7 +15,7 @@ use crate::scene::{Scene, SceneConfig};
 use crate::study::compare::{Comparison, Criteria, Surveyed, compare};
 use crate::tool::Tool;
 
-mod picture;
+pub(super) mod picture;
 mod text;
 
 /// Compare two drapes
@@ -44,7 +44,7 @@ pub struct Args {
     region: Option<Region>,
 
     /// PNG of A coloured by its signed distance from B
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE.png", value_parser = png)]
     out: Option<PathBuf>,
 
     /// Distance at the ends of the colours [mm]; not given, what 95 % of the area keep within
@@ -56,11 +56,11 @@ pub struct Args {
     scale: f64,
 
     /// Shear from which on the fabric counts as locked [deg]
-    #[arg(long, value_name = "DEG", value_parser = positive, default_value_t = 45.0)]
+    #[arg(long, value_name = "DEG", value_parser = angle, default_value_t = 45.0)]
     locking: f64,
 
     /// Angle below which yarns agree [deg]
-    #[arg(long, value_name = "DEG", value_parser = positive, default_value_t = 5.0)]
+    #[arg(long, value_name = "DEG", value_parser = angle, default_value_t = 5.0)]
     fibre: f64,
 
     /// Gap to the tool from which on cloth is bridged [mm]
@@ -96,6 +96,23 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(number) if number > 0.0 && number <= 1e6 => Ok(number),
         _ => Err("expected a number > 0 and at most 1000000".into()),
+    }
+}
+
+/// Shear and angles between yarns end at a right one.
+fn angle(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(angle) if angle > 0.0 && angle <= 90.0 => Ok(angle),
+        _ => Err("expected an angle > 0 and at most 90 degrees".into()),
+    }
+}
+
+/// A picture must not replace what is compared.
+fn png(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension() {
+        Some(end) if end.eq_ignore_ascii_case("png") => Ok(path),
+        _ => Err("expected a file that ends in .png".into()),
     }
 }
 

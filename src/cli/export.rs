@@ -10,6 +10,7 @@ use crate::fabric::{Curve, Drape, Family};
 use crate::math::Vec3;
 use crate::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
 use crate::path::{DrapingPoint, write_csv, write_json};
+use crate::sim::BendingStiffness;
 
 /// Write the ordered draping points for the robot, or the whole case for finite elements
 #[derive(Debug, clap::Args)]
@@ -24,8 +25,8 @@ pub struct Args {
 
     /// Which programme shall read the deck: Abaqus has the fabric's test data, CalculiX an
     /// elastic approximation
-    #[arg(long, value_enum, default_value_t = DialectName::Calculix)]
-    dialect: DialectName,
+    #[arg(long, value_enum)]
+    dialect: Option<DialectName>,
 
     /// File to write; trajectory.json, trajectory.csv or draping.inp in the run folder if not
     /// given
@@ -81,13 +82,18 @@ pub fn run(args: Args) -> Result<(), Failure> {
             Format::Inp => json.with_file_name("draping.inp"),
         }
     });
+    if args.dialect.is_some() && !matches!(args.format, Format::Inp) {
+        return Err(Failure::invalid(anyhow::anyhow!(
+            "`--dialect` is of decks, expected `--format inp` with it"
+        )));
+    }
     match args.format {
         Format::Json => write_json(&file, &points)?,
         Format::Csv => write_csv(&file, &points)?,
         Format::Inp => {
             let dialect = match args.dialect {
-                DialectName::Calculix => Dialect::Calculix,
-                DialectName::Abaqus => Dialect::Abaqus,
+                None | Some(DialectName::Calculix) => Dialect::Calculix,
+                Some(DialectName::Abaqus) => Dialect::Abaqus,
             };
             deck(&loaded, &points, dialect).write(&file)?;
         }
@@ -139,14 +145,22 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Deck {
         })
         .collect();
     let points = |curve: &Curve| curve.points().to_vec();
+    let physics = scene.model.physics();
     let fabric = FabricCard {
         thickness: material.thickness(),
         areal_mass: lamina.mass.iter().sum::<f64>() / lamina.area(),
         tension: [&material.warp, &material.weft].map(|law| points(&law.tension)),
         compression: [&material.warp, &material.weft].map(|law| points(&law.compression)),
         shear: [&material.shear.positive, &material.shear.negative].map(points),
-        bending: [Family::Warp, Family::Weft].map(|family| material.bending_stiffness(family)),
-        friction: material.friction(),
+        bending: [Family::Warp, Family::Weft].map(|family| match physics.bending_stiffness {
+            BendingStiffness::Material => material.bending_stiffness(family),
+            BendingStiffness::NewtonMetre(stiffness) => stiffness,
+        }),
+        friction: if physics.friction {
+            material.friction()
+        } else {
+            [0.0; 2]
+        },
     };
     let clamped: Vec<u32> = scene.initial.fixed.ones().map(|v| v as u32).collect();
     let (deck, _) = DrapingDeck {

@@ -56,7 +56,7 @@ impl Default for EnvConfig {
             press_s: 1.0 / 60.0,
             descent: 0.5,
             settle_s: 0.0,
-            substep_rate: 1200.0,
+            substep_rate: 600.0,
             max_steps: None,
             precision: Precision::F32,
         }

@@ -177,22 +177,26 @@ impl Draping {
         self.groups[group].reset(&self.task, lane);
     }
 
-    /// Presses one vertex of the blank in every environment, whatever the mask says: what a step
-    /// costs and does, without reward, end or reset. So the same places can be pressed under
-    /// settings that would allow different ones.
+    /// Presses on a vertex in every environment, whatever the masks allow; where there is none,
+    /// time passes all the same. No episode begins or ends by it, and observations stay as they
+    /// were: it is for lists of presses that were made elsewhere. Tells which are sound.
     ///
     /// # Panics
-    /// If there is not one vertex an environment, or the blank has no such vertex.
-    pub fn press(&mut self, vertices: &[u32]) {
-        assert_eq!(vertices.len(), self.count, "one vertex an environment");
+    /// If there is not one entry an environment.
+    pub fn press(&mut self, vertices: &[Option<u32>]) -> Vec<bool> {
+        assert_eq!(vertices.len(), self.count, "one entry an environment");
         let lanes = self.groups[0].batch.lanes();
         let task = &self.task;
         self.groups
             .par_iter_mut()
             .zip(vertices.par_chunks(lanes))
-            .for_each(|(group, vertices)| {
+            .flat_map_iter(|(group, vertices)| {
                 group.press(task, vertices);
-            });
+                let mut sound = group.batch.sound();
+                sound.truncate(vertices.len());
+                sound
+            })
+            .collect()
     }
 
     fn place(&self, index: usize) -> (usize, usize) {
@@ -381,23 +385,31 @@ impl Group {
 
     /// One action in every environment of the group.
     fn step(&mut self, task: &Task, actions: &[u32]) -> Vec<Outcome> {
-        let mut pressed = Vec::with_capacity(actions.len());
+        let mut vertices = Vec::with_capacity(actions.len());
         for (slot, &action) in self.slots.iter_mut().zip(actions) {
             let allowed = slot.observation.mask.contains(action as usize);
             assert!(allowed, "action {action} is masked out");
-            pressed.push(task.vertex(action).expect("allowed actions have a vertex"));
             slot.progress.actions.push(action);
+            vertices.push(task.vertex(action));
         }
-        let sound = self.press(task, &pressed);
-        let lanes = sound.into_iter().take(actions.len()).enumerate();
-        lanes
-            .map(|(lane, sound)| self.conclude(task, lane, sound))
+        self.press(task, &vertices);
+        let tool = &task.scene.tool;
+        let sound = self.batch.sound();
+        let distances = self.batch.distances(tool, &task.seen);
+        (0..actions.len())
+            .map(|lane| {
+                let slot = &mut self.slots[lane];
+                if sound[lane] {
+                    let distance = |k| distances[k * sound.len() + lane];
+                    slot.observation = task.observe(&slot.progress, distance);
+                }
+                self.conclude(task, lane, sound[lane])
+            })
             .collect()
     }
 
-    /// One press in every environment of the group, and what is seen after it. Returns whether
-    /// each lane's state is sound.
-    fn press(&mut self, task: &Task, pressed: &[u32]) -> Vec<bool> {
+    /// A press on a vertex in every environment of the group, or time without one.
+    fn press(&mut self, task: &Task, vertices: &[Option<u32>]) {
         let Scene {
             tool,
             lamina,
@@ -407,12 +419,12 @@ impl Group {
         let side = task.config.stencil_mm * 1e-3;
         let threshold = task.config.drape_threshold_mm * 1e-3;
 
-        let mut presses = Vec::with_capacity(pressed.len());
-        for (lane, &pressed) in pressed.iter().enumerate() {
-            let slot = &mut self.slots[lane];
+        let mut presses = Vec::with_capacity(vertices.len());
+        for (lane, &vertex) in vertices.iter().enumerate() {
+            let Some(pressed) = vertex else { continue };
             let position = |v| self.batch.position(lane, v);
             let (vertices, height) = under_stencil(lamina, tool, pressed, side, position);
-            slot.progress.stencil.clone_from(&vertices);
+            self.slots[lane].progress.stencil.clone_from(&vertices);
             presses.push(Press {
                 lane,
                 vertices,
@@ -423,33 +435,41 @@ impl Group {
         self.batch.step(model, tool, &task.press, &presses);
 
         for press in presses {
-            let progress = &mut self.slots[press.lane].progress;
-            for vertex in press.vertices {
-                progress.touched.insert(vertex as usize);
-                let x = self.batch.position(press.lane, vertex);
-                let slack = |&(neighbor, length): &(u32, f64)| {
-                    let y = self.batch.position(press.lane, neighbor);
-                    (Vec3::from(x) - Vec3::from(y)).norm() <= length
-                };
-                let held = task.ties[vertex as usize].iter().all(slack);
+            let lane = press.lane;
+            let progress = &mut self.slots[lane].progress;
+            let mut touched = press.vertices;
+            touched.retain(|&v| !progress.draped.contains(v as usize));
+            for &v in &touched {
+                progress.touched.insert(v as usize);
+                let x = self.batch.position(lane, v);
+                let (phi, normal) = tool.distance(x);
+                // Tangent planes are a few substeps old: what they let in goes out again.
+                if phi < 0.0 && !task.scene.initial.fixed.contains(v as usize) {
+                    let at = [0, 1, 2].map(|k| x[k] - phi * normal[k]);
+                    self.batch.place(lane, v, at);
+                }
+            }
+            for v in touched {
+                let x = self.batch.position(lane, v);
+                let beside = task.ties[v as usize].iter().map(|&(w, _)| w);
+                let held = beside.chain([v]).all(|v| self.is_slack(task, lane, v));
                 if held && tool.distance(x).0 <= threshold {
-                    progress.draped.insert(vertex as usize);
-                    self.batch.fix(press.lane, vertex);
+                    self.slots[lane].progress.draped.insert(v as usize);
+                    self.batch.fix(lane, v);
                 }
             }
         }
         if let Some(settle) = &task.settle {
             self.batch.step(model, tool, settle, &[]);
         }
-        let sound = self.batch.sound();
-        let distances = self.batch.distances(tool, &task.seen);
-        for (lane, slot) in self.slots.iter_mut().enumerate() {
-            if sound[lane] {
-                let distance = |k| distances[k * sound.len() + lane];
-                slot.observation = task.observe(&slot.progress, distance);
-            }
-        }
-        sound
+    }
+
+    /// No yarn of a vertex is stretched so much that it would pull it off the tool.
+    fn is_slack(&self, task: &Task, lane: usize, vertex: u32) -> bool {
+        let position = |v| Vec3::from(self.batch.position(lane, v));
+        let x = position(vertex);
+        let mut ties = task.ties[vertex as usize].iter();
+        ties.all(|&(w, length)| (x - position(w)).norm() <= length)
     }
 
     /// Ends and resets the episode of one environment when it is over.

@@ -1,8 +1,10 @@
+use serde::Serialize;
+
 /// Where the energy of a twin is, and what has come and gone since the start [J].
 ///
 /// Everything is taken half a step back, where velocities are known; energies of position are
 /// the mean of those before and after.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Energies {
     /// Of motion.
     pub kinetic: f64,

@@ -29,7 +29,11 @@ impl Twin {
         loop {
             let left = end - self.seconds;
             if left <= 1e-9 * self.time_step {
-                return Ok(());
+                return if self.is_finite() {
+                    Ok(())
+                } else {
+                    Err(self.diverged())
+                };
             }
             self.step(tool, left)?;
         }

@@ -148,6 +148,11 @@ impl Twin {
         &self.config
     }
 
+    /// Changes the decay rate of every velocity [1/s], such as to settle.
+    pub fn set_damping(&mut self, damping: f64) {
+        self.config.damping = damping;
+    }
+
     /// Time since the twin was made [s].
     pub fn seconds(&self) -> f64 {
         self.seconds

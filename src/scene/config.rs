@@ -167,6 +167,12 @@ impl SceneConfig {
         (self.fall.fall_s / FRAME).round() as usize
     }
 
+    /// Duration of the fall [s], in whole control steps, and of settling after it.
+    pub fn durations(&self) -> [f64; 2] {
+        let frames = |seconds: f64| (seconds / FRAME).round() * FRAME;
+        [frames(self.fall.fall_s), frames(self.fall.settle_s)]
+    }
+
     /// Velocity of the tool during the fall [m/s]; none if it stands.
     pub(super) fn tool_velocity(&self) -> Option<[f64; 3]> {
         let way = self.fall.tool_move_mm;

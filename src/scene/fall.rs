@@ -132,9 +132,9 @@ fn displace(vectors: &mut [[f64; 3]], by: [f64; 3]) {
     }
 }
 
-/// The flat blank before the fall; clamps already have the velocity of their way. Fails if one
-/// is further from the blank than a cell is long.
-fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Result<Snapshot, SceneError> {
+/// The flat blank before the fall; clamps already have the velocity of their way, which takes
+/// `fall_s` seconds. Fails if one is further from the blank than a cell is long.
+pub fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Result<Snapshot, SceneError> {
     let placement = &config.placement;
     let (yaw_sin, yaw_cos) = placement.yaw_deg.to_radians().sin_cos();
     let (tilt_sin, tilt_cos) = placement.tilt_deg.to_radians().sin_cos();

@@ -10,7 +10,7 @@ mod fall;
 mod summary;
 
 pub use config::{Clamp, Fall, Placement, SceneConfig, SceneError};
-pub use fall::Scene;
+pub use fall::{Scene, hung};
 pub use summary::{Summary, wrinkle_count};
 
 #[cfg(test)]

@@ -80,7 +80,7 @@ impl<V: Lanes> Alone<V> {
         })
     }
 
-    fn place(&self, vertex: usize) -> (usize, usize) {
+    fn slot(&self, vertex: usize) -> (usize, usize) {
         let [number, lane] = self.fold.vertices[vertex];
         (number as usize, lane as usize)
     }
@@ -99,7 +99,7 @@ impl<V: Lanes> Batch for Alone<V> {
         self.cloth.yarns.stress.fill(V::zero());
         self.cloth.yarns.force.fill(V::zero());
         for vertex in 0..self.free_inverse_mass.len() {
-            let (v, lane) = self.place(vertex);
+            let (v, lane) = self.slot(vertex);
             self.cloth.position[v].set(lane, snapshot.position[vertex]);
             self.cloth.velocity[v].set(lane, snapshot.velocity[vertex]);
             let w = if snapshot.fixed.contains(vertex) {
@@ -117,7 +117,7 @@ impl<V: Lanes> Batch for Alone<V> {
     }
 
     fn snapshot(&self, _: usize) -> Snapshot {
-        let places = || (0..self.free_inverse_mass.len()).map(|vertex| self.place(vertex));
+        let places = || (0..self.free_inverse_mass.len()).map(|vertex| self.slot(vertex));
         let mut fixed = FixedBitSet::with_capacity(self.free_inverse_mass.len());
         for (vertex, (v, lane)) in places().enumerate() {
             let w = self.cloth.inverse_mass[v].as_slice()[lane];
@@ -140,12 +140,17 @@ impl<V: Lanes> Batch for Alone<V> {
     }
 
     fn position(&self, _: usize, vertex: u32) -> [f64; 3] {
-        let (v, lane) = self.place(vertex as usize);
+        let (v, lane) = self.slot(vertex as usize);
         self.cloth.position[v].get(lane)
     }
 
+    fn place(&mut self, _: usize, vertex: u32, at: [f64; 3]) {
+        let (v, lane) = self.slot(vertex as usize);
+        self.cloth.position[v].set(lane, at);
+    }
+
     fn fix(&mut self, _: usize, vertex: u32) {
-        let (v, lane) = self.place(vertex as usize);
+        let (v, lane) = self.slot(vertex as usize);
         let zero = V::Scalar::from_f64(0.0);
         self.cloth.inverse_mass[v].as_mut_slice()[lane] = zero;
         self.cloth.velocity[v].set(lane, [0.0; 3]);
@@ -185,7 +190,7 @@ impl<V: Lanes> Batch for Alone<V> {
         let all: Vec<u32> = (0..self.fold.count as u32).collect();
         let distances = self.cloth.distances(tool, &all);
         let of = |&vertex: &u32| {
-            let (v, lane) = self.place(vertex as usize);
+            let (v, lane) = self.slot(vertex as usize);
             distances[v * V::COUNT + lane]
         };
         vertices.iter().map(of).collect()

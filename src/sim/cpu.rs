@@ -131,6 +131,10 @@ impl<V: Lanes> Batch for Cpu<V> {
         self.position[vertex as usize].get(lane)
     }
 
+    fn place(&mut self, lane: usize, vertex: u32, at: [f64; 3]) {
+        self.position[vertex as usize].set(lane, at);
+    }
+
     fn fix(&mut self, lane: usize, vertex: u32) {
         let zero = V::Scalar::from_f64(0.0);
         self.inverse_mass[vertex as usize].as_mut_slice()[lane] = zero;

@@ -94,7 +94,7 @@ impl Default for PhysicsConfig {
             gravity: 9.81,
             damping: 50.0,
             speed_cap: 4.0,
-            contact_interval: 10,
+            contact_interval: 5,
             press_stiffness: 300.0,
         }
     }

@@ -12,7 +12,7 @@ use super::state::Control;
 pub enum Preset {
     /// 5 substeps a frame of 1/60 s: previews, and statics of the yarn solver.
     Fast,
-    /// 20 substeps a frame: what episodes are trained with.
+    /// 10 substeps a frame: the defaults of episodes, what is trained with.
     #[default]
     Balanced,
     /// 200 substeps a frame: what results are checked with.
@@ -36,7 +36,7 @@ impl Preset {
     pub fn substep_rate(self) -> f64 {
         match self {
             Self::Fast => 300.0,
-            Self::Balanced => 1200.0,
+            Self::Balanced => 600.0,
             Self::Accurate => 12_000.0,
         }
     }
@@ -44,8 +44,7 @@ impl Preset {
     /// Substeps between two looks for the tool's tangent planes.
     pub fn contact_interval(self) -> usize {
         match self {
-            Self::Fast => 1,
-            Self::Balanced => 2,
+            Self::Fast | Self::Balanced => 5,
             Self::Accurate => 10,
         }
     }

@@ -73,6 +73,9 @@ pub trait Batch: Send {
     /// Position of a vertex [m].
     fn position(&self, lane: usize, vertex: u32) -> [f64; 3];
 
+    /// Puts a vertex `at` a place [m].
+    fn place(&mut self, lane: usize, vertex: u32, at: [f64; 3]);
+
     /// Stops a vertex where it is, for good.
     fn fix(&mut self, lane: usize, vertex: u32);
 

@@ -203,7 +203,7 @@ fn parts(
         hausdorff = chosen().fold(hausdorff, |most, (foot, _)| most.max(MM * foot.distance));
         let total: f64 = chosen().map(|(_, area)| area).sum();
         let outside = chosen().filter(|(foot, _)| foot.is_beyond);
-        beyond[k] = outside.map(|(_, area)| area).sum::<f64>() / total.max(f64::MIN_POSITIVE);
+        beyond[k] = outside.fold(0.0, |sum, (_, area)| sum + area) / total.max(f64::MIN_POSITIVE);
     }
     let material = match (&a.drape, &b.drape) {
         (Some(a), Some(b)) => Some((a, b)),
@@ -305,7 +305,7 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
             rms: found.rms,
             min: found.min,
             max: found.max,
-            locked_area_mm2: MM * MM * locked.map(|(_, area)| area).sum::<f64>(),
+            locked_area_mm2: MM * MM * locked.fold(0.0, |sum, (_, area)| sum + area),
         });
         let of = |f: fn(f64) -> f64| {
             let both = |(t, area): &(crate::fabric::Tangents, f64)| {
@@ -346,7 +346,7 @@ fn tooling(mesh: &TriMesh, tool: &Surface, gap: f64) -> Tooling {
         .collect();
     let areas = vertex_areas(mesh);
     let open = phi.iter().zip(&areas).filter(|(phi, _)| **phi > gap);
-    let bridged: f64 = open.map(|(_, area)| area).sum();
+    let bridged = open.fold(0.0, |sum, (_, area)| sum + area);
     let total: f64 = areas.iter().sum();
     Tooling {
         bridged_area_mm2: MM * MM * bridged,

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::env::{Draping, End, EnvConfig, EnvError, Tasks};
+use crate::env::{Draping, End, EnvConfig, EnvError, Episode, Tasks};
 use crate::math::{Isa, Purpose, Stream};
 use crate::scene::{Scene, Summary};
 use crate::sim::{Control, Snapshot, alone};
@@ -46,6 +46,8 @@ pub struct Ended {
     pub summary: Summary,
     /// Root mean square speed [mm/s] a quarter of a second later.
     pub rest_v_rms_mm_s: f64,
+    /// Greatest tensile strain of a yarn edge [-] then.
+    pub rest_tension_max: f64,
     /// Share of the blank's yarn edges compressed by more than 5 %: crushed surplus.
     pub crushed_share: f64,
 }
@@ -66,41 +68,86 @@ pub fn play(
     order: Order,
     count: usize,
     seed: u64,
-    mut progress: impl FnMut(usize),
+    progress: impl FnMut(usize),
 ) -> Result<Played, EnvError> {
+    let mut ended: Vec<Option<Ended>> = vec![None; count];
+    let orders = (order, count, seed);
+    let env = play_out(scene, config, orders, progress, |env, index, episode| {
+        let finished = env.finished(index).expect("an episode has ended");
+        let undraped = finished.touched.difference(&finished.draped).count();
+        ended[index] = Some(Ended {
+            diverged: episode.end == End::Diverged,
+            steps: episode.actions.len(),
+            region_m: env.region_distance(&finished.state),
+            undraped,
+            ..measure(scene, config, &finished.state)
+        });
+    })?;
+    Ok(Played {
+        order,
+        initial_m: env.initial_distance(),
+        episodes: ended.into_iter().flatten().collect(),
+    })
+}
+
+/// The vertices that `count` episodes in `order` press, each in its order. Without those in
+/// which the simulation was lost.
+pub fn sequences(
+    scene: &Arc<Scene>,
+    config: &EnvConfig,
+    order: Order,
+    count: usize,
+    seed: u64,
+) -> Result<Vec<Vec<u32>>, EnvError> {
+    let mut pressed = vec![Vec::new(); count];
+    let orders = (order, count, seed);
+    play_out(
+        scene,
+        config,
+        orders,
+        |_| {},
+        |env, index, episode| {
+            if episode.end != End::Diverged {
+                let vertices = episode.actions.iter().map(|&action| env.vertex(action));
+                pressed[index] = vertices.flatten().collect();
+            }
+        },
+    )?;
+    pressed.retain(|sequence| !sequence.is_empty());
+    Ok(pressed)
+}
+
+/// Plays `count` episodes in an order under a seed. `progress` is told the number of steps
+/// taken, `ended` the first episode of every environment when it ends.
+fn play_out(
+    scene: &Arc<Scene>,
+    config: &EnvConfig,
+    (order, count, seed): (Order, usize, u64),
+    mut progress: impl FnMut(usize),
+    mut ended: impl FnMut(&Draping, usize, &Episode),
+) -> Result<Draping, EnvError> {
     let mut env = Draping::new(scene.clone(), config, count)?;
     let mut streams: Vec<Stream> = (0..count)
         .map(|index| Stream::new(seed, Purpose::Evaluation, index as u32))
         .collect();
-    let mut ended: Vec<Option<Ended>> = vec![None; count];
+    let mut is_over = vec![false; count];
     let mut steps = 0;
-    while ended.iter().any(Option::is_none) {
+    while is_over.contains(&false) {
         let choose = |(index, stream): (usize, &mut Stream)| {
             let share = index as f64 / count as f64;
             choose(&env, index, order, share, stream)
         };
         let actions: Vec<u32> = streams.iter_mut().enumerate().map(choose).collect();
         for (index, outcome) in env.step(&actions).into_iter().enumerate() {
-            if let (Some(episode), None) = (outcome.episode, &ended[index]) {
-                let finished = env.finished(index).expect("an episode has ended");
-                let undraped = finished.touched.difference(&finished.draped).count();
-                ended[index] = Some(Ended {
-                    diverged: episode.end == End::Diverged,
-                    steps: episode.actions.len(),
-                    region_m: env.region_distance(&finished.state),
-                    undraped,
-                    ..measure(scene, config, &finished.state)
-                });
+            if let (Some(episode), false) = (outcome.episode, is_over[index]) {
+                ended(&env, index, &episode);
+                is_over[index] = true;
             }
         }
         steps += 1;
         progress(steps);
     }
-    Ok(Played {
-        order,
-        initial_m: env.initial_distance(),
-        episodes: ended.into_iter().flatten().collect(),
-    })
+    Ok(env)
 }
 
 /// The allowed action that comes first in `order`; `share` 0..1 of the episodes came before.
@@ -144,13 +191,16 @@ fn measure(scene: &Scene, config: &EnvConfig, state: &Snapshot) -> Ended {
         substeps: (REST * config.substep_rate).round() as usize,
     };
     cloth.step(&scene.model, &scene.tool, &control, &[]);
+    let rested = cloth.snapshot(0);
+    let strain = scene.lamina.yarn_strain(&rested.position);
     Ended {
         diverged: false,
         steps: 0,
         region_m: 0.0,
         undraped: 0,
         summary: scene.summary(state),
-        rest_v_rms_mm_s: 1e3 * cloth.snapshot(0).v_rms(),
+        rest_v_rms_mm_s: 1e3 * rested.v_rms(),
+        rest_tension_max: strain.iter().copied().fold(0.0, f64::max),
         crushed_share: crushed as f64 / strain.len() as f64,
     }
 }

@@ -9,6 +9,7 @@ mod membranes;
 mod motion;
 mod stability;
 mod tool_motion;
+mod verify;
 mod yarns;
 
 use std::sync::LazyLock;
@@ -19,6 +20,7 @@ use drape::sim::{
     Batch, Bending, BendingStiffness, Compression, Control, Cpu, Model, PhysicsConfig, Snapshot,
     Solver,
 };
+use drape::study::verify::cloth::Fast;
 use drape::tool::{Cylinder, GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolConfig};
 
 const GRAVITY: f64 = 9.81;
@@ -129,6 +131,15 @@ fn run(model: &Model, tool: &Tool, state: &Snapshot, h: f64, seconds: f64) -> Sn
         left -= substeps;
     }
     batch.snapshot(0)
+}
+
+/// The fast solver with a substep of its own.
+fn fast(solver: Solver, substep: f64) -> Fast {
+    Fast {
+        solver,
+        substep,
+        contact_interval: 5,
+    }
 }
 
 #[track_caller]

@@ -114,3 +114,151 @@ fn regions_of_episodes_are_four_numbers() {
         assert!(stderr.contains("four numbers between commas"), "{stderr}");
     }
 }
+
+#[test]
+fn verify_writes_rows_and_counts_those_that_are_met() {
+    let folder = folder();
+    let path = folder.path();
+    let args = ["study", "verify", "--quick", "--group", "motion"];
+    let report = json(path, &[&args[..], &["--out", "out", "--json"]].concat());
+    let cases = report["cases"].as_array().unwrap();
+    let keys = [
+        "case",
+        "expected",
+        "found",
+        "preset",
+        "relative_error",
+        "solver",
+        "unit",
+    ];
+    for case in cases {
+        let mut found: Vec<_> = case.as_object().unwrap().keys().collect();
+        found.sort();
+        assert_eq!(found, keys);
+    }
+    let met = |solver: &str| {
+        let own = cases.iter().filter(|case| case["solver"] == solver);
+        own.filter(|case| case["relative_error"].as_f64().unwrap().abs() <= 0.01)
+            .count() as u64
+    };
+    for solver in ["yarn", "gauss_seidel", "twin"] {
+        let counts = report["counts"].as_array().unwrap().iter();
+        let own = counts.filter(|count| count["solver"] == solver);
+        let sum: u64 = own.map(|count| count["met"].as_u64().unwrap()).sum();
+        assert_eq!(sum, met(solver), "{solver}");
+    }
+    assert!(met("yarn") > 0);
+    assert_eq!(names(&path.join("out")), ["cases.json"]);
+    let text = stdout(path, &args);
+    assert!(
+        text.starts_with("case ") && text.contains("\nmotion\n"),
+        "{text}"
+    );
+}
+
+#[test]
+fn unknown_groups_are_refused_before_anything_is_written() {
+    let folder = folder();
+    let output = drape(folder.path(), &["study", "verify", "--group", "bend"]);
+    assert_failure(&output, 2, &["there is no group `bend`", "bending, length"]);
+    assert_eq!(names(folder.path()), [""; 0]);
+}
+
+/// A scene with a short fall of a coarse blank, and a region of a few vertices.
+fn tiny(folder: &Path) {
+    fs::write(folder.join("tiny.toml"), super::scene(RIB)).unwrap();
+}
+
+const TINY: [&str; 4] = [
+    "tiny.toml",
+    "--mesh=13",
+    "--region=-186,-186,-90,-90",
+    "--out=out",
+];
+
+#[test]
+fn twin_writes_states_that_can_be_compared() {
+    let folder = folder();
+    let path = folder.path();
+    tiny(path);
+    let report = json(path, &[&["study", "twin", "--json"], &TINY[..]].concat());
+    let runs = report["runs"].as_array().unwrap();
+    let names_of: Vec<&str> = runs.iter().map(|r| r["name"].as_str().unwrap()).collect();
+    assert_eq!(names_of, ["fast", "twin", "accelerated"]);
+    assert!(runs[1]["energy"][1]["residual_share"].as_f64().unwrap() < 0.05);
+    assert!(runs[0].get("energy").is_none());
+    let sequence = report["sequence"].as_array().unwrap();
+    assert!(!sequence.is_empty() && sequence.len() as u64 == report["presses"]);
+    let comparisons = report["comparisons"].as_array().unwrap();
+    assert_eq!(comparisons.len(), 4);
+    for found in comparisons {
+        assert!(found["inside"]["fibre_angle_deg"][0]["share_below"].is_number());
+        let picture = path.join("out").join(found["picture"].as_str().unwrap());
+        assert!(fs::read(picture).unwrap().starts_with(b"\x89PNG"));
+    }
+    for extension in ["stl", "vtk", "json"] {
+        assert!(
+            path.join(format!("out/draped-accelerated.{extension}"))
+                .exists()
+        );
+    }
+    let args = [
+        "compare",
+        "out/draped-fast.json",
+        "out/draped-twin.json",
+        "--json",
+    ];
+    let again = json(path, &args);
+    let of = |found: &Value| found["topology_a_to_b_mm"]["max"].as_f64().unwrap();
+    let first = comparisons
+        .iter()
+        .find(|c| c["moment"] == "draped" && c["name"] == "fast");
+    assert!((of(&again) - of(first.unwrap())).abs() < 1e-6);
+}
+
+#[test]
+fn transfer_has_a_row_for_every_setting() {
+    let folder = folder();
+    let path = folder.path();
+    tiny(path);
+    let args = ["study", "transfer", "--count=4", "--json"];
+    let report = json(path, &[&args[..], &TINY[..]].concat());
+    let settings = report["settings"].as_array().unwrap();
+    assert_eq!(settings.len(), 10);
+    let count = report["sequences"].as_array().unwrap().len();
+    for row in settings {
+        assert_eq!(row["left_m"].as_array().unwrap().len(), count);
+        for key in ["mean_left_m", "lost_m", "inside_mm", "outside_mm", "cpu_s"] {
+            assert!(row[key].as_f64().unwrap() >= 0.0, "{key}: {row}");
+        }
+        for key in ["rank_correlation_accurate", "rank_correlation_twin"] {
+            let value = &row["halfway"][key];
+            assert!(value.is_null() || value.as_f64().unwrap().abs() <= 1.0);
+        }
+    }
+    let twin = settings.iter().find(|row| row["name"] == "twin").unwrap();
+    assert_eq!(twin["inside_mm"], 0.0);
+    assert_eq!(twin["lost_m"], 0.0);
+    assert_eq!(names(&path.join("out")), ["scatter.png", "transfer.json"]);
+}
+
+#[test]
+fn studies_with_a_twin_refuse_what_it_cannot_do() {
+    let folder = folder();
+    let path = folder.path();
+    let text = format!("{}[physics]\nshear = false\n", super::scene(RIB));
+    fs::write(path.join("tiny.toml"), text).unwrap();
+    for study in ["twin", "transfer"] {
+        let output = drape(path, &[&["study", study], &TINY[..]].concat());
+        assert_failure(
+            &output,
+            2,
+            &["tiny.toml", "`physics.shear` is false", "expected true"],
+        );
+    }
+    tiny(path);
+    let args = ["study", "twin", "tiny.toml", "--path=none.json"];
+    assert_failure(&drape(path, &args), 2, &["none.json"]);
+    let args = ["study", "twin", "tiny.toml", "--region=900,900,990,990"];
+    assert_failure(&drape(path, &args), 2, &["`env.region_mm`"]);
+}

@@ -129,6 +129,16 @@ fn slack(env: &Draping, config: &EnvConfig, state: &Snapshot, v: usize) -> bool 
         })
 }
 
+/// The same for `v` and its neighbours on yarns.
+fn slack_around(env: &Draping, config: &EnvConfig, state: &Snapshot, v: usize) -> bool {
+    let yarns = env.scene().lamina.yarns.iter();
+    let mut pairs = yarns.flat_map(|yarn| yarn.vertices.windows(2));
+    pairs.all(|pair| {
+        let of = |w: u32| slack(env, config, state, w as usize);
+        !pair.contains(&(v as u32)) || (of(pair[0]) && of(pair[1]))
+    })
+}
+
 fn check_step(env: &Draping, config: &EnvConfig, before: &View, after: &View, pressed: u32) {
     let scene = env.scene();
     let under = stencil(env, config, before, pressed);
@@ -144,7 +154,7 @@ fn check_step(env: &Draping, config: &EnvConfig, before: &View, after: &View, pr
         let near =
             scene.tool.distance(after.state.position[v]).0 <= 1e-3 * config.drape_threshold_mm;
         let draped = before.draped.contains(v)
-            || under.contains(v) && near && slack(env, config, &after.state, v);
+            || under.contains(v) && near && slack_around(env, config, &after.state, v);
         assert_eq!(after.draped.contains(v), draped, "vertex {v}");
         if before.draped.contains(v) {
             assert_eq!(
@@ -216,7 +226,9 @@ fn check_observation(
         assert_eq!(env.action(v as u32), Some(pixel as u32));
         let distance = scene.tool.distance(after.state.position[v]).0.max(0.0) as f32;
         let expected = if inside(v) { distance } else { 0.0 };
-        assert_eq!(observation.distance[pixel], expected);
+        // Looked up in the environment's precision: a tenth of a micrometre.
+        let error = (observation.distance[pixel] - expected).abs();
+        assert!(error < 2e-7, "{error} m off at pixel {pixel}");
         let seen = |bits: &FixedBitSet| inside(v) && bits.contains(v);
         assert_eq!(observation.touched.contains(pixel), seen(&after.touched));
         assert_eq!(observation.draped.contains(pixel), seen(&after.draped));

@@ -44,7 +44,7 @@ fn leave<V: drape::math::Lanes>(substeps: usize) -> Rest {
     }
 }
 
-/// At the 20 substeps of episodes, in either precision.
+/// At 20 substeps a frame, in either precision.
 #[test]
 fn settled_rib_stays() {
     for rest in [leave::<f32>(20), leave::<f64>(20)] {

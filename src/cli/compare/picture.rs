@@ -19,7 +19,7 @@ const MARGIN: f64 = 0.03;
 const LEAST: f64 = 1e-3;
 
 /// The smallest of 1, 2 and 5 times a power of ten [mm] which 95 % of A's area keep within.
-pub(super) fn range(comparison: &Comparison) -> f64 {
+pub(in crate::cli) fn range(comparison: &Comparison) -> f64 {
     let p95 = comparison.all.topology_a_to_b_mm.map_or(0.0, |d| d.p95);
     let least = p95.max(LEAST);
     let power = 10f64.powf(least.log10().floor());
@@ -31,7 +31,7 @@ pub(super) fn range(comparison: &Comparison) -> f64 {
 
 /// Drape `a` from the side and from above, coloured by its signed distance from `b` up to
 /// `range` [mm], over the tool, with the outline of the `region` [m on the flat blank].
-pub(super) fn deviation(
+pub(in crate::cli) fn deviation(
     a: &Surveyed,
     b: &Surveyed,
     tool: Option<&Tool>,

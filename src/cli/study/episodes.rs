@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::region;
 use crate::cli::Failure;
 use crate::cli::failure::{OrInvalid, scene_failure};
 use crate::cli::output::{Progress, print, print_json};
@@ -47,19 +48,6 @@ struct Report {
     orders: Vec<Played>,
     /// Wall time of the episodes [s].
     seconds: f64,
-}
-
-/// Four numbers between commas.
-pub(super) fn region(text: &str) -> Result<[f64; 4], String> {
-    let numbers: Vec<f64> = text
-        .split(',')
-        .filter_map(|n| n.trim().parse().ok())
-        .collect();
-    let all = numbers.len() == text.split(',').count() && numbers.iter().all(|n| n.is_finite());
-    match <[f64; 4]>::try_from(numbers) {
-        Ok(region) if all => Ok(region),
-        _ => Err("expected four numbers between commas, as -186,-186,-60,-60".into()),
-    }
 }
 
 /// Runs `drape study episodes`.
@@ -111,7 +99,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
 /// A figure of the table, from the end of an episode.
 type Figure = (&'static str, f64, fn(&Ended) -> f64);
 
-const FIGURES: [Figure; 11] = [
+const FIGURES: [Figure; 12] = [
     ("distance left [m]", 1.0, |e| e.region_m),
     ("whole sheet [m]", 1.0, |e| e.summary.distance_m),
     ("undraped vertices", 1.0, |e| e.undraped as f64),
@@ -123,6 +111,7 @@ const FIGURES: [Figure; 11] = [
     ("penetration [mm]", 1.0, |e| e.summary.penetration_mm),
     ("v_rms at the end [mm/s]", 1.0, |e| e.summary.v_rms_mm_s),
     ("v_rms at rest [mm/s]", 1.0, |e| e.rest_v_rms_mm_s),
+    ("tension max at rest [%]", 1e2, |e| e.rest_tension_max),
 ];
 
 fn table(report: &Report) -> String {

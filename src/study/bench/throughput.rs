@@ -43,7 +43,7 @@ impl Player {
         })
     }
 
-    /// One allowed action in every environment: a press of twenty substeps, and the observation.
+    /// One allowed action in every environment: a press and the observation.
     pub fn step(&mut self) {
         let actions: Vec<u32> = (0..self.env.count())
             .map(|index| {

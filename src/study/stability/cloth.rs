@@ -13,7 +13,7 @@ use crate::tool::{GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolCon
 pub(super) const GRAVITY: f64 = 9.81;
 /// Of the data sheet [kg/m^2].
 pub(super) const AREAL_MASS: f64 = 0.280;
-/// Frame where no other is asked for [s], and its substeps: those of an episode.
+/// Frame where no other is asked for [s], and its substeps.
 pub(super) const FRAME: f64 = 1.0 / 60.0;
 pub(super) const SUBSTEPS: f64 = 20.0;
 

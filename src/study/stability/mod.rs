@@ -26,7 +26,7 @@ mod lying;
 mod sweeps;
 mod table;
 mod trial;
-mod truth;
+pub(in crate::study) mod truth;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Instant;

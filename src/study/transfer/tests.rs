@@ -1,0 +1,121 @@
+use super::*;
+use crate::env::Tasks;
+use crate::fabric::BlankConfig;
+use crate::scene::{Fall, SceneConfig};
+use crate::study::episodes::play;
+
+fn scene() -> Arc<Scene> {
+    let mut config = SceneConfig::rib();
+    config.blank = BlankConfig {
+        vertices: [13, 13],
+        ..config.blank
+    };
+    config.tool.grid.spacing_mm = 12.0;
+    config.fall = Fall {
+        fall_s: 0.3,
+        settle_s: 0.1,
+        substep_rate: 1200.0,
+        ..config.fall
+    };
+    Arc::new(Scene::new(&config, |_| {}).unwrap())
+}
+
+fn env() -> EnvConfig {
+    EnvConfig {
+        region_mm: Some([-186.0, -186.0, -30.0, -30.0]),
+        crop: true,
+        stencil_mm: 80.0,
+        ..EnvConfig::default()
+    }
+}
+
+/// A press of a list is the environment's own step, bit by bit, alone and in company.
+#[test]
+fn one_press_is_a_step_of_the_environment() {
+    let (scene, env) = (scene(), env());
+    for count in [1, 3] {
+        let mut stepped = Draping::new(scene.clone(), &env, count).unwrap();
+        let action = stepped.observation(0).mask.minimum().unwrap() as u32;
+        let vertex = stepped.vertex(action).unwrap();
+        stepped.step(&vec![action; count]);
+        let list = [vertex];
+        let ends = replay(&scene, &env, &vec![&list[..]; count]).unwrap();
+        for (index, end) in ends.iter().enumerate() {
+            let state = stepped.state(index);
+            assert!(state.position != scene.initial.position);
+            let expected = End {
+                half: stepped.region_distance(&state),
+                left: stepped.region_distance(&state),
+                positions: state.position,
+            };
+            assert_eq!(end.as_ref(), Some(&expected));
+        }
+    }
+}
+
+/// Whole episodes end as they did when they were played under the rules of the task, also
+/// those that are over before others.
+#[test]
+fn episodes_end_as_they_were_played() {
+    let (scene, env) = (scene(), env());
+    let played = play(&scene, &env, Order::Random, 3, 5, |_| {}).unwrap();
+    let sequences = sequences(&scene, &env, Order::Random, 3, 5).unwrap();
+    let lists: Vec<&[u32]> = sequences.iter().map(|s| &**s).collect();
+    assert!(lists[0] != lists[1]);
+    let ends = replay(&scene, &env, &lists).unwrap();
+    for ((list, end), ended) in lists.iter().zip(&ends).zip(&played.episodes) {
+        assert_eq!(list.len(), ended.steps);
+        assert_eq!(end.as_ref().unwrap().left, ended.region_m);
+    }
+}
+
+#[test]
+fn sequences_are_shared_among_the_orders() {
+    let all = generate(&scene(), &env(), 5, 1).unwrap();
+    let count = |order| all.iter().filter(|s| s.order == order).count();
+    assert_eq!(Order::ALL.map(count), [2, 2, 1]);
+}
+
+/// Figures of three sequences of which one is lost in the setting that is judged.
+#[test]
+fn rows_leave_lost_sequences_out() {
+    let end = |left: f64, x: f64| {
+        Some(End {
+            half: 2.0 * left,
+            left,
+            positions: vec![[x, 0.0, 0.0], [0.0; 3]],
+        })
+    };
+    let twin = [end(1.0, 0.0), end(3.0, 0.0), end(2.0, 0.0)];
+    let own = [end(4.0, 0.002), end(3.0, 0.004), None];
+    let sequence = Sequence {
+        order: Order::Sweep,
+        vertices: vec![0],
+    };
+    let judge = Judge {
+        accurate: &own,
+        twin: &twin,
+        sequences: &vec![sequence; 3],
+        is_inside: &|v| v == 0,
+    };
+    let row = judge.row("own", String::new(), &own);
+    assert_eq!((row.diverged, row.end.mean_left_m), (1, Some(3.5)));
+    let half = row.halfway;
+    assert_eq!((half.mean_left_m, half.lost_m), (Some(7.0), Some(4.0)));
+    let row_end = row.end;
+    assert_eq!(row_end.rank_correlation_twin, Some(-1.0));
+    assert_eq!(row_end.rank_correlation_accurate, Some(1.0));
+    assert_eq!(
+        (row_end.lost_m, row_end.best_lost_m),
+        (Some(2.0), Some(2.0))
+    );
+    assert_eq!(row_end.lost_by_chance_m, Some(1.0));
+    assert_eq!(row_end.best_rank_twin, Some(2.0));
+    assert_eq!(row_end.is_best_among_3, Some(true));
+    assert!((row.inside_mm.unwrap() - 3.0).abs() < 1e-12);
+    assert_eq!(row.outside_mm, Some(0.0));
+    assert_eq!(row_end.left_m, [Some(4.0), Some(3.0), None]);
+    let by_order = row_end.rank_correlation_twin_by_order;
+    assert_eq!(by_order[1], (Order::Sweep, Some(-1.0)));
+    assert_eq!(by_order[0], (Order::Random, None));
+}
