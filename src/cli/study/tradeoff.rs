@@ -7,7 +7,7 @@ use anyhow::Context;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
-use super::episodes::region;
+use super::region;
 use crate::cli::Failure;
 use crate::cli::failure::{OrInvalid, scene_failure};
 use crate::cli::output::{print, print_json};

@@ -524,3 +524,6 @@ impl Point {
         sequences_mean_mm: f64::NAN,
     };
 }
+
+#[cfg(test)]
+mod tests;

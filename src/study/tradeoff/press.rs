@@ -96,8 +96,8 @@ pub(super) fn press(
         sound.then_some(position)
     };
     for step in 0..length {
-        let actions: Vec<u32> = (0..count)
-            .map(|index| vertices[index % vertices.len()][step])
+        let actions: Vec<Option<u32>> = (0..count)
+            .map(|index| Some(vertices[index % vertices.len()][step]))
             .collect();
         let start = ProcessTime::now();
         draping.press(&actions);
