@@ -1,5 +1,6 @@
 mod episodes;
 mod stability;
+mod tradeoff;
 mod transfer;
 mod twin;
 mod verify;
@@ -27,6 +28,7 @@ pub struct Args {
 enum Study {
     Episodes(episodes::Args),
     Stability(stability::Args),
+    Tradeoff(tradeoff::Args),
     Verify(verify::Args),
     Transfer(transfer::Args),
     Twin(twin::Args),
@@ -42,6 +44,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     match args.study {
         Study::Episodes(args) => episodes::run(args),
         Study::Stability(args) => stability::run(args),
+        Study::Tradeoff(args) => tradeoff::run(args),
         Study::Verify(args) => verify::run(args),
         Study::Transfer(args) => transfer::run(args),
         Study::Twin(args) => twin::run(args),

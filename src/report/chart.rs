@@ -61,7 +61,17 @@ pub struct Level {
     pub color: Color,
 }
 
-/// Curves, bands and levels over common linear axes, which fit what is drawn.
+/// What the numbers of a chart stand for on both axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Scale {
+    /// Themselves.
+    #[default]
+    Linear,
+    /// Their powers of ten, with which ticks are labelled.
+    Log10,
+}
+
+/// Curves, bands and levels over common axes, which fit what is drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chart {
     /// Heading.
@@ -76,6 +86,8 @@ pub struct Chart {
     pub bands: Vec<Band>,
     /// Levels, between areas and curves.
     pub levels: Vec<Level>,
+    /// Of both axes.
+    pub scale: Scale,
 }
 
 impl Chart {
@@ -135,8 +147,8 @@ impl Chart {
             .configure_mesh()
             .x_labels(9)
             .y_labels(7)
-            .x_label_formatter(&|value| tick_label(*value, &x))
-            .y_label_formatter(&|value| tick_label(*value, &y))
+            .x_label_formatter(&|value| self.label(*value, &x))
+            .y_label_formatter(&|value| self.label(*value, &y))
             .bold_line_style(FAINT)
             .light_line_style(TRANSPARENT)
             .axis_style(INK.mix(0.6))
@@ -176,6 +188,13 @@ impl Chart {
             }
         }
         Ok(())
+    }
+
+    fn label(&self, value: f64, range: &Range<f64>) -> String {
+        match self.scale {
+            Scale::Linear => tick_label(value, range),
+            Scale::Log10 => power_label(value),
+        }
     }
 
     /// Draws the legend in rows from `top` and returns where it ends [px]. It stands above
@@ -331,6 +350,19 @@ fn tick_label(value: f64, range: &Range<f64>) -> String {
         number.trim_start_matches('-').to_owned()
     } else {
         number + suffix
+    }
+}
+
+/// Ten to the power of `value`, to two digits.
+fn power_label(value: f64) -> String {
+    let decimals = 1.0 - value.floor();
+    match decimals {
+        d if d > 6.0 || d < -6.0 => format!("{:.1e}", 10f64.powf(value)),
+        d if d >= 0.0 => format!("{:.*}", d as usize, 10f64.powf(value)),
+        d => {
+            let unit = 10f64.powf(-d);
+            format!("{:.0}", (10f64.powf(value) / unit).round() * unit)
+        }
     }
 }
 

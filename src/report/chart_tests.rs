@@ -170,3 +170,22 @@ fn extension_chooses_the_format() {
     let error = save("missing/curve.svg").unwrap_err();
     assert!(matches!(error, ReportError::Write(_)));
 }
+
+#[test]
+fn powers_are_labelled_by_what_they_stand_for() {
+    for (value, label) in [
+        (0.0, "1.0"),
+        (1.0, "10"),
+        (2.5, "320"),
+        (-1.5, "0.032"),
+        (-9.0, "1.0e-9"),
+        (12.0, "1.0e12"),
+    ] {
+        assert_eq!(power_label(value), label);
+    }
+    let logarithmic = Chart {
+        scale: Scale::Log10,
+        ..chart(&[[1.0, -2.0], [3.0, 1.0]])
+    };
+    assert!(logarithmic.svg().contains("1000"));
+}

@@ -25,7 +25,7 @@ mod scene;
 
 pub use bar::ColorBar;
 pub use camera::Camera;
-pub use chart::{Band, Chart, Level, Series};
+pub use chart::{Band, Chart, Level, Scale, Series};
 pub use color::{BACKGROUND, CLOTH, Color, ColorMap, DRAPED, PATH, SERIES, TOOL, TOUCHED};
 pub use error::ReportError;
 pub use film::Film;

@@ -8,6 +8,7 @@ pub mod compare;
 pub mod episodes;
 pub mod ranking;
 pub mod stability;
+pub mod tradeoff;
 pub mod transfer;
 pub mod twin;
 pub mod verify;

@@ -1,0 +1,126 @@
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use cpu_time::ProcessTime;
+
+use crate::env::{Draping, EnvConfig, EnvError, Precision};
+use crate::fabric::Lamina;
+use crate::math::{Isa, Purpose, Stream};
+use crate::scene::Scene;
+
+/// Fixed sequences of presses, the same places in every one.
+pub(super) const SEQUENCES: usize = 8;
+
+/// Environments stepped together at least, as training does.
+const ENVIRONMENTS: usize = 16;
+
+/// What the sequences have led to.
+pub(super) struct Pressed {
+    /// CPU time of an environment step, the median over the steps [us].
+    pub microseconds: f64,
+    /// The first sequence after its first row of presses.
+    pub early: Option<Vec<[f64; 3]>>,
+    /// The end of every sequence; none where a state was lost.
+    pub ends: Vec<Option<Vec<[f64; 3]>>>,
+}
+
+/// Places on the flat blank [m], in the order of pressing: every second row and column of the
+/// region. The first is a straight sweep along the rows, then follow sweeps the other way, along the
+/// columns, along a diagonal, from the middle and back, and two random orders.
+pub(super) fn sequences(lamina: &Lamina, env: &EnvConfig) -> Result<Vec<Vec<[f64; 2]>>, EnvError> {
+    let region = env.region(lamina)?;
+    let mut vertices: Vec<usize> = region.vertices.ones().collect();
+    let every_second = |v: &usize| lamina.place(*v as u32).iter().all(|k| k % 2 == 0);
+    if vertices.iter().any(every_second) {
+        vertices.retain(every_second);
+    }
+    let middle = [&region.rows, &region.columns].map(|r| (r.start + r.end - 1) as f64 / 2.0);
+    let order = |number: usize| {
+        let mut sorted = vertices.clone();
+        let place = |v: usize| lamina.place(v as u32).map(|k| k as f64);
+        let rank = |v: usize| {
+            let [row, column] = place(v);
+            let outwards = (row - middle[0]).hypot(column - middle[1]);
+            let (sin, cos) = (0.11 * TAU).sin_cos();
+            match number {
+                0 => row,
+                1 => -row,
+                2 => column,
+                3 => cos * column + sin * row,
+                4 => outwards,
+                _ => -outwards,
+            }
+        };
+        // Ties stay row by row.
+        sorted.sort_by(|&a, &b| rank(a).total_cmp(&rank(b)));
+        if number > 5 {
+            Stream::new(1, Purpose::Evaluation, number as u32).shuffle(&mut sorted);
+        }
+        sorted.into_iter().map(|v| lamina.rest[v]).collect()
+    };
+    Ok((0..SEQUENCES).map(order).collect())
+}
+
+/// Presses along every sequence from the scene's initial state. A group of lanes is timed as
+/// training would step it, in f64 one environment alone.
+pub(super) fn press(
+    scene: &Arc<Scene>,
+    env: &EnvConfig,
+    sequences: &[Vec<[f64; 2]>],
+) -> Result<Pressed, EnvError> {
+    let count = match env.precision {
+        Precision::F32 => ENVIRONMENTS.max(Isa::best().lanes()),
+        Precision::F64 => sequences.len(),
+    };
+    let mut draping = Draping::new(scene.clone(), env, count)?;
+    let vertices: Vec<Vec<u32>> = sequences
+        .iter()
+        .map(|places| {
+            places
+                .iter()
+                .map(|at| nearest(&scene.lamina, *at))
+                .collect()
+        })
+        .collect();
+    let length = vertices[0].len();
+    let row = (length as f64).sqrt().round() as usize;
+    let mut pressed = Pressed {
+        microseconds: f64::NAN,
+        early: None,
+        ends: vec![None; sequences.len()],
+    };
+    let mut times = Vec::with_capacity(length);
+    let positions = |draping: &Draping, index: usize| {
+        let position = draping.state(index).position;
+        let sound = position.iter().flatten().all(|x| x.abs() < 100.0);
+        sound.then_some(position)
+    };
+    for step in 0..length {
+        let actions: Vec<Option<u32>> = (0..count)
+            .map(|index| Some(vertices[index % vertices.len()][step]))
+            .collect();
+        let start = ProcessTime::now();
+        draping.press(&actions);
+        times.push(1e6 * start.elapsed().as_secs_f64() / count as f64);
+        if step + 1 == row {
+            pressed.early = positions(&draping, 0);
+        }
+    }
+    times.sort_by(f64::total_cmp);
+    pressed.microseconds = times[length / 2];
+    for (index, end) in pressed.ends.iter_mut().enumerate() {
+        *end = positions(&draping, index);
+    }
+    Ok(pressed)
+}
+
+/// The vertex nearest to a place on the flat blank [m].
+fn nearest(lamina: &Lamina, at: [f64; 2]) -> u32 {
+    let square = |v: usize| {
+        let [x, y] = lamina.rest[v];
+        (x - at[0]).powi(2) + (y - at[1]).powi(2)
+    };
+    let vertices = 0..lamina.vertex_count();
+    let nearest = vertices.min_by(|&a, &b| square(a).total_cmp(&square(b)));
+    nearest.expect("a blank has vertices") as u32
+}

@@ -1,0 +1,76 @@
+use super::*;
+
+/// A coarse blank that falls for a moment, and a corner of it.
+fn small() -> (SceneConfig, EnvConfig) {
+    let mut scene = SceneConfig::rib();
+    scene.blank.vertices = [17, 17];
+    scene.tool.grid.spacing_mm = 10.0;
+    (scene.fall.fall_s, scene.fall.settle_s) = (0.2, 0.2);
+    let env = EnvConfig {
+        region_mm: Some([-186.0, -186.0, -90.0, -90.0]),
+        crop: true,
+        stencil_mm: 50.0,
+        ..EnvConfig::default()
+    };
+    (scene, env)
+}
+
+#[test]
+fn errors_fall_with_the_rate_to_none_at_the_reference() {
+    let (scene, env) = small();
+    let mut chosen = settings(&scene, &env, Extent::Quick);
+    let rates = ["60/s", "600/s", "6000/s"];
+    chosen
+        .retain(|s| s.axis == "yarn" && rates.contains(&s.value.as_str()) || s.value == "accurate");
+    let found = run(&scene, &env, &chosen, |_| ()).unwrap();
+    let points = &found.points;
+    assert_eq!(points.len(), 4);
+    for pair in points.windows(2) {
+        let [coarse, fine] = [&pair[0], &pair[1]];
+        assert!(fine.initial_mean_mm < coarse.initial_mean_mm, "{pair:?}");
+        assert!(fine.microseconds > 0.0);
+    }
+    let [worst, best] = [&points[0], &points[3]];
+    assert!(best.initial_max_mm < 1e-2, "{best:?}");
+    assert!(worst.initial_max_mm > 1.0, "{worst:?}");
+    assert!(best.sequences_mean_mm < worst.sequences_mean_mm);
+    assert_eq!(found.presets.len(), 1);
+    assert!(found.recommendation.point < points.len());
+
+    let text = csv(points);
+    let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), 1 + points.len());
+    for (row, point) in rows[1..].iter().zip(points) {
+        let fields = serde_json::to_value(point).unwrap();
+        assert_eq!(row.len(), fields.as_object().unwrap().len());
+        for (name, cell) in rows[0].iter().zip(row) {
+            match &fields[*name] {
+                serde_json::Value::String(value) => assert_eq!(value, cell),
+                value => assert_eq!(&value.to_string(), cell, "{name}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn the_cheapest_within_twice_the_noise_is_recommended() {
+    let (scene, env) = small();
+    let mut chosen = settings(&scene, &env, Extent::Quick);
+    chosen.retain(|s| s.axis == "yarn" && s.value == "6000/s");
+    let point = run(&scene, &env, &chosen, |_| ()).unwrap().points.remove(0);
+    let of = |microseconds: f64, sequences_rms_m: f64| Point {
+        microseconds,
+        sequences_rms_m,
+        ..point.clone()
+    };
+    let noise = Noise {
+        distance_rms_m: 0.01,
+        mean_mm: 1.0,
+    };
+    let points = [of(9.0, 0.001), of(5.0, 0.02), of(1.0, 0.03)];
+    let found = recommend(&points, noise);
+    assert_eq!((found.point, found.is_within), (1, true));
+    let found = recommend(&points[2..], noise);
+    assert_eq!((found.point, found.is_within), (0, false));
+    assert!(!recommend(&[of(1.0, f64::NAN)], noise).is_within);
+}
