@@ -357,7 +357,7 @@ fn tick_label(value: f64, range: &Range<f64>) -> String {
 fn power_label(value: f64) -> String {
     let decimals = 1.0 - value.floor();
     match decimals {
-        d if d > 6.0 || d < -6.0 => format!("{:.1e}", 10f64.powf(value)),
+        d if !(-6.0..=6.0).contains(&d) => format!("{:.1e}", 10f64.powf(value)),
         d if d >= 0.0 => format!("{:.*}", d as usize, 10f64.powf(value)),
         d => {
             let unit = 10f64.powf(-d);

@@ -155,6 +155,9 @@ fn scatter(found: &Transfer, when: &str, of: fn(&Row) -> &Agreement) -> Image {
     .image()
 }
 
+/// The agreement of a setting at one of the times at which it is looked at.
+type At = fn(&Row) -> &Agreement;
+
 fn table(report: &Report) -> String {
     let found = &report.transfer;
     let presses: usize = found.sequences.iter().map(|s| s.vertices.len()).sum();
@@ -167,7 +170,7 @@ fn table(report: &Report) -> String {
     let number = |value: Option<f64>, decimals: usize| {
         value.map_or("-".into(), |value| format!("{value:.decimals$}"))
     };
-    let times: [(&str, fn(&Row) -> &Agreement); 2] = [
+    let times: [(&str, At); 2] = [
         ("after half of the presses", |row| &row.halfway),
         ("after all presses", |row| &row.end),
     ];

@@ -219,7 +219,7 @@ struct Bench<'a> {
     sheet_vertices: usize,
     region_vertices: usize,
     falls: Vec<(SceneConfig, Option<Arc<Fallen>>)>,
-    played: Vec<((SceneConfig, EnvConfig), Option<Arc<Played>>)>,
+    played: Vec<(settings::Around, Option<Arc<Played>>)>,
 }
 
 struct Fallen {

@@ -96,9 +96,8 @@ pub(super) fn press(
         sound.then_some(position)
     };
     for step in 0..length {
-        let actions: Vec<Option<u32>> = (0..count)
-            .map(|index| Some(vertices[index % vertices.len()][step]))
-            .collect();
+        let sequences = vertices.iter().cycle().take(count);
+        let actions: Vec<Option<u32>> = sequences.map(|sequence| Some(sequence[step])).collect();
         let start = ProcessTime::now();
         draping.press(&actions);
         times.push(1e6 * start.elapsed().as_secs_f64() / count as f64);

@@ -134,7 +134,7 @@ pub fn settings(scene: &SceneConfig, env: &EnvConfig, extent: Extent) -> Vec<Set
             (format!("{} x {}", vertices[0], vertices[1]), change)
         }),
     );
-    let features: [(&str, fn(&mut PhysicsConfig)); 9] = [
+    let features: [(&str, Change); 9] = [
         ("as configured", |_| ()),
         ("no friction", |p| p.friction = false),
         ("no shear", |p| p.shear = false),
@@ -157,8 +157,11 @@ pub fn settings(scene: &SceneConfig, env: &EnvConfig, extent: Extent) -> Vec<Set
     axes.settings
 }
 
+/// What a feature changes.
+type Change = fn(&mut PhysicsConfig);
+
 /// A scene and a task.
-type Around = (SceneConfig, EnvConfig);
+pub(super) type Around = (SceneConfig, EnvConfig);
 
 struct Axes {
     around: Around,
