@@ -27,7 +27,7 @@ const CROSSING: f64 = 5.0;
 /// Between draped neighbours slack yarns would throw it to and fro for ever. Measured after 64
 /// random episodes at 600 substeps a second, the greatest speed (root mean square) at rest and
 /// the mean distance left, which converges to 0.92 to 0.97 m: 10 mm/s and 0.94 m with 0, 6 mm/s
-/// and 1.01 m with 0.1, 1.3 mm/s and 1.00 m with 0.2; 1 slows draping itself: 1.66 m.
+/// and 1.01 m with 0.1, 1.1 mm/s and 0.99 m with 0.2; 1 slows draping itself: 1.66 m.
 const DRAG: f64 = 0.2;
 
 /// Gap over which the tool's tack pulls [m]: a film of resin, thinner than a layer of cloth, so
