@@ -70,6 +70,8 @@ pub enum DrapeFault {
          counter-clockwise"
     )]
     Area { triangle: usize, area: f64 },
+    #[error("vertex {0} is in no triangle, expected it in one at least")]
+    Loose(usize),
 }
 
 /// How a piece of fabric has been stretched: the images of unit vectors along the yarns.
@@ -142,6 +144,7 @@ impl Drape {
             }
         }
         let count = self.rest.len();
+        let mut is_used = vec![false; count];
         for (triangle, corners) in self.triangles.iter().enumerate() {
             if let Some(&found) = corners.iter().find(|&&v| v as usize >= count) {
                 return Some(DrapeFault::Vertex {
@@ -154,8 +157,12 @@ impl Drape {
             if area <= 0.0 {
                 return Some(DrapeFault::Area { triangle, area });
             }
+            for &v in corners {
+                is_used[v as usize] = true;
+            }
         }
-        None
+        // Without an area it would weigh nothing in means, and yet be the farthest of all.
+        is_used.iter().position(|used| !used).map(DrapeFault::Loose)
     }
 
     /// The draped blank.
@@ -374,6 +381,13 @@ mod tests {
                 "triangle 1 has area -".into(),
             ),
             (&|d| d.triangles.clear(), "`triangles` is empty".into()),
+            (
+                &|d| {
+                    d.rest.push([0.0; 2]);
+                    d.position.push([5.0; 3]);
+                },
+                format!("vertex {count} is in no triangle"),
+            ),
         ] {
             let message = message(change);
             let expected = format!("a.json: {expected}");

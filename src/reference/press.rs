@@ -190,9 +190,4 @@ impl Twin {
         }
         Ok(all.into_iter().collect())
     }
-
-    /// Takes all pressure off.
-    pub fn lift(&mut self) {
-        self.contact.pressure.fill(0.0);
-    }
 }

@@ -43,15 +43,4 @@ impl Spread {
             max: ends[1],
         })
     }
-
-    /// In another unit.
-    pub fn scaled(self, factor: f64) -> Self {
-        Self {
-            mean: factor * self.mean,
-            rms: factor * self.rms,
-            p95: factor * self.p95,
-            min: factor * self.min,
-            max: factor * self.max,
-        }
-    }
 }
