@@ -83,26 +83,27 @@ pub trait Lanes:
     }
 
     /// For whole numbers i, j, k >= 0 in every lane what `table` holds at
-    /// i + row j + layer k + c, for each c of `corners`.
+    /// i + row j + layer k + p, and next to it, for each p of `pairs`, ascending.
     ///
     /// # Panics
     /// May panic outside the table; or it returns any other number of it.
     #[inline(always)]
-    fn look_up(
+    fn look_up_pairs(
         table: &[f32],
         [i, j, k]: [Self; 3],
         [row, layer]: [usize; 2],
-        corners: [usize; 8],
-    ) -> [Self; 8] {
-        let mut found = [Self::zero(); 8];
+        pairs: [usize; 4],
+    ) -> [[Self; 2]; 4] {
+        let mut found = [[Self::zero(); 2]; 4];
         for lane in 0..Self::COUNT {
             let i = i.as_slice()[lane].to_f64() as usize;
             let j = j.as_slice()[lane].to_f64() as usize;
             let k = k.as_slice()[lane].to_f64() as usize;
-            let table = &table[k * layer + j * row + i..][..corners[7] + 1];
-            for (found, corner) in found.iter_mut().zip(corners) {
-                let sample = f64::from(table[corner]);
-                found.as_mut_slice()[lane] = Self::Scalar::from_f64(sample);
+            let table = &table[k * layer + j * row + i..][..pairs[3] + 2];
+            for (found, at) in found.iter_mut().zip(pairs) {
+                for (found, &sample) in found.iter_mut().zip(&table[at..at + 2]) {
+                    found.as_mut_slice()[lane] = Self::Scalar::from_f64(f64::from(sample));
+                }
             }
         }
         found

@@ -113,7 +113,7 @@ impl DistanceGrid {
     pub fn sample<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
         let zero = V::zero();
         let horizon = V::of(1e15);
-        let spacing = V::of(self.spacing);
+        let (spacing, inverse_spacing) = (V::of(self.spacing), V::of(1.0 / self.spacing));
         let mut cell = [zero; 3];
         let mut t = [zero; 3];
         let mut beyond = [zero; 3];
@@ -121,40 +121,41 @@ impl DistanceGrid {
             // The bounds come first, since a comparison with NaN yields the second operand.
             let offset = horizon.min((-horizon).max(x[a])) - V::of(self.origin[a]);
             let last = V::of((self.dims[a] - 1) as f64);
-            let u = last.min(zero.max(offset / spacing));
+            let u = last.min(zero.max(offset * inverse_spacing));
             t[a] = u;
             cell[a] = u.floor().min(V::of((self.dims[a] - 2) as f64));
             t[a] = t[a] - cell[a];
             beyond[a] = offset - (last * spacing).min(zero.max(offset));
         }
         let [row, layer] = [self.dims[0], self.dims[0] * self.dims[1]];
-        // Corners of a cell, x running fastest.
-        let (up, far) = (layer + row, layer + row + 1);
-        let corners = [0, 1, row, row + 1, layer, layer + 1, up, far];
-        let v = V::look_up(&self.samples, cell, [row, layer], corners);
+        // Edges of a cell along x, which runs fastest.
+        let v = V::look_up_pairs(&self.samples, cell, [row, layer], [0, row, layer, layer + row]);
         let lerp = |a: V, b: V, t: V| a + (b - a) * t;
         // Along x on four edges, then along y on two faces, then along z.
-        let d = [v[1] - v[0], v[3] - v[2], v[5] - v[4], v[7] - v[6]];
-        let e: [V; 4] = [
-            v[0] + d[0] * t[0],
-            v[2] + d[1] * t[0],
-            v[4] + d[2] * t[0],
-            v[6] + d[3] * t[0],
-        ];
+        let mut d = [zero; 4];
+        let mut e = [zero; 4];
+        for (k, [near, far]) in v.into_iter().enumerate() {
+            d[k] = far - near;
+            e[k] = near + d[k] * t[0];
+        }
         let f = [lerp(e[0], e[1], t[1]), lerp(e[2], e[3], t[1])];
         let inside = lerp(f[0], f[1], t[2]);
         let gradient = [
-            lerp(lerp(d[0], d[1], t[1]), lerp(d[2], d[3], t[1]), t[2]) / spacing,
-            lerp(e[1] - e[0], e[3] - e[2], t[2]) / spacing,
-            (f[1] - f[0]) / spacing,
+            lerp(lerp(d[0], d[1], t[1]), lerp(d[2], d[3], t[1]), t[2]) * inverse_spacing,
+            lerp(e[1] - e[0], e[3] - e[2], t[2]) * inverse_spacing,
+            (f[1] - f[0]) * inverse_spacing,
         ];
         let [bx, by, bz] = beyond;
         let square = bx * bx + by * by + bz * bz;
+        // Within the box the square is 0, or NaN, which must come out.
+        if !V::any(zero.lt(square)) {
+            return (inside + square, gradient);
+        }
         let distance = square.sqrt();
-        let divisor = V::select(zero.lt(square), distance, V::of(1.0));
+        let inverse = V::of(1.0) / V::select(zero.lt(square), distance, V::of(1.0));
         let outwards = |b: V, inside: V| {
             let off = zero.lt(b * b);
-            V::select(off, b / divisor, inside)
+            V::select(off, b * inverse, inside)
         };
         let gradient = [
             outwards(bx, gradient[0]),

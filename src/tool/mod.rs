@@ -261,8 +261,8 @@ impl Tool {
         let (phi, [a, b, c]) = self.grid.sample(x);
         let norm = (a * a + b * b + c * c).sqrt();
         let flat = norm.lt(V::of(1e-9));
-        let norm = V::select(flat, V::of(1.0), norm);
-        let unit = |g: V, up: f64| V::select(flat, V::of(up), g / norm);
+        let inverse = V::of(1.0) / V::select(flat, V::of(1.0), norm);
+        let unit = |g: V, up: f64| V::select(flat, V::of(up), g * inverse);
         (phi, [unit(a, 0.0), unit(b, 0.0), unit(c, 1.0)])
     }
 }

@@ -135,15 +135,15 @@ vector!(
             whole.max(Self::zero())
         }
         #[inline(always)]
-        fn look_up(
+        fn look_up_pairs(
             table: &[f32],
             [i, j, k]: [Self; 3],
             [row, layer]: [usize; 2],
-            corners: [usize; 8],
-        ) -> [Self; 8] {
-            let last = table.len() - 1 - corners[7];
-            assert!(last <= i32::MAX as usize && corners.iter().all(|&c| c <= corners[7]));
-            // SAFETY: no index is beyond the table, that of the last corner included.
+            pairs: [usize; 4],
+        ) -> [[Self; 2]; 4] {
+            let last = table.len() - 2 - pairs[3];
+            assert!(last <= i32::MAX as usize && pairs.is_sorted());
+            // SAFETY: no index is beyond the table, that of the last pair included.
             unsafe {
                 let [i, j, k] = [
                     _mm256_cvttps_epi32(i.0),
@@ -154,9 +154,17 @@ vector!(
                 let k = _mm256_mullo_epi32(k, _mm256_set1_epi32(layer as i32));
                 let at = _mm256_add_epi32(_mm256_add_epi32(i, j), k);
                 let at = _mm256_min_epu32(at, _mm256_set1_epi32(last as i32));
-                let mut found = [Self::zero(); 8];
-                for (found, corner) in found.iter_mut().zip(corners) {
-                    *found = Self(_mm256_i32gather_ps::<4>(table.as_ptr().add(corner), at));
+                let low = _mm256_castsi256_si128(at);
+                let high = _mm256_extracti128_si256::<1>(at);
+                let mut found = [[Self::zero(); 2]; 4];
+                for (found, pair) in found.iter_mut().zip(pairs) {
+                    let from = table.as_ptr().add(pair).cast();
+                    let low = _mm256_castpd_ps(_mm256_i32gather_pd::<4>(from, low));
+                    let high = _mm256_castpd_ps(_mm256_i32gather_pd::<4>(from, high));
+                    let near = _mm256_castps_pd(_mm256_shuffle_ps::<0x88>(low, high));
+                    let far = _mm256_castps_pd(_mm256_shuffle_ps::<0xdd>(low, high));
+                    found[0] = Self(_mm256_castpd_ps(_mm256_permute4x64_pd::<0xd8>(near)));
+                    found[1] = Self(_mm256_castpd_ps(_mm256_permute4x64_pd::<0xd8>(far)));
                 }
                 found
             }
@@ -191,15 +199,15 @@ vector!(
             whole.max(Self::zero())
         }
         #[inline(always)]
-        fn look_up(
+        fn look_up_pairs(
             table: &[f32],
             [i, j, k]: [Self; 3],
             [row, layer]: [usize; 2],
-            corners: [usize; 8],
-        ) -> [Self; 8] {
-            let last = table.len() - 1 - corners[7];
-            assert!(last <= i32::MAX as usize && corners.iter().all(|&c| c <= corners[7]));
-            // SAFETY: no index is beyond the table, that of the last corner included.
+            pairs: [usize; 4],
+        ) -> [[Self; 2]; 4] {
+            let last = table.len() - 2 - pairs[3];
+            assert!(last <= i32::MAX as usize && pairs.is_sorted());
+            // SAFETY: no index is beyond the table, that of the last pair included.
             unsafe {
                 let [i, j, k] = [
                     _mm512_cvttps_epi32(i.0),
@@ -210,9 +218,19 @@ vector!(
                 let k = _mm512_mullo_epi32(k, _mm512_set1_epi32(layer as i32));
                 let at = _mm512_add_epi32(_mm512_add_epi32(i, j), k);
                 let at = _mm512_min_epu32(at, _mm512_set1_epi32(last as i32));
-                let mut found = [Self::zero(); 8];
-                for (found, corner) in found.iter_mut().zip(corners) {
-                    *found = Self(_mm512_i32gather_ps::<4>(at, table.as_ptr().add(corner)));
+                let low = _mm512_castsi512_si256(at);
+                let high = _mm512_extracti64x4_epi64::<1>(at);
+                let even = _mm512_setr_epi32(
+                    0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30,
+                );
+                let odd = _mm512_add_epi32(even, _mm512_set1_epi32(1));
+                let mut found = [[Self::zero(); 2]; 4];
+                for (found, pair) in found.iter_mut().zip(pairs) {
+                    let from = table.as_ptr().add(pair).cast();
+                    let low = _mm512_castpd_ps(_mm512_i32gather_pd::<4>(low, from));
+                    let high = _mm512_castpd_ps(_mm512_i32gather_pd::<4>(high, from));
+                    found[0] = Self(_mm512_permutex2var_ps(low, even, high));
+                    found[1] = Self(_mm512_permutex2var_ps(low, odd, high));
                 }
                 found
             }
