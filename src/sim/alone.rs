@@ -8,8 +8,7 @@ use super::line::{Chain, Grip, bend, recall, shear, stretch};
 use super::model::Model;
 use super::state::{Batch, Control, Press, Snapshot};
 use super::substep::{
-    Frame, Plate, conclude, find_planes, give_way, go_on, predict, project, recall_yarn,
-    stretch_yarn,
+    Frame, Plate, Wefts, conclude, find_planes, give_way, predict, project, stretch_yarn,
 };
 use crate::math::{Kernel, Lanes, Real, Vec3x};
 use crate::tool::Tool;
@@ -20,6 +19,7 @@ use crate::tool::Tool;
 pub struct Alone<V: Lanes> {
     /// The state in the order of the fold.
     cloth: Cpu<V>,
+    held: Held<V>,
     fold: Fold<V>,
     /// 1/m of a free vertex [1/kg].
     free_inverse_mass: Vec<f64>,
@@ -27,6 +27,21 @@ pub struct Alone<V: Lanes> {
     crossing: Crossing<V>,
     /// Room for constraints that are projected one by one, vertices in the model's order.
     single: Single<V::Scalar>,
+}
+
+/// What the wefts of each vertex do to it in this substep.
+struct Held<V> {
+    /// [N]
+    pull: Vec<Vec3x<V>>,
+    /// [N/m]
+    stress: Vec<V>,
+}
+
+impl<V: Lanes> Wefts<V> for Held<V> {
+    #[inline(always)]
+    fn hold(&self, _: usize, v: usize, _: &mut Cpu<V>) -> (Vec3x<V>, V) {
+        (self.pull[v], self.stress[v])
+    }
 }
 
 struct Crossing<V> {
@@ -74,6 +89,10 @@ impl<V: Lanes> Alone<V> {
                 position: vec![Vec3x::zero(); room],
                 mobility: vec![V::Scalar::zero(); room],
             },
+            held: Held {
+                pull: vec![Vec3x::zero(); fold.count],
+                stress: vec![V::zero(); fold.count],
+            },
             cloth,
             fold,
             free_inverse_mass: model.inverse_mass.clone(),
@@ -95,9 +114,9 @@ impl<V: Lanes> Batch for Alone<V> {
         // Also where no vertex or edge is: a lost state may have left anything there.
         self.cloth.position.fill(Vec3x::zero());
         self.cloth.velocity.fill(Vec3x::zero());
-        self.cloth.yarns.pull.fill(Vec3x::zero());
-        self.cloth.yarns.stress.fill(V::zero());
-        self.cloth.yarns.force.fill(V::zero());
+        self.held.pull.fill(Vec3x::zero());
+        self.held.stress.fill(V::zero());
+        self.cloth.yarns.density.fill(V::zero());
         for vertex in 0..self.free_inverse_mass.len() {
             let (v, lane) = self.slot(vertex);
             self.cloth.position[v].set(lane, snapshot.position[vertex]);
@@ -110,9 +129,9 @@ impl<V: Lanes> Batch for Alone<V> {
             self.cloth.inverse_mass[v].as_mut_slice()[lane] = V::Scalar::from_f64(w);
         }
         for (edge, &[number, lane]) in self.fold.edges.iter().enumerate() {
-            let force = snapshot.force.get(edge).copied().unwrap_or(0.0);
-            let all = &mut self.cloth.yarns.force[number as usize];
-            all.as_mut_slice()[lane as usize] = V::Scalar::from_f64(force);
+            let density = snapshot.force_density.get(edge).copied().unwrap_or(0.0);
+            let all = &mut self.cloth.yarns.density[number as usize];
+            all.as_mut_slice()[lane as usize] = V::Scalar::from_f64(density);
         }
     }
 
@@ -123,8 +142,8 @@ impl<V: Lanes> Batch for Alone<V> {
             let w = self.cloth.inverse_mass[v].as_slice()[lane];
             fixed.set(vertex, w == V::Scalar::from_f64(0.0));
         }
-        let force = self.fold.edges.iter().map(|&[number, lane]| {
-            self.cloth.yarns.force[number as usize].as_slice()[lane as usize].to_f64()
+        let density = self.fold.edges.iter().map(|&[number, lane]| {
+            self.cloth.yarns.density[number as usize].as_slice()[lane as usize].to_f64()
         });
         Snapshot {
             position: places()
@@ -134,7 +153,7 @@ impl<V: Lanes> Batch for Alone<V> {
                 .map(|(v, lane)| self.cloth.velocity[v].get(lane))
                 .collect(),
             fixed,
-            force: force.collect(),
+            force_density: density.collect(),
             sides: Vec::new(),
         }
     }
@@ -217,6 +236,7 @@ impl<V: Lanes> Kernel for Substeps<'_, V> {
             fold,
             crossing,
             single,
+            held,
             ..
         } = self.state;
         let frame = Frame::new(self.model, self.control);
@@ -233,17 +253,14 @@ impl<V: Lanes> Kernel for Substeps<'_, V> {
                     pull: &mut crossing.pull[..count],
                     stress: &mut crossing.stress[..count],
                 };
-                grip.pull.fill(Vec3x::zero());
-                grip.stress.fill(V::zero());
-                let force = &cloth.yarns.force[weft.edges()];
-                recall(weft, &crossing.position, force, &mut grip);
-                let pull = Vec3x::components_mut(&mut cloth.yarns.pull);
+                let density = &cloth.yarns.density[weft.edges()];
+                recall(weft, &crossing.position, density, &mut grip);
+                let pull = Vec3x::components_mut(&mut held.pull);
                 places.write::<V, 3>(Vec3x::components(&crossing.pull), pull);
-                places.write::<V, 1>(&crossing.stress, &mut cloth.yarns.stress);
+                places.write::<V, 1>(&crossing.stress, &mut held.stress);
             }
             for warp in &fold.warps {
-                recall_yarn(warp, cloth);
-                give_way(warp, &frame, cloth);
+                give_way(warp, held, &frame, cloth);
             }
             for (diagonal, places) in &fold.diagonals {
                 crossing.read_position(places, cloth);
@@ -276,20 +293,20 @@ impl<V: Lanes> Kernel for Substeps<'_, V> {
                 places.read::<V, 1>(&cloth.mobility, &mut crossing.mobility);
                 let scratch = &mut cloth.yarns.scratch;
                 bend(weft, &mut crossing.position, &crossing.mobility, scratch);
-                let force = &mut cloth.yarns.force[weft.edges()];
+                let density = &mut cloth.yarns.density[weft.edges()];
                 let x = &mut crossing.position;
-                stretch(weft, x, &crossing.mobility, force, scratch);
+                stretch(weft, x, &crossing.mobility, density, scratch);
                 crossing.write_position(places, cloth);
             }
             for warp in &fold.warps {
                 stretch_yarn(warp, cloth);
+                let next = substep + 1 < last;
                 for &v in warp.vertices() {
                     let v = v as usize;
                     match self.tack {
-                        [] => conclude(v, &frame, None, cloth),
-                        tack => conclude(v, &frame, Some(tack[v]), cloth),
+                        [] => conclude(v, &frame, None, next, cloth),
+                        tack => conclude(v, &frame, Some(tack[v]), next, cloth),
                     }
-                    go_on(v, &frame, substep + 1 < last, cloth);
                 }
             }
         }

@@ -35,12 +35,10 @@ pub(super) struct Plane<V> {
 
 /// Forces of the yarns.
 pub(super) struct YarnState<V> {
-    /// Of each yarn edge [N], > 0 in tension.
-    pub force: Vec<V>,
-    /// Net force of the yarns of a vertex [N], from the last solve.
-    pub pull: Vec<Vec3x<V>>,
-    /// Sum over the yarn edges of a vertex of |force| / length [N/m], from the last solve.
-    pub stress: Vec<V>,
+    /// Force density of each yarn edge [N/m], > 0 in tension.
+    pub density: Vec<V>,
+    /// By edge, the pull of a weft's on its end on the earlier warp [N], since that warp began.
+    pub across: Vec<Vec3x<V>>,
     pub scratch: Scratch<V>,
 }
 
@@ -52,12 +50,14 @@ impl<V: Lanes> Cpu<V> {
             Some(lines) => (lines.edge_count, lines.longest),
             None => (0, 0),
         };
-        Self {
+        let mut cpu = Self {
             inverse_mass: model.inverse_mass.iter().map(|&w| V::of(w)).collect(),
             free_inverse_mass: model.inverse_mass.clone(),
             self_contact: (model.layers.is_some()).then(|| Box::new(SelfContact::new(count))),
             ..Self::immovable(count, edges, longest)
-        }
+        };
+        cpu.yarns.across.resize(edges, Vec3x::zero());
+        cpu
     }
 
     /// Room for so many vertices and yarn edges and the vertices of the longest line, 0 for none,
@@ -67,7 +67,6 @@ impl<V: Lanes> Cpu<V> {
             normal: Vec3x::zero(),
             offset: V::zero(),
         };
-        let vertices = if longest > 0 { count } else { 0 };
         Self {
             position: vec![Vec3x::zero(); count],
             velocity: vec![Vec3x::zero(); count],
@@ -77,9 +76,8 @@ impl<V: Lanes> Cpu<V> {
             mobility: vec![V::zero(); count],
             plane: vec![plane; count],
             yarns: YarnState {
-                force: vec![V::zero(); edges],
-                pull: vec![Vec3x::zero(); vertices],
-                stress: vec![V::zero(); vertices],
+                density: vec![V::zero(); edges],
+                across: Vec::new(),
                 scratch: Scratch::new(longest),
             },
             self_contact: None,
@@ -103,9 +101,9 @@ impl<V: Lanes> Batch for Cpu<V> {
             };
             self.inverse_mass[v].as_mut_slice()[lane] = V::Scalar::from_f64(w);
         }
-        for (edge, force) in self.yarns.force.iter_mut().enumerate() {
-            let of = snapshot.force.get(edge).copied().unwrap_or(0.0);
-            force.as_mut_slice()[lane] = V::Scalar::from_f64(of);
+        for (edge, density) in self.yarns.density.iter_mut().enumerate() {
+            let of = snapshot.force_density.get(edge).copied().unwrap_or(0.0);
+            density.as_mut_slice()[lane] = V::Scalar::from_f64(of);
         }
         if let Some(contact) = &mut self.self_contact {
             contact.load(lane, &snapshot.sides);
@@ -117,12 +115,12 @@ impl<V: Lanes> Batch for Cpu<V> {
         for (vertex, w) in self.inverse_mass.iter().enumerate() {
             fixed.set(vertex, w.as_slice()[lane] == V::Scalar::from_f64(0.0));
         }
-        let force = self.yarns.force.iter();
+        let density = self.yarns.density.iter();
         Snapshot {
             position: self.position.iter().map(|x| x.get(lane)).collect(),
             velocity: self.velocity.iter().map(|v| v.get(lane)).collect(),
             fixed,
-            force: force.map(|f| f.as_slice()[lane].to_f64()).collect(),
+            force_density: density.map(|q| q.as_slice()[lane].to_f64()).collect(),
             sides: (self.self_contact.as_ref()).map_or(Vec::new(), |c| c.sides(lane)),
         }
     }

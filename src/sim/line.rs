@@ -12,7 +12,6 @@ mod bend;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::constraints::SHORTEST_SQUARE;
 use super::model::{EdgeLaw, LIMITED, bending_stiffness, yarn_law};
 use super::physics::{Bending, PhysicsConfig};
 use crate::fabric::{Family, Lamina};
@@ -68,49 +67,68 @@ pub(super) struct Lines {
     pub edge_count: usize,
     /// Vertices of the longest line.
     pub longest: usize,
-    /// Edges of wefts, by the first warp that each has a vertex on.
+    /// How wefts cross each warp.
     pub crossings: Vec<Crossings>,
 }
 
-/// Edges of wefts from a warp to later ones.
-#[derive(Clone, Debug, Default)]
+/// The edges of wefts at the vertices of a warp.
+#[derive(Clone, Debug)]
 pub(super) struct Crossings {
-    pub edges: Vec<Crossing>,
+    /// Of each vertex along the warp those before and after it.
+    pub edges: Vec<[Option<Crossing>; 2]>,
     /// The last warp that they lead to.
     pub last_warp: usize,
 }
 
-/// An edge of a weft.
+/// An edge of a weft at a vertex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Crossing {
-    pub ends: [u32; 2],
     /// Among those of all yarns.
     pub edge: u32,
-    /// 1 / rest length [1/m].
-    pub inverse_rest: f64,
-    /// See [`Chain::least_kept`].
-    pub least_kept: f64,
+    pub leads: Leads,
+}
+
+/// Where an edge of a weft leads.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Leads {
+    /// To this vertex of a later warp.
+    On {
+        to: u32,
+        /// See [`Chain::least_kept`].
+        least_kept: f64,
+    },
+    /// To a warp before.
+    Back,
 }
 
 fn crossings(warps: &[Line], wefts: &[Line], vertex_count: usize) -> Vec<Crossings> {
-    let mut warp_of = vec![0; vertex_count];
+    let mut place = vec![[0; 2]; vertex_count];
     for (index, warp) in warps.iter().enumerate() {
-        for &v in &warp.vertices {
-            warp_of[v as usize] = index;
+        for (i, &v) in warp.vertices.iter().enumerate() {
+            place[v as usize] = [index, i];
         }
     }
-    let mut all = vec![Crossings::default(); warps.len()];
+    let none = |warp: (usize, &Line)| Crossings {
+        edges: vec![[None; 2]; warp.1.vertices.len()],
+        last_warp: warp.0,
+    };
+    let mut all: Vec<Crossings> = warps.iter().enumerate().map(none).collect();
     for weft in wefts {
         for (ends, edge) in weft.vertices.windows(2).zip(weft.edges.clone()) {
-            let on = [warp_of[ends[0] as usize], warp_of[ends[1] as usize]];
-            let from = &mut all[on[0].min(on[1])];
-            from.last_warp = from.last_warp.max(on[0]).max(on[1]);
-            from.edges.push(Crossing {
-                ends: [ends[0], ends[1]],
-                edge: edge as u32,
-                inverse_rest: Chain::<f64>::rest(weft)[1],
-                least_kept: weft.least_kept(),
-            });
+            for (end, other, side) in [(ends[0], ends[1], 1), (ends[1], ends[0], 0)] {
+                let [[warp, i], [to_warp, _]] = [place[end as usize], place[other as usize]];
+                let leads = if warp < to_warp {
+                    Leads::On {
+                        to: other,
+                        least_kept: weft.least_kept(),
+                    }
+                } else {
+                    Leads::Back
+                };
+                let edge = edge as u32;
+                all[warp].edges[i][side] = Some(Crossing { edge, leads });
+                all[warp].last_warp = all[warp].last_warp.max(to_warp);
+            }
         }
     }
     all
@@ -223,7 +241,7 @@ pub(super) trait Chain<V: Lanes> {
     fn rest(&self) -> [V; 2];
     /// Compliance of an edge in tension and in compression [m/N].
     fn compliance(&self) -> [V; 2];
-    /// Greatest compression, as a force <= 0 [N], that lasts into the next substep.
+    /// Greatest compression, as a force density <= 0 [N/m], that lasts into the next substep.
     fn least_kept(&self) -> V;
     /// Force at which the strain limit begins, compliance and offset beyond it.
     fn limit(&self) -> Option<[V; 3]>;
@@ -254,7 +272,7 @@ impl<V: Lanes> Chain<V> for Line {
     }
     #[inline(always)]
     fn least_kept(&self) -> V {
-        V::of(-4.0 * KEPT_COMPRESSION * self.bending * self.rest_length)
+        V::of(-4.0 * KEPT_COMPRESSION * self.bending)
     }
     #[inline(always)]
     fn limit(&self) -> Option<[V; 3]> {
@@ -277,8 +295,7 @@ impl<V: Lanes> Chain<V> for Line {
 
 /// Scratch space of a line, one entry a vertex.
 pub(super) struct Scratch<V> {
-    direction: Vec<Vec3x<V>>,
-    length: Vec<V>,
+    edge: Vec<Vec3x<V>>,
     upper: Vec<V>,
     second: Vec<V>,
 }
@@ -286,8 +303,7 @@ pub(super) struct Scratch<V> {
 impl<V: Lanes> Scratch<V> {
     pub fn new(longest: usize) -> Self {
         Self {
-            direction: vec![Vec3x::zero(); longest],
-            length: vec![V::zero(); longest],
+            edge: vec![Vec3x::zero(); longest],
             upper: vec![V::zero(); longest],
             second: vec![V::zero(); longest],
         }
@@ -298,7 +314,7 @@ impl<V: Lanes> Scratch<V> {
 pub(super) struct Grip<'a, V> {
     /// Net force of its yarns [N].
     pub pull: &'a mut [Vec3x<V>],
-    /// Sum over its yarn edges of |force| / length [N/m].
+    /// Sum over its yarn edges of |force density| [N/m].
     pub stress: &'a mut [V],
 }
 
@@ -310,6 +326,9 @@ pub(super) struct Grip<'a, V> {
 /// algorithm), M the `mobility` [m/N]. XPBD (Macklin et al. 2016, eqs. 17-18) with multipliers
 /// that last: at rest nothing changes, so every yarn meets its law whatever the splitting.
 ///
+/// What is kept of an edge is its force density, force / length [N/m] (Schek 1974): its pull is then
+/// the edge times it, and no length is asked for between solves.
+///
 /// Each edge takes the compliance of the sign of its force. That of the predicted strain would
 /// not do: at rest it is the sign of gravity's last push, so edges would change branch in every
 /// substep and never come to rest. Pinned vertices (mobility 0) decouple their neighbours by
@@ -320,23 +339,34 @@ pub(super) fn stretch<V: Lanes>(
     line: &impl Chain<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
-    force: &mut [V],
+    density: &mut [V],
     scratch: &mut Scratch<V>,
 ) {
-    let edges = line.vertices().len() - 1;
     let rows = scratch.rows(line.vertices().len());
     match line.limit() {
-        None => eliminate(line, x, mobility, Some((force, None)), rows),
-        limit => eliminate(line, x, mobility, Some((force, limit)), rows),
+        None => eliminate(line, x, mobility, Some((density, None)), rows),
+        limit => eliminate(line, x, mobility, Some((density, limit)), rows),
     }
-
-    // Back substitution from the far end; a vertex moves once both its edges are known.
     let rows = scratch.rows(line.vertices().len());
+    substitute(line, x, mobility, Some(density), rows);
+}
+
+/// Back substitution from the far end; a vertex moves once both its edges are known.
+#[inline(always)]
+fn substitute<V: Lanes>(
+    line: &impl Chain<V>,
+    x: &mut [Vec3x<V>],
+    mobility: &[V],
+    mut density: Option<&mut [V]>,
+    rows: Rows<V>,
+) {
     let mut after = Vec3x::zero();
     let mut change_after = V::zero();
-    for j in (0..edges).rev() {
+    for j in (0..line.vertices().len() - 1).rev() {
         let change = rows.right[j] + rows.upper[j] * change_after;
-        force[j] = kept(line, force[j]) + change * rows.length[j];
+        if let Some(density) = &mut density {
+            density[j] = kept(line, density[j]) + change;
+        }
         let moved = rows.edge[j].scale(change);
         let v = line.vertices()[j + 1] as usize;
         x[v] = x[v] + (after - moved).scale(mobility[v]);
@@ -353,45 +383,54 @@ pub(super) fn stretch<V: Lanes>(
 /// at 10, 2.6 % at 25. A yarn without bending must keep none: let go, it would throw itself to and fro.
 const KEPT_COMPRESSION: f64 = 25.0;
 
-/// The part of a yarn's force that lasts into the next substep.
+/// The part of a yarn's force density that lasts into the next substep.
 #[inline(always)]
-fn kept<V: Lanes>(line: &impl Chain<V>, force: V) -> V {
-    force.max(line.least_kept())
+fn kept<V: Lanes>(line: &impl Chain<V>, density: V) -> V {
+    density.max(line.least_kept())
 }
 
-/// Adds the pull of a yarn's kept forces where it lies, and the stress of all.
+/// Pull of an edge's kept force on its start [N], and its stress, for both ends [N/m]; `edge` leads
+/// from start to end [m].
+#[inline(always)]
+pub(super) fn recall_edge<V: Lanes>(edge: Vec3x<V>, density: V, least_kept: V) -> (Vec3x<V>, V) {
+    let pull = edge.scale(density.max(least_kept));
+    (pull, density.max(-density))
+}
+
+/// Finds the pull of a yarn's kept forces where it lies, and the stress of all: from vertex to
+/// vertex what the edges before and after it do.
 #[inline(always)]
 pub(super) fn recall<V: Lanes>(
     line: &impl Chain<V>,
     x: &[Vec3x<V>],
-    force: &[V],
+    density: &[V],
     grip: &mut Grip<V>,
 ) {
-    let ([_, inverse_rest], least_kept) = (line.rest(), line.least_kept());
-    for (j, &force) in force.iter().enumerate() {
-        let ends = [line.vertices()[j], line.vertices()[j + 1]];
-        recall_edge([inverse_rest, least_kept], ends, x, force, grip);
+    let mut before = (Vec3x::zero(), V::zero());
+    for (i, &v) in line.vertices().iter().enumerate() {
+        let v = v as usize;
+        let after = recall_after(line, i, x, density);
+        grip.pull[v] = after.0 - before.0;
+        grip.stress[v] = before.1 + after.1;
+        before = after;
     }
 }
 
-/// The same for one edge, with the inverse of its rest length and the least force that is kept.
+/// Pull and stress of the edge after vertex `i` of a yarn, 0 at its end.
 #[inline(always)]
-pub(super) fn recall_edge<V: Lanes>(
-    [inverse_rest, least_kept]: [V; 2],
-    ends: [u32; 2],
+pub(super) fn recall_after<V: Lanes>(
+    line: &impl Chain<V>,
+    i: usize,
     x: &[Vec3x<V>],
-    force: V,
-    grip: &mut Grip<V>,
-) {
-    let [a, b] = ends.map(|v| v as usize);
-    let d = x[b] - x[a];
-    let length = d.dot(d).max(V::of(SHORTEST_SQUARE)).sqrt();
-    let pull = d.scale(force.max(least_kept) / length);
-    let stress = force.max(-force) * inverse_rest;
-    grip.pull[a] = grip.pull[a] + pull;
-    grip.pull[b] = grip.pull[b] - pull;
-    grip.stress[a] = grip.stress[a] + stress;
-    grip.stress[b] = grip.stress[b] + stress;
+    density: &[V],
+) -> (Vec3x<V>, V) {
+    match line.vertices().get(i + 1) {
+        Some(&next) => {
+            let edge = x[next as usize] - x[line.vertices()[i] as usize];
+            recall_edge(edge, density[i], line.least_kept())
+        }
+        None => (Vec3x::zero(), V::zero()),
+    }
 }
 
 /// Solves a row of diagonals together, each from force 0 and with the compliance of the sign
@@ -403,27 +442,15 @@ pub(super) fn shear<V: Lanes>(
     mobility: &[V],
     scratch: &mut Scratch<V>,
 ) {
-    let edges = line.vertices().len() - 1;
     eliminate(line, x, mobility, None, scratch.rows(line.vertices().len()));
     let rows = scratch.rows(line.vertices().len());
-    let mut after = Vec3x::zero();
-    let mut change_after = V::zero();
-    for j in (0..edges).rev() {
-        let change = rows.right[j] + rows.upper[j] * change_after;
-        let moved = rows.edge[j].scale(change);
-        let v = line.vertices()[j + 1] as usize;
-        x[v] = x[v] + (after - moved).scale(mobility[v]);
-        (after, change_after) = (moved, change);
-    }
-    let v = line.vertices()[0] as usize;
-    x[v] = x[v] + after.scale(mobility[v]);
+    substitute(line, x, mobility, None, rows);
 }
 
 /// Eliminated rows of a system, one a vertex or edge.
 struct Rows<'a, V> {
     /// From end to end.
     edge: &'a mut [Vec3x<V>],
-    length: &'a mut [V],
     upper: &'a mut [V],
     right: &'a mut [V],
 }
@@ -432,8 +459,7 @@ impl<V: Lanes> Scratch<V> {
     #[inline(always)]
     fn rows(&mut self, vertices: usize) -> Rows<'_, V> {
         Rows {
-            edge: &mut self.direction[..vertices],
-            length: &mut self.length[..vertices],
+            edge: &mut self.edge[..vertices],
             upper: &mut self.upper[..vertices],
             right: &mut self.second[..vertices],
         }
@@ -448,7 +474,7 @@ fn eliminate<V: Lanes>(
     line: &impl Chain<V>,
     x: &[Vec3x<V>],
     mobility: &[V],
-    force: Option<(&[V], Option<[V; 3]>)>,
+    density: Option<(&[V], Option<[V; 3]>)>,
     rows: Rows<V>,
 ) {
     let [rest, _] = line.rest();
@@ -474,11 +500,11 @@ fn eliminate<V: Lanes>(
         let square = d.dot(d);
         let length = square.sqrt();
         let c = length - rest;
-        let (compliance, residual) = match force {
-            Some((force, limit)) => {
-                let compressed = force[j].lt(V::zero());
+        let (compliance, residual) = match density {
+            Some((density, limit)) => {
+                let compressed = density[j].lt(V::zero());
                 let compliance = V::select(compressed, compression, tension);
-                let force = kept(line, force[j]);
+                let force = kept(line, density[j]) * length;
                 match limit {
                     None => (compliance, c - compliance * force),
                     Some([most, limited, offset]) => {
@@ -501,7 +527,6 @@ fn eliminate<V: Lanes>(
             rows.upper[j - 1] = upper;
         }
         rows.edge[j] = d;
-        rows.length[j] = length;
         rows.right[j] = right;
         (x0, w0, previous, previous_inverse, previous_right) = (x1, w1, d, inverse, right);
     }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::constraints::{project_edges, project_hinges, project_limited_edges, project_triples};
 use super::cpu::{Cpu, Plane, YarnState};
-use super::line::{Chain, Grip, Line, Lines, bend, recall, recall_edge, shear, stretch};
+use super::line::{Chain, Crossing, Leads, Line, Lines, bend, recall_after, recall_edge, shear, stretch};
 use super::membrane::project_elements;
 use super::model::{Model, Pass};
 use super::self_contact::Around;
@@ -207,74 +207,90 @@ pub(super) fn predict<V: Lanes>(v: usize, frame: &Frame, state: &mut Cpu<V>) {
 /// from here later.
 #[inline(always)]
 fn begin<V: Lanes>(warp: usize, lines: &Lines, frame: &Frame, state: &mut Cpu<V>) {
-    let YarnState {
-        force,
-        pull,
-        stress,
-        ..
-    } = &mut state.yarns;
-    let mut grip = Grip { pull, stress };
-    for crossing in &lines.crossings[warp].edges {
-        let weft = [V::of(crossing.inverse_rest), V::of(crossing.least_kept)];
-        let force = force[crossing.edge as usize];
-        recall_edge(weft, crossing.ends, &state.position, force, &mut grip);
+    let wefts = &lines.crossings[warp].edges[..];
+    give_way(&lines.warps[warp], wefts, frame, state);
+}
+
+/// What the kept forces of wefts do to the vertices of a warp.
+pub(super) trait Wefts<V: Lanes> {
+    /// Pull [N] and stress [N/m] at number i along the warp, vertex v, which has not yet moved.
+    fn hold(&self, i: usize, v: usize, state: &mut Cpu<V>) -> (Vec3x<V>, V);
+}
+
+impl<V: Lanes> Wefts<V> for [[Option<Crossing>; 2]] {
+    #[inline(always)]
+    fn hold(&self, i: usize, v: usize, state: &mut Cpu<V>) -> (Vec3x<V>, V) {
+        let (mut pull, mut stress) = (Vec3x::zero(), V::zero());
+        let YarnState {
+            density, across, ..
+        } = &mut state.yarns;
+        for crossing in self[i].iter().flatten() {
+            let edge = crossing.edge as usize;
+            let (q, across) = (density[edge], &mut across[edge]);
+            match crossing.leads {
+                Leads::On { to, least_kept } => {
+                    let d = state.position[to as usize] - state.position[v];
+                    *across = recall_edge(d, q, V::of(least_kept)).0;
+                    pull = pull + *across;
+                }
+                Leads::Back => pull = pull - *across,
+            }
+            stress = stress + q.max(-q);
+        }
+        (pull, stress)
     }
-    recall_yarn(&lines.warps[warp], state);
-    give_way(&lines.warps[warp], frame, state);
 }
 
-/// Adds what the kept forces of a yarn do.
+/// What weight and the yarns' kept forces do to the predicted positions along a warp, and its
+/// bending.
 #[inline(always)]
-pub(super) fn recall_yarn<V: Lanes>(yarn: &impl Chain<V>, state: &mut Cpu<V>) {
-    let YarnState {
-        force,
-        pull,
-        stress,
-        ..
-    } = &mut state.yarns;
-    let mut grip = Grip { pull, stress };
-    recall(yarn, &state.position, &force[yarn.edges()], &mut grip);
-}
-
-/// What weight and the yarns' pull do to the predicted positions along a warp, and its bending.
-#[inline(always)]
-pub(super) fn give_way<V: Lanes>(warp: &impl Chain<V>, frame: &Frame, state: &mut Cpu<V>) {
-    let YarnState {
-        pull,
-        stress,
-        scratch,
-        ..
-    } = &mut state.yarns;
+pub(super) fn give_way<V: Lanes>(
+    warp: &impl Chain<V>,
+    wefts: &(impl Wefts<V> + ?Sized),
+    frame: &Frame,
+    state: &mut Cpu<V>,
+) {
     let square = V::of(frame.h * frame.h);
-    for &v in warp.vertices() {
+    let mut before = (Vec3x::zero(), V::zero());
+    for (i, &v) in warp.vertices().iter().enumerate() {
         let v = v as usize;
+        let (pull, stress) = wefts.hold(i, v, state);
+        let density = &state.yarns.density[warp.edges()];
+        let after = recall_after(warp, i, &state.position, density);
+        let pull = pull - before.0 + after.0;
+        let stress = stress + before.1 + after.1;
+        before = after;
+
         let free = state.inverse_mass[v] * square;
-        let inertia = free * stress[v] * V::of(CROSSING);
+        let inertia = free * stress * V::of(CROSSING);
         let fall = V::select(V::zero().lt(free), V::of(frame.fall), V::zero());
+        let mut x = state.position[v];
         // What is rare is computed only where it happens: divisions and roots cost most.
         let (mobility, fall) = if V::any(V::of(1.0).lt(inertia)) {
             let share = V::of(1.0) / V::of(1.0).max(inertia);
-            let (from, to) = (state.previous[v], state.position[v]);
+            let from = state.previous[v];
             let kept = V::of(1.0) - V::of(DRAG) * (V::of(1.0) - share);
-            state.position[v] = from + (to - from).scale(kept);
+            x = from + (x - from).scale(kept);
             (free * share, fall * share)
         } else {
             (free, fall)
         };
         state.mobility[v] = mobility;
-        let Vec3x([dx, dy, dz]) = pull[v].scale(mobility);
-        state.position[v] = state.position[v] + Vec3x([dx, dy, dz + fall]);
-        (pull[v], stress[v]) = (Vec3x::zero(), V::zero());
+        let Vec3x([dx, dy, dz]) = pull.scale(mobility);
+        state.position[v] = x + Vec3x([dx, dy, dz + fall]);
     }
+    let scratch = &mut state.yarns.scratch;
     bend(warp, &mut state.position, &state.mobility, scratch);
 }
 
 #[inline(always)]
 pub(super) fn stretch_yarn<V: Lanes>(yarn: &impl Chain<V>, state: &mut Cpu<V>) {
-    let YarnState { force, scratch, .. } = &mut state.yarns;
-    let force = &mut force[yarn.edges()];
+    let YarnState {
+        density, scratch, ..
+    } = &mut state.yarns;
+    let density = &mut density[yarn.edges()];
     let x = &mut state.position;
-    stretch(yarn, x, &state.mobility, force, scratch);
+    stretch(yarn, x, &state.mobility, density, scratch);
 }
 
 #[inline(always)]
@@ -369,42 +385,34 @@ fn finish<V: Lanes>(
     match frame.tack {
         None => {
             for v in vertices {
-                conclude(v, frame, None, state);
-                go_on(v, frame, next, state);
+                conclude(v, frame, None, next, state);
             }
         }
         Some(tack) => {
             for v in vertices {
-                conclude(v, frame, Some(V::of(tack[v])), state);
-                go_on(v, frame, next, state);
+                conclude(v, frame, Some(V::of(tack[v])), next, state);
             }
         }
-    }
-}
-
-/// What the air of a moving frame adds to a velocity, and the prediction of the next substep.
-#[inline(always)]
-pub(super) fn go_on<V: Lanes>(v: usize, frame: &Frame, next: bool, state: &mut Cpu<V>) {
-    if let Some(wind) = frame.wind {
-        let free = V::zero().lt(state.inverse_mass[v]);
-        let gained = Vec3x::select(free, Vec3x(wind.map(V::of)), Vec3x::zero());
-        state.velocity[v] = state.velocity[v] + gained;
-    }
-    if next {
-        predict(v, frame, state);
     }
 }
 
 /// Pushes a vertex out of the tool, and holds or slows what slides on it (Coulomb): the
 /// tangential motion of the substep is taken back wholly while it is below the static
 /// coefficient times the push, else by the dynamic coefficient times the push. Then
-/// v = (x - p) / h, damped and capped; fixed vertices keep theirs.
+/// v = (x - p) / h, damped and capped, and what the air of a moving frame adds; fixed vertices keep
+/// theirs. If there is a `next` substep, its prediction follows, and the velocity is not stored.
 ///
 /// Within its range `tack` [N] draws the vertex towards the tool first. It lasts in contact, so
 /// the push, and with it friction, is that of a load greater by it (Derjaguin's law). `tack` is
 /// a constant where this is inlined without it, so that it costs nothing there.
 #[inline(always)]
-pub(super) fn conclude<V: Lanes>(v: usize, frame: &Frame, tack: Option<V>, state: &mut Cpu<V>) {
+pub(super) fn conclude<V: Lanes>(
+    v: usize,
+    frame: &Frame,
+    tack: Option<V>,
+    next: bool,
+    state: &mut Cpu<V>,
+) {
     let (mut x, plane) = (state.position[v], &state.plane[v]);
     let free = V::zero().lt(state.inverse_mass[v]);
     let mut phi = plane.normal.dot(x) - plane.offset;
@@ -435,7 +443,6 @@ pub(super) fn conclude<V: Lanes>(v: usize, frame: &Frame, tack: Option<V>, state
         out = x - tangential.scale(share);
         moved = out - state.previous[v];
     }
-    state.position[v] = out;
     let mut velocity = moved.scale(V::of(frame.rate));
     if frame.speed_cap > 0.0 {
         let cap = V::of(frame.speed_cap);
@@ -445,5 +452,15 @@ pub(super) fn conclude<V: Lanes>(v: usize, frame: &Frame, tack: Option<V>, state
             velocity = Vec3x::select(fast, velocity.scale(cap / square.sqrt()), velocity);
         }
     }
-    state.velocity[v] = Vec3x::select(free, velocity, state.velocity[v]);
+    if let Some(wind) = frame.wind {
+        velocity = velocity + Vec3x(wind.map(V::of));
+    }
+    let velocity = Vec3x::select(free, velocity, state.velocity[v]);
+    if next {
+        state.previous[v] = out;
+        state.position[v] = out + velocity.scale(V::of(frame.h));
+    } else {
+        state.position[v] = out;
+        state.velocity[v] = velocity;
+    }
 }

@@ -132,7 +132,7 @@ impl<'a, V: Lanes, C: Chain<V>> BendRows<'a, V, C> {
         let right = right.scale(-inverse);
         scratch.upper[i] = first;
         scratch.second[i] = second;
-        scratch.direction[i] = right;
+        scratch.edge[i] = right;
         self.first = [self.first[1], first];
         self.second = [self.second[1], second];
         self.right = [self.right[1], right];

@@ -135,8 +135,7 @@ fn solved(system: DMatrix<f64>, right: &DVector<f64>) -> DVector<f64> {
 /// diverged may have left.
 fn scratch() -> Scratch<f64> {
     let mut scratch = Scratch::new(16);
-    scratch.direction.fill(Vec3x([f64::NAN; 3]));
-    scratch.length.fill(f64::NAN);
+    scratch.edge.fill(Vec3x([f64::NAN; 3]));
     scratch.upper.fill(f64::NAN);
     scratch.second.fill(f64::NAN);
     scratch
