@@ -4,8 +4,8 @@
 //! the standard sheet, not of the instructions of a kernel: a kernel that computes something
 //! twice, or in another order, is held to the same numbers. Free of charge are loads and stores,
 //! changes of sign, and all that does not change within a control step: constants, alpha / h^2,
-//! 1 / h. Looking up the tool's distance is left out too: it is done once in 10 substeps, lane
-//! by lane from a table; the feature `contact_interval` shows what it costs.
+//! 1 / h. Looking up the tool's distance is left out too: it is done once in 5 substeps, from
+//! a table; the feature `contact_interval` shows what it costs.
 
 use std::ops::{Add, Mul};
 
@@ -32,10 +32,10 @@ const LENGTH: Operations = Operations::new(8, 0, 1);
 /// before, moved by w, 9.
 const LINE_EDGE: Operations = LENGTH.plus(Operations::new(34, 1, 0));
 
-/// What the edge of a yarn has on top, whose force is kept: what the force explains 2, its new
-/// value 2; in the next substep the length anew, not below the shortest 1, force over length, the
-/// pull 3 and its sum 6, the stress 2 and its sum 2.
-const KEPT_FORCE: Operations = LENGTH.plus(Operations::new(18, 1, 0));
+/// What the edge of a yarn has on top, whose force density is kept: what is kept 1, the force 1, what
+/// it explains 2, the new value 1; in the next substep the edge anew 3, its pull 3 and the sum of
+/// pulls 6, the stress 1 and its sum 2.
+const KEPT_FORCE: Operations = Operations::new(20, 0, 0);
 
 /// A vertex in the pentadiagonal solve of bending: second difference 9, stiffness 1, K x 9, lower
 /// diagonals 3, diagonal 2, pivot 4 and its inverse, upper diagonals 4, right side 18; then
@@ -91,15 +91,16 @@ pub fn operations(lamina: &Lamina, solver: Solver) -> Operations {
 /// which it writes and reads again after everything else has moved: 6.
 const NUMBERS_MOVED: usize = 24;
 
-/// What the solve along lines moves on top: the forces of two yarn edges, pull and stress, read
-/// and left behind, and the mobility, left behind.
-const FORCE_NUMBERS_MOVED: usize = 13;
+/// What the solve along lines moves on top: force densities of two yarn edges and the pull of one,
+/// read and left behind, and the mobility, left behind; but new velocities are at hand where the
+/// next substep is predicted.
+const FORCE_NUMBERS_MOVED: usize = 11 - 3;
 
 /// Numbers of a vertex that an environment holds: position, velocity, position at the start of
-/// the substep, inverse mass, mobility, tangent plane; with forces of two yarn edges, pull and
-/// stress under the solve along lines.
+/// the substep, inverse mass, mobility, tangent plane; with force densities of two yarn edges and
+/// the pull of one under the solve along lines.
 const NUMBERS_HELD: usize = 15;
-const FORCE_NUMBERS_HELD: usize = 6;
+const FORCE_NUMBERS_HELD: usize = 5;
 
 /// Bytes that a substep of one environment has to move if everything that is touched again
 /// within the substep could be kept at hand: the state once through. Constants of constraints
