@@ -13,7 +13,8 @@ use super::output::{Progress, print, print_json};
 use super::picture::{Studio, View};
 use super::tool::{GRID_SAMPLES, GridErrorMm};
 use crate::fabric::Drape;
-use crate::file::write_atomic;
+use crate::file::{check_writable, write_atomic};
+use crate::math::Vec3;
 use crate::mesh::write_stl;
 use crate::scene::{Scene, SceneConfig, Summary};
 use crate::sim::SelfCollision;
@@ -104,7 +105,11 @@ pub fn run(args: Args) -> Result<(), Failure> {
         .with_context(|| format!("cannot create folder {}", folder.display()))?;
 
     let start = Instant::now();
-    let scene = set_up(&config, &place, args.json).inspect_err(|_| {
+    let state = args.state.as_deref().map_or(Ok(()), check_writable);
+    let scene = state
+        .map_err(Failure::from)
+        .and_then(|()| set_up(&config, &place, args.json));
+    let scene = scene.inspect_err(|_| {
         if is_new {
             // Fails where it is not empty, and then it shall stay.
             let _ = std::fs::remove_dir(folder);
@@ -155,7 +160,39 @@ pub fn run(args: Args) -> Result<(), Failure> {
 /// Sets up the scene that was read from `place`, with a progress bar.
 pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Scene, Failure> {
     let progress = Progress::new("draping", json);
-    Scene::new(config, |share| progress.set(share)).map_err(|error| scene_failure(error, place))
+    let scene = Scene::new(config, |share| progress.set(share));
+    drop(progress);
+    let scene = scene.map_err(|error| scene_failure(error, place))?;
+    let flat = scene.lamina.rest.iter().map(|&[x, y]| Vec3::new(x, y, 0.0));
+    for (what, key, size) in [
+        (
+            "tool",
+            "the unit of its file",
+            extent(scene.tool.mesh.vertices.iter().copied()),
+        ),
+        ("blank", "that its lengths are in mm", extent(flat)),
+    ] {
+        if let Some(size) = absurd(size) {
+            eprintln!("warning: {place}: the {what} measures {size}: check {key}");
+        }
+    }
+    Ok(scene)
+}
+
+/// Sizes of tools and blanks that need no second look [m].
+const USUAL: std::ops::RangeInclusive<f64> = 1e-3..=50.0;
+
+/// Longest side of the box that holds the points [m].
+pub(super) fn extent(points: impl Iterator<Item = Vec3>) -> f64 {
+    let inf = Vec3::repeat(f64::INFINITY);
+    let (low, high) = points.fold((inf, -inf), |(low, high), x| (low.inf(&x), high.sup(&x)));
+    (high - low).max()
+}
+
+/// A size [m] that points to another unit than was meant, and what was expected.
+pub(super) fn absurd(size: f64) -> Option<String> {
+    let is_absurd = !USUAL.contains(&size);
+    is_absurd.then(|| format!("{} mm, expected 1 mm to 50 m", 1e3 * size))
 }
 
 fn write_files(scene: &Scene, summary: &Summary, folder: &Path) -> Result<(), Failure> {

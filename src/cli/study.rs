@@ -96,16 +96,36 @@ fn set_mesh(config: &mut SceneConfig, mesh: Option<usize>) -> Result<(), Failure
     Ok(())
 }
 
-/// The folder to write to, made before the work.
-fn folder(out: Option<&PathBuf>, prefix: &str) -> Result<PathBuf, Failure> {
-    match out {
+/// The folder to write to. One that was made for it and is still empty goes with this.
+struct OutFolder {
+    path: PathBuf,
+    is_new: bool,
+}
+
+impl Drop for OutFolder {
+    fn drop(&mut self) {
+        if self.is_new {
+            // Fails where it is not empty, and then it shall stay.
+            let _ = std::fs::remove_dir(&self.path);
+        }
+    }
+}
+
+/// The folder to write to, made before the work: one that cannot be made would waste it.
+fn folder(out: Option<&Path>, prefix: &str) -> Result<OutFolder, Failure> {
+    let (path, is_new) = match out {
         Some(folder) => {
+            let is_new = !folder.exists();
             std::fs::create_dir_all(folder)
                 .with_context(|| format!("cannot create folder {}", folder.display()))?;
-            Ok(folder.clone())
+            (folder.to_path_buf(), is_new)
         }
-        None => Ok(dated_folder(Path::new("runs"), prefix, SystemTime::now())?),
-    }
+        None => {
+            let folder = dated_folder(Path::new("runs"), prefix, SystemTime::now())?;
+            (folder, true)
+        }
+    };
+    Ok(OutFolder { path, is_new })
 }
 
 /// Sorts what can go wrong with a study that has a twin.

@@ -10,4 +10,4 @@ mod toml;
 mod write;
 
 pub use toml::{ParseError, ReadTomlError, parse_toml, read_toml};
-pub use write::{WriteError, write_atomic};
+pub use write::{WriteError, check_writable, write_atomic};
