@@ -192,7 +192,7 @@ pub(super) fn extent(points: impl Iterator<Item = Vec3>) -> f64 {
 /// A size [m] that points to another unit than was meant, and what was expected.
 pub(super) fn absurd(size: f64) -> Option<String> {
     let is_absurd = !USUAL.contains(&size);
-    is_absurd.then(|| format!("{} mm, expected 1 mm to 50 m", 1e3 * size))
+    is_absurd.then(|| format!("{:.3} mm, expected 1 mm to 50 m", 1e3 * size))
 }
 
 fn write_files(scene: &Scene, summary: &Summary, folder: &Path) -> Result<(), Failure> {
