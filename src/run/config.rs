@@ -6,7 +6,7 @@ use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use crate::env::EnvConfig;
-use crate::file::{ParseError, parse_toml, read_toml};
+use crate::file::{ParseError, parse_toml, plain, read_toml};
 use crate::policy::{DeviceKind, PolicyConfig};
 use crate::ppo::PpoConfig;
 use crate::scene::{SceneConfig, SceneError};
@@ -273,7 +273,7 @@ impl RunConfig {
 /// The value of `key`; the error is where it is wrong, as keys joined by dots, and a message.
 fn section<T: DeserializeOwned>(value: Value, key: &str) -> Result<T, (String, String)> {
     T::deserialize(value).map_err(|error| {
-        let text = one_line(&error.to_string());
+        let text = plain(&error.to_string());
         // The parser names the keys below `key` last.
         let inner = text.strip_suffix('`').and_then(|t| t.rsplit_once(" in `"));
         let (message, path) = match inner {
@@ -300,10 +300,6 @@ fn has(table: &Table, path: &[&str]) -> bool {
         Some(Value::Table(table)) if !below.is_empty() => has(table, below),
         value => value.is_some() && below.is_empty(),
     }
-}
-
-fn one_line(message: &str) -> String {
-    message.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// "7:" for line 7 that sets the key at `path` (keys joined by dots), or the nearest one
@@ -483,7 +479,7 @@ mod tests {
             ),
             (
                 "[env]\nstencil_mm = \"x\"",
-                "c.toml:2: `env.stencil_mm`: invalid type: string \"x\", expected f64",
+                "c.toml:2: `env.stencil_mm`: invalid type: string \"x\", expected a number",
             ),
             (
                 "[env]\naccuracy = \"acurate\"",
@@ -499,12 +495,21 @@ mod tests {
                  `accuracy`",
             ),
             (
+                "[scene.tool]\n[scene.physics]\nself_collision = 3",
+                "c.toml:3: `scene.physics.self_collision`: invalid type, expected a name in \
+                 quotes or a table",
+            ),
+            (
+                "[scene.tool.source]\nshape = \"rib\"",
+                "c.toml:1: `scene.tool.source`: invalid type: string \"rib\", expected a table",
+            ),
+            (
                 "steps = 0",
                 "c.toml:1: `steps` is 0, expected a number from 1 to",
             ),
             (
                 "steps = -3",
-                "c.toml:1: `steps`: invalid value: integer `-3`, expected u64",
+                "c.toml:1: `steps`: invalid value: integer `-3`, expected a whole number >= 0",
             ),
             (
                 "[ppo]\ngamma = 2.0",
@@ -528,7 +533,7 @@ mod tests {
             ),
             (
                 "scene = 1",
-                "c.toml:1: `scene`: invalid type: integer `1`, expected",
+                "c.toml:1: `scene`: invalid type: integer `1`, expected a table",
             ),
             ("[scene]\nfoo = 1", "c.toml:2: `scene`: unknown field `foo`"),
             (
