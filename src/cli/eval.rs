@@ -1,12 +1,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use clap::ValueEnum;
 use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
+use super::output::OutFolder;
 use super::result::{BASELINE_SEED, Baseline, Recorder, rollout_failure};
 use super::scene::set_up;
 use crate::env::{Draping, EnvConfig, Tasks};
@@ -127,8 +128,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
     let mut loaded = Loaded::open(&args.run, args.json)?;
     let pictures = match &args.out {
-        Some(folder) => folder.clone(),
-        None => loaded.folder.pictures().join("eval"),
+        Some(folder) => OutFolder::make(folder)?,
+        None => OutFolder::make(&loaded.folder.pictures().join("eval"))?,
     };
     if let Some(solver) = args.solver {
         loaded.change_solver(match solver {
@@ -156,9 +157,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         _ => None,
     };
     let title = if args.sequence { "sequence" } else { "policy" };
-    std::fs::create_dir_all(&pictures)
-        .with_context(|| format!("cannot create folder {}", pictures.display()))?;
-    recorder.write(&pictures, &draping, &played, title)?;
+    recorder.write(&pictures.path, &draping, &played, title)?;
 
     let below = random.mean_region_final_m - played.summary.region_final_m;
     let report = Report {
@@ -174,7 +173,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         episode: played.summary,
         sampled,
         random,
-        pictures,
+        pictures: pictures.path.clone(),
     };
     if args.json {
         return super::output::print_json(&report);

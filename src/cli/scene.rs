@@ -3,13 +3,12 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::Context;
 use serde::Serialize;
 
 use super::Failure;
 use super::comparison::{Compared, compare};
 use super::failure::{OrInvalid, scene_failure};
-use super::output::{Progress, print, print_json};
+use super::output::{OutFolder, Progress, print, print_json};
 use super::picture::{Studio, View};
 use super::tool::{GRID_SAMPLES, GridErrorMm};
 use crate::fabric::Drape;
@@ -98,23 +97,14 @@ pub fn run(args: Args) -> Result<(), Failure> {
              to compare with"
         )));
     }
-    // Before the work: a folder that cannot be made would waste it.
-    let folder = &args.out;
-    let is_new = !folder.exists();
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot create folder {}", folder.display()))?;
+    let out = OutFolder::make(&args.out)?;
+    let folder = &out.path;
+    if let Some(file) = &args.state {
+        check_writable(file)?;
+    }
 
     let start = Instant::now();
-    let state = args.state.as_deref().map_or(Ok(()), check_writable);
-    let scene = state
-        .map_err(Failure::from)
-        .and_then(|()| set_up(&config, &place, args.json));
-    let scene = scene.inspect_err(|_| {
-        if is_new {
-            // Fails where it is not empty, and then it shall stay.
-            let _ = std::fs::remove_dir(folder);
-        }
-    })?;
+    let scene = set_up(&config, &place, args.json)?;
     let clearance = scene.clearance();
     if clearance > MISSED {
         eprintln!("warning: {place}: {}", missed(clearance));

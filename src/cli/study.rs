@@ -5,14 +5,15 @@ mod transfer;
 mod twin;
 mod verify;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::SystemTime;
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use clap::Subcommand;
 
 use super::Failure;
 use super::failure::OrInvalid;
+use super::output::OutFolder;
 use crate::run::dated_folder;
 use crate::scene::{SceneConfig, SceneError};
 use crate::study::twin::TwinStudyError;
@@ -96,36 +97,15 @@ fn set_mesh(config: &mut SceneConfig, mesh: Option<usize>) -> Result<(), Failure
     Ok(())
 }
 
-/// The folder to write to. One that was made for it and is still empty goes with this.
-struct OutFolder {
-    path: PathBuf,
-    is_new: bool,
-}
-
-impl Drop for OutFolder {
-    fn drop(&mut self) {
-        if self.is_new {
-            // Fails where it is not empty, and then it shall stay.
-            let _ = std::fs::remove_dir(&self.path);
-        }
-    }
-}
-
-/// The folder to write to, made before the work: one that cannot be made would waste it.
+/// The folder to write to, made before the work.
 fn folder(out: Option<&Path>, prefix: &str) -> Result<OutFolder, Failure> {
-    let (path, is_new) = match out {
-        Some(folder) => {
-            let is_new = !folder.exists();
-            std::fs::create_dir_all(folder)
-                .with_context(|| format!("cannot create folder {}", folder.display()))?;
-            (folder.to_path_buf(), is_new)
-        }
+    match out {
+        Some(folder) => OutFolder::make(folder),
         None => {
             let folder = dated_folder(Path::new("runs"), prefix, SystemTime::now())?;
-            (folder, true)
+            Ok(OutFolder::new(folder))
         }
-    };
-    Ok(OutFolder { path, is_new })
+    }
 }
 
 /// Sorts what can go wrong with a study that has a twin.

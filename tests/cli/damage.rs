@@ -95,7 +95,7 @@ fn mistakes_in_the_configuration_are_located_and_nothing_is_made() {
             "[env]\nregion_mm = [1, 2]",
             &[
                 "config.toml:2: `env.region_mm`: ",
-                "2, expected an array of length 4",
+                "2, expected a list of length 4",
             ],
         ),
         (
