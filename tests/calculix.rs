@@ -245,6 +245,7 @@ fn draping_deck() -> Deck {
         presses: &presses,
         press_s: 0.1,
         pressure: 1e6,
+        gravity: 9.81,
     }
     .deck(Dialect::Calculix);
     assert_eq!(count, 2);

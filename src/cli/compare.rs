@@ -7,7 +7,9 @@ use super::Failure;
 use super::eval::{Loaded, Source};
 use super::failure::OrInvalid;
 use super::output::{print, print_json};
+use super::scene::{absurd, extent};
 use crate::fabric::Drape;
+use crate::file::check_writable;
 use crate::mesh::compare::WrinkleFilter;
 use crate::mesh::read_stl;
 use crate::run::RunConfig;
@@ -35,7 +37,8 @@ pub struct Args {
     /// The reference
     b: PathBuf,
 
-    /// Scene or run configuration with the tool; that of the run if A or B is one
+    /// Scene or run configuration with the tool; that of the run if A or B is one, and of both if
+    /// they have the same
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
 
@@ -150,17 +153,33 @@ enum Kind {
 
 /// Runs `drape compare`.
 pub fn run(args: Args) -> Result<(), Failure> {
+    if let Some(file) = &args.out {
+        check_writable(file)?;
+    }
     let (a, a_scene, a_kind) = survey(&args.a, &args)?;
     let (b, b_scene, b_kind) = survey(&args.b, &args)?;
     let (tool, tool_source) = match &args.config {
         Some(path) => (Some(tool(path)?), Some(path.clone())),
         None => match (a_scene, b_scene) {
+            (Some(a), Some(b)) if a.tool.mesh != b.tool.mesh => {
+                return Err(Failure::invalid(anyhow!(
+                    "{} and {} have different tools, expected the same: choose what both are \
+                     measured against by --config",
+                    args.a.display(),
+                    args.b.display()
+                )));
+            }
             (Some(scene), _) => (Some(scene.tool), Some(args.a.clone())),
             (None, Some(scene)) => (Some(scene.tool), Some(args.b.clone())),
             (None, None) => (None, None),
         },
     };
     let region = args.region.map(|region| region.0.map(|x| 1e-3 * x));
+    if let Some(region) = region {
+        for (surface, path) in [(&a, &args.a), (&b, &args.b)] {
+            on_the_blank(region, surface, path)?;
+        }
+    }
     let criteria = Criteria {
         tool: tool.as_ref().map(|tool| &tool.surface),
         region,
@@ -215,6 +234,9 @@ fn survey(path: &Path, args: &Args) -> Result<(Surveyed, Option<Scene>, Kind), F
         (Surveyed::draped(drape), Some(scene), Kind::Run)
     } else if is_stl(path) {
         let stl = read_stl(path, args.scale).or_invalid()?;
+        if let Some(size) = absurd(extent(stl.mesh.vertices.iter().copied())) {
+            eprintln!("warning: {} measures {size}: check --scale", path.display());
+        }
         (Surveyed::scan(stl.mesh), None, Kind::Stl)
     } else if path.exists() {
         let drape = Drape::read(path).or_invalid()?;
@@ -228,6 +250,30 @@ fn survey(path: &Path, args: &Args) -> Result<(Surveyed, Option<Scene>, Kind), F
     };
     let surveyed = surveyed.or_invalid_in(path.display())?;
     Ok((surveyed, scene, kind))
+}
+
+/// Refuses a region [m] that misses the flat blank.
+fn on_the_blank(region: [f64; 4], surface: &Surveyed, path: &Path) -> Result<(), Failure> {
+    let Some(drape) = &surface.drape else {
+        return Ok(());
+    };
+    let [x0, y0, x1, y1] = region;
+    let is_inside = |[x, y]: &[f64; 2]| x0 <= *x && *x <= x1 && y0 <= *y && *y <= y1;
+    if drape.rest.iter().any(is_inside) {
+        return Ok(());
+    }
+    let ends = |axis: usize| {
+        let places = || drape.rest.iter().map(|at| 1e3 * at[axis]);
+        let low = places().fold(f64::INFINITY, f64::min);
+        format!("{low:.1} to {:.1}", places().fold(low, f64::max))
+    };
+    Err(Failure::invalid(anyhow!(
+        "--region {} has no vertex of {}, expected a part of its blank: x {} mm, y {} mm",
+        region.map(|x| (1e3 * x).to_string()).join(","),
+        path.display(),
+        ends(0),
+        ends(1)
+    )))
 }
 
 /// The tool of a scene file or of a run configuration.

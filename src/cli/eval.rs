@@ -7,20 +7,29 @@ use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
+use super::output::OutFolder;
 use super::result::{BASELINE_SEED, Baseline, Recorder, rollout_failure};
 use super::scene::set_up;
-use crate::env::{Draping, Tasks};
+use crate::env::{Draping, EnvConfig, Tasks};
 use crate::fabric::Drape;
+use crate::file::check_writable;
 use crate::ppo::{Agent, Sampling};
 use crate::run::{
     Checkpoint, EpisodeSummary, Played, RunConfig, RunFolder, mean_and_deviation,
     parallel_episodes, play, replay, replay_loosely,
 };
 use crate::scene::Scene;
-use crate::sim::Solver;
+use crate::sim::{Preset, Solver};
 
 /// Roll out a trained policy and compare it with the random one
+///
+/// Writes before.png, after.png, path.png and rollout.gif of the episode it plays, each in place
+/// of that of the last `eval`; those of the run itself stay.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape eval runs/a
+  drape eval runs/a --sequence --accuracy accurate --out checked
+  drape eval runs/a --checkpoint last --sample --json")]
 pub struct Args {
     /// Run folder
     run: PathBuf,
@@ -47,6 +56,17 @@ pub struct Args {
     #[arg(long, value_enum)]
     solver: Option<SolverName>,
 
+    /// Step the episodes as finely as this, fast, balanced or accurate, from the initial state of
+    /// the run, instead of as in training. A sequence is followed as far as the stencil's reach
+    /// allows
+    #[arg(long, value_parser = accuracy, value_name = "NAME")]
+    accuracy: Option<Preset>,
+
+    /// Folder for the pictures, created where missing; pictures/eval in the run folder if not
+    /// given
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+
     /// Also write where every vertex of the blank lies after the episode, for `drape compare`
     #[arg(long, value_name = "FILE")]
     state: Option<PathBuf>,
@@ -54,6 +74,11 @@ pub struct Args {
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
+}
+
+/// A preset of the accuracy by its name.
+pub(super) fn accuracy(name: &str) -> Result<Preset, String> {
+    Preset::named(name).ok_or("expected fast, balanced or accurate".into())
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -70,6 +95,9 @@ struct Report {
     run: PathBuf,
     /// `best`, `last`, a file, or `sequence`.
     played: String,
+    /// What `--accuracy` asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    accuracy: Option<Preset>,
     /// The greedy episode, or the replayed one.
     episode: EpisodeSummary,
     /// How many deviations of the random policy's final region distance the episode lies
@@ -78,6 +106,8 @@ struct Report {
     #[serde(skip_serializing_if = "Option::is_none")]
     sampled: Option<Sampled>,
     random: Baseline,
+    /// Where the pictures are.
+    pictures: PathBuf,
 }
 
 /// Episodes with actions drawn from the policy.
@@ -93,12 +123,22 @@ struct Sampled {
 
 /// Runs `drape eval`.
 pub fn run(args: Args) -> Result<(), Failure> {
+    if let Some(file) = &args.state {
+        check_writable(file)?;
+    }
     let mut loaded = Loaded::open(&args.run, args.json)?;
+    let pictures = match &args.out {
+        Some(folder) => OutFolder::make(folder)?,
+        None => OutFolder::make(&loaded.folder.pictures().join("eval"))?,
+    };
     if let Some(solver) = args.solver {
         loaded.change_solver(match solver {
             SolverName::Yarn => Solver::Yarn,
             SolverName::GaussSeidel => Solver::GaussSeidel,
         });
+    }
+    if let Some(accuracy) = args.accuracy {
+        loaded.change_accuracy(accuracy);
     }
     let source = if args.sequence {
         Source::Sequence
@@ -106,23 +146,18 @@ pub fn run(args: Args) -> Result<(), Failure> {
         Source::Checkpoint(&args.checkpoint)
     };
     let (played, agent, recorder, draping) = loaded.play(source)?;
-    let Loaded {
-        folder,
-        config,
-        scene,
-        ..
-    } = &loaded;
+    let Loaded { env, scene, .. } = &loaded;
     if let Some(file) = &args.state {
         Drape::new(&scene.lamina, &played.state.position).write(file)?;
     }
 
-    let random = Baseline::play(scene, &config.env, args.episodes, BASELINE_SEED)?;
+    let random = Baseline::play(scene, env, args.episodes, BASELINE_SEED)?;
     let sampled = match (&agent, args.sample) {
-        (Some(agent), true) => Some(sampled(agent, scene, config, args.episodes)?),
+        (Some(agent), true) => Some(sampled(agent, scene, env, args.episodes)?),
         _ => None,
     };
     let title = if args.sequence { "sequence" } else { "policy" };
-    recorder.write(folder, &draping, &played, title)?;
+    recorder.write(&pictures.path, &draping, &played, title)?;
 
     let below = random.mean_region_final_m - played.summary.region_final_m;
     let report = Report {
@@ -132,16 +167,18 @@ pub fn run(args: Args) -> Result<(), Failure> {
         } else {
             args.checkpoint.clone()
         },
+        accuracy: args.accuracy,
         deviations_below_random: (random.deviation_region_final_m > 0.0)
             .then(|| below / random.deviation_region_final_m),
         episode: played.summary,
         sampled,
         random,
+        pictures: pictures.path.clone(),
     };
     if args.json {
         return super::output::print_json(&report);
     }
-    super::output::print(&text(&report, folder))
+    super::output::print(&text(&report))
 }
 
 /// What an episode is played from.
@@ -156,7 +193,9 @@ pub(super) struct Loaded {
     pub folder: RunFolder,
     pub config: RunConfig,
     pub scene: Arc<Scene>,
-    /// The physics is not the run's own.
+    /// What episodes are played with: the run's own, unless that was changed.
+    pub env: EnvConfig,
+    /// Physics or steps are not the run's own.
     changed: bool,
 }
 
@@ -169,6 +208,7 @@ impl Loaded {
         let scene = Arc::new(set_up(&config.scene, &place, json)?);
         Ok(Self {
             folder,
+            env: config.env.clone(),
             config,
             scene,
             changed: false,
@@ -178,9 +218,15 @@ impl Loaded {
     /// Computes episodes with another solver than the run's.
     fn change_solver(&mut self, solver: Solver) {
         let mut physics = self.scene.config.physics.clone();
-        self.changed = physics.solver != solver;
+        self.changed |= physics.solver != solver;
         physics.solver = solver;
         self.scene = Arc::new(self.scene.with_physics(physics));
+    }
+
+    /// Steps episodes as finely as a preset does.
+    fn change_accuracy(&mut self, accuracy: Preset) {
+        self.env.set_accuracy(accuracy, &self.scene.config.physics);
+        self.changed |= self.env != self.config.env;
     }
 
     /// Plays one episode, greedily if by a policy. Gives the agent too, if there is one, the
@@ -189,7 +235,7 @@ impl Loaded {
         &self,
         source: Source,
     ) -> Result<(Played, Option<Agent>, Recorder, Draping), Failure> {
-        let mut draping = Draping::new(self.scene.clone(), &self.config.env, 1).or_invalid()?;
+        let mut draping = Draping::new(self.scene.clone(), &self.env, 1).or_invalid()?;
         let mut recorder = Recorder::default();
         let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);
         let place = match source {
@@ -266,7 +312,7 @@ impl Loaded {
 fn sampled(
     agent: &Agent,
     scene: &Arc<Scene>,
-    config: &RunConfig,
+    env: &EnvConfig,
     count: usize,
 ) -> Result<Sampled, Failure> {
     let choose = |draping: &Draping, streams: &mut [_]| -> Vec<u32> {
@@ -276,7 +322,7 @@ fn sampled(
         };
         streams.iter_mut().enumerate().map(act).collect()
     };
-    let episodes = parallel_episodes(scene, &config.env, count, BASELINE_SEED, choose)?;
+    let episodes = parallel_episodes(scene, env, count, BASELINE_SEED, choose)?;
     if episodes.is_empty() {
         return Err(anyhow!("all sampled episodes diverged").into());
     }
@@ -291,12 +337,15 @@ fn sampled(
     })
 }
 
-fn text(report: &Report, folder: &RunFolder) -> String {
+fn text(report: &Report) -> String {
     let Report {
         episode, random, ..
     } = report;
+    let accuracy = report.accuracy.map_or(String::new(), |accuracy| {
+        format!(", {} steps", accuracy.name())
+    });
     let mut lines = vec![
-        format!("{}: {}", report.run.display(), report.played),
+        format!("{}: {}{accuracy}", report.run.display(), report.played),
         format!(
             "  region: {:.4} m of {:.3} m left, {:.2} % removed",
             episode.region_final_m,
@@ -349,6 +398,6 @@ fn text(report: &Report, folder: &RunFolder) -> String {
             "the episode lies {deviations:.2} deviations below the random mean"
         ));
     }
-    lines.push(format!("pictures in {}", folder.pictures().display()));
+    lines.push(format!("pictures in {}", report.pictures.display()));
     lines.join("\n")
 }

@@ -7,6 +7,7 @@ use super::Failure;
 use super::eval::{Loaded, Source};
 use super::result::path;
 use crate::fabric::{Curve, Drape, Family};
+use crate::file::check_writable;
 use crate::math::Vec3;
 use crate::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
 use crate::path::{DrapingPoint, write_csv, write_json};
@@ -72,8 +73,6 @@ pub fn run(args: Args) -> Result<(), Failure> {
         Some(name) => Source::Checkpoint(name),
         None => Source::Sequence,
     };
-    let (played, ..) = loaded.play(source)?;
-    let points = path(&played, &loaded.config.env)?;
     let file = args.out.unwrap_or_else(|| {
         let json = loaded.folder.trajectory();
         match args.format {
@@ -87,6 +86,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
             "`--dialect` is of decks, expected `--format inp` with it"
         )));
     }
+    check_writable(&file)?;
+    let (played, ..) = loaded.play(source)?;
+    let points = path(&played, &loaded.config.env)?;
     match args.format {
         Format::Json => write_json(&file, &points)?,
         Format::Csv => write_csv(&file, &points)?,
@@ -173,6 +175,7 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Deck {
         presses: &presses,
         press_s: loaded.config.env.press_s,
         pressure: PRESSURE,
+        gravity: physics.gravity,
     }
     .deck(dialect);
     deck

@@ -1,4 +1,5 @@
 use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -19,6 +20,38 @@ pub(super) fn print(text: &str) -> Result<(), Failure> {
 /// Prints `value` as one JSON object on stdout. Numbers that are not finite become `null`.
 pub(super) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     print(&serde_json::to_string_pretty(value)?)
+}
+
+/// A folder to write to. One that was made for it and is still empty goes with this.
+pub(super) struct OutFolder {
+    pub path: PathBuf,
+    is_new: bool,
+}
+
+impl OutFolder {
+    /// A folder that has just been made.
+    pub fn new(path: PathBuf) -> Self {
+        Self { path, is_new: true }
+    }
+
+    /// Makes the folder where it is missing. For before the work: one that cannot be made would
+    /// waste it.
+    pub fn make(path: &Path) -> Result<Self, Failure> {
+        let is_new = !path.exists();
+        std::fs::create_dir_all(path)
+            .with_context(|| format!("cannot create folder {}", path.display()))?;
+        let path = path.to_path_buf();
+        Ok(Self { path, is_new })
+    }
+}
+
+impl Drop for OutFolder {
+    fn drop(&mut self) {
+        if self.is_new {
+            // Fails where it is not empty, and then it shall stay.
+            let _ = std::fs::remove_dir(&self.path);
+        }
+    }
 }
 
 /// A bar on stderr that `0..=1` fills; hidden where nobody watches, and on demand.

@@ -48,8 +48,8 @@ pub struct Frame {
     /// One bit a vertex of the blank.
     pub draped: FixedBitSet,
     pub touched: FixedBitSet,
-    /// Vertices that the stencil has pressed so far, in order.
-    pub path: Vec<u32>,
+    /// Vertices that the stencil has pressed so far, in order, stroke by stroke.
+    pub path: Vec<Vec<u32>>,
     /// Text below the picture; should fit one line.
     pub caption: String,
 }
@@ -109,7 +109,8 @@ impl<'a> Studio<'a> {
         };
         let colors: Vec<Color> = (0..frame.state.position.len()).map(color).collect();
         let place = |&v: &u32| Vec3::from(frame.state.position[v as usize]);
-        let path: Vec<Vec3> = frame.path.iter().map(place).collect();
+        let stroke = |stroke: &Vec<u32>| stroke.iter().map(place).collect();
+        let path: Vec<Vec<Vec3>> = frame.path.iter().map(stroke).collect();
         self.captioned(&frame.state, &colors, &path, &frame.caption)
     }
 
@@ -121,7 +122,13 @@ impl<'a> Studio<'a> {
         film
     }
 
-    fn captioned(&self, state: &Snapshot, colors: &[Color], path: &[Vec3], text: &str) -> Image {
+    fn captioned(
+        &self,
+        state: &Snapshot,
+        colors: &[Color],
+        path: &[Vec<Vec3>],
+        text: &str,
+    ) -> Image {
         let lamina: TriMesh = self.scene.lamina.mesh(&state.position);
         let mut picture = Picture::default();
         picture.add(&self.tool, Paint::Uniform(TOOL), 0.0);
@@ -235,7 +242,7 @@ mod tests {
             state: scene.initial.clone(),
             draped: bits(draped),
             touched: bits(touched),
-            path: path.to_vec(),
+            path: vec![path.to_vec()],
             caption: "step 1".into(),
         }
     }

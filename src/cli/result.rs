@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::Failure;
 use super::picture::{Frame, Studio, View};
 use crate::env::{Draping, EnvConfig};
-use crate::path::{DrapingPoint, PressedPoint, strokes, write_json};
+use crate::path::{DrapingPoint, PressedPoint, stroke_points, strokes, write_json};
 use crate::report::{Chart, Level, SERIES, Series};
 use crate::run::{
     EpisodeSummary, Played, RolloutError, RunFolder, Training, curve, mean_and_deviation,
@@ -98,7 +98,7 @@ pub(super) fn write(training: &Training, baseline: &Baseline, json: bool) -> Res
         &folder.trajectory(),
         &path(&played, &training.config().env)?,
     )?;
-    recorder.write(folder, &draping, &played, "best sequence")
+    recorder.write(&folder.pictures(), &draping, &played, "best sequence")
 }
 
 /// The draping points of an episode.
@@ -151,16 +151,16 @@ impl Recorder {
         self.frames.push(Frame {
             draped: draping.draped(0).clone(),
             touched: draping.touched(0).clone(),
-            path: points.iter().map(|point| point.vertex).collect(),
+            path: path_of(points, draping.config()),
             caption: caption(points.len(), distance, draping.initial_distance()),
             state,
         });
     }
 
-    /// Writes the pictures before and after and the film into the run's folder.
+    /// Writes the pictures before and after and the film into a folder.
     pub fn write(
         mut self,
-        folder: &RunFolder,
+        folder: &Path,
         draping: &Draping,
         played: &Played,
         title: &str,
@@ -171,7 +171,7 @@ impl Recorder {
             state: played.state.clone(),
             draped: finished.draped.clone(),
             touched: finished.touched.clone(),
-            path: played.vertices.clone(),
+            path: path_of(&played.points, draping.config()),
             caption: caption(
                 played.vertices.len(),
                 played.summary.region_final_m,
@@ -186,16 +186,23 @@ impl Recorder {
         });
         self.frames.push(end.clone());
 
-        let pictures = folder.pictures();
         let studio = Studio::new(scene, View::Isometric, PICTURE_SIZE);
         let shot = |state: &Snapshot, text: &str| studio.distance(state, text);
-        shot(&scene.initial, "before").save_png(&pictures.join("before.png"))?;
-        shot(&played.state, &format!("after, {title}")).save_png(&pictures.join("after.png"))?;
+        shot(&scene.initial, "before").save_png(&folder.join("before.png"))?;
+        shot(&played.state, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
         let top = Studio::new(scene, View::Top, PICTURE_SIZE);
-        top.progress(&end).save_png(&pictures.join("path.png"))?;
+        top.progress(&end).save_png(&folder.join("path.png"))?;
         let film = Studio::new(scene, View::Isometric, FILM_SIZE).film(&self.frames);
-        Ok(film.save_gif(&pictures.join("rollout.gif"))?)
+        Ok(film.save_gif(&folder.join("rollout.gif"))?)
     }
+}
+
+/// The vertices of each stroke.
+fn path_of(points: &[PressedPoint], config: &EnvConfig) -> Vec<Vec<u32>> {
+    let vertices = |stroke: &[PressedPoint]| stroke.iter().map(|point| point.vertex).collect();
+    stroke_points(points, config.stencil_mm * 1e-3)
+        .map(vertices)
+        .collect()
 }
 
 fn caption(steps: usize, distance: f64, initial: f64) -> String {

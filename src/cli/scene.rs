@@ -3,17 +3,17 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::Context;
 use serde::Serialize;
 
 use super::Failure;
 use super::comparison::{Compared, compare};
 use super::failure::{OrInvalid, scene_failure};
-use super::output::{Progress, print, print_json};
+use super::output::{OutFolder, Progress, print, print_json};
 use super::picture::{Studio, View};
 use super::tool::{GRID_SAMPLES, GridErrorMm};
 use crate::fabric::Drape;
-use crate::file::write_atomic;
+use crate::file::{check_writable, write_atomic};
+use crate::math::Vec3;
 use crate::mesh::write_stl;
 use crate::scene::{Scene, SceneConfig, Summary};
 use crate::sim::SelfCollision;
@@ -97,19 +97,14 @@ pub fn run(args: Args) -> Result<(), Failure> {
              to compare with"
         )));
     }
-    // Before the work: a folder that cannot be made would waste it.
-    let folder = &args.out;
-    let is_new = !folder.exists();
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot create folder {}", folder.display()))?;
+    let out = OutFolder::make(&args.out)?;
+    let folder = &out.path;
+    if let Some(file) = &args.state {
+        check_writable(file)?;
+    }
 
     let start = Instant::now();
-    let scene = set_up(&config, &place, args.json).inspect_err(|_| {
-        if is_new {
-            // Fails where it is not empty, and then it shall stay.
-            let _ = std::fs::remove_dir(folder);
-        }
-    })?;
+    let scene = set_up(&config, &place, args.json)?;
     let clearance = scene.clearance();
     if clearance > MISSED {
         eprintln!("warning: {place}: {}", missed(clearance));
@@ -155,7 +150,39 @@ pub fn run(args: Args) -> Result<(), Failure> {
 /// Sets up the scene that was read from `place`, with a progress bar.
 pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Scene, Failure> {
     let progress = Progress::new("draping", json);
-    Scene::new(config, |share| progress.set(share)).map_err(|error| scene_failure(error, place))
+    let scene = Scene::new(config, |share| progress.set(share));
+    drop(progress);
+    let scene = scene.map_err(|error| scene_failure(error, place))?;
+    let flat = scene.lamina.rest.iter().map(|&[x, y]| Vec3::new(x, y, 0.0));
+    for (what, key, size) in [
+        (
+            "tool",
+            "the unit of its file",
+            extent(scene.tool.mesh.vertices.iter().copied()),
+        ),
+        ("blank", "that its lengths are in mm", extent(flat)),
+    ] {
+        if let Some(size) = absurd(size) {
+            eprintln!("warning: {place}: the {what} measures {size}: check {key}");
+        }
+    }
+    Ok(scene)
+}
+
+/// Sizes of tools and blanks that need no second look [m].
+const USUAL: std::ops::RangeInclusive<f64> = 1e-3..=50.0;
+
+/// Longest side of the box that holds the points [m].
+pub(super) fn extent(points: impl Iterator<Item = Vec3>) -> f64 {
+    let inf = Vec3::repeat(f64::INFINITY);
+    let (low, high) = points.fold((inf, -inf), |(low, high), x| (low.inf(&x), high.sup(&x)));
+    (high - low).max()
+}
+
+/// A size [m] that points to another unit than was meant, and what was expected.
+pub(super) fn absurd(size: f64) -> Option<String> {
+    let is_absurd = !USUAL.contains(&size);
+    is_absurd.then(|| format!("{:.3} mm, expected 1 mm to 50 m", 1e3 * size))
 }
 
 fn write_files(scene: &Scene, summary: &Summary, folder: &Path) -> Result<(), Failure> {

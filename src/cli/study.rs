@@ -5,14 +5,15 @@ mod transfer;
 mod twin;
 mod verify;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::SystemTime;
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use clap::Subcommand;
 
 use super::Failure;
 use super::failure::OrInvalid;
+use super::output::OutFolder;
 use crate::run::dated_folder;
 use crate::scene::{SceneConfig, SceneError};
 use crate::study::twin::TwinStudyError;
@@ -97,14 +98,13 @@ fn set_mesh(config: &mut SceneConfig, mesh: Option<usize>) -> Result<(), Failure
 }
 
 /// The folder to write to, made before the work.
-fn folder(out: Option<&PathBuf>, prefix: &str) -> Result<PathBuf, Failure> {
+fn folder(out: Option<&Path>, prefix: &str) -> Result<OutFolder, Failure> {
     match out {
-        Some(folder) => {
-            std::fs::create_dir_all(folder)
-                .with_context(|| format!("cannot create folder {}", folder.display()))?;
-            Ok(folder.clone())
+        Some(folder) => OutFolder::make(folder),
+        None => {
+            let folder = dated_folder(Path::new("runs"), prefix, SystemTime::now())?;
+            Ok(OutFolder::new(folder))
         }
-        None => Ok(dated_folder(Path::new("runs"), prefix, SystemTime::now())?),
     }
 }
 

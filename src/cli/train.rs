@@ -8,6 +8,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use super::Failure;
+use super::eval::accuracy;
 use super::failure::OrInvalid;
 use super::result;
 use super::scene::{MISSED, missed, set_up};
@@ -15,6 +16,7 @@ use crate::env::{Draping, End, Shape, Tasks};
 use crate::policy::DeviceKind;
 use crate::run::{RunConfig, RunFolder, RunInfo, Training, TrainingError};
 use crate::scene::{Scene, SceneConfig};
+use crate::sim::Preset;
 
 /// Iterations between two checkpoints.
 const CHECKPOINT_INTERVAL: u64 = 10;
@@ -47,6 +49,11 @@ pub struct Args {
     /// Where the networks are computed: flex, ndarray or gpu
     #[arg(long, value_parser = device, conflicts_with = "resume")]
     device: Option<DeviceKind>,
+
+    /// How finely episodes are stepped, fast, balanced or accurate, instead of the configuration's
+    /// `env.substep_rate` and `env.contact_interval`
+    #[arg(long, value_parser = accuracy, value_name = "NAME", conflicts_with = "resume")]
+    accuracy: Option<Preset>,
 
     /// Folder that holds the runs
     #[arg(long, value_name = "DIR", default_value = "runs")]
@@ -167,6 +174,9 @@ fn begin(args: &Args) -> Result<Training, Failure> {
     config.seed = args.seed.unwrap_or(config.seed);
     config.steps = args.steps.unwrap_or(config.steps);
     config.device = args.device.unwrap_or(config.device);
+    if let Some(accuracy) = args.accuracy {
+        config.env.set_accuracy(accuracy, &config.scene.physics);
+    }
     config
         .make_paths_absolute()
         .context("cannot find the current folder")?;

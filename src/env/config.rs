@@ -2,6 +2,7 @@ use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
 use crate::fabric::Lamina;
+use crate::sim::{PhysicsConfig, Preset};
 
 /// Number type of the episodes' simulation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,6 +40,10 @@ pub struct EnvConfig {
     pub settle_s: f64,
     /// Substeps a second.
     pub substep_rate: f64,
+    /// Substeps of an episode between two looks for the tool's tangent planes; those of the
+    /// scene's physics if not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact_interval: Option<usize>,
     /// Steps after which an episode is truncated; none if not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_steps: Option<usize>,
@@ -56,7 +61,8 @@ impl Default for EnvConfig {
             press_s: 1.0 / 60.0,
             descent: 0.5,
             settle_s: 0.0,
-            substep_rate: 600.0,
+            substep_rate: Preset::default().substep_rate(),
+            contact_interval: None,
             max_steps: None,
             precision: Precision::F32,
         }
@@ -83,6 +89,22 @@ pub struct Region {
 }
 
 impl EnvConfig {
+    /// Steps the episodes of a scene with this physics as finely as `accuracy` says. What the
+    /// physics itself says is not repeated.
+    pub fn set_accuracy(&mut self, accuracy: Preset, physics: &PhysicsConfig) {
+        self.substep_rate = accuracy.substep_rate();
+        let interval = accuracy.contact_interval();
+        self.contact_interval = (interval != physics.contact_interval).then_some(interval);
+    }
+
+    /// `physics` as the episodes have it.
+    pub(super) fn physics(&self, physics: &PhysicsConfig) -> PhysicsConfig {
+        PhysicsConfig {
+            contact_interval: self.contact_interval.unwrap_or(physics.contact_interval),
+            ..physics.clone()
+        }
+    }
+
     /// Checks every value and finds the region on the blank; the error names key, found and
     /// expected.
     pub fn region(&self, lamina: &Lamina) -> Result<Region, EnvError> {
@@ -117,6 +139,9 @@ impl EnvConfig {
         if !(60.0..=1e6).contains(&self.substep_rate) {
             let expected = "a number from 60 to 1000000";
             return fail("substep_rate", self.substep_rate.to_string(), expected);
+        }
+        if self.contact_interval == Some(0) {
+            return fail("contact_interval", "0".into(), "a number > 0");
         }
         if self.max_steps == Some(0) {
             return fail("max_steps", "0".into(), "a number > 0");

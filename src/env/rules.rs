@@ -56,6 +56,11 @@ pub(super) struct Progress {
 impl Task {
     pub fn new(scene: Arc<Scene>, config: &EnvConfig) -> Result<Self, EnvError> {
         let region = config.region(&scene.lamina)?;
+        let physics = config.physics(&scene.config.physics);
+        let scene = match physics == scene.config.physics {
+            true => scene,
+            false => Arc::new(scene.with_physics(physics)),
+        };
         let control = |seconds: f64| Control {
             dt: seconds,
             substeps: ((seconds * config.substep_rate).round() as usize).max(1),

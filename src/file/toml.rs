@@ -43,12 +43,7 @@ pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, Par
         let before = text.get(..start).unwrap_or(text);
         let line_start = before.rfind('\n').map_or(0, |end| end + 1);
         let line = text[line_start..].lines().next().unwrap_or_default().trim();
-        // The parser's own message may have several lines.
-        let mut message = error
-            .message()
-            .split_whitespace()
-            .collect::<Vec<_>>()
-            .join(" ");
+        let mut message = plain(error.message());
         let key = line.split('=').next().unwrap_or_default().trim();
         if !key.is_empty() && !message.contains(&format!("`{key}`")) {
             let quote: String = line.chars().take(QUOTE).collect();
@@ -61,6 +56,42 @@ pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, Par
             message,
         }
     })
+}
+
+/// A message of the parser, which may have several lines and names Rust's types, in one line
+/// and in words for whoever wrote the file.
+pub fn plain(message: &str) -> String {
+    const WORDS: [(&str, &str); 12] = [
+        ("expected f64", "expected a number"),
+        ("expected f32", "expected a number"),
+        ("expected usize", "expected a whole number >= 0"),
+        ("expected u64", "expected a whole number >= 0"),
+        ("expected u32", "expected a whole number >= 0"),
+        ("expected a sequence", "expected a list"),
+        ("expected path string", "expected a path in quotes"),
+        ("expected internally tagged enum", "expected a table for"),
+        ("expected struct", "expected a table for"),
+        ("expected an array of length", "expected a list of length"),
+        (
+            "invalid type: unit variant, expected string only",
+            "invalid type, expected a name in quotes or a table",
+        ),
+        (
+            "wanted string or table",
+            "invalid type, expected a name in quotes or a table",
+        ),
+    ];
+    let line = message.split_whitespace().collect::<Vec<_>>().join(" ");
+    let plain = |line: String, (rust, words): &(&str, &str)| line.replace(rust, words);
+    let line = WORDS.iter().fold(line, plain);
+    // What a table is for is a name of Rust's, too.
+    match line.split_once(" for ") {
+        Some((before, after)) if before.ends_with("expected a table") => {
+            let rest = after.split_once(' ').map(|(_, rest)| format!(" {rest}"));
+            before.to_owned() + &rest.unwrap_or_default()
+        }
+        _ => line,
+    }
 }
 
 #[cfg(test)]
@@ -96,7 +127,11 @@ mod tests {
             ),
             (
                 "# \u{b5}\n[part]\nlength_mm = \"\u{b5}\"",
-                "a.toml:3:13: invalid type: string \"\u{b5}\", expected f64 in `length_mm = \"\u{b5}\"`",
+                "a.toml:3:13: invalid type: string \"\u{b5}\", expected a number in `length_mm = \"\u{b5}\"`",
+            ),
+            (
+                "part = 3",
+                "a.toml:1:8: invalid type: integer `3`, expected a table in `part = 3`",
             ),
             (
                 "[part]",

@@ -32,27 +32,50 @@ pub fn write_atomic(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<(), WriteError> {
-    let folder = match path.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
+    check_kind(path)?;
+    let folder = folder_of(path);
+    replace(path, folder, write).map_err(|source| error(path, source))
+}
+
+/// Whether [`write_atomic`] could begin to write the file at `path`: for work that takes long
+/// and ends with that. Nothing is left behind.
+pub fn check_writable(path: &Path) -> Result<(), WriteError> {
+    check_kind(path)?;
+    let begun = match path.is_dir() {
+        true => Err(io::ErrorKind::IsADirectory.into()),
+        false => create_temporary(folder_of(path)),
     };
-    // Folders are left to the rename, which says what they are.
+    begun.map(drop).map_err(|source| error(path, source))
+}
+
+/// Folders are left to the rename, which says what they are.
+fn check_kind(path: &Path) -> Result<(), WriteError> {
     if std::fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
         return Err(WriteError::NotAFile { path: path.into() });
     }
-    replace(path, folder, write).map_err(|source| {
-        if source.kind() == io::ErrorKind::NotFound && !folder.exists() {
-            WriteError::FolderMissing {
-                path: path.into(),
-                folder: folder.into(),
-            }
-        } else {
-            WriteError::Io {
-                path: path.into(),
-                source,
-            }
+    Ok(())
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    }
+}
+
+fn error(path: &Path, source: io::Error) -> WriteError {
+    let folder = folder_of(path);
+    if source.kind() == io::ErrorKind::NotFound && !folder.exists() {
+        WriteError::FolderMissing {
+            path: path.into(),
+            folder: folder.into(),
         }
-    })
+    } else {
+        WriteError::Io {
+            path: path.into(),
+            source,
+        }
+    }
 }
 
 fn replace(
@@ -172,6 +195,24 @@ mod tests {
         assert!(matches!(error, WriteError::Io { .. }), "{error}");
         assert_eq!(names(folder.path()), ["a"]);
         assert!(path.is_dir());
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_known_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("a"), "old").unwrap();
+        fs::create_dir(at("b")).unwrap();
+        for name in ["a", "new"] {
+            check_writable(&at(name)).unwrap();
+        }
+        assert_eq!(fs::read_to_string(at("a")).unwrap(), "old");
+        for name in ["b", "none/a", "a/b"] {
+            let known = check_writable(&at(name)).unwrap_err();
+            let found = write_atomic(&at(name), |_| Ok(())).unwrap_err();
+            assert_eq!(known.to_string(), found.to_string());
+        }
+        assert_eq!(names(folder.path()), ["a", "b"]);
     }
 
     #[cfg(unix)]

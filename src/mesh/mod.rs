@@ -79,6 +79,16 @@ impl TriMesh {
             .sum()
     }
 
+    /// How many triangles have the corners of an earlier one, in whatever order.
+    pub fn duplicate_count(&self) -> usize {
+        let mut sorted: Vec<[u32; 3]> = self.triangles.clone();
+        for triangle in &mut sorted {
+            triangle.sort_unstable();
+        }
+        sorted.sort_unstable();
+        sorted.windows(2).filter(|pair| pair[0] == pair[1]).count()
+    }
+
     /// Turns every triangle over.
     pub fn flip(&mut self) {
         for triangle in &mut self.triangles {

@@ -85,10 +85,8 @@ pub fn strokes(
     join_distance: f64,
 ) -> Result<Vec<DrapingPoint>, StrokeError> {
     let normals = unit_normals(points)?;
-    let near =
-        |a: &PressedPoint, b: &PressedPoint| (b.position - a.position).norm() < join_distance;
     let mut path = Vec::with_capacity(points.len());
-    for (stroke, members) in points.chunk_by(near).enumerate() {
+    for (stroke, members) in stroke_points(points, join_distance).enumerate() {
         let first = path.len();
         let normals = &normals[first..first + members.len()];
         let travels: Vec<_> = (0..members.len())
@@ -113,6 +111,14 @@ pub fn strokes(
         }
     }
     Ok(path)
+}
+
+/// The points of each stroke or press, as [`strokes`] groups them.
+pub fn stroke_points(
+    points: &[PressedPoint],
+    join_distance: f64,
+) -> impl Iterator<Item = &[PressedPoint]> {
+    points.chunk_by(move |a, b| (b.position - a.position).norm() < join_distance)
 }
 
 /// The normals at unit length, after checking that every point is usable.

@@ -16,7 +16,7 @@ pub struct Energies {
     pub initial: f64,
     /// Work done by gravity.
     pub gravity: f64,
-    /// Work done by clamps and loads.
+    /// Work done by clamps.
     pub external: f64,
     /// Work done by pressure.
     pub press: f64,

@@ -70,11 +70,6 @@ impl Twin {
         }
         self.hold(&step);
         self.vectorize(Task::Move(step));
-        let work = |(v, force): &(usize, [f64; 3])| -> f64 {
-            (0..3).map(|k| force[k] * self.v[k][*v] * drift).sum()
-        };
-        self.ledger.last_load = self.loads.iter().map(work).sum();
-        self.ledger.external += self.ledger.last_load;
         self.last = drift;
         self.seconds += drift;
         Ok(())

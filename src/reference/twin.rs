@@ -40,8 +40,7 @@ pub struct Twin {
     pub(super) contact: Contact,
     pub(super) held: Vec<Held>,
     pub(super) is_held: Vec<bool>,
-    pub(super) loads: Vec<(usize, [f64; 3])>,
-    /// Weight and loads [N].
+    /// Weight [N].
     pub(super) base: Field,
     pub(super) x: Field,
     pub(super) v: Field,
@@ -62,8 +61,6 @@ pub struct Twin {
 pub(super) struct Ledger {
     pub work: Work,
     pub external: f64,
-    /// By loads in the last step: half of it lies beyond where energies are taken.
-    pub last_load: f64,
     pub damping: f64,
     pub viscosity: f64,
     /// Potential of weight, kinetic and strain energy at the start.
@@ -112,7 +109,6 @@ impl Twin {
             area,
             held: Vec::new(),
             is_held: vec![false; count],
-            loads: Vec::new(),
             base: zeros(count),
             x: zeros(count),
             v: zeros(count),
@@ -235,19 +231,7 @@ impl Twin {
         self.is_held[vertex as usize]
     }
 
-    /// Adds a lasting force on a vertex [N].
-    pub fn add_force(&mut self, vertex: u32, force: [f64; 3]) {
-        self.loads.push((vertex as usize, force));
-        self.sum_base();
-    }
-
-    /// Takes all lasting forces away.
-    pub fn clear_forces(&mut self) {
-        self.loads.clear();
-        self.sum_base();
-    }
-
-    /// The force with which the cloth pulls at a vertex, weight and loads included [N]: what
+    /// The force with which the cloth pulls at a vertex, weight included [N]: what
     /// whatever holds the vertex has to bear. Viscous stress and inertia are not counted.
     pub fn pull(&self, vertices: &[u32]) -> [f64; 3] {
         let elastic = self.elastic_field();
@@ -314,7 +298,7 @@ impl Twin {
             bending: 0.5 * (self.bending.energy(&self.x) + self.bending.energy(&back)),
             initial: self.ledger.initial,
             gravity: self.ledger.potential - potential,
-            external: self.ledger.external - 0.5 * self.ledger.last_load,
+            external: self.ledger.external,
             press: work.press,
             adhesion: work.tack,
             contact: work.contact,
@@ -351,11 +335,6 @@ impl Twin {
         self.base = zeros(self.count);
         for (f, weight) in self.base[2].iter_mut().zip(&self.weight) {
             *f = -self.config.gravity * weight;
-        }
-        for (v, force) in &self.loads {
-            for (base, f) in self.base.iter_mut().zip(force) {
-                base[*v] += f;
-            }
         }
     }
 

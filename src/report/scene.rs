@@ -10,6 +10,10 @@ const AMBIENT: f32 = 0.3;
 /// left shoulder, low enough that a wrinkle has a bright and a dark side.
 const KEY_LIGHT: [f32; 3] = [-0.36, 0.48, 0.8];
 
+/// Width of the line along a stroke, and of that of a jump between two [px].
+const STROKE: f64 = 1.6;
+const JUMP: f64 = 0.5;
+
 /// Colours of a mesh.
 #[derive(Clone, Copy, Debug)]
 pub enum Paint<'a> {
@@ -95,9 +99,11 @@ impl<'a> Scene<'a> {
         });
     }
 
-    /// Adds a path: a line over `points` [m] and a disc on each, the last one larger.
-    pub fn add_path(&mut self, points: &[Vec3], color: Color) {
-        // At equal depth the earlier mark is in front: discs before the line.
+    /// Adds a path of strokes [m]: a disc on every point, the last one larger, a line along each
+    /// stroke, and a thin one from there to the next.
+    pub fn add_path(&mut self, strokes: &[Vec<Vec3>], color: Color) {
+        let points = strokes.concat();
+        // At equal depth the earlier mark is in front: discs before the lines.
         for (i, &center) in points.iter().enumerate().rev() {
             let radius = if i + 1 == points.len() { 5.0 } else { 2.5 };
             self.marks.push(Mark::Disc {
@@ -106,11 +112,15 @@ impl<'a> Scene<'a> {
                 color,
             });
         }
-        self.marks.push(Mark::Line {
-            points: points.to_vec(),
-            width: 1.6,
+        let line = |points, width| Mark::Line {
+            points,
+            width,
             color,
-        });
+        };
+        let strokes = strokes.iter().filter(|stroke| stroke.len() > 1);
+        self.marks
+            .extend(strokes.map(|stroke| line(stroke.clone(), STROKE)));
+        self.marks.push(line(points, JUMP));
     }
 
     /// The picture of the scene, `width` by `height` pixels, 2 x 2 samples in each.

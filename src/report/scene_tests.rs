@@ -265,7 +265,7 @@ fn marks_have_their_size_and_hide_behind_what_is_nearer() {
 #[test]
 fn path_has_a_disc_per_point_and_a_larger_one_at_its_end() {
     let mut scene = Scene::default();
-    scene.add_path(&[Vec3::x() * -0.5, Vec3::x() * 0.5], [250, 240, 80]);
+    scene.add_path(&[vec![Vec3::x() * -0.5, Vec3::x() * 0.5]], [250, 240, 80]);
     let image = scene.render(&camera(), SIDE, SIDE);
     let rows = |x: f64| {
         let column = (100.0 + 100.0 * x) as usize;
@@ -274,4 +274,22 @@ fn path_has_a_disc_per_point_and_a_larger_one_at_its_end() {
     };
     let [first, between, last] = [-0.5, 0.0, 0.495].map(rows);
     assert!(between < first && first < last, "{between} {first} {last}");
+}
+
+#[test]
+fn jump_is_thinner_than_a_stroke() {
+    let light = |strokes: &[Vec<Vec3>]| {
+        let mut scene = Scene::default();
+        scene.add_path(strokes, [250, 240, 80]);
+        let image = scene.render(&camera(), SIDE, SIDE);
+        let empty = Scene::default().render(&camera(), SIDE, SIDE);
+        let of = |row: usize| {
+            let pixel = |image: &Image| u32::from(image.pixels[row * SIDE + 100][0]);
+            pixel(&image) - pixel(&empty)
+        };
+        (0..SIDE).map(of).sum::<u32>()
+    };
+    let [from, to] = [Vec3::x() * -0.5, Vec3::x() * 0.5];
+    let (stroke, jump) = (light(&[vec![from, to]]), light(&[vec![from], vec![to]]));
+    assert!(0 < jump && 2 * jump <= stroke, "{jump} {stroke}");
 }

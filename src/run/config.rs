@@ -6,10 +6,11 @@ use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use crate::env::EnvConfig;
-use crate::file::{ParseError, parse_toml};
+use crate::file::{ParseError, parse_toml, plain, read_toml};
 use crate::policy::{DeviceKind, PolicyConfig};
 use crate::ppo::PpoConfig;
 use crate::scene::{SceneConfig, SceneError};
+use crate::sim::Preset as Accuracy;
 
 /// A set of defaults for task, network and learner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -158,6 +159,16 @@ impl RunConfig {
             None => Preset::default(),
             Some(value) => section(value.clone(), "preset").map_err(wrong)?,
         };
+        let accuracy = match given.get_mut("env") {
+            Some(Value::Table(env)) => env.remove("accuracy"),
+            _ => None,
+        };
+        let accuracy: Option<Accuracy> = accuracy
+            .map(|value| section(value, "env.accuracy").map_err(wrong))
+            .transpose()?;
+        let rate_given = has(&given, &["env", "substep_rate"]);
+        let mut interval_given = has(&given, &["env", "contact_interval"])
+            || has(&given, &["scene", "physics", "contact_interval"]);
         let scene = match (given.remove("scene_file"), given.remove("scene")) {
             (Some(_), Some(_)) => {
                 let message = "`scene_file` and `scene` are both given, expected one";
@@ -166,6 +177,8 @@ impl RunConfig {
             (Some(Value::String(file)), None) => {
                 let path = folder.join(file);
                 let scene = SceneConfig::read(&path)?;
+                let table: Table = read_toml(&path).map_err(SceneError::Read)?;
+                interval_given |= has(&table, &["physics", "contact_interval"]);
                 scene.check().map_err(|error| RunConfigError::Value {
                     path,
                     place: String::new(),
@@ -203,7 +216,12 @@ impl RunConfig {
         take!(environments, "environments");
         take!(device, "device");
         take!(evaluation_interval, "evaluation_interval");
-        take!(env, "env");
+        config.env = section(get(&mut merged, "env"), "env").map_err(|(key, message)| {
+            let unknown = key.starts_with("env.") && message.contains("unknown field");
+            // Resolved here, so it is no field.
+            let more = if unknown { ", `accuracy`" } else { "" };
+            wrong((key, message + more))
+        })?;
         take!(policy, "policy");
         take!(ppo, "ppo");
         if let Some(key) = merged.keys().next() {
@@ -215,6 +233,16 @@ impl RunConfig {
             return Err(fail(key, message));
         }
         config.scene = scene;
+        if let Some(accuracy) = accuracy {
+            let own = config.env.clone();
+            config.env.set_accuracy(accuracy, &config.scene.physics);
+            if rate_given {
+                config.env.substep_rate = own.substep_rate;
+            }
+            if interval_given {
+                config.env.contact_interval = own.contact_interval;
+            }
+        }
         config.check().map_err(wrong)?;
         Ok(config)
     }
@@ -245,7 +273,7 @@ impl RunConfig {
 /// The value of `key`; the error is where it is wrong, as keys joined by dots, and a message.
 fn section<T: DeserializeOwned>(value: Value, key: &str) -> Result<T, (String, String)> {
     T::deserialize(value).map_err(|error| {
-        let text = one_line(&error.to_string());
+        let text = plain(&error.to_string());
         // The parser names the keys below `key` last.
         let inner = text.strip_suffix('`').and_then(|t| t.rsplit_once(" in `"));
         let (message, path) = match inner {
@@ -263,8 +291,15 @@ fn section<T: DeserializeOwned>(value: Value, key: &str) -> Result<T, (String, S
     })
 }
 
-fn one_line(message: &str) -> String {
-    message.split_whitespace().collect::<Vec<_>>().join(" ")
+/// Whether something stands at the end of this path of keys.
+fn has(table: &Table, path: &[&str]) -> bool {
+    let [key, below @ ..] = path else {
+        return false;
+    };
+    match table.get(*key) {
+        Some(Value::Table(table)) if !below.is_empty() => has(table, below),
+        value => value.is_some() && below.is_empty(),
+    }
 }
 
 /// "7:" for line 7 that sets the key at `path` (keys joined by dots), or the nearest one
@@ -324,8 +359,9 @@ fn switch_off(table: &mut Table, base: &Table) -> bool {
 }
 
 /// Keys that may be absent, and so be switched off.
-const OPTIONAL: [&str; 6] = [
+const OPTIONAL: [&str; 7] = [
     "region_mm",
+    "contact_interval",
     "max_steps",
     "annealing_steps",
     "max_grad_norm",
@@ -377,6 +413,42 @@ mod tests {
     }
 
     #[test]
+    fn accuracy_is_resolved_and_explicit_keys_win() {
+        let accurate = parse("[env]\naccuracy = \"accurate\"").unwrap();
+        let mut expected = RunConfig::preset(Preset::Compact);
+        expected.env.substep_rate = 12_000.0;
+        expected.env.contact_interval = Some(10);
+        assert_eq!(accurate, expected);
+        assert_eq!(parse(&accurate.to_toml()), Ok(accurate));
+
+        let balanced = parse("[env]\naccuracy = \"balanced\"").unwrap();
+        assert_eq!(balanced.to_toml(), parse("").unwrap().to_toml());
+
+        let found = |more: &str| {
+            let text = format!("env.accuracy = \"accurate\"\n{more}");
+            let config = parse(&text).unwrap();
+            let interval = config.env.contact_interval;
+            let physics = config.scene.physics.contact_interval;
+            (config.env.substep_rate, interval.unwrap_or(physics))
+        };
+        assert_eq!(found("env.substep_rate = 900"), (900.0, 10));
+        assert_eq!(found("env.contact_interval = 3"), (12_000.0, 3));
+        let scene = "scene.tool = {}\n";
+        assert_eq!(found(scene), (12_000.0, 10));
+        let explicit = format!("{scene}scene.physics.contact_interval = 5");
+        assert_eq!(found(&explicit), (12_000.0, 5));
+        // A scene file with the key of its own, too.
+        let folder = tempfile::tempdir().unwrap();
+        for (physics, interval) in [("", 10), ("[physics]\ncontact_interval = 7\n", 7)] {
+            std::fs::write(folder.path().join("s.toml"), format!("{physics}[tool]\n")).unwrap();
+            let text = "scene_file = \"s.toml\"\nenv.accuracy = \"accurate\"";
+            let config = RunConfig::parse(text, &folder.path().join("c.toml")).unwrap();
+            let own = config.scene.physics.contact_interval;
+            assert_eq!(config.env.contact_interval.unwrap_or(own), interval);
+        }
+    }
+
+    #[test]
     fn another_network_replaces_the_preset_s() {
         let paper = RunConfig::preset(Preset::Paper);
         let text = format!("[policy]\n{}", toml::to_string(&paper.policy).unwrap());
@@ -407,7 +479,29 @@ mod tests {
             ),
             (
                 "[env]\nstencil_mm = \"x\"",
-                "c.toml:2: `env.stencil_mm`: invalid type: string \"x\", expected f64",
+                "c.toml:2: `env.stencil_mm`: invalid type: string \"x\", expected a number",
+            ),
+            (
+                "[env]\naccuracy = \"acurate\"",
+                "c.toml:2: `env.accuracy`: unknown variant `acurate`, expected one of `fast`, \
+                 `balanced`, `accurate`",
+            ),
+            ("\n[env]\naccuracy = 600", "c.toml:3: `env.accuracy`: "),
+            (
+                "[env]\nacuracy = \"fast\"",
+                "c.toml:2: `env`: unknown field `acuracy`, expected one of `region_mm`, `crop`, \
+                 `stencil_mm`, `drape_threshold_mm`, `drape_strain`, `press_s`, `descent`, \
+                 `settle_s`, `substep_rate`, `contact_interval`, `max_steps`, `precision`, \
+                 `accuracy`",
+            ),
+            (
+                "[scene.tool]\n[scene.physics]\nself_collision = 3",
+                "c.toml:3: `scene.physics.self_collision`: invalid type, expected a name in \
+                 quotes or a table",
+            ),
+            (
+                "[scene.tool.source]\nshape = \"rib\"",
+                "c.toml:1: `scene.tool.source`: invalid type: string \"rib\", expected a table",
             ),
             (
                 "steps = 0",
@@ -415,7 +509,7 @@ mod tests {
             ),
             (
                 "steps = -3",
-                "c.toml:1: `steps`: invalid value: integer `-3`, expected u64",
+                "c.toml:1: `steps`: invalid value: integer `-3`, expected a whole number >= 0",
             ),
             (
                 "[ppo]\ngamma = 2.0",
@@ -439,7 +533,7 @@ mod tests {
             ),
             (
                 "scene = 1",
-                "c.toml:1: `scene`: invalid type: integer `1`, expected",
+                "c.toml:1: `scene`: invalid type: integer `1`, expected a table",
             ),
             ("[scene]\nfoo = 1", "c.toml:2: `scene`: unknown field `foo`"),
             (

@@ -1,3 +1,5 @@
+//! Names for how finely time is stepped, from previews to what results are checked with.
+
 use serde::{Deserialize, Serialize};
 
 use super::physics::PhysicsConfig;
@@ -22,6 +24,11 @@ pub enum Preset {
 impl Preset {
     /// All of them, the fastest first.
     pub const ALL: [Self; 3] = [Self::Fast, Self::Balanced, Self::Accurate];
+
+    /// The preset of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|preset| preset.name() == name)
+    }
 
     /// As in configurations and tables.
     pub fn name(self) -> &'static str {
@@ -78,6 +85,7 @@ mod tests {
         let looks = Preset::ALL.map(|p| p.substep_rate() / p.contact_interval() as f64);
         assert!(looks.is_sorted());
         for preset in Preset::ALL {
+            assert_eq!(Preset::named(preset.name()), Some(preset));
             let frame = preset.control(1.0 / 60.0);
             assert_eq!(frame.substeps as f64, preset.substep_rate() / 60.0);
             assert_eq!(preset.control(1e-9).substeps, 1);

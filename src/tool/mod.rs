@@ -115,13 +115,17 @@ pub enum ToolError {
     #[error("the tool has no facets")]
     Empty,
     #[error(
+        "{count} facets of the tool are there more than once, expected each once; repair the mesh"
+    )]
+    Duplicate { count: usize },
+    #[error(
         "the facets of the tool disagree on which side is out: {edge_count} edges are used \
          more often in one direction than in the other; repair the mesh"
     )]
     Misoriented { edge_count: usize },
     #[error(
         "a grid of {} x {} x {} nodes at spacing {spacing_mm} mm is too large, expected at most \
-         {limit} nodes; increase grid.spacing_mm",
+         {limit} nodes; increase grid.spacing_mm, or check the size of the tool",
         dims[0], dims[1], dims[2]
     )]
     GridTooLarge {

@@ -52,6 +52,11 @@ impl Surface {
     pub fn new(mesh: &TriMesh) -> Result<Self, ToolError> {
         let topology = Topology::new(mesh);
         if topology.misoriented_edge_count > 0 {
+            // A triangle that is there twice uses its edges twice, and disagrees with nobody.
+            let count = mesh.duplicate_count();
+            if count > 0 {
+                return Err(ToolError::Duplicate { count });
+            }
             return Err(ToolError::Misoriented {
                 edge_count: topology.misoriented_edge_count,
             });
@@ -372,6 +377,13 @@ mod tests {
         assert!(matches!(
             Surface::new(&mesh),
             Err(ToolError::Misoriented { edge_count: 1 })
+        ));
+        // A border edge of a facet that is there twice is used twice in one direction.
+        let mut mesh = sheet();
+        mesh.triangles.push(mesh.triangles[1]);
+        assert!(matches!(
+            Surface::new(&mesh),
+            Err(ToolError::Duplicate { count: 1 })
         ));
         assert!(matches!(
             Surface::new(&TriMesh::default()),

@@ -1,4 +1,4 @@
-use super::run::{number, trained};
+use super::run::{CONFIG, number, train, trained};
 use super::*;
 
 /// Sets the coarse rib up and leaves its state in `name`.
@@ -132,6 +132,26 @@ fn run_is_the_state_of_its_best_sequence() {
 }
 
 #[test]
+fn runs_with_different_tools_need_one_to_be_chosen() {
+    let folder = trained();
+    let path = folder.path();
+    let other = CONFIG
+        .replace("steps = 240", "steps = 80")
+        .replace("kind = \"rib\"", "kind = \"rib\"\nheight_mm = 50");
+    train(path, &other, "b");
+    let args = ["compare", "runs/a", "runs/b"];
+    assert_failure(
+        &drape(path, &args),
+        2,
+        &["runs/a and runs/b have different tools", "--config"],
+    );
+    let more = ["--config", "runs/a/config.toml", "--json"];
+    let report = json(path, &[&args[..], &more].concat());
+    assert_eq!(report["tool_source"], "runs/a/config.toml");
+    assert!(report["b"]["tool"].is_object());
+}
+
+#[test]
 fn what_cannot_be_compared_is_refused_in_one_line() {
     let folder = folder();
     let path = folder.path();
@@ -160,6 +180,15 @@ fn what_cannot_be_compared_is_refused_in_one_line() {
         let args = [&["compare"], args].concat();
         assert_failure(&drape(path, &args), 2, words);
     }
+    let far = "--region=500,0,600.5,100";
+    assert_failure(
+        &drape(path, &["compare", "a.json", "a.json", far]),
+        2,
+        &[
+            "--region 500,0,600.5,100 has no vertex of a.json",
+            "x -185.0 to 185.0 mm, y -185.0 to 185.0 mm",
+        ],
+    );
     for (option, value) in [
         ("--region", "1,2,3"),
         ("--region", "3,2,1,4"),

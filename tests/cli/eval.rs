@@ -102,6 +102,73 @@ fn best_sequence_replays_to_its_score_without_a_checkpoint() {
     assert_eq!(report["episode"]["steps"], count);
 }
 
+/// The same start and the same presses, stepped as finely as is asked for.
+#[test]
+fn sequence_is_replayed_with_another_accuracy() {
+    let folder = trained();
+    let path = folder.path();
+    let own = eval(path, &["--sequence"]);
+    assert!(own.get("accuracy").is_none());
+    let replay = |accuracy: &str| eval(path, &["--sequence", "--accuracy", accuracy]);
+    let accurate = replay("accurate");
+    assert_eq!(accurate["accuracy"], "accurate");
+    check_episode(&accurate["episode"]);
+    check_episodes(&accurate["random"], 5);
+    for key in ["steps", "region_initial_m", "sheet_initial_m"] {
+        assert_eq!(accurate["episode"][key], own["episode"][key], "{key}");
+    }
+    for key in ["region_final_m", "sheet_final_m"] {
+        assert_ne!(accurate["episode"][key], own["episode"][key], "{key}");
+    }
+    assert_ne!(
+        accurate["random"]["mean_score"],
+        own["random"]["mean_score"]
+    );
+    // What the run was trained with.
+    let balanced = replay("balanced");
+    assert_eq!(balanced["episode"]["score"], own["episode"]["score"]);
+    // A checkpoint keeps its configuration, and plays with another.
+    let args = ["--checkpoint", "last", "--accuracy", "fast"];
+    assert_ne!(
+        eval(path, &args)["episode"]["region_final_m"],
+        eval(path, &args[..2])["episode"]["region_final_m"]
+    );
+    let args = ["eval", "runs/a", "--accuracy", "fast", "--episodes", "2"];
+    let text = stdout(path, &args);
+    assert!(text.starts_with("runs/a: best, fast steps\n"), "{text}");
+
+    let args = ["eval", "runs/a", "--accuracy", "acurate"];
+    let output = drape(path, &args);
+    assert_eq!(output.status.code(), Some(2));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        stderr.contains("'acurate' for '--accuracy <NAME>': expected fast, balanced or accurate"),
+        "{stderr}"
+    );
+}
+
+#[test]
+fn pictures_of_the_run_stay() {
+    let folder = trained();
+    let path = folder.path();
+    let before = files(path);
+    let report = eval(path, &["--out", "b/c"]);
+    assert_eq!(report["pictures"], "b/c");
+    let drawn = ["after.png", "before.png", "path.png", "rollout.gif"];
+    assert_eq!(names(&path.join("b/c")), drawn);
+    fs::remove_dir_all(path.join("b")).unwrap();
+    assert!(files(path) == before);
+    eval(path, &["--checkpoint", "last"]);
+    assert_eq!(names(&path.join("runs/a/pictures/eval")), drawn);
+    fs::remove_dir_all(path.join("runs/a/pictures/eval")).unwrap();
+    assert!(files(path) == before);
+
+    // What cannot be written is known before anything is played.
+    let args = ["eval", "runs/a", "--state", "none/a.json"];
+    assert_failure(&drape(path, &args), 1, &["folder none does not exist"]);
+    assert!(files(path) == before);
+}
+
 #[test]
 fn sampled_episodes_are_told_apart_and_repeat() {
     let folder = trained();
@@ -124,7 +191,10 @@ fn sampled_episodes_are_told_apart_and_repeat() {
     assert!(text.starts_with("runs/a: best\n  region: "), "{text}");
     assert!(text.contains("\nsampled policy, 2 episodes: "), "{text}");
     assert!(text.contains("\nmasked random, 2 episodes: "), "{text}");
-    assert!(text.ends_with("pictures in runs/a/pictures\n"), "{text}");
+    assert!(
+        text.ends_with("pictures in runs/a/pictures/eval\n"),
+        "{text}"
+    );
 }
 
 #[test]

@@ -249,6 +249,44 @@ fn values_out_of_range_are_located() {
 }
 
 #[test]
+fn sizes_of_another_unit_are_told() {
+    let folder = folder();
+    let path = folder.path();
+    stdout(path, &["tool", "rib", "--out", "a.stl"]);
+    let text = |scale: &str| {
+        let tool = format!("[tool.source.stl]\npath = \"a.stl\"\nscale = {scale}\n");
+        scene(&tool)
+    };
+    // Metres that are read as millimetres.
+    let output = set_up(path, &text("1e-6"));
+    assert!(output.status.success());
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    let warning = "warning: scene.toml: the tool measures 0.480 mm, expected 1 mm to 50 m";
+    assert!(stderr.starts_with(warning), "{stderr}");
+    // And the other way round.
+    let words = ["scene.toml: a grid of", "check the size of the tool"];
+    assert_failure(&set_up(path, &text("1.0")), 2, &words);
+    let args = ["compare", "a.stl", "a.stl", "--scale", "1", "--json"];
+    let stderr = String::from_utf8(drape(path, &args).stderr).unwrap();
+    assert!(
+        stderr.starts_with("warning: a.stl measures 480000.000 mm"),
+        "{stderr}"
+    );
+
+    let args = [
+        "scene",
+        "scene.toml",
+        "--out",
+        "b",
+        "--state",
+        "none/a.json",
+    ];
+    fs::write(path.join("scene.toml"), scene(RIB)).unwrap();
+    assert_failure(&drape(path, &args), 1, &["folder none does not exist"]);
+    assert!(!path.join("b").exists());
+}
+
+#[test]
 fn materials_are_read_from_the_folder_of_the_scene() {
     let folder = folder();
     let path = folder.path();

@@ -255,6 +255,7 @@ fn studies_with_a_twin_refuse_what_it_cannot_do() {
             2,
             &["tiny.toml", "`physics.shear` is false", "expected true"],
         );
+        assert_eq!(names(path), ["tiny.toml"]);
     }
     tiny(path);
     let args = ["study", "twin", "tiny.toml", "--path=none.json"];

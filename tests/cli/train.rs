@@ -125,6 +125,31 @@ fn resolved_configuration_is_complete() {
     json(path, &["train", "--resume", "runs/a", "--json"]);
 }
 
+/// By a key or by an option; what is written is what it stands for.
+#[test]
+fn accuracy_is_resolved_in_the_configuration_of_the_run() {
+    let folder = folder();
+    let path = folder.path();
+    let config = CONFIG.replace("steps = 240", "steps = 80");
+    let with = |line: &str| config.replace("[env]", &format!("[env]\n{line}"));
+    train(path, &with("accuracy = \"fast\""), "key");
+    fs::write(path.join("config.toml"), with("substep_rate = 900")).unwrap();
+    let args = ["train", "config.toml", "--name", "option", "--json"];
+    json(path, &[&args[..], &["--accuracy", "fast"]].concat());
+    train(path, &with("accuracy = \"balanced\""), "balanced");
+    train(path, &config, "default");
+    let [key, option, balanced, default] = ["key", "option", "balanced", "default"]
+        .map(|run| fs::read_to_string(path.join("runs").join(run).join("config.toml")).unwrap());
+    assert!(key.contains("\nsubstep_rate = 300.0\n"), "{key}");
+    assert!(!key.contains("accuracy"), "{key}");
+    assert_eq!(key, option);
+    assert_ne!(key, default);
+    assert_eq!(balanced, default);
+    json(path, &["eval", "runs/key", "--episodes", "1", "--json"]);
+    let args = ["train", "--resume", "runs/key", "--accuracy", "fast"];
+    assert_eq!(drape(path, &args).status.code(), Some(2));
+}
+
 #[test]
 fn text_has_no_control_codes_where_nobody_watches() {
     let folder = folder();

@@ -1,17 +1,17 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::time::{Instant, SystemTime};
+use std::time::Instant;
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
+use super::folder;
 use crate::cli::Failure;
 use crate::cli::output::{print, print_json};
 use crate::file::write_atomic;
 use crate::report::{Color, HeatMap, Image, Tile};
-use crate::run::dated_folder;
 use crate::sim::Solver;
 use crate::study::stability::{
     Axis, Cell, Extent, Outcome, Precision, Sweep, Swept, THRESHOLD, Tally, csv, run as compute,
@@ -80,15 +80,7 @@ struct SweepReport {
 /// Runs `drape study stability`.
 pub fn run(args: Args) -> Result<(), Failure> {
     let chosen = choose(&args)?;
-    // Before the work: a folder that cannot be made would waste it.
-    let folder = match &args.out {
-        Some(folder) => {
-            std::fs::create_dir_all(folder)
-                .with_context(|| format!("cannot create folder {}", folder.display()))?;
-            folder.clone()
-        }
-        None => dated_folder(Path::new("runs"), "study-stability-", SystemTime::now())?,
-    };
+    let out = folder(args.out.as_deref(), "study-stability-")?;
 
     let start = Instant::now();
     let total: usize = chosen.iter().map(Sweep::cell_count).sum();
@@ -107,7 +99,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let seconds = start.elapsed().as_secs_f64();
 
     let text = csv(&swept);
-    write_atomic(&folder.join(TABLE), |file| file.write_all(text.as_bytes()))?;
+    write_atomic(&out.path.join(TABLE), |file| {
+        file.write_all(text.as_bytes())
+    })?;
     let mut reports = Vec::new();
     for swept in &swept {
         reports.push(SweepReport {
@@ -117,7 +111,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
             tally: Tally::of(&swept.cells),
             yarn: of_solver(swept, Solver::Yarn),
             gauss_seidel: of_solver(swept, Solver::GaussSeidel),
-            files: draw(swept, &folder)?,
+            files: draw(swept, &out.path)?,
         });
     }
     let report = Report {
@@ -125,7 +119,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         quick: args.quick,
         threshold: THRESHOLD,
         sweeps: reports,
-        out: folder,
+        out: out.path.clone(),
         table: TABLE,
         seconds,
     };

@@ -1,20 +1,18 @@
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
-use std::time::{Instant, SystemTime};
+use std::path::PathBuf;
+use std::time::Instant;
 
-use anyhow::Context;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
-use super::region;
+use super::{folder, region};
 use crate::cli::Failure;
 use crate::cli::failure::{OrInvalid, scene_failure};
 use crate::cli::output::{print, print_json};
 use crate::env::EnvConfig;
 use crate::file::write_atomic;
 use crate::report::{Chart, Color, Level, SERIES, Scale, Series};
-use crate::run::dated_folder;
 use crate::scene::SceneConfig;
 use crate::study::tradeoff::{
     Extent, Findings, Kind, Noise, Point, TradeoffError, Twinned, TwinnedError, against_twin, csv,
@@ -103,15 +101,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     };
     let settings = settings(&scene, &env, extent);
     scene.check().or_invalid_in(&place)?;
-    // Before the work: a folder that cannot be made would waste it.
-    let folder = match &args.out {
-        Some(folder) => {
-            std::fs::create_dir_all(folder)
-                .with_context(|| format!("cannot create folder {}", folder.display()))?;
-            folder.clone()
-        }
-        None => dated_folder(Path::new("runs"), "study-tradeoff-", SystemTime::now())?,
-    };
+    let out = folder(args.out.as_deref(), "study-tradeoff-")?;
 
     let start = Instant::now();
     let bar = bar(settings.len(), args.json);
@@ -119,24 +109,29 @@ pub fn run(args: Args) -> Result<(), Failure> {
         bar.set_message(format!("{} {}", setting.axis, setting.value));
         bar.inc(1);
     });
-    let findings = found.map_err(|error| failure(error, &place))?;
+    let findings = found.map_err(|error| {
+        // A bar that stays on the screen would stand in the error's line.
+        bar.finish_and_clear();
+        failure(error, &place)
+    })?;
     let twin = if args.twin || !args.quick {
         bar.set_message("finite-element twin");
-        Some(against_twin(&scene).map_err(|error| match error {
-            TwinnedError::Study(error) => failure(error, &place),
-            TwinnedError::Twin(error) => Failure::invalid(error),
-            TwinnedError::Diverged(error) => error.into(),
-        })?)
+        Some(against_twin(&scene))
     } else {
         None
     };
     bar.finish_and_clear();
+    let twin = twin.transpose().map_err(|error| match error {
+        TwinnedError::Study(error) => failure(error, &place),
+        TwinnedError::Twin(error) => Failure::invalid(error),
+        TwinnedError::Diverged(error) => error.into(),
+    })?;
 
     let report = Report {
         findings,
         twin,
         quick: args.quick,
-        out: folder,
+        out: out.path.clone(),
         table: TABLE,
         pictures: PICTURES,
         seconds: start.elapsed().as_secs_f64(),

@@ -71,7 +71,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let (mut config, place) = scene_config(args.config.as_deref())?;
     set_mesh(&mut config, args.mesh.map(usize::from))?;
     let region_mm = args.region.unwrap_or(REGION);
-    let out = folder(args.out.as_ref(), "study-transfer-")?;
+    let out = folder(args.out.as_deref(), "study-transfer-")?;
     let bar = Progress::new("falling", args.json);
     let set = set_up(&config, |share| bar.set(share));
     drop(bar);
@@ -92,13 +92,13 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let found = found.map_err(|error| twin_failure(error, &place))?;
     let halves = scatter(&found, "after half of the presses", |row| &row.halfway);
     let ends = scatter(&found, "after all presses", |row| &row.end);
-    Image::beside(&[halves, ends]).save_png(&out.join("scatter.png"))?;
+    Image::beside(&[halves, ends]).save_png(&out.path.join("scatter.png"))?;
     let report = Report {
         vertices: scene.lamina.vertex_count(),
         stencil_mm: env.stencil_mm,
         region_mm,
         transfer: found,
-        out,
+        out: out.path.clone(),
     };
     write_atomic(&report.out.join("transfer.json"), |file| {
         Ok(serde_json::to_writer_pretty(file, &report)?)

@@ -161,7 +161,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let blank = lamina(&config, &case.place)?;
     env.stencil_mm = stencil_mm(&blank, env.stencil_mm);
     env.region(&blank).or_invalid()?;
-    let out = folder(args.out.as_ref(), "study-twin-")?;
+    let out = folder(args.out.as_deref(), "study-twin-")?;
 
     let bar = Progress::new("falling", args.json);
     let set = set_up(&config, |share| bar.set(share));
@@ -194,8 +194,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let region = case.region.map(|x| 1e-3 * x);
     let compared = compare_all(&scene, &runs, Some(region));
     let compared = compared.map_err(|error| twin_failure(error, &case.place))?;
-    write_states(&scene, &runs, &out)?;
-    let comparisons = draw(&scene, compared, region, &out)?;
+    write_states(&scene, &runs, &out.path)?;
+    let comparisons = draw(&scene, compared, region, &out.path)?;
 
     let [fast, twin, accelerated] = &runs;
     let ratio = |a: f64, b: f64| a / b.max(1e-9);
@@ -214,7 +214,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         runs,
         paper: PAPER,
         comparisons,
-        out,
+        out: out.path.clone(),
     };
     if args.json {
         return print_json(&report);

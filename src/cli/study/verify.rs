@@ -1,14 +1,14 @@
 use std::path::{Path, PathBuf};
-use std::time::{Instant, SystemTime};
+use std::time::Instant;
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
+use super::folder;
 use crate::cli::Failure;
 use crate::cli::output::{print, print_json};
 use crate::report::{Chart, Color, SERIES, Series};
-use crate::run::dated_folder;
 use crate::sim::Preset;
 use crate::study::verify::{
     Curve, Extent, GROUPS, Picture, Row, Subject, Verification, run as compute, trials,
@@ -82,15 +82,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
             GROUPS.join(", ")
         )));
     }
-    // Before the work: a folder that cannot be made would waste it.
-    let folder = match &args.out {
-        Some(folder) => {
-            std::fs::create_dir_all(folder)
-                .with_context(|| format!("cannot create folder {}", folder.display()))?;
-            folder.clone()
-        }
-        None => dated_folder(Path::new("runs"), "study-verify-", SystemTime::now())?,
-    };
+    let out = folder(args.out.as_deref(), "study-verify-")?;
 
     let start = Instant::now();
     let extent = if args.quick {
@@ -105,12 +97,12 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let found = compute(&chosen, &subjects, || bar.inc(1));
     bar.finish_and_clear();
 
-    let files = draw(&found, &folder)?;
+    let files = draw(&found, &out.path)?;
     let report = Report {
         counts: counts(&found.rows, &subjects),
         quick: args.quick,
         tolerance: TOLERANCE,
-        out: folder,
+        out: out.path.clone(),
         files,
         cpu_seconds: found.cpu_seconds,
         seconds: start.elapsed().as_secs_f64(),

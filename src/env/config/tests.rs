@@ -59,6 +59,10 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
         "`env.max_steps` is 0, expected a number > 0"
     );
     assert_eq!(
+        message(|c| c.contact_interval = Some(0)),
+        "`env.contact_interval` is 0, expected a number > 0"
+    );
+    assert_eq!(
         message(|c| c.substep_rate = f64::NAN),
         "`env.substep_rate` is NaN, expected a number from 60 to 1000000"
     );
@@ -73,6 +77,30 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
             "{message}"
         );
     }
+}
+
+#[test]
+fn accuracy_decides_rate_and_looks() {
+    let physics = PhysicsConfig {
+        damping: 3.0,
+        ..PhysicsConfig::default()
+    };
+    let mut config = EnvConfig::default();
+    for accuracy in Preset::ALL {
+        config.set_accuracy(accuracy, &physics);
+        assert_eq!(config.substep_rate, accuracy.substep_rate());
+        assert_eq!(config.physics(&physics), accuracy.applied(physics.clone()));
+    }
+    // Back at what is trained with by default, nothing is left of the others.
+    config.set_accuracy(Preset::Balanced, &physics);
+    assert_eq!(config, EnvConfig::default());
+    let rare = PhysicsConfig {
+        contact_interval: 20,
+        ..physics
+    };
+    assert_eq!(config.physics(&rare).contact_interval, 20);
+    config.set_accuracy(Preset::Balanced, &rare);
+    assert_eq!(config.contact_interval, Some(5));
 }
 
 #[test]

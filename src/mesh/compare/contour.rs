@@ -1,8 +1,8 @@
-use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::Polyline;
 use serde::Serialize;
 
+use super::to_parry;
 use crate::math::Vec3;
 use crate::mesh::{Topology, TriMesh};
 
@@ -59,8 +59,4 @@ pub fn contour_deviation(a: &TriMesh, b: &TriMesh) -> Option<ContourDeviation> {
         mean: sum / length,
         max,
     })
-}
-
-fn to_parry(v: &Vec3) -> Vector {
-    Vector::new(v.x, v.y, v.z)
 }

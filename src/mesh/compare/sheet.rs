@@ -1,9 +1,9 @@
 use std::collections::HashMap;
 
-use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQueryWithLocation;
 use parry3d_f64::shape;
 
+use super::to_parry;
 use crate::math::Vec3;
 use crate::mesh::{Topology, TriMesh};
 
@@ -61,6 +61,8 @@ pub enum SheetError {
          one direction than in the other"
     )]
     Misoriented { edge_count: usize },
+    #[error("{count} triangles are there more than once, expected each once")]
+    Duplicate { count: usize },
 }
 
 impl Sheet {
@@ -68,6 +70,11 @@ impl Sheet {
     pub fn new(mesh: &TriMesh) -> Result<Self, SheetError> {
         let topology = Topology::new(mesh);
         if topology.misoriented_edge_count > 0 {
+            // A triangle that is there twice uses its edges twice, and disagrees with nobody.
+            let count = mesh.duplicate_count();
+            if count > 0 {
+                return Err(SheetError::Duplicate { count });
+            }
             let edge_count = topology.misoriented_edge_count;
             return Err(SheetError::Misoriented { edge_count });
         }
@@ -160,8 +167,4 @@ impl Sheet {
 /// An edge without direction.
 fn ends(v: u32, w: u32) -> [u32; 2] {
     [v.min(w), v.max(w)]
-}
-
-fn to_parry(v: &Vec3) -> Vector {
-    Vector::new(v.x, v.y, v.z)
 }

@@ -120,6 +120,14 @@ fn what_cannot_be_measured_against_is_refused() {
     mesh.triangles[4].swap(0, 1);
     let error = Sheet::new(&mesh).unwrap_err();
     assert_eq!(error, SheetError::Misoriented { edge_count: 1 });
+    let mut mesh = square(3, |_, _| 0.0);
+    mesh.triangles.push([
+        mesh.triangles[4][1],
+        mesh.triangles[4][2],
+        mesh.triangles[4][0],
+    ]);
+    let error = Sheet::new(&mesh).unwrap_err();
+    assert_eq!(error, SheetError::Duplicate { count: 1 });
     let mut flat = square(3, |_, _| 0.0);
     for x in &mut flat.vertices {
         x.x = 0.0;

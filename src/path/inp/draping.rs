@@ -4,8 +4,6 @@ use crate::mesh::TriMesh;
 
 /// Transverse shear stiffness of the fabric, warp and weft [N/mm] (paper, Table 2).
 const TRANSVERSE_SHEAR: f64 = 27.2;
-/// [mm/s^2]
-const GRAVITY: f64 = 9810.0;
 /// Thickness of the tool's shell in CalculiX [mm]; nothing moves in it.
 const TOOL_THICKNESS: f64 = 1.0;
 /// Contact stiffness in CalculiX [MPa/mm]: the press of 1 MPa goes 0.01 mm deep.
@@ -64,6 +62,8 @@ pub struct DrapingDeck<'a> {
     pub press_s: f64,
     /// Pressure on a triangle from its first press on [Pa].
     pub pressure: f64,
+    /// Along -z [m/s^2].
+    pub gravity: f64,
 }
 
 impl DrapingDeck<'_> {
@@ -102,7 +102,7 @@ impl DrapingDeck<'_> {
         if !self.clamped.is_empty() {
             deck.line("CLAMPS, 1, 3");
         }
-        let gravity = format!("LAMINA, GRAV, {}, 0., 0., -1.", number(GRAVITY));
+        let gravity = format!("LAMINA, GRAV, {}, 0., 0., -1.", number(MM * self.gravity));
         step(&mut deck, dialect, SETTLING, &gravity);
         // Both programmes count pressure on a shell along its normal, which points away from the
         // tool.
@@ -329,6 +329,7 @@ mod tests {
             presses,
             press_s: 0.1,
             pressure: 1e6,
+            gravity: 1.5,
         }
         .deck(dialect);
         (deck.text().into(), count)
@@ -356,6 +357,10 @@ mod tests {
         assert_eq!(text.matches("*END STEP").count(), 3);
         assert!(text.contains("\nPRESS_2, P, -1.00000000e0\n"));
         assert!(text.contains("*NSET, NSET=CLAMPS\n4\n"));
+        assert!(
+            text.contains("\nLAMINA, GRAV, 1.50000000e3, 0., 0., -1.\n"),
+            "{text}"
+        );
         // Tool after lamina.
         assert!(text.contains("ELSET=TOOL\n3, 5, 6, 7\n"));
     }
