@@ -262,6 +262,11 @@ impl Lamina {
         self.grid.axis
     }
 
+    /// Sides of a whole cell along warp and weft [m].
+    pub fn cell(&self) -> [f64; 2] {
+        self.grid.cell
+    }
+
     /// Diagonal of a whole cell [m].
     pub fn cell_diagonal(&self) -> f64 {
         self.grid.cell[0].hypot(self.grid.cell[1])

@@ -13,8 +13,9 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::constraints::SHORTEST_SQUARE;
-use super::model::{EdgeLaw, LIMITED, bending_stiffness, yarn_law};
+use super::model::{EdgeLaw, Limit, bending_stiffness, yarn_law};
 use super::physics::{Bending, PhysicsConfig};
+use super::trellis::Trellis;
 use crate::fabric::{Family, Lamina};
 use crate::math::{Lanes, Vec3x};
 
@@ -29,32 +30,11 @@ pub(super) struct Line {
     /// keeps.
     pub edges: Range<usize>,
     pub rest_length: f64,
+    /// That of a row of diagonals holds near rest, see [`Trellis`].
     pub law: EdgeLaw,
     pub limit: Option<Limit>,
     /// Bending stiffness D b / l^3 [N/m]: energy = stiffness |x0 - 2 x1 + x2|^2 / 2.
     pub bending: f64,
-}
-
-/// The law of an edge beyond the strain limit: C = offset + compliance * force.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Limit {
-    /// Force at which it begins [N].
-    pub force: f64,
-    /// [m/N]
-    pub compliance: f64,
-    /// [m]; such that there the law is continuous.
-    pub offset: f64,
-}
-
-impl Limit {
-    /// Of edges whose length may grow by about `stretch` [m].
-    fn new(law: EdgeLaw, stretch: f64) -> Self {
-        Self {
-            force: stretch / law.tension,
-            compliance: LIMITED * law.tension,
-            offset: stretch * (1.0 - LIMITED),
-        }
-    }
 }
 
 /// The lines of a lamina. Of the warps and of the wefts each holds every vertex once: where
@@ -64,6 +44,8 @@ pub(super) struct Lines {
     pub warps: Vec<Line>,
     pub wefts: Vec<Line>,
     pub diagonals: Vec<Line>,
+    /// Law of the diagonals; none without shear.
+    pub trellis: Option<Trellis>,
     /// Edges of all yarns.
     pub edge_count: usize,
     /// Vertices of the longest line.
@@ -117,7 +99,7 @@ fn crossings(warps: &[Line], wefts: &[Line], vertex_count: usize) -> Vec<Crossin
 }
 
 impl Lines {
-    pub fn new(lamina: &Lamina, physics: &PhysicsConfig, shear: Option<EdgeLaw>) -> Self {
+    pub fn new(lamina: &Lamina, physics: &PhysicsConfig, trellis: Option<Trellis>) -> Self {
         let mut edge_count = 0;
         let mut yarns: Vec<(Family, Line)> = Vec::new();
         for yarn in &lamina.yarns {
@@ -128,13 +110,12 @@ impl Lines {
                 Bending::Dihedral | Bending::Off => 0.0,
             };
             let law = yarn_law(lamina, physics, yarn);
-            let limit = physics.strain_limit;
             let line = Line {
                 vertices: yarn.vertices.clone(),
                 edges: first..edge_count,
                 rest_length: yarn.rest_length,
                 law,
-                limit: limit.map(|strain| Limit::new(law, strain * yarn.rest_length)),
+                limit: Limit::of_yarn(law, lamina, physics, yarn),
                 bending: stiffness * yarn.width / yarn.rest_length.powi(3),
             };
             yarns.push((yarn.family, line));
@@ -144,7 +125,7 @@ impl Lines {
             with_lone_vertices(of.map(|(_, line)| line.clone()).collect(), lamina)
         };
         let (warps, wefts) = (family(Family::Warp), family(Family::Weft));
-        let diagonals = shear.map_or(Vec::new(), |law| diagonals(lamina, law));
+        let diagonals = (trellis.as_ref()).map_or(Vec::new(), |t| diagonals(lamina, t.at_rest));
         let all = warps.iter().chain(&wefts).chain(&diagonals);
         Self {
             longest: all.map(|line| line.vertices.len()).max().unwrap_or(0),
@@ -152,6 +133,7 @@ impl Lines {
             warps,
             wefts,
             diagonals,
+            trellis,
             edge_count,
         }
     }
@@ -225,7 +207,7 @@ pub(super) trait Chain<V: Lanes> {
     fn compliance(&self) -> [V; 2];
     /// Greatest compression, as a force <= 0 [N], that lasts into the next substep.
     fn least_kept(&self) -> V;
-    /// Force at which the strain limit begins, compliance and offset beyond it.
+    /// Tension at which its limit or knee begins, compliance and offset beyond it.
     fn limit(&self) -> Option<[V; 3]>;
     /// Bending stiffness [N/m]; none where no lane has any.
     fn bending(&self) -> Option<V>;
@@ -313,7 +295,7 @@ pub(super) struct Grip<'a, V> {
 /// Each edge takes the compliance of the sign of its force. That of the predicted strain would
 /// not do: at rest it is the sign of gravity's last push, so edges would change branch in every
 /// substep and never come to rest. Pinned vertices (mobility 0) decouple their neighbours by
-/// the formula itself. Beyond the strain limit of a yarn that has one there is a third branch,
+/// the formula itself. Beyond the limit or knee of a yarn that has one there is a third branch,
 /// likewise by its force.
 #[inline(always)]
 pub(super) fn stretch<V: Lanes>(
@@ -326,8 +308,8 @@ pub(super) fn stretch<V: Lanes>(
     let edges = line.vertices().len() - 1;
     let rows = scratch.rows(line.vertices().len());
     match line.limit() {
-        None => eliminate(line, x, mobility, Some((force, None)), rows),
-        limit => eliminate(line, x, mobility, Some((force, limit)), rows),
+        None => eliminate(line, x, mobility, Law::Kept(force, None), rows),
+        limit => eliminate(line, x, mobility, Law::Kept(force, limit), rows),
     }
 
     // Back substitution from the far end; a vertex moves once both its edges are known.
@@ -395,16 +377,18 @@ pub(super) fn recall_edge<V: Lanes>(
 }
 
 /// Solves a row of diagonals together, each from force 0 and with the compliance of the sign
-/// of its C. As for a yarn, but soft enough that its forces need not be kept.
+/// and size of its C. As for a yarn, but soft enough that its forces need not be kept.
 #[inline(always)]
 pub(super) fn shear<V: Lanes>(
     line: &impl Chain<V>,
+    trellis: &Trellis,
     x: &mut [Vec3x<V>],
     mobility: &[V],
     scratch: &mut Scratch<V>,
 ) {
     let edges = line.vertices().len() - 1;
-    eliminate(line, x, mobility, None, scratch.rows(line.vertices().len()));
+    let rows = scratch.rows(line.vertices().len());
+    eliminate(line, x, mobility, Law::Shear(trellis), rows);
     let rows = scratch.rows(line.vertices().len());
     let mut after = Vec3x::zero();
     let mut change_after = V::zero();
@@ -440,19 +424,54 @@ impl<V: Lanes> Scratch<V> {
     }
 }
 
+/// What an edge's length answers to.
+#[derive(Clone, Copy)]
+enum Law<'a, V> {
+    /// Forces from the last substep, and the limit.
+    Kept(&'a [V], Option<[V; 3]>),
+    /// None from the last substep, and that of a diagonal.
+    Shear(&'a Trellis),
+}
+
+/// Compliance of edge `j` [m/N], and what its force leaves of its C [m]. The law is a constant
+/// where this is inlined, so that branches that it has not cost nothing.
+#[inline(always)]
+fn compliance<V: Lanes>(line: &impl Chain<V>, law: Law<V>, j: usize, square: V, c: V) -> [V; 2] {
+    let [tension, compression] = line.compliance();
+    match law {
+        Law::Kept(force, limit) => {
+            let compressed = force[j].lt(V::zero());
+            let compliance = V::select(compressed, compression, tension);
+            let force = kept(line, force[j]);
+            match limit {
+                None => [compliance, c - compliance * force],
+                Some([most, limited, offset]) => {
+                    let beyond = most.lt(force);
+                    let compliance = V::select(beyond, limited, compliance);
+                    let offset = V::select(beyond, offset, V::zero());
+                    [compliance, c - offset - compliance * force]
+                }
+            }
+        }
+        Law::Shear(trellis) => {
+            let [_, inverse_rest] = line.rest();
+            let at_rest = V::select(c.lt(V::zero()), compression, tension);
+            [at_rest * trellis.share(square, inverse_rest), c]
+        }
+    }
+}
+
 /// Forward elimination of the tridiagonal system of a line's edges. Rows and unknowns are scaled
-/// by the lengths of their edges, in place of their directions: that saves a division. The limit
-/// is a constant where this is inlined without it, so that it costs nothing there.
+/// by the lengths of their edges, in place of their directions: that saves a division.
 #[inline(always)]
 fn eliminate<V: Lanes>(
     line: &impl Chain<V>,
     x: &[Vec3x<V>],
     mobility: &[V],
-    force: Option<(&[V], Option<[V; 3]>)>,
+    law: Law<V>,
     rows: Rows<V>,
 ) {
     let [rest, _] = line.rest();
-    let [tension, compression] = line.compliance();
     // A collapsed edge, or two pinned ends and no compliance, leave a zero diagonal; any finite
     // value does then.
     let smallest = V::of(1e-28);
@@ -474,23 +493,7 @@ fn eliminate<V: Lanes>(
         let square = d.dot(d);
         let length = square.sqrt();
         let c = length - rest;
-        let (compliance, residual) = match force {
-            Some((force, limit)) => {
-                let compressed = force[j].lt(V::zero());
-                let compliance = V::select(compressed, compression, tension);
-                let force = kept(line, force[j]);
-                match limit {
-                    None => (compliance, c - compliance * force),
-                    Some([most, limited, offset]) => {
-                        let beyond = most.lt(force);
-                        let compliance = V::select(beyond, limited, compliance);
-                        let offset = V::select(beyond, offset, V::zero());
-                        (compliance, c - offset - compliance * force)
-                    }
-                }
-            }
-            None => (V::select(c.lt(V::zero()), compression, tension), c),
-        };
+        let [compliance, residual] = compliance(line, law, j, square, c);
         // Eliminates the coupling with the edge before, through their common vertex.
         let coupling = w0 * previous.dot(d);
         let upper = coupling * previous_inverse;

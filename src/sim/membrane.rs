@@ -2,8 +2,8 @@
 //!
 //! The deformation gradient F of a triangle takes the yarns' directions at rest to F a and
 //! F b. Three constraints: C1 = |F a| - 1, C2 = |F b| - 1 [-], the strains of warp and weft,
-//! and C3 = F a . F b / (|F a| |F b|), the sine of the shear angle. Their energies are
-//! E t A C1^2 / 2, E t A C2^2 / 2 and G t A C3^2 / 2 with the area A and the thickness t, each
+//! and C3 = F a . F b / (|F a| |F b|), the sine of the shear angle gamma. Their energies are
+//! E t A C1^2 / 2, E t A C2^2 / 2 and G t A gamma^2 / 2 with the area A and the thickness t, each
 //! modulus by the sign of its C: the law of yarns and diagonals, integrated over the triangle.
 //!
 //! Linear triangles have constant strain. Where yarns run obliquely to the mesh they cannot
@@ -11,6 +11,7 @@
 
 use super::model::EdgeLaw;
 use super::physics::{Compression, PhysicsConfig};
+use super::trellis::share_of_sine;
 use crate::fabric::{Family, Lamina, color};
 use crate::math::{Lanes, Vec3x};
 
@@ -26,7 +27,7 @@ pub(super) struct Element {
     pub gradient: [[f64; 2]; 2],
     /// Of C1 and C2.
     pub yarns: [EdgeLaw; 2],
-    /// Of C3; none if the scene has no shear.
+    /// Of C3 near rest; none if the scene has no shear.
     pub shear: Option<EdgeLaw>,
 }
 
@@ -123,7 +124,7 @@ pub(super) fn project_elements<V: Lanes>(
             let by_b = (a - b.scale(c)).scale(V::of(1.0) / b_length);
             let [warp, weft] = slopes;
             let gradient = [0, 1].map(|k| by_a.scale(warp[k]) + by_b.scale(weft[k]));
-            let alpha = branch(law, c);
+            let alpha = branch(law, c) * share_of_sine(c);
             apply(c, gradient, alpha, &mut x, &w);
         }
         for k in 0..3 {

@@ -49,8 +49,8 @@ fn shear_springs_have_twice_the_shear_stiffness() {
     });
     // Yarns are the passes before, two colours of each family.
     let passes = coloured.passes[4..].iter().map(|pass| match pass {
-        Pass::Edges(class) => class,
-        _ => panic!("shear is a pass over edges"),
+        Pass::Diagonals(class, _) => class,
+        _ => panic!("shear is a pass over diagonals"),
     });
     let in_passes = passes.flat_map(|class| class.law.iter().map(|law| (*law, 1)));
     for springs in [in_rows.collect::<Vec<_>>(), in_passes.collect()] {
@@ -134,7 +134,7 @@ fn passes_hold_everything_once_without_conflict() {
         let mut count = 0;
         for pass in &passes {
             let members: Vec<Vec<u32>> = match pass {
-                Pass::Edges(class) | Pass::LimitedEdges(class, _) => {
+                Pass::Edges(class) | Pass::LimitedEdges(class, _) | Pass::Diagonals(class, _) => {
                     class.vertices.iter().map(|v| v.to_vec()).collect()
                 }
                 Pass::Triples(triples) => triples.iter().map(|t| t.vertices.to_vec()).collect(),
