@@ -25,8 +25,8 @@ pub(super) struct Element {
     /// Slopes along warp and weft of the shares of the second and the third corner [1/m];
     /// that of the first is minus their sum.
     pub gradient: [[f64; 2]; 2],
-    /// Of C1 and C2.
-    pub yarns: [EdgeLaw; 2],
+    /// Of C1 and C2; none where yarns stand for them.
+    pub yarns: Option<[EdgeLaw; 2]>,
     /// Of C3 near rest; none if the scene has no shear.
     pub shear: Option<EdgeLaw>,
 }
@@ -37,6 +37,7 @@ pub(super) fn elements(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<Elem
     let all: Vec<Element> = lamina
         .membranes
         .iter()
+        .filter(|membrane| physics.shear || !membrane.has_yarns)
         .map(|membrane| {
             let compliance = |modulus: f64| 1.0 / (modulus * thickness * membrane.area);
             let yarn = |family| {
@@ -55,7 +56,7 @@ pub(super) fn elements(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<Elem
             Element {
                 vertices: membrane.vertices,
                 gradient: [membrane.gradient[1], membrane.gradient[2]],
-                yarns: [Family::Warp, Family::Weft].map(yarn),
+                yarns: (!membrane.has_yarns).then(|| [Family::Warp, Family::Weft].map(yarn)),
                 shear: physics.shear.then(|| EdgeLaw {
                     tension: compliance(shear.positive.modulus()),
                     compression: compliance(shear.negative.modulus()),
@@ -110,7 +111,7 @@ pub(super) fn project_elements<V: Lanes>(
         let w = v.map(|v| mobility[v]);
         let [g1, g2] = element.gradient;
         let slopes = [[g1[0], g2[0]].map(V::of), [g1[1], g2[1]].map(V::of)];
-        for (slope, law) in slopes.into_iter().zip(&element.yarns) {
+        for (slope, law) in slopes.into_iter().zip(element.yarns.iter().flatten()) {
             let (n, length) = column(&x, slope);
             let c = length - V::of(1.0);
             let alpha = branch(law, c);

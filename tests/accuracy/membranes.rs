@@ -326,7 +326,8 @@ fn energy(lamina: &Lamina, state: &Snapshot) -> f64 {
                 .map(|(v, g)| Vec3::from(state.position[*v as usize]) * g[k])
                 .sum()
         });
-        for (f, family) in f.iter().zip([Family::Warp, Family::Weft]) {
+        let yarns = [Family::Warp, Family::Weft].into_iter();
+        for (f, family) in f.iter().zip(yarns.filter(|_| !membrane.has_yarns)) {
             let law = material.yarn(family);
             let [tension, compression] = [law.tension.modulus(), law.compression.modulus()];
             sum += volume * branch(f.norm() - 1.0, tension, compression);
