@@ -73,7 +73,7 @@ fn edge_moves_as_worked_by_hand() {
 #[test]
 fn limited_edge_moves_as_worked_by_hand() {
     let start = [[0.0; 3], [3.0, 4.0, 0.0]].map(Vec3x);
-    let force = |rest: f64, compliance: f64| {
+    let force = |rest: f64, compliance: f64| -> f64 {
         let limit = Limit {
             force: 0.5,
             compliance,
