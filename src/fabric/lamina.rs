@@ -15,9 +15,9 @@ pub struct Yarn {
     pub vertices: Vec<u32>,
     /// Length of each edge at rest [m].
     pub rest_length: f64,
-    /// Width of fabric that this yarn stands for [m]: half a cell for each whole cell beside
-    /// it, and for each half of one along whose side it runs. If that changes along the yarn, the harmonic mean, with which the yarn as a whole
-    /// stretches as its edges would.
+    /// Width of fabric that this yarn stands for [m]: half a cell for each whole cell beside it,
+    /// and for each half of one whose side it is. If that changes along the yarn, the harmonic
+    /// mean, with which the yarn as a whole stretches as its edges would.
     pub width: f64,
 }
 
@@ -62,7 +62,7 @@ pub struct Lamina {
     pub yarns: Vec<Yarn>,
     /// Those of whole cells.
     pub diagonals: Vec<Diagonal>,
-    /// Triangles that are not halves of whole cells.
+    /// Triangles that are no part of whole cells.
     pub membranes: Vec<Membrane>,
     grid: Grid,
 }

@@ -3,9 +3,9 @@
 //! A cell between yarns of lengths a and b that hardly stretch is a trellis. Its diagonal l
 //! knows its shear angle, sin gamma = (l^2 - l0^2) / (2 a b), and with the energy
 //! G t a b gamma^2 / 2 pulls with dE/dl = G t gamma l / cos gamma. A solve that wants a
-//! compliance gets that of the chord, (l - l0) / (dE/dl) at the length that it starts from: it
-//! is exact at rest, and not above the compliance of a spring where a diagonal lengthens, so
-//! nothing overshoots. As a polynomial in the sine it costs neither roots nor divisions.
+//! compliance gets that of the chord, (l - l0) / (dE/dl), at the length that it starts from: what
+//! moves within a substep answers to the law of its start. As a polynomial in the sine it costs
+//! neither roots nor divisions.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -184,8 +184,8 @@ mod tests {
         }
     }
 
-    /// Beyond the fit, collapsed and torn diagonals have a compliance that is no less than a
-    /// fifth and no more than twice that at rest.
+    /// Beyond the fit, collapsed and torn diagonals have a compliance, no less than a fifth and no
+    /// more than two and a half times that at rest.
     #[test]
     fn absurd_lengths_have_a_law() {
         for cell in [[5.0, 5.0], [5.0, 6.0], [3.0, 20.0]] {
