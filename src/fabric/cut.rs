@@ -33,6 +33,8 @@ const TIP: usize = 4;
 pub(super) enum Cell {
     /// A rectangle between yarns.
     Whole,
+    /// Half of one: yarns run along two of its sides, the third is the border.
+    Half([u32; 3]),
     /// Triangles of vertices that do not stand on a regular grid: none where the blank has
     /// been cut away. Counter-clockwise.
     Cut(Vec<[u32; 3]>),
@@ -123,7 +125,10 @@ impl Cells {
                 if triangles.len() == 2 && !moved {
                     return Cell::Whole;
                 }
-                Cell::Cut(triangles.iter().map(|t| t.map(vertex)).collect())
+                match triangles[..] {
+                    [half] if !moved => Cell::Half(half.map(vertex)),
+                    _ => Cell::Cut(triangles.iter().map(|t| t.map(vertex)).collect()),
+                }
             })
             .collect();
         Ok(Self {

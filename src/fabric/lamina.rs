@@ -15,9 +15,9 @@ pub struct Yarn {
     pub vertices: Vec<u32>,
     /// Length of each edge at rest [m].
     pub rest_length: f64,
-    /// Width of fabric that this yarn stands for [m]: half a cell for each whole cell beside
-    /// it. If that changes along the yarn, the harmonic mean, with which the yarn as a whole
-    /// stretches as its edges would.
+    /// Width of fabric that this yarn stands for [m]: half a cell for each whole cell beside it,
+    /// and for each half of one whose side it is. If that changes along the yarn, the harmonic
+    /// mean, with which the yarn as a whole stretches as its edges would.
     pub width: f64,
 }
 
@@ -62,7 +62,7 @@ pub struct Lamina {
     pub yarns: Vec<Yarn>,
     /// Those of whole cells.
     pub diagonals: Vec<Diagonal>,
-    /// Triangles that are not halves of whole cells.
+    /// Triangles that are no part of whole cells.
     pub membranes: Vec<Membrane>,
     grid: Grid,
 }
@@ -139,12 +139,16 @@ impl Lamina {
                     }
                     continue;
                 }
+                Cell::Half(half) => std::slice::from_ref(half),
                 Cell::Cut(cut) => cut,
             };
             triangles.extend(cut);
             for &vertices in cut {
                 let corners = vertices.map(|v| rest[v as usize]);
-                let membrane = Membrane::new(vertices, corners, [cos, sin]);
+                let membrane = Membrane {
+                    has_yarns: matches!(cell, Cell::Half(_)),
+                    ..Membrane::new(vertices, corners, [cos, sin])
+                };
                 for v in vertices {
                     mass[v as usize] += areal_mass * membrane.area / 3.0;
                 }
@@ -152,26 +156,36 @@ impl Lamina {
             }
         }
 
-        let is_whole = |row: Option<usize>, column: Option<usize>| match (row, column) {
-            (Some(row), Some(column)) if row + 1 < rows && column + 1 < columns => {
-                cells[row * (columns - 1) + column] == Cell::Whole
+        // Whether the cell in a row and column has a yarn between these vertices of its own.
+        let has_yarn = |row: Option<usize>, column: Option<usize>, ends: [Option<u32>; 2]| {
+            let (Some(row), Some(column)) = (row, column) else {
+                return false;
+            };
+            if row + 1 >= rows || column + 1 >= columns {
+                return false;
             }
-            _ => false,
+            match &cells[row * (columns - 1) + column] {
+                Cell::Whole => true,
+                Cell::Half(half) => ends.iter().flatten().filter(|v| half.contains(v)).count() == 2,
+                Cell::Cut(_) => false,
+            }
         };
-        // Whole cells on either side of an edge, and the vertices at its ends.
-        let beside = |cells: [bool; 2]| cells.into_iter().filter(|&whole| whole).count();
+        // Cells on either side of an edge that have it.
+        let beside = |cells: [bool; 2]| cells.into_iter().filter(|&has| has).count();
         let warps = (0..rows).flat_map(|row| {
             let edge = |column: usize| {
-                let below = is_whole(row.checked_sub(1), Some(column));
-                beside([below, is_whole(Some(row), Some(column))])
+                let ends = [column, column + 1].map(|column| grid.vertex_at(row, column));
+                let below = has_yarn(row.checked_sub(1), Some(column), ends);
+                beside([below, has_yarn(Some(row), Some(column), ends)])
             };
             let edges: Vec<usize> = (0..columns - 1).map(edge).collect();
             yarns(Family::Warp, grid.cell, &edges, |column| at(row, column))
         });
         let wefts = (0..columns).flat_map(|column| {
             let edge = |row: usize| {
-                let left = is_whole(Some(row), column.checked_sub(1));
-                beside([left, is_whole(Some(row), Some(column))])
+                let ends = [row, row + 1].map(|row| grid.vertex_at(row, column));
+                let left = has_yarn(Some(row), column.checked_sub(1), ends);
+                beside([left, has_yarn(Some(row), Some(column), ends)])
             };
             let edges: Vec<usize> = (0..rows - 1).map(edge).collect();
             let cell = [grid.cell[1], grid.cell[0]];
@@ -206,9 +220,10 @@ impl Lamina {
             .collect()
     }
 
-    /// Those of [`Lamina::hinges`] with a membrane on at least one side.
+    /// Those of [`Lamina::hinges`] with a membrane without yarns on at least one side.
     pub fn membrane_hinges(&self) -> Vec<Hinge> {
-        let mut membranes = self.membranes.iter().map(|m| m.vertices).peekable();
+        let membranes = self.membranes.iter().filter(|m| !m.has_yarns);
+        let mut membranes = membranes.map(|m| m.vertices).peekable();
         // Membranes are listed in the order of the triangles.
         let is_membrane: Vec<bool> = self
             .triangles
@@ -262,6 +277,11 @@ impl Lamina {
         self.grid.axis
     }
 
+    /// Sides of a whole cell along warp and weft [m].
+    pub fn cell(&self) -> [f64; 2] {
+        self.grid.cell
+    }
+
     /// Diagonal of a whole cell [m].
     pub fn cell_diagonal(&self) -> f64 {
         self.grid.cell[0].hypot(self.grid.cell[1])
@@ -311,7 +331,7 @@ impl Lamina {
     }
 
     /// Engineering strain along the yarns at `position`: (length - rest) / rest of every yarn
-    /// edge, yarn by yarn, then that along warp and weft of every membrane.
+    /// edge, yarn by yarn, then that along warp and weft of every membrane without yarns.
     pub fn yarn_strain(&self, position: &[[f64; 3]]) -> Vec<f64> {
         let mut strain = Vec::new();
         for yarn in &self.yarns {
@@ -320,14 +340,14 @@ impl Lamina {
                 strain.push((b - a).norm() / yarn.rest_length - 1.0);
             }
         }
-        for membrane in &self.membranes {
+        for membrane in self.membranes.iter().filter(|m| !m.has_yarns) {
             strain.extend(membrane.stretch(position).map(|s| s - 1.0));
         }
         strain
     }
 }
 
-/// The yarns along one line of the grid, `edges` saying how many whole cells lie beside each
+/// The yarns along one line of the grid, `edges` saying how many cells lie beside each
 /// edge; those beside none are none. `cell` has the side along the yarn first.
 fn yarns(
     family: Family,
@@ -478,6 +498,33 @@ mod tests {
             lamina.membranes.len() + 2 * lamina.diagonals.len(),
             lamina.triangles.len()
         );
+    }
+
+    /// A rectangle at 45 degrees, cut along the diagonals of its cells: halves of cells all round,
+    /// which yarns carry as they do whole ones, so that all are of one width but where they end.
+    #[test]
+    fn halves_of_cells_lie_beside_yarns() {
+        let config = BlankConfig {
+            size_mm: [80.0, 40.0],
+            cell_mm: Some(5.0 * std::f64::consts::SQRT_2),
+            yarn_angle_deg: 45.0,
+            ..BlankConfig::default()
+        };
+        let lamina = Lamina::new(&config, Material::interglas_92125()).unwrap();
+        assert_eq!(lamina.membranes.len(), 2 * (16 + 8) / 2);
+        assert!(lamina.membranes.iter().all(|m| m.has_yarns));
+        assert!(lamina.membrane_hinges().is_empty());
+        // Width times length of all yarns of a family cover the blank once.
+        for family in [Family::Warp, Family::Weft] {
+            let all = lamina.yarns.iter().filter(|y| y.family == family);
+            let covered: f64 = all
+                .map(|y| y.width * y.rest_length * (y.vertices.len() - 1) as f64)
+                .sum();
+            assert!((covered / lamina.area() - 1.0).abs() < 1e-12, "{covered}");
+        }
+        let strains = lamina.yarn_strain(&vec![[0.0; 3]; lamina.vertex_count()]);
+        let edges = lamina.yarns.iter().map(|y| y.vertices.len() - 1);
+        assert_eq!(strains.len(), edges.sum::<usize>());
     }
 
     /// [`Lamina::within`] against every vertex, at an angle at which rows run obliquely.

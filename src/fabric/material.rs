@@ -51,6 +51,14 @@ impl Curve {
         1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
     }
 
+    /// Strain at which the second slope begins, and that slope over the first; none of a straight
+    /// law.
+    pub fn knee(&self) -> Option<[f64; 2]> {
+        let [p, q] = [self.0.get(1)?, self.0.get(2)?];
+        let slope = 1e6 * ((q[1] - p[1]) / (q[0] - p[0]));
+        Some([p[0], slope / self.modulus()])
+    }
+
     /// Slope at strain 0 [Pa].
     pub fn modulus(&self) -> f64 {
         1e6 * self.0[1][1] / self.0[1][0]
@@ -250,6 +258,19 @@ mod tests {
     fn beyond_the_last_point_the_slope_goes_on() {
         let curve = Material::interglas_92125().shear.positive;
         close(curve.stress(0.9), 45_000.0, 1e-12);
+    }
+
+    /// (40 - 3) MPa / 0.015 over 3 MPa / 0.005 for the warp.
+    #[test]
+    fn knee_is_where_the_slope_changes() {
+        let material = Material::interglas_92125();
+        let [strain, slope] = material.warp.tension.knee().unwrap();
+        close(strain, 0.005, 1e-12);
+        close(slope, 37.0 / 9.0, 1e-12);
+        let [strain, slope] = material.weft.tension.knee().unwrap();
+        close(strain, 0.006, 1e-12);
+        close(slope, 55.0 / 19.0 * 6.0 / 5.0, 1e-12);
+        assert_eq!(material.shear.positive.knee(), None);
     }
 
     #[test]

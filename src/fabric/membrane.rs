@@ -1,6 +1,6 @@
 use crate::math::Vec3;
 
-/// A triangle whose sides are not yarns.
+/// A triangle that is no part of a whole cell.
 ///
 /// The deformation gradient F takes the yarns' directions at rest, warp a and weft b, to
 /// F a = sum of x_i `gradient[i][0]` and F b = sum of x_i `gradient[i][1]` over its corners.
@@ -12,6 +12,9 @@ pub struct Membrane {
     pub gradient: [[f64; 2]; 3],
     /// Area at rest [m^2].
     pub area: f64,
+    /// It is half of a cell: yarns along two of its sides stand for its width as well, and carry
+    /// its strain along both families.
+    pub has_yarns: bool,
 }
 
 impl Membrane {
@@ -33,6 +36,7 @@ impl Membrane {
             vertices,
             gradient,
             area: 0.5 * twice,
+            has_yarns: false,
         }
     }
 

@@ -262,17 +262,14 @@ impl<V: Lanes> Kernel for Substeps<'_, V> {
             for warp in &fold.warps {
                 give_way(warp, held, &frame, cloth);
             }
-            for (diagonal, places) in &fold.diagonals {
-                crossing.read_position(places, cloth);
-                places.read::<V, 1>(&cloth.mobility, &mut crossing.mobility);
-                let scratch = &mut cloth.yarns.scratch;
-                shear(
-                    diagonal,
-                    &mut crossing.position,
-                    &crossing.mobility,
-                    scratch,
-                );
-                crossing.write_position(places, cloth);
+            if let Some(trellis) = &fold.trellis {
+                for (diagonal, places) in &fold.diagonals {
+                    crossing.read_position(places, cloth);
+                    places.read::<V, 1>(&cloth.mobility, &mut crossing.mobility);
+                    let (x, mobility) = (&mut crossing.position, &crossing.mobility);
+                    shear(diagonal, trellis, x, mobility, &mut cloth.yarns.scratch);
+                    crossing.write_position(places, cloth);
+                }
             }
             if !single.vertices.is_empty() {
                 single.read(fold, cloth);

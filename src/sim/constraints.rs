@@ -1,7 +1,8 @@
 //! Projections of the constraints, for all lanes at once. Everything here is inlined into
 //! the substep, so that it is compiled for the instruction set in use.
 
-use super::model::{BendHinge, BendTriple, EdgeClass, LIMITED};
+use super::model::{BendHinge, BendTriple, EdgeClass, Limit};
+use super::trellis::Trellis;
 use crate::math::{Lanes, Vec3x};
 
 /// Below this squared length [m^2] an edge has no direction, and nothing pulls along it.
@@ -31,18 +32,14 @@ pub(super) fn project_edges<V: Lanes>(class: &EdgeClass, x: &mut [Vec3x<V>], w: 
     }
 }
 
-/// As [`project_edges`], for yarns that hardly stretch beyond the strain `limit`.
-///
-/// Of the projection by the soft and by the stiff branch of the law, that with the greater force
-/// is the exact one: the branches meet in the limit, and beyond it the stiff one pulls harder.
+/// As [`project_edges`], with the compliance of a trellis.
 #[inline(always)]
-pub(super) fn project_limited_edges<V: Lanes>(
+pub(super) fn project_diagonals<V: Lanes>(
     class: &EdgeClass,
-    limit: f64,
+    trellis: &Trellis,
     x: &mut [Vec3x<V>],
     w: &[V],
 ) {
-    let smallest = V::of(1e-28);
     for ((v, rest), law) in class
         .vertices
         .iter()
@@ -51,15 +48,45 @@ pub(super) fn project_limited_edges<V: Lanes>(
     {
         let [a, b] = v.map(|v| v as usize);
         let d = x[b] - x[a];
-        let length = d.dot(d).max(V::of(SHORTEST_SQUARE)).sqrt();
+        let square = d.dot(d).max(V::of(SHORTEST_SQUARE));
+        let length = square.sqrt();
         let c = length - V::of(*rest);
         let compliance = V::select(c.lt(V::zero()), V::of(law.compression), V::of(law.tension));
+        let sum = w[a] + w[b] + compliance * trellis.share(square, V::of(1.0 / rest));
+        let pull = d.scale(c / (sum * length).max(V::of(1e-28)));
+        x[a] = x[a] + pull.scale(w[a]);
+        x[b] = x[b] - pull.scale(w[b]);
+    }
+}
+
+/// As [`project_edges`], for yarns that have another compliance beyond a tension: where the
+/// projection by the law before it would end with more.
+#[inline(always)]
+pub(super) fn project_limited_edges<V: Lanes>(
+    class: &EdgeClass,
+    limits: &[Limit],
+    x: &mut [Vec3x<V>],
+    w: &[V],
+) {
+    let smallest = V::of(1e-28);
+    for (((v, rest), law), limit) in class
+        .vertices
+        .iter()
+        .zip(&class.rest_length)
+        .zip(&class.law)
+        .zip(limits)
+    {
+        let [a, b] = v.map(|v| v as usize);
+        let d = x[b] - x[a];
+        let length = d.dot(d).max(V::of(SHORTEST_SQUARE)).sqrt();
+        let c = length - V::of(*rest);
         let gives = w[a] + w[b];
-        let soft = c / ((gives + compliance) * length).max(smallest);
-        let beyond = c - V::of(limit * rest * (1.0 - LIMITED));
-        let limited = gives + V::of(LIMITED * law.tension);
-        let stiff = beyond / (limited * length).max(smallest);
-        let pull = d.scale(soft.max(stiff));
+        let compliance = V::select(c.lt(V::zero()), V::of(law.compression), V::of(law.tension));
+        let before = gives + compliance;
+        let beyond = (V::of(limit.force) * before).lt(c);
+        let c = V::select(beyond, c - V::of(limit.offset), c);
+        let sum = V::select(beyond, gives + V::of(limit.compliance), before);
+        let pull = d.scale(c / (sum * length).max(smallest));
         x[a] = x[a] + pull.scale(w[a]);
         x[b] = x[b] - pull.scale(w[b]);
     }

@@ -8,6 +8,7 @@
 use std::ops::Range;
 
 use super::line::{Chain, Line, Lines};
+use super::trellis::Trellis;
 use crate::math::{Lanes, Real};
 
 /// A line in every lane. Shorter ones are filled up with edges that are not there.
@@ -241,6 +242,8 @@ pub(super) struct Fold<V> {
     pub warps: Vec<Bundle<V>>,
     pub wefts: Vec<(Bundle<V>, Places)>,
     pub diagonals: Vec<(Bundle<V>, Places)>,
+    /// As in [`Lines`].
+    pub trellis: Option<Trellis>,
     /// Numbers in the state; the last holds no vertex and is as immovable as all such.
     pub count: usize,
     /// Numbers for forces.
@@ -260,6 +263,7 @@ impl<V: Lanes> Fold<V> {
             warps: Vec::new(),
             wefts: Vec::new(),
             diagonals: Vec::new(),
+            trellis: lines.trellis.clone(),
             count: 0,
             edge_count: 0,
             longest: lines.longest,

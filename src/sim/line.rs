@@ -12,8 +12,9 @@ mod bend;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::model::{EdgeLaw, LIMITED, bending_stiffness, yarn_law};
+use super::model::{EdgeLaw, Limit, bending_stiffness, yarn_law};
 use super::physics::{Bending, PhysicsConfig};
+use super::trellis::Trellis;
 use crate::fabric::{Family, Lamina};
 use crate::math::{Lanes, Vec3x};
 
@@ -28,32 +29,11 @@ pub(super) struct Line {
     /// keeps.
     pub edges: Range<usize>,
     pub rest_length: f64,
+    /// That of a row of diagonals holds near rest, see [`Trellis`].
     pub law: EdgeLaw,
     pub limit: Option<Limit>,
     /// Bending stiffness D b / l^3 [N/m]: energy = stiffness |x0 - 2 x1 + x2|^2 / 2.
     pub bending: f64,
-}
-
-/// The law of an edge beyond the strain limit: C = offset + compliance * force.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Limit {
-    /// Force at which it begins [N].
-    pub force: f64,
-    /// [m/N]
-    pub compliance: f64,
-    /// [m]; such that there the law is continuous.
-    pub offset: f64,
-}
-
-impl Limit {
-    /// Of edges whose length may grow by about `stretch` [m].
-    fn new(law: EdgeLaw, stretch: f64) -> Self {
-        Self {
-            force: stretch / law.tension,
-            compliance: LIMITED * law.tension,
-            offset: stretch * (1.0 - LIMITED),
-        }
-    }
 }
 
 /// The lines of a lamina. Of the warps and of the wefts each holds every vertex once: where
@@ -63,6 +43,8 @@ pub(super) struct Lines {
     pub warps: Vec<Line>,
     pub wefts: Vec<Line>,
     pub diagonals: Vec<Line>,
+    /// Law of the diagonals; none without shear.
+    pub trellis: Option<Trellis>,
     /// Edges of all yarns.
     pub edge_count: usize,
     /// Vertices of the longest line.
@@ -135,7 +117,7 @@ fn crossings(warps: &[Line], wefts: &[Line], vertex_count: usize) -> Vec<Crossin
 }
 
 impl Lines {
-    pub fn new(lamina: &Lamina, physics: &PhysicsConfig, shear: Option<EdgeLaw>) -> Self {
+    pub fn new(lamina: &Lamina, physics: &PhysicsConfig, trellis: Option<Trellis>) -> Self {
         let mut edge_count = 0;
         let mut yarns: Vec<(Family, Line)> = Vec::new();
         for yarn in &lamina.yarns {
@@ -146,13 +128,12 @@ impl Lines {
                 Bending::Dihedral | Bending::Off => 0.0,
             };
             let law = yarn_law(lamina, physics, yarn);
-            let limit = physics.strain_limit;
             let line = Line {
                 vertices: yarn.vertices.clone(),
                 edges: first..edge_count,
                 rest_length: yarn.rest_length,
                 law,
-                limit: limit.map(|strain| Limit::new(law, strain * yarn.rest_length)),
+                limit: Limit::of_yarn(law, lamina, physics, yarn),
                 bending: stiffness * yarn.width / yarn.rest_length.powi(3),
             };
             yarns.push((yarn.family, line));
@@ -162,7 +143,7 @@ impl Lines {
             with_lone_vertices(of.map(|(_, line)| line.clone()).collect(), lamina)
         };
         let (warps, wefts) = (family(Family::Warp), family(Family::Weft));
-        let diagonals = shear.map_or(Vec::new(), |law| diagonals(lamina, law));
+        let diagonals = (trellis.as_ref()).map_or(Vec::new(), |t| diagonals(lamina, t.at_rest));
         let all = warps.iter().chain(&wefts).chain(&diagonals);
         Self {
             longest: all.map(|line| line.vertices.len()).max().unwrap_or(0),
@@ -170,6 +151,7 @@ impl Lines {
             warps,
             wefts,
             diagonals,
+            trellis,
             edge_count,
         }
     }
@@ -243,7 +225,7 @@ pub(super) trait Chain<V: Lanes> {
     fn compliance(&self) -> [V; 2];
     /// Greatest compression, as a force density <= 0 [N/m], that lasts into the next substep.
     fn least_kept(&self) -> V;
-    /// Force at which the strain limit begins, compliance and offset beyond it.
+    /// Tension at which its limit or knee begins, compliance and offset beyond it.
     fn limit(&self) -> Option<[V; 3]>;
     /// Bending stiffness [N/m]; none where no lane has any.
     fn bending(&self) -> Option<V>;
@@ -332,7 +314,7 @@ pub(super) struct Grip<'a, V> {
 /// Each edge takes the compliance of the sign of its force. That of the predicted strain would
 /// not do: at rest it is the sign of gravity's last push, so edges would change branch in every
 /// substep and never come to rest. Pinned vertices (mobility 0) decouple their neighbours by
-/// the formula itself. Beyond the strain limit of a yarn that has one there is a third branch,
+/// the formula itself. Beyond the limit or knee of a yarn that has one there is a third branch,
 /// likewise by its force.
 #[inline(always)]
 pub(super) fn stretch<V: Lanes>(
@@ -344,8 +326,8 @@ pub(super) fn stretch<V: Lanes>(
 ) {
     let rows = scratch.rows(line.vertices().len());
     match line.limit() {
-        None => eliminate(line, x, mobility, Some((density, None)), rows),
-        limit => eliminate(line, x, mobility, Some((density, limit)), rows),
+        None => eliminate(line, x, mobility, Law::Kept(density, None), rows),
+        limit => eliminate(line, x, mobility, Law::Kept(density, limit), rows),
     }
     let rows = scratch.rows(line.vertices().len());
     substitute(line, x, mobility, Some(density), rows);
@@ -434,15 +416,17 @@ pub(super) fn recall_after<V: Lanes>(
 }
 
 /// Solves a row of diagonals together, each from force 0 and with the compliance of the sign
-/// of its C. As for a yarn, but soft enough that its forces need not be kept.
+/// and size of its C. As for a yarn, but soft enough that its forces need not be kept.
 #[inline(always)]
 pub(super) fn shear<V: Lanes>(
     line: &impl Chain<V>,
+    trellis: &Trellis,
     x: &mut [Vec3x<V>],
     mobility: &[V],
     scratch: &mut Scratch<V>,
 ) {
-    eliminate(line, x, mobility, None, scratch.rows(line.vertices().len()));
+    let rows = scratch.rows(line.vertices().len());
+    eliminate(line, x, mobility, Law::Shear(trellis), rows);
     let rows = scratch.rows(line.vertices().len());
     substitute(line, x, mobility, None, rows);
 }
@@ -466,19 +450,60 @@ impl<V: Lanes> Scratch<V> {
     }
 }
 
+/// What an edge's length answers to.
+#[derive(Clone, Copy)]
+enum Law<'a, V> {
+    /// Force densities from the last substep, and the limit.
+    Kept(&'a [V], Option<[V; 3]>),
+    /// None from the last substep, and that of a diagonal.
+    Shear(&'a Trellis),
+}
+
+/// Compliance of edge `j` [m/N], and what its force leaves of its C [m]. The law is a constant
+/// where this is inlined, so that branches that it has not cost nothing.
+#[inline(always)]
+fn compliance<V: Lanes>(
+    line: &impl Chain<V>,
+    law: Law<V>,
+    j: usize,
+    square: V,
+    length: V,
+) -> [V; 2] {
+    let [tension, compression] = line.compliance();
+    let [rest, inverse_rest] = line.rest();
+    let c = length - rest;
+    match law {
+        Law::Kept(density, limit) => {
+            let compressed = density[j].lt(V::zero());
+            let compliance = V::select(compressed, compression, tension);
+            let force = kept(line, density[j]) * length;
+            match limit {
+                None => [compliance, c - compliance * force],
+                Some([most, limited, offset]) => {
+                    let beyond = most.lt(force);
+                    let compliance = V::select(beyond, limited, compliance);
+                    let offset = V::select(beyond, offset, V::zero());
+                    [compliance, c - offset - compliance * force]
+                }
+            }
+        }
+        Law::Shear(trellis) => {
+            let at_rest = V::select(c.lt(V::zero()), compression, tension);
+            [at_rest * trellis.share(square, inverse_rest), c]
+        }
+    }
+}
+
 /// Forward elimination of the tridiagonal system of a line's edges. Rows and unknowns are scaled
-/// by the lengths of their edges, in place of their directions: that saves a division. The limit
-/// is a constant where this is inlined without it, so that it costs nothing there.
+/// by the lengths of their edges, in place of their directions: that saves a division.
 #[inline(always)]
 fn eliminate<V: Lanes>(
     line: &impl Chain<V>,
     x: &[Vec3x<V>],
     mobility: &[V],
-    density: Option<(&[V], Option<[V; 3]>)>,
+    law: Law<V>,
     rows: Rows<V>,
 ) {
-    let [rest, _] = line.rest();
-    let [tension, compression] = line.compliance();
     // A collapsed edge, or two pinned ends and no compliance, leave a zero diagonal; any finite
     // value does then.
     let smallest = V::of(1e-28);
@@ -499,24 +524,7 @@ fn eliminate<V: Lanes>(
         ]);
         let square = d.dot(d);
         let length = square.sqrt();
-        let c = length - rest;
-        let (compliance, residual) = match density {
-            Some((density, limit)) => {
-                let compressed = density[j].lt(V::zero());
-                let compliance = V::select(compressed, compression, tension);
-                let force = kept(line, density[j]) * length;
-                match limit {
-                    None => (compliance, c - compliance * force),
-                    Some([most, limited, offset]) => {
-                        let beyond = most.lt(force);
-                        let compliance = V::select(beyond, limited, compliance);
-                        let offset = V::select(beyond, offset, V::zero());
-                        (compliance, c - offset - compliance * force)
-                    }
-                }
-            }
-            None => (V::select(c.lt(V::zero()), compression, tension), c),
-        };
+        let [compliance, residual] = compliance(line, law, j, square, length);
         // Eliminates the coupling with the edge before, through their common vertex.
         let coupling = w0 * previous.dot(d);
         let upper = coupling * previous_inverse;

@@ -2,8 +2,8 @@
 //!
 //! The deformation gradient F of a triangle takes the yarns' directions at rest to F a and
 //! F b. Three constraints: C1 = |F a| - 1, C2 = |F b| - 1 [-], the strains of warp and weft,
-//! and C3 = F a . F b / (|F a| |F b|), the sine of the shear angle. Their energies are
-//! E t A C1^2 / 2, E t A C2^2 / 2 and G t A C3^2 / 2 with the area A and the thickness t, each
+//! and C3 = F a . F b / (|F a| |F b|), the sine of the shear angle gamma. Their energies are
+//! E t A C1^2 / 2, E t A C2^2 / 2 and G t A gamma^2 / 2 with the area A and the thickness t, each
 //! modulus by the sign of its C: the law of yarns and diagonals, integrated over the triangle.
 //!
 //! Linear triangles have constant strain. Where yarns run obliquely to the mesh they cannot
@@ -11,6 +11,7 @@
 
 use super::model::EdgeLaw;
 use super::physics::{Compression, PhysicsConfig};
+use super::trellis::share_of_sine;
 use crate::fabric::{Family, Lamina, color};
 use crate::math::{Lanes, Vec3x};
 
@@ -24,9 +25,9 @@ pub(super) struct Element {
     /// Slopes along warp and weft of the shares of the second and the third corner [1/m];
     /// that of the first is minus their sum.
     pub gradient: [[f64; 2]; 2],
-    /// Of C1 and C2.
-    pub yarns: [EdgeLaw; 2],
-    /// Of C3; none if the scene has no shear.
+    /// Of C1 and C2; none where yarns stand for them.
+    pub yarns: Option<[EdgeLaw; 2]>,
+    /// Of C3 near rest; none if the scene has no shear.
     pub shear: Option<EdgeLaw>,
 }
 
@@ -36,6 +37,7 @@ pub(super) fn elements(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<Elem
     let all: Vec<Element> = lamina
         .membranes
         .iter()
+        .filter(|membrane| physics.shear || !membrane.has_yarns)
         .map(|membrane| {
             let compliance = |modulus: f64| 1.0 / (modulus * thickness * membrane.area);
             let yarn = |family| {
@@ -54,7 +56,7 @@ pub(super) fn elements(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<Elem
             Element {
                 vertices: membrane.vertices,
                 gradient: [membrane.gradient[1], membrane.gradient[2]],
-                yarns: [Family::Warp, Family::Weft].map(yarn),
+                yarns: (!membrane.has_yarns).then(|| [Family::Warp, Family::Weft].map(yarn)),
                 shear: physics.shear.then(|| EdgeLaw {
                     tension: compliance(shear.positive.modulus()),
                     compression: compliance(shear.negative.modulus()),
@@ -109,7 +111,7 @@ pub(super) fn project_elements<V: Lanes>(
         let w = v.map(|v| mobility[v]);
         let [g1, g2] = element.gradient;
         let slopes = [[g1[0], g2[0]].map(V::of), [g1[1], g2[1]].map(V::of)];
-        for (slope, law) in slopes.into_iter().zip(&element.yarns) {
+        for (slope, law) in slopes.into_iter().zip(element.yarns.iter().flatten()) {
             let (n, length) = column(&x, slope);
             let c = length - V::of(1.0);
             let alpha = branch(law, c);
@@ -123,7 +125,7 @@ pub(super) fn project_elements<V: Lanes>(
             let by_b = (a - b.scale(c)).scale(V::of(1.0) / b_length);
             let [warp, weft] = slopes;
             let gradient = [0, 1].map(|k| by_a.scale(warp[k]) + by_b.scale(weft[k]));
-            let alpha = branch(law, c);
+            let alpha = branch(law, c) * share_of_sine(c);
             apply(c, gradient, alpha, &mut x, &w);
         }
         for k in 0..3 {

@@ -17,11 +17,14 @@ mod preset;
 mod self_contact;
 mod state;
 mod substep;
+mod trellis;
 
 pub use alone::Alone;
 pub use cpu::Cpu;
 pub use model::Model;
-pub use physics::{Bending, BendingStiffness, Compression, PhysicsConfig, PhysicsError, Solver};
+pub use physics::{
+    Bending, BendingStiffness, Compression, PhysicsConfig, PhysicsError, Solver, Tension,
+};
 pub use preset::Preset;
 pub use self_contact::SelfCollision;
 pub use state::{Batch, Control, Press, Snapshot};

@@ -1,7 +1,8 @@
 use super::line::Lines;
 use super::membrane::{Element, elements};
-use super::physics::{Bending, BendingStiffness, Compression, PhysicsConfig, Solver};
+use super::physics::{Bending, BendingStiffness, Compression, PhysicsConfig, Solver, Tension};
 use super::self_contact::Layers;
+use super::trellis::Trellis;
 use crate::fabric::{Family, Hinge, Lamina, Yarn, color};
 
 /// Compliance of an edge [m/N] for each sign of its strain.
@@ -15,6 +16,48 @@ pub(super) struct EdgeLaw {
 /// force times ten it adds a hundredth of the limit. 0 would make the system of a yarn between
 /// clamps singular.
 pub(super) const LIMITED: f64 = 1e-3;
+
+/// The law of an edge beyond a tension, its strain limit or the knee of the material's law:
+/// C = offset + compliance * force.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limit {
+    /// Tension at which it begins [N].
+    pub force: f64,
+    /// [m/N]
+    pub compliance: f64,
+    /// [m]; such that there the law is continuous.
+    pub offset: f64,
+}
+
+impl Limit {
+    /// Beyond a growth of an edge by `stretch` [m], `share` of the compliance that it has before.
+    fn new(law: EdgeLaw, stretch: f64, share: f64) -> Self {
+        Self {
+            force: stretch / law.tension,
+            compliance: share * law.tension,
+            offset: stretch * (1.0 - share),
+        }
+    }
+
+    /// Of the edges of a yarn, where the scene lists one. A strain limit takes the knee's place.
+    pub fn of_yarn(
+        law: EdgeLaw,
+        lamina: &Lamina,
+        physics: &PhysicsConfig,
+        yarn: &Yarn,
+    ) -> Option<Self> {
+        if let Some(strain) = physics.strain_limit {
+            return Some(Self::new(law, strain * yarn.rest_length, LIMITED));
+        }
+        match physics.tension {
+            Tension::FirstBranch => None,
+            Tension::Material => {
+                let [strain, slope] = lamina.material.yarn(yarn.family).tension.knee()?;
+                Some(Self::new(law, strain * yarn.rest_length, 1.0 / slope))
+            }
+        }
+    }
+}
 
 /// Edges of which no two share a vertex.
 #[derive(Clone, Debug)]
@@ -45,8 +88,10 @@ pub(super) struct BendHinge {
 pub(super) enum Pass {
     /// Edges, one colour.
     Edges(EdgeClass),
-    /// Edges of yarns that hardly stretch beyond this strain, one colour.
-    LimitedEdges(EdgeClass, f64),
+    /// Edges of yarns with a limit or knee each, one colour.
+    LimitedEdges(EdgeClass, Vec<Limit>),
+    /// Diagonals, one colour.
+    Diagonals(EdgeClass, Trellis),
     /// Three-node bending, one colour.
     Triples(Vec<BendTriple>),
     /// Dihedral bending, one colour.
@@ -59,7 +104,7 @@ impl Pass {
     /// The vertices that it moves, each once or more.
     pub fn vertices(&self) -> Vec<u32> {
         match self {
-            Self::Edges(class) | Self::LimitedEdges(class, _) => {
+            Self::Edges(class) | Self::LimitedEdges(class, _) | Self::Diagonals(class, _) => {
                 class.vertices.as_flattened().to_vec()
             }
             Self::Triples(all) => all.iter().flat_map(|t| t.vertices).collect(),
@@ -90,7 +135,7 @@ pub struct Model {
 impl Model {
     /// Builds the passes for a lamina under `physics`, which must have been checked.
     pub fn new(lamina: &Lamina, physics: &PhysicsConfig) -> Self {
-        let shear = shear_law(lamina, physics);
+        let shear = trellis(lamina, physics);
         let membranes = elements(lamina, physics);
         let membranes = membranes.into_iter().map(Pass::Membrane).collect();
         let (lines, passes) = match physics.solver {
@@ -102,7 +147,7 @@ impl Model {
                 let passes = [
                     yarn_edges(lamina, physics),
                     membranes,
-                    shear.map_or(Vec::new(), |law| diagonals(lamina, law)),
+                    shear.map_or(Vec::new(), |trellis| diagonals(lamina, &trellis)),
                     triples(lamina, physics),
                     hinges(lamina, physics),
                 ];
@@ -163,52 +208,69 @@ pub(super) fn yarn_law(lamina: &Lamina, physics: &PhysicsConfig, yarn: &Yarn) ->
     }
 }
 
-/// The diagonal of a cell under shear gamma grows by a gamma / sqrt 2, so a spring of
-/// 2 G h (b / a for cells that are not square) stores the energy of the shear law.
-fn shear_law(lamina: &Lamina, physics: &PhysicsConfig) -> Option<EdgeLaw> {
+/// The law of the diagonals: near rest a spring of 2 G h for square cells, as such a diagonal
+/// grows by a gamma / sqrt 2.
+fn trellis(lamina: &Lamina, physics: &PhysicsConfig) -> Option<Trellis> {
     let shear = &lamina.material.shear;
-    let compliance = |modulus: f64| 1.0 / (2.0 * modulus * lamina.material.thickness());
-    physics.shear.then(|| EdgeLaw {
-        tension: compliance(shear.positive.modulus()),
-        compression: compliance(shear.negative.modulus()),
-    })
+    let moduli = [shear.positive.modulus(), shear.negative.modulus()];
+    physics.shear.then(|| Trellis::new(lamina, moduli))
 }
+
+/// Ends, length at rest [m] and law of an edge.
+type Edge = ([u32; 2], f64, EdgeLaw);
 
 fn yarn_edges(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Pass> {
-    let edges = lamina.yarns.iter().flat_map(|yarn| {
+    let mut plain: Vec<Edge> = Vec::new();
+    let (mut limited, mut limits): (Vec<Edge>, Vec<Limit>) = Default::default();
+    for yarn in &lamina.yarns {
         let law = yarn_law(lamina, physics, yarn);
-        let pairs = yarn.vertices.windows(2);
-        pairs.map(move |v| ([v[0], v[1]], yarn.rest_length, law))
-    });
-    let classes = edge_classes(lamina, edges);
-    match physics.strain_limit {
-        None => classes.map(Pass::Edges).collect(),
-        Some(limit) => classes.map(|c| Pass::LimitedEdges(c, limit)).collect(),
+        let limit = Limit::of_yarn(law, lamina, physics, yarn);
+        for pair in yarn.vertices.windows(2) {
+            let edge = ([pair[0], pair[1]], yarn.rest_length, law);
+            match limit {
+                None => plain.push(edge),
+                Some(limit) => {
+                    limited.push(edge);
+                    limits.push(limit);
+                }
+            }
+        }
     }
+    let plain = edge_classes(lamina, &plain).map(|(_, class)| Pass::Edges(class));
+    let limited = edge_classes(lamina, &limited).map(|(edges, class)| {
+        let limits = edges.iter().map(|&i| limits[i as usize]);
+        Pass::LimitedEdges(class, limits.collect())
+    });
+    plain.chain(limited).collect()
 }
 
-fn diagonals(lamina: &Lamina, law: EdgeLaw) -> Vec<Pass> {
+fn diagonals(lamina: &Lamina, trellis: &Trellis) -> Vec<Pass> {
+    let law = trellis.at_rest;
     let diagonals = lamina.diagonals.iter();
-    edge_classes(lamina, diagonals.map(|d| (d.vertices, d.rest_length, law)))
-        .map(Pass::Edges)
+    let edges: Vec<Edge> = diagonals
+        .map(|d| (d.vertices, d.rest_length, law))
+        .collect();
+    edge_classes(lamina, &edges)
+        .map(|(_, class)| Pass::Diagonals(class, trellis.clone()))
         .collect()
 }
 
-fn edge_classes(
+/// The `edges` in colours: which they are, and as passes need them.
+fn edge_classes<'a>(
     lamina: &Lamina,
-    edges: impl Iterator<Item = ([u32; 2], f64, EdgeLaw)>,
-) -> impl Iterator<Item = EdgeClass> {
-    let edges: Vec<_> = edges.collect();
+    edges: &'a [Edge],
+) -> impl Iterator<Item = (Vec<u32>, EdgeClass)> + 'a {
     let vertices: Vec<[u32; 2]> = edges.iter().map(|e| e.0).collect();
     color(lamina.vertex_count(), &vertices)
         .into_iter()
         .map(move |class| {
             let of = |&i: &u32| edges[i as usize];
-            EdgeClass {
+            let edges = EdgeClass {
                 vertices: class.iter().map(|i| of(i).0).collect(),
                 rest_length: class.iter().map(|i| of(i).1).collect(),
                 law: class.iter().map(|i| of(i).2).collect(),
-            }
+            };
+            (class, edges)
         })
 }
 

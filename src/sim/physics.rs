@@ -48,6 +48,17 @@ pub enum Compression {
     AsTension,
 }
 
+/// What a yarn does in tension.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Tension {
+    /// The first slope of the material's law at any strain.
+    #[default]
+    FirstBranch,
+    /// Its first two slopes, the second going on; under a strain limit the first alone.
+    Material,
+}
+
 /// The physics of a scene: what is listed here is computed, the rest costs nothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -55,6 +66,7 @@ pub struct PhysicsConfig {
     pub solver: Solver,
     pub bending: Bending,
     pub bending_stiffness: BendingStiffness,
+    pub tension: Tension,
     pub compression: Compression,
     /// Resistance of the weave to shear.
     pub shear: bool,
@@ -85,6 +97,7 @@ impl Default for PhysicsConfig {
             solver: Solver::Yarn,
             bending: Bending::Yarns,
             bending_stiffness: BendingStiffness::NewtonMetre(2e-4),
+            tension: Tension::FirstBranch,
             compression: Compression::Material,
             shear: true,
             friction: true,

@@ -3,7 +3,9 @@
 
 use std::ops::Range;
 
-use super::constraints::{project_edges, project_hinges, project_limited_edges, project_triples};
+use super::constraints::{
+    project_diagonals, project_edges, project_hinges, project_limited_edges, project_triples,
+};
 use super::cpu::{Cpu, Plane, YarnState};
 use super::line::{Chain, Crossing, Leads, Line, Lines, bend, recall_after, recall_edge, shear, stretch};
 use super::membrane::project_elements;
@@ -113,9 +115,12 @@ impl<V: Lanes> Substeps<'_, V> {
             begin(warp, lines, frame, state);
         }
         for substep in range {
-            for diagonal in &lines.diagonals {
-                let scratch = &mut state.yarns.scratch;
-                shear(diagonal, &mut state.position, &state.mobility, scratch);
+            if let Some(trellis) = &lines.trellis {
+                for diagonal in &lines.diagonals {
+                    let scratch = &mut state.yarns.scratch;
+                    let x = &mut state.position;
+                    shear(diagonal, trellis, x, &state.mobility, scratch);
+                }
             }
             for pass in &model.passes {
                 project(pass, &mut state.position, &state.mobility);
@@ -297,7 +302,8 @@ pub(super) fn stretch_yarn<V: Lanes>(yarn: &impl Chain<V>, state: &mut Cpu<V>) {
 pub(super) fn project<V: Lanes>(pass: &Pass, x: &mut [Vec3x<V>], w: &[V]) {
     match pass {
         Pass::Edges(class) => project_edges(class, x, w),
-        Pass::LimitedEdges(class, limit) => project_limited_edges(class, *limit, x, w),
+        Pass::LimitedEdges(class, limits) => project_limited_edges(class, limits, x, w),
+        Pass::Diagonals(class, trellis) => project_diagonals(class, trellis, x, w),
         Pass::Triples(triples) => project_triples(triples, x, w),
         Pass::Hinges(hinges) => project_hinges(hinges, x, w),
         Pass::Membrane(elements) => project_elements(elements, x, w),

@@ -214,8 +214,8 @@ fn yarns_and_membranes_carry_together() {
 }
 
 /// A cell of two membranes hangs by one corner. Its yarns are stiff, so that it is a rhombus
-/// whose sides lie at 90 degrees less gamma: 3 m g a sin((90 - gamma) / 2) = G t a^2 sin gamma
-/// cos gamma, where m is a third of a triangle's mass.
+/// whose sides lie at 90 degrees less gamma: 3 m g a sin((90 - gamma) / 2) = G t a^2 gamma,
+/// where m is a third of a triangle's mass.
 #[test]
 fn sheared_membrane_cell_balances_its_weight() {
     let a = 0.01;
@@ -236,7 +236,7 @@ fn sheared_membrane_cell_balances_its_weight() {
     let moment = |gamma: f64| {
         let pull =
             3.0 * cell.mass[1] * weight * a * (0.25 * std::f64::consts::PI - 0.5 * gamma).sin();
-        pull - modulus * THICKNESS * a * a * gamma.sin() * gamma.cos()
+        pull - modulus * THICKNESS * a * a * gamma
     };
     let (mut low, mut high) = (0.0, 0.5);
     for _ in 0..60 {
@@ -311,10 +311,12 @@ fn energy(lamina: &Lamina, state: &Snapshot) -> f64 {
         material.shear.positive.modulus(),
         material.shear.negative.modulus(),
     ];
+    let [a, b] = lamina.cell();
     for diagonal in &lamina.diagonals {
-        let [a, b] = diagonal.vertices;
-        let c = length(a, b) - diagonal.rest_length;
-        sum += 2.0 * THICKNESS * branch(c, shear[0], shear[1]);
+        let [from, to] = diagonal.vertices;
+        let growth = length(from, to).powi(2) - diagonal.rest_length.powi(2);
+        let gamma = (growth / (2.0 * a * b)).asin();
+        sum += THICKNESS * a * b * branch(gamma, shear[0], shear[1]);
     }
     for membrane in &lamina.membranes {
         let volume = THICKNESS * membrane.area;
@@ -324,13 +326,14 @@ fn energy(lamina: &Lamina, state: &Snapshot) -> f64 {
                 .map(|(v, g)| Vec3::from(state.position[*v as usize]) * g[k])
                 .sum()
         });
-        for (f, family) in f.iter().zip([Family::Warp, Family::Weft]) {
+        let yarns = [Family::Warp, Family::Weft].into_iter();
+        for (f, family) in f.iter().zip(yarns.filter(|_| !membrane.has_yarns)) {
             let law = material.yarn(family);
             let [tension, compression] = [law.tension.modulus(), law.compression.modulus()];
             sum += volume * branch(f.norm() - 1.0, tension, compression);
         }
         let sine = f[0].dot(&f[1]) / (f[0].norm() * f[1].norm());
-        sum += volume * branch(sine, shear[0], shear[1]);
+        sum += volume * branch(sine.asin(), shear[0], shear[1]);
     }
     sum
 }

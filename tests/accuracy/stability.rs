@@ -57,16 +57,18 @@ fn energy(sheet: &Lamina, state: &Snapshot) -> f64 {
             sum += 0.5 * STIFFNESS * yarn.width / yarn.rest_length.powi(3) * c.norm_squared();
         }
     }
+    let cell: f64 = sheet.cell().iter().product();
     for diagonal in &sheet.diagonals {
         let [a, b] = diagonal.vertices.map(x);
-        let c = (b - a).norm() - diagonal.rest_length;
+        let growth = (b - a).norm_squared() - diagonal.rest_length.powi(2);
+        let gamma = (0.5 * growth / cell).asin();
         let shear = &sheet.material.shear;
-        let law = if c < 0.0 {
+        let law = if gamma < 0.0 {
             &shear.negative
         } else {
             &shear.positive
         };
-        sum += law.modulus() * thickness * c * c;
+        sum += 0.5 * law.modulus() * thickness * cell * gamma * gamma;
     }
     sum
 }

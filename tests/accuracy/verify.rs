@@ -23,17 +23,22 @@ fn all_within(rows: &[Row], tolerance: f64, except: impl Fn(&Row) -> bool) {
     }
 }
 
-/// The knee of the tension curve is not modelled by the fast solver: beyond it yarns are too soft
-/// by the ratio of secant and first slope.
+/// Both branches of tension among them.
 #[test]
 fn yarn_solver_bends_and_stretches_as_closed_forms_say() {
-    let rows = rows(&["bending", "length"], YARN);
-    let beyond = |row: &Row| row.case.ends_with("0.02") || row.case.ends_with("0.025");
-    all_within(&rows, 3e-3, beyond);
-    let soft: Vec<f64> = rows.iter().filter(|r| beyond(r)).map(|r| r.found).collect();
-    for (found, linear) in soft.iter().zip([4200.0, 7291.7]) {
-        assert!((found / linear - 1.0).abs() < 1e-3, "{found}");
-    }
+    all_within(&rows(&["bending", "length"], YARN), 3e-3, |_| false);
+}
+
+/// Force and shear of the bias extension as the twin finds them, whose law is that of the closed
+/// form: what both miss is the closed form's supposition of an even middle. At 30 mm, pulled
+/// across the mesh's diagonals, the specimen does not come to rest at this preset.
+#[test]
+fn yarn_solver_shears_as_the_trellis() {
+    let rows = rows(&["shear"], YARN);
+    let moves = |row: &Row| row.case.contains("across") && row.case.ends_with("30 mm");
+    let of_force = |row: &Row| row.case.contains("force");
+    all_within(&rows, 0.045, |row| moves(row) || of_force(row));
+    all_within(&rows, 0.015, |row| moves(row) || !of_force(row));
 }
 
 #[test]

@@ -38,6 +38,7 @@ fn triangles(cells: &Cells) -> Vec<[Point; 3]> {
                 let [c, d] = [at(row + 1, column), at(row + 1, column + 1)];
                 all.extend([[a, b, d], [a, d, c]]);
             }
+            Cell::Half(half) => all.push(*half),
             Cell::Cut(cut) => all.extend(cut),
         }
     }

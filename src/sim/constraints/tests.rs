@@ -68,6 +68,39 @@ fn edge_moves_as_worked_by_hand() {
     }
 }
 
+/// Beyond its limit of 0.5 N an edge of compliance 1 has compliance 0.25 or 4: C = 0.5 + 0.25
+/// (f - 0.5), or 0.5 + 4 (f - 0.5). Mobilities 1 and 3: f = (C - offset) / (4 + compliance).
+#[test]
+fn limited_edge_moves_as_worked_by_hand() {
+    let start = [[0.0; 3], [3.0, 4.0, 0.0]].map(Vec3x);
+    let force = |rest: f64, compliance: f64| -> f64 {
+        let limit = Limit {
+            force: 0.5,
+            compliance,
+            offset: 0.5 - 0.5 * compliance,
+        };
+        let mut x = start;
+        project_limited_edges(&pair(rest), &[limit], &mut x, &[1.0, 3.0]);
+        x[0].0[0] / 0.6
+    };
+    for (rest, compliance, expected) in [
+        // C = 5 - 0.375 = 4.625 over 4.25, C = 5 + 1.5 over 8.
+        (0.0, 0.25, 4.625 / 4.25),
+        (0.0, 4.0, 6.5 / 8.0),
+        // Within the limit, and compressed.
+        (4.0, 0.25, 0.2),
+        (4.0, 4.0, 0.2),
+        (6.0, 0.25, -1.0 / 7.0),
+        (6.0, 4.0, -1.0 / 7.0),
+    ] {
+        let found = force(rest, compliance);
+        assert!(
+            (found - expected).abs() < 1e-14,
+            "{found} is not {expected}"
+        );
+    }
+}
+
 /// C = (0, 0, -2), mobility 1 everywhere, compliance 2: lambda = 2 / (1 + 4 + 1 + 2).
 #[test]
 fn triple_moves_as_worked_by_hand() {

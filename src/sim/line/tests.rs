@@ -275,19 +275,23 @@ fn forces_that_meet_the_law_change_nothing() {
     });
 }
 
-/// (J M J^T + compliance) d = C, with the compliance of the sign of C.
+/// (J M J^T + compliance) d = C, with the compliance of the sign of C and of the shear.
 #[test]
 fn shear_solves_its_linear_system() {
+    let trellis = trellis();
     cases(4, PINNED, |case, _| {
         let (c, jacobian) = case.constraints();
-        let compliance = c.map(|c| match c < 0.0 {
-            true => case.line.law.compression,
-            false => case.line.law.tension,
+        let compliance = c.map(|c| {
+            let at_rest = match c < 0.0 {
+                true => case.line.law.compression,
+                false => case.line.law.tension,
+            };
+            at_rest * trellis.share((1.0 + c).powi(2), 1.0)
         });
         let mass = case.masses();
         let system = &jacobian * &mass * jacobian.transpose() + DMatrix::from_diagonal(&compliance);
         let force = solved(system, &c);
-        let found = case.moved(|x, w, scratch| shear(&case.line, x, w, scratch));
+        let found = case.moved(|x, w, scratch| shear(&case.line, &trellis, x, w, scratch));
         case.check(&found, &-(&mass * jacobian.transpose() * force));
     });
 }
@@ -324,6 +328,7 @@ fn bend_solves_its_linear_system() {
 /// edges at the start of their solve, bending on the curve at its end.
 #[test]
 fn solves_keep_momentum() {
+    let trellis = trellis();
     cases(6, 0.0, |case, stream| {
         let force: Vec<f64> = (0..case.edges()).map(|_| stream.normal()).collect();
         let (found, _) = stretched(case, &force);
@@ -331,7 +336,7 @@ fn solves_keep_momentum() {
         case.check_momentum(&found, &case.x);
         let sum: Vec3 = pull.iter().sum();
         assert!(sum.norm() < 1e-11);
-        let found = case.moved(|x, w, scratch| shear(&case.line, x, w, scratch));
+        let found = case.moved(|x, w, scratch| shear(&case.line, &trellis, x, w, scratch));
         case.check_momentum(&found, &case.x);
         let found = case.moved(|x, w, scratch| bend(&case.line, x, w, scratch));
         case.check_momentum(&found, &found);
@@ -341,6 +346,7 @@ fn solves_keep_momentum() {
 /// A straight line at rest, wherever it is moved and turned to, feels nothing.
 #[test]
 fn rigid_motion_moves_nothing() {
+    let trellis = trellis();
     cases(7, PINNED, |case, stream| {
         let (at, along) = (random_vector(stream), random_vector(stream).normalize());
         let mut case = Case {
@@ -353,7 +359,7 @@ fn rigid_motion_moves_nothing() {
         }
         let (stretched, force) = stretched(&case, &vec![0.0; case.edges()]);
         let (pull, _) = recalled(&case, &force);
-        let sheared = case.moved(|x, w, scratch| shear(&case.line, x, w, scratch));
+        let sheared = case.moved(|x, w, scratch| shear(&case.line, &trellis, x, w, scratch));
         let bent = case.moved(|x, w, scratch| bend(&case.line, x, w, scratch));
         for found in [stretched, sheared, bent] {
             for (found, x) in found.iter().zip(&case.x) {
@@ -377,6 +383,7 @@ fn rigid_motion_moves_nothing() {
 /// is pinned stays.
 #[test]
 fn impossible_lines_stay_finite() {
+    let trellis = trellis();
     let line = Line {
         vertices: vec![0, 1, 2],
         edges: 0..2,
@@ -402,7 +409,8 @@ fn impossible_lines_stay_finite() {
             for force in [[0.0; 2], [1e3, -1e3], [-1e3; 2]] {
                 let (found, force) = stretched(&case, &force);
                 let (pull, stress) = recalled(&case, &force);
-                let sheared = case.moved(|x, w, scratch| shear(&case.line, x, w, scratch));
+                let sheared =
+                    case.moved(|x, w, scratch| shear(&case.line, &trellis, x, w, scratch));
                 let bent = case.moved(|x, w, scratch| bend(&case.line, x, w, scratch));
                 for found in [&found, &sheared, &bent] {
                     assert!(found.iter().flatten().all(|x| x.is_finite()));
@@ -431,17 +439,16 @@ fn holed() -> Lamina {
     Lamina::new(&config, Material::interglas_92125()).unwrap()
 }
 
-const SHEAR: Option<EdgeLaw> = Some(EdgeLaw {
-    tension: 1.0,
-    compression: 2.0,
-});
+fn trellis() -> Trellis {
+    Trellis::new(&plain(), [50e3, 36e3])
+}
 
 /// Warps hold every vertex once, and so do wefts; their edges number those of the yarns in
 /// their order.
 #[test]
 fn each_family_holds_every_vertex_once() {
     for lamina in [plain(), holed()] {
-        let lines = Lines::new(&lamina, &PhysicsConfig::default(), SHEAR);
+        let lines = Lines::new(&lamina, &PhysicsConfig::default(), Some(trellis()));
         for family in [&lines.warps, &lines.wefts] {
             let mut held: Vec<u32> = family.iter().flat_map(|l| l.vertices.clone()).collect();
             held.sort_unstable();
@@ -466,7 +473,7 @@ fn each_family_holds_every_vertex_once() {
     }
     assert!(holed().membranes.len() > 20, "yarns end at a border");
     let alone = |line: &&Line| line.vertices.len() == 1;
-    let lines = Lines::new(&holed(), &PhysicsConfig::default(), SHEAR);
+    let lines = Lines::new(&holed(), &PhysicsConfig::default(), Some(trellis()));
     assert!(
         lines
             .warps
@@ -480,7 +487,7 @@ fn each_family_holds_every_vertex_once() {
 #[test]
 fn rows_hold_every_diagonal_once() {
     for lamina in [plain(), holed()] {
-        let lines = Lines::new(&lamina, &PhysicsConfig::default(), SHEAR);
+        let lines = Lines::new(&lamina, &PhysicsConfig::default(), Some(trellis()));
         let mut found: Vec<[u32; 2]> = Vec::new();
         for row in &lines.diagonals {
             assert!(row.vertices.len() > 1 && row.edges.is_empty());
@@ -494,6 +501,6 @@ fn rows_hold_every_diagonal_once() {
         assert!(found == expected);
     }
     // Of 64 x 64 cells: 127 rows.
-    let lines = Lines::new(&plain(), &PhysicsConfig::default(), SHEAR);
+    let lines = Lines::new(&plain(), &PhysicsConfig::default(), Some(trellis()));
     assert_eq!(lines.diagonals.len(), 127);
 }

@@ -37,6 +37,61 @@ fn yarn_compliances_are_those_of_table_2() {
     }
 }
 
+/// The second slope of Table 2 begins at its knee, where the law is continuous; a strain limit
+/// takes its place, and without both there is nothing.
+#[test]
+fn knee_and_limit_are_branches_of_a_yarn() {
+    let material = PhysicsConfig {
+        tension: Tension::Material,
+        ..PhysicsConfig::default()
+    };
+    let lines = lines(material.clone());
+    let rest = lines.warps[30].rest_length;
+    // Force of an edge: MPa times thickness and width, at the knee and at the end of the curve.
+    for (yarn, knee, end) in [
+        (&lines.warps[30], [0.005, 3.0], [0.02, 40.0]),
+        (&lines.wefts[30], [0.006, 5.0], [0.025, 60.0]),
+    ] {
+        let limit = yarn.limit.unwrap();
+        close(limit.force, knee[1] * 350.0 * rest);
+        for [strain, stress] in [knee, end] {
+            let stretch = limit.offset + limit.compliance * stress * 350.0 * rest;
+            close(stretch, strain * rest);
+        }
+    }
+    let strain_limit = Some(0.01);
+    let limited = self::lines(PhysicsConfig {
+        strain_limit,
+        ..material
+    });
+    let line = &limited.warps[30];
+    close(line.limit.unwrap().force, 0.01 * rest / line.law.tension);
+    close(line.limit.unwrap().compliance, LIMITED * line.law.tension);
+    let plain = self::lines(PhysicsConfig::default());
+    assert!(
+        plain
+            .warps
+            .iter()
+            .chain(&plain.wefts)
+            .all(|l| l.limit.is_none())
+    );
+    let by_edge = |solver, tension, strain_limit| {
+        let passes = model(PhysicsConfig {
+            solver,
+            tension,
+            strain_limit,
+            ..PhysicsConfig::default()
+        })
+        .passes;
+        let limited = |pass: &&Pass| matches!(pass, Pass::LimitedEdges(..));
+        passes.iter().filter(limited).count()
+    };
+    let solver = Solver::GaussSeidel;
+    assert_eq!(by_edge(solver, Tension::FirstBranch, None), 0);
+    assert_eq!(by_edge(solver, Tension::FirstBranch, strain_limit), 4);
+    assert_eq!(by_edge(solver, Tension::Material, None), 4);
+}
+
 /// A spring of 2 G h along the diagonal: 35 N/m for +45 degrees, 25.2 N/m for -45 degrees.
 #[test]
 fn shear_springs_have_twice_the_shear_stiffness() {
@@ -49,8 +104,8 @@ fn shear_springs_have_twice_the_shear_stiffness() {
     });
     // Yarns are the passes before, two colours of each family.
     let passes = coloured.passes[4..].iter().map(|pass| match pass {
-        Pass::Edges(class) => class,
-        _ => panic!("shear is a pass over edges"),
+        Pass::Diagonals(class, _) => class,
+        _ => panic!("shear is a pass over diagonals"),
     });
     let in_passes = passes.flat_map(|class| class.law.iter().map(|law| (*law, 1)));
     for springs in [in_rows.collect::<Vec<_>>(), in_passes.collect()] {
@@ -134,7 +189,7 @@ fn passes_hold_everything_once_without_conflict() {
         let mut count = 0;
         for pass in &passes {
             let members: Vec<Vec<u32>> = match pass {
-                Pass::Edges(class) | Pass::LimitedEdges(class, _) => {
+                Pass::Edges(class) | Pass::LimitedEdges(class, _) | Pass::Diagonals(class, _) => {
                     class.vertices.iter().map(|v| v.to_vec()).collect()
                 }
                 Pass::Triples(triples) => triples.iter().map(|t| t.vertices.to_vec()).collect(),

@@ -105,7 +105,7 @@ pub fn variants() -> Vec<(Solver, Backend)> {
 }
 
 /// The features of `[physics]`, each as a scene file would change it. A feature is one line.
-pub const FEATURES: [&str; 10] = [
+pub const FEATURES: [&str; 11] = [
     "bending = \"dihedral\"",
     "bending = \"off\"",
     "friction = false",
@@ -115,6 +115,7 @@ pub const FEATURES: [&str; 10] = [
     "self_collision = \"material\"",
     "adhesion = 1",
     "strain_limit = 0.02",
+    "tension = \"material\"",
     // Half as many look-ups: the difference is what these cost.
     "contact_interval = 10",
 ];

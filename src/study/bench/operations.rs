@@ -32,6 +32,10 @@ const LENGTH: Operations = Operations::new(8, 0, 1);
 /// before, moved by w, 9.
 const LINE_EDGE: Operations = LENGTH.plus(Operations::new(34, 1, 0));
 
+/// What a diagonal has on top: the sine of the shear 2, within bounds 2, a polynomial of degree 5
+/// 10, times the compliance 1.
+const TRELLIS: Operations = Operations::new(15, 0, 0);
+
 /// What the edge of a yarn has on top, whose force density is kept: what is kept 1, the force 1, what
 /// it explains 2, the new value 1; in the next substep the edge anew 3, its pull 3 and the sum of
 /// pulls 6, the stress 1 and its sum 2.
@@ -76,12 +80,15 @@ pub fn operations(lamina: &Lamina, solver: Solver) -> Operations {
         Solver::Yarn => {
             vertex
                 + (LINE_EDGE + KEPT_FORCE) * count.yarn_edges
-                + LINE_EDGE * count.diagonals
+                + (LINE_EDGE + TRELLIS) * count.diagonals
                 + BENT_VERTEX * (2 * count.vertices)
                 + PULLED * count.vertices
         }
         Solver::GaussSeidel => {
-            vertex + SINGLE_EDGE * (count.yarn_edges + count.diagonals) + TRIPLE * count.triples
+            vertex
+                + SINGLE_EDGE * (count.yarn_edges + count.diagonals)
+                + TRELLIS * count.diagonals
+                + TRIPLE * count.triples
         }
     }
 }

@@ -4,7 +4,7 @@ use super::cloth::{
     AREAL_MASS, GRAVITY, Piece, Solve, even_strip, fix, mean_at, placed, rigid, section, strip,
 };
 use crate::fabric::{Family, Material};
-use crate::sim::PhysicsConfig;
+use crate::sim::{PhysicsConfig, Tension};
 
 /// Points of the tension curves: family, strain, force per width [N/m].
 pub const UNIAXIAL: [(Family, f64, f64); 4] = [
@@ -28,6 +28,7 @@ pub fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
     let mut state = placed(&strip, |s, t| [t, 0.0, -s]);
     fix(&strip, &mut state, &[0]);
     let physics = PhysicsConfig {
+        tension: Tension::Material,
         damping: 200.0,
         ..solver.yarns_alone()
     };

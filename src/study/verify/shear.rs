@@ -224,10 +224,12 @@ pub fn energy(lamina: &Lamina, state: &Snapshot) -> [f64; 2] {
         material.shear.negative.modulus(),
     ];
     let mut of_shear = 0.0;
+    let [a, b] = lamina.cell();
     for diagonal in &lamina.diagonals {
-        let [a, b] = diagonal.vertices;
-        let c = length(a, b) - diagonal.rest_length;
-        of_shear += 2.0 * thickness * branch(c, shear[0], shear[1]);
+        let [from, to] = diagonal.vertices;
+        let growth = length(from, to).powi(2) - diagonal.rest_length.powi(2);
+        let gamma = (growth / (2.0 * a * b)).clamp(-1.0, 1.0).asin();
+        of_shear += thickness * a * b * branch(gamma, shear[0], shear[1]);
     }
     for membrane in &lamina.membranes {
         let volume = thickness * membrane.area;
@@ -237,13 +239,14 @@ pub fn energy(lamina: &Lamina, state: &Snapshot) -> [f64; 2] {
                 .map(|(v, g)| Vec3::from(state.position[*v as usize]) * g[k])
                 .sum()
         });
-        for (f, family) in f.iter().zip([Family::Warp, Family::Weft]) {
+        let yarns = [Family::Warp, Family::Weft].into_iter();
+        for (f, family) in f.iter().zip(yarns.filter(|_| !membrane.has_yarns)) {
             let law = material.yarn(family);
             let [tension, compression] = [law.tension.modulus(), law.compression.modulus()];
             of_lengths += volume * branch(f.norm() - 1.0, tension, compression);
         }
-        let sine = f[0].dot(&f[1]) / (f[0].norm() * f[1].norm());
-        of_shear += volume * branch(sine, shear[0], shear[1]);
+        let sine = (f[0].dot(&f[1]) / (f[0].norm() * f[1].norm())).clamp(-1.0, 1.0);
+        of_shear += volume * branch(sine.asin(), shear[0], shear[1]);
     }
     [of_lengths, of_shear]
 }
