@@ -67,6 +67,8 @@ pub(super) struct Crossings {
 pub(super) struct Crossing {
     /// Among those of all yarns.
     pub edge: u32,
+    /// See [`Chain::least_kept`].
+    pub least_kept: f64,
     pub leads: Leads,
 }
 
@@ -74,11 +76,7 @@ pub(super) struct Crossing {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Leads {
     /// To this vertex of a later warp.
-    On {
-        to: u32,
-        /// See [`Chain::least_kept`].
-        least_kept: f64,
-    },
+    On(u32),
     /// To a warp before.
     Back,
 }
@@ -100,15 +98,15 @@ fn crossings(warps: &[Line], wefts: &[Line], vertex_count: usize) -> Vec<Crossin
             for (end, other, side) in [(ends[0], ends[1], 1), (ends[1], ends[0], 0)] {
                 let [[warp, i], [to_warp, _]] = [place[end as usize], place[other as usize]];
                 let leads = if warp < to_warp {
-                    Leads::On {
-                        to: other,
-                        least_kept: weft.least_kept(),
-                    }
+                    Leads::On(other)
                 } else {
                     Leads::Back
                 };
-                let edge = edge as u32;
-                all[warp].edges[i][side] = Some(Crossing { edge, leads });
+                all[warp].edges[i][side] = Some(Crossing {
+                    edge: edge as u32,
+                    least_kept: weft.least_kept(),
+                    leads,
+                });
                 all[warp].last_warp = all[warp].last_warp.max(to_warp);
             }
         }
@@ -296,7 +294,7 @@ impl<V: Lanes> Scratch<V> {
 pub(super) struct Grip<'a, V> {
     /// Net force of its yarns [N].
     pub pull: &'a mut [Vec3x<V>],
-    /// Sum over its yarn edges of |force density| [N/m].
+    /// Sum over its yarn edges of |kept force density| [N/m].
     pub stress: &'a mut [V],
 }
 
@@ -375,11 +373,11 @@ fn kept<V: Lanes>(line: &impl Chain<V>, density: V) -> V {
 /// from start to end [m].
 #[inline(always)]
 pub(super) fn recall_edge<V: Lanes>(edge: Vec3x<V>, density: V, least_kept: V) -> (Vec3x<V>, V) {
-    let pull = edge.scale(density.max(least_kept));
-    (pull, density.max(-density))
+    let kept = density.max(least_kept);
+    (edge.scale(kept), kept.max(-kept))
 }
 
-/// Finds the pull of a yarn's kept forces where it lies, and the stress of all: from vertex to
+/// Finds the pull of a yarn's kept forces where it lies, and their stress: from vertex to
 /// vertex what the edges before and after it do.
 #[inline(always)]
 pub(super) fn recall<V: Lanes>(

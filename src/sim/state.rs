@@ -33,7 +33,9 @@ impl Snapshot {
     /// Positions, velocities and force densities are numbers.
     pub fn is_finite(&self) -> bool {
         let all = self.position.iter().chain(&self.velocity);
-        all.flatten().chain(&self.force_density).all(|x| x.is_finite())
+        all.flatten()
+            .chain(&self.force_density)
+            .all(|x| x.is_finite())
     }
 }
 

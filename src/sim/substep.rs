@@ -7,7 +7,7 @@ use super::constraints::{
     project_diagonals, project_edges, project_hinges, project_limited_edges, project_triples,
 };
 use super::cpu::{Cpu, Plane, YarnState};
-use super::line::{Chain, Crossing, Leads, Line, Lines, bend, recall_after, recall_edge, shear, stretch};
+use super::line::{Chain, Crossing, Leads, Line, Lines, bend, recall_after, shear, stretch};
 use super::membrane::project_elements;
 use super::model::{Model, Pass};
 use super::self_contact::Around;
@@ -231,16 +231,16 @@ impl<V: Lanes> Wefts<V> for [[Option<Crossing>; 2]] {
         } = &mut state.yarns;
         for crossing in self[i].iter().flatten() {
             let edge = crossing.edge as usize;
-            let (q, across) = (density[edge], &mut across[edge]);
+            let kept = density[edge].max(V::of(crossing.least_kept));
+            let across = &mut across[edge];
             match crossing.leads {
-                Leads::On { to, least_kept } => {
-                    let d = state.position[to as usize] - state.position[v];
-                    *across = recall_edge(d, q, V::of(least_kept)).0;
+                Leads::On(to) => {
+                    *across = (state.position[to as usize] - state.position[v]).scale(kept);
                     pull = pull + *across;
                 }
                 Leads::Back => pull = pull - *across,
             }
-            stress = stress + q.max(-q);
+            stress = stress + kept.max(-kept);
         }
         (pull, stress)
     }

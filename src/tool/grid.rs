@@ -129,7 +129,12 @@ impl DistanceGrid {
         }
         let [row, layer] = [self.dims[0], self.dims[0] * self.dims[1]];
         // Edges of a cell along x, which runs fastest.
-        let v = V::look_up_pairs(&self.samples, cell, [row, layer], [0, row, layer, layer + row]);
+        let v = V::look_up_pairs(
+            &self.samples,
+            cell,
+            [row, layer],
+            [0, row, layer, layer + row],
+        );
         let lerp = |a: V, b: V, t: V| a + (b - a) * t;
         // Along x on four edges, then along y on two faces, then along z.
         let mut d = [zero; 4];

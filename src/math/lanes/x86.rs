@@ -220,9 +220,8 @@ vector!(
                 let at = _mm512_min_epu32(at, _mm512_set1_epi32(last as i32));
                 let low = _mm512_castsi512_si256(at);
                 let high = _mm512_extracti64x4_epi64::<1>(at);
-                let even = _mm512_setr_epi32(
-                    0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30,
-                );
+                let even =
+                    _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
                 let odd = _mm512_add_epi32(even, _mm512_set1_epi32(1));
                 let mut found = [[Self::zero(); 2]; 4];
                 for (found, pair) in found.iter_mut().zip(pairs) {
