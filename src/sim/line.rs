@@ -12,6 +12,7 @@ mod bend;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use super::constraints::SHORTEST_SQUARE;
 use super::model::{EdgeLaw, Limit, bending_stiffness, yarn_law};
 use super::physics::{Bending, PhysicsConfig};
 use super::trellis::Trellis;
@@ -69,6 +70,8 @@ pub(super) struct Crossing {
     pub edge: u32,
     /// See [`Chain::least_kept`].
     pub least_kept: f64,
+    /// 1 / rest length [1/m].
+    pub inverse_rest: f64,
     pub leads: Leads,
 }
 
@@ -105,6 +108,7 @@ fn crossings(warps: &[Line], wefts: &[Line], vertex_count: usize) -> Vec<Crossin
                 all[warp].edges[i][side] = Some(Crossing {
                     edge: edge as u32,
                     least_kept: weft.least_kept(),
+                    inverse_rest: Chain::<f64>::rest(weft)[1],
                     leads,
                 });
                 all[warp].last_warp = all[warp].last_warp.max(to_warp);
@@ -221,7 +225,7 @@ pub(super) trait Chain<V: Lanes> {
     fn rest(&self) -> [V; 2];
     /// Compliance of an edge in tension and in compression [m/N].
     fn compliance(&self) -> [V; 2];
-    /// Greatest compression, as a force density <= 0 [N/m], that lasts into the next substep.
+    /// Greatest compression, as a force <= 0 [N], that lasts into the next substep.
     fn least_kept(&self) -> V;
     /// Tension at which its limit or knee begins, compliance and offset beyond it.
     fn limit(&self) -> Option<[V; 3]>;
@@ -252,7 +256,7 @@ impl<V: Lanes> Chain<V> for Line {
     }
     #[inline(always)]
     fn least_kept(&self) -> V {
-        V::of(-4.0 * KEPT_COMPRESSION * self.bending)
+        V::of(-4.0 * KEPT_COMPRESSION * self.bending * self.rest_length)
     }
     #[inline(always)]
     fn limit(&self) -> Option<[V; 3]> {
@@ -276,6 +280,7 @@ impl<V: Lanes> Chain<V> for Line {
 /// Scratch space of a line, one entry a vertex.
 pub(super) struct Scratch<V> {
     edge: Vec<Vec3x<V>>,
+    length: Vec<V>,
     upper: Vec<V>,
     second: Vec<V>,
 }
@@ -284,6 +289,7 @@ impl<V: Lanes> Scratch<V> {
     pub fn new(longest: usize) -> Self {
         Self {
             edge: vec![Vec3x::zero(); longest],
+            length: vec![V::zero(); longest],
             upper: vec![V::zero(); longest],
             second: vec![V::zero(); longest],
         }
@@ -294,7 +300,7 @@ impl<V: Lanes> Scratch<V> {
 pub(super) struct Grip<'a, V> {
     /// Net force of its yarns [N].
     pub pull: &'a mut [Vec3x<V>],
-    /// Sum over its yarn edges of |kept force density| [N/m].
+    /// Sum over its yarn edges of |kept force| / length [N/m].
     pub stress: &'a mut [V],
 }
 
@@ -306,9 +312,6 @@ pub(super) struct Grip<'a, V> {
 /// algorithm), M the `mobility` [m/N]. XPBD (Macklin et al. 2016, eqs. 17-18) with multipliers
 /// that last: at rest nothing changes, so every yarn meets its law whatever the splitting.
 ///
-/// What is kept of an edge is its force density, force / length [N/m] (Schek 1974): its pull is then
-/// the edge times it, and no length is asked for between solves.
-///
 /// Each edge takes the compliance of the sign of its force. That of the predicted strain would
 /// not do: at rest it is the sign of gravity's last push, so edges would change branch in every
 /// substep and never come to rest. Pinned vertices (mobility 0) decouple their neighbours by
@@ -319,16 +322,16 @@ pub(super) fn stretch<V: Lanes>(
     line: &impl Chain<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
-    density: &mut [V],
+    force: &mut [V],
     scratch: &mut Scratch<V>,
 ) {
     let rows = scratch.rows(line.vertices().len());
     match line.limit() {
-        None => eliminate(line, x, mobility, Law::Kept(density, None), rows),
-        limit => eliminate(line, x, mobility, Law::Kept(density, limit), rows),
+        None => eliminate(line, x, mobility, Law::Kept(force, None), rows),
+        limit => eliminate(line, x, mobility, Law::Kept(force, limit), rows),
     }
     let rows = scratch.rows(line.vertices().len());
-    substitute(line, x, mobility, Some(density), rows);
+    substitute(line, x, mobility, Some(force), rows);
 }
 
 /// Back substitution from the far end; a vertex moves once both its edges are known.
@@ -337,15 +340,15 @@ fn substitute<V: Lanes>(
     line: &impl Chain<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
-    mut density: Option<&mut [V]>,
+    mut force: Option<&mut [V]>,
     rows: Rows<V>,
 ) {
     let mut after = Vec3x::zero();
     let mut change_after = V::zero();
     for j in (0..line.vertices().len() - 1).rev() {
         let change = rows.right[j] + rows.upper[j] * change_after;
-        if let Some(density) = &mut density {
-            density[j] = kept(line, density[j]) + change;
+        if let Some(force) = &mut force {
+            force[j] = kept(line, force[j]) + change * rows.length[j];
         }
         let moved = rows.edge[j].scale(change);
         let v = line.vertices()[j + 1] as usize;
@@ -363,18 +366,18 @@ fn substitute<V: Lanes>(
 /// at 10, 2.6 % at 25. A yarn without bending must keep none: let go, it would throw itself to and fro.
 const KEPT_COMPRESSION: f64 = 25.0;
 
-/// The part of a yarn's force density that lasts into the next substep.
+/// The part of a yarn's force that lasts into the next substep.
 #[inline(always)]
-fn kept<V: Lanes>(line: &impl Chain<V>, density: V) -> V {
-    density.max(line.least_kept())
+fn kept<V: Lanes>(line: &impl Chain<V>, force: V) -> V {
+    force.max(line.least_kept())
 }
 
 /// Pull of an edge's kept force on its start [N], and its stress, for both ends [N/m]; `edge` leads
 /// from start to end [m].
 #[inline(always)]
-pub(super) fn recall_edge<V: Lanes>(edge: Vec3x<V>, density: V, least_kept: V) -> (Vec3x<V>, V) {
-    let kept = density.max(least_kept);
-    (edge.scale(kept), kept.max(-kept))
+pub(super) fn recall_edge<V: Lanes>(edge: Vec3x<V>, kept: V, inverse_rest: V) -> (Vec3x<V>, V) {
+    let length = edge.dot(edge).max(V::of(SHORTEST_SQUARE)).sqrt();
+    (edge.scale(kept / length), kept.max(-kept) * inverse_rest)
 }
 
 /// Finds the pull of a yarn's kept forces where it lies, and their stress: from vertex to
@@ -383,13 +386,13 @@ pub(super) fn recall_edge<V: Lanes>(edge: Vec3x<V>, density: V, least_kept: V) -
 pub(super) fn recall<V: Lanes>(
     line: &impl Chain<V>,
     x: &[Vec3x<V>],
-    density: &[V],
+    force: &[V],
     grip: &mut Grip<V>,
 ) {
     let mut before = (Vec3x::zero(), V::zero());
     for (i, &v) in line.vertices().iter().enumerate() {
         let v = v as usize;
-        let after = recall_after(line, i, x, density);
+        let after = recall_after(line, i, x, force);
         grip.pull[v] = after.0 - before.0;
         grip.stress[v] = before.1 + after.1;
         before = after;
@@ -402,12 +405,12 @@ pub(super) fn recall_after<V: Lanes>(
     line: &impl Chain<V>,
     i: usize,
     x: &[Vec3x<V>],
-    density: &[V],
+    force: &[V],
 ) -> (Vec3x<V>, V) {
     match line.vertices().get(i + 1) {
         Some(&next) => {
             let edge = x[next as usize] - x[line.vertices()[i] as usize];
-            recall_edge(edge, density[i], line.least_kept())
+            recall_edge(edge, kept(line, force[i]), line.rest()[1])
         }
         None => (Vec3x::zero(), V::zero()),
     }
@@ -433,6 +436,7 @@ pub(super) fn shear<V: Lanes>(
 struct Rows<'a, V> {
     /// From end to end.
     edge: &'a mut [Vec3x<V>],
+    length: &'a mut [V],
     upper: &'a mut [V],
     right: &'a mut [V],
 }
@@ -442,6 +446,7 @@ impl<V: Lanes> Scratch<V> {
     fn rows(&mut self, vertices: usize) -> Rows<'_, V> {
         Rows {
             edge: &mut self.edge[..vertices],
+            length: &mut self.length[..vertices],
             upper: &mut self.upper[..vertices],
             right: &mut self.second[..vertices],
         }
@@ -451,7 +456,7 @@ impl<V: Lanes> Scratch<V> {
 /// What an edge's length answers to.
 #[derive(Clone, Copy)]
 enum Law<'a, V> {
-    /// Force densities from the last substep, and the limit.
+    /// Forces from the last substep, and the limit.
     Kept(&'a [V], Option<[V; 3]>),
     /// None from the last substep, and that of a diagonal.
     Shear(&'a Trellis),
@@ -471,10 +476,10 @@ fn compliance<V: Lanes>(
     let [rest, inverse_rest] = line.rest();
     let c = length - rest;
     match law {
-        Law::Kept(density, limit) => {
-            let compressed = density[j].lt(V::zero());
+        Law::Kept(force, limit) => {
+            let compressed = force[j].lt(V::zero());
             let compliance = V::select(compressed, compression, tension);
-            let force = kept(line, density[j]) * length;
+            let force = kept(line, force[j]);
             match limit {
                 None => [compliance, c - compliance * force],
                 Some([most, limited, offset]) => {
@@ -533,6 +538,7 @@ fn eliminate<V: Lanes>(
             rows.upper[j - 1] = upper;
         }
         rows.edge[j] = d;
+        rows.length[j] = length;
         rows.right[j] = right;
         (x0, w0, previous, previous_inverse, previous_right) = (x1, w1, d, inverse, right);
     }

@@ -7,7 +7,9 @@ use super::constraints::{
     project_diagonals, project_edges, project_hinges, project_limited_edges, project_triples,
 };
 use super::cpu::{Cpu, Plane, YarnState};
-use super::line::{Chain, Crossing, Leads, Line, Lines, bend, recall_after, shear, stretch};
+use super::line::{
+    Chain, Crossing, Leads, Line, Lines, bend, recall_after, recall_edge, shear, stretch,
+};
 use super::membrane::project_elements;
 use super::model::{Model, Pass};
 use super::self_contact::Around;
@@ -226,21 +228,21 @@ impl<V: Lanes> Wefts<V> for [[Option<Crossing>; 2]] {
     #[inline(always)]
     fn hold(&self, i: usize, v: usize, state: &mut Cpu<V>) -> (Vec3x<V>, V) {
         let (mut pull, mut stress) = (Vec3x::zero(), V::zero());
-        let YarnState {
-            density, across, ..
-        } = &mut state.yarns;
+        let YarnState { force, across, .. } = &mut state.yarns;
         for crossing in self[i].iter().flatten() {
             let edge = crossing.edge as usize;
-            let kept = density[edge].max(V::of(crossing.least_kept));
+            let kept = force[edge].max(V::of(crossing.least_kept));
+            let inverse_rest = V::of(crossing.inverse_rest);
             let across = &mut across[edge];
             match crossing.leads {
                 Leads::On(to) => {
-                    *across = (state.position[to as usize] - state.position[v]).scale(kept);
+                    let d = state.position[to as usize] - state.position[v];
+                    *across = recall_edge(d, kept, inverse_rest).0;
                     pull = pull + *across;
                 }
                 Leads::Back => pull = pull - *across,
             }
-            stress = stress + kept.max(-kept);
+            stress = stress + kept.max(-kept) * inverse_rest;
         }
         (pull, stress)
     }
@@ -260,8 +262,8 @@ pub(super) fn give_way<V: Lanes>(
     for (i, &v) in warp.vertices().iter().enumerate() {
         let v = v as usize;
         let (pull, stress) = wefts.hold(i, v, state);
-        let density = &state.yarns.density[warp.edges()];
-        let after = recall_after(warp, i, &state.position, density);
+        let force = &state.yarns.force[warp.edges()];
+        let after = recall_after(warp, i, &state.position, force);
         let pull = pull - before.0 + after.0;
         let stress = stress + before.1 + after.1;
         before = after;
@@ -290,12 +292,10 @@ pub(super) fn give_way<V: Lanes>(
 
 #[inline(always)]
 pub(super) fn stretch_yarn<V: Lanes>(yarn: &impl Chain<V>, state: &mut Cpu<V>) {
-    let YarnState {
-        density, scratch, ..
-    } = &mut state.yarns;
-    let density = &mut density[yarn.edges()];
+    let YarnState { force, scratch, .. } = &mut state.yarns;
+    let force = &mut force[yarn.edges()];
     let x = &mut state.position;
-    stretch(yarn, x, &state.mobility, density, scratch);
+    stretch(yarn, x, &state.mobility, force, scratch);
 }
 
 #[inline(always)]
