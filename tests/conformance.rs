@@ -111,7 +111,7 @@ fn case_on(lamina: &Lamina, index: usize) -> Snapshot {
             .map(|_| [0.1 * stream.normal(), 0.1 * stream.normal(), -0.5])
             .collect(),
         fixed: fixedbitset::FixedBitSet::with_capacity(count),
-        force: Vec::new(),
+        force_density: Vec::new(),
         sides: Vec::new(),
     };
     for _ in 0..index % 4 {
@@ -170,7 +170,7 @@ fn advance(batch: &mut dyn Batch, model: &Model, cases: &[usize], steps: std::op
 /// The bits of a state; NaN equals itself.
 fn bits(state: &Snapshot) -> Vec<u64> {
     let numbers = state.position.iter().chain(&state.velocity).flatten();
-    let numbers = numbers.chain(&state.force);
+    let numbers = numbers.chain(&state.force_density);
     let fixed = state.fixed.ones().map(|v| v as u64);
     numbers.map(|x| x.to_bits()).chain(fixed).collect()
 }

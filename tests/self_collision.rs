@@ -83,7 +83,7 @@ fn wrinkle() -> Snapshot {
         position: position.collect(),
         velocity: vec![[0.0; 3]; count],
         fixed: fixedbitset::FixedBitSet::with_capacity(count),
-        force: Vec::new(),
+        force_density: Vec::new(),
         sides: Vec::new(),
     }
 }

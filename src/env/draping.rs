@@ -371,7 +371,7 @@ impl Tasks for Draping {
                 .all(|b| b.len() == count)
                 && cloth.position.len() == count
                 && cloth.velocity.len() == count
-                && cloth.force.len() <= 2 * count
+                && cloth.force_density.len() <= 2 * count
                 && cloth.fixed.len() <= count
                 && cloth.is_finite()
                 && progress.actions.iter().all(|&a| a < pixels)

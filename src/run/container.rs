@@ -4,7 +4,7 @@ use std::io::{self, Write};
 const MAGIC: [u8; 8] = *b"\x89drape\r\n";
 /// Newest format of the container.
 /// 2: states of the simulation hold the forces of their yarns.
-pub(super) const FORMAT: u32 = 2;
+pub(super) const FORMAT: u32 = 3;
 
 /// Longest section name [bytes]. Ours are one word; a bound makes a damaged length readable
 /// in the message.

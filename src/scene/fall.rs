@@ -166,7 +166,7 @@ pub fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Result<Snapsh
         position,
         velocity: vec![[0.0; 3]; lamina.vertex_count()],
         fixed: FixedBitSet::with_capacity(lamina.vertex_count()),
-        force: Vec::new(),
+        force_density: Vec::new(),
         sides: Vec::new(),
     };
     for (index, clamp) in config.clamps.iter().enumerate() {

@@ -116,7 +116,7 @@ impl<V: Lanes> Batch for Alone<V> {
         self.cloth.velocity.fill(Vec3x::zero());
         self.held.pull.fill(Vec3x::zero());
         self.held.stress.fill(V::zero());
-        self.cloth.yarns.force.fill(V::zero());
+        self.cloth.yarns.density.fill(V::zero());
         for vertex in 0..self.free_inverse_mass.len() {
             let (v, lane) = self.slot(vertex);
             self.cloth.position[v].set(lane, snapshot.position[vertex]);
@@ -129,9 +129,9 @@ impl<V: Lanes> Batch for Alone<V> {
             self.cloth.inverse_mass[v].as_mut_slice()[lane] = V::Scalar::from_f64(w);
         }
         for (edge, &[number, lane]) in self.fold.edges.iter().enumerate() {
-            let force = snapshot.force.get(edge).copied().unwrap_or(0.0);
-            let all = &mut self.cloth.yarns.force[number as usize];
-            all.as_mut_slice()[lane as usize] = V::Scalar::from_f64(force);
+            let density = snapshot.force_density.get(edge).copied().unwrap_or(0.0);
+            let all = &mut self.cloth.yarns.density[number as usize];
+            all.as_mut_slice()[lane as usize] = V::Scalar::from_f64(density);
         }
     }
 
@@ -142,8 +142,8 @@ impl<V: Lanes> Batch for Alone<V> {
             let w = self.cloth.inverse_mass[v].as_slice()[lane];
             fixed.set(vertex, w == V::Scalar::from_f64(0.0));
         }
-        let force = self.fold.edges.iter().map(|&[number, lane]| {
-            self.cloth.yarns.force[number as usize].as_slice()[lane as usize].to_f64()
+        let density = self.fold.edges.iter().map(|&[number, lane]| {
+            self.cloth.yarns.density[number as usize].as_slice()[lane as usize].to_f64()
         });
         Snapshot {
             position: places()
@@ -153,7 +153,7 @@ impl<V: Lanes> Batch for Alone<V> {
                 .map(|(v, lane)| self.cloth.velocity[v].get(lane))
                 .collect(),
             fixed,
-            force: force.collect(),
+            force_density: density.collect(),
             sides: Vec::new(),
         }
     }
@@ -253,8 +253,8 @@ impl<V: Lanes> Kernel for Substeps<'_, V> {
                     pull: &mut crossing.pull[..count],
                     stress: &mut crossing.stress[..count],
                 };
-                let force = &cloth.yarns.force[weft.edges()];
-                recall(weft, &crossing.position, force, &mut grip);
+                let density = &cloth.yarns.density[weft.edges()];
+                recall(weft, &crossing.position, density, &mut grip);
                 let pull = Vec3x::components_mut(&mut held.pull);
                 places.write::<V, 3>(Vec3x::components(&crossing.pull), pull);
                 places.write::<V, 1>(&crossing.stress, &mut held.stress);
@@ -290,9 +290,9 @@ impl<V: Lanes> Kernel for Substeps<'_, V> {
                 places.read::<V, 1>(&cloth.mobility, &mut crossing.mobility);
                 let scratch = &mut cloth.yarns.scratch;
                 bend(weft, &mut crossing.position, &crossing.mobility, scratch);
-                let force = &mut cloth.yarns.force[weft.edges()];
+                let density = &mut cloth.yarns.density[weft.edges()];
                 let x = &mut crossing.position;
-                stretch(weft, x, &crossing.mobility, force, scratch);
+                stretch(weft, x, &crossing.mobility, density, scratch);
                 crossing.write_position(places, cloth);
             }
             for warp in &fold.warps {

@@ -12,7 +12,6 @@ mod bend;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::constraints::SHORTEST_SQUARE;
 use super::model::{EdgeLaw, Limit, bending_stiffness, yarn_law};
 use super::physics::{Bending, PhysicsConfig};
 use super::trellis::Trellis;
@@ -68,10 +67,6 @@ pub(super) struct Crossings {
 pub(super) struct Crossing {
     /// Among those of all yarns.
     pub edge: u32,
-    /// See [`Chain::least_kept`].
-    pub least_kept: f64,
-    /// 1 / rest length [1/m].
-    pub inverse_rest: f64,
     pub leads: Leads,
 }
 
@@ -79,7 +74,11 @@ pub(super) struct Crossing {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Leads {
     /// To this vertex of a later warp.
-    On(u32),
+    On {
+        to: u32,
+        /// See [`Chain::least_kept`].
+        least_kept: f64,
+    },
     /// To a warp before.
     Back,
 }
@@ -101,16 +100,15 @@ fn crossings(warps: &[Line], wefts: &[Line], vertex_count: usize) -> Vec<Crossin
             for (end, other, side) in [(ends[0], ends[1], 1), (ends[1], ends[0], 0)] {
                 let [[warp, i], [to_warp, _]] = [place[end as usize], place[other as usize]];
                 let leads = if warp < to_warp {
-                    Leads::On(other)
+                    Leads::On {
+                        to: other,
+                        least_kept: weft.least_kept(),
+                    }
                 } else {
                     Leads::Back
                 };
-                all[warp].edges[i][side] = Some(Crossing {
-                    edge: edge as u32,
-                    least_kept: weft.least_kept(),
-                    inverse_rest: Chain::<f64>::rest(weft)[1],
-                    leads,
-                });
+                let edge = edge as u32;
+                all[warp].edges[i][side] = Some(Crossing { edge, leads });
                 all[warp].last_warp = all[warp].last_warp.max(to_warp);
             }
         }
@@ -225,7 +223,7 @@ pub(super) trait Chain<V: Lanes> {
     fn rest(&self) -> [V; 2];
     /// Compliance of an edge in tension and in compression [m/N].
     fn compliance(&self) -> [V; 2];
-    /// Greatest compression, as a force <= 0 [N], that lasts into the next substep.
+    /// Greatest compression, as a force density <= 0 [N/m], that lasts into the next substep.
     fn least_kept(&self) -> V;
     /// Tension at which its limit or knee begins, compliance and offset beyond it.
     fn limit(&self) -> Option<[V; 3]>;
@@ -256,7 +254,7 @@ impl<V: Lanes> Chain<V> for Line {
     }
     #[inline(always)]
     fn least_kept(&self) -> V {
-        V::of(-4.0 * KEPT_COMPRESSION * self.bending * self.rest_length)
+        V::of(-4.0 * KEPT_COMPRESSION * self.bending)
     }
     #[inline(always)]
     fn limit(&self) -> Option<[V; 3]> {
@@ -280,7 +278,6 @@ impl<V: Lanes> Chain<V> for Line {
 /// Scratch space of a line, one entry a vertex.
 pub(super) struct Scratch<V> {
     edge: Vec<Vec3x<V>>,
-    length: Vec<V>,
     upper: Vec<V>,
     second: Vec<V>,
 }
@@ -289,7 +286,6 @@ impl<V: Lanes> Scratch<V> {
     pub fn new(longest: usize) -> Self {
         Self {
             edge: vec![Vec3x::zero(); longest],
-            length: vec![V::zero(); longest],
             upper: vec![V::zero(); longest],
             second: vec![V::zero(); longest],
         }
@@ -300,7 +296,7 @@ impl<V: Lanes> Scratch<V> {
 pub(super) struct Grip<'a, V> {
     /// Net force of its yarns [N].
     pub pull: &'a mut [Vec3x<V>],
-    /// Sum over its yarn edges of |kept force| / length [N/m].
+    /// Sum over its yarn edges of |force density| [N/m].
     pub stress: &'a mut [V],
 }
 
@@ -312,6 +308,9 @@ pub(super) struct Grip<'a, V> {
 /// algorithm), M the `mobility` [m/N]. XPBD (Macklin et al. 2016, eqs. 17-18) with multipliers
 /// that last: at rest nothing changes, so every yarn meets its law whatever the splitting.
 ///
+/// What is kept of an edge is its force density, force / length [N/m] (Schek 1974): its pull is then
+/// the edge times it, and no length is asked for between solves.
+///
 /// Each edge takes the compliance of the sign of its force. That of the predicted strain would
 /// not do: at rest it is the sign of gravity's last push, so edges would change branch in every
 /// substep and never come to rest. Pinned vertices (mobility 0) decouple their neighbours by
@@ -322,16 +321,16 @@ pub(super) fn stretch<V: Lanes>(
     line: &impl Chain<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
-    force: &mut [V],
+    density: &mut [V],
     scratch: &mut Scratch<V>,
 ) {
     let rows = scratch.rows(line.vertices().len());
     match line.limit() {
-        None => eliminate(line, x, mobility, Law::Kept(force, None), rows),
-        limit => eliminate(line, x, mobility, Law::Kept(force, limit), rows),
+        None => eliminate(line, x, mobility, Law::Kept(density, None), rows),
+        limit => eliminate(line, x, mobility, Law::Kept(density, limit), rows),
     }
     let rows = scratch.rows(line.vertices().len());
-    substitute(line, x, mobility, Some(force), rows);
+    substitute(line, x, mobility, Some(density), rows);
 }
 
 /// Back substitution from the far end; a vertex moves once both its edges are known.
@@ -340,15 +339,15 @@ fn substitute<V: Lanes>(
     line: &impl Chain<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
-    mut force: Option<&mut [V]>,
+    mut density: Option<&mut [V]>,
     rows: Rows<V>,
 ) {
     let mut after = Vec3x::zero();
     let mut change_after = V::zero();
     for j in (0..line.vertices().len() - 1).rev() {
         let change = rows.right[j] + rows.upper[j] * change_after;
-        if let Some(force) = &mut force {
-            force[j] = kept(line, force[j]) + change * rows.length[j];
+        if let Some(density) = &mut density {
+            density[j] = kept(line, density[j]) + change;
         }
         let moved = rows.edge[j].scale(change);
         let v = line.vertices()[j + 1] as usize;
@@ -366,33 +365,33 @@ fn substitute<V: Lanes>(
 /// at 10, 2.6 % at 25. A yarn without bending must keep none: let go, it would throw itself to and fro.
 const KEPT_COMPRESSION: f64 = 25.0;
 
-/// The part of a yarn's force that lasts into the next substep.
+/// The part of a yarn's force density that lasts into the next substep.
 #[inline(always)]
-fn kept<V: Lanes>(line: &impl Chain<V>, force: V) -> V {
-    force.max(line.least_kept())
+fn kept<V: Lanes>(line: &impl Chain<V>, density: V) -> V {
+    density.max(line.least_kept())
 }
 
 /// Pull of an edge's kept force on its start [N], and its stress, for both ends [N/m]; `edge` leads
 /// from start to end [m].
 #[inline(always)]
-pub(super) fn recall_edge<V: Lanes>(edge: Vec3x<V>, kept: V, inverse_rest: V) -> (Vec3x<V>, V) {
-    let length = edge.dot(edge).max(V::of(SHORTEST_SQUARE)).sqrt();
-    (edge.scale(kept / length), kept.max(-kept) * inverse_rest)
+pub(super) fn recall_edge<V: Lanes>(edge: Vec3x<V>, density: V, least_kept: V) -> (Vec3x<V>, V) {
+    let pull = edge.scale(density.max(least_kept));
+    (pull, density.max(-density))
 }
 
-/// Finds the pull of a yarn's kept forces where it lies, and their stress: from vertex to
+/// Finds the pull of a yarn's kept forces where it lies, and the stress of all: from vertex to
 /// vertex what the edges before and after it do.
 #[inline(always)]
 pub(super) fn recall<V: Lanes>(
     line: &impl Chain<V>,
     x: &[Vec3x<V>],
-    force: &[V],
+    density: &[V],
     grip: &mut Grip<V>,
 ) {
     let mut before = (Vec3x::zero(), V::zero());
     for (i, &v) in line.vertices().iter().enumerate() {
         let v = v as usize;
-        let after = recall_after(line, i, x, force);
+        let after = recall_after(line, i, x, density);
         grip.pull[v] = after.0 - before.0;
         grip.stress[v] = before.1 + after.1;
         before = after;
@@ -405,12 +404,12 @@ pub(super) fn recall_after<V: Lanes>(
     line: &impl Chain<V>,
     i: usize,
     x: &[Vec3x<V>],
-    force: &[V],
+    density: &[V],
 ) -> (Vec3x<V>, V) {
     match line.vertices().get(i + 1) {
         Some(&next) => {
             let edge = x[next as usize] - x[line.vertices()[i] as usize];
-            recall_edge(edge, kept(line, force[i]), line.rest()[1])
+            recall_edge(edge, density[i], line.least_kept())
         }
         None => (Vec3x::zero(), V::zero()),
     }
@@ -436,7 +435,6 @@ pub(super) fn shear<V: Lanes>(
 struct Rows<'a, V> {
     /// From end to end.
     edge: &'a mut [Vec3x<V>],
-    length: &'a mut [V],
     upper: &'a mut [V],
     right: &'a mut [V],
 }
@@ -446,7 +444,6 @@ impl<V: Lanes> Scratch<V> {
     fn rows(&mut self, vertices: usize) -> Rows<'_, V> {
         Rows {
             edge: &mut self.edge[..vertices],
-            length: &mut self.length[..vertices],
             upper: &mut self.upper[..vertices],
             right: &mut self.second[..vertices],
         }
@@ -456,7 +453,7 @@ impl<V: Lanes> Scratch<V> {
 /// What an edge's length answers to.
 #[derive(Clone, Copy)]
 enum Law<'a, V> {
-    /// Forces from the last substep, and the limit.
+    /// Force densities from the last substep, and the limit.
     Kept(&'a [V], Option<[V; 3]>),
     /// None from the last substep, and that of a diagonal.
     Shear(&'a Trellis),
@@ -476,10 +473,10 @@ fn compliance<V: Lanes>(
     let [rest, inverse_rest] = line.rest();
     let c = length - rest;
     match law {
-        Law::Kept(force, limit) => {
-            let compressed = force[j].lt(V::zero());
+        Law::Kept(density, limit) => {
+            let compressed = density[j].lt(V::zero());
             let compliance = V::select(compressed, compression, tension);
-            let force = kept(line, force[j]);
+            let force = kept(line, density[j]) * length;
             match limit {
                 None => [compliance, c - compliance * force],
                 Some([most, limited, offset]) => {
@@ -538,7 +535,6 @@ fn eliminate<V: Lanes>(
             rows.upper[j - 1] = upper;
         }
         rows.edge[j] = d;
-        rows.length[j] = length;
         rows.right[j] = right;
         (x0, w0, previous, previous_inverse, previous_right) = (x1, w1, d, inverse, right);
     }

@@ -14,9 +14,10 @@ pub struct Snapshot {
     /// Vertices that no force moves: clamped or draped.
     #[serde(with = "crate::math::bits")]
     pub fixed: FixedBitSet,
-    /// Force of every yarn edge [N], yarn by yarn as in the lamina, > 0 in tension: what the
-    /// solve along yarns starts from. Missing ones are 0; without that solve all are missing.
-    pub force: Vec<f64>,
+    /// Force density, force / length, of every yarn edge [N/m], yarn by yarn as in the lamina, > 0 in
+    /// tension: what the solve along yarns starts from. Missing ones are 0; without that solve all
+    /// are missing.
+    pub force_density: Vec<f64>,
     /// Sides on which layers of the cloth lie to each other, ascending, as self-collision
     /// remembers them; empty without it.
     pub sides: Vec<u64>,
@@ -29,10 +30,12 @@ impl Snapshot {
         (sum / self.velocity.len() as f64).sqrt()
     }
 
-    /// Positions, velocities and forces are numbers.
+    /// Positions, velocities and force densities are numbers.
     pub fn is_finite(&self) -> bool {
         let all = self.position.iter().chain(&self.velocity);
-        all.flatten().chain(&self.force).all(|x| x.is_finite())
+        all.flatten()
+            .chain(&self.force_density)
+            .all(|x| x.is_finite())
     }
 }
 

@@ -228,21 +228,21 @@ impl<V: Lanes> Wefts<V> for [[Option<Crossing>; 2]] {
     #[inline(always)]
     fn hold(&self, i: usize, v: usize, state: &mut Cpu<V>) -> (Vec3x<V>, V) {
         let (mut pull, mut stress) = (Vec3x::zero(), V::zero());
-        let YarnState { force, across, .. } = &mut state.yarns;
+        let YarnState {
+            density, across, ..
+        } = &mut state.yarns;
         for crossing in self[i].iter().flatten() {
             let edge = crossing.edge as usize;
-            let kept = force[edge].max(V::of(crossing.least_kept));
-            let inverse_rest = V::of(crossing.inverse_rest);
-            let across = &mut across[edge];
+            let (q, across) = (density[edge], &mut across[edge]);
             match crossing.leads {
-                Leads::On(to) => {
+                Leads::On { to, least_kept } => {
                     let d = state.position[to as usize] - state.position[v];
-                    *across = recall_edge(d, kept, inverse_rest).0;
+                    *across = recall_edge(d, q, V::of(least_kept)).0;
                     pull = pull + *across;
                 }
                 Leads::Back => pull = pull - *across,
             }
-            stress = stress + kept.max(-kept) * inverse_rest;
+            stress = stress + q.max(-q);
         }
         (pull, stress)
     }
@@ -262,8 +262,8 @@ pub(super) fn give_way<V: Lanes>(
     for (i, &v) in warp.vertices().iter().enumerate() {
         let v = v as usize;
         let (pull, stress) = wefts.hold(i, v, state);
-        let force = &state.yarns.force[warp.edges()];
-        let after = recall_after(warp, i, &state.position, force);
+        let density = &state.yarns.density[warp.edges()];
+        let after = recall_after(warp, i, &state.position, density);
         let pull = pull - before.0 + after.0;
         let stress = stress + before.1 + after.1;
         before = after;
@@ -292,10 +292,12 @@ pub(super) fn give_way<V: Lanes>(
 
 #[inline(always)]
 pub(super) fn stretch_yarn<V: Lanes>(yarn: &impl Chain<V>, state: &mut Cpu<V>) {
-    let YarnState { force, scratch, .. } = &mut state.yarns;
-    let force = &mut force[yarn.edges()];
+    let YarnState {
+        density, scratch, ..
+    } = &mut state.yarns;
+    let density = &mut density[yarn.edges()];
     let x = &mut state.position;
-    stretch(yarn, x, &state.mobility, force, scratch);
+    stretch(yarn, x, &state.mobility, density, scratch);
 }
 
 #[inline(always)]

@@ -93,7 +93,7 @@ fn placed(lamina: &Lamina, at: impl Fn(f64, f64) -> [f64; 3]) -> Snapshot {
     Snapshot {
         velocity: vec![[0.0; 3]; position.len()],
         fixed: fixedbitset::FixedBitSet::with_capacity(position.len()),
-        force: Vec::new(),
+        force_density: Vec::new(),
         sides: Vec::new(),
         position,
     }

@@ -136,7 +136,6 @@ fn solved(system: DMatrix<f64>, right: &DVector<f64>) -> DVector<f64> {
 fn scratch() -> Scratch<f64> {
     let mut scratch = Scratch::new(16);
     scratch.edge.fill(Vec3x([f64::NAN; 3]));
-    scratch.length.fill(f64::NAN);
     scratch.upper.fill(f64::NAN);
     scratch.second.fill(f64::NAN);
     scratch
@@ -151,32 +150,34 @@ fn cases(seed: u64, pinned: f64, mut check: impl FnMut(&Case, &mut Stream)) {
     }
 }
 
-/// Solves with random forces; returns positions and forces.
-fn stretched(case: &Case, force: &[f64]) -> (Vec<Vec3>, Vec<f64>) {
-    let mut force = force.to_vec();
-    let x = case.moved(|x, w, scratch| stretch(&case.line, x, w, &mut force, scratch));
-    (x, force)
+/// Solves from given force densities; returns positions and force densities.
+fn stretched(case: &Case, density: &[f64]) -> (Vec<Vec3>, Vec<f64>) {
+    let mut density = density.to_vec();
+    let x = case.moved(|x, w, scratch| stretch(&case.line, x, w, &mut density, scratch));
+    (x, density)
 }
 
 /// What `recall` finds where the line lies: pull and stress.
-fn recalled(case: &Case, force: &[f64]) -> (Vec<Vec3>, Vec<f64>) {
+fn recalled(case: &Case, density: &[f64]) -> (Vec<Vec3>, Vec<f64>) {
     let mut pull = vec![Vec3x::zero(); case.x.len()];
     let mut stress = vec![0.0; case.x.len()];
     let mut grip = Grip {
         pull: &mut pull,
         stress: &mut stress,
     };
-    recall(&case.line, &case.lanes(), force, &mut grip);
+    recall(&case.line, &case.lanes(), density, &mut grip);
     (pull.iter().map(|p| Vec3::from(p.0)).collect(), stress)
 }
 
 /// (J M J^T + compliance) d = C - compliance force, with the compliance of the sign of the
-/// force; the kept force grows by d, and the vertices move by -M J^T d.
+/// force; the kept force grows by d, and the vertices move by -M J^T d. Forces are densities
+/// times lengths.
 #[test]
 fn stretch_solves_its_linear_system() {
     cases(1, PINNED, |case, stream| {
         let before: Vec<f64> = (0..case.edges()).map(|_| stream.normal()).collect();
         let (c, jacobian) = case.constraints();
+        let length = c.add_scalar(1.0);
         let compliance = DVector::from_iterator(
             case.edges(),
             before.iter().map(|f| match *f < 0.0 {
@@ -184,7 +185,8 @@ fn stretch_solves_its_linear_system() {
                 false => case.line.law.tension,
             }),
         );
-        let force = DVector::from_column_slice(&before).map(|f| kept(&case.line, f));
+        let densities = DVector::from_column_slice(&before).map(|q| kept(&case.line, q));
+        let force = densities.component_mul(&length);
         let mass = case.masses();
         let system = &jacobian * &mass * jacobian.transpose() + DMatrix::from_diagonal(&compliance);
         let change = solved(system, &(c - compliance.component_mul(&force)));
@@ -193,21 +195,24 @@ fn stretch_solves_its_linear_system() {
         case.check(&x, &-(&mass * jacobian.transpose() * &change));
         // Edges between pinned vertices have forces as large as 1 / compliance.
         let rounding = 1e-9 * (1.0 + total.amax());
-        for (found, total) in found.iter().zip(&total) {
-            assert!((found - total).abs() < rounding, "{found} is not {total}");
+        for ((found, length), total) in found.iter().zip(&length).zip(&total) {
+            assert!((found * length - total).abs() < rounding, "not {total}");
         }
     });
 }
 
-/// The pull is -J^T of the kept forces, the stress the sum of them beside a vertex.
+/// The pull is -J^T of the kept forces, the stress the sum of all densities beside a vertex.
 #[test]
 fn recall_gives_pull_and_stress() {
     cases(2, PINNED, |case, stream| {
-        let force: Vec<f64> = (0..case.edges()).map(|_| stream.normal()).collect();
-        let (_, jacobian) = case.constraints();
-        let all = DVector::from_column_slice(&force);
-        let pulled = -(jacobian.transpose() * all.map(|f| kept(&case.line, f)));
-        let (pull, stress) = recalled(case, &force);
+        let density: Vec<f64> = (0..case.edges()).map(|_| stream.normal()).collect();
+        let (c, jacobian) = case.constraints();
+        let all = DVector::from_column_slice(&density);
+        let force = all
+            .map(|q| kept(&case.line, q))
+            .component_mul(&c.add_scalar(1.0));
+        let pulled = -(jacobian.transpose() * force);
+        let (pull, stress) = recalled(case, &density);
         for v in 0..case.x.len() {
             let expected = Vec3::from_fn(|k, _| pulled[3 * v + k]);
             assert!((pull[v] - expected).norm() < 1e-12 * (1.0 + all.amax()));
@@ -215,8 +220,8 @@ fn recall_gives_pull_and_stress() {
         for (i, &v) in case.line.vertices.iter().enumerate() {
             let beside = [i.checked_sub(1), Some(i)].into_iter().flatten();
             let sum: f64 = beside
-                .filter_map(|j| force.get(j))
-                .map(|&f| kept(&case.line, f).abs())
+                .filter_map(|j| density.get(j))
+                .map(|q: &f64| q.abs())
                 .sum();
             assert!((stress[v as usize] - sum).abs() < 1e-12 * (1.0 + sum));
         }
@@ -227,7 +232,7 @@ fn recall_gives_pull_and_stress() {
 #[test]
 fn only_compression_that_bending_holds_is_kept() {
     cases(9, PINNED, |case, _| {
-        let most = 4.0 * KEPT_COMPRESSION * case.line.bending * case.line.rest_length;
+        let most = 4.0 * KEPT_COMPRESSION * case.line.bending;
         for (force, expected) in [(3.0, 3.0), (-0.5 * most, -0.5 * most), (-2.0 * most, -most)] {
             assert_eq!(kept(&case.line, force), expected);
         }
@@ -239,7 +244,7 @@ fn only_compression_that_bending_holds_is_kept() {
     });
 }
 
-/// A yarn whose forces hold their strain by the law, in tension and in compression, is at rest.
+/// A yarn whose force densities hold their strain by the law, in tension and in compression, is at rest.
 #[test]
 fn forces_that_meet_the_law_change_nothing() {
     cases(3, PINNED, |case, stream| {
@@ -248,23 +253,24 @@ fn forces_that_meet_the_law_change_nothing() {
             x: vec![Vec3::zeros(); case.x.len()],
             mobility: case.mobility.clone(),
         };
+        // length = rest + compliance * density * length.
         let all = (0..case.edges()).map(|_| stream.normal());
-        let force: Vec<f64> = all.map(|f| kept(&case.line, f)).collect();
-        for (j, force) in force.iter().enumerate() {
+        let densities: Vec<f64> = all.map(|q| kept(&case.line, q)).collect();
+        for (j, density) in densities.iter().enumerate() {
             let [a, b] = [0, 1].map(|k| case.line.vertices[j + k] as usize);
-            let compliance = match *force < 0.0 {
+            let compliance = match *density < 0.0 {
                 true => case.line.law.compression,
                 false => case.line.law.tension,
             };
-            let length = 1.0 + compliance * force;
+            let length = 1.0 / (1.0 - compliance * density);
             case.x[b] = case.x[a] + random_vector(stream).normalize() * length;
         }
-        let (x, found) = stretched(&case, &force);
+        let (x, found) = stretched(&case, &densities);
         for (found, x) in x.iter().zip(&case.x) {
             assert!((found - x).norm() < 1e-13);
         }
-        for (found, force) in found.iter().zip(&force) {
-            assert!((found - force).abs() < 1e-9);
+        for (found, density) in found.iter().zip(&densities) {
+            assert!((found - density).abs() < 1e-9);
         }
     });
 }

@@ -36,10 +36,10 @@ const LINE_EDGE: Operations = LENGTH.plus(Operations::new(34, 1, 0));
 /// 10, times the compliance 1.
 const TRELLIS: Operations = Operations::new(15, 0, 0);
 
-/// What the edge of a yarn has on top, whose force is kept: what is kept 1, what it explains 2, the
-/// new value 2; in the next substep the edge anew, not below the shortest 1, force over length, its
-/// pull 3 and the sum of pulls 6, the stress 2 and its sum 2.
-const KEPT_FORCE: Operations = LENGTH.plus(Operations::new(19, 1, 0));
+/// What the edge of a yarn has on top, whose force density is kept: what is kept 1, the force 1, what
+/// it explains 2, the new value 1; in the next substep the edge anew 3, its pull 3 and the sum of
+/// pulls 6, the stress 1 and its sum 2.
+const KEPT_FORCE: Operations = Operations::new(20, 0, 0);
 
 /// A vertex in the pentadiagonal solve of bending: second difference 9, stiffness 1, K x 9, lower
 /// diagonals 3, diagonal 2, pivot 4 and its inverse, upper diagonals 4, right side 18; then
@@ -98,13 +98,13 @@ pub fn operations(lamina: &Lamina, solver: Solver) -> Operations {
 /// which it writes and reads again after everything else has moved: 6.
 const NUMBERS_MOVED: usize = 24;
 
-/// What the solve along lines moves on top: forces of two yarn edges and the pull of one,
+/// What the solve along lines moves on top: force densities of two yarn edges and the pull of one,
 /// read and left behind, and the mobility, left behind; but new velocities are at hand where the
 /// next substep is predicted.
 const FORCE_NUMBERS_MOVED: usize = 11 - 3;
 
 /// Numbers of a vertex that an environment holds: position, velocity, position at the start of
-/// the substep, inverse mass, mobility, tangent plane; with forces of two yarn edges and
+/// the substep, inverse mass, mobility, tangent plane; with force densities of two yarn edges and
 /// the pull of one under the solve along lines.
 const NUMBERS_HELD: usize = 15;
 const FORCE_NUMBERS_HELD: usize = 5;

@@ -89,7 +89,7 @@ pub(super) fn placed(lamina: &Lamina, mut at: impl FnMut([f64; 2]) -> [f64; 3]) 
     Snapshot {
         velocity: vec![[0.0; 3]; position.len()],
         fixed: FixedBitSet::with_capacity(position.len()),
-        force: Vec::new(),
+        force_density: Vec::new(),
         sides: Vec::new(),
         position,
     }

@@ -206,7 +206,7 @@ pub fn laid(lamina: &Lamina, at: impl Fn([f64; 2]) -> [f64; 3]) -> Snapshot {
     Snapshot {
         velocity: vec![[0.0; 3]; position.len()],
         fixed: FixedBitSet::with_capacity(position.len()),
-        force: Vec::new(),
+        force_density: Vec::new(),
         sides: Vec::new(),
         position,
     }
