@@ -13,10 +13,11 @@ use super::scene::set_up;
 use crate::env::{Draping, EnvConfig, Tasks};
 use crate::fabric::Drape;
 use crate::file::check_writable;
+use crate::math::mean_and_deviation;
 use crate::ppo::{Agent, Sampling};
 use crate::run::{
-    Checkpoint, EpisodeSummary, Played, RunConfig, RunFolder, mean_and_deviation,
-    parallel_episodes, play, replay, replay_loosely,
+    Checkpoint, EpisodeSummary, Played, RunConfig, RunFolder, parallel_episodes, play, replay,
+    replay_loosely,
 };
 use crate::scene::Scene;
 use crate::sim::{Preset, Solver};

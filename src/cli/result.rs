@@ -9,11 +9,12 @@ use serde::Serialize;
 use super::Failure;
 use super::picture::{Frame, Studio, View};
 use crate::env::{Draping, EnvConfig};
+use crate::math::mean_and_deviation;
 use crate::path::{DrapingPoint, PressedPoint, stroke_points, strokes, write_json};
 use crate::report::{Chart, Level, SERIES, Series};
 use crate::run::{
-    EpisodeSummary, Played, RolloutError, RunFolder, Training, curve, mean_and_deviation,
-    random_episodes, read_metrics, replay,
+    EpisodeSummary, Played, RolloutError, RunFolder, Training, curve, random_episodes,
+    read_metrics, replay,
 };
 use crate::scene::Scene;
 use crate::sim::Snapshot;

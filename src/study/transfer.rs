@@ -2,7 +2,8 @@
 //! settings of the fast solver and in the finite-element twin, and how far the settings agree
 //! which sequence is the better one.
 //!
-//! All settings of the fast solver start from one state, that of the scene's fall: a training
+//! Settings of the fast solver are the presets, `accurate` in f64, two rates between them and
+//! Gauss-Seidel at the rate of `balanced`. All start from one state, that of the scene's fall: a training
 //! has no other. The twin starts from where it has fallen itself, and once, for what the presses
 //! alone do, from the fast solver's state. Time ends with the last press.
 
@@ -18,10 +19,10 @@ use super::twin::{
     ACCELERATION, SPEED, TwinStudyError, distance, fallen, lying, press_config, twin_config,
 };
 use crate::env::{Draping, EnvConfig, EnvError, Precision};
-use crate::math::Vec3;
+use crate::math::{Vec3, mean_and_deviation};
 use crate::reference::{Hold, Twin, TwinConfig};
 use crate::scene::Scene;
-use crate::sim::Solver;
+use crate::sim::{Preset, Solver};
 
 /// A strain that no draped vertex reaches: the rule of strain is off.
 const ANY_STRAIN: f64 = 1e5;
@@ -51,6 +52,8 @@ enum Setting {
     Fast {
         solver: Solver,
         rate: f64,
+        /// Substeps between two looks for the tool's planes.
+        interval: usize,
         precision: Precision,
         any_strain: bool,
     },
@@ -62,51 +65,61 @@ enum Setting {
     },
 }
 
-/// The preset that everything else is about.
-pub const FAST: &str = "fast";
+/// The preset that trains, under which paths are found.
+pub const BALANCED: &str = "balanced";
 /// What the rank correlations hold settings against.
 const ACCURATE: &str = "accurate";
 pub const TWIN: &str = "twin";
 
 fn settings() -> Vec<(&'static str, Setting)> {
-    let fast = |solver, rate| Setting::Fast {
+    let fast = |solver, rate, interval| Setting::Fast {
         solver,
         rate,
+        interval,
         precision: Precision::F32,
         any_strain: false,
     };
+    let interval = Preset::Balanced.contact_interval();
+    let yarn = |rate| fast(Solver::Yarn, rate, interval);
+    let preset = |preset: Preset| {
+        fast(
+            Solver::Yarn,
+            preset.substep_rate(),
+            preset.contact_interval(),
+        )
+    };
+    let mut any_strain = preset(Preset::Balanced);
+    if let Setting::Fast { any_strain, .. } = &mut any_strain {
+        *any_strain = true;
+    }
+    let mut accurate = preset(Preset::Accurate);
+    if let Setting::Fast { precision, .. } = &mut accurate {
+        *precision = Precision::F64;
+    }
     let twin = |hold, accelerated, starts_as_fast| Setting::Twin {
         hold,
         accelerated,
         starts_as_fast,
     };
     vec![
-        ("yarn_300", fast(Solver::Yarn, 300.0)),
-        ("yarn_600", fast(Solver::Yarn, 600.0)),
-        (FAST, fast(Solver::Yarn, 1200.0)),
+        ("fast", preset(Preset::Fast)),
+        (BALANCED, preset(Preset::Balanced)),
+        ("balanced_any_strain", any_strain),
+        ("yarn_1200", yarn(1200.0)),
+        ("yarn_2400", yarn(2400.0)),
+        (ACCURATE, accurate),
         (
-            "fast_any_strain",
-            Setting::Fast {
-                solver: Solver::Yarn,
-                rate: 1200.0,
-                precision: Precision::F32,
-                any_strain: true,
-            },
+            "gauss_seidel",
+            fast(
+                Solver::GaussSeidel,
+                Preset::Balanced.substep_rate(),
+                interval,
+            ),
         ),
-        (
-            ACCURATE,
-            Setting::Fast {
-                solver: Solver::Yarn,
-                rate: 6000.0,
-                precision: Precision::F64,
-                any_strain: false,
-            },
-        ),
-        ("gauss_seidel_1200", fast(Solver::GaussSeidel, 1200.0)),
         (TWIN, twin(Hold::Fixed, false, false)),
         ("twin_pressure", twin(Hold::Pressure, false, false)),
         ("twin_accelerated", twin(Hold::Fixed, true, false)),
-        ("twin_from_fast", twin(Hold::Fixed, false, true)),
+        ("twin_same_start", twin(Hold::Fixed, false, true)),
     ]
 }
 
@@ -169,18 +182,20 @@ pub struct Transfer {
     pub settings: Vec<Row>,
 }
 
-/// About `count` sequences, of every order as many, found under the environment's own settings.
+/// About `count` sequences, of every order as many, found under the preset `balanced`.
 pub fn generate(
     scene: &Arc<Scene>,
     env: &EnvConfig,
     count: usize,
     seed: u64,
 ) -> Result<Vec<Sequence>, EnvError> {
+    let mut env = env.clone();
+    env.set_accuracy(Preset::Balanced, &scene.config.physics);
     let mut all = Vec::new();
     for (k, order) in Order::ALL.into_iter().enumerate() {
         let share = (count + Order::ALL.len() - 1 - k) / Order::ALL.len();
         if share > 0 {
-            let found = sequences(scene, env, order, share, seed)?;
+            let found = sequences(scene, &env, order, share, seed)?;
             all.extend(
                 found
                     .into_iter()
@@ -192,15 +207,19 @@ pub fn generate(
 }
 
 /// Plays lists of presses in the fast solver, side by side in the lanes; none where it is lost.
+/// A list without a press ends where it starts.
 pub fn replay(
     scene: &Arc<Scene>,
     env: &EnvConfig,
     sequences: &[&[u32]],
 ) -> Result<Vec<Option<End>>, EnvError> {
     let mut draping = Draping::new(scene.clone(), env, sequences.len())?;
-    let mut ends = vec![None; sequences.len()];
+    let starts = sequences.iter().enumerate();
+    let mut ends: Vec<Option<End>> = starts
+        .map(|(index, sequence)| sequence.is_empty().then(|| ended(&draping, index, None)))
+        .collect();
     let mut is_sound = vec![true; sequences.len()];
-    let mut halves = vec![0.0; sequences.len()];
+    let mut halves = vec![None; sequences.len()];
     let longest = sequences.iter().map(|s| s.len()).max().unwrap_or(0);
     for step in 0..longest {
         let vertices: Vec<Option<u32>> = (sequences.iter().zip(&is_sound))
@@ -210,19 +229,25 @@ pub fn replay(
         for (index, sequence) in sequences.iter().enumerate() {
             is_sound[index] &= sound[index];
             if is_sound[index] && sequence.len().div_ceil(2) == step + 1 {
-                halves[index] = draping.region_distance(&draping.state(index));
+                halves[index] = Some(draping.region_distance(&draping.state(index)));
             }
             if is_sound[index] && sequence.len() == step + 1 {
-                let state = draping.state(index);
-                ends[index] = Some(End {
-                    half: halves[index],
-                    left: draping.region_distance(&state),
-                    positions: state.position,
-                });
+                ends[index] = Some(ended(&draping, index, halves[index]));
             }
         }
     }
     Ok(ends)
+}
+
+/// An environment's state as an end, `half` as it is now if it was not measured before.
+fn ended(draping: &Draping, index: usize, half: Option<f64>) -> End {
+    let state = draping.state(index);
+    let left = draping.region_distance(&state);
+    End {
+        half: half.unwrap_or(left),
+        left,
+        positions: state.position,
+    }
 }
 
 /// Plays all sequences under all settings. `progress` is told the share that is done.
@@ -300,6 +325,7 @@ fn describe(setting: Setting) -> String {
         Setting::Fast {
             solver,
             rate,
+            interval,
             precision,
             any_strain,
         } => {
@@ -316,7 +342,7 @@ fn describe(setting: Setting) -> String {
             } else {
                 ""
             };
-            format!("{solver}, {rate} substeps/s, {precision}{rule}")
+            format!("{solver}, {rate} substeps/s, planes every {interval}, {precision}{rule}")
         }
         Setting::Twin {
             hold,
@@ -329,7 +355,7 @@ fn describe(setting: Setting) -> String {
             };
             let speed = if accelerated { ", accelerated" } else { "" };
             let start = if starts_as_fast {
-                ", from the fast state"
+                ", from the fast solver's state"
             } else {
                 ""
             };
@@ -344,6 +370,7 @@ fn changed(scene: &Arc<Scene>, env: &EnvConfig, setting: Setting) -> (Arc<Scene>
     if let Setting::Fast {
         solver,
         rate,
+        interval,
         precision,
         any_strain,
     } = setting
@@ -354,6 +381,7 @@ fn changed(scene: &Arc<Scene>, env: &EnvConfig, setting: Setting) -> (Arc<Scene>
             scene = Arc::new(scene.with_physics(physics));
         }
         env.substep_rate = rate;
+        env.contact_interval = Some(interval);
         env.precision = precision;
         if any_strain {
             env.drape_strain = ANY_STRAIN;
@@ -410,8 +438,8 @@ impl TwinCase<'_> {
             let began = ThreadTime::now();
             let mut twin = lying(scene, &config, start)?;
             let (lamina, tool) = (&scene.lamina, &scene.tool);
-            let (mut pressed, mut half) = (0, 0.0);
             let measure = |twin: &Twin| distance(tool, region.ones(), &twin.positions());
+            let (mut pressed, mut half) = (0, measure(&twin));
             let watch = |twin: &Twin, _: &[u32]| {
                 pressed += 1;
                 if pressed == list.len().div_ceil(2) {
@@ -476,9 +504,7 @@ impl Judge<'_> {
     fn agreement(&self, ends: &[Option<End>], left: fn(&End) -> f64) -> Agreement {
         let left_m: Vec<Option<f64>> = ends.iter().map(|end| end.as_ref().map(left)).collect();
         let found: Vec<f64> = left_m.iter().flatten().copied().collect();
-        let count = found.len() as f64;
-        let mean = (count > 0.0).then(|| found.iter().sum::<f64>() / count);
-        let variance = |mean: f64| found.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+        let statistics = (!found.is_empty()).then(|| mean_and_deviation(&found));
         // Distances left by the chosen sequences that both have brought to an end.
         let pairs = |other: &[Option<End>], is_chosen: &dyn Fn(usize) -> bool| {
             let both = ends.iter().zip(other).enumerate();
@@ -496,8 +522,8 @@ impl Judge<'_> {
         let best_twin = least(&twin);
         let rank = best.map(|best| ranks(&twin)[best]);
         Agreement {
-            mean_left_m: mean,
-            deviation_left_m: mean.map(|mean| variance(mean).sqrt()),
+            mean_left_m: statistics.map(|[mean, _]| mean),
+            deviation_left_m: statistics.map(|[_, deviation]| deviation),
             rank_correlation_accurate: spearman(&same, &accurate),
             rank_correlation_twin: spearman(&own, &twin),
             rank_correlation_twin_by_order: Order::ALL.map(of_order).to_vec(),

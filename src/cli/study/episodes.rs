@@ -10,6 +10,7 @@ use crate::cli::Failure;
 use crate::cli::failure::{OrInvalid, scene_failure};
 use crate::cli::output::{Progress, print, print_json};
 use crate::env::EnvConfig;
+use crate::math::mean_and_deviation;
 use crate::scene::{Scene, SceneConfig};
 use crate::study::episodes::{Ended, Order, Played, play};
 
@@ -134,15 +135,12 @@ fn table(report: &Report) -> String {
             // A state that is lost has no figures.
             let sound = played.episodes.iter().filter(|e| !e.diverged);
             let values: Vec<f64> = sound.map(|e| scale * of(e)).collect();
-            let count = values.len() as f64;
-            let mean = values.iter().sum::<f64>() / count;
-            let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
+            let [mean, deviation] = mean_and_deviation(&values);
             let least = values.iter().copied().fold(f64::INFINITY, f64::min);
             let greatest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let _ = writeln!(
                 text,
-                "  {name:24} {mean:>8.4} {:>10.4} {least:>10.4} {greatest:>10.4}",
-                variance.sqrt()
+                "  {name:24} {mean:>8.4} {deviation:>10.4} {least:>10.4} {greatest:>10.4}"
             );
         }
     }

@@ -6,7 +6,7 @@ use std::time::Instant;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
-use super::{folder, region};
+use super::{folder, region, twin_failure};
 use crate::cli::Failure;
 use crate::cli::failure::{OrInvalid, scene_failure};
 use crate::cli::output::{print, print_json};
@@ -15,9 +15,10 @@ use crate::file::write_atomic;
 use crate::report::{Chart, Color, Level, SERIES, Scale, Series};
 use crate::scene::SceneConfig;
 use crate::study::tradeoff::{
-    Extent, Findings, Kind, Noise, Point, TradeoffError, Twinned, TwinnedError, against_twin, csv,
+    Extent, Findings, Kind, Noise, Point, TradeoffError, Twinned, against_twin, csv,
     run as compute, settings,
 };
+use crate::study::twin::twin_config;
 
 /// Name of the table in the folder.
 const TABLE: &str = "points.csv";
@@ -53,7 +54,8 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,X,Y", value_parser = region, allow_hyphen_values = true)]
     region: Option<[f64; 4]>,
 
-    /// Also with --quick: hold falls against the finite-element twin on a mesh of twice the cell
+    /// Also with --quick: hold falls against the finite-element twin on a mesh of twice the cell.
+    /// Without it a scene that the twin has nothing for goes without
     #[arg(long)]
     twin: bool,
 
@@ -101,6 +103,12 @@ pub fn run(args: Args) -> Result<(), Failure> {
     };
     let settings = settings(&scene, &env, extent);
     scene.check().or_invalid_in(&place)?;
+    // A scene that the twin has nothing for is refused before the work, or goes without.
+    let has_twin = match twin_config(&scene) {
+        Ok(_) => args.twin || !args.quick,
+        Err(error) if args.twin => return Err(scene_failure(error, &place)),
+        Err(_) => false,
+    };
     let out = folder(args.out.as_deref(), "study-tradeoff-")?;
 
     let start = Instant::now();
@@ -114,18 +122,15 @@ pub fn run(args: Args) -> Result<(), Failure> {
         bar.finish_and_clear();
         failure(error, &place)
     })?;
-    let twin = if args.twin || !args.quick {
+    let twin = if has_twin {
         bar.set_message("finite-element twin");
         Some(against_twin(&scene))
     } else {
         None
     };
     bar.finish_and_clear();
-    let twin = twin.transpose().map_err(|error| match error {
-        TwinnedError::Study(error) => failure(error, &place),
-        TwinnedError::Twin(error) => Failure::invalid(error),
-        TwinnedError::Diverged(error) => error.into(),
-    })?;
+    let twin = twin.transpose();
+    let twin = twin.map_err(|error| twin_failure(error, &place))?;
 
     let report = Report {
         findings,

@@ -30,7 +30,7 @@ use serde::Serialize;
 
 use crate::env::{EnvConfig, EnvError, Precision};
 use crate::fabric::Lamina;
-use crate::math::{Purpose, Stream};
+use crate::math::{Purpose, Stream, mean_and_deviation};
 use crate::scene::{Scene, SceneConfig, SceneError};
 use crate::sim::Solver;
 use crate::tool::Tool;
@@ -38,7 +38,7 @@ use press::{Pressed, press, sequences};
 
 pub use settings::{Extent, Kind, Setting, settings};
 pub use table::csv;
-pub use twin::{Twinned, TwinnedError, TwinnedFall, against_twin};
+pub use twin::{Twinned, TwinnedFall, against_twin};
 
 /// How far the start is pushed to measure the noise [m].
 const PUSH: f64 = 1e-6;
@@ -107,12 +107,12 @@ pub struct Noise {
 /// The cheapest point that differs from the converged solution by no more than twice the noise.
 #[derive(Clone, Debug, Serialize)]
 pub struct Recommendation {
-    /// Its number in the points.
-    pub point: usize,
+    /// Its number in the points; none if no setting stayed sound.
+    pub point: Option<usize>,
     /// Whether there was one; else it is the one that differs least.
     pub is_within: bool,
-    /// Twice the noise [m].
-    pub tolerance_m: f64,
+    /// Twice the noise [m]; none where the noise has no measure.
+    pub tolerance_m: Option<f64>,
     /// All of it in one line.
     pub text: String,
 }
@@ -168,37 +168,42 @@ pub fn run(
 
 /// The cheapest method within twice the noise.
 fn recommend(points: &[Point], noise: Noise) -> Recommendation {
-    let tolerance = 2.0 * noise.distance_rms_m;
+    // Where a pushed start is lost there is no tolerance, and nothing is within it.
+    let tolerance = Some(2.0 * noise.distance_rms_m).filter(|tolerance| tolerance.is_finite());
     let methods = || {
         let all = points.iter().enumerate();
         all.filter(|(_, p)| p.kind == Kind::Method && p.sequences_rms_m.is_finite())
     };
     let within = methods()
-        .filter(|(_, p)| p.sequences_rms_m <= tolerance)
+        .filter(|(_, p)| tolerance.is_some_and(|tolerance| p.sequences_rms_m <= tolerance))
         .min_by(|(_, a), (_, b)| a.microseconds.total_cmp(&b.microseconds));
     let least =
         || methods().min_by(|(_, a), (_, b)| a.sequences_rms_m.total_cmp(&b.sequences_rms_m));
     let Some((index, point)) = within.or_else(least) else {
         return Recommendation {
-            point: 0,
+            point: None,
             is_within: false,
             tolerance_m: tolerance,
             text: "no setting stayed sound: raise the substep rate".into(),
         };
     };
     let solver = serde_json::to_value(point.solver).expect("a name");
-    let reason = if within.is_some() {
-        "the cheapest within twice the noise"
-    } else {
-        "the least error, none is within twice the noise"
+    let reason = match tolerance {
+        None => "the least error; the noise is unknown, a pushed start was lost".to_owned(),
+        Some(tolerance) if within.is_some() => {
+            format!("the cheapest within twice the noise, {tolerance:.4} m")
+        }
+        Some(tolerance) => {
+            format!("the least error, none is within twice the noise, {tolerance:.4} m")
+        }
     };
     Recommendation {
-        point: index,
+        point: Some(index),
         is_within: within.is_some(),
         tolerance_m: tolerance,
         text: format!(
-            "solver = {solver}, substep_rate = {}, contact_interval = {}, {:?}: {:.0} us a step, {:.3} m \
-             from the converged distance; {reason}, {tolerance:.3} m",
+            "solver = {solver}, substep_rate = {}, contact_interval = {}, {:?}: {:.0} us a step, {:.4} m \
+             from the converged distance; {reason}",
             point.substep_rate,
             point.contact_interval,
             point.precision,
@@ -384,12 +389,7 @@ impl<'a> Bench<'a> {
             .iter()
             .map(|(x, y)| deviation(x, y, &shared.region)[0])
             .collect::<Vec<_>>();
-        point.sequences_distance_m = mean(&left);
-        let squares: Vec<f64> = left
-            .iter()
-            .map(|d| (d - point.sequences_distance_m).powi(2))
-            .collect();
-        point.sequences_deviation_m = mean(&squares).sqrt();
+        [point.sequences_distance_m, point.sequences_deviation_m] = mean_and_deviation(&left);
         point.sequences_bias_m = mean(&more);
         point.sequences_rms_m = rms(&more);
         point.sequences_mean_mm = mean(&errors);

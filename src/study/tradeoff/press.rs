@@ -90,25 +90,27 @@ pub(super) fn press(
         ends: vec![None; sequences.len()],
     };
     let mut times = Vec::with_capacity(length);
-    let positions = |draping: &Draping, index: usize| {
-        let position = draping.state(index).position;
-        let sound = position.iter().flatten().all(|x| x.abs() < 100.0);
-        sound.then_some(position)
+    let mut is_sound = vec![true; sequences.len()];
+    let positions = |draping: &Draping, is_sound: &[bool], index: usize| {
+        is_sound[index].then(|| draping.state(index).position)
     };
     for step in 0..length {
         let sequences = vertices.iter().cycle().take(count);
         let actions: Vec<Option<u32>> = sequences.map(|sequence| Some(sequence[step])).collect();
         let start = ProcessTime::now();
-        draping.press(&actions);
+        let sound = draping.press(&actions);
         times.push(1e6 * start.elapsed().as_secs_f64() / count as f64);
+        for (known, sound) in is_sound.iter_mut().zip(sound) {
+            *known &= sound;
+        }
         if step + 1 == row {
-            pressed.early = positions(&draping, 0);
+            pressed.early = positions(&draping, &is_sound, 0);
         }
     }
     times.sort_by(f64::total_cmp);
     pressed.microseconds = times[length / 2];
     for (index, end) in pressed.ends.iter_mut().enumerate() {
-        *end = positions(&draping, index);
+        *end = positions(&draping, &is_sound, index);
     }
     Ok(pressed)
 }

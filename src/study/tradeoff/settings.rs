@@ -1,8 +1,10 @@
 use serde::Serialize;
 
 use crate::env::{EnvConfig, Precision};
+use crate::fabric::{Lamina, Material};
 use crate::scene::SceneConfig;
 use crate::sim::{Bending, Compression, PhysicsConfig, Preset, Solver};
+use crate::study::twin::stencil_mm;
 
 /// Substeps a second of what counts as converged [1/s], and of them between two looks for the
 /// tool's planes: 2400 looks a second, more than any point has.
@@ -130,7 +132,14 @@ pub fn settings(scene: &SceneConfig, env: &EnvConfig, extent: Extent) -> Vec<Set
     axes.model(
         "mesh",
         meshes(scene, extent).into_iter().map(|vertices| {
-            let change = move |(scene, _): &mut Around| scene.blank.vertices = vertices;
+            let change = move |(scene, env): &mut Around| {
+                scene.blank.vertices = vertices;
+                // As many vertices under the stencil as on the paper's mesh. A blank that cannot
+                // be cut is refused later.
+                if let Ok(lamina) = Lamina::new(&scene.blank, Material::interglas_92125()) {
+                    env.stencil_mm = stencil_mm(&lamina, env.stencil_mm);
+                }
+            };
             (format!("{} x {}", vertices[0], vertices[1]), change)
         }),
     );

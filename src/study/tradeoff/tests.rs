@@ -36,7 +36,7 @@ fn errors_fall_with_the_rate_to_none_at_the_reference() {
     assert!(worst.initial_max_mm > 1.0, "{worst:?}");
     assert!(best.sequences_mean_mm < worst.sequences_mean_mm);
     assert_eq!(found.presets.len(), 1);
-    assert!(found.recommendation.point < points.len());
+    assert!(found.recommendation.point.unwrap() < points.len());
 
     let text = csv(points);
     let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
@@ -70,8 +70,57 @@ fn the_cheapest_within_twice_the_noise_is_recommended() {
     };
     let points = [of(9.0, 0.001), of(5.0, 0.02), of(1.0, 0.03)];
     let found = recommend(&points, noise);
-    assert_eq!((found.point, found.is_within), (1, true));
+    assert_eq!((found.point, found.is_within), (Some(1), true));
     let found = recommend(&points[2..], noise);
-    assert_eq!((found.point, found.is_within), (0, false));
-    assert!(!recommend(&[of(1.0, f64::NAN)], noise).is_within);
+    assert_eq!((found.point, found.is_within), (Some(0), false));
+    assert_eq!(found.tolerance_m, Some(0.02));
+    let lost = recommend(&[of(1.0, f64::NAN)], noise);
+    assert_eq!((lost.point, lost.is_within), (None, false));
+    let unknown = Noise {
+        distance_rms_m: f64::NAN,
+        ..noise
+    };
+    let found = recommend(&points, unknown);
+    assert_eq!(
+        (found.point, found.is_within, found.tolerance_m),
+        (Some(0), false, None)
+    );
+    assert!(!found.text.contains("NaN"), "{}", found.text);
+}
+
+/// Three cells under the stencil on every mesh, as 18 mm are on the default one.
+#[test]
+fn coarse_meshes_have_wider_stencils() {
+    let around = (SceneConfig::rib(), EnvConfig::default());
+    let all = settings(&around.0, &around.1, Extent::Full);
+    let sides: Vec<_> = all
+        .iter()
+        .filter(|s| s.axis == "mesh")
+        .map(|s| (s.scene.blank.vertices[0], s.env.stencil_mm))
+        .collect();
+    assert_eq!(sides[..2], [(129, 18.0), (65, 18.0)]);
+    let (vertices, side) = sides[2];
+    assert!(
+        vertices == 33 && (side - 3.0 * 370.0 / 32.0).abs() < 1e-9,
+        "{side}"
+    );
+}
+
+/// The twin that falls is held against is that of the study of the twin, settled as there.
+#[test]
+fn falls_of_the_twin_are_those_of_the_study_of_the_twin() {
+    let (mut scene, _) = small();
+    let found = against_twin(&scene).unwrap();
+    let mut coarse = scene.clone();
+    coarse.blank.vertices = [9, 9];
+    let (fast, _) = crate::study::twin::set_up(&coarse, |_| {}).unwrap();
+    let config = crate::study::twin::twin_config(&coarse).unwrap();
+    let twin = crate::study::twin::fallen(&fast, &config).unwrap();
+    let all = 0..found.vertices;
+    let expected = crate::study::twin::distance(&fast.tool, all, &twin.positions());
+    assert_eq!((found.vertices, found.distance_m), (81, expected));
+
+    scene.physics.shear = false;
+    let message = against_twin(&scene).unwrap_err().to_string();
+    assert!(message.starts_with("`physics.shear` is false"), "{message}");
 }

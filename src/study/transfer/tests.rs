@@ -100,6 +100,7 @@ fn rows_leave_lost_sequences_out() {
     };
     let row = judge.row("own", String::new(), &own);
     assert_eq!((row.diverged, row.end.mean_left_m), (1, Some(3.5)));
+    assert_eq!(row.end.deviation_left_m, Some(0.5f64.sqrt()));
     let half = row.halfway;
     assert_eq!((half.mean_left_m, half.lost_m), (Some(7.0), Some(4.0)));
     let row_end = row.end;
@@ -118,4 +119,53 @@ fn rows_leave_lost_sequences_out() {
     let by_order = row_end.rank_correlation_twin_by_order;
     assert_eq!(by_order[1], (Order::Sweep, Some(-1.0)));
     assert_eq!(by_order[0], (Order::Random, None));
+}
+
+/// Nothing pressed is nothing lost, in both.
+#[test]
+fn a_list_without_a_press_ends_where_it_starts() {
+    let (scene, env) = (scene(), env());
+    let ends = replay(&scene, &env, &[&[], &[0]]).unwrap();
+    let end = ends[0].as_ref().unwrap();
+    // The lanes compute in f32.
+    for (x, y) in end.positions.iter().zip(&scene.initial.position) {
+        for (x, y) in x.iter().zip(y) {
+            assert!((x - y).abs() < 1e-6);
+        }
+    }
+    assert!(end.half == end.left && end.left > 0.0);
+    assert!(ends[1].as_ref().unwrap().left != end.left);
+
+    let case = TwinCase {
+        scene: &scene,
+        env: &env,
+        config: &twin_config(&scene.config).unwrap(),
+        rest: &scene.initial.position,
+    };
+    let setting = settings().into_iter().find(|(name, _)| *name == TWIN);
+    let (ends, _) = case.play(TWIN, setting.unwrap().1, &[&[]]).unwrap();
+    let twin = ends[0].as_ref().unwrap();
+    assert_eq!(
+        (twin.half, &twin.positions),
+        (twin.left, &scene.initial.position)
+    );
+    assert!((twin.left - end.left).abs() < 1e-6 * 169.0);
+}
+
+/// Rows that bear the name of a preset step as the preset does.
+#[test]
+fn presets_are_what_they_are_called() {
+    let (scene, env) = (scene(), env());
+    for preset in Preset::ALL {
+        let found = settings()
+            .into_iter()
+            .find(|(name, _)| *name == preset.name());
+        let (_, mut changed) = changed(&scene, &env, found.unwrap().1);
+        let mut expected = env.clone();
+        expected.set_accuracy(preset, &scene.config.physics);
+        changed.precision = expected.precision;
+        let interval = expected.contact_interval;
+        expected.contact_interval = interval.or(Some(scene.config.physics.contact_interval));
+        assert_eq!(changed, expected, "{preset:?}");
+    }
 }
