@@ -8,7 +8,9 @@ use super::state::Control;
 /// How finely cloth is stepped: a name for a point between speed and accuracy.
 ///
 /// A preset decides what the *method* does in a second and nothing of the scene: mesh, law and
-/// tool stay those that were asked for. `drape study verify` holds each against closed forms.
+/// tool stay those that were asked for, and falls have a rate of their own. `drape study verify`
+/// holds each against closed forms, `drape study tradeoff` against the converged solution, and
+/// `drape study transfer` against finite elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Preset {

@@ -25,7 +25,8 @@ pub enum Extent {
 pub enum Kind {
     /// The same model, converged: `yarn`, f64, 12 000 substeps a second.
     Method,
-    /// Another model: the one of its axis that leaves least out, stepped as usual.
+    /// Another model: the one of its axis that leaves least out, stepped as usual; its fall as
+    /// the scene says.
     Model,
 }
 
@@ -45,11 +46,13 @@ pub struct Setting {
 }
 
 /// The points of a study around `scene` and `env`: the plane of solver and rate, then one axis
-/// at a time. A fall takes the rate of its point.
+/// at a time. A fall takes the rate of its point; that of a model is the scene's own, for at the
+/// rate of the presses the error of the method would hide what the model changes.
 pub fn settings(scene: &SceneConfig, env: &EnvConfig, extent: Extent) -> Vec<Setting> {
     let around = at_rate((scene.clone(), env.clone()), env.substep_rate);
     let mut axes = Axes {
         converged: converged(&around),
+        fall_rate: scene.fall.substep_rate,
         around,
         settings: Vec::new(),
     };
@@ -174,6 +177,8 @@ pub(super) type Around = (SceneConfig, EnvConfig);
 
 struct Axes {
     around: Around,
+    /// Of the scene as it is configured [1/s].
+    fall_rate: f64,
     converged: Around,
     settings: Vec<Setting>,
 }
@@ -202,6 +207,7 @@ impl Axes {
         let mut first = None;
         for (value, change) in points {
             let mut at = self.around.clone();
+            at.0.fall.substep_rate = self.fall_rate;
             change(&mut at);
             let reference = first.get_or_insert_with(|| at.clone()).clone();
             self.settings.push(Setting {

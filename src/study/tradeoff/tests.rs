@@ -90,9 +90,11 @@ fn the_cheapest_within_twice_the_noise_is_recommended() {
 
 /// Three cells under the stencil on every mesh, as 18 mm are on the default one.
 #[test]
-fn coarse_meshes_have_wider_stencils() {
+fn models_keep_three_cells_under_the_stencil_and_the_fall_of_the_scene() {
     let around = (SceneConfig::rib(), EnvConfig::default());
     let all = settings(&around.0, &around.1, Extent::Full);
+    let models = || all.iter().filter(|s| s.kind == Kind::Model);
+    assert!(models().all(|s| s.scene.fall.substep_rate == around.0.fall.substep_rate));
     let sides: Vec<_> = all
         .iter()
         .filter(|s| s.axis == "mesh")
