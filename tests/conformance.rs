@@ -10,7 +10,7 @@ use drape::fabric::{BlankConfig, Lamina, MassModel, Material};
 use drape::math::{Isa, Lanes, Purpose, Stream};
 use drape::sim::{
     Batch, Bending, Control, Cpu, Model, PhysicsConfig, Press, SelfCollision, Snapshot, Solver,
-    alone_f64, batch,
+    Tension, alone_f64, batch,
 };
 use drape::tool::{GridConfig, Hemisphere, Shape, Source, Tool, ToolConfig};
 
@@ -50,12 +50,35 @@ const BLANK: BlankConfig = BlankConfig {
 static LAMINA: LazyLock<Lamina> =
     LazyLock::new(|| Lamina::new(&BLANK, Material::interglas_92125()).unwrap());
 
+/// A model and the blank that it is of.
+struct Cloth {
+    lamina: Lamina,
+    model: Model,
+}
+
+impl Cloth {
+    fn new(lamina: &Lamina, physics: &PhysicsConfig) -> Self {
+        Self {
+            lamina: lamina.clone(),
+            model: Model::new(lamina, physics),
+        }
+    }
+}
+
+impl std::ops::Deref for Cloth {
+    type Target = Model;
+
+    fn deref(&self) -> &Model {
+        &self.model
+    }
+}
+
 /// Every combination of passes that a scene can list.
-static MODELS: LazyLock<Vec<Model>> = LazyLock::new(|| {
+static MODELS: LazyLock<Vec<Cloth>> = LazyLock::new(|| {
     let mut models = Vec::new();
     for solver in [Solver::Yarn, Solver::GaussSeidel] {
         for bending in [Bending::Yarns, Bending::Dihedral] {
-            models.push(Model::new(
+            models.push(Cloth::new(
                 &LAMINA,
                 &PhysicsConfig {
                     solver,
@@ -71,8 +94,18 @@ static MODELS: LazyLock<Vec<Model>> = LazyLock::new(|| {
         ..BLANK
     };
     let oblique = Lamina::of_membranes(&blank, Material::interglas_92125()).unwrap();
-    models.push(Model::new(&oblique, &PhysicsConfig::default()));
-    models.push(Model::new(
+    models.push(Cloth::new(&oblique, &PhysicsConfig::default()));
+    // Halves of cells all round, beside yarns.
+    let bias = BlankConfig {
+        size_mm: [200.0, 200.0],
+        cell_mm: Some(20.0 / 2f64.sqrt()),
+        yarn_angle_deg: 45.0,
+        ..BLANK
+    };
+    let bias = Lamina::new(&bias, Material::interglas_92125()).unwrap();
+    assert!(!bias.membranes.is_empty() && bias.membranes.iter().all(|m| m.has_yarns));
+    models.push(Cloth::new(&bias, &PhysicsConfig::default()));
+    models.push(Cloth::new(
         &LAMINA,
         &PhysicsConfig {
             self_collision: SelfCollision::Material,
@@ -86,17 +119,22 @@ static MODELS: LazyLock<Vec<Model>> = LazyLock::new(|| {
             strain_limit: Some(1e-3),
             ..PhysicsConfig::default()
         };
-        models.push(Model::new(&LAMINA, &physics).seen_from([0.3, 0.0, -0.2]));
+        let mut cloth = Cloth::new(&LAMINA, &physics);
+        cloth.model = cloth.model.seen_from([0.3, 0.0, -0.2]);
+        models.push(cloth);
+        let physics = PhysicsConfig {
+            solver,
+            tension: Tension::Material,
+            ..PhysicsConfig::default()
+        };
+        models.push(Cloth::new(&LAMINA, &physics));
     }
     models
 });
 
 /// A buckled sheet that falls on the dome, another in every case; in some it is clamped.
-fn case(index: usize) -> Snapshot {
-    case_on(&LAMINA, index)
-}
-
-fn case_on(lamina: &Lamina, index: usize) -> Snapshot {
+fn case(model: &Cloth, index: usize) -> Snapshot {
+    let lamina = &model.lamina;
     let mut stream = Stream::new(3, Purpose::Evaluation, index as u32);
     let phase = stream.uniform();
     let height = 0.0602 + 0.002 * stream.uniform();
@@ -147,15 +185,15 @@ fn press(index: usize, lane: usize) -> Option<Press> {
 }
 
 /// Takes `steps` control steps with `cases` in the lanes, and presses in the second.
-fn run(batch: &mut dyn Batch, model: &Model, cases: &[usize], steps: usize) -> Vec<Snapshot> {
+fn run(batch: &mut dyn Batch, model: &Cloth, cases: &[usize], steps: usize) -> Vec<Snapshot> {
     for (lane, &index) in cases.iter().enumerate() {
-        batch.load(lane, &case(index));
+        batch.load(lane, &case(model, index));
     }
     advance(batch, model, cases, 0..steps);
     (0..cases.len()).map(|lane| batch.snapshot(lane)).collect()
 }
 
-fn advance(batch: &mut dyn Batch, model: &Model, cases: &[usize], steps: std::ops::Range<usize>) {
+fn advance(batch: &mut dyn Batch, model: &Cloth, cases: &[usize], steps: std::ops::Range<usize>) {
     let presses: Vec<Press> = cases
         .iter()
         .enumerate()
@@ -176,7 +214,7 @@ fn bits(state: &Snapshot) -> Vec<u64> {
 }
 
 /// What one lane of f32 makes of every case, alone.
-fn alone(model: &Model, steps: usize) -> Vec<Snapshot> {
+fn alone(model: &Cloth, steps: usize) -> Vec<Snapshot> {
     (0..CASES)
         .map(|index| run(&mut Cpu::<f32>::new(model), model, &[index], steps).remove(0))
         .collect()
@@ -217,10 +255,10 @@ fn lost_lane_leaves_its_neighbours_alone(isa: Isa) {
         let expected = run(&mut *batch(model, isa), model, &cases, 3);
         let mut batch = batch(model, isa);
         run(&mut *batch, model, &cases, 1);
-        let mut lost = case(3);
+        let mut lost = case(model, 3);
         lost.position[30] = [f64::NAN, f64::INFINITY, 0.0];
         batch.load(3, &lost);
-        lost = case(5);
+        lost = case(model, 5);
         lost.position[7][2] = 1e30;
         batch.load(5, &lost);
         assert!(!batch.sound()[3] && !batch.sound()[5]);
@@ -274,12 +312,12 @@ fn snapshot_goes_on_exactly(mut make: impl FnMut(&Model) -> Box<dyn Batch>, solv
     }
 }
 
-fn of(solver: Solver) -> impl Iterator<Item = &'static Model> {
+fn of(solver: Solver) -> impl Iterator<Item = &'static Cloth> {
     MODELS.iter().filter(move |m| m.physics().solver == solver)
 }
 
 #[track_caller]
-fn all_equal(found: &[Snapshot], expected: &[Snapshot], model: &Model) {
+fn all_equal(found: &[Snapshot], expected: &[Snapshot], model: &Cloth) {
     for (lane, (found, expected)) in found.iter().zip(expected).enumerate() {
         assert!(
             bits(found) == bits(expected),
@@ -293,11 +331,11 @@ fn all_equal(found: &[Snapshot], expected: &[Snapshot], model: &Model) {
 /// Fixed vertices move with the velocity they have, to the rounding of the sum, and nothing
 /// else moves them: neither yarns nor tool nor stencil. Vertices that are fixed on the way
 /// stop for good.
-fn fixed_vertices_obey_nothing(mut batch: Box<dyn Batch>, model: &Model, rounding: f64) {
+fn fixed_vertices_obey_nothing(mut batch: Box<dyn Batch>, model: &Cloth, rounding: f64) {
     let cases: Vec<usize> = (0..batch.lanes()).map(|lane| lane % CASES).collect();
     run(&mut *batch, model, &cases, 2);
     for (lane, &index) in cases.iter().enumerate() {
-        let start = case(index);
+        let start = case(model, index);
         for vertex in start.fixed.ones() {
             let found = batch.position(lane, vertex as u32);
             for (k, found) in found.into_iter().enumerate() {
@@ -331,7 +369,7 @@ fn presses_stay_in_their_lanes(isa: Isa) {
     let step = |presses: &[Press]| {
         let mut batch = batch(model, isa);
         for lane in 0..isa.lanes() {
-            batch.load(lane, &case(lane));
+            batch.load(lane, &case(model, lane));
         }
         batch.step(model, &TOOL, &CONTROL, presses);
         (0..isa.lanes())
@@ -409,7 +447,7 @@ fn every_instruction_set_of_this_processor_gives_the_same_bits() {
 }
 
 /// A plain blank, in which lines fill all lanes and more, and one whose yarns end at holes.
-static LARGE: LazyLock<[Lamina; 2]> = LazyLock::new(|| {
+static LARGE: LazyLock<[Cloth; 2]> = LazyLock::new(|| {
     let plain = BlankConfig {
         vertices: [38, 35],
         ..BLANK
@@ -420,12 +458,15 @@ static LARGE: LazyLock<[Lamina; 2]> = LazyLock::new(|| {
         yarn_angle_deg: 20.0,
         ..BlankConfig::default()
     };
-    [plain, holed].map(|blank| Lamina::new(&blank, Material::interglas_92125()).unwrap())
+    [plain, holed].map(|blank| {
+        let lamina = Lamina::new(&blank, Material::interglas_92125()).unwrap();
+        Cloth::new(&lamina, &PhysicsConfig::default())
+    })
 });
 
 /// The state of a case on `lamina` after some control steps, the second under a stencil.
-fn end(mut batch: Box<dyn Batch>, model: &Model, lamina: &Lamina, index: usize) -> Snapshot {
-    batch.load(0, &case_on(lamina, index));
+fn end(mut batch: Box<dyn Batch>, model: &Cloth, index: usize) -> Snapshot {
+    batch.load(0, &case(model, index));
     advance(&mut *batch, model, &[index], 0..4);
     batch.snapshot(0)
 }
@@ -434,21 +475,17 @@ fn end(mut batch: Box<dyn Batch>, model: &Model, lamina: &Lamina, index: usize) 
 /// width of the lanes and the shape of the blank.
 #[test]
 fn lines_side_by_side_give_the_same_bits() {
-    let small = MODELS.iter().map(|model| (&*LAMINA, model.clone()));
-    let large = LARGE
-        .iter()
-        .map(|lamina| (lamina, Model::new(lamina, &PhysicsConfig::default())));
-    for (lamina, model) in small.chain(large) {
+    for model in MODELS.iter().chain(&*LARGE) {
         for index in [1, 2, 6] {
-            let single = end(Box::new(Cpu::<f32>::new(&model)), &model, lamina, index);
-            let double = end(Box::new(Cpu::<f64>::new(&model)), &model, lamina, index);
+            let single = end(Box::new(Cpu::<f32>::new(model)), model, index);
+            let double = end(Box::new(Cpu::<f64>::new(model)), model, index);
             assert!(single.is_finite() && double.is_finite());
             for isa in Isa::available() {
                 for (found, expected) in [
-                    (drape::sim::alone(&model, isa), &single),
-                    (alone_f64(&model, isa), &double),
+                    (drape::sim::alone(model, isa), &single),
+                    (alone_f64(model, isa), &double),
                 ] {
-                    let found = end(found, &model, lamina, index);
+                    let found = end(found, model, index);
                     assert!(
                         bits(&found) == bits(expected),
                         "case {index} on {isa:?} is off by {:e} m with {:?}",
@@ -464,17 +501,16 @@ fn lines_side_by_side_give_the_same_bits() {
 /// What was lost before leaves no trace in a state that is loaded after it.
 #[test]
 fn lines_side_by_side_forget_a_lost_state() {
-    for lamina in LARGE.iter() {
-        let model = Model::new(lamina, &PhysicsConfig::default());
+    for model in LARGE.iter() {
         for isa in Isa::available() {
-            let expected = end(drape::sim::alone(&model, isa), &model, lamina, 2);
-            let mut used = drape::sim::alone(&model, isa);
-            let mut lost = case_on(lamina, 1);
+            let expected = end(drape::sim::alone(model, isa), model, 2);
+            let mut used = drape::sim::alone(model, isa);
+            let mut lost = case(model, 1);
             lost.position[30] = [f64::NAN, f64::INFINITY, 0.0];
             used.load(0, &lost);
-            advance(&mut *used, &model, &[1], 0..1);
+            advance(&mut *used, model, &[1], 0..1);
             assert!(!used.sound()[0]);
-            assert!(bits(&end(used, &model, lamina, 2)) == bits(&expected));
+            assert!(bits(&end(used, model, 2)) == bits(&expected));
         }
     }
 }
@@ -519,8 +555,8 @@ const AIR: f64 = 2e-5;
 /// Off the tool, where no contact decides: after one frame the two differ by rounding.
 #[test]
 fn f32_follows_f64_in_the_air() {
-    fn flown<V: Lanes>(model: &Model, index: usize) -> Snapshot {
-        let mut state = case(index);
+    fn flown<V: Lanes>(model: &Cloth, index: usize) -> Snapshot {
+        let mut state = case(model, index);
         for x in &mut state.position {
             x[2] += 0.3;
         }

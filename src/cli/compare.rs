@@ -87,6 +87,12 @@ pub struct Args {
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Region([f64; 4]);
 
+impl Region {
+    fn in_metres(self) -> [f64; 4] {
+        self.0.map(|x| 1e-3 * x)
+    }
+}
+
 fn region(text: &str) -> Result<Region, String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse()).collect();
     match numbers.ok().and_then(|n| <[f64; 4]>::try_from(n).ok()) {
@@ -174,12 +180,12 @@ pub fn run(args: Args) -> Result<(), Failure> {
             (None, None) => (None, None),
         },
     };
-    let region = args.region.map(|region| region.0.map(|x| 1e-3 * x));
-    if let Some(region) = region {
+    if let Some(region) = args.region {
         for (surface, path) in [(&a, &args.a), (&b, &args.b)] {
             on_the_blank(region, surface, path)?;
         }
     }
+    let region = args.region.map(Region::in_metres);
     let criteria = Criteria {
         tool: tool.as_ref().map(|tool| &tool.surface),
         region,
@@ -252,12 +258,12 @@ fn survey(path: &Path, args: &Args) -> Result<(Surveyed, Option<Scene>, Kind), F
     Ok((surveyed, scene, kind))
 }
 
-/// Refuses a region [m] that misses the flat blank.
-fn on_the_blank(region: [f64; 4], surface: &Surveyed, path: &Path) -> Result<(), Failure> {
+/// Refuses a region that misses the flat blank.
+fn on_the_blank(region: Region, surface: &Surveyed, path: &Path) -> Result<(), Failure> {
     let Some(drape) = &surface.drape else {
         return Ok(());
     };
-    let [x0, y0, x1, y1] = region;
+    let [x0, y0, x1, y1] = region.in_metres();
     let is_inside = |[x, y]: &[f64; 2]| x0 <= *x && *x <= x1 && y0 <= *y && *y <= y1;
     if drape.rest.iter().any(is_inside) {
         return Ok(());
@@ -269,7 +275,7 @@ fn on_the_blank(region: [f64; 4], surface: &Surveyed, path: &Path) -> Result<(),
     };
     Err(Failure::invalid(anyhow!(
         "--region {} has no vertex of {}, expected a part of its blank: x {} mm, y {} mm",
-        region.map(|x| (1e3 * x).to_string()).join(","),
+        region.0.map(|x| x.to_string()).join(","),
         path.display(),
         ends(0),
         ends(1)

@@ -16,8 +16,8 @@ use crate::file::check_writable;
 use crate::math::mean_and_deviation;
 use crate::ppo::{Agent, Sampling};
 use crate::run::{
-    Checkpoint, EpisodeSummary, Played, RunConfig, RunFolder, parallel_episodes, play, replay,
-    replay_loosely,
+    Checkpoint, EpisodeSummary, Followed, Played, RunConfig, RunFolder, parallel_episodes, play,
+    replay, replay_loosely,
 };
 use crate::scene::Scene;
 use crate::sim::{Preset, Solver};
@@ -52,14 +52,15 @@ pub struct Args {
     #[arg(long, conflicts_with = "checkpoint")]
     sequence: bool,
 
-    /// Compute the episodes with this solver, from the initial state of the run. A sequence
-    /// is followed as far as the stencil's reach allows
+    /// Compute the episodes with this solver, from the initial state of the run. A sequence is
+    /// followed as with --accuracy
     #[arg(long, value_enum)]
     solver: Option<SolverName>,
 
     /// Step the episodes as finely as this, fast, balanced or accurate, from the initial state of
-    /// the run, instead of as in training. A sequence is followed as far as the stencil's reach
-    /// allows
+    /// the run, instead of as in training. A sequence is followed as far as it goes: presses
+    /// that are not allowed any more are left out, and what stays untouched is pressed after it,
+    /// by the numbers of the vertices. Both are reported
     #[arg(long, value_parser = accuracy, value_name = "NAME")]
     accuracy: Option<Preset>,
 
@@ -99,6 +100,9 @@ struct Report {
     /// What `--accuracy` asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     accuracy: Option<Preset>,
+    /// How far the sequence was followed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    presses: Option<Followed>,
     /// The greedy episode, or the replayed one.
     episode: EpisodeSummary,
     /// How many deviations of the random policy's final region distance the episode lies
@@ -124,12 +128,13 @@ struct Sampled {
 
 /// Runs `drape eval`.
 pub fn run(args: Args) -> Result<(), Failure> {
+    let out = args.out.as_deref().map(OutFolder::make).transpose()?;
     if let Some(file) = &args.state {
         check_writable(file)?;
     }
     let mut loaded = Loaded::open(&args.run, args.json)?;
-    let pictures = match &args.out {
-        Some(folder) => OutFolder::make(folder)?,
+    let pictures = match out {
+        Some(folder) => folder,
         None => OutFolder::make(&loaded.folder.pictures().join("eval"))?,
     };
     if let Some(solver) = args.solver {
@@ -152,6 +157,13 @@ pub fn run(args: Args) -> Result<(), Failure> {
         Drape::new(&scene.lamina, &played.state.position).write(file)?;
     }
 
+    let presses = if args.sequence {
+        let stored = loaded.folder.read_best_sequence()?.vertices;
+        Some(Followed::of(&stored, &played.vertices))
+    } else {
+        None
+    };
+
     let random = Baseline::play(scene, env, args.episodes, BASELINE_SEED)?;
     let sampled = match (&agent, args.sample) {
         (Some(agent), true) => Some(sampled(agent, scene, env, args.episodes)?),
@@ -169,6 +181,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
             args.checkpoint.clone()
         },
         accuracy: args.accuracy,
+        presses,
         deviations_below_random: (random.deviation_region_final_m > 0.0)
             .then(|| below / random.deviation_region_final_m),
         episode: played.summary,
@@ -372,6 +385,12 @@ fn text(report: &Report) -> String {
             episode.seconds
         ),
     ];
+    if let Some(presses) = report.presses.filter(|presses| !presses.is_whole()) {
+        lines.push(format!(
+            "  {} of {} presses followed, {} added",
+            presses.followed, presses.stored, presses.added
+        ));
+    }
     if let Some(sampled) = &report.sampled {
         lines.push(format!(
             "sampled policy, {} episodes: {:.2} +- {:.2} % removed, best {:.2} %",
@@ -395,8 +414,10 @@ fn text(report: &Report) -> String {
         lines.push(format!("episodes left out because they diverged: {lost}"));
     }
     if let Some(deviations) = report.deviations_below_random {
+        let side = if deviations < 0.0 { "above" } else { "below" };
         lines.push(format!(
-            "the episode lies {deviations:.2} deviations below the random mean"
+            "the episode lies {:.2} deviations {side} the random mean",
+            deviations.abs()
         ));
     }
     lines.push(format!("pictures in {}", report.pictures.display()));

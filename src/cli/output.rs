@@ -22,34 +22,39 @@ pub(super) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     print(&serde_json::to_string_pretty(value)?)
 }
 
-/// A folder to write to. One that was made for it and is still empty goes with this.
+/// A folder to write to. What was made for it, folders above it included, and is still empty goes
+/// with this.
 pub(super) struct OutFolder {
     pub path: PathBuf,
-    is_new: bool,
+    /// How many folders of the path, from its end, were made for it.
+    made: usize,
 }
 
 impl OutFolder {
     /// A folder that has just been made.
     pub fn new(path: PathBuf) -> Self {
-        Self { path, is_new: true }
+        Self { path, made: 1 }
     }
 
     /// Makes the folder where it is missing. For before the work: one that cannot be made would
     /// waste it.
     pub fn make(path: &Path) -> Result<Self, Failure> {
-        let is_new = !path.exists();
+        let missing = |at: &&Path| !at.as_os_str().is_empty() && !at.exists();
+        let folder = Self {
+            path: path.to_path_buf(),
+            made: path.ancestors().take_while(missing).count(),
+        };
         std::fs::create_dir_all(path)
             .with_context(|| format!("cannot create folder {}", path.display()))?;
-        let path = path.to_path_buf();
-        Ok(Self { path, is_new })
+        Ok(folder)
     }
 }
 
 impl Drop for OutFolder {
     fn drop(&mut self) {
-        if self.is_new {
+        for folder in self.path.ancestors().take(self.made) {
             // Fails where it is not empty, and then it shall stay.
-            let _ = std::fs::remove_dir(&self.path);
+            let _ = std::fs::remove_dir(folder);
         }
     }
 }

@@ -17,6 +17,7 @@ use crate::math::Vec3;
 use crate::mesh::write_stl;
 use crate::scene::{Scene, SceneConfig, Summary};
 use crate::sim::SelfCollision;
+use crate::tool::Source;
 
 /// Width and height of the pictures [px].
 const SIZE: [usize; 2] = [960, 720];
@@ -154,13 +155,18 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
     drop(progress);
     let scene = scene.map_err(|error| scene_failure(error, place))?;
     let flat = scene.lamina.rest.iter().map(|&[x, y]| Vec3::new(x, y, 0.0));
+    let in_mm = "that its lengths are in mm";
+    let of_tool = match config.tool.source {
+        Source::Stl(_) => "the unit of its file",
+        Source::Shape(_) => in_mm,
+    };
     for (what, key, size) in [
         (
             "tool",
-            "the unit of its file",
+            of_tool,
             extent(scene.tool.mesh.vertices.iter().copied()),
         ),
-        ("blank", "that its lengths are in mm", extent(flat)),
+        ("blank", in_mm, extent(flat)),
     ] {
         if let Some(size) = absurd(size) {
             eprintln!("warning: {place}: the {what} measures {size}: check {key}");

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
+/// End of the message about a whole number beyond those that TOML has.
+const LARGE: &str = "`, expected at most 9223372036854775807";
 /// Longest part of a line that a message quotes [characters].
 const QUOTE: usize = 60;
 
@@ -44,6 +46,13 @@ pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, Par
         let line_start = before.rfind('\n').map_or(0, |end| end + 1);
         let line = text[line_start..].lines().next().unwrap_or_default().trim();
         let mut message = plain(error.message());
+        if let Some(names) = error.span().and_then(|span| {
+            let (before, after) = (text.get(..span.start)?, text.get(span.end..)?);
+            let nameless = toml::from_str::<T>(&format!("{before}\"\"{after}"));
+            names_instead(&message, nameless.err()?.message())
+        }) {
+            message = names;
+        }
         let key = line.split('=').next().unwrap_or_default().trim();
         if !key.is_empty() && !message.contains(&format!("`{key}`")) {
             let quote: String = line.chars().take(QUOTE).collect();
@@ -58,10 +67,26 @@ pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, Par
     })
 }
 
+/// What stands for a value of the wrong type where the parser says that it wants a name.
+const NAMELESS: &str = "invalid type, expected a name in quotes or a table";
+
+/// `message` with the names that may stand where it wants one, if it does: those that the parser
+/// lists in `nameless`, its message about an empty name there.
+pub fn names_instead(message: &str, nameless: &str) -> Option<String> {
+    let (_, names) = nameless.split_once("unknown variant ``, expected ")?;
+    let names = plain(names);
+    // Where that is comes after it in some messages, and is in `message` too.
+    let names = names
+        .rsplit_once(" in `")
+        .map_or(&*names, |(names, _)| names);
+    let known = message.contains(NAMELESS);
+    known.then(|| message.replace(NAMELESS, &format!("invalid type, expected {names}")))
+}
+
 /// A message of the parser, which may have several lines and names Rust's types, in one line
 /// and in words for whoever wrote the file.
 pub fn plain(message: &str) -> String {
-    const WORDS: [(&str, &str); 12] = [
+    const WORDS: [(&str, &str); 15] = [
         ("expected f64", "expected a number"),
         ("expected f32", "expected a number"),
         ("expected usize", "expected a whole number >= 0"),
@@ -72,13 +97,13 @@ pub fn plain(message: &str) -> String {
         ("expected internally tagged enum", "expected a table for"),
         ("expected struct", "expected a table for"),
         ("expected an array of length", "expected a list of length"),
+        ("invalid type: unit variant, expected string only", NAMELESS),
+        ("wanted string or table", NAMELESS),
+        ("` as i128, expected any valid TOML value", LARGE),
+        ("` as i128", "`"),
         (
-            "invalid type: unit variant, expected string only",
-            "invalid type, expected a name in quotes or a table",
-        ),
-        (
-            "wanted string or table",
-            "invalid type, expected a name in quotes or a table",
+            "u64 value was too large",
+            "invalid value, expected at most 9223372036854775807",
         ),
     ];
     let line = message.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -141,6 +166,20 @@ mod tests {
         ] {
             assert_eq!(message(text), expected);
         }
+        for (number, expected) in [
+            ("9223372036854775808", "invalid value"),
+            (
+                "99999999999999999999",
+                "invalid type: integer `99999999999999999999`",
+            ),
+        ] {
+            let text = format!("a = {number}");
+            let error = parse_toml::<toml::Table>(&text, Path::new("a.toml")).unwrap_err();
+            assert_eq!(
+                error.message,
+                format!("{expected}, expected at most 9223372036854775807 in `a = {number}`")
+            );
+        }
         for text in [
             "[part",
             "part = \"\"\"\n",
@@ -151,6 +190,34 @@ mod tests {
             let message = message(text);
             assert!(message.starts_with("a.toml:"), "{message}");
             assert!(!message.contains('\n'), "{message}");
+        }
+    }
+
+    /// The names that a value of the wrong type could have been.
+    #[test]
+    fn names_are_listed() {
+        #[derive(Debug, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum Colour {
+            Red,
+            Green,
+            Mixed { _share: f64 },
+        }
+        #[derive(Debug, Deserialize)]
+        struct Paint {
+            #[serde(rename = "colour")]
+            _colour: Colour,
+        }
+        let names = "expected one of `red`, `green`, `mixed`";
+        for (value, start) in [
+            ("3", "invalid type, "),
+            ("true # red", "invalid type, "),
+            ("\"blue\"", "unknown variant `blue`, "),
+        ] {
+            let text = format!("colour = {value}\n");
+            let error = parse_toml::<Paint>(&text, Path::new("a.toml")).unwrap_err();
+            let expected = format!("a.toml:1:10: {start}{names} in `colour = {value}`");
+            assert_eq!(error.to_string(), expected);
         }
     }
 

@@ -412,3 +412,53 @@ impl<V: Lanes> Sub for Vec3x<V> {
         Self([a - d, b - e, c - f])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct LookUp<'a, V> {
+        table: &'a [f32],
+        found: &'a mut [[V; 2]; 4],
+    }
+
+    impl<V: Lanes> Kernel for LookUp<'_, V> {
+        #[inline(always)]
+        fn run(self) {
+            *self.found = V::look_up_pairs(self.table, [V::zero(); 3], [1, 1], [0, 1, 2, 3]);
+        }
+    }
+
+    /// What the first lane finds at the start of a table.
+    fn look_up<V: Lanes>(table: &[f32]) -> [[f64; 2]; 4] {
+        let mut found = [[V::zero(); 2]; 4];
+        V::vectorize(LookUp {
+            table,
+            found: &mut found,
+        });
+        found.map(|pair| pair.map(|x| x.as_slice()[0].to_f64()))
+    }
+
+    /// A gather reads wherever it is told to, so a table without the last pair is refused first.
+    #[test]
+    fn tables_without_the_last_pair_are_not_read() {
+        for isa in Isa::available() {
+            let kinds: &[fn(&[f32]) -> [[f64; 2]; 4]] = match isa {
+                Isa::Portable => &[look_up::<Portable>, look_up::<f32>, look_up::<f64>],
+                #[cfg(target_arch = "x86_64")]
+                Isa::Avx2 => &[look_up::<F32x8>, look_up::<F64x4>],
+                #[cfg(target_arch = "x86_64")]
+                Isa::Avx512 => &[look_up::<F32x16>, look_up::<F64x8>],
+            };
+            let table = [1.0, 2.0, 3.0, 4.0, 5.0];
+            let expected = [[1.0, 2.0], [2.0, 3.0], [3.0, 4.0], [4.0, 5.0]];
+            for look_up in kinds {
+                assert_eq!(look_up(&table), expected, "{isa:?}");
+                for length in 0..table.len() {
+                    let found = std::panic::catch_unwind(|| look_up(&table[..length]));
+                    assert!(found.is_err(), "{length} numbers on {isa:?}");
+                }
+            }
+        }
+    }
+}

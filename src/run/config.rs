@@ -6,7 +6,7 @@ use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use crate::env::EnvConfig;
-use crate::file::{ParseError, parse_toml, plain, read_toml};
+use crate::file::{ParseError, names_instead, parse_toml, plain, read_toml};
 use crate::policy::{DeviceKind, PolicyConfig};
 use crate::ppo::PpoConfig;
 use crate::scene::{SceneConfig, SceneError};
@@ -63,6 +63,9 @@ pub enum RunConfigError {
     #[error(transparent)]
     Scene(#[from] SceneError),
 }
+
+/// Keys that hold tables.
+const SECTIONS: [&str; 4] = ["env", "policy", "ppo", "scene"];
 
 /// The configuration that is used when none is given.
 const QUICKSTART: &str = include_str!("../../configs/quickstart.toml");
@@ -154,6 +157,12 @@ impl RunConfig {
         };
         let wrong = |(key, message): (String, String)| fail(&key, message);
         let folder = path.parent().unwrap_or(Path::new(""));
+        for key in SECTIONS {
+            // The parser would take the list for the values of the table, in their order.
+            if let Some(Value::Array(_)) = given.get(key) {
+                return Err(fail(key, format!("`{key}` is a list, expected a table")));
+            }
+        }
 
         let preset = match given.get("preset") {
             None => Preset::default(),
@@ -272,13 +281,18 @@ impl RunConfig {
 
 /// The value of `key`; the error is where it is wrong, as keys joined by dots, and a message.
 fn section<T: DeserializeOwned>(value: Value, key: &str) -> Result<T, (String, String)> {
+    let given = value.clone();
     T::deserialize(value).map_err(|error| {
         let text = plain(&error.to_string());
         // The parser names the keys below `key` last.
         let inner = text.strip_suffix('`').and_then(|t| t.rsplit_once(" in `"));
-        let (message, path) = match inner {
-            Some((message, below)) => (message, format!("{key}.{below}")),
-            None => (text.as_str(), key.into()),
+        let (message, below) = inner.unwrap_or((&text, ""));
+        let nameless = || T::deserialize(emptied(given, below)?).err();
+        let names = nameless().and_then(|error| names_instead(message, &error.to_string()));
+        let message = names.as_deref().unwrap_or(message);
+        let path = match below {
+            "" => key.into(),
+            below => format!("{key}.{below}"),
         };
         let message = format!("`{path}`: {message}");
         match message.split("unknown field `").nth(1) {
@@ -289,6 +303,16 @@ fn section<T: DeserializeOwned>(value: Value, key: &str) -> Result<T, (String, S
             None => (path, message),
         }
     })
+}
+
+/// `value` with an empty name at this path of keys below it.
+fn emptied(mut value: Value, path: &str) -> Option<Value> {
+    let keys = path.split('.').filter(|key| !key.is_empty());
+    let at = keys
+        .into_iter()
+        .try_fold(&mut value, |value, key| value.get_mut(key))?;
+    *at = Value::String(String::new());
+    Some(value)
 }
 
 /// Whether something stands at the end of this path of keys.
@@ -486,7 +510,15 @@ mod tests {
                 "c.toml:2: `env.accuracy`: unknown variant `acurate`, expected one of `fast`, \
                  `balanced`, `accurate`",
             ),
-            ("\n[env]\naccuracy = 600", "c.toml:3: `env.accuracy`: "),
+            (
+                "\n[env]\naccuracy = 600",
+                "c.toml:3: `env.accuracy`: invalid type, expected one of `fast`, `balanced`, \
+                 `accurate`",
+            ),
+            (
+                "[[env]]\ncrop = true",
+                "c.toml:1: `env` is a list, expected a table",
+            ),
             (
                 "[env]\nacuracy = \"fast\"",
                 "c.toml:2: `env`: unknown field `acuracy`, expected one of `region_mm`, `crop`, \
@@ -496,8 +528,8 @@ mod tests {
             ),
             (
                 "[scene.tool]\n[scene.physics]\nself_collision = 3",
-                "c.toml:3: `scene.physics.self_collision`: invalid type, expected a name in \
-                 quotes or a table",
+                "c.toml:3: `scene.physics.self_collision`: invalid type, expected one of \
+                 `off`, `material`, `thickness_mm`",
             ),
             (
                 "[scene.tool.source]\nshape = \"rib\"",

@@ -3,7 +3,8 @@ use std::io::{self, Write};
 /// Binary at a glance, and broken by transfers that rewrite line ends.
 const MAGIC: [u8; 8] = *b"\x89drape\r\n";
 /// Newest format of the container.
-/// 2: states of the simulation hold the forces of their yarns.
+/// 2: states of the simulation hold the forces of their yarns;
+/// 3: force densities in place of forces.
 pub(super) const FORMAT: u32 = 3;
 
 /// Longest section name [bytes]. Ours are one word; a bound makes a damaged length readable

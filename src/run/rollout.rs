@@ -124,9 +124,41 @@ pub fn play(
     })
 }
 
+/// How far a loosely replayed sequence was followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Followed {
+    /// Presses of the sequence.
+    pub stored: usize,
+    /// Those of them that were played, in their order.
+    pub followed: usize,
+    /// Presses that were played after them, on what they had left untouched.
+    pub added: usize,
+}
+
+impl Followed {
+    /// Compares a sequence with what [`replay_loosely`] or [`replay`] has made of it.
+    pub fn of(sequence: &[u32], played: &[u32]) -> Self {
+        let mut rest = sequence.iter();
+        // A press that was left out is never the next one played: that one was allowed.
+        let is_next = |vertex: &&u32| rest.any(|stored| stored == *vertex);
+        let followed = played.iter().take_while(is_next).count();
+        Self {
+            stored: sequence.len(),
+            followed,
+            added: played.len() - followed,
+        }
+    }
+
+    /// Whether what was played is the sequence.
+    pub fn is_whole(&self) -> bool {
+        self.followed == self.stored && self.added == 0
+    }
+}
+
 /// Plays a sequence of vertices under other physics than it was found in, where the stencil
-/// may cover other vertices: a vertex that is not allowed any more is left out, and what the
-/// sequence leaves untouched is pressed after it, in the order of the vertices.
+/// may cover other vertices and strokes may end elsewhere: a vertex that is not allowed when its
+/// turn comes is left out, and what the sequence leaves untouched is pressed after it, in the
+/// order of the vertices. [`Followed`] counts both.
 pub fn replay_loosely(
     draping: &mut Draping,
     sequence: &[u32],
@@ -265,5 +297,33 @@ fn summarise(draping: &Draping, index: usize, points: &[PressedPoint]) -> Episod
         strain_max: at_end.strain_max,
         v_rms_mm_s: at_end.v_rms_mm_s,
         seconds: 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presses_that_were_left_out_and_added_are_counted() {
+        for (played, followed, added) in [
+            (&[7, 3, 9, 1][..], 4, 0),
+            // 3 was not allowed any more, and what it had left was pressed last.
+            (&[7, 9, 1, 2, 3], 3, 2),
+            // The episode was over before the sequence.
+            (&[7, 3], 2, 0),
+            // Nothing but the first was allowed: 9 as an addition is no part of the sequence.
+            (&[7, 0, 9], 1, 2),
+            (&[0], 0, 1),
+        ] {
+            let found = Followed::of(&[7, 3, 9, 1], played);
+            let expected = Followed {
+                stored: 4,
+                followed,
+                added,
+            };
+            assert_eq!(found, expected);
+            assert_eq!(found.is_whole(), (followed, added) == (4, 0));
+        }
     }
 }

@@ -277,7 +277,9 @@ pub(super) fn give_way<V: Lanes>(
             let share = V::of(1.0) / V::of(1.0).max(inertia);
             let from = state.previous[v];
             let kept = V::of(1.0) - V::of(DRAG) * (V::of(1.0) - share);
-            x = from + (x - from).scale(kept);
+            // Where nothing is taken away, not even a rounding: no lane may depend on others.
+            let slowed = from + (x - from).scale(kept);
+            x = Vec3x::select(V::of(1.0).lt(inertia), slowed, x);
             (free * share, fall * share)
         } else {
             (free, fall)

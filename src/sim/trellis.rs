@@ -1,4 +1,4 @@
-//! Shear of woven cloth: energy linear in the square of the shear angle.
+//! Shear of woven cloth: stress linear in the shear angle.
 //!
 //! A cell between yarns of lengths a and b that hardly stretch is a trellis. Its diagonal l
 //! knows its shear angle, sin gamma = (l^2 - l0^2) / (2 a b), and with the energy

@@ -60,6 +60,10 @@ fn state_file_against_itself_and_moved() {
 
     let text = stdout(path, &args);
     assert!(
+        text.starts_with("A  b.json\nB  a.json (reference)\ntool of scene.toml\n"),
+        "{text}"
+    );
+    assert!(
         text.contains("\nfibres < 5 deg         warp 100.0 %, weft 100.0 %"),
         "{text}"
     );
@@ -180,12 +184,12 @@ fn what_cannot_be_compared_is_refused_in_one_line() {
         let args = [&["compare"], args].concat();
         assert_failure(&drape(path, &args), 2, words);
     }
-    let far = "--region=500,0,600.5,100";
+    let far = "--region=500,0,1001.1,1001";
     assert_failure(
         &drape(path, &["compare", "a.json", "a.json", far]),
         2,
         &[
-            "--region 500,0,600.5,100 has no vertex of a.json",
+            "--region 500,0,1001.1,1001 has no vertex of a.json",
             "x -185.0 to 185.0 mm, y -185.0 to 185.0 mm",
         ],
     );

@@ -109,12 +109,18 @@ fn sequence_is_replayed_with_another_accuracy() {
     let path = folder.path();
     let own = eval(path, &["--sequence"]);
     assert!(own.get("accuracy").is_none());
+    let steps = number(&own["episode"]["steps"]);
+    let presses =
+        |report: &Value| ["stored", "followed", "added"].map(|key| number(&report["presses"][key]));
+    assert_eq!(presses(&own), [steps, steps, 0.0]);
+    assert!(eval(path, &[]).get("presses").is_none());
     let replay = |accuracy: &str| eval(path, &["--sequence", "--accuracy", accuracy]);
     let accurate = replay("accurate");
     assert_eq!(accurate["accuracy"], "accurate");
     check_episode(&accurate["episode"]);
     check_episodes(&accurate["random"], 5);
-    for key in ["steps", "region_initial_m", "sheet_initial_m"] {
+    assert_eq!(presses(&accurate), presses(&own));
+    for key in ["region_initial_m", "sheet_initial_m"] {
         assert_eq!(accurate["episode"][key], own["episode"][key], "{key}");
     }
     for key in ["region_final_m", "sheet_final_m"] {
@@ -147,6 +153,33 @@ fn sequence_is_replayed_with_another_accuracy() {
     );
 }
 
+/// Under a stencil that covers its neighbours, steps of another length let other presses follow.
+#[test]
+fn presses_that_a_replay_leaves_out_and_adds_are_reported() {
+    let folder = folder();
+    let path = folder.path();
+    let config = CONFIG.replace("[env]", "[env]\nstencil_mm = 30.0");
+    train(path, &config, "b");
+    let args = ["eval", "runs/b", "--sequence", "--episodes", "2"];
+    let changed = [&args[..], &["--accuracy", "fast"]].concat();
+    let report = json(path, &[&changed[..], &["--json"]].concat());
+    let [stored, followed, added] =
+        ["stored", "followed", "added"].map(|key| report["presses"][key].as_u64().unwrap());
+    let sequence = read_json(&path.join("runs/b/best_sequence.json"));
+    assert_eq!(
+        stored,
+        sequence["vertices"].as_array().unwrap().len() as u64
+    );
+    assert!(0 < followed && followed < stored && added > 0);
+    assert_eq!(report["episode"]["steps"], followed + added);
+    let line = format!("\n  {followed} of {stored} presses followed, {added} added\n");
+    let text = stdout(path, &changed);
+    assert!(text.contains(&line), "{text}");
+    // Nothing to tell where the sequence is played as it was found.
+    let own = stdout(path, &args);
+    assert!(!own.contains("followed"), "{own}");
+}
+
 #[test]
 fn pictures_of_the_run_stay() {
     let folder = trained();
@@ -166,7 +199,18 @@ fn pictures_of_the_run_stay() {
     // What cannot be written is known before anything is played.
     let args = ["eval", "runs/a", "--state", "none/a.json"];
     assert_failure(&drape(path, &args), 1, &["folder none does not exist"]);
+    // Nor do folders stay that were made for nothing, but those that were there do.
+    fs::create_dir(path.join("n0")).unwrap();
+    let more = ["--out", "n0/n1/n2/n3"];
+    assert_failure(&drape(path, &[&args[..], &more].concat()), 1, &["none"]);
+    assert_eq!(names(&path.join("n0")), [""; 0]);
+    fs::remove_dir(path.join("n0")).unwrap();
     assert!(files(path) == before);
+    assert_eq!(names(path), ["runs"]);
+
+    // The folder of the pictures may be that of the state.
+    eval(path, &["--out", "b/c", "--state", "b/c/a.json"]);
+    assert!(path.join("b/c/a.json").is_file());
 }
 
 #[test]

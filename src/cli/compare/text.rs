@@ -12,6 +12,9 @@ pub(super) fn text(report: &Report) -> String {
         report.a_source.path.display(),
         report.b_source.path.display()
     );
+    if let Some(source) = &report.tool_source {
+        let _ = writeln!(text, "tool of {}", source.display());
+    }
     parts(&mut text, &comparison.all, report.fibre_deg);
     let mut contour = |name: &str, found: &Option<ContourDeviation>| {
         if let Some(found) = found {

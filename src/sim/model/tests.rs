@@ -92,9 +92,9 @@ fn knee_and_limit_are_branches_of_a_yarn() {
     assert_eq!(by_edge(solver, Tension::Material, None), 4);
 }
 
-/// A spring of 2 G h along the diagonal: 35 N/m for +45 degrees, 25.2 N/m for -45 degrees.
+/// Near rest, a spring of 2 G h along the diagonal: 35 N/m for +45 degrees, 25.2 N/m for -45.
 #[test]
-fn shear_springs_have_twice_the_shear_stiffness() {
+fn diagonals_at_rest_have_twice_the_shear_stiffness() {
     let rows = lines(PhysicsConfig::default()).diagonals;
     let in_rows = rows.iter().map(|row| (row.law, row.vertices.len() - 1));
     let coloured = model(PhysicsConfig {
