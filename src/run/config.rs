@@ -307,10 +307,8 @@ fn section<T: DeserializeOwned>(value: Value, key: &str) -> Result<T, (String, S
 
 /// `value` with an empty name at this path of keys below it.
 fn emptied(mut value: Value, path: &str) -> Option<Value> {
-    let keys = path.split('.').filter(|key| !key.is_empty());
-    let at = keys
-        .into_iter()
-        .try_fold(&mut value, |value, key| value.get_mut(key))?;
+    let mut keys = path.split('.').filter(|key| !key.is_empty());
+    let at = keys.try_fold(&mut value, |value, key| value.get_mut(key))?;
     *at = Value::String(String::new());
     Some(value)
 }
