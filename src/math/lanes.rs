@@ -429,8 +429,10 @@ mod tests {
         }
     }
 
+    type Pairs = [[f64; 2]; 4];
+
     /// What the first lane finds at the start of a table.
-    fn look_up<V: Lanes>(table: &[f32]) -> [[f64; 2]; 4] {
+    fn look_up<V: Lanes>(table: &[f32]) -> Pairs {
         let mut found = [[V::zero(); 2]; 4];
         V::vectorize(LookUp {
             table,
@@ -443,7 +445,7 @@ mod tests {
     #[test]
     fn tables_without_the_last_pair_are_not_read() {
         for isa in Isa::available() {
-            let kinds: &[fn(&[f32]) -> [[f64; 2]; 4]] = match isa {
+            let kinds: &[fn(&[f32]) -> Pairs] = match isa {
                 Isa::Portable => &[look_up::<Portable>, look_up::<f32>, look_up::<f64>],
                 #[cfg(target_arch = "x86_64")]
                 Isa::Avx2 => &[look_up::<F32x8>, look_up::<F64x4>],
