@@ -224,7 +224,8 @@ fn transfer_has_a_row_for_every_setting() {
     let args = ["study", "transfer", "--count=4", "--json"];
     let report = json(path, &[&args[..], &TINY[..]].concat());
     let settings = report["settings"].as_array().unwrap();
-    assert_eq!(settings.len(), 10);
+    // Three presets, one without the rule of strain, two rates, Gauss-Seidel, four twins.
+    assert_eq!(settings.len(), 11);
     let count = report["sequences"].as_array().unwrap().len();
     for row in settings {
         assert_eq!(row["left_m"].as_array().unwrap().len(), count);
