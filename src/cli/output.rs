@@ -59,6 +59,18 @@ impl Drop for OutFolder {
     }
 }
 
+/// A bar on stderr for so many things, in the words of `template`. With `--json` it is hidden, so that
+/// a program sees no control codes; indicatif hides it where nobody watches.
+pub(super) fn bar(total: u64, template: &str, json: bool) -> ProgressBar {
+    let style = ProgressStyle::with_template(template).expect("the template is valid");
+    let target = if json {
+        ProgressDrawTarget::hidden()
+    } else {
+        ProgressDrawTarget::stderr()
+    };
+    ProgressBar::with_draw_target(Some(total), target).with_style(style)
+}
+
 /// A bar on stderr that `0..=1` fills; hidden where nobody watches, and on demand.
 pub(super) struct Progress(ProgressBar);
 
@@ -68,14 +80,8 @@ const STEPS: u64 = 1000;
 impl Progress {
     /// Starts a bar. With `--json` it is hidden, so that a program sees no control codes.
     pub fn new(title: &'static str, json: bool) -> Self {
-        let style = ProgressStyle::with_template("{msg} [{bar:40}] {percent:>3} % {eta}")
-            .expect("the template is valid");
-        let target = if json || !io::stderr().is_terminal() {
-            ProgressDrawTarget::hidden()
-        } else {
-            ProgressDrawTarget::stderr()
-        };
-        let bar = ProgressBar::with_draw_target(Some(STEPS), target).with_style(style);
+        let template = "{msg} [{bar:40}] {percent:>3} % {eta}";
+        let bar = bar(STEPS, template, json || !io::stderr().is_terminal());
         Self(bar.with_message(title))
     }
 

@@ -4,12 +4,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Instant, SystemTime};
 
 use anyhow::Context;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use super::Failure;
 use super::eval::accuracy;
 use super::failure::OrInvalid;
+use super::output::{bar, print, print_json};
 use super::result;
 use super::scene::{MISSED, missed, set_up};
 use crate::env::{Draping, End, Shape, Tasks};
@@ -99,7 +99,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let stop = stop_on_signal()?;
     let baseline = result::baseline(&training, args.json)?;
 
-    let bar = bar(&training, args.json);
+    let template = "{bar:24} {pos}/{len} steps, {per_sec:.0}, {eta} left; {msg}";
+    let bar = bar(training.config().steps, template, args.json).with_position(training.env_steps());
     let start = Instant::now();
     let first = training.env_steps();
     let mut seconds = [0.0; 3];
@@ -255,22 +256,9 @@ fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
     Ok(stop)
 }
 
-fn bar(training: &Training, json: bool) -> ProgressBar {
-    let style =
-        ProgressStyle::with_template("{bar:24} {pos}/{len} steps, {per_sec:.0}, {eta} left; {msg}")
-            .expect("the template is valid");
-    let target = if json {
-        ProgressDrawTarget::hidden()
-    } else {
-        ProgressDrawTarget::stderr()
-    };
-    let bar = ProgressBar::with_draw_target(Some(training.config().steps), target);
-    bar.with_style(style).with_position(training.env_steps())
-}
-
 fn report(outcome: &Outcome, args: &Args) -> Result<(), Failure> {
     if args.json {
-        return super::output::print_json(outcome);
+        return print_json(outcome);
     }
     let run = outcome.run.display();
     let percent = |share: f64| 100.0 * share;
@@ -284,7 +272,7 @@ fn report(outcome: &Outcome, args: &Args) -> Result<(), Failure> {
     } else {
         format!("interrupted; go on with: drape train --resume {run}")
     };
-    super::output::print(&format!(
+    print(&format!(
         "{run}: {} environment steps in {:.0} s ({:.0} a second; simulation {:.0} %, inference \
          {:.0} %, update {:.0} %)\n\
          distance removed: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{lost}{next}",

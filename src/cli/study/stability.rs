@@ -4,12 +4,11 @@ use std::sync::Mutex;
 use std::time::Instant;
 
 use anyhow::anyhow;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use super::folder;
 use crate::cli::Failure;
-use crate::cli::output::{print, print_json};
+use crate::cli::output::{bar, print, print_json};
 use crate::file::write_atomic;
 use crate::report::{Color, HeatMap, Image, Tile};
 use crate::sim::Solver;
@@ -84,7 +83,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
 
     let start = Instant::now();
     let total: usize = chosen.iter().map(Sweep::cell_count).sum();
-    let bar = bar(total, args.json);
+    let template = "{bar:24} {pos}/{len} cells, {per_sec:.0}, {eta} left; {msg}";
+    let bar = bar(total as u64, template, args.json);
     let heard = Mutex::new(Tally::default());
     let swept = compute(chosen, |outcome| {
         let mut tally = heard.lock().expect("counting does not panic");
@@ -147,18 +147,6 @@ fn choose(args: &Args) -> Result<Vec<Sweep>, Failure> {
     let wanted =
         |sweep: &Sweep| args.names.is_empty() || args.names.iter().any(|name| name == sweep.name);
     Ok(all.into_iter().filter(wanted).collect())
-}
-
-fn bar(total: usize, json: bool) -> ProgressBar {
-    let style =
-        ProgressStyle::with_template("{bar:24} {pos}/{len} cells, {per_sec:.0}, {eta} left; {msg}")
-            .expect("the template is valid");
-    let target = if json {
-        ProgressDrawTarget::hidden()
-    } else {
-        ProgressDrawTarget::stderr()
-    };
-    ProgressBar::with_draw_target(Some(total as u64), target).with_style(style)
 }
 
 fn of_solver(swept: &Swept, solver: Solver) -> Tally {

@@ -3,13 +3,12 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use super::{folder, region, twin_failure};
 use crate::cli::Failure;
 use crate::cli::failure::{OrInvalid, scene_failure};
-use crate::cli::output::{print, print_json};
+use crate::cli::output::{bar, print, print_json};
 use crate::env::EnvConfig;
 use crate::file::write_atomic;
 use crate::report::{Chart, Color, Level, SERIES, Scale, Series};
@@ -112,7 +111,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let out = folder(args.out.as_deref(), "study-tradeoff-")?;
 
     let start = Instant::now();
-    let bar = bar(settings.len(), args.json);
+    let template = "{bar:24} {pos}/{len} points, {eta} left; {msg}";
+    let bar = bar(settings.len() as u64, template, args.json);
     let found = compute(&scene, &env, &settings, |setting| {
         bar.set_message(format!("{} {}", setting.axis, setting.value));
         bar.inc(1);
@@ -163,17 +163,6 @@ fn failure(error: TradeoffError, place: &str) -> Failure {
         TradeoffError::Scene(error) => scene_failure(error, place),
         TradeoffError::Env(error) => Failure::invalid(error),
     }
-}
-
-fn bar(total: usize, json: bool) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:24} {pos}/{len} points, {eta} left; {msg}")
-        .expect("the template is valid");
-    let target = if json {
-        ProgressDrawTarget::hidden()
-    } else {
-        ProgressDrawTarget::stderr()
-    };
-    ProgressBar::with_draw_target(Some(total as u64), target).with_style(style)
 }
 
 /// Cost against error, both as logarithms. What has no error has no place on it.

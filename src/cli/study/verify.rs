@@ -2,12 +2,11 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::anyhow;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use super::folder;
 use crate::cli::Failure;
-use crate::cli::output::{print, print_json};
+use crate::cli::output::{bar, print, print_json};
 use crate::report::{Chart, Color, SERIES, Series};
 use crate::sim::Preset;
 use crate::study::verify::{
@@ -93,7 +92,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let mut chosen = trials(extent);
     chosen.retain(|t| args.groups.is_empty() || args.groups.iter().any(|g| g == t.group));
     let subjects = Subject::all();
-    let bar = bar(chosen.len() * subjects.len(), args.json);
+    let template = "{bar:24} {pos}/{len} simulations, {eta} left";
+    let bar = bar((chosen.len() * subjects.len()) as u64, template, args.json);
     let found = compute(&chosen, &subjects, || bar.inc(1));
     bar.finish_and_clear();
 
@@ -116,17 +116,6 @@ pub fn run(args: Args) -> Result<(), Failure> {
     } else {
         print(&table(&report))
     }
-}
-
-fn bar(total: usize, json: bool) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:24} {pos}/{len} simulations, {eta} left")
-        .expect("the template is valid");
-    let target = if json {
-        ProgressDrawTarget::hidden()
-    } else {
-        ProgressDrawTarget::stderr()
-    };
-    ProgressBar::with_draw_target(Some(total as u64), target).with_style(style)
 }
 
 fn counts(rows: &[Row], subjects: &[Subject]) -> Vec<Count> {
