@@ -6,6 +6,7 @@
 pub mod bench;
 pub mod compare;
 pub mod episodes;
+mod points;
 pub mod ranking;
 pub mod stability;
 pub mod tradeoff;

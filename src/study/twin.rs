@@ -5,6 +5,8 @@
 //! clamps, and are pressed at the same vertices. Speeds are not capped in the twin, and its
 //! roller stops cloth by pressure where the fast solver's stencil has a place.
 
+mod convergence;
+
 use std::sync::Arc;
 
 use cpu_time::{ProcessTime, ThreadTime};
@@ -18,6 +20,9 @@ use crate::reference::{self, Diverged, Energies, Hold, PressConfig, Twin, TwinCo
 use crate::scene::{Scene, SceneConfig, SceneError, hung};
 use crate::sim::{Bending, BendingStiffness, Compression, SelfCollision};
 use crate::tool::Tool;
+
+pub use convergence::Variant;
+pub(super) use convergence::unfallen;
 
 /// Inertia over mass of the paper's accelerated variant: 8.15 h become 40.2 min.
 pub const ACCELERATION: f64 = 148.0;

@@ -181,7 +181,8 @@ fn twin_writes_states_that_can_be_compared() {
     let folder = folder();
     let path = folder.path();
     tiny(path);
-    let report = json(path, &[&["study", "twin", "--json"], &TINY[..]].concat());
+    let args = ["study", "twin", "--convergence", "--json"];
+    let report = json(path, &[&args[..], &TINY[..]].concat());
     let runs = report["runs"].as_array().unwrap();
     let names_of: Vec<&str> = runs.iter().map(|r| r["name"].as_str().unwrap()).collect();
     assert_eq!(names_of, ["fast", "twin", "accelerated"]);
@@ -196,6 +197,13 @@ fn twin_writes_states_that_can_be_compared() {
         let picture = path.join("out").join(found["picture"].as_str().unwrap());
         assert!(fs::read(picture).unwrap().starts_with(b"\x89PNG"));
     }
+    let variants = report["convergence"].as_array().unwrap();
+    assert_eq!(variants[0]["name"], "half_step");
+    let off = |moment: &str| variants[0][moment][1].as_f64().unwrap();
+    assert!(0.0 < off("initial_mm") && off("initial_mm") < 1.0);
+    assert!(0.0 < off("draped_mm"));
+    assert_eq!(variants[1]["vertices"], 49);
+    assert!(variants[1]["initial_mm"][0].as_f64().unwrap() < 10.0);
     for extension in ["stl", "vtk", "json"] {
         assert!(
             path.join(format!("out/draped-accelerated.{extension}"))

@@ -20,7 +20,7 @@ use crate::scene::{Scene, SceneConfig};
 use crate::study::compare::{Comparison, Parts};
 use crate::study::episodes::{Order, sequences};
 use crate::study::twin::{
-    ACCELERATION, Balance, Case, Compared, Ran, SPEED, compare_all, set_up, stencil_mm,
+    ACCELERATION, Balance, Case, Compared, Ran, SPEED, Variant, compare_all, set_up, stencil_mm,
 };
 
 /// Solve the paper's test case in the finite-element twin and compare the fast solver with it
@@ -32,6 +32,7 @@ use crate::study::twin::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape study twin
+  drape study twin --convergence
   drape study twin --mesh 65 --path runs/quickstart --out twin
   drape study twin mine.toml --path points.json --region=-60,-60,60,60 --json > twin.json")]
 pub struct Args {
@@ -64,6 +65,11 @@ pub struct Args {
     /// Inertia over mass of the accelerated twin
     #[arg(long, value_name = "FACTOR", default_value_t = ACCELERATION, value_parser = factor)]
     scaling: f64,
+
+    /// Also hold the twin against itself: with half the time step, which costs twice the twin, and
+    /// its fall with every second vertex
+    #[arg(long)]
+    convergence: bool,
 
     /// Folder for meshes, states and pictures; runs/study-twin-DATE if not given
     #[arg(long, value_name = "DIR")]
@@ -130,6 +136,9 @@ struct Report {
     twin_over_accelerated: f64,
     paper: Paper,
     comparisons: Vec<ComparisonReport>,
+    /// The twin against itself, where that was asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    convergence: Vec<Variant>,
     out: PathBuf,
 }
 
@@ -177,7 +186,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     if !args.json {
         eprintln!("computing {} presses in the twin", sequence.len());
     }
-    let runs = Case {
+    let whole = Case {
         scene: &scene,
         fall_cpu_s,
         env: &env,
@@ -188,12 +197,17 @@ pub fn run(args: Args) -> Result<(), Failure> {
         },
         speed: args.speed,
         acceleration: args.scaling,
-    }
-    .run()
-    .map_err(|error| twin_failure(error, &case.place))?;
+    };
+    let fail = |error| twin_failure(error, &case.place);
+    let runs = whole.run().map_err(fail)?;
+    let convergence = if args.convergence {
+        whole.converge(&runs[1]).map_err(fail)?
+    } else {
+        Vec::new()
+    };
     let region = case.region.map(|x| 1e-3 * x);
     let compared = compare_all(&scene, &runs, Some(region));
-    let compared = compared.map_err(|error| twin_failure(error, &case.place))?;
+    let compared = compared.map_err(fail)?;
     write_states(&scene, &runs, &out.path)?;
     let comparisons = draw(&scene, compared, region, &out.path)?;
 
@@ -214,6 +228,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         runs,
         paper: PAPER,
         comparisons,
+        convergence,
         out: out.path.clone(),
     };
     if args.json {
@@ -447,6 +462,24 @@ fn text(report: &Report) -> String {
                 a.min, a.max, a.rms, b.min, b.max, b.rms
             );
         }
+    }
+    for variant in &report.convergence {
+        let [mean, max] = variant.initial_mm;
+        let [own, twin] = variant.initial_distance_m;
+        let _ = write!(
+            text,
+            "{} ({} vertices): after the fall {mean:.3} mm off on average, {max:.3} at most, \
+             {own:.3} m to the tool ({twin:.3})",
+            variant.name.replace('_', " "),
+            variant.vertices
+        );
+        if let (Some([mean, max]), Some([own, twin])) = (variant.draped_mm, variant.left_m) {
+            let _ = write!(
+                text,
+                "; after the presses {mean:.3} and {max:.3} mm, {own:.4} m left ({twin:.4})"
+            );
+        }
+        text.push('\n');
     }
     let _ = write!(text, "files in {}", report.out.display());
     text

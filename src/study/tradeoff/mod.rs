@@ -22,12 +22,12 @@ mod settings;
 mod table;
 mod twin;
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use cpu_time::ProcessTime;
 use serde::Serialize;
 
+use super::points::{deviation, same_points, summed};
 use crate::env::{EnvConfig, EnvError, Precision};
 use crate::fabric::Lamina;
 use crate::math::{Purpose, Stream, mean_and_deviation};
@@ -447,36 +447,6 @@ impl<'a> Bench<'a> {
             pairs,
         }
     }
-}
-
-/// Vertices of two flat blanks that lie within a micrometre, ascending in the first.
-fn same_points(a: &[[f64; 2]], b: &[[f64; 2]]) -> Vec<[usize; 2]> {
-    const SAME: f64 = 1e-6;
-    let key = |x: &[f64; 2]| x.map(|x| (x / SAME).floor() as i64);
-    let known: HashMap<[i64; 2], usize> = b.iter().enumerate().map(|(j, x)| (key(x), j)).collect();
-    let find = |x: &[f64; 2]| {
-        let [u, v] = key(x);
-        let around = (-1..=1).flat_map(|i| (-1..=1).map(move |j| [u + i, v + j]));
-        around.filter_map(|key| known.get(&key)).copied().next()
-    };
-    let pairs = a.iter().enumerate();
-    pairs.filter_map(|(i, x)| Some([i, find(x)?])).collect()
-}
-
-/// Mean and largest distance between the same material points [mm].
-fn deviation(a: &[[f64; 3]], b: &[[f64; 3]], pairs: &[[usize; 2]]) -> [f64; 2] {
-    let apart = |&[i, j]: &[usize; 2]| {
-        let square: f64 = a[i].iter().zip(b[j]).map(|(x, y)| (x - y).powi(2)).sum();
-        1e3 * square.sqrt()
-    };
-    let all: Vec<f64> = pairs.iter().map(apart).collect();
-    [mean(&all), all.iter().copied().fold(0.0, f64::max)]
-}
-
-/// Summed distance to the tool of one `side` of `pairs` [m].
-fn summed(tool: &Tool, x: &[[f64; 3]], pairs: &[[usize; 2]], side: usize) -> f64 {
-    let distance = |pair: &[usize; 2]| tool.distance(x[pair[side]]).0.max(0.0);
-    pairs.iter().map(distance).sum()
 }
 
 fn scale(count: usize, of: usize) -> f64 {

@@ -4,6 +4,7 @@ use crate::env::{EnvConfig, Precision};
 use crate::fabric::{Lamina, Material};
 use crate::scene::SceneConfig;
 use crate::sim::{Bending, Compression, PhysicsConfig, Preset, Solver};
+use crate::study::points::{coarser, is_plain};
 use crate::study::twin::stencil_mm;
 
 /// Substeps a second of what counts as converged [1/s], and of them between two looks for the
@@ -247,16 +248,4 @@ fn meshes(scene: &SceneConfig, extent: Extent) -> Vec<[usize; 2]> {
     }
     meshes.extend(coarser(scene));
     meshes
-}
-
-/// Every second vertex of a rectangle along its yarns, if the last is one of them.
-pub(super) fn coarser(scene: &SceneConfig) -> Option<[usize; 2]> {
-    let here = scene.blank.vertices;
-    let halves = here.iter().all(|n| n % 2 == 1 && *n >= 5);
-    (is_plain(scene) && halves).then(|| here.map(|n| (n - 1) / 2 + 1))
-}
-
-fn is_plain(scene: &SceneConfig) -> bool {
-    let blank = &scene.blank;
-    blank.outline.is_none() && blank.cell_mm.is_none() && blank.yarn_angle_deg == 0.0
 }

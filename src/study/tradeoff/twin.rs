@@ -1,11 +1,11 @@
 use cpu_time::ProcessTime;
 use serde::Serialize;
 
-use super::settings::{CONVERGED, coarser};
-use super::{deviation, summed};
+use super::settings::CONVERGED;
 use crate::scene::{Scene, SceneConfig, SceneError};
 use crate::sim::Solver;
-use crate::study::twin::{TwinStudyError, fallen, twin_config};
+use crate::study::points::{coarser, deviation, summed};
+use crate::study::twin::{TwinStudyError, fallen, twin_config, unfallen};
 
 /// Falls of the fast solver against that of the finite-element twin.
 #[derive(Clone, Debug, Serialize)]
@@ -41,10 +41,7 @@ pub fn against_twin(config: &SceneConfig) -> Result<Twinned, TwinStudyError> {
     let mut config = config.clone();
     config.blank.vertices = coarser(&config).unwrap_or(config.blank.vertices);
     let damped = twin_config(&config)?;
-    let mut hung = config.clone();
-    (hung.fall.fall_s, hung.fall.settle_s) = (0.0, 0.0);
-    let mut hung = Scene::new(&hung, |_| ())?;
-    hung.config = config.clone();
+    let hung = unfallen(&config)?;
 
     let start = ProcessTime::now();
     let twin = fallen(&hung, &damped)?.positions();
