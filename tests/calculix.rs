@@ -1,6 +1,6 @@
 //! CalculiX as an independent witness: it reads the decks that drape writes, and gives the
-//! closed forms that drape's own solvers are held to. Needs `ccx` (Debian: calculix-ccx);
-//! without it these tests say so and check nothing.
+//! closed forms that drape's own solvers are held to. Needs `ccx` (Debian: calculix-ccx), so
+//! they run only when asked for: `cargo test --release --test calculix -- --ignored`.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +15,8 @@ use drape::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
 fn ccx(folder: &Path, name: &str) -> String {
     let mut command = Command::new("ccx");
     command.args(["-i", name]).current_dir(folder);
-    let output = command.env("OMP_NUM_THREADS", "1").output().unwrap();
+    let output = command.env("OMP_NUM_THREADS", "1").output();
+    let output = output.expect("ccx is installed");
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(!text.contains("*ERROR"), "{}", tail(&text));
     text

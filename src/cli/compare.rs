@@ -28,7 +28,7 @@ mod text;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape compare runs/a runs/b
-  drape compare fast.json twin.json --region 60,-186,186,-60 --out deviation.png
+  drape compare fast.json twin.json --region=-186,-186,-60,-60 --out deviation.png
   drape compare scan.stl fast.json --config scene.toml --json")]
 pub struct Args {
     /// What is compared

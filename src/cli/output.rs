@@ -27,15 +27,10 @@ pub(super) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 pub(super) struct OutFolder {
     pub path: PathBuf,
     /// How many folders of the path, from its end, were made for it.
-    made: usize,
+    pub made: usize,
 }
 
 impl OutFolder {
-    /// A folder that has just been made.
-    pub fn new(path: PathBuf) -> Self {
-        Self { path, made: 1 }
-    }
-
     /// Makes the folder where it is missing. For before the work: one that cannot be made would
     /// waste it.
     pub fn make(path: &Path) -> Result<Self, Failure> {

@@ -14,6 +14,7 @@ use clap::Subcommand;
 use super::Failure;
 use super::failure::OrInvalid;
 use super::output::OutFolder;
+use crate::env::EnvError;
 use crate::run::dated_folder;
 use crate::scene::{SceneConfig, SceneError};
 use crate::study::twin::TwinStudyError;
@@ -102,10 +103,17 @@ fn folder(out: Option<&Path>, prefix: &str) -> Result<OutFolder, Failure> {
     match out {
         Some(folder) => OutFolder::make(folder),
         None => {
-            let folder = dated_folder(Path::new("runs"), prefix, SystemTime::now())?;
-            Ok(OutFolder::new(folder))
+            let runs = Path::new("runs");
+            let made = if runs.exists() { 1 } else { 2 };
+            let path = dated_folder(runs, prefix, SystemTime::now())?;
+            Ok(OutFolder { path, made })
         }
     }
+}
+
+/// What is wrong with a study's environment, whose region is an option.
+fn as_option(error: &EnvError) -> String {
+    error.to_string().replace("`env.region_mm`", "`--region`")
 }
 
 /// Sorts what can go wrong with a study that has a twin.
@@ -117,7 +125,11 @@ fn twin_failure(error: TwinStudyError, place: &str) -> Failure {
         | TwinStudyError::FastDiverged
         | TwinStudyError::Sheet { .. } => false,
     };
-    let error = anyhow::Error::new(error).context(place.to_string());
+    let error = match error {
+        TwinStudyError::Env(error) => anyhow!(as_option(&error)),
+        error => anyhow::Error::new(error),
+    };
+    let error = error.context(place.to_string());
     if is_input {
         Failure::invalid(error)
     } else {

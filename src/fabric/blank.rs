@@ -96,8 +96,8 @@ pub enum CutFault {
 pub(super) const MOST_VERTICES: usize = 1025;
 
 impl BlankConfig {
-    /// The blank is the rectangle, and its sides are yarns.
-    pub(super) fn is_plain(&self) -> bool {
+    /// Whether the blank is the rectangle, and its sides are yarns.
+    pub fn is_plain(&self) -> bool {
         self.outline.is_none() && self.cell_mm.is_none() && self.yarn_angle_deg == 0.0
     }
 

@@ -48,8 +48,9 @@ pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, Par
         let mut message = plain(error.message());
         if let Some(names) = error.span().and_then(|span| {
             let (before, after) = (text.get(..span.start)?, text.get(span.end..)?);
+            let found = text.get(span)?;
             let nameless = toml::from_str::<T>(&format!("{before}\"\"{after}"));
-            names_instead(&message, nameless.err()?.message())
+            names_instead(&message, nameless.err()?.message(), found)
         }) {
             message = names;
         }
@@ -70,9 +71,9 @@ pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, Par
 /// What stands for a value of the wrong type where the parser says that it wants a name.
 const NAMELESS: &str = "invalid type, expected a name in quotes or a table";
 
-/// `message` with the names that may stand where it wants one, if it does: those that the parser
-/// lists in `nameless`, its message about an empty name there.
-pub fn names_instead(message: &str, nameless: &str) -> Option<String> {
+/// `message` with what was `found` and the names that may stand there, if it wants a name: those that
+/// the parser lists in `nameless`, its message about an empty name there.
+pub fn names_instead(message: &str, nameless: &str, found: &str) -> Option<String> {
     let (_, names) = nameless.split_once("unknown variant ``, expected ")?;
     let names = plain(names);
     // Where that is comes after it in some messages, and is in `message` too.
@@ -80,7 +81,14 @@ pub fn names_instead(message: &str, nameless: &str) -> Option<String> {
         .rsplit_once(" in `")
         .map_or(&*names, |(names, _)| names);
     let known = message.contains(NAMELESS);
-    known.then(|| message.replace(NAMELESS, &format!("invalid type, expected {names}")))
+    let found = found.lines().next().unwrap_or_default();
+    let found: String = found.chars().take(QUOTE).collect();
+    known.then(|| {
+        message.replace(
+            NAMELESS,
+            &format!("invalid type: `{found}`, expected {names}"),
+        )
+    })
 }
 
 /// A message of the parser, which may have several lines and names Rust's types, in one line
@@ -210,8 +218,8 @@ mod tests {
         }
         let names = "expected one of `red`, `green`, `mixed`";
         for (value, start) in [
-            ("3", "invalid type, "),
-            ("true # red", "invalid type, "),
+            ("3", "invalid type: `3`, "),
+            ("true # red", "invalid type: `true`, "),
             ("\"blue\"", "unknown variant `blue`, "),
         ] {
             let text = format!("colour = {value}\n");

@@ -287,8 +287,12 @@ fn section<T: DeserializeOwned>(value: Value, key: &str) -> Result<T, (String, S
         // The parser names the keys below `key` last.
         let inner = text.strip_suffix('`').and_then(|t| t.rsplit_once(" in `"));
         let (message, below) = inner.unwrap_or((&text, ""));
-        let nameless = || T::deserialize(emptied(given, below)?).err();
-        let names = nameless().and_then(|error| names_instead(message, &error.to_string()));
+        let names = || {
+            let (found, emptied) = emptied(given, below)?;
+            let nameless = T::deserialize(emptied).err()?;
+            names_instead(message, &nameless.to_string(), &found.to_string())
+        };
+        let names = names();
         let message = names.as_deref().unwrap_or(message);
         let path = match below {
             "" => key.into(),
@@ -305,12 +309,12 @@ fn section<T: DeserializeOwned>(value: Value, key: &str) -> Result<T, (String, S
     })
 }
 
-/// `value` with an empty name at this path of keys below it.
-fn emptied(mut value: Value, path: &str) -> Option<Value> {
+/// What is at this path of keys below `value`, and `value` with an empty name there.
+fn emptied(mut value: Value, path: &str) -> Option<(Value, Value)> {
     let mut keys = path.split('.').filter(|key| !key.is_empty());
     let at = keys.try_fold(&mut value, |value, key| value.get_mut(key))?;
-    *at = Value::String(String::new());
-    Some(value)
+    let found = std::mem::replace(at, Value::String(String::new()));
+    Some((found, value))
 }
 
 /// Whether something stands at the end of this path of keys.
@@ -510,7 +514,7 @@ mod tests {
             ),
             (
                 "\n[env]\naccuracy = 600",
-                "c.toml:3: `env.accuracy`: invalid type, expected one of `fast`, `balanced`, \
+                "c.toml:3: `env.accuracy`: invalid type: `600`, expected one of `fast`, `balanced`, \
                  `accurate`",
             ),
             (
@@ -526,7 +530,7 @@ mod tests {
             ),
             (
                 "[scene.tool]\n[scene.physics]\nself_collision = 3",
-                "c.toml:3: `scene.physics.self_collision`: invalid type, expected one of \
+                "c.toml:3: `scene.physics.self_collision`: invalid type: `3`, expected one of \
                  `off`, `material`, `thickness_mm`",
             ),
             (

@@ -119,6 +119,8 @@ pub enum SceneError {
         found: String,
         expected: &'static str,
     },
+    #[error("{}: `{key}` is a list, expected a table", path.display())]
+    List { path: PathBuf, key: &'static str },
     #[error(transparent)]
     Blank(#[from] BlankError),
     #[error(transparent)]
@@ -127,6 +129,10 @@ pub enum SceneError {
     Material(#[from] MaterialError),
     #[error(transparent)]
     Tool(#[from] ToolError),
+    #[error(
+        "`placement.height_mm` is {height_mm}, expected one at which the blank is above the tool: it starts {depth_mm:.1} mm inside"
+    )]
+    InTool { height_mm: f64, depth_mm: f64 },
     #[error(
         "the fall diverged after {time_s:.3} s: raise `fall.substep_rate`, or reduce `physics.speed_cap`, `physics.gravity` or `physics.bending_stiffness` if one of them is larger than a fabric's"
     )]
@@ -144,6 +150,16 @@ impl SceneConfig {
 
     /// Reads a scene file. Paths in it count from the folder of the file.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
+        let table: toml::Table = read_toml(path)?;
+        for key in ["tool", "blank", "placement", "fall", "physics"] {
+            // The parser would take the list for the values of the table, in their order.
+            if let Some(toml::Value::Array(_)) = table.get(key) {
+                return Err(SceneError::List {
+                    path: path.into(),
+                    key,
+                });
+            }
+        }
         let mut scene: Self = read_toml(path)?;
         scene.resolve(path.parent().unwrap_or(Path::new("")));
         Ok(scene)

@@ -7,6 +7,10 @@ use crate::math::Isa;
 use crate::sim::{Control, Model, PhysicsConfig, Snapshot, alone_f64};
 use crate::tool::Tool;
 
+/// Depth in the tool that a blank may start at [m]: what a coarse grid errs by at an edge.
+/// Deeper, contact would throw it out.
+const IN_TOOL: f64 = 2e-3;
+
 /// A scene that is set up: the lamina lies on the tool as the fall has left it.
 #[derive(Clone)]
 pub struct Scene {
@@ -52,6 +56,14 @@ impl Scene {
                 config.fall.tool_move_mm.map(|m| 1e-3 * m),
             );
             displace(&mut start.velocity, u.map(|u| -u));
+        }
+        let depths = start.position.iter().map(|&x| -tool.distance(x).0);
+        let deepest = depths.fold(f64::NEG_INFINITY, f64::max);
+        if deepest > IN_TOOL {
+            return Err(SceneError::InTool {
+                height_mm: config.placement.height_mm,
+                depth_mm: 1e3 * deepest,
+            });
         }
         batch.load(0, &start);
         let mut quiet = config.physics.clone();

@@ -13,3 +13,5 @@ pub mod tradeoff;
 pub mod transfer;
 pub mod twin;
 pub mod verify;
+
+pub use points::nearest;

@@ -1,6 +1,11 @@
 //! How far two judgements of the same things agree: ranks, and what following the wrong one
 //! costs.
 
+use crate::math::{Purpose, Stream};
+
+/// Resamples of [`interval`].
+const RESAMPLES: usize = 1000;
+
 /// Rank of every value, 1 for the least; equal values share the mean of their ranks.
 pub fn ranks(values: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..values.len()).collect();
@@ -57,6 +62,25 @@ pub fn pair_loss(judged: &[f64], truth: &[f64]) -> Option<f64> {
     (pairs > 0).then(|| sum / f64::from(pairs))
 }
 
+/// The middle 90 % of a `statistic` over resamples of `count` things, each drawn with replacement
+/// (Efron's bootstrap, percentiles): how far the choice of the things lets it swing. The same
+/// resamples in every call. None where the statistic is not there for most of them.
+pub fn interval(count: usize, statistic: impl Fn(&[usize]) -> Option<f64>) -> Option<[f64; 2]> {
+    if count == 0 {
+        return None;
+    }
+    let mut stream = Stream::new(1, Purpose::Evaluation, 200);
+    let mut drawn = vec![0; count];
+    let mut found = Vec::new();
+    for _ in 0..RESAMPLES {
+        drawn.fill_with(|| stream.below(count));
+        found.extend(statistic(&drawn));
+    }
+    found.sort_by(f64::total_cmp);
+    let at = |share: f64| found[(share * (found.len() - 1) as f64).round() as usize];
+    (2 * found.len() > RESAMPLES).then(|| [at(0.05), at(0.95)])
+}
+
 /// Index of the least value, the first of equal ones.
 pub fn least(values: &[f64]) -> Option<usize> {
     (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b]))
@@ -92,6 +116,23 @@ mod tests {
         assert_eq!(spearman(&a, &a.map(|x| -x)), Some(-1.0));
         assert_eq!(spearman(&a, &[1.0; 5]), None);
         assert_eq!(spearman(&[1.0], &[1.0]), None);
+    }
+
+    /// The mean of 400 numbers drawn from 0 and 1 alike swings by 1.645 / (2 sqrt(400)) to either
+    /// side.
+    #[test]
+    fn intervals_of_a_mean_are_the_normal_ones() {
+        let mean = |drawn: &[usize]| {
+            let ones = drawn.iter().filter(|&&index| index % 2 == 1).count();
+            Some(ones as f64 / 400.0)
+        };
+        let [low, high] = interval(400, mean).unwrap();
+        assert!(
+            (low - 0.4589).abs() < 5e-3 && (high - 0.5411).abs() < 5e-3,
+            "{low} {high}"
+        );
+        assert_eq!(interval(3, |_| None), None);
+        assert_eq!(interval(1, |drawn| Some(drawn[0] as f64)), Some([0.0, 0.0]));
     }
 
     #[test]

@@ -14,10 +14,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::episodes::{Order, sequences};
-use super::ranking::{least, pair_loss, ranks, spearman};
-use super::twin::{
-    ACCELERATION, SPEED, TwinStudyError, distance, fallen, lying, press_config, twin_config,
-};
+use super::points::distance;
+use super::ranking::{interval, least, pair_loss, ranks, spearman};
+use super::twin::{ACCELERATION, SPEED, TwinStudyError, fallen, lying, press_config, twin_config};
 use crate::env::{Draping, EnvConfig, EnvError, Precision};
 use crate::math::{Vec3, mean_and_deviation};
 use crate::reference::{Hold, Twin, TwinConfig};
@@ -49,20 +48,28 @@ pub struct End {
 /// The same presses by whatever computes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Setting {
-    Fast {
-        solver: Solver,
-        rate: f64,
-        /// Substeps between two looks for the tool's planes.
-        interval: usize,
-        precision: Precision,
-        any_strain: bool,
-    },
-    Twin {
-        hold: Hold,
-        accelerated: bool,
-        /// Starts where the fast solver's fall has ended.
-        starts_as_fast: bool,
-    },
+    Fast(Fast),
+    Twin(Twinned),
+}
+
+/// A way of stepping the fast solver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Fast {
+    solver: Solver,
+    rate: f64,
+    /// Substeps between two looks for the tool's planes.
+    interval: usize,
+    precision: Precision,
+    any_strain: bool,
+}
+
+/// A way of pressing in the twin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Twinned {
+    hold: Hold,
+    accelerated: bool,
+    /// Starts where the fast solver's fall has ended.
+    starts_as_fast: bool,
 }
 
 /// The preset that trains, under which paths are found.
@@ -72,54 +79,68 @@ const ACCURATE: &str = "accurate";
 pub const TWIN: &str = "twin";
 
 fn settings() -> Vec<(&'static str, Setting)> {
-    let fast = |solver, rate, interval| Setting::Fast {
-        solver,
-        rate,
-        interval,
+    let preset = |preset: Preset| Fast {
+        solver: Solver::Yarn,
+        rate: preset.substep_rate(),
+        interval: preset.contact_interval(),
         precision: Precision::F32,
         any_strain: false,
     };
-    let interval = Preset::Balanced.contact_interval();
-    let yarn = |rate| fast(Solver::Yarn, rate, interval);
-    let preset = |preset: Preset| {
-        fast(
-            Solver::Yarn,
-            preset.substep_rate(),
-            preset.contact_interval(),
-        )
-    };
-    let mut any_strain = preset(Preset::Balanced);
-    if let Setting::Fast { any_strain, .. } = &mut any_strain {
-        *any_strain = true;
-    }
-    let mut accurate = preset(Preset::Accurate);
-    if let Setting::Fast { precision, .. } = &mut accurate {
-        *precision = Precision::F64;
-    }
-    let twin = |hold, accelerated, starts_as_fast| Setting::Twin {
-        hold,
-        accelerated,
-        starts_as_fast,
+    let balanced = preset(Preset::Balanced);
+    let yarn = |rate| Fast { rate, ..balanced };
+    let twin = Twinned {
+        hold: Hold::Fixed,
+        accelerated: false,
+        starts_as_fast: false,
     };
     vec![
-        ("fast", preset(Preset::Fast)),
-        (BALANCED, preset(Preset::Balanced)),
-        ("balanced_any_strain", any_strain),
-        ("yarn_1200", yarn(1200.0)),
-        ("yarn_2400", yarn(2400.0)),
-        (ACCURATE, accurate),
+        ("fast", Setting::Fast(preset(Preset::Fast))),
+        (BALANCED, Setting::Fast(balanced)),
+        (
+            "balanced_any_strain",
+            Setting::Fast(Fast {
+                any_strain: true,
+                ..balanced
+            }),
+        ),
+        ("yarn_1200", Setting::Fast(yarn(1200.0))),
+        ("yarn_2400", Setting::Fast(yarn(2400.0))),
+        (
+            ACCURATE,
+            Setting::Fast(Fast {
+                precision: Precision::F64,
+                ..preset(Preset::Accurate)
+            }),
+        ),
         (
             "gauss_seidel",
-            fast(
-                Solver::GaussSeidel,
-                Preset::Balanced.substep_rate(),
-                interval,
-            ),
+            Setting::Fast(Fast {
+                solver: Solver::GaussSeidel,
+                ..balanced
+            }),
         ),
-        (TWIN, twin(Hold::Fixed, false, false)),
-        ("twin_pressure", twin(Hold::Pressure, false, false)),
-        ("twin_accelerated", twin(Hold::Fixed, true, false)),
-        ("twin_same_start", twin(Hold::Fixed, false, true)),
+        (TWIN, Setting::Twin(twin)),
+        (
+            "twin_pressure",
+            Setting::Twin(Twinned {
+                hold: Hold::Pressure,
+                ..twin
+            }),
+        ),
+        (
+            "twin_accelerated",
+            Setting::Twin(Twinned {
+                accelerated: true,
+                ..twin
+            }),
+        ),
+        (
+            "twin_same_start",
+            Setting::Twin(Twinned {
+                starts_as_fast: true,
+                ..twin
+            }),
+        ),
     ]
 }
 
@@ -132,7 +153,11 @@ pub struct Agreement {
     /// Spearman's with the accurate setting and with the twin, by the distance left.
     pub rank_correlation_accurate: Option<f64>,
     pub rank_correlation_twin: Option<f64>,
-    /// The latter among the sequences of each order.
+    /// The middle 90 % of the latter over resampled sequences, and of how much more it is than
+    /// that of `balanced` in the same resamples.
+    pub rank_correlation_twin_interval: Option<[f64; 2]>,
+    pub more_than_balanced_interval: Option<[f64; 2]>,
+    /// The correlation with the twin among the sequences of each order.
     pub rank_correlation_twin_by_order: Vec<(Order, Option<f64>)>,
     /// More distance left in the twin [m], on average over all pairs of sequences, when the one
     /// that this setting finds better is taken, than by the better one.
@@ -269,29 +294,26 @@ pub fn transfer(
     for (done, &(name, setting)) in settings.iter().enumerate() {
         progress(done as f64 / settings.len() as f64);
         played.push(match setting {
-            Setting::Fast { .. } => {
-                let (scene, env) = changed(scene, env, setting);
+            Setting::Fast(fast) => {
+                let (scene, env) = changed(scene, env, fast);
                 let start = ProcessTime::now();
                 let ends = replay(&scene, &env, &lists)?;
                 (ends, start.elapsed().as_secs_f64())
             }
-            Setting::Twin { .. } => {
+            Setting::Twin(twinned) => {
                 let case = TwinCase {
                     scene,
                     env,
                     config: &config,
                     rest: &rest,
                 };
-                case.play(name, setting, &lists)?
+                case.play(name, twinned, &lists)?
             }
         });
     }
     let initial = |setting| {
         let positions = match setting {
-            Setting::Twin {
-                starts_as_fast: false,
-                ..
-            } => &rest,
+            Setting::Twin(twinned) if !twinned.starts_as_fast => &rest,
             _ => &scene.initial.position,
         };
         distance(&scene.tool, region.ones(), positions)
@@ -302,16 +324,21 @@ pub fn transfer(
     };
     let is_inside = |v: usize| region.contains(v);
     let judge = Judge {
+        balanced: of(BALANCED),
         accurate: of(ACCURATE),
         twin: of(TWIN),
         sequences: &sequences,
         is_inside: &is_inside,
     };
     let rows = settings.iter().zip(&played);
-    let rows = rows.map(|(&(name, setting), (ends, cpu_s))| Row {
-        initial_m: initial(setting),
-        cpu_s: *cpu_s,
-        ..judge.row(name, describe(setting), ends)
+    let rows = rows.map(|(&(name, setting), (ends, cpu_s))| {
+        judge.row(Played {
+            name,
+            what: describe(setting),
+            initial_m: initial(setting),
+            cpu_s: *cpu_s,
+            ends,
+        })
     });
     Ok(Transfer {
         settings: rows.collect(),
@@ -322,39 +349,34 @@ pub fn transfer(
 
 fn describe(setting: Setting) -> String {
     match setting {
-        Setting::Fast {
-            solver,
-            rate,
-            interval,
-            precision,
-            any_strain,
-        } => {
-            let solver = match solver {
+        Setting::Fast(fast) => {
+            let solver = match fast.solver {
                 Solver::Yarn => "yarn",
                 Solver::GaussSeidel => "Gauss-Seidel",
             };
-            let precision = match precision {
+            let precision = match fast.precision {
                 Precision::F32 => "f32",
                 Precision::F64 => "f64",
             };
-            let rule = if any_strain {
+            let rule = if fast.any_strain {
                 ", any strain drapes"
             } else {
                 ""
             };
+            let Fast { rate, interval, .. } = fast;
             format!("{solver}, {rate} substeps/s, planes every {interval}, {precision}{rule}")
         }
-        Setting::Twin {
-            hold,
-            accelerated,
-            starts_as_fast,
-        } => {
-            let hold = match hold {
+        Setting::Twin(twin) => {
+            let hold = match twin.hold {
                 Hold::Fixed => "draped vertices fixed",
                 Hold::Pressure => "pressure stays",
             };
-            let speed = if accelerated { ", accelerated" } else { "" };
-            let start = if starts_as_fast {
+            let speed = if twin.accelerated {
+                ", accelerated"
+            } else {
+                ""
+            };
+            let start = if twin.starts_as_fast {
                 ", from the fast solver's state"
             } else {
                 ""
@@ -364,28 +386,19 @@ fn describe(setting: Setting) -> String {
     }
 }
 
-/// The scene and the environment of a setting of the fast solver.
-fn changed(scene: &Arc<Scene>, env: &EnvConfig, setting: Setting) -> (Arc<Scene>, EnvConfig) {
+/// The scene and the environment stepped as `fast`.
+fn changed(scene: &Arc<Scene>, env: &EnvConfig, fast: Fast) -> (Arc<Scene>, EnvConfig) {
     let (mut scene, mut env) = (scene.clone(), env.clone());
-    if let Setting::Fast {
-        solver,
-        rate,
-        interval,
-        precision,
-        any_strain,
-    } = setting
-    {
-        let mut physics = scene.config.physics.clone();
-        if physics.solver != solver {
-            physics.solver = solver;
-            scene = Arc::new(scene.with_physics(physics));
-        }
-        env.substep_rate = rate;
-        env.contact_interval = Some(interval);
-        env.precision = precision;
-        if any_strain {
-            env.drape_strain = ANY_STRAIN;
-        }
+    let mut physics = scene.config.physics.clone();
+    if physics.solver != fast.solver {
+        physics.solver = fast.solver;
+        scene = Arc::new(scene.with_physics(physics));
+    }
+    env.substep_rate = fast.rate;
+    env.contact_interval = Some(fast.interval);
+    env.precision = fast.precision;
+    if fast.any_strain {
+        env.drape_strain = ANY_STRAIN;
     }
     (scene, env)
 }
@@ -404,17 +417,9 @@ impl TwinCase<'_> {
     fn play(
         &self,
         name: &'static str,
-        setting: Setting,
+        setting: Twinned,
         lists: &[&[u32]],
     ) -> Result<(Vec<Option<End>>, f64), TwinStudyError> {
-        let Setting::Twin {
-            hold,
-            accelerated,
-            starts_as_fast,
-        } = setting
-        else {
-            return Ok((vec![None; lists.len()], 0.0));
-        };
         let Self {
             scene,
             env,
@@ -422,13 +427,13 @@ impl TwinCase<'_> {
             rest,
         } = *self;
         let region = env.region(&scene.lamina)?.vertices;
-        let press = press_config(env, hold, SPEED);
+        let press = press_config(env, setting.hold, SPEED);
         press.check()?;
-        let config = match accelerated {
+        let config = match setting.accelerated {
             true => config.accelerated(ACCELERATION),
             false => config.clone(),
         };
-        let start = if starts_as_fast {
+        let start = if setting.starts_as_fast {
             &scene.initial.position
         } else {
             rest
@@ -473,8 +478,20 @@ impl TwinCase<'_> {
     }
 }
 
+/// All sequences under a setting.
+struct Played<'a> {
+    name: &'static str,
+    what: String,
+    /// Summed distance of the region before the first press [m].
+    initial_m: f64,
+    /// CPU time of all [s].
+    cpu_s: f64,
+    ends: &'a [Option<End>],
+}
+
 /// What settings are held against.
 struct Judge<'a> {
+    balanced: &'a [Option<End>],
     accurate: &'a [Option<End>],
     twin: &'a [Option<End>],
     sequences: &'a [Sequence],
@@ -482,22 +499,23 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    fn row(&self, name: &'static str, what: String, ends: &[Option<End>]) -> Row {
+    fn row(&self, played: Played) -> Row {
+        let ends = played.ends;
         let away = |other: &[Option<End>], inside: bool| {
             mean_distance(ends, other, |v| (self.is_inside)(v) == inside)
         };
         Row {
-            name,
-            what,
+            name: played.name,
+            what: played.what,
             diverged: ends.iter().filter(|end| end.is_none()).count(),
-            initial_m: 0.0,
+            initial_m: played.initial_m,
             end: self.agreement(ends, |end| end.left),
             halfway: self.agreement(ends, |end| end.half),
             inside_mm: away(self.twin, true),
             outside_mm: away(self.twin, false),
             inside_accurate_mm: away(self.accurate, true),
             outside_accurate_mm: away(self.accurate, false),
-            cpu_s: 0.0,
+            cpu_s: played.cpu_s,
         }
     }
 
@@ -518,6 +536,15 @@ impl Judge<'_> {
             let (own, twin) = pairs(self.twin, &|index| self.sequences[index].order == order);
             (order, spearman(&own, &twin))
         };
+        // Those that all three have brought to an end.
+        let three: Vec<[f64; 3]> = (ends.iter().zip(self.balanced).zip(self.twin))
+            .map(|((a, b), c)| [a, b, c].map(|end| end.as_ref().map(left)))
+            .filter_map(|[a, b, c]| Some([a?, b?, c?]))
+            .collect();
+        let resampled = |drawn: &[usize], k: usize| {
+            let of = |k: usize| drawn.iter().map(|&i| three[i][k]).collect::<Vec<f64>>();
+            spearman(&of(k), &of(2))
+        };
         let best = least(&own);
         let best_twin = least(&twin);
         let rank = best.map(|best| ranks(&twin)[best]);
@@ -526,6 +553,10 @@ impl Judge<'_> {
             deviation_left_m: statistics.map(|[_, deviation]| deviation),
             rank_correlation_accurate: spearman(&same, &accurate),
             rank_correlation_twin: spearman(&own, &twin),
+            rank_correlation_twin_interval: interval(three.len(), |drawn| resampled(drawn, 0)),
+            more_than_balanced_interval: interval(three.len(), |drawn| {
+                Some(resampled(drawn, 0)? - resampled(drawn, 1)?)
+            }),
             rank_correlation_twin_by_order: Order::ALL.map(of_order).to_vec(),
             lost_m: pair_loss(&own, &twin),
             lost_by_chance_m: pair_loss(&vec![0.0; twin.len()], &twin),

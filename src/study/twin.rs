@@ -13,16 +13,17 @@ use cpu_time::{ProcessTime, ThreadTime};
 use serde::Serialize;
 
 use super::compare::{Comparison, Criteria, Surveyed, compare};
+use super::points::distance;
 use crate::env::{Draping, EnvConfig, EnvError};
 use crate::fabric::{Drape, Lamina};
+use crate::math::{Purpose, Stream};
 use crate::mesh::compare::SheetError;
 use crate::reference::{self, Diverged, Energies, Hold, PressConfig, Twin, TwinConfig, TwinError};
 use crate::scene::{Scene, SceneConfig, SceneError, hung};
 use crate::sim::{Bending, BendingStiffness, Compression, SelfCollision};
 use crate::tool::Tool;
 
-pub use convergence::Variant;
-pub(super) use convergence::unfallen;
+pub use convergence::SelfComparison;
 
 /// Inertia over mass of the paper's accelerated variant: 8.15 h become 40.2 min.
 pub const ACCELERATION: f64 = 148.0;
@@ -152,6 +153,18 @@ pub fn fallen(scene: &Scene, config: &TwinConfig) -> Result<Twin, TwinStudyError
     Ok(twin)
 }
 
+/// A scene before its fall, with the durations of the fall, for [`fallen`].
+///
+/// # Errors
+/// If the scene is not valid.
+pub fn unfallen(config: &SceneConfig) -> Result<Scene, SceneError> {
+    let mut hung = config.clone();
+    (hung.fall.fall_s, hung.fall.settle_s) = (0.0, 0.0);
+    let mut hung = Scene::new(&hung, |_| ())?;
+    hung.config = config.clone();
+    Ok(hung)
+}
+
 /// A twin at rest at `positions` [m], its clamps where they are there.
 pub fn lying(
     scene: &Scene,
@@ -164,12 +177,6 @@ pub fn lying(
         twin.fix(v as u32);
     }
     Ok(twin)
-}
-
-/// Summed distance of some vertices to the tool [m].
-pub fn distance(tool: &Tool, region: impl Iterator<Item = usize>, positions: &[[f64; 3]]) -> f64 {
-    let distances = region.map(|v| tool.distance(positions[v]).0.max(0.0));
-    distances.sum()
 }
 
 /// One model's run of the case.
@@ -258,13 +265,17 @@ pub fn set_up(
 
 impl Case<'_> {
     /// Fast solver, twin and accelerated twin, in this order; the twins on a thread each.
-    pub fn run(&self) -> Result<[Ran; 3], TwinStudyError> {
+    /// `progress` is told the share of the twin's presses that are done, 0..=1.
+    ///
+    /// # Errors
+    /// If the scene has what the twin has nothing for, or one of them diverges.
+    pub fn run(&self, progress: impl FnMut(f64)) -> Result<[Ran; 3], TwinStudyError> {
         let baseline = twin_config(&self.scene.config)?;
         let accelerated = baseline.accelerated(self.acceleration);
         let fast = self.fast()?;
         let (twin, accelerated) = std::thread::scope(|scope| {
-            let other = scope.spawn(|| self.twin("accelerated", &accelerated));
-            let twin = self.twin("twin", &baseline);
+            let other = scope.spawn(|| self.twin("accelerated", &accelerated, 0.0, |_| ()));
+            let twin = self.twin("twin", &baseline, 0.0, progress);
             (twin, other.join().expect("the twin does not panic"))
         });
         Ok([fast, twin?, accelerated?])
@@ -297,12 +308,30 @@ impl Case<'_> {
         })
     }
 
-    fn twin(&self, name: &'static str, config: &TwinConfig) -> Result<Ran, TwinStudyError> {
+    /// Fall and presses of the twin, between which every free vertex is pushed, normally
+    /// distributed with `push` [m].
+    fn twin(
+        &self,
+        name: &'static str,
+        config: &TwinConfig,
+        push: f64,
+        mut progress: impl FnMut(f64),
+    ) -> Result<Ran, TwinStudyError> {
         let scene = self.scene;
         let region = self.env.region(&scene.lamina)?.vertices;
         let start = ThreadTime::now();
         let mut twin = fallen(scene, config)?;
         let fall_cpu_s = start.elapsed().as_secs_f64();
+        if push > 0.0 {
+            let mut pushed = twin.positions();
+            let mut stream = Stream::new(1, Purpose::Evaluation, 0);
+            for (v, x) in pushed.iter_mut().enumerate() {
+                if !scene.initial.fixed.contains(v) {
+                    *x = x.map(|x| x + push * stream.normal());
+                }
+            }
+            twin.set_positions(&pushed);
+        }
         let initial = twin.positions();
         let before = (Balance::new(twin.energies()), 1e3 * twin.speed());
         let time_step_s = twin.stable_time_step();
@@ -312,8 +341,13 @@ impl Case<'_> {
         let side = 1e-3 * self.env.stencil_mm;
         let start = ThreadTime::now();
         let presses = (self.sequence, side);
+        let mut done = 0;
+        let watch = |_: &Twin, _: &[u32]| {
+            done += 1;
+            progress(done as f64 / self.sequence.len() as f64);
+        };
         let draped = twin
-            .replay(&scene.lamina, &scene.tool, &press, presses, |_, _| {})
+            .replay(&scene.lamina, &scene.tool, &press, presses, watch)
             .map_err(|source| TwinStudyError::Diverged { name, source })?;
         let press_cpu_s = start.elapsed().as_secs_f64();
         let end = twin.positions();

@@ -167,6 +167,17 @@ fn invalid_scenes_are_refused_before_anything_is_written() {
             &["scene.toml:", "`hight_mm`", "`height_mm`"],
         ),
         (
+            "[tool]\n[[physics]]\nsolver = \"yarn\"",
+            &["scene.toml: `physics` is a list, expected a table"],
+        ),
+        (
+            "[tool.source.shape]\nkind = \"hemisphere\"\n[placement]\nheight_mm = 10\ntilt_deg = 0",
+            &[
+                "scene.toml: `placement.height_mm` is 10, expected",
+                "mm inside",
+            ],
+        ),
+        (
             "[tool.source.file]\n",
             &["scene.toml:1:", "`file`", "`stl`"],
         ),

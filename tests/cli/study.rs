@@ -198,12 +198,26 @@ fn twin_writes_states_that_can_be_compared() {
         assert!(fs::read(picture).unwrap().starts_with(b"\x89PNG"));
     }
     let variants = report["convergence"].as_array().unwrap();
-    assert_eq!(variants[0]["name"], "half_step");
-    let off = |moment: &str| variants[0][moment][1].as_f64().unwrap();
-    assert!(0.0 < off("initial_mm") && off("initial_mm") < 1.0);
-    assert!(0.0 < off("draped_mm"));
-    assert_eq!(variants[1]["vertices"], 49);
-    assert!(variants[1]["initial_mm"][0].as_f64().unwrap() < 10.0);
+    let number = |value: &Value| value.as_f64().unwrap();
+    let [half, pushed, coarse] = &variants[..] else {
+        panic!("{variants:?}");
+    };
+    assert_eq!(half["name"], "half_step");
+    let ratio = number(&half["time_step_s"]) / number(&runs[1]["time_step_s"]);
+    assert!((ratio - 0.5).abs() < 0.02, "{ratio}");
+    assert!(0.0 < number(&half["initial_mm"][0]) && number(&half["initial_mm"][1]) < 1.0);
+    // Normal distances in space have a mean of 1.6 deviations of a coordinate.
+    assert_eq!(pushed["name"], "pushed_start");
+    assert!(
+        (number(&pushed["initial_mm"][0]) / 1.6e-3 - 1.0).abs() < 0.2,
+        "{pushed}"
+    );
+    assert!(0.0 < number(&pushed["draped_mm"][0]));
+    assert_eq!(
+        [&coarse["name"], &coarse["vertices"]],
+        [&Value::from("twice_the_cell"), &Value::from(49)]
+    );
+    assert!(number(&coarse["initial_mm"][0]) < 10.0 && coarse["draped_mm"].is_null());
     for extension in ["stl", "vtk", "json"] {
         assert!(
             path.join(format!("out/draped-accelerated.{extension}"))
@@ -270,5 +284,5 @@ fn studies_with_a_twin_refuse_what_it_cannot_do() {
     let args = ["study", "twin", "tiny.toml", "--path=none.json"];
     assert_failure(&drape(path, &args), 2, &["none.json"]);
     let args = ["study", "twin", "tiny.toml", "--region=900,900,990,990"];
-    assert_failure(&drape(path, &args), 2, &["`env.region_mm`"]);
+    assert_failure(&drape(path, &args), 2, &["`--region`"]);
 }

@@ -172,6 +172,9 @@ fn table(report: &Report) -> String {
     let number = |value: Option<f64>, decimals: usize| {
         value.map_or("-".into(), |value| format!("{value:.decimals$}"))
     };
+    let span = |interval: Option<[f64; 2]>| {
+        interval.map_or("-".into(), |[low, high]| format!("{low:.2} .. {high:.2}"))
+    };
     let times: [(&str, At); 2] = [
         ("after half of the presses", |row| &row.halfway),
         ("after all presses", |row| &row.end),
@@ -179,19 +182,29 @@ fn table(report: &Report) -> String {
     for (when, of) in times {
         let _ = writeln!(
             text,
-            "{when:26} {:>8} {:>8} {:>7} {:>7} {:>8} {:>8} {:>5}",
-            "left [m]", "+-", "rank/ac", "rank/tw", "lost [m]", "best [m]", "rank"
+            "{when:26} {:>8} {:>8} {:>7} {:>7} {:>15} {:>15} {:>8} {:>8} {:>5}",
+            "left [m]",
+            "+-",
+            "rank/ac",
+            "rank/tw",
+            "90 %",
+            "-balanced 90 %",
+            "lost [m]",
+            "best [m]",
+            "rank"
         );
         for row in &found.settings {
             let found = of(row);
             let _ = writeln!(
                 text,
-                "  {:24} {:>8} {:>8} {:>7} {:>7} {:>8} {:>8} {:>5}",
+                "  {:24} {:>8} {:>8} {:>7} {:>7} {:>15} {:>15} {:>8} {:>8} {:>5}",
                 row.name,
                 number(found.mean_left_m, 4),
                 number(found.deviation_left_m, 4),
                 number(found.rank_correlation_accurate, 3),
                 number(found.rank_correlation_twin, 3),
+                span(found.rank_correlation_twin_interval),
+                span(found.more_than_balanced_interval),
                 number(found.lost_m, 4),
                 number(found.best_lost_m, 4),
                 number(found.best_rank_twin, 1)
@@ -199,7 +212,7 @@ fn table(report: &Report) -> String {
         }
         let chance = found.settings.first().map(of);
         let chance = chance.and_then(|found| found.lost_by_chance_m);
-        let _ = writeln!(text, "  {:24} {:>43}", "by chance", number(chance, 4));
+        let _ = writeln!(text, "  {:24} {:>75}", "by chance", number(chance, 4));
     }
     let _ = writeln!(
         text,
@@ -220,7 +233,8 @@ fn table(report: &Report) -> String {
     }
     let _ = write!(
         text,
-        "rank/ac, rank/tw: rank correlation with the accurate setting and with the twin; lost: \
+        "rank/ac, rank/tw: rank correlation with the accurate setting and with the twin; 90 %: of \
+         resampled paths, of the latter and of how much it is more than that of balanced; lost: \
          left more in the twin by this setting's choice of two paths; best: by its best path, \
          whose rank in the twin follows\nfiles in {}",
         report.out.display()

@@ -5,7 +5,7 @@ use anyhow::anyhow;
 use clap::ValueEnum;
 use serde::Serialize;
 
-use super::{REGION, folder, region, scene_config, set_mesh, twin_failure};
+use super::{REGION, as_option, folder, region, scene_config, set_mesh, twin_failure};
 use crate::cli::Failure;
 use crate::cli::compare::picture;
 use crate::cli::failure::{OrInvalid, scene_failure};
@@ -19,8 +19,10 @@ use crate::run::{RunConfig, RunFolder};
 use crate::scene::{Scene, SceneConfig};
 use crate::study::compare::{Comparison, Parts};
 use crate::study::episodes::{Order, sequences};
+use crate::study::nearest;
 use crate::study::twin::{
-    ACCELERATION, Balance, Case, Compared, Ran, SPEED, Variant, compare_all, set_up, stencil_mm,
+    ACCELERATION, Balance, Case, Compared, Ran, SPEED, SelfComparison, compare_all, set_up,
+    stencil_mm,
 };
 
 /// Solve the paper's test case in the finite-element twin and compare the fast solver with it
@@ -66,8 +68,9 @@ pub struct Args {
     #[arg(long, value_name = "FACTOR", default_value_t = ACCELERATION, value_parser = factor)]
     scaling: f64,
 
-    /// Also hold the twin against itself: with half the time step, which costs twice the twin, and
-    /// its fall with every second vertex
+    /// Also hold the twin against itself: with half the time step, from a pushed start, and its
+    /// fall with every second vertex, where the blank is a rectangle with even numbers of cells;
+    /// takes three times the twin's time
     #[arg(long)]
     convergence: bool,
 
@@ -138,7 +141,7 @@ struct Report {
     comparisons: Vec<ComparisonReport>,
     /// The twin against itself, where that was asked for.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    convergence: Vec<Variant>,
+    convergence: Vec<SelfComparison>,
     out: PathBuf,
 }
 
@@ -169,7 +172,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     };
     let blank = lamina(&config, &case.place)?;
     env.stencil_mm = stencil_mm(&blank, env.stencil_mm);
-    env.region(&blank).or_invalid()?;
+    let region = env.region(&blank);
+    region.map_err(|error| Failure::invalid(anyhow!(as_option(&error))))?;
     let out = folder(args.out.as_deref(), "study-twin-")?;
 
     let bar = Progress::new("falling", args.json);
@@ -184,7 +188,10 @@ pub fn run(args: Args) -> Result<(), Failure> {
             .ok_or_else(|| anyhow!("the simulation diverged in the sweep"))?,
     };
     if !args.json {
-        eprintln!("computing {} presses in the twin", sequence.len());
+        eprintln!(
+            "computing the fall and {} presses in the twin",
+            sequence.len()
+        );
     }
     let whole = Case {
         scene: &scene,
@@ -199,17 +206,22 @@ pub fn run(args: Args) -> Result<(), Failure> {
         acceleration: args.scaling,
     };
     let fail = |error| twin_failure(error, &case.place);
-    let runs = whole.run().map_err(fail)?;
-    let convergence = if args.convergence {
-        whole.converge(&runs[1]).map_err(fail)?
-    } else {
-        Vec::new()
-    };
+    let bar = Progress::new("pressing in the twin", args.json);
+    let runs = whole.run(|share| bar.set(share)).map_err(fail)?;
+    drop(bar);
     let region = case.region.map(|x| 1e-3 * x);
     let compared = compare_all(&scene, &runs, Some(region));
     let compared = compared.map_err(fail)?;
     write_states(&scene, &runs, &out.path)?;
     let comparisons = draw(&scene, compared, region, &out.path)?;
+    let convergence = if args.convergence {
+        if !args.json {
+            eprintln!("holding the twin against itself");
+        }
+        whole.converge(&runs[1]).map_err(fail)?
+    } else {
+        Vec::new()
+    };
 
     let [fast, twin, accelerated] = &runs;
     let ratio = |a: f64, b: f64| a / b.max(1e-9);
@@ -302,14 +314,10 @@ fn lamina(config: &SceneConfig, place: &str) -> Result<Lamina, Failure> {
 fn transferred(vertices: &[u32], own: &Lamina, other: &Lamina) -> Vec<u32> {
     let mut pressed = Vec::new();
     for &vertex in vertices {
-        let [x, y] = own.rest[vertex as usize];
-        let square = |v: &u32| {
-            let [u, w] = other.rest[*v as usize];
-            (u - x).powi(2) + (w - y).powi(2)
-        };
-        let all = 0..other.vertex_count() as u32;
-        let nearest = all.min_by(|a, b| square(a).total_cmp(&square(b)));
-        pressed.extend(nearest.filter(|v| !pressed.contains(v)));
+        let nearest = nearest(&other.rest, own.rest[vertex as usize]);
+        if !pressed.contains(&nearest) {
+            pressed.push(nearest);
+        }
     }
     pressed
 }
@@ -372,10 +380,12 @@ fn draw(
 
 fn text(report: &Report) -> String {
     let mut text = format!(
-        "{} vertices, {} presses of a stencil of {:.1} mm\n\n{:12} {:>9} {:>9} {:>9} {:>10} {:>10} {:>8}\n",
+        "{} vertices, {} presses of a stencil of {:.1} mm; the fast solver presses with {:.0} \
+         substeps a second\n\n{:12} {:>9} {:>9} {:>9} {:>10} {:>10} {:>8}\n",
         report.vertices,
         report.presses,
         report.stencil_mm,
+        report.runs[0].time_step_s.recip(),
         "CPU time [s]",
         "fall",
         "presses",
@@ -430,8 +440,16 @@ fn text(report: &Report) -> String {
     }
     let _ = write!(
         text,
-        "\n{:30} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}\n",
-        "against the twin", "min mm", "max mm", "|p95| mm", "edge mm", "max mm", "warp %", "weft %"
+        "\n{:30} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>9}\n",
+        "against the twin",
+        "min mm",
+        "max mm",
+        "|p95| mm",
+        "edge mm",
+        "max mm",
+        "warp %",
+        "weft %",
+        "points mm"
     );
     for found in &report.comparisons {
         let ComparisonReport {
@@ -463,6 +481,9 @@ fn text(report: &Report) -> String {
             );
         }
     }
+    if report.convergence.len() == 2 {
+        text += "twice the cell: not for this blank, which is no rectangle with even numbers of cells\n";
+    }
     for variant in &report.convergence {
         let [mean, max] = variant.initial_mm;
         let [own, twin] = variant.initial_distance_m;
@@ -485,7 +506,8 @@ fn text(report: &Report) -> String {
     text
 }
 
-/// A row as of the paper's Table 3: topology, contour, share of fibre angles below 5 degrees.
+/// A row as of the paper's Table 3: topology, contour, share of fibre angles below 5 degrees; and
+/// how far material points are apart on average.
 fn row(text: &mut String, name: &str, parts: &Parts, edge: Option<[f64; 2]>) {
     let number = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.2}"));
     let topology = parts.topology_a_to_b_mm;
@@ -498,6 +520,7 @@ fn row(text: &mut String, name: &str, parts: &Parts, edge: Option<[f64; 2]>) {
         edge.map(|e| e[1]),
         share(0),
         share(1),
+        parts.material_points_mm.map(|p| p.mean),
     ];
     let _ = write!(text, "{name:30}");
     for figure in figures {

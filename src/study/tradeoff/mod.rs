@@ -10,12 +10,12 @@
 //! | the same presses in eight orders | the distance that the reference leaves in each |
 //!
 //! The reference of a *method* (solver, rates, precision) is the same model converged: `yarn`, f64,
-//! 12 000 substeps a second. That of a *model* (mesh, tool grid, press, physics) is the one on its
+//! 48 000 substeps a second, four times the finest preset. That of a *model* (mesh, tool grid, press, physics) is the one on its
 //! axis that leaves least out, stepped as usual.
 //!
 //! Places diverge: what a press does to a wrinkle can hang on a hair, and then positions
 //! differ by millimetres whatever the rate. [`Noise`] is what a push of the start by a thousandth of
-//! a millimetre does to the converged solution. Below it no error can be told.
+//! a millimetre does at the rate of `accurate`. Below it no error can be told.
 
 mod press;
 mod settings;
@@ -27,7 +27,7 @@ use std::sync::Arc;
 use cpu_time::ProcessTime;
 use serde::Serialize;
 
-use super::points::{deviation, same_points, summed};
+use super::points::{apart_mm, distance, same_points};
 use crate::env::{EnvConfig, EnvError, Precision};
 use crate::fabric::Lamina;
 use crate::math::{Purpose, Stream, mean_and_deviation};
@@ -95,7 +95,7 @@ pub struct Point {
     pub sequences_mean_mm: f64,
 }
 
-/// What a push of the start by a micrometre does to the converged solution.
+/// What a push of the start by a micrometre does to what `accurate` ends with.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Noise {
     /// Change of the region's summed distance, root mean square over the sequences [m].
@@ -342,35 +342,37 @@ impl<'a> Bench<'a> {
         let shared = self.shared(&a.scene.lamina, &b.scene.lamina);
         let [x, y] = [a, b].map(|fallen| &fallen.scene.initial.position[..]);
         let tool = &b.scene.tool;
-        let distance = |x, side| {
-            summed(tool, x, &shared.pairs, side) * scale(self.sheet_vertices, shared.pairs.len())
+        let on_sheet = |x, side| {
+            side_distance(tool, x, &shared.pairs, side)
+                * scale(self.sheet_vertices, shared.pairs.len())
         };
-        let [mean, max] = deviation(x, y, &shared.pairs);
+        let [mean, max] = apart_mm(x, y, &shared.pairs);
         point.vertices = a.scene.lamina.vertex_count();
         point.initial_seconds = a.seconds;
         (point.initial_mean_mm, point.initial_max_mm) = (mean, max);
-        point.initial_distance_m = distance(x, 0);
-        point.initial_distance_error_m = point.initial_distance_m - distance(y, 1);
+        point.initial_distance_m = on_sheet(x, 0);
+        point.initial_distance_error_m = point.initial_distance_m - on_sheet(y, 1);
     }
 
     fn compare_presses(&self, point: &mut Point, a: &Played, b: &Played) {
         let shared = self.shared(&a.scene.lamina, &b.scene.lamina);
         let tool = &b.scene.tool;
         let in_region = |x: &[[f64; 3]], side| {
-            summed(tool, x, &shared.region, side) * scale(self.region_vertices, shared.region.len())
+            side_distance(tool, x, &shared.region, side)
+                * scale(self.region_vertices, shared.region.len())
         };
         point.vertices = a.scene.lamina.vertex_count();
         point.microseconds = a.pressed.microseconds;
         if let (Some(x), Some(y)) = (&a.pressed.early, &b.pressed.early) {
-            [point.early_mean_mm, _] = deviation(x, y, &shared.region);
+            [point.early_mean_mm, _] = apart_mm(x, y, &shared.region);
         }
         let ends = || a.pressed.ends.iter().zip(&b.pressed.ends);
         if let Some((Some(x), Some(y))) = ends().next() {
-            [point.region_mean_mm, point.region_max_mm] = deviation(x, y, &shared.region);
-            [point.sheet_mean_mm, point.sheet_max_mm] = deviation(x, y, &shared.pairs);
+            [point.region_mean_mm, point.region_max_mm] = apart_mm(x, y, &shared.region);
+            [point.sheet_mean_mm, point.sheet_max_mm] = apart_mm(x, y, &shared.pairs);
             point.region_distance_m = in_region(x, 0);
-            point.sheet_distance_m =
-                summed(tool, x, &shared.pairs, 0) * scale(self.sheet_vertices, shared.pairs.len());
+            point.sheet_distance_m = side_distance(tool, x, &shared.pairs, 0)
+                * scale(self.sheet_vertices, shared.pairs.len());
             let removed = in_region(&a.scene.initial.position, 0) - point.region_distance_m;
             let expected = in_region(&b.scene.initial.position, 1) - in_region(y, 1);
             point.removed_error = (removed - expected) / expected;
@@ -387,7 +389,7 @@ impl<'a> Bench<'a> {
         let more: Vec<f64> = more.map(|((_, y), left)| left - in_region(y, 1)).collect();
         let errors = both
             .iter()
-            .map(|(x, y)| deviation(x, y, &shared.region)[0])
+            .map(|(x, y)| apart_mm(x, y, &shared.region)[0])
             .collect::<Vec<_>>();
         [point.sequences_distance_m, point.sequences_deviation_m] = mean_and_deviation(&left);
         point.sequences_bias_m = mean(&more);
@@ -395,11 +397,10 @@ impl<'a> Bench<'a> {
         point.sequences_mean_mm = mean(&errors);
     }
 
-    /// Presses from pushed starts, in f32 at the converged rate.
+    /// Presses from pushed starts, as `accurate` steps them.
     fn noise(&mut self) -> Result<Noise, TradeoffError> {
         let around = (self.scene.clone(), self.env.clone());
-        let (config, mut env) = settings::converged(&around);
-        env.precision = Precision::F32;
+        let (config, env) = settings::accurate(&around);
         let none = Noise {
             distance_rms_m: f64::NAN,
             mean_mm: f64::NAN,
@@ -427,9 +428,9 @@ impl<'a> Bench<'a> {
                 let (Some(x), Some(y)) = end else {
                     return Ok(none);
                 };
-                let [a, b] = [x, y].map(|x| summed(&scene.tool, x, &shared.region, 0));
+                let [a, b] = [x, y].map(|x| side_distance(&scene.tool, x, &shared.region, 0));
                 distances.push(b - a);
-                places.push(deviation(x, y, &shared.region)[0]);
+                places.push(apart_mm(x, y, &shared.region)[0]);
             }
         }
         Ok(Noise {
@@ -447,6 +448,11 @@ impl<'a> Bench<'a> {
             pairs,
         }
     }
+}
+
+/// Summed distance to the tool of one `side` of `pairs` [m].
+fn side_distance(tool: &Tool, x: &[[f64; 3]], pairs: &[[usize; 2]], side: usize) -> f64 {
+    distance(tool, pairs.iter().map(|pair| pair[side]), x)
 }
 
 fn scale(count: usize, of: usize) -> f64 {

@@ -7,6 +7,7 @@ use crate::env::{Draping, EnvConfig, EnvError, Precision};
 use crate::fabric::Lamina;
 use crate::math::{Isa, Purpose, Stream};
 use crate::scene::Scene;
+use crate::study::nearest;
 
 /// Fixed sequences of presses, the same places in every one.
 pub(super) const SEQUENCES: usize = 8;
@@ -78,7 +79,7 @@ pub(super) fn press(
         .map(|places| {
             places
                 .iter()
-                .map(|at| nearest(&scene.lamina, *at))
+                .map(|at| nearest(&scene.lamina.rest, *at))
                 .collect()
         })
         .collect();
@@ -113,15 +114,4 @@ pub(super) fn press(
         *end = positions(&draping, &is_sound, index);
     }
     Ok(pressed)
-}
-
-/// The vertex nearest to a place on the flat blank [m].
-fn nearest(lamina: &Lamina, at: [f64; 2]) -> u32 {
-    let square = |v: usize| {
-        let [x, y] = lamina.rest[v];
-        (x - at[0]).powi(2) + (y - at[1]).powi(2)
-    };
-    let vertices = 0..lamina.vertex_count();
-    let nearest = vertices.min_by(|&a, &b| square(a).total_cmp(&square(b)));
-    nearest.expect("a blank has vertices") as u32
 }

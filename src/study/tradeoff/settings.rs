@@ -4,12 +4,12 @@ use crate::env::{EnvConfig, Precision};
 use crate::fabric::{Lamina, Material};
 use crate::scene::SceneConfig;
 use crate::sim::{Bending, Compression, PhysicsConfig, Preset, Solver};
-use crate::study::points::{coarser, is_plain};
+use crate::study::points::coarser;
 use crate::study::twin::stencil_mm;
 
 /// Substeps a second of what counts as converged [1/s], and of them between two looks for the
-/// tool's planes: 2400 looks a second, more than any point has.
-pub(super) const CONVERGED: (f64, usize) = (12_000.0, 5);
+/// tool's planes: 2400 looks a second, more than any preset has.
+const CONVERGED: (f64, usize) = (48_000.0, 20);
 
 /// How much of the axes is sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -238,12 +238,20 @@ pub(super) fn converged(around: &Around) -> Around {
     (scene, env)
 }
 
+/// The same model as the finest preset steps it.
+pub(super) fn accurate(around: &Around) -> Around {
+    let preset = Preset::Accurate;
+    let (mut scene, env) = at_rate(around.clone(), preset.substep_rate());
+    scene.physics = preset.applied(scene.physics);
+    (scene, env)
+}
+
 /// Vertices along the sides, the finest mesh first. They share the places of the coarsest. Cut
 /// blanks have other borders on every mesh, so theirs is not varied.
 fn meshes(scene: &SceneConfig, extent: Extent) -> Vec<[usize; 2]> {
     let here = scene.blank.vertices;
     let mut meshes = vec![here];
-    if extent == Extent::Full && is_plain(scene) {
+    if extent == Extent::Full && scene.blank.is_plain() {
         meshes.insert(0, here.map(|n| 2 * (n - 1) + 1));
     }
     meshes.extend(coarser(scene));

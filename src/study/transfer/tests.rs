@@ -93,12 +93,19 @@ fn rows_leave_lost_sequences_out() {
         vertices: vec![0],
     };
     let judge = Judge {
+        balanced: &twin,
         accurate: &own,
         twin: &twin,
         sequences: &vec![sequence; 3],
         is_inside: &|v| v == 0,
     };
-    let row = judge.row("own", String::new(), &own);
+    let row = judge.row(Played {
+        name: "own",
+        what: String::new(),
+        initial_m: 5.0,
+        cpu_s: 0.1,
+        ends: &own,
+    });
     assert_eq!((row.diverged, row.end.mean_left_m), (1, Some(3.5)));
     assert_eq!(row.end.deviation_left_m, Some(0.5f64.sqrt()));
     let half = row.halfway;
@@ -106,6 +113,9 @@ fn rows_leave_lost_sequences_out() {
     let row_end = row.end;
     assert_eq!(row_end.rank_correlation_twin, Some(-1.0));
     assert_eq!(row_end.rank_correlation_accurate, Some(1.0));
+    // Of two, a resample holds both or has no ranks; here the former are the more.
+    assert_eq!(row_end.rank_correlation_twin_interval, Some([-1.0; 2]));
+    assert_eq!(row_end.more_than_balanced_interval, Some([-2.0; 2]));
     assert_eq!(
         (row_end.lost_m, row_end.best_lost_m),
         (Some(2.0), Some(2.0))
@@ -119,6 +129,11 @@ fn rows_leave_lost_sequences_out() {
     let by_order = row_end.rank_correlation_twin_by_order;
     assert_eq!(by_order[1], (Order::Sweep, Some(-1.0)));
     assert_eq!(by_order[0], (Order::Random, None));
+}
+
+fn setting(wanted: &str) -> Setting {
+    let found = settings().into_iter().find(|(name, _)| *name == wanted);
+    found.unwrap().1
 }
 
 /// Nothing pressed is nothing lost, in both.
@@ -142,8 +157,10 @@ fn a_list_without_a_press_ends_where_it_starts() {
         config: &twin_config(&scene.config).unwrap(),
         rest: &scene.initial.position,
     };
-    let setting = settings().into_iter().find(|(name, _)| *name == TWIN);
-    let (ends, _) = case.play(TWIN, setting.unwrap().1, &[&[]]).unwrap();
+    let Setting::Twin(setting) = setting(TWIN) else {
+        panic!("the twin is one");
+    };
+    let (ends, _) = case.play(TWIN, setting, &[&[]]).unwrap();
     let twin = ends[0].as_ref().unwrap();
     assert_eq!(
         (twin.half, &twin.positions),
@@ -157,10 +174,10 @@ fn a_list_without_a_press_ends_where_it_starts() {
 fn presets_are_what_they_are_called() {
     let (scene, env) = (scene(), env());
     for preset in Preset::ALL {
-        let found = settings()
-            .into_iter()
-            .find(|(name, _)| *name == preset.name());
-        let (_, mut changed) = changed(&scene, &env, found.unwrap().1);
+        let Setting::Fast(fast) = setting(preset.name()) else {
+            panic!("{preset:?} is none of the fast solver's");
+        };
+        let (_, mut changed) = changed(&scene, &env, fast);
         let mut expected = env.clone();
         expected.set_accuracy(preset, &scene.config.physics);
         changed.precision = expected.precision;
