@@ -44,7 +44,7 @@ pub struct Args {
     /// Scene file; the built-in rib with two wrinkles if not given
     config: Option<PathBuf>,
 
-    /// Fewer points on a smaller region: some two minutes of CPU time
+    /// Fewer points on a smaller region: some three minutes of CPU time
     #[arg(long)]
     quick: bool,
 

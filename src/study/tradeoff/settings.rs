@@ -14,7 +14,7 @@ const CONVERGED: (f64, usize) = (48_000.0, 20);
 /// How much of the axes is sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
-    /// Less than three minutes of CPU time on the standard scene.
+    /// Some three minutes of CPU time on the standard scene.
     Quick,
     /// More values, and a mesh of half the cell.
     Full,
