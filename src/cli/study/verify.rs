@@ -8,7 +8,7 @@ use super::folder;
 use crate::cli::Failure;
 use crate::cli::output::{bar, print, print_json};
 use crate::report::{Chart, Color, SERIES, Series};
-use crate::sim::Preset;
+use crate::sim::{Preset, Solver};
 use crate::study::verify::{
     Curve, Extent, GROUPS, Picture, Row, Subject, Verification, run as compute, trials,
 };
@@ -172,6 +172,7 @@ fn table(report: &Report) -> String {
             count.solver, count.preset, count.met, count.cases
         ));
     }
+    lines.push("none: does not come to rest, or holds at no value that was tried".into());
     lines.push(format!(
         "{:.0} s of processor time, {:.0} s",
         report.cpu_seconds, report.seconds
@@ -257,8 +258,8 @@ fn labels(picture: Picture) -> [&'static str; 3] {
 /// Ink of closed forms; those that were found are drawn beneath.
 const EXACT: Color = [30, 30, 30];
 
-/// What is shown: the accurate preset of cantilevers, all of a hemisphere, and those forces which
-/// fit on one scale.
+/// What is shown: the accurate preset of cantilevers, and what fits on the scale of the closed
+/// form: of Gauss-Seidel the accurate preset on a hemisphere, and no force.
 fn series(picture: Picture, curves: &[(Subject, Curve)]) -> Vec<Series> {
     let (mut exact, mut found): (Vec<Series>, Vec<Series>) = Default::default();
     let mut colors: Vec<String> = Vec::new();
@@ -279,12 +280,14 @@ fn series(picture: Picture, curves: &[(Subject, Curve)]) -> Vec<Series> {
             continue;
         }
         let shown = match (picture, subject) {
-            (_, Subject::Twin) | (Picture::Hemisphere, _) => true,
+            (_, Subject::Twin) => true,
             (Picture::Cantilever, Subject::Fast { preset, .. }) => *preset == Preset::Accurate,
-            (Picture::BiasExtension, Subject::Fast { .. }) => subject.solver() == "yarn",
+            (Picture::Hemisphere, Subject::Fast { solver, preset }) => {
+                *solver == Solver::Yarn || *preset == Preset::Accurate
+            }
+            (Picture::BiasExtension, Subject::Fast { solver, .. }) => *solver == Solver::Yarn,
         };
-        let largest = curve.points.iter().map(|p| p[1].abs()).fold(0.0, f64::max);
-        if !shown || (picture == Picture::BiasExtension && largest > 5.0) {
+        if !shown {
             continue;
         }
         let mut name = format!("{} {}", subject.solver(), subject.preset());

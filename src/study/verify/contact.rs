@@ -24,13 +24,10 @@ fn rubbing([stick, slide]: [f64; 2]) -> Material {
 const HALVINGS: usize = 9;
 
 /// The largest value for which `holds` says yes, from a `bracket` whose lower end should hold and
-/// whose upper end should not; the end itself where it does not.
+/// whose upper end should not; NaN where one of them is not as it should.
 fn threshold([mut low, mut high]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
-    if !holds(low) {
-        return low;
-    }
-    if holds(high) {
-        return high;
+    if !holds(low) || holds(high) {
+        return f64::NAN;
     }
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);

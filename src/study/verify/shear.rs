@@ -141,12 +141,14 @@ pub fn specimen(cells: usize, turn: f64) -> Lamina {
 pub struct Extension {
     /// By how much the specimen is drawn out [m].
     pub d: f64,
-    /// Mean shear of its middle zone [rad].
+    /// Mean shear of its middle zone [rad]; NaN where it does not come to rest.
     pub shear: f64,
-    /// Pull at a clamp, or else the slope of the elastic energy by `d` [N].
+    /// Pull at a clamp, or else the slope of the elastic energy by `d` [N]; likewise.
     pub force: f64,
-    pub v_rms: f64,
 }
+
+/// Root mean square speed below which the specimen rests [m/s].
+const RESTS: f64 = 1e-3;
 
 /// Draws `lamina` out to each of `ways` [m] in turn, ascending.
 pub fn draw_out(solver: &dyn Solve, lamina: &Lamina, ways: &[f64]) -> Vec<Extension> {
@@ -188,11 +190,12 @@ pub fn draw_out(solver: &dyn Solve, lamina: &Lamina, ways: &[f64]) -> Vec<Extens
             (high.iter().sum::<f64>() - low.iter().sum::<f64>()) / (2.0 * step)
         };
         let pull = solver.pull(piece, &at, &clamp);
+        let rests = [&before, &at, &after].iter().all(|s| s.v_rms() < RESTS);
+        let if_at_rest = |x: f64| if rests { x } else { f64::NAN };
         found.push(Extension {
             d,
-            shear: mean_shear(lamina, &at, |[x, y]| x.abs() + y.abs() < middle),
-            force: pull.map_or_else(slope, |[x, ..]| x),
-            v_rms: at.v_rms(),
+            shear: if_at_rest(mean_shear(lamina, &at, |[x, y]| x.abs() + y.abs() < middle)),
+            force: if_at_rest(pull.map_or_else(slope, |[x, ..]| x)),
         });
         state = after;
     }
