@@ -235,7 +235,7 @@ fn survey(path: &Path, args: &Args) -> Result<(Surveyed, Option<Scene>, Kind), F
     let (surveyed, scene, kind) = if path.is_dir() {
         let loaded = Loaded::open(path, args.json)?;
         let (played, ..) = loaded.play(Source::Sequence)?;
-        let drape = Drape::new(&loaded.scene.lamina, &played.state.position);
+        let drape = Drape::new(&loaded.scene.lamina, &played.end.state.position);
         let scene = (*loaded.scene).clone();
         (Surveyed::draped(drape), Some(scene), Kind::Run)
     } else if is_stl(path) {

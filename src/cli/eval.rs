@@ -16,8 +16,8 @@ use crate::file::check_writable;
 use crate::math::mean_and_deviation;
 use crate::ppo::{Agent, Sampling};
 use crate::run::{
-    Checkpoint, EpisodeSummary, Followed, Played, RunConfig, RunFolder, parallel_episodes, play,
-    replay, replay_loosely,
+    Checkpoint, EpisodeSummary, Played, RunConfig, RunFolder, parallel_episodes, play, press_all,
+    replay,
 };
 use crate::scene::Scene;
 use crate::sim::{Preset, Solver};
@@ -53,14 +53,13 @@ pub struct Args {
     sequence: bool,
 
     /// Compute the episodes with this solver, from the initial state of the run. A sequence is
-    /// followed as with --accuracy
+    /// pressed as with --accuracy
     #[arg(long, value_enum)]
     solver: Option<SolverName>,
 
     /// Step the episodes as finely as this, fast, balanced or accurate, from the initial state of
-    /// the run, instead of as in training. A sequence is followed as far as it goes: presses
-    /// that are not allowed any more are left out, and what stays untouched is pressed after it,
-    /// by the numbers of the vertices. Both are reported
+    /// the run, instead of as in training. A sequence is pressed as a robot would: all of it,
+    /// whatever the masks allow then
     #[arg(long, value_parser = accuracy, value_name = "NAME")]
     accuracy: Option<Preset>,
 
@@ -100,9 +99,6 @@ struct Report {
     /// What `--accuracy` asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     accuracy: Option<Preset>,
-    /// How far the sequence was followed.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    presses: Option<Followed>,
     /// The greedy episode, or the replayed one.
     episode: EpisodeSummary,
     /// How many deviations of the random policy's final region distance the episode lies
@@ -154,15 +150,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let (played, agent, recorder, draping) = loaded.play(source)?;
     let Loaded { env, scene, .. } = &loaded;
     if let Some(file) = &args.state {
-        Drape::new(&scene.lamina, &played.state.position).write(file)?;
+        Drape::new(&scene.lamina, &played.end.state.position).write(file)?;
     }
-
-    let presses = if args.sequence {
-        let stored = loaded.folder.read_best_sequence()?.vertices;
-        Some(Followed::of(&stored, &played.vertices))
-    } else {
-        None
-    };
 
     let random = Baseline::play(scene, env, args.episodes, BASELINE_SEED)?;
     let sampled = match (&agent, args.sample) {
@@ -181,7 +170,6 @@ pub fn run(args: Args) -> Result<(), Failure> {
             args.checkpoint.clone()
         },
         accuracy: args.accuracy,
-        presses,
         deviations_below_random: (random.deviation_region_final_m > 0.0)
             .then(|| below / random.deviation_region_final_m),
         episode: played.summary,
@@ -262,7 +250,7 @@ impl Loaded {
                 let config = self.config.to_toml();
                 best.validate_config(&config)
                     .or_invalid_in(self.folder.best_sequence().display())?;
-                let replay = if self.changed { replay_loosely } else { replay };
+                let replay = if self.changed { press_all } else { replay };
                 (replay(&mut draping, &best.vertices, watch), None)
             }
             Source::Checkpoint(name) => {
@@ -385,12 +373,6 @@ fn text(report: &Report) -> String {
             episode.seconds
         ),
     ];
-    if let Some(presses) = report.presses.filter(|presses| !presses.is_whole()) {
-        lines.push(format!(
-            "  {} of {} presses followed, {} added",
-            presses.followed, presses.stored, presses.added
-        ));
-    }
     if let Some(sampled) = &report.sampled {
         lines.push(format!(
             "sampled policy, {} episodes: {:.2} +- {:.2} % removed, best {:.2} %",

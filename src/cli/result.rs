@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::Context;
 use serde::Serialize;
 
 use super::Failure;
@@ -167,11 +166,10 @@ impl Recorder {
         title: &str,
     ) -> Result<(), Failure> {
         let scene = draping.scene();
-        let finished = draping.finished(0).context("the episode is not over")?;
         let end = Frame {
-            state: played.state.clone(),
-            draped: finished.draped.clone(),
-            touched: finished.touched.clone(),
+            state: played.end.state.clone(),
+            draped: played.end.draped.clone(),
+            touched: played.end.touched.clone(),
             path: path_of(&played.points, draping.config()),
             caption: caption(
                 played.vertices.len(),
@@ -190,7 +188,7 @@ impl Recorder {
         let studio = Studio::new(scene, View::Isometric, PICTURE_SIZE);
         let shot = |state: &Snapshot, text: &str| studio.distance(state, text);
         shot(&scene.initial, "before").save_png(&folder.join("before.png"))?;
-        shot(&played.state, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
+        shot(&played.end.state, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
         let top = Studio::new(scene, View::Top, PICTURE_SIZE);
         top.progress(&end).save_png(&folder.join("path.png"))?;
         let film = Studio::new(scene, View::Isometric, FILM_SIZE).film(&self.frames);

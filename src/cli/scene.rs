@@ -25,6 +25,9 @@ const SIZE: [usize; 2] = [960, 720];
 /// A blank that is nowhere as near to the tool as this has missed it [m].
 pub(super) const MISSED: f64 = 0.05;
 
+/// Root mean square speed after the fall above which a blank does not lie yet [mm/s].
+const RESTLESS: f64 = 2.0;
+
 /// What is wrong with a blank that has missed the tool by `clearance` [m].
 pub(super) fn missed(clearance: f64) -> String {
     format!(
@@ -171,6 +174,13 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
         if let Some(size) = absurd(size) {
             eprintln!("warning: {place}: the {what} measures {size}: check {key}");
         }
+    }
+    let v_rms = 1e3 * scene.initial.v_rms();
+    if v_rms > RESTLESS && scene.clearance() <= MISSED {
+        eprintln!(
+            "warning: {place}: after the fall the blank still moves at {v_rms:.1} mm/s, expected \
+             at most {RESTLESS}: raise `fall.substep_rate` or `fall.settle_s`"
+        );
     }
     Ok(scene)
 }

@@ -26,7 +26,7 @@ pub use folder::{
 pub use log::LogError;
 pub use metrics::{Metrics, MetricsError, MetricsWriter, curve, read_metrics};
 pub use rollout::{
-    EpisodeSummary, Followed, Played, RolloutError, parallel_episodes, play, random_episodes,
-    replay, replay_loosely,
+    EpisodeSummary, Played, RolloutError, parallel_episodes, play, press_all, random_episodes,
+    replay,
 };
 pub use training::{Report, Training, TrainingError};

@@ -2,11 +2,10 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::env::{Draping, End, EnvConfig, EnvError, Tasks};
+use crate::env::{Draping, End, EnvConfig, EnvError, Finished, Tasks};
 use crate::math::{Purpose, Stream, Vec3};
 use crate::path::{PressedPoint, strokes};
 use crate::scene::Scene;
-use crate::sim::Snapshot;
 
 /// How an episode went.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -43,7 +42,7 @@ pub struct Played {
     /// Where on the tool each was pressed.
     pub points: Vec<PressedPoint>,
     /// The cloth at the end.
-    pub state: Snapshot,
+    pub end: Finished,
 }
 
 /// An episode that did not come to its end.
@@ -109,72 +108,52 @@ pub fn play(
             }
         }
     }
-    let mut summary = summarise(draping, 0, &points);
+    let end = draping.finished(0).expect("the episode is over").clone();
+    let mut summary = summarise(draping, &end, &points);
     summary.seconds = seconds;
-    let state = draping
-        .finished(0)
-        .expect("the episode is over")
-        .state
-        .clone();
     Ok(Played {
         summary,
         vertices,
         points,
-        state,
+        end,
     })
 }
 
-/// How far a loosely replayed sequence was followed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Followed {
-    /// Presses of the sequence.
-    pub stored: usize,
-    /// Those of them that were played, in their order.
-    pub followed: usize,
-    /// Presses that were played after them, on what they had left untouched.
-    pub added: usize,
-}
-
-impl Followed {
-    /// Compares a sequence with what [`replay_loosely`] or [`replay`] has made of it.
-    pub fn of(sequence: &[u32], played: &[u32]) -> Self {
-        let mut rest = sequence.iter();
-        // A press that was left out is never the next one played: that one was allowed.
-        let is_next = |vertex: &&u32| rest.any(|stored| stored == *vertex);
-        let followed = played.iter().take_while(is_next).count();
-        Self {
-            stored: sequence.len(),
-            followed,
-            added: played.len() - followed,
+/// Presses a list of vertices under other physics than it was found in, as the robot will: all of
+/// them in their order, whatever the masks would allow there.
+pub fn press_all(
+    draping: &mut Draping,
+    vertices: &[u32],
+    mut watch: impl FnMut(&Draping, &[PressedPoint]),
+) -> Result<Played, RolloutError> {
+    let mut seconds = 0.0;
+    draping.reset(0);
+    let mut points = Vec::new();
+    for &vertex in vertices {
+        watch(draping, &points);
+        let start = std::time::Instant::now();
+        points.push(pressed(draping, 0, vertex));
+        let sound = draping.press(&[Some(vertex)]);
+        seconds += start.elapsed().as_secs_f64();
+        if sound != [true] {
+            return Err(RolloutError::Diverged {
+                steps: points.len(),
+            });
         }
     }
-
-    /// Whether what was played is the sequence.
-    pub fn is_whole(&self) -> bool {
-        self.followed == self.stored && self.added == 0
-    }
-}
-
-/// Plays a sequence of vertices under other physics than it was found in, where the stencil
-/// may cover other vertices and strokes may end elsewhere: a vertex that is not allowed when its
-/// turn comes is left out, and what the sequence leaves untouched is pressed after it, in the
-/// order of the vertices. [`Followed`] counts both.
-pub fn replay_loosely(
-    draping: &mut Draping,
-    sequence: &[u32],
-    watch: impl FnMut(&Draping, &[PressedPoint]),
-) -> Result<Played, RolloutError> {
-    let mut rest = sequence.iter();
-    let choose = |draping: &Draping, _| {
-        let mask = &draping.observation(0).mask;
-        let allowed = |&vertex: &u32| {
-            let action = draping.action(vertex)?;
-            mask.contains(action as usize).then_some(action)
-        };
-        let lowest = || mask.minimum().expect("a mask is never empty") as u32;
-        Ok(rest.by_ref().find_map(allowed).unwrap_or_else(lowest))
+    let end = Finished {
+        state: draping.state(0),
+        draped: draping.draped(0).clone(),
+        touched: draping.touched(0).clone(),
     };
-    play(draping, choose, watch)
+    let mut summary = summarise(draping, &end, &points);
+    summary.seconds = seconds;
+    Ok(Played {
+        summary,
+        vertices: vertices.to_vec(),
+        points,
+        end,
+    })
 }
 
 /// Plays a sequence of vertices again.
@@ -256,7 +235,8 @@ pub fn parallel_episodes(
                 over[index] = true;
                 open -= 1;
                 if episode.end != End::Diverged {
-                    let mut summary = summarise(&draping, index, &points[index]);
+                    let end = draping.finished(index).expect("the episode is over");
+                    let mut summary = summarise(&draping, end, &points[index]);
                     summary.seconds = start.elapsed().as_secs_f64() / count as f64;
                     summaries[index] = Some(summary);
                 }
@@ -267,10 +247,9 @@ pub fn parallel_episodes(
     Ok(summaries.into_iter().flatten().collect())
 }
 
-/// Measures the episode that has just ended in environment `index`.
-fn summarise(draping: &Draping, index: usize, points: &[PressedPoint]) -> EpisodeSummary {
+/// Measures how presses have ended.
+fn summarise(draping: &Draping, finished: &Finished, points: &[PressedPoint]) -> EpisodeSummary {
     let scene = draping.scene();
-    let finished = draping.finished(index).expect("the episode is over");
     let at_start = scene.summary(&scene.initial);
     let at_end = scene.summary(&finished.state);
     let region_initial_m = draping.initial_distance();
@@ -297,33 +276,5 @@ fn summarise(draping: &Draping, index: usize, points: &[PressedPoint]) -> Episod
         strain_max: at_end.strain_max,
         v_rms_mm_s: at_end.v_rms_mm_s,
         seconds: 0.0,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn presses_that_were_left_out_and_added_are_counted() {
-        for (played, followed, added) in [
-            (&[7, 3, 9, 1][..], 4, 0),
-            // 3 was not allowed any more, and what it had left was pressed last.
-            (&[7, 9, 1, 2, 3], 3, 2),
-            // The episode was over before the sequence.
-            (&[7, 3], 2, 0),
-            // Nothing but the first was allowed: 9 as an addition is no part of the sequence.
-            (&[7, 0, 9], 1, 2),
-            (&[0], 0, 1),
-        ] {
-            let found = Followed::of(&[7, 3, 9, 1], played);
-            let expected = Followed {
-                stored: 4,
-                followed,
-                added,
-            };
-            assert_eq!(found, expected);
-            assert_eq!(found.is_whole(), (followed, added) == (4, 0));
-        }
     }
 }

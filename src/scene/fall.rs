@@ -7,9 +7,9 @@ use crate::math::Isa;
 use crate::sim::{Control, Model, PhysicsConfig, Snapshot, alone_f64};
 use crate::tool::Tool;
 
-/// Depth in the tool that a blank may start at [m]: what a coarse grid errs by at an edge.
-/// Deeper, contact would throw it out.
-const IN_TOOL: f64 = 2e-3;
+/// Depth in the tool that a blank may start at, in spacings of the tool's grid: what that errs by
+/// at an edge. Deeper, contact would throw it out.
+const IN_TOOL: f64 = 0.5;
 
 /// A scene that is set up: the lamina lies on the tool as the fall has left it.
 #[derive(Clone)]
@@ -59,7 +59,7 @@ impl Scene {
         }
         let depths = start.position.iter().map(|&x| -tool.distance(x).0);
         let deepest = depths.fold(f64::NEG_INFINITY, f64::max);
-        if deepest > IN_TOOL {
+        if deepest > IN_TOOL * 1e-3 * config.tool.grid.spacing_mm {
             return Err(SceneError::InTool {
                 height_mm: config.placement.height_mm,
                 depth_mm: 1e3 * deepest,

@@ -40,7 +40,8 @@ fn outline_counts_from_the_folder_of_the_scene() {
     fs::write(path.join("sub/outline.csv"), SQUARE).unwrap();
     let text = format!("{SCENE}outline = \"outline.csv\"\ncell_mm = 7\nyarn_angle_deg = 30\n");
     fs::write(path.join("sub/scene.toml"), text).unwrap();
-    let text = stdout(path, &["scene", "sub/scene.toml", "--out", "out"]);
+    let output = drape(path, &["scene", "sub/scene.toml", "--out", "out"]);
+    let text = String::from_utf8(output.stdout).unwrap();
     let first = text.lines().next().unwrap();
     assert!(first.ends_with(" of them along the outline"), "{text}");
 }

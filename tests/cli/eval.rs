@@ -109,17 +109,12 @@ fn sequence_is_replayed_with_another_accuracy() {
     let path = folder.path();
     let own = eval(path, &["--sequence"]);
     assert!(own.get("accuracy").is_none());
-    let steps = number(&own["episode"]["steps"]);
-    let presses =
-        |report: &Value| ["stored", "followed", "added"].map(|key| number(&report["presses"][key]));
-    assert_eq!(presses(&own), [steps, steps, 0.0]);
-    assert!(eval(path, &[]).get("presses").is_none());
     let replay = |accuracy: &str| eval(path, &["--sequence", "--accuracy", accuracy]);
     let accurate = replay("accurate");
     assert_eq!(accurate["accuracy"], "accurate");
     check_episode(&accurate["episode"]);
     check_episodes(&accurate["random"], 5);
-    assert_eq!(presses(&accurate), presses(&own));
+    assert_eq!(accurate["episode"]["steps"], own["episode"]["steps"]);
     for key in ["region_initial_m", "sheet_initial_m"] {
         assert_eq!(accurate["episode"][key], own["episode"][key], "{key}");
     }
@@ -153,31 +148,22 @@ fn sequence_is_replayed_with_another_accuracy() {
     );
 }
 
-/// Under a stencil that covers its neighbours, steps of another length let other presses follow.
+/// Where the stencil covers neighbours, steps of another length change what the masks allow; the
+/// robot has the list all the same.
 #[test]
-fn presses_that_a_replay_leaves_out_and_adds_are_reported() {
+fn whole_sequences_are_pressed_with_another_accuracy() {
     let folder = folder();
     let path = folder.path();
     let config = CONFIG.replace("[env]", "[env]\nstencil_mm = 30.0");
     train(path, &config, "b");
-    let args = ["eval", "runs/b", "--sequence", "--episodes", "2"];
-    let changed = [&args[..], &["--accuracy", "fast"]].concat();
-    let report = json(path, &[&changed[..], &["--json"]].concat());
-    let [stored, followed, added] =
-        ["stored", "followed", "added"].map(|key| report["presses"][key].as_u64().unwrap());
     let sequence = read_json(&path.join("runs/b/best_sequence.json"));
-    assert_eq!(
-        stored,
-        sequence["vertices"].as_array().unwrap().len() as u64
-    );
-    assert!(0 < followed && followed < stored && added > 0);
-    assert_eq!(report["episode"]["steps"], followed + added);
-    let line = format!("\n  {followed} of {stored} presses followed, {added} added\n");
-    let text = stdout(path, &changed);
-    assert!(text.contains(&line), "{text}");
-    // Nothing to tell where the sequence is played as it was found.
-    let own = stdout(path, &args);
-    assert!(!own.contains("followed"), "{own}");
+    let stored = sequence["vertices"].as_array().unwrap().len();
+    for accuracy in ["fast", "accurate"] {
+        let args = ["eval", "runs/b", "--sequence", "--episodes", "2", "--json"];
+        let report = json(path, &[&args[..], &["--accuracy", accuracy]].concat());
+        assert_eq!(report["episode"]["steps"], stored);
+        assert!(number(&report["episode"]["score"]) > 0.0, "{report}");
+    }
 }
 
 #[test]

@@ -28,7 +28,7 @@ vertices = [17, 17]
 
 [scene.fall]
 fall_s = 0.2
-settle_s = 0.2
+settle_s = 0.6
 substep_rate = 1200
 
 [[scene.clamps]]

@@ -405,6 +405,23 @@ fn output_folders_that_cannot_be_used_are_named() {
     );
 }
 
+/// A state that is not at rest is told, not taken for a drape.
+#[test]
+fn a_blank_that_still_moves_is_noticed() {
+    let folder = folder();
+    let path = folder.path();
+    let stderr = |text: &str| {
+        let output = set_up(path, text);
+        assert!(output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let moving = stderr(&scene(RIB).replace("settle_s = 0.5", "settle_s = 0.1"));
+    let start = "warning: scene.toml: after the fall the blank still moves at ";
+    assert!(moving.starts_with(start), "{moving}");
+    assert!(moving.contains("`fall.settle_s`"), "{moving}");
+    assert_eq!(stderr(&scene(RIB)), "");
+}
+
 /// Training refuses what a scene warns of.
 #[test]
 fn a_blank_that_misses_the_tool_is_noticed() {
