@@ -121,6 +121,9 @@ pub fn play(
 
 /// Presses a list of vertices under other physics than it was found in, as the robot will: all of
 /// them in their order, whatever the masks would allow there.
+///
+/// # Errors
+/// If a vertex is none of the region's, or the simulation diverges.
 pub fn press_all(
     draping: &mut Draping,
     vertices: &[u32],
@@ -129,7 +132,10 @@ pub fn press_all(
     let mut seconds = 0.0;
     draping.reset(0);
     let mut points = Vec::new();
-    for &vertex in vertices {
+    for (step, &vertex) in vertices.iter().enumerate() {
+        if draping.action(vertex).is_none() {
+            return Err(RolloutError::Forbidden { step, vertex });
+        }
         watch(draping, &points);
         let start = std::time::Instant::now();
         points.push(pressed(draping, 0, vertex));

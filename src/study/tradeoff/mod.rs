@@ -10,8 +10,8 @@
 //! | the same presses in eight orders | the distance that the reference leaves in each |
 //!
 //! The reference of a *method* (solver, rates, precision) is the same model converged: `yarn`, f64,
-//! 48 000 substeps a second, four times the finest preset. That of a *model* (mesh, tool grid, press, physics) is the one on its
-//! axis that leaves least out, stepped as usual.
+//! 48 000 substeps a second, four times the finest preset. That of a *model* (mesh, tool grid,
+//! press, physics) is the one on its axis that leaves least out, stepped as usual.
 //!
 //! Places diverge: what a press does to a wrinkle can hang on a hair, and then positions
 //! differ by millimetres whatever the rate. [`Noise`] is what a push of the start by a thousandth of
