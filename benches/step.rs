@@ -6,10 +6,10 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use drape::math::Isa;
-use drape::scene::Scene;
-use drape::sim::PhysicsConfig;
-use drape::study::bench::{
+use drape_cloth::math::Isa;
+use drape_cloth::scene::Scene;
+use drape_cloth::sim::PhysicsConfig;
+use drape_study::bench::{
     Backend, CONTROL, Case, ENVIRONMENTS, FEATURES, Player, THREADS, physics, standard_scene,
     variants,
 };

@@ -6,8 +6,8 @@ use serde::Serialize;
 
 use super::Failure;
 use super::output::{Progress, print, print_json};
-use crate::sim::Solver;
-use crate::study::bench::{ENVIRONMENTS, Effort, Findings, Row, run as measure};
+use drape_cloth::sim::Solver;
+use drape_study::bench::{ENVIRONMENTS, Effort, Findings, Row, run as measure};
 
 /// Measure the speed of the simulation on this machine
 ///

@@ -8,11 +8,11 @@ use serde::Serialize;
 use super::Failure;
 use super::picture::{Studio, View};
 use super::scene::set_up;
-use crate::math::Vec3;
-use crate::mesh::TriMesh;
-use crate::report::{CLOTH, Camera, Color, Image, Mark, Scene as Picture, TOOL};
-use crate::scene::{Scene, Summary};
-use crate::sim::SelfCollision;
+use drape_cloth::math::Vec3;
+use drape_cloth::mesh::TriMesh;
+use drape_cloth::scene::{Scene, Summary};
+use drape_cloth::sim::SelfCollision;
+use drape_report::{CLOTH, Camera, Color, Image, Mark, Scene as Picture, TOOL};
 
 /// Width and height of each of the four pictures [px].
 const SIZE: [usize; 2] = [760, 480];

@@ -10,17 +10,17 @@ use super::failure::OrInvalid;
 use super::output::OutFolder;
 use super::result::{BASELINE_SEED, Baseline, Recorder, rollout_failure};
 use super::scene::set_up;
-use crate::env::{Draping, EnvConfig, Tasks};
-use crate::fabric::Drape;
-use crate::file::check_writable;
-use crate::math::mean_and_deviation;
-use crate::ppo::{Agent, Sampling};
 use crate::run::{
     Checkpoint, EpisodeSummary, Played, RunConfig, RunFolder, parallel_episodes, play, press_all,
     replay,
 };
-use crate::scene::Scene;
-use crate::sim::{Preset, Solver};
+use drape_cloth::fabric::Drape;
+use drape_cloth::file::check_writable;
+use drape_cloth::math::mean_and_deviation;
+use drape_cloth::scene::Scene;
+use drape_cloth::sim::{Preset, Solver};
+use drape_learn::ppo::{Agent, Sampling};
+use drape_task::env::{Draping, EnvConfig, Tasks};
 
 /// Roll out a trained policy and compare it with the random one
 ///

@@ -6,12 +6,12 @@ use serde::Serialize;
 use super::Failure;
 use super::eval::{Loaded, Source};
 use super::result::path;
-use crate::fabric::{Curve, Drape, Family};
-use crate::file::check_writable;
-use crate::math::Vec3;
-use crate::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
-use crate::path::{DrapingPoint, write_csv, write_json};
-use crate::sim::BendingStiffness;
+use drape_cloth::fabric::{Curve, Drape, Family};
+use drape_cloth::file::check_writable;
+use drape_cloth::math::Vec3;
+use drape_cloth::sim::BendingStiffness;
+use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
+use drape_task::path::{DrapingPoint, write_csv, write_json};
 
 /// Write the ordered draping points for the robot, or the whole case for finite elements
 #[derive(Debug, clap::Args)]

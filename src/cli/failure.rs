@@ -3,7 +3,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Error};
 
-use crate::scene::SceneError;
+use drape_cloth::scene::SceneError;
 
 /// Why a command ended early, and whose turn it is.
 ///

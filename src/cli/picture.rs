@@ -3,14 +3,14 @@
 use fixedbitset::FixedBitSet;
 use rayon::prelude::*;
 
-use crate::math::Vec3;
-use crate::mesh::TriMesh;
-use crate::report::{
+use drape_cloth::math::Vec3;
+use drape_cloth::mesh::TriMesh;
+use drape_cloth::scene::Scene;
+use drape_cloth::sim::Snapshot;
+use drape_report::{
     BACKGROUND, CLOTH, Camera, Color, ColorMap, DRAPED, Film, Image, PATH, Paint, Scene as Picture,
     TOOL, TOUCHED,
 };
-use crate::scene::Scene;
-use crate::sim::Snapshot;
 
 /// Distance to the tool from which on cloth is fully red [m].
 pub const FAR: f64 = 0.025;
@@ -210,8 +210,8 @@ pub(super) fn creased(mesh: &TriMesh) -> TriMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fabric::BlankConfig;
-    use crate::scene::{Fall, SceneConfig};
+    use drape_cloth::fabric::BlankConfig;
+    use drape_cloth::scene::{Fall, SceneConfig};
 
     /// A coarse blank flat over the middle of the rib's plate, which nothing has moved.
     fn scene() -> Scene {

@@ -7,16 +7,16 @@ use serde::Serialize;
 
 use super::Failure;
 use super::picture::{Frame, Studio, View};
-use crate::env::{Draping, EnvConfig};
-use crate::math::mean_and_deviation;
-use crate::path::{DrapingPoint, PressedPoint, stroke_points, strokes, write_json};
-use crate::report::{Chart, Level, SERIES, Series};
 use crate::run::{
     EpisodeSummary, Played, RolloutError, RunFolder, Training, curve, random_episodes,
     read_metrics, replay,
 };
-use crate::scene::Scene;
-use crate::sim::Snapshot;
+use drape_cloth::math::mean_and_deviation;
+use drape_cloth::scene::Scene;
+use drape_cloth::sim::Snapshot;
+use drape_report::{Chart, Level, SERIES, Series};
+use drape_task::env::{Draping, EnvConfig};
+use drape_task::path::{DrapingPoint, PressedPoint, stroke_points, strokes, write_json};
 
 /// Random episodes that a training is compared with.
 const BASELINE_EPISODES: usize = 32;

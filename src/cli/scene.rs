@@ -11,13 +11,13 @@ use super::failure::{OrInvalid, scene_failure};
 use super::output::{OutFolder, Progress, print, print_json};
 use super::picture::{Studio, View};
 use super::tool::{GRID_SAMPLES, GridErrorMm};
-use crate::fabric::Drape;
-use crate::file::{check_writable, write_atomic};
-use crate::math::Vec3;
-use crate::mesh::write_stl;
-use crate::scene::{Scene, SceneConfig, Summary};
-use crate::sim::SelfCollision;
-use crate::tool::Source;
+use drape_cloth::fabric::Drape;
+use drape_cloth::file::{check_writable, write_atomic};
+use drape_cloth::math::Vec3;
+use drape_cloth::mesh::write_stl;
+use drape_cloth::scene::{Scene, SceneConfig, Summary};
+use drape_cloth::sim::SelfCollision;
+use drape_cloth::tool::Source;
 
 /// Width and height of the pictures [px].
 const SIZE: [usize; 2] = [960, 720];

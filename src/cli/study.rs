@@ -14,10 +14,10 @@ use clap::Subcommand;
 use super::Failure;
 use super::failure::OrInvalid;
 use super::output::OutFolder;
-use crate::env::EnvError;
 use crate::run::dated_folder;
-use crate::scene::{SceneConfig, SceneError};
-use crate::study::twin::TwinStudyError;
+use drape_cloth::scene::{SceneConfig, SceneError};
+use drape_study::twin::TwinStudyError;
+use drape_task::env::EnvError;
 
 /// Measure the simulator itself
 #[derive(Debug, clap::Args)]

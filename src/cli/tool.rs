@@ -9,8 +9,8 @@ use serde::de::DeserializeOwned;
 use super::Failure;
 use super::failure::OrInvalid;
 use super::output::{print, print_json};
-use crate::mesh::write_stl;
-use crate::tool::{ErrorSummary, GridConfig, GridError, Shape, Tool};
+use drape_cloth::mesh::write_stl;
+use drape_cloth::tool::{ErrorSummary, GridConfig, GridError, Shape, Tool};
 
 /// Points at which the distance grid is compared, in its box and near the surface each.
 pub(super) const GRID_SAMPLES: usize = 20_000;

@@ -12,11 +12,11 @@ use super::failure::OrInvalid;
 use super::output::{bar, print, print_json};
 use super::result;
 use super::scene::{MISSED, missed, set_up};
-use crate::env::{Draping, End, Shape, Tasks};
-use crate::policy::DeviceKind;
 use crate::run::{RunConfig, RunFolder, RunInfo, Training, TrainingError};
-use crate::scene::{Scene, SceneConfig};
-use crate::sim::Preset;
+use drape_cloth::scene::{Scene, SceneConfig};
+use drape_cloth::sim::Preset;
+use drape_learn::policy::DeviceKind;
+use drape_task::env::{Draping, End, Shape, Tasks};
 
 /// Iterations between two checkpoints.
 const CHECKPOINT_INTERVAL: u64 = 10;

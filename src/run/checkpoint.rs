@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use super::container::{Decoder, Encoder, FORMAT, Fault, text};
-use crate::file::{WriteError, write_atomic};
+use drape_cloth::file::{WriteError, write_atomic};
 
 const KIND: &str = "drape checkpoint";
 

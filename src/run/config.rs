@@ -5,12 +5,12 @@ use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
-use crate::env::EnvConfig;
-use crate::file::{ParseError, names_instead, parse_toml, plain, read_toml};
-use crate::policy::{DeviceKind, PolicyConfig};
-use crate::ppo::PpoConfig;
-use crate::scene::{SceneConfig, SceneError};
-use crate::sim::Preset as Accuracy;
+use drape_cloth::file::{ParseError, names_instead, parse_toml, plain, read_toml};
+use drape_cloth::scene::{SceneConfig, SceneError};
+use drape_cloth::sim::Preset as Accuracy;
+use drape_learn::policy::{DeviceKind, PolicyConfig};
+use drape_learn::ppo::PpoConfig;
+use drape_task::env::EnvConfig;
 
 /// A set of defaults for task, network and learner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -7,8 +7,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::date::Utc;
-use crate::env::Shape;
-use crate::file::{WriteError, write_atomic};
+use drape_cloth::file::{WriteError, write_atomic};
+use drape_task::env::Shape;
 
 /// The folder of one run: `ROOT/NAME/`. Its layout is described in `runs/README.md`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -314,7 +314,7 @@ impl RunFolder {
         self.path.join("best_sequence.json")
     }
 
-    /// Draping points of the best sequence ([`crate::path`]).
+    /// Draping points of the best sequence ([`drape_task::path`]).
     pub fn trajectory(&self) -> PathBuf {
         self.path.join("trajectory.json")
     }

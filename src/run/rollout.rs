@@ -2,10 +2,10 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::env::{Draping, End, EnvConfig, EnvError, Finished, Tasks};
-use crate::math::{Purpose, Stream, Vec3};
-use crate::path::{PressedPoint, strokes};
-use crate::scene::Scene;
+use drape_cloth::math::{Purpose, Stream, Vec3};
+use drape_cloth::scene::Scene;
+use drape_task::env::{Draping, End, EnvConfig, EnvError, Finished, Tasks};
+use drape_task::path::{PressedPoint, strokes};
 
 /// How an episode went.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -10,10 +10,10 @@ use super::events::EventWriter;
 use super::folder::{BestSequence, FolderError, RunFolder, config_digest};
 use super::log::LogError;
 use super::metrics::{MetricsError, MetricsWriter, read_metrics};
-use crate::env::{Draping, End, EnvError, Shape, Tasks};
-use crate::file::WriteError;
-use crate::ppo::{Iteration, LoadError, Sampling, TrainError, Trainer};
-use crate::scene::Scene;
+use drape_cloth::file::WriteError;
+use drape_cloth::scene::Scene;
+use drape_learn::ppo::{Iteration, LoadError, Sampling, TrainError, Trainer};
+use drape_task::env::{Draping, End, EnvError, Shape, Tasks};
 
 /// Checkpoint section of what the run itself remembers.
 const RUN: &str = "run";

@@ -1,13 +1,13 @@
 use std::collections::HashMap;
 
 use crate::cli::picture::{CLOTH_BIAS, creased};
-use crate::math::Vec3;
-use crate::mesh::TriMesh;
-use crate::report::{
+use drape_cloth::math::Vec3;
+use drape_cloth::mesh::TriMesh;
+use drape_cloth::tool::Tool;
+use drape_report::{
     Camera, Color, ColorBar, ColorMap, Image, Mark, PATH, Paint, Scene as Picture, TOOL,
 };
-use crate::study::compare::{Comparison, Surveyed};
-use crate::tool::Tool;
+use drape_study::compare::{Comparison, Surveyed};
 
 /// Width and height of each view [px].
 const SIZE: [usize; 2] = [760, 600];

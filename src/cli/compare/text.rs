@@ -1,8 +1,8 @@
 use std::fmt::Write as _;
 
 use super::Report;
-use crate::mesh::compare::{ContourDeviation, Spread};
-use crate::study::compare::{Measures, Parts};
+use drape_cloth::mesh::compare::{ContourDeviation, Spread};
+use drape_study::compare::{Measures, Parts};
 
 /// The report for a reader; what is not applicable is left out and listed at the end.
 pub(super) fn text(report: &Report) -> String {

@@ -9,10 +9,10 @@ use super::region;
 use crate::cli::Failure;
 use crate::cli::failure::{OrInvalid, scene_failure};
 use crate::cli::output::{Progress, print, print_json};
-use crate::env::EnvConfig;
-use crate::math::mean_and_deviation;
-use crate::scene::{Scene, SceneConfig};
-use crate::study::episodes::{Ended, Order, Played, play};
+use drape_cloth::math::mean_and_deviation;
+use drape_cloth::scene::{Scene, SceneConfig};
+use drape_study::episodes::{Ended, Order, Played, play};
+use drape_task::env::EnvConfig;
 
 /// Play whole episodes in fixed orders: strain, rest and penetration after them, and how much
 /// the order matters

@@ -9,10 +9,10 @@ use serde::Serialize;
 use super::folder;
 use crate::cli::Failure;
 use crate::cli::output::{bar, print, print_json};
-use crate::file::write_atomic;
-use crate::report::{Color, HeatMap, Image, Tile};
-use crate::sim::Solver;
-use crate::study::stability::{
+use drape_cloth::file::write_atomic;
+use drape_cloth::sim::Solver;
+use drape_report::{Color, HeatMap, Image, Tile};
+use drape_study::stability::{
     Axis, Cell, Extent, Outcome, Precision, Sweep, Swept, THRESHOLD, Tally, csv, run as compute,
     sweeps,
 };

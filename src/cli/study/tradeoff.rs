@@ -9,15 +9,15 @@ use super::{folder, region, twin_failure};
 use crate::cli::Failure;
 use crate::cli::failure::{OrInvalid, scene_failure};
 use crate::cli::output::{bar, print, print_json};
-use crate::env::EnvConfig;
-use crate::file::write_atomic;
-use crate::report::{Chart, Color, Level, SERIES, Scale, Series};
-use crate::scene::SceneConfig;
-use crate::study::tradeoff::{
+use drape_cloth::file::write_atomic;
+use drape_cloth::scene::SceneConfig;
+use drape_report::{Chart, Color, Level, SERIES, Scale, Series};
+use drape_study::tradeoff::{
     Extent, Findings, Kind, Noise, Point, TradeoffError, Twinned, against_twin, csv,
     run as compute, settings,
 };
-use crate::study::twin::twin_config;
+use drape_study::twin::twin_config;
+use drape_task::env::EnvConfig;
 
 /// Name of the table in the folder.
 const TABLE: &str = "points.csv";

@@ -8,12 +8,12 @@ use super::{REGION, folder, region, scene_config, set_mesh, twin_failure};
 use crate::cli::Failure;
 use crate::cli::failure::{OrInvalid, scene_failure};
 use crate::cli::output::{Progress, print, print_json};
-use crate::env::EnvConfig;
-use crate::file::write_atomic;
-use crate::report::{Chart, Image, SERIES, Series};
-use crate::study::episodes::Order;
-use crate::study::transfer::{Agreement, BALANCED, Row, TWIN, Transfer, generate, transfer};
-use crate::study::twin::{set_up, stencil_mm};
+use drape_cloth::file::write_atomic;
+use drape_report::{Chart, Image, SERIES, Series};
+use drape_study::episodes::Order;
+use drape_study::transfer::{Agreement, BALANCED, Row, TWIN, Transfer, generate, transfer};
+use drape_study::twin::{set_up, stencil_mm};
+use drape_task::env::EnvConfig;
 
 /// Play the same presses under several settings and in the finite-element twin: do they agree
 /// which path is the better one?

@@ -10,20 +10,20 @@ use crate::cli::Failure;
 use crate::cli::compare::picture;
 use crate::cli::failure::{OrInvalid, scene_failure};
 use crate::cli::output::{Progress, print, print_json};
-use crate::env::EnvConfig;
-use crate::fabric::{Drape, Lamina};
-use crate::mesh::{VtkField, write_stl, write_vtk};
-use crate::path::read_json;
-use crate::reference::Hold;
 use crate::run::{RunConfig, RunFolder};
-use crate::scene::{Scene, SceneConfig};
-use crate::study::compare::{Comparison, Parts};
-use crate::study::episodes::{Order, sequences};
-use crate::study::nearest;
-use crate::study::twin::{
+use drape_cloth::fabric::{Drape, Lamina};
+use drape_cloth::mesh::{VtkField, write_stl, write_vtk};
+use drape_cloth::scene::{Scene, SceneConfig};
+use drape_cloth::twin::Hold;
+use drape_study::compare::{Comparison, Parts};
+use drape_study::episodes::{Order, sequences};
+use drape_study::nearest;
+use drape_study::twin::{
     ACCELERATION, Balance, Case, Compared, Ran, SPEED, SelfComparison, compare_all, set_up,
     stencil_mm,
 };
+use drape_task::env::EnvConfig;
+use drape_task::path::read_json;
 
 /// Solve the paper's test case in the finite-element twin and compare the fast solver with it
 ///

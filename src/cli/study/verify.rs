@@ -7,9 +7,9 @@ use serde::Serialize;
 use super::folder;
 use crate::cli::Failure;
 use crate::cli::output::{bar, print, print_json};
-use crate::report::{Chart, Color, SERIES, Series};
-use crate::sim::{Preset, Solver};
-use crate::study::verify::{
+use drape_cloth::sim::{Preset, Solver};
+use drape_report::{Chart, Color, SERIES, Series};
+use drape_study::verify::{
     Curve, Extent, GROUPS, Picture, Row, Subject, Verification, run as compute, trials,
 };
 
@@ -108,7 +108,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         seconds: start.elapsed().as_secs_f64(),
         cases: found.rows,
     };
-    crate::file::write_atomic(&report.out.join(TABLE), |file| {
+    drape_cloth::file::write_atomic(&report.out.join(TABLE), |file| {
         Ok(serde_json::to_writer_pretty(file, &report)?)
     })?;
     if args.json {

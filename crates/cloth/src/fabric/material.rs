@@ -1,0 +1,314 @@
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::file::{ReadTomlError, parse_toml, read_toml};
+
+/// A material file could not be used.
+#[derive(Debug, thiserror::Error)]
+pub enum MaterialError {
+    #[error(transparent)]
+    Read(#[from] ReadTomlError),
+    #[error("{path}: `{key}` is {found}, expected {expected}", path = path.display())]
+    Value {
+        path: PathBuf,
+        key: &'static str,
+        found: String,
+        expected: &'static str,
+    },
+}
+
+/// A piecewise linear law through [strain, stress] points; stress in MPa as in the file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Curve(Vec<[f64; 2]>);
+
+impl Curve {
+    /// A straight law of one modulus [Pa]; an infinite one makes yarns of compliance 0.
+    pub fn line(modulus: f64) -> Self {
+        // The largest stress that a file can hold, in MPa, is infinite in Pa.
+        Self(vec![[0.0, 0.0], [1.0, (1e-6 * modulus).min(f64::MAX)]])
+    }
+
+    /// Points of strain and stress as in the file [MPa], ascending from [0, 0].
+    pub fn points(&self) -> &[[f64; 2]] {
+        &self.0
+    }
+
+    /// The same law, `factor` times as stiff.
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self(self.0.iter().map(|&[e, s]| [e, factor * s]).collect())
+    }
+
+    /// Stress [Pa] at a strain >= 0; beyond the last point its slope goes on.
+    pub fn stress(&self, strain: f64) -> f64 {
+        let last = self.0.len() - 2;
+        let segment = self.0[1..=last]
+            .iter()
+            .position(|p| strain < p[0])
+            .unwrap_or(last);
+        let [p, q] = [self.0[segment], self.0[segment + 1]];
+        1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
+    }
+
+    /// Strain at which the second slope begins, and that slope over the first; none of a straight
+    /// law.
+    pub fn knee(&self) -> Option<[f64; 2]> {
+        let [p, q] = [self.0.get(1)?, self.0.get(2)?];
+        let slope = 1e6 * ((q[1] - p[1]) / (q[0] - p[0]));
+        Some([p[0], slope / self.modulus()])
+    }
+
+    /// Slope at strain 0 [Pa].
+    pub fn modulus(&self) -> f64 {
+        1e6 * self.0[1][1] / self.0[1][0]
+    }
+
+    fn is_valid(&self) -> bool {
+        self.0.len() >= 2
+            && self.0[0] == [0.0, 0.0]
+            && self.0.iter().flatten().all(|x| x.is_finite())
+            && self
+                .0
+                .windows(2)
+                .all(|w| w[1][0] > w[0][0] && w[1][1] > w[0][1])
+    }
+}
+
+/// Law of one family of yarns (paper, Table 2).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct YarnLaw {
+    pub tension: Curve,
+    /// Stress and strain both counted positive.
+    pub compression: Curve,
+    pub static_friction: f64,
+    pub dynamic_friction: f64,
+}
+
+/// Shear law (paper, Table 2): stress against the change of the yarn angle [rad].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShearLaw {
+    pub positive: Curve,
+    pub negative: Curve,
+}
+
+/// Weight of the fabric for the two ways of counting it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ArealMass {
+    /// As in the paper's model [g/m^2].
+    pub paper: f64,
+    /// As in the fabric's data sheet [g/m^2].
+    pub datasheet: f64,
+}
+
+/// A woven fabric as characterised by tests. Files hold MPa, mm and g/m^2; methods give SI.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Material {
+    pub name: String,
+    pub thickness_mm: f64,
+    pub areal_mass_g_m2: ArealMass,
+    pub warp: YarnLaw,
+    pub weft: YarnLaw,
+    pub shear: ShearLaw,
+}
+
+/// The file of the fabric that is built in.
+const INTERGLAS_92125: &str = include_str!("../../../../configs/materials/interglas-92125.toml");
+
+impl Material {
+    /// Reads and checks a material file.
+    pub fn read(path: &Path) -> Result<Self, MaterialError> {
+        let material: Self = read_toml(path)?;
+        material.check(path)?;
+        Ok(material)
+    }
+
+    /// The fabric of the paper, Interglas 92125.
+    pub fn interglas_92125() -> Self {
+        let path = Path::new(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../configs/materials/interglas-92125.toml"
+        ));
+        Self::parse(INTERGLAS_92125, path).expect("the built-in material is valid")
+    }
+
+    fn parse(text: &str, path: &Path) -> Result<Self, MaterialError> {
+        let material: Self = parse_toml(text, path).map_err(ReadTomlError::from)?;
+        material.check(path)?;
+        Ok(material)
+    }
+
+    fn check(&self, path: &Path) -> Result<(), MaterialError> {
+        let curves = [
+            ("warp.tension", &self.warp.tension),
+            ("warp.compression", &self.warp.compression),
+            ("weft.tension", &self.weft.tension),
+            ("weft.compression", &self.weft.compression),
+            ("shear.positive", &self.shear.positive),
+            ("shear.negative", &self.shear.negative),
+        ];
+        for (key, curve) in curves {
+            if !curve.is_valid() {
+                return Err(MaterialError::Value {
+                    path: path.into(),
+                    key,
+                    found: format!("{:?}", curve.0),
+                    expected: "finite points from [0, 0] on, both coordinates growing",
+                });
+            }
+        }
+        let positive = [
+            ("thickness_mm", self.thickness_mm),
+            ("areal_mass_g_m2.paper", self.areal_mass_g_m2.paper),
+            ("areal_mass_g_m2.datasheet", self.areal_mass_g_m2.datasheet),
+        ];
+        for (key, value) in positive {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(MaterialError::Value {
+                    path: path.into(),
+                    key,
+                    found: value.to_string(),
+                    expected: "a number > 0",
+                });
+            }
+        }
+        let friction = [
+            ("warp.static_friction", self.warp.static_friction),
+            ("warp.dynamic_friction", self.warp.dynamic_friction),
+            ("weft.static_friction", self.weft.static_friction),
+            ("weft.dynamic_friction", self.weft.dynamic_friction),
+        ];
+        for (key, value) in friction {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(MaterialError::Value {
+                    path: path.into(),
+                    key,
+                    found: value.to_string(),
+                    expected: "a number >= 0",
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Thickness [m].
+    pub fn thickness(&self) -> f64 {
+        self.thickness_mm * 1e-3
+    }
+
+    /// Law of a family of yarns.
+    pub fn yarn(&self, family: Family) -> &YarnLaw {
+        match family {
+            Family::Warp => &self.warp,
+            Family::Weft => &self.weft,
+        }
+    }
+
+    /// Bending stiffness per width of a family of yarns [N m], from the bimodulus of tension
+    /// and compression: D = E h^3 / 12 with E = 4 Et Ec / (sqrt Et + sqrt Ec)^2.
+    pub fn bending_stiffness(&self, family: Family) -> f64 {
+        let law = self.yarn(family);
+        let (tension, compression) = (law.tension.modulus(), law.compression.modulus());
+        let reduced = 4.0 * tension * compression / (tension.sqrt() + compression.sqrt()).powi(2);
+        reduced * self.thickness().powi(3) / 12.0
+    }
+
+    /// Static and dynamic friction against the tool: the mean of both families, since the
+    /// contact does not know along which yarn it slides (they differ by 4 %).
+    pub fn friction(&self) -> [f64; 2] {
+        [
+            0.5 * (self.warp.static_friction + self.weft.static_friction),
+            0.5 * (self.warp.dynamic_friction + self.weft.dynamic_friction),
+        ]
+    }
+}
+
+/// The two families of yarns of a woven fabric.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Family {
+    Warp,
+    Weft,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(found: f64, expected: f64, tolerance: f64) {
+        assert!(
+            (found - expected).abs() <= tolerance * expected.abs(),
+            "{found} is not {expected}"
+        );
+    }
+
+    #[test]
+    fn force_per_width_is_that_of_table_2() {
+        let material = Material::interglas_92125();
+        let force = |law: &YarnLaw, strain| law.tension.stress(strain) * material.thickness();
+        close(force(&material.warp, 0.005), 1050.0, 1e-12);
+        close(force(&material.warp, 0.02), 14_000.0, 1e-12);
+        close(force(&material.weft, 0.006), 1750.0, 1e-12);
+        close(force(&material.weft, 0.025), 21_000.0, 1e-12);
+        close(force(&material.warp, 0.0125), 7525.0, 1e-12);
+    }
+
+    #[test]
+    fn beyond_the_last_point_the_slope_goes_on() {
+        let curve = Material::interglas_92125().shear.positive;
+        close(curve.stress(0.9), 45_000.0, 1e-12);
+    }
+
+    /// (40 - 3) MPa / 0.015 over 3 MPa / 0.005 for the warp.
+    #[test]
+    fn knee_is_where_the_slope_changes() {
+        let material = Material::interglas_92125();
+        let [strain, slope] = material.warp.tension.knee().unwrap();
+        close(strain, 0.005, 1e-12);
+        close(slope, 37.0 / 9.0, 1e-12);
+        let [strain, slope] = material.weft.tension.knee().unwrap();
+        close(strain, 0.006, 1e-12);
+        close(slope, 55.0 / 19.0 * 6.0 / 5.0, 1e-12);
+        assert_eq!(material.shear.positive.knee(), None);
+    }
+
+    #[test]
+    fn straight_and_scaled_laws_have_their_modulus() {
+        for modulus in [1e-6, 600e6, 1e18, f64::INFINITY] {
+            let line = Curve::line(modulus);
+            assert!(line.is_valid());
+            let same = line.modulus() == modulus || (line.modulus() / modulus - 1.0).abs() < 1e-12;
+            assert!(same, "{} is not {modulus}", line.modulus());
+        }
+        let warp = Material::interglas_92125().warp.tension;
+        close(warp.scaled(1e-3).modulus(), 1e-3 * warp.modulus(), 1e-12);
+    }
+
+    #[test]
+    fn bending_stiffness_follows_the_bimodulus() {
+        let material = Material::interglas_92125();
+        close(material.bending_stiffness(Family::Warp), 7.09e-5, 1e-3);
+        close(material.bending_stiffness(Family::Weft), 2.63e-5, 2e-3);
+    }
+
+    #[test]
+    fn bad_values_are_located() {
+        let bad = INTERGLAS_92125.replace("[0.1, 0.0036]", "[0.1, -0.0036]");
+        let error = Material::parse(&bad, Path::new("m.toml")).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .starts_with("m.toml: `shear.negative` is [[0.0")
+        );
+        let bad = INTERGLAS_92125.replace("thickness_mm = 0.35", "thickness_mm = nan");
+        let error = Material::parse(&bad, Path::new("m.toml")).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "m.toml: `thickness_mm` is NaN, expected a number > 0"
+        );
+    }
+}

@@ -1,0 +1,300 @@
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::fabric::{BlankConfig, BlankError, Material, MaterialError};
+use crate::file::{ReadTomlError, read_toml};
+use crate::sim::{PhysicsConfig, PhysicsError};
+use crate::tool::{Source, ToolConfig, ToolError};
+
+/// Duration of a control step of the fall [s].
+pub(super) const FRAME: f64 = 1.0 / 60.0;
+
+/// Where the flat blank hangs before it falls.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Placement {
+    /// Centre of the untilted blank, or origin of its outline, in x and y [mm].
+    pub centre_mm: [f64; 2],
+    /// Height of its lowest edge [mm].
+    pub height_mm: f64,
+    /// Rotation about x: the edge at the lowest y stays low, that at the highest y rises.
+    pub tilt_deg: f64,
+    /// Rotation about z before tilting.
+    pub yaw_deg: f64,
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        Self {
+            centre_mm: [0.0, 0.0],
+            height_mm: 2.0,
+            tilt_deg: 25.0,
+            yaw_deg: 0.0,
+        }
+    }
+}
+
+/// A clamp that holds some vertices and moves with them during the fall.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Clamp {
+    /// Place on the flat blank, from its centre or in the frame of its outline [mm].
+    pub at_mm: [f64; 2],
+    /// Vertices up to this far along x and y are held [mm]; always the nearest one.
+    #[serde(default)]
+    pub radius_mm: f64,
+    /// Way of the clamp during the fall [mm].
+    #[serde(default)]
+    pub move_mm: [f64; 3],
+}
+
+impl Clamp {
+    /// The error of clamp number `index` where there is no blank.
+    pub(super) fn off_the_blank(&self, index: usize) -> SceneError {
+        SceneError::Value {
+            key: format!("clamps[{index}].at_mm"),
+            found: format!("{:?}", self.at_mm),
+            expected: "a place on the blank, in its own frame",
+        }
+    }
+}
+
+/// How the fall is simulated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Fall {
+    /// Duration of the fall, in which the clamps move as well [s].
+    pub fall_s: f64,
+    /// Duration of settling after it [s].
+    pub settle_s: f64,
+    /// Damping while settling [1/s].
+    pub settle_damping: f64,
+    /// Substeps a second.
+    pub substep_rate: f64,
+    /// Way of the tool during the fall, at whose end it stands in its place [mm].
+    pub tool_move_mm: [f64; 3],
+}
+
+impl Default for Fall {
+    fn default() -> Self {
+        Self {
+            fall_s: 1.0,
+            settle_s: 1.0,
+            settle_damping: 20.0,
+            substep_rate: 6000.0,
+            tool_move_mm: [0.0; 3],
+        }
+    }
+}
+
+/// A scene: tool, blank, physics, and how the blank comes to lie on the tool.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneConfig {
+    pub tool: ToolConfig,
+    /// Material file; the built-in Interglas 92125 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub material: Option<PathBuf>,
+    #[serde(default)]
+    pub blank: BlankConfig,
+    #[serde(default)]
+    pub placement: Placement,
+    #[serde(default)]
+    pub fall: Fall,
+    #[serde(default)]
+    pub clamps: Vec<Clamp>,
+    #[serde(default)]
+    pub physics: PhysicsConfig,
+}
+
+/// A scene that cannot be set up.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    #[error(transparent)]
+    Read(#[from] ReadTomlError),
+    #[error("`{key}` is {found}, expected {expected}")]
+    Value {
+        key: String,
+        found: String,
+        expected: &'static str,
+    },
+    #[error("{}: `{key}` is a list, expected a table", path.display())]
+    List { path: PathBuf, key: &'static str },
+    #[error(transparent)]
+    Blank(#[from] BlankError),
+    #[error(transparent)]
+    Physics(#[from] PhysicsError),
+    #[error(transparent)]
+    Material(#[from] MaterialError),
+    #[error(transparent)]
+    Tool(#[from] ToolError),
+    #[error(
+        "`placement.height_mm` is {height_mm}, expected one at which the blank is above the tool: it starts {depth_mm:.1} mm inside"
+    )]
+    InTool { height_mm: f64, depth_mm: f64 },
+    #[error(
+        "the fall diverged after {time_s:.3} s: raise `fall.substep_rate`, or reduce `physics.speed_cap`, `physics.gravity` or `physics.bending_stiffness` if one of them is larger than a fabric's"
+    )]
+    Diverged { time_s: f64 },
+}
+
+/// The scene file of the rib with two wrinkles.
+const RIB: &str = include_str!("../../../../configs/scenes/rib.toml");
+
+impl SceneConfig {
+    /// The built-in scene: the paper's rib with two wrinkles.
+    pub fn rib() -> Self {
+        toml::from_str(RIB).expect("the built-in scene is valid")
+    }
+
+    /// Reads a scene file. Paths in it count from the folder of the file.
+    pub fn read(path: &Path) -> Result<Self, SceneError> {
+        let table: toml::Table = read_toml(path)?;
+        for key in ["tool", "blank", "placement", "fall", "physics"] {
+            // The parser would take the list for the values of the table, in their order.
+            if let Some(toml::Value::Array(_)) = table.get(key) {
+                return Err(SceneError::List {
+                    path: path.into(),
+                    key,
+                });
+            }
+        }
+        let mut scene: Self = read_toml(path)?;
+        scene.resolve(path.parent().unwrap_or(Path::new("")));
+        Ok(scene)
+    }
+
+    /// Makes the paths in the scene count from `folder`.
+    pub fn resolve(&mut self, folder: &Path) {
+        if let Some(material) = &mut self.material {
+            *material = folder.join(&material);
+        }
+        if let Source::Stl(stl) = &mut self.tool.source {
+            stl.path = folder.join(&stl.path);
+        }
+        if let Some(outline) = &mut self.blank.outline {
+            *outline = folder.join(&outline);
+        }
+    }
+
+    /// Control steps of the fall.
+    pub(super) fn falling(&self) -> usize {
+        (self.fall.fall_s / FRAME).round() as usize
+    }
+
+    /// Duration of the fall [s], in whole control steps, and of settling after it.
+    pub fn durations(&self) -> [f64; 2] {
+        let frames = |seconds: f64| (seconds / FRAME).round() * FRAME;
+        [frames(self.fall.fall_s), frames(self.fall.settle_s)]
+    }
+
+    /// Velocity of the tool during the fall [m/s]; none if it stands.
+    pub(super) fn tool_velocity(&self) -> Option<[f64; 3]> {
+        let way = self.fall.tool_move_mm;
+        let seconds = self.falling() as f64 * FRAME;
+        (way != [0.0; 3] && seconds > 0.0).then(|| way.map(|m| 1e-3 * m / seconds))
+    }
+
+    /// The material, read from its file.
+    pub fn read_material(&self) -> Result<Material, SceneError> {
+        Ok(match &self.material {
+            Some(path) => Material::read(path)?,
+            None => Material::interglas_92125(),
+        })
+    }
+
+    /// Checks all values that are not checked by the parts they belong to.
+    pub fn check(&self) -> Result<(), SceneError> {
+        let fail = |key: &str, found: f64, expected| {
+            Err(SceneError::Value {
+                key: key.into(),
+                found: found.to_string(),
+                expected,
+            })
+        };
+        self.physics.check()?;
+        let Fall {
+            fall_s,
+            settle_s,
+            settle_damping,
+            substep_rate,
+            tool_move_mm,
+        } = self.fall;
+        for (key, value) in [("fall.fall_s", fall_s), ("fall.settle_s", settle_s)] {
+            if !(0.0..=600.0).contains(&value) {
+                return fail(key, value, "a number from 0 to 600");
+            }
+        }
+        if !(settle_damping >= 0.0 && settle_damping.is_finite()) {
+            return fail("fall.settle_damping", settle_damping, "a number >= 0");
+        }
+        if !(60.0..=1e6).contains(&substep_rate) {
+            let expected = "a number from 60 to 1000000";
+            return fail("fall.substep_rate", substep_rate, expected);
+        }
+        let fail_to_move = |expected| {
+            Err(SceneError::Value {
+                key: "fall.tool_move_mm".into(),
+                found: format!("{tool_move_mm:?}"),
+                expected,
+            })
+        };
+        if !tool_move_mm.iter().all(|m| m.abs() <= 1e5) {
+            return fail_to_move("three lengths within +-100000 mm");
+        }
+        if let Some(velocity) = self.tool_velocity() {
+            let cap = self.physics.speed_cap;
+            let speed = velocity.iter().map(|u| u * u).sum::<f64>().sqrt();
+            if cap > 0.0 && speed > 0.5 * cap {
+                return fail_to_move("a way at no more than half of `physics.speed_cap`");
+            }
+        } else if tool_move_mm != [0.0; 3] {
+            return fail_to_move("[0, 0, 0] where `fall.fall_s` is 0");
+        }
+        let Placement {
+            centre_mm: [x, y],
+            height_mm,
+            tilt_deg,
+            yaw_deg,
+        } = self.placement;
+        let placement = [
+            ("placement.centre_mm", x),
+            ("placement.centre_mm", y),
+            ("placement.height_mm", height_mm),
+            ("placement.yaw_deg", yaw_deg),
+        ];
+        for (key, value) in placement {
+            if !(-1e5..=1e5).contains(&value) {
+                return fail(key, value, "a number within +-100000");
+            }
+        }
+        if tilt_deg.is_nan() || tilt_deg.abs() >= 90.0 {
+            return fail(
+                "placement.tilt_deg",
+                tilt_deg,
+                "an angle within +-90 degrees",
+            );
+        }
+        for (index, clamp) in self.clamps.iter().enumerate() {
+            let half = self.blank.size_mm.map(|s| 0.5 * s);
+            let off = |k: usize| clamp.at_mm[k].is_nan() || clamp.at_mm[k].abs() > half[k] + 1e-6;
+            // What an outline encloses is known when the blank is cut.
+            if self.blank.outline.is_none() && (off(0) || off(1)) {
+                return Err(clamp.off_the_blank(index));
+            }
+            if !(0.0..=1e5).contains(&clamp.radius_mm) {
+                let key = format!("clamps[{index}].radius_mm");
+                return fail(&key, clamp.radius_mm, "a length from 0 to 100000 mm");
+            }
+            if !clamp.move_mm.iter().all(|m| m.abs() <= 1e5) {
+                return Err(SceneError::Value {
+                    key: format!("clamps[{index}].move_mm"),
+                    found: format!("{:?}", clamp.move_mm),
+                    expected: "three lengths within +-100000 mm",
+                });
+            }
+        }
+        Ok(())
+    }
+}

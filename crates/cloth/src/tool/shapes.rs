@@ -1,0 +1,515 @@
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use serde::{Deserialize, Serialize};
+
+use crate::math::Vec3;
+use crate::mesh::TriMesh;
+
+use super::ConfigError;
+use super::patch::{Patch, mound};
+
+/// A tool given by a formula.
+///
+/// All are closed bodies that face outwards. The working surface is centred on the z axis;
+/// the plate round it lies at z = 0, and the body reaches `base_mm` further down.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum Shape {
+    Rib(Rib),
+    Hemisphere(Hemisphere),
+    DoubleDome(DoubleDome),
+    Plate(Plate),
+    Cylinder(Cylinder),
+    Incline(Incline),
+}
+
+/// A rib with a curved crest that crosses a plate along x:
+/// z = H (1 − k (x/X)²) (1 − (y/B)²)³ for |y| < B, and 0 beside it, where X is half the
+/// plate's size along x.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Rib {
+    /// H, height in the middle of the crest.
+    pub height_mm: f64,
+    /// B.
+    pub half_width_mm: f64,
+    /// k, the share of the height that the crest loses towards its ends. 0 ≤ k < 1.
+    pub crest_drop: f64,
+    /// Size of the plate along x and y.
+    pub plate_mm: [f64; 2],
+    pub base_mm: f64,
+    /// Vertices of the upper face along x and y.
+    pub vertex_counts: [usize; 2],
+}
+
+/// A hemisphere on a plate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Hemisphere {
+    pub radius_mm: f64,
+    pub plate_mm: [f64; 2],
+    pub base_mm: f64,
+    /// Segments round the dome, a multiple of 4.
+    pub segment_count: usize,
+    /// Rings of facets from rim to pole.
+    pub ring_count: usize,
+}
+
+/// Two hemispheres on a plate, joined by a waist: a simplified form of the double dome on
+/// which woven fabrics are compared.
+///
+/// The upper half of a body of revolution about x: hemispheres of radius R centred at
+/// x = ±c, and between them the radius (R + w)/2 − (R − w)/2 · cos(πx/c), which meets both
+/// with a common tangent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DoubleDome {
+    /// R.
+    pub radius_mm: f64,
+    /// w, radius half-way between the domes. R/2 ≤ w ≤ R.
+    pub waist_radius_mm: f64,
+    /// 2c.
+    pub centre_distance_mm: f64,
+    pub plate_mm: [f64; 2],
+    pub base_mm: f64,
+    /// Segments round the outline, a multiple of 4.
+    pub segment_count: usize,
+    /// Rings of facets from rim to middle.
+    pub ring_count: usize,
+}
+
+/// A flat plate, its upper side at z = 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Plate {
+    pub plate_mm: [f64; 2],
+    pub base_mm: f64,
+}
+
+/// The upper half of a cylinder along x, on a base of the same footprint.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Cylinder {
+    pub radius_mm: f64,
+    pub length_mm: f64,
+    pub base_mm: f64,
+    /// Segments of the half circle.
+    pub segment_count: usize,
+}
+
+/// A plane turned about y: it passes through the origin and falls towards +x.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Incline {
+    /// 0 ≤ angle ≤ 80.
+    pub angle_deg: f64,
+    /// Footprint along x and y.
+    pub plate_mm: [f64; 2],
+    /// Thickness at the lower end.
+    pub base_mm: f64,
+}
+
+impl Default for Rib {
+    /// 4575 vertices and 9146 triangles.
+    fn default() -> Self {
+        Self {
+            height_mm: 60.0,
+            half_width_mm: 100.0,
+            crest_drop: 0.5,
+            plate_mm: [480.0, 440.0],
+            base_mm: 20.0,
+            vertex_counts: [77, 56],
+        }
+    }
+}
+
+impl Default for Hemisphere {
+    fn default() -> Self {
+        Self {
+            radius_mm: 75.0,
+            plate_mm: [400.0, 400.0],
+            base_mm: 20.0,
+            segment_count: 128,
+            ring_count: 32,
+        }
+    }
+}
+
+impl Default for DoubleDome {
+    fn default() -> Self {
+        Self {
+            radius_mm: 60.0,
+            waist_radius_mm: 45.0,
+            centre_distance_mm: 140.0,
+            plate_mm: [480.0, 320.0],
+            base_mm: 20.0,
+            segment_count: 192,
+            ring_count: 32,
+        }
+    }
+}
+
+impl Default for Plate {
+    fn default() -> Self {
+        Self {
+            plate_mm: [480.0, 440.0],
+            base_mm: 20.0,
+        }
+    }
+}
+
+impl Default for Cylinder {
+    fn default() -> Self {
+        Self {
+            radius_mm: 100.0,
+            length_mm: 400.0,
+            base_mm: 20.0,
+            segment_count: 96,
+        }
+    }
+}
+
+impl Default for Incline {
+    fn default() -> Self {
+        Self {
+            angle_deg: 20.0,
+            plate_mm: [400.0, 400.0],
+            base_mm: 20.0,
+        }
+    }
+}
+
+impl Default for Shape {
+    fn default() -> Self {
+        Self::Rib(Rib::default())
+    }
+}
+
+impl Shape {
+    /// Builds the mesh [m].
+    ///
+    /// # Errors
+    /// Names the first key whose value makes no body.
+    pub fn mesh(&self) -> Result<TriMesh, ConfigError> {
+        match self {
+            Self::Rib(shape) => shape.mesh(),
+            Self::Hemisphere(shape) => shape.mesh(),
+            Self::DoubleDome(shape) => shape.mesh(),
+            Self::Plate(shape) => shape.mesh(),
+            Self::Cylinder(shape) => shape.mesh(),
+            Self::Incline(shape) => shape.mesh(),
+        }
+    }
+}
+
+impl Rib {
+    fn mesh(&self) -> Result<TriMesh, ConfigError> {
+        let [half_x, half_y] = plate("rib", self.plate_mm, self.base_mm)?;
+        let height = length("rib.height_mm", self.height_mm)?;
+        let half_width = length("rib.half_width_mm", self.half_width_mm)?;
+        within("rib.half_width_mm", self.half_width_mm, 0.0, half_y * 1e3)?;
+        if !(0.0..1.0).contains(&self.crest_drop) {
+            return Err(ConfigError::new(
+                "rib.crest_drop",
+                self.crest_drop,
+                "at least 0 and below 1",
+            ));
+        }
+        for found in self.vertex_counts {
+            count("rib.vertex_counts", found, 2)?;
+        }
+        let [columns, rows] = self.vertex_counts;
+        let patch = Patch::grid(columns, rows, |u, v| {
+            let (x, y) = (u * half_x, v * half_y);
+            let crest = height * (1.0 - self.crest_drop * u * u);
+            let flank = (1.0 - (y / half_width).powi(2)).max(0.0).powi(3);
+            Vec3::new(x, y, crest * flank)
+        });
+        Ok(patch.into_body(-self.base_mm * 1e-3))
+    }
+}
+
+impl Hemisphere {
+    fn mesh(&self) -> Result<TriMesh, ConfigError> {
+        let half_size = plate("hemisphere", self.plate_mm, self.base_mm)?;
+        let radius = length("hemisphere.radius_mm", self.radius_mm)?;
+        let room = half_size[0].min(half_size[1]) * 1e3;
+        within("hemisphere.radius_mm", self.radius_mm, 0.0, room)?;
+        segments("hemisphere.segment_count", self.segment_count)?;
+        count("hemisphere.ring_count", self.ring_count, 2)?;
+        let patch = mound(half_size, self.segment_count / 4, self.ring_count, |x| {
+            (radius.powi(2) - x.powi(2)).max(0.0).sqrt()
+        });
+        Ok(patch.into_body(-self.base_mm * 1e-3))
+    }
+}
+
+impl DoubleDome {
+    fn mesh(&self) -> Result<TriMesh, ConfigError> {
+        let half_size = plate("double-dome", self.plate_mm, self.base_mm)?;
+        let radius = length("double-dome.radius_mm", self.radius_mm)?;
+        let centre = 0.5 * length("double-dome.centre_distance_mm", self.centre_distance_mm)?;
+        let waist = length("double-dome.waist_radius_mm", self.waist_radius_mm)?;
+        within(
+            "double-dome.radius_mm",
+            self.radius_mm,
+            0.0,
+            (half_size[0] - centre).min(half_size[1]) * 1e3,
+        )?;
+        // With a thinner waist the outline would no longer be star-shaped.
+        within(
+            "double-dome.waist_radius_mm",
+            self.waist_radius_mm,
+            0.5 * self.radius_mm,
+            self.radius_mm,
+        )?;
+        segments("double-dome.segment_count", self.segment_count)?;
+        count("double-dome.ring_count", self.ring_count, 2)?;
+        let half_width = |x: f64| {
+            let beyond = x.abs() - centre;
+            if beyond < 0.0 {
+                0.5 * (radius + waist) - 0.5 * (radius - waist) * (PI * x / centre).cos()
+            } else {
+                (radius.powi(2) - beyond.powi(2)).max(0.0).sqrt()
+            }
+        };
+        let patch = mound(
+            half_size,
+            self.segment_count / 4,
+            self.ring_count,
+            half_width,
+        );
+        Ok(patch.into_body(-self.base_mm * 1e-3))
+    }
+}
+
+impl Plate {
+    fn mesh(&self) -> Result<TriMesh, ConfigError> {
+        let [x, y] = plate("plate", self.plate_mm, self.base_mm)?;
+        let patch = Patch::grid(2, 2, |u, v| Vec3::new(u * x, v * y, 0.0));
+        Ok(patch.into_body(-self.base_mm * 1e-3))
+    }
+}
+
+impl Cylinder {
+    fn mesh(&self) -> Result<TriMesh, ConfigError> {
+        let radius = length("cylinder.radius_mm", self.radius_mm)?;
+        let half_length = 0.5 * length("cylinder.length_mm", self.length_mm)?;
+        let base = length("cylinder.base_mm", self.base_mm)?;
+        count("cylinder.segment_count", self.segment_count, 3)?;
+        let patch = Patch::grid(2, self.segment_count + 1, |u, v| {
+            let angle = v * FRAC_PI_2;
+            // The ends of the half circle lie at height 0 exactly, as does the base.
+            let height = if v.abs() == 1.0 { 0.0 } else { angle.cos() };
+            Vec3::new(u * half_length, radius * angle.sin(), radius * height)
+        });
+        Ok(patch.into_body(-base))
+    }
+}
+
+impl Incline {
+    fn mesh(&self) -> Result<TriMesh, ConfigError> {
+        let [x, y] = plate("incline", self.plate_mm, self.base_mm)?;
+        within("incline.angle_deg", self.angle_deg, 0.0, 80.0)?;
+        let slope = self.angle_deg.to_radians().tan();
+        let patch = Patch::grid(2, 2, |u, v| Vec3::new(u * x, v * y, -u * x * slope));
+        Ok(patch.into_body(-x * slope - self.base_mm * 1e-3))
+    }
+}
+
+/// Half the plate's size [m]; checks the plate's size and the base.
+fn plate(shape: &str, plate_mm: [f64; 2], base_mm: f64) -> Result<[f64; 2], ConfigError> {
+    length(&format!("{shape}.base_mm"), base_mm)?;
+    let key = format!("{shape}.plate_mm");
+    let [x, y] = plate_mm;
+    Ok([0.5 * length(&key, x)?, 0.5 * length(&key, y)?])
+}
+
+/// Checks a length [mm] and converts it to [m].
+fn length(key: &str, mm: f64) -> Result<f64, ConfigError> {
+    /// Longest length [mm]: aircraft wings fit, metres mistaken for micrometres do not.
+    const LONGEST: f64 = 1e5;
+    if mm > 0.0 && mm <= LONGEST {
+        Ok(mm * 1e-3)
+    } else {
+        Err(ConfigError::new(key, mm, "above 0 and at most 100000"))
+    }
+}
+
+fn within(key: &str, found: f64, low: f64, high: f64) -> Result<(), ConfigError> {
+    if (low..=high).contains(&found) {
+        Ok(())
+    } else {
+        let expected = format!("between {low} and {high}");
+        Err(ConfigError::new(key, found, expected))
+    }
+}
+
+fn count(key: &str, found: usize, least: usize) -> Result<(), ConfigError> {
+    /// 16 million vertices at most.
+    const MOST: usize = 4096;
+    if (least..=MOST).contains(&found) {
+        Ok(())
+    } else {
+        let expected = format!("between {least} and {MOST}");
+        Err(ConfigError::new(key, found, expected))
+    }
+}
+
+fn segments(key: &str, found: usize) -> Result<(), ConfigError> {
+    count(key, found, 8)?;
+    if found.is_multiple_of(4) {
+        Ok(())
+    } else {
+        Err(ConfigError::new(key, found, "a multiple of 4"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Topology, to_stl_bytes};
+
+    fn all() -> [Shape; 6] {
+        [
+            Shape::Rib(Rib::default()),
+            Shape::Hemisphere(Hemisphere::default()),
+            Shape::DoubleDome(DoubleDome::default()),
+            Shape::Plate(Plate::default()),
+            Shape::Cylinder(Cylinder::default()),
+            Shape::Incline(Incline::default()),
+        ]
+    }
+
+    #[test]
+    fn every_shape_is_a_closed_ball_that_faces_outwards() {
+        for shape in all() {
+            let mesh = shape.mesh().unwrap();
+            let topology = Topology::new(&mesh);
+            assert!(topology.is_closed(), "{shape:?}");
+            assert_eq!(topology.euler_characteristic(), 2, "{shape:?}");
+            assert_eq!(topology.nonmanifold_edge_count, 0, "{shape:?}");
+            assert_eq!(topology.vertex_count, mesh.vertices.len(), "{shape:?}");
+            assert!(mesh.signed_volume() > 0.0, "{shape:?}");
+            // Facets of the upper face face up, so no fold hides behind the volume.
+            for t in 0..mesh.triangles.len() {
+                let [a, b, c] = mesh.corners(t);
+                let n = (b - a).cross(&(c - a));
+                assert!(n.norm() > 0.0, "{shape:?} facet {t}");
+                let is_bottom = n.normalize().z < -0.999;
+                assert!(is_bottom || n.z > -1e-12, "{shape:?} facet {t}");
+            }
+        }
+    }
+
+    #[test]
+    fn rib_has_the_counts_and_heights_of_its_formula() {
+        let mesh = Rib::default().mesh().unwrap();
+        assert_eq!(mesh.vertices.len(), 4575);
+        assert_eq!(mesh.triangles.len(), 9146);
+        let (low, high) = mesh.bounds();
+        assert!((low - Vec3::new(-0.24, -0.22, -0.02)).norm() < 1e-15);
+        // The rows nearest to the crest lie at y = ±4 mm; 77 columns have one at x = 0.
+        assert!((high.z - 0.06 * (1.0_f64 - 0.0016).powi(3)).abs() < 1e-12);
+        let at_the_end = |v: &&Vec3| v.x == 0.24 && (v.y - 0.004).abs() < 1e-9;
+        let end = mesh.vertices.iter().find(at_the_end).unwrap();
+        assert!((end.z - 0.5 * high.z).abs() < 1e-12);
+    }
+
+    #[test]
+    fn volumes_approach_the_closed_forms() {
+        let slab = |plate_mm: [f64; 2], base_mm: f64| plate_mm[0] * plate_mm[1] * base_mm * 1e-9;
+        let close = |mesh: TriMesh, exact: f64, share: f64| {
+            let found = mesh.signed_volume();
+            assert!((found / exact - 1.0).abs() < share, "{found} for {exact}");
+        };
+        let shape = Hemisphere::default();
+        let dome = 2.0 / 3.0 * PI * 0.075_f64.powi(3);
+        close(
+            shape.mesh().unwrap(),
+            dome + slab(shape.plate_mm, 20.0),
+            1e-3,
+        );
+        let shape = Cylinder::default();
+        let half = 0.5 * PI * 0.1_f64.powi(2) * 0.4;
+        close(
+            shape.mesh().unwrap(),
+            half + slab([400.0, 200.0], 20.0),
+            1e-3,
+        );
+        let shape = Plate::default();
+        close(shape.mesh().unwrap(), slab(shape.plate_mm, 20.0), 1e-12);
+        let shape = DoubleDome {
+            waist_radius_mm: 60.0,
+            ..DoubleDome::default()
+        };
+        let capsule = 2.0 / 3.0 * PI * 0.06_f64.powi(3) + 0.5 * PI * 0.06_f64.powi(2) * 0.14;
+        close(
+            shape.mesh().unwrap(),
+            capsule + slab(shape.plate_mm, 20.0),
+            1e-3,
+        );
+    }
+
+    #[test]
+    fn incline_falls_by_its_angle() {
+        let mesh = Incline::default().mesh().unwrap();
+        let [a, b, c] = mesh.corners(0);
+        let n = (b - a).cross(&(c - a)).normalize();
+        let angle = 20.0_f64.to_radians();
+        assert!((n - Vec3::new(angle.sin(), 0.0, angle.cos())).norm() < 1e-12);
+    }
+
+    #[test]
+    fn committed_rib_is_the_default_rib() {
+        let bytes = to_stl_bytes(&Shape::default().mesh().unwrap(), "rib");
+        assert!(bytes == include_bytes!("../../../../assets/rib.stl"));
+    }
+
+    #[test]
+    fn senseless_values_name_their_key() {
+        let rib = Rib {
+            half_width_mm: 300.0,
+            ..Rib::default()
+        };
+        assert_eq!(
+            rib.mesh().unwrap_err().to_string(),
+            "rib.half_width_mm is 300, expected between 0 and 220"
+        );
+        let rib = Rib {
+            height_mm: f64::NAN,
+            ..Rib::default()
+        };
+        assert_eq!(
+            rib.mesh().unwrap_err().to_string(),
+            "rib.height_mm is NaN, expected above 0 and at most 100000"
+        );
+        let dome = Hemisphere {
+            segment_count: 30,
+            ..Hemisphere::default()
+        };
+        assert_eq!(
+            dome.mesh().unwrap_err().to_string(),
+            "hemisphere.segment_count is 30, expected a multiple of 4"
+        );
+        let rib = Rib {
+            vertex_counts: [77, usize::MAX],
+            ..Rib::default()
+        };
+        assert_eq!(rib.mesh().unwrap_err().key, "rib.vertex_counts");
+    }
+
+    #[test]
+    fn unknown_keys_are_refused_and_missing_ones_default() {
+        let shape: Shape = toml::from_str("kind = \"double-dome\"\nradius_mm = 50").unwrap();
+        assert_eq!(
+            shape,
+            Shape::DoubleDome(DoubleDome {
+                radius_mm: 50.0,
+                ..DoubleDome::default()
+            })
+        );
+        let error = toml::from_str::<Shape>("kind = \"rib\"\nheigth_mm = 50").unwrap_err();
+        assert!(error.message().contains("heigth_mm"), "{error}");
+    }
+}

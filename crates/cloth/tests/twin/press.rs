@@ -1,0 +1,124 @@
+//! Pressing with 1 N/mm^2.
+
+use super::*;
+use drape_cloth::math::Vec3;
+use drape_cloth::tool::{Hemisphere, Plate};
+use drape_cloth::twin::{Hold, PressAction, PressConfig, under_box};
+
+/// A sheet with ripples on a plate, 8 mm high; its yarns keep their length.
+fn rippled(config: &TwinConfig) -> (Lamina, Tool, Twin) {
+    let plate = tool(Shape::Plate(Plate::default()), 10.0);
+    let sheet = lamina([0.12, 0.06], [21, 11]);
+    let mut twin = Twin::new(&sheet, config).unwrap();
+    let x: Vec<[f64; 3]> = (sheet.rest.iter())
+        .map(|&[along, y]| {
+            // Along the curve z = a (1 + cos(k x)) by small steps.
+            let (a, k, steps) = (0.004, 60.0, 1000);
+            let mut x = 0.0f64;
+            for _ in 0..steps {
+                let slope = a * k * (k * x).sin();
+                x += along / steps as f64 / slope.hypot(1.0);
+            }
+            [x, y, a * (1.0 + (k * x).cos())]
+        })
+        .collect();
+    twin.set_positions(&x);
+    (sheet, plate, twin)
+}
+
+#[test]
+fn pressed_cloth_comes_down_and_stays() {
+    for hold in [Hold::Pressure, Hold::Fixed] {
+        let (sheet, plate, mut twin) = rippled(&TwinConfig::default());
+        let config = PressConfig {
+            hold,
+            ..PressConfig::default()
+        };
+        let middle = sheet.vertex_at(5, 10).unwrap();
+        let height = |twin: &Twin| plate.distance(twin.position(middle)).0;
+        assert!(height(&twin) > 0.007);
+        let mut presses = 0;
+        let draped = twin
+            .replay(&sheet, &plate, &config, (&[middle], 0.018), |_, _| {
+                presses += 1
+            })
+            .unwrap();
+        assert_eq!(presses, 1);
+        assert!(draped.contains(&middle) && draped.len() >= 9, "{draped:?}");
+        assert!(height(&twin).abs() < 1e-6, "{}", height(&twin));
+        // Draped vertices may still be on their way; those that lie stay.
+        let lies = |v: &u32| plate.distance(twin.position(*v)).0 < 1e-6;
+        let lying: Vec<u32> = draped.iter().copied().filter(lies).collect();
+        assert!(lying.len() >= 9, "{lying:?}");
+        let before: Vec<[f64; 3]> = lying.iter().map(|&v| twin.position(v)).collect();
+        twin.advance(Some(&plate), 0.05).unwrap();
+        for (&v, before) in lying.iter().zip(before) {
+            let way = (Vec3::from(twin.position(v)) - Vec3::from(before)).norm();
+            assert!(way < 1e-5, "{v} moves by {way} m");
+        }
+        let energies = twin.energies();
+        let off = energies.residual().abs() / energies.size();
+        assert!(off < 0.02, "{off}: {energies:?}");
+    }
+}
+
+/// Pressure on a sheet that lies flat does nothing but press: its force is what the tool bears,
+/// and no work is done.
+#[test]
+fn pressure_on_lying_cloth_does_no_work() {
+    let plate = tool(Shape::Plate(Plate::default()), 10.0);
+    let sheet = lamina([0.06, 0.06], [11, 11]);
+    let mut twin = Twin::new(&sheet, &TwinConfig::default()).unwrap();
+    let vertices = (0..121).collect();
+    let action = PressAction { vertices };
+    let draped = twin
+        .press(&plate, &PressConfig::default(), &action)
+        .unwrap();
+    assert_eq!(draped.len(), 121);
+    assert!(twin.speed() < 1e-9, "{}", twin.speed());
+    assert!(twin.energies().press.abs() < 1e-9, "{:?}", twin.energies());
+}
+
+/// Cloth under pressure is as fast as the roller, no faster.
+#[test]
+fn pressed_cloth_does_not_outrun_the_roller() {
+    let plate = tool(Shape::Plate(Plate::default()), 10.0);
+    let sheet = lamina([0.06, 0.06], [11, 11]);
+    let weightless = TwinConfig {
+        gravity: 0.0,
+        damping: 0.0,
+        ..TwinConfig::default()
+    };
+    let mut twin = Twin::new(&sheet, &weightless).unwrap();
+    let high: Vec<[f64; 3]> = (twin.positions().iter())
+        .map(|x| [x[0], x[1], 0.03])
+        .collect();
+    twin.set_positions(&high);
+    let config = PressConfig {
+        press_s: 0.01,
+        speed: 0.5,
+        ..PressConfig::default()
+    };
+    let vertices = (0..121).collect();
+    twin.press(&plate, &config, &PressAction { vertices })
+        .unwrap();
+    for (x, before) in twin.positions().iter().zip(&high) {
+        close(before[2] - x[2], 0.005, 0.01);
+    }
+}
+
+/// The box turns with the tool: on the flank of a dome it takes in as much cloth as on its top.
+#[test]
+fn box_covers_its_square_on_any_flank() {
+    let dome = tool(Shape::Hemisphere(Hemisphere::default()), 4.0);
+    let sheet = lamina([0.1, 0.1], [21, 21]);
+    for tilt in [0.0f64, 40.0, 80.0] {
+        let (sin, cos) = tilt.to_radians().sin_cos();
+        let x: Vec<[f64; 3]> = (sheet.rest.iter())
+            .map(|[u, v]| [0.075 * sin + u * cos, *v, 0.075 * cos - u * sin])
+            .collect();
+        let middle = sheet.vertex_at(10, 10).unwrap();
+        let found = under_box(&sheet, &dome, middle, 0.018, &x);
+        assert_eq!(found.len(), 9, "{tilt}");
+    }
+}

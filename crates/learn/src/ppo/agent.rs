@@ -1,0 +1,87 @@
+use crate::policy::{self, ActorCritic, DeviceError, DeviceKind, Pixels, PolicyConfig, masked};
+use drape_cloth::math::Stream;
+use drape_task::env::{Observation, Shape};
+
+/// How an action is chosen.
+#[derive(Debug)]
+pub enum Sampling<'a> {
+    /// The most probable action; the lowest index of equals.
+    Greedy,
+    /// Drawn from the policy, one number of the stream an observation.
+    Drawn(&'a mut Stream),
+}
+
+/// An agent that cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum AgentError {
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    #[error("policy")]
+    Config(#[from] policy::ConfigError),
+}
+
+/// A policy to be evaluated; it does not learn.
+#[derive(Clone, Debug)]
+pub struct Agent(ActorCritic);
+
+impl Agent {
+    /// An agent whose initial weights come from `seed`.
+    pub fn new(
+        config: &PolicyConfig,
+        shape: Shape,
+        seed: u64,
+        device: DeviceKind,
+    ) -> Result<Self, AgentError> {
+        let size = [shape.rows, shape.columns];
+        let actor_critic = ActorCritic::new(config, size, seed, &device.open()?)?;
+        Ok(Self(actor_critic.valid()))
+    }
+
+    /// The agent that `actor_critic` is now.
+    pub(super) fn of(actor_critic: &ActorCritic) -> Self {
+        Self(actor_critic.valid())
+    }
+
+    /// One action an observation, always allowed by its mask.
+    pub fn act(&self, observations: &[&Observation], mut sampling: Sampling) -> Vec<u32> {
+        let (log_probs, _) = self.evaluate(observations);
+        let rows = log_probs.chunks_exact(self.0.pixel_count());
+        let choose = |(observation, row): (&&Observation, &[f32])| match &mut sampling {
+            Sampling::Greedy => masked::most_probable(row, &observation.mask),
+            Sampling::Drawn(stream) => masked::draw(row, &observation.mask, stream.uniform()),
+        };
+        observations.iter().zip(rows).map(choose).collect()
+    }
+
+    /// Expected return of each observation, as a share of the reward scale if the training
+    /// scaled its rewards. Masks may be empty.
+    pub fn value(&self, observations: &[&Observation]) -> Vec<f32> {
+        self.0.values(&all_pixels(observations))
+    }
+
+    /// Log-probabilities `[observation * pixel]` and values `[observation]`.
+    pub(super) fn evaluate(&self, observations: &[&Observation]) -> (Vec<f32>, Vec<f32>) {
+        self.0.evaluate(&all_pixels(observations))
+    }
+
+    /// The parameters: section `network` of a checkpoint.
+    pub fn save(&self) -> Vec<u8> {
+        self.0.save()
+    }
+
+    /// Takes saved parameters; fails, changing nothing, if they are of another network.
+    pub fn load(&mut self, bytes: &[u8]) -> Result<(), policy::ParameterError> {
+        self.0.load(bytes)
+    }
+}
+
+/// What a network takes of each observation.
+pub(super) fn all_pixels<'a>(observations: &[&'a Observation]) -> Vec<Pixels<'a>> {
+    let pixels = |o: &&'a Observation| Pixels {
+        draped: &o.draped,
+        distance: &o.distance,
+        touched: &o.touched,
+        mask: &o.mask,
+    };
+    observations.iter().map(pixels).collect()
+}

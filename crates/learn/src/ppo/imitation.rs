@@ -1,0 +1,156 @@
+use drape_cloth::math::Stream;
+use drape_task::env::{End, Episode, Observation};
+use serde::{Deserialize, Serialize};
+
+/// An observation and the action taken there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Move {
+    pub observation: Observation,
+    pub action: u32,
+}
+
+/// The best episodes ever finished, to be imitated, and those still going on.
+///
+/// After self-imitation learning (Oh et al. 2018), which weights each sample by how much its
+/// return exceeds the value; here being among the best is the weight. Episodes that were cut
+/// off are not kept.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Memory {
+    capacity: usize,
+    /// Best first; the older of equals first.
+    best: Vec<Kept>,
+    /// `[task]`: the moves of the episode going on.
+    open: Vec<Vec<Move>>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Kept {
+    total_reward: f32,
+    moves: Vec<Move>,
+}
+
+impl Memory {
+    /// Room for the `capacity` best episodes of `task_count` tasks.
+    pub fn new(capacity: usize, task_count: usize) -> Self {
+        Self {
+            capacity,
+            best: Vec::new(),
+            open: vec![Vec::new(); task_count],
+        }
+    }
+
+    /// Notes what `task` did and, if that ended its episode, keeps it if it is among the best.
+    pub fn record(&mut self, task: usize, step: Move, episode: Option<&Episode>) {
+        self.open[task].push(step);
+        let Some(episode) = episode else { return };
+        let moves = std::mem::take(&mut self.open[task]);
+        let actions = |moves: &[Move]| moves.iter().map(|m| m.action).collect::<Vec<_>>();
+        let total_reward = episode.total_reward;
+        let rank = self
+            .best
+            .partition_point(|k| k.total_reward >= total_reward);
+        let known = || {
+            self.best
+                .iter()
+                .any(|k| actions(&k.moves) == episode.actions)
+        };
+        if episode.end == End::Terminated
+            && total_reward.is_finite()
+            && rank < self.capacity
+            && !known()
+        {
+            self.best.truncate(self.capacity - 1);
+            let kept = Kept {
+                total_reward,
+                moves,
+            };
+            self.best.insert(rank, kept);
+        }
+    }
+
+    /// `count` moves of the best episodes, each uniformly among all; none if there are none.
+    pub fn draw(&self, count: usize, stream: &mut Stream) -> Vec<&Move> {
+        let moves: Vec<&Move> = self.best.iter().flat_map(|k| &k.moves).collect();
+        if moves.is_empty() {
+            return Vec::new();
+        }
+        (0..count)
+            .map(|_| moves[stream.below(moves.len())])
+            .collect()
+    }
+
+    /// Whether this memory, read from a file, can replace `other`: as much room, and only
+    /// possible moves on images of `pixel_count` pixels.
+    pub fn fits(&self, other: &Self, pixel_count: usize) -> bool {
+        let fits = |m: &Move| {
+            let Observation {
+                draped,
+                distance,
+                touched,
+                mask,
+            } = &m.observation;
+            [draped, touched, mask]
+                .iter()
+                .all(|x| x.len() == pixel_count)
+                && distance.len() == pixel_count
+                && mask.contains(m.action as usize)
+        };
+        let moves = self.best.iter().map(|k| &k.moves).chain(&self.open);
+        self.capacity == other.capacity
+            && self.open.len() == other.open.len()
+            && self.best.len() <= self.capacity
+            && moves.flatten().all(fits)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use drape_cloth::math::Purpose;
+
+    fn play(memory: &mut Memory, actions: &[u32], total_reward: f32, end: End) {
+        let observation = Observation {
+            draped: Default::default(),
+            distance: vec![],
+            touched: Default::default(),
+            mask: Default::default(),
+        };
+        let episode = Episode {
+            end,
+            actions: actions.to_vec(),
+            total_reward,
+            last: observation.clone(),
+        };
+        for (i, &action) in actions.iter().enumerate() {
+            let step = Move {
+                observation: observation.clone(),
+                action,
+            };
+            let last = i + 1 == actions.len();
+            memory.record(0, step, last.then_some(&episode));
+        }
+    }
+
+    #[test]
+    fn keeps_the_best_different_terminated_episodes() {
+        let mut memory = Memory::new(2, 1);
+        play(&mut memory, &[1, 2], 1.0, End::Terminated);
+        play(&mut memory, &[1, 2], 1.0, End::Terminated);
+        play(&mut memory, &[3], 0.5, End::Terminated);
+        play(&mut memory, &[4], 9.0, End::Truncated);
+        play(&mut memory, &[5], f32::NAN, End::Terminated);
+        play(&mut memory, &[6], 0.7, End::Terminated);
+        play(&mut memory, &[7], 0.1, End::Terminated);
+        let rewards: Vec<f32> = memory.best.iter().map(|k| k.total_reward).collect();
+        assert_eq!(rewards, [1.0, 0.7]);
+        let mut stream = Stream::new(0, Purpose::Shuffle, 0);
+        let mut drawn: Vec<u32> = memory
+            .draw(50, &mut stream)
+            .iter()
+            .map(|m| m.action)
+            .collect();
+        drawn.sort_unstable();
+        drawn.dedup();
+        assert_eq!(drawn, [1, 2, 6]);
+    }
+}

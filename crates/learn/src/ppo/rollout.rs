@@ -1,0 +1,103 @@
+use super::agent::Agent;
+use super::gae::Next;
+use super::imitation::{Memory, Move};
+use super::trainer::{Finished, Seconds};
+use crate::policy::masked;
+use drape_cloth::math::Stream;
+use drape_task::env::{End, Episode, Observation, Outcome, Tasks};
+use std::time::Instant;
+
+/// What happened in some steps of all tasks. Everything is `[step, task]`, flat.
+#[derive(Debug, Default)]
+pub struct Rollout {
+    /// What was seen before each action; bits where data are bits.
+    pub observations: Vec<Observation>,
+    pub actions: Vec<u32>,
+    pub log_probs: Vec<f32>,
+    pub values: Vec<f32>,
+    /// In units of the reward scale, if rewards are scaled.
+    pub rewards: Vec<f32>,
+    pub next: Vec<Next>,
+    /// `[task]`: values of the observations after the last step.
+    pub last_values: Vec<f32>,
+    /// Episodes that ended, in order.
+    pub episodes: Vec<Finished>,
+}
+
+/// Plays `step_count` steps of every task, drawing the actions of a task from its own stream,
+/// and notes them in `memory`. Rewards are multiplied by `reward_factor`. The time taken is
+/// added to `seconds`.
+pub fn collect<T: Tasks>(
+    agent: &Agent,
+    tasks: &mut T,
+    streams: &mut [Stream],
+    mut memory: Option<&mut Memory>,
+    step_count: usize,
+    reward_factor: f32,
+    seconds: &mut Seconds,
+) -> Rollout {
+    let pixel_count = tasks.shape().pixel_count();
+    let mut rollout = Rollout::default();
+    for _ in 0..step_count {
+        let start = Instant::now();
+        let seen = observations(tasks);
+        let (log_probs, values) = agent.evaluate(&seen.iter().collect::<Vec<_>>());
+        let mut actions = Vec::with_capacity(seen.len());
+        for (i, row) in log_probs.chunks_exact(pixel_count).enumerate() {
+            let action = masked::draw(row, &seen[i].mask, streams[i].uniform());
+            rollout.log_probs.push(row[action as usize]);
+            actions.push(action);
+        }
+        rollout.values.extend(values);
+        seconds.inference += start.elapsed().as_secs_f64();
+
+        let start = Instant::now();
+        let outcomes = tasks.step(&actions);
+        seconds.simulation += start.elapsed().as_secs_f64();
+
+        let start = Instant::now();
+        if let Some(memory) = &mut memory {
+            for (task, outcome) in outcomes.iter().enumerate() {
+                let step = Move {
+                    observation: seen[task].clone(),
+                    action: actions[task],
+                };
+                memory.record(task, step, outcome.episode.as_ref());
+            }
+        }
+        for (task, outcome) in outcomes.into_iter().enumerate() {
+            let Outcome { reward, episode } = outcome;
+            rollout.rewards.push(reward * reward_factor);
+            rollout.next.push(match &episode {
+                None => Next::Step,
+                Some(episode) => follows(agent, episode),
+            });
+            rollout
+                .episodes
+                .extend(episode.map(|e| Finished::new(task, e)));
+        }
+        rollout.observations.extend(seen);
+        rollout.actions.extend(actions);
+        seconds.inference += start.elapsed().as_secs_f64();
+    }
+    let start = Instant::now();
+    let seen = observations(tasks);
+    rollout.last_values = agent.value(&seen.iter().collect::<Vec<_>>());
+    seconds.inference += start.elapsed().as_secs_f64();
+    rollout
+}
+
+fn observations<T: Tasks>(tasks: &T) -> Vec<Observation> {
+    let seen = |i| tasks.observation(i).clone();
+    (0..tasks.count()).map(seen).collect()
+}
+
+/// What follows the last step of `episode`.
+fn follows(agent: &Agent, episode: &Episode) -> Next {
+    match episode.end {
+        End::Terminated => Next::Terminated,
+        End::Truncated | End::Diverged => Next::Truncated {
+            value: agent.value(&[&episode.last])[0],
+        },
+    }
+}

@@ -1,0 +1,337 @@
+//! Learning, masks, exact resume and refusal of what is not finite, on a toy task.
+
+use super::rollout::collect;
+use super::*;
+use crate::policy::{DeviceKind, NetworkConfig, PolicyConfig};
+use drape_cloth::math::{Purpose, Stream};
+use drape_task::env::{End, Episode, Observation, Outcome, Shape, Tasks};
+use fixedbitset::FixedBitSet;
+use serde::{Deserialize, Serialize};
+
+/// Touch `ORDER` in this order, on a 6 x 5 grid. All of them are allowed until touched. The
+/// only reward is the last step's: 10 for each position that was right.
+#[derive(Clone, Serialize, Deserialize)]
+struct Order {
+    states: Vec<(Observation, Vec<u32>)>,
+    /// Reward of a position: not finite to see that it is refused.
+    reward: f32,
+    /// How episodes end.
+    end: End,
+}
+
+const SHAPE: Shape = Shape {
+    rows: 6,
+    columns: 5,
+};
+const ORDER: [u32; 6] = [13, 2, 29, 21, 7, 16];
+
+impl Order {
+    fn new(count: usize) -> Self {
+        Self {
+            states: vec![Self::start(); count],
+            reward: 10.0,
+            end: End::Terminated,
+        }
+    }
+
+    fn start() -> (Observation, Vec<u32>) {
+        let none = FixedBitSet::with_capacity(SHAPE.pixel_count());
+        let mut mask = none.clone();
+        ORDER.iter().for_each(|&i| mask.insert(i as usize));
+        let observation = Observation {
+            draped: none.clone(),
+            distance: (0..SHAPE.pixel_count()).map(|i| i as f32 * 1e-3).collect(),
+            touched: none,
+            mask,
+        };
+        (observation, Vec::new())
+    }
+}
+
+impl Tasks for Order {
+    fn shape(&self) -> Shape {
+        SHAPE
+    }
+
+    fn count(&self) -> usize {
+        self.states.len()
+    }
+
+    fn reward_scale(&self) -> f32 {
+        10.0 * ORDER.len() as f32
+    }
+
+    fn observation(&self, index: usize) -> &Observation {
+        &self.states[index].0
+    }
+
+    fn step(&mut self, actions: &[u32]) -> Vec<Outcome> {
+        let Self { reward, end, .. } = *self;
+        let step = |(state, &action): (&mut (Observation, Vec<u32>), &u32)| {
+            let (observation, taken) = state;
+            let pixel = action as usize;
+            assert!(observation.mask.contains(pixel), "the mask was violated");
+            observation.mask.remove(pixel);
+            observation.touched.insert(pixel);
+            observation.draped.insert(pixel);
+            observation.distance[pixel] = 0.0;
+            taken.push(action);
+            if taken.len() < ORDER.len() {
+                return Outcome {
+                    reward: 0.0,
+                    episode: None,
+                };
+            }
+            let right = taken.iter().zip(ORDER).filter(|(a, b)| **a == *b).count();
+            let (last, actions) = std::mem::replace(state, Self::start());
+            Outcome {
+                reward: reward * right as f32,
+                episode: Some(Episode {
+                    end,
+                    actions,
+                    total_reward: reward * right as f32,
+                    last,
+                }),
+            }
+        };
+        self.states.iter_mut().zip(actions).map(step).collect()
+    }
+
+    fn save(&self) -> Vec<u8> {
+        postcard::to_allocvec(self).unwrap()
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<(), String> {
+        let saved: Self = postcard::from_bytes(bytes).map_err(|e| e.to_string())?;
+        if saved.count() != self.count() {
+            return Err("other number of tasks".to_owned());
+        }
+        *self = saved;
+        Ok(())
+    }
+}
+
+/// The smaller network of the compact preset: the task is small.
+fn policy() -> PolicyConfig {
+    let mut config = PolicyConfig::compact();
+    let NetworkConfig::Compact(compact) = &mut config.network else {
+        unreachable!("the compact preset has a compact network")
+    };
+    (compact.channels, compact.blocks) = (16, 1);
+    config
+}
+
+/// Rollouts that end within episodes: 10 steps are no multiple of 6.
+fn ppo() -> PpoConfig {
+    PpoConfig {
+        rollout_steps: 10,
+        minibatch_size: 80,
+        entropy_coefficient: 0.01,
+        imitation: None,
+        ..PpoConfig::compact()
+    }
+}
+
+fn trainer(config: PpoConfig, seed: u64) -> Trainer<Order> {
+    Trainer::new(config, &policy(), Order::new(16), seed, DeviceKind::Flex).unwrap()
+}
+
+/// Total reward of the episode played greedily, as a share of the best.
+fn greedy_score(agent: &Agent) -> f32 {
+    let mut task = Order::new(1);
+    loop {
+        let actions = agent.act(&[task.observation(0)], Sampling::Greedy);
+        if let Some(episode) = task.step(&actions).pop().unwrap().episode {
+            return episode.total_reward / task.reward_scale();
+        }
+    }
+}
+
+/// Trains for at most `iterations` and returns those needed until argmax solves the task.
+fn iterations_to_solve(config: &PpoConfig, seed: u64, iterations: u64) -> Option<u64> {
+    let mut trainer = trainer(config.clone(), seed);
+    (0..iterations / 10).find_map(|_| {
+        let last = (0..10).map(|_| trainer.iterate().unwrap()).last().unwrap();
+        (greedy_score(&trainer.agent()) == 1.0).then_some(last.number)
+    })
+}
+
+#[test]
+fn ppo_solves_the_order_from_three_seeds() {
+    for seed in 0..3 {
+        let needed = iterations_to_solve(&ppo(), seed, 300);
+        eprintln!("seed {seed}: {needed:?} iterations");
+        assert!(needed.is_some(), "seed {seed} did not learn");
+    }
+}
+
+#[test]
+fn imitation_alone_solves_the_order() {
+    let config = PpoConfig {
+        policy_coefficient: 0.0,
+        imitation: Some(ImitationConfig {
+            episodes: 4,
+            samples: 32,
+            coefficient: 0.3,
+        }),
+        ..ppo()
+    };
+    for seed in 0..3 {
+        let needed = iterations_to_solve(&config, seed, 600);
+        eprintln!("seed {seed}: {needed:?} iterations");
+        assert!(needed.is_some(), "seed {seed} did not learn");
+    }
+}
+
+/// A short training with everything on: imitation, annealing, limits.
+fn everything() -> PpoConfig {
+    PpoConfig {
+        annealing_steps: Some(10_000),
+        target_kl: Some(0.1),
+        imitation: PpoConfig::compact().imitation,
+        ..ppo()
+    }
+}
+
+/// What must repeat of an iteration: all but the time it took.
+fn timeless(iteration: Iteration) -> Iteration {
+    Iteration {
+        seconds: Seconds::default(),
+        ..iteration
+    }
+}
+
+#[test]
+fn rollout_notes_ends_scaled_rewards_and_the_values_behind_truncations() {
+    let agent = trainer(ppo(), 5).agent();
+    for end in [End::Terminated, End::Truncated, End::Diverged] {
+        let mut tasks = Order::new(1);
+        tasks.end = end;
+        let streams = &mut [Stream::new(5, Purpose::Actions, 0)];
+        let mut seconds = Seconds::default();
+        let rollout = collect(&agent, &mut tasks, streams, None, 6, 0.5, &mut seconds);
+        let (mut last, _) = Order::start();
+        for action in ORDER.map(|a| a as usize) {
+            last.mask.remove(action);
+            last.touched.insert(action);
+            last.draped.insert(action);
+            last.distance[action] = 0.0;
+        }
+        let value = agent.value(&[&last])[0];
+        let expected = match end {
+            End::Terminated => Next::Terminated,
+            End::Truncated | End::Diverged => Next::Truncated { value },
+        };
+        assert!(rollout.next[..5].iter().all(|next| *next == Next::Step));
+        assert_eq!(rollout.next[5], expected);
+        assert_eq!(rollout.rewards[5], 0.5 * rollout.episodes[0].total_reward);
+        assert_eq!(rollout.actions, rollout.episodes[0].actions);
+        // The task has been reset: what follows the rollout is the start again.
+        assert_eq!(rollout.last_values, agent.value(&[&Order::start().0]));
+    }
+}
+
+#[test]
+fn resumed_training_is_the_uninterrupted_one() {
+    let mut whole = trainer(everything(), 5);
+    (0..3).for_each(|_| drop(whole.iterate().unwrap()));
+    let saved = whole.save();
+    let mut resumed = trainer(everything(), 99);
+    resumed.load(&saved).unwrap();
+    assert!(resumed.save() == saved);
+    for _ in 0..3 {
+        let (a, b) = (whole.iterate().unwrap(), resumed.iterate().unwrap());
+        assert_eq!(timeless(a), timeless(b));
+    }
+    assert!(whole.save() == resumed.save());
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        pool.build().unwrap().install(|| {
+            let mut trainer = trainer(everything(), 5);
+            (0..3).for_each(|_| drop(trainer.iterate().unwrap()));
+            trainer.save()
+        })
+    };
+    let one = run(1);
+    assert!(run(2) == one);
+    assert!(run(3) == one);
+}
+
+#[test]
+fn foreign_or_damaged_sections_are_refused_and_change_nothing() {
+    let mut trainer = trainer(everything(), 5);
+    trainer.iterate().unwrap();
+    let saved = trainer.save();
+    for name in saved.keys() {
+        let mut missing = saved.clone();
+        missing.remove(name);
+        let error = trainer.load(&missing).unwrap_err();
+        assert_eq!(error.to_string(), format!("section `{name}` is missing"));
+        for other in saved.keys().filter(|other| *other != name) {
+            let mut swapped = saved.clone();
+            swapped.insert(name.clone(), saved[other].clone());
+            assert!(trainer.load(&swapped).is_err(), "{other} taken as {name}");
+        }
+    }
+    assert!(trainer.save() == saved);
+}
+
+#[test]
+fn reward_that_is_not_finite_stops_the_training_and_leaves_the_network() {
+    let mut trainer = trainer(ppo(), 5);
+    trainer.iterate().unwrap();
+    let before = trainer.agent().save();
+    let mut sections = trainer.save();
+    let mut tasks: Order = postcard::from_bytes(&sections["tasks"]).unwrap();
+    tasks.reward = f32::NAN;
+    sections.insert("tasks".to_owned(), tasks.save());
+    trainer.load(&sections).unwrap();
+    let error = trainer.iterate().unwrap_err();
+    let cause = std::error::Error::source(&error).unwrap().to_string();
+    assert!(error.to_string().starts_with("iteration 2 failed"));
+    assert_eq!(cause, "policy loss is not finite");
+    assert!(trainer.agent().save() == before);
+}
+
+#[test]
+fn papers_network_learns_and_survives_its_file() {
+    let (config, mut policy) = (PpoConfig::paper(), PolicyConfig::paper());
+    let NetworkConfig::Paper(paper) = &mut policy.network else {
+        unreachable!("the paper's preset has its network")
+    };
+    paper.channels.truncate(2);
+    let mut trainer = Trainer::new(config, &policy, Order::new(2), 0, DeviceKind::Flex).unwrap();
+    let before = trainer.agent().save();
+    let iteration = trainer.iterate().unwrap();
+    assert_eq!((iteration.env_steps, iteration.metrics.epochs), (200, 4));
+    assert_eq!(iteration.episodes.len(), 2 * (100 / ORDER.len()));
+    assert!(trainer.agent().save() != before);
+
+    let mut agent = Agent::new(&policy, SHAPE, 77, DeviceKind::Flex).unwrap();
+    let task = Order::new(1);
+    agent.load(&trainer.agent().save()).unwrap();
+    let seen = [task.observation(0)];
+    assert_eq!(agent.value(&seen), trainer.agent().value(&seen));
+    let other = Agent::new(&self::policy(), SHAPE, 0, DeviceKind::Flex).unwrap();
+    assert!(agent.load(&other.save()).is_err());
+}
+
+#[test]
+fn drawn_actions_repeat_and_obey_the_mask() {
+    let agent = trainer(ppo(), 1).agent();
+    let task = Order::new(1);
+    let observations = vec![task.observation(0); 50];
+    let draw = || {
+        let mut stream = Stream::new(3, Purpose::Evaluation, 0);
+        agent.act(&observations, Sampling::Drawn(&mut stream))
+    };
+    let actions = draw();
+    assert_eq!(actions, draw());
+    assert!(actions.iter().all(|a| ORDER.contains(a)));
+    // Nearly uniform at first: fifty draws show all six.
+    assert!(ORDER.iter().all(|a| actions.contains(a)));
+}

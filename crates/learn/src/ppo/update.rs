@@ -1,0 +1,320 @@
+use super::adam::{Adam, global_norm};
+use super::agent::all_pixels;
+use super::config::{AdvantageNorm, PpoConfig};
+use super::gae::gae;
+use super::imitation::{Memory, Move};
+use super::loss;
+use super::rollout::Rollout;
+use crate::policy::{ActorCritic, masked};
+use burn::optim::GradientsParams;
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use drape_cloth::math::Stream;
+use drape_task::env::Observation;
+use serde::{Deserialize, Serialize};
+
+/// What an update did: means over its minibatches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Metrics {
+    pub policy_loss: f32,
+    pub value_loss: f32,
+    /// In nat, or as a share of ln(valid actions) if entropies are normalised.
+    pub entropy: f32,
+    /// Cross-entropy of the imitated actions [nat]; 0 without imitation.
+    pub imitation_loss: f32,
+    /// KL divergence from the policy of the rollout [nat].
+    pub approx_kl: f32,
+    pub clip_fraction: f32,
+    /// Of the gradient over all parameters, before it is limited.
+    pub gradient_norm: f32,
+    /// Share of the returns' variance that the values explained before the update.
+    pub explained_variance: f32,
+    /// Epochs made; fewer than configured once the target KL is exceeded.
+    pub epochs: u32,
+}
+
+/// A loss or gradient that is not a finite number; the step was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{quantity} is not finite")]
+pub struct NotFinite {
+    pub quantity: &'static str,
+}
+
+/// Random streams of an update.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Streams {
+    /// Order of the samples.
+    pub shuffle: Stream,
+    /// Choice among the moves to be imitated.
+    pub imitation: Stream,
+}
+
+/// Improves `actor_critic` on `rollout` for some epochs and says how it went.
+///
+/// Each epoch takes every sample once, in a new random order, in minibatches of nearly equal
+/// size. Stops at the first loss or gradient that is not finite, before it does harm.
+pub fn update(
+    config: &PpoConfig,
+    actor_critic: &mut ActorCritic,
+    adam: &mut Adam,
+    rollout: &Rollout,
+    memory: Option<&Memory>,
+    learning_rate: f64,
+    streams: &mut Streams,
+) -> Result<Metrics, NotFinite> {
+    let Rollout {
+        rewards,
+        values,
+        next,
+        last_values,
+        ..
+    } = rollout;
+    let mut advantages = gae(
+        rewards,
+        values,
+        next,
+        last_values,
+        config.gamma,
+        config.gae_lambda,
+    );
+    let returns: Vec<f32> = advantages.iter().zip(values).map(|(a, v)| a + v).collect();
+    if config.advantage_norm == AdvantageNorm::Batch {
+        advantages = loss::normalised(&advantages, config.advantage_floor);
+    }
+
+    let mut order: Vec<usize> = (0..rewards.len()).collect();
+    let pieces = order.len().div_ceil(config.minibatch_size);
+    let mut sum = Metrics::default();
+    let mut steps = 0;
+    for _ in 0..config.epochs {
+        streams.shuffle.shuffle(&mut order);
+        let mut kl = 0.0;
+        for piece in 0..pieces {
+            let indices = &order[piece * order.len() / pieces..(piece + 1) * order.len() / pieces];
+            let imitated = match (&config.imitation, memory) {
+                (Some(c), Some(memory)) => memory.draw(c.samples, &mut streams.imitation),
+                _ => Vec::new(),
+            };
+            let minibatch = Minibatch::new(config, rollout, &advantages, &returns, indices);
+            let terms = evaluate(config, actor_critic, &minibatch, &imitated);
+            let found = terms.metrics();
+            descend(
+                config,
+                actor_critic,
+                adam,
+                terms.total,
+                found,
+                learning_rate,
+                &mut sum,
+            )?;
+            kl += found.approx_kl / pieces as f32;
+            steps += 1;
+        }
+        sum.epochs += 1;
+        if config.target_kl.is_some_and(|target| kl > target) {
+            break;
+        }
+    }
+    Ok(Metrics {
+        explained_variance: loss::explained_variance(values, &returns),
+        ..sum.mean(steps)
+    })
+}
+
+/// Samples of one gradient step, on the host.
+struct Minibatch<'a> {
+    observations: Vec<&'a Observation>,
+    actions: Vec<u32>,
+    log_probs: Vec<f32>,
+    advantages: Vec<f32>,
+    returns: Vec<f32>,
+}
+
+impl<'a> Minibatch<'a> {
+    fn new(
+        config: &PpoConfig,
+        rollout: &'a Rollout,
+        advantages: &[f32],
+        returns: &[f32],
+        indices: &[usize],
+    ) -> Self {
+        let pick = |numbers: &[f32]| indices.iter().map(|&i| numbers[i]).collect::<Vec<_>>();
+        let mut advantages = pick(advantages);
+        if config.advantage_norm == AdvantageNorm::Minibatch {
+            advantages = loss::normalised(&advantages, config.advantage_floor);
+        }
+        Self {
+            observations: indices.iter().map(|&i| &rollout.observations[i]).collect(),
+            actions: indices.iter().map(|&i| rollout.actions[i]).collect(),
+            log_probs: pick(&rollout.log_probs),
+            advantages,
+            returns: pick(returns),
+        }
+    }
+}
+
+/// The loss and its terms, each of one number.
+struct Terms {
+    total: Tensor<1>,
+    /// Policy loss, value loss, entropy, imitation loss, KL, clip fraction.
+    parts: [Tensor<1>; 6],
+}
+
+/// The loss of a minibatch and of some moves to be imitated:
+/// c₁ policy + c₂ value - c₃ entropy + c₄ imitation.
+fn evaluate(
+    config: &PpoConfig,
+    actor_critic: &ActorCritic,
+    minibatch: &Minibatch,
+    imitated: &[&Move],
+) -> Terms {
+    let device = actor_critic.device();
+    let (own, others) = (minibatch.actions.len(), imitated.len());
+    // One pass through the network for both kinds of samples.
+    let mut observations = minibatch.observations.clone();
+    observations.extend(imitated.iter().map(|m| &m.observation));
+    let actions = minibatch.actions.iter().copied();
+    let actions = actions.chain(imitated.iter().map(|m| m.action));
+    let pixels = all_pixels(&observations);
+
+    let prediction = actor_critic.predict(&pixels);
+    let invalid = actor_critic.invalid(&pixels);
+    let log_probs = masked::log_softmax(prediction.logits, invalid.clone());
+    let log_prob = masked::log_prob(log_probs.clone(), int_tensor(actions, &device));
+
+    let new = log_prob.clone().narrow(0, 0, own);
+    let old = tensor(&minibatch.log_probs, &device);
+    let advantage = tensor(&minibatch.advantages, &device);
+    let returns = tensor(&minibatch.returns, &device);
+    let weight = tensor(&entropy_weights(config, &minibatch.observations), &device);
+
+    let policy = loss::policy_loss(new.clone(), old.clone(), advantage, config.clip_range);
+    let value = loss::value_loss(prediction.value.narrow(0, 0, own), returns);
+    let entropy = masked::entropy(log_probs.narrow(0, 0, own), invalid.narrow(0, 0, own));
+    let entropy = (entropy * weight).mean();
+    let mut total = policy.clone() * config.policy_coefficient
+        + value.clone() * config.value_coefficient
+        - entropy.clone() * config.entropy_coefficient;
+    let imitation = match &config.imitation {
+        Some(imitation) if others > 0 => {
+            let cross_entropy = -log_prob.narrow(0, own, others).mean();
+            total = total + cross_entropy.clone() * imitation.coefficient;
+            cross_entropy
+        }
+        _ => Tensor::zeros([1], &device),
+    };
+    let kl = loss::approx_kl(new.clone(), old.clone());
+    let clipped = loss::clip_fraction(new, old, config.clip_range);
+    Terms {
+        total,
+        parts: [policy, value, entropy, imitation, kl, clipped],
+    }
+}
+
+impl Terms {
+    /// All terms on the host, in one transfer.
+    fn metrics(&self) -> Metrics {
+        let parts = Tensor::cat(self.parts.to_vec(), 0).into_data();
+        let parts: Vec<f32> = parts.try_into_vec().expect("terms are f32");
+        Metrics {
+            policy_loss: parts[0],
+            value_loss: parts[1],
+            entropy: parts[2],
+            imitation_loss: parts[3],
+            approx_kl: parts[4],
+            clip_fraction: parts[5],
+            ..Metrics::default()
+        }
+    }
+}
+
+/// Takes one step against the gradient of `total`, limited to the largest norm allowed, and
+/// adds what was `found` to `sum`.
+fn descend(
+    config: &PpoConfig,
+    actor_critic: &mut ActorCritic,
+    adam: &mut Adam,
+    total: Tensor<1>,
+    found: Metrics,
+    learning_rate: f64,
+    sum: &mut Metrics,
+) -> Result<(), NotFinite> {
+    found.check()?;
+    let network = &actor_critic.network;
+    let gradients = GradientsParams::from_grads(total.backward(), network);
+    let norm = global_norm(network, &gradients);
+    finite("gradient norm", norm)?;
+    let scale = match config.max_grad_norm {
+        Some(limit) if norm > limit => limit / norm,
+        _ => 1.0,
+    };
+    let network = network.clone();
+    actor_critic.network = adam.step(network, gradients, scale.into(), learning_rate);
+    sum.add(&Metrics {
+        gradient_norm: norm,
+        ..found
+    });
+    Ok(())
+}
+
+impl Metrics {
+    fn check(&self) -> Result<(), NotFinite> {
+        finite("policy loss", self.policy_loss)?;
+        finite("value loss", self.value_loss)?;
+        finite("entropy", self.entropy)?;
+        finite("imitation loss", self.imitation_loss)
+    }
+
+    fn terms(&mut self) -> [&mut f32; 7] {
+        [
+            &mut self.policy_loss,
+            &mut self.value_loss,
+            &mut self.entropy,
+            &mut self.imitation_loss,
+            &mut self.approx_kl,
+            &mut self.clip_fraction,
+            &mut self.gradient_norm,
+        ]
+    }
+
+    fn add(&mut self, other: &Self) {
+        let mut other = *other;
+        for (sum, term) in self.terms().into_iter().zip(other.terms()) {
+            *sum += *term;
+        }
+    }
+
+    /// The terms divided by `count`.
+    fn mean(mut self, count: usize) -> Self {
+        self.terms().into_iter().for_each(|x| *x /= count as f32);
+        self
+    }
+}
+
+fn finite(quantity: &'static str, number: f32) -> Result<(), NotFinite> {
+    if number.is_finite() {
+        Ok(())
+    } else {
+        Err(NotFinite { quantity })
+    }
+}
+
+/// Weight of each state's entropy: 1, or 1 / ln(valid actions) if normalised. A state with one
+/// valid action has none.
+fn entropy_weights(config: &PpoConfig, observations: &[&Observation]) -> Vec<f32> {
+    let weight = |o: &&Observation| match o.mask.count_ones(..) {
+        _ if !config.normalise_entropy => 1.0,
+        1 => 0.0,
+        count => 1.0 / (count as f32).ln(),
+    };
+    observations.iter().map(weight).collect()
+}
+
+fn tensor(numbers: &[f32], device: &Device) -> Tensor<1> {
+    Tensor::from_data(TensorData::new(numbers.to_vec(), [numbers.len()]), device)
+}
+
+fn int_tensor(numbers: impl Iterator<Item = u32>, device: &Device) -> Tensor<1, Int> {
+    let numbers: Vec<i32> = numbers.map(|x| x as i32).collect();
+    let shape = [numbers.len()];
+    Tensor::from_data(TensorData::new(numbers, shape), device)
+}

@@ -1,0 +1,359 @@
+//! Two drapes compared: topology, contour, fibre angles, shear and faults, after the paper's
+//! Section 5 and Table 3.
+
+mod figures;
+
+pub use figures::{Angles, Comparison, Inapplicable, Measures, Parts, Shear, Strain, Tooling};
+
+use drape_cloth::fabric::{Drape, Family};
+use drape_cloth::math::Vec3;
+use drape_cloth::mesh::TriMesh;
+use drape_cloth::mesh::compare::{
+    ContourDeviation, Foot, Sheet, SheetError, Spread, WrinkleFilter, contour_deviation,
+    vertex_areas, wrinkles,
+};
+use drape_cloth::tool::Surface;
+
+/// Farther from every material point of the other blank than this, a place has no
+/// counterpart [m].
+const OFF_BLANK: f64 = 1e-6;
+const MM: f64 = 1e3;
+
+/// One of the surfaces that are compared.
+#[derive(Clone, Debug)]
+pub struct Surveyed {
+    /// The surface, its upper side up [m].
+    pub mesh: TriMesh,
+    /// Its material coordinates; a scan has none.
+    pub drape: Option<Drape>,
+    sheet: Sheet,
+}
+
+/// What is measured, and what counts as a fault.
+#[derive(Clone, Debug)]
+pub struct Criteria<'a> {
+    pub tool: Option<&'a Surface>,
+    /// Least x, least y, greatest x, greatest y on the flat blank [m].
+    pub region: Option<[f64; 4]>,
+    /// Shear beyond which fabric counts as locked [rad].
+    pub locking: f64,
+    /// Yarns closer in direction than this agree [rad].
+    pub fibre: f64,
+    /// A gap to the tool above this is bridged [m].
+    pub gap: f64,
+    pub wrinkle: WrinkleFilter,
+}
+
+impl Default for Criteria<'_> {
+    fn default() -> Self {
+        Self {
+            tool: None,
+            region: None,
+            locking: 45f64.to_radians(),
+            fibre: 5f64.to_radians(),
+            gap: 0.5e-3,
+            wrinkle: WrinkleFilter {
+                cutoff: 50e-3,
+                height: 0.5e-3,
+            },
+        }
+    }
+}
+
+impl Surveyed {
+    /// A surface without material coordinates. One whose upper side looks down is turned over.
+    pub fn scan(mut mesh: TriMesh) -> Result<Self, SheetError> {
+        if mesh.area_vector().z < 0.0 {
+            mesh.flip();
+        }
+        let sheet = Sheet::new(&mesh)?;
+        Ok(Self {
+            mesh,
+            drape: None,
+            sheet,
+        })
+    }
+
+    /// A draped blank.
+    pub fn draped(drape: Drape) -> Result<Self, SheetError> {
+        let mesh = drape.mesh();
+        let sheet = Sheet::new(&mesh)?;
+        Ok(Self {
+            mesh,
+            drape: Some(drape),
+            sheet,
+        })
+    }
+
+    /// Signed distance of every vertex from `other`, positive on its upper side [m].
+    pub fn deviations(&self, other: &Self) -> Vec<f64> {
+        let feet = self.feet(other);
+        feet.iter().map(|foot| foot.deviation).collect()
+    }
+
+    fn feet(&self, other: &Self) -> Vec<Foot> {
+        let vertices = self.mesh.vertices.iter();
+        vertices.map(|&x| other.sheet.foot(x)).collect()
+    }
+}
+
+/// The part of the blank that is looked at.
+#[derive(Clone, Copy, PartialEq)]
+enum Part {
+    All,
+    Inside([f64; 4]),
+    Outside([f64; 4]),
+}
+
+impl Part {
+    fn has(self, [x, y]: [f64; 2]) -> bool {
+        let within = |[x0, y0, x1, y1]: [f64; 4]| x0 <= x && x <= x1 && y0 <= y && y <= y1;
+        match self {
+            Self::All => true,
+            Self::Inside(region) => within(region),
+            Self::Outside(region) => !within(region),
+        }
+    }
+}
+
+/// Compares `a` with the reference `b`.
+pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
+    let mut why = Vec::new();
+    let scans: Vec<&str> = [("A", a), ("B", b)]
+        .iter()
+        .filter(|(_, surface)| surface.drape.is_none())
+        .map(|(name, _)| *name)
+        .collect();
+    let no_material = |metrics: &[&'static str]| Inapplicable {
+        metrics: metrics.to_vec(),
+        why: format!(
+            "no material coordinates: {} {} a mesh only",
+            scans.join(" and "),
+            if scans.len() == 1 { "is" } else { "are" }
+        ),
+    };
+    if !scans.is_empty() {
+        why.push(no_material(&["material_points_mm", "fibre_angle_deg"]));
+        let own: &[&str] = &["shear_deg", "strain"];
+        why.push(Inapplicable {
+            metrics: own.to_vec(),
+            ..no_material(own)
+        });
+        if criteria.region.is_some() {
+            why.push(no_material(&["inside", "outside"]));
+        }
+    }
+    if criteria.tool.is_none() {
+        why.push(Inapplicable {
+            metrics: vec!["tool"],
+            why: "no tool: give a configuration, or a run".into(),
+        });
+    }
+    let contour = |a: &Surveyed, b: &Surveyed| contour_deviation(&a.mesh, &b.mesh);
+    let contours = [contour(a, b), contour(b, a)].map(|c| {
+        c.map(|c| ContourDeviation {
+            mean: MM * c.mean,
+            max: MM * c.max,
+        })
+    });
+    if contours[0].is_none() {
+        why.push(Inapplicable {
+            metrics: vec!["contour_mm"],
+            why: "a surface has no border".into(),
+        });
+    }
+
+    let feet = [a.feet(b), b.feet(a)];
+    let parts = |part| parts(a, b, &feet, criteria, part);
+    let split = criteria.region.filter(|_| scans.is_empty());
+    Comparison {
+        all: parts(Part::All),
+        inside: split.map(|region| parts(Part::Inside(region))),
+        outside: split.map(|region| parts(Part::Outside(region))),
+        contour_a_to_b_mm: contours[0],
+        contour_b_to_a_mm: contours[1],
+        a: measures(a, criteria),
+        b: measures(b, criteria),
+        not_applicable: why,
+    }
+}
+
+/// What is compared over a part of the blank.
+fn parts(
+    a: &Surveyed,
+    b: &Surveyed,
+    feet: &[Vec<Foot>; 2],
+    criteria: &Criteria,
+    part: Part,
+) -> Parts {
+    let has = |surface: &Surveyed, v: usize| {
+        let rest = surface.drape.as_ref().map(|drape| drape.rest[v]);
+        part == Part::All || rest.is_some_and(|rest| part.has(rest))
+    };
+    let mut hausdorff = 0.0f64;
+    let mut beyond = [0.0; 2];
+    let mut topology = [None; 2];
+    for (k, surface) in [a, b].into_iter().enumerate() {
+        let areas = vertex_areas(&surface.mesh);
+        let chosen = || {
+            let all = feet[k].iter().zip(&areas).enumerate();
+            all.filter(|(v, _)| has(surface, *v)).map(|(_, pair)| pair)
+        };
+        topology[k] = Spread::new(chosen().map(|(foot, &area)| (MM * foot.deviation, area)));
+        hausdorff = chosen().fold(hausdorff, |most, (foot, _)| most.max(MM * foot.distance));
+        let total: f64 = chosen().map(|(_, area)| area).sum();
+        let outside = chosen().filter(|(foot, _)| foot.is_beyond);
+        beyond[k] = outside.fold(0.0, |sum, (_, area)| sum + area) / total.max(f64::MIN_POSITIVE);
+    }
+    let material = match (&a.drape, &b.drape) {
+        (Some(a), Some(b)) => Some((a, b)),
+        _ => None,
+    };
+    let (mut points, mut angles) = (None, None);
+    if let Some((a, b)) = material {
+        // The flat blank of a drape has the same sides as its triangles: never refused.
+        if let Ok(flat) = Sheet::new(&b.flat()) {
+            points = Spread::new(point_distances(a, b, &flat, part));
+            angles = fibre_angles(a, b, &flat, part, criteria);
+        }
+    }
+    Parts {
+        topology_a_to_b_mm: topology[0],
+        topology_b_to_a_mm: topology[1],
+        hausdorff_mm: topology[0].map(|_| hausdorff),
+        beyond_border_share: beyond,
+        material_points_mm: points,
+        fibre_angle_deg: angles,
+    }
+}
+
+/// The foot of a place of the flat blank on the flat blank of the other drape.
+fn counterpart(flat: &Sheet, [x, y]: [f64; 2]) -> Option<Foot> {
+    let foot = flat.foot(Vec3::new(x, y, 0.0));
+    (foot.distance <= OFF_BLANK).then_some(foot)
+}
+
+/// Distance [mm] between the places of the same material points, with their rest areas.
+fn point_distances(a: &Drape, b: &Drape, flat: &Sheet, part: Part) -> Vec<(f64, f64)> {
+    let areas = vertex_areas(&a.flat());
+    let vertices = (0..a.rest.len()).filter(|&v| part.has(a.rest[v]));
+    vertices
+        .filter_map(|v| {
+            let foot = counterpart(flat, a.rest[v])?;
+            let corners = b.triangles[foot.triangle].iter().zip(foot.weights);
+            let there: Vec3 = corners
+                .map(|(&w, weight)| Vec3::from(b.position[w as usize]) * weight)
+                .sum();
+            let distance = (Vec3::from(a.position[v]) - there).norm();
+            Some((MM * distance, areas[v]))
+        })
+        .collect()
+}
+
+/// Angles between the yarns of both drapes in the middles of A's triangles.
+fn fibre_angles(
+    a: &Drape,
+    b: &Drape,
+    flat: &Sheet,
+    part: Part,
+    criteria: &Criteria,
+) -> Option<[Angles; 2]> {
+    let mut pairs = Vec::new();
+    for t in 0..a.triangles.len() {
+        let centre = a.rest_centre(t);
+        if let Some(foot) = counterpart(flat, centre).filter(|_| part.has(centre)) {
+            let (here, there) = (a.tangents(t), b.tangents(foot.triangle));
+            let angle = |family| here.angle(&there, family);
+            let angles = [Family::Warp, Family::Weft].map(angle);
+            pairs.push((angles, a.rest_area(t)));
+        }
+    }
+    let of = |family: usize| {
+        let angles = || pairs.iter().map(|(angles, area)| (angles[family], *area));
+        let spread = Spread::new(angles().map(|(angle, area)| (angle.to_degrees(), area)))?;
+        let agree = Spread::new(
+            angles().map(|(angle, area)| (f64::from(u8::from(angle < criteria.fibre)), area)),
+        )?;
+        Some(Angles {
+            share_below: agree.mean,
+            mean: spread.mean,
+            p95: spread.p95,
+            max: spread.max,
+        })
+    };
+    Some([of(0)?, of(1)?])
+}
+
+/// What one drape is measured by alone.
+fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
+    let mesh = &surface.mesh;
+    let wrinkles = wrinkles(mesh, criteria.wrinkle).map(|mut found| {
+        found.amplitude *= MM;
+        found.rms *= MM;
+        found
+    });
+    let (mut shear, mut strain) = (None, None);
+    if let Some(drape) = &surface.drape {
+        let all: Vec<_> = (0..drape.triangles.len())
+            .map(|t| (drape.tangents(t), drape.rest_area(t)))
+            .collect();
+        let angles = Spread::new(all.iter().map(|(t, area)| (t.shear().to_degrees(), *area)));
+        let locked = all
+            .iter()
+            .filter(|(t, _)| t.shear().abs() > criteria.locking);
+        shear = angles.map(|found| Shear {
+            rms: found.rms,
+            min: found.min,
+            max: found.max,
+            locked_area_mm2: MM * MM * locked.fold(0.0, |sum, (_, area)| sum + area),
+        });
+        let of = |f: fn(f64) -> f64| {
+            let both = |(t, area): &(drape_cloth::fabric::Tangents, f64)| {
+                t.strain().map(|strain| (f(strain), *area))
+            };
+            Spread::new(all.iter().flat_map(both)).map(|found| [found.p95, found.max])
+        };
+        let (all, tension, compression) = (of(f64::abs), of(|s| s.max(0.0)), of(|s| (-s).max(0.0)));
+        strain = match (all, tension, compression) {
+            (Some(all), Some(tension), Some(compression)) => Some(Strain {
+                p95: all[0],
+                max: all[1],
+                tension_p95: tension[0],
+                tension_max: tension[1],
+                compression_p95: compression[0],
+                compression_max: compression[1],
+            }),
+            _ => None,
+        };
+    }
+    Measures {
+        vertices: mesh.vertices.len(),
+        triangles: mesh.triangles.len(),
+        area_mm2: MM * MM * mesh.area(),
+        wrinkles_mm: wrinkles,
+        shear_deg: shear,
+        strain,
+        tool: criteria.tool.map(|tool| tooling(mesh, tool, criteria.gap)),
+    }
+}
+
+/// Gaps to the tool and penetration, by the exact distance.
+fn tooling(mesh: &TriMesh, tool: &Surface, gap: f64) -> Tooling {
+    let phi: Vec<f64> = mesh
+        .vertices
+        .iter()
+        .map(|&x| tool.signed_distance(x))
+        .collect();
+    let areas = vertex_areas(mesh);
+    let open = phi.iter().zip(&areas).filter(|(phi, _)| **phi > gap);
+    let bridged = open.fold(0.0, |sum, (_, area)| sum + area);
+    let total: f64 = areas.iter().sum();
+    Tooling {
+        bridged_area_mm2: MM * MM * bridged,
+        bridged_share: bridged / total.max(f64::MIN_POSITIVE),
+        penetration_mm: MM * phi.iter().fold(0.0f64, |deepest, phi| deepest.max(-phi)),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,109 @@
+//! What a comparison finds: the figures of `drape compare`, with their units in their names.
+
+use serde::Serialize;
+
+use drape_cloth::mesh::compare::{ContourDeviation, Spread, Wrinkles};
+
+/// How drape A differs from the reference B, and what each is like.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Over the whole blank.
+    #[serde(flatten)]
+    pub all: Parts,
+    /// Border of A, sampled along its length, from that of B, and the other way round [mm].
+    pub contour_a_to_b_mm: Option<ContourDeviation>,
+    pub contour_b_to_a_mm: Option<ContourDeviation>,
+    /// Within the region and outside of it; none without a region.
+    pub inside: Option<Parts>,
+    pub outside: Option<Parts>,
+    pub a: Measures,
+    pub b: Measures,
+    /// What is null, and why.
+    pub not_applicable: Vec<Inapplicable>,
+}
+
+/// What two drapes are compared by over a part of the blank.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parts {
+    /// Signed distance of A's vertices from B [mm], positive on B's upper side, weighed with
+    /// their areas; and the other way round.
+    pub topology_a_to_b_mm: Option<Spread>,
+    pub topology_b_to_a_mm: Option<Spread>,
+    /// Greatest distance of any vertex of one from the other [mm].
+    pub hausdorff_mm: Option<f64>,
+    /// Shares of A's and of B's area that lie sideways of the other's border [-].
+    pub beyond_border_share: [f64; 2],
+    /// Distance between the same material points [mm].
+    pub material_points_mm: Option<Spread>,
+    /// Warp and weft [deg].
+    pub fibre_angle_deg: Option<[Angles; 2]>,
+}
+
+/// Angle between the yarns of one family in two drapes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Angles {
+    /// Share of the area in which the yarns agree [-].
+    pub share_below: f64,
+    /// Mean over the area [deg].
+    pub mean: f64,
+    /// 95 % of the area keep below this [deg].
+    pub p95: f64,
+    /// [deg]
+    pub max: f64,
+}
+
+/// What one drape is measured by alone.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Measures {
+    pub vertices: usize,
+    pub triangles: usize,
+    /// Area as it lies [mm^2].
+    pub area_mm2: f64,
+    /// Heights [mm]; see [`Wrinkles`].
+    pub wrinkles_mm: Option<Wrinkles>,
+    /// None for a scan, as `strain`.
+    pub shear_deg: Option<Shear>,
+    pub strain: Option<Strain>,
+    /// None without a tool.
+    pub tool: Option<Tooling>,
+}
+
+/// 90 degrees less the angle between the yarns [deg].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Shear {
+    pub rms: f64,
+    pub min: f64,
+    pub max: f64,
+    /// Area on the flat blank that is sheared beyond locking [mm^2].
+    pub locked_area_mm2: f64,
+}
+
+/// Engineering strain along the yarns of both families [-], weighed with the area.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Strain {
+    pub p95: f64,
+    pub max: f64,
+    pub tension_p95: f64,
+    pub tension_max: f64,
+    /// Positive numbers.
+    pub compression_p95: f64,
+    pub compression_max: f64,
+}
+
+/// How a drape lies on the tool.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Tooling {
+    /// Area of the vertices with a gap [mm^2].
+    pub bridged_area_mm2: f64,
+    /// The same as a share of the whole area [-].
+    pub bridged_share: f64,
+    /// Deepest vertex inside the tool, by the exact distance [mm].
+    pub penetration_mm: f64,
+}
+
+/// Figures that could not be found.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Inapplicable {
+    pub metrics: Vec<&'static str>,
+    pub why: String,
+}

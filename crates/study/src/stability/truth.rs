@@ -1,0 +1,171 @@
+//! Closed forms. None of this knows the simulator.
+
+/// Lengths [m] from the fixed end of a hanging chain to each of its vertices, that end first.
+///
+/// Edges of length `edge` and compliance `compliance` [m/N] carry the weight of all vertices
+/// below them; `mass` is that of each vertex [kg], the fixed one included.
+pub(crate) fn hanging(mass: &[f64], edge: f64, compliance: f64, gravity: f64) -> Vec<f64> {
+    let mut load: f64 = mass.iter().sum::<f64>() * gravity;
+    let mut length = 0.0;
+    let lengths = mass.iter().enumerate().map(|(i, m)| {
+        if i > 0 {
+            length += edge + compliance * load;
+        }
+        load -= m * gravity;
+        length
+    });
+    lengths.collect()
+}
+
+/// Coordinates [m] of a catenary of `length` over a level `span` at arc length s from its
+/// middle: along the span, and above the lowest point.
+pub(crate) fn catenary(span: f64, length: f64, s: f64) -> [f64; 2] {
+    // length = 2 a sinh(span / 2 a); its right side falls with a.
+    let (mut low, mut high) = (0.05 * span, 100.0 * span);
+    for _ in 0..200 {
+        let a = 0.5 * (low + high);
+        if 2.0 * a * (span / (2.0 * a)).sinh() > length {
+            low = a;
+        } else {
+            high = a;
+        }
+    }
+    let a = low;
+    [a * (s / a).asinh(), a.hypot(s) - a]
+}
+
+/// Steps of the elastica over its length.
+const ELASTICA_STEPS: usize = 4000;
+
+/// Shape of a heavy strip of length 1 that is clamped level: reach and drop at arc lengths
+/// i / `ELASTICA_STEPS` from the clamp. `gamma` = w L^3 / D, at most 1e4.
+///
+/// phi is the angle to the vertical and u the arc length from the tip: phi'' = gamma u sin
+/// phi, phi'(0) = 0, phi(1) = pi / 2. From the tip phi only grows, so that its value there can
+/// be bisected; its logarithm is, because with growing gamma it falls like exp(-2/3 sqrt
+/// gamma).
+pub(crate) fn elastica(gamma: f64) -> Vec<[f64; 2]> {
+    let right = std::f64::consts::FRAC_PI_2;
+    let (mut low, mut high) = (-200.0f64, right.ln());
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        match angles(gamma, middle.exp()).last() {
+            Some(&phi) if phi < right => low = middle,
+            _ => high = middle,
+        }
+    }
+    let mut phi = angles(gamma, low.exp());
+    phi.reverse();
+    let step = 1.0 / ELASTICA_STEPS as f64;
+    let mut at = [0.0, 0.0];
+    let mut shape = vec![at];
+    for pair in phi.windows(2) {
+        let middle = 0.5 * (pair[0] + pair[1]);
+        at = [at[0] + step * middle.sin(), at[1] + step * middle.cos()];
+        shape.push(at);
+    }
+    shape
+}
+
+/// phi from the tip on, by Runge and Kutta's method of fourth order. Beyond pi / 2 it goes on
+/// straight: that it is too large is all that is asked then.
+fn angles(gamma: f64, tip: f64) -> Vec<f64> {
+    let h = 1.0 / ELASTICA_STEPS as f64;
+    let slope = |u: f64, [phi, rate]: [f64; 2]| [rate, gamma * u * phi.min(2.0).sin()];
+    let mut y = [tip, 0.0];
+    let mut phi = vec![tip];
+    for i in 0..ELASTICA_STEPS {
+        let u = i as f64 * h;
+        let along = |k: [f64; 2], part: f64| [y[0] + part * h * k[0], y[1] + part * h * k[1]];
+        let a = slope(u, y);
+        let b = slope(u + 0.5 * h, along(a, 0.5));
+        let c = slope(u + 0.5 * h, along(b, 0.5));
+        let d = slope(u + h, along(c, 1.0));
+        for k in 0..2 {
+            y[k] += h / 6.0 * (a[k] + 2.0 * b[k] + 2.0 * c[k] + d[k]);
+        }
+        phi.push(y[0]);
+    }
+    phi
+}
+
+/// Point of a curve from [`elastica`] at arc length s, 0 to 1.
+pub(crate) fn along(shape: &[[f64; 2]], s: f64) -> [f64; 2] {
+    let at = s * (shape.len() - 1) as f64;
+    let i = (at as usize).min(shape.len() - 2);
+    let part = at - i as f64;
+    [0, 1].map(|k| shape[i][k] + part * (shape[i + 1][k] - shape[i][k]))
+}
+
+/// Way [m] of a body after `t` with the velocity `v0`, acceleration `g` and drag `c` per mass
+/// [1/s], all along one axis.
+pub(crate) fn dragged(v0: f64, g: f64, c: f64, t: f64) -> f64 {
+    if c == 0.0 {
+        return v0 * t + 0.5 * g * t * t;
+    }
+    let terminal = g / c;
+    terminal * t + (v0 - terminal) * -(-c * t).exp_m1() / c
+}
+
+/// Way [m] down a slope of `angle` [rad] from rest under Coulomb friction `mu`.
+pub(crate) fn slid(mu: f64, angle: f64, g: f64, t: f64) -> f64 {
+    let acceleration = g * (angle.sin() - mu * angle.cos());
+    0.5 * acceleration.max(0.0) * t * t
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(found: f64, expected: f64, tolerance: f64) {
+        assert!(
+            (found - expected).abs() < tolerance,
+            "{found} is not {expected}"
+        );
+    }
+
+    #[test]
+    fn elastica_is_that_of_the_tables() {
+        for (gamma, drop, reach) in [
+            (1.0, 0.12347, 0.99125),
+            (5.0, 0.49591, 0.84666),
+            (20.0, 0.82988, 0.44523),
+            (100.0, 0.93752, 0.15922),
+        ] {
+            let [found_reach, found_drop] = along(&elastica(gamma), 1.0);
+            close(found_drop, drop, 1e-5);
+            close(found_reach, reach, 1e-5);
+        }
+        // Small deflections fall as gamma / 8; without stiffness the strip hangs.
+        close(along(&elastica(1e-3), 1.0)[1], 1e-3 / 8.0, 1e-8);
+        assert!(along(&elastica(1e4), 1.0)[1] > 0.98);
+    }
+
+    #[test]
+    fn catenary_has_its_sag_and_span() {
+        let [x, z] = catenary(0.30, 0.37, 0.185);
+        close(x, 0.15, 1e-9);
+        close(z, 0.095689, 1e-6);
+    }
+
+    #[test]
+    fn hanging_chain_is_stretched_by_what_is_below() {
+        let found = hanging(&[1.0, 2.0, 3.0], 1.0, 0.01, 10.0);
+        for (found, expected) in found.iter().zip([0.0, 1.5, 2.8]) {
+            close(*found, expected, 1e-12);
+        }
+    }
+
+    #[test]
+    fn drag_and_friction_in_their_limits() {
+        close(dragged(1.0, -2.0, 0.0, 3.0), -6.0, 1e-12);
+        close(dragged(1.0, -2.0, 1e-6, 3.0), -6.0, 1e-4);
+        close(dragged(1.0, -2.0, 1e9, 3.0), 0.0, 1e-8);
+        close(
+            slid(0.0, std::f64::consts::FRAC_PI_6, 10.0, 2.0),
+            10.0,
+            1e-12,
+        );
+        assert_eq!(slid(0.6, std::f64::consts::FRAC_PI_6, 10.0, 2.0), 0.0);
+    }
+}

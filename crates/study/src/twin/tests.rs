@@ -1,0 +1,75 @@
+use super::*;
+use drape_cloth::fabric::BlankConfig;
+use drape_cloth::scene::Fall;
+
+/// The rib with a coarse blank that falls for a short time.
+fn config() -> SceneConfig {
+    let mut config = SceneConfig::rib();
+    config.blank = BlankConfig {
+        vertices: [13, 13],
+        ..config.blank
+    };
+    config.tool.grid.spacing_mm = 12.0;
+    config.fall = Fall {
+        fall_s: 0.2,
+        settle_s: 0.1,
+        substep_rate: 1200.0,
+        ..config.fall
+    };
+    config
+}
+
+/// Clamps of the twin end where those of the fast solver do, and its energy is accounted for.
+#[test]
+fn clamps_of_both_end_in_the_same_places() {
+    let (scene, _) = set_up(&config(), |_| {}).unwrap();
+    let twin = fallen(&scene, &twin_config(&scene.config).unwrap()).unwrap();
+    assert!(scene.initial.fixed.count_ones(..) == 3);
+    let positions = twin.positions();
+    for v in scene.initial.fixed.ones() {
+        for (a, b) in positions[v].iter().zip(scene.initial.position[v]) {
+            assert!((a - b).abs() < 1e-9, "vertex {v}: {a} and {b}");
+        }
+        // A clamp's force stops its vertex up to rounding.
+        assert!(twin.velocities()[v].iter().all(|u| u.abs() < 1e-12));
+    }
+    let balance = Balance::new(twin.energies());
+    assert!(balance.residual_share < 0.02, "{balance:?}");
+    assert!(balance.energies.gravity > 0.0);
+}
+
+#[test]
+fn what_the_twin_has_not_is_refused_by_name() {
+    let message = |change: &dyn Fn(&mut SceneConfig)| {
+        let mut config = config();
+        change(&mut config);
+        twin_config(&config).unwrap_err().to_string()
+    };
+    assert_eq!(
+        message(&|c| c.fall.tool_move_mm = [1.0, 0.0, 0.0]),
+        "`fall.tool_move_mm` is [1.0, 0.0, 0.0], expected [0, 0, 0]: the twin's tool stands"
+    );
+    assert!(message(&|c| c.physics.shear = false).starts_with("`physics.shear` is false"));
+    assert!(message(&|c| c.physics.strain_limit = Some(0.01)).contains("strain_limit"));
+    let found = twin_config(&config()).unwrap();
+    let physics = config().physics;
+    assert_eq!(
+        (found.damping, found.gravity),
+        (physics.damping, physics.gravity)
+    );
+}
+
+/// 18 mm are three cells of the paper's mesh; coarser meshes keep three.
+#[test]
+fn stencils_cover_three_cells() {
+    let side = |vertices: usize| {
+        let blank = BlankConfig {
+            vertices: [vertices; 2],
+            ..BlankConfig::default()
+        };
+        let material = drape_cloth::fabric::Material::interglas_92125();
+        stencil_mm(&Lamina::new(&blank, material).unwrap(), 18.0)
+    };
+    assert_eq!(side(65), 18.0);
+    assert!((side(33) - 3.0 * 370.0 / 32.0).abs() < 1e-9);
+}

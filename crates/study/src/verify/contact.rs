@@ -1,0 +1,242 @@
+//! Cloth on tools: slipping, ropes round a drum, lift-off.
+
+use std::sync::LazyLock;
+
+use super::cloth::{
+    AREAL_MASS, GRAVITY, Piece, Solve, even_strip, fix, laid, mean_at, placed, rigid, section,
+    sheet, strip, tool,
+};
+use drape_cloth::fabric::{Family, Material};
+use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig};
+use drape_cloth::tool::{Cylinder, Incline, Pose, Shape, Tool};
+
+/// The built-in fabric with one coefficient of friction at rest and one in motion.
+fn rubbing([stick, slide]: [f64; 2]) -> Material {
+    let mut material = Material::interglas_92125();
+    for law in [&mut material.warp, &mut material.weft] {
+        law.static_friction = stick;
+        law.dynamic_friction = slide;
+    }
+    material
+}
+
+/// Halvings of the bracket within which a threshold is searched.
+const HALVINGS: usize = 9;
+
+/// The largest value for which `holds` says yes, from a `bracket` whose lower end should hold and
+/// whose upper end should not; NaN where one of them is not as it should.
+fn threshold([mut low, mut high]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
+    if !holds(low) || holds(high) {
+        return f64::NAN;
+    }
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if holds(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// How far a sheet with friction `mu` (at rest, in motion) slides in `seconds` down an incline
+/// of `angle` [rad] [m].
+pub fn slide(solver: &dyn Solve, mu: [f64; 2], angle: f64, seconds: f64) -> f64 {
+    let incline = Incline {
+        angle_deg: angle.to_degrees(),
+        plate_mm: [2000.0, 400.0],
+        ..Incline::default()
+    };
+    let incline = tool(Shape::Incline(incline), Pose::default(), 50.0);
+    let sheet = sheet([0.1, 0.08], [6, 5], rubbing(mu));
+    let (sin, cos) = angle.sin_cos();
+    let state = laid(&sheet, |[x, y]| [cos * x, y, -sin * x]);
+    let physics = PhysicsConfig {
+        friction: true,
+        shear: true,
+        bending: Bending::Yarns,
+        ..solver.yarns_alone()
+    };
+    let piece = Piece {
+        lamina: &sheet,
+        physics: &physics,
+        tool: Some(&incline),
+    };
+    let end = solver.run(piece, &state, seconds);
+    let along = |x: &[f64; 3]| x[0] * cos - x[2] * sin;
+    let way = |s: &[[f64; 3]]| s.iter().map(along).sum::<f64>();
+    (way(&end.position) - way(&state.position)) / end.position.len() as f64
+}
+
+/// Angle of an incline at which a sheet with friction `mu` begins to slip [rad].
+pub fn slip_angle(solver: &dyn Solve, mu: f64) -> f64 {
+    let expected = mu.atan();
+    threshold([0.9 * expected, 1.1 * expected], |angle| {
+        slide(solver, [mu; 2], angle, 0.2) < 1e-6
+    })
+}
+
+/// A strip round a frictional half cylinder with a load on either end.
+#[derive(Clone, Copy, Debug)]
+pub struct Rope {
+    pub mu: f64,
+    /// Edges on the half cylinder.
+    pub edges: usize,
+    /// Load on the end that is drawn up, over the weight of the strip.
+    pub load: f64,
+}
+
+/// Radius of the drum [m].
+const DRUM: f64 = 0.05;
+
+static DRUM_TOOL: LazyLock<Tool> = LazyLock::new(|| {
+    let cylinder = Cylinder {
+        radius_mm: 1e3 * DRUM,
+        length_mm: 100.0,
+        base_mm: 100.0,
+        segment_count: 512,
+    };
+    tool(Shape::Cylinder(cylinder), Pose::default(), 2.0)
+});
+
+/// Edges of a rope that hang down on either side.
+const HANGING: usize = 4;
+
+impl Rope {
+    /// Ratio of the tensions where the strip meets and leaves the drum at which it begins to slip,
+    /// e^(mu pi) for one without weight.
+    pub fn slips_at(&self, solver: &dyn Solve) -> f64 {
+        let expected = (self.mu * std::f64::consts::PI).exp();
+        threshold([0.5 * expected, 1.5 * expected], |ratio| {
+            self.creep(solver, ratio) < 2e-5
+        })
+    }
+
+    /// Way of the strip [m] in half a second, after as long for it to find its tension.
+    ///
+    /// `ratio` is that of the tensions in units in which the strip has no weight: with the weight
+    /// W = w R, dT / dphi = mu (T + W cos phi) - W sin phi over the drum, so at the point of
+    /// slipping T1 - B = e^(mu pi) (T0 + B) with B = 2 mu W / (1 + mu^2).
+    pub fn creep(&self, solver: &dyn Solve, ratio: f64) -> f64 {
+        let edge = std::f64::consts::PI * DRUM / self.edges as f64;
+        let count = self.edges + 2 * HANGING;
+        let length = edge * count as f64;
+        let mut strip = even_strip(Family::Weft, length, count);
+        strip.material = rubbing([self.mu; 2]);
+        let weight: f64 = strip.mass.iter().sum();
+        let (hangs, on_drum) = (HANGING as f64 * edge / length, DRUM / length);
+        let correction = 2.0 * self.mu * on_drum / (1.0 + self.mu * self.mu);
+        let upper = self.load + hangs;
+        let lower = ratio * (upper + correction) + correction;
+        // The end rows bear what their own weight is short of.
+        let rows = [(0, upper - hangs), (count, lower - hangs)];
+        for (k, load) in rows {
+            for v in section(&strip, k) {
+                strip.mass[v] += 0.5 * load * weight;
+            }
+        }
+        let state = placed(&strip, |s, t| {
+            let s = s - 0.5 * length;
+            let quarter = 0.5 * std::f64::consts::PI * DRUM;
+            if s.abs() < quarter {
+                let (sin, cos) = (s / DRUM).sin_cos();
+                [t, DRUM * sin, DRUM * cos]
+            } else {
+                [t, DRUM * s.signum(), quarter - s.abs()]
+            }
+        });
+        let physics = PhysicsConfig {
+            friction: true,
+            damping: 20.0,
+            ..solver.yarns_alone()
+        };
+        let piece = Piece {
+            lamina: &strip,
+            physics: &physics,
+            tool: Some(&DRUM_TOOL),
+        };
+        let taut = solver.run(piece, &state, 0.5);
+        let end = solver.run(piece, &taut, 0.5);
+        let crown = count / 2;
+        (mean_at(&strip, &end, crown) - mean_at(&strip, &taut, crown)).norm()
+    }
+}
+
+/// A strip of length 2 R clamped at the crown of a frictionless cylinder: G_R = w R^3 / D, angle
+/// at which it lifts off [degrees], tip from the axis over R.
+pub const LIFT_OFF: [(f64, f64, [f64; 2]); 2] = [
+    (2.0, 39.892, [1.34870, -0.31890]),
+    (5.0, 56.538, [1.18984, -0.39390]),
+];
+
+/// Where a strip leaves a cylinder [degrees], and its tip from the axis over the radius.
+#[derive(Clone, Copy, Debug)]
+pub struct LiftOff {
+    pub angle: f64,
+    pub tip: [f64; 2],
+    pub v_rms: f64,
+}
+
+/// Radius of that cylinder [m].
+const CYLINDER: f64 = 0.1;
+
+static CYLINDER_TOOL: LazyLock<Tool> = LazyLock::new(|| {
+    let cylinder = Cylinder {
+        radius_mm: 1e3 * CYLINDER,
+        length_mm: 100.0,
+        segment_count: 512,
+        ..Cylinder::default()
+    };
+    tool(Shape::Cylinder(cylinder), Pose::default(), 2.0)
+});
+
+/// Lets the strip come to rest on a cylinder of 100 mm. Cloth has no thickness in contact, so the
+/// mid-surface has the tool's radius.
+pub fn lift_off(solver: &dyn Solve, g_r: f64, edges: usize) -> LiftOff {
+    let radius = CYLINDER;
+    let edge = 2.0 * radius / (edges as f64 - 0.5);
+    let strip = strip(Family::Weft, edge * edges as f64, edges);
+    // Wound on and down beside, then let go: it comes to its place from the inner side.
+    let quarter = 0.5 * std::f64::consts::PI * radius;
+    let mut state = placed(&strip, |s, t| {
+        let s = s - 0.5 * edge;
+        if s < edge {
+            return [t, s, radius];
+        }
+        let (sin, cos) = (s.min(quarter) / radius).sin_cos();
+        let down = (s - quarter).max(0.0);
+        [t, radius * sin + 1e-4, radius * cos + 1e-4 - down]
+    });
+    fix(&strip, &mut state, &[0, 1]);
+    let stiffness = AREAL_MASS * GRAVITY * radius.powi(3) / g_r;
+    let physics = rigid(PhysicsConfig {
+        bending: Bending::Yarns,
+        bending_stiffness: BendingStiffness::NewtonMetre(stiffness),
+        damping: 8.0,
+        ..solver.yarns_alone()
+    });
+    let piece = Piece {
+        lamina: &strip,
+        physics: &physics,
+        tool: Some(&CYLINDER_TOOL),
+    };
+    let end = solver.settle(piece, &state, [1e-6, 4.0]);
+    // Beyond the line of contact the gap grows with the cube of the distance.
+    let gaps: Vec<[f64; 2]> = (0..=edges)
+        .map(|k| mean_at(&strip, &end, k))
+        .map(|x| [x.y.atan2(x.z).to_degrees(), x.y.hypot(x.z) - radius])
+        .filter(|[_, gap]| (1.5e-4..1.2e-3).contains(gap))
+        .map(|[angle, gap]| [angle, gap.cbrt()])
+        .collect();
+    let angle = match (gaps.first(), gaps.last()) {
+        (Some([a, p]), Some([b, q])) if q > p => a - p * (b - a) / (q - p),
+        _ => f64::NAN,
+    };
+    let tip = mean_at(&strip, &end, edges) / radius;
+    LiftOff {
+        angle,
+        tip: [tip.y, tip.z],
+        v_rms: end.v_rms(),
+    }
+}

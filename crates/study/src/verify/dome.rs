@@ -1,0 +1,155 @@
+//! Draping a sphere: a net of inextensible yarns.
+
+use std::sync::LazyLock;
+
+use super::cloth::{GRAVITY, Piece, Solve, laid, shearing, sheet, tool};
+use super::shear::shear_at;
+use drape_cloth::fabric::Lamina;
+use drape_cloth::math::Vec3;
+use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig, Snapshot};
+use drape_cloth::tool::{Hemisphere, Pose, Shape, Tool};
+
+/// Radius of the hemisphere [m].
+const RADIUS: f64 = 0.1;
+
+static DOME: LazyLock<Tool> = LazyLock::new(|| {
+    let dome = Hemisphere {
+        radius_mm: 1e3 * RADIUS,
+        segment_count: 256,
+        ring_count: 64,
+        ..Hemisphere::default()
+    };
+    tool(Shape::Hemisphere(dome), Pose::default(), 3.0)
+});
+
+/// Length of the sheet along its middle yarns, from the pole, over the radius: the bias then
+/// reaches a polar angle of 86 degrees.
+const ARM: f64 = 0.95;
+
+/// Shear on the bias line of a fishnet on a sphere, [polar angle, shear] [rad], from the pole on:
+/// inextensible yarns of `edges` edges over `arm` radii whose middle ones are geodesics.
+///
+/// Each node is where its two neighbours nearer to the middle yarns put it, at the length of an
+/// edge from both; the shear is that between the directions to its four neighbours.
+pub fn fishnet(arm: f64, edges: usize) -> Vec<[f64; 2]> {
+    let step = arm / edges as f64;
+    let cosine = step.cos();
+    let mut net = vec![vec![Vec3::zeros(); edges + 1]; edges + 1];
+    for (k, row) in net.iter_mut().enumerate() {
+        let (sin, cos) = (k as f64 * step).sin_cos();
+        row[0] = Vec3::new(sin, 0.0, cos);
+    }
+    for (k, node) in net[0].iter_mut().enumerate() {
+        let (sin, cos) = (k as f64 * step).sin_cos();
+        *node = Vec3::new(0.0, sin, cos);
+    }
+    for i in 1..=edges {
+        for j in 1..=edges {
+            let (a, b) = (net[i - 1][j], net[i][j - 1]);
+            let along = (a + b) * (cosine / (1.0 + a.dot(&b)));
+            let across = a.cross(&b).normalize() * (1.0 - along.norm_squared()).max(0.0).sqrt();
+            // Of both intersections the one farther from the node before.
+            let before = net[i - 1][j - 1];
+            let (p, q) = (along + across, along - across);
+            net[i][j] = if p.dot(&before) < q.dot(&before) {
+                p
+            } else {
+                q
+            };
+        }
+    }
+    let mut found = vec![[0.0, 0.0]];
+    for k in 1..edges {
+        let warp = (net[k + 1][k] - net[k - 1][k]).normalize();
+        let weft = (net[k][k + 1] - net[k][k - 1]).normalize();
+        let shear = std::f64::consts::FRAC_PI_2 - warp.dot(&weft).acos();
+        found.push([net[k][k].z.clamp(-1.0, 1.0).acos(), shear.abs()]);
+    }
+    found
+}
+
+/// What a sheet on the hemisphere looks like.
+#[derive(Clone, Debug)]
+pub struct Wrapped {
+    /// Shear on the four bias lines, their mean: [polar angle, shear] [rad], from the pole on.
+    pub shear: Vec<[f64; 2]>,
+    /// Greatest difference of the shear between the bias lines [rad].
+    pub uneven: f64,
+    /// Greatest gap to the tool [m].
+    pub gap: f64,
+    /// Greatest absolute strain of a yarn edge [-].
+    pub strain: f64,
+    pub v_rms: f64,
+}
+
+/// Lays a sheet with arms of `edges` edges flat on the pole of a hemisphere without friction and
+/// lets it sink under ten times its weight, held at the pole.
+///
+/// The fabric has a thousandth of glass fabric's shear stiffness and hardly any in bending, so that
+/// the weight stretches no yarn, overcomes shear, and leaves the net of inextensible yarns.
+pub fn wrap(solver: &dyn Solve, edges: usize) -> Wrapped {
+    let side = 2.0 * ARM * RADIUS;
+    let lamina = sheet([side; 2], [2 * edges + 1; 2], shearing(50.0));
+    let mut state = laid(&lamina, |[x, y]| [x, y, RADIUS]);
+    let pole = lamina.vertex_at(edges, edges).expect("inside the sheet");
+    state.fixed.insert(pole as usize);
+    let physics = PhysicsConfig {
+        bending: Bending::Yarns,
+        bending_stiffness: BendingStiffness::NewtonMetre(1e-5),
+        shear: true,
+        // What touches the tool stays on it.
+        adhesion: 1.0,
+        gravity: 10.0 * GRAVITY,
+        damping: 50.0,
+        ..solver.yarns_alone()
+    };
+    let piece = Piece {
+        lamina: &lamina,
+        physics: &physics,
+        tool: Some(&DOME),
+    };
+    let end = solver.settle(piece, &state, [1e-5, 2.5]);
+    look(&lamina, &DOME, &end, edges)
+}
+
+fn look(lamina: &Lamina, dome: &Tool, state: &Snapshot, edges: usize) -> Wrapped {
+    let polar = |v: u32| {
+        let x = Vec3::from(state.position[v as usize]);
+        (x.z / x.norm()).clamp(-1.0, 1.0).acos()
+    };
+    let mut shear = vec![[0.0, 0.0]];
+    let mut uneven = 0.0f64;
+    for k in 1..edges {
+        let corners = [(1, 1), (1, -1), (-1, 1), (-1, -1)];
+        let of = corners.map(|(p, q): (isize, isize)| {
+            let at = |sign: isize| edges.wrapping_add_signed(sign * k as isize);
+            let v = lamina.vertex_at(at(p), at(q)).expect("inside the sheet");
+            let angle = shear_at(lamina, state, v).expect("has four neighbours");
+            [polar(v), angle.abs()]
+        });
+        shear.push([0, 1].map(|i| of.iter().map(|one| one[i]).sum::<f64>() / 4.0));
+        for one in of {
+            uneven = uneven.max((one[1] - of[0][1]).abs());
+        }
+    }
+    let gap = state.position.iter().map(|&x| dome.distance(x).0);
+    let strain = lamina.yarn_strain(&state.position).into_iter();
+    Wrapped {
+        shear,
+        uneven,
+        gap: gap.fold(0.0, f64::max),
+        strain: strain.map(f64::abs).fold(0.0, f64::max),
+        v_rms: state.v_rms(),
+    }
+}
+
+/// The shear at a polar angle [rad], between the nodes of a bias line; NaN beyond its last.
+pub fn at_polar(line: &[[f64; 2]], polar: f64) -> f64 {
+    let pair = line
+        .windows(2)
+        .find(|p| p[0][0] <= polar && polar <= p[1][0]);
+    pair.map_or(f64::NAN, |p| {
+        let part = (polar - p[0][0]) / (p[1][0] - p[0][0]);
+        p[0][1] + part * (p[1][1] - p[0][1])
+    })
+}

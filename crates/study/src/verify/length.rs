@@ -1,0 +1,120 @@
+//! Length: pulled, hanging and sagging strips.
+
+use super::cloth::{
+    AREAL_MASS, GRAVITY, Piece, Solve, even_strip, fix, mean_at, placed, rigid, section, strip,
+};
+use drape_cloth::fabric::{Family, Material};
+use drape_cloth::sim::{PhysicsConfig, Tension};
+
+/// Points of the tension curves: family, strain, force per width [N/m].
+pub const UNIAXIAL: [(Family, f64, f64); 4] = [
+    (Family::Warp, 0.005, 1050.0),
+    (Family::Warp, 0.02, 14_000.0),
+    (Family::Weft, 0.006, 1750.0),
+    (Family::Weft, 0.025, 21_000.0),
+];
+
+/// Edges and length [m] of the strip that is pulled.
+const PULLED: (usize, f64) = (10, 0.1);
+
+/// Mean strain of a strip that hangs with `force` per width [N/m] at its lower end.
+pub fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
+    let (edges, length) = PULLED;
+    let mut strip = even_strip(family, length, edges);
+    let width = length / edges as f64;
+    for v in section(&strip, edges) {
+        strip.mass[v] = 0.5 * force * width / GRAVITY;
+    }
+    let mut state = placed(&strip, |s, t| [t, 0.0, -s]);
+    fix(&strip, &mut state, &[0]);
+    let physics = PhysicsConfig {
+        tension: Tension::Material,
+        damping: 200.0,
+        ..solver.yarns_alone()
+    };
+    let piece = Piece {
+        lamina: &strip,
+        physics: &physics,
+        tool: None,
+    };
+    let end = solver.settle(piece, &state, [1e-8, 3.0]);
+    -mean_at(&strip, &end, edges).z / length - 1.0
+}
+
+/// Force per width [N/m] that strains a strip by `strain`: the weight that does, searched by
+/// secants from `first`.
+pub fn force_at(solver: &dyn Solve, family: Family, strain: f64, first: f64) -> f64 {
+    let (mut from, mut to) = (0.0, first);
+    let (mut at_from, mut at_to) = (0.0, strain_under(solver, family, to));
+    for _ in 0..8 {
+        let slope = (at_to - at_from) / (to - from);
+        if (at_to - strain).abs() < 1e-6 * strain || !slope.is_finite() || slope <= 0.0 {
+            break;
+        }
+        (from, at_from) = (to, at_to);
+        to = (to + (strain - at_to) / slope).max(1e-6 * first);
+        at_to = strain_under(solver, family, to);
+    }
+    to
+}
+
+/// The hanging chain: 64 edges of 5.78 mm.
+const CHAIN: (usize, f64) = (64, 0.37);
+
+/// Mean strain of a strip that hangs by its upper end.
+pub fn hanging(solver: &dyn Solve, family: Family) -> f64 {
+    let (edges, length) = CHAIN;
+    let strip = strip(family, length, edges);
+    let mut state = placed(&strip, |s, t| [t, 0.0, -s]);
+    fix(&strip, &mut state, &[0]);
+    let physics = PhysicsConfig {
+        damping: 20.0,
+        ..solver.yarns_alone()
+    };
+    let piece = Piece {
+        lamina: &strip,
+        physics: &physics,
+        tool: None,
+    };
+    let end = solver.settle(piece, &state, [1e-9, 3.0]);
+    -mean_at(&strip, &end, edges).z / length - 1.0
+}
+
+/// What its weight stretches it by, the law's first slope: rho g L / (2 E t).
+pub fn elastic_stretch(family: Family) -> f64 {
+    let material = Material::interglas_92125();
+    let modulus = material.yarn(family).tension.modulus();
+    AREAL_MASS * GRAVITY * CHAIN.1 / (2.0 * modulus * material.thickness())
+}
+
+/// What one pass of Gauss-Seidel a substep of `h` [s] leaves, whatever the material:
+/// g h^2 N / (2 a).
+pub fn one_pass_stretch(h: f64) -> f64 {
+    let (edges, length) = CHAIN;
+    GRAVITY * h * h * (edges * edges) as f64 / (2.0 * length)
+}
+
+/// Sag of a strip of 0.37 m over a span of 0.30 m [m].
+pub const SAG: f64 = 0.095_689;
+
+/// The same as found with a strip of `edges` edges.
+pub fn catenary_sag(solver: &dyn Solve, edges: usize) -> f64 {
+    let strip = strip(Family::Warp, 0.37, edges);
+    let (span, length) = (0.30f64, 0.37f64);
+    let slope = (length * length - span * span).sqrt() / length;
+    let mut state = placed(&strip, |s, t| {
+        [s * span / length, t, -slope * s.min(length - s)]
+    });
+    fix(&strip, &mut state, &[0, edges]);
+    let physics = rigid(PhysicsConfig {
+        damping: 10.0,
+        ..solver.yarns_alone()
+    });
+    let piece = Piece {
+        lamina: &strip,
+        physics: &physics,
+        tool: None,
+    };
+    let end = solver.settle(piece, &state, [1e-7, 4.0]);
+    -mean_at(&strip, &end, edges / 2).z
+}

@@ -1,0 +1,255 @@
+//! Shear in the plane: picture frame and bias extension.
+
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
+
+use super::cloth::{Piece, Solve, laid, shearing, sheet};
+use drape_cloth::fabric::{BlankConfig, Family, Lamina, MassModel, Material};
+use drape_cloth::math::Vec3;
+use drape_cloth::sim::{PhysicsConfig, Snapshot};
+
+/// Shear stiffness G h of the test pieces [N/m].
+pub const SHEAR_STIFFNESS: f64 = 17.5;
+
+/// The built-in fabric with that stiffness in both directions.
+pub fn fabric() -> Material {
+    shearing(SHEAR_STIFFNESS / Material::interglas_92125().thickness())
+}
+
+/// Moves the fixed vertices evenly to `target` within `seconds`, then waits until all is still.
+fn pull(
+    solver: &dyn Solve,
+    piece: Piece,
+    state: &Snapshot,
+    target: &Snapshot,
+    seconds: f64,
+) -> Snapshot {
+    let mut state = state.clone();
+    for v in state.fixed.ones() {
+        let [x, to] = [&state, target].map(|s| Vec3::from(s.position[v]));
+        state.velocity[v] = ((to - x) / seconds).into();
+    }
+    let mut state = solver.run(piece, &state, seconds);
+    for v in state.fixed.ones() {
+        state.position[v] = target.position[v];
+        state.velocity[v] = [0.0; 3];
+    }
+    solver.settle(piece, &state, [1e-6, 1.0])
+}
+
+/// Angle by which the yarns at a vertex have left the right one [rad]: between the directions to
+/// its neighbours along warp and weft, in the middle of both sides.
+pub fn shear_at(lamina: &Lamina, state: &Snapshot, vertex: u32) -> Option<f64> {
+    let [row, column] = lamina.place(vertex);
+    let way = |from: Option<u32>, to: Option<u32>| {
+        let [a, b] = [from?, to?].map(|v| Vec3::from(state.position[v as usize]));
+        Some((b - a).normalize())
+    };
+    let at = |row: Option<usize>, column: Option<usize>| {
+        let row = row.filter(|&row| row < lamina.rows)?;
+        lamina.vertex_at(row, column.filter(|&column| column < lamina.columns)?)
+    };
+    let warp = way(
+        at(Some(row), column.checked_sub(1)),
+        at(Some(row), Some(column + 1)),
+    )?;
+    let weft = way(
+        at(row.checked_sub(1), Some(column)),
+        at(Some(row + 1), Some(column)),
+    )?;
+    Some(FRAC_PI_2 - warp.dot(&weft).clamp(-1.0, 1.0).acos())
+}
+
+/// Mean absolute shear [rad] of the vertices whose places on the flat blank are `inside`.
+fn mean_shear(lamina: &Lamina, state: &Snapshot, inside: impl Fn([f64; 2]) -> bool) -> f64 {
+    let chosen = (0..lamina.vertex_count()).filter(|&v| inside(lamina.rest[v]));
+    let angles: Vec<f64> = chosen
+        .filter_map(|v| shear_at(lamina, state, v as u32))
+        .collect();
+    angles.iter().map(|a| a.abs()).sum::<f64>() / angles.len() as f64
+}
+
+/// Side of the picture frame [m].
+const FRAME: f64 = 0.2;
+
+/// Shear angle of a picture frame drawn out by `d` [m] along its diagonal [rad].
+pub fn frame_angle(d: f64) -> f64 {
+    FRAC_PI_2 - 2.0 * (0.5f64.sqrt() + d / (2.0 * FRAME)).acos()
+}
+
+/// Mean shear [rad] inside a picture frame of `cells` x `cells` that is drawn out to `d` [m].
+pub fn picture_frame(solver: &dyn Solve, d: f64, cells: usize) -> f64 {
+    let lamina = sheet([FRAME; 2], [cells + 1; 2], fabric());
+    let half = 0.5 * frame_angle(d);
+    // Both families turn towards the first bias direction.
+    let (sin, cos) = half.sin_cos();
+    let target = laid(&lamina, |[x, y]| {
+        [cos * x + sin * y, sin * x + cos * y, 0.0]
+    });
+    let mut state = laid(&lamina, |[x, y]| [x, y, 0.0]);
+    for v in 0..lamina.vertex_count() as u32 {
+        if lamina.neighbors(v).count() < 8 {
+            state.fixed.insert(v as usize);
+        }
+    }
+    let physics = PhysicsConfig {
+        shear: true,
+        gravity: 0.0,
+        damping: 50.0,
+        ..solver.yarns_alone()
+    };
+    let piece = Piece {
+        lamina: &lamina,
+        physics: &physics,
+        tool: None,
+    };
+    let end = pull(solver, piece, &state, &target, 0.5);
+    mean_shear(&lamina, &end, |_| true)
+}
+
+/// Length and width of the bias specimen between its clamps [m].
+pub const SPECIMEN: [f64; 2] = [0.17, 0.05];
+
+/// Shear angle [rad] and force [N] of the bias specimen drawn out by `d` [m], by the kinematics
+/// of inextensible yarns: the middle shears by the angle, two zones by half of it and those at
+/// the clamps not at all, and the force does the work of a linear law.
+pub fn bias_extension(d: f64) -> [f64; 2] {
+    let [length, width] = SPECIMEN;
+    let free = length - width;
+    let gamma = FRAC_PI_2 - 2.0 * ((free + d) / (SQRT_2 * free)).acos();
+    let area = width * length - 1.25 * width * width;
+    let lever = free * (FRAC_PI_4 - 0.5 * gamma).sin();
+    [gamma, SQRT_2 * SHEAR_STIFFNESS * gamma * area / lever]
+}
+
+/// The specimen, its yarns at 45 degrees, cut through whole cells: its borders are diagonals of
+/// cells, half the width is `cells` half diagonals. `turn` +45 or -45 puts the mesh's diagonals
+/// along or across the pull.
+pub fn specimen(cells: usize, turn: f64) -> Lamina {
+    let half_diagonal = 0.5 * SPECIMEN[1] / cells as f64;
+    let config = BlankConfig {
+        size_mm: SPECIMEN.map(|s| 1e3 * s),
+        cell_mm: Some(1e3 * half_diagonal * SQRT_2),
+        mass: MassModel::Datasheet,
+        yarn_angle_deg: turn,
+        ..BlankConfig::default()
+    };
+    Lamina::new(&config, fabric()).expect("the specimen can be cut")
+}
+
+/// One state of a bias extension.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extension {
+    /// By how much the specimen is drawn out [m].
+    pub d: f64,
+    /// Mean shear of its middle zone [rad]; NaN where it does not come to rest.
+    pub shear: f64,
+    /// Pull at a clamp, or else the slope of the elastic energy by `d` [N]; likewise.
+    pub force: f64,
+}
+
+/// Root mean square speed below which the specimen rests [m/s].
+const RESTS: f64 = 1e-3;
+
+/// Draws `lamina` out to each of `ways` [m] in turn, ascending.
+pub fn draw_out(solver: &dyn Solve, lamina: &Lamina, ways: &[f64]) -> Vec<Extension> {
+    let physics = PhysicsConfig {
+        shear: true,
+        gravity: 0.0,
+        damping: 400.0,
+        ..solver.yarns_alone()
+    };
+    let piece = Piece {
+        lamina,
+        physics: &physics,
+        tool: None,
+    };
+    let half = 0.5 * SPECIMEN[0];
+    let mut state = laid(lamina, |[x, y]| [x, y, 0.0]);
+    for (v, [x, _]) in lamina.rest.iter().enumerate() {
+        state.fixed.set(v, x.abs() > half - 1e-9);
+    }
+    let left = |v: &u32| lamina.rest[*v as usize][0] < 1e-9 - half;
+    let clamp: Vec<u32> = (0..lamina.vertex_count() as u32).filter(left).collect();
+    let mut last = 0.0;
+    let mut to = |state: &Snapshot, d: f64| {
+        let seconds = 0.02 * (1e3 * (d - last)).max(1.0);
+        last = d;
+        let target = laid(lamina, |[x, y]| [x + 0.5 * d * x.signum(), y, 0.0]);
+        pull(solver, piece, state, &target, seconds)
+    };
+    let step = 0.5e-3;
+    // The middle zone ends where yarns reach a clamp.
+    let middle = 0.5 * (SPECIMEN[0] - SPECIMEN[1]) - 1e-6;
+    let mut found = Vec::new();
+    for &d in ways {
+        let before = to(&state, d - step);
+        let at = to(&before, d);
+        let after = to(&at, d + step);
+        let slope = || {
+            let [low, high] = [&before, &after].map(|s| energy(lamina, s));
+            (high.iter().sum::<f64>() - low.iter().sum::<f64>()) / (2.0 * step)
+        };
+        let pull = solver.pull(piece, &at, &clamp);
+        let rests = [&before, &at, &after].iter().all(|s| s.v_rms() < RESTS);
+        let if_at_rest = |x: f64| if rests { x } else { f64::NAN };
+        found.push(Extension {
+            d,
+            shear: if_at_rest(mean_shear(lamina, &at, |[x, y]| x.abs() + y.abs() < middle)),
+            force: if_at_rest(pull.map_or_else(slope, |[x, ..]| x)),
+        });
+        state = after;
+    }
+    found
+}
+
+/// Elastic energy of a state by the laws of the fast solver [J]: of lengths, and of shear.
+pub fn energy(lamina: &Lamina, state: &Snapshot) -> [f64; 2] {
+    let material = &lamina.material;
+    let thickness = material.thickness();
+    let branch = |c: f64, tension: f64, compression: f64| {
+        0.5 * c * c * if c < 0.0 { compression } else { tension }
+    };
+    let length = |a: u32, b: u32| {
+        let [a, b] = [a, b].map(|v| Vec3::from(state.position[v as usize]));
+        (a - b).norm()
+    };
+    let mut of_lengths = 0.0;
+    for yarn in &lamina.yarns {
+        let law = material.yarn(yarn.family);
+        let volume = thickness * yarn.width * yarn.rest_length;
+        for pair in yarn.vertices.windows(2) {
+            let c = length(pair[0], pair[1]) / yarn.rest_length - 1.0;
+            of_lengths += volume * branch(c, law.tension.modulus(), law.compression.modulus());
+        }
+    }
+    let shear = [
+        material.shear.positive.modulus(),
+        material.shear.negative.modulus(),
+    ];
+    let mut of_shear = 0.0;
+    let [a, b] = lamina.cell();
+    for diagonal in &lamina.diagonals {
+        let [from, to] = diagonal.vertices;
+        let growth = length(from, to).powi(2) - diagonal.rest_length.powi(2);
+        let gamma = (growth / (2.0 * a * b)).clamp(-1.0, 1.0).asin();
+        of_shear += thickness * a * b * branch(gamma, shear[0], shear[1]);
+    }
+    for membrane in &lamina.membranes {
+        let volume = thickness * membrane.area;
+        let f = [0, 1].map(|k| -> Vec3 {
+            let corners = membrane.vertices.iter().zip(&membrane.gradient);
+            corners
+                .map(|(v, g)| Vec3::from(state.position[*v as usize]) * g[k])
+                .sum()
+        });
+        let yarns = [Family::Warp, Family::Weft].into_iter();
+        for (f, family) in f.iter().zip(yarns.filter(|_| !membrane.has_yarns)) {
+            let law = material.yarn(family);
+            let [tension, compression] = [law.tension.modulus(), law.compression.modulus()];
+            of_lengths += volume * branch(f.norm() - 1.0, tension, compression);
+        }
+        let sine = (f[0].dot(&f[1]) / (f[0].norm() * f[1].norm())).clamp(-1.0, 1.0);
+        of_shear += volume * branch(sine.asin(), shear[0], shear[1]);
+    }
+    [of_lengths, of_shear]
+}

@@ -1,0 +1,183 @@
+use fixedbitset::FixedBitSet;
+use serde::{Deserialize, Serialize};
+
+use drape_cloth::fabric::Lamina;
+use drape_cloth::sim::{PhysicsConfig, Preset};
+
+/// Number type of the episodes' simulation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Precision {
+    /// Several environments in SIMD lanes.
+    #[default]
+    F32,
+    /// One environment at a time, for reference.
+    F64,
+}
+
+/// The draping task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EnvConfig {
+    /// Focus region on the flat blank [mm, in its frame]: least x, least y, greatest x,
+    /// greatest y. The whole blank if not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub region_mm: Option<[f64; 4]>,
+    /// Shows the agent the focus region only, instead of the whole blank.
+    pub crop: bool,
+    /// Side of the square stencil [mm].
+    pub stencil_mm: f64,
+    /// A touched vertex nearer to the tool than this is draped [mm].
+    pub drape_threshold_mm: f64,
+    /// A yarn stretched by more than this [-] pulls a vertex off the tool again: the vertex
+    /// is draped once a press leaves it at most this much.
+    pub drape_strain: f64,
+    /// Duration of a press [s]; the stencil is gone at its end.
+    pub press_s: f64,
+    /// Share of the press in which the stencil comes down.
+    pub descent: f64,
+    /// Time to settle after the press [s].
+    pub settle_s: f64,
+    /// Substeps a second.
+    pub substep_rate: f64,
+    /// Substeps of an episode between two looks for the tool's tangent planes; those of the
+    /// scene's physics if not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact_interval: Option<usize>,
+    /// Steps after which an episode is truncated; none if not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_steps: Option<usize>,
+    pub precision: Precision,
+}
+
+impl Default for EnvConfig {
+    fn default() -> Self {
+        Self {
+            region_mm: None,
+            crop: false,
+            stencil_mm: 18.0,
+            drape_threshold_mm: 1.0,
+            drape_strain: 0.01,
+            press_s: 1.0 / 60.0,
+            descent: 0.5,
+            settle_s: 0.0,
+            substep_rate: Preset::default().substep_rate(),
+            contact_interval: None,
+            max_steps: None,
+            precision: Precision::F32,
+        }
+    }
+}
+
+/// A draping task that cannot be posed.
+#[derive(Debug, thiserror::Error)]
+#[error("`env.{key}` is {found}, expected {expected}")]
+pub struct EnvError {
+    key: &'static str,
+    found: String,
+    expected: &'static str,
+}
+
+/// The vertices of the focus region, and the rows and columns, ends exclusive, that hold them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Region {
+    pub rows: std::ops::Range<usize>,
+    pub columns: std::ops::Range<usize>,
+    /// One bit a vertex of the blank. In rows and columns that run obliquely to the region, or
+    /// over a hole, not every place has one.
+    pub vertices: FixedBitSet,
+}
+
+impl EnvConfig {
+    /// Steps the episodes of a scene with this physics as finely as `accuracy` says. What the
+    /// physics itself says is not repeated.
+    pub fn set_accuracy(&mut self, accuracy: Preset, physics: &PhysicsConfig) {
+        self.substep_rate = accuracy.substep_rate();
+        let interval = accuracy.contact_interval();
+        self.contact_interval = (interval != physics.contact_interval).then_some(interval);
+    }
+
+    /// `physics` as the episodes have it.
+    pub(super) fn physics(&self, physics: &PhysicsConfig) -> PhysicsConfig {
+        PhysicsConfig {
+            contact_interval: self.contact_interval.unwrap_or(physics.contact_interval),
+            ..physics.clone()
+        }
+    }
+
+    /// Checks every value and finds the region on the blank; the error names key, found and
+    /// expected.
+    pub fn region(&self, lamina: &Lamina) -> Result<Region, EnvError> {
+        let fail = |key, found: String, expected| {
+            Err(EnvError {
+                key,
+                found,
+                expected,
+            })
+        };
+        let positive = [
+            ("stencil_mm", self.stencil_mm, 1e5),
+            ("drape_threshold_mm", self.drape_threshold_mm, 1e5),
+            ("drape_strain", self.drape_strain, 1e5),
+            ("press_s", self.press_s, 10.0),
+        ];
+        for (key, value, most) in positive {
+            if !(value > 0.0 && value <= most) {
+                return fail(key, value.to_string(), "a number > 0 in a sensible range");
+            }
+        }
+        if !(self.descent > 0.0 && self.descent <= 1.0) {
+            return fail("descent", self.descent.to_string(), "a share in (0, 1]");
+        }
+        if !(0.0..=10.0).contains(&self.settle_s) {
+            return fail(
+                "settle_s",
+                self.settle_s.to_string(),
+                "a time from 0 to 10 s",
+            );
+        }
+        if !(60.0..=1e6).contains(&self.substep_rate) {
+            let expected = "a number from 60 to 1000000";
+            return fail("substep_rate", self.substep_rate.to_string(), expected);
+        }
+        if self.contact_interval == Some(0) {
+            return fail("contact_interval", "0".into(), "a number > 0");
+        }
+        if self.max_steps == Some(0) {
+            return fail("max_steps", "0".into(), "a number > 0");
+        }
+        // A vertex exactly on the border of the region belongs to it.
+        let slack = 1e-9;
+        let inside = |at: &[f64; 2]| {
+            self.region_mm.is_none_or(|[x0, y0, x1, y1]| {
+                let between = |at: f64, low: f64, high: f64| {
+                    low * 1e-3 - slack <= at && at <= high * 1e-3 + slack
+                };
+                between(at[0], x0, x1) && between(at[1], y0, y1)
+            })
+        };
+        let mut vertices = FixedBitSet::with_capacity(lamina.vertex_count());
+        for (vertex, at) in lamina.rest.iter().enumerate() {
+            vertices.set(vertex, inside(at));
+        }
+        let range = |k: usize| {
+            let places = || vertices.ones().map(|v| lamina.place(v as u32)[k]);
+            Some(places().min()?..places().max()? + 1)
+        };
+        match (range(0), range(1)) {
+            (Some(rows), Some(columns)) => Ok(Region {
+                rows,
+                columns,
+                vertices,
+            }),
+            _ => fail(
+                "region_mm",
+                format!("{:?}", self.region_mm.unwrap_or_default()),
+                "[least x, least y, greatest x, greatest y] with vertices of the blank inside",
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,129 @@
+use fixedbitset::FixedBitSet;
+use serde::{Deserialize, Serialize};
+
+/// Rows and columns of the observation image. Action `row * columns + column` is the pixel
+/// of that vertex; one without a vertex is never allowed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Shape {
+    pub rows: usize,
+    pub columns: usize,
+}
+
+impl Shape {
+    /// Number of pixels, and so of actions.
+    pub fn pixel_count(self) -> usize {
+        self.rows * self.columns
+    }
+}
+
+/// What the agent sees of one task, and what it may do next (paper, Sections 4.1.1 and
+/// 4.2.1). All fields have one entry a pixel, row by row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Observation {
+    /// Vertex is fixed to the tool.
+    #[serde(with = "drape_cloth::math::bits")]
+    pub draped: FixedBitSet,
+    /// Distance to the tool [m].
+    pub distance: Vec<f32>,
+    /// Vertex has been under the stencil.
+    #[serde(with = "drape_cloth::math::bits")]
+    pub touched: FixedBitSet,
+    /// Actions allowed in this state; never empty.
+    #[serde(with = "drape_cloth::math::bits")]
+    pub mask: FixedBitSet,
+}
+
+/// Why an episode ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum End {
+    /// The task is over: nothing is worth anything afterwards.
+    Terminated,
+    /// Cut off by the step limit: the value of the last observation counts.
+    Truncated,
+    /// Cut off because the simulation is lost: the value of the last sound observation counts.
+    Diverged,
+}
+
+impl End {
+    /// Cut off, for whatever reason: the task was not over.
+    pub fn is_truncation(self) -> bool {
+        self != Self::Terminated
+    }
+}
+
+/// A finished episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Episode {
+    pub end: End,
+    /// Actions taken, in order.
+    pub actions: Vec<u32>,
+    /// Sum of the rewards, undiscounted, in the task's own unit.
+    pub total_reward: f32,
+    /// The observation after the last action, before the reset.
+    pub last: Observation,
+}
+
+/// What one step of one task gave.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// Reward of this step, in the task's own unit.
+    pub reward: f32,
+    /// Set when this step ended an episode; the task has then been reset already.
+    pub episode: Option<Episode>,
+}
+
+/// N independent tasks of the same shape, stepped together; each resets on its own.
+pub trait Tasks {
+    /// Size of the observation image.
+    fn shape(&self) -> Shape;
+
+    /// Number of tasks.
+    fn count(&self) -> usize;
+
+    /// Return of a perfect episode, in the unit of the rewards: learners divide by it.
+    fn reward_scale(&self) -> f32;
+
+    /// What task `index` shows now.
+    fn observation(&self, index: usize) -> &Observation;
+
+    /// Takes one action in every task. `actions[i]` must be allowed by the mask of task `i`.
+    fn step(&mut self, actions: &[u32]) -> Vec<Outcome>;
+
+    /// Everything needed to go on later exactly from here.
+    fn save(&self) -> Vec<u8>;
+
+    /// Goes back to what [`Tasks::save`] returned. Fails with a reason if `bytes` are not
+    /// from tasks of the same kind, number and shape; nothing is changed then.
+    fn load(&mut self, bytes: &[u8]) -> Result<(), String>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn observation_survives_its_bytes_and_damaged_bits_are_refused() {
+        let set = |count: usize, ones: &[usize]| {
+            let mut set = FixedBitSet::with_capacity(count);
+            set.extend(ones.iter().copied());
+            set
+        };
+        let observation = Observation {
+            draped: set(70, &[0, 63, 64, 69]),
+            distance: vec![0.5],
+            touched: set(64, &[63]),
+            mask: set(0, &[]),
+        };
+        let bytes = postcard::to_allocvec(&observation).unwrap();
+        assert_eq!(
+            postcard::from_bytes::<Observation>(&bytes).unwrap(),
+            observation
+        );
+        // Too few words, then a bit beyond the length.
+        for damaged in [(70usize, vec![0u64]), (1, vec![2])] {
+            let mut bytes = postcard::to_allocvec(&damaged).unwrap();
+            bytes.extend([0; 16]);
+            assert!(postcard::from_bytes::<Observation>(&bytes).is_err());
+        }
+    }
+}

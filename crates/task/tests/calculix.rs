@@ -1,0 +1,294 @@
+//! CalculiX as an independent witness: it reads the decks that drape writes, and gives the
+//! closed forms that drape's own solvers are held to. Needs `ccx` (Debian: calculix-ccx), so
+//! they run only when asked for: `cargo test --release --test calculix -- --ignored`.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use drape_cloth::math::Vec3;
+use drape_cloth::mesh::TriMesh;
+use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
+
+/// Runs the deck `name`.inp of `folder` and gives what `ccx` printed. It names what it cannot
+/// read with `*ERROR`; its exit status does not tell, being 201 after a check without analysis.
+fn ccx(folder: &Path, name: &str) -> String {
+    let mut command = Command::new("ccx");
+    command.args(["-i", name]).current_dir(folder);
+    let output = command.env("OMP_NUM_THREADS", "1").output();
+    let output = output.expect("ccx is installed");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(!text.contains("*ERROR"), "{}", tail(&text));
+    text
+}
+
+fn tail(text: &str) -> &str {
+    let start = text.len().saturating_sub(2000);
+    text.get(start..).unwrap_or(text)
+}
+
+/// Displacements [mm] that a `.dat` file printed last, one node a line.
+fn displacements(path: &Path) -> Vec<[f64; 3]> {
+    let text = fs::read_to_string(path).unwrap();
+    let last = text.rsplit("displacements").next().unwrap();
+    let rows = last.lines().skip(1).filter_map(|line| {
+        let numbers: Vec<f64> = line
+            .split_whitespace()
+            .filter_map(|w| w.parse().ok())
+            .collect();
+        (numbers.len() == 4).then(|| [numbers[1], numbers[2], numbers[3]])
+    });
+    rows.collect()
+}
+
+/// Shells of eight nodes over a strip of `cells` x 2 in the plane z = 0, length and width [m].
+/// Nodes stand in rows of five across the strip; the middles of the shells are no one's.
+fn strip(length: f64, width: f64, cells: u32) -> (Vec<Vec3>, Vec<[u32; 8]>) {
+    let (columns, rows) = (2 * cells, 4);
+    let nodes = (0..=columns).flat_map(|i| {
+        (0..=rows).map(move |j| {
+            let x = length * f64::from(i) / f64::from(columns);
+            Vec3::new(x, width * f64::from(j) / f64::from(rows), 0.0)
+        })
+    });
+    let at = move |i: u32, j: u32| i * (rows + 1) + j;
+    let shells = (0..cells).flat_map(|i| {
+        (0..2).map(move |j| {
+            let (a, b) = (2 * i, 2 * j);
+            [
+                at(a, b),
+                at(a + 2, b),
+                at(a + 2, b + 2),
+                at(a, b + 2),
+                at(a + 1, b),
+                at(a + 2, b + 1),
+                at(a + 1, b + 2),
+                at(a, b + 1),
+            ]
+        })
+    });
+    (nodes.collect(), shells.collect())
+}
+
+/// Heavy elastica at w L^3 / D = 8: drop and reach of the tip.
+#[test]
+#[ignore = "needs ccx"]
+fn cantilever_has_the_drop_and_reach_of_the_elastica() {
+    let folder = tempfile::tempdir().unwrap();
+    // mm, N, s, t, MPa.
+    let (length, thickness, modulus, gravity) = (100.0, 0.2, 1e5, 9810.0);
+    let stiffness = modulus * f64::powi(thickness, 3) / 12.0;
+    let weight = 8.0 * stiffness / f64::powi(length, 3);
+    let (nodes, shells) = strip(1e-3 * length, 5e-3, 20);
+    let row = |first: usize| (first..first + 5).collect::<Vec<_>>();
+
+    let mut deck = Deck::new("heavy elastica");
+    deck.nodes("ALL", 1, &nodes)
+        .elements("S8R", "STRIP", 1, 1, &shells)
+        .node_set("CLAMP", &row(1))
+        .node_set("TIP", &row(nodes.len() - 4))
+        .card("MATERIAL, NAME=CLOTH")
+        .card("ELASTIC")
+        .row(&[modulus, 0.0])
+        .card("DENSITY")
+        .row(&[weight / thickness / gravity])
+        .card("SHELL SECTION, ELSET=STRIP, MATERIAL=CLOTH")
+        .row(&[thickness])
+        .card("BOUNDARY")
+        .line("CLAMP, 1, 6")
+        .card("STEP, NLGEOM, INC=200")
+        .card("STATIC")
+        .row(&[0.02, 1.0, 1e-7, 0.05])
+        .card("DLOAD")
+        .line(&format!("STRIP, GRAV, {gravity}, 0., 0., -1."))
+        .card("NODE PRINT, NSET=TIP, FREQUENCY=1000")
+        .line("U")
+        .card("END STEP");
+    deck.write(&folder.path().join("strip.inp")).unwrap();
+    ccx(folder.path(), "strip");
+    let tip = displacements(&folder.path().join("strip.dat"));
+    assert_eq!(tip.len(), 5);
+    for [x, _, z] in tip {
+        let (drop, reach) = (-z / length, 1.0 + x / length);
+        println!("drop {drop:.5}, reach {reach:.5}");
+        assert!((drop / 0.64063 - 1.0).abs() < 1e-3, "drop {drop}");
+        assert!((reach / 0.72442 - 1.0).abs() < 1e-3, "reach {reach}");
+    }
+}
+
+/// Strip clamped at the crown of a frictionless cylinder of radius R, w R^3 / D = 2, length 2 R:
+/// place of the tip, from the axis. Contact is a penalty on the face of solid elements.
+#[test]
+#[ignore = "needs ccx and 23 s of CPU time"]
+fn strip_over_a_cylinder_has_its_tip_where_the_closed_form_has_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (radius, thickness, modulus, gravity) = (100.0, 0.2, 1e5, 9810.0);
+    let stiffness = modulus * f64::powi(thickness, 3) / 12.0;
+    let weight = 2.0 * stiffness / f64::powi(radius, 3);
+    let (mut nodes, shells) = strip(2e-3 * radius, 5e-3, 24);
+    for node in &mut nodes {
+        node.z = 1e-3 * radius;
+    }
+    // The middle surface lies on the radius, so the cylinder is half a thickness smaller.
+    let (inner, outer) = (radius - 2.0, radius - 0.5 * thickness);
+    let sectors = 70;
+    let ring = (0..=sectors).flat_map(|i| {
+        let (sin, cos) = (-2.0 + 72.0 * f64::from(i) / f64::from(sectors))
+            .to_radians()
+            .sin_cos();
+        [[-1.0, inner], [-1.0, outer], [6.0, inner], [6.0, outer]]
+            .map(|[y, r]| Vec3::new(r * sin, y, r * cos) * 1e-3)
+    });
+    let ring: Vec<Vec3> = ring.collect();
+    let solids: Vec<[u32; 8]> = (0..sectors as u32)
+        .map(|i| [0, 4, 6, 2, 1, 5, 7, 3].map(|k| 4 * i + k))
+        .collect();
+    let first = 1 + nodes.len();
+    let row = |first: usize| (first..first + 5).collect::<Vec<_>>();
+
+    let mut deck = Deck::new("strip over a cylinder");
+    deck.nodes("ALL", 1, &nodes)
+        .elements("S8R", "STRIP", 1, 1, &shells)
+        .nodes("RING", first, &ring)
+        .elements("C3D8", "CYLINDER", 1 + shells.len(), first, &solids)
+        .node_set("CLAMP", &row(1))
+        .node_set("TIP", &row(nodes.len() - 4))
+        .card("MATERIAL, NAME=CLOTH")
+        .card("ELASTIC")
+        .row(&[modulus, 0.0])
+        .card("DENSITY")
+        .row(&[weight / thickness / gravity])
+        .card("SHELL SECTION, ELSET=STRIP, MATERIAL=CLOTH")
+        .row(&[thickness])
+        .card("SOLID SECTION, ELSET=CYLINDER, MATERIAL=CLOTH")
+        .card("SURFACE, NAME=BELOW")
+        .line("STRIP, SNEG")
+        .card("SURFACE, NAME=ABOVE")
+        .line("CYLINDER, S2")
+        .card("SURFACE INTERACTION, NAME=CONTACT")
+        .card("SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR")
+        .row(&[0.01])
+        .card("CONTACT PAIR, INTERACTION=CONTACT, TYPE=SURFACE TO SURFACE")
+        .line("BELOW, ABOVE")
+        .card("BOUNDARY")
+        .line("CLAMP, 1, 6")
+        .line("RING, 1, 3")
+        .card("STEP, NLGEOM, INC=400")
+        .card("STATIC")
+        .row(&[0.05, 1.0, 1e-7, 0.1])
+        .card("DLOAD")
+        .line(&format!("STRIP, GRAV, {gravity}, 0., 0., -1."))
+        .card("NODE PRINT, NSET=TIP, FREQUENCY=1000")
+        .line("U")
+        .card("END STEP");
+    deck.write(&folder.path().join("cylinder.inp")).unwrap();
+    ccx(folder.path(), "cylinder");
+    let tip = displacements(&folder.path().join("cylinder.dat"));
+    assert_eq!(tip.len(), 5);
+    for [x, _, z] in tip {
+        let place = [2.0 + x / radius, 1.0 + z / radius];
+        let off = (place[0] - 1.34870).hypot(place[1] + 0.31890);
+        println!("tip at {place:.5?}, off by {off:.5}");
+        assert!(off < 1e-3, "tip at {place:?}");
+    }
+}
+
+/// A square of `cells` x `cells` at height `z` [m], facing up.
+fn square(side: f64, cells: u32, z: f64) -> TriMesh {
+    let at = move |i: u32| side * (f64::from(i) / f64::from(cells) - 0.5);
+    let vertices = (0..=cells).flat_map(|j| (0..=cells).map(move |i| Vec3::new(at(i), at(j), z)));
+    let triangles = (0..cells).flat_map(|j| {
+        (0..cells).flat_map(move |i| {
+            let v = j * (cells + 1) + i;
+            let up = v + cells + 1;
+            [[v, v + 1, up + 1], [v, up + 1, up]]
+        })
+    });
+    TriMesh {
+        vertices: vertices.collect(),
+        triangles: triangles.collect(),
+    }
+}
+
+/// The fabric of the paper, Table 2.
+fn fabric() -> FabricCard {
+    FabricCard {
+        thickness: 0.35e-3,
+        areal_mass: 0.28,
+        tension: [
+            vec![[0.0, 0.0], [0.005, 3.0], [0.02, 40.0]],
+            vec![[0.0, 0.0], [0.006, 5.0], [0.025, 60.0]],
+        ],
+        compression: [
+            vec![[0.0, 0.0], [0.02, 0.12]],
+            vec![[0.0, 0.0], [0.02, 0.0405]],
+        ],
+        shear: [
+            vec![[0.0, 0.0], [0.1, 0.005]],
+            vec![[0.0, 0.0], [0.1, 0.0036]],
+        ],
+        bending: [7.09e-5, 2.63e-5],
+        friction: [0.28, 0.25],
+    }
+}
+
+/// A draping deck of a small sheet over a plate, two presses in its middle.
+fn draping_deck() -> Deck {
+    let (lamina, tool) = (square(0.08, 8, 0.5e-3), square(0.1, 2, 0.0));
+    let yarns = vec![[Vec3::x(), Vec3::y()]; lamina.triangles.len()];
+    let corners = [0, 8, 72, 80];
+    let presses = [vec![54, 55, 70, 71], vec![56, 57, 72, 73, 70]];
+    let (deck, count) = DrapingDeck {
+        title: "sheet over a plate",
+        lamina: &lamina,
+        yarns: &yarns,
+        clamped: &corners,
+        tool: &tool,
+        fabric: &fabric(),
+        presses: &presses,
+        press_s: 0.1,
+        pressure: 1e6,
+        gravity: 9.81,
+    }
+    .deck(Dialect::Calculix);
+    assert_eq!(count, 2);
+    deck
+}
+
+/// `ccx` reads every card of a draping deck and the geometry behind it; nothing is solved.
+#[test]
+#[ignore = "needs ccx"]
+fn draping_deck_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut lines = Vec::new();
+    let deck = draping_deck();
+    let mut source = deck.text().lines();
+    while let Some(line) = source.next() {
+        if line == "*STATIC" {
+            source.next();
+            lines.push("*NO ANALYSIS");
+        } else {
+            lines.push(line);
+        }
+    }
+    fs::write(folder.path().join("read.inp"), lines.join("\n") + "\n").unwrap();
+    let text = ccx(folder.path(), "read");
+    let reached = text.contains("Using up to 1 cpu(s) for the symmetric stiffness");
+    assert!(
+        reached && !text.contains("*WARNING reading"),
+        "{}",
+        tail(&text)
+    );
+    // A deck that is wrong is not read: the check can fail.
+    let wrong = lines
+        .join("\n")
+        .replacen("MATERIAL=FABRIC", "MATERIAL=WOOL", 1);
+    fs::write(folder.path().join("wrong.inp"), wrong + "\n").unwrap();
+    let mut command = Command::new("ccx");
+    let output = command
+        .args(["-i", "wrong"])
+        .current_dir(folder.path())
+        .output();
+    let text = String::from_utf8_lossy(&output.unwrap().stdout).into_owned();
+    assert!(text.contains("*ERROR"), "{}", tail(&text));
+}

@@ -1,0 +1,232 @@
+//! How episodes end, begin again, and go on from a saved state.
+
+use drape_cloth::sim::Snapshot;
+use drape_task::env::{End, Precision};
+use fixedbitset::FixedBitSet;
+
+use super::*;
+
+fn small(scene: &Arc<Scene>, count: usize) -> Draping {
+    Draping::new(scene.clone(), &small_region(), count).unwrap()
+}
+
+/// Saves in the middle, loads into environments which did something else, and plays both on
+/// over the end of their episodes.
+fn saved_state_goes_on_exactly(scene: &Arc<Scene>) {
+    let mut env = small(scene, 3);
+    play(&mut env, &mut Player::new(1, 3), 30);
+    let bytes = env.save();
+    let mut again = small(scene, 3);
+    play(&mut again, &mut Player::new(2, 3), 17);
+    again.load(&bytes).unwrap();
+    for index in 0..3 {
+        assert_eq!(again.observation(index), env.observation(index));
+    }
+    let expected = play(&mut env, &mut Player::new(3, 3), 120);
+    let found = play(&mut again, &mut Player::new(3, 3), 120);
+    assert!(expected.iter().flatten().any(|o| o.episode.is_some()));
+    assert!(found == expected);
+    assert!(again.save() == env.save());
+}
+
+#[test]
+fn saved_state_goes_on_exactly_by_gauss_seidel() {
+    saved_state_goes_on_exactly(&GAUSS_SEIDEL);
+}
+
+#[test]
+fn saved_state_goes_on_exactly_with_yarns() {
+    saved_state_goes_on_exactly(&COARSE);
+}
+
+#[test]
+fn saved_state_goes_on_exactly_over_a_hole() {
+    let config = EnvConfig {
+        region_mm: Some([-20.0, 20.0, 60.0, 80.0]),
+        crop: true,
+        ..EnvConfig::default()
+    };
+    let make = || Draping::new(HOLED.clone(), &config, 2).unwrap();
+    let mut env = make();
+    play(&mut env, &mut Player::new(1, 2), 15);
+    let mut again = make();
+    again.load(&env.save()).unwrap();
+    let expected = play(&mut env, &mut Player::new(3, 2), 60);
+    assert!(expected.iter().flatten().any(|o| o.episode.is_some()));
+    assert!(play(&mut again, &mut Player::new(3, 2), 60) == expected);
+    assert!(again.save() == env.save());
+}
+
+/// An environment at its start sees the same after loading, to the bit, in either precision.
+#[test]
+fn start_is_observed_alike_after_loading() {
+    for precision in [Precision::F32, Precision::F64] {
+        let config = EnvConfig {
+            precision,
+            ..small_region()
+        };
+        let env = Draping::new(COARSE.clone(), &config, 2).unwrap();
+        let mut again = Draping::new(COARSE.clone(), &config, 2).unwrap();
+        again.load(&env.save()).unwrap();
+        assert_eq!(again.observation(1), env.observation(1));
+    }
+}
+
+/// The same actions give the same episode, whatever came before it.
+fn episodes_repeat(scene: &Arc<Scene>) {
+    let mut env = small(scene, 2);
+    let first = play(&mut env, &mut Player::new(1, 2), 40);
+    play(&mut env, &mut Player::new(2, 2), 13);
+    env.reset(0);
+    env.reset(1);
+    let second = play(&mut env, &mut Player::new(1, 2), 40);
+    assert!(first == second);
+    let state = env.state(1);
+    let mut new = small(scene, 2);
+    play(&mut new, &mut Player::new(1, 2), 40);
+    assert!(new.state(1) == state);
+}
+
+#[test]
+fn episodes_repeat_by_gauss_seidel() {
+    episodes_repeat(&GAUSS_SEIDEL);
+}
+
+#[test]
+fn episodes_repeat_with_yarns() {
+    episodes_repeat(&COARSE);
+}
+
+#[test]
+fn reset_concerns_one_environment() {
+    let mut env = small(&COARSE, 3);
+    let fresh = (env.observation(1).clone(), env.state(1));
+    play(&mut env, &mut Player::new(5, 3), 6);
+    let others = [0, 2].map(|i| (env.observation(i).clone(), env.state(i)));
+    assert!(env.state(1) != fresh.1);
+    env.reset(1);
+    assert!((env.observation(1).clone(), env.state(1)) == fresh);
+    assert!([0, 2].map(|i| (env.observation(i).clone(), env.state(i))) == others);
+}
+
+#[test]
+fn step_limit_truncates() {
+    let config = EnvConfig {
+        max_steps: Some(7),
+        ..small_region()
+    };
+    let mut env = Draping::new(COARSE.clone(), &config, 2).unwrap();
+    let outcomes = play(&mut env, &mut Player::new(5, 2), 14);
+    for (step, outcomes) in outcomes.iter().enumerate() {
+        for (index, outcome) in outcomes.iter().enumerate() {
+            assert_eq!(outcome.reward, 0.0);
+            let Some(episode) = &outcome.episode else {
+                assert_ne!(step % 7, 6);
+                continue;
+            };
+            assert_eq!(step % 7, 6);
+            assert_eq!(episode.end, End::Truncated);
+            assert_eq!(episode.actions.len(), 7);
+            assert_eq!(episode.total_reward, 0.0);
+            // What the agent saw last still offers something to do.
+            assert!(!episode.last.mask.is_clear() && !episode.last.touched.is_clear());
+            assert!(env.finished(index).is_some());
+        }
+    }
+}
+
+#[test]
+#[should_panic(expected = "is masked out")]
+fn forbidden_action_panics() {
+    let mut env = small(&COARSE, 1);
+    let action = env.observation(0).mask.ones().next().unwrap() as u32;
+    env.step(&[action]);
+    // Touched by now.
+    env.step(&[action]);
+}
+
+#[test]
+#[should_panic(expected = "is masked out")]
+fn action_in_the_hole_panics() {
+    let mut env = Draping::new(HOLED.clone(), &EnvConfig::default(), 1).unwrap();
+    let absent = |action: &u32| env.vertex(*action).is_none();
+    let action = (0..env.shape().pixel_count() as u32).find(absent).unwrap();
+    env.step(&[action]);
+}
+
+#[test]
+#[should_panic(expected = "is masked out")]
+fn action_outside_the_region_panics() {
+    let config = EnvConfig {
+        crop: false,
+        ..small_region()
+    };
+    let mut env = Draping::new(COARSE.clone(), &config, 1).unwrap();
+    env.step(&[0]);
+}
+
+/// The layout of saved environments: draped, touched, actions, stencil, and the cloth.
+type Saved = ((Bits, Bits, Vec<u32>, Vec<u32>), Snapshot);
+
+#[derive(serde::Serialize, serde::Deserialize)]
+struct Bits(#[serde(with = "drape_cloth::math::bits")] FixedBitSet);
+
+#[test]
+fn diverged_environment_ends_alone() {
+    ends_alone(|cloth, vertex| cloth.position[vertex] = [1e30, 0.0, 1e30]);
+    ends_alone(|cloth, vertex| cloth.velocity[vertex] = [0.0, 1e12, 0.0]);
+}
+
+/// Spoils one of four environments, and steps them beside four that are whole.
+fn ends_alone(spoil: impl Fn(&mut Snapshot, usize)) {
+    let mut env = small(&COARSE, 4);
+    play(&mut env, &mut Player::new(6, 4), 5);
+    let bytes = env.save();
+    let mut saved: Vec<Saved> = postcard::from_bytes(&bytes).unwrap();
+    let corner = saved[2].1.position.len() - 1;
+    spoil(&mut saved[2].1, corner);
+    let mut lost = small(&COARSE, 4);
+    lost.load(&postcard::to_allocvec(&saved).unwrap()).unwrap();
+    let fresh = small(&COARSE, 1);
+    // Loaded as well, so that both go on from the same.
+    env = small(&COARSE, 4);
+    env.load(&bytes).unwrap();
+
+    let actions = Player::new(7, 4).choose(&env);
+    let expected = env.step(&actions);
+    let found = lost.step(&actions);
+    for index in [0, 1, 3] {
+        assert!(found[index] == expected[index]);
+        assert!(lost.observation(index) == env.observation(index));
+        assert!(lost.state(index) == env.state(index));
+    }
+    let episode = found[2].episode.as_ref().unwrap();
+    assert_eq!((episode.end, found[2].reward), (End::Diverged, 0.0));
+    assert_eq!(episode.actions.len(), 6);
+    assert!(episode.last.distance.iter().all(|d| d.is_finite()));
+    assert!(!episode.last.mask.is_clear());
+    assert!(lost.observation(2) == fresh.observation(0));
+    assert!(lost.state(2) == fresh.state(0));
+}
+
+#[test]
+fn unusable_saved_states_change_nothing() {
+    let mut env = small(&COARSE, 2);
+    play(&mut env, &mut Player::new(8, 2), 3);
+    let bytes = env.save();
+    let mut three = small(&COARSE, 3);
+    assert_eq!(
+        three.load(&bytes).unwrap_err(),
+        "2 environments saved, expected 3"
+    );
+    let error = env.load(&bytes[..bytes.len() / 2]).unwrap_err();
+    assert!(error.starts_with("not saved environments: "), "{error}");
+    let mut saved: Vec<Saved> = postcard::from_bytes(&bytes).unwrap();
+    saved[1].1.velocity[3][0] = f64::NAN;
+    assert_eq!(
+        env.load(&postcard::to_allocvec(&saved).unwrap())
+            .unwrap_err(),
+        "environment 1 is not of a blank of 1089 vertices"
+    );
+    assert!(env.save() == bytes);
+}
