@@ -5,9 +5,8 @@ use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
-use drape_cloth::file::{ParseError, names_instead, parse_toml, plain, read_toml};
+use drape_cloth::file::{ParseError, names_instead, parse_toml, plain};
 use drape_cloth::scene::{SceneConfig, SceneError};
-use drape_cloth::sim::Preset as Accuracy;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
 use drape_task::env::EnvConfig;
