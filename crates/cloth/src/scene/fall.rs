@@ -1,10 +1,9 @@
-use fixedbitset::FixedBitSet;
+use std::sync::Arc;
 
 use super::config::{FRAME, SceneConfig, SceneError};
 use super::summary::Summary;
 use crate::fabric::Lamina;
-use crate::math::Isa;
-use crate::sim::{Model, PhysicsConfig, Snapshot, alone_f64};
+use crate::sim::{Backend, Cpu, Model, PhysicsConfig, Precision, Snapshot, World};
 use crate::tool::Tool;
 
 /// Depth in the tool that a blank may start at, in spacings of the tool's grid: what that errs by
@@ -15,12 +14,12 @@ const IN_TOOL: f64 = 0.5;
 #[derive(Clone)]
 pub struct Scene {
     pub config: SceneConfig,
-    pub tool: Tool,
-    pub lamina: Lamina,
+    pub tool: Arc<Tool>,
+    pub lamina: Arc<Lamina>,
     /// The physics of the scene, ready to be stepped.
-    pub model: Model,
+    pub model: Arc<Model>,
     /// The settled state.
-    pub initial: Snapshot,
+    pub initial: Arc<Snapshot>,
 }
 
 impl Scene {
@@ -34,25 +33,13 @@ impl Scene {
         let lamina = Lamina::new(&config.blank, config.read_material()?)?;
         config.physics.self_collision.check(&lamina)?;
         let tool = Tool::new(&config.tool)?;
-        let model = Model::new(&lamina, &config.physics);
 
         let fall = &config.fall;
         let control = fall.stepping().control(FRAME);
         let falling = config.falling();
         let settling = (fall.settle_s / FRAME).round() as usize;
 
-        let mut batch = alone_f64(&model, Isa::best());
-        let mut start = hung(config, &lamina, falling as f64 * FRAME)?;
-        // A tool in even motion is an inertial frame: there it stands, and the cloth comes.
-        let tool_velocity = config.tool_velocity();
-        let moving = tool_velocity.map(|u| model.clone().seen_from(u));
-        if let Some(u) = tool_velocity {
-            displace(
-                &mut start.position,
-                config.fall.tool_move_mm.map(|m| 1e-3 * m),
-            );
-            displace(&mut start.velocity, u.map(|u| -u));
-        }
+        let start = hung(config, &lamina, falling as f64 * FRAME)?;
         let depths = start.position.iter().map(|&x| -tool.distance(x).0);
         let deepest = depths.fold(f64::NEG_INFINITY, f64::max);
         if deepest > IN_TOOL * 1e-3 * config.tool.grid.spacing_mm {
@@ -61,37 +48,37 @@ impl Scene {
                 depth_mm: 1e3 * deepest,
             });
         }
-        batch.load(0, &start);
+        let tool = Arc::new(tool);
+        let model = Arc::new(Model::new(&lamina, &config.physics));
         let mut quiet = config.physics.clone();
         quiet.damping = fall.settle_damping;
-        let quiet = Model::new(&lamina, &quiet);
-        for frame in 0..falling + settling {
-            if frame == falling {
-                batch.load(0, &landed(batch.snapshot(0), tool_velocity));
+        let quiet = Arc::new(Model::new(&lamina, &quiet));
+        let mut state = start;
+        let mut done = 0;
+        for (model, frames) in [(&model, falling), (&quiet, settling)] {
+            let world = World::new(model.clone(), tool.clone());
+            let mut cloth = Cpu::new(&world, 1, Precision::F64);
+            cloth.load(0, &state);
+            for _ in 0..frames {
+                cloth.step(&control, &[]);
+                done += 1;
+                if !cloth.finite()[0] {
+                    let time_s = f64::from(done) * FRAME;
+                    return Err(SceneError::Diverged { time_s });
+                }
+                progress(f64::from(done) / (falling + settling) as f64);
             }
-            let model = if frame < falling {
-                moving.as_ref().unwrap_or(&model)
-            } else {
-                &quiet
-            };
-            batch.step(model, &tool, &control, &[]);
-            if !batch.sound()[0] {
-                return Err(SceneError::Diverged {
-                    time_s: (frame + 1) as f64 * FRAME,
-                });
+            state = cloth.snapshot(0);
+            // Clamps stop.
+            for vertex in state.fixed.ones() {
+                state.velocity[vertex] = [0.0; 3];
             }
-            progress((frame + 1) as f64 / (falling + settling) as f64);
         }
-        // Tool and clamps stop, also if no time to settle follows.
-        let initial = if settling == 0 {
-            landed(batch.snapshot(0), tool_velocity)
-        } else {
-            batch.snapshot(0)
-        };
+        let initial = Arc::new(state);
         Ok(Self {
             config: config.clone(),
             tool,
-            lamina,
+            lamina: Arc::new(lamina),
             model,
             initial,
         })
@@ -101,7 +88,7 @@ impl Scene {
     /// `physics` must have been checked.
     pub fn with_physics(&self, physics: PhysicsConfig) -> Self {
         let mut scene = self.clone();
-        scene.model = Model::new(&scene.lamina, &physics);
+        scene.model = Model::new(&scene.lamina, &physics).into();
         scene.config.physics = physics;
         scene
     }
@@ -116,27 +103,6 @@ impl Scene {
     /// Key figures of a state of this scene.
     pub fn summary(&self, state: &Snapshot) -> Summary {
         Summary::new(&self.lamina, &self.tool, state)
-    }
-}
-
-/// The cloth at the end of the fall, when clamps and tool stop and the world's frame is that of
-/// the tool again.
-fn landed(mut state: Snapshot, tool_velocity: Option<[f64; 3]>) -> Snapshot {
-    if let Some(u) = tool_velocity {
-        displace(&mut state.velocity, u);
-    }
-    for vertex in state.fixed.ones() {
-        state.velocity[vertex] = [0.0; 3];
-    }
-    state
-}
-
-/// Adds `by` to every vector.
-fn displace(vectors: &mut [[f64; 3]], by: [f64; 3]) {
-    for vector in vectors {
-        for (x, by) in vector.iter_mut().zip(by) {
-            *x += by;
-        }
     }
 }
 
@@ -170,13 +136,7 @@ pub fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Result<Snapsh
         })
         .collect();
 
-    let mut snapshot = Snapshot {
-        position,
-        velocity: vec![[0.0; 3]; lamina.vertex_count()],
-        fixed: FixedBitSet::with_capacity(lamina.vertex_count()),
-        force_density: Vec::new(),
-        sides: Vec::new(),
-    };
+    let mut snapshot = Snapshot::at_rest(position);
     for (index, clamp) in config.clamps.iter().enumerate() {
         let at = clamp.at_mm.map(|c| c * 1e-3);
         let square = |v: usize| {

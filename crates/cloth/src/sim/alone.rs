@@ -1,26 +1,25 @@
-use std::ops::Range;
-
 use fixedbitset::FixedBitSet;
 
-use super::cpu::Cpu;
-use super::fold::{Fold, Places};
-use super::line::{Chain, Grip, bend, recall, shear, stretch};
-use super::model::Model;
-use super::state::{Batch, Press, Snapshot};
+use super::cloth::Cloth;
+use super::collision::Layers;
+use super::fold::{Bundle, Fold, Places};
+use super::group::Group;
+use super::line::{Along, Chain};
+use super::lines::{Direction, Lines};
+use super::model::{Model, Pass};
+use super::press::{self, Plate};
+use super::state::Snapshot;
+use super::step::step;
 use super::stepping::Control;
-use super::substep::{
-    Frame, Plate, Wefts, conclude, find_planes, give_way, predict, project, stretch_yarn,
-};
-use crate::math::{Kernel, Lanes, Real, Vec3x};
+use super::storage::{Changed, Storage};
+use crate::math::{Lanes, Real, Vec3x};
 use crate::tool::Tool;
 
-/// One environment by itself with the solve along yarns, its lines side by side in the lanes.
-/// The same bits as [`Cpu`] with one lane of the same precision: lines of a family share no
-/// vertex, so it does not matter which is solved first.
-pub struct Alone<V: Lanes> {
-    /// The state in the order of the fold.
-    cloth: Cpu<V>,
-    held: Held<V>,
+/// One environment by itself with the solve along yarns, its lines side by side in the lanes: a
+/// place is a number of the [`Fold`]. The same bits as one lane of a group of the same precision:
+/// lines of a family share no vertex, so it does not matter which is solved first.
+pub(super) struct Alone<V: Lanes> {
+    cloth: Cloth<V>,
     fold: Fold<V>,
     /// 1/m of a free vertex [1/kg].
     free_inverse_mass: Vec<f64>,
@@ -28,21 +27,6 @@ pub struct Alone<V: Lanes> {
     crossing: Crossing<V>,
     /// Room for constraints that are projected one by one, vertices in the model's order.
     single: Single<V::Scalar>,
-}
-
-/// What the wefts of each vertex do to it in this substep.
-struct Held<V> {
-    /// [N]
-    pull: Vec<Vec3x<V>>,
-    /// [N/m]
-    stress: Vec<V>,
-}
-
-impl<V: Lanes> Wefts<V> for Held<V> {
-    #[inline(always)]
-    fn hold(&self, _: usize, v: usize, _: &mut Cpu<V>) -> (Vec3x<V>, V) {
-        (self.pull[v], self.stress[v])
-    }
 }
 
 struct Crossing<V> {
@@ -65,7 +49,7 @@ impl<V: Lanes> Alone<V> {
     pub fn new(model: &Model) -> Option<Self> {
         let lines = model.lines.as_ref().filter(|_| model.layers.is_none())?;
         let fold = Fold::new(lines);
-        let mut cloth = Cpu::<V>::immovable(fold.count, fold.edge_count, fold.longest);
+        let mut cloth = Cloth::<V>::new(fold.count, fold.edge_count, fold.longest);
         for (&[number, lane], &w) in fold.vertices.iter().zip(&model.inverse_mass) {
             let inverse_mass = &mut cloth.inverse_mass[number as usize];
             inverse_mass.as_mut_slice()[lane as usize] = V::Scalar::from_f64(w);
@@ -73,10 +57,9 @@ impl<V: Lanes> Alone<V> {
         let mut vertices: Vec<u32> = model.passes.iter().flat_map(|p| p.vertices()).collect();
         vertices.sort_unstable();
         vertices.dedup();
-        let room = if vertices.is_empty() {
-            0
-        } else {
-            model.vertex_count()
+        let room = match vertices.is_empty() {
+            true => 0,
+            false => model.vertex_count(),
         };
         Some(Self {
             crossing: Crossing {
@@ -90,10 +73,6 @@ impl<V: Lanes> Alone<V> {
                 position: vec![Vec3x::zero(); room],
                 mobility: vec![V::Scalar::zero(); room],
             },
-            held: Held {
-                pull: vec![Vec3x::zero(); fold.count],
-                stress: vec![V::zero(); fold.count],
-            },
             cloth,
             fold,
             free_inverse_mass: model.inverse_mass.clone(),
@@ -106,57 +85,180 @@ impl<V: Lanes> Alone<V> {
     }
 }
 
-impl<V: Lanes> Batch for Alone<V> {
+impl<V: Lanes> Fold<V> {
+    /// The bundles that run across the warps, and where their vertices are.
+    #[inline(always)]
+    fn crossing(&self, direction: Direction) -> &[(Bundle<V>, Places)] {
+        match direction {
+            Direction::Weft => &self.wefts,
+            Direction::Diagonal => &self.diagonals,
+            Direction::Warp => &[],
+        }
+    }
+}
+
+impl<V: Lanes> Storage for Alone<V> {
+    type V = V;
+    type Line = Bundle<V>;
+
+    #[inline(always)]
+    fn cloth(&mut self) -> &mut Cloth<V> {
+        &mut self.cloth
+    }
+
+    #[inline(always)]
+    fn count(&self, _: &Lines, direction: Direction) -> usize {
+        match direction {
+            Direction::Warp => self.fold.warps.len(),
+            _ => self.fold.crossing(direction).len(),
+        }
+    }
+
+    #[inline(always)]
+    fn take<'a>(
+        &'a mut self,
+        _: &'a Lines,
+        direction: Direction,
+        i: usize,
+    ) -> Along<'a, V, Bundle<V>> {
+        let Self {
+            cloth,
+            crossing,
+            fold,
+            ..
+        } = self;
+        if direction == Direction::Warp {
+            let line = &fold.warps[i];
+            return Along {
+                line,
+                x: &mut cloth.position,
+                mobility: &cloth.mobility,
+                pull: &mut cloth.pull,
+                stress: &mut cloth.stress,
+                density: &mut cloth.density[line.edges()],
+                scratch: &mut cloth.scratch,
+            };
+        }
+        let (line, places) = &fold.crossing(direction)[i];
+        let x = Vec3x::components_mut(&mut crossing.position);
+        places.read::<V, 3>(Vec3x::components(&cloth.position), x);
+        places.read::<V, 1>(&cloth.mobility, &mut crossing.mobility);
+        Along {
+            line,
+            x: &mut crossing.position,
+            mobility: &crossing.mobility,
+            pull: &mut crossing.pull,
+            stress: &mut crossing.stress,
+            density: &mut cloth.density[line.edges()],
+            scratch: &mut cloth.scratch,
+        }
+    }
+
+    #[inline(always)]
+    fn put(&mut self, direction: Direction, i: usize, changed: Changed) {
+        if direction == Direction::Warp {
+            return;
+        }
+        let (_, places) = &self.fold.crossing(direction)[i];
+        let (crossing, cloth) = (&self.crossing, &mut self.cloth);
+        match changed {
+            Changed::Position => {
+                let x = Vec3x::components_mut(&mut cloth.position);
+                places.write::<V, 3>(Vec3x::components(&crossing.position), x);
+            }
+            Changed::Pull => {
+                let pull = Vec3x::components_mut(&mut cloth.pull);
+                places.write::<V, 3>(Vec3x::components(&crossing.pull), pull);
+                places.write::<V, 1>(&crossing.stress, &mut cloth.stress);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn project(&mut self, passes: &[Pass]) {
+        let Self {
+            cloth,
+            fold,
+            single,
+            ..
+        } = self;
+        if single.vertices.is_empty() {
+            return;
+        }
+        single.read(fold, cloth);
+        for pass in passes {
+            pass.project(&mut single.position, &single.mobility);
+        }
+        single.write(fold, cloth);
+    }
+
+    #[inline(always)]
+    fn hold_down(&mut self, _: Option<&Layers>, plate: &Plate, height: f64, compliance: f64) {
+        for &vertex in &plate.vertices {
+            let place = self.fold.vertices[vertex as usize].map(|i| i as usize);
+            press::hold_down(place, height, compliance, &mut self.cloth);
+        }
+    }
+
+    #[inline(always)]
+    fn separate(&mut self, _: &Layers) {
+        unreachable!("layers that touch are computed in a group");
+    }
+
+    #[inline(always)]
+    fn tack(&self, tack: &[f64], place: usize) -> V {
+        let mut of = V::zero();
+        for (of, &vertex) in of.as_mut_slice().iter_mut().zip(&self.fold.held[place]) {
+            *of = V::Scalar::from_f64(tack.get(vertex as usize).copied().unwrap_or(0.0));
+        }
+        of
+    }
+}
+
+impl<V: Lanes> Group for Alone<V> {
     fn lanes(&self) -> usize {
         1
     }
 
     fn load(&mut self, _: usize, snapshot: &Snapshot) {
-        // Also where no vertex or edge is: a lost state may have left anything there.
+        // Also where no vertex or edge is: a state that diverged may have left anything there.
         self.cloth.position.fill(Vec3x::zero());
         self.cloth.velocity.fill(Vec3x::zero());
-        self.held.pull.fill(Vec3x::zero());
-        self.held.stress.fill(V::zero());
-        self.cloth.yarns.density.fill(V::zero());
+        self.cloth.pull.fill(Vec3x::zero());
+        self.cloth.stress.fill(V::zero());
+        self.cloth.density.fill(V::zero());
         for vertex in 0..self.free_inverse_mass.len() {
             let (v, lane) = self.slot(vertex);
             self.cloth.position[v].set(lane, snapshot.position[vertex]);
             self.cloth.velocity[v].set(lane, snapshot.velocity[vertex]);
-            let w = if snapshot.fixed.contains(vertex) {
-                0.0
-            } else {
-                self.free_inverse_mass[vertex]
+            let w = match snapshot.fixed.contains(vertex) {
+                true => 0.0,
+                false => self.free_inverse_mass[vertex],
             };
             self.cloth.inverse_mass[v].as_mut_slice()[lane] = V::Scalar::from_f64(w);
         }
         for (edge, &[number, lane]) in self.fold.edges.iter().enumerate() {
             let density = snapshot.force_density.get(edge).copied().unwrap_or(0.0);
-            let all = &mut self.cloth.yarns.density[number as usize];
+            let all = &mut self.cloth.density[number as usize];
             all.as_mut_slice()[lane as usize] = V::Scalar::from_f64(density);
         }
     }
 
-    fn snapshot(&self, _: usize) -> Snapshot {
+    fn save(&self, _: usize, snapshot: &mut Snapshot) {
         let places = || (0..self.free_inverse_mass.len()).map(|vertex| self.slot(vertex));
+        let cloth = &self.cloth;
         let mut fixed = FixedBitSet::with_capacity(self.free_inverse_mass.len());
         for (vertex, (v, lane)) in places().enumerate() {
-            let w = self.cloth.inverse_mass[v].as_slice()[lane];
-            fixed.set(vertex, w == V::Scalar::from_f64(0.0));
+            fixed.set(vertex, cloth.inverse_mass[v].as_slice()[lane].to_f64() == 0.0);
         }
         let density = self.fold.edges.iter().map(|&[number, lane]| {
-            self.cloth.yarns.density[number as usize].as_slice()[lane as usize].to_f64()
+            cloth.density[number as usize].as_slice()[lane as usize].to_f64()
         });
-        Snapshot {
-            position: places()
-                .map(|(v, lane)| self.cloth.position[v].get(lane))
-                .collect(),
-            velocity: places()
-                .map(|(v, lane)| self.cloth.velocity[v].get(lane))
-                .collect(),
-            fixed,
-            force_density: density.collect(),
-            sides: Vec::new(),
-        }
+        snapshot.position = places().map(|(v, lane)| cloth.position[v].get(lane)).collect();
+        snapshot.velocity = places().map(|(v, lane)| cloth.velocity[v].get(lane)).collect();
+        snapshot.fixed = fixed;
+        snapshot.force_density = density.collect();
+        snapshot.sides = Vec::new();
     }
 
     fn position(&self, _: usize, vertex: u32) -> [f64; 3] {
@@ -176,34 +278,12 @@ impl<V: Lanes> Batch for Alone<V> {
         self.cloth.velocity[v].set(lane, [0.0; 3]);
     }
 
-    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, presses: &[Press]) {
-        let mut tack = Vec::new();
-        if let Some(of) = &model.tack {
-            tack.resize(self.fold.count, V::zero());
-            for (&[number, lane], &tension) in self.fold.vertices.iter().zip(of) {
-                let tack = tack[number as usize].as_mut_slice();
-                tack[lane as usize] = V::Scalar::from_f64(tension);
-            }
-        }
-        let interval = control.contact_interval;
-        let mut first = 0;
-        while first < control.substeps {
-            let last = (first + interval).min(control.substeps);
-            V::vectorize(Substeps {
-                model,
-                tool,
-                control,
-                presses,
-                range: first..last,
-                tack: &tack,
-                state: self,
-            });
-            first = last;
-        }
+    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, plates: &[Plate]) {
+        step(model, tool, control, plates, self);
     }
 
-    fn sound(&self) -> Vec<bool> {
-        vec![self.cloth.sound().iter().all(|&sound| sound)]
+    fn finite(&self) -> Vec<bool> {
+        vec![self.cloth.finite().iter().all(|&finite| finite)]
     }
 
     fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
@@ -217,117 +297,9 @@ impl<V: Lanes> Batch for Alone<V> {
     }
 }
 
-/// As the substeps along lines of a group.
-struct Substeps<'a, V: Lanes> {
-    model: &'a Model,
-    tool: &'a Tool,
-    control: &'a Control,
-    presses: &'a [Press],
-    range: Range<usize>,
-    /// Greatest pull of the tool's tack [N], empty without.
-    tack: &'a [V],
-    state: &'a mut Alone<V>,
-}
-
-impl<V: Lanes> Kernel for Substeps<'_, V> {
-    #[inline(always)]
-    fn run(self) {
-        let Alone {
-            cloth,
-            fold,
-            crossing,
-            single,
-            held,
-            ..
-        } = self.state;
-        let frame = Frame::new(self.model, self.control);
-        let last = self.range.end;
-        find_planes(self.tool, cloth);
-        for v in 0..fold.count {
-            predict(v, &frame, cloth);
-        }
-        for substep in self.range {
-            for (weft, places) in &fold.wefts {
-                crossing.read_position(places, cloth);
-                let count = weft.vertices().len();
-                let mut grip = Grip {
-                    pull: &mut crossing.pull[..count],
-                    stress: &mut crossing.stress[..count],
-                };
-                let density = &cloth.yarns.density[weft.edges()];
-                recall(weft, &crossing.position, density, &mut grip);
-                let pull = Vec3x::components_mut(&mut held.pull);
-                places.write::<V, 3>(Vec3x::components(&crossing.pull), pull);
-                places.write::<V, 1>(&crossing.stress, &mut held.stress);
-            }
-            for warp in &fold.warps {
-                give_way(warp, held, &frame, cloth);
-            }
-            if let Some(trellis) = &fold.trellis {
-                for (diagonal, places) in &fold.diagonals {
-                    crossing.read_position(places, cloth);
-                    places.read::<V, 1>(&cloth.mobility, &mut crossing.mobility);
-                    let (x, mobility) = (&mut crossing.position, &crossing.mobility);
-                    shear(diagonal, trellis, x, mobility, &mut cloth.yarns.scratch);
-                    crossing.write_position(places, cloth);
-                }
-            }
-            if !single.vertices.is_empty() {
-                single.read(fold, cloth);
-                for pass in &self.model.passes {
-                    project(pass, &mut single.position, &single.mobility);
-                }
-                single.write(fold, cloth);
-            }
-            for press in self.presses {
-                let plate = Plate::new(self.model, press, substep);
-                for &vertex in &press.vertices {
-                    let [number, lane] = fold.vertices[vertex as usize];
-                    plate.hold_down(number as usize, lane as usize, 0.0, cloth);
-                }
-            }
-            for (weft, places) in &fold.wefts {
-                crossing.read_position(places, cloth);
-                places.read::<V, 1>(&cloth.mobility, &mut crossing.mobility);
-                let scratch = &mut cloth.yarns.scratch;
-                bend(weft, &mut crossing.position, &crossing.mobility, scratch);
-                let density = &mut cloth.yarns.density[weft.edges()];
-                let x = &mut crossing.position;
-                stretch(weft, x, &crossing.mobility, density, scratch);
-                crossing.write_position(places, cloth);
-            }
-            for warp in &fold.warps {
-                stretch_yarn(warp, cloth);
-                let next = substep + 1 < last;
-                for &v in warp.vertices() {
-                    let v = v as usize;
-                    match self.tack {
-                        [] => conclude(v, &frame, None, next, cloth),
-                        tack => conclude(v, &frame, Some(tack[v]), next, cloth),
-                    }
-                }
-            }
-        }
-    }
-}
-
-impl<V: Lanes> Crossing<V> {
-    #[inline(always)]
-    fn read_position(&mut self, places: &Places, cloth: &Cpu<V>) {
-        let x = Vec3x::components_mut(&mut self.position);
-        places.read::<V, 3>(Vec3x::components(&cloth.position), x);
-    }
-
-    #[inline(always)]
-    fn write_position(&self, places: &Places, cloth: &mut Cpu<V>) {
-        let x = Vec3x::components_mut(&mut cloth.position);
-        places.write::<V, 3>(Vec3x::components(&self.position), x);
-    }
-}
-
 impl<S: Real> Single<S> {
     #[inline(always)]
-    fn read<V: Lanes<Scalar = S>>(&mut self, fold: &Fold<V>, cloth: &Cpu<V>) {
+    fn read<V: Lanes<Scalar = S>>(&mut self, fold: &Fold<V>, cloth: &Cloth<V>) {
         for &vertex in &self.vertices {
             let [number, lane] = fold.vertices[vertex as usize].map(|i| i as usize);
             let Vec3x([x, y, z]) = &cloth.position[number];
@@ -338,7 +310,7 @@ impl<S: Real> Single<S> {
     }
 
     #[inline(always)]
-    fn write<V: Lanes<Scalar = S>>(&self, fold: &Fold<V>, cloth: &mut Cpu<V>) {
+    fn write<V: Lanes<Scalar = S>>(&self, fold: &Fold<V>, cloth: &mut Cloth<V>) {
         for &vertex in &self.vertices {
             let [number, lane] = fold.vertices[vertex as usize].map(|i| i as usize);
             let Vec3x(to) = &mut cloth.position[number];

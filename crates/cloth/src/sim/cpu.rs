@@ -1,219 +1,285 @@
-use fixedbitset::FixedBitSet;
+use rayon::prelude::*;
 
-use super::line::Scratch;
+#[cfg(target_arch = "x86_64")]
+use crate::math::{F32x8, F32x16, F64x4, F64x8};
+use crate::math::{Isa, Lanes, Portable, Vec3};
+
+use super::alone::Alone;
+use super::backend::{Backend, World};
+use super::group::Group;
+use super::lanes::InLanes;
 use super::model::Model;
-use super::self_contact::SelfContact;
-use super::state::{Batch, Press, Snapshot};
+use super::press::Plate;
+use super::state::{Pressed, Snapshot};
+use super::stencil::{Stencil, ties, under_stencil};
 use super::stepping::Control;
-use super::substep::Substeps;
-use crate::math::{Kernel, Lanes, Real, Vec3x};
-use crate::tool::Tool;
+use serde::{Deserialize, Serialize};
 
-/// The CPU backend: state in lanes, [vertex][xyz][lane].
-pub struct Cpu<V: Lanes> {
-    pub(super) position: Vec<Vec3x<V>>,
-    pub(super) velocity: Vec<Vec3x<V>>,
-    pub(super) inverse_mass: Vec<V>,
-    /// 1/m of a free vertex [1/kg].
-    free_inverse_mass: Vec<f64>,
-    /// Positions at the start of the substep.
-    pub(super) previous: Vec<Vec3x<V>>,
-    /// How far a vertex gives way within a substep [m/N]: h^2/m, less where its yarns pull hard.
-    pub(super) mobility: Vec<V>,
-    /// Tangent plane of the tool under each vertex, as last looked up.
-    pub(super) plane: Vec<Plane<V>>,
-    /// What only a solve along lines needs, empty without.
-    pub(super) yarns: YarnState<V>,
-    pub(super) self_contact: Option<Box<SelfContact<V>>>,
+/// Number type of a simulation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Precision {
+    /// Several environments in SIMD lanes.
+    #[default]
+    F32,
+    /// One environment at a time, for reference.
+    F64,
 }
 
-/// n . x - offset is the distance to the tool [m].
-#[derive(Clone, Copy)]
-pub(super) struct Plane<V> {
-    pub normal: Vec3x<V>,
-    pub offset: V,
+/// The CPU: groups of environments in SIMD lanes, over rayon. An environment by itself has its
+/// lines in the lanes. Its bits are the same in any company, on any instruction set and for any
+/// number of threads.
+pub struct Cpu {
+    world: World,
+    groups: Vec<Box<dyn Group>>,
+    /// Environments of a group.
+    lanes: usize,
+    pressed: Vec<Pressed>,
+    /// See [`ties`].
+    ties: Vec<Vec<(u32, f64)>>,
 }
 
-/// Forces of the yarns.
-pub(super) struct YarnState<V> {
-    /// Force density of each yarn edge [N/m], > 0 in tension.
-    pub density: Vec<V>,
-    /// By edge, the pull of a weft's on its end on the earlier warp [N], since that warp began.
-    pub across: Vec<Vec3x<V>>,
-    pub scratch: Scratch<V>,
-}
+impl Cpu {
+    /// `count` > 0 environments, each at its start, on the best instruction set that there is.
+    pub fn new(world: &World, count: usize, precision: Precision) -> Self {
+        Self::on(world, count, precision, Isa::best())
+    }
 
-impl<V: Lanes> Cpu<V> {
-    /// A group for `model` with every vertex free and at rest in the origin.
-    pub fn new(model: &Model) -> Self {
-        let count = model.vertex_count();
-        let (edges, longest) = match &model.lines {
-            Some(lines) => (lines.edge_count, lines.longest),
-            None => (0, 0),
+    /// The same on an instruction set.
+    pub fn on(world: &World, count: usize, precision: Precision, isa: Isa) -> Self {
+        let model = &world.model;
+        let make: fn(&Model, Isa) -> Box<dyn Group> = match precision {
+            Precision::F32 if count > 1 => in_lanes,
+            Precision::F32 => alone_f32,
+            Precision::F64 => alone_f64,
+        };
+        let first = make(model, isa);
+        let lanes = first.lanes();
+        let more = (1..count.div_ceil(lanes)).map(|_| make(model, isa));
+        let groups: Vec<_> = std::iter::once(first).chain(more).collect();
+        let vertices = model.vertex_count();
+        let ties = match &world.presses {
+            Some((lamina, stencil)) => ties(lamina, stencil.max_strain),
+            None => Vec::new(),
         };
         let mut cpu = Self {
-            inverse_mass: model.inverse_mass.iter().map(|&w| V::of(w)).collect(),
-            free_inverse_mass: model.inverse_mass.clone(),
-            self_contact: (model.layers.is_some()).then(|| Box::new(SelfContact::new(count))),
-            ..Self::immovable(count, edges, longest)
+            world: world.clone(),
+            groups,
+            lanes,
+            pressed: vec![Pressed::default(); count],
+            ties,
         };
-        cpu.yarns.across.resize(edges, Vec3x::zero());
+        debug_assert_eq!(world.start.position.len(), vertices);
+        // Lanes that nobody uses hold a state that can be stepped as well.
+        for group in &mut cpu.groups {
+            for lane in 0..lanes {
+                group.load(lane, &world.start);
+            }
+        }
+        for environment in 0..count {
+            cpu.reset(environment);
+        }
         cpu
     }
 
-    /// Room for so many vertices and yarn edges and the vertices of the longest line, 0 for none,
-    /// with every vertex fixed in the origin.
-    pub(super) fn immovable(count: usize, edges: usize, longest: usize) -> Self {
-        let plane = Plane {
-            normal: Vec3x::zero(),
-            offset: V::zero(),
+    fn place(&self, environment: usize) -> (usize, usize) {
+        (environment / self.lanes, environment % self.lanes)
+    }
+}
+
+/// Environments in the lanes, f32.
+fn in_lanes(model: &Model, isa: Isa) -> Box<dyn Group> {
+    match isa {
+        Isa::Portable => Box::new(InLanes::<Portable>::new(model)),
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => Box::new(InLanes::<F32x8>::new(model)),
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx512 => Box::new(InLanes::<F32x16>::new(model)),
+    }
+}
+
+/// One environment, its lines in the lanes, f32.
+fn alone_f32(model: &Model, isa: Isa) -> Box<dyn Group> {
+    match isa {
+        Isa::Portable => alone::<Portable>(model),
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => alone::<F32x8>(model),
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx512 => alone::<F32x16>(model),
+    }
+}
+
+/// One environment, its lines in the lanes, f64.
+fn alone_f64(model: &Model, isa: Isa) -> Box<dyn Group> {
+    match isa {
+        Isa::Portable => Box::new(InLanes::<f64>::new(model)),
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => alone::<F64x4>(model),
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx512 => alone::<F64x8>(model),
+    }
+}
+
+/// In one lane by Gauss-Seidel, or where layers of the cloth touch each other.
+fn alone<V: Lanes>(model: &Model) -> Box<dyn Group> {
+    match Alone::<V>::new(model) {
+        Some(alone) => Box::new(alone),
+        None => Box::new(InLanes::<V::Scalar>::new(model)),
+    }
+}
+
+impl Backend for Cpu {
+    fn count(&self) -> usize {
+        self.pressed.len()
+    }
+
+    fn load(&mut self, environment: usize, snapshot: &Snapshot) {
+        let (group, lane) = self.place(environment);
+        self.groups[group].load(lane, snapshot);
+        let pressed = &mut self.pressed[environment];
+        pressed.clone_from(&snapshot.pressed);
+        let count = self.world.model.vertex_count();
+        pressed.touched.grow(count);
+        pressed.draped.grow(count);
+    }
+
+    fn reset(&mut self, environment: usize) {
+        let start = self.world.start.clone();
+        self.load(environment, &start);
+    }
+
+    fn snapshot(&self, environment: usize) -> Snapshot {
+        let (group, lane) = self.place(environment);
+        let mut snapshot = Snapshot {
+            pressed: self.pressed[environment].clone(),
+            ..Snapshot::default()
         };
-        Self {
-            position: vec![Vec3x::zero(); count],
-            velocity: vec![Vec3x::zero(); count],
-            inverse_mass: vec![V::zero(); count],
-            free_inverse_mass: Vec::new(),
-            previous: vec![Vec3x::zero(); count],
-            mobility: vec![V::zero(); count],
-            plane: vec![plane; count],
-            yarns: YarnState {
-                density: vec![V::zero(); edges],
-                across: Vec::new(),
-                scratch: Scratch::new(longest),
-            },
-            self_contact: None,
-        }
-    }
-}
-
-impl<V: Lanes> Batch for Cpu<V> {
-    fn lanes(&self) -> usize {
-        V::COUNT
+        self.groups[group].save(lane, &mut snapshot);
+        snapshot
     }
 
-    fn load(&mut self, lane: usize, snapshot: &Snapshot) {
-        for v in 0..self.position.len() {
-            self.position[v].set(lane, snapshot.position[v]);
-            self.velocity[v].set(lane, snapshot.velocity[v]);
-            let w = if snapshot.fixed.contains(v) {
-                0.0
-            } else {
-                self.free_inverse_mass[v]
-            };
-            self.inverse_mass[v].as_mut_slice()[lane] = V::Scalar::from_f64(w);
-        }
-        for (edge, density) in self.yarns.density.iter_mut().enumerate() {
-            let of = snapshot.force_density.get(edge).copied().unwrap_or(0.0);
-            density.as_mut_slice()[lane] = V::Scalar::from_f64(of);
-        }
-        if let Some(contact) = &mut self.self_contact {
-            contact.load(lane, &snapshot.sides);
-        }
+    fn step(&mut self, control: &Control, plates: &[Plate]) {
+        let World { model, tool, .. } = &self.world;
+        let lanes = self.lanes;
+        let groups = self.groups.par_iter_mut().enumerate();
+        groups.for_each(|(index, group)| {
+            let own = plates.iter().filter(|p| p.environment / lanes == index);
+            let own: Vec<Plate> = own
+                .map(|plate| Plate {
+                    environment: plate.environment % lanes,
+                    ..plate.clone()
+                })
+                .collect();
+            group.step(model, tool, control, &own);
+        });
     }
 
-    fn snapshot(&self, lane: usize) -> Snapshot {
-        let mut fixed = FixedBitSet::with_capacity(self.position.len());
-        for (vertex, w) in self.inverse_mass.iter().enumerate() {
-            fixed.set(vertex, w.as_slice()[lane] == V::Scalar::from_f64(0.0));
-        }
-        let density = self.yarns.density.iter();
-        Snapshot {
-            position: self.position.iter().map(|x| x.get(lane)).collect(),
-            velocity: self.velocity.iter().map(|v| v.get(lane)).collect(),
-            fixed,
-            force_density: density.map(|q| q.as_slice()[lane].to_f64()).collect(),
-            sides: (self.self_contact.as_ref()).map_or(Vec::new(), |c| c.sides(lane)),
-        }
-    }
-
-    fn position(&self, lane: usize, vertex: u32) -> [f64; 3] {
-        self.position[vertex as usize].get(lane)
-    }
-
-    fn place(&mut self, lane: usize, vertex: u32, at: [f64; 3]) {
-        self.position[vertex as usize].set(lane, at);
-    }
-
-    fn fix(&mut self, lane: usize, vertex: u32) {
-        let zero = V::Scalar::from_f64(0.0);
-        self.inverse_mass[vertex as usize].as_mut_slice()[lane] = zero;
-        self.velocity[vertex as usize].set(lane, [0.0; 3]);
-    }
-
-    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, presses: &[Press]) {
-        let interval = control.contact_interval;
-        if let Some(contact) = &mut self.self_contact {
-            contact.start();
-        }
-        let mut first = 0;
-        while first < control.substeps {
-            let last = (first + interval).min(control.substeps);
-            V::vectorize(Substeps {
-                model,
-                tool,
-                control: *control,
-                presses,
-                range: first..last,
-                state: self,
+    fn press(&mut self, vertices: &[Option<u32>]) {
+        assert_eq!(vertices.len(), self.count(), "one entry an environment");
+        let (world, ties) = (&self.world, &self.ties);
+        let (_, stencil) = world.presses.as_ref().expect("a world with presses");
+        self.groups
+            .par_iter_mut()
+            .zip(self.pressed.par_chunks_mut(self.lanes))
+            .zip(vertices.par_chunks(self.lanes))
+            .for_each(|((group, pressed), vertices)| {
+                press(&mut **group, world, stencil, ties, vertices, pressed);
             });
-            first = last;
-        }
     }
 
-    fn sound(&self) -> Vec<bool> {
-        let mut lost = V::zero();
-        V::vectorize(Lost {
-            position: &self.position,
-            lost: &mut lost,
+    fn finite(&self) -> Vec<bool> {
+        let groups = self.groups.par_iter();
+        let mut finite: Vec<bool> = groups.flat_map_iter(|group| group.finite()).collect();
+        finite.truncate(self.count());
+        finite
+    }
+
+    fn distances(&self, vertices: &[u32]) -> Vec<f64> {
+        let groups = self.groups.par_iter();
+        let mut distances: Vec<f64> = groups
+            .flat_map_iter(|group| {
+                let all = group.distances(&self.world.tool, vertices);
+                let lanes = group.lanes();
+                let of = move |lane| (0..vertices.len()).map(move |k| k * lanes + lane);
+                (0..lanes).flat_map(of).map(move |at| all[at])
+            })
+            .collect();
+        distances.truncate(self.count() * vertices.len());
+        distances
+    }
+
+    fn pressed(&self) -> &[Pressed] {
+        &self.pressed
+    }
+}
+
+/// A press in a group: who is under the stencil, the press itself, what is draped, settling.
+fn press(
+    group: &mut dyn Group,
+    world: &World,
+    stencil: &Stencil,
+    ties: &[Vec<(u32, f64)>],
+    vertices: &[Option<u32>],
+    pressed: &mut [Pressed],
+) {
+    let World {
+        model,
+        tool,
+        start,
+        presses,
+    } = world;
+    let (lamina, _) = presses.as_ref().expect("a world with presses");
+    let mut plates = Vec::with_capacity(vertices.len());
+    for (lane, &vertex) in vertices.iter().enumerate() {
+        let Some(vertex) = vertex else { continue };
+        let position = |v| group.position(lane, v);
+        let (under, height) = under_stencil(lamina, tool, vertex, stencil.side, position);
+        pressed[lane].stencil.clone_from(&under);
+        plates.push(Plate {
+            environment: lane,
+            vertices: under,
+            height,
+            descent: stencil.descent,
         });
-        let is_zero = |lost: &V::Scalar| lost.to_f64() == 0.0;
-        lost.as_slice().iter().map(is_zero).collect()
     }
+    group.step(model, tool, &stencil.press, &plates);
 
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
-        let mut distances = vec![V::zero(); vertices.len()];
-        V::vectorize(Distances {
-            tool,
-            position: &self.position,
-            vertices,
-            distances: &mut distances,
-        });
-        let lanes = distances.iter().flat_map(|phi| phi.as_slice());
-        lanes.map(|phi| phi.to_f64()).collect()
-    }
-}
-
-/// Marks the lanes in which a position is no number or out of reach by 1.
-struct Lost<'a, V> {
-    position: &'a [Vec3x<V>],
-    lost: &'a mut V,
-}
-
-impl<V: Lanes> Kernel for Lost<'_, V> {
-    #[inline(always)]
-    fn run(self) {
-        let mut lost = V::zero();
-        for &x in self.position.iter().flat_map(|x| &x.0) {
-            let inside = x.max(-x).lt(V::of(100.0));
-            lost = V::select(inside, lost, V::of(1.0));
+    for plate in plates {
+        let lane = plate.environment;
+        let Pressed {
+            touched, draped, ..
+        } = &mut pressed[lane];
+        let mut under = plate.vertices;
+        under.retain(|&v| !draped.contains(v as usize));
+        for &v in &under {
+            touched.insert(v as usize);
+            let x = group.position(lane, v);
+            let (phi, normal) = tool.distance(x);
+            // Tangent planes are a few substeps old: what they let in goes out again.
+            if phi < 0.0 && !start.fixed.contains(v as usize) {
+                let at = [0, 1, 2].map(|k| x[k] - phi * normal[k]);
+                group.place(lane, v, at);
+            }
         }
-        *self.lost = lost;
-    }
-}
-
-/// Looks up the distance of vertices to the tool.
-struct Distances<'a, V> {
-    tool: &'a Tool,
-    position: &'a [Vec3x<V>],
-    vertices: &'a [u32],
-    distances: &'a mut [V],
-}
-
-impl<V: Lanes> Kernel for Distances<'_, V> {
-    #[inline(always)]
-    fn run(self) {
-        for (&v, distance) in self.vertices.iter().zip(self.distances) {
-            *distance = self.tool.distance_in_lanes(self.position[v as usize].0).0;
+        for v in under {
+            let x = group.position(lane, v);
+            let beside = ties[v as usize].iter().map(|&(w, _)| w);
+            let held = beside.chain([v]).all(|v| is_slack(group, ties, lane, v));
+            if held && tool.distance(x).0 <= stencil.threshold {
+                draped.insert(v as usize);
+                group.fix(lane, v);
+            }
         }
     }
+    if let Some(settle) = &stencil.settle {
+        group.step(model, tool, settle, &[]);
+    }
+}
+
+/// No yarn of a vertex is stretched so much that it would pull it off the tool.
+fn is_slack(group: &dyn Group, ties: &[Vec<(u32, f64)>], lane: usize, vertex: u32) -> bool {
+    let position = |v| Vec3::from(group.position(lane, v));
+    let x = position(vertex);
+    let mut ties = ties[vertex as usize].iter();
+    ties.all(|&(w, length)| (x - position(w)).norm() <= length)
 }

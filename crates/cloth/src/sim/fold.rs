@@ -7,8 +7,8 @@
 
 use std::ops::Range;
 
-use super::line::{Chain, Line, Lines};
-use super::trellis::Trellis;
+use super::line::{Chain, Line};
+use super::lines::Lines;
 use crate::math::{Lanes, Real};
 
 /// A line in every lane. Shorter ones are filled up with edges that are not there.
@@ -17,7 +17,7 @@ pub(super) struct Bundle<V> {
     edges: Range<usize>,
     rest: [V; 2],
     compliance: [V; 2],
-    least_kept: V,
+    min_warm: V,
     limit: Option<[V; 3]>,
     bending: Option<V>,
     /// 1 in the lanes that have an edge, else 0.
@@ -34,7 +34,7 @@ impl<V: Lanes> Bundle<V> {
             edges: edge..edge + longest - 1,
             rest: [V::of(1.0); 2],
             compliance: [V::of(1.0); 2],
-            least_kept: V::zero(),
+            min_warm: V::zero(),
             limit: None,
             bending: None,
             has_edge: vec![V::zero(); longest - 1],
@@ -48,7 +48,7 @@ impl<V: Lanes> Bundle<V> {
                 let compliance = Chain::<f64>::compliance(*line)[k];
                 set(&mut bundle.compliance[k], lane, compliance);
             }
-            set(&mut bundle.least_kept, lane, line.least_kept());
+            set(&mut bundle.min_warm, lane, line.min_warm());
             if let Some(limit) = Chain::<f64>::limit(*line) {
                 let all = bundle.limit.get_or_insert([V::of(1.0); 3]);
                 for (all, limit) in all.iter_mut().zip(limit) {
@@ -84,8 +84,8 @@ impl<V: Lanes> Chain<V> for Bundle<V> {
         self.compliance
     }
     #[inline(always)]
-    fn least_kept(&self) -> V {
-        self.least_kept
+    fn min_warm(&self) -> V {
+        self.min_warm
     }
     #[inline(always)]
     fn limit(&self) -> Option<[V; 3]> {
@@ -242,8 +242,6 @@ pub(super) struct Fold<V> {
     pub warps: Vec<Bundle<V>>,
     pub wefts: Vec<(Bundle<V>, Places)>,
     pub diagonals: Vec<(Bundle<V>, Places)>,
-    /// As in [`Lines`].
-    pub trellis: Option<Trellis>,
     /// Numbers in the state; the last holds no vertex and is as immovable as all such.
     pub count: usize,
     /// Numbers for forces.
@@ -252,6 +250,8 @@ pub(super) struct Fold<V> {
     pub longest: usize,
     /// Number and lane of each vertex.
     pub vertices: Vec<[u32; 2]>,
+    /// Vertex in every lane of a number, `u32::MAX` for none.
+    pub held: Vec<Vec<u32>>,
     /// Number and lane of each edge's force.
     pub edges: Vec<[u32; 2]>,
 }
@@ -263,11 +263,11 @@ impl<V: Lanes> Fold<V> {
             warps: Vec::new(),
             wefts: Vec::new(),
             diagonals: Vec::new(),
-            trellis: lines.trellis.clone(),
             count: 0,
             edge_count: 0,
             longest: lines.longest,
             vertices: vec![[0; 2]; vertex_count],
+            held: Vec::new(),
             edges: vec![[0; 2]; lines.edge_count],
         };
         for lines in by_length(&lines.warps).chunks(V::COUNT) {
@@ -292,6 +292,10 @@ impl<V: Lanes> Fold<V> {
             fold.diagonals.push((Bundle::new(lines, 0, 0), places));
         }
         fold.count += 1;
+        fold.held = vec![vec![u32::MAX; V::COUNT]; fold.count];
+        for (v, [number, lane]) in fold.vertices.iter().enumerate() {
+            fold.held[*number as usize][*lane as usize] = v as u32;
+        }
         fold
     }
 

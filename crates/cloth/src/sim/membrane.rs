@@ -9,14 +9,14 @@
 //! Linear triangles have constant strain. Where yarns run obliquely to the mesh they cannot
 //! follow inextensible yarns in bending lines, and lock; `docs/PHYSICS.md` says by how much.
 
-use super::model::EdgeLaw;
-use super::physics::{Compression, PhysicsConfig};
-use super::trellis::share_of_sine;
+use super::law::{EdgeLaw, in_colors};
+use super::physics::PhysicsConfig;
+use super::shear::share_of_sine;
 use crate::fabric::{Family, Lamina, color};
 use crate::math::{Lanes, Vec3x};
 
 /// Below this squared stretch a direction is lost, and nothing acts along it.
-const LEAST_SQUARE: f64 = 1e-12;
+const MIN_SQUARE: f64 = 1e-12;
 
 /// A triangle, with compliances [1/J] of its dimensionless constraints.
 #[derive(Clone, Copy, Debug)]
@@ -39,42 +39,25 @@ pub(super) fn elements(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<Elem
         .iter()
         .filter(|membrane| physics.shear || !membrane.has_yarns)
         .map(|membrane| {
-            let compliance = |modulus: f64| 1.0 / (modulus * thickness * membrane.area);
+            let law = |moduli: [f64; 2]| {
+                EdgeLaw::of_stiffness(moduli.map(|modulus| modulus * thickness * membrane.area))
+            };
             let yarn = |family| {
-                let law = lamina.material.yarn(family);
-                let tension = compliance(law.tension.modulus());
-                let compression = match physics.compression {
-                    Compression::Material => compliance(law.compression.modulus()),
-                    Compression::AsTension => tension,
-                };
-                EdgeLaw {
-                    tension,
-                    compression,
-                }
+                let of = lamina.material.yarn(family);
+                law([of.tension.modulus(), of.compression.modulus()])
             };
             let shear = &lamina.material.shear;
             Element {
                 vertices: membrane.vertices,
                 gradient: [membrane.gradient[1], membrane.gradient[2]],
                 yarns: (!membrane.has_yarns).then(|| [Family::Warp, Family::Weft].map(yarn)),
-                shear: physics.shear.then(|| EdgeLaw {
-                    tension: compliance(shear.positive.modulus()),
-                    compression: compliance(shear.negative.modulus()),
-                }),
+                shear: (physics.shear)
+                    .then(|| law([shear.positive.modulus(), shear.negative.modulus()])),
             }
         })
         .collect();
     let vertices: Vec<_> = all.iter().map(|element| element.vertices).collect();
-    color(lamina.vertex_count(), &vertices)
-        .into_iter()
-        .map(|class| class.iter().map(|&i| all[i as usize]).collect())
-        .collect()
-}
-
-/// The branch of a law by the sign of `c`.
-#[inline(always)]
-fn branch<V: Lanes>(law: &EdgeLaw, c: V) -> V {
-    V::select(c.lt(V::zero()), V::of(law.compression), V::of(law.tension))
+    in_colors(&all, color(lamina.vertex_count(), &vertices))
 }
 
 /// Moves the corners along `gradient` of C (that of the first corner is minus the sum of the
@@ -93,7 +76,7 @@ fn apply<V: Lanes>(c: V, [g1, g2]: [Vec3x<V>; 2], alpha: V, x: &mut [Vec3x<V>; 3
 #[inline(always)]
 fn column<V: Lanes>(x: &[Vec3x<V>; 3], [s, t]: [V; 2]) -> (Vec3x<V>, V) {
     let f = (x[1] - x[0]).scale(s) + (x[2] - x[0]).scale(t);
-    let length = f.dot(f).max(V::of(LEAST_SQUARE)).sqrt();
+    let length = f.dot(f).max(V::of(MIN_SQUARE)).sqrt();
     (f.scale(V::of(1.0) / length), length)
 }
 
@@ -114,7 +97,7 @@ pub(super) fn project_elements<V: Lanes>(
         for (slope, law) in slopes.into_iter().zip(element.yarns.iter().flatten()) {
             let (n, length) = column(&x, slope);
             let c = length - V::of(1.0);
-            let alpha = branch(law, c);
+            let alpha = law.branch(c);
             apply(c, slope.map(|s| n.scale(s)), alpha, &mut x, &w);
         }
         if let Some(law) = &element.shear {
@@ -125,7 +108,7 @@ pub(super) fn project_elements<V: Lanes>(
             let by_b = (a - b.scale(c)).scale(V::of(1.0) / b_length);
             let [warp, weft] = slopes;
             let gradient = [0, 1].map(|k| by_a.scale(warp[k]) + by_b.scale(weft[k]));
-            let alpha = branch(law, c) * share_of_sine(c);
+            let alpha = law.branch(c) * share_of_sine(c);
             apply(c, gradient, alpha, &mut x, &w);
         }
         for k in 0..3 {

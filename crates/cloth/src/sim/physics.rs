@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::self_contact::SelfCollision;
+use crate::fabric::Lamina;
 
 /// How the yarns' length is kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -37,17 +37,6 @@ pub enum BendingStiffness {
     NewtonMetre(f64),
 }
 
-/// What a yarn does against compression.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Compression {
-    /// The material's own compression branch.
-    #[default]
-    Material,
-    /// As stiff as in tension.
-    AsTension,
-}
-
 /// What a yarn does in tension.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -59,6 +48,19 @@ pub enum Tension {
     Material,
 }
 
+/// Whether layers of cloth hold each other apart, and by how much.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SelfCollision {
+    /// They pass through each other.
+    #[default]
+    Off,
+    /// By the thickness of the material.
+    Material,
+    /// By this distance [mm].
+    ThicknessMm(f64),
+}
+
 /// The physics of a scene: what is listed here is computed, the rest costs nothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -67,7 +69,6 @@ pub struct PhysicsConfig {
     pub bending: Bending,
     pub bending_stiffness: BendingStiffness,
     pub tension: Tension,
-    pub compression: Compression,
     /// Resistance of the weave to shear.
     pub shear: bool,
     /// Coulomb friction against the tool.
@@ -96,7 +97,6 @@ impl Default for PhysicsConfig {
             bending: Bending::Yarns,
             bending_stiffness: BendingStiffness::NewtonMetre(2e-4),
             tension: Tension::FirstBranch,
-            compression: Compression::Material,
             shear: true,
             friction: true,
             adhesion: 0.0,
@@ -114,9 +114,9 @@ impl Default for PhysicsConfig {
 #[derive(Debug, thiserror::Error)]
 #[error("`physics.{key}` is {found}, expected {expected}")]
 pub struct PhysicsError {
-    pub(super) key: &'static str,
-    pub(super) found: String,
-    pub(super) expected: &'static str,
+    key: &'static str,
+    found: String,
+    expected: &'static str,
 }
 
 impl PhysicsConfig {
@@ -164,5 +164,47 @@ impl PhysicsConfig {
             return fail("bending_stiffness", d.to_string(), "a number >= 0");
         }
         Ok(())
+    }
+}
+
+impl SelfCollision {
+    /// Distance between the middles of two layers in contact [m].
+    pub(super) fn thickness(self, lamina: &Lamina) -> Option<f64> {
+        match self {
+            Self::Off => None,
+            Self::Material => Some(lamina.material.thickness()),
+            Self::ThicknessMm(thickness) => Some(1e-3 * thickness),
+        }
+    }
+
+    /// Checks the value without a blank.
+    fn check_value(self) -> Result<(), PhysicsError> {
+        match self {
+            Self::ThicknessMm(t) if !(t > 0.0 && t.is_finite()) => Err(PhysicsError {
+                key: "self_collision.thickness_mm",
+                found: t.to_string(),
+                expected: "a number > 0",
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks that the cells of the blank are large enough: neighbours that share no vertex
+    /// are 0.7 cells apart in the flat blank, and must not touch there.
+    pub fn check(self, lamina: &Lamina) -> Result<(), PhysicsError> {
+        let shortest = lamina.yarns.iter().map(|yarn| yarn.rest_length);
+        let shortest = shortest.fold(f64::INFINITY, f64::min);
+        match self.thickness(lamina) {
+            Some(t) if t > 0.5 * shortest => Err(PhysicsError {
+                key: "self_collision",
+                found: format!(
+                    "a thickness of {} mm on cells of {:.3} mm",
+                    1e3 * t,
+                    1e3 * shortest
+                ),
+                expected: "a thickness of at most half a cell",
+            }),
+            _ => Ok(()),
+        }
     }
 }

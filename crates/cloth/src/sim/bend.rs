@@ -1,18 +1,90 @@
-//! Bending along a line.
+//! Bending of the yarns: solved along each yarn, or triple by triple.
 
-use super::{Chain, Rows, Scratch};
+use super::law::in_colors;
+use super::line::{Along, Chain, Rows, Scratch};
+use super::physics::{Bending, PhysicsConfig, BendingStiffness};
+use crate::fabric::{Family, Lamina, Yarn, color};
 use crate::math::{Lanes, Vec3x};
+
+/// Three neighbours on a yarn. C = x0 - 2 x1 + x2 [m], energy = |C|^2 / (2 compliance).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BendTriple {
+    pub vertices: [u32; 3],
+    /// [m/N]
+    pub compliance: f64,
+}
+
+/// Bending stiffness per width of a family [N m].
+pub(super) fn bending_stiffness(lamina: &Lamina, physics: &PhysicsConfig, family: Family) -> f64 {
+    match physics.bending_stiffness {
+        BendingStiffness::Material => lamina.material.bending_stiffness(family),
+        BendingStiffness::NewtonMetre(d) => d,
+    }
+}
+
+/// Bending stiffness D b / l^3 of a yarn that is bent along its line [N/m]; 0 where it is not.
+pub(super) fn along_yarn(lamina: &Lamina, physics: &PhysicsConfig, yarn: &Yarn) -> f64 {
+    let stiffness = match physics.bending {
+        Bending::Yarns => bending_stiffness(lamina, physics, yarn.family),
+        Bending::Dihedral | Bending::Off => 0.0,
+    };
+    stiffness * yarn.width / yarn.rest_length.powi(3)
+}
+
+/// Curvature is C / l^2, a vertex stands for the length l: energy = D b |C|^2 / 2 l^3.
+pub(super) fn triples(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<BendTriple>> {
+    if physics.bending != Bending::Yarns {
+        return Vec::new();
+    }
+    let triples: Vec<BendTriple> = lamina
+        .yarns
+        .iter()
+        .flat_map(|yarn| {
+            let stiffness = bending_stiffness(lamina, physics, yarn.family) * yarn.width;
+            let compliance = yarn.rest_length.powi(3) / stiffness;
+            let triples = yarn.vertices.windows(3);
+            triples.map(move |v| BendTriple {
+                vertices: [v[0], v[1], v[2]],
+                compliance,
+            })
+        })
+        .filter(|triple| triple.compliance.is_finite())
+        .collect();
+    let vertices: Vec<_> = triples.iter().map(|t| t.vertices).collect();
+    in_colors(&triples, color(lamina.vertex_count(), &vertices))
+}
+
+/// Projects three-node bending, one colour.
+///
+/// C = x0 - 2 x1 + x2 [m], a vector; each component is a constraint of its own with the same
+/// denominator, so there is one division and no square root.
+#[inline(always)]
+pub(super) fn project_triples<V: Lanes>(triples: &[BendTriple], x: &mut [Vec3x<V>], w: &[V]) {
+    for triple in triples {
+        let [a, b, c] = triple.vertices.map(|v| v as usize);
+        let [wa, wb, wc] = [w[a], w[b], w[c]];
+        let alpha = V::of(triple.compliance);
+        let sum = wa + wc + V::of(4.0) * wb + alpha;
+        let difference = x[a] + x[c] - x[b].scale(V::of(2.0));
+        let pull = difference.scale(V::of(1.0) / sum);
+        x[a] = x[a] - pull.scale(wa);
+        x[b] = x[b] + pull.scale(wb + wb);
+        x[c] = x[c] - pull.scale(wc);
+    }
+}
 
 /// Solves the bending of a yarn as a whole: (1 + M K) d = -M K x, with M the mobility and
 /// K = B^T k B of the second differences B, a pentadiagonal system that is the same for x, y
 /// and z (Gaussian elimination; M^1/2 (1/M + K) M^1/2 is positive definite, so no pivot is 0).
 #[inline(always)]
-pub(in crate::sim) fn bend<V: Lanes>(
-    line: &impl Chain<V>,
-    x: &mut [Vec3x<V>],
-    mobility: &[V],
-    scratch: &mut Scratch<V>,
-) {
+pub(super) fn bend<V: Lanes, C: Chain<V>>(yarn: Along<V, C>) {
+    let Along {
+        line,
+        x,
+        mobility,
+        scratch,
+        ..
+    } = yarn;
     let count = line.vertices().len();
     let Some(stiffness) = line.bending() else {
         return;
@@ -23,14 +95,14 @@ pub(in crate::sim) fn bend<V: Lanes>(
     let mut rows = BendRows::new(line, stiffness, x);
     let inner = 2..count.saturating_sub(2).max(2);
     for i in 0..2 {
-        rows.eliminate(i, i + 2 < count, triples(line, i), x, mobility, scratch);
+        rows.eliminate(i, i + 2 < count, ends(line, i), x, mobility, scratch);
     }
     for i in inner.clone() {
         let triples = [line.has_edge(i - 1), line.has_edge(i), line.has_edge(i + 1)];
         rows.eliminate(i, true, triples, x, mobility, scratch);
     }
     for i in inner.end..count {
-        rows.eliminate(i, i + 2 < count, triples(line, i), x, mobility, scratch);
+        rows.eliminate(i, i + 2 < count, ends(line, i), x, mobility, scratch);
     }
     let Rows {
         edge: z,
@@ -50,7 +122,7 @@ pub(in crate::sim) fn bend<V: Lanes>(
 /// 1 in the lanes where vertex i is the last of a triple, where the middle, where the first. A
 /// triple is there if its second edge is.
 #[inline(always)]
-fn triples<V: Lanes>(line: &impl Chain<V>, i: usize) -> [V; 3] {
+fn ends<V: Lanes>(line: &impl Chain<V>, i: usize) -> [V; 3] {
     let mut found = [V::zero(); 3];
     for (k, found) in found.iter_mut().enumerate() {
         if (2..line.vertices().len()).contains(&(i + k)) {
@@ -138,3 +210,6 @@ impl<'a, V: Lanes, C: Chain<V>> BendRows<'a, V, C> {
         self.right = [self.right[1], right];
     }
 }
+
+#[cfg(test)]
+mod tests;

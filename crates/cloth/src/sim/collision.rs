@@ -19,29 +19,14 @@ mod geometry;
 mod search;
 mod tree;
 
-use serde::{Deserialize, Serialize};
-
-use super::cpu::Plane;
-use super::physics::PhysicsError;
+use super::cloth::Plane;
+use super::physics::SelfCollision;
 use crate::fabric::Lamina;
 use crate::math::{Lanes, Real, Vec3x};
 use geometry::{Gap, Kind, Overlap, Point, dot};
 use search::{Scratch, Surface};
 
-/// Whether layers of cloth hold each other apart, and by how much.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SelfCollision {
-    /// They pass through each other.
-    #[default]
-    Off,
-    /// By the thickness of the material.
-    Material,
-    /// By this distance [mm].
-    ThicknessMm(f64),
-}
-
-/// Way of a vertex after which pairs are looked for again, in thicknesses. More finds pairs
+/// Displacement of a vertex after which pairs are looked for again, in thicknesses. More finds pairs
 /// less often, but more of them.
 const SLACK: f64 = 1.0;
 
@@ -51,48 +36,6 @@ const PASSES: usize = 30;
 const TOLERANCE: f64 = 0.5;
 /// Projections of a substep at most, for each vertex: bounds the time that a tangle costs.
 const WORK: usize = 120;
-
-impl SelfCollision {
-    /// Distance between the middles of two layers in contact [m].
-    fn thickness(self, lamina: &Lamina) -> Option<f64> {
-        match self {
-            Self::Off => None,
-            Self::Material => Some(lamina.material.thickness()),
-            Self::ThicknessMm(thickness) => Some(1e-3 * thickness),
-        }
-    }
-
-    /// Checks the value without a blank.
-    pub(super) fn check_value(self) -> Result<(), PhysicsError> {
-        match self {
-            Self::ThicknessMm(t) if !(t > 0.0 && t.is_finite()) => Err(PhysicsError {
-                key: "self_collision.thickness_mm",
-                found: t.to_string(),
-                expected: "a number > 0",
-            }),
-            _ => Ok(()),
-        }
-    }
-
-    /// Checks that the cells of the blank are large enough: neighbours that share no vertex
-    /// are 0.7 cells apart in the flat blank, and must not touch there.
-    pub fn check(self, lamina: &Lamina) -> Result<(), PhysicsError> {
-        let shortest = lamina.yarns.iter().map(|yarn| yarn.rest_length);
-        let shortest = shortest.fold(f64::INFINITY, f64::min);
-        match self.thickness(lamina) {
-            Some(t) if t > 0.5 * shortest => Err(PhysicsError {
-                key: "self_collision",
-                found: format!(
-                    "a thickness of {} mm on cells of {:.3} mm",
-                    1e3 * t,
-                    1e3 * shortest
-                ),
-                expected: "a thickness of at most half a cell",
-            }),
-            _ => Ok(()),
-        }
-    }
-}
 
 /// What of self-contact is fixed between resets.
 #[derive(Clone, Debug)]

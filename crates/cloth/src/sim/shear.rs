@@ -7,15 +7,19 @@
 //! moves within a substep answers to the law of its start. As a polynomial in the sine it costs
 //! neither roots nor divisions.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{SMatrix, SVector};
 
-use super::model::EdgeLaw;
+use super::law::{Edge, EdgeClass, EdgeLaw, EdgeResponse, edge_classes};
+use super::line::{Along, Chain, Line, Response, solve};
+use super::physics::PhysicsConfig;
 use crate::fabric::Lamina;
 use crate::math::Lanes;
 
 /// Sine of the shear angle up to which polynomials are fitted, that of 60 degrees: woven cloth
 /// locks before. Beyond it they keep their last value.
-const MOST_SHEAR: f64 = 0.866_025_4;
+const MAX_SINE: f64 = 0.866_025_4;
 
 /// Powers of the sine in the fit of a diagonal.
 const POWERS: usize = 5;
@@ -45,7 +49,7 @@ impl Trellis {
             let angle = std::f64::consts::PI * (f64::from(i) + 0.5) / f64::from(points);
             // In units of the greatest, so that the system is well conditioned.
             let part = angle.cos();
-            let chord = chord(MOST_SHEAR * part, per_growth);
+            let chord = chord(MAX_SINE * part, per_growth);
             let powers: SVector<f64, POWERS> =
                 SVector::from_fn(|k, _| part.powi(k as i32 + 1) / chord);
             normal += powers * powers.transpose();
@@ -57,7 +61,7 @@ impl Trellis {
             |modulus: f64| 1.0 / (2.0 * per_growth * modulus * lamina.material.thickness());
         Self {
             per_growth,
-            share: std::array::from_fn(|k| share[k] / MOST_SHEAR.powi(k as i32 + 1)),
+            share: std::array::from_fn(|k| share[k] / MAX_SINE.powi(k as i32 + 1)),
             at_rest: EdgeLaw {
                 tension: compliance(positive),
                 compression: compliance(negative),
@@ -71,7 +75,7 @@ impl Trellis {
     pub fn share<V: Lanes>(&self, square: V, inverse_rest: V) -> V {
         let per_growth = V::of(self.per_growth);
         let sine = square * (inverse_rest * inverse_rest * per_growth) - per_growth;
-        let sine = sine.min(V::of(MOST_SHEAR)).max(V::of(-MOST_SHEAR));
+        let sine = sine.min(V::of(MAX_SINE)).max(V::of(-MAX_SINE));
         let mut sum = V::of(self.share[POWERS - 1]);
         for k in (0..POWERS - 1).rev() {
             sum = sum * sine + V::of(self.share[k]);
@@ -91,12 +95,97 @@ fn chord(sine: f64, per_growth: f64) -> f64 {
 /// up to 60 degrees (least relative squares).
 #[inline(always)]
 pub(super) fn share_of_sine<V: Lanes>(sine: V) -> V {
-    let square = (sine * sine).min(V::of(MOST_SHEAR * MOST_SHEAR));
+    let square = (sine * sine).min(V::of(MAX_SINE * MAX_SINE));
     let mut sum = V::of(-0.174_311_54);
     for c in [-0.003_791_1, -0.680_531_98, 1.0] {
         sum = sum * square + V::of(c);
     }
     sum
+}
+
+/// The law of the diagonals: near rest a spring of 2 G h for square cells, as such a diagonal
+/// grows by a gamma / sqrt 2.
+pub(super) fn trellis(lamina: &Lamina, physics: &PhysicsConfig) -> Option<Trellis> {
+    let shear = &lamina.material.shear;
+    let moduli = [shear.positive.modulus(), shear.negative.modulus()];
+    physics.shear.then(|| Trellis::new(lamina, moduli))
+}
+
+/// Diagonals strung together from end to end.
+pub(super) fn rows(lamina: &Lamina, law: EdgeLaw) -> Vec<Line> {
+    let mut next: BTreeMap<u32, (u32, f64)> = BTreeMap::new();
+    let mut ends = Vec::new();
+    for diagonal in &lamina.diagonals {
+        let [from, to] = diagonal.vertices;
+        next.insert(from, (to, diagonal.rest_length));
+        ends.push(to);
+    }
+    ends.sort_unstable();
+    let starts: Vec<u32> = next
+        .keys()
+        .filter(|v| ends.binary_search(v).is_err())
+        .copied()
+        .collect();
+    let mut lines = Vec::new();
+    for start in starts {
+        let mut vertices = vec![start];
+        let mut rest_length = 0.0;
+        while let Some((to, length)) = next.remove(vertices.last().expect("not empty")) {
+            rest_length = length;
+            vertices.push(to);
+        }
+        lines.push(Line {
+            vertices,
+            edges: 0..0,
+            rest_length,
+            law,
+            limit: None,
+            bending: 0.0,
+        });
+    }
+    lines
+}
+
+/// Diagonals in colours.
+pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<EdgeClass> {
+    let diagonals = lamina.diagonals.iter();
+    let edges: Vec<Edge> = diagonals
+        .map(|d| (d.vertices, d.rest_length, trellis.at_rest))
+        .collect();
+    let classes = edge_classes(lamina, &edges);
+    classes.map(|(_, class)| class).collect()
+}
+
+impl<V: Lanes> EdgeResponse<V> for Trellis {
+    #[inline(always)]
+    fn at(&self, class: &EdgeClass, i: usize, square: V, c: V, _: V) -> [V; 2] {
+        let inverse_rest = V::of(1.0 / class.rest_length[i]);
+        [c, class.law[i].branch(c) * self.share(square, inverse_rest)]
+    }
+}
+
+/// Solves a row of diagonals together, each from force 0 and with the compliance of the sign
+/// and size of its C. As for a yarn, but soft enough that its forces need not last.
+#[inline(always)]
+pub(super) fn shear<V: Lanes, C: Chain<V>>(row: Along<V, C>, trellis: &Trellis) {
+    solve(row.line, &mut Cold(trellis), row.x, row.mobility, row.scratch);
+}
+
+/// No forces from the last substep, and the law of a diagonal.
+struct Cold<'a>(&'a Trellis);
+
+impl<V: Lanes> Response<V> for Cold<'_> {
+    #[inline(always)]
+    fn at<C: Chain<V>>(&self, line: &C, _: usize, square: V, length: V) -> [V; 2] {
+        let [tension, compression] = line.compliance();
+        let [rest, inverse_rest] = line.rest();
+        let c = length - rest;
+        let at_rest = V::select(c.lt(V::zero()), compression, tension);
+        [at_rest * self.0.share(square, inverse_rest), c]
+    }
+
+    #[inline(always)]
+    fn add<C: Chain<V>>(&mut self, _: &C, _: usize, _: V) {}
 }
 
 #[cfg(test)]

@@ -1,0 +1,120 @@
+use super::line::Scratch;
+use crate::math::{Kernel, Lanes, Real, Vec3x};
+use crate::tool::Tool;
+
+/// n . x - offset is the distance to the tool [m].
+#[derive(Clone, Copy)]
+pub(super) struct Plane<V> {
+    pub normal: Vec3x<V>,
+    pub offset: V,
+}
+
+/// All that moves, in plain arrays: those of vertices by place, those of yarn edges by edge. What
+/// place a vertex has, and what its lanes hold, is up to the storage.
+pub(super) struct Cloth<V: Lanes> {
+    /// [m]
+    pub position: Vec<Vec3x<V>>,
+    /// [m/s]
+    pub velocity: Vec<Vec3x<V>>,
+    /// [1/kg], 0 of a fixed vertex.
+    pub inverse_mass: Vec<V>,
+    /// Positions at the start of the substep [m].
+    pub previous: Vec<Vec3x<V>>,
+    /// How far a vertex gives way within a substep [m/N]: h^2/m, less where its yarns pull hard.
+    pub mobility: Vec<V>,
+    /// Tangent plane of the tool under each vertex, as last refreshed.
+    pub plane: Vec<Plane<V>>,
+    /// Force density of each yarn edge [N/m], > 0 in tension; empty without a solve along lines, as
+    /// are those below.
+    pub density: Vec<V>,
+    /// What the yarns of each vertex pull at it when a substep starts [N].
+    pub pull: Vec<Vec3x<V>>,
+    /// Sum of |force density| over those yarn edges [N/m].
+    pub stress: Vec<V>,
+    pub scratch: Scratch<V>,
+}
+
+impl<V: Lanes> Cloth<V> {
+    /// Room for so many places, yarn edges and vertices of the longest line, 0 of these two
+    /// without a solve along lines. Everything is fixed in the origin.
+    pub fn new(places: usize, edges: usize, longest: usize) -> Self {
+        let plane = Plane {
+            normal: Vec3x::zero(),
+            offset: V::zero(),
+        };
+        let along = if longest > 0 { places } else { 0 };
+        Self {
+            position: vec![Vec3x::zero(); places],
+            velocity: vec![Vec3x::zero(); places],
+            inverse_mass: vec![V::zero(); places],
+            previous: vec![Vec3x::zero(); places],
+            mobility: vec![V::zero(); places],
+            plane: vec![plane; places],
+            density: vec![V::zero(); edges],
+            pull: vec![Vec3x::zero(); along],
+            stress: vec![V::zero(); along],
+            scratch: Scratch::new(longest),
+        }
+    }
+}
+
+impl<V: Lanes> Cloth<V> {
+    /// Whether every position of a lane is a number within 100 m of the origin, lane by lane.
+    pub fn finite(&self) -> Vec<bool> {
+        let mut diverged = V::zero();
+        V::vectorize(Diverged {
+            position: &self.position,
+            diverged: &mut diverged,
+        });
+        let is_zero = |diverged: &V::Scalar| diverged.to_f64() == 0.0;
+        diverged.as_slice().iter().map(is_zero).collect()
+    }
+
+    /// Distance of some places to the tool [m], negative inside, [place][lane].
+    pub fn distances(&self, tool: &Tool, places: &[u32]) -> Vec<f64> {
+        let mut distances = vec![V::zero(); places.len()];
+        V::vectorize(Distances {
+            tool,
+            position: &self.position,
+            places,
+            distances: &mut distances,
+        });
+        let lanes = distances.iter().flat_map(|phi| phi.as_slice());
+        lanes.map(|phi| phi.to_f64()).collect()
+    }
+}
+
+/// Marks the lanes in which a position is no number or out of reach by 1.
+struct Diverged<'a, V> {
+    position: &'a [Vec3x<V>],
+    diverged: &'a mut V,
+}
+
+impl<V: Lanes> Kernel for Diverged<'_, V> {
+    #[inline(always)]
+    fn run(self) {
+        let mut diverged = V::zero();
+        for &x in self.position.iter().flat_map(|x| &x.0) {
+            let inside = x.max(-x).lt(V::of(100.0));
+            diverged = V::select(inside, diverged, V::of(1.0));
+        }
+        *self.diverged = diverged;
+    }
+}
+
+/// Looks up the distance of places to the tool.
+struct Distances<'a, V> {
+    tool: &'a Tool,
+    position: &'a [Vec3x<V>],
+    places: &'a [u32],
+    distances: &'a mut [V],
+}
+
+impl<V: Lanes> Kernel for Distances<'_, V> {
+    #[inline(always)]
+    fn run(self) {
+        for (&v, distance) in self.places.iter().zip(self.distances) {
+            *distance = self.tool.distance_in_lanes(self.position[v as usize].0).0;
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! The lines of a lamina, built from what their stages say.
+
+use super::bend::along_yarn;
+use super::law::{EdgeLaw, Limit};
+use super::length::yarn_law;
+use super::line::Line;
+use super::physics::PhysicsConfig;
+use super::shear::{self, Trellis};
+use crate::fabric::{Family, Lamina};
+
+/// Where a line runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Direction {
+    Warp,
+    Weft,
+    Diagonal,
+}
+
+/// The lines of a lamina. Of the warps and of the wefts each holds every vertex once: where
+/// no yarn runs, a line of one vertex stands in.
+#[derive(Clone, Debug)]
+pub(super) struct Lines {
+    pub warps: Vec<Line>,
+    pub wefts: Vec<Line>,
+    pub diagonals: Vec<Line>,
+    /// Law of the diagonals; none without shear.
+    pub trellis: Option<Trellis>,
+    /// Edges of all yarns.
+    pub edge_count: usize,
+    /// Vertices of the longest line.
+    pub longest: usize,
+}
+
+impl Lines {
+    pub fn new(lamina: &Lamina, physics: &PhysicsConfig, trellis: Option<Trellis>) -> Self {
+        let mut edge_count = 0;
+        let mut yarns: Vec<(Family, Line)> = Vec::new();
+        for yarn in &lamina.yarns {
+            let first = edge_count;
+            edge_count += yarn.vertices.len() - 1;
+            let law = yarn_law(lamina, yarn);
+            let line = Line {
+                vertices: yarn.vertices.clone(),
+                edges: first..edge_count,
+                rest_length: yarn.rest_length,
+                law,
+                limit: Limit::of_yarn(law, lamina, physics, yarn),
+                bending: along_yarn(lamina, physics, yarn),
+            };
+            yarns.push((yarn.family, line));
+        }
+        let family = |wanted| {
+            let of = yarns.iter().filter(|(family, _)| *family == wanted);
+            with_lone_vertices(of.map(|(_, line)| line.clone()).collect(), lamina)
+        };
+        let (warps, wefts) = (family(Family::Warp), family(Family::Weft));
+        let diagonals = (trellis.as_ref()).map_or(Vec::new(), |t| shear::rows(lamina, t.at_rest));
+        let all = warps.iter().chain(&wefts).chain(&diagonals);
+        Self {
+            longest: all.map(|line| line.vertices.len()).max().unwrap_or(0),
+            warps,
+            wefts,
+            diagonals,
+            trellis,
+            edge_count,
+        }
+    }
+
+    /// The lines that run in a direction.
+    #[inline(always)]
+    pub fn of(&self, direction: Direction) -> &[Line] {
+        match direction {
+            Direction::Warp => &self.warps,
+            Direction::Weft => &self.wefts,
+            Direction::Diagonal => &self.diagonals,
+        }
+    }
+}
+
+fn with_lone_vertices(mut lines: Vec<Line>, lamina: &Lamina) -> Vec<Line> {
+    let mut held = vec![false; lamina.vertex_count()];
+    for &v in lines.iter().flat_map(|line| &line.vertices) {
+        held[v as usize] = true;
+    }
+    for v in (0..held.len()).filter(|&v| !held[v]) {
+        lines.push(Line {
+            vertices: vec![v as u32],
+            edges: 0..0,
+            rest_length: 1.0,
+            law: EdgeLaw {
+                tension: 1.0,
+                compression: 1.0,
+            },
+            limit: None,
+            bending: 0.0,
+        });
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests;

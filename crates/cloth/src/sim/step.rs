@@ -1,0 +1,209 @@
+//! The substep of both solvers (paper, Algorithm 1), for all lanes at once. Everything here is
+//! inlined into [`Substeps::run`], so that it is compiled for the instruction set in use.
+
+use std::ops::Range;
+
+use super::bend::bend;
+use super::contact::{conclude, refresh};
+use super::frame::Frame;
+use super::length::{give_way, stretch, warm_start};
+use super::lines::{Direction, Lines};
+use super::model::Model;
+use super::press::{self, Plate};
+use super::shear::shear;
+use super::stepping::Control;
+use super::storage::{Changed, Storage};
+use crate::math::{Kernel, Lanes, Vec3x};
+use crate::tool::Tool;
+
+/// Consecutive substeps of a control step, between two refreshes of the tangent planes.
+pub(super) struct Substeps<'a, S> {
+    pub model: &'a Model,
+    pub tool: &'a Tool,
+    pub control: &'a Control,
+    pub plates: &'a [Plate],
+    pub range: Range<usize>,
+    pub storage: &'a mut S,
+}
+
+/// Runs a control step.
+pub(super) fn step<S: Storage>(
+    model: &Model,
+    tool: &Tool,
+    control: &Control,
+    plates: &[Plate],
+    storage: &mut S,
+) {
+    let mut first = 0;
+    while first < control.substeps {
+        let last = (first + control.contact_interval).min(control.substeps);
+        S::V::vectorize(Substeps {
+            model,
+            tool,
+            control,
+            plates,
+            range: first..last,
+            storage,
+        });
+        first = last;
+    }
+}
+
+impl<S: Storage> Kernel for Substeps<'_, S> {
+    #[inline(always)]
+    fn run(self) {
+        let Self {
+            model,
+            tool,
+            control,
+            plates,
+            range,
+            storage,
+        } = self;
+        let frame = frame(model, control);
+        let end = range.end;
+        refresh(tool, storage.cloth());
+        predict(&frame, storage);
+        for substep in range {
+            match &model.lines {
+                // Yarns have the last word before the tool: their stiffness is greatest, so what
+                // comes after them shows as strain.
+                Some(lines) => {
+                    warm_start_and_fall(lines, &frame, storage);
+                    bend_along(Direction::Warp, lines, storage);
+                    shear_along_diagonals(lines, storage);
+                    storage.project(&model.passes);
+                    hold_down(model, plates, substep, storage);
+                    bend_along(Direction::Weft, lines, storage);
+                    stretch_along(Direction::Weft, lines, storage);
+                    stretch_along(Direction::Warp, lines, storage);
+                }
+                None => {
+                    fall(&frame, storage);
+                    hold_down(model, plates, substep, storage);
+                    storage.project(&model.passes);
+                }
+            }
+            if let Some(layers) = &model.layers {
+                storage.separate(layers);
+            }
+            finish(&frame, substep + 1 < end, storage);
+        }
+    }
+}
+
+fn frame<'a>(model: &'a Model, control: &Control) -> Frame<'a> {
+    let physics = model.physics();
+    let h = control.dt / control.substeps as f64;
+    Frame {
+        h,
+        fall: -h * h * physics.gravity,
+        rate: 1.0 / h / (1.0 + h * physics.damping),
+        speed_cap: physics.speed_cap,
+        friction: model.friction,
+        tack: model.tack.as_deref(),
+    }
+}
+
+/// Position at the start of a substep, and where its velocity takes every vertex.
+#[inline(always)]
+fn predict<S: Storage>(frame: &Frame, storage: &mut S) {
+    let cloth = storage.cloth();
+    for v in 0..cloth.position.len() {
+        let x = cloth.position[v];
+        cloth.previous[v] = x;
+        cloth.position[v] = x + cloth.velocity[v].scale(S::V::of(frame.h));
+    }
+}
+
+/// Weight, by Gauss-Seidel.
+#[inline(always)]
+fn fall<S: Storage>(frame: &Frame, storage: &mut S) {
+    let cloth = storage.cloth();
+    for v in 0..cloth.position.len() {
+        let w = cloth.inverse_mass[v];
+        cloth.mobility[v] = w * S::V::of(frame.h * frame.h);
+        let fall = S::V::select(S::V::zero().lt(w), S::V::of(frame.fall), S::V::zero());
+        let Vec3x([x, y, z]) = cloth.position[v];
+        cloth.position[v] = Vec3x([x, y, z + fall]);
+    }
+}
+
+/// What the yarns' forces of the last substep and weight do.
+#[inline(always)]
+fn warm_start_and_fall<S: Storage>(lines: &Lines, frame: &Frame, storage: &mut S) {
+    for i in 0..storage.count(lines, Direction::Weft) {
+        warm_start(storage.take(lines, Direction::Weft, i), true);
+        storage.put(Direction::Weft, i, Changed::Pull);
+    }
+    for i in 0..storage.count(lines, Direction::Warp) {
+        warm_start(storage.take(lines, Direction::Warp, i), false);
+    }
+    let cloth = storage.cloth();
+    for v in 0..cloth.position.len() {
+        let x = [cloth.previous[v], cloth.position[v], cloth.pull[v]];
+        let moved = give_way(frame, cloth.inverse_mass[v], x, cloth.stress[v]);
+        (cloth.mobility[v], cloth.position[v]) = moved;
+    }
+}
+
+#[inline(always)]
+fn bend_along<S: Storage>(direction: Direction, lines: &Lines, storage: &mut S) {
+    for i in 0..storage.count(lines, direction) {
+        bend(storage.take(lines, direction, i));
+        storage.put(direction, i, Changed::Position);
+    }
+}
+
+#[inline(always)]
+fn shear_along_diagonals<S: Storage>(lines: &Lines, storage: &mut S) {
+    if let Some(trellis) = &lines.trellis {
+        for i in 0..storage.count(lines, Direction::Diagonal) {
+            shear(storage.take(lines, Direction::Diagonal, i), trellis);
+            storage.put(Direction::Diagonal, i, Changed::Position);
+        }
+    }
+}
+
+#[inline(always)]
+fn stretch_along<S: Storage>(direction: Direction, lines: &Lines, storage: &mut S) {
+    for i in 0..storage.count(lines, direction) {
+        stretch(storage.take(lines, direction, i));
+        storage.put(direction, i, Changed::Position);
+    }
+}
+
+/// The plates of this substep.
+#[inline(always)]
+fn hold_down<S: Storage>(
+    model: &Model,
+    plates: &[Plate],
+    substep: usize,
+    storage: &mut S,
+) {
+    let compliance = 1.0 / model.physics().press_stiffness;
+    for plate in plates {
+        let height = press::height(plate, substep);
+        storage.hold_down(model.layers.as_ref(), plate, height, compliance);
+    }
+}
+
+/// Contact, friction and velocity; and the prediction of the next substep, if one `goes_on`.
+#[inline(always)]
+fn finish<S: Storage>(frame: &Frame, goes_on: bool, storage: &mut S) {
+    match frame.tack {
+        // Constants where this is inlined, so that tack costs nothing where there is none.
+        None => {
+            let cloth = storage.cloth();
+            for v in 0..cloth.position.len() {
+                conclude(v, frame, None, goes_on, cloth);
+            }
+        }
+        Some(tack) => {
+            for v in 0..storage.cloth().position.len() {
+                let tack = storage.tack(tack, v);
+                conclude(v, frame, Some(tack), goes_on, storage.cloth());
+            }
+        }
+    }
+}

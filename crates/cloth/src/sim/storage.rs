@@ -1,0 +1,53 @@
+use super::cloth::Cloth;
+use super::collision::Layers;
+use super::line::{Along, Chain};
+use super::lines::{Direction, Lines};
+use super::model::Pass;
+use super::press::Plate;
+use crate::math::Lanes;
+
+/// What changes along a line.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Changed {
+    Position,
+    /// Pull and stress.
+    Pull,
+}
+
+/// Where the lanes of a [`Cloth`] come from: it supplies the loops of the stages, and nothing
+/// else.
+pub(super) trait Storage {
+    /// A number in every lane.
+    type V: Lanes;
+    /// A line in every lane.
+    type Line: Chain<Self::V>;
+
+    fn cloth(&mut self) -> &mut Cloth<Self::V>;
+
+    /// How many lines run in a direction.
+    fn count(&self, lines: &Lines, direction: Direction) -> usize;
+
+    /// Line `i` with its state; what is changed of it has to be [`Storage::put`] back.
+    fn take<'a>(
+        &'a mut self,
+        lines: &'a Lines,
+        direction: Direction,
+        i: usize,
+    ) -> Along<'a, Self::V, Self::Line>;
+
+    /// Takes in what has `changed` along the line that was taken last, line `i`.
+    fn put(&mut self, direction: Direction, i: usize, changed: Changed);
+
+    /// Projects constraints that are no lines, one after the other.
+    fn project(&mut self, passes: &[Pass]);
+
+    /// Keeps the vertices of a plate below this height over the tool, or over what layers of
+    /// cloth lie beneath them [m]; `compliance` as in [`super::press::hold_down`].
+    fn hold_down(&mut self, layers: Option<&Layers>, plate: &Plate, height: f64, compliance: f64);
+
+    /// Keeps the layers of the cloth apart.
+    fn separate(&mut self, layers: &Layers);
+
+    /// Greatest pull of the tool's tack on a place [N], from that on every vertex.
+    fn tack(&self, tack: &[f64], place: usize) -> Self::V;
+}
