@@ -76,14 +76,6 @@ pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
             expected,
         })
     };
-    if scene.fall.tool_move_mm != [0.0; 3] {
-        let found = format!("{:?}", scene.fall.tool_move_mm);
-        return refuse(
-            "fall.tool_move_mm",
-            found,
-            "[0, 0, 0]: the twin's tool stands",
-        );
-    }
     if physics.self_collision != SelfCollision::Off {
         let found = format!("{:?}", physics.self_collision).to_lowercase();
         let expected = "off: the twin's cloth does not touch itself";

@@ -46,17 +46,7 @@ impl Scene {
         let settling = (fall.settle_s / FRAME).round() as usize;
 
         let mut batch = alone_f64(&model, Isa::best());
-        let mut start = hung(config, &lamina, falling as f64 * FRAME)?;
-        // A tool in even motion is an inertial frame: there it stands, and the cloth comes.
-        let tool_velocity = config.tool_velocity();
-        let moving = tool_velocity.map(|u| model.clone().seen_from(u));
-        if let Some(u) = tool_velocity {
-            displace(
-                &mut start.position,
-                config.fall.tool_move_mm.map(|m| 1e-3 * m),
-            );
-            displace(&mut start.velocity, u.map(|u| -u));
-        }
+        let start = hung(config, &lamina, falling as f64 * FRAME)?;
         let depths = start.position.iter().map(|&x| -tool.distance(x).0);
         let deepest = depths.fold(f64::NEG_INFINITY, f64::max);
         if deepest > IN_TOOL * 1e-3 * config.tool.grid.spacing_mm {
@@ -71,13 +61,9 @@ impl Scene {
         let quiet = Model::new(&lamina, &quiet);
         for frame in 0..falling + settling {
             if frame == falling {
-                batch.load(0, &landed(batch.snapshot(0), tool_velocity));
+                batch.load(0, &landed(batch.snapshot(0)));
             }
-            let model = if frame < falling {
-                moving.as_ref().unwrap_or(&model)
-            } else {
-                &quiet
-            };
+            let model = if frame < falling { &model } else { &quiet };
             batch.step(model, &tool, &control, &[]);
             if !batch.sound()[0] {
                 return Err(SceneError::Diverged {
@@ -86,12 +72,8 @@ impl Scene {
             }
             progress((frame + 1) as f64 / (falling + settling) as f64);
         }
-        // Tool and clamps stop, also if no time to settle follows.
-        let initial = if settling == 0 {
-            landed(batch.snapshot(0), tool_velocity)
-        } else {
-            batch.snapshot(0)
-        };
+        // Clamps stop also if no time to settle follows.
+        let initial = landed(batch.snapshot(0));
         Ok(Self {
             config: config.clone(),
             tool,
@@ -123,59 +105,34 @@ impl Scene {
     }
 }
 
-/// The cloth at the end of the fall, when clamps and tool stop and the world's frame is that of
-/// the tool again.
-fn landed(mut state: Snapshot, tool_velocity: Option<[f64; 3]>) -> Snapshot {
-    if let Some(u) = tool_velocity {
-        displace(&mut state.velocity, u);
-    }
+/// The cloth at the end of the fall, when clamps stop.
+fn landed(mut state: Snapshot) -> Snapshot {
     for vertex in state.fixed.ones() {
         state.velocity[vertex] = [0.0; 3];
     }
     state
 }
 
-/// Adds `by` to every vector.
-fn displace(vectors: &mut [[f64; 3]], by: [f64; 3]) {
-    for vector in vectors {
-        for (x, by) in vector.iter_mut().zip(by) {
-            *x += by;
-        }
-    }
-}
-
-/// The flat blank before the fall; clamps already have the velocity of their way, which takes
-/// `fall_s` seconds. Fails if one is further from the blank than a cell is long.
+/// The flat blank before the fall; clamps already have the velocity of their displacement, which
+/// takes `fall_s` seconds. Fails if one is further from the blank than a cell is long.
 pub fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Result<Snapshot, SceneError> {
     let placement = &config.placement;
-    let (yaw_sin, yaw_cos) = placement.yaw_deg.to_radians().sin_cos();
     let (tilt_sin, tilt_cos) = placement.tilt_deg.to_radians().sin_cos();
     let [cx, cy] = placement.centre_mm.map(|c| c * 1e-3);
-    let turned: Vec<[f64; 2]> = lamina
-        .rest
-        .iter()
-        .map(|[u, v]| {
-            [
-                cx + yaw_cos * u - yaw_sin * v,
-                cy + yaw_sin * u + yaw_cos * v,
-            ]
-        })
-        .collect();
-    let lowest = turned.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
-    let highest = turned.iter().map(|p| p[1]).fold(-f64::INFINITY, f64::max);
+    let heights = lamina.rest.iter().map(|[_, v]| cy + v);
     // With a negative tilt the edge at the highest y is the low one.
-    let hinge = if tilt_sin < 0.0 { highest } else { lowest };
-    let position = turned
-        .iter()
-        .map(|&[x, y]| {
-            let along = y - hinge;
-            let z = 1e-3 * placement.height_mm + along * tilt_sin;
-            [x, hinge + along * tilt_cos, z]
-        })
-        .collect();
+    let hinge = match tilt_sin < 0.0 {
+        true => heights.fold(f64::NEG_INFINITY, f64::max),
+        false => heights.fold(f64::INFINITY, f64::min),
+    };
+    let place = |[u, v]: &[f64; 2]| {
+        let along = cy + v - hinge;
+        let z = 1e-3 * placement.height_mm + along * tilt_sin;
+        [cx + u, hinge + along * tilt_cos, z]
+    };
 
     let mut snapshot = Snapshot {
-        position,
+        position: lamina.rest.iter().map(place).collect(),
         velocity: vec![[0.0; 3]; lamina.vertex_count()],
         fixed: FixedBitSet::with_capacity(lamina.vertex_count()),
         force_density: Vec::new(),

@@ -8,7 +8,6 @@ mod contact;
 mod membranes;
 mod motion;
 mod stability;
-mod tool_motion;
 mod verify;
 mod yarns;
 
@@ -21,7 +20,7 @@ use drape_cloth::sim::{
     Solver,
 };
 use drape_cloth::tool::{
-    Cylinder, GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolConfig,
+    GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolConfig,
 };
 use drape_study::verify::cloth::Fast;
 
