@@ -19,9 +19,7 @@ use drape_cloth::sim::{
     Batch, Bending, BendingStiffness, Compression, Control, Cpu, Model, PhysicsConfig, Snapshot,
     Solver,
 };
-use drape_cloth::tool::{
-    GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolConfig,
-};
+use drape_cloth::tool::{GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolConfig};
 use drape_study::verify::cloth::Fast;
 
 const GRAVITY: f64 = 9.81;
