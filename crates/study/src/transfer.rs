@@ -291,7 +291,7 @@ pub fn transfer(
 
     let settings = settings();
     let mut played = Vec::new();
-    for (done, &(name, setting)) in settings.iter().enumerate() {
+    for (done, &(_, setting)) in settings.iter().enumerate() {
         progress(done as f64 / settings.len() as f64);
         played.push(match setting {
             Setting::Fast(fast) => {
