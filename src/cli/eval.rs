@@ -18,7 +18,7 @@ use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Preset, Solver};
+use drape_cloth::sim::{Accuracy, Solver};
 use drape_learn::ppo::{Agent, Sampling};
 use drape_task::env::{Draping, EnvConfig, Tasks};
 
@@ -61,7 +61,7 @@ pub struct Args {
     /// the run, instead of as in training. A sequence is pressed as a robot would: all of it,
     /// whatever the masks allow then
     #[arg(long, value_parser = accuracy, value_name = "NAME")]
-    accuracy: Option<Preset>,
+    accuracy: Option<Accuracy>,
 
     /// Folder for the pictures, created where missing; pictures/eval in the run folder if not
     /// given
@@ -78,8 +78,8 @@ pub struct Args {
 }
 
 /// A preset of the accuracy by its name.
-pub(super) fn accuracy(name: &str) -> Result<Preset, String> {
-    Preset::named(name).ok_or("expected fast, balanced or accurate".into())
+pub(super) fn accuracy(name: &str) -> Result<Accuracy, String> {
+    Accuracy::named(name).ok_or("expected fast, balanced or accurate".into())
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -98,7 +98,7 @@ struct Report {
     played: String,
     /// What `--accuracy` asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
-    accuracy: Option<Preset>,
+    accuracy: Option<Accuracy>,
     /// The greedy episode, or the replayed one.
     episode: EpisodeSummary,
     /// How many deviations of the random policy's final region distance the episode lies
@@ -226,8 +226,8 @@ impl Loaded {
     }
 
     /// Steps episodes as finely as a preset does.
-    fn change_accuracy(&mut self, accuracy: Preset) {
-        self.env.set_accuracy(accuracy, &self.scene.config.physics);
+    fn change_accuracy(&mut self, accuracy: Accuracy) {
+        self.env.set_accuracy(accuracy);
         self.changed |= self.env != self.config.env;
     }
 

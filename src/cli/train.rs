@@ -14,7 +14,7 @@ use super::result;
 use super::scene::{MISSED, missed, set_up};
 use crate::run::{RunConfig, RunFolder, RunInfo, Training, TrainingError};
 use drape_cloth::scene::{Scene, SceneConfig};
-use drape_cloth::sim::Preset;
+use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
 use drape_task::env::{Draping, End, Shape, Tasks};
 
@@ -51,9 +51,9 @@ pub struct Args {
     device: Option<DeviceKind>,
 
     /// How finely episodes are stepped, fast, balanced or accurate, instead of the configuration's
-    /// `env.substep_rate` and `env.contact_interval`
+    /// `env.accuracy`, `env.substep_rate` and `env.contact_rate`
     #[arg(long, value_parser = accuracy, value_name = "NAME", conflicts_with = "resume")]
-    accuracy: Option<Preset>,
+    accuracy: Option<Accuracy>,
 
     /// Folder that holds the runs
     #[arg(long, value_name = "DIR", default_value = "runs")]
@@ -176,7 +176,7 @@ fn begin(args: &Args) -> Result<Training, Failure> {
     config.steps = args.steps.unwrap_or(config.steps);
     config.device = args.device.unwrap_or(config.device);
     if let Some(accuracy) = args.accuracy {
-        config.env.set_accuracy(accuracy, &config.scene.physics);
+        config.env.set_accuracy(accuracy);
     }
     config
         .make_paths_absolute()

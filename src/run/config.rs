@@ -5,9 +5,8 @@ use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
-use drape_cloth::file::{ParseError, names_instead, parse_toml, plain, read_toml};
+use drape_cloth::file::{ParseError, names_instead, parse_toml, plain};
 use drape_cloth::scene::{SceneConfig, SceneError};
-use drape_cloth::sim::Preset as Accuracy;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
 use drape_task::env::EnvConfig;
@@ -168,16 +167,6 @@ impl RunConfig {
             None => Preset::default(),
             Some(value) => section(value.clone(), "preset").map_err(wrong)?,
         };
-        let accuracy = match given.get_mut("env") {
-            Some(Value::Table(env)) => env.remove("accuracy"),
-            _ => None,
-        };
-        let accuracy: Option<Accuracy> = accuracy
-            .map(|value| section(value, "env.accuracy").map_err(wrong))
-            .transpose()?;
-        let rate_given = has(&given, &["env", "substep_rate"]);
-        let mut interval_given = has(&given, &["env", "contact_interval"])
-            || has(&given, &["scene", "physics", "contact_interval"]);
         let scene = match (given.remove("scene_file"), given.remove("scene")) {
             (Some(_), Some(_)) => {
                 let message = "`scene_file` and `scene` are both given, expected one";
@@ -186,8 +175,6 @@ impl RunConfig {
             (Some(Value::String(file)), None) => {
                 let path = folder.join(file);
                 let scene = SceneConfig::read(&path)?;
-                let table: Table = read_toml(&path).map_err(SceneError::Read)?;
-                interval_given |= has(&table, &["physics", "contact_interval"]);
                 scene.check().map_err(|error| RunConfigError::Value {
                     path,
                     place: String::new(),
@@ -225,12 +212,7 @@ impl RunConfig {
         take!(environments, "environments");
         take!(device, "device");
         take!(evaluation_interval, "evaluation_interval");
-        config.env = section(get(&mut merged, "env"), "env").map_err(|(key, message)| {
-            let unknown = key.starts_with("env.") && message.contains("unknown field");
-            // Resolved here, so it is no field.
-            let more = if unknown { ", `accuracy`" } else { "" };
-            wrong((key, message + more))
-        })?;
+        take!(env, "env");
         take!(policy, "policy");
         take!(ppo, "ppo");
         if let Some(key) = merged.keys().next() {
@@ -242,16 +224,6 @@ impl RunConfig {
             return Err(fail(key, message));
         }
         config.scene = scene;
-        if let Some(accuracy) = accuracy {
-            let own = config.env.clone();
-            config.env.set_accuracy(accuracy, &config.scene.physics);
-            if rate_given {
-                config.env.substep_rate = own.substep_rate;
-            }
-            if interval_given {
-                config.env.contact_interval = own.contact_interval;
-            }
-        }
         config.check().map_err(wrong)?;
         Ok(config)
     }
@@ -317,17 +289,6 @@ fn emptied(mut value: Value, path: &str) -> Option<(Value, Value)> {
     Some((found, value))
 }
 
-/// Whether something stands at the end of this path of keys.
-fn has(table: &Table, path: &[&str]) -> bool {
-    let [key, below @ ..] = path else {
-        return false;
-    };
-    match table.get(*key) {
-        Some(Value::Table(table)) if !below.is_empty() => has(table, below),
-        value => value.is_some() && below.is_empty(),
-    }
-}
-
 /// "7:" for line 7 that sets the key at `path` (keys joined by dots), or the nearest one
 /// above it; else nothing.
 fn place(text: &str, path: &str) -> String {
@@ -385,9 +346,10 @@ fn switch_off(table: &mut Table, base: &Table) -> bool {
 }
 
 /// Keys that may be absent, and so be switched off.
-const OPTIONAL: [&str; 7] = [
+const OPTIONAL: [&str; 8] = [
     "region_mm",
-    "contact_interval",
+    "substep_rate",
+    "contact_rate",
     "max_steps",
     "annealing_steps",
     "max_grad_norm",
@@ -439,39 +401,20 @@ mod tests {
     }
 
     #[test]
-    fn accuracy_is_resolved_and_explicit_keys_win() {
-        let accurate = parse("[env]\naccuracy = \"accurate\"").unwrap();
-        let mut expected = RunConfig::preset(Preset::Compact);
-        expected.env.substep_rate = 12_000.0;
-        expected.env.contact_interval = Some(10);
-        assert_eq!(accurate, expected);
-        assert_eq!(parse(&accurate.to_toml()), Ok(accurate));
-
-        let balanced = parse("[env]\naccuracy = \"balanced\"").unwrap();
-        assert_eq!(balanced.to_toml(), parse("").unwrap().to_toml());
-
-        let found = |more: &str| {
-            let text = format!("env.accuracy = \"accurate\"\n{more}");
-            let config = parse(&text).unwrap();
-            let interval = config.env.contact_interval;
-            let physics = config.scene.physics.contact_interval;
-            (config.env.substep_rate, interval.unwrap_or(physics))
+    fn accuracy_survives_its_text_and_explicit_rates_win() {
+        let found = |text: &str| {
+            let config = parse(text).unwrap();
+            assert_eq!(parse(&config.to_toml()).as_ref(), Ok(&config));
+            let stepping = config.env.stepping();
+            (stepping.substep_rate, stepping.contact_rate)
         };
-        assert_eq!(found("env.substep_rate = 900"), (900.0, 10));
-        assert_eq!(found("env.contact_interval = 3"), (12_000.0, 3));
-        let scene = "scene.tool = {}\n";
-        assert_eq!(found(scene), (12_000.0, 10));
-        let explicit = format!("{scene}scene.physics.contact_interval = 5");
-        assert_eq!(found(&explicit), (12_000.0, 5));
-        // A scene file with the key of its own, too.
-        let folder = tempfile::tempdir().unwrap();
-        for (physics, interval) in [("", 10), ("[physics]\ncontact_interval = 7\n", 7)] {
-            std::fs::write(folder.path().join("s.toml"), format!("{physics}[tool]\n")).unwrap();
-            let text = "scene_file = \"s.toml\"\nenv.accuracy = \"accurate\"";
-            let config = RunConfig::parse(text, &folder.path().join("c.toml")).unwrap();
-            let own = config.scene.physics.contact_interval;
-            assert_eq!(config.env.contact_interval.unwrap_or(own), interval);
-        }
+        assert_eq!(found(""), found("env.accuracy = \"balanced\""));
+        let accurate = "env.accuracy = \"accurate\"\n";
+        assert_eq!(found(accurate), (12_000.0, 1200.0));
+        let explicit = format!("{accurate}env.substep_rate = 900");
+        assert_eq!(found(&explicit), (900.0, 1200.0));
+        let explicit = format!("{accurate}env.contact_rate = 300");
+        assert_eq!(found(&explicit), (12_000.0, 300.0));
     }
 
     #[test]
@@ -525,8 +468,7 @@ mod tests {
                 "[env]\nacuracy = \"fast\"",
                 "c.toml:2: `env`: unknown field `acuracy`, expected one of `region_mm`, `crop`, \
                  `stencil_mm`, `drape_threshold_mm`, `drape_strain`, `press_s`, `descent`, \
-                 `settle_s`, `substep_rate`, `contact_interval`, `max_steps`, `precision`, \
-                 `accuracy`",
+                 `settle_s`, `accuracy`, `substep_rate`, `contact_rate`, `max_steps`, `precision`",
             ),
             (
                 "[scene.tool]\n[scene.physics]\nself_collision = 3",

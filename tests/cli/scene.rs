@@ -220,8 +220,8 @@ fn values_out_of_range_are_located() {
             &["`placement.height_mm` is -inf"],
         ),
         (
-            "[tool]\n[physics]\ncontact_interval = 0",
-            &["`physics.contact_interval` is 0"],
+            "[tool]\n[fall]\ncontact_rate = 0",
+            &["`fall.contact_rate` is 0"],
         ),
         (
             "[tool]\n[physics]\ngravity = nan",

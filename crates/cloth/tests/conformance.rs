@@ -17,6 +17,7 @@ use drape_cloth::tool::{GridConfig, Hemisphere, Shape, Source, Tool, ToolConfig}
 const CONTROL: Control = Control {
     dt: 1.0 / 60.0,
     substeps: 20,
+    contact_interval: 5,
 };
 
 /// As many as the widest instruction set has lanes.

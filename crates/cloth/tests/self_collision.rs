@@ -11,6 +11,7 @@ use drape_cloth::tool::{Plate, Shape, Source, Tool, ToolConfig};
 const CONTROL: Control = Control {
     dt: 1.0 / 60.0,
     substeps: 20,
+    contact_interval: 5,
 };
 
 static TOOL: LazyLock<Tool> = LazyLock::new(|| {
@@ -99,6 +100,7 @@ fn press(batch: &mut dyn Batch, model: &Model) {
     let part = Control {
         dt: CONTROL.dt / 10.0,
         substeps: CONTROL.substeps / 10,
+        ..CONTROL
     };
     for _ in 0..60 {
         plate = (plate - part.dt).max(0.0);

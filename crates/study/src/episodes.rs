@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::{Scene, Summary};
-use drape_cloth::sim::{Control, Snapshot, alone};
+use drape_cloth::sim::{Snapshot, alone};
 use drape_task::env::{Draping, End, EnvConfig, EnvError, Episode, Tasks};
 
 /// Time to come to rest after an episode [s].
@@ -186,10 +186,7 @@ fn measure(scene: &Scene, config: &EnvConfig, state: &Snapshot) -> Ended {
     let crushed = strain.iter().filter(|&&strain| strain < -0.05).count();
     let mut cloth = alone(&scene.model, Isa::best());
     cloth.load(0, state);
-    let control = Control {
-        dt: REST,
-        substeps: (REST * config.substep_rate).round() as usize,
-    };
+    let control = config.stepping().control(REST);
     cloth.step(&scene.model, &scene.tool, &control, &[]);
     let rested = cloth.snapshot(0);
     let strain = scene.lamina.yarn_strain(&rested.position);

@@ -19,7 +19,7 @@ use super::ranking::{interval, least, pair_loss, ranks, spearman};
 use super::twin::{ACCELERATION, SPEED, TwinStudyError, fallen, lying, press_config, twin_config};
 use drape_cloth::math::{Vec3, mean_and_deviation};
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Preset, Solver};
+use drape_cloth::sim::{Accuracy, Solver, Stepping};
 use drape_cloth::twin::{Hold, Twin, TwinConfig};
 use drape_task::env::{Draping, EnvConfig, EnvError, Precision};
 
@@ -56,9 +56,7 @@ enum Setting {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fast {
     solver: Solver,
-    rate: f64,
-    /// Substeps between two looks for the tool's planes.
-    interval: usize,
+    stepping: Stepping,
     precision: Precision,
     any_strain: bool,
 }
@@ -79,22 +77,24 @@ const ACCURATE: &str = "accurate";
 pub const TWIN: &str = "twin";
 
 fn settings() -> Vec<(&'static str, Setting)> {
-    let preset = |preset: Preset| Fast {
+    let preset = |preset: Accuracy| Fast {
         solver: Solver::Yarn,
-        rate: preset.substep_rate(),
-        interval: preset.contact_interval(),
+        stepping: preset.stepping(),
         precision: Precision::F32,
         any_strain: false,
     };
-    let balanced = preset(Preset::Balanced);
-    let yarn = |rate| Fast { rate, ..balanced };
+    let balanced = preset(Accuracy::Balanced);
+    let yarn = |rate| Fast {
+        stepping: Stepping::every(rate, 5),
+        ..balanced
+    };
     let twin = Twinned {
         hold: Hold::Fixed,
         accelerated: false,
         starts_as_fast: false,
     };
     vec![
-        ("fast", Setting::Fast(preset(Preset::Fast))),
+        ("fast", Setting::Fast(preset(Accuracy::Fast))),
         (BALANCED, Setting::Fast(balanced)),
         (
             "balanced_any_strain",
@@ -109,7 +109,7 @@ fn settings() -> Vec<(&'static str, Setting)> {
             ACCURATE,
             Setting::Fast(Fast {
                 precision: Precision::F64,
-                ..preset(Preset::Accurate)
+                ..preset(Accuracy::Accurate)
             }),
         ),
         (
@@ -215,7 +215,7 @@ pub fn generate(
     seed: u64,
 ) -> Result<Vec<Sequence>, EnvError> {
     let mut env = env.clone();
-    env.set_accuracy(Preset::Balanced, &scene.config.physics);
+    env.set_accuracy(Accuracy::Balanced);
     let mut all = Vec::new();
     for (k, order) in Order::ALL.into_iter().enumerate() {
         let share = (count + Order::ALL.len() - 1 - k) / Order::ALL.len();
@@ -363,7 +363,8 @@ fn describe(setting: Setting) -> String {
             } else {
                 ""
             };
-            let Fast { rate, interval, .. } = fast;
+            let rate = fast.stepping.substep_rate;
+            let interval = fast.stepping.control(1.0).contact_interval;
             format!("{solver}, {rate} substeps/s, planes every {interval}, {precision}{rule}")
         }
         Setting::Twin(twin) => {
@@ -394,8 +395,7 @@ fn changed(scene: &Arc<Scene>, env: &EnvConfig, fast: Fast) -> (Arc<Scene>, EnvC
         physics.solver = fast.solver;
         scene = Arc::new(scene.with_physics(physics));
     }
-    env.substep_rate = fast.rate;
-    env.contact_interval = Some(fast.interval);
+    env.set_stepping(fast.stepping);
     env.precision = fast.precision;
     if fast.any_strain {
         env.drape_strain = ANY_STRAIN;

@@ -291,7 +291,7 @@ impl Case<'_> {
             region_initial_m: env.region_distance(&initial),
             region_left_m: env.region_distance(&end),
             draped: env.draped(0).intersection(region).count(),
-            time_step_s: 1.0 / self.env.substep_rate,
+            time_step_s: 1.0 / self.env.stepping().substep_rate,
             v_rms_mm_s: [&initial, &end].map(|state| 1e3 * state.v_rms()),
             energy: None,
             initial: initial.position,

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::folder;
 use crate::cli::Failure;
 use crate::cli::output::{bar, print, print_json};
-use drape_cloth::sim::{Preset, Solver};
+use drape_cloth::sim::{Accuracy, Solver};
 use drape_report::{Chart, Color, SERIES, Series};
 use drape_study::verify::{
     Curve, Extent, GROUPS, Picture, Row, Subject, Verification, run as compute, trials,
@@ -281,9 +281,9 @@ fn series(picture: Picture, curves: &[(Subject, Curve)]) -> Vec<Series> {
         }
         let shown = match (picture, subject) {
             (_, Subject::Twin) => true,
-            (Picture::Cantilever, Subject::Fast { preset, .. }) => *preset == Preset::Accurate,
+            (Picture::Cantilever, Subject::Fast { preset, .. }) => *preset == Accuracy::Accurate,
             (Picture::Hemisphere, Subject::Fast { solver, preset }) => {
-                *solver == Solver::Yarn || *preset == Preset::Accurate
+                *solver == Solver::Yarn || *preset == Accuracy::Accurate
             }
             (Picture::BiasExtension, Subject::Fast { solver, .. }) => *solver == Solver::Yarn,
         };

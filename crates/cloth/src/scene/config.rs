@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::fabric::{BlankConfig, BlankError, Material, MaterialError};
 use crate::file::{ReadTomlError, read_toml};
-use crate::sim::{PhysicsConfig, PhysicsError};
+use crate::sim::{PhysicsConfig, PhysicsError, Stepping};
 use crate::tool::{Source, ToolConfig, ToolError};
 
 /// Duration of a control step of the fall [s].
@@ -67,8 +67,10 @@ pub struct Fall {
     pub settle_s: f64,
     /// Damping while settling [1/s].
     pub settle_damping: f64,
-    /// Substeps a second.
+    /// Substeps [1/s].
     pub substep_rate: f64,
+    /// Refreshes of the tool's tangent planes [1/s].
+    pub contact_rate: f64,
 }
 
 impl Default for Fall {
@@ -78,6 +80,17 @@ impl Default for Fall {
             settle_s: 1.0,
             settle_damping: 20.0,
             substep_rate: 6000.0,
+            contact_rate: 1200.0,
+        }
+    }
+}
+
+impl Fall {
+    /// How finely the fall is stepped.
+    pub fn stepping(&self) -> Stepping {
+        Stepping {
+            substep_rate: self.substep_rate,
+            contact_rate: self.contact_rate,
         }
     }
 }
@@ -205,7 +218,7 @@ impl SceneConfig {
             fall_s,
             settle_s,
             settle_damping,
-            substep_rate,
+            ..
         } = self.fall;
         for (key, value) in [("fall.fall_s", fall_s), ("fall.settle_s", settle_s)] {
             if !(0.0..=600.0).contains(&value) {
@@ -215,9 +228,8 @@ impl SceneConfig {
         if !(settle_damping >= 0.0 && settle_damping.is_finite()) {
             return fail("fall.settle_damping", settle_damping, "a number >= 0");
         }
-        if !(60.0..=1e6).contains(&substep_rate) {
-            let expected = "a number from 60 to 1000000";
-            return fail("fall.substep_rate", substep_rate, expected);
+        if let Err((key, found, expected)) = self.fall.stepping().check() {
+            return fail(&format!("fall.{key}"), found, expected);
         }
         let Placement {
             centre_mm: [x, y],

@@ -4,7 +4,7 @@ use super::config::{FRAME, SceneConfig, SceneError};
 use super::summary::Summary;
 use crate::fabric::Lamina;
 use crate::math::Isa;
-use crate::sim::{Control, Model, PhysicsConfig, Snapshot, alone_f64};
+use crate::sim::{Model, PhysicsConfig, Snapshot, alone_f64};
 use crate::tool::Tool;
 
 /// Depth in the tool that a blank may start at, in spacings of the tool's grid: what that errs by
@@ -37,11 +37,7 @@ impl Scene {
         let model = Model::new(&lamina, &config.physics);
 
         let fall = &config.fall;
-        let substeps = (fall.substep_rate * FRAME).ceil() as usize;
-        let control = Control {
-            dt: FRAME,
-            substeps,
-        };
+        let control = fall.stepping().control(FRAME);
         let falling = config.falling();
         let settling = (fall.settle_s / FRAME).round() as usize;
 

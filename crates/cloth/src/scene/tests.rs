@@ -150,8 +150,8 @@ fn impossible_scenes_are_refused_with_key_found_and_expected() {
         "`clamps[0].move_mm` is [24.0, 0.0, NaN], expected three lengths within +-100000 mm",
     );
     refuse(
-        |c| c.physics.contact_interval = 0,
-        "`physics.contact_interval` is 0, expected a number > 0",
+        |c| c.fall.contact_rate = 0.0,
+        "`fall.contact_rate` is 0, expected a number from 1 to 1000000",
     );
     refuse(
         |c| c.physics.damping = -1.0,

@@ -6,7 +6,8 @@ use super::cpu::Cpu;
 use super::fold::{Fold, Places};
 use super::line::{Chain, Grip, bend, recall, shear, stretch};
 use super::model::Model;
-use super::state::{Batch, Control, Press, Snapshot};
+use super::state::{Batch, Press, Snapshot};
+use super::stepping::Control;
 use super::substep::{
     Frame, Plate, Wefts, conclude, find_planes, give_way, predict, project, stretch_yarn,
 };
@@ -184,7 +185,7 @@ impl<V: Lanes> Batch for Alone<V> {
                 tack[lane as usize] = V::Scalar::from_f64(tension);
             }
         }
-        let interval = model.physics().contact_interval;
+        let interval = control.contact_interval;
         let mut first = 0;
         while first < control.substeps {
             let last = (first + interval).min(control.substeps);

@@ -3,7 +3,8 @@ use fixedbitset::FixedBitSet;
 use super::line::Scratch;
 use super::model::Model;
 use super::self_contact::SelfContact;
-use super::state::{Batch, Control, Press, Snapshot};
+use super::state::{Batch, Press, Snapshot};
+use super::stepping::Control;
 use super::substep::Substeps;
 use crate::math::{Kernel, Lanes, Real, Vec3x};
 use crate::tool::Tool;
@@ -140,7 +141,7 @@ impl<V: Lanes> Batch for Cpu<V> {
     }
 
     fn step(&mut self, model: &Model, tool: &Tool, control: &Control, presses: &[Press]) {
-        let interval = model.physics().contact_interval;
+        let interval = control.contact_interval;
         if let Some(contact) = &mut self.self_contact {
             contact.start();
         }

@@ -13,9 +13,9 @@ mod line;
 mod membrane;
 mod model;
 mod physics;
-mod preset;
 mod self_contact;
 mod state;
+mod stepping;
 mod substep;
 mod trellis;
 
@@ -25,9 +25,9 @@ pub use model::Model;
 pub use physics::{
     Bending, BendingStiffness, Compression, PhysicsConfig, PhysicsError, Solver, Tension,
 };
-pub use preset::Preset;
 pub use self_contact::SelfCollision;
-pub use state::{Batch, Control, Press, Snapshot};
+pub use state::{Batch, Press, Snapshot};
+pub use stepping::{Accuracy, Control, Stepping};
 
 #[cfg(target_arch = "x86_64")]
 use crate::math::{F32x8, F32x16, F64x4, F64x8};

@@ -85,8 +85,6 @@ pub struct PhysicsConfig {
     pub damping: f64,
     /// Largest speed of a vertex [m/s]; 0 means no limit.
     pub speed_cap: f64,
-    /// Substeps between two looks for the tool's tangent planes.
-    pub contact_interval: usize,
     /// Stiffness with which the stencil holds a vertex down [N/m].
     pub press_stiffness: f64,
 }
@@ -107,7 +105,6 @@ impl Default for PhysicsConfig {
             gravity: 9.81,
             damping: 50.0,
             speed_cap: 4.0,
-            contact_interval: 5,
             press_stiffness: 300.0,
         }
     }
@@ -136,9 +133,6 @@ impl PhysicsConfig {
         if self.speed_cap != 0.0 && !(1e-6..=1e6).contains(&self.speed_cap) {
             let expected = "0 for none, or a number from 1e-6 to 1e6";
             return fail("speed_cap", self.speed_cap.to_string(), expected);
-        }
-        if self.contact_interval == 0 {
-            return fail("contact_interval", "0".into(), "a number > 0");
         }
         if let Some(limit) = self.strain_limit
             && !(1e-6..=10.0).contains(&limit)

@@ -2,6 +2,7 @@ use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
 use super::model::Model;
+use super::stepping::Control;
 use crate::tool::Tool;
 
 /// The moving state of one environment. f64, so that it holds the bits of any backend.
@@ -37,15 +38,6 @@ impl Snapshot {
             .chain(&self.force_density)
             .all(|x| x.is_finite())
     }
-}
-
-/// How one control step is taken.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Control {
-    /// Duration of the step [s].
-    pub dt: f64,
-    /// Substeps in it, > 0.
-    pub substeps: usize,
 }
 
 /// A stencil that comes down on some vertices of one lane during a control step.

@@ -13,7 +13,8 @@ use super::line::{
 use super::membrane::project_elements;
 use super::model::{Model, Pass};
 use super::self_contact::Around;
-use super::state::{Control, Press};
+use super::state::Press;
+use super::stepping::Control;
 use crate::math::{Kernel, Lanes, Real, Vec3x};
 use crate::tool::Tool;
 

@@ -88,6 +88,7 @@ impl Trial {
         let control = Control {
             dt: self.clock.frame,
             substeps: self.clock.substeps,
+            contact_interval: 5,
         };
         let mut figures = Figures {
             speed_max: 0.0,

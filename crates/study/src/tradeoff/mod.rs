@@ -316,14 +316,15 @@ impl<'a> Bench<'a> {
     fn measure(&mut self, setting: &Setting) -> Result<Point, TradeoffError> {
         let at = (setting.scene.clone(), setting.env.clone());
         let physics = &setting.scene.physics;
+        let stepping = setting.env.stepping();
         let mut point = Point {
             axis: setting.axis,
             value: setting.value.clone(),
             kind: setting.kind,
             solver: physics.solver,
             precision: setting.env.precision,
-            substep_rate: setting.env.substep_rate,
-            contact_interval: physics.contact_interval,
+            substep_rate: stepping.substep_rate,
+            contact_interval: stepping.control(1.0).contact_interval,
             ..Point::NONE
         };
         let fallen = [self.fall(&at.0)?, self.fall(&setting.reference.0)?];

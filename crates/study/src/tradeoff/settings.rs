@@ -4,7 +4,7 @@ use crate::points::coarser;
 use crate::twin::stencil_mm;
 use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::scene::SceneConfig;
-use drape_cloth::sim::{Bending, Compression, PhysicsConfig, Preset, Solver};
+use drape_cloth::sim::{Accuracy, Bending, Compression, PhysicsConfig, Solver, Stepping};
 use drape_task::env::{EnvConfig, Precision};
 
 /// Substeps a second of what counts as converged [1/s], and of them between two looks for the
@@ -50,10 +50,10 @@ pub struct Setting {
 /// at a time. A fall takes the rate of its point; that of a model is the scene's own, for at the
 /// rate of the presses the error of the method would hide what the model changes.
 pub fn settings(scene: &SceneConfig, env: &EnvConfig, extent: Extent) -> Vec<Setting> {
-    let around = at_rate((scene.clone(), env.clone()), env.substep_rate);
+    let around = at((scene.clone(), env.clone()), env.stepping());
     let mut axes = Axes {
         converged: converged(&around),
-        fall_rate: scene.fall.substep_rate,
+        fall_stepping: scene.fall.stepping(),
         around,
         settings: Vec::new(),
     };
@@ -64,23 +64,23 @@ pub fn settings(scene: &SceneConfig, env: &EnvConfig, extent: Extent) -> Vec<Set
         ("gauss_seidel", Solver::GaussSeidel),
     ] {
         for rate in [60.0, 120.0, 300.0, 600.0, 1200.0, 2400.0, 6000.0] {
-            axes.method(axis, format!("{rate}/s"), |(scene, env)| {
-                scene.physics.solver = solver;
-                (scene.fall.substep_rate, env.substep_rate) = (rate, rate);
+            axes.method(axis, format!("{rate}/s"), |around| {
+                around.0.physics.solver = solver;
+                step_at(around, Stepping::every(rate, 5));
             });
         }
     }
     // Planes looked up 120 times a second each.
     for (rate, interval) in [(600.0, 5), (2400.0, 20)] {
         let value = format!("{rate}/s every {interval}");
-        axes.method("even looks", value, |(scene, env)| {
-            scene.physics.contact_interval = interval;
-            (scene.fall.substep_rate, env.substep_rate) = (rate, rate);
+        axes.method("even looks", value, |around| {
+            step_at(around, Stepping::every(rate, interval));
         });
     }
     for interval in [1, 2, 5, 10, 20] {
-        axes.method("contact_interval", interval.to_string(), |(scene, _)| {
-            scene.physics.contact_interval = interval;
+        axes.method("contact_interval", interval.to_string(), |around| {
+            let rate = around.1.stepping().substep_rate;
+            step_at(around, Stepping::every(rate, interval));
         });
     }
     for (value, precision) in [("f32", Precision::F32), ("f64", Precision::F64)] {
@@ -88,11 +88,9 @@ pub fn settings(scene: &SceneConfig, env: &EnvConfig, extent: Extent) -> Vec<Set
             env.precision = precision;
         });
     }
-    for preset in Preset::ALL {
-        axes.method("preset", preset.name().into(), |(scene, env)| {
-            scene.physics = preset.applied(scene.physics.clone());
-            let rate = preset.substep_rate();
-            (scene.fall.substep_rate, env.substep_rate) = (rate, rate);
+    for preset in Accuracy::ALL {
+        axes.method("preset", preset.name().into(), |around| {
+            step_at(around, preset.stepping());
         });
     }
 
@@ -179,7 +177,7 @@ pub(super) type Around = (SceneConfig, EnvConfig);
 struct Axes {
     around: Around,
     /// Of the scene as it is configured [1/s].
-    fall_rate: f64,
+    fall_stepping: Stepping,
     converged: Around,
     settings: Vec<Setting>,
 }
@@ -208,7 +206,7 @@ impl Axes {
         let mut first = None;
         for (value, change) in points {
             let mut at = self.around.clone();
-            at.0.fall.substep_rate = self.fall_rate;
+            step_fall_at(&mut at.0, self.fall_stepping);
             change(&mut at);
             let reference = first.get_or_insert_with(|| at.clone()).clone();
             self.settings.push(Setting {
@@ -223,27 +221,34 @@ impl Axes {
     }
 }
 
-fn at_rate((mut scene, mut env): Around, rate: f64) -> Around {
-    (scene.fall.substep_rate, env.substep_rate) = (rate, rate);
-    (scene, env)
+/// Steps the fall and the presses alike.
+fn step_at((scene, env): &mut Around, stepping: Stepping) {
+    step_fall_at(scene, stepping);
+    env.set_stepping(stepping);
+}
+
+fn step_fall_at(scene: &mut SceneConfig, stepping: Stepping) {
+    scene.fall.substep_rate = stepping.substep_rate;
+    scene.fall.contact_rate = stepping.contact_rate;
+}
+
+fn at(mut around: Around, stepping: Stepping) -> Around {
+    step_at(&mut around, stepping);
+    around
 }
 
 /// The same model, converged.
 pub(super) fn converged(around: &Around) -> Around {
     let (rate, interval) = CONVERGED;
-    let (mut scene, mut env) = at_rate(around.clone(), rate);
+    let (mut scene, mut env) = at(around.clone(), Stepping::every(rate, interval));
     scene.physics.solver = Solver::Yarn;
-    scene.physics.contact_interval = interval;
     env.precision = Precision::F64;
     (scene, env)
 }
 
 /// The same model as the finest preset steps it.
 pub(super) fn accurate(around: &Around) -> Around {
-    let preset = Preset::Accurate;
-    let (mut scene, env) = at_rate(around.clone(), preset.substep_rate());
-    scene.physics = preset.applied(scene.physics);
-    (scene, env)
+    at(around.clone(), Accuracy::Accurate.stepping())
 }
 
 /// Vertices along the sides, the finest mesh first. They share the places of the coarsest. Cut

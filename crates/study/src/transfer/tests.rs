@@ -173,16 +173,14 @@ fn a_list_without_a_press_ends_where_it_starts() {
 #[test]
 fn presets_are_what_they_are_called() {
     let (scene, env) = (scene(), env());
-    for preset in Preset::ALL {
+    for preset in Accuracy::ALL {
         let Setting::Fast(fast) = setting(preset.name()) else {
             panic!("{preset:?} is none of the fast solver's");
         };
         let (_, mut changed) = changed(&scene, &env, fast);
         let mut expected = env.clone();
-        expected.set_accuracy(preset, &scene.config.physics);
+        expected.set_stepping(preset.stepping());
         changed.precision = expected.precision;
-        let interval = expected.contact_interval;
-        expected.contact_interval = interval.or(Some(scene.config.physics.contact_interval));
         assert_eq!(changed, expected, "{preset:?}");
     }
 }

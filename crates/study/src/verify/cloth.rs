@@ -7,7 +7,7 @@ use fixedbitset::FixedBitSet;
 use drape_cloth::fabric::{BlankConfig, Curve, Family, Lamina, MassModel, Material};
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::{
-    Batch, Bending, Compression, Control, Cpu, Model, PhysicsConfig, Preset, Snapshot, Solver,
+    Accuracy, Batch, Bending, Compression, Control, Cpu, Model, PhysicsConfig, Snapshot, Solver,
 };
 use drape_cloth::tool::{GridConfig, Plate, Pose, Shape, Source, Tool, ToolConfig};
 
@@ -30,11 +30,12 @@ pub struct Fast {
 
 impl Fast {
     /// The solver at a preset.
-    pub fn at(solver: Solver, preset: Preset) -> Self {
+    pub fn at(solver: Solver, accuracy: Accuracy) -> Self {
+        let stepping = accuracy.stepping();
         Self {
             solver,
-            substep: 1.0 / preset.substep_rate(),
-            contact_interval: preset.contact_interval(),
+            substep: 1.0 / stepping.substep_rate,
+            contact_interval: stepping.control(1.0).contact_interval,
         }
     }
 
@@ -42,7 +43,16 @@ impl Fast {
         while left > 0 {
             let substeps = left.min(1000);
             let dt = substeps as f64 * self.substep;
-            batch.step(model, tool, &Control { dt, substeps }, &[]);
+            batch.step(
+                model,
+                tool,
+                &Control {
+                    dt,
+                    substeps,
+                    contact_interval: self.contact_interval,
+                },
+                &[],
+            );
             left -= substeps;
         }
     }
@@ -77,7 +87,6 @@ impl Solve for Fast {
     fn yarns_alone(&self) -> PhysicsConfig {
         PhysicsConfig {
             solver: self.solver,
-            contact_interval: self.contact_interval,
             bending: Bending::Off,
             shear: false,
             friction: false,

@@ -30,7 +30,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use cloth::{Fast, Solve};
-use drape_cloth::sim::{Preset, Solver};
+use drape_cloth::sim::{Accuracy, Solver};
 use twin::Reference;
 
 pub use trials::{GROUPS, trials};
@@ -43,7 +43,7 @@ pub enum Subject {
         /// How it keeps lengths.
         solver: Solver,
         /// How finely it steps.
-        preset: Preset,
+        preset: Accuracy,
     },
     /// The finite-element twin.
     Twin,
@@ -54,7 +54,7 @@ impl Subject {
     pub fn all() -> Vec<Self> {
         let solvers = [Solver::Yarn, Solver::GaussSeidel];
         let fast = solvers.into_iter().flat_map(|solver| {
-            let presets = Preset::ALL.into_iter();
+            let presets = Accuracy::ALL.into_iter();
             presets.map(move |preset| Self::Fast { solver, preset })
         });
         fast.chain([Self::Twin]).collect()

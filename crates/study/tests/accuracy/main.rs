@@ -126,7 +126,16 @@ fn run(model: &Model, tool: &Tool, state: &Snapshot, h: f64, seconds: f64) -> Sn
     while left > 0 {
         let substeps = left.min(1000);
         let dt = substeps as f64 * h;
-        batch.step(model, tool, &Control { dt, substeps }, &[]);
+        batch.step(
+            model,
+            tool,
+            &Control {
+                dt,
+                substeps,
+                contact_interval: 5,
+            },
+            &[],
+        );
         left -= substeps;
     }
     batch.snapshot(0)

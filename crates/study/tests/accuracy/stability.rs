@@ -85,7 +85,11 @@ fn energy_of_a_sheet_that_is_let_go_never_exceeds_what_it_had() {
         for h in [1e-2, 1e-3, 1e-4, 1e-5] {
             let mut batch = Cpu::<f64>::new(&model);
             batch.load(0, &start);
-            let control = Control { dt: h, substeps: 1 };
+            let control = Control {
+                dt: h,
+                substeps: 1,
+                contact_interval: 5,
+            };
             let mut last = before;
             for substep in 0..400 {
                 batch.step(&model, &NOWHERE, &control, &[]);
@@ -146,6 +150,7 @@ fn absurd_states_are_reported_and_kept_from_the_neighbours() {
     let control = Control {
         dt: 1.0 / 60.0,
         substeps: 20,
+        contact_interval: 5,
     };
     for solver in [Solver::Yarn, Solver::GaussSeidel] {
         let model = Model::new(&sheet, &undriven(solver));

@@ -1,6 +1,6 @@
 //! What `drape study verify` tells of the accurate preset, held as claims.
 
-use drape_cloth::sim::{Preset, Solver};
+use drape_cloth::sim::{Accuracy, Solver};
 use drape_study::verify::{Extent, Row, Subject, run, trials};
 
 fn rows(groups: &[&str], subject: Subject) -> Vec<Row> {
@@ -11,7 +11,7 @@ fn rows(groups: &[&str], subject: Subject) -> Vec<Row> {
 
 const YARN: Subject = Subject::Fast {
     solver: Solver::Yarn,
-    preset: Preset::Accurate,
+    preset: Accuracy::Accurate,
 };
 
 #[track_caller]
@@ -49,7 +49,7 @@ fn yarn_solver_drapes_a_hemisphere_as_a_fishnet() {
 /// Presets that are faster, too: statics of the yarn solver do not depend on the substep.
 #[test]
 fn every_preset_of_the_yarn_solver_bends_as_the_elastica() {
-    for preset in [Preset::Fast, Preset::Balanced] {
+    for preset in [Accuracy::Fast, Accuracy::Balanced] {
         let solver = Solver::Yarn;
         let rows = rows(&["bending"], Subject::Fast { solver, preset });
         all_within(&rows, 3e-3, |_| false);

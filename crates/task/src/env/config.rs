@@ -2,7 +2,7 @@ use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
 use drape_cloth::fabric::Lamina;
-use drape_cloth::sim::{PhysicsConfig, Preset};
+use drape_cloth::sim::{Accuracy, Stepping};
 
 /// Number type of the episodes' simulation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -38,12 +38,14 @@ pub struct EnvConfig {
     pub descent: f64,
     /// Time to settle after the press [s].
     pub settle_s: f64,
-    /// Substeps a second.
-    pub substep_rate: f64,
-    /// Substeps of an episode between two looks for the tool's tangent planes; those of the
-    /// scene's physics if not given.
+    /// How finely episodes are stepped, unless the two rates below say otherwise.
+    pub accuracy: Accuracy,
+    /// Substeps [1/s].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub contact_interval: Option<usize>,
+    pub substep_rate: Option<f64>,
+    /// Refreshes of the tool's tangent planes [1/s].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact_rate: Option<f64>,
     /// Steps after which an episode is truncated; none if not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_steps: Option<usize>,
@@ -61,8 +63,9 @@ impl Default for EnvConfig {
             press_s: 1.0 / 60.0,
             descent: 0.5,
             settle_s: 0.0,
-            substep_rate: Preset::default().substep_rate(),
-            contact_interval: None,
+            accuracy: Accuracy::default(),
+            substep_rate: None,
+            contact_rate: None,
             max_steps: None,
             precision: Precision::F32,
         }
@@ -89,20 +92,24 @@ pub struct Region {
 }
 
 impl EnvConfig {
-    /// Steps the episodes of a scene with this physics as finely as `accuracy` says. What the
-    /// physics itself says is not repeated.
-    pub fn set_accuracy(&mut self, accuracy: Preset, physics: &PhysicsConfig) {
-        self.substep_rate = accuracy.substep_rate();
-        let interval = accuracy.contact_interval();
-        self.contact_interval = (interval != physics.contact_interval).then_some(interval);
+    /// How finely episodes are stepped: a rate that is given, else that of the accuracy.
+    pub fn stepping(&self) -> Stepping {
+        let named = self.accuracy.stepping();
+        Stepping {
+            substep_rate: self.substep_rate.unwrap_or(named.substep_rate),
+            contact_rate: self.contact_rate.unwrap_or(named.contact_rate),
+        }
     }
 
-    /// `physics` as the episodes have it.
-    pub(super) fn physics(&self, physics: &PhysicsConfig) -> PhysicsConfig {
-        PhysicsConfig {
-            contact_interval: self.contact_interval.unwrap_or(physics.contact_interval),
-            ..physics.clone()
-        }
+    /// Steps episodes as `accuracy` says, whatever rates were given.
+    pub fn set_accuracy(&mut self, accuracy: Accuracy) {
+        (self.accuracy, self.substep_rate, self.contact_rate) = (accuracy, None, None);
+    }
+
+    /// Steps episodes as `stepping` says.
+    pub fn set_stepping(&mut self, stepping: Stepping) {
+        self.substep_rate = Some(stepping.substep_rate);
+        self.contact_rate = Some(stepping.contact_rate);
     }
 
     /// Checks every value and finds the region on the blank; the error names key, found and
@@ -136,12 +143,8 @@ impl EnvConfig {
                 "a time from 0 to 10 s",
             );
         }
-        if !(60.0..=1e6).contains(&self.substep_rate) {
-            let expected = "a number from 60 to 1000000";
-            return fail("substep_rate", self.substep_rate.to_string(), expected);
-        }
-        if self.contact_interval == Some(0) {
-            return fail("contact_interval", "0".into(), "a number > 0");
+        if let Err((key, found, expected)) = self.stepping().check() {
+            return fail(key, found.to_string(), expected);
         }
         if self.max_steps == Some(0) {
             return fail("max_steps", "0".into(), "a number > 0");

@@ -56,16 +56,8 @@ pub(super) struct Progress {
 impl Task {
     pub fn new(scene: Arc<Scene>, config: &EnvConfig) -> Result<Self, EnvError> {
         let region = config.region(&scene.lamina)?;
-        let physics = config.physics(&scene.config.physics);
-        let scene = match physics == scene.config.physics {
-            true => scene,
-            false => Arc::new(scene.with_physics(physics)),
-        };
-        let control = |seconds: f64| Control {
-            dt: seconds,
-            substeps: ((seconds * config.substep_rate).round() as usize).max(1),
-        };
-        let press = control(config.press_s);
+        let stepping = config.stepping();
+        let press = stepping.control(config.press_s);
         let count = scene.lamina.vertex_count();
         let progress = Progress {
             draped: FixedBitSet::with_capacity(count),
@@ -76,7 +68,7 @@ impl Task {
         let mut task = Self {
             press,
             descent: ((press.substeps as f64 * config.descent).round() as usize).max(1),
-            settle: (config.settle_s > 0.0).then(|| control(config.settle_s)),
+            settle: (config.settle_s > 0.0).then(|| stepping.control(config.settle_s)),
             ties: ties(&scene.lamina, config.drape_strain),
             start: Slot {
                 observation: Observation {

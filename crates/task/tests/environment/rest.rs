@@ -26,6 +26,7 @@ fn leave<V: drape_cloth::math::Lanes>(substeps: usize) -> Rest {
     let control = Control {
         dt: 1.0 / 60.0,
         substeps,
+        contact_interval: 5,
     };
     for _ in 0..60 {
         batch.step(model, tool, &control, &[]);

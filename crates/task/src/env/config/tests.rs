@@ -59,11 +59,11 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
         "`env.max_steps` is 0, expected a number > 0"
     );
     assert_eq!(
-        message(|c| c.contact_interval = Some(0)),
-        "`env.contact_interval` is 0, expected a number > 0"
+        message(|c| c.contact_rate = Some(0.0)),
+        "`env.contact_rate` is 0, expected a number from 1 to 1000000"
     );
     assert_eq!(
-        message(|c| c.substep_rate = f64::NAN),
+        message(|c| c.substep_rate = Some(f64::NAN)),
         "`env.substep_rate` is NaN, expected a number from 60 to 1000000"
     );
     for (key, change) in [
@@ -80,27 +80,21 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
 }
 
 #[test]
-fn accuracy_decides_rate_and_looks() {
-    let physics = PhysicsConfig {
-        damping: 3.0,
-        ..PhysicsConfig::default()
+fn a_given_rate_wins_over_the_accuracy_and_setting_one_over_both() {
+    let mut config = EnvConfig {
+        accuracy: Accuracy::Accurate,
+        substep_rate: Some(900.0),
+        ..EnvConfig::default()
     };
-    let mut config = EnvConfig::default();
-    for accuracy in Preset::ALL {
-        config.set_accuracy(accuracy, &physics);
-        assert_eq!(config.substep_rate, accuracy.substep_rate());
-        assert_eq!(config.physics(&physics), accuracy.applied(physics.clone()));
-    }
-    // Back at what is trained with by default, nothing is left of the others.
-    config.set_accuracy(Preset::Balanced, &physics);
-    assert_eq!(config, EnvConfig::default());
-    let rare = PhysicsConfig {
-        contact_interval: 20,
-        ..physics
+    let expected = Stepping {
+        substep_rate: 900.0,
+        contact_rate: 1200.0,
     };
-    assert_eq!(config.physics(&rare).contact_interval, 20);
-    config.set_accuracy(Preset::Balanced, &rare);
-    assert_eq!(config.contact_interval, Some(5));
+    assert_eq!(config.stepping(), expected);
+    config.set_accuracy(Accuracy::Fast);
+    assert_eq!(config.stepping(), Accuracy::Fast.stepping());
+    config.set_stepping(expected);
+    assert_eq!(config.stepping(), expected);
 }
 
 #[test]

@@ -1,0 +1,131 @@
+//! How finely time is stepped: two rates, and names for three pairs of them.
+
+use serde::{Deserialize, Serialize};
+
+/// How finely cloth is stepped, owned by whoever steps it.
+///
+/// It decides what the *method* does in a second and nothing of the scene: mesh, law and tool
+/// stay those that were asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stepping {
+    /// Substeps [1/s].
+    pub substep_rate: f64,
+    /// Refreshes of the tool's tangent plane under each vertex [1/s].
+    pub contact_rate: f64,
+}
+
+/// One control step in whole substeps, as [`Stepping::control`] rounds it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Control {
+    /// Duration of the step [s].
+    pub dt: f64,
+    /// Substeps in it, > 0.
+    pub substeps: usize,
+    /// Substeps between two refreshes of the tangent planes, > 0. The first is at the start.
+    pub contact_interval: usize,
+}
+
+impl Stepping {
+    /// Substeps and refreshes from one of each in every `interval` substeps.
+    pub fn every(substep_rate: f64, interval: usize) -> Self {
+        Self {
+            substep_rate,
+            contact_rate: substep_rate / interval as f64,
+        }
+    }
+
+    /// Checks both rates; the error is the key that is wrong, its value, and what is expected.
+    pub fn check(self) -> Result<(), (&'static str, f64, &'static str)> {
+        let expected = "a number from 60 to 1000000";
+        if !(60.0..=1e6).contains(&self.substep_rate) {
+            return Err(("substep_rate", self.substep_rate, expected));
+        }
+        if !(1.0..=1e6).contains(&self.contact_rate) {
+            let expected = "a number from 1 to 1000000";
+            return Err(("contact_rate", self.contact_rate, expected));
+        }
+        Ok(())
+    }
+
+    /// A control step of `dt` [s]: the nearest numbers of substeps, at least one each.
+    pub fn control(self, dt: f64) -> Control {
+        let whole = |x: f64| (x.round() as usize).max(1);
+        Control {
+            dt,
+            substeps: whole(dt * self.substep_rate),
+            contact_interval: whole(self.substep_rate / self.contact_rate),
+        }
+    }
+}
+
+/// A name for a point between speed and accuracy, from previews to what results are checked
+/// with.
+///
+/// `drape study verify` holds each against closed forms, `drape study tradeoff` against the
+/// converged solution, and `drape study transfer` against finite elements.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Accuracy {
+    /// 5 substeps a frame of 1/60 s: previews, and statics of the yarn solver.
+    Fast,
+    /// 10 substeps a frame: the defaults of episodes, what is trained with.
+    #[default]
+    Balanced,
+    /// 200 substeps a frame: what results are checked with.
+    Accurate,
+}
+
+impl Accuracy {
+    /// All of them, the fastest first.
+    pub const ALL: [Self; 3] = [Self::Fast, Self::Balanced, Self::Accurate];
+
+    /// The accuracy of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|all| all.name() == name)
+    }
+
+    /// As in configurations and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Balanced => "balanced",
+            Self::Accurate => "accurate",
+        }
+    }
+
+    /// The rates that it stands for.
+    pub fn stepping(self) -> Stepping {
+        match self {
+            Self::Fast => Stepping::every(300.0, 5),
+            Self::Balanced => Stepping::every(600.0, 5),
+            Self::Accurate => Stepping::every(12_000.0, 10),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn accuracies_are_ordered_and_round_to_whole_substeps() {
+        let steppings = Accuracy::ALL.map(Accuracy::stepping);
+        assert!(steppings.is_sorted_by(|a, b| a.substep_rate < b.substep_rate));
+        assert!(steppings.is_sorted_by(|a, b| a.contact_rate < b.contact_rate));
+        for (accuracy, interval) in Accuracy::ALL.into_iter().zip([5, 5, 10]) {
+            assert_eq!(Accuracy::named(accuracy.name()), Some(accuracy));
+            let stepping = accuracy.stepping();
+            assert_eq!(stepping.check(), Ok(()));
+            let frame = stepping.control(1.0 / 60.0);
+            assert_eq!(frame.substeps as f64, stepping.substep_rate / 60.0);
+            assert_eq!(frame.contact_interval, interval);
+            let least = stepping.control(1e-9);
+            assert_eq!(least.substeps, 1);
+        }
+        let rare = Stepping {
+            substep_rate: 100.0,
+            contact_rate: 1e6,
+        };
+        assert_eq!(rare.control(1.0).contact_interval, 1);
+    }
+}
