@@ -120,9 +120,7 @@ static MODELS: LazyLock<Vec<Cloth>> = LazyLock::new(|| {
             strain_limit: Some(1e-3),
             ..PhysicsConfig::default()
         };
-        let mut cloth = Cloth::new(&LAMINA, &physics);
-        cloth.model = cloth.model.seen_from([0.3, 0.0, -0.2]);
-        models.push(cloth);
+        models.push(Cloth::new(&LAMINA, &physics));
         let physics = PhysicsConfig {
             solver,
             tension: Tension::Material,

@@ -291,7 +291,7 @@ pub fn transfer(
 
     let settings = settings();
     let mut played = Vec::new();
-    for (done, &(name, setting)) in settings.iter().enumerate() {
+    for (done, &(_, setting)) in settings.iter().enumerate() {
         progress(done as f64 / settings.len() as f64);
         played.push(match setting {
             Setting::Fast(fast) => {
@@ -307,7 +307,7 @@ pub fn transfer(
                     config: &config,
                     rest: &rest,
                 };
-                case.play(name, twinned, &lists)?
+                case.play(twinned, &lists)?
             }
         });
     }
@@ -416,7 +416,6 @@ impl TwinCase<'_> {
     /// Plays all sequences, each on a thread, with their CPU time [s].
     fn play(
         &self,
-        name: &'static str,
         setting: Twinned,
         lists: &[&[u32]],
     ) -> Result<(Vec<Option<End>>, f64), TwinStudyError> {
@@ -428,7 +427,6 @@ impl TwinCase<'_> {
         } = *self;
         let region = env.region(&scene.lamina)?.vertices;
         let press = press_config(env, setting.hold, SPEED);
-        press.check()?;
         let config = match setting.accelerated {
             true => config.accelerated(ACCELERATION),
             false => config.clone(),
@@ -445,36 +443,25 @@ impl TwinCase<'_> {
             let (lamina, tool) = (&scene.lamina, &scene.tool);
             let measure = |twin: &Twin| distance(tool, region.ones(), &twin.positions());
             let (mut pressed, mut half) = (0, measure(&twin));
-            let watch = |twin: &Twin, _: &[u32]| {
+            let watch = |twin: &Twin| {
                 pressed += 1;
                 if pressed == list.len().div_ceil(2) {
                     half = measure(twin);
                 }
             };
-            twin.replay(lamina, tool, &press, (*list, side), watch)
-                .map_err(|source| TwinStudyError::Diverged { name, source })?;
-            let end = End {
+            let replay = twin.replay(lamina, tool, &press, (*list, side), watch);
+            let end = replay.diverged.is_none().then(|| End {
                 half,
                 left: measure(&twin),
                 positions: twin.positions(),
-            };
-            let seconds = began.elapsed().as_secs_f64();
+            });
+            // What diverged early says nothing about the time that a list takes.
+            let seconds = end.as_ref().map_or(0.0, |_| began.elapsed().as_secs_f64());
             Ok((end, seconds))
         };
-        let ended: Vec<Result<(End, f64), TwinStudyError>> = lists.par_iter().map(play).collect();
-        let mut ends = Vec::new();
-        let mut cpu_s = 0.0;
-        for end in ended {
-            match end {
-                Ok((end, seconds)) => {
-                    ends.push(Some(end));
-                    cpu_s += seconds;
-                }
-                Err(TwinStudyError::Diverged { .. }) => ends.push(None),
-                Err(other) => return Err(other),
-            }
-        }
-        Ok((ends, cpu_s))
+        let ended: Result<Vec<_>, TwinStudyError> = lists.par_iter().map(play).collect();
+        let (ends, seconds): (_, Vec<f64>) = ended?.into_iter().unzip();
+        Ok((ends, seconds.iter().sum()))
     }
 }
 

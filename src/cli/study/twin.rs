@@ -12,7 +12,7 @@ use crate::cli::failure::{OrInvalid, scene_failure};
 use crate::cli::output::{Progress, print, print_json};
 use crate::run::{RunConfig, RunFolder};
 use drape_cloth::fabric::{Drape, Lamina};
-use drape_cloth::mesh::{VtkField, write_stl, write_vtk};
+use drape_cloth::mesh::{write_stl, write_vtk};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::twin::Hold;
 use drape_study::compare::{Comparison, Parts};
@@ -340,11 +340,11 @@ fn write_states(scene: &Scene, runs: &[Ran; 3], folder: &Path) -> Result<(), Fai
             let strain = |k: usize| tangents.iter().map(|t| t.strain()[k]).collect();
             let shear = tangents.iter().map(|t| t.shear().to_degrees()).collect();
             let triangles = [
-                VtkField::new("warp_strain", strain(0)),
-                VtkField::new("weft_strain", strain(1)),
-                VtkField::new("shear_deg", shear),
+                ("warp_strain", strain(0)),
+                ("weft_strain", strain(1)),
+                ("shear_deg", shear),
             ];
-            let points = [VtkField::new("distance", distance)];
+            let points = [("distance", distance)];
             write_vtk(file("vtk"), &mesh, &name, &points, &triangles)?;
         }
     }

@@ -108,7 +108,7 @@ impl Cells {
             .collect();
         nodes.sort_unstable();
         nodes.dedup();
-        let grid = Grid::new(counts, cell, [cos, sin], nodes.clone());
+        let grid = Grid::new(counts, cell, nodes.clone());
         let vertex = |node: u32| {
             let node = node as usize;
             grid.vertex_at(node / columns, node % columns)

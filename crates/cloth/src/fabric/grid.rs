@@ -9,8 +9,6 @@ pub(super) struct Grid {
     pub rows: usize,
     /// Sides of a cell along a row and along a column [m].
     pub cell: [f64; 2],
-    /// Unit vector along the rows, on the flat blank.
-    pub axis: [f64; 2],
     /// Node of each vertex, ascending.
     nodes: Vec<u32>,
     /// Vertex at each node.
@@ -19,12 +17,7 @@ pub(super) struct Grid {
 
 impl Grid {
     /// A grid of `columns` x `rows` places of which `nodes`, ascending, have a vertex.
-    pub fn new(
-        [columns, rows]: [usize; 2],
-        cell: [f64; 2],
-        axis: [f64; 2],
-        nodes: Vec<u32>,
-    ) -> Self {
+    pub fn new([columns, rows]: [usize; 2], cell: [f64; 2], nodes: Vec<u32>) -> Self {
         let mut vertices = vec![None; rows * columns];
         for (vertex, &node) in nodes.iter().enumerate() {
             vertices[node as usize] = Some(vertex as u32);
@@ -33,16 +26,15 @@ impl Grid {
             columns,
             rows,
             cell,
-            axis,
             nodes,
             vertices,
         }
     }
 
-    /// A grid with a vertex everywhere and rows along x.
+    /// A grid with a vertex everywhere.
     pub fn full([columns, rows]: [usize; 2], cell: [f64; 2]) -> Self {
         let nodes = (0..(rows * columns) as u32).collect();
-        Self::new([columns, rows], cell, [1.0, 0.0], nodes)
+        Self::new([columns, rows], cell, nodes)
     }
 
     /// The vertex at a place; none where the blank has been cut away.

@@ -64,6 +64,8 @@ pub struct Lamina {
     pub diagonals: Vec<Diagonal>,
     /// Triangles that are no part of whole cells.
     pub membranes: Vec<Membrane>,
+    /// Unit vector along the warp on the flat blank; the weft is that turned to the left.
+    pub warp: [f64; 2],
     grid: Grid,
 }
 
@@ -203,6 +205,7 @@ impl Lamina {
             yarns,
             diagonals,
             membranes,
+            warp: [cos, sin],
             grid,
         }
     }
@@ -272,11 +275,6 @@ impl Lamina {
         (0..self.triangles.len()).map(|t| self.rest_area(t)).sum()
     }
 
-    /// Unit vector along the warp on the flat blank; the weft is that turned to the left.
-    pub fn warp(&self) -> [f64; 2] {
-        self.grid.axis
-    }
-
     /// Sides of a whole cell along warp and weft [m].
     pub fn cell(&self) -> [f64; 2] {
         self.grid.cell
@@ -301,7 +299,7 @@ impl Lamina {
     /// axes, itself included, ascending.
     pub fn within(&self, vertex: u32, radius: f64) -> impl Iterator<Item = u32> + '_ {
         let centre = self.rest[vertex as usize];
-        let [cos, sin] = self.grid.axis.map(f64::abs);
+        let [cos, sin] = self.warp.map(f64::abs);
         // Two more than the square's reach: the outline moves vertices by less than a cell.
         let reach = |cell: f64| (radius * (cos + sin) / cell) as usize + 3;
         let [across, along] = self.grid.cell.map(reach);

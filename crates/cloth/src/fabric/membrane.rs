@@ -19,7 +19,7 @@ pub struct Membrane {
 
 impl Membrane {
     /// The triangle with corners `rest` [m], counter-clockwise, and the unit vector `warp`.
-    pub(super) fn new(vertices: [u32; 3], rest: [[f64; 2]; 3], warp: [f64; 2]) -> Self {
+    pub(crate) fn new(vertices: [u32; 3], rest: [[f64; 2]; 3], warp: [f64; 2]) -> Self {
         let side = |i: usize, j: usize| [rest[j][0] - rest[i][0], rest[j][1] - rest[i][1]];
         let (u, v) = (side(0, 1), side(0, 2));
         let twice = u[0] * v[1] - u[1] * v[0];

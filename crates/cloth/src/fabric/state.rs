@@ -86,7 +86,7 @@ impl Drape {
     pub fn new(lamina: &Lamina, position: &[[f64; 3]]) -> Self {
         Self {
             format: FORMAT.into(),
-            warp: lamina.warp(),
+            warp: lamina.warp,
             rest: lamina.rest.clone(),
             position: position.to_vec(),
             triangles: lamina.triangles.clone(),

@@ -13,3 +13,13 @@ pub use stream::{Purpose, Stream};
 
 /// A point or direction in space [m], f64.
 pub type Vec3 = nalgebra::Vector3<f64>;
+
+/// The vector as parry has it.
+pub(crate) fn to_parry(v: &Vec3) -> parry3d_f64::math::Vector {
+    parry3d_f64::math::Vector::new(v.x, v.y, v.z)
+}
+
+/// A vector of parry's.
+pub(crate) fn from_parry(v: parry3d_f64::math::Vector) -> Vec3 {
+    Vec3::new(v.x, v.y, v.z)
+}

@@ -13,12 +13,9 @@ mod wrinkles;
 pub use contour::{ContourDeviation, contour_deviation};
 pub use sheet::{Foot, Sheet, SheetError};
 pub use spread::Spread;
-pub use wrinkles::{WrinkleFilter, Wrinkles, high_pass, wrinkles};
-
-use parry3d_f64::math::Vector;
+pub use wrinkles::{WrinkleFilter, Wrinkles, wrinkles};
 
 use super::TriMesh;
-use crate::math::Vec3;
 
 /// A third of the area of every triangle at each vertex [m²].
 pub fn vertex_areas(mesh: &TriMesh) -> Vec<f64> {
@@ -31,10 +28,6 @@ pub fn vertex_areas(mesh: &TriMesh) -> Vec<f64> {
         }
     }
     areas
-}
-
-fn to_parry(v: &Vec3) -> Vector {
-    Vector::new(v.x, v.y, v.z)
 }
 
 #[cfg(test)]

@@ -1,14 +1,14 @@
 //! Triangle meshes: tools, laminae and what is measured on them.
 
+mod border;
 pub mod compare;
 mod crossing;
 mod stl;
-mod topology;
 mod vtk;
 
-pub use stl::{ReadStlError, Stl, StlFault, read_stl, to_stl_bytes, write_stl};
-pub use topology::Topology;
-pub use vtk::{VtkField, to_vtk, write_vtk};
+pub use border::{OrientationFault, border};
+pub use stl::{ReadStlError, StlFault, read_stl, to_stl_bytes, write_stl};
+pub use vtk::write_vtk;
 
 use crate::math::Vec3;
 
@@ -77,16 +77,6 @@ impl TriMesh {
                 a.dot(&b.cross(&c)) / 6.0
             })
             .sum()
-    }
-
-    /// How many triangles have the corners of an earlier one, in whatever order.
-    pub fn duplicate_count(&self) -> usize {
-        let mut sorted: Vec<[u32; 3]> = self.triangles.clone();
-        for triangle in &mut sorted {
-            triangle.sort_unstable();
-        }
-        sorted.sort_unstable();
-        sorted.windows(2).filter(|pair| pair[0] == pair[1]).count()
     }
 
     /// Turns every triangle over.

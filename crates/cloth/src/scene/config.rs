@@ -20,8 +20,6 @@ pub struct Placement {
     pub height_mm: f64,
     /// Rotation about x: the edge at the lowest y stays low, that at the highest y rises.
     pub tilt_deg: f64,
-    /// Rotation about z before tilting.
-    pub yaw_deg: f64,
 }
 
 impl Default for Placement {
@@ -30,7 +28,6 @@ impl Default for Placement {
             centre_mm: [0.0, 0.0],
             height_mm: 2.0,
             tilt_deg: 25.0,
-            yaw_deg: 0.0,
         }
     }
 }
@@ -44,7 +41,7 @@ pub struct Clamp {
     /// Vertices up to this far along x and y are held [mm]; always the nearest one.
     #[serde(default)]
     pub radius_mm: f64,
-    /// Way of the clamp during the fall [mm].
+    /// Displacement of the clamp during the fall [mm].
     #[serde(default)]
     pub move_mm: [f64; 3],
 }
@@ -74,8 +71,6 @@ pub struct Fall {
     pub substep_rate: f64,
     /// Refreshes of the tool's tangent planes [1/s].
     pub contact_rate: f64,
-    /// Way of the tool during the fall, at whose end it stands in its place [mm].
-    pub tool_move_mm: [f64; 3],
 }
 
 impl Default for Fall {
@@ -86,7 +81,6 @@ impl Default for Fall {
             settle_damping: 20.0,
             substep_rate: 6000.0,
             contact_rate: 1200.0,
-            tool_move_mm: [0.0; 3],
         }
     }
 }
@@ -202,13 +196,6 @@ impl SceneConfig {
         [frames(self.fall.fall_s), frames(self.fall.settle_s)]
     }
 
-    /// Velocity of the tool during the fall [m/s]; none if it stands.
-    pub(super) fn tool_velocity(&self) -> Option<[f64; 3]> {
-        let way = self.fall.tool_move_mm;
-        let seconds = self.falling() as f64 * FRAME;
-        (way != [0.0; 3] && seconds > 0.0).then(|| way.map(|m| 1e-3 * m / seconds))
-    }
-
     /// The material, read from its file.
     pub fn read_material(&self) -> Result<Material, SceneError> {
         Ok(match &self.material {
@@ -231,7 +218,6 @@ impl SceneConfig {
             fall_s,
             settle_s,
             settle_damping,
-            tool_move_mm,
             ..
         } = self.fall;
         for (key, value) in [("fall.fall_s", fall_s), ("fall.settle_s", settle_s)] {
@@ -245,36 +231,15 @@ impl SceneConfig {
         if let Err((key, found, expected)) = self.fall.stepping().check() {
             return fail(&format!("fall.{key}"), found, expected);
         }
-        let fail_to_move = |expected| {
-            Err(SceneError::Value {
-                key: "fall.tool_move_mm".into(),
-                found: format!("{tool_move_mm:?}"),
-                expected,
-            })
-        };
-        if !tool_move_mm.iter().all(|m| m.abs() <= 1e5) {
-            return fail_to_move("three lengths within +-100000 mm");
-        }
-        if let Some(velocity) = self.tool_velocity() {
-            let cap = self.physics.speed_cap;
-            let speed = velocity.iter().map(|u| u * u).sum::<f64>().sqrt();
-            if cap > 0.0 && speed > 0.5 * cap {
-                return fail_to_move("a way at no more than half of `physics.speed_cap`");
-            }
-        } else if tool_move_mm != [0.0; 3] {
-            return fail_to_move("[0, 0, 0] where `fall.fall_s` is 0");
-        }
         let Placement {
             centre_mm: [x, y],
             height_mm,
             tilt_deg,
-            yaw_deg,
         } = self.placement;
         let placement = [
             ("placement.centre_mm", x),
             ("placement.centre_mm", y),
             ("placement.height_mm", height_mm),
-            ("placement.yaw_deg", yaw_deg),
         ];
         for (key, value) in placement {
             if !(-1e5..=1e5).contains(&value) {

@@ -106,37 +106,25 @@ impl Scene {
     }
 }
 
-/// The flat blank before the fall; clamps already have the velocity of their way, which takes
-/// `fall_s` seconds. Fails if one is further from the blank than a cell is long.
+/// The flat blank before the fall; clamps already have the velocity of their displacement, which
+/// takes `fall_s` seconds. Fails if one is further from the blank than a cell is long.
 pub fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Result<Snapshot, SceneError> {
     let placement = &config.placement;
-    let (yaw_sin, yaw_cos) = placement.yaw_deg.to_radians().sin_cos();
     let (tilt_sin, tilt_cos) = placement.tilt_deg.to_radians().sin_cos();
     let [cx, cy] = placement.centre_mm.map(|c| c * 1e-3);
-    let turned: Vec<[f64; 2]> = lamina
-        .rest
-        .iter()
-        .map(|[u, v]| {
-            [
-                cx + yaw_cos * u - yaw_sin * v,
-                cy + yaw_sin * u + yaw_cos * v,
-            ]
-        })
-        .collect();
-    let lowest = turned.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
-    let highest = turned.iter().map(|p| p[1]).fold(-f64::INFINITY, f64::max);
+    let heights = lamina.rest.iter().map(|[_, v]| cy + v);
     // With a negative tilt the edge at the highest y is the low one.
-    let hinge = if tilt_sin < 0.0 { highest } else { lowest };
-    let position = turned
-        .iter()
-        .map(|&[x, y]| {
-            let along = y - hinge;
-            let z = 1e-3 * placement.height_mm + along * tilt_sin;
-            [x, hinge + along * tilt_cos, z]
-        })
-        .collect();
+    let hinge = match tilt_sin < 0.0 {
+        true => heights.fold(f64::NEG_INFINITY, f64::max),
+        false => heights.fold(f64::INFINITY, f64::min),
+    };
+    let place = |[u, v]: &[f64; 2]| {
+        let along = cy + v - hinge;
+        let z = 1e-3 * placement.height_mm + along * tilt_sin;
+        [cx + u, hinge + along * tilt_cos, z]
+    };
 
-    let mut snapshot = Snapshot::at_rest(position);
+    let mut snapshot = Snapshot::at_rest(lamina.rest.iter().map(place).collect());
     for (index, clamp) in config.clamps.iter().enumerate() {
         let at = clamp.at_mm.map(|c| c * 1e-3);
         let square = |v: usize| {

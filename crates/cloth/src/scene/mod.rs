@@ -2,8 +2,8 @@
 //! tool and settles (paper, Section 3.3).
 //!
 //! Frame: z up, gravity along -z, the tool where its own configuration puts it. The blank
-//! starts flat, its centre over `placement.centre_mm`, turned about z by `yaw_deg` and then
-//! about the x axis through its lowest edge by `tilt_deg`.
+//! starts flat, its centre over `placement.centre_mm`, turned about the x axis
+//! through its lowest edge by `tilt_deg`.
 
 mod config;
 mod fall;

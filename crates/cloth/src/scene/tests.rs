@@ -69,7 +69,7 @@ fn clamps_end_where_they_are_told() {
 
 /// Without fall and settling the blank is where its placement puts it.
 #[test]
-fn placement_turns_then_tilts_about_the_lowest_edge() {
+fn placement_tilts_about_the_lowest_edge() {
     let mut config = coarse();
     config.fall.fall_s = 0.0;
     config.fall.settle_s = 0.0;
@@ -77,15 +77,13 @@ fn placement_turns_then_tilts_about_the_lowest_edge() {
         centre_mm: [10.0, 20.0],
         height_mm: 30.0,
         tilt_deg: -30.0,
-        yaw_deg: 90.0,
     };
     let scene = Scene::new(&config, |_| {}).unwrap();
-    // Turned by 90 degrees: (u, v) lies at (10 - v, 20 + u), and the edge at the highest y,
-    // u = 185, stays low.
+    // (u, v) lies at (10 + u, 20 + v), and the edge at the highest y, v = 185, stays low.
     for (x, [u, v]) in scene.initial.position.iter().zip(&scene.lamina.rest) {
-        let along = 0.185 - u;
+        let along = 0.185 - v;
         let (sin, cos) = 30.0f64.to_radians().sin_cos();
-        let expected = [0.01 - v, 0.205 - along * cos, 0.03 + along * sin];
+        let expected = [0.01 + u, 0.205 - along * cos, 0.03 + along * sin];
         for k in 0..3 {
             assert!(
                 (x[k] - expected[k]).abs() < 1e-12,

@@ -2,7 +2,7 @@ use std::fmt;
 
 use rayon::prelude::*;
 
-use super::Tool;
+use super::tool::Tool;
 use crate::math::Vec3;
 
 /// What counts as near the surface [m]: the range in which cloth touches the tool.
@@ -29,7 +29,7 @@ impl Tool {
     /// Compares the grid with the exact distance at `count` points in the box and as many
     /// near the surface. Always the same points (Halton sequences); `count` must not be 0.
     pub fn grid_error(&self, count: usize) -> GridError {
-        let (low, high) = (self.grid.origin(), self.grid.end());
+        let (low, high) = (self.grid.origin, self.grid.end());
         let in_box = |i: usize| {
             let share = Vec3::new(halton(i, 2), halton(i, 3), halton(i, 5));
             low + share.component_mul(&(high - low))

@@ -2,7 +2,7 @@ use rayon::prelude::*;
 
 use crate::math::{Lanes, Vec3};
 
-use super::ToolError;
+use super::error::ToolError;
 use super::surface::{Surface, winding};
 
 /// Most nodes of a grid: 256 MiB of samples.
@@ -16,10 +16,14 @@ const MAX_NODES: usize = 64 << 20;
 /// where two parts of the tool are equally near. [`super::Tool::grid_error`] measures it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DistanceGrid {
-    origin: Vec3,
-    spacing: f64,
-    dims: [usize; 3],
-    samples: Vec<f32>,
+    /// Position of the first node [m].
+    pub(super) origin: Vec3,
+    /// Distance between neighbouring nodes [m].
+    pub(super) spacing: f64,
+    /// Nodes along x, y and z; at least 2 each.
+    pub(super) dims: [usize; 3],
+    /// Signed distances [m] at the nodes, x running fastest, then y.
+    pub(super) samples: Vec<f32>,
 }
 
 impl DistanceGrid {
@@ -29,7 +33,12 @@ impl DistanceGrid {
     ///
     /// # Errors
     /// More than 64 Mi nodes, or a box or spacing that is not finite and positive.
-    pub fn new(surface: &Surface, low: Vec3, high: Vec3, spacing: f64) -> Result<Self, ToolError> {
+    pub(super) fn new(
+        surface: &Surface,
+        low: Vec3,
+        high: Vec3,
+        spacing: f64,
+    ) -> Result<Self, ToolError> {
         let cells = (high - low).map(|extent| (extent / spacing - 1e-9).ceil().max(1.0));
         let nodes = cells.map(|c| c + 1.0);
         // The product is taken in f64, which cannot wrap; NaN fails the comparison.
@@ -75,28 +84,8 @@ impl DistanceGrid {
         Ok(grid)
     }
 
-    /// Position of the first node [m].
-    pub fn origin(&self) -> Vec3 {
-        self.origin
-    }
-
-    /// Distance between neighbouring nodes [m].
-    pub fn spacing(&self) -> f64 {
-        self.spacing
-    }
-
-    /// Nodes along x, y and z; at least 2 each.
-    pub fn dims(&self) -> [usize; 3] {
-        self.dims
-    }
-
-    /// Signed distances [m] at the nodes, x running fastest, then y.
-    pub fn samples(&self) -> &[f32] {
-        &self.samples
-    }
-
     /// Position of the last node [m].
-    pub fn end(&self) -> Vec3 {
+    pub(super) fn end(&self) -> Vec3 {
         let [x, y, z] = self.dims.map(|n| (n - 1) as f64);
         self.origin + Vec3::new(x, y, z) * self.spacing
     }
@@ -190,8 +179,8 @@ mod tests {
     /// Points in a box that reaches `beyond` [m] out of the grid.
     fn points(grid: &DistanceGrid, beyond: f64, count: usize) -> Vec<[f64; 3]> {
         let mut stream = Stream::new(3, Purpose::Evaluation, 0);
-        let low = grid.origin() - Vec3::repeat(beyond);
-        let size = grid.end() - grid.origin() + Vec3::repeat(2.0 * beyond);
+        let low = grid.origin - Vec3::repeat(beyond);
+        let size = grid.end() - grid.origin + Vec3::repeat(2.0 * beyond);
         (0..count)
             .map(|_| std::array::from_fn(|a| low[a] + size[a] * stream.uniform()))
             .collect()
@@ -286,7 +275,7 @@ mod tests {
         for x in points(&grid, 0.2, 2000) {
             // Differences across a cell face or the border of the box mean nothing.
             let is_smooth = (0..3).all(|a| {
-                let u = (x[a] - grid.origin()[a]) / grid.spacing();
+                let u = (x[a] - grid.origin[a]) / grid.spacing;
                 (u - u.round()).abs() > 1e-3
             });
             if !is_smooth {
@@ -346,7 +335,7 @@ mod tests {
         for threads in [2, 7] {
             let many = build(threads);
             let bits = |grid: &DistanceGrid| -> Vec<u32> {
-                grid.samples().iter().map(|s| s.to_bits()).collect()
+                grid.samples.iter().map(|s| s.to_bits()).collect()
             };
             assert!(bits(&one) == bits(&many));
         }

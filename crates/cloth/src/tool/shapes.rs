@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::math::Vec3;
 use crate::mesh::TriMesh;
 
-use super::ConfigError;
+use super::error::ToolConfigError;
 use super::patch::{Patch, mound};
 
 /// A tool given by a formula.
@@ -190,33 +190,37 @@ impl Shape {
     ///
     /// # Errors
     /// Names the first key whose value makes no body.
-    pub fn mesh(&self) -> Result<TriMesh, ConfigError> {
-        match self {
-            Self::Rib(shape) => shape.mesh(),
-            Self::Hemisphere(shape) => shape.mesh(),
-            Self::DoubleDome(shape) => shape.mesh(),
-            Self::Plate(shape) => shape.mesh(),
-            Self::Cylinder(shape) => shape.mesh(),
-            Self::Incline(shape) => shape.mesh(),
-        }
+    pub fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+        let (kind, mesh) = match self {
+            Self::Rib(shape) => ("rib", shape.mesh()),
+            Self::Hemisphere(shape) => ("hemisphere", shape.mesh()),
+            Self::DoubleDome(shape) => ("double-dome", shape.mesh()),
+            Self::Plate(shape) => ("plate", shape.mesh()),
+            Self::Cylinder(shape) => ("cylinder", shape.mesh()),
+            Self::Incline(shape) => ("incline", shape.mesh()),
+        };
+        mesh.map_err(|error| ToolConfigError {
+            key: format!("{kind}.{}", error.key),
+            ..error
+        })
     }
 }
 
 impl Rib {
-    fn mesh(&self) -> Result<TriMesh, ConfigError> {
-        let [half_x, half_y] = plate("rib", self.plate_mm, self.base_mm)?;
-        let height = length("rib.height_mm", self.height_mm)?;
-        let half_width = length("rib.half_width_mm", self.half_width_mm)?;
-        within("rib.half_width_mm", self.half_width_mm, 0.0, half_y * 1e3)?;
+    fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+        let [half_x, half_y] = plate(self.plate_mm, self.base_mm)?;
+        let height = length("height_mm", self.height_mm)?;
+        let half_width = length("half_width_mm", self.half_width_mm)?;
+        within("half_width_mm", self.half_width_mm, 0.0, half_y * 1e3)?;
         if !(0.0..1.0).contains(&self.crest_drop) {
-            return Err(ConfigError::new(
-                "rib.crest_drop",
+            return Err(ToolConfigError::new(
+                "crest_drop",
                 self.crest_drop,
                 "at least 0 and below 1",
             ));
         }
         for found in self.vertex_counts {
-            count("rib.vertex_counts", found, 2)?;
+            count("vertex_counts", found, 2)?;
         }
         let [columns, rows] = self.vertex_counts;
         let patch = Patch::grid(columns, rows, |u, v| {
@@ -230,13 +234,13 @@ impl Rib {
 }
 
 impl Hemisphere {
-    fn mesh(&self) -> Result<TriMesh, ConfigError> {
-        let half_size = plate("hemisphere", self.plate_mm, self.base_mm)?;
-        let radius = length("hemisphere.radius_mm", self.radius_mm)?;
+    fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+        let half_size = plate(self.plate_mm, self.base_mm)?;
+        let radius = length("radius_mm", self.radius_mm)?;
         let room = half_size[0].min(half_size[1]) * 1e3;
-        within("hemisphere.radius_mm", self.radius_mm, 0.0, room)?;
-        segments("hemisphere.segment_count", self.segment_count)?;
-        count("hemisphere.ring_count", self.ring_count, 2)?;
+        within("radius_mm", self.radius_mm, 0.0, room)?;
+        segments("segment_count", self.segment_count)?;
+        count("ring_count", self.ring_count, 2)?;
         let patch = mound(half_size, self.segment_count / 4, self.ring_count, |x| {
             (radius.powi(2) - x.powi(2)).max(0.0).sqrt()
         });
@@ -245,26 +249,26 @@ impl Hemisphere {
 }
 
 impl DoubleDome {
-    fn mesh(&self) -> Result<TriMesh, ConfigError> {
-        let half_size = plate("double-dome", self.plate_mm, self.base_mm)?;
-        let radius = length("double-dome.radius_mm", self.radius_mm)?;
-        let centre = 0.5 * length("double-dome.centre_distance_mm", self.centre_distance_mm)?;
-        let waist = length("double-dome.waist_radius_mm", self.waist_radius_mm)?;
+    fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+        let half_size = plate(self.plate_mm, self.base_mm)?;
+        let radius = length("radius_mm", self.radius_mm)?;
+        let centre = 0.5 * length("centre_distance_mm", self.centre_distance_mm)?;
+        let waist = length("waist_radius_mm", self.waist_radius_mm)?;
         within(
-            "double-dome.radius_mm",
+            "radius_mm",
             self.radius_mm,
             0.0,
             (half_size[0] - centre).min(half_size[1]) * 1e3,
         )?;
         // With a thinner waist the outline would no longer be star-shaped.
         within(
-            "double-dome.waist_radius_mm",
+            "waist_radius_mm",
             self.waist_radius_mm,
             0.5 * self.radius_mm,
             self.radius_mm,
         )?;
-        segments("double-dome.segment_count", self.segment_count)?;
-        count("double-dome.ring_count", self.ring_count, 2)?;
+        segments("segment_count", self.segment_count)?;
+        count("ring_count", self.ring_count, 2)?;
         let half_width = |x: f64| {
             let beyond = x.abs() - centre;
             if beyond < 0.0 {
@@ -284,19 +288,19 @@ impl DoubleDome {
 }
 
 impl Plate {
-    fn mesh(&self) -> Result<TriMesh, ConfigError> {
-        let [x, y] = plate("plate", self.plate_mm, self.base_mm)?;
+    fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+        let [x, y] = plate(self.plate_mm, self.base_mm)?;
         let patch = Patch::grid(2, 2, |u, v| Vec3::new(u * x, v * y, 0.0));
         Ok(patch.into_body(-self.base_mm * 1e-3))
     }
 }
 
 impl Cylinder {
-    fn mesh(&self) -> Result<TriMesh, ConfigError> {
-        let radius = length("cylinder.radius_mm", self.radius_mm)?;
-        let half_length = 0.5 * length("cylinder.length_mm", self.length_mm)?;
-        let base = length("cylinder.base_mm", self.base_mm)?;
-        count("cylinder.segment_count", self.segment_count, 3)?;
+    fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+        let radius = length("radius_mm", self.radius_mm)?;
+        let half_length = 0.5 * length("length_mm", self.length_mm)?;
+        let base = length("base_mm", self.base_mm)?;
+        count("segment_count", self.segment_count, 3)?;
         let patch = Patch::grid(2, self.segment_count + 1, |u, v| {
             let angle = v * FRAC_PI_2;
             // The ends of the half circle lie at height 0 exactly, as does the base.
@@ -308,9 +312,9 @@ impl Cylinder {
 }
 
 impl Incline {
-    fn mesh(&self) -> Result<TriMesh, ConfigError> {
-        let [x, y] = plate("incline", self.plate_mm, self.base_mm)?;
-        within("incline.angle_deg", self.angle_deg, 0.0, 80.0)?;
+    fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+        let [x, y] = plate(self.plate_mm, self.base_mm)?;
+        within("angle_deg", self.angle_deg, 0.0, 80.0)?;
         let slope = self.angle_deg.to_radians().tan();
         let patch = Patch::grid(2, 2, |u, v| Vec3::new(u * x, v * y, -u * x * slope));
         Ok(patch.into_body(-x * slope - self.base_mm * 1e-3))
@@ -318,57 +322,55 @@ impl Incline {
 }
 
 /// Half the plate's size [m]; checks the plate's size and the base.
-fn plate(shape: &str, plate_mm: [f64; 2], base_mm: f64) -> Result<[f64; 2], ConfigError> {
-    length(&format!("{shape}.base_mm"), base_mm)?;
-    let key = format!("{shape}.plate_mm");
-    let [x, y] = plate_mm;
-    Ok([0.5 * length(&key, x)?, 0.5 * length(&key, y)?])
+fn plate([x, y]: [f64; 2], base_mm: f64) -> Result<[f64; 2], ToolConfigError> {
+    length("base_mm", base_mm)?;
+    Ok([0.5 * length("plate_mm", x)?, 0.5 * length("plate_mm", y)?])
 }
 
 /// Checks a length [mm] and converts it to [m].
-fn length(key: &str, mm: f64) -> Result<f64, ConfigError> {
-    /// Longest length [mm]: aircraft wings fit, metres mistaken for micrometres do not.
-    const LONGEST: f64 = 1e5;
-    if mm > 0.0 && mm <= LONGEST {
+fn length(key: &str, mm: f64) -> Result<f64, ToolConfigError> {
+    /// [mm] Aircraft wings fit, metres mistaken for micrometres do not.
+    const MAX: f64 = 1e5;
+    if mm > 0.0 && mm <= MAX {
         Ok(mm * 1e-3)
     } else {
-        Err(ConfigError::new(key, mm, "above 0 and at most 100000"))
+        Err(ToolConfigError::new(key, mm, "above 0 and at most 100000"))
     }
 }
 
-fn within(key: &str, found: f64, low: f64, high: f64) -> Result<(), ConfigError> {
+fn within(key: &str, found: f64, low: f64, high: f64) -> Result<(), ToolConfigError> {
     if (low..=high).contains(&found) {
         Ok(())
     } else {
         let expected = format!("between {low} and {high}");
-        Err(ConfigError::new(key, found, expected))
+        Err(ToolConfigError::new(key, found, expected))
     }
 }
 
-fn count(key: &str, found: usize, least: usize) -> Result<(), ConfigError> {
+fn count(key: &str, found: usize, min: usize) -> Result<(), ToolConfigError> {
     /// 16 million vertices at most.
-    const MOST: usize = 4096;
-    if (least..=MOST).contains(&found) {
+    const MAX: usize = 4096;
+    if (min..=MAX).contains(&found) {
         Ok(())
     } else {
-        let expected = format!("between {least} and {MOST}");
-        Err(ConfigError::new(key, found, expected))
+        let expected = format!("between {min} and {MAX}");
+        Err(ToolConfigError::new(key, found, expected))
     }
 }
 
-fn segments(key: &str, found: usize) -> Result<(), ConfigError> {
+fn segments(key: &str, found: usize) -> Result<(), ToolConfigError> {
     count(key, found, 8)?;
     if found.is_multiple_of(4) {
         Ok(())
     } else {
-        Err(ConfigError::new(key, found, "a multiple of 4"))
+        Err(ToolConfigError::new(key, found, "a multiple of 4"))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{Topology, to_stl_bytes};
+    use crate::mesh::{border, to_stl_bytes};
 
     fn all() -> [Shape; 6] {
         [
@@ -385,11 +387,10 @@ mod tests {
     fn every_shape_is_a_closed_ball_that_faces_outwards() {
         for shape in all() {
             let mesh = shape.mesh().unwrap();
-            let topology = Topology::new(&mesh);
-            assert!(topology.is_closed(), "{shape:?}");
-            assert_eq!(topology.euler_characteristic(), 2, "{shape:?}");
-            assert_eq!(topology.nonmanifold_edge_count, 0, "{shape:?}");
-            assert_eq!(topology.vertex_count, mesh.vertices.len(), "{shape:?}");
+            assert_eq!(border(&mesh), Ok(Vec::new()), "{shape:?}");
+            // Euler's formula, V - E + F = 2; every edge has two triangles.
+            let faces = mesh.triangles.len();
+            assert_eq!(mesh.vertices.len() + faces, 2 + 3 * faces / 2, "{shape:?}");
             assert!(mesh.signed_volume() > 0.0, "{shape:?}");
             // Facets of the upper face face up, so no fold hides behind the volume.
             for t in 0..mesh.triangles.len() {
@@ -473,7 +474,7 @@ mod tests {
             ..Rib::default()
         };
         assert_eq!(
-            rib.mesh().unwrap_err().to_string(),
+            Shape::Rib(rib).mesh().unwrap_err().to_string(),
             "rib.half_width_mm is 300, expected between 0 and 220"
         );
         let rib = Rib {
@@ -481,7 +482,7 @@ mod tests {
             ..Rib::default()
         };
         assert_eq!(
-            rib.mesh().unwrap_err().to_string(),
+            Shape::Rib(rib).mesh().unwrap_err().to_string(),
             "rib.height_mm is NaN, expected above 0 and at most 100000"
         );
         let dome = Hemisphere {
@@ -489,14 +490,14 @@ mod tests {
             ..Hemisphere::default()
         };
         assert_eq!(
-            dome.mesh().unwrap_err().to_string(),
+            Shape::Hemisphere(dome).mesh().unwrap_err().to_string(),
             "hemisphere.segment_count is 30, expected a multiple of 4"
         );
         let rib = Rib {
             vertex_counts: [77, usize::MAX],
             ..Rib::default()
         };
-        assert_eq!(rib.mesh().unwrap_err().key, "rib.vertex_counts");
+        assert_eq!(Shape::Rib(rib).mesh().unwrap_err().key, "rib.vertex_counts");
     }
 
     #[test]

@@ -3,10 +3,10 @@ use parry3d_f64::partitioning::BvhNode;
 use parry3d_f64::query::PointQueryWithLocation;
 use parry3d_f64::shape;
 
-use crate::math::Vec3;
-use crate::mesh::{Topology, TriMesh};
+use crate::math::{Vec3, from_parry, to_parry};
+use crate::mesh::{TriMesh, border};
 
-use super::ToolError;
+use super::error::ToolError;
 
 /// Below this share of the surface area, the sum of the area vectors counts as zero: the
 /// mesh encloses a volume but for cracks between facets that were not welded.
@@ -40,8 +40,6 @@ pub struct SurfacePoint {
     pub position: Vec3,
     /// Outward unit normal of the facet.
     pub normal: Vec3,
-    /// Index of the facet.
-    pub triangle: usize,
 }
 
 impl Surface {
@@ -50,21 +48,11 @@ impl Surface {
     /// # Errors
     /// Empty meshes, and those whose neighbouring triangles disagree on which side is out.
     pub fn new(mesh: &TriMesh) -> Result<Self, ToolError> {
-        let topology = Topology::new(mesh);
-        if topology.misoriented_edge_count > 0 {
-            // A triangle that is there twice uses its edges twice, and disagrees with nobody.
-            let count = mesh.duplicate_count();
-            if count > 0 {
-                return Err(ToolError::Duplicate { count });
-            }
-            return Err(ToolError::Misoriented {
-                edge_count: topology.misoriented_edge_count,
-            });
-        }
+        let border = border(mesh)?;
         let vertices: Vec<Vector> = mesh.vertices.iter().map(to_parry).collect();
         let facets =
             shape::TriMesh::new(vertices, mesh.triangles.clone()).map_err(|_| ToolError::Empty)?;
-        let walls = is_open(mesh).then(|| walls(mesh, &topology.border));
+        let walls = is_open(mesh).then(|| walls(mesh, &border));
         Ok(Self { facets, walls })
     }
 
@@ -81,14 +69,12 @@ impl Surface {
         let (nearest, (triangle, _)) = self
             .facets
             .project_local_point_and_get_location(to_parry(&x), false);
-        let triangle = triangle as usize;
-        let normal = self.facets.triangle(triangle as u32).scaled_normal();
+        let normal = self.facets.triangle(triangle).scaled_normal();
         SurfacePoint {
             position: from_parry(nearest.point),
             normal: from_parry(normal)
                 .try_normalize(0.0)
                 .unwrap_or_else(Vec3::z),
-            triangle,
         }
     }
 
@@ -194,20 +180,13 @@ fn walls(mesh: &TriMesh, border: &[[u32; 2]]) -> shape::TriMesh {
     shape::TriMesh::new(vertices, triangles).expect("an open mesh has a border")
 }
 
-fn to_parry(v: &Vec3) -> Vector {
-    Vector::new(v.x, v.y, v.z)
-}
-
-fn from_parry(v: Vector) -> Vec3 {
-    Vec3::new(v.x, v.y, v.z)
-}
-
 #[cfg(test)]
 mod tests {
     use parry3d_f64::query::PointQuery;
 
     use super::*;
     use crate::math::{Purpose, Stream};
+    use crate::mesh::OrientationFault;
     use crate::tool::{DoubleDome, Rib, Shape};
 
     fn random(stream: &mut Stream, low: Vec3, high: Vec3) -> Vec3 {
@@ -361,10 +340,8 @@ mod tests {
         let surface = Surface::new(&mesh).unwrap();
         let x = Vec3::new(0.02, 0.05, 0.08);
         let nearest = surface.project(x);
-        let [a, b, c] = mesh.corners(nearest.triangle);
-        let n = (b - a).cross(&(c - a)).normalize();
-        assert!((nearest.normal - n).norm() < 1e-12);
-        assert!((nearest.position - a).dot(&n).abs() < 1e-12);
+        let n = nearest.normal;
+        assert!((n.norm() - 1.0).abs() < 1e-12);
         let away = x - nearest.position;
         assert!((away.norm() - surface.signed_distance(x)).abs() < 1e-12);
         assert!(away.normalize().dot(&n) > 0.99);
@@ -376,14 +353,18 @@ mod tests {
         mesh.triangles[1].swap(1, 2);
         assert!(matches!(
             Surface::new(&mesh),
-            Err(ToolError::Misoriented { edge_count: 1 })
+            Err(ToolError::Orientation(OrientationFault::Misoriented {
+                edge_count: 1
+            }))
         ));
         // A border edge of a facet that is there twice is used twice in one direction.
         let mut mesh = sheet();
         mesh.triangles.push(mesh.triangles[1]);
         assert!(matches!(
             Surface::new(&mesh),
-            Err(ToolError::Duplicate { count: 1 })
+            Err(ToolError::Orientation(OrientationFault::Duplicate {
+                count: 1
+            }))
         ));
         assert!(matches!(
             Surface::new(&TriMesh::default()),

@@ -1,6 +1,5 @@
 //! Bending: along yarns by second differences, beside membranes by the angle of hinges.
 
-use super::config::{BendingStiffness, TwinConfig};
 use super::pack::{Block, Field, Lane, WIDTH, pack};
 use crate::fabric::{Family, Lamina};
 use crate::math::Vec3;
@@ -30,26 +29,17 @@ pub(super) struct Bending {
     hinges: Vec<Hinge>,
 }
 
-/// Bending stiffness per width of a family [N m].
-fn stiffness(lamina: &Lamina, config: &TwinConfig, family: Family) -> f64 {
-    match config.bending_stiffness {
-        BendingStiffness::Material => lamina.material.bending_stiffness(family),
-        BendingStiffness::NewtonMetre(d) => d,
-        BendingStiffness::Families(d) => d[family as usize],
-    }
-}
-
 impl Bending {
-    pub fn new(lamina: &Lamina, config: &TwinConfig) -> Self {
-        let [warp, weft] =
-            [Family::Warp, Family::Weft].map(|family| stiffness(lamina, config, family));
+    /// Of a sheet with the bending stiffness per width of warp and weft, `stiffness` [N m]; that
+    /// of its material if none.
+    pub fn new(lamina: &Lamina, stiffness: Option<[f64; 2]>) -> Self {
+        let of_material = |family| lamina.material.bending_stiffness(family);
+        let families = [Family::Warp, Family::Weft];
+        let [warp, weft] = stiffness.unwrap_or_else(|| families.map(of_material));
         let mut vertices = Vec::new();
         let mut of_triple = Vec::new();
         for yarn in &lamina.yarns {
-            let d = match yarn.family {
-                Family::Warp => warp,
-                Family::Weft => weft,
-            };
+            let d = [warp, weft][yarn.family as usize];
             for v in yarn.vertices.windows(3) {
                 vertices.push([v[0], v[1], v[2]]);
                 of_triple.push(d * yarn.width / yarn.rest_length.powi(3));
@@ -211,7 +201,7 @@ mod tests {
                 ..BlankConfig::default()
             };
             let lamina = Lamina::new(&blank, Material::interglas_92125()).unwrap();
-            let bending = Bending::new(&lamina, &TwinConfig::default());
+            let bending = Bending::new(&lamina, None);
             assert_eq!(bending.hinges.is_empty(), angle == 0.0);
             let x = crumpled(&lamina, 4e-3);
             let mut f = zeros(lamina.vertex_count());
@@ -220,9 +210,9 @@ mod tests {
             for v in 0..lamina.vertex_count() {
                 for axis in 0..3 {
                     let h = 1e-8;
-                    let at = |way: f64| {
+                    let at = |step: f64| {
                         let mut x = x.clone();
-                        x[axis][v] += way;
+                        x[axis][v] += step;
                         bending.energy(&x)
                     };
                     let slope = (at(h) - at(-h)) / (2.0 * h);
@@ -242,7 +232,7 @@ mod tests {
             ..BlankConfig::default()
         };
         let lamina = Lamina::new(&blank, Material::interglas_92125()).unwrap();
-        let bending = Bending::new(&lamina, &TwinConfig::default());
+        let bending = Bending::new(&lamina, None);
         for (axis, family) in [(0, Family::Warp), (1, Family::Weft)] {
             let radius: f64 = 0.1;
             let mut x = zeros(lamina.vertex_count());

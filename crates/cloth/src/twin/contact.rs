@@ -6,6 +6,7 @@
 //! exactly. Friction takes back the tangential motion of the step, wholly as long as the force
 //! that this needs is below the static limit: what sticks does not creep.
 
+use super::energy::Energies;
 use super::pack::Field;
 use crate::tool::Tool;
 
@@ -13,11 +14,11 @@ use crate::tool::Tool;
 /// radius R the plane is then off by its square over 2 R, 1e-7 m for 10 mm; over a sharp edge
 /// by as much as itself.
 const RENEWAL: f64 = 5e-5;
-/// Way for which the plane of a vertex under pressure gives the direction, far off [m].
+/// Distance for which the plane of a vertex under pressure gives the direction, far off [m].
 const PRESSED_RENEWAL: f64 = 1e-3;
 /// Reach of tack [m].
-pub(super) const TACK_RANGE: f64 = 2e-4;
-/// The interpolated distance may change by somewhat more than the way [-].
+const TACK_RANGE: f64 = 2e-4;
+/// The interpolated distance may change by somewhat more than the displacement [-].
 const LIPSCHITZ: f64 = 0.9;
 
 /// Slip speed over which friction falls from its static to its dynamic coefficient [m/s], as
@@ -30,7 +31,7 @@ const SLIP_SPEED: f64 = 2e-4;
 struct Plane {
     /// Where it was looked up [m].
     at: [f64; 3],
-    /// Square of the way after which it is out of date [m^2]; negative for at once.
+    /// Square of the displacement after which it is out of date [m^2]; negative for at once.
     reach: f64,
     normal: [f64; 3],
     /// Plane: normal . x = offset [m].
@@ -44,28 +45,12 @@ pub(super) struct Contact {
     planes: Vec<Plane>,
     /// Whether a vertex is pressed on to the tool, and with which force [N].
     pub pressure: Vec<f64>,
-    pub friction: Option<[f64; 2]>,
+    /// Static and dynamic coefficient.
+    friction: Option<[f64; 2]>,
     /// Largest pull of the tool on each vertex [N].
-    pub tack: Option<Vec<f64>>,
-    /// Distance of the mid-surface in contact [m].
-    pub offset: f64,
+    tack: Option<Vec<f64>>,
     /// Speed of the roller [m/s], which pressure does not outrun.
     pub press_speed: f64,
-    /// Pressure acts along -z instead of the tool's normal.
-    pub press_down: bool,
-}
-
-/// Energies that a step of contact has taken out or put in [J].
-#[derive(Clone, Copy, Default)]
-pub(super) struct Work {
-    /// Lost on impact.
-    pub contact: f64,
-    /// Lost to friction.
-    pub friction: f64,
-    /// Done by tack.
-    pub tack: f64,
-    /// Done by pressure.
-    pub press: f64,
 }
 
 /// What all vertices share in a step.
@@ -98,12 +83,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 impl Contact {
-    pub fn new(
-        count: usize,
-        friction: Option<[f64; 2]>,
-        tack: Option<Vec<f64>>,
-        offset: f64,
-    ) -> Self {
+    pub fn new(count: usize, friction: Option<[f64; 2]>, tack: Option<Vec<f64>>) -> Self {
         let stale = Plane {
             at: [0.0; 3],
             reach: -1.0,
@@ -116,9 +96,7 @@ impl Contact {
             pressure: vec![0.0; count],
             friction,
             tack,
-            offset,
             press_speed: f64::INFINITY,
-            press_down: false,
         }
     }
 
@@ -129,7 +107,8 @@ impl Contact {
         }
     }
 
-    /// Adds the forces of contact to `f` [N] for all vertices that are not `fixed`.
+    /// Adds the forces of contact to `f` [N] for all vertices that are not `fixed`, and their
+    /// works to `ledger`.
     pub fn add_forces(
         &mut self,
         tool: &Tool,
@@ -138,30 +117,29 @@ impl Contact {
         fixed: &[bool],
         step: &Step,
         f: &mut Field,
-    ) -> Work {
-        let mut work = Work::default();
+        ledger: &mut Energies,
+    ) {
         for i in 0..self.planes.len() {
             let at = [x[0][i], x[1][i], x[2][i]];
             let before = [v[0][i], v[1][i], v[2][i]];
             let plane = &mut self.planes[i];
-            let mut way = 0.0;
+            let mut square = 0.0;
             for k in 0..3 {
-                way += (at[k] + step.drift * before[k] - plane.at[k]).powi(2);
+                square += (at[k] + step.drift * before[k] - plane.at[k]).powi(2);
             }
-            if way > plane.reach {
+            if square > plane.reach {
                 let range = if self.tack.is_some() { TACK_RANGE } else { 0.0 };
-                *plane = look_up(tool, at, self.offset, range, self.pressure[i] > 0.0);
+                *plane = look_up(tool, at, range, self.pressure[i] > 0.0);
             }
             if !(plane.is_near || self.pressure[i] > 0.0) || fixed[i] {
                 continue;
             }
             let force = [f[0][i], f[1][i], f[2][i]];
-            let add = self.touch(i, at, before, force, mass[i], step, &mut work);
+            let add = self.touch(i, at, before, force, mass[i], step, ledger);
             for k in 0..3 {
                 f[k][i] += add[k];
             }
         }
-        work
     }
 
     /// The force of the tool and of pressure on one vertex [N].
@@ -174,7 +152,7 @@ impl Contact {
         force: [f64; 3],
         mass: f64,
         step: &Step,
-        work: &mut Work,
+        ledger: &mut Energies,
     ) -> [f64; 3] {
         let Plane {
             normal: n, offset, ..
@@ -196,11 +174,7 @@ impl Contact {
         // The roller: its force falls to nothing where the cloth is as fast as itself. Implicit
         // in the velocity, or 33 N on 30 mg would overshoot.
         let mut pushed = 0.0;
-        let toward = if self.press_down {
-            [0.0, 0.0, -1.0]
-        } else {
-            n.map(|n| -n)
-        };
+        let toward = n.map(|n| -n);
         if self.pressure[i] > 0.0 {
             let gain = step.kick * self.pressure[i] / (mass * (1.0 + step.damped));
             let speed = dot(after, toward);
@@ -241,18 +215,17 @@ impl Contact {
         let mean = [0, 1, 2].map(|k| 0.5 * (before[k] + after[k]));
         let impulse = (1.0 + step.damped) * mass;
         let along = dot(n, mean);
-        work.tack += impulse * pulled * along;
-        work.press += impulse * pushed * dot(toward, mean);
-        work.contact -= impulse * hit * along;
-        work.friction -= impulse * dot(rubbed, mean);
+        ledger.adhesion += impulse * pulled * along;
+        ledger.press += impulse * pushed * dot(toward, mean);
+        ledger.contact -= impulse * hit * along;
+        ledger.friction -= impulse * dot(rubbed, mean);
         [0, 1, 2].map(|k| step.force(mass, after[k] - start[k]))
     }
 }
 
 /// The tangent plane near `x` [m], and how long it may be used.
-fn look_up(tool: &Tool, x: [f64; 3], offset: f64, range: f64, is_pressed: bool) -> Plane {
-    let (distance, normal) = tool.distance(x);
-    let height = distance - offset;
+fn look_up(tool: &Tool, x: [f64; 3], range: f64, is_pressed: bool) -> Plane {
+    let (height, normal) = tool.distance(x);
     let is_near = height <= 2.0 * RENEWAL + range;
     let mut reach = if is_near {
         RENEWAL

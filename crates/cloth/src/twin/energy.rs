@@ -22,7 +22,7 @@ pub struct Energies {
     pub press: f64,
     /// Work done by the tool's tack.
     pub adhesion: f64,
-    /// Lost on impact on the tool.
+    /// Lost on impact on the tool; this and what follows has been turned into heat.
     pub contact: f64,
     /// Lost to friction on the tool.
     pub friction: f64,
@@ -48,7 +48,7 @@ impl Energies {
         self.contact + self.friction + self.damping + self.viscosity
     }
 
-    /// What is missing: 0 if the integration were exact. Positive where energy was lost.
+    /// What is missing: 0 if the integration were exact. Positive where energy has vanished.
     pub fn residual(&self) -> f64 {
         self.supplied() - self.kinetic - self.strain() - self.dissipated()
     }

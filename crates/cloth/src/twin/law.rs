@@ -1,6 +1,4 @@
-use crate::fabric::{Curve, Material, YarnLaw};
-
-use super::config::{Extrapolation, TwinConfig};
+use crate::fabric::{Curve, Material};
 
 /// A piecewise linear law as a sum of ramps: stress = sum of gain max(0, strain - start).
 ///
@@ -14,23 +12,17 @@ pub(super) struct Ramps {
 impl Ramps {
     /// The curve, its last slope going on.
     fn of(curve: &Curve) -> Self {
-        let points: Vec<[f64; 2]> = curve.points().iter().map(|&[e, s]| [e, 1e6 * s]).collect();
         let mut last = 0.0;
-        let steps = points
-            .windows(2)
-            .map(|pair| {
-                let slope = (pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]);
-                let gain = slope - last;
-                last = slope;
-                [pair[0][0], gain]
-            })
-            .collect();
-        Self { steps }
-    }
-
-    /// Slope beyond the last step [Pa].
-    fn last_slope(&self) -> f64 {
-        self.steps.iter().map(|step| step[1]).sum()
+        let steps = curve.points().windows(2).map(|pair| {
+            let [p, q] = [pair[0], pair[1]];
+            let slope = (1e6 * q[1] - 1e6 * p[1]) / (q[0] - p[0]);
+            let gain = slope - last;
+            last = slope;
+            [p[0], gain]
+        });
+        Self {
+            steps: steps.collect(),
+        }
     }
 
     /// Greatest slope up to `strain` [Pa], and the strain from which on there may be a greater.
@@ -56,33 +48,10 @@ pub(super) struct Law {
 }
 
 impl Law {
-    /// Of yarns.
-    pub fn of_yarns(law: &YarnLaw) -> Self {
+    fn of(positive: &Curve, negative: &Curve) -> Self {
         Self {
-            positive: Ramps::of(&law.tension),
-            negative: Ramps::of(&law.compression),
-        }
-    }
-
-    /// Of shear: what holds beyond the data is the twin's own choice.
-    pub fn of_shear(material: &Material, config: &TwinConfig) -> Self {
-        let branch = |curve: &Curve| {
-            let mut ramps = Ramps::of(curve);
-            if config.shear_extrapolation == Extrapolation::Constant {
-                let end = curve.points().last().map_or(0.0, |point| point[0]);
-                let slope = ramps.last_slope();
-                ramps.steps.push([end, -slope]);
-            }
-            if let Some(angle) = config.locking_deg {
-                let gain = config.locking_factor * curve.modulus();
-                ramps.steps.push([angle.to_radians(), gain]);
-            }
-            ramps.steps.sort_by(|a, b| a[0].total_cmp(&b[0]));
-            ramps
-        };
-        Self {
-            positive: branch(&material.shear.positive),
-            negative: branch(&material.shear.negative),
+            positive: Ramps::of(positive),
+            negative: Ramps::of(negative),
         }
     }
 
@@ -114,11 +83,9 @@ impl Law {
         sum(&self.positive, strain) + sum(&self.negative, -strain)
     }
 
-    /// Every slope is finite.
-    pub fn is_finite(&self) -> bool {
-        [&self.positive, &self.negative]
-            .iter()
-            .all(|ramps| ramps.steps.iter().flatten().all(|x| x.is_finite()))
+    fn is_finite(&self) -> bool {
+        let steps = self.positive.steps.iter().chain(&self.negative.steps);
+        steps.flatten().all(|x| x.is_finite())
     }
 }
 
@@ -130,10 +97,11 @@ pub(super) struct Laws {
 }
 
 impl Laws {
-    pub fn new(material: &Material, config: &TwinConfig) -> Self {
+    pub fn new(material: &Material) -> Self {
+        let yarns = [&material.warp, &material.weft];
         Self {
-            yarns: [&material.warp, &material.weft].map(Law::of_yarns),
-            shear: Law::of_shear(material, config),
+            yarns: yarns.map(|law| Law::of(&law.tension, &law.compression)),
+            shear: Law::of(&material.shear.positive, &material.shear.negative),
         }
     }
 
@@ -158,7 +126,7 @@ mod tests {
     #[test]
     fn ramps_have_the_stress_of_the_curves() {
         let material = Material::interglas_92125();
-        let laws = Laws::new(&material, &TwinConfig::default());
+        let laws = Laws::new(&material);
         for (law, yarn) in laws.yarns.iter().zip([&material.warp, &material.weft]) {
             for strain in [0.0, 0.001, 0.005, 0.006, 0.0125, 0.02, 0.03, 0.5] {
                 let [tension, compression] = law.stress(&[strain, -strain]);
@@ -169,36 +137,17 @@ mod tests {
     }
 
     #[test]
-    fn shear_beyond_the_data_is_what_was_asked_for() {
-        let material = Material::interglas_92125();
-        let at =
-            |config: &TwinConfig, angle: f64| Law::of_shear(&material, config).stress(&[angle])[0];
-        let mut config = TwinConfig {
-            shear_extrapolation: Extrapolation::Linear,
-            ..TwinConfig::default()
-        };
-        close(at(&config, 0.05), 2500.0);
-        close(at(&config, 0.9), 45_000.0);
-        close(at(&config, -0.9), -32_400.0);
-        config.shear_extrapolation = Extrapolation::Constant;
-        close(at(&config, 0.05), 2500.0);
-        close(at(&config, 0.9), 5000.0);
-        close(at(&config, -0.9), -3600.0);
-        config.locking_deg = Some(45.0);
-        config.locking_factor = 100.0;
-        let over = 0.9 - 45f64.to_radians();
-        close(at(&config, 0.9), 5000.0 + 100.0 * 50_000.0 * over);
+    fn shear_beyond_the_data_goes_on_with_its_slope() {
+        let law = Laws::new(&Material::interglas_92125()).shear;
+        for (angle, stress) in [(0.05, 2500.0), (0.9, 45_000.0), (-0.9, -32_400.0)] {
+            close(law.stress(&[angle])[0], stress);
+        }
     }
 
     #[test]
     fn energy_is_the_integral_of_the_stress() {
         let material = Material::interglas_92125();
-        let config = TwinConfig {
-            shear_extrapolation: Extrapolation::Constant,
-            locking_deg: Some(40.0),
-            ..TwinConfig::default()
-        };
-        let laws = Laws::new(&material, &config);
+        let laws = Laws::new(&material);
         for (law, reach) in [
             (&laws.yarns[0], 0.03),
             (&laws.yarns[1], 0.03),
@@ -217,7 +166,7 @@ mod tests {
 
     #[test]
     fn stiffest_slope_says_how_far_it_holds() {
-        let laws = Laws::new(&Material::interglas_92125(), &TwinConfig::default());
+        let laws = Laws::new(&Material::interglas_92125());
         let (slope, limit) = laws.yarns[0].positive.stiffest(0.004);
         close(slope, 600e6);
         close(limit, 0.005);

@@ -7,21 +7,12 @@
 
 use super::law::Laws;
 use super::pack::{Block, Field, Lane, WIDTH, pack};
-use crate::fabric::Lamina;
+use crate::fabric::{Lamina, Membrane};
 
 /// Below this stretch a yarn has no direction [-].
-const LEAST_STRETCH: f64 = 1e-6;
+const MIN_STRETCH: f64 = 1e-6;
 /// Below this cosine of the shear angle its slope is cut: the yarns lie on each other.
-const LEAST_COSINE: f64 = 1e-6;
-
-/// Strains of one triangle.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Strain {
-    /// Nominal strain of the warp and of the weft [-].
-    pub yarns: [f64; 2],
-    /// By how much the angle between warp and weft is smaller than at rest [rad].
-    pub shear: f64,
-}
+const MIN_COSINE: f64 = 1e-6;
 
 /// A block of triangles.
 struct Triangles {
@@ -47,7 +38,6 @@ struct Memory {
 pub(super) struct Membranes {
     triangles: Vec<Triangles>,
     pub laws: Laws,
-    count: usize,
     /// The memory is that of the last step.
     remembers: bool,
 }
@@ -62,7 +52,6 @@ pub(super) struct Pass {
 
 impl Membranes {
     pub fn new(lamina: &Lamina, laws: Laws) -> Self {
-        let [cos, sin] = warp_direction(lamina);
         let thickness = lamina.material.thickness();
         let still = Memory {
             strain: [0.0; WIDTH],
@@ -73,14 +62,12 @@ impl Membranes {
             let mut gradient = [[[0.0; WIDTH]; 2]; 2];
             let mut volume = [0.0; WIDTH];
             for (l, &element) in block.elements.iter().enumerate() {
-                let [a, b, c] = lamina.triangles[element].map(|v| lamina.rest[v as usize]);
-                let (u, v) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-                let twice = u[0] * v[1] - u[1] * v[0];
-                volume[l] = 0.5 * twice.abs() * thickness;
-                let slopes = [[v[1], -v[0]], [-u[1], u[0]]];
-                for (to, [x, y]) in gradient.iter_mut().zip(slopes) {
-                    to[0][l] = (x * cos + y * sin) / twice;
-                    to[1][l] = (y * cos - x * sin) / twice;
+                let corners = lamina.triangles[element];
+                let rest = corners.map(|v| lamina.rest[v as usize]);
+                let flat = Membrane::new(corners, rest, lamina.warp);
+                volume[l] = flat.area * thickness;
+                for (to, slope) in gradient.iter_mut().zip(&flat.gradient[1..]) {
+                    [to[0][l], to[1][l]] = *slope;
                 }
             }
             Triangles {
@@ -93,7 +80,6 @@ impl Membranes {
         Self {
             triangles: triangles.collect(),
             laws,
-            count: lamina.triangles.len(),
             remembers: false,
         }
     }
@@ -139,10 +125,10 @@ impl Membranes {
                 for ((memory, strain), stress) in of_family.zip(&mut stress) {
                     for l in 0..WIDTH {
                         let viscous = rate * (stress[l] - memory.stress[l]);
-                        let way = strain[l] - memory.strain[l];
+                        let growth = strain[l] - memory.strain[l];
                         let mean = 0.5 * (viscous + memory.viscous[l]);
-                        // The first pass has no way behind it.
-                        let work = some.volume[l] * mean * way;
+                        // The first pass has nothing behind it.
+                        let work = some.volume[l] * mean * growth;
                         dissipated[l] += if self.remembers { work } else { 0.0 };
                         memory.stress[l] = stress[l];
                         memory.strain[l] = strain[l];
@@ -176,23 +162,7 @@ impl Membranes {
         sum
     }
 
-    /// Strains of every triangle at `x`, in the lamina's order.
-    pub fn strains(&self, x: &Field) -> Vec<Strain> {
-        let mut strains = vec![Strain::default(); self.count];
-        for some in &self.triangles {
-            let columns = some.columns(x);
-            let shear = asin(&columns.sine);
-            for (l, &element) in some.block.elements.iter().enumerate() {
-                strains[element] = Strain {
-                    yarns: [columns.strain[0][l], columns.strain[1][l]],
-                    shear: shear[l],
-                };
-            }
-        }
-        strains
-    }
-
-    /// Tells, element by element and for each way it deforms, the corners, how far the strain
+    /// Tells, element by element and for each mode of its deformation, the corners, how far the strain
     /// changes with each of them [1/m], the unit direction in which it does if there is one,
     /// and the volume [m^3]. For the bound on frequencies.
     pub fn modes(&self, x: &Field, mut tell: impl FnMut(Mode, [u32; 3], [f64; 3], f64)) {
@@ -216,7 +186,7 @@ impl Membranes {
     }
 }
 
-/// A way in which a triangle deforms.
+/// How a triangle deforms.
 pub(super) enum Mode {
     Yarn { family: usize, direction: [f64; 3] },
     Shear,
@@ -262,10 +232,10 @@ impl Triangles {
                 let y = u[1][l] * g1[l] + v[1][l] * g2[l];
                 let z = u[2][l] * g1[l] + v[2][l] * g2[l];
                 let stretch = (x * x + y * y + z * z).sqrt();
-                let some = if stretch > LEAST_STRETCH {
+                let some = if stretch > MIN_STRETCH {
                     stretch
                 } else {
-                    LEAST_STRETCH
+                    MIN_STRETCH
                 };
                 let inverse = 1.0 / some;
                 dx[l] = x * inverse;
@@ -294,10 +264,10 @@ impl Triangles {
         for l in 0..WIDTH {
             let sine = columns.sine[l];
             let cosine = (1.0 - sine * sine).sqrt();
-            let some = if cosine > LEAST_COSINE {
+            let some = if cosine > MIN_COSINE {
                 cosine
             } else {
-                LEAST_COSINE
+                MIN_COSINE
             };
             let turn = tau[l] / some * self.volume[l];
             for family in 0..2 {
@@ -324,30 +294,6 @@ impl Triangles {
             self.block.add(f, 2, &rest[1]);
         }
     }
-}
-
-/// Direction of the warp on the flat blank: that of its yarns, or of its membranes.
-fn warp_direction(lamina: &Lamina) -> [f64; 2] {
-    use crate::fabric::Family;
-    let of_yarn = lamina.yarns.first().map(|yarn| {
-        let [a, b] = [0, 1].map(|k| lamina.rest[yarn.vertices[k] as usize]);
-        let [x, y] = [b[0] - a[0], b[1] - a[1]];
-        let length = x.hypot(y);
-        match yarn.family {
-            Family::Warp => [x / length, y / length],
-            Family::Weft => [y / length, -x / length],
-        }
-    });
-    let of_membrane = lamina.membranes.first().map(|membrane| {
-        let mut sum = [0.0; 2];
-        for (v, gradient) in membrane.vertices.iter().zip(&membrane.gradient) {
-            for (sum, x) in sum.iter_mut().zip(lamina.rest[*v as usize]) {
-                *sum += x * gradient[0];
-            }
-        }
-        sum
-    });
-    of_yarn.or(of_membrane).unwrap_or([1.0, 0.0])
 }
 
 /// Arc sine, to two units in the last place: rational approximation of fdlibm's `e_asin.c`,

@@ -1,12 +1,12 @@
 //! The finite-element digital twin: the same lamina by another method, slow and in f64.
 //!
-//! Triangles of constant strain with the law of a woven fabric ([`Strain`] along warp and weft
-//! and the change of their angle), bending along yarns, lumped masses and explicit central
+//! Triangles of constant strain with the law of a woven fabric (strain along warp and weft and
+//! the change of their angle), bending along yarns, lumped masses and explicit central
 //! differences, as the paper's Section 2 has it in Abaqus/Explicit. With the fast solver it
 //! shares material and mesh, and no code: where both agree, neither is wrong by itself.
 //!
 //! The time step follows from a bound on the highest frequency, contact is kinematic, and a
-//! balance of energy says what the integration has lost. The cloth does not touch itself, and
+//! balance of energy says by how much the integration errs. The cloth does not touch itself, and
 //! has no thickness but in its stiffness. `docs/TWIN.md` has equations and figures.
 
 mod bending;
@@ -16,17 +16,15 @@ mod energy;
 mod frequency;
 mod law;
 mod membrane;
-mod output;
 mod pack;
 mod press;
 mod relax;
 mod step;
 mod twin;
 
-pub use config::{BendingStiffness, Extrapolation, TwinConfig, TwinError};
+pub use config::{TwinConfig, TwinError};
 pub use energy::Energies;
-pub use membrane::Strain;
-pub use press::{Hold, PressAction, PressConfig, PressDirection, under_box};
+pub use press::{Hold, PressConfig, Replay, under_box};
 pub use relax::Relaxed;
 pub use step::Diverged;
 pub use twin::Twin;

@@ -2,12 +2,11 @@ use super::step::Diverged;
 use super::twin::Twin;
 use crate::tool::Tool;
 
-/// Least and most steps between two looks at how the twin moves.
+/// Min and max steps between two estimates of how the twin moves.
 const WINDOW: [usize; 2] = [200, 20_000];
-/// Share of a radian of the slowest motion in which to look again.
+/// Share of a radian of the slowest motion between two estimates.
 const SHARE: f64 = 0.1;
-
-/// Looks in a row that have to find the twin at rest.
+/// Estimates in a row that have to find the twin at rest.
 const QUIET: usize = 3;
 
 /// How a search for rest has ended.
@@ -16,8 +15,8 @@ pub struct Relaxed {
     /// Time that it took [s], of the twin.
     pub seconds: f64,
     /// How far vertices still have to go, about (root mean square) [m].
-    pub way: f64,
-    /// That way is within the tolerance.
+    pub distance_left: f64,
+    /// That distance is within the tolerance.
     pub is_at_rest: bool,
 }
 
@@ -29,7 +28,7 @@ impl Twin {
     /// from the motion itself by Rayleigh's quotient, and damping is critical for it, 2 omega.
     /// Motion that only creeps is damped too much; the rate at which it fades tells by how much.
     /// How the twin gets there is no motion of cloth; where it comes to rest is. With friction
-    /// that can depend on the way.
+    /// that can depend on the path there.
     ///
     /// # Errors
     /// As for [`Twin::advance`].
@@ -51,32 +50,32 @@ impl Twin {
         tolerance: f64,
         seconds: f64,
     ) -> Result<Relaxed, Diverged> {
-        let start = self.seconds();
+        let start = self.seconds;
         self.contact.forget();
         let mut window = WINDOW[0];
         let mut quiet = 0;
-        let mut way = f64::INFINITY;
+        let mut distance_left = f64::INFINITY;
         let (mut x, mut f) = (self.x.clone(), self.elastic_field());
         let mut last: Option<(f64, f64)> = None;
-        while start + seconds - self.seconds() > 1e-9 * self.stable_time_step() && quiet < QUIET {
-            let began = self.seconds();
+        while start + seconds - self.seconds > 1e-9 * self.time_step && quiet < QUIET {
+            let began = self.seconds;
             for _ in 0..window {
                 // An even share of what is left is a whole step as long as that is long.
-                let left = start + seconds - self.seconds();
-                if left <= 1e-9 * self.stable_time_step() {
+                let left = start + seconds - self.seconds;
+                if left <= 1e-9 * self.time_step {
                     break;
                 }
                 self.step(tool, left)?;
             }
-            let time = self.seconds() - began;
+            let time = self.seconds - began;
             let now = self.elastic_field();
             let (mut work, mut inertia, mut mass) = (0.0, 0.0, 0.0);
-            for v in 0..self.vertex_count() {
-                mass += self.mass_of(v);
+            for v in 0..self.count {
+                mass += self.mass[v];
                 for k in 0..3 {
                     let u = self.x[k][v] - x[k][v];
                     work -= u * (now[k][v] - f[k][v]);
-                    inertia += self.mass_of(v) * u * u;
+                    inertia += self.mass[v] * u * u;
                 }
             }
             let speed = (inertia / mass).sqrt() / time;
@@ -91,21 +90,25 @@ impl Twin {
                 omega = omega.min((fading * (damping - fading)).sqrt());
             }
             self.config.damping = 2.0 * omega;
-            way = if speed > 0.0 {
+            distance_left = if speed > 0.0 {
                 speed / fading.min(omega).max(1.0 / seconds)
             } else {
                 0.0
             };
             last = Some((speed, time));
-            quiet = if way < tolerance { quiet + 1 } else { 0 };
-            let steps = SHARE / omega.max(f64::MIN_POSITIVE) / self.stable_time_step();
+            quiet = if distance_left < tolerance {
+                quiet + 1
+            } else {
+                0
+            };
+            let steps = SHARE / omega.max(f64::MIN_POSITIVE) / self.time_step;
             window = (steps as usize).clamp(WINDOW[0], WINDOW[1]);
             x.clone_from(&self.x);
             f = now;
         }
         Ok(Relaxed {
-            seconds: self.seconds() - start,
-            way,
+            seconds: self.seconds - start,
+            distance_left,
             is_at_rest: quiet >= QUIET,
         })
     }

@@ -5,16 +5,18 @@ use crate::math::{Isa, Kernel, Lanes};
 use crate::tool::Tool;
 
 /// A yarn that has grown by this much is no yarn any more [-].
-const TORN: f64 = 10.0;
+const TORN_STRAIN: f64 = 10.0;
 
 /// The twin cannot go on.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "the twin diverged after {seconds:.6} s at a time step of {time_step:.3e} s: reduce \
-     `twin.safety`, or look for clamps and loads that tear the lamina"
+    "the twin diverged after {seconds:.6} s at a time step of {time_step:.3e} s: clamps or loads \
+     tear the lamina"
 )]
 pub struct Diverged {
+    /// Since the twin was made [s].
     pub seconds: f64,
+    /// Last time step [s].
     pub time_step: f64,
 }
 
@@ -42,15 +44,15 @@ impl Twin {
     /// One step, of an even share of what is `left` [s].
     pub(super) fn step(&mut self, tool: Option<&Tool>, left: f64) -> Result<(), Diverged> {
         self.vectorize(Task::Forces);
-        let torn = self.peak.iter().any(|peak| *peak >= TORN);
+        let torn = self.peak.iter().any(|peak| *peak >= TORN_STRAIN);
         let stiffer = (0..2).any(|k| self.peak[k] > self.bound.limit[k]);
-        if self.until_look == 0 || stiffer || torn {
+        if self.until_refresh == 0 || stiffer || torn {
             if torn || !self.is_finite() {
                 return Err(self.diverged());
             }
-            self.look();
+            self.refresh_bound();
         }
-        self.until_look -= 1;
+        self.until_refresh -= 1;
         let drift = left / (left / self.time_step - 1e-9).ceil().max(1.0);
         let kick = 0.5 * (self.last + drift);
         let step = Step {
@@ -59,14 +61,10 @@ impl Twin {
             damped: 0.5 * self.config.damping * kick,
         };
         if let Some(tool) = tool {
-            let (x, v) = (&self.x, &self.v);
+            let moving = [&self.x, &self.v];
             let (mass, fixed) = (&self.mass, &self.is_held);
-            let work = (self.contact).add_forces(tool, [x, v], mass, fixed, &step, &mut self.f);
-            let sum = &mut self.ledger.work;
-            sum.contact += work.contact;
-            sum.friction += work.friction;
-            sum.tack += work.tack;
-            sum.press += work.press;
+            let (f, ledger) = (&mut self.f, &mut self.ledger);
+            (self.contact).add_forces(tool, moving, mass, fixed, &step, f, ledger);
         }
         self.hold(&step);
         self.vectorize(Task::Move(step));
@@ -135,15 +133,18 @@ impl Kernel for Run<'_> {
         let twin = self.twin;
         match self.task {
             Task::Forces => {
-                for (f, base) in twin.f.iter_mut().zip(&twin.base) {
-                    f.copy_from_slice(base);
+                for f in &mut twin.f {
+                    f.fill(0.0);
+                }
+                for (f, weight) in twin.f[2].iter_mut().zip(&twin.weight) {
+                    *f = -weight;
                 }
                 // Viscous stress is beta d(stress)/dt with beta = 2 xi / omega.
                 let beta = 2.0 * twin.config.viscosity / twin.bound.frequency;
-                let rate = if twin.last > 0.0 {
-                    beta / twin.last
-                } else {
-                    0.0
+                // The first step has no rate.
+                let rate = match twin.last > 0.0 {
+                    true => beta / twin.last,
+                    false => 0.0,
                 };
                 let viscosity = (beta > 0.0).then_some(rate);
                 let pass = twin.membranes.add_forces(&twin.x, &mut twin.f, viscosity);

@@ -1,17 +1,18 @@
 use super::bending::Bending;
 use super::config::{TwinConfig, TwinError};
-use super::contact::{Contact, Work};
+use super::contact::Contact;
 use super::energy::Energies;
 use super::frequency::{Bound, bound};
 use super::law::Laws;
-use super::membrane::{Membranes, Strain};
+use super::membrane::Membranes;
 use super::pack::{Field, WIDTH, zeros};
 use crate::fabric::Lamina;
 use crate::math::Isa;
 
-/// Steps between two looks at frequencies and soundness: some milliseconds, in which the cloth
-/// hardly turns.
-const LOOK_INTERVAL: usize = 256;
+/// Steps after which the bound on frequencies is refreshed and positions are checked: some
+/// milliseconds, in which the cloth hardly turns.
+const REFRESH_INTERVAL: usize = 256;
+
 /// How a vertex moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Held {
@@ -25,10 +26,9 @@ pub(super) struct Held {
 /// begins at rest, flat, in the lamina's own frame at z = 0.
 pub struct Twin {
     pub(super) config: TwinConfig,
-    pub(super) triangles: Vec<[u32; 3]>,
     pub(super) count: usize,
-    /// Mass, for weight [kg].
-    weight: Vec<f64>,
+    /// Weight of each vertex, 0 in padding [N].
+    pub(super) weight: Vec<f64>,
     /// Mass, for inertia [kg], 0 in padding.
     pub(super) mass: Vec<f64>,
     /// 1 / inertia [1/kg], 0 in padding.
@@ -40,8 +40,6 @@ pub struct Twin {
     pub(super) contact: Contact,
     pub(super) held: Vec<Held>,
     pub(super) is_held: Vec<bool>,
-    /// Weight [N].
-    pub(super) base: Field,
     pub(super) x: Field,
     pub(super) v: Field,
     pub(super) f: Field,
@@ -52,32 +50,23 @@ pub struct Twin {
     pub(super) peak: [f64; 2],
     pub(super) bound: Bound,
     pub(super) time_step: f64,
-    pub(super) until_look: usize,
-    pub(super) ledger: Ledger,
-}
-
-/// What has come and gone since the start [J].
-#[derive(Clone, Copy, Default)]
-pub(super) struct Ledger {
-    pub work: Work,
-    pub external: f64,
-    pub damping: f64,
-    pub viscosity: f64,
-    /// Potential of weight, kinetic and strain energy at the start.
+    pub(super) until_refresh: usize,
+    /// What has come and gone since the start, but for gravity [J].
+    pub(super) ledger: Energies,
+    /// Potential of weight at the start [J].
     potential: f64,
-    initial: f64,
 }
 
 impl Twin {
     /// A lamina at rest. Fails with the key of the value that is out of range.
     pub fn new(lamina: &Lamina, config: &TwinConfig) -> Result<Self, TwinError> {
         config.check()?;
-        let laws = Laws::new(&lamina.material, config);
+        let laws = Laws::new(&lamina.material);
         if !laws.are_finite() {
             return Err(TwinError {
                 key: "material",
                 found: lamina.material.name.clone(),
-                expected: "curves of finite slope",
+                expected: "curves of finite slope".into(),
             });
         }
         let count = lamina.vertex_count();
@@ -89,27 +78,25 @@ impl Twin {
             .map(|m| m * config.mass_scaling)
             .collect();
         let mut inverse_mass: Vec<f64> = mass.iter().map(|m| 1.0 / m).collect();
-        for some in [&mut mass, &mut inverse_mass] {
+        let mut weight: Vec<f64> = (lamina.mass.iter()).map(|m| config.gravity * m).collect();
+        for some in [&mut mass, &mut inverse_mass, &mut weight] {
             some.resize(count.next_multiple_of(WIDTH), 0.0);
         }
         let friction = config.friction.then(|| lamina.material.friction());
         let tack = (config.adhesion > 0.0)
             .then(|| area.iter().map(|a| 1e3 * config.adhesion * a).collect());
-        let offset = 1e-3 * config.contact_offset_mm;
         let mut twin = Self {
             config: config.clone(),
-            triangles: lamina.triangles.clone(),
             count,
-            weight: lamina.mass.clone(),
+            weight,
             mass,
             inverse_mass,
             membranes: Membranes::new(lamina, laws),
-            bending: Bending::new(lamina, config),
-            contact: Contact::new(count, friction, tack, offset),
+            bending: Bending::new(lamina, config.bending_stiffness),
+            contact: Contact::new(count, friction, tack),
             area,
             held: Vec::new(),
             is_held: vec![false; count],
-            base: zeros(count),
             x: zeros(count),
             v: zeros(count),
             f: zeros(count),
@@ -122,36 +109,21 @@ impl Twin {
                 limit: [0.0; 2],
             },
             time_step: 0.0,
-            until_look: 0,
-            ledger: Ledger::default(),
+            until_refresh: 0,
+            ledger: Energies::default(),
+            potential: 0.0,
         };
         for (v, &[x, y]) in lamina.rest.iter().enumerate() {
             twin.x[0][v] = x;
             twin.x[1][v] = y;
         }
-        twin.sum_base();
         twin.restart();
         Ok(twin)
-    }
-
-    /// Number of vertices.
-    pub fn vertex_count(&self) -> usize {
-        self.count
-    }
-
-    /// The configuration it was made from.
-    pub fn config(&self) -> &TwinConfig {
-        &self.config
     }
 
     /// Changes the decay rate of every velocity [1/s], such as to settle.
     pub fn set_damping(&mut self, damping: f64) {
         self.config.damping = damping;
-    }
-
-    /// Time since the twin was made [s].
-    pub fn seconds(&self) -> f64 {
-        self.seconds
     }
 
     /// Position of every vertex [m].
@@ -201,11 +173,6 @@ impl Twin {
         self.restart();
     }
 
-    /// Stops all motion but that of held vertices.
-    pub fn stop(&mut self) {
-        self.set_velocities(&vec![[0.0; 3]; self.count]);
-    }
-
     /// Holds a vertex where it is.
     pub fn fix(&mut self, vertex: u32) {
         self.drive(vertex, [0.0; 3]);
@@ -213,17 +180,11 @@ impl Twin {
 
     /// Holds a vertex, moving it evenly [m/s].
     pub fn drive(&mut self, vertex: u32, velocity: [f64; 3]) {
-        self.free(vertex);
         let vertex = vertex as usize;
         self.is_held[vertex] = true;
+        self.held.retain(|held| held.vertex != vertex);
         let place = self.held.partition_point(|held| held.vertex < vertex);
         self.held.insert(place, Held { vertex, velocity });
-    }
-
-    /// Lets a held vertex go.
-    pub fn free(&mut self, vertex: u32) {
-        self.is_held[vertex as usize] = false;
-        self.held.retain(|held| held.vertex != vertex as usize);
     }
 
     /// Whether a vertex is held.
@@ -234,11 +195,11 @@ impl Twin {
     /// The force with which the cloth pulls at a vertex, weight included [N]: what
     /// whatever holds the vertex has to bear. Viscous stress and inertia are not counted.
     pub fn pull(&self, vertices: &[u32]) -> [f64; 3] {
-        let elastic = self.elastic_field();
-        [0, 1, 2].map(|axis| {
-            let of = |&v: &u32| self.base[axis][v as usize] + elastic[axis][v as usize];
-            vertices.iter().map(of).sum()
-        })
+        let mut f = self.elastic_field();
+        for (f, weight) in f[2].iter_mut().zip(&self.weight) {
+            *f -= weight;
+        }
+        f.map(|f| vertices.iter().map(|&v| f[v as usize]).sum())
     }
 
     /// Force of the material on every vertex at the present positions [N].
@@ -253,19 +214,10 @@ impl Twin {
         f
     }
 
-    /// Strains of every triangle, in the lamina's order.
-    pub fn strains(&self) -> Vec<Strain> {
-        self.membranes.strains(&self.x)
-    }
-
     /// Kinetic energy over mass, as a speed: root mean square velocity by inertia [m/s].
     pub fn speed(&self) -> f64 {
         let sum: f64 = self.mass.iter().sum();
         (2.0 * self.kinetic() / sum).sqrt()
-    }
-
-    pub(super) fn mass_of(&self, vertex: usize) -> f64 {
-        self.mass[vertex]
     }
 
     fn kinetic(&self) -> f64 {
@@ -276,8 +228,7 @@ impl Twin {
     }
 
     fn potential(&self, x: &Field) -> f64 {
-        let g = self.config.gravity;
-        (0..self.count).map(|v| g * self.weight[v] * x[2][v]).sum()
+        (0..self.count).map(|v| self.weight[v] * x[2][v]).sum()
     }
 
     /// The balance of energy, half a step ago.
@@ -289,53 +240,33 @@ impl Twin {
             }
         }
         let (now, then) = (self.membranes.energy(&self.x), self.membranes.energy(&back));
-        let Ledger { work, .. } = self.ledger;
         let potential = 0.5 * (self.potential(&self.x) + self.potential(&back));
         Energies {
             kinetic: self.kinetic(),
             stretch: 0.5 * (now[0] + then[0]),
             shear: 0.5 * (now[1] + then[1]),
             bending: 0.5 * (self.bending.energy(&self.x) + self.bending.energy(&back)),
-            initial: self.ledger.initial,
-            gravity: self.ledger.potential - potential,
-            external: self.ledger.external,
-            press: work.press,
-            adhesion: work.tack,
-            contact: work.contact,
-            friction: work.friction,
-            damping: self.ledger.damping,
-            viscosity: self.ledger.viscosity,
+            gravity: self.potential - potential,
+            ..self.ledger
         }
     }
 
     /// Takes the present as the start.
     fn restart(&mut self) {
         self.last = 0.0;
-        self.until_look = 0;
-        self.membranes.forget();
         self.contact.forget();
-        let initial = self.kinetic()
-            + self.membranes.energy(&self.x).iter().sum::<f64>()
-            + self.bending.energy(&self.x);
-        self.ledger = Ledger {
-            potential: self.potential(&self.x),
-            initial,
-            ..Ledger::default()
+        self.potential = self.potential(&self.x);
+        self.ledger = Energies {
+            initial: self.kinetic()
+                + self.membranes.energy(&self.x).iter().sum::<f64>()
+                + self.bending.energy(&self.x),
+            ..Energies::default()
         };
-        self.peak = [0, 1].map(|family| {
-            let strains = self.strains();
-            strains
-                .iter()
-                .fold(0.0, |most, s| s.yarns[family].max(most))
-        });
-        self.look();
-    }
-
-    fn sum_base(&mut self) {
-        self.base = zeros(self.count);
-        for (f, weight) in self.base[2].iter_mut().zip(&self.weight) {
-            *f = -self.config.gravity * weight;
-        }
+        // Every step begins with no forces: these are in nobody's way.
+        let pass = self.membranes.add_forces(&self.x, &mut self.f, None);
+        self.peak = pass.peak;
+        self.membranes.forget();
+        self.refresh_bound();
     }
 
     /// The time step that is known to be stable, times `safety` [s], for the present strain.
@@ -344,20 +275,14 @@ impl Twin {
     }
 
     /// Bounds the frequencies anew, and with them the time step.
-    pub(super) fn look(&mut self) {
-        let (membranes, bending) = (&self.membranes, &self.bending);
-        self.bound = bound(
-            membranes,
-            bending,
-            &self.x,
-            &self.mass[..self.count],
-            self.peak,
-        );
+    pub(super) fn refresh_bound(&mut self) {
+        let mass = &self.mass[..self.count];
+        self.bound = bound(&self.membranes, &self.bending, &self.x, mass, self.peak);
         // Viscous forces come a step late (Abaqus Theory Guide, explicit dynamics).
         let xi = self.config.viscosity;
         let share = (1.0 + xi * xi).sqrt() - xi;
         self.time_step = self.config.safety * 2.0 / self.bound.frequency * share;
-        self.until_look = LOOK_INTERVAL;
+        self.until_refresh = REFRESH_INTERVAL;
     }
 }
 

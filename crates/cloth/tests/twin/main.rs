@@ -8,7 +8,7 @@ mod stability;
 
 use drape_cloth::fabric::{BlankConfig, Family, Lamina, MassModel, Material};
 use drape_cloth::tool::{GridConfig, Pose, Shape, Source, Tool, ToolConfig};
-use drape_cloth::twin::{BendingStiffness, Twin, TwinConfig};
+use drape_cloth::twin::{Twin, TwinConfig};
 
 const GRAVITY: f64 = 9.81;
 const AREAL_MASS: f64 = 0.280;

@@ -14,7 +14,7 @@ fn cantilever(family: Family, gamma: f64, edges: usize) -> [f64; 2] {
     let strip = strip(family, edge * edges as f64, edges);
     let stiffness = AREAL_MASS * GRAVITY * free.powi(3) / gamma;
     let config = TwinConfig {
-        bending_stiffness: BendingStiffness::NewtonMetre(stiffness),
+        bending_stiffness: Some([stiffness; 2]),
         viscosity: 0.1,
         ..bare()
     };
@@ -105,7 +105,7 @@ fn bias_extension(cell_diagonal: f64) -> [f64; 2] {
     let lamina = Lamina::new(&config, Material::interglas_92125()).unwrap();
     let config = TwinConfig {
         gravity: 0.0,
-        bending_stiffness: BendingStiffness::NewtonMetre(0.0),
+        bending_stiffness: Some([0.0; 2]),
         viscosity: 0.1,
         ..bare()
     };
@@ -159,9 +159,7 @@ fn strip_on_a_cylinder_lifts_off_to_its_tip() {
     let edge = 2.0 * radius / (edges as f64 - 0.5);
     let strip = strip(Family::Weft, edge * edges as f64, edges);
     let config = TwinConfig {
-        bending_stiffness: BendingStiffness::NewtonMetre(
-            AREAL_MASS * GRAVITY * radius.powi(3) / 2.0,
-        ),
+        bending_stiffness: Some([AREAL_MASS * GRAVITY * radius.powi(3) / 2.0; 2]),
         viscosity: 0.1,
         ..bare()
     };

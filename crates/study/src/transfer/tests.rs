@@ -160,7 +160,7 @@ fn a_list_without_a_press_ends_where_it_starts() {
     let Setting::Twin(setting) = setting(TWIN) else {
         panic!("the twin is one");
     };
-    let (ends, _) = case.play(TWIN, setting, &[&[]]).unwrap();
+    let (ends, _) = case.play(setting, &[&[]]).unwrap();
     let twin = ends[0].as_ref().unwrap();
     assert_eq!(
         (twin.half, &twin.positions),

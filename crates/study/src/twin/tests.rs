@@ -45,10 +45,6 @@ fn what_the_twin_has_not_is_refused_by_name() {
         change(&mut config);
         twin_config(&config).unwrap_err().to_string()
     };
-    assert_eq!(
-        message(&|c| c.fall.tool_move_mm = [1.0, 0.0, 0.0]),
-        "`fall.tool_move_mm` is [1.0, 0.0, 0.0], expected [0, 0, 0]: the twin's tool stands"
-    );
     assert!(message(&|c| c.physics.shear = false).starts_with("`physics.shear` is false"));
     assert!(message(&|c| c.physics.strain_limit = Some(0.01)).contains("strain_limit"));
     let found = twin_config(&config()).unwrap();

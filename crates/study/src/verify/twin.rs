@@ -3,7 +3,7 @@
 use super::cloth::{Piece, Solve};
 use drape_cloth::fabric::{Family, Lamina};
 use drape_cloth::sim::{Bending, BendingStiffness, Compression, PhysicsConfig, Snapshot};
-use drape_cloth::twin::{BendingStiffness as TwinStiffness, Twin, TwinConfig};
+use drape_cloth::twin::{Twin, TwinConfig};
 
 /// The twin with its default integration.
 #[derive(Clone, Copy, Debug, Default)]
@@ -15,16 +15,16 @@ impl Reference {
     fn twin(piece: Piece, state: &Snapshot) -> Twin {
         let physics = piece.physics;
         let stiffness = match (physics.bending, physics.bending_stiffness) {
-            (Bending::Off, _) => TwinStiffness::NewtonMetre(0.0),
+            (Bending::Off, _) => [0.0; 2],
             // Not the twin's own, as its material may get another branch below.
             (_, BendingStiffness::Material) => {
                 let of = |family| piece.lamina.material.bending_stiffness(family);
-                TwinStiffness::Families([Family::Warp, Family::Weft].map(of))
+                [Family::Warp, Family::Weft].map(of)
             }
-            (_, BendingStiffness::NewtonMetre(d)) => TwinStiffness::NewtonMetre(d),
+            (_, BendingStiffness::NewtonMetre(d)) => [d; 2],
         };
         let config = TwinConfig {
-            bending_stiffness: stiffness,
+            bending_stiffness: Some(stiffness),
             gravity: physics.gravity,
             friction: physics.friction,
             adhesion: physics.adhesion,

@@ -8,7 +8,6 @@ mod contact;
 mod membranes;
 mod motion;
 mod stability;
-mod tool_motion;
 mod verify;
 mod yarns;
 
@@ -20,9 +19,7 @@ use drape_cloth::sim::{
     Batch, Bending, BendingStiffness, Compression, Control, Cpu, Model, PhysicsConfig, Snapshot,
     Solver,
 };
-use drape_cloth::tool::{
-    Cylinder, GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolConfig,
-};
+use drape_cloth::tool::{GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolConfig};
 use drape_study::verify::cloth::Fast;
 
 const GRAVITY: f64 = 9.81;

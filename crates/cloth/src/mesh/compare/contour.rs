@@ -2,9 +2,8 @@ use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::Polyline;
 use serde::Serialize;
 
-use super::to_parry;
-use crate::math::Vec3;
-use crate::mesh::{Topology, TriMesh};
+use crate::math::{Vec3, to_parry};
+use crate::mesh::{TriMesh, border};
 
 /// Samples of the border lie no farther apart than this share of its length: 0.5 mm on a
 /// blank of 370 mm.
@@ -19,23 +18,24 @@ pub struct ContourDeviation {
 }
 
 /// Distance of the border of `a`, sampled evenly along its length, from the border of `b`
-/// (its edges, not its vertices alone). None where one of them has no border.
+/// (its edges, not its vertices alone). None where one of them has no border,
+/// or triangles that do not agree on which side is up.
 ///
 /// Borders of holes count as well; each sample goes to the nearest border, whichever it is.
 pub fn contour_deviation(a: &TriMesh, b: &TriMesh) -> Option<ContourDeviation> {
-    let border = Topology::new(b).border;
-    if border.is_empty() {
+    let [border, other] = [a, b].map(border);
+    let (border, other) = (border.ok()?, other.ok()?);
+    if other.is_empty() {
         return None;
     }
     let vertices = b.vertices.iter().map(to_parry).collect();
-    let other = Polyline::new(vertices, Some(border));
+    let other = Polyline::new(vertices, Some(other));
     let distance = |x: Vec3| {
         let x = to_parry(&x);
         (other.project_local_point(x, false).point - x).length()
     };
 
-    let edges: Vec<[Vec3; 2]> = Topology::new(a)
-        .border
+    let edges: Vec<[Vec3; 2]> = border
         .iter()
         .map(|edge| edge.map(|v| a.vertices[v as usize]))
         .collect();

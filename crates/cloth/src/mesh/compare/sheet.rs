@@ -3,9 +3,8 @@ use std::collections::HashMap;
 use parry3d_f64::query::PointQueryWithLocation;
 use parry3d_f64::shape;
 
-use super::to_parry;
-use crate::math::Vec3;
-use crate::mesh::{Topology, TriMesh};
+use crate::math::{Vec3, from_parry, to_parry};
+use crate::mesh::{OrientationFault, TriMesh, border};
 
 /// A foot is on an edge or a corner where the share of the opposite corner is below this.
 const ON_FEATURE: f64 = 1e-9;
@@ -42,7 +41,7 @@ pub struct Foot {
     /// Its triangle, and its share of each corner.
     pub triangle: usize,
     pub weights: [f64; 3],
-    /// Way from there to the point [m].
+    /// Distance from there to the point [m].
     pub distance: f64,
     /// The same along the sheet's normal, positive on its upper side [m]. Beyond the border
     /// only the part along the normal: what lies sideways is for the contour to measure.
@@ -56,29 +55,15 @@ pub struct Foot {
 pub enum SheetError {
     #[error("no triangle has an area")]
     Empty,
-    #[error(
-        "its triangles disagree on which side is up: {edge_count} edges are used more often in \
-         one direction than in the other"
-    )]
-    Misoriented { edge_count: usize },
-    #[error("{count} triangles are there more than once, expected each once")]
-    Duplicate { count: usize },
+    #[error(transparent)]
+    Orientation(#[from] OrientationFault),
 }
 
 impl Sheet {
     /// Takes a mesh whose triangles run counter-clockwise when seen from its upper side.
     pub fn new(mesh: &TriMesh) -> Result<Self, SheetError> {
-        let topology = Topology::new(mesh);
-        if topology.misoriented_edge_count > 0 {
-            // A triangle that is there twice uses its edges twice, and disagrees with nobody.
-            let count = mesh.duplicate_count();
-            if count > 0 {
-                return Err(SheetError::Duplicate { count });
-            }
-            let edge_count = topology.misoriented_edge_count;
-            return Err(SheetError::Misoriented { edge_count });
-        }
-        let mut sheet_faces = Vec::new();
+        let border = border(mesh)?;
+        let mut faces = Vec::new();
         let mut numbers = Vec::new();
         let mut edges: HashMap<[u32; 2], Feature> = HashMap::new();
         let mut corners = vec![Feature::default(); mesh.vertices.len()];
@@ -89,7 +74,7 @@ impl Sheet {
                 continue;
             };
             numbers.push(t);
-            sheet_faces.push(normal);
+            faces.push(normal);
             for k in 0..3 {
                 let [v, w] = [triangle[k], triangle[(k + 1) % 3]];
                 edges.entry(ends(v, w)).or_default().normal += normal;
@@ -98,7 +83,7 @@ impl Sheet {
                 corners[v as usize].normal += normal * p.angle(&q);
             }
         }
-        for [v, w] in topology.border {
+        for [v, w] in border {
             edges.entry(ends(v, w)).or_default().on_border = true;
             corners[v as usize].on_border = true;
             corners[w as usize].on_border = true;
@@ -109,7 +94,7 @@ impl Sheet {
         Ok(Self {
             facets,
             numbers,
-            faces: sheet_faces,
+            faces,
             edges,
             corners,
         })
@@ -120,7 +105,7 @@ impl Sheet {
         let (nearest, (facet, location)) = self
             .facets
             .project_local_point_and_get_location(to_parry(&x), false);
-        let position = Vec3::new(nearest.point.x, nearest.point.y, nearest.point.z);
+        let position = from_parry(nearest.point);
         let weights = location.barycentric_coordinates().unwrap_or([1.0 / 3.0; 3]);
         let facet = facet as usize;
         let Feature { normal, on_border } = self.feature(facet, weights);

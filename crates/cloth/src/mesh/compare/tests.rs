@@ -1,7 +1,9 @@
 use std::f64::consts::PI;
 
+use super::wrinkles::high_pass;
 use super::*;
 use crate::math::Vec3;
+use crate::mesh::OrientationFault;
 
 /// A square of side 1 in the middle, `cells` to a side, lifted to `height`(x, y).
 fn square(cells: u32, height: impl Fn(f64, f64) -> f64) -> TriMesh {
@@ -119,7 +121,10 @@ fn what_cannot_be_measured_against_is_refused() {
     // In a corner: two of its edges are border.
     mesh.triangles[4].swap(0, 1);
     let error = Sheet::new(&mesh).unwrap_err();
-    assert_eq!(error, SheetError::Misoriented { edge_count: 1 });
+    assert_eq!(
+        error,
+        OrientationFault::Misoriented { edge_count: 1 }.into()
+    );
     let mut mesh = square(3, |_, _| 0.0);
     mesh.triangles.push([
         mesh.triangles[4][1],
@@ -127,7 +132,7 @@ fn what_cannot_be_measured_against_is_refused() {
         mesh.triangles[4][0],
     ]);
     let error = Sheet::new(&mesh).unwrap_err();
-    assert_eq!(error, SheetError::Duplicate { count: 1 });
+    assert_eq!(error, OrientationFault::Duplicate { count: 1 }.into());
     let mut flat = square(3, |_, _| 0.0);
     for x in &mut flat.vertices {
         x.x = 0.0;

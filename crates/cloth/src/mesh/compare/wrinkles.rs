@@ -2,7 +2,8 @@ use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Spread, vertex_areas};
+use super::spread::Spread;
+use super::vertex_areas;
 use crate::math::Vec3;
 use crate::mesh::TriMesh;
 
@@ -13,7 +14,7 @@ const WIDTH: f64 = 0.7309;
 const REACH: f64 = 1.0;
 /// A wrinkle takes at least this share of the squared cutoff: smaller patches are noise of
 /// single vertices.
-const LEAST_AREA: f64 = 0.01;
+const MIN_AREA: f64 = 0.01;
 
 /// What counts as a wrinkle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,7 +55,7 @@ pub fn wrinkles(mesh: &TriMesh, filter: WrinkleFilter) -> Option<Wrinkles> {
             let next = neighbors.of(v).iter().map(|&w| w as usize);
             patch.extend(next.filter(|&w| std::mem::take(&mut open[w])));
         }
-        count += usize::from(area >= LEAST_AREA * filter.cutoff * filter.cutoff);
+        count += usize::from(area >= MIN_AREA * filter.cutoff * filter.cutoff);
     }
     Some(Wrinkles {
         count,
@@ -70,7 +71,7 @@ pub fn wrinkles(mesh: &TriMesh, filter: WrinkleFilter) -> Option<Wrinkles> {
 /// with a Gaussian of their distance times their area. So anything curved evenly, such as a
 /// dome wider than `cutoff` [m], does not count, and neither does a border. Where fewer than
 /// six vertices are near enough for a fit, the height is 0.
-pub fn high_pass(mesh: &TriMesh, cutoff: f64) -> Vec<f64> {
+pub(super) fn high_pass(mesh: &TriMesh, cutoff: f64) -> Vec<f64> {
     let neighbors = Neighbors::new(mesh);
     let areas = vertex_areas(mesh);
     let normals = mesh.vertex_normals();

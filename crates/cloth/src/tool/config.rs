@@ -1,0 +1,118 @@
+use std::path::PathBuf;
+
+use nalgebra::Rotation3;
+use serde::{Deserialize, Serialize};
+
+use super::error::ToolConfigError;
+use super::shapes::Shape;
+use crate::math::Vec3;
+
+/// Where the tool comes from, where it stands, and how finely its distance is sampled.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ToolConfig {
+    pub source: Source,
+    pub pose: Pose,
+    pub grid: GridConfig,
+}
+
+/// A shape from a formula, or a mesh from a file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Source {
+    Shape(Shape),
+    Stl(StlSource),
+}
+
+/// A mesh from an STL file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StlSource {
+    /// Taken as it is: whoever reads the config resolves it against the config's folder.
+    pub path: PathBuf,
+    /// Metres per unit of the file. The default takes the file to be in millimetres.
+    #[serde(default = "millimetre")]
+    pub scale: f64,
+}
+
+/// Position and direction of the tool: turned about x, then y, then z (fixed axes), then
+/// moved.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Pose {
+    pub translation_mm: [f64; 3],
+    /// Roll about x, pitch about y, yaw about z.
+    pub rotation_deg: [f64; 3],
+}
+
+/// Extent and spacing of the distance grid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GridConfig {
+    pub spacing_mm: f64,
+    /// Width of the band round the tool's bounding box that the grid covers too.
+    pub margin_mm: f64,
+}
+
+impl Default for Source {
+    fn default() -> Self {
+        Self::Shape(Shape::default())
+    }
+}
+
+impl Default for GridConfig {
+    fn default() -> Self {
+        Self {
+            spacing_mm: 4.0,
+            margin_mm: 40.0,
+        }
+    }
+}
+
+fn millimetre() -> f64 {
+    1e-3
+}
+
+/// Coarsest spacing and widest margin of the distance grid: coarser than a tool, a grid does
+/// not see it.
+const MAX_MM: f64 = 1000.0;
+
+impl ToolConfig {
+    /// Checks what can be checked without building the tool.
+    ///
+    /// # Errors
+    /// Names the first key whose value makes no sense.
+    pub fn validate(&self) -> Result<(), ToolConfigError> {
+        for (key, found) in [
+            ("grid.spacing_mm", self.grid.spacing_mm),
+            ("grid.margin_mm", self.grid.margin_mm),
+        ] {
+            if !(found > 0.0 && found <= MAX_MM) {
+                let expected = "a positive number up to 1000 mm";
+                return Err(ToolConfigError::new(key, found, expected));
+            }
+        }
+        for (key, values) in [
+            ("pose.translation_mm", self.pose.translation_mm),
+            ("pose.rotation_deg", self.pose.rotation_deg),
+        ] {
+            if let Some(found) = values.iter().find(|v| v.is_nan() || v.abs() > 1e5) {
+                return Err(ToolConfigError::new(key, found, "numbers within +-100000"));
+            }
+        }
+        match &self.source {
+            Source::Stl(stl) if !(stl.scale > 0.0 && stl.scale.is_finite()) => Err(
+                ToolConfigError::new("source.stl.scale", stl.scale, "a positive number"),
+            ),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Pose {
+    /// Moves a point of the tool [m] to its place.
+    pub(super) fn apply(&self, x: &Vec3) -> Vec3 {
+        let [roll, pitch, yaw] = self.rotation_deg.map(f64::to_radians);
+        Rotation3::from_euler_angles(roll, pitch, yaw) * x + Vec3::from(self.translation_mm) * 1e-3
+    }
+}

@@ -1,0 +1,43 @@
+use crate::mesh::{OrientationFault, ReadStlError};
+
+/// A tool that cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ToolError {
+    #[error("invalid tool")]
+    Config(#[from] ToolConfigError),
+    #[error("cannot read the tool")]
+    Read(#[from] ReadStlError),
+    #[error("the tool has no facets")]
+    Empty,
+    #[error("the tool cannot be told from its outside, repair the mesh: {0}")]
+    Orientation(#[from] OrientationFault),
+    #[error(
+        "a grid of {} x {} x {} nodes at spacing {spacing_mm} mm is too large, expected at most \
+         {limit} nodes; increase grid.spacing_mm, or check the size of the tool",
+        dims[0], dims[1], dims[2]
+    )]
+    GridTooLarge {
+        dims: [f64; 3],
+        spacing_mm: f64,
+        limit: usize,
+    },
+}
+
+/// A key of the tool's configuration with a value that makes no sense.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{key} is {found}, expected {expected}")]
+pub struct ToolConfigError {
+    pub key: String,
+    pub found: String,
+    pub expected: String,
+}
+
+impl ToolConfigError {
+    pub(super) fn new(key: &str, found: impl ToString, expected: impl Into<String>) -> Self {
+        Self {
+            key: key.to_string(),
+            found: found.to_string(),
+            expected: expected.into(),
+        }
+    }
+}

@@ -1,0 +1,243 @@
+use super::config::{GridConfig, Source, ToolConfig};
+use super::error::ToolError;
+use super::grid::DistanceGrid;
+use super::surface::{Surface, is_open};
+use crate::math::{Lanes, Vec3};
+use crate::mesh::{TriMesh, read_stl};
+
+/// A rigid tool at its place, with everything that contact and export ask of it.
+#[derive(Clone, Debug)]
+pub struct Tool {
+    /// Facing outwards (upwards if open).
+    pub mesh: TriMesh,
+    /// Exact distance and nearest point; slow.
+    pub surface: Surface,
+    /// Interpolated distance; fast.
+    pub grid: DistanceGrid,
+    /// The mesh as given faced inwards (downwards if open) and was turned over.
+    pub flipped: bool,
+    /// Facets without area that were dropped from the file.
+    pub dropped_facet_count: usize,
+}
+
+impl Tool {
+    /// Reads or makes the mesh, puts it into place and samples its distance.
+    ///
+    /// # Errors
+    /// Values that make no sense, unreadable files, inconsistent meshes, too fine grids.
+    pub fn new(config: &ToolConfig) -> Result<Self, ToolError> {
+        config.validate()?;
+        let (mut mesh, dropped_facet_count) = match &config.source {
+            Source::Shape(shape) => (shape.mesh()?, 0),
+            Source::Stl(stl) => {
+                let stl = read_stl(&stl.path, stl.scale)?;
+                (stl.mesh, stl.dropped_facet_count)
+            }
+        };
+        for vertex in &mut mesh.vertices {
+            *vertex = config.pose.apply(vertex);
+        }
+        let mut tool = Self::from_mesh(mesh, &config.grid)?;
+        tool.dropped_facet_count = dropped_facet_count;
+        Ok(tool)
+    }
+
+    /// Makes a tool of a mesh [m] that is already in place. A mesh that faces inwards, or
+    /// downwards if it is open, is turned over.
+    ///
+    /// # Errors
+    /// As for [`Tool::new`].
+    pub fn from_mesh(mut mesh: TriMesh, grid: &GridConfig) -> Result<Self, ToolError> {
+        let flipped = if is_open(&mesh) {
+            mesh.area_vector().z < 0.0
+        } else {
+            mesh.signed_volume() < 0.0
+        };
+        if flipped {
+            mesh.flip();
+        }
+        let surface = Surface::new(&mesh)?;
+        let (low, high) = mesh.bounds();
+        let margin = Vec3::repeat(grid.margin_mm * 1e-3);
+        let grid = DistanceGrid::new(
+            &surface,
+            low - margin,
+            high + margin,
+            grid.spacing_mm * 1e-3,
+        )?;
+        Ok(Self {
+            mesh,
+            surface,
+            grid,
+            flipped,
+            dropped_facet_count: 0,
+        })
+    }
+
+    /// Distance to the tool [m], negative inside, and its outward unit normal, both
+    /// interpolated: what contact, presses and observations work with.
+    #[inline]
+    pub fn distance(&self, x: [f64; 3]) -> (f64, [f64; 3]) {
+        self.distance_in_lanes(x)
+    }
+
+    /// [`Self::distance`] in every lane, inlined for the instruction set in use.
+    #[inline(always)]
+    pub fn distance_in_lanes<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
+        let (phi, [a, b, c]) = self.grid.sample(x);
+        let norm = (a * a + b * b + c * c).sqrt();
+        let flat = norm.lt(V::of(1e-9));
+        let inverse = V::of(1.0) / V::select(flat, V::of(1.0), norm);
+        let unit = |g: V, up: f64| V::select(flat, V::of(up), g * inverse);
+        (phi, [unit(a, 0.0), unit(b, 0.0), unit(c, 1.0)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::write_stl;
+    use crate::tool::{Plate, Pose, Shape, StlSource};
+
+    #[test]
+    fn config_reads_as_documented() {
+        let config: ToolConfig = toml::from_str(
+            r#"
+            [source.stl]
+            path = "punch.stl"
+            [pose]
+            rotation_deg = [0, 0, 90]
+            [grid]
+            spacing_mm = 3
+            "#,
+        )
+        .unwrap();
+        assert_eq!(
+            config,
+            ToolConfig {
+                source: Source::Stl(StlSource {
+                    path: "punch.stl".into(),
+                    scale: 1e-3,
+                }),
+                pose: Pose {
+                    translation_mm: [0.0; 3],
+                    rotation_deg: [0.0, 0.0, 90.0],
+                },
+                grid: GridConfig {
+                    spacing_mm: 3.0,
+                    margin_mm: 40.0,
+                },
+            }
+        );
+        let config: ToolConfig = toml::from_str("").unwrap();
+        assert_eq!(config, ToolConfig::default());
+        let again = toml::from_str(&toml::to_string(&config).unwrap()).unwrap();
+        assert_eq!(config, again);
+        let error = toml::from_str::<ToolConfig>("[grid]\nspacing = 3").unwrap_err();
+        assert!(error.message().contains("unknown field `spacing`"));
+    }
+
+    #[test]
+    fn senseless_config_names_its_key() {
+        let mut config = ToolConfig::default();
+        config.pose.rotation_deg[1] = f64::INFINITY;
+        assert_eq!(
+            config.validate().unwrap_err().to_string(),
+            "pose.rotation_deg is inf, expected numbers within +-100000"
+        );
+        config = ToolConfig::default();
+        config.grid.spacing_mm = 0.0;
+        assert_eq!(config.validate().unwrap_err().key, "grid.spacing_mm");
+        config = ToolConfig::default();
+        config.source = Source::Stl(StlSource {
+            path: "punch.stl".into(),
+            scale: -1.0,
+        });
+        assert_eq!(config.validate().unwrap_err().key, "source.stl.scale");
+    }
+
+    #[test]
+    fn pose_turns_about_x_then_y_then_z_and_moves() {
+        let pose = Pose {
+            translation_mm: [0.0, 0.0, 10.0],
+            rotation_deg: [90.0, 90.0, 0.0],
+        };
+        // About x: y → z. About y: z → x.
+        let moved = pose.apply(&Vec3::y());
+        assert!((moved - Vec3::new(1.0, 0.0, 0.01)).norm() < 1e-15);
+        let pose = Pose {
+            translation_mm: [0.0; 3],
+            rotation_deg: [90.0, 0.0, 90.0],
+        };
+        // About x: z → −y. About z: −y → x.
+        assert!((pose.apply(&Vec3::z()) - Vec3::x()).norm() < 1e-15);
+    }
+
+    #[test]
+    fn posed_tool_measures_distance_at_its_place() {
+        let config = ToolConfig {
+            source: Source::Shape(Shape::Plate(Plate::default())),
+            pose: Pose {
+                translation_mm: [0.0, 0.0, 100.0],
+                rotation_deg: [0.0, 20.0, 0.0],
+            },
+            ..ToolConfig::default()
+        };
+        let tool = Tool::new(&config).unwrap();
+        let n = Vec3::new(
+            20.0_f64.to_radians().sin(),
+            0.0,
+            20.0_f64.to_radians().cos(),
+        );
+        let x = Vec3::new(0.0, 0.01, 0.1) + n * 0.0137;
+        let (phi, grad) = tool.grid.sample(x.into());
+        assert!((phi - 0.0137).abs() < 1e-7);
+        assert!((Vec3::from(grad) - n).norm() < 1e-5);
+    }
+
+    #[test]
+    fn file_gives_the_same_tool_as_the_shape_it_was_written_from() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rib.stl");
+        let grid = GridConfig {
+            spacing_mm: 10.0,
+            ..GridConfig::default()
+        };
+        let rib = Tool::from_mesh(Shape::default().mesh().unwrap(), &grid).unwrap();
+        write_stl(&path, &rib.mesh, "rib").unwrap();
+        let source = Source::Stl(StlSource { path, scale: 1e-3 });
+        let read = Tool::new(&ToolConfig {
+            source,
+            grid,
+            ..ToolConfig::default()
+        })
+        .unwrap();
+        assert_eq!((read.flipped, read.dropped_facet_count), (false, 0));
+        assert_eq!(read.mesh.vertices.len(), 4575);
+        assert_eq!(read.grid.dims, rib.grid.dims);
+        for (a, b) in read.grid.samples.iter().zip(&rib.grid.samples) {
+            assert!((a - b).abs() < 1e-7);
+        }
+    }
+
+    #[test]
+    fn tools_turned_inside_out_are_flipped() {
+        let grid = GridConfig {
+            spacing_mm: 20.0,
+            ..GridConfig::default()
+        };
+        let mut closed = Shape::default().mesh().unwrap();
+        let mut open = closed.clone();
+        // Without skirt and bottom.
+        open.triangles.truncate(8360);
+        for mesh in [&mut closed, &mut open] {
+            let right = Tool::from_mesh(mesh.clone(), &grid).unwrap();
+            mesh.flip();
+            let turned = Tool::from_mesh(mesh.clone(), &grid).unwrap();
+            assert!(turned.flipped && !right.flipped);
+            assert!(turned.grid.sample([0.0, 0.0, 0.03]).0 < 0.0);
+            assert_eq!(turned.grid.dims, right.grid.dims);
+            assert!(turned.grid.samples == right.grid.samples);
+        }
+    }
+}
