@@ -4,7 +4,8 @@ use std::sync::LazyLock;
 
 use drape_cloth::fabric::{BlankConfig, Lamina, Material};
 use drape_cloth::sim::{
-    Batch, Control, Cpu, Model, PhysicsConfig, Press, SelfCollision, Snapshot, Solver,
+    Backend, Control, Cpu, Model, PhysicsConfig, Plate, Precision, SelfCollision, Snapshot, Solver,
+    World,
 };
 use drape_cloth::tool::{Plate, Shape, Source, Tool, ToolConfig};
 
@@ -33,12 +34,12 @@ static STRIP: LazyLock<Lamina> = LazyLock::new(|| {
     Lamina::new(&blank, Material::interglas_92125()).unwrap()
 });
 
-fn model(self_collision: SelfCollision) -> Model {
+fn world(self_collision: SelfCollision) -> World {
     let physics = PhysicsConfig {
         self_collision,
         ..PhysicsConfig::default()
     };
-    Model::new(&STRIP, &physics)
+    World::new(Model::new(&STRIP, &physics), TOOL.clone())
 }
 
 /// A wrinkle over the whole width that leans to +x: the strip lies flat, goes up a leg of
@@ -79,14 +80,7 @@ fn wrinkle() -> Snapshot {
         let [x, z] = profile(u + 0.120);
         [x, *v, z.max(0.0) + 0.0005]
     });
-    let count = STRIP.vertex_count();
-    Snapshot {
-        position: position.collect(),
-        velocity: vec![[0.0; 3]; count],
-        fixed: fixedbitset::FixedBitSet::with_capacity(count),
-        force_density: Vec::new(),
-        sides: Vec::new(),
-    }
+    Snapshot::at_rest(position.collect())
 }
 
 fn crossings(state: &Snapshot) -> usize {
@@ -95,7 +89,7 @@ fn crossings(state: &Snapshot) -> usize {
 
 /// A plate over the whole strip that sinks with 1 m/s to the tool, and stays there for as many
 /// frames as it takes to come down.
-fn press(batch: &mut dyn Batch, model: &Model) {
+fn press(batch: &mut dyn Backend) {
     let mut plate: f64 = 0.046;
     let part = Control {
         dt: CONTROL.dt / 10.0,
@@ -104,23 +98,22 @@ fn press(batch: &mut dyn Batch, model: &Model) {
     };
     for _ in 0..60 {
         plate = (plate - part.dt).max(0.0);
-        let presses: Vec<Press> = (0..batch.lanes())
-            .map(|lane| Press {
-                lane,
+        let plates: Vec<Plate> = (0..batch.count())
+            .map(|environment| Plate {
+                environment,
                 vertices: (0..STRIP.vertex_count() as u32).collect(),
                 height: plate,
                 descent: 1_000_000,
             })
             .collect();
-        batch.step(model, &TOOL, &part, &presses);
+        batch.step(&part, &plates);
     }
 }
 
 fn pressed(collision: SelfCollision) -> Snapshot {
-    let model = model(collision);
-    let mut batch = Cpu::<f32>::new(&model);
+    let mut batch = Cpu::new(&world(collision), 1, Precision::F32);
     batch.load(0, &wrinkle());
-    press(&mut batch, &model);
+    press(&mut batch);
     batch.snapshot(0)
 }
 
@@ -158,11 +151,11 @@ fn layers_rest_one_thickness_apart() {
         };
         *x = [along, *v, radius + 0.0005 + up];
     }
-    let model = model(SelfCollision::Material);
-    let mut batch = Cpu::<f64>::new(&model);
+    let world = world(SelfCollision::Material);
+    let mut batch = Cpu::new(&world, 1, Precision::F64);
     batch.load(0, &state);
     for _ in 0..90 {
-        batch.step(&model, &TOOL, &CONTROL, &[]);
+        batch.step(&CONTROL, &[]);
     }
     let state = batch.snapshot(0);
     assert_eq!(crossings(&state), 0);
@@ -179,9 +172,12 @@ fn layers_rest_one_thickness_apart() {
 /// Saved and loaded halfway, in wide lanes and alone: the same bits, and each lane its own.
 #[test]
 fn contacts_are_remembered_exactly_and_lane_by_lane() {
-    let model = model(SelfCollision::Material);
-    let isa = drape_cloth::math::Isa::best();
-    let mut wide = drape_cloth::sim::batch(&model, isa);
+    let world = world(SelfCollision::Material);
+    let mut wide = Cpu::new(
+        &world,
+        drape_cloth::math::Isa::best().lanes(),
+        Precision::F32,
+    );
     let start = |lane: usize| {
         let mut state = wrinkle();
         for x in &mut state.position {
@@ -191,21 +187,21 @@ fn contacts_are_remembered_exactly_and_lane_by_lane() {
         }
         state
     };
-    for lane in 0..wide.lanes() {
+    for lane in 0..wide.count() {
         wide.load(lane, &start(lane));
     }
-    press(&mut *wide, &model);
-    let halfway: Vec<Snapshot> = (0..wide.lanes()).map(|l| wide.snapshot(l)).collect();
-    press(&mut *wide, &model);
-    for lane in [0, 3, wide.lanes() - 1] {
-        let mut alone = Cpu::<f32>::new(&model);
+    press(&mut wide);
+    let halfway: Vec<Snapshot> = (0..wide.count()).map(|l| wide.snapshot(l)).collect();
+    press(&mut wide);
+    for lane in [0, 3, wide.count() - 1] {
+        let mut alone = Cpu::new(&world, 1, Precision::F32);
         alone.load(0, &start(lane));
-        press(&mut alone, &model);
+        press(&mut alone);
         assert!(!halfway[lane].sides.is_empty());
         assert!(alone.snapshot(0) == halfway[lane], "lane {lane}");
-        let mut again = Cpu::<f32>::new(&model);
+        let mut again = Cpu::new(&world, 1, Precision::F32);
         again.load(0, &halfway[lane]);
-        press(&mut again, &model);
+        press(&mut again);
         assert!(again.snapshot(0) == wide.snapshot(lane), "lane {lane}");
     }
 }
@@ -213,7 +209,7 @@ fn contacts_are_remembered_exactly_and_lane_by_lane() {
 /// Fixed layers keep their place, and nothing becomes NaN where all is one point, or random.
 #[test]
 fn fixed_collapsed_and_random_cloth_stays_finite() {
-    let model = model(SelfCollision::Material);
+    let world = world(SelfCollision::Material);
     let mut fixed = pressed(SelfCollision::Material);
     fixed.fixed.insert_range(..);
     fixed.velocity.fill([0.0; 3]);
@@ -225,9 +221,9 @@ fn fixed_collapsed_and_random_cloth_stays_finite() {
         *x = [0.05 * stream.normal(), 0.05 * stream.normal(), 0.05];
     }
     for state in [&fixed, &point, &random] {
-        let mut batch = Cpu::<f64>::new(&model);
+        let mut batch = Cpu::new(&world, 1, Precision::F64);
         batch.load(0, state);
-        batch.step(&model, &TOOL, &CONTROL, &[]);
+        batch.step(&CONTROL, &[]);
         let after = batch.snapshot(0);
         assert!(after.is_finite());
         if state.fixed.count_ones(..) > 0 {
@@ -248,7 +244,7 @@ fn contact_keeps_the_momentum() {
         speed_cap: 0.0,
         ..PhysicsConfig::default()
     };
-    let model = Model::new(&STRIP, &physics);
+    let world = World::new(Model::new(&STRIP, &physics), TOOL.clone());
     let mut state = wrinkle();
     for (index, x) in state.position.iter_mut().enumerate() {
         x[2] += 0.2;
@@ -266,12 +262,12 @@ fn contact_keeps_the_momentum() {
             of.map(|(m, v)| m * v[k]).sum()
         })
     };
-    let mut batch = Cpu::<f64>::new(&model);
+    let mut batch = Cpu::new(&world, 1, Precision::F64);
     batch.load(0, &state);
     let before = momentum(&state);
     let mut met = 0;
     for _ in 0..6 {
-        batch.step(&model, &TOOL, &CONTROL, &[]);
+        batch.step(&CONTROL, &[]);
         met = met.max(batch.snapshot(0).sides.len());
     }
     let after = momentum(&batch.snapshot(0));

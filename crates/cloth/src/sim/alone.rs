@@ -249,13 +249,20 @@ impl<V: Lanes> Group for Alone<V> {
         let cloth = &self.cloth;
         let mut fixed = FixedBitSet::with_capacity(self.free_inverse_mass.len());
         for (vertex, (v, lane)) in places().enumerate() {
-            fixed.set(vertex, cloth.inverse_mass[v].as_slice()[lane].to_f64() == 0.0);
+            fixed.set(
+                vertex,
+                cloth.inverse_mass[v].as_slice()[lane].to_f64() == 0.0,
+            );
         }
         let density = self.fold.edges.iter().map(|&[number, lane]| {
             cloth.density[number as usize].as_slice()[lane as usize].to_f64()
         });
-        snapshot.position = places().map(|(v, lane)| cloth.position[v].get(lane)).collect();
-        snapshot.velocity = places().map(|(v, lane)| cloth.velocity[v].get(lane)).collect();
+        snapshot.position = places()
+            .map(|(v, lane)| cloth.position[v].get(lane))
+            .collect();
+        snapshot.velocity = places()
+            .map(|(v, lane)| cloth.velocity[v].get(lane))
+            .collect();
         snapshot.fixed = fixed;
         snapshot.force_density = density.collect();
         snapshot.sides = Vec::new();

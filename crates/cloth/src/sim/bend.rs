@@ -2,7 +2,7 @@
 
 use super::law::in_colors;
 use super::line::{Along, Chain, Rows, Scratch};
-use super::physics::{Bending, PhysicsConfig, BendingStiffness};
+use super::physics::{Bending, BendingStiffness, PhysicsConfig};
 use crate::fabric::{Family, Lamina, Yarn, color};
 use crate::math::{Lanes, Vec3x};
 

@@ -26,7 +26,11 @@ impl EdgeLaw {
     /// The compliance of the sign of `c`.
     #[inline(always)]
     pub fn branch<V: Lanes>(&self, c: V) -> V {
-        V::select(c.lt(V::zero()), V::of(self.compression), V::of(self.tension))
+        V::select(
+            c.lt(V::zero()),
+            V::of(self.compression),
+            V::of(self.tension),
+        )
     }
 }
 

@@ -28,7 +28,9 @@ const DRAG: f64 = 0.2;
 pub(super) fn yarn_law(lamina: &Lamina, yarn: &Yarn) -> EdgeLaw {
     let law = lamina.material.yarn(yarn.family);
     let per_modulus = lamina.material.thickness() * yarn.width / yarn.rest_length;
-    EdgeLaw::of_stiffness([law.tension.modulus(), law.compression.modulus()].map(|e| e * per_modulus))
+    EdgeLaw::of_stiffness(
+        [law.tension.modulus(), law.compression.modulus()].map(|e| e * per_modulus),
+    )
 }
 
 /// Yarn edges in colours; with the limit of each where yarns have one.
@@ -103,7 +105,16 @@ pub(super) fn stretch<V: Lanes, C: Chain<V>>(yarn: Along<V, C>) {
         ..
     } = yarn;
     match line.limit() {
-        None => solve(line, &mut Warm { density, limit: None }, x, mobility, scratch),
+        None => solve(
+            line,
+            &mut Warm {
+                density,
+                limit: None,
+            },
+            x,
+            mobility,
+            scratch,
+        ),
         limit => solve(line, &mut Warm { density, limit }, x, mobility, scratch),
     }
 }
@@ -152,14 +163,24 @@ fn warm<V: Lanes>(line: &impl Chain<V>, density: V) -> V {
 /// the yarns' vibrations.
 #[inline(always)]
 pub(super) fn warm_start<V: Lanes, C: Chain<V>>(yarn: Along<V, C>, fresh: bool) {
-    let Along { line, x, density, pull, stress, .. } = yarn;
+    let Along {
+        line,
+        x,
+        density,
+        pull,
+        stress,
+        ..
+    } = yarn;
     let mut before = (Vec3x::zero(), V::zero());
     for (i, &v) in line.vertices().iter().enumerate() {
         let v = v as usize;
         let after = match line.vertices().get(i + 1) {
             Some(&next) => {
                 let edge = x[next as usize] - x[v];
-                (edge.scale(warm(line, density[i])), density[i].max(-density[i]))
+                (
+                    edge.scale(warm(line, density[i])),
+                    density[i].max(-density[i]),
+                )
             }
             None => (Vec3x::zero(), V::zero()),
         };

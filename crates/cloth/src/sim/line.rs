@@ -245,4 +245,3 @@ fn substitute<V: Lanes>(
     let v = line.vertices()[0] as usize;
     x[v] = x[v] + after.scale(mobility[v]);
 }
-

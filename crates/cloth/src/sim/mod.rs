@@ -16,6 +16,8 @@ mod cloth;
 mod collision;
 mod contact;
 mod cpu;
+#[cfg(test)]
+mod dense;
 mod fold;
 mod frame;
 mod group;

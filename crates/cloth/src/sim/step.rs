@@ -175,12 +175,7 @@ fn stretch_along<S: Storage>(direction: Direction, lines: &Lines, storage: &mut 
 
 /// The plates of this substep.
 #[inline(always)]
-fn hold_down<S: Storage>(
-    model: &Model,
-    plates: &[Plate],
-    substep: usize,
-    storage: &mut S,
-) {
+fn hold_down<S: Storage>(model: &Model, plates: &[Plate], substep: usize, storage: &mut S) {
     let compliance = 1.0 / model.physics().press_stiffness;
     for plate in plates {
         let height = press::height(plate, substep);

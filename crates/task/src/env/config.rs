@@ -2,18 +2,7 @@ use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
 use drape_cloth::fabric::Lamina;
-use drape_cloth::sim::{Accuracy, Stepping};
-
-/// Number type of the episodes' simulation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Precision {
-    /// Several environments in SIMD lanes.
-    #[default]
-    F32,
-    /// One environment at a time, for reference.
-    F64,
-}
+use drape_cloth::sim::{Accuracy, Precision, Stepping};
 
 /// The draping task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

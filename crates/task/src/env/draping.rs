@@ -4,63 +4,27 @@ use fixedbitset::FixedBitSet;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::config::{EnvConfig, EnvError, Precision, Region};
-use super::rules::{Progress, Slot, Task};
-use super::stencil::under_stencil;
+use super::config::{EnvConfig, EnvError, Region};
+use super::rules::{Slot, Task};
 use super::task::{End, Episode, Observation, Outcome, Shape, Tasks};
-use drape_cloth::math::{Isa, Vec3};
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Batch, Press, Snapshot};
+use drape_cloth::sim::{Backend, Snapshot};
 
-/// N draping tasks on one scene, stepped together in groups of SIMD lanes over rayon.
+/// N draping tasks on one scene, stepped together on one [`Backend`].
 pub struct Draping {
     task: Task,
-    groups: Vec<Group>,
-    count: usize,
-}
-
-/// Environments in lockstep.
-struct Group {
-    batch: Box<dyn Batch>,
+    cloth: Box<dyn Backend>,
     slots: Vec<Slot>,
 }
 
-/// How the last finished episode of an environment ended, before the reset.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Finished {
-    pub state: Snapshot,
-    /// One bit a vertex of the blank.
-    pub draped: FixedBitSet,
-    pub touched: FixedBitSet,
-}
-
 impl Draping {
-    /// `count` environments on `scene`, each at its start. One environment alone is computed
-    /// with its lines in the lanes; the results are the same bits.
+    /// `count` environments on `scene`, each at its start.
     pub fn new(scene: Arc<Scene>, config: &EnvConfig, count: usize) -> Result<Self, EnvError> {
         let task = Task::new(scene, config)?;
-        let lanes = match config.precision {
-            Precision::F32 if count > 1 => Isa::best().lanes(),
-            _ => 1,
-        };
-        let groups = (0..count.div_ceil(lanes))
-            .map(|group| {
-                let mut batch = task.cloth(count);
-                // Lanes that nobody uses hold a state that can be stepped as well.
-                for lane in 0..batch.lanes() {
-                    batch.load(lane, &task.scene.initial);
-                }
-                let used = lanes.min(count - group * lanes);
-                Group {
-                    batch,
-                    slots: vec![task.start.clone(); used],
-                }
-            })
-            .collect();
         Ok(Self {
+            cloth: task.cloth(count),
+            slots: vec![task.start.clone(); count],
             task,
-            groups,
-            count,
         })
     }
 
@@ -91,7 +55,7 @@ impl Draping {
 
     /// Summed distance to the tool of the region [m].
     pub fn region_distance(&self, state: &Snapshot) -> f64 {
-        self.task.distance(|v| state.position[v as usize])
+        self.task.distance(state)
     }
 
     /// Vertices of the region, ascending.
@@ -101,14 +65,7 @@ impl Draping {
 
     /// The cloth of one environment as it is now.
     pub fn state(&self, index: usize) -> Snapshot {
-        let (group, lane) = self.place(index);
-        self.groups[group].batch.snapshot(lane)
-    }
-
-    /// Position of a vertex of the blank in one environment [m].
-    pub fn position(&self, index: usize, vertex: u32) -> [f64; 3] {
-        let (group, lane) = self.place(index);
-        self.groups[group].batch.position(lane, vertex)
+        self.cloth.snapshot(index)
     }
 
     /// The task's configuration.
@@ -118,179 +75,75 @@ impl Draping {
 
     /// Vertices of the whole blank that are draped now.
     pub fn draped(&self, index: usize) -> &FixedBitSet {
-        &self.slot(index).progress.draped
+        &self.cloth.pressed()[index].draped
     }
 
     /// Vertices of the whole blank that have been under the stencil by now.
     pub fn touched(&self, index: usize) -> &FixedBitSet {
-        &self.slot(index).progress.touched
+        &self.cloth.pressed()[index].touched
     }
 
     /// How the last episode of an environment ended; none before the first.
-    pub fn finished(&self, index: usize) -> Option<&Finished> {
-        self.slot(index).finished.as_ref()
+    pub fn finished(&self, index: usize) -> Option<&Snapshot> {
+        self.slots[index].finished.as_ref()
     }
 
     /// Whether the mask allows an action after the presses that an environment has had, those of a
     /// replayed list too.
     pub fn allows(&self, index: usize, action: u32) -> bool {
-        let mask = self.task.mask(&self.slot(index).progress);
+        let mask = self.task.mask(&self.cloth.pressed()[index]);
         mask.contains(action as usize)
     }
 
     /// Every vertex of the region has been under the stencil in one environment.
     pub fn is_over(&self, index: usize) -> bool {
-        self.task.is_over(&self.slot(index).progress)
+        self.task.is_over(&self.cloth.pressed()[index])
     }
 
     /// Puts one environment back to the start.
     pub fn reset(&mut self, index: usize) {
-        let (group, lane) = self.place(index);
-        self.groups[group].reset(&self.task, lane);
+        self.cloth.reset(index);
+        let slot = &mut self.slots[index];
+        let finished = slot.finished.take();
+        *slot = self.task.start.clone();
+        slot.finished = finished;
     }
 
     /// Presses on a vertex in every environment, whatever the masks allow; where there is none,
     /// time passes all the same. No episode begins or ends by it, and observations stay as they
-    /// were: it is for lists of presses that were made elsewhere. Tells which are sound.
+    /// were: it is for lists of presses that were made elsewhere. Tells which are finite.
     ///
     /// # Panics
     /// If there is not one entry an environment.
     pub fn press(&mut self, vertices: &[Option<u32>]) -> Vec<bool> {
-        assert_eq!(vertices.len(), self.count, "one entry an environment");
-        let lanes = self.groups[0].batch.lanes();
-        let task = &self.task;
-        self.groups
-            .par_iter_mut()
-            .zip(vertices.par_chunks(lanes))
-            .flat_map_iter(|(group, vertices)| {
-                group.press(task, vertices);
-                let mut sound = group.batch.sound();
-                sound.truncate(vertices.len());
-                sound
-            })
-            .collect()
+        self.cloth.press(vertices);
+        self.cloth.finite()
     }
 
-    fn place(&self, index: usize) -> (usize, usize) {
-        let lanes = self.groups[0].batch.lanes();
-        (index / lanes, index % lanes)
-    }
-
-    fn slot(&self, index: usize) -> &Slot {
-        let (group, lane) = self.place(index);
-        &self.groups[group].slots[lane]
-    }
-}
-
-impl Group {
-    fn reset(&mut self, task: &Task, lane: usize) {
-        self.batch.load(lane, &task.scene.initial);
-        let finished = self.slots[lane].finished.take();
-        self.slots[lane] = task.start.clone();
-        self.slots[lane].finished = finished;
-    }
-
-    /// One action in every environment of the group.
-    fn step(&mut self, task: &Task, actions: &[u32]) -> Vec<Outcome> {
-        let mut vertices = Vec::with_capacity(actions.len());
-        for (slot, &action) in self.slots.iter_mut().zip(actions) {
-            let allowed = slot.observation.mask.contains(action as usize);
-            assert!(allowed, "action {action} is masked out");
-            slot.progress.actions.push(action);
-            vertices.push(task.vertex(action));
-        }
-        self.press(task, &vertices);
-        let tool = &task.scene.tool;
-        let sound = self.batch.sound();
-        let distances = self.batch.distances(tool, &task.seen);
-        (0..actions.len())
-            .map(|lane| {
-                let slot = &mut self.slots[lane];
-                if sound[lane] {
-                    let distance = |k| distances[k * sound.len() + lane];
-                    slot.observation = task.observe(&slot.progress, distance);
+    /// Shows each environment that is `finite` what it looks like now.
+    fn observe(&mut self, finite: &[bool]) {
+        let (task, pressed) = (&self.task, self.cloth.pressed());
+        let distances = self.cloth.distances(&task.seen);
+        let distances = distances.par_chunks(task.seen.len());
+        let all = self.slots.par_iter_mut().zip(distances).zip(pressed);
+        all.zip(finite)
+            .for_each(|(((slot, distance), pressed), finite)| {
+                if *finite {
+                    slot.observation = task.observe(pressed, distance);
                 }
-                self.conclude(task, lane, sound[lane])
-            })
-            .collect()
-    }
-
-    /// A press on a vertex in every environment of the group, or time without one.
-    fn press(&mut self, task: &Task, vertices: &[Option<u32>]) {
-        let Scene {
-            tool,
-            lamina,
-            model,
-            ..
-        } = &*task.scene;
-        let side = task.config.stencil_mm * 1e-3;
-        let threshold = task.config.drape_threshold_mm * 1e-3;
-
-        let mut presses = Vec::with_capacity(vertices.len());
-        for (lane, &vertex) in vertices.iter().enumerate() {
-            let Some(pressed) = vertex else { continue };
-            let position = |v| self.batch.position(lane, v);
-            let (vertices, height) = under_stencil(lamina, tool, pressed, side, position);
-            self.slots[lane].progress.stencil.clone_from(&vertices);
-            presses.push(Press {
-                lane,
-                vertices,
-                height,
-                descent: task.descent,
             });
-        }
-        self.batch.step(model, tool, &task.press, &presses);
-
-        for press in presses {
-            let lane = press.lane;
-            let progress = &mut self.slots[lane].progress;
-            let mut touched = press.vertices;
-            touched.retain(|&v| !progress.draped.contains(v as usize));
-            for &v in &touched {
-                progress.touched.insert(v as usize);
-                let x = self.batch.position(lane, v);
-                let (phi, normal) = tool.distance(x);
-                // Tangent planes are a few substeps old: what they let in goes out again.
-                if phi < 0.0 && !task.scene.initial.fixed.contains(v as usize) {
-                    let at = [0, 1, 2].map(|k| x[k] - phi * normal[k]);
-                    self.batch.place(lane, v, at);
-                }
-            }
-            for v in touched {
-                let x = self.batch.position(lane, v);
-                let beside = task.ties[v as usize].iter().map(|&(w, _)| w);
-                let held = beside.chain([v]).all(|v| self.is_slack(task, lane, v));
-                if held && tool.distance(x).0 <= threshold {
-                    self.slots[lane].progress.draped.insert(v as usize);
-                    self.batch.fix(lane, v);
-                }
-            }
-        }
-        if let Some(settle) = &task.settle {
-            self.batch.step(model, tool, settle, &[]);
-        }
-    }
-
-    /// No yarn of a vertex is stretched so much that it would pull it off the tool.
-    fn is_slack(&self, task: &Task, lane: usize, vertex: u32) -> bool {
-        let position = |v| Vec3::from(self.batch.position(lane, v));
-        let x = position(vertex);
-        let mut ties = task.ties[vertex as usize].iter();
-        ties.all(|&(w, length)| (x - position(w)).norm() <= length)
     }
 
     /// Ends and resets the episode of one environment when it is over.
-    fn conclude(&mut self, task: &Task, lane: usize, sound: bool) -> Outcome {
-        let slot = &mut self.slots[lane];
-        let position = |v| self.batch.position(lane, v);
-        let progress = &slot.progress;
-        let over = task.is_over(progress);
+    fn conclude(&mut self, index: usize, finite: bool) -> Outcome {
+        let (task, slot) = (&self.task, &mut self.slots[index]);
+        let over = task.is_over(&self.cloth.pressed()[index]);
         let limit = task.config.max_steps.unwrap_or(usize::MAX);
-        let end = match (sound, over) {
-            // The last sound observation stands for a state that is lost.
+        let end = match (finite, over) {
+            // The last finite observation stands for a state that has diverged.
             (false, _) => End::Diverged,
             (true, true) => End::Terminated,
-            (true, false) if progress.actions.len() >= limit => End::Truncated,
+            (true, false) if slot.actions.len() >= limit => End::Truncated,
             (true, false) => {
                 return Outcome {
                     reward: 0.0,
@@ -298,22 +151,19 @@ impl Group {
                 };
             }
         };
+        let state = self.cloth.snapshot(index);
         let reward = match end {
-            End::Terminated => (task.initial_distance - task.distance(position)) as f32,
+            End::Terminated => (task.initial_distance - task.distance(&state)) as f32,
             End::Truncated | End::Diverged => 0.0,
         };
-        slot.finished = Some(Finished {
-            state: self.batch.snapshot(lane),
-            draped: progress.draped.clone(),
-            touched: progress.touched.clone(),
-        });
+        slot.finished = Some(state);
         let episode = Episode {
             end,
-            actions: progress.actions.clone(),
+            actions: slot.actions.clone(),
             total_reward: reward,
             last: slot.observation.clone(),
         };
-        self.reset(task, lane);
+        self.reset(index);
         Outcome {
             reward,
             episode: Some(episode),
@@ -324,7 +174,7 @@ impl Group {
 /// One environment in a saved state.
 #[derive(Serialize, Deserialize)]
 struct Saved {
-    progress: Progress,
+    actions: Vec<u32>,
     cloth: Snapshot,
 }
 
@@ -334,7 +184,7 @@ impl Tasks for Draping {
     }
 
     fn count(&self) -> usize {
-        self.count
+        self.slots.len()
     }
 
     fn reward_scale(&self) -> f32 {
@@ -342,24 +192,28 @@ impl Tasks for Draping {
     }
 
     fn observation(&self, index: usize) -> &Observation {
-        &self.slot(index).observation
+        &self.slots[index].observation
     }
 
     fn step(&mut self, actions: &[u32]) -> Vec<Outcome> {
-        assert_eq!(actions.len(), self.count, "one action an environment");
-        let lanes = self.groups[0].batch.lanes();
-        let task = &self.task;
-        self.groups
-            .par_iter_mut()
-            .zip(actions.par_chunks(lanes))
-            .flat_map_iter(|(group, actions)| group.step(task, actions))
+        assert_eq!(actions.len(), self.count(), "one action an environment");
+        for (slot, &action) in self.slots.iter_mut().zip(actions) {
+            let allowed = slot.observation.mask.contains(action as usize);
+            assert!(allowed, "action {action} is masked out");
+            slot.actions.push(action);
+        }
+        let vertices: Vec<_> = actions.iter().map(|&a| self.task.vertex(a)).collect();
+        let finite = self.press(&vertices);
+        self.observe(&finite);
+        let all = finite.iter().enumerate();
+        all.map(|(index, &finite)| self.conclude(index, finite))
             .collect()
     }
 
     fn save(&self) -> Vec<u8> {
-        let saved: Vec<Saved> = (0..self.count)
+        let saved: Vec<Saved> = (0..self.count())
             .map(|index| Saved {
-                progress: self.slot(index).progress.clone(),
+                actions: self.slots[index].actions.clone(),
                 cloth: self.state(index),
             })
             .collect();
@@ -369,46 +223,36 @@ impl Tasks for Draping {
     fn load(&mut self, bytes: &[u8]) -> Result<(), String> {
         let saved: Vec<Saved> =
             postcard::from_bytes(bytes).map_err(|e| format!("not saved environments: {e}"))?;
-        if saved.len() != self.count {
-            let (found, expected) = (saved.len(), self.count);
+        if saved.len() != self.count() {
+            let (found, expected) = (saved.len(), self.count());
             return Err(format!("{found} environments saved, expected {expected}"));
         }
         let count = self.task.scene.lamina.vertex_count();
         let pixels = self.shape().pixel_count() as u32;
-        for (index, Saved { progress, cloth }) in saved.iter().enumerate() {
-            let fits = [&progress.draped, &progress.touched]
-                .iter()
-                .all(|b| b.len() == count)
-                && cloth.position.len() == count
+        for (index, Saved { actions, cloth }) in saved.iter().enumerate() {
+            let fits = cloth.position.len() == count
                 && cloth.velocity.len() == count
                 && cloth.force_density.len() <= 2 * count
                 && cloth.fixed.len() <= count
                 && cloth.is_finite()
-                && progress.actions.iter().all(|&a| a < pixels)
-                && progress.stencil.iter().all(|&v| (v as usize) < count);
+                && cloth.pressed.touched.len() == count
+                && cloth.pressed.draped.len() == count
+                && (cloth.pressed.stencil.iter()).all(|&v| (v as usize) < count)
+                && actions.iter().all(|&a| a < pixels);
             if !fits {
                 return Err(format!(
                     "environment {index} is not of a blank of {count} vertices"
                 ));
             }
         }
-        for (index, Saved { progress, cloth }) in saved.into_iter().enumerate() {
-            let (group, lane) = self.place(index);
-            let Group { batch, slots } = &mut self.groups[group];
-            batch.load(lane, &cloth);
-            slots[lane] = Slot {
-                progress,
+        for (index, Saved { actions, cloth }) in saved.into_iter().enumerate() {
+            self.cloth.load(index, &cloth);
+            self.slots[index] = Slot {
+                actions,
                 ..self.task.start.clone()
             };
         }
-        let tool = &self.task.scene.tool;
-        for Group { batch, slots } in &mut self.groups {
-            let distances = batch.distances(tool, &self.task.seen);
-            for (lane, slot) in slots.iter_mut().enumerate() {
-                let distance = |k: usize| distances[k * batch.lanes() + lane];
-                slot.observation = self.task.observe(&slot.progress, distance);
-            }
-        }
+        self.observe(&vec![true; self.count()]);
         Ok(())
     }
 }

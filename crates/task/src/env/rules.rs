@@ -4,15 +4,12 @@
 use std::sync::Arc;
 
 use fixedbitset::FixedBitSet;
-use serde::{Deserialize, Serialize};
 
-use super::config::{EnvConfig, EnvError, Precision, Region};
-use super::draping::Finished;
+use super::config::{EnvConfig, EnvError, Region};
 use super::task::{Observation, Shape};
-use drape_cloth::fabric::Lamina;
-use drape_cloth::math::Isa;
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Batch, Control, alone, alone_f64, batch};
+use drape_cloth::sim::{Backend, Cpu, Pressed, Snapshot, Stencil, World};
+
 /// What is the same for all environments.
 pub(super) struct Task {
     pub scene: Arc<Scene>,
@@ -21,12 +18,8 @@ pub(super) struct Task {
     /// The pixels that the agent sees something at, ascending, and the vertex of each.
     pub pixels: Vec<usize>,
     pub seen: Vec<u32>,
-    pub press: Control,
-    pub descent: usize,
-    pub settle: Option<Control>,
-    /// The next vertices on the yarns of each vertex, and the length between them [m] beyond
-    /// which the yarn pulls the vertex off the tool.
-    pub ties: Vec<Vec<(u32, f64)>>,
+    /// What the backend is given.
+    pub world: World,
     /// The state after a reset.
     pub start: Slot,
     /// Summed distance of the region at the start [m].
@@ -36,21 +29,11 @@ pub(super) struct Task {
 /// One environment, without its cloth.
 #[derive(Clone)]
 pub(super) struct Slot {
-    pub progress: Progress,
-    pub observation: Observation,
-    pub finished: Option<Finished>,
-}
-
-/// What an episode has done so far. Bits are one a vertex of the blank.
-#[derive(Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct Progress {
-    #[serde(with = "drape_cloth::math::bits")]
-    pub draped: FixedBitSet,
-    #[serde(with = "drape_cloth::math::bits")]
-    pub touched: FixedBitSet,
+    /// Those of the episode so far.
     pub actions: Vec<u32>,
-    /// The vertices under the stencil in the last step.
-    pub stencil: Vec<u32>,
+    pub observation: Observation,
+    /// How the last episode ended, before the reset.
+    pub finished: Option<Snapshot>,
 }
 
 impl Task {
@@ -58,30 +41,34 @@ impl Task {
         let region = config.region(&scene.lamina)?;
         let stepping = config.stepping();
         let press = stepping.control(config.press_s);
-        let count = scene.lamina.vertex_count();
-        let progress = Progress {
-            draped: FixedBitSet::with_capacity(count),
-            touched: FixedBitSet::with_capacity(count),
-            actions: Vec::new(),
-            stencil: Vec::new(),
-        };
-        let mut task = Self {
+        let stencil = Stencil {
+            side: 1e-3 * config.stencil_mm,
+            threshold: 1e-3 * config.drape_threshold_mm,
+            max_strain: config.drape_strain,
             press,
             descent: ((press.substeps as f64 * config.descent).round() as usize).max(1),
             settle: (config.settle_s > 0.0).then(|| stepping.control(config.settle_s)),
-            ties: ties(&scene.lamina, config.drape_strain),
+        };
+        let nothing = Observation {
+            draped: FixedBitSet::new(),
+            distance: Vec::new(),
+            touched: FixedBitSet::new(),
+            mask: FixedBitSet::new(),
+        };
+        let mut task = Self {
+            world: World {
+                model: scene.model.clone(),
+                tool: scene.tool.clone(),
+                start: scene.initial.clone(),
+                presses: Some((scene.lamina.clone(), stencil)),
+            },
             start: Slot {
-                observation: Observation {
-                    draped: FixedBitSet::new(),
-                    distance: Vec::new(),
-                    touched: FixedBitSet::new(),
-                    mask: FixedBitSet::new(),
-                },
-                progress,
+                actions: Vec::new(),
+                observation: nothing,
                 finished: None,
             },
             initial_distance: 0.0,
-            scene: scene.clone(),
+            scene,
             config: config.clone(),
             region,
             pixels: Vec::new(),
@@ -95,22 +82,16 @@ impl Task {
             }
         }
         // As the environments hold it.
-        let mut cloth = task.cloth(1);
-        cloth.load(0, &scene.initial);
-        let distances = cloth.distances(&scene.tool, &task.seen);
-        task.start.observation = task.observe(&task.start.progress, |k| distances[k]);
-        task.initial_distance = task.distance(|v| cloth.position(0, v));
+        let cloth = task.cloth(1);
+        let distances = cloth.distances(&task.seen);
+        task.start.observation = task.observe(&cloth.pressed()[0], &distances);
+        task.initial_distance = task.distance(&cloth.snapshot(0));
         Ok(task)
     }
 
-    /// The cloth of some of `count` environments.
-    pub fn cloth(&self, count: usize) -> Box<dyn Batch> {
-        let model = &self.scene.model;
-        match self.config.precision {
-            Precision::F64 => alone_f64(model, Isa::best()),
-            Precision::F32 if count > 1 => batch(model, Isa::best()),
-            Precision::F32 => alone(model, Isa::best()),
-        }
+    /// The cloth of `count` environments.
+    pub fn cloth(&self, count: usize) -> Box<dyn Backend> {
+        Box::new(Cpu::new(&self.world, count, self.config.precision))
     }
 
     pub fn shape(&self) -> Shape {
@@ -159,44 +140,45 @@ impl Task {
     }
 
     /// Summed distance of the region to the tool [m].
-    pub fn distance(&self, position: impl Fn(u32) -> [f64; 3]) -> f64 {
+    pub fn distance(&self, state: &Snapshot) -> f64 {
+        let position = |v: u32| state.position[v as usize];
         let distance = |v| self.scene.tool.distance(position(v)).0.max(0.0);
         self.vertices().map(distance).sum()
     }
 
     /// The agent's view: zero outside the focus region and where the blank has been cut away.
     /// `distance` is that to the tool [m] of `self.seen[k]`.
-    pub fn observe(&self, progress: &Progress, distance: impl Fn(usize) -> f64) -> Observation {
+    pub fn observe(&self, pressed: &Pressed, distance: &[f64]) -> Observation {
         let count = self.shape().pixel_count();
         let mut observation = Observation {
             draped: FixedBitSet::with_capacity(count),
             distance: vec![0.0; count],
             touched: FixedBitSet::with_capacity(count),
-            mask: self.mask(progress),
+            mask: self.mask(pressed),
         };
         for (k, &pixel) in self.pixels.iter().enumerate() {
             let vertex = self.seen[k] as usize;
-            let touched = progress.touched.contains(vertex);
+            let touched = pressed.touched.contains(vertex);
             observation.touched.set(pixel, touched);
             observation
                 .draped
-                .set(pixel, progress.draped.contains(vertex));
-            observation.distance[pixel] = distance(k).max(0.0) as f32;
+                .set(pixel, pressed.draped.contains(vertex));
+            observation.distance[pixel] = distance[k].max(0.0) as f32;
         }
         observation
     }
 
     /// The allowed actions: untouched vertices of the region next to those pressed last.
-    pub fn mask(&self, progress: &Progress) -> FixedBitSet {
+    pub fn mask(&self, pressed: &Pressed) -> FixedBitSet {
         let lamina = &self.scene.lamina;
         let mut near = FixedBitSet::with_capacity(lamina.vertex_count());
-        for &pressed in &progress.stencil {
-            near.extend(lamina.neighbors(pressed).map(|v| v as usize));
+        for &vertex in &pressed.stencil {
+            near.extend(lamina.neighbors(vertex).map(|v| v as usize));
         }
         let untouched = || {
             let pixels = self.pixels.iter().copied().zip(&self.seen);
             let vertices = pixels.map(|(pixel, &v)| (pixel, v as usize));
-            vertices.filter(|&(_, v)| !progress.touched.contains(v))
+            vertices.filter(|&(_, v)| !pressed.touched.contains(v))
         };
         let mut mask = FixedBitSet::with_capacity(self.shape().pixel_count());
         mask.extend(
@@ -212,19 +194,7 @@ impl Task {
     }
 
     /// Every vertex of the region has been under the stencil.
-    pub fn is_over(&self, progress: &Progress) -> bool {
-        self.region.vertices.is_subset(&progress.touched)
+    pub fn is_over(&self, pressed: &Pressed) -> bool {
+        self.region.vertices.is_subset(&pressed.touched)
     }
-}
-
-fn ties(lamina: &Lamina, strain: f64) -> Vec<Vec<(u32, f64)>> {
-    let mut ties = vec![Vec::new(); lamina.vertex_count()];
-    for yarn in &lamina.yarns {
-        let length = yarn.rest_length * (1.0 + strain);
-        for pair in yarn.vertices.windows(2) {
-            ties[pair[0] as usize].push((pair[1], length));
-            ties[pair[1] as usize].push((pair[0], length));
-        }
-    }
-    ties
 }

@@ -1,7 +1,6 @@
 use super::*;
 use crate::fabric::{BlankConfig, Material};
 use crate::math::{Purpose, Stream, Vec3};
-use crate::sim::model::EdgeLaw;
 
 const LAW: EdgeLaw = EdgeLaw {
     tension: 1e-3,

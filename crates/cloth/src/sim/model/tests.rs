@@ -1,6 +1,8 @@
+use super::super::law::LIMITED;
+use super::super::line::Line;
+use super::super::physics::{Bending, BendingStiffness, Tension};
 use super::*;
 use crate::fabric::{BlankConfig, Material};
-use crate::sim::line::Line;
 
 fn model(physics: PhysicsConfig) -> Model {
     let blank = BlankConfig::default();
