@@ -11,7 +11,7 @@ use super::output::OutFolder;
 use super::result::{BASELINE_SEED, Baseline, Recorder, rollout_failure};
 use super::scene::set_up;
 use crate::run::{
-    Checkpoint, EpisodeSummary, Played, RunConfig, RunFolder, parallel_episodes, play, press_all,
+    Checkpoint, EpisodeSummary, Played, Rules, RunConfig, RunFolder, parallel_episodes, play,
     replay,
 };
 use drape_cloth::fabric::Drape;
@@ -250,14 +250,16 @@ impl Loaded {
                 let config = self.config.to_toml();
                 best.validate_config(&config)
                     .or_invalid_in(self.folder.best_sequence().display())?;
-                let replay = if self.changed { press_all } else { replay };
-                (replay(&mut draping, &best.vertices, watch), None)
+                let rules = match self.changed {
+                    true => Rules::Robot,
+                    false => Rules::Episode,
+                };
+                (replay(&mut draping, &best.vertices, rules, watch), None)
             }
             Source::Checkpoint(name) => {
                 let agent = self.agent(name, &draping)?;
-                let choose = |draping: &Draping, _| {
-                    Ok(agent.act(&[draping.observation(0)], Sampling::Greedy)[0])
-                };
+                let choose =
+                    |draping: &Draping| agent.act(&[draping.observation(0)], Sampling::Greedy)[0];
                 (play(&mut draping, choose, watch), Some(agent))
             }
         };

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Failure;
 use super::picture::{Frame, Studio, View};
 use crate::run::{
-    EpisodeSummary, Played, RolloutError, RunFolder, Training, curve, random_episodes,
+    EpisodeSummary, Played, RolloutError, Rules, RunFolder, Training, curve, random_episodes,
     read_metrics, replay,
 };
 use drape_cloth::math::mean_and_deviation;
@@ -90,10 +90,9 @@ pub(super) fn write(training: &Training, baseline: &Baseline, json: bool) -> Res
     let sequence = folder.read_best_sequence()?;
     let mut draping = Draping::new(training.scene().clone(), &training.config().env, 1)?;
     let mut recorder = Recorder::default();
-    let played = replay(&mut draping, &sequence.vertices, |draping, points| {
-        recorder.watch(draping, points);
-    })
-    .map_err(|error| rollout_failure(error, &folder.best_sequence()))?;
+    let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);
+    let played = replay(&mut draping, &sequence.vertices, Rules::Episode, watch)
+        .map_err(|error| rollout_failure(error, &folder.best_sequence()))?;
     write_json(
         &folder.trajectory(),
         &path(&played, &training.config().env)?,
@@ -213,7 +212,7 @@ fn caption(steps: usize, distance: f64, initial: f64) -> String {
 
 /// A sequence that cannot be replayed belongs to the user's folder, a diverged one to us.
 pub(super) fn rollout_failure(error: RolloutError, place: &Path) -> Failure {
-    let diverged = matches!(error, RolloutError::Diverged { .. });
+    let diverged = matches!(error, RolloutError::Diverged(_));
     let error = anyhow::Error::new(error).context(place.display().to_string());
     if diverged {
         error.into()

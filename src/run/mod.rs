@@ -26,7 +26,6 @@ pub use folder::{
 pub use log::LogError;
 pub use metrics::{Metrics, MetricsError, MetricsWriter, curve, read_metrics};
 pub use rollout::{
-    EpisodeSummary, Played, RolloutError, parallel_episodes, play, press_all, random_episodes,
-    replay,
+    EpisodeSummary, Played, RolloutError, Rules, parallel_episodes, play, random_episodes, replay,
 };
 pub use training::{Report, Training, TrainingError};

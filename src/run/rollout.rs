@@ -1,10 +1,11 @@
 use std::sync::Arc;
+use std::time::Instant;
 
 use serde::Serialize;
 
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::scene::Scene;
-use drape_task::env::{Draping, End, EnvConfig, EnvError, Finished, Tasks};
+use drape_task::env::{Diverged, Draping, End, EnvConfig, EnvError, Finished, Tasks};
 use drape_task::path::{PressedPoint, strokes};
 
 /// How an episode went.
@@ -50,8 +51,8 @@ pub struct Played {
 pub enum RolloutError {
     #[error(transparent)]
     Env(#[from] EnvError),
-    #[error("the simulation diverged after {steps} steps")]
-    Diverged { steps: usize },
+    #[error(transparent)]
+    Diverged(#[from] Diverged),
     #[error(
         "step {step} (from 0) of the sequence presses vertex {vertex}, which is not allowed there"
     )]
@@ -77,10 +78,10 @@ fn pressed(draping: &Draping, index: usize, vertex: u32) -> PressedPoint {
 }
 
 /// Plays one episode in the only environment of `draping`, from its start. `choose` gives the
-/// action for what is seen, `watch` is called before each press and at the end.
+/// action for what is seen, `watch` is called before each press.
 pub fn play(
     draping: &mut Draping,
-    mut choose: impl FnMut(&Draping, usize) -> Result<u32, RolloutError>,
+    mut choose: impl FnMut(&Draping) -> u32,
     mut watch: impl FnMut(&Draping, &[PressedPoint]),
 ) -> Result<Played, RolloutError> {
     let mut seconds = 0.0;
@@ -89,8 +90,8 @@ pub fn play(
     let mut vertices = Vec::new();
     loop {
         watch(draping, &points);
-        let start = std::time::Instant::now();
-        let action = choose(draping, points.len())?;
+        let start = Instant::now();
+        let action = choose(draping);
         let vertex = draping
             .vertex(action)
             .expect("allowed actions have a vertex");
@@ -102,9 +103,8 @@ pub fn play(
             None => {}
             Some(End::Terminated | End::Truncated) => break,
             Some(End::Diverged) => {
-                return Err(RolloutError::Diverged {
-                    steps: points.len(),
-                });
+                let presses = points.len();
+                return Err(Diverged { presses }.into());
             }
         }
     }
@@ -119,33 +119,52 @@ pub fn play(
     })
 }
 
-/// Presses a list of vertices under other physics than it was found in, as the robot will: all of
-/// them in their order, whatever the masks would allow there.
+/// By which rules a list of vertices is pressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rules {
+    /// Those of an episode: the list must be one that an agent could have played, and whole.
+    Episode,
+    /// None: as a robot does, all presses in their order, whatever the masks allow.
+    Robot,
+}
+
+/// Presses a list of vertices again, in the only environment of `draping`, from its start.
+/// `watch` is called before each press.
 ///
 /// # Errors
-/// If a vertex is none of the region's, or the simulation diverges.
-pub fn press_all(
+/// If a vertex is outside the image, the simulation diverges, or the rules are broken.
+pub fn replay(
     draping: &mut Draping,
     vertices: &[u32],
+    rules: Rules,
     mut watch: impl FnMut(&Draping, &[PressedPoint]),
 ) -> Result<Played, RolloutError> {
-    let mut seconds = 0.0;
-    draping.reset(0);
+    let outside = |&vertex: &u32| draping.action(vertex).is_none();
+    if let Some(step) = vertices.iter().position(outside) {
+        let vertex = vertices[step];
+        return Err(RolloutError::Forbidden { step, vertex });
+    }
+    let limit = draping.config().max_steps.unwrap_or(usize::MAX);
+    let mut broken = None;
     let mut points = Vec::new();
-    for (step, &vertex) in vertices.iter().enumerate() {
-        if draping.action(vertex).is_none() {
-            return Err(RolloutError::Forbidden { step, vertex });
-        }
-        watch(draping, &points);
-        let start = std::time::Instant::now();
-        points.push(pressed(draping, 0, vertex));
-        let sound = draping.press(&[Some(vertex)]);
+    let mut seconds = 0.0;
+    let mut start = Instant::now();
+    let ends = draping.replay(&[vertices], |draping, _, step| {
         seconds += start.elapsed().as_secs_f64();
-        if sound != [true] {
-            return Err(RolloutError::Diverged {
-                steps: points.len(),
-            });
+        if rules == Rules::Episode && broken.is_none() {
+            broken = fault(draping, vertices, step, limit);
         }
+        if let Some(&vertex) = vertices.get(step) {
+            watch(draping, &points);
+            points.push(pressed(draping, 0, vertex));
+        }
+        start = Instant::now();
+    });
+    if let Some(error) = broken {
+        return Err(error);
+    }
+    for end in ends {
+        end?;
     }
     let end = Finished {
         state: draping.state(0),
@@ -162,27 +181,18 @@ pub fn press_all(
     })
 }
 
-/// Plays a sequence of vertices again.
-pub fn replay(
-    draping: &mut Draping,
-    sequence: &[u32],
-    watch: impl FnMut(&Draping, &[PressedPoint]),
-) -> Result<Played, RolloutError> {
-    let choose = |draping: &Draping, step: usize| {
-        let vertex = *sequence
-            .get(step)
-            .ok_or(RolloutError::Short { steps: step })?;
-        draping
-            .action(vertex)
-            .filter(|&action| draping.observation(0).mask.contains(action as usize))
-            .ok_or(RolloutError::Forbidden { step, vertex })
-    };
-    let played = play(draping, choose, watch)?;
-    let (steps, found) = (played.vertices.len(), sequence.len());
-    if steps < found {
-        return Err(RolloutError::Long { steps, found });
+/// How a list breaks the rules of an episode once `step` of its presses are done.
+fn fault(draping: &Draping, vertices: &[u32], step: usize, limit: usize) -> Option<RolloutError> {
+    let found = vertices.len();
+    match (draping.is_over(0) || step >= limit, vertices.get(step)) {
+        (true, None) => None,
+        (true, Some(_)) => Some(RolloutError::Long { steps: step, found }),
+        (false, None) => Some(RolloutError::Short { steps: step }),
+        (false, Some(&vertex)) => {
+            let action = draping.action(vertex)?;
+            (!draping.allows(0, action)).then_some(RolloutError::Forbidden { step, vertex })
+        }
     }
-    Ok(played)
 }
 
 /// `count` episodes of the masked random policy: what learning has to beat.
@@ -215,7 +225,7 @@ pub fn parallel_episodes(
     if count == 0 {
         return Ok(Vec::new());
     }
-    let start = std::time::Instant::now();
+    let start = Instant::now();
     let mut draping = Draping::new(scene.clone(), config, count)?;
     let mut streams: Vec<Stream> = (0..count)
         .map(|index| Stream::new(seed, Purpose::Evaluation, index as u32))

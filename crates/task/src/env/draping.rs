@@ -131,6 +131,18 @@ impl Draping {
         self.slot(index).finished.as_ref()
     }
 
+    /// Whether the mask allows an action after the presses that an environment has had, those of a
+    /// replayed list too.
+    pub fn allows(&self, index: usize, action: u32) -> bool {
+        let mask = self.task.mask(&self.slot(index).progress);
+        mask.contains(action as usize)
+    }
+
+    /// Every vertex of the region has been under the stencil in one environment.
+    pub fn is_over(&self, index: usize) -> bool {
+        self.task.is_over(&self.slot(index).progress)
+    }
+
     /// Puts one environment back to the start.
     pub fn reset(&mut self, index: usize) {
         let (group, lane) = self.place(index);
@@ -272,9 +284,7 @@ impl Group {
         let slot = &mut self.slots[lane];
         let position = |v| self.batch.position(lane, v);
         let progress = &slot.progress;
-        let over = task
-            .vertices()
-            .all(|v| progress.touched.contains(v as usize));
+        let over = task.is_over(progress);
         let limit = task.config.max_steps.unwrap_or(usize::MAX);
         let end = match (sound, over) {
             // The last sound observation stands for a state that is lost.

@@ -6,10 +6,12 @@
 
 mod config;
 mod draping;
+mod replay;
 mod rules;
 mod stencil;
 mod task;
 
 pub use config::{EnvConfig, EnvError, Precision, Region};
 pub use draping::{Draping, Finished};
+pub use replay::Diverged;
 pub use task::{End, Episode, Observation, Outcome, Shape, Tasks};

@@ -172,34 +172,48 @@ impl Task {
             draped: FixedBitSet::with_capacity(count),
             distance: vec![0.0; count],
             touched: FixedBitSet::with_capacity(count),
-            mask: FixedBitSet::with_capacity(count),
+            mask: self.mask(progress),
         };
-        let lamina = &self.scene.lamina;
-        let mut near = FixedBitSet::with_capacity(lamina.vertex_count());
-        for &pressed in &progress.stencil {
-            for v in lamina.neighbors(pressed) {
-                near.insert(v as usize);
-            }
-        }
         for (k, &pixel) in self.pixels.iter().enumerate() {
             let vertex = self.seen[k] as usize;
             let touched = progress.touched.contains(vertex);
-            let draped = progress.draped.contains(vertex);
             observation.touched.set(pixel, touched);
-            observation.draped.set(pixel, draped);
-            observation.distance[pixel] = distance(k).max(0.0) as f32;
             observation
-                .mask
-                .set(pixel, near.contains(vertex) && !touched);
-        }
-        if observation.mask.is_clear() {
-            // The stroke is at its end: any untouched vertex of the region may begin a new one.
-            for (&pixel, &v) in self.pixels.iter().zip(&self.seen) {
-                let free = !progress.touched.contains(v as usize);
-                observation.mask.set(pixel, free);
-            }
+                .draped
+                .set(pixel, progress.draped.contains(vertex));
+            observation.distance[pixel] = distance(k).max(0.0) as f32;
         }
         observation
+    }
+
+    /// The allowed actions: untouched vertices of the region next to those pressed last.
+    pub fn mask(&self, progress: &Progress) -> FixedBitSet {
+        let lamina = &self.scene.lamina;
+        let mut near = FixedBitSet::with_capacity(lamina.vertex_count());
+        for &pressed in &progress.stencil {
+            near.extend(lamina.neighbors(pressed).map(|v| v as usize));
+        }
+        let untouched = || {
+            let pixels = self.pixels.iter().copied().zip(&self.seen);
+            let vertices = pixels.map(|(pixel, &v)| (pixel, v as usize));
+            vertices.filter(|&(_, v)| !progress.touched.contains(v))
+        };
+        let mut mask = FixedBitSet::with_capacity(self.shape().pixel_count());
+        mask.extend(
+            untouched()
+                .filter(|&(_, v)| near.contains(v))
+                .map(|(pixel, _)| pixel),
+        );
+        if mask.is_clear() {
+            // The stroke is at its end: any untouched vertex of the region may begin a new one.
+            mask.extend(untouched().map(|(pixel, _)| pixel));
+        }
+        mask
+    }
+
+    /// Every vertex of the region has been under the stencil.
+    pub fn is_over(&self, progress: &Progress) -> bool {
+        self.region.vertices.is_subset(&progress.touched)
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod checker;
 mod ends;
+mod replay;
 mod rest;
 mod stencil;
 mod strain;

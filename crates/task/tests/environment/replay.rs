@@ -1,0 +1,50 @@
+//! Lists of presses pressed again: side by side as alone, with an observer, until they diverge.
+
+use drape_cloth::sim::Snapshot;
+use drape_task::env::Diverged;
+
+use super::*;
+
+/// An episode in three lengths, one of them of no press at all.
+#[test]
+fn lists_side_by_side_end_as_each_alone_and_as_they_were_played() {
+    let mut env = Draping::new(COARSE.clone(), &small_region(), 3).unwrap();
+    let mut player = Player::new(1, 1);
+    let mut episode = Draping::new(COARSE.clone(), &small_region(), 1).unwrap();
+    let mut vertices = Vec::new();
+    for _ in 0..6 {
+        let action = player.choose(&episode);
+        assert!(episode.allows(0, action[0]));
+        vertices.push(episode.vertex(action[0]).unwrap());
+        episode.step(&action);
+    }
+    let lists = [&vertices[..], &vertices[..2], &[]];
+    let mut seen: Vec<Vec<Snapshot>> = vec![Vec::new(); lists.len()];
+    let ends = env.replay(&lists, |env, index, presses| {
+        assert_eq!(seen[index].len(), presses);
+        seen[index].push(env.state(index));
+    });
+    assert_eq!(ends, [Ok(()); 3]);
+    assert!(seen[0][6] == episode.state(0));
+    assert_eq!(env.touched(0), episode.touched(0));
+    for (list, seen) in lists.iter().zip(&seen) {
+        assert_eq!(seen.len(), list.len() + 1);
+        let mut alone = Draping::new(COARSE.clone(), &small_region(), 1).unwrap();
+        assert_eq!(alone.replay(&[list], |_, _, _| ()), [Ok(())]);
+        assert!(alone.state(0) == seen[list.len()]);
+    }
+}
+
+#[test]
+fn divergence_ends_a_list_and_tells_its_press() {
+    let mut scene = (**COARSE).clone();
+    scene.initial.velocity[0] = [1e12, 0.0, 0.0];
+    let mut env = Draping::new(Arc::new(scene), &small_region(), 2).unwrap();
+    let vertex = env.region_vertices().next().unwrap();
+    let mut calls = Vec::new();
+    let ends = env.replay(&[&[vertex; 3], &[]], |_, index, presses| {
+        calls.push((index, presses));
+    });
+    assert_eq!(ends, [Err(Diverged { presses: 1 }), Ok(())]);
+    assert_eq!(calls, [(0, 0), (1, 0)]);
+}
