@@ -10,7 +10,7 @@ use drape_cloth::math::Isa;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::PhysicsConfig;
 use drape_study::bench::{
-    Backend, CONTROL, Case, ENVIRONMENTS, FEATURES, Player, THREADS, physics, standard_scene,
+    Backend, CONTROL, Timed, ENVIRONMENTS, FEATURES, Player, THREADS, physics, standard_scene,
     variants,
 };
 
@@ -28,7 +28,7 @@ fn step(criterion: &mut Criterion, scene: &Scene) {
     for (group, name, physics, backend) in core.chain(features) {
         let mut group = criterion.benchmark_group(group);
         group.sample_size(10);
-        let mut case = Case::new(&scene.lamina, &physics, backend);
+        let mut case = Timed::new(&scene.lamina, &physics, backend);
         case.start(scene);
         group.throughput(Throughput::Elements(
             (case.lanes() * CONTROL.substeps) as u64,

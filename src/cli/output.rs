@@ -84,6 +84,12 @@ impl Progress {
     pub fn set(&self, share: f64) {
         self.0.set_position((share * STEPS as f64) as u64);
     }
+
+    /// Shows the share that is done, and what is being done.
+    pub fn tell(&self, share: f64, doing: &str) {
+        self.set(share);
+        self.0.set_message(doing.to_owned());
+    }
 }
 
 impl Drop for Progress {

@@ -1,138 +1,198 @@
-mod episodes;
-mod stability;
-mod tradeoff;
-mod transfer;
-mod twin;
-mod verify;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::{Instant, SystemTime};
 
-use std::path::Path;
-use std::time::SystemTime;
-
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
 use clap::Subcommand;
+use serde_json::{Value, json};
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::output::OutFolder;
-use crate::run::dated_folder;
-use drape_cloth::scene::{SceneConfig, SceneError};
-use drape_study::twin::TwinStudyError;
-use drape_task::env::EnvError;
+use super::output::{OutFolder, Progress, print, print_json};
+use crate::run::{RunConfig, RunFolder, dated_folder};
+use drape_cloth::file::write_atomic;
+use drape_study::episodes::Episodes;
+use drape_study::stability::Stability;
+use drape_study::study::{Context, Failed, Report, Study, StudyError, TrainedPath};
+use drape_study::table::replace_tables;
+use drape_study::tradeoff::Tradeoff;
+use drape_study::transfer::Transfer;
+use drape_study::twin::TwinStudy;
+use drape_study::verify::Verify;
 
 /// Measure the simulator itself
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
-    study: Study,
+    study: Name,
 }
 
 #[derive(Debug, Subcommand)]
-enum Study {
-    Episodes(episodes::Args),
-    Stability(stability::Args),
-    Tradeoff(tradeoff::Args),
-    Verify(verify::Args),
-    Transfer(transfer::Args),
-    Twin(twin::Args),
+enum Name {
+    Episodes(Measure<Episodes>),
+    Stability(Measure<Stability>),
+    Tradeoff(Measure<Tradeoff>),
+    Verify(Measure<Verify>),
+    Transfer(Measure<Transfer>),
+    Twin(Measure<TwinStudy>),
 }
-
-/// The focus region of the quickstart [mm].
-const REGION: [f64; 4] = [-186.0, -186.0, -60.0, -60.0];
-/// Vertices along the longer side of the blank, where nothing else is asked for.
-const MESH: usize = 33;
 
 /// Runs `drape study`.
 pub fn run(args: Args) -> Result<(), Failure> {
+    let prefix = Some("study-");
     match args.study {
-        Study::Episodes(args) => episodes::run(args),
-        Study::Stability(args) => stability::run(args),
-        Study::Tradeoff(args) => tradeoff::run(args),
-        Study::Verify(args) => verify::run(args),
-        Study::Transfer(args) => transfer::run(args),
-        Study::Twin(args) => twin::run(args),
+        Name::Episodes(study) => study.run(prefix),
+        Name::Stability(study) => study.run(prefix),
+        Name::Tradeoff(study) => study.run(prefix),
+        Name::Verify(study) => study.run(prefix),
+        Name::Transfer(study) => study.run(prefix),
+        Name::Twin(study) => study.run(prefix),
     }
 }
 
-/// Four numbers between commas.
-fn region(text: &str) -> Result<[f64; 4], String> {
-    let numbers: Vec<f64> = text
-        .split(',')
-        .filter_map(|n| n.trim().parse().ok())
-        .collect();
-    let all = numbers.len() == text.split(',').count() && numbers.iter().all(|n| n.is_finite());
-    match <[f64; 4]>::try_from(numbers) {
-        Ok(region) if all => Ok(region),
-        _ => Err("expected four numbers between commas, as -186,-186,-60,-60".into()),
-    }
+// A study and where its report goes. No doc comment: it would be the command's.
+#[derive(Debug, clap::Args)]
+pub struct Measure<S: clap::Args> {
+    #[command(flatten)]
+    study: S,
+
+    /// Folder for the tables (CSV, Markdown, JSON) and pictures; files of an earlier study in it
+    /// are replaced. Of `drape study` runs/study-NAME-DATE if not given
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+
+    /// Markdown file in which what stands between `<!-- table STUDY.TABLE -->` and `<!-- end -->`
+    /// is replaced by the table of this name, for all tables of the study that have a place there
+    #[arg(long, value_name = "FILE.md")]
+    into: Option<PathBuf>,
+
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
 }
 
-/// The scene of a file, or the built-in one, and what to call it.
-fn scene_config(path: Option<&Path>) -> Result<(SceneConfig, String), Failure> {
-    Ok(match path {
-        Some(path) => (
-            SceneConfig::read(path).or_invalid()?,
-            path.display().to_string(),
-        ),
-        None => (SceneConfig::rib(), "the built-in scene".into()),
-    })
-}
-
-/// Gives the blank `mesh` vertices along its longer side. Blanks with a cell or an outline of
-/// their own keep their mesh, unless another is asked for, which they cannot have.
-fn set_mesh(config: &mut SceneConfig, mesh: Option<usize>) -> Result<(), Failure> {
-    let blank = &mut config.blank;
-    if blank.outline.is_some() || blank.cell_mm.is_some() {
-        return match mesh {
-            None => Ok(()),
-            Some(_) => Err(Failure::invalid(anyhow!(
-                "`--mesh` is for rectangular blanks without `blank.cell_mm`"
-            ))),
+impl<S: clap::Args + Study> Measure<S> {
+    /// Runs the study, writes what it has found and prints it. Without `--out` it writes to a
+    /// dated folder whose name begins with `prefix`, if there is one.
+    pub fn run(self, prefix: Option<&str>) -> Result<(), Failure> {
+        // What would make the work useless is found before it.
+        if let Some(path) = &self.into {
+            let text = read(path)?;
+            if !text.contains(&format!("<!-- table {}.", S::NAME)) {
+                replaced(path, &text, S::NAME, &Report::default())?;
+            }
+        }
+        let out = match (&self.out, prefix) {
+            (Some(path), _) => Some(OutFolder::make(path)?),
+            (None, Some(prefix)) => {
+                let runs = Path::new("runs");
+                let made = if runs.exists() { 1 } else { 2 };
+                let prefix = format!("{prefix}{}-", S::NAME);
+                let path = dated_folder(runs, &prefix, SystemTime::now())?;
+                Some(OutFolder { path, made })
+            }
+            (None, None) => None,
         };
+        let start = Instant::now();
+        let progress = Progress::new(S::NAME, self.json);
+        let found = self.study.run(&Context {
+            progress: &|share, doing| progress.tell(share, doing),
+            read_run: &read_run,
+        });
+        drop(progress);
+        let place = self.study.scene().map(|scene| scene.place());
+        let report = found.map_err(|error| failure(error, place))?;
+        let seconds = start.elapsed().as_secs_f64();
+
+        let all = object(S::NAME, &report, seconds, out.as_ref().map(|out| &*out.path));
+        if let Some(out) = &out {
+            write(&report, S::NAME, &all, &out.path)?;
+        }
+        if let Some(path) = &self.into {
+            let text = replaced(path, &read(path)?, S::NAME, &report)?;
+            write_atomic(path, |file| file.write_all(text.as_bytes()))?;
+        }
+        if self.json {
+            return print_json(&all);
+        }
+        let shown = report.tables.iter().filter(|table| !table.is_hidden);
+        let mut parts: Vec<String> = shown.map(|table| table.text() + "\n").collect();
+        parts.extend(report.notes);
+        parts.push(match out {
+            Some(out) => format!("{seconds:.0} s; files in {}", out.path.display()),
+            None => format!("{seconds:.0} s"),
+        });
+        print(&parts.join("\n"))
     }
-    let cells = (mesh.unwrap_or(MESH) - 1) as f64;
-    let longer = blank.size_mm[0].max(blank.size_mm[1]);
-    // Sides that are no lengths are refused when the blank is cut.
-    blank.vertices = blank
-        .size_mm
-        .map(|side| 1 + ((cells * side / longer).round() as usize).max(1));
+}
+
+/// Names what the error is about, where the study has a scene.
+fn failure(error: StudyError, place: Option<String>) -> Failure {
+    let is_input = error.is_input();
+    let place = place.filter(|_| !matches!(error, StudyError::Invalid(_) | StudyError::Read(_)));
+    let error = match place {
+        Some(place) => anyhow::Error::new(error).context(place),
+        None => error.into(),
+    };
+    match is_input {
+        true => Failure::invalid(error),
+        false => error.into(),
+    }
+}
+
+/// All that was found: what `--json` prints.
+fn object(name: &str, report: &Report, seconds: f64, out: Option<&Path>) -> Value {
+    let mut all = report.facts.clone();
+    let tables = report.tables.iter();
+    all.extend(tables.map(|table| (table.name.into(), table.json())));
+    let files: Vec<&str> = report.files.iter().map(|(name, _)| &**name).collect();
+    all.insert("study".into(), name.into());
+    all.insert("seconds".into(), seconds.into());
+    all.insert("out".into(), json!(out));
+    all.insert("files".into(), json!(out.map(|_| files)));
+    all.into()
+}
+
+/// Writes each table as CSV, those for readers as Markdown, all as JSON, and the report's own
+/// files.
+fn write(report: &Report, name: &str, all: &Value, folder: &Path) -> Result<(), Failure> {
+    let text = |name: String, text: String| {
+        write_atomic(&folder.join(name), |file| file.write_all(text.as_bytes()))
+    };
+    let mut markdown = String::new();
+    for table in &report.tables {
+        text(format!("{}.csv", table.name), table.csv())?;
+        if !table.is_hidden {
+            markdown += &format!("{}\n\n{}\n\n", table.title, table.markdown());
+        }
+    }
+    text(format!("{name}.md"), markdown + &report.notes.join("\n") + "\n")?;
+    text(format!("{name}.json"), serde_json::to_string_pretty(all)? + "\n")?;
+    for (name, write) in &report.files {
+        write(&folder.join(name)).map_err(|error| anyhow!(error))?;
+    }
     Ok(())
 }
 
-/// The folder to write to, made before the work.
-fn folder(out: Option<&Path>, prefix: &str) -> Result<OutFolder, Failure> {
-    match out {
-        Some(folder) => OutFolder::make(folder),
-        None => {
-            let runs = Path::new("runs");
-            let made = if runs.exists() { 1 } else { 2 };
-            let path = dated_folder(runs, prefix, SystemTime::now())?;
-            Ok(OutFolder { path, made })
-        }
-    }
+fn read(path: &Path) -> Result<String, Failure> {
+    let text = std::fs::read_to_string(path);
+    text.with_context(|| format!("cannot read {}", path.display()))
+        .or_invalid()
 }
 
-/// What is wrong with a study's environment, whose region is an option.
-fn as_option(error: &EnvError) -> String {
-    error.to_string().replace("`env.region_mm`", "`--region`")
+/// The document with the tables of the report.
+fn replaced(path: &Path, text: &str, name: &str, report: &Report) -> Result<String, Failure> {
+    let new = replace_tables(text, name, &report.tables);
+    new.map_err(|message| Failure::invalid(anyhow!("{}: {message}", path.display())))
 }
 
-/// Sorts what can go wrong with a study that has a twin.
-fn twin_failure(error: TwinStudyError, place: &str) -> Failure {
-    let is_input = match &error {
-        TwinStudyError::Scene(error) => !matches!(error, SceneError::Diverged { .. }),
-        TwinStudyError::Env(_) | TwinStudyError::Twin(_) => true,
-        TwinStudyError::Diverged { .. }
-        | TwinStudyError::FastDiverged
-        | TwinStudyError::Sheet { .. } => false,
-    };
-    let error = match error {
-        TwinStudyError::Env(error) => anyhow!(as_option(&error)),
-        error => anyhow::Error::new(error),
-    };
-    let error = error.context(place.to_string());
-    if is_input {
-        Failure::invalid(error)
-    } else {
-        error.into()
-    }
+/// The best sequence of a run folder.
+fn read_run(path: &Path) -> Result<TrainedPath, Failed> {
+    let folder = RunFolder::open(path)?;
+    let config = RunConfig::read(&folder.config())?;
+    Ok(TrainedPath {
+        scene: config.scene,
+        env: config.env,
+        vertices: folder.read_best_sequence()?.vertices,
+    })
 }

@@ -2,25 +2,45 @@
 //! and how much the order matters.
 //!
 //! Three orders: masked random; straight sweeps, one direction an episode; and outwards from a
-//! place, one place of a 7 x 7 grid an episode (some twice where there are more episodes). All are played under the rules of the task, on
-//! the allowed vertex that comes first, by rows and columns.
+//! place, one place of a 7 x 7 grid an episode (some twice where there are more episodes). All
+//! are played under the rules of the task, on the allowed vertex that comes first, by rows and
+//! columns.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use serde::Serialize;
-
-use drape_cloth::math::{Isa, Purpose, Stream};
+use crate::study::{Context, Report, SceneOptions, Study, StudyError};
+use crate::table::Table;
+use drape_cloth::math::{Purpose, Stream, mean_and_deviation};
 use drape_cloth::scene::{Scene, Summary};
-use drape_cloth::sim::{Snapshot, alone};
-use drape_task::env::{Draping, End, EnvConfig, EnvError, Episode, Tasks};
+use drape_cloth::sim::{Backend, Cpu, Precision, Snapshot, World};
+use drape_task::env::{Draping, End, EnvConfig, EnvError, Tasks};
+
+/// Play whole episodes in fixed orders: strain, rest and penetration after them, and how much
+/// the order matters
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape study episodes
+  drape study episodes --count 16 --region=-186,-186,-60,-60
+  drape study episodes mine.toml --json > episodes.json")]
+pub struct Episodes {
+    #[command(flatten)]
+    scene: SceneOptions,
+
+    /// Episodes in each order
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    count: u16,
+
+    /// Seed of the random order
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+}
 
 /// Time to come to rest after an episode [s].
 const REST: f64 = 0.25;
 
 /// An order in which an episode presses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     Random,
     Sweep,
@@ -30,68 +50,172 @@ pub enum Order {
 impl Order {
     /// All orders.
     pub const ALL: [Self; 3] = [Self::Random, Self::Sweep, Self::Outwards];
+
+    /// As in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Random => "random",
+            Self::Sweep => "sweeps",
+            Self::Outwards => "outwards",
+        }
+    }
 }
 
-/// The state after an episode.
-#[derive(Clone, Debug, Serialize)]
-pub struct Ended {
-    /// Whether the simulation was lost.
-    pub diverged: bool,
-    pub steps: usize,
+/// An episode that is over.
+#[derive(Clone, Debug)]
+pub struct Played {
+    pub has_diverged: bool,
+    /// Vertices in the order they were pressed.
+    pub pressed: Vec<u32>,
     /// Summed distance of the region to the tool [m].
     pub region_m: f64,
     /// Touched vertices which are not draped.
     pub undraped: usize,
-    #[serde(flatten)]
+    pub state: Snapshot,
+}
+
+/// What a state after an episode is like, and what it comes to.
+#[derive(Clone, Debug)]
+pub struct Rested {
+    /// Of the state as it is.
     pub summary: Summary,
-    /// Root mean square speed [mm/s] a quarter of a second later.
-    pub rest_v_rms_mm_s: f64,
-    /// Greatest tensile strain of a yarn edge [-] then.
-    pub rest_tension_max: f64,
     /// Share of the blank's yarn edges compressed by more than 5 %: crushed surplus.
     pub crushed_share: f64,
+    /// Root mean square speed [mm/s] a quarter of a second later.
+    pub v_rms_mm_s: f64,
+    /// Greatest tensile strain of a yarn edge [-] then.
+    pub tension_max: f64,
 }
 
-/// What an order has led to.
-#[derive(Clone, Debug, Serialize)]
-pub struct Played {
-    pub order: Order,
-    /// Summed distance of the region at the start [m].
-    pub initial_m: f64,
-    pub episodes: Vec<Ended>,
+impl Study for Episodes {
+    const NAME: &'static str = "episodes";
+
+    fn scene(&self) -> Option<&SceneOptions> {
+        Some(&self.scene)
+    }
+
+    fn run(&self, context: &Context) -> Result<Report, StudyError> {
+        let mut config = self.scene.read()?;
+        if let Some(mesh) = self.scene.mesh {
+            self.scene.set_mesh(&mut config, mesh)?;
+        }
+        let env = self.scene.env(None);
+        let fall = |share| (context.progress)(share, "falling");
+        let scene = Arc::new(Scene::new(&config, fall)?);
+        // An episode takes about a step for each five vertices; progress need not be exact.
+        let region = env.region(&scene.lamina)?.vertices;
+        let expected = region.count_ones(..).div_ceil(5) as f64;
+        let mut rows = Vec::new();
+        for order in Order::ALL {
+            let told =
+                |steps| (context.progress)((steps as f64 / expected).min(1.0), order.name());
+            let played = play(&scene, &env, order, self.count.into(), self.seed, told)?;
+            rows.extend(figures(&scene, &env, order, &played));
+        }
+        let initial = region.ones().map(|v| scene.initial.position[v]);
+        let initial: f64 = initial.map(|x| scene.tool.distance(x).0.max(0.0)).sum();
+        let title = format!(
+            "{} episodes in each order from {initial:.3} m; those that diverge have no figures",
+            self.count
+        );
+        let table = Table::of("ends", title, &rows)
+            .text("order", |row| row.order)
+            .text("figure", |row| row.name)
+            .text("diverged", |row| row.diverged)
+            .number("mean", "", 4, |row| row.mean[0])
+            .number("deviation", "", 4, |row| row.mean[1])
+            .number("min", "", 4, |row| row.range[0])
+            .number("max", "", 4, |row| row.range[1])
+            .end();
+        Ok(Report::new([table]))
+    }
 }
 
-/// Plays `count` episodes in `order`. `progress` is told the number of steps taken.
+/// A figure over the episodes of an order.
+struct Row {
+    order: &'static str,
+    name: &'static str,
+    diverged: usize,
+    /// Mean and standard deviation.
+    mean: [f64; 2],
+    range: [f64; 2],
+}
+
+fn figures(scene: &Scene, env: &EnvConfig, order: Order, played: &[Played]) -> Vec<Row> {
+    let finite: Vec<(&Played, Rested)> = (played.iter().filter(|played| !played.has_diverged))
+        .map(|played| (played, rest(scene, env, &played.state)))
+        .collect();
+    let row = |name, of: &dyn Fn(&Played, &Rested) -> f64| {
+        let values: Vec<f64> = finite.iter().map(|(p, r)| of(p, r)).collect();
+        Row {
+            order: order.name(),
+            name,
+            diverged: played.len() - finite.len(),
+            mean: mean_and_deviation(&values),
+            range: [
+                values.iter().copied().fold(f64::INFINITY, f64::min),
+                values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            ],
+        }
+    };
+    vec![
+        row("distance left [m]", &|p, _| p.region_m),
+        row("whole sheet [m]", &|_, r| r.summary.distance_m),
+        row("undraped vertices", &|p, _| p.undraped as f64),
+        row("tension p95 [%]", &|_, r| 1e2 * r.summary.tension_p95),
+        row("tension max [%]", &|_, r| 1e2 * r.summary.tension_max),
+        row("compression p95 [%]", &|_, r| 1e2 * r.summary.compression_p95),
+        row("compression max [%]", &|_, r| 1e2 * r.summary.compression_max),
+        row("edges crushed > 5 % [%]", &|_, r| 1e2 * r.crushed_share),
+        row("penetration [mm]", &|_, r| r.summary.penetration_mm),
+        row("v_rms at the end [mm/s]", &|_, r| r.summary.v_rms_mm_s),
+        row("v_rms at rest [mm/s]", &|_, r| r.v_rms_mm_s),
+        row("tension max at rest [%]", &|_, r| 1e2 * r.tension_max),
+    ]
+}
+
+/// Plays `count` episodes in an order. `progress` is told the number of steps taken.
 pub fn play(
     scene: &Arc<Scene>,
     config: &EnvConfig,
     order: Order,
     count: usize,
     seed: u64,
-    progress: impl FnMut(usize),
-) -> Result<Played, EnvError> {
-    let mut ended: Vec<Option<Ended>> = vec![None; count];
-    let orders = (order, count, seed);
-    let env = play_out(scene, config, orders, progress, |env, index, episode| {
-        let finished = env.finished(index).expect("an episode has ended");
-        let undraped = finished.touched.difference(&finished.draped).count();
-        ended[index] = Some(Ended {
-            diverged: episode.end == End::Diverged,
-            steps: episode.actions.len(),
-            region_m: env.region_distance(&finished.state),
-            undraped,
-            ..measure(scene, config, &finished.state)
-        });
-    })?;
-    Ok(Played {
-        order,
-        initial_m: env.initial_distance(),
-        episodes: ended.into_iter().flatten().collect(),
-    })
+    mut progress: impl FnMut(usize),
+) -> Result<Vec<Played>, EnvError> {
+    let mut env = Draping::new(scene.clone(), config, count)?;
+    let mut streams: Vec<Stream> = (0..count)
+        .map(|index| Stream::new(seed, Purpose::Evaluation, index as u32))
+        .collect();
+    let mut played: Vec<Option<Played>> = vec![None; count];
+    let mut steps = 0;
+    while played.iter().any(Option::is_none) {
+        let choose = |(index, stream): (usize, &mut Stream)| {
+            let share = index as f64 / count as f64;
+            choose(&env, index, order, share, stream)
+        };
+        let actions: Vec<u32> = streams.iter_mut().enumerate().map(choose).collect();
+        for (index, outcome) in env.step(&actions).into_iter().enumerate() {
+            if let (Some(episode), None) = (outcome.episode, &played[index]) {
+                let finished = env.finished(index).expect("an episode has ended");
+                let pressed = episode.actions.iter().filter_map(|&a| env.vertex(a));
+                played[index] = Some(Played {
+                    has_diverged: episode.end == End::Diverged,
+                    pressed: pressed.collect(),
+                    region_m: env.region_distance(finished),
+                    undraped: finished.pressed.touched.difference(&finished.pressed.draped).count(),
+                    state: finished.clone(),
+                });
+            }
+        }
+        steps += 1;
+        progress(steps);
+    }
+    Ok(played.into_iter().flatten().collect())
 }
 
-/// The vertices that `count` episodes in `order` press, each in its order. Without those in
-/// which the simulation was lost.
+/// The vertices that `count` episodes in an order press, each in its order. Without those that
+/// diverge.
 pub fn sequences(
     scene: &Arc<Scene>,
     config: &EnvConfig,
@@ -99,55 +223,9 @@ pub fn sequences(
     count: usize,
     seed: u64,
 ) -> Result<Vec<Vec<u32>>, EnvError> {
-    let mut pressed = vec![Vec::new(); count];
-    let orders = (order, count, seed);
-    play_out(
-        scene,
-        config,
-        orders,
-        |_| {},
-        |env, index, episode| {
-            if episode.end != End::Diverged {
-                let vertices = episode.actions.iter().map(|&action| env.vertex(action));
-                pressed[index] = vertices.flatten().collect();
-            }
-        },
-    )?;
-    pressed.retain(|sequence| !sequence.is_empty());
-    Ok(pressed)
-}
-
-/// Plays `count` episodes in an order under a seed. `progress` is told the number of steps
-/// taken, `ended` the first episode of every environment when it ends.
-fn play_out(
-    scene: &Arc<Scene>,
-    config: &EnvConfig,
-    (order, count, seed): (Order, usize, u64),
-    mut progress: impl FnMut(usize),
-    mut ended: impl FnMut(&Draping, usize, &Episode),
-) -> Result<Draping, EnvError> {
-    let mut env = Draping::new(scene.clone(), config, count)?;
-    let mut streams: Vec<Stream> = (0..count)
-        .map(|index| Stream::new(seed, Purpose::Evaluation, index as u32))
-        .collect();
-    let mut is_over = vec![false; count];
-    let mut steps = 0;
-    while is_over.contains(&false) {
-        let choose = |(index, stream): (usize, &mut Stream)| {
-            let share = index as f64 / count as f64;
-            choose(&env, index, order, share, stream)
-        };
-        let actions: Vec<u32> = streams.iter_mut().enumerate().map(choose).collect();
-        for (index, outcome) in env.step(&actions).into_iter().enumerate() {
-            if let (Some(episode), false) = (outcome.episode, is_over[index]) {
-                ended(&env, index, &episode);
-                is_over[index] = true;
-            }
-        }
-        steps += 1;
-        progress(steps);
-    }
-    Ok(env)
+    let mut played = play(scene, config, order, count, seed, |_| ())?;
+    played.retain(|played| !played.has_diverged && !played.pressed.is_empty());
+    Ok(played.into_iter().map(|played| played.pressed).collect())
 }
 
 /// The allowed action that comes first in `order`; `share` 0..1 of the episodes came before.
@@ -155,16 +233,9 @@ fn choose(env: &Draping, index: usize, order: Order, share: f64, stream: &mut St
     let mask = &env.observation(index).mask;
     let shape = env.shape();
     let (columns, rows) = (shape.columns as f64, shape.rows as f64);
-    let pixel = |p: usize| ((p % shape.columns) as f64, (p / shape.columns) as f64);
     let first = |rank: &dyn Fn(f64, f64) -> f64| {
-        let by_rank = |a: &usize, b: &usize| {
-            let [a, b] = [*a, *b].map(|p| {
-                let (x, y) = pixel(p);
-                rank(x, y)
-            });
-            a.total_cmp(&b)
-        };
-        mask.ones().min_by(by_rank)
+        let rank = |p: usize| rank((p % shape.columns) as f64, (p / shape.columns) as f64);
+        mask.ones().min_by(|&a, &b| rank(a).total_cmp(&rank(b)))
     };
     let chosen = match order {
         Order::Random => mask.ones().nth(stream.below(mask.count_ones(..))),
@@ -181,23 +252,20 @@ fn choose(env: &Draping, index: usize, order: Order, share: f64, stream: &mut St
     chosen.expect("a mask is never empty") as u32
 }
 
-fn measure(scene: &Scene, config: &EnvConfig, state: &Snapshot) -> Ended {
+/// Measures a state and lets it come to rest.
+pub fn rest(scene: &Scene, config: &EnvConfig, state: &Snapshot) -> Rested {
     let strain = scene.lamina.yarn_strain(&state.position);
     let crushed = strain.iter().filter(|&&strain| strain < -0.05).count();
-    let mut cloth = alone(&scene.model, Isa::best());
+    let world = World::new(scene.model.clone(), scene.tool.clone());
+    let mut cloth = Cpu::new(&world, 1, Precision::F32);
     cloth.load(0, state);
-    let control = config.stepping().control(REST);
-    cloth.step(&scene.model, &scene.tool, &control, &[]);
+    cloth.step(&config.stepping().control(REST), &[]);
     let rested = cloth.snapshot(0);
-    let strain = scene.lamina.yarn_strain(&rested.position);
-    Ended {
-        diverged: false,
-        steps: 0,
-        region_m: 0.0,
-        undraped: 0,
+    let tension = scene.lamina.yarn_strain(&rested.position).into_iter();
+    Rested {
         summary: scene.summary(state),
-        rest_v_rms_mm_s: 1e3 * rested.v_rms(),
-        rest_tension_max: strain.iter().copied().fold(0.0, f64::max),
         crushed_share: crushed as f64 / strain.len() as f64,
+        v_rms_mm_s: 1e3 * rested.v_rms(),
+        tension_max: tension.fold(0.0, f64::max),
     }
 }

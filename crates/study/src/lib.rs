@@ -1,20 +1,25 @@
 //! Studies of the simulator itself: what it gets right, how fast, and where it fails.
 //!
-//! A study runs the simulator over cases whose answer is known beforehand and returns what it
-//! found as plain data; drawing and printing are left to the command that asked.
+//! A study is one module and one [`Study`](study::Study): its options, its cases, and a run that
+//! gives [tables](table::Table) and pictures. It prints and writes nothing; the command line does
+//! that, for all studies alike. A new one is its module and one variant of the command.
 
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
 #![allow(rustdoc::broken_intra_doc_links)]
 
 pub mod bench;
+pub mod cloth;
 pub mod compare;
 pub mod episodes;
 mod points;
 pub mod ranking;
 pub mod stability;
-pub mod tradeoff;
-pub mod transfer;
-pub mod twin;
+pub mod study;
+pub mod table;
+//T pub mod tradeoff;
+//T pub mod transfer;
+pub mod truth;
+//T pub mod twin;
 pub mod verify;
 
 pub use points::nearest;

@@ -21,7 +21,8 @@ use drape_cloth::math::{Vec3, mean_and_deviation};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Accuracy, Solver, Stepping};
 use drape_cloth::twin::{Hold, Twin, TwinConfig};
-use drape_task::env::{Draping, EnvConfig, EnvError, Precision};
+use drape_cloth::sim::Precision;
+use drape_task::env::{Draping, EnvConfig, EnvError};
 
 /// A strain that no draped vertex reaches: the rule of strain is off.
 const ANY_STRAIN: f64 = 1e5;

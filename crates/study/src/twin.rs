@@ -18,7 +18,7 @@ use drape_cloth::fabric::{Drape, Lamina};
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::mesh::compare::SheetError;
 use drape_cloth::scene::{Scene, SceneConfig, SceneError, hung};
-use drape_cloth::sim::{Bending, BendingStiffness, Compression, SelfCollision};
+use drape_cloth::sim::{Bending, BendingStiffness, SelfCollision};
 use drape_cloth::tool::Tool;
 use drape_cloth::twin::{Diverged, Energies, Hold, PressConfig, Twin, TwinConfig, TwinError};
 use drape_task::env::{Draping, EnvConfig, EnvError};
@@ -84,10 +84,6 @@ pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
     if !physics.shear {
         let expected = "true: the twin's fabric resists shear";
         return refuse("physics.shear", "false".into(), expected);
-    }
-    if physics.compression != Compression::Material {
-        let expected = "material: the twin has no other";
-        return refuse("physics.compression", "as_tension".into(), expected);
     }
     if let Some(limit) = physics.strain_limit {
         let expected = "none: the twin's yarns go on with their slope";

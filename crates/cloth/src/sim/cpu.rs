@@ -161,8 +161,7 @@ impl Backend for Cpu {
     fn step(&mut self, control: &Control, plates: &[Plate]) {
         let World { model, tool, .. } = &self.world;
         let lanes = self.lanes;
-        let groups = self.groups.par_iter_mut().enumerate();
-        groups.for_each(|(index, group)| {
+        let step = |(index, group): (usize, &mut Box<dyn Group>)| {
             let own = plates.iter().filter(|p| p.environment / lanes == index);
             let own: Vec<Plate> = own
                 .map(|plate| Plate {
@@ -171,7 +170,12 @@ impl Backend for Cpu {
                 })
                 .collect();
             group.step(model, tool, control, &own);
-        });
+        };
+        // A single group stays on this thread.
+        match &mut self.groups[..] {
+            [group] => step((0, group)),
+            groups => groups.par_iter_mut().enumerate().for_each(step),
+        }
     }
 
     fn press(&mut self, vertices: &[Option<u32>]) {

@@ -1,8 +1,8 @@
 //! Trials that touch nothing: momentum, energy, drag, and yarns that find back their length.
 
-use super::cloth::{FRAME, GRAVITY, NOWHERE, blank, mean_error, physics, placed};
-use super::trial::{Clock, Judge, Refusal, Setting, Trial};
-use super::truth;
+use super::trial::{Clock, FRAME, Judge, Refusal, Setting, Trial, mean_error, physics};
+use crate::cloth::{GRAVITY, laid};
+use crate::truth;
 use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::sim::{Bending, PhysicsConfig, Snapshot};
@@ -10,8 +10,8 @@ use drape_cloth::sim::{Bending, PhysicsConfig, Snapshot};
 const SIDE: f64 = 0.08;
 const VERTICES: usize = 7;
 
-fn sheet() -> Result<Lamina, Refusal> {
-    blank([SIDE; 2], [VERTICES; 2], Material::interglas_92125())
+fn sheet() -> Lamina {
+    crate::cloth::sheet([SIDE; 2], [VERTICES; 2], Material::interglas_92125())
 }
 
 /// x: substeps, y: frame [s]. A flat sheet whose vertices have random velocities flies
@@ -28,9 +28,9 @@ pub(super) fn speed(setting: &Setting) -> Result<Trial, Refusal> {
 }
 
 fn fly(setting: &Setting, frame: f64, factor: f64) -> Result<Trial, Refusal> {
-    let sheet = sheet()?;
+    let sheet = sheet();
     let mut stream = Stream::new(3, Purpose::Evaluation, 0);
-    let mut start = placed(&sheet, |[x, y]| [x, y, 0.0]);
+    let mut start = laid(&sheet, |[x, y]| [x, y, 0.0]);
     for v in &mut start.velocity {
         *v = [0.5, -0.4, 0.3].map(|mean| factor * (mean + 0.3 * stream.normal()));
     }
@@ -47,7 +47,7 @@ fn fly(setting: &Setting, frame: f64, factor: f64) -> Result<Trial, Refusal> {
         ..physics(setting, 0.0)
     };
     let clock = Clock::new(0.2, frame, setting.x);
-    Trial::new(sheet, &physics, NOWHERE.clone(), start, clock, judge)
+    Trial::new(sheet, &physics, None, start, clock, judge)
 }
 
 /// Linear momentum [kg m/s] and kinetic energy [J].
@@ -63,19 +63,19 @@ fn motion(lamina: &Lamina, state: &Snapshot) -> (Vec3, f64) {
 
 /// x: substeps, y: damping [1/s]. A sheet is thrown level and falls with drag.
 pub(super) fn damping(setting: &Setting) -> Result<Trial, Refusal> {
-    let sheet = sheet()?;
-    let mut start = placed(&sheet, |[x, y]| [x, y, 0.0]);
+    let sheet = sheet();
+    let mut start = laid(&sheet, |[x, y]| [x, y, 0.0]);
     start.velocity.fill([1.0, 0.0, 0.0]);
     let clock = Clock::new(0.1, FRAME, setting.x);
-    let way = |v0, g| truth::dragged(v0, g, setting.y, clock.seconds());
-    let [dx, dz] = [way(1.0, 0.0), way(0.0, -GRAVITY)];
+    let moved = |v0, g| truth::dragged(v0, g, setting.y, clock.seconds());
+    let [dx, dz] = [moved(1.0, 0.0), moved(0.0, -GRAVITY)];
     let expected: Vec<_> = sheet.rest.iter().map(|[x, y]| [x + dx, *y, dz]).collect();
     let judge: Judge = Box::new(move |lamina, state| mean_error(lamina, state, &expected));
     let physics = PhysicsConfig {
         bending: Bending::Yarns,
         ..physics(setting, setting.y)
     };
-    Trial::new(sheet, &physics, NOWHERE.clone(), start, clock, judge)
+    Trial::new(sheet, &physics, None, start, clock, judge)
 }
 
 /// How a sheet can start that no one would lay out.
@@ -93,14 +93,14 @@ pub(super) const STARTS: [&str; 8] = [
 /// x: substeps, y: the start. In free space the yarns have to find back their length: the
 /// error is the mean strain of the yarn edges.
 pub(super) fn start(setting: &Setting) -> Result<Trial, Refusal> {
-    let sheet = sheet()?;
+    let sheet = sheet();
     let cell = sheet.yarns[0].rest_length;
     let mut stream = Stream::new(4, Purpose::Evaluation, 0);
     let mut off = |x: [f64; 2], share: f64| {
         let [x, y, z] = [x[0], x[1], 0.0].map(|x| x + share * cell * stream.normal());
         [x, y, z]
     };
-    let start = placed(&sheet, |[x, y]| match STARTS[setting.y as usize] {
+    let start = laid(&sheet, |[x, y]| match STARTS[setting.y as usize] {
         "as cut" => [x, y, 0.0],
         "upside down" => [x, -y, 0.0],
         "mirrored" => [-x, y, 0.0],
@@ -120,5 +120,5 @@ pub(super) fn start(setting: &Setting) -> Result<Trial, Refusal> {
         ..physics(setting, 5.0)
     };
     let clock = Clock::new(1.0, FRAME, setting.x);
-    Trial::new(sheet, &physics, NOWHERE.clone(), start, clock, judge)
+    Trial::new(sheet, &physics, None, start, clock, judge)
 }

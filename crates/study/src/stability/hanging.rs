@@ -3,15 +3,14 @@
 //! They are let go off their place with enough damping to arrive there, so that the way there
 //! is tried as well.
 
-use super::cloth::{
-    AREAL_MASS, FRAME, GRAVITY, NOWHERE, SUBSTEPS, blank, mean_error, of_modulus, physics, placed,
-    scaled, size, strip,
+use super::trial::{
+    Clock, FRAME, Judge, Refusal, SUBSTEPS, Setting, Trial, mean_error, physics, size,
 };
-use super::trial::{Clock, Judge, Refusal, Setting, Trial};
-use super::truth;
-use drape_cloth::fabric::{Lamina, Material};
+use crate::cloth::{AREAL_MASS, GRAVITY, evened, laid, rigid, sheet};
+use crate::truth;
+use drape_cloth::fabric::{Curve, Lamina, Material};
 use drape_cloth::math::{Purpose, Stream, Vec3};
-use drape_cloth::sim::{Bending, BendingStiffness, Compression, PhysicsConfig};
+use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig};
 
 /// Damping and duration that bring a hanging strip of 160 mm to rest: its slowest swing has
 /// 9.4 rad/s and decays to 1/1800.
@@ -22,12 +21,17 @@ const LENGTH: f64 = 0.16;
 const WIDTH: f64 = 0.01;
 const EDGES: usize = 16;
 
+/// A strip along y with two vertices across, rows 0 to `edges` at distance s from its end.
+fn strip(width: f64, length: f64, edges: usize, material: Material) -> Lamina {
+    evened(sheet([width, length], [2, edges + 1], material))
+}
+
 /// A strip that starts straight, `tilt` degrees off the vertical, fixed at its first row; held
 /// against the weight that each edge carries.
 fn hang(strip: Lamina, physics: &PhysicsConfig, clock: Clock, tilt: f64) -> Result<Trial, Refusal> {
     let (sin, cos) = tilt.to_radians().sin_cos();
     let top = strip.rest[0][1];
-    let mut start = placed(&strip, |[x, y]| [x, (y - top) * sin, -(y - top) * cos]);
+    let mut start = laid(&strip, |[x, y]| [x, (y - top) * sin, -(y - top) * cos]);
     start.fixed.insert_range(0..2);
     let expected = if physics.gravity == 0.0 {
         start.position.clone()
@@ -41,21 +45,21 @@ fn hang(strip: Lamina, physics: &PhysicsConfig, clock: Clock, tilt: f64) -> Resu
             .map(|v| [strip.rest[v][0], 0.0, -lengths[v / 2]])
             .collect()
     };
-    Trial::new(strip, physics, NOWHERE.clone(), start, clock, to(expected))
+    Trial::new(strip, physics, None, start, clock, to(expected))
 }
 
 /// Held against a place to come to rest at: what jitters about it has not arrived.
 fn to(expected: Vec<[f64; 3]>) -> Judge {
     Box::new(move |lamina, state| {
         let speeds = state.velocity.iter().map(|v| Vec3::from(*v).norm());
-        let way = FRAME * speeds.sum::<f64>() / expected.len() as f64;
-        mean_error(lamina, state, &expected).max(way / size(lamina))
+        let moved = FRAME * speeds.sum::<f64>() / expected.len() as f64;
+        mean_error(lamina, state, &expected).max(moved / size(lamina))
     })
 }
 
 /// x: substeps, y: frame [s].
 pub(super) fn time_step(setting: &Setting) -> Result<Trial, Refusal> {
-    let strip = strip(WIDTH, LENGTH, EDGES, Material::interglas_92125())?;
+    let strip = strip(WIDTH, LENGTH, EDGES, Material::interglas_92125());
     let clock = Clock::new(SECONDS, setting.y, setting.x);
     hang(strip, &physics(setting, DAMPING), clock, 30.0)
 }
@@ -65,7 +69,12 @@ pub(super) fn compliance(setting: &Setting) -> Result<Trial, Refusal> {
     // k = E t b / a with half the strip for a yarn.
     let thickness = Material::interglas_92125().thickness();
     let modulus = LENGTH / EDGES as f64 / (thickness * 0.5 * WIDTH * setting.y);
-    let strip = strip(WIDTH, LENGTH, EDGES, of_modulus(modulus))?;
+    let mut material = Material::interglas_92125();
+    for law in [&mut material.warp, &mut material.weft] {
+        law.tension = Curve::line(modulus);
+        law.compression = Curve::line(modulus);
+    }
+    let strip = strip(WIDTH, LENGTH, EDGES, material);
     let physics = PhysicsConfig {
         // Next to the softest yarns the diagonals would carry the weight.
         shear: false,
@@ -85,7 +94,7 @@ pub(super) fn border_mass(setting: &Setting) -> Result<Trial, Refusal> {
 }
 
 fn heavy(setting: &Setting, chosen: fn(usize) -> bool) -> Result<Trial, Refusal> {
-    let mut strip = strip(WIDTH, LENGTH, EDGES, Material::interglas_92125())?;
+    let mut strip = strip(WIDTH, LENGTH, EDGES, Material::interglas_92125());
     for (v, mass) in strip.mass.iter_mut().enumerate() {
         if chosen(v / 2) {
             *mass *= setting.y;
@@ -97,7 +106,7 @@ fn heavy(setting: &Setting, chosen: fn(usize) -> bool) -> Result<Trial, Refusal>
 
 /// x: substeps, y: gravity over that of the earth.
 pub(super) fn gravity(setting: &Setting) -> Result<Trial, Refusal> {
-    let strip = strip(WIDTH, LENGTH, EDGES, Material::interglas_92125())?;
+    let strip = strip(WIDTH, LENGTH, EDGES, Material::interglas_92125());
     // Swings are faster by the root of gravity, and so is their damping.
     let pace = if setting.y > 0.0 {
         setting.y.sqrt()
@@ -116,7 +125,7 @@ pub(super) fn gravity(setting: &Setting) -> Result<Trial, Refusal> {
 /// x: substeps, y: vertices along the strip.
 pub(super) fn strip_grid(setting: &Setting) -> Result<Trial, Refusal> {
     let (length, edges) = (0.37, setting.y as usize - 1);
-    let strip = strip(WIDTH, length, edges, Material::interglas_92125())?;
+    let strip = strip(WIDTH, length, edges, Material::interglas_92125());
     let clock = Clock::new(1.2, FRAME, setting.x);
     hang(strip, &physics(setting, 12.0), clock, 20.0)
 }
@@ -124,7 +133,7 @@ pub(super) fn strip_grid(setting: &Setting) -> Result<Trial, Refusal> {
 /// x: vertices along a strip of 1 m, y: its width [mm].
 pub(super) fn needle(setting: &Setting) -> Result<Trial, Refusal> {
     let edges = setting.x as usize - 1;
-    let strip = strip(1e-3 * setting.y, 1.0, edges, Material::interglas_92125())?;
+    let strip = strip(1e-3 * setting.y, 1.0, edges, Material::interglas_92125());
     let clock = Clock::new(2.0, FRAME, SUBSTEPS);
     hang(strip, &physics(setting, 6.0), clock, 10.0)
 }
@@ -134,11 +143,15 @@ pub(super) fn needle(setting: &Setting) -> Result<Trial, Refusal> {
 pub(super) fn warp_ratio(setting: &Setting) -> Result<Trial, Refusal> {
     let cells = 6;
     let side = WIDTH * cells as f64;
-    let sheet = blank([side; 2], [cells + 1; 2], scaled([setting.y, 1.0]))?;
+    let mut material = Material::interglas_92125();
+    let warp = &mut material.warp;
+    warp.tension = warp.tension.scaled(setting.y);
+    warp.compression = warp.compression.scaled(setting.y);
+    let sheet = sheet([side; 2], [cells + 1; 2], material);
     let top = sheet.rest[0][1];
     let mut stream = Stream::new(1, Purpose::Evaluation, 0);
     let (sin, cos) = 30f64.to_radians().sin_cos();
-    let mut start = placed(&sheet, |[x, y]| {
+    let mut start = laid(&sheet, |[x, y]| {
         let along = y - top;
         let share = if along > 0.0 { 0.05 } else { 0.0 };
         let noise = [0; 3].map(|_| share * WIDTH * stream.normal());
@@ -156,17 +169,16 @@ pub(super) fn warp_ratio(setting: &Setting) -> Result<Trial, Refusal> {
         bending: Bending::Yarns,
         ..physics(setting, DAMPING)
     };
-    let tool = NOWHERE.clone();
-    Trial::new(sheet, &physics, tool, start, clock, to(expected))
+    Trial::new(sheet, &physics, None, start, clock, to(expected))
 }
 
 /// x: substeps, y: bending stiffness [N m]. A strip is clamped level by its first two rows,
 /// and held against the heavy elastica.
 pub(super) fn bending(setting: &Setting) -> Result<Trial, Refusal> {
-    let strip = strip(WIDTH, LENGTH, EDGES, Material::interglas_92125())?;
+    let strip = rigid(strip(WIDTH, LENGTH, EDGES, Material::interglas_92125()));
     let edge = LENGTH / EDGES as f64;
     let first = strip.rest[0][1];
-    let mut start = placed(&strip, |[x, y]| [x, y - first, 0.0]);
+    let mut start = laid(&strip, |[x, y]| [x, y - first, 0.0]);
     start.fixed.insert_range(0..4);
     // Curvature begins half an edge from the second row, and so the free length.
     let free = LENGTH - 0.5 * edge;
@@ -185,12 +197,10 @@ pub(super) fn bending(setting: &Setting) -> Result<Trial, Refusal> {
     let physics = PhysicsConfig {
         bending: Bending::Yarns,
         bending_stiffness: BendingStiffness::NewtonMetre(setting.y),
-        compression: Compression::AsTension,
         ..physics(setting, DAMPING)
     };
     let clock = Clock::new(1.5 * SECONDS, FRAME, setting.x);
-    let tool = NOWHERE.clone();
-    Trial::new(strip, &physics, tool, start, clock, to(expected))
+    Trial::new(strip, &physics, None, start, clock, to(expected))
 }
 
 /// x: substeps, y: frame [s]. A strip of 370 mm hangs by both ends, 300 mm apart, and starts
@@ -198,10 +208,10 @@ pub(super) fn bending(setting: &Setting) -> Result<Trial, Refusal> {
 /// row of stiff triangles.)
 pub(super) fn catenary(setting: &Setting) -> Result<Trial, Refusal> {
     let (span, length, edges) = (0.30, 0.37, 32);
-    let strip = strip(WIDTH, length, edges, Material::interglas_92125())?;
+    let strip = strip(WIDTH, length, edges, Material::interglas_92125());
     let half = 0.5 * size(&strip);
     let sag = truth::catenary(span, length, half)[1];
-    let mut start = placed(&strip, |[x, y]| {
+    let mut start = laid(&strip, |[x, y]| {
         let down = sag * (std::f64::consts::FRAC_PI_2 * y / half).cos();
         [x, span / length * y, -down]
     });
@@ -215,6 +225,5 @@ pub(super) fn catenary(setting: &Setting) -> Result<Trial, Refusal> {
     let expected = expected.collect();
     let clock = Clock::new(3.0, setting.y, setting.x);
     let physics = physics(setting, 12.0);
-    let tool = NOWHERE.clone();
-    Trial::new(strip, &physics, tool, start, clock, to(expected))
+    Trial::new(strip, &physics, None, start, clock, to(expected))
 }

@@ -1,16 +1,19 @@
 //! Trials that come to lie on a tool: flat on a plate, or on a slope.
 
-use super::cloth::{
-    AREAL_MASS, FRAME, GRAVITY, PLATE, SUBSTEPS, blank, flatness_error, incline, physics, placed,
-    size, tool,
+use std::sync::{Arc, LazyLock};
+
+use super::trial::{
+    Clock, FRAME, Judge, Refusal, SUBSTEPS, Setting, Trial, flatness_error, physics, size,
 };
-use super::trial::{Clock, Judge, Refusal, Setting, Trial};
-use super::truth;
+use crate::cloth::{AREAL_MASS, GRAVITY, laid, rubbing, tool};
+use crate::truth;
 use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::mesh::{TriMesh, write_stl};
 use drape_cloth::sim::{Bending, PhysicsConfig, Snapshot};
-use drape_cloth::tool::{Source, StlSource};
+use drape_cloth::tool::{
+    GridConfig, Incline, Plate, Pose, Shape, Source, StlSource, Tool, ToolConfig,
+};
 
 /// Damping of episodes [1/s].
 const DAMPING: f64 = 50.0;
@@ -18,15 +21,24 @@ const DAMPING: f64 = 50.0;
 const SIDE: f64 = 0.08;
 const VERTICES: usize = 9;
 
-fn sheet() -> Result<Lamina, Refusal> {
-    blank([SIDE; 2], [VERTICES; 2], Material::interglas_92125())
+/// A block 200 mm thick under z = 0, 600 mm wide.
+static PLATE: LazyLock<Arc<Tool>> = LazyLock::new(|| {
+    let plate = Plate {
+        plate_mm: [600.0, 600.0],
+        base_mm: 200.0,
+    };
+    Arc::new(tool(Shape::Plate(plate), Pose::default(), 20.0))
+});
+
+fn sheet() -> Lamina {
+    crate::cloth::sheet([SIDE; 2], [VERTICES; 2], Material::interglas_92125())
 }
 
 /// At `height` over the plate [m], each vertex off by a random hundredth of a cell.
 fn over(sheet: &Lamina, height: f64) -> Snapshot {
     let mut stream = Stream::new(2, Purpose::Evaluation, 0);
     let cell = sheet.yarns[0].rest_length;
-    placed(sheet, |[x, y]| {
+    laid(sheet, |[x, y]| {
         [x, y, height + 0.01 * cell * stream.normal()]
     })
 }
@@ -45,37 +57,34 @@ fn whole(setting: &Setting) -> PhysicsConfig {
 
 /// x: substeps, y: pressure [N/mm^2], as weight on a sheet 1 mm over the plate.
 pub(super) fn pressure(setting: &Setting) -> Result<Trial, Refusal> {
-    let sheet = sheet()?;
+    let sheet = sheet();
     let start = over(&sheet, 1e-3);
     let physics = PhysicsConfig {
         gravity: 1e6 * setting.y / AREAL_MASS,
         ..whole(setting)
     };
     let clock = Clock::new(0.5, FRAME, setting.x);
-    Trial::new(sheet, &physics, PLATE.clone(), start, clock, flat())
+    Trial::new(sheet, &physics, Some(PLATE.clone()), start, clock, flat())
 }
 
 /// x: substeps, y: vertices a side of a sheet of 370 mm, 0.5 mm over the plate.
 pub(super) fn sheet_grid(setting: &Setting) -> Result<Trial, Refusal> {
-    let sheet = blank(
-        [0.37; 2],
-        [setting.y as usize; 2],
-        Material::interglas_92125(),
-    )?;
+    let vertices = [setting.y as usize; 2];
+    let sheet = crate::cloth::sheet([0.37; 2], vertices, Material::interglas_92125());
     let start = over(&sheet, 5e-4);
     let clock = Clock::new(0.1, FRAME, setting.x);
     let physics = whole(setting);
-    Trial::new(sheet, &physics, PLATE.clone(), start, clock, flat())
+    Trial::new(sheet, &physics, Some(PLATE.clone()), start, clock, flat())
 }
 
 /// x: substeps, y: how deep in the plate the sheet starts [mm].
 pub(super) fn overlap(setting: &Setting) -> Result<Trial, Refusal> {
-    let sheet = sheet()?;
+    let sheet = sheet();
     let start = over(&sheet, -1e-3 * setting.y);
     // Thrown out at the speed cap it rises 80 mm, and sinks at 0.2 m/s.
     let clock = Clock::new(1.0, FRAME, setting.x);
     let physics = whole(setting);
-    Trial::new(sheet, &physics, PLATE.clone(), start, clock, flat())
+    Trial::new(sheet, &physics, Some(PLATE.clone()), start, clock, flat())
 }
 
 /// x: substeps, y: speed towards the plate [m/s], from 5 mm above it and tilted
@@ -91,7 +100,7 @@ pub(super) fn uncapped_impact(setting: &Setting) -> Result<Trial, Refusal> {
 }
 
 fn hit(setting: &Setting, speed_cap: f64) -> Result<Trial, Refusal> {
-    let sheet = sheet()?;
+    let sheet = sheet();
     let (sin, cos) = 10f64.to_radians().sin_cos();
     let mut start = over(&sheet, 5e-3 + 0.5 * SIDE * sin);
     for x in &mut start.position {
@@ -103,7 +112,7 @@ fn hit(setting: &Setting, speed_cap: f64) -> Result<Trial, Refusal> {
         ..whole(setting)
     };
     let clock = Clock::new(0.5, FRAME, setting.x);
-    Trial::new(sheet, &physics, PLATE.clone(), start, clock, flat())
+    Trial::new(sheet, &physics, Some(PLATE.clone()), start, clock, flat())
 }
 
 /// Ways that a facet of the tool can be bad.
@@ -116,11 +125,18 @@ pub(super) fn sliver(setting: &Setting) -> Result<Trial, Refusal> {
     let path = folder.path().join("plate.stl");
     write_stl(&path, &slivered(setting.x as usize, setting.y), "plate")?;
     let source = Source::Stl(StlSource { path, scale: 1e-3 });
-    let tool = tool(source, 0.0, 20.0)?;
-    let sheet = sheet()?;
+    let tool = Tool::new(&ToolConfig {
+        source,
+        pose: Pose::default(),
+        grid: GridConfig {
+            spacing_mm: 20.0,
+            ..GridConfig::default()
+        },
+    })?;
+    let sheet = sheet();
     let start = over(&sheet, 1e-3);
     let clock = Clock::new(0.5, FRAME, SUBSTEPS);
-    Trial::new(sheet, &whole(setting), tool, start, clock, flat())
+    Trial::new(sheet, &whole(setting), Some(Arc::new(tool)), start, clock, flat())
 }
 
 /// A block of 600 x 600 x 200 mm under z = 0 with the triangle P Q R in its upper side, `thin`
@@ -178,15 +194,10 @@ pub(super) fn friction_step(setting: &Setting) -> Result<Trial, Refusal> {
 /// way and the size of the sheet.
 fn slide(setting: &Setting, mu: f64, degrees: f64, substeps: f64) -> Result<Trial, Refusal> {
     let angle = degrees.to_radians();
-    let mut material = Material::interglas_92125();
-    for law in [&mut material.warp, &mut material.weft] {
-        law.static_friction = mu;
-        law.dynamic_friction = mu;
-    }
-    let sheet = blank([SIDE; 2], [5; 2], material)?;
+    let sheet = crate::cloth::sheet([SIDE; 2], [5; 2], rubbing([mu; 2]));
     let down = [angle.cos(), 0.0, -angle.sin()];
     // Up the slope, so that the way is about the origin as on a tool.
-    let start = placed(&sheet, |[x, y]| {
+    let start = laid(&sheet, |[x, y]| {
         let s = x - 0.2;
         [down[0] * s, y, down[2] * s]
     });
@@ -205,5 +216,11 @@ fn slide(setting: &Setting, mu: f64, degrees: f64, substeps: f64) -> Result<Tria
         speed_cap: 0.0,
         ..physics(setting, 0.0)
     };
-    Trial::new(sheet, &physics, incline(degrees)?, start, clock, judge)
+    let incline = Incline {
+        angle_deg: degrees,
+        plate_mm: [4000.0, 400.0],
+        ..Incline::default()
+    };
+    let incline = tool(Shape::Incline(incline), Pose::default(), 100.0);
+    Trial::new(sheet, &physics, Some(Arc::new(incline)), start, clock, judge)
 }

@@ -1,289 +1,160 @@
 use super::trial::{Refusal, Setting, Trial};
 use super::{Axis, Sweep, Tick, free, hanging, lying};
 
-/// How finely the sweeps are sampled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Extent {
-    /// The ends and what lies between them coarsely: about a minute on two cores.
-    Quick,
-    /// Every decade or step: some ten minutes.
-    Full,
-}
-
-/// All sweeps.
-pub fn sweeps(extent: Extent) -> Vec<Sweep> {
-    let pick = |quick: &[f64], full: &[f64]| match extent {
-        Extent::Quick => quick.to_vec(),
-        Extent::Full => full.to_vec(),
+/// All sweeps; `quick` is the ends and what lies between them coarsely.
+pub fn sweeps(quick: bool) -> Vec<Sweep> {
+    // Coarse values and fine ones.
+    let list = |name, coarse: &[f64], fine: &[f64]| {
+        let values = if quick { coarse } else { fine };
+        axis(name, values, label)
+    };
+    // From 10^low to 10^high, coarsely by as many decades at a time.
+    let decades = |name, low: i32, high: i32, coarse: usize| {
+        let step = if quick { coarse } else { 1 };
+        let values: Vec<f64> = (low..=high).step_by(step).map(|e| 10f64.powi(e)).collect();
+        axis(name, &values, label)
+    };
+    let zero_and = |mut axis: Axis| {
+        axis.ticks.insert(0, tick(0.0, label(0.0)));
+        axis
+    };
+    let labels = |name, labels: &[&str]| {
+        let values: Vec<f64> = (0..labels.len()).map(|index| index as f64).collect();
+        axis(name, &values, |index| labels[index as usize].into())
     };
     let substeps = || {
-        let counts = pick(
-            &[1.0, 5.0, 20.0, 80.0],
-            &[1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0],
-        );
-        numbers("substeps a frame", &counts)
+        let fine = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0];
+        list("substeps a frame", &[1.0, 5.0, 20.0, 80.0], &fine)
     };
     // 1/60 s is what training and scenes use.
-    let frames = || Axis {
-        name: "frame [s]",
-        ticks: pick(
-            &[600.0, 120.0, 60.0, 15.0],
-            &[600.0, 300.0, 120.0, 60.0, 30.0, 15.0],
-        )
-        .iter()
-        .map(|rate| Tick {
-            value: 1.0 / rate,
-            label: format!("1/{rate}"),
-        })
-        .collect(),
+    let frames = || {
+        let fine = [600.0, 300.0, 120.0, 60.0, 30.0, 15.0];
+        let mut rates = list("frame [s]", &[600.0, 120.0, 60.0, 15.0], &fine);
+        for tick in &mut rates.ticks {
+            (tick.label, tick.value) = (format!("1/{}", tick.value), 1.0 / tick.value);
+        }
+        rates
     };
-    // From 10^low to 10^high, by as many decades at a time.
-    let decades = |low: i32, high: i32, quick: usize| -> Vec<f64> {
-        let step = match extent {
-            Extent::Quick => quick,
-            Extent::Full => 1,
-        };
-        (low..=high).step_by(step).map(|e| 10f64.powi(e)).collect()
+    let factors = list(
+        "factor on speeds of 0.5 m/s",
+        &[1.0, 1e2, 1e4, 1e38],
+        &[1.0, 1e1, 1e2, 1e3, 1e4, 1e6, 1e10, 1e20, 1e38, 1e40, 1e150, 1e300],
+    );
+    let compliances = zero_and(decades("compliance of an edge [m/N]", -9, 0, 3));
+    let gravities = [0.0, 0.1, 1.0, 3.0, 10.0, 30.0, 100.0];
+    let gravities = list("gravity [g]", &[0.0, 1.0, 10.0, 100.0], &gravities);
+    let rows = [9.0, 17.0, 33.0, 65.0, 129.0, 257.0];
+    let long = [3.0, 9.0, 17.0, 33.0, 65.0, 129.0, 257.0];
+    let widths = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0];
+    let depths = [0.01, 0.1, 1.0, 5.0, 20.0, 50.0, 90.0];
+    let speeds = || {
+        let fine = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0];
+        list("speed [m/s]", &[1.0, 10.0, 100.0], &fine)
     };
-    let with_zero = |values: Vec<f64>| [vec![0.0], values].concat();
-    let by_substeps = |name, answer, axis, trial: fn(&Setting) -> Result<Trial, Refusal>| Sweep {
-        name,
-        answer,
-        axes: [substeps(), axis],
-        trial,
+    let slopes = [0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0];
+    let frictions = || {
+        let fine = [0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0];
+        list("friction", &[0.0, 0.2, 0.7, 2.0], &fine)
     };
+    let facets = zero_and(decades("thickness of the facet [m]", -10, -2, 2));
+    let along = "vertices along it";
 
+    let by_substeps = |name, y, trial| sweep(name, substeps(), y, trial);
     vec![
-        by_substeps(
-            "time_step",
-            "hanging strip, against the weight each edge carries",
-            frames(),
-            hanging::time_step,
-        ),
-        by_substeps(
-            "catenary",
-            "strip held by both ends, against the catenary",
-            frames(),
-            hanging::catenary,
-        ),
-        by_substeps(
-            "free_flight",
-            "free sheet with random velocities: momentum stays, kinetic energy does not grow",
-            frames(),
-            free::flight,
-        ),
-        by_substeps(
-            "speed",
-            "the same, at speeds that leave the space of 100 m: diverged, not garbage",
-            numbers(
-                "factor on speeds of 0.5 m/s",
-                &pick(
-                    &[1.0, 1e2, 1e4, 1e38],
-                    &[
-                        1.0, 1e1, 1e2, 1e3, 1e4, 1e6, 1e10, 1e20, 1e38, 1e40, 1e150, 1e300,
-                    ],
-                ),
-            ),
-            free::speed,
-        ),
-        by_substeps(
-            "compliance",
-            "hanging strip, against the stretch of springs under their load",
-            numbers("compliance of an edge [m/N]", &with_zero(decades(-9, 0, 3))),
-            hanging::compliance,
-        ),
+        by_substeps("time_step", frames(), hanging::time_step),
+        by_substeps("catenary", frames(), hanging::catenary),
+        by_substeps("free_flight", frames(), free::flight),
+        by_substeps("speed", factors, free::speed),
+        by_substeps("compliance", compliances, hanging::compliance),
         by_substeps(
             "warp_ratio",
-            "crumpled sheet hung by a border, against its flat shape",
-            numbers("warp over built-in stiffness", &decades(-6, 6, 3)),
+            decades("warp over built-in stiffness", -6, 6, 3),
             hanging::warp_ratio,
         ),
         by_substeps(
             "bending",
-            "strip clamped level, against the heavy elastica",
-            numbers("bending stiffness [N m]", &decades(-5, 2, 2)),
+            decades("bending stiffness [N m]", -5, 2, 2),
             hanging::bending,
         ),
         by_substeps(
             "neighbour_mass",
-            "hanging strip, every other row of another mass, against its springs",
-            numbers("mass over its neighbour's", &decades(-6, 6, 3)),
+            decades("mass over its neighbour's", -6, 6, 3),
             hanging::neighbour_mass,
         ),
         by_substeps(
             "border_mass",
-            "hanging strip, its lower border of another mass, against its springs",
-            numbers("mass of border over inside", &decades(-6, 6, 3)),
+            decades("mass of border over inside", -6, 6, 3),
             hanging::border_mass,
         ),
-        by_substeps(
-            "gravity",
-            "hanging strip, against its springs; without gravity it stays",
-            numbers(
-                "gravity [g]",
-                &pick(
-                    &[0.0, 1.0, 10.0, 100.0],
-                    &[0.0, 0.1, 1.0, 3.0, 10.0, 30.0, 100.0],
-                ),
-            ),
-            hanging::gravity,
-        ),
+        by_substeps("gravity", gravities, hanging::gravity),
         by_substeps(
             "strip_grid",
-            "hanging strip of 370 mm, against its springs",
-            numbers(
-                "vertices along it",
-                &pick(&[9.0, 33.0, 129.0], &[9.0, 17.0, 33.0, 65.0, 129.0, 257.0]),
-            ),
+            list(along, &[9.0, 33.0, 129.0], &rows),
             hanging::strip_grid,
         ),
-        Sweep {
-            name: "needle",
-            answer: "hanging strip of 1 m, two vertices wide, 20 substeps a frame, against its springs",
-            axes: [
-                numbers(
-                    "vertices along it",
-                    &pick(
-                        &[3.0, 17.0, 65.0, 257.0],
-                        &[3.0, 9.0, 17.0, 33.0, 65.0, 129.0, 257.0],
-                    ),
-                ),
-                numbers(
-                    "width [mm]",
-                    &pick(
-                        &[1.0, 30.0, 1000.0],
-                        &[1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0],
-                    ),
-                ),
-            ],
-            trial: hanging::needle,
-        },
+        sweep(
+            "needle",
+            list(along, &[3.0, 17.0, 65.0, 257.0], &long),
+            list("width [mm]", &[1.0, 30.0, 1000.0], &widths),
+            hanging::needle,
+        ),
         by_substeps(
             "damping",
-            "sheet thrown level, against the closed form of fall with drag",
-            numbers("damping [1/s]", &with_zero(decades(0, 12, 4))),
+            zero_and(decades("damping [1/s]", 0, 12, 4)),
             free::damping,
         ),
-        by_substeps(
-            "start",
-            "sheet in free space: yarns find back their length",
-            Axis {
-                name: "start",
-                ticks: labels(&free::STARTS),
-            },
-            free::start,
-        ),
+        by_substeps("start", labels("start", &free::STARTS), free::start),
         by_substeps(
             "overlap",
-            "sheet that starts inside a plate 200 mm thick: comes to lie on it flat",
-            numbers(
-                "depth at the start [mm]",
-                &pick(&[0.1, 5.0, 90.0], &[0.01, 0.1, 1.0, 5.0, 20.0, 50.0, 90.0]),
-            ),
+            list("depth at the start [mm]", &[0.1, 5.0, 90.0], &depths),
             lying::overlap,
         ),
         by_substeps(
             "pressure",
-            "sheet pushed on to a plate: lies on it flat",
-            numbers("pressure [N/mm²]", &decades(-6, 0, 2)),
+            decades("pressure [N/mm²]", -6, 0, 2),
             lying::pressure,
         ),
-        by_substeps(
-            "impact",
-            "sheet shot at a plate, speeds capped at 4 m/s: comes to lie on it flat",
-            numbers(
-                "speed [m/s]",
-                &pick(&[1.0, 10.0, 100.0], &[1.0, 3.0, 10.0, 30.0, 100.0, 300.0]),
-            ),
-            lying::impact,
-        ),
-        by_substeps(
-            "uncapped_impact",
-            "sheet shot at a plate, without speed cap: comes to lie on it flat",
-            numbers(
-                "speed [m/s]",
-                &pick(&[1.0, 10.0, 100.0], &[1.0, 3.0, 10.0, 30.0, 100.0, 300.0]),
-            ),
-            lying::uncapped_impact,
-        ),
+        by_substeps("impact", speeds(), lying::impact),
+        by_substeps("uncapped_impact", speeds(), lying::uncapped_impact),
         by_substeps(
             "sheet_grid",
-            "sheet of 370 mm dropped on a plate: lies on it flat",
-            numbers(
-                "vertices a side",
-                &pick(&[9.0, 33.0], &[9.0, 17.0, 33.0, 65.0, 129.0, 257.0]),
-            ),
+            list("vertices a side", &[9.0, 33.0], &rows),
             lying::sheet_grid,
         ),
-        Sweep {
-            name: "sliver",
-            answer: "sheet dropped on a plate with bad facets, from STL: lies on it flat",
-            axes: [
-                Axis {
-                    name: "facet",
-                    ticks: labels(&lying::SLIVERS),
-                },
-                numbers(
-                    "thickness of the facet [m]",
-                    &with_zero(decades(-10, -2, 2)),
-                ),
-            ],
-            trial: lying::sliver,
-        },
-        Sweep {
-            name: "friction",
-            answer: "sheet on a slope, 20 substeps a frame, against Coulomb's law",
-            axes: [
-                numbers(
-                    "slope [degrees]",
-                    &pick(
-                        &[0.0, 10.0, 25.0, 40.0, 60.0],
-                        &[0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0],
-                    ),
-                ),
-                numbers(
-                    "friction",
-                    &pick(
-                        &[0.0, 0.2, 0.7, 2.0],
-                        &[0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0],
-                    ),
-                ),
-            ],
-            trial: lying::friction,
-        },
-        by_substeps(
-            "friction_step",
-            "sheet on a slope of 25 degrees, against Coulomb's law",
-            numbers(
-                "friction",
-                &pick(
-                    &[0.0, 0.2, 0.7, 2.0],
-                    &[0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0],
-                ),
-            ),
-            lying::friction_step,
+        sweep(
+            "sliver",
+            labels("facet", &lying::SLIVERS),
+            facets,
+            lying::sliver,
         ),
+        sweep(
+            "friction",
+            list("slope [degrees]", &[0.0, 10.0, 25.0, 40.0, 60.0], &slopes),
+            frictions(),
+            lying::friction,
+        ),
+        by_substeps("friction_step", frictions(), lying::friction_step),
     ]
 }
 
-fn numbers(name: &'static str, values: &[f64]) -> Axis {
-    let ticks = values.iter().map(|&value| Tick {
-        value,
-        label: label(value),
-    });
-    Axis {
-        name,
-        ticks: ticks.collect(),
-    }
+fn sweep(
+    name: &'static str,
+    x: Axis,
+    y: Axis,
+    trial: fn(&Setting) -> Result<Trial, Refusal>,
+) -> Sweep {
+    let axes = [x, y];
+    Sweep { name, axes, trial }
 }
 
-/// Ticks that count their `labels`.
-fn labels(labels: &[&str]) -> Vec<Tick> {
-    let ticks = labels.iter().enumerate().map(|(index, label)| Tick {
-        value: index as f64,
-        label: (*label).into(),
-    });
-    ticks.collect()
+fn axis(name: &'static str, values: &[f64], label: impl Fn(f64) -> String) -> Axis {
+    let ticks = values.iter().map(|&value| tick(value, label(value)));
+    let ticks = ticks.collect();
+    Axis { name, ticks }
+}
+
+fn tick(value: f64, label: String) -> Tick {
+    Tick { value, label }
 }
 
 /// A number as short as it can be read back.

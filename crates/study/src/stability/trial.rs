@@ -1,14 +1,21 @@
 use std::sync::Arc;
 
-use super::{Figures, Outcome, Precision, THRESHOLD};
+use super::{Figures, Outcome, THRESHOLD};
+use crate::cloth::NOWHERE;
 use drape_cloth::fabric::Lamina;
-use drape_cloth::math::Isa;
-use drape_cloth::sim::{Batch, Control, Model, PhysicsConfig, Snapshot, Solver, alone, alone_f64};
+use drape_cloth::math::Vec3;
+use drape_cloth::sim::{
+    Backend, Bending, Control, Cpu, Model, PhysicsConfig, Precision, Snapshot, Solver, World,
+};
 use drape_cloth::tool::Tool;
+
+/// Frame where no other is asked for [s], and its substeps.
+pub const FRAME: f64 = 1.0 / 60.0;
+pub const SUBSTEPS: f64 = 20.0;
 
 /// Place of a cell in its sweep.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Setting {
+pub struct Setting {
     /// Values along the two axes.
     pub x: f64,
     pub y: f64,
@@ -16,29 +23,30 @@ pub(super) struct Setting {
 }
 
 /// Why a cell cannot be simulated at all: what a user would be told.
-pub(super) type Refusal = Box<dyn std::error::Error + Send + Sync>;
+pub type Refusal = Box<dyn std::error::Error + Send + Sync>;
 
 /// Error of a final state over the size of the sheet [-].
-pub(super) type Judge = Box<dyn Fn(&Lamina, &Snapshot) -> f64>;
+pub type Judge = Box<dyn Fn(&Lamina, &Snapshot) -> f64>;
 
 /// A simulation with a known answer.
-pub(super) struct Trial {
-    pub lamina: Lamina,
-    pub model: Model,
-    pub tool: Arc<Tool>,
-    pub start: Snapshot,
-    pub clock: Clock,
-    pub judge: Judge,
+pub struct Trial {
+    lamina: Lamina,
+    model: Model,
+    /// None touches nothing.
+    tool: Option<Arc<Tool>>,
+    start: Snapshot,
+    clock: Clock,
+    judge: Judge,
 }
 
 /// How long a trial lasts and how finely it is stepped.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Clock {
+pub struct Clock {
     /// Duration of a frame [s].
-    pub frame: f64,
+    frame: f64,
     /// Substeps in it.
-    pub substeps: usize,
-    pub frames: usize,
+    substeps: usize,
+    frames: usize,
 }
 
 impl Clock {
@@ -62,14 +70,14 @@ impl Trial {
     pub fn new(
         lamina: Lamina,
         physics: &PhysicsConfig,
-        tool: Arc<Tool>,
+        tool: Option<Arc<Tool>>,
         start: Snapshot,
         clock: Clock,
         judge: Judge,
     ) -> Result<Self, Refusal> {
         physics.check()?;
         Ok(Self {
-            model: Model::new(&lamina, physics),
+            model: Model::new(&lamina, physics).into(),
             lamina,
             tool,
             start,
@@ -80,60 +88,91 @@ impl Trial {
 
     /// Simulates and judges.
     pub fn run(&self, precision: Precision) -> (Outcome, Figures) {
-        let mut batch: Box<dyn Batch> = match precision {
-            Precision::F64 => alone_f64(&self.model, Isa::best()),
-            Precision::F32 => alone(&self.model, Isa::best()),
-        };
-        batch.load(0, &self.start);
+        let tool = self.tool.as_ref().unwrap_or(&NOWHERE);
+        let world = World::new(self.model.clone(), tool.clone());
+        let mut cloth = Cpu::new(&world, 1, precision);
+        cloth.load(0, &self.start);
         let control = Control {
             dt: self.clock.frame,
             substeps: self.clock.substeps,
             contact_interval: 5,
         };
-        let mut figures = Figures {
-            speed_max: 0.0,
-            ..Figures::NONE
-        };
+        let mut figures = Figures::default();
         let mut state = self.start.clone();
         for frame in 1..=self.clock.frames {
-            batch.step(&self.model, &self.tool, &control, &[]);
+            cloth.step(&control, &[]);
             figures.simulated_s = frame as f64 * self.clock.frame;
             figures.substeps += control.substeps;
-            if !batch.sound()[0] {
+            if !cloth.finite()[0] {
                 return (Outcome::Diverged, figures);
             }
-            state = batch.snapshot(0);
+            state = cloth.snapshot(0);
             if !state.is_finite() {
                 return (Outcome::NonFinite, figures);
             }
-            figures.speed_end = speed(&state);
-            figures.speed_max = figures.speed_end.max(figures.speed_max);
+            let speeds = state.velocity.iter().map(|v| Vec3::from(*v).norm());
+            let speed = speeds.fold(0.0, f64::max);
+            figures.speed_end = Some(speed);
+            figures.speed_max = Some(speed.max(figures.speed_max.unwrap_or(0.0)));
         }
-        self.measure(&state, &mut figures);
-        let outcome = if figures.error <= THRESHOLD {
-            Outcome::Converged
-        } else {
-            Outcome::Wrong
-        };
-        (outcome, figures)
-    }
-
-    fn measure(&self, state: &Snapshot, figures: &mut Figures) {
-        let strain = self.lamina.yarn_strain(&state.position).into_iter();
-        let mut strain: Vec<f64> = strain.map(f64::abs).collect();
+        let mut strain = self.lamina.yarn_strain(&state.position);
+        strain.iter_mut().for_each(|strain| *strain = strain.abs());
         strain.sort_by(f64::total_cmp);
         let last = strain.len() - 1;
-        figures.strain_p95 = strain[(0.95 * last as f64).round() as usize];
-        figures.strain_max = strain[last];
-        let depth = |&x: &[f64; 3]| -self.tool.distance(x).0;
+        figures.strain_p95 = Some(strain[(0.95 * last as f64).round() as usize]);
+        figures.strain_max = Some(strain[last]);
+        let depth = |&x: &[f64; 3]| -tool.distance(x).0;
         let deepest = state.position.iter().map(depth).fold(0.0, f64::max);
-        figures.penetration_mm = 1e3 * deepest;
-        figures.error = (self.judge)(&self.lamina, state);
+        figures.penetration_mm = Some(1e3 * deepest);
+        let error = (self.judge)(&self.lamina, &state);
+        figures.error = Some(error);
+        match error <= THRESHOLD {
+            true => (Outcome::Converged, figures),
+            false => (Outcome::Wrong, figures),
+        }
     }
 }
 
-/// Largest speed of a vertex [m/s].
-fn speed(state: &Snapshot) -> f64 {
-    let squares = state.velocity.iter().map(|v| v.iter().map(|v| v * v).sum());
-    squares.fold(0.0, f64::max).sqrt()
+/// The default physics with one damping [1/s], without bending.
+pub fn physics(setting: &Setting, damping: f64) -> PhysicsConfig {
+    PhysicsConfig {
+        solver: setting.solver,
+        bending: Bending::Off,
+        damping,
+        ..PhysicsConfig::default()
+    }
+}
+
+/// Longest side of the flat blank [m].
+pub fn size(lamina: &Lamina) -> f64 {
+    let [x, y] = lamina.rest[0];
+    2.0 * x.abs().max(y.abs())
+}
+
+/// Mean distance of the vertices from `expected` over the size of the sheet.
+pub fn mean_error(lamina: &Lamina, state: &Snapshot, expected: &[[f64; 3]]) -> f64 {
+    let apart = |(a, b): (&[f64; 3], &[f64; 3])| (Vec3::from(*a) - Vec3::from(*b)).norm();
+    let sum: f64 = state.position.iter().zip(expected).map(apart).sum();
+    sum / expected.len() as f64 / size(lamina)
+}
+
+/// The larger of two means over the size of the sheet: height off the plane z = 0, and error
+/// of the distances between pairs of vertices, which no rigid motion changes.
+pub fn flatness_error(lamina: &Lamina, state: &Snapshot) -> f64 {
+    let count = lamina.vertex_count();
+    let height: f64 = state.position.iter().map(|x| x[2].abs()).sum();
+    // All pairs of a small sheet; of a large one, those among some vertices.
+    let stride = count.div_ceil(200);
+    let chosen: Vec<usize> = (0..count).step_by(stride).collect();
+    let (mut sum, mut pairs) = (0.0, 0);
+    for (i, &a) in chosen.iter().enumerate() {
+        for &b in &chosen[..i] {
+            let [p, q] = [a, b].map(|v| Vec3::from(state.position[v]));
+            let [r, s] = [a, b].map(|v| lamina.rest[v]);
+            let rest = (r[0] - s[0]).hypot(r[1] - s[1]);
+            sum += ((p - q).norm() - rest).abs();
+            pairs += 1;
+        }
+    }
+    (height / count as f64).max(sum / f64::from(pairs)) / size(lamina)
 }

@@ -33,7 +33,8 @@ use drape_cloth::math::{Purpose, Stream, mean_and_deviation};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
 use drape_cloth::sim::Solver;
 use drape_cloth::tool::Tool;
-use drape_task::env::{EnvConfig, EnvError, Precision};
+use drape_cloth::sim::Precision;
+use drape_task::env::{EnvConfig, EnvError};
 use press::{Pressed, press, sequences};
 
 pub use settings::{Extent, Kind, Setting, settings};

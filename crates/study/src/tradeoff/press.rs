@@ -7,7 +7,8 @@ use crate::nearest;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::Scene;
-use drape_task::env::{Draping, EnvConfig, EnvError, Precision};
+use drape_cloth::sim::Precision;
+use drape_task::env::{Draping, EnvConfig, EnvError};
 
 /// Fixed sequences of presses, the same places in every one.
 pub(super) const SEQUENCES: usize = 8;

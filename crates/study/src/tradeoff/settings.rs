@@ -4,8 +4,9 @@ use crate::points::coarser;
 use crate::twin::stencil_mm;
 use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::scene::SceneConfig;
-use drape_cloth::sim::{Accuracy, Bending, Compression, PhysicsConfig, Solver, Stepping};
-use drape_task::env::{EnvConfig, Precision};
+use drape_cloth::sim::{Accuracy, Bending, PhysicsConfig, Solver, Stepping};
+use drape_cloth::sim::Precision;
+use drape_task::env::{EnvConfig};
 
 /// Substeps a second of what counts as converged [1/s], and of them between two looks for the
 /// tool's planes: 2400 looks a second, more than any preset has.
@@ -145,15 +146,12 @@ pub fn settings(scene: &SceneConfig, env: &EnvConfig, extent: Extent) -> Vec<Set
             (format!("{} x {}", vertices[0], vertices[1]), change)
         }),
     );
-    let features: [(&str, Change); 9] = [
+    let features: [(&str, Change); 8] = [
         ("as configured", |_| ()),
         ("no friction", |p| p.friction = false),
         ("no shear", |p| p.shear = false),
         ("no bending", |p| p.bending = Bending::Off),
         ("dihedral bending", |p| p.bending = Bending::Dihedral),
-        ("compression as tension", |p| {
-            p.compression = Compression::AsTension;
-        }),
         ("strain limit 0.5 %", |p| p.strain_limit = Some(0.005)),
         ("damping x 0.5", |p| p.damping *= 0.5),
         ("no speed cap", |p| p.speed_cap = 0.0),

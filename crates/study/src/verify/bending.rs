@@ -1,7 +1,8 @@
 //! Bending: the heavy elastica.
 
-use super::cloth::{AREAL_MASS, GRAVITY, Piece, Solve, fix, mean_at, placed, rigid, strip};
-use crate::stability::truth;
+use super::solve::{Piece, Solve};
+use crate::cloth::{AREAL_MASS, GRAVITY, fix, mean_at, placed, rigid, strip, yarns_alone};
+use crate::truth;
 use drape_cloth::fabric::{Family, Material};
 use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig};
 
@@ -22,8 +23,8 @@ pub const ELASTICA: [[f64; 3]; 7] = [
 pub struct Cantilever {
     pub family: Family,
     pub bending: Bending,
-    /// Bending stiffness per width [N m]; that of the material if none is given.
-    pub stiffness: Option<f64>,
+    /// Bending stiffness per width [N m].
+    pub stiffness: f64,
     /// Free length [m].
     pub length: f64,
     /// Edges, the clamped one among them.
@@ -53,7 +54,7 @@ impl Cantilever {
         Self {
             family: Family::Warp,
             bending: Bending::Yarns,
-            stiffness: Some(AREAL_MASS * GRAVITY * length.powi(3) / gamma),
+            stiffness: AREAL_MASS * GRAVITY * length.powi(3) / gamma,
             length,
             edges,
         }
@@ -65,7 +66,7 @@ impl Cantilever {
         Self {
             family,
             bending: Bending::Yarns,
-            stiffness: None,
+            stiffness,
             length: (gamma * stiffness / (AREAL_MASS * GRAVITY)).cbrt(),
             edges,
         }
@@ -78,24 +79,18 @@ impl Cantilever {
     /// edge. Yarns resist compression as tension: the elastica keeps its length.
     pub fn sink(&self, solver: &dyn Solve) -> Bent {
         let edge = self.length / (self.edges as f64 - 0.5);
-        let strip = strip(self.family, edge * self.edges as f64, self.edges);
+        let strip = rigid(strip(self.family, edge * self.edges as f64, self.edges));
         let mut state = placed(&strip, |s, t| [s - 0.5 * edge, t, 0.0]);
         fix(&strip, &mut state, &[0, 1]);
         // Near the critical damping of the swing of a hanging strip.
         let swing = (GRAVITY / self.length).sqrt();
-        let physics = rigid(PhysicsConfig {
+        let physics = PhysicsConfig {
             bending: self.bending,
-            bending_stiffness: self
-                .stiffness
-                .map_or(BendingStiffness::Material, BendingStiffness::NewtonMetre),
+            bending_stiffness: BendingStiffness::NewtonMetre(self.stiffness),
             damping: 2.0 * swing,
-            ..solver.yarns_alone()
-        });
-        let piece = Piece {
-            lamina: &strip,
-            physics: &physics,
-            tool: None,
+            ..yarns_alone()
         };
+        let piece = &Piece::new(&strip, physics);
         let end = solver.settle(piece, &state, [1e-9 * swing * self.length, 160.0 / swing]);
         let profile = (1..=self.edges).map(|k| {
             let x = mean_at(&strip, &end, k) / self.length;

@@ -2,23 +2,14 @@
 
 use std::sync::LazyLock;
 
-use super::cloth::{
-    AREAL_MASS, GRAVITY, Piece, Solve, even_strip, fix, laid, mean_at, placed, rigid, section,
-    sheet, strip, tool,
+use super::solve::{Piece, Solve};
+use crate::cloth::{
+    AREAL_MASS, GRAVITY, evened, fix, laid, mean_at, placed, rigid, rubbing, section, sheet, strip,
+    tool, yarns_alone,
 };
-use drape_cloth::fabric::{Family, Material};
+use drape_cloth::fabric::Family;
 use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig};
 use drape_cloth::tool::{Cylinder, Incline, Pose, Shape, Tool};
-
-/// The built-in fabric with one coefficient of friction at rest and one in motion.
-fn rubbing([stick, slide]: [f64; 2]) -> Material {
-    let mut material = Material::interglas_92125();
-    for law in [&mut material.warp, &mut material.weft] {
-        law.static_friction = stick;
-        law.dynamic_friction = slide;
-    }
-    material
-}
 
 /// Halvings of the bracket within which a threshold is searched.
 const HALVINGS: usize = 9;
@@ -56,13 +47,9 @@ pub fn slide(solver: &dyn Solve, mu: [f64; 2], angle: f64, seconds: f64) -> f64 
         friction: true,
         shear: true,
         bending: Bending::Yarns,
-        ..solver.yarns_alone()
+        ..yarns_alone()
     };
-    let piece = Piece {
-        lamina: &sheet,
-        physics: &physics,
-        tool: Some(&incline),
-    };
+    let piece = &Piece::new(&sheet, physics).on(&incline);
     let end = solver.run(piece, &state, seconds);
     let along = |x: &[f64; 3]| x[0] * cos - x[2] * sin;
     let way = |s: &[[f64; 3]]| s.iter().map(along).sum::<f64>();
@@ -122,7 +109,7 @@ impl Rope {
         let edge = std::f64::consts::PI * DRUM / self.edges as f64;
         let count = self.edges + 2 * HANGING;
         let length = edge * count as f64;
-        let mut strip = even_strip(Family::Weft, length, count);
+        let mut strip = evened(strip(Family::Weft, length, count));
         strip.material = rubbing([self.mu; 2]);
         let weight: f64 = strip.mass.iter().sum();
         let (hangs, on_drum) = (HANGING as f64 * edge / length, DRUM / length);
@@ -149,13 +136,9 @@ impl Rope {
         let physics = PhysicsConfig {
             friction: true,
             damping: 20.0,
-            ..solver.yarns_alone()
+            ..yarns_alone()
         };
-        let piece = Piece {
-            lamina: &strip,
-            physics: &physics,
-            tool: Some(&DRUM_TOOL),
-        };
+        let piece = &Piece::new(&strip, physics).on(&DRUM_TOOL);
         let taut = solver.run(piece, &state, 0.5);
         let end = solver.run(piece, &taut, 0.5);
         let crown = count / 2;
@@ -196,7 +179,7 @@ static CYLINDER_TOOL: LazyLock<Tool> = LazyLock::new(|| {
 pub fn lift_off(solver: &dyn Solve, g_r: f64, edges: usize) -> LiftOff {
     let radius = CYLINDER;
     let edge = 2.0 * radius / (edges as f64 - 0.5);
-    let strip = strip(Family::Weft, edge * edges as f64, edges);
+    let strip = rigid(strip(Family::Weft, edge * edges as f64, edges));
     // Wound on and down beside, then let go: it comes to its place from the inner side.
     let quarter = 0.5 * std::f64::consts::PI * radius;
     let mut state = placed(&strip, |s, t| {
@@ -210,17 +193,13 @@ pub fn lift_off(solver: &dyn Solve, g_r: f64, edges: usize) -> LiftOff {
     });
     fix(&strip, &mut state, &[0, 1]);
     let stiffness = AREAL_MASS * GRAVITY * radius.powi(3) / g_r;
-    let physics = rigid(PhysicsConfig {
+    let physics = PhysicsConfig {
         bending: Bending::Yarns,
         bending_stiffness: BendingStiffness::NewtonMetre(stiffness),
         damping: 8.0,
-        ..solver.yarns_alone()
-    });
-    let piece = Piece {
-        lamina: &strip,
-        physics: &physics,
-        tool: Some(&CYLINDER_TOOL),
+        ..yarns_alone()
     };
+    let piece = &Piece::new(&strip, physics).on(&CYLINDER_TOOL);
     let end = solver.settle(piece, &state, [1e-6, 4.0]);
     // Beyond the line of contact the gap grows with the cube of the distance.
     let gaps: Vec<[f64; 2]> = (0..=edges)

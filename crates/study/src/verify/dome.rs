@@ -2,11 +2,11 @@
 
 use std::sync::LazyLock;
 
-use super::cloth::{GRAVITY, Piece, Solve, laid, shearing, sheet, tool};
 use super::shear::shear_at;
-use drape_cloth::fabric::Lamina;
+use super::solve::{Piece, Solve};
+use crate::cloth::{GRAVITY, laid, shearing, sheet, tool, yarns_alone};
 use drape_cloth::math::Vec3;
-use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig, Snapshot};
+use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig};
 use drape_cloth::tool::{Hemisphere, Pose, Shape, Tool};
 
 /// Radius of the hemisphere [m].
@@ -68,26 +68,13 @@ pub fn fishnet(arm: f64, edges: usize) -> Vec<[f64; 2]> {
     found
 }
 
-/// What a sheet on the hemisphere looks like.
-#[derive(Clone, Debug)]
-pub struct Wrapped {
-    /// Shear on the four bias lines, their mean: [polar angle, shear] [rad], from the pole on.
-    pub shear: Vec<[f64; 2]>,
-    /// Greatest difference of the shear between the bias lines [rad].
-    pub uneven: f64,
-    /// Greatest gap to the tool [m].
-    pub gap: f64,
-    /// Greatest absolute strain of a yarn edge [-].
-    pub strain: f64,
-    pub v_rms: f64,
-}
-
 /// Lays a sheet with arms of `edges` edges flat on the pole of a hemisphere without friction and
 /// lets it sink under ten times its weight, held at the pole.
 ///
 /// The fabric has a thousandth of glass fabric's shear stiffness and hardly any in bending, so that
-/// the weight stretches no yarn, overcomes shear, and leaves the net of inextensible yarns.
-pub fn wrap(solver: &dyn Solve, edges: usize) -> Wrapped {
+/// the weight stretches no yarn, overcomes shear, and leaves the net of inextensible yarns. Gives
+/// the shear on the four bias lines, their mean: [polar angle, shear] [rad], from the pole on.
+pub fn wrap(solver: &dyn Solve, edges: usize) -> Vec<[f64; 2]> {
     let side = 2.0 * ARM * RADIUS;
     let lamina = sheet([side; 2], [2 * edges + 1; 2], shearing(50.0));
     let mut state = laid(&lamina, |[x, y]| [x, y, RADIUS]);
@@ -101,46 +88,26 @@ pub fn wrap(solver: &dyn Solve, edges: usize) -> Wrapped {
         adhesion: 1.0,
         gravity: 10.0 * GRAVITY,
         damping: 50.0,
-        ..solver.yarns_alone()
+        ..yarns_alone()
     };
-    let piece = Piece {
-        lamina: &lamina,
-        physics: &physics,
-        tool: Some(&DOME),
-    };
+    let piece = &Piece::new(&lamina, physics).on(&DOME);
     let end = solver.settle(piece, &state, [1e-5, 2.5]);
-    look(&lamina, &DOME, &end, edges)
-}
-
-fn look(lamina: &Lamina, dome: &Tool, state: &Snapshot, edges: usize) -> Wrapped {
     let polar = |v: u32| {
-        let x = Vec3::from(state.position[v as usize]);
+        let x = Vec3::from(end.position[v as usize]);
         (x.z / x.norm()).clamp(-1.0, 1.0).acos()
     };
     let mut shear = vec![[0.0, 0.0]];
-    let mut uneven = 0.0f64;
     for k in 1..edges {
         let corners = [(1, 1), (1, -1), (-1, 1), (-1, -1)];
         let of = corners.map(|(p, q): (isize, isize)| {
             let at = |sign: isize| edges.wrapping_add_signed(sign * k as isize);
             let v = lamina.vertex_at(at(p), at(q)).expect("inside the sheet");
-            let angle = shear_at(lamina, state, v).expect("has four neighbours");
+            let angle = shear_at(&lamina, &end, v).expect("has four neighbours");
             [polar(v), angle.abs()]
         });
         shear.push([0, 1].map(|i| of.iter().map(|one| one[i]).sum::<f64>() / 4.0));
-        for one in of {
-            uneven = uneven.max((one[1] - of[0][1]).abs());
-        }
     }
-    let gap = state.position.iter().map(|&x| dome.distance(x).0);
-    let strain = lamina.yarn_strain(&state.position).into_iter();
-    Wrapped {
-        shear,
-        uneven,
-        gap: gap.fold(0.0, f64::max),
-        strain: strain.map(f64::abs).fold(0.0, f64::max),
-        v_rms: state.v_rms(),
-    }
+    shear
 }
 
 /// The shear at a polar angle [rad], between the nodes of a bias line; NaN beyond its last.

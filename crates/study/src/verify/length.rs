@@ -1,7 +1,8 @@
 //! Length: pulled, hanging and sagging strips.
 
-use super::cloth::{
-    AREAL_MASS, GRAVITY, Piece, Solve, even_strip, fix, mean_at, placed, rigid, section, strip,
+use super::solve::{Piece, Solve};
+use crate::cloth::{
+    AREAL_MASS, GRAVITY, evened, fix, mean_at, placed, rigid, section, strip, yarns_alone,
 };
 use drape_cloth::fabric::{Family, Material};
 use drape_cloth::sim::{PhysicsConfig, Tension};
@@ -20,7 +21,7 @@ const PULLED: (usize, f64) = (10, 0.1);
 /// Mean strain of a strip that hangs with `force` per width [N/m] at its lower end.
 pub fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
     let (edges, length) = PULLED;
-    let mut strip = even_strip(family, length, edges);
+    let mut strip = evened(strip(family, length, edges));
     let width = length / edges as f64;
     for v in section(&strip, edges) {
         strip.mass[v] = 0.5 * force * width / GRAVITY;
@@ -30,13 +31,9 @@ pub fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
     let physics = PhysicsConfig {
         tension: Tension::Material,
         damping: 200.0,
-        ..solver.yarns_alone()
+        ..yarns_alone()
     };
-    let piece = Piece {
-        lamina: &strip,
-        physics: &physics,
-        tool: None,
-    };
+    let piece = &Piece::new(&strip, physics);
     let end = solver.settle(piece, &state, [1e-8, 3.0]);
     -mean_at(&strip, &end, edges).z / length - 1.0
 }
@@ -69,13 +66,9 @@ pub fn hanging(solver: &dyn Solve, family: Family) -> f64 {
     fix(&strip, &mut state, &[0]);
     let physics = PhysicsConfig {
         damping: 20.0,
-        ..solver.yarns_alone()
+        ..yarns_alone()
     };
-    let piece = Piece {
-        lamina: &strip,
-        physics: &physics,
-        tool: None,
-    };
+    let piece = &Piece::new(&strip, physics);
     let end = solver.settle(piece, &state, [1e-9, 3.0]);
     -mean_at(&strip, &end, edges).z / length - 1.0
 }
@@ -99,22 +92,18 @@ pub const SAG: f64 = 0.095_689;
 
 /// The same as found with a strip of `edges` edges.
 pub fn catenary_sag(solver: &dyn Solve, edges: usize) -> f64 {
-    let strip = strip(Family::Warp, 0.37, edges);
+    let strip = rigid(strip(Family::Warp, 0.37, edges));
     let (span, length) = (0.30f64, 0.37f64);
     let slope = (length * length - span * span).sqrt() / length;
     let mut state = placed(&strip, |s, t| {
         [s * span / length, t, -slope * s.min(length - s)]
     });
     fix(&strip, &mut state, &[0, edges]);
-    let physics = rigid(PhysicsConfig {
+    let physics = PhysicsConfig {
         damping: 10.0,
-        ..solver.yarns_alone()
-    });
-    let piece = Piece {
-        lamina: &strip,
-        physics: &physics,
-        tool: None,
+        ..yarns_alone()
     };
+    let piece = &Piece::new(&strip, physics);
     let end = solver.settle(piece, &state, [1e-7, 4.0]);
     -mean_at(&strip, &end, edges / 2).z
 }

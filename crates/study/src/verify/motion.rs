@@ -1,6 +1,7 @@
 //! Motion: what flight keeps and what the integrator damps.
 
-use super::cloth::{Fast, Piece, Solve, laid, placed, rigid, sheet};
+use super::solve::{Fast, Piece, Solve};
+use crate::cloth::{laid, placed, rigid, sheet, yarns_alone};
 use drape_cloth::fabric::{Curve, Lamina, Material};
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::sim::{Bending, PhysicsConfig, Snapshot};
@@ -48,14 +49,10 @@ pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
         bending: Bending::Yarns,
         shear: true,
         gravity: 0.0,
-        ..fast.yarns_alone()
+        ..yarns_alone()
     };
     let seconds = 0.5;
-    let piece = Piece {
-        lamina: &lamina,
-        physics: &physics,
-        tool: None,
-    };
+    let piece = &Piece::new(&lamina, physics);
     let end = fast.run(piece, &state, seconds);
     // About the centre of mass, so that flight itself has none.
     let centred = |state: &Snapshot| {
@@ -90,17 +87,13 @@ pub fn oscillation(fast: &Fast, pace: f64) -> [f64; 2] {
     // k = E t b / a with half the cell for a yarn.
     let k = reduced * (pace / h).powi(2);
     material.warp.tension = Curve::line(k / (0.5 * thickness));
-    material.warp.compression = material.warp.tension.clone();
     cell.material = material;
-    let physics = rigid(PhysicsConfig {
+    let cell = rigid(cell);
+    let physics = PhysicsConfig {
         gravity: 0.0,
-        ..fast.yarns_alone()
-    });
-    let piece = Piece {
-        lamina: &cell,
-        physics: &physics,
-        tool: None,
+        ..yarns_alone()
     };
+    let piece = &Piece::new(&cell, physics);
     let mut state = placed(&cell, |s, t| [(1.0 + 1e-5) * s, t, 0.0]);
     let energy = |state: &Snapshot| {
         let c = state.position[1][0] - state.position[0][0] - a;

@@ -2,7 +2,8 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
 
-use super::cloth::{Piece, Solve, laid, shearing, sheet};
+use super::solve::{Piece, Solve};
+use crate::cloth::{laid, shearing, sheet, yarns_alone};
 use drape_cloth::fabric::{BlankConfig, Family, Lamina, MassModel, Material};
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::{PhysicsConfig, Snapshot};
@@ -18,7 +19,7 @@ pub fn fabric() -> Material {
 /// Moves the fixed vertices evenly to `target` within `seconds`, then waits until all is still.
 fn pull(
     solver: &dyn Solve,
-    piece: Piece,
+    piece: &Piece,
     state: &Snapshot,
     target: &Snapshot,
     seconds: f64,
@@ -95,13 +96,9 @@ pub fn picture_frame(solver: &dyn Solve, d: f64, cells: usize) -> f64 {
         shear: true,
         gravity: 0.0,
         damping: 50.0,
-        ..solver.yarns_alone()
+        ..yarns_alone()
     };
-    let piece = Piece {
-        lamina: &lamina,
-        physics: &physics,
-        tool: None,
-    };
+    let piece = &Piece::new(&lamina, physics);
     let end = pull(solver, piece, &state, &target, 0.5);
     mean_shear(&lamina, &end, |_| true)
 }
@@ -156,13 +153,9 @@ pub fn draw_out(solver: &dyn Solve, lamina: &Lamina, ways: &[f64]) -> Vec<Extens
         shear: true,
         gravity: 0.0,
         damping: 400.0,
-        ..solver.yarns_alone()
+        ..yarns_alone()
     };
-    let piece = Piece {
-        lamina,
-        physics: &physics,
-        tool: None,
-    };
+    let piece = &Piece::new(lamina, physics);
     let half = 0.5 * SPECIMEN[0];
     let mut state = laid(lamina, |[x, y]| [x, y, 0.0]);
     for (v, [x, _]) in lamina.rest.iter().enumerate() {

@@ -1,10 +1,10 @@
 use super::bending::{ELASTICA, elastica, stiffness_shown};
-use super::cloth::{AREAL_MASS, GRAVITY};
+use super::cases::FISHNET;
 use super::dome::{at_polar, fishnet};
 use super::length::{elastic_stretch, one_pass_stretch};
 use super::shear::{bias_extension, frame_angle};
-use super::trials::FISHNET;
 use super::*;
+use crate::cloth::{AREAL_MASS, GRAVITY};
 use drape_cloth::fabric::Family;
 
 fn close(found: f64, expected: f64, tolerance: f64) {
@@ -67,37 +67,19 @@ fn chain_stretches_as_in_the_table() {
 /// solver knows of its substeps.
 #[test]
 fn rows_are_ordered_by_case_and_the_same_on_one_thread() {
-    let motion = || {
-        let mut motion = trials(Extent::Quick);
-        motion.retain(|trial| trial.group == "motion");
-        motion
-    };
     let subjects = Subject::all();
-    let asked = std::sync::atomic::AtomicUsize::new(0);
-    let found = run(&motion(), &subjects, || {
-        asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-    });
-    assert_eq!(asked.into_inner(), motion().len() * subjects.len());
-    assert_eq!(found.rows.len(), 5 * 6);
-    for of_case in found.rows.chunks(6) {
-        assert!(of_case.iter().all(|row| row.case == of_case[0].case));
-        let who: Vec<_> = of_case.iter().map(|row| (row.solver, row.preset)).collect();
-        let expected: Vec<_> = subjects[..6]
-            .iter()
-            .map(|s| (s.solver(), s.preset()))
-            .collect();
-        assert_eq!(who, expected);
+    let run = || {
+        let motion = only(cases(true), &["motion".into()], |case| case.group);
+        ask(&motion.unwrap(), &subjects, &Context::quiet()).0
+    };
+    let rows = run();
+    assert_eq!(rows.len(), 5 * 6);
+    for of_case in rows.chunks(6) {
+        let first = &of_case[0].answer.case;
+        assert!(of_case.iter().all(|row| row.answer.case == *first));
+        let who: Vec<Subject> = of_case.iter().map(|row| row.subject).collect();
+        assert_eq!(who, subjects[..6]);
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    let alone = pool.unwrap().install(|| run(&motion(), &subjects, || ()));
-    let numbers =
-        |v: &Verification| -> Vec<u64> { v.rows.iter().map(|row| row.found.to_bits()).collect() };
-    assert_eq!(numbers(&found), numbers(&alone));
-}
-
-#[test]
-fn names_of_groups_are_those_of_the_trials() {
-    let mut groups: Vec<_> = trials(Extent::Full).iter().map(|t| t.group).collect();
-    groups.dedup();
-    assert_eq!(groups, GROUPS);
+    assert_eq!(pool.unwrap().install(run), rows);
 }

@@ -11,26 +11,26 @@ mod stability;
 mod verify;
 mod yarns;
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use drape_cloth::fabric::{BlankConfig, Family, Lamina, MassModel, Material};
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::sim::{
-    Batch, Bending, BendingStiffness, Compression, Control, Cpu, Model, PhysicsConfig, Snapshot,
-    Solver,
+    Backend, Bending, BendingStiffness, Control, Cpu, Model, PhysicsConfig, Precision, Snapshot, Solver, World,
 };
 use drape_cloth::tool::{GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolConfig};
+use drape_study::cloth::rigid;
 use drape_study::verify::cloth::Fast;
 
 const GRAVITY: f64 = 9.81;
 
 /// A plate so far below that nothing touches it.
-static NOWHERE: LazyLock<Tool> = LazyLock::new(|| {
+static NOWHERE: LazyLock<Arc<Tool>> = LazyLock::new(|| {
     let pose = Pose {
         translation_mm: [0.0, 0.0, -50_000.0],
         ..Pose::default()
     };
-    tool(Shape::Plate(Plate::default()), pose, 100.0)
+    tool(Shape::Plate(Plate::default()), pose, 100.0).into()
 });
 
 fn tool(shape: Shape, pose: Pose, spacing_mm: f64) -> Tool {
@@ -89,13 +89,7 @@ fn placed(lamina: &Lamina, at: impl Fn(f64, f64) -> [f64; 3]) -> Snapshot {
         .iter()
         .map(|r| at(r[long] - start, r[1 - long]))
         .collect();
-    Snapshot {
-        velocity: vec![[0.0; 3]; position.len()],
-        fixed: fixedbitset::FixedBitSet::with_capacity(position.len()),
-        force_density: Vec::new(),
-        sides: Vec::new(),
-        position,
-    }
+    Snapshot::at_rest(position)
 }
 
 /// The vertices at the end of the strip's `k`-th cross-section.
@@ -119,23 +113,19 @@ fn fix(lamina: &Lamina, state: &mut Snapshot, sections: &[usize]) {
 }
 
 /// Lets `state` move for `seconds` in substeps of `h`.
-fn run(model: &Model, tool: &Tool, state: &Snapshot, h: f64, seconds: f64) -> Snapshot {
-    let mut batch = Cpu::<f64>::new(model);
+fn run(model: &Model, tool: &Arc<Tool>, state: &Snapshot, h: f64, seconds: f64) -> Snapshot {
+    let world = World::new(model.clone(), tool.clone());
+    let mut batch = Cpu::new(&world, 1, Precision::F64);
     batch.load(0, state);
     let mut left = (seconds / h).round() as usize;
     while left > 0 {
         let substeps = left.min(1000);
         let dt = substeps as f64 * h;
-        batch.step(
-            model,
-            tool,
-            &Control {
+        batch.step(&Control {
                 dt,
                 substeps,
                 contact_interval: 5,
-            },
-            &[],
-        );
+            }, &[]);
         left -= substeps;
     }
     batch.snapshot(0)

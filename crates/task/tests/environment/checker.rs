@@ -2,7 +2,8 @@
 
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::Snapshot;
-use drape_task::env::{End, Precision};
+use drape_cloth::sim::Precision;
+use drape_task::env::End;
 use fixedbitset::FixedBitSet;
 
 use super::*;
@@ -80,9 +81,9 @@ impl View {
     fn last(env: &Draping, index: usize) -> Self {
         let finished = env.finished(index).unwrap();
         Self {
-            state: finished.state.clone(),
-            touched: finished.touched.clone(),
-            draped: finished.draped.clone(),
+            state: finished.clone(),
+            touched: finished.pressed.touched.clone(),
+            draped: finished.pressed.draped.clone(),
         }
     }
 }

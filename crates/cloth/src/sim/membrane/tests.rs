@@ -132,8 +132,8 @@ fn rigid_motion_moves_nothing() {
 /// The branch follows the sign of each strain, and collapsed triangles stay finite.
 #[test]
 fn branches_follow_the_sign_and_collapse_is_survived() {
-    assert_eq!(branch(&LAW, 0.1), 1e-3);
-    assert_eq!(branch(&LAW, -0.1), 4e-3);
+    assert_eq!(LAW.branch(0.1), 1e-3);
+    assert_eq!(LAW.branch(-0.1), 4e-3);
     let element = element(20.0, [Some(0.0); 3]);
     for w in [[0.0; 3], [1.0, 0.0, 2.0]] {
         let start = [Vec3x([0.5; 3]); 3];

@@ -4,7 +4,7 @@
 ///
 /// Edges of length `edge` and compliance `compliance` [m/N] carry the weight of all vertices
 /// below them; `mass` is that of each vertex [kg], the fixed one included.
-pub(crate) fn hanging(mass: &[f64], edge: f64, compliance: f64, gravity: f64) -> Vec<f64> {
+pub fn hanging(mass: &[f64], edge: f64, compliance: f64, gravity: f64) -> Vec<f64> {
     let mut load: f64 = mass.iter().sum::<f64>() * gravity;
     let mut length = 0.0;
     let lengths = mass.iter().enumerate().map(|(i, m)| {
@@ -19,7 +19,7 @@ pub(crate) fn hanging(mass: &[f64], edge: f64, compliance: f64, gravity: f64) ->
 
 /// Coordinates [m] of a catenary of `length` over a level `span` at arc length s from its
 /// middle: along the span, and above the lowest point.
-pub(crate) fn catenary(span: f64, length: f64, s: f64) -> [f64; 2] {
+pub fn catenary(span: f64, length: f64, s: f64) -> [f64; 2] {
     // length = 2 a sinh(span / 2 a); its right side falls with a.
     let (mut low, mut high) = (0.05 * span, 100.0 * span);
     for _ in 0..200 {
@@ -44,7 +44,7 @@ const ELASTICA_STEPS: usize = 4000;
 /// phi, phi'(0) = 0, phi(1) = pi / 2. From the tip phi only grows, so that its value there can
 /// be bisected; its logarithm is, because with growing gamma it falls like exp(-2/3 sqrt
 /// gamma).
-pub(crate) fn elastica(gamma: f64) -> Vec<[f64; 2]> {
+pub fn elastica(gamma: f64) -> Vec<[f64; 2]> {
     let right = std::f64::consts::FRAC_PI_2;
     let (mut low, mut high) = (-200.0f64, right.ln());
     for _ in 0..100 {
@@ -90,7 +90,7 @@ fn angles(gamma: f64, tip: f64) -> Vec<f64> {
 }
 
 /// Point of a curve from [`elastica`] at arc length s, 0 to 1.
-pub(crate) fn along(shape: &[[f64; 2]], s: f64) -> [f64; 2] {
+pub fn along(shape: &[[f64; 2]], s: f64) -> [f64; 2] {
     let at = s * (shape.len() - 1) as f64;
     let i = (at as usize).min(shape.len() - 2);
     let part = at - i as f64;
@@ -99,7 +99,7 @@ pub(crate) fn along(shape: &[[f64; 2]], s: f64) -> [f64; 2] {
 
 /// Way [m] of a body after `t` with the velocity `v0`, acceleration `g` and drag `c` per mass
 /// [1/s], all along one axis.
-pub(crate) fn dragged(v0: f64, g: f64, c: f64, t: f64) -> f64 {
+pub fn dragged(v0: f64, g: f64, c: f64, t: f64) -> f64 {
     if c == 0.0 {
         return v0 * t + 0.5 * g * t * t;
     }
@@ -108,7 +108,7 @@ pub(crate) fn dragged(v0: f64, g: f64, c: f64, t: f64) -> f64 {
 }
 
 /// Way [m] down a slope of `angle` [rad] from rest under Coulomb friction `mu`.
-pub(crate) fn slid(mu: f64, angle: f64, g: f64, t: f64) -> f64 {
+pub fn slid(mu: f64, angle: f64, g: f64, t: f64) -> f64 {
     let acceleration = g * (angle.sin() - mu * angle.cos());
     0.5 * acceleration.max(0.0) * t * t
 }

@@ -1,0 +1,344 @@
+//! Where the simulator converges, where it is stable but wrong, and where it diverges.
+//!
+//! A [`Sweep`] varies two quantities to their extremes and simulates one small piece of cloth
+//! for every pair of values, with both solvers and in both precisions. Each cell is judged
+//! against an answer that is known: a closed form, or a state that must not change. Nothing is
+//! compared with stored numbers.
+//!
+//! Outcomes, in the order in which they are decided:
+//!
+//! | Outcome | Means |
+//! | --- | --- |
+//! | panicked | the simulator panicked: a bug |
+//! | refused | a check of the configuration refused the cell with an error |
+//! | diverged | [`Backend::finite`](drape_cloth::sim::Backend::finite) said no after a frame |
+//! | non-finite | it said yes, but a position or velocity is no number: a bug |
+//! | converged | the error at the end is at most [`THRESHOLD`] |
+//! | wrong | it is larger |
+//!
+//! The error is a mean over vertices divided by the size of the sheet, so without unit; each
+//! trial names its norm. Work is bounded: a cell has a fixed number of frames and substeps.
+
+mod free;
+mod hanging;
+mod lying;
+mod sweeps;
+mod trial;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::Instant;
+
+use crate::study::{Context, Report, Study, StudyError, only};
+use crate::table::Table;
+use crate::verify::solver_name;
+use drape_cloth::sim::Solver;
+use drape_report::{Color, HeatMap, Image, Tile};
+use drape_cloth::sim::Precision;
+use trial::{Refusal, Setting, Trial};
+
+pub use sweeps::sweeps;
+
+/// Sweep the simulator's extremes: what converges, what is wrong, what diverges
+///
+/// Writes cells.csv, one row a cell, and a heat map of every sweep in f64 and f32.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape study stability --quick
+  drape study stability --quick --sweep compliance --sweep impact --out soft
+  drape study stability --out study --json > study.json")]
+pub struct Stability {
+    /// Sample the sweeps coarsely: about 15 s on two cores instead of some minutes
+    #[arg(long)]
+    quick: bool,
+
+    /// Compute this sweep only; can be given several times
+    #[arg(long = "sweep", value_name = "NAME")]
+    names: Vec<String>,
+}
+
+/// Largest error that counts as converged: one per cent of the sheet's size.
+pub const THRESHOLD: f64 = 0.01;
+
+/// Every combination of solver and precision; each cell of a sweep is computed with all.
+pub const VARIANTS: [(Solver, Precision); 4] = [
+    (Solver::Yarn, Precision::F64),
+    (Solver::GaussSeidel, Precision::F64),
+    (Solver::Yarn, Precision::F32),
+    (Solver::GaussSeidel, Precision::F32),
+];
+
+/// A value on an axis and how it is written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tick {
+    pub value: f64,
+    pub label: String,
+}
+
+/// What is varied along one side of a sweep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// With its unit.
+    pub name: &'static str,
+    pub ticks: Vec<Tick>,
+}
+
+/// Two quantities that are varied together.
+#[derive(Clone, Debug)]
+pub struct Sweep {
+    pub name: &'static str,
+    /// x, then y.
+    pub axes: [Axis; 2],
+    trial: fn(&Setting) -> Result<Trial, Refusal>,
+}
+
+/// How a cell ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    Converged,
+    Wrong,
+    Diverged,
+    Refused,
+    NonFinite,
+    Panicked,
+}
+
+impl Outcome {
+    /// All, with their names in tables.
+    pub const ALL: [(Self, &'static str); 6] = [
+        (Self::Converged, "converged"),
+        (Self::Wrong, "wrong"),
+        (Self::Diverged, "diverged"),
+        (Self::Refused, "refused"),
+        (Self::NonFinite, "non_finite"),
+        (Self::Panicked, "panicked"),
+    ];
+
+    fn name(self) -> &'static str {
+        Self::ALL[self as usize].1
+    }
+}
+
+/// One simulation of a sweep and what came of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cell {
+    pub sweep: &'static str,
+    /// Index of the tick along x and along y.
+    pub at: [usize; 2],
+    pub solver: Solver,
+    pub precision: Precision,
+    pub outcome: Outcome,
+    pub figures: Figures,
+    /// Error message of a refusal or a panic; else empty.
+    pub note: String,
+    /// Wall time [s].
+    pub seconds: f64,
+}
+
+/// What is measured on a cell, where it came to that.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Figures {
+    /// Error at the end over the size of the sheet [-].
+    pub error: Option<f64>,
+    /// 95th percentile and maximum of the absolute yarn strain at the end [-].
+    pub strain_p95: Option<f64>,
+    pub strain_max: Option<f64>,
+    /// Largest speed of a vertex at the end of any frame, and of the last one [m/s].
+    pub speed_max: Option<f64>,
+    pub speed_end: Option<f64>,
+    /// Deepest vertex inside the tool at the end [mm].
+    pub penetration_mm: Option<f64>,
+    /// Simulated time [s] and substeps taken.
+    pub simulated_s: f64,
+    pub substeps: usize,
+}
+
+/// Computes `sweeps`, cells in parallel: sweep by sweep, y by y, x running fastest within it, all
+/// [`VARIANTS`] of a place together. Equal sweeps give equal figures, times apart, for any number
+/// of threads.
+pub fn compute(sweeps: &[Sweep], context: &Context) -> Vec<Cell> {
+    let mut places = Vec::new();
+    for sweep in sweeps {
+        let [columns, rows] = [0, 1].map(|axis| sweep.axes[axis].ticks.len());
+        for y in 0..rows {
+            for x in 0..columns {
+                places.extend(VARIANTS.map(|variant| (sweep, [x, y], variant)));
+            }
+        }
+    }
+    context.each(&places, |&(sweep, at, variant)| cell(sweep, at, variant))
+}
+
+/// One cell. A panic costs this cell alone, so that the study can tell of it.
+fn cell(sweep: &Sweep, at: [usize; 2], (solver, precision): (Solver, Precision)) -> Cell {
+    let start = Instant::now();
+    let [x, y] = [0, 1].map(|axis| sweep.axes[axis].ticks[at[axis]].value);
+    let setting = Setting { x, y, solver };
+    let ended = catch_unwind(AssertUnwindSafe(|| match (sweep.trial)(&setting) {
+        Ok(trial) => {
+            let (outcome, figures) = trial.run(precision);
+            (outcome, figures, String::new())
+        }
+        Err(refusal) => (Outcome::Refused, Figures::default(), refusal.to_string()),
+    }));
+    let (outcome, figures, note) = ended.unwrap_or_else(|cause| {
+        let text = cause.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| cause.downcast_ref::<&str>().copied());
+        let note = text.unwrap_or("unknown panic").to_owned();
+        (Outcome::Panicked, Figures::default(), note)
+    });
+    Cell {
+        sweep: sweep.name,
+        at,
+        solver,
+        precision,
+        outcome,
+        figures,
+        note,
+        seconds: start.elapsed().as_secs_f64(),
+    }
+}
+
+impl Study for Stability {
+    const NAME: &'static str = "stability";
+
+    fn run(&self, context: &Context) -> Result<Report, StudyError> {
+        let sweeps = only(sweeps(self.quick), &self.names, |sweep| sweep.name)?;
+        let cells = compute(&sweeps, context);
+
+        let solvers = [Solver::Yarn, Solver::GaussSeidel];
+        let mut groups: Vec<_> = (sweeps.iter())
+            .flat_map(|sweep| solvers.map(|solver| (sweep.name, solver_name(solver))))
+            .collect();
+        groups.push(("all", "both"));
+        let of = |(sweep, solver): &(&'static str, &'static str)| {
+            let (sweep, solver) = (*sweep, *solver);
+            let is_all = sweep == "all";
+            let cells = cells.iter();
+            cells.filter(move |c| is_all || (c.sweep, solver_name(c.solver)) == (sweep, solver))
+        };
+        let title = "Cells by their outcome, f64 and f32 together";
+        let mut counts = Table::of("counts", title, &groups)
+            .text("sweep", |group| group.0)
+            .text("solver", |group| group.1)
+            .text("cells", |group| of(group).count());
+        for (outcome, name) in Outcome::ALL {
+            counts = counts.text(name, |group| {
+                of(group).filter(|cell| cell.outcome == outcome).count()
+            });
+        }
+        let mut report = Report::new([counts.end(), cell_table(&sweeps, &cells)]);
+        for sweep in &sweeps {
+            for (precision, digits) in [(Precision::F64, "f64"), (Precision::F32, "f32")] {
+                let maps = solvers.map(|solver| {
+                    let title = format!("{}: {}, {digits}", sweep.name, solver_name(solver));
+                    let own = cells.iter().filter(|cell| {
+                        (cell.sweep, cell.solver, cell.precision)
+                            == (sweep.name, solver, precision)
+                    });
+                    map(sweep, title, own).image()
+                });
+                let name = format!("{}-{digits}.png", sweep.name);
+                report.image(name, Image::beside(&maps));
+            }
+        }
+        Ok(report)
+    }
+}
+
+fn cell_table(sweeps: &[Sweep], cells: &[Cell]) -> Table {
+    let axis = |cell: &Cell, axis: usize| {
+        let sweep = sweeps.iter().find(|sweep| sweep.name == cell.sweep);
+        let axis_of = &sweep.expect("cells are of these sweeps").axes[axis];
+        (axis_of.name, axis_of.ticks[cell.at[axis]].label.clone())
+    };
+    Table::of("cells", "", cells)
+        .text("sweep", |cell| cell.sweep)
+        .text("x", |cell| axis(cell, 0).0)
+        .text("x value", |cell| axis(cell, 0).1)
+        .text("y", |cell| axis(cell, 1).0)
+        .text("y value", |cell| axis(cell, 1).1)
+        .text("solver", |cell| solver_name(cell.solver))
+        .text("precision", |cell| match cell.precision {
+            Precision::F32 => "f32",
+            Precision::F64 => "f64",
+        })
+        .text("outcome", |cell| cell.outcome.name())
+        .hidden("error", "", |cell| cell.figures.error)
+        .hidden("strain p95", "", |cell| cell.figures.strain_p95)
+        .hidden("strain max", "", |cell| cell.figures.strain_max)
+        .hidden("speed max", "m/s", |cell| cell.figures.speed_max)
+        .hidden("speed end", "m/s", |cell| cell.figures.speed_end)
+        .hidden("penetration", "mm", |cell| cell.figures.penetration_mm)
+        .hidden("simulated", "s", |cell| cell.figures.simulated_s)
+        .hidden("substeps", "", |cell| cell.figures.substeps)
+        .hidden("time", "s", |cell| cell.seconds)
+        .text("note", |cell| cell.note.clone())
+        .end_hidden()
+}
+
+fn map<'a>(sweep: &Sweep, title: String, cells: impl Iterator<Item = &'a Cell>) -> HeatMap {
+    let [x, y] = &sweep.axes;
+    let ticks = |axis: &Axis| axis.ticks.iter().map(|tick| tick.label.clone()).collect();
+    let legend = [
+        ("converged, error in %: 1e-4", ramp(1e-6)),
+        ("0.01", ramp(1e-4)),
+        ("1", ramp(THRESHOLD)),
+        ("wrong: 2", ramp(0.02)),
+        ("100", ramp(1.0)),
+        ("diverged", DIVERGED),
+        ("refused", REFUSED),
+        ("fault", FAULT),
+    ];
+    HeatMap {
+        title,
+        x_label: x.name.into(),
+        y_label: y.name.into(),
+        x_ticks: ticks(x),
+        y_ticks: ticks(y),
+        tiles: cells.map(tile).collect(),
+        legend: legend.map(|(text, color)| (text.into(), color)).into(),
+    }
+}
+
+const DIVERGED: Color = [110, 10, 20];
+const REFUSED: Color = [170, 170, 175];
+/// Numbers that are none, and panics: in no other colour, so that they are noticed.
+const FAULT: Color = [255, 0, 255];
+
+/// Green up to the threshold, yellow to orange beyond: by the logarithm of the error, 1e-6 to
+/// the threshold and from there to 1.
+fn ramp(error: f64) -> Color {
+    let (from, to, low, high) = match error <= THRESHOLD {
+        true => ([0, 104, 80], [176, 222, 150], 1e-6, THRESHOLD),
+        false => ([252, 228, 110], [214, 84, 20], THRESHOLD, 1.0),
+    };
+    let t = ((error / low).log10() / f64::log10(high / low)).clamp(0.0, 1.0);
+    let mix = |a: u8, b: u8| (f64::from(a) + (f64::from(b) - f64::from(a)) * t).round() as u8;
+    std::array::from_fn(|k| mix(from[k], to[k]))
+}
+
+fn tile(cell: &Cell) -> Tile {
+    let error = cell.figures.error.unwrap_or(f64::NAN);
+    let (color, text) = match cell.outcome {
+        Outcome::Converged | Outcome::Wrong => (ramp(error), percent(error)),
+        Outcome::Diverged => (DIVERGED, "div".into()),
+        Outcome::Refused => (REFUSED, "refused".into()),
+        Outcome::NonFinite => (FAULT, "NaN".into()),
+        Outcome::Panicked => (FAULT, "panic".into()),
+    };
+    Tile { color, text }
+}
+
+/// An error in per cent with two digits, or its power of ten where it is small or large.
+fn percent(error: f64) -> String {
+    match 100.0 * error {
+        p if p <= 0.0 => "0".into(),
+        p if !(1e-2..1e4).contains(&p) => format!("{p:.0e}"),
+        p if p < 1.0 => format!("{p:.2}"),
+        p if p < 10.0 => format!("{p:.1}"),
+        p => format!("{p:.0}"),
+    }
+}
+
+#[cfg(test)]
+mod tests;

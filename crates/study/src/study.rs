@@ -1,0 +1,282 @@
+//! What all studies share: a study is a set of options that runs and gives a [`Report`] of
+//! tables and files, which one place prints and writes.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use crate::table::Table;
+use drape_cloth::fabric::Lamina;
+use drape_cloth::mesh::compare::SheetError;
+use drape_cloth::scene::{SceneConfig, SceneError};
+use drape_cloth::twin::{Diverged, TwinError};
+use drape_report::{Chart, Image, ReportError};
+use drape_task::env::{EnvConfig, EnvError};
+
+/// A study: its options are its fields.
+pub trait Study {
+    /// As on the command line.
+    const NAME: &'static str;
+
+    /// Measures. Nothing is printed or written.
+    ///
+    /// # Errors
+    /// If the options ask for what cannot be, or a simulation diverges that all depends on.
+    fn run(&self, context: &Context) -> Result<Report, StudyError>;
+
+    /// The scene, where the study has one: what it is about leads the messages of errors.
+    fn scene(&self) -> Option<&SceneOptions> {
+        None
+    }
+}
+
+/// What a study is given by whoever runs it.
+pub struct Context<'a> {
+    /// Is told the share that is done, 0 to 1, and what is being done.
+    pub progress: &'a (dyn Fn(f64, &str) + Sync),
+    /// Reads a run folder, which this crate knows nothing of.
+    pub read_run: &'a dyn Fn(&Path) -> Result<TrainedPath, Failed>,
+}
+
+/// An error of another crate.
+pub type Failed = Box<dyn std::error::Error + Send + Sync>;
+
+/// The best path of a run and what it was found for.
+pub struct TrainedPath {
+    pub scene: SceneConfig,
+    pub env: EnvConfig,
+    pub vertices: Vec<u32>,
+}
+
+impl Context<'_> {
+    /// One that tells nobody and knows no runs, for tests.
+    pub fn quiet() -> Context<'static> {
+        Context {
+            progress: &|_, _| (),
+            read_run: &|_| Err("there are no runs".into()),
+        }
+    }
+
+    /// Runs every case, in parallel and one by one as threads get free: they may differ in cost a
+    /// thousandfold. Results are in the order of the cases.
+    pub fn each<C: Sync, R: Send>(&self, cases: &[C], run: impl Fn(&C) -> R + Sync) -> Vec<R> {
+        let done = AtomicUsize::new(0);
+        let run = |case: &C| {
+            let result = run(case);
+            let done = 1 + done.fetch_add(1, Ordering::Relaxed);
+            let message = format!("{done} of {}", cases.len());
+            (self.progress)(done as f64 / cases.len() as f64, &message);
+            result
+        };
+        cases.par_iter().with_max_len(1).map(run).collect()
+    }
+}
+
+/// Writes a file of a report to the path it is given.
+pub type WriteFile = Box<dyn Fn(&Path) -> Result<(), Failed>>;
+
+/// What a study has found.
+#[derive(Default)]
+pub struct Report {
+    pub tables: Vec<Table>,
+    /// Lines for a reader, below the tables.
+    pub notes: Vec<String>,
+    /// What is no table, for JSON.
+    pub facts: serde_json::Map<String, serde_json::Value>,
+    /// Pictures and whatever else is for a folder, by name.
+    pub files: Vec<(String, WriteFile)>,
+}
+
+impl Report {
+    /// A report of these tables.
+    pub fn new(tables: impl Into<Vec<Table>>) -> Self {
+        Self {
+            tables: tables.into(),
+            ..Self::default()
+        }
+    }
+
+    /// Adds a figure for JSON.
+    pub fn fact(&mut self, key: &str, value: impl serde::Serialize) {
+        let value = serde_json::to_value(value).expect("facts are plain data");
+        self.facts.insert(key.into(), value);
+    }
+
+    /// Adds a file.
+    pub fn file<E: Into<Failed>>(
+        &mut self,
+        name: impl Into<String>,
+        write: impl Fn(&Path) -> Result<(), E> + 'static,
+    ) {
+        let write = move |path: &Path| write(path).map_err(Into::into);
+        self.files.push((name.into(), Box::new(write)));
+    }
+
+    /// Adds a picture.
+    pub fn image(&mut self, name: impl Into<String>, image: Image) {
+        self.file(name, move |path| image.save_png(path));
+    }
+
+    /// Adds a chart, as PNG and SVG.
+    pub fn chart(&mut self, name: &str, chart: Chart) {
+        for extension in ["png", "svg"] {
+            let chart = chart.clone();
+            let write = move |path: &Path| -> Result<(), ReportError> { chart.save(path) };
+            self.file(format!("{name}.{extension}"), write);
+        }
+    }
+}
+
+/// A study that cannot be done.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// Options that ask for what cannot be.
+    #[error("{0}")]
+    Invalid(String),
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error("{}", as_option(.0))]
+    Env(#[from] EnvError),
+    #[error(transparent)]
+    Twin(#[from] TwinError),
+    /// A run folder or a file that cannot be read.
+    #[error(transparent)]
+    Read(Failed),
+    #[error("{name}: {source}")]
+    Diverged {
+        name: &'static str,
+        source: Diverged,
+    },
+    #[error("the fast solver diverged on the way")]
+    FastDiverged,
+    #[error("{name}: {source}")]
+    Sheet {
+        name: &'static str,
+        source: SheetError,
+    },
+    #[error("cannot start threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+impl StudyError {
+    /// Whether the user can mend it.
+    pub fn is_input(&self) -> bool {
+        match self {
+            Self::Invalid(_) | Self::Env(_) | Self::Twin(_) | Self::Read(_) => true,
+            Self::Scene(error) => !matches!(error, SceneError::Diverged { .. }),
+            Self::Diverged { .. } | Self::FastDiverged | Self::Sheet { .. } | Self::Threads(_) => {
+                false
+            }
+        }
+    }
+}
+
+/// What is wrong with a study's environment, whose region is an option.
+fn as_option(error: &EnvError) -> String {
+    error.to_string().replace("`env.region_mm`", "`--region`")
+}
+
+/// The focus region of the quickstart [mm].
+pub const QUICKSTART: [f64; 4] = [-186.0, -186.0, -60.0, -60.0];
+
+/// Options of studies of a scene.
+#[derive(Clone, Debug, clap::Args)]
+pub struct SceneOptions {
+    /// Scene file; the built-in rib with two wrinkles if not given
+    pub config: Option<PathBuf>,
+
+    /// Vertices along the blank's longer side
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(3..=257))]
+    pub mesh: Option<u16>,
+
+    /// Focus region on the flat blank [mm]: least x, least y, greatest x, greatest y
+    #[arg(long, value_name = "X,Y,X,Y", value_parser = region, allow_hyphen_values = true)]
+    pub region: Option<[f64; 4]>,
+}
+
+/// Four numbers between commas.
+fn region(text: &str) -> Result<[f64; 4], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse()).collect();
+    match numbers.ok().and_then(|n| <[f64; 4]>::try_from(n).ok()) {
+        Some(region) if region.iter().all(|n| n.is_finite()) => Ok(region),
+        _ => Err("expected four numbers between commas, as -186,-186,-60,-60".into()),
+    }
+}
+
+impl SceneOptions {
+    /// What the scene is called.
+    pub fn place(&self) -> String {
+        let path = self.config.as_ref();
+        path.map_or("the built-in scene".into(), |p| p.display().to_string())
+    }
+
+    /// The scene of the file, or the built-in one.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn read(&self) -> Result<SceneConfig, StudyError> {
+        match &self.config {
+            Some(path) => SceneConfig::read(path).map_err(|error| StudyError::Read(error.into())),
+            None => Ok(SceneConfig::rib()),
+        }
+    }
+
+    /// Gives the blank as many vertices along its longer side as are asked for, or else `mesh`.
+    /// Blanks with a cell or an outline of their own keep their mesh.
+    ///
+    /// # Errors
+    /// If another mesh is asked for than such a blank can have.
+    pub fn set_mesh(&self, config: &mut SceneConfig, mesh: u16) -> Result<(), StudyError> {
+        let blank = &mut config.blank;
+        if blank.outline.is_some() || blank.cell_mm.is_some() {
+            let message = "`--mesh` is for rectangular blanks without `blank.cell_mm`";
+            let refused = self.mesh.map(|_| StudyError::Invalid(message.into()));
+            return refused.map_or(Ok(()), Err);
+        }
+        let cells = f64::from(self.mesh.unwrap_or(mesh) - 1);
+        let longer = blank.size_mm[0].max(blank.size_mm[1]);
+        // Sides that are no lengths are refused when the blank is cut.
+        let count = |side: f64| 1 + ((cells * side / longer).round() as usize).max(1);
+        blank.vertices = blank.size_mm.map(count);
+        Ok(())
+    }
+
+    /// An environment on the region that is asked for, or else on `region`.
+    pub fn env(&self, region: Option<[f64; 4]>) -> EnvConfig {
+        EnvConfig {
+            region_mm: self.region.or(region),
+            crop: true,
+            ..EnvConfig::default()
+        }
+    }
+}
+
+/// Side of the stencil [mm] on a mesh: `side_mm`, but at least three cells, so that as many
+/// vertices are under it as on the paper's mesh of 65 x 65.
+pub fn stencil_mm(lamina: &Lamina, side_mm: f64) -> f64 {
+    const CELLS: f64 = 3.0;
+    let cell = 1e3 * lamina.cell_diagonal() / std::f64::consts::SQRT_2;
+    side_mm.max(CELLS * cell)
+}
+
+/// Chooses `cases` whose name is among `names`, in their own order; all if there are none.
+///
+/// # Errors
+/// If there is none of a name.
+pub fn only<C>(
+    mut cases: Vec<C>,
+    names: &[String],
+    name: impl Fn(&C) -> &'static str,
+) -> Result<Vec<C>, StudyError> {
+    if let Some(unknown) = names.iter().find(|n| !cases.iter().any(|c| name(c) == **n)) {
+        let mut known: Vec<&str> = cases.iter().map(&name).collect();
+        known.dedup();
+        return Err(StudyError::Invalid(format!(
+            "there is no `{unknown}`, expected one of {}",
+            known.join(", ")
+        )));
+    }
+    cases.retain(|case| names.is_empty() || names.iter().any(|n| n == name(case)));
+    Ok(cases)
+}
