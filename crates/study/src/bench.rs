@@ -92,7 +92,9 @@ impl Study for Bench {
             })
             .collect::<Vec<_>>();
         let told_core = told(0.1, 0.4, "solvers");
-        let times = sample(repeats, &mut cases, told_core, |case| case.time(&scene, steps));
+        let times = sample(repeats, &mut cases, told_core, |case| {
+            case.time(&scene, steps)
+        });
         let core: Vec<_> = variants().into_iter().zip(times).collect();
 
         let best = Backend::Group(Isa::best());
@@ -137,12 +139,15 @@ impl Study for Bench {
                 times.minus(&default).median()
             })
             .end();
-        let title = format!("{ENVIRONMENTS} environments on the quickstart's region, random presses");
+        let title =
+            format!("{ENVIRONMENTS} environments on the quickstart's region, random presses");
         let alone = rates[0].1.median();
         let throughput = Table::of("throughput", title, &rates)
             .text("threads", |(threads, _)| *threads)
             .number("environment steps", "1/s", 0, |(_, rates)| rates.median())
-            .number("over one thread", "", 2, |(_, rates)| rates.median() / alone)
+            .number("over one thread", "", 2, |(_, rates)| {
+                rates.median() / alone
+            })
             .end();
         Ok(Report::new([core, features, throughput]))
     }

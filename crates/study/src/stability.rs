@@ -232,8 +232,7 @@ impl Study for Stability {
                 let maps = solvers.map(|solver| {
                     let title = format!("{}: {}, {digits}", sweep.name, solver_name(solver));
                     let own = cells.iter().filter(|cell| {
-                        (cell.sweep, cell.solver, cell.precision)
-                            == (sweep.name, solver, precision)
+                        (cell.sweep, cell.solver, cell.precision) == (sweep.name, solver, precision)
                     });
                     map(sweep, title, own).image()
                 });
