@@ -10,7 +10,7 @@ use drape_cloth::math::Isa;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::PhysicsConfig;
 use drape_study::bench::{
-    Backend, CONTROL, Timed, ENVIRONMENTS, FEATURES, Player, THREADS, physics, standard_scene,
+    Backend, CONTROL, ENVIRONMENTS, FEATURES, Player, THREADS, Timed, physics, standard_scene,
     variants,
 };
 

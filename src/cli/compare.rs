@@ -15,9 +15,8 @@ use drape_cloth::mesh::compare::WrinkleFilter;
 use drape_cloth::mesh::read_stl;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::Tool;
-use drape_study::compare::{Comparison, Criteria, Surveyed, compare};
+use drape_study::compare::{Comparison, Criteria, Surveyed, compare, picture};
 
-pub(super) mod picture;
 mod text;
 
 /// Compare two drapes

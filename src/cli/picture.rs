@@ -8,18 +8,12 @@ use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::Snapshot;
 use drape_report::{
-    BACKGROUND, CLOTH, Camera, Color, ColorMap, DRAPED, Film, Image, PATH, Paint, Scene as Picture,
-    TOOL, TOUCHED,
+    BACKGROUND, CLOTH, CLOTH_BIAS, Camera, Color, ColorMap, DRAPED, Film, Image, PATH, Paint,
+    Scene as Picture, TOOL, TOUCHED, creased,
 };
 
 /// Distance to the tool from which on cloth is fully red [m].
 pub const FAR: f64 = 0.025;
-/// Cloth counts as this much nearer to the eye than it is [m], so that the tool does not
-/// shine through its facets where they cut a corner of the tool.
-pub(super) const CLOTH_BIAS: f64 = 3e-3;
-/// Facets that share a vertex are shaded as one smooth surface up to this angle: cosine of
-/// 35 degrees, more than the steps of a finely cut dome and less than the edge of a plate.
-const CREASE: f64 = 0.82;
 /// Free space round the lamina, as a share of its longer side.
 const MARGIN: f64 = 0.04;
 /// Em size of a caption, as a share of the picture's height; not below [`LEAST_TEXT`] px.
@@ -181,30 +175,6 @@ impl<'a> Studio<'a> {
         let top = (self.height - self.strip()) as f32 + 0.5 * (STRIP - 0.73) * size;
         ((0.8 * size) as i32, top as i32)
     }
-}
-
-/// The same surface, where facets at an angle share no vertex and hence no normal.
-pub(super) fn creased(mesh: &TriMesh) -> TriMesh {
-    // Copies of each vertex with the normal of the facet that needed it first.
-    let mut copies: Vec<Vec<(Vec3, u32)>> = vec![Vec::new(); mesh.vertices.len()];
-    let mut creased = TriMesh::default();
-    for (t, triangle) in mesh.triangles.iter().enumerate() {
-        let [a, b, c] = mesh.corners(t);
-        let normal = (b - a).cross(&(c - a)).try_normalize(0.0);
-        let normal = normal.unwrap_or_default();
-        creased.triangles.push(triangle.map(|v| {
-            let copies = &mut copies[v as usize];
-            let smooth = copies.iter().find(|(n, _)| n.dot(&normal) > CREASE);
-            if let Some((_, copy)) = smooth {
-                return *copy;
-            }
-            let copy = creased.vertices.len() as u32;
-            creased.vertices.push(mesh.vertices[v as usize]);
-            copies.push((normal, copy));
-            copy
-        }));
-    }
-    creased
 }
 
 #[cfg(test)]

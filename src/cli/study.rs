@@ -104,7 +104,12 @@ impl<S: clap::Args + Study> Measure<S> {
         let report = found.map_err(|error| failure(error, place))?;
         let seconds = start.elapsed().as_secs_f64();
 
-        let all = object(S::NAME, &report, seconds, out.as_ref().map(|out| &*out.path));
+        let all = object(
+            S::NAME,
+            &report,
+            seconds,
+            out.as_ref().map(|out| &*out.path),
+        );
         if let Some(out) = &out {
             write(&report, S::NAME, &all, &out.path)?;
         }
@@ -166,8 +171,14 @@ fn write(report: &Report, name: &str, all: &Value, folder: &Path) -> Result<(), 
             markdown += &format!("{}\n\n{}\n\n", table.title, table.markdown());
         }
     }
-    text(format!("{name}.md"), markdown + &report.notes.join("\n") + "\n")?;
-    text(format!("{name}.json"), serde_json::to_string_pretty(all)? + "\n")?;
+    text(
+        format!("{name}.md"),
+        markdown + &report.notes.join("\n") + "\n",
+    )?;
+    text(
+        format!("{name}.json"),
+        serde_json::to_string_pretty(all)? + "\n",
+    )?;
     for (name, write) in &report.files {
         write(&folder.join(name)).map_err(|error| anyhow!(error))?;
     }

@@ -34,4 +34,4 @@ pub use error::ReportError;
 pub use film::Film;
 pub use heat::{HeatMap, Tile};
 pub use image::Image;
-pub use scene::{Item, Mark, Paint, Scene};
+pub use scene::{CLOTH_BIAS, Item, Mark, Paint, Scene, creased};

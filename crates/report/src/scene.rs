@@ -3,6 +3,12 @@ use super::{BACKGROUND, Camera, Color, Image};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 
+/// Cloth counts as this much nearer to the eye than it is [m], so that the tool does not
+/// shine through its facets where they cut a corner of the tool.
+pub const CLOTH_BIAS: f64 = 3e-3;
+/// Facets that share a vertex are shaded as one smooth surface up to this angle: cosine of
+/// 35 degrees, more than the steps of a finely cut dome and less than the edge of a plate.
+const CREASE: f64 = 0.82;
 /// Light that reaches every surface; the key light adds the rest up to 1.
 const AMBIENT: f32 = 0.3;
 
@@ -178,6 +184,30 @@ fn light(normal: [f32; 3]) -> f32 {
     let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let length = dot(normal, normal).sqrt().max(f32::MIN_POSITIVE);
     AMBIENT + (1.0 - AMBIENT) * (dot(normal, KEY_LIGHT) / length).max(0.0)
+}
+
+/// The same surface, where facets at an angle share no vertex and hence no normal.
+pub fn creased(mesh: &TriMesh) -> TriMesh {
+    // Copies of each vertex with the normal of the facet that needed it first.
+    let mut copies: Vec<Vec<(Vec3, u32)>> = vec![Vec::new(); mesh.vertices.len()];
+    let mut creased = TriMesh::default();
+    for (t, triangle) in mesh.triangles.iter().enumerate() {
+        let [a, b, c] = mesh.corners(t);
+        let normal = (b - a).cross(&(c - a)).try_normalize(0.0);
+        let normal = normal.unwrap_or_default();
+        creased.triangles.push(triangle.map(|v| {
+            let copies = &mut copies[v as usize];
+            let smooth = copies.iter().find(|(n, _)| n.dot(&normal) > CREASE);
+            if let Some((_, copy)) = smooth {
+                return *copy;
+            }
+            let copy = creased.vertices.len() as u32;
+            creased.vertices.push(mesh.vertices[v as usize]);
+            copies.push((normal, copy));
+            copy
+        }));
+    }
+    creased
 }
 
 #[cfg(test)]

@@ -17,7 +17,9 @@ use crate::verify::solver_name;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
-use drape_cloth::sim::{Backend as _, Control, Cpu, Model, PhysicsConfig, Precision, Solver, World};
+use drape_cloth::sim::{
+    Backend as _, Control, Cpu, Model, PhysicsConfig, Precision, Solver, World,
+};
 use drape_task::env::{Draping, EnvConfig, Tasks};
 
 /// Measure the speed of the simulation on this machine
@@ -88,15 +90,17 @@ impl Study for Bench {
                     solver,
                     ..PhysicsConfig::default()
                 };
-                Timed::new(scene, &scene.lamina, &physics, backend)
+                Timed::new(&scene, &scene.lamina, &physics, backend)
             })
             .collect::<Vec<_>>();
         let told_core = told(0.1, 0.4, "solvers");
-        let times = sample(repeats, &mut cases, told_core, |case| case.time(&scene, steps));
+        let times = sample(repeats, &mut cases, told_core, |case| {
+            case.time(&scene, steps)
+        });
         let core: Vec<_> = variants().into_iter().zip(times).collect();
 
         let best = Backend::Group(Isa::best());
-        let on_sheet = |change: &str| Timed::new(scene, &scene.lamina, &physics(change), best);
+        let on_sheet = |change: &str| Timed::new(&scene, &scene.lamina, &physics(change), best);
         let names = ["default", "shear and bending off", "nothing there for them"];
         let mut cases = vec![on_sheet(""), on_sheet(UNLISTED), absent(&scene, best)];
         cases.extend(FEATURES.map(on_sheet));
@@ -137,12 +141,15 @@ impl Study for Bench {
                 times.minus(&default).median()
             })
             .end();
-        let title = format!("{ENVIRONMENTS} environments on the quickstart's region, random presses");
+        let title =
+            format!("{ENVIRONMENTS} environments on the quickstart's region, random presses");
         let alone = rates[0].1.median();
         let throughput = Table::of("throughput", title, &rates)
             .text("threads", |(threads, _)| *threads)
             .number("environment steps", "1/s", 0, |(_, rates)| rates.median())
-            .number("over one thread", "", 2, |(_, rates)| rates.median() / alone)
+            .number("over one thread", "", 2, |(_, rates)| {
+                rates.median() / alone
+            })
             .end();
         Ok(Report::new([core, features, throughput]))
     }
@@ -263,7 +270,7 @@ pub fn standard_scene(progress: impl FnMut(f64)) -> Scene {
 fn absent(scene: &Scene, backend: Backend) -> Timed {
     let mut lamina = Lamina::clone(&scene.lamina);
     lamina.diagonals.clear();
-    Timed::new(scene, &lamina, &physics(ABSENT), backend)
+    Timed::new(&scene, &lamina, &physics(ABSENT), backend)
 }
 
 /// Environments on the sheet of a scene, to be timed.
@@ -271,12 +278,7 @@ pub struct Timed(Cpu);
 
 impl Timed {
     /// `lamina` under `physics` on `backend`, over the tool of `scene`.
-    pub fn new(
-        scene: &Scene,
-        lamina: &Lamina,
-        physics: &PhysicsConfig,
-        backend: Backend,
-    ) -> Self {
+    pub fn new(scene: &Scene, lamina: &Lamina, physics: &PhysicsConfig, backend: Backend) -> Self {
         let world = World::new(Model::new(lamina, physics), scene.tool.clone());
         Self(backend.cloth(&world))
     }

@@ -2,7 +2,6 @@
 
 use std::sync::{Arc, LazyLock};
 
-
 use drape_cloth::fabric::{BlankConfig, Curve, Family, Lamina, MassModel, Material};
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::{Bending, PhysicsConfig, Snapshot};

@@ -2,6 +2,7 @@
 //! Section 5 and Table 3.
 
 mod figures;
+pub mod picture;
 
 pub use figures::{Angles, Comparison, Inapplicable, Measures, Parts, Shear, Strain, Tooling};
 

@@ -107,8 +107,7 @@ impl Study for Episodes {
         let expected = region.count_ones(..).div_ceil(5) as f64;
         let mut rows = Vec::new();
         for order in Order::ALL {
-            let told =
-                |steps| (context.progress)((steps as f64 / expected).min(1.0), order.name());
+            let told = |steps| (context.progress)((steps as f64 / expected).min(1.0), order.name());
             let played = play(&scene, &env, order, self.count.into(), self.seed, told)?;
             rows.extend(figures(&scene, &env, order, &played));
         }
@@ -164,8 +163,12 @@ fn figures(scene: &Scene, env: &EnvConfig, order: Order, played: &[Played]) -> V
         row("undraped vertices", &|p, _| p.undraped as f64),
         row("tension p95 [%]", &|_, r| 1e2 * r.summary.tension_p95),
         row("tension max [%]", &|_, r| 1e2 * r.summary.tension_max),
-        row("compression p95 [%]", &|_, r| 1e2 * r.summary.compression_p95),
-        row("compression max [%]", &|_, r| 1e2 * r.summary.compression_max),
+        row("compression p95 [%]", &|_, r| {
+            1e2 * r.summary.compression_p95
+        }),
+        row("compression max [%]", &|_, r| {
+            1e2 * r.summary.compression_max
+        }),
         row("edges crushed > 5 % [%]", &|_, r| 1e2 * r.crushed_share),
         row("penetration [mm]", &|_, r| r.summary.penetration_mm),
         row("v_rms at the end [mm/s]", &|_, r| r.summary.v_rms_mm_s),
@@ -203,7 +206,11 @@ pub fn play(
                     has_diverged: episode.end == End::Diverged,
                     pressed: pressed.collect(),
                     region_m: env.region_distance(finished),
-                    undraped: finished.pressed.touched.difference(&finished.pressed.draped).count(),
+                    undraped: finished
+                        .pressed
+                        .touched
+                        .difference(&finished.pressed.draped)
+                        .count(),
                     state: finished.clone(),
                 });
             }

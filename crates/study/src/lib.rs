@@ -16,10 +16,10 @@ pub mod ranking;
 pub mod stability;
 pub mod study;
 pub mod table;
-//T pub mod tradeoff;
-//T pub mod transfer;
+pub mod tradeoff;
+pub mod transfer;
 pub mod truth;
-//T pub mod twin;
+pub mod twin;
 pub mod verify;
 
 pub use points::nearest;

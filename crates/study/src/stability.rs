@@ -31,9 +31,9 @@ use std::time::Instant;
 use crate::study::{Context, Report, Study, StudyError, only};
 use crate::table::Table;
 use crate::verify::solver_name;
+use drape_cloth::sim::Precision;
 use drape_cloth::sim::Solver;
 use drape_report::{Color, HeatMap, Image, Tile};
-use drape_cloth::sim::Precision;
 use trial::{Refusal, Setting, Trial};
 
 pub use sweeps::sweeps;
@@ -232,8 +232,7 @@ impl Study for Stability {
                 let maps = solvers.map(|solver| {
                     let title = format!("{}: {}, {digits}", sweep.name, solver_name(solver));
                     let own = cells.iter().filter(|cell| {
-                        (cell.sweep, cell.solver, cell.precision)
-                            == (sweep.name, solver, precision)
+                        (cell.sweep, cell.solver, cell.precision) == (sweep.name, solver, precision)
                     });
                     map(sweep, title, own).image()
                 });

@@ -350,11 +350,15 @@ mod tests {
     use super::*;
 
     fn table() -> Table {
-        Table::of("rates", "of both", &[("a|b", 1.0, 3), ("c,\"d\"", f64::NAN, 4)])
-            .text("name", |row| row.0)
-            .number("distance left", "m", 2, |row| row.1)
-            .hidden("share", "%", |row| row.2)
-            .end()
+        Table::of(
+            "rates",
+            "of both",
+            &[("a|b", 1.0, 3), ("c,\"d\"", f64::NAN, 4)],
+        )
+        .text("name", |row| row.0)
+        .number("distance left", "m", 2, |row| row.1)
+        .hidden("share", "%", |row| row.2)
+        .end()
     }
 
     #[test]

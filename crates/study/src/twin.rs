@@ -5,236 +5,91 @@
 //! clamps, and are pressed at the same vertices. Speeds are not capped in the twin, and its
 //! roller stops cloth by pressure where the fast solver's stencil has a place.
 
-mod convergence;
+mod case;
+pub mod fall;
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use cpu_time::{ProcessTime, ThreadTime};
-use serde::Serialize;
+use cpu_time::ProcessTime;
 
-use super::compare::{Comparison, Criteria, Surveyed, compare};
-use super::points::distance;
+use crate::compare::{Comparison, Criteria, Parts, Surveyed, compare, picture};
+use crate::episodes::{Order, sequences};
+use crate::points::nearest;
+use crate::study::{
+    Context, Failed, QUICKSTART, Report, SceneOptions, Study, StudyError, stencil_mm,
+};
+use crate::table::Table;
+use case::{Case, Ran, SelfComparison};
 use drape_cloth::fabric::{Drape, Lamina};
-use drape_cloth::math::{Purpose, Stream};
-use drape_cloth::mesh::compare::SheetError;
-use drape_cloth::scene::{Scene, SceneConfig, SceneError, hung};
-use drape_cloth::sim::{Bending, BendingStiffness, SelfCollision};
+use drape_cloth::mesh::{write_stl, write_vtk};
+use drape_cloth::scene::{Scene, SceneConfig, SceneError};
 use drape_cloth::tool::Tool;
-use drape_cloth::twin::{Diverged, Energies, Hold, PressConfig, Twin, TwinConfig, TwinError};
-use drape_task::env::{Draping, EnvConfig, EnvError};
+use drape_cloth::twin::{Energies, Hold};
+use drape_task::env::EnvConfig;
+use drape_task::path::read_json;
+use fall::{ACCELERATION, SPEED, press_config, twin_config};
 
-pub use convergence::SelfComparison;
-
-/// Inertia over mass of the paper's accelerated variant: 8.15 h become 40.2 min.
-pub const ACCELERATION: f64 = 148.0;
-/// How fast the twin's roller comes down [m/s]: as the stencil of the fast solver comes down on
-/// a wrinkle of 33 mm, and as fast as speeds are capped at there.
-pub const SPEED: f64 = 4.0;
-/// Cells under the stencil's side, at least: 18 mm on the paper's mesh are three.
-const STENCIL_CELLS: f64 = 3.0;
-
-/// A case that cannot be computed.
-#[derive(Debug, thiserror::Error)]
-pub enum TwinStudyError {
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    #[error(transparent)]
-    Env(#[from] EnvError),
-    #[error(transparent)]
-    Twin(#[from] TwinError),
-    #[error("{name}: {source}")]
-    Diverged {
-        name: &'static str,
-        source: Diverged,
-    },
-    #[error("the fast solver diverged on the way")]
-    FastDiverged,
-    #[error("{name}: {source}")]
-    Sheet {
-        name: &'static str,
-        source: SheetError,
-    },
-}
-
-/// Side of the stencil [mm] on a mesh: `side_mm`, but at least three cells, so that as many
-/// vertices are under it as on the paper's mesh.
-pub fn stencil_mm(lamina: &Lamina, side_mm: f64) -> f64 {
-    let cell = 1e3 * lamina.cell_diagonal() / std::f64::consts::SQRT_2;
-    side_mm.max(STENCIL_CELLS * cell)
-}
-
-/// The twin's configuration for the physics of a scene.
+/// Solve the paper's test case in the finite-element twin and compare the fast solver with it
 ///
-/// # Errors
-/// Names the first key whose value the twin has nothing for.
-pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
-    let physics = &scene.physics;
-    let refuse = |key: &str, found: String, expected| {
-        Err(SceneError::Value {
-            key: key.into(),
-            found,
-            expected,
-        })
-    };
-    if physics.self_collision != SelfCollision::Off {
-        let found = format!("{:?}", physics.self_collision).to_lowercase();
-        let expected = "off: the twin's cloth does not touch itself";
-        return refuse("physics.self_collision", found, expected);
-    }
-    if !physics.shear {
-        let expected = "true: the twin's fabric resists shear";
-        return refuse("physics.shear", "false".into(), expected);
-    }
-    if let Some(limit) = physics.strain_limit {
-        let expected = "none: the twin's yarns go on with their slope";
-        return refuse("physics.strain_limit", limit.to_string(), expected);
-    }
-    Ok(TwinConfig {
-        bending_stiffness: match (physics.bending, physics.bending_stiffness) {
-            (Bending::Off, _) => Some([0.0; 2]),
-            (_, BendingStiffness::Material) => None,
-            (_, BendingStiffness::NewtonMetre(d)) => Some([d; 2]),
-        },
-        gravity: physics.gravity,
-        friction: physics.friction,
-        adhesion: physics.adhesion,
-        damping: physics.damping,
-        ..TwinConfig::default()
-    })
+/// The blank falls and is pressed along one path: in the twin, in the twin with scaled mass, and
+/// in the fast solver. Writes each before and after the presses as STL (millimetres), VTK and
+/// state files for `drape compare`, and pictures of how fast and accelerated deviate from the
+/// twin. The blank has 33 vertices along its longer side where `--mesh` does not say otherwise; 65
+/// are the paper's. The region is that of the run if PATH is one, or else that of the quickstart.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape study twin
+  drape study twin --convergence
+  drape study twin --mesh 65 --path runs/quickstart --out twin
+  drape study twin mine.toml --path points.json --region=-60,-60,60,60 --json > twin.json")]
+pub struct TwinStudy {
+    #[command(flatten)]
+    scene: SceneOptions,
+
+    /// What is pressed: points that `drape export` wrote as JSON, for the mesh of the scene as
+    /// it is configured, or a run folder, for its best sequence. A straight sweep if not given
+    #[arg(long, value_name = "FILE|RUN")]
+    path: Option<PathBuf>,
+
+    /// What holds draped vertices in the twin: the pressure, as in the paper, or nothing moves
+    /// them any more (`fixed`), as in the fast solver
+    #[arg(long, value_parser = ["pressure", "fixed"], default_value = "pressure")]
+    hold: String,
+
+    /// How fast the twin's roller comes down [m/s]
+    #[arg(long, value_name = "M/S", default_value_t = SPEED, value_parser = speed)]
+    speed: f64,
+
+    /// Inertia over mass of the accelerated twin
+    #[arg(long, value_name = "FACTOR", default_value_t = ACCELERATION, value_parser = factor)]
+    scaling: f64,
+
+    /// Also hold the twin against itself: with half the time step, from a pushed start, and its
+    /// fall with every second vertex, where the blank is a rectangle with even numbers of cells;
+    /// takes three times the twin's time
+    #[arg(long)]
+    convergence: bool,
 }
 
-/// How the twin's roller, which comes down at `speed` [m/s], presses where the environment's
-/// stencil does: as long, and with the same distance for draped.
-pub fn press_config(env: &EnvConfig, hold: Hold, speed: f64) -> PressConfig {
-    PressConfig {
-        speed,
-        press_s: env.press_s,
-        settle_s: env.settle_s,
-        drape_threshold_mm: env.drape_threshold_mm,
-        hold,
+fn factor(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(number) if (1.0..=1e6).contains(&number) => Ok(number),
+        _ => Err("expected a number from 1 to 1000000".into()),
     }
 }
 
-/// A twin that has fallen as the scene says. Clamps move evenly during the fall, then stay;
-/// settling has the scene's own damping unless the twin has none at all.
-pub fn fallen(scene: &Scene, config: &TwinConfig) -> Result<Twin, TwinStudyError> {
-    let [fall_s, settle_s] = scene.config.durations();
-    let start = hung(&scene.config, &scene.lamina, fall_s)?;
-    let mut twin = Twin::new(&scene.lamina, config)?;
-    twin.set_positions(&start.position);
-    for v in start.fixed.ones() {
-        twin.drive(v as u32, start.velocity[v]);
+fn speed(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(number) if (0.01..=100.0).contains(&number) => Ok(number),
+        _ => Err("expected a number from 0.01 to 100".into()),
     }
-    let name = "the twin's fall";
-    let diverged = |source| TwinStudyError::Diverged { name, source };
-    let tool = Some(&scene.tool);
-    twin.advance(tool, fall_s).map_err(diverged)?;
-    for v in start.fixed.ones() {
-        twin.fix(v as u32);
-    }
-    if config.damping > 0.0 {
-        twin.set_damping(scene.config.fall.settle_damping);
-    }
-    twin.advance(tool, settle_s).map_err(diverged)?;
-    twin.set_damping(config.damping);
-    Ok(twin)
-}
-
-/// A scene before its fall, with the durations of the fall, for [`fallen`].
-///
-/// # Errors
-/// If the scene is not valid.
-pub fn unfallen(config: &SceneConfig) -> Result<Scene, SceneError> {
-    let mut hung = config.clone();
-    (hung.fall.fall_s, hung.fall.settle_s) = (0.0, 0.0);
-    let mut hung = Scene::new(&hung, |_| ())?;
-    hung.config = config.clone();
-    Ok(hung)
-}
-
-/// A twin at rest at `positions` [m], its clamps where they are there.
-pub fn lying(
-    scene: &Scene,
-    config: &TwinConfig,
-    positions: &[[f64; 3]],
-) -> Result<Twin, TwinError> {
-    let mut twin = Twin::new(&scene.lamina, config)?;
-    twin.set_positions(positions);
-    for v in scene.initial.fixed.ones() {
-        twin.fix(v as u32);
-    }
-    Ok(twin)
-}
-
-/// One model's run of the case.
-#[derive(Clone, Debug, Serialize)]
-pub struct Ran {
-    pub name: &'static str,
-    /// CPU time of the fall and of all presses [s].
-    pub fall_cpu_s: f64,
-    pub press_cpu_s: f64,
-    /// Summed distance of the region to the tool before the first press and after the last [m].
-    pub region_initial_m: f64,
-    pub region_left_m: f64,
-    /// Vertices of the region that are held on the tool.
-    pub draped: usize,
-    /// Largest stable step before the presses [s]; for the fast solver its substep there.
-    pub time_step_s: f64,
-    /// Root mean square speed before the presses and after them [mm/s].
-    pub v_rms_mm_s: [f64; 2],
-    /// Balance of the twin after the fall and after the presses, from the start of the fall.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub energy: Option<[Balance; 2]>,
-    #[serde(skip)]
-    pub initial: Vec<[f64; 3]>,
-    #[serde(skip)]
-    pub end: Vec<[f64; 3]>,
-}
-
-/// Where the energy has gone.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Balance {
-    #[serde(flatten)]
-    pub energies: Energies,
-    /// What the integration has lost [J], and its size over the largest of the amounts.
-    pub residual: f64,
-    pub residual_share: f64,
-}
-
-impl Balance {
-    fn new(energies: Energies) -> Self {
-        let residual = energies.residual();
-        let size = energies.size().max(f64::MIN_POSITIVE);
-        Self {
-            energies,
-            residual,
-            residual_share: residual.abs() / size,
-        }
-    }
-}
-
-impl Ran {
-    /// CPU time of all [s].
-    pub fn cpu_s(&self) -> f64 {
-        self.fall_cpu_s + self.press_cpu_s
-    }
-}
-
-/// The case: a scene, a region with its stencil, and the vertices to press.
-pub struct Case<'a> {
-    pub scene: &'a Arc<Scene>,
-    /// CPU time of the fast solver's fall [s].
-    pub fall_cpu_s: f64,
-    pub env: &'a EnvConfig,
-    pub sequence: &'a [u32],
-    pub hold: Hold,
-    /// How fast the twin's roller comes down [m/s].
-    pub speed: f64,
-    /// Inertia over mass of the accelerated twin.
-    pub acceleration: f64,
 }
 
 /// Sets up the fast solver's scene. Gives its CPU time [s] too, without that of the tool.
+///
+/// # Errors
+/// If the scene is not valid, or the twin has nothing for what it asks.
 pub fn set_up(
     config: &SceneConfig,
     progress: impl FnMut(f64),
@@ -250,149 +105,263 @@ pub fn set_up(
     Ok((Arc::new(scene), cpu.as_secs_f64()))
 }
 
-impl Case<'_> {
-    /// Fast solver, twin and accelerated twin, in this order; the twins on a thread each.
-    /// `progress` is told the share of the twin's presses that are done, 0..=1.
-    ///
-    /// # Errors
-    /// If the scene has what the twin has nothing for, or one of them diverges.
-    pub fn run(&self, progress: impl FnMut(f64)) -> Result<[Ran; 3], TwinStudyError> {
-        let baseline = twin_config(&self.scene.config)?;
-        let accelerated = baseline.accelerated(self.acceleration);
-        let fast = self.fast()?;
-        let (twin, accelerated) = std::thread::scope(|scope| {
-            let other = scope.spawn(|| self.twin("accelerated", &accelerated, 0.0, |_| ()));
-            let twin = self.twin("twin", &baseline, 0.0, progress);
-            (twin, other.join().expect("the twin does not panic"))
-        });
-        Ok([fast, twin?, accelerated?])
-    }
+/// What the options lead to.
+struct Source {
+    config: SceneConfig,
+    /// The scene that the vertices of a path are counted in.
+    own: SceneConfig,
+    env: EnvConfig,
+    vertices: Option<Vec<u32>>,
+}
 
-    fn fast(&self) -> Result<Ran, TwinStudyError> {
-        let mut env = Draping::new(self.scene.clone(), self.env, 1)?;
-        let initial = env.state(0);
-        let start = ProcessTime::now();
-        for &vertex in self.sequence {
-            if env.press(&[Some(vertex)]) != [true] {
-                return Err(TwinStudyError::FastDiverged);
-            }
+fn lamina(config: &SceneConfig) -> Result<Lamina, SceneError> {
+    Ok(Lamina::new(&config.blank, config.read_material()?)?)
+}
+
+impl TwinStudy {
+    fn source(&self, context: &Context) -> Result<Source, StudyError> {
+        let run = self.path.as_ref().filter(|path| path.is_dir());
+        if let Some(path) = run {
+            let run = (context.read_run)(path).map_err(StudyError::Read)?;
+            let config = match self.scene.config {
+                Some(_) => self.scene.read()?,
+                None => run.scene.clone(),
+            };
+            return Ok(Source {
+                config,
+                own: run.scene,
+                env: run.env,
+                vertices: Some(run.vertices),
+            });
         }
-        let press_cpu_s = start.elapsed().as_secs_f64();
-        let end = env.state(0);
-        let region = &env.region().vertices;
-        Ok(Ran {
-            name: "fast",
-            fall_cpu_s: self.fall_cpu_s,
-            press_cpu_s,
-            region_initial_m: env.region_distance(&initial),
-            region_left_m: env.region_distance(&end),
-            draped: env.draped(0).intersection(region).count(),
-            time_step_s: 1.0 / self.env.stepping().substep_rate,
-            v_rms_mm_s: [&initial, &end].map(|state| 1e3 * state.v_rms()),
-            energy: None,
-            initial: initial.position,
-            end: end.position,
-        })
-    }
-
-    /// Fall and presses of the twin, between which every free vertex is pushed, normally
-    /// distributed with `push` [m].
-    fn twin(
-        &self,
-        name: &'static str,
-        config: &TwinConfig,
-        push: f64,
-        mut progress: impl FnMut(f64),
-    ) -> Result<Ran, TwinStudyError> {
-        let scene = self.scene;
-        let region = self.env.region(&scene.lamina)?.vertices;
-        let start = ThreadTime::now();
-        let mut twin = fallen(scene, config)?;
-        let fall_cpu_s = start.elapsed().as_secs_f64();
-        if push > 0.0 {
-            let mut pushed = twin.positions();
-            let mut stream = Stream::new(1, Purpose::Evaluation, 0);
-            for (v, x) in pushed.iter_mut().enumerate() {
-                if !scene.initial.fixed.contains(v) {
-                    *x = x.map(|x| x + push * stream.normal());
+        let config = self.scene.read()?;
+        let vertices = match &self.path {
+            None => None,
+            Some(path) => {
+                let points = read_json(path).map_err(|error| StudyError::Read(error.into()))?;
+                let vertices: Vec<u32> = points.iter().map(|point| point.vertex).collect();
+                let count = lamina(&config)?.vertex_count();
+                if let Some(found) = vertices.iter().find(|&&v| v as usize >= count) {
+                    return Err(StudyError::Invalid(format!(
+                        "{} presses vertex {found}, expected one below {count} as in {}",
+                        path.display(),
+                        self.scene.place()
+                    )));
                 }
+                Some(vertices)
             }
-            twin.set_positions(&pushed);
-        }
-        let initial = twin.positions();
-        let before = (Balance::new(twin.energies()), 1e3 * twin.speed());
-        let time_step_s = twin.stable_time_step();
-
-        let press = press_config(self.env, self.hold, self.speed);
-        let side = 1e-3 * self.env.stencil_mm;
-        let start = ThreadTime::now();
-        let presses = (self.sequence, side);
-        let mut done = 0;
-        let watch = |_: &Twin| {
-            done += 1;
-            progress(done as f64 / self.sequence.len() as f64);
         };
-        let replay = twin.replay(&scene.lamina, &scene.tool, &press, presses, watch);
-        if let Some(source) = replay.diverged {
-            return Err(TwinStudyError::Diverged { name, source });
-        }
-        let press_cpu_s = start.elapsed().as_secs_f64();
-        let end = twin.positions();
-        let left = |positions: &[_]| distance(&scene.tool, region.ones(), positions);
-        let in_region = replay
-            .draped
-            .iter()
-            .filter(|&&v| region.contains(v as usize));
-        Ok(Ran {
-            name,
-            fall_cpu_s,
-            press_cpu_s,
-            region_initial_m: left(&initial),
-            region_left_m: left(&end),
-            draped: in_region.count(),
-            time_step_s,
-            v_rms_mm_s: [before.1, 1e3 * twin.speed()],
-            energy: Some([before.0, Balance::new(twin.energies())]),
-            initial,
-            end,
+        Ok(Source {
+            own: config.clone(),
+            config,
+            env: EnvConfig::default(),
+            vertices,
         })
     }
 }
 
+/// The vertices of another mesh that are nearest on the flat blank to those of a path, each once.
+fn transferred(vertices: &[u32], own: &Lamina, other: &Lamina) -> Vec<u32> {
+    let mut pressed = Vec::new();
+    for &vertex in vertices {
+        let nearest = nearest(&other.rest, own.rest[vertex as usize]);
+        if !pressed.contains(&nearest) {
+            pressed.push(nearest);
+        }
+    }
+    pressed
+}
+
+impl Study for TwinStudy {
+    const NAME: &'static str = "twin";
+
+    fn scene(&self) -> Option<&SceneOptions> {
+        // That of a run has been valid.
+        let is_run = self.path.as_ref().is_some_and(|path| path.is_dir());
+        (!is_run || self.scene.config.is_some()).then_some(&self.scene)
+    }
+
+    fn run(&self, context: &Context) -> Result<Report, StudyError> {
+        let source = self.source(context)?;
+        let mut config = source.config;
+        self.scene.set_mesh(&mut config, 33)?;
+        let region = self.scene.region.or(source.env.region_mm);
+        let region = region.unwrap_or(QUICKSTART);
+        let blank = lamina(&config)?;
+        let env = EnvConfig {
+            region_mm: Some(region),
+            crop: true,
+            stencil_mm: stencil_mm(&blank, source.env.stencil_mm),
+            ..source.env
+        };
+        // Refused before the work.
+        env.region(&blank)?;
+        let fall = |share| (context.progress)(share, "falling");
+        let (scene, fall_cpu_s) = set_up(&config, fall)?;
+        let sequence = match &source.vertices {
+            Some(vertices) => transferred(vertices, &lamina(&source.own)?, &scene.lamina),
+            None => sequences(&scene, &env, Order::Sweep, 1, 0)?
+                .pop()
+                .ok_or(StudyError::FastDiverged)?,
+        };
+        let hold = match &*self.hold {
+            "fixed" => Hold::Fixed,
+            _ => Hold::Pressure,
+        };
+        let case = Case {
+            press: press_config(&env, hold, self.speed),
+            acceleration: self.scaling,
+            scene,
+            fall_cpu_s,
+            env,
+            sequence,
+        };
+        let runs = case.run(|share| (context.progress)(share, "pressing in the twin"))?;
+        let compared = compare_all(&case.scene, &runs, region.map(|x| 1e-3 * x))?;
+        let convergence = match self.convergence {
+            true => {
+                (context.progress)(0.5, "holding the twin against itself");
+                case.converge(&runs[1])?
+            }
+            false => Vec::new(),
+        };
+        let mut report = tables(&case, &runs, &compared, &convergence);
+        report.fact("region_mm", region);
+        report.fact("hold", &self.hold);
+        report.fact("speed_m_s", self.speed);
+        report.fact("mass_scaling", self.scaling);
+        pictures(
+            &mut report,
+            &case.scene,
+            &compared,
+            region.map(|x| 1e-3 * x),
+        );
+        states(&mut report, case.scene, &runs);
+        Ok(report)
+    }
+}
+
+fn tables(
+    case: &Case,
+    runs: &[Ran; 3],
+    compared: &[Compared],
+    convergence: &[SelfComparison],
+) -> Report {
+    let presses = case.sequence.len();
+    let title = format!(
+        "{} vertices, {presses} presses of a stencil of {:.1} mm; CPU time, and the region's summed \
+         distance to the tool",
+        case.scene.lamina.vertex_count(),
+        case.env.stencil_mm
+    );
+    let time = Table::of("runs", title, runs)
+        .text("model", |ran| ran.name)
+        .number("fall", "s", 3, |ran| ran.fall_cpu_s)
+        .number("presses", "s", 3, |ran| ran.press_cpu_s)
+        .number("all", "s", 3, Ran::cpu_s)
+        .number("before", "m", 4, |ran| ran.region_m[0])
+        .number("left", "m", 4, |ran| ran.region_m[1])
+        .text("draped", |ran| ran.draped)
+        .number("step", "us", 2, |ran| 1e6 * ran.time_step_s)
+        .number("v_rms before", "mm/s", 3, |ran| ran.v_rms_mm_s[0])
+        .number("v_rms after", "mm/s", 3, |ran| ran.v_rms_mm_s[1])
+        .end();
+    let moments: Vec<(&str, &str, Energies)> = (runs.iter())
+        .flat_map(|ran| {
+            ran.energy
+                .map(|e| [("fall", e[0]), ("presses", e[1])].map(|(m, e)| (ran.name, m, e)))
+        })
+        .flatten()
+        .collect();
+    let energy = Table::of("energy", "Balance since the start of the fall", &moments)
+        .text("model", |(name, ..)| *name)
+        .text("after", |(_, moment, _)| *moment)
+        .number("supplied", "mJ", 3, |(.., e)| 1e3 * e.supplied())
+        .number("kinetic", "mJ", 4, |(.., e)| 1e3 * e.kinetic)
+        .number("strain", "mJ", 3, |(.., e)| 1e3 * e.strain())
+        .number("dissipated", "mJ", 3, |(.., e)| 1e3 * e.dissipated())
+        .number("residual", "mJ", 4, |(.., e)| 1e3 * e.residual())
+        .number("residual of the greatest amount", "%", 3, |(.., e)| {
+            1e2 * e.residual().abs() / e.size().max(f64::MIN_POSITIVE)
+        })
+        .end();
+    let mut tables = vec![time, energy, comparison_table(compared)];
+    if !convergence.is_empty() {
+        let title =
+            "The twin against itself: between the same material points, and summed distances";
+        let table = Table::of("convergence", title, convergence)
+            .text("variant", |variant| variant.name)
+            .text("vertices", |variant| variant.vertices)
+            .number("step", "us", 2, |variant| 1e6 * variant.time_step_s)
+            .number("fall mean", "mm", 4, |variant| variant.initial_mm[0])
+            .number("fall max", "mm", 3, |variant| variant.initial_mm[1])
+            .number("sheet", "m", 3, |variant| variant.initial_m[0])
+            .number("twin's", "m", 3, |variant| variant.initial_m[1])
+            .number("presses mean", "mm", 3, |variant| {
+                variant.draped_mm.map(|d| d[0])
+            })
+            .number("presses max", "mm", 3, |variant| {
+                variant.draped_mm.map(|d| d[1])
+            })
+            .number("left", "m", 4, |variant| variant.left_m.map(|m| m[0]))
+            .number("twin's left", "m", 4, |variant| {
+                variant.left_m.map(|m| m[1])
+            })
+            .end();
+        tables.push(table);
+    }
+    let mut report = Report::new(tables);
+    let [fast, twin, accelerated] = runs;
+    let ratio = |a: f64, b: f64| a / b.max(1e-9);
+    let ratios = [
+        ratio(twin.cpu_s(), fast.cpu_s()),
+        ratio(twin.press_cpu_s, fast.press_cpu_s),
+        ratio(twin.cpu_s(), accelerated.cpu_s()),
+    ];
+    report.notes.push(format!(
+        "twin over fast {:.0} (presses alone {:.0}), twin over accelerated {:.1}; the paper's, of \
+         8.15 h, 40.2 min and 19 s: 1544 and 12.2",
+        ratios[0], ratios[1], ratios[2]
+    ));
+    report.fact("twin_over_fast", ratios[0]);
+    report.fact("twin_over_fast_presses", ratios[1]);
+    report.fact("twin_over_accelerated", ratios[2]);
+    report.fact("vertices", case.scene.lamina.vertex_count());
+    report.fact("stencil_mm", case.env.stencil_mm);
+    report.fact("sequence", &case.sequence);
+    report
+}
+
 /// A drape next to the twin's.
-pub struct Compared {
+struct Compared {
     /// `initial` or `draped`.
-    pub moment: &'static str,
+    moment: &'static str,
     /// What is compared with the twin.
-    pub name: &'static str,
-    pub surface: Surveyed,
-    pub reference: Surveyed,
-    pub comparison: Comparison,
+    name: &'static str,
+    surface: Surveyed,
+    reference: Surveyed,
+    comparison: Comparison,
 }
 
 /// Fast against twin and accelerated against twin, before the presses and after them, with a
 /// `region` [m on the flat blank].
-pub fn compare_all(
+fn compare_all(
     scene: &Scene,
     runs: &[Ran; 3],
-    region: Option<[f64; 4]>,
-) -> Result<Vec<Compared>, TwinStudyError> {
+    region: [f64; 4],
+) -> Result<Vec<Compared>, StudyError> {
     let criteria = Criteria {
         tool: Some(&scene.tool.surface),
-        region,
+        region: Some(region),
         ..Criteria::default()
     };
     let [fast, twin, accelerated] = runs;
     let mut all = Vec::new();
-    for moment in ["initial", "draped"] {
+    for (k, moment) in ["initial", "draped"].into_iter().enumerate() {
         let survey = |ran: &Ran| {
-            let position = match moment {
-                "initial" => &ran.initial,
-                _ => &ran.end,
-            };
-            let drape = Drape::new(&scene.lamina, position);
             let name = ran.name;
-            Surveyed::draped(drape).map_err(|source| TwinStudyError::Sheet { name, source })
+            let drape = Drape::new(&scene.lamina, &ran.ends[k]);
+            Surveyed::draped(drape).map_err(|source| StudyError::Sheet { name, source })
         };
         let reference = survey(twin)?;
         for ran in [fast, accelerated] {
@@ -407,6 +376,107 @@ pub fn compare_all(
         }
     }
     Ok(all)
+}
+
+/// Rows as of the paper's Table 3, and how far material points are apart.
+fn comparison_table(compared: &[Compared]) -> Table {
+    let mut rows: Vec<(&Compared, &str, &Parts)> = Vec::new();
+    for found in compared {
+        let Comparison {
+            all,
+            inside,
+            outside,
+            ..
+        } = &found.comparison;
+        rows.push((found, "all", all));
+        rows.extend(inside.iter().map(|parts| (found, "inside", parts)));
+        rows.extend(outside.iter().map(|parts| (found, "outside", parts)));
+    }
+    let contour = |(found, part, _): &(&Compared, &str, &Parts)| {
+        let contour = found.comparison.contour_a_to_b_mm;
+        contour.filter(|_| *part == "all")
+    };
+    let fibres = |parts: &Parts, k: usize| parts.fibre_angle_deg.map(|a| 1e2 * a[k].share_below);
+    Table::of("comparisons", "Against the twin", &rows)
+        .text("moment", |(found, ..)| found.moment)
+        .text("model", |(found, ..)| found.name)
+        .text("part", |(_, part, _)| *part)
+        .number("min", "mm", 2, |(.., p)| {
+            p.topology_a_to_b_mm.map(|t| t.min)
+        })
+        .number("max", "mm", 2, |(.., p)| {
+            p.topology_a_to_b_mm.map(|t| t.max)
+        })
+        .number("p95", "mm", 2, |(.., p)| {
+            p.topology_a_to_b_mm.map(|t| t.p95)
+        })
+        .number("contour mean", "mm", 2, |row| contour(row).map(|c| c.mean))
+        .number("contour max", "mm", 2, |row| contour(row).map(|c| c.max))
+        .number("warp < 5 deg", "%", 1, |(.., p)| fibres(p, 0))
+        .number("weft < 5 deg", "%", 1, |(.., p)| fibres(p, 1))
+        .number("points mean", "mm", 2, |(.., p)| {
+            p.material_points_mm.map(|m| m.mean)
+        })
+        .number("points max", "mm", 1, |(.., p)| {
+            p.material_points_mm.map(|m| m.max)
+        })
+        .end()
+}
+
+/// How fast and accelerated deviate from the twin; the same colours for both moments of both.
+fn pictures(report: &mut Report, scene: &Scene, compared: &[Compared], region: [f64; 4]) {
+    let range = (compared.iter())
+        .filter(|found| found.name == "fast")
+        .map(|found| picture::range(&found.comparison))
+        .fold(0.0, f64::max);
+    for found in compared {
+        let (a, b) = (&found.surface, &found.reference);
+        let image = picture::deviation(a, b, Some(&scene.tool), Some(region), range);
+        report.image(format!("{}-{}.png", found.moment, found.name), image);
+    }
+}
+
+/// Every state as STL, VTK and state file.
+fn states(report: &mut Report, scene: Arc<Scene>, runs: &[Ran; 3]) {
+    let tool = scene.clone();
+    report.file("tool.stl", move |path| {
+        write_stl(path, &tool.tool.mesh, "tool")
+    });
+    for ran in runs {
+        for (moment, position) in ["initial", "draped"].into_iter().zip(&ran.ends) {
+            let name = format!("{moment}-{}", ran.name);
+            let drape = Arc::new(Drape::new(&scene.lamina, position));
+            let (state, surface, fields) = (drape.clone(), drape.clone(), scene.clone());
+            report.file(format!("{name}.json"), move |path| state.write(path));
+            let title = name.clone();
+            report.file(format!("{name}.stl"), move |path| {
+                write_stl(path, &surface.mesh(), &title)
+            });
+            let title = name.clone();
+            report.file(format!("{name}.vtk"), move |path| {
+                vtk(path, &drape, &fields, &title)
+            });
+        }
+    }
+}
+
+fn vtk(path: &Path, drape: &Drape, scene: &Scene, title: &str) -> Result<(), Failed> {
+    let distance = drape
+        .position
+        .iter()
+        .map(|&x| scene.tool.distance(x).0)
+        .collect();
+    let tangents = || (0..drape.triangles.len()).map(|t| drape.tangents(t));
+    let triangles = [
+        ("warp_strain", tangents().map(|t| t.strain()[0]).collect()),
+        ("weft_strain", tangents().map(|t| t.strain()[1]).collect()),
+        (
+            "shear_deg",
+            tangents().map(|t| t.shear().to_degrees()).collect(),
+        ),
+    ];
+    let points = [("distance", distance)];
+    Ok(write_vtk(path, &drape.mesh(), title, &points, &triangles)?)
 }
 
 #[cfg(test)]

@@ -116,7 +116,8 @@ impl Study for Verify {
         let by_case: Vec<&[Verified]> = rows
             .chunk_by(|a, b| (a.group, &a.answer.case) == (b.group, &b.answer.case))
             .collect();
-        let title = "Relative errors [%]; none where it does not come to rest, or holds at no value";
+        let title =
+            "Relative errors [%]; none where it does not come to rest, or holds at no value";
         let mut errors = Table::of("errors", title, &by_case)
             .text("group", |of| of[0].group)
             .text("case", |of| of[0].answer.case.clone())

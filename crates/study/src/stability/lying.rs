@@ -136,7 +136,14 @@ pub(super) fn sliver(setting: &Setting) -> Result<Trial, Refusal> {
     let sheet = sheet();
     let start = over(&sheet, 1e-3);
     let clock = Clock::new(0.5, FRAME, SUBSTEPS);
-    Trial::new(sheet, &whole(setting), Some(Arc::new(tool)), start, clock, flat())
+    Trial::new(
+        sheet,
+        &whole(setting),
+        Some(Arc::new(tool)),
+        start,
+        clock,
+        flat(),
+    )
 }
 
 /// A block of 600 x 600 x 200 mm under z = 0 with the triangle P Q R in its upper side, `thin`
@@ -222,5 +229,12 @@ fn slide(setting: &Setting, mu: f64, degrees: f64, substeps: f64) -> Result<Tria
         ..Incline::default()
     };
     let incline = tool(Shape::Incline(incline), Pose::default(), 100.0);
-    Trial::new(sheet, &physics, Some(Arc::new(incline)), start, clock, judge)
+    Trial::new(
+        sheet,
+        &physics,
+        Some(Arc::new(incline)),
+        start,
+        clock,
+        judge,
+    )
 }

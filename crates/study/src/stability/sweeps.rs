@@ -38,7 +38,9 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
     let factors = list(
         "factor on speeds of 0.5 m/s",
         &[1.0, 1e2, 1e4, 1e38],
-        &[1.0, 1e1, 1e2, 1e3, 1e4, 1e6, 1e10, 1e20, 1e38, 1e40, 1e150, 1e300],
+        &[
+            1.0, 1e1, 1e2, 1e3, 1e4, 1e6, 1e10, 1e20, 1e38, 1e40, 1e150, 1e300,
+        ],
     );
     let compliances = zero_and(decades("compliance of an edge [m/N]", -9, 0, 3));
     let gravities = [0.0, 0.1, 1.0, 3.0, 10.0, 30.0, 100.0];

@@ -1,35 +1,38 @@
+//! Fixed sequences of presses, and what they lead to.
+
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use cpu_time::ProcessTime;
 
-use crate::nearest;
+use crate::points::nearest;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::Precision;
 use drape_task::env::{Draping, EnvConfig, EnvError};
 
-/// Fixed sequences of presses, the same places in every one.
-pub(super) const SEQUENCES: usize = 8;
+/// Sequences, the same places in every one.
+const SEQUENCES: usize = 8;
 
 /// Environments stepped together at least, as training does.
 const ENVIRONMENTS: usize = 16;
 
 /// What the sequences have led to.
-pub(super) struct Pressed {
+pub struct Pressed {
+    pub scene: Arc<Scene>,
     /// CPU time of an environment step, the median over the steps [us].
     pub microseconds: f64,
     /// The first sequence after its first row of presses.
     pub early: Option<Vec<[f64; 3]>>,
-    /// The end of every sequence; none where a state was lost.
+    /// The end of every sequence; none where it diverged.
     pub ends: Vec<Option<Vec<[f64; 3]>>>,
 }
 
 /// Places on the flat blank [m], in the order of pressing: every second row and column of the
-/// region. The first is a straight sweep along the rows, then follow sweeps the other way, along the
-/// columns, along a diagonal, from the middle and back, and two random orders.
-pub(super) fn sequences(lamina: &Lamina, env: &EnvConfig) -> Result<Vec<Vec<[f64; 2]>>, EnvError> {
+/// region. The first is a straight sweep along the rows, then follow sweeps the other way, along
+/// the columns, along a diagonal, from the middle and back, and two random orders.
+pub fn sequences(lamina: &Lamina, env: &EnvConfig) -> Result<Vec<Vec<[f64; 2]>>, EnvError> {
     let region = env.region(lamina)?;
     let mut vertices: Vec<usize> = region.vertices.ones().collect();
     let every_second = |v: &usize| lamina.place(*v as u32).iter().all(|k| k % 2 == 0);
@@ -39,9 +42,8 @@ pub(super) fn sequences(lamina: &Lamina, env: &EnvConfig) -> Result<Vec<Vec<[f64
     let middle = [&region.rows, &region.columns].map(|r| (r.start + r.end - 1) as f64 / 2.0);
     let order = |number: usize| {
         let mut sorted = vertices.clone();
-        let place = |v: usize| lamina.place(v as u32).map(|k| k as f64);
         let rank = |v: usize| {
-            let [row, column] = place(v);
+            let [row, column] = lamina.place(v as u32).map(|k| k as f64);
             let outwards = (row - middle[0]).hypot(column - middle[1]);
             let (sin, cos) = (0.11 * TAU).sin_cos();
             match number {
@@ -65,8 +67,8 @@ pub(super) fn sequences(lamina: &Lamina, env: &EnvConfig) -> Result<Vec<Vec<[f64
 
 /// Presses along every sequence from the scene's initial state. A group of lanes is timed as
 /// training would step it, in f64 one environment alone.
-pub(super) fn press(
-    scene: &Arc<Scene>,
+pub fn press(
+    scene: Arc<Scene>,
     env: &EnvConfig,
     sequences: &[Vec<[f64; 2]>],
 ) -> Result<Pressed, EnvError> {
@@ -74,45 +76,38 @@ pub(super) fn press(
         Precision::F32 => ENVIRONMENTS.max(Isa::best().lanes()),
         Precision::F64 => sequences.len(),
     };
-    let mut draping = Draping::new(scene.clone(), env, count)?;
-    let vertices: Vec<Vec<u32>> = sequences
-        .iter()
-        .map(|places| {
-            places
-                .iter()
-                .map(|at| nearest(&scene.lamina.rest, *at))
-                .collect()
-        })
-        .collect();
-    let length = vertices[0].len();
+    let on_mesh = |places: &Vec<[f64; 2]>| {
+        let nearest = places.iter().map(|at| nearest(&scene.lamina.rest, *at));
+        nearest.collect::<Vec<u32>>()
+    };
+    let vertices: Vec<Vec<u32>> = sequences.iter().map(on_mesh).collect();
+    let lists = vertices.iter().map(|list| &**list).cycle().take(count);
+    let lists: Vec<&[u32]> = lists.collect();
+    let length = lists[0].len();
     let row = (length as f64).sqrt().round() as usize;
-    let mut pressed = Pressed {
-        microseconds: f64::NAN,
-        early: None,
-        ends: vec![None; sequences.len()],
-    };
+
+    let mut draping = Draping::new(scene.clone(), env, count)?;
+    let (mut early, mut ends) = (None, vec![None; sequences.len()]);
     let mut times = Vec::with_capacity(length);
-    let mut is_sound = vec![true; sequences.len()];
-    let positions = |draping: &Draping, is_sound: &[bool], index: usize| {
-        is_sound[index].then(|| draping.state(index).position)
-    };
-    for step in 0..length {
-        let sequences = vertices.iter().cycle().take(count);
-        let actions: Vec<Option<u32>> = sequences.map(|sequence| Some(sequence[step])).collect();
-        let start = ProcessTime::now();
-        let sound = draping.press(&actions);
-        times.push(1e6 * start.elapsed().as_secs_f64() / count as f64);
-        for (known, sound) in is_sound.iter_mut().zip(sound) {
-            *known &= sound;
+    // What is observed of the last press is over; between it and the next is the step itself.
+    let mut last = ProcessTime::now();
+    draping.replay(&lists, |draping, index, presses| {
+        if presses > times.len() {
+            times.push(1e6 * last.elapsed().as_secs_f64() / count as f64);
         }
-        if step + 1 == row {
-            pressed.early = positions(&draping, &is_sound, 0);
+        if presses == row && index == 0 {
+            early = Some(draping.state(0).position);
         }
-    }
+        if presses == length && index < ends.len() {
+            ends[index] = Some(draping.state(index).position);
+        }
+        last = ProcessTime::now();
+    });
     times.sort_by(f64::total_cmp);
-    pressed.microseconds = times[length / 2];
-    for (index, end) in pressed.ends.iter_mut().enumerate() {
-        *end = positions(&draping, &is_sound, index);
-    }
-    Ok(pressed)
+    Ok(Pressed {
+        microseconds: times.get(times.len() / 2).copied().unwrap_or(f64::NAN),
+        scene,
+        early,
+        ends,
+    })
 }

@@ -2,7 +2,6 @@ use super::*;
 use crate::episodes::play;
 use drape_cloth::fabric::BlankConfig;
 use drape_cloth::scene::{Fall, SceneConfig};
-use drape_task::env::Tasks;
 
 fn scene() -> Arc<Scene> {
     let mut config = SceneConfig::rib();
@@ -29,43 +28,17 @@ fn env() -> EnvConfig {
     }
 }
 
-/// A press of a list is the environment's own step, bit by bit, alone and in company.
-#[test]
-fn one_press_is_a_step_of_the_environment() {
-    let (scene, env) = (scene(), env());
-    for count in [1, 3] {
-        let mut stepped = Draping::new(scene.clone(), &env, count).unwrap();
-        let action = stepped.observation(0).mask.minimum().unwrap() as u32;
-        let vertex = stepped.vertex(action).unwrap();
-        stepped.step(&vec![action; count]);
-        let list = [vertex];
-        let ends = replay(&scene, &env, &vec![&list[..]; count]).unwrap();
-        for (index, end) in ends.iter().enumerate() {
-            let state = stepped.state(index);
-            assert!(state.position != scene.initial.position);
-            let expected = End {
-                half: stepped.region_distance(&state),
-                left: stepped.region_distance(&state),
-                positions: state.position,
-            };
-            assert_eq!(end.as_ref(), Some(&expected));
-        }
-    }
-}
-
 /// Whole episodes end as they did when they were played under the rules of the task, also
 /// those that are over before others.
 #[test]
 fn episodes_end_as_they_were_played() {
     let (scene, env) = (scene(), env());
     let played = play(&scene, &env, Order::Random, 3, 5, |_| {}).unwrap();
-    let sequences = sequences(&scene, &env, Order::Random, 3, 5).unwrap();
-    let lists: Vec<&[u32]> = sequences.iter().map(|s| &**s).collect();
+    let lists: Vec<&[u32]> = played.iter().map(|p| &*p.pressed).collect();
     assert!(lists[0] != lists[1]);
     let ends = replay(&scene, &env, &lists).unwrap();
-    for ((list, end), ended) in lists.iter().zip(&ends).zip(&played.episodes) {
-        assert_eq!(list.len(), ended.steps);
-        assert_eq!(end.as_ref().unwrap().left, ended.region_m);
+    for (end, played) in ends.iter().zip(&played) {
+        assert_eq!(end.as_ref().unwrap().left, played.region_m);
     }
 }
 
@@ -99,36 +72,23 @@ fn rows_leave_lost_sequences_out() {
         sequences: &vec![sequence; 3],
         is_inside: &|v| v == 0,
     };
-    let row = judge.row(Played {
-        name: "own",
-        what: String::new(),
-        initial_m: 5.0,
-        cpu_s: 0.1,
-        ends: &own,
-    });
-    assert_eq!((row.diverged, row.end.mean_left_m), (1, Some(3.5)));
-    assert_eq!(row.end.deviation_left_m, Some(0.5f64.sqrt()));
-    let half = row.halfway;
-    assert_eq!((half.mean_left_m, half.lost_m), (Some(7.0), Some(4.0)));
-    let row_end = row.end;
-    assert_eq!(row_end.rank_correlation_twin, Some(-1.0));
-    assert_eq!(row_end.rank_correlation_accurate, Some(1.0));
+    let row = judge.row("own", 0.1, &own);
+    let (half, end) = (row.half, row.end);
+    assert_eq!(row.diverged, 1);
+    assert_eq!(end.left_m, Some([3.5, 0.5f64.sqrt()]));
+    assert_eq!((half.left_m.unwrap()[0], half.lost_m), (7.0, Some(4.0)));
+    assert_eq!(end.rank_twin, Some(-1.0));
+    assert_eq!(end.rank_accurate, Some(1.0));
     // Of two, a resample holds both or has no ranks; here the former are the more.
-    assert_eq!(row_end.rank_correlation_twin_interval, Some([-1.0; 2]));
-    assert_eq!(row_end.more_than_balanced_interval, Some([-2.0; 2]));
-    assert_eq!(
-        (row_end.lost_m, row_end.best_lost_m),
-        (Some(2.0), Some(2.0))
-    );
-    assert_eq!(row_end.lost_by_chance_m, Some(1.0));
-    assert_eq!(row_end.best_rank_twin, Some(2.0));
-    assert_eq!(row_end.is_best_among_3, Some(true));
-    assert!((row.inside_mm.unwrap() - 3.0).abs() < 1e-12);
-    assert_eq!(row.outside_mm, Some(0.0));
-    assert_eq!(row_end.left_m, [Some(4.0), Some(3.0), None]);
-    let by_order = row_end.rank_correlation_twin_by_order;
-    assert_eq!(by_order[1], (Order::Sweep, Some(-1.0)));
-    assert_eq!(by_order[0], (Order::Random, None));
+    assert_eq!(end.rank_twin_interval, Some([-1.0; 2]));
+    assert_eq!(end.more_than_balanced, Some([-2.0; 2]));
+    assert_eq!((end.lost_m, end.best_lost_m), (Some(2.0), Some(2.0)));
+    assert_eq!(end.lost_by_chance_m, Some(1.0));
+    assert_eq!(end.best_rank_twin, Some(2.0));
+    assert!((row.off_twin_mm[0].unwrap() - 3.0).abs() < 1e-12);
+    assert_eq!(row.off_twin_mm[1], Some(0.0));
+    assert_eq!(end.all_m, [Some(4.0), Some(3.0), None]);
+    assert_eq!(end.rank_twin_by_order, [None, Some(-1.0), None]);
 }
 
 fn setting(wanted: &str) -> Setting {
@@ -151,16 +111,12 @@ fn a_list_without_a_press_ends_where_it_starts() {
     assert!(end.half == end.left && end.left > 0.0);
     assert!(ends[1].as_ref().unwrap().left != end.left);
 
-    let case = TwinCase {
-        scene: &scene,
-        env: &env,
-        config: &twin_config(&scene.config).unwrap(),
-        rest: &scene.initial.position,
-    };
     let Setting::Twin(setting) = setting(TWIN) else {
         panic!("the twin is one");
     };
-    let (ends, _) = case.play(setting, &[&[]]).unwrap();
+    let config = twin_config(&scene.config).unwrap();
+    let rest = &scene.initial.position;
+    let (ends, _) = replay_in_twin(&scene, &env, &config, rest, setting, &[&[]]).unwrap();
     let twin = ends[0].as_ref().unwrap();
     assert_eq!(
         (twin.half, &twin.positions),

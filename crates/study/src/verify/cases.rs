@@ -146,7 +146,12 @@ fn shear(quick: bool) -> Vec<Case> {
         for d in [0.02, 0.04, 0.06] {
             let case = format!("picture frame: shear at {:.0} mm", 1e3 * d);
             let expected = frame_angle(d).to_degrees();
-            found.add(case, "deg", expected, picture_frame(solver, d, 20).to_degrees());
+            found.add(
+                case,
+                "deg",
+                expected,
+                picture_frame(solver, d, 20).to_degrees(),
+            );
         }
         found
     });

@@ -3,11 +3,11 @@
 use crate::cloth::NOWHERE;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::sim::{
-    Accuracy, Backend, Bending, BendingStiffness, Control, Cpu, Model, PhysicsConfig, Precision, Snapshot, World,
-    Solver,
+    Accuracy, Backend, Bending, BendingStiffness, Control, Cpu, Model, PhysicsConfig, Precision,
+    Snapshot, Solver, World,
 };
 use drape_cloth::tool::Tool;
-use drape_cloth::twin::{BendingStiffness as TwinStiffness, Twin, TwinConfig};
+use drape_cloth::twin::{Twin, TwinConfig};
 
 /// What is simulated: cloth, its physics, and the tool under it.
 #[derive(Clone)]
@@ -89,7 +89,9 @@ impl Fast {
             ..piece.physics.clone()
         };
         let model = Model::new(piece.lamina, &physics);
-        let tool = piece.tool.map_or_else(|| NOWHERE.clone(), |tool| tool.clone().into());
+        let tool = piece
+            .tool
+            .map_or_else(|| NOWHERE.clone(), |tool| tool.clone().into());
         let mut cloth = Cpu::new(&World::new(model, tool), 1, Precision::F64);
         cloth.load(0, state);
         let interval = self.substeps(look);
@@ -157,11 +159,11 @@ impl Reference {
 }
 
 /// The bending stiffness of the fast solver's physics, for the twin.
-pub fn twin_stiffness(physics: &PhysicsConfig) -> TwinStiffness {
+pub fn twin_stiffness(physics: &PhysicsConfig) -> Option<[f64; 2]> {
     match (physics.bending, physics.bending_stiffness) {
-        (Bending::Off, _) => TwinStiffness::NewtonMetre(0.0),
-        (_, BendingStiffness::Material) => TwinStiffness::Material,
-        (_, BendingStiffness::NewtonMetre(d)) => TwinStiffness::NewtonMetre(d),
+        (Bending::Off, _) => Some([0.0; 2]),
+        (_, BendingStiffness::Material) => None,
+        (_, BendingStiffness::NewtonMetre(d)) => Some([d; 2]),
     }
 }
 

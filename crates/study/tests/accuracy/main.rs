@@ -16,7 +16,8 @@ use std::sync::{Arc, LazyLock};
 use drape_cloth::fabric::{BlankConfig, Family, Lamina, MassModel, Material};
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::sim::{
-    Backend, Bending, BendingStiffness, Control, Cpu, Model, PhysicsConfig, Precision, Snapshot, Solver, World,
+    Backend, Bending, BendingStiffness, Control, Cpu, Model, PhysicsConfig, Precision, Snapshot,
+    Solver, World,
 };
 use drape_cloth::tool::{GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolConfig};
 use drape_study::cloth::rigid;
@@ -121,11 +122,14 @@ fn run(model: &Model, tool: &Arc<Tool>, state: &Snapshot, h: f64, seconds: f64) 
     while left > 0 {
         let substeps = left.min(1000);
         let dt = substeps as f64 * h;
-        batch.step(&Control {
+        batch.step(
+            &Control {
                 dt,
                 substeps,
                 contact_interval: 5,
-            }, &[]);
+            },
+            &[],
+        );
         left -= substeps;
     }
     batch.snapshot(0)

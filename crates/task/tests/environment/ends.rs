@@ -1,7 +1,7 @@
 //! How episodes end, begin again, and go on from a saved state.
 
-use drape_cloth::sim::Snapshot;
 use drape_cloth::sim::Precision;
+use drape_cloth::sim::Snapshot;
 use drape_task::env::End;
 use fixedbitset::FixedBitSet;
 

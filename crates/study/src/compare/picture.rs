@@ -1,13 +1,15 @@
+//! What the deviation of two drapes looks like.
+
 use std::collections::HashMap;
 
-use crate::cli::picture::{CLOTH_BIAS, creased};
+use super::{Comparison, Surveyed};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::tool::Tool;
 use drape_report::{
-    Camera, Color, ColorBar, ColorMap, Image, Mark, PATH, Paint, Scene as Picture, TOOL,
+    CLOTH_BIAS, Camera, Color, ColorBar, ColorMap, Image, Mark, PATH, Paint, Scene as Picture,
+    TOOL, creased,
 };
-use drape_study::compare::{Comparison, Surveyed};
 
 /// Width and height of each view [px].
 const SIZE: [usize; 2] = [760, 600];
@@ -16,12 +18,12 @@ const LINE: f64 = 2.4;
 /// Free space round the drape, as a share of its longest side.
 const MARGIN: f64 = 0.03;
 /// Finest range of the colours [mm]: rounding of STL files shows below it.
-const LEAST: f64 = 1e-3;
+const MIN_RANGE: f64 = 1e-3;
 
 /// The smallest of 1, 2 and 5 times a power of ten [mm] which 95 % of A's area keep within.
-pub(in crate::cli) fn range(comparison: &Comparison) -> f64 {
+pub fn range(comparison: &Comparison) -> f64 {
     let p95 = comparison.all.topology_a_to_b_mm.map_or(0.0, |d| d.p95);
-    let least = p95.max(LEAST);
+    let least = p95.max(MIN_RANGE);
     let power = 10f64.powf(least.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * power);
     // A hair below still counts: 2 shall not become 5 by rounding.
@@ -31,7 +33,7 @@ pub(in crate::cli) fn range(comparison: &Comparison) -> f64 {
 
 /// Drape `a` from the side and from above, coloured by its signed distance from `b` up to
 /// `range` [mm], over the tool, with the outline of the `region` [m on the flat blank].
-pub(in crate::cli) fn deviation(
+pub fn deviation(
     a: &Surveyed,
     b: &Surveyed,
     tool: Option<&Tool>,

@@ -1,0 +1,236 @@
+//! The case: fall and presses of the fast solver, of the twin, and of the twin with scaled mass.
+
+use std::sync::Arc;
+
+use cpu_time::{ProcessTime, ThreadTime};
+
+use super::fall::{fallen, twin_config, unfallen};
+use crate::points::{apart_mm, coarser, distance, same_points};
+use crate::study::StudyError;
+use drape_cloth::math::{Purpose, Stream};
+use drape_cloth::scene::Scene;
+use drape_cloth::twin::{Energies, PressConfig, TwinConfig};
+use drape_task::env::{Draping, EnvConfig};
+
+/// How far a start is pushed [m]: far less than half the time step moves it.
+const PUSH: f64 = 1e-6;
+
+/// A scene, a region with its stencil, and the vertices to press.
+pub struct Case {
+    pub scene: Arc<Scene>,
+    /// CPU time of the fast solver's fall [s].
+    pub fall_cpu_s: f64,
+    pub env: EnvConfig,
+    pub sequence: Vec<u32>,
+    /// How the twin's roller presses.
+    pub press: PressConfig,
+    /// Inertia over mass of the accelerated twin.
+    pub acceleration: f64,
+}
+
+/// One model's run of the case.
+#[derive(Clone, Debug)]
+pub struct Ran {
+    pub name: &'static str,
+    /// CPU time of the fall and of all presses [s].
+    pub fall_cpu_s: f64,
+    pub press_cpu_s: f64,
+    /// Summed distance of the region to the tool before the first press and after the last [m].
+    pub region_m: [f64; 2],
+    /// Vertices of the region that are held on the tool.
+    pub draped: usize,
+    /// Largest stable step before the presses [s]; for the fast solver its substep there.
+    pub time_step_s: f64,
+    /// Root mean square speed before the presses and after them [mm/s].
+    pub v_rms_mm_s: [f64; 2],
+    /// Of the twin, after the fall and after the presses, from the start of the fall.
+    pub energy: Option<[Energies; 2]>,
+    /// Positions before the presses and after them [m].
+    pub ends: [Vec<[f64; 3]>; 2],
+}
+
+impl Ran {
+    /// CPU time of all [s].
+    pub fn cpu_s(&self) -> f64 {
+        self.fall_cpu_s + self.press_cpu_s
+    }
+}
+
+impl Case {
+    /// Fast solver, twin and accelerated twin, in this order; the twins on a thread each.
+    /// `progress` is told the share of the twin's presses that are done, 0..=1.
+    ///
+    /// # Errors
+    /// If the scene has what the twin has nothing for, or one of them diverges.
+    pub fn run(&self, progress: impl FnMut(f64)) -> Result<[Ran; 3], StudyError> {
+        let baseline = twin_config(&self.scene.config)?;
+        let accelerated = baseline.accelerated(self.acceleration);
+        let fast = self.fast()?;
+        let (twin, accelerated) = std::thread::scope(|scope| {
+            let other = scope.spawn(|| self.twin("accelerated", &accelerated, 0.0, |_| ()));
+            let twin = self.twin("twin", &baseline, 0.0, progress);
+            (twin, other.join().expect("the twin does not panic"))
+        });
+        Ok([fast, twin?, accelerated?])
+    }
+
+    fn fast(&self) -> Result<Ran, StudyError> {
+        let mut env = Draping::new(self.scene.clone(), &self.env, 1)?;
+        let initial = env.state(0);
+        let start = ProcessTime::now();
+        let ended = env.replay(&[&self.sequence], |_, _, _| ());
+        let press_cpu_s = start.elapsed().as_secs_f64();
+        ended[0].map_err(|_| StudyError::FastDiverged)?;
+        let ends = [initial, env.state(0)];
+        Ok(Ran {
+            name: "fast",
+            fall_cpu_s: self.fall_cpu_s,
+            press_cpu_s,
+            region_m: [0, 1].map(|k| env.region_distance(&ends[k])),
+            draped: env.draped(0).intersection(&env.region().vertices).count(),
+            time_step_s: 1.0 / self.env.stepping().substep_rate,
+            v_rms_mm_s: [0, 1].map(|k| 1e3 * ends[k].v_rms()),
+            energy: None,
+            ends: ends.map(|state| state.position),
+        })
+    }
+
+    /// Fall and presses of the twin, between which every free vertex is pushed, normally
+    /// distributed with `push` [m].
+    fn twin(
+        &self,
+        name: &'static str,
+        config: &TwinConfig,
+        push: f64,
+        mut progress: impl FnMut(f64),
+    ) -> Result<Ran, StudyError> {
+        let scene = &self.scene;
+        let region = self.env.region(&scene.lamina)?.vertices;
+        let start = ThreadTime::now();
+        let mut twin = fallen(scene, config)?;
+        let fall_cpu_s = start.elapsed().as_secs_f64();
+        if push > 0.0 {
+            let mut pushed = twin.positions();
+            let mut stream = Stream::new(1, Purpose::Evaluation, 0);
+            for (v, x) in pushed.iter_mut().enumerate() {
+                if !scene.initial.fixed.contains(v) {
+                    *x = x.map(|x| x + push * stream.normal());
+                }
+            }
+            twin.set_positions(&pushed);
+        }
+        let initial = twin.positions();
+        let (energy, speed) = (twin.energies(), twin.speed());
+        let time_step_s = twin.stable_time_step();
+
+        let start = ThreadTime::now();
+        let presses = (&*self.sequence, 1e-3 * self.env.stencil_mm);
+        let mut done = 0.0;
+        let ended = twin.replay(&scene.lamina, &scene.tool, &self.press, presses, |_| {
+            done += 1.0;
+            progress(done / self.sequence.len() as f64);
+        });
+        if let Some(source) = ended.diverged {
+            return Err(StudyError::Diverged { name, source });
+        }
+        let press_cpu_s = start.elapsed().as_secs_f64();
+        let ends = [initial, twin.positions()];
+        let in_region = ended
+            .draped
+            .iter()
+            .filter(|&&v| region.contains(v as usize));
+        Ok(Ran {
+            name,
+            fall_cpu_s,
+            press_cpu_s,
+            region_m: [0, 1].map(|k| distance(&scene.tool, region.ones(), &ends[k])),
+            draped: in_region.count(),
+            time_step_s,
+            v_rms_mm_s: [speed, twin.speed()].map(|speed| 1e3 * speed),
+            energy: Some([energy, twin.energies()]),
+            ends,
+        })
+    }
+
+    /// Holds variants against `twin`, this case's baseline, each on a thread: half the time step
+    /// throughout; presses from a start pushed by a micrometre; and, for a plain rectangle with
+    /// even numbers of cells, the fall with cells twice as wide.
+    ///
+    /// # Errors
+    /// If a variant diverges.
+    pub fn converge(&self, twin: &Ran) -> Result<Vec<SelfComparison>, StudyError> {
+        let config = twin_config(&self.scene.config)?;
+        let finer = TwinConfig {
+            safety: 0.5 * config.safety,
+            ..config.clone()
+        };
+        std::thread::scope(|scope| {
+            let half = scope.spawn(|| self.twin("half step", &finer, 0.0, |_| ()));
+            let pushed = scope.spawn(|| self.twin("pushed start", &config, PUSH, |_| ()));
+            let coarse = self.coarser_fall(twin);
+            let mut found = Vec::new();
+            for ran in [half, pushed] {
+                let ran = ran.join().expect("the twin does not panic")?;
+                let all: Vec<[usize; 2]> = (0..ran.ends[0].len()).map(|v| [v, v]).collect();
+                let fallen = |ran: &Ran| distance(&self.scene.tool, 0..all.len(), &ran.ends[0]);
+                found.push(SelfComparison {
+                    name: ran.name,
+                    vertices: all.len(),
+                    time_step_s: ran.time_step_s,
+                    initial_mm: apart_mm(&ran.ends[0], &twin.ends[0], &all),
+                    initial_m: [fallen(&ran), fallen(twin)],
+                    draped_mm: Some(apart_mm(&ran.ends[1], &twin.ends[1], &all)),
+                    left_m: Some([ran.region_m[1], twin.region_m[1]]),
+                });
+            }
+            found.extend(coarse?);
+            Ok(found)
+        })
+    }
+
+    fn coarser_fall(&self, twin: &Ran) -> Result<Option<SelfComparison>, StudyError> {
+        let Some(vertices) = coarser(&self.scene.config) else {
+            return Ok(None);
+        };
+        let mut config = self.scene.config.clone();
+        config.blank.vertices = vertices;
+        let coarse = unfallen(&config)?;
+        let settled = fallen(&coarse, &twin_config(&config)?)?;
+        let x = settled.positions();
+        let pairs = same_points(&coarse.lamina.rest, &self.scene.lamina.rest);
+        let side = |side: usize| pairs.iter().map(move |pair| pair[side]);
+        let tool = &self.scene.tool;
+        Ok(Some(SelfComparison {
+            name: "twice the cell",
+            vertices: x.len(),
+            time_step_s: settled.stable_time_step(),
+            initial_mm: apart_mm(&x, &twin.ends[0], &pairs),
+            initial_m: [
+                distance(tool, side(0), &x),
+                distance(tool, side(1), &twin.ends[0]),
+            ],
+            draped_mm: None,
+            left_m: None,
+        }))
+    }
+}
+
+/// How far a variant of the twin ends from the twin, between the same material points.
+#[derive(Clone, Debug)]
+pub struct SelfComparison {
+    pub name: &'static str,
+    /// Of the variant's mesh.
+    pub vertices: usize,
+    /// The variant's largest stable time step before the presses, times its safety [s].
+    pub time_step_s: f64,
+    /// Mean and greatest distance after the fall [mm].
+    pub initial_mm: [f64; 2],
+    /// Summed distance to the tool of the shared points after the fall: the variant's, the
+    /// twin's [m].
+    pub initial_m: [f64; 2],
+    /// Mean and greatest distance after the presses [mm]; none on another mesh, where the same
+    /// presses act on other patches.
+    pub draped_mm: Option<[f64; 2]>,
+    /// Summed distance of the region after them: the variant's, the twin's [m].
+    pub left_m: Option<[f64; 2]>,
+}

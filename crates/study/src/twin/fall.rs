@@ -1,0 +1,123 @@
+//! A twin that falls and lies as a scene says.
+
+use crate::study::StudyError;
+use crate::verify::solve::twin_stiffness;
+use drape_cloth::scene::{Scene, SceneConfig, SceneError, hung};
+use drape_cloth::sim::SelfCollision;
+use drape_cloth::twin::{Hold, PressConfig, Twin, TwinConfig, TwinError};
+use drape_task::env::EnvConfig;
+
+/// Inertia over mass of the paper's accelerated variant: 8.15 h become 40.2 min.
+pub const ACCELERATION: f64 = 148.0;
+/// How fast the twin's roller comes down [m/s]: as the stencil of the fast solver comes down on
+/// a wrinkle of 33 mm, and as fast as speeds are capped at there.
+pub const SPEED: f64 = 4.0;
+
+/// The twin's configuration for the physics of a scene.
+///
+/// # Errors
+/// Names the first key whose value the twin has nothing for.
+pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
+    let physics = &scene.physics;
+    let refused = [
+        (
+            physics.self_collision != SelfCollision::Off,
+            "physics.self_collision",
+            format!("{:?}", physics.self_collision).to_lowercase(),
+            "off: the twin's cloth does not touch itself",
+        ),
+        (
+            !physics.shear,
+            "physics.shear",
+            "false".into(),
+            "true: the twin's fabric resists shear",
+        ),
+        (
+            physics.strain_limit.is_some(),
+            "physics.strain_limit",
+            physics.strain_limit.unwrap_or_default().to_string(),
+            "none: the twin's yarns go on with their slope",
+        ),
+    ];
+    for (is_refused, key, found, expected) in refused {
+        if is_refused {
+            return Err(SceneError::Value {
+                key: key.into(),
+                found,
+                expected,
+            });
+        }
+    }
+    Ok(TwinConfig {
+        bending_stiffness: twin_stiffness(physics),
+        gravity: physics.gravity,
+        friction: physics.friction,
+        adhesion: physics.adhesion,
+        damping: physics.damping,
+        ..TwinConfig::default()
+    })
+}
+
+/// How the twin's roller, which comes down at `speed` [m/s], presses where the environment's
+/// stencil does: as long, and with the same distance for draped.
+pub fn press_config(env: &EnvConfig, hold: Hold, speed: f64) -> PressConfig {
+    PressConfig {
+        speed,
+        press_s: env.press_s,
+        settle_s: env.settle_s,
+        drape_threshold_mm: env.drape_threshold_mm,
+        hold,
+        ..PressConfig::default()
+    }
+}
+
+/// A twin that has fallen as the scene says. Clamps move evenly during the fall, then stay;
+/// settling has the scene's own damping unless the twin has none at all.
+pub fn fallen(scene: &Scene, config: &TwinConfig) -> Result<Twin, StudyError> {
+    let [fall_s, settle_s] = scene.config.durations();
+    let start = hung(&scene.config, &scene.lamina, fall_s)?;
+    let mut twin = Twin::new(&scene.lamina, config)?;
+    twin.set_positions(&start.position);
+    for v in start.fixed.ones() {
+        twin.drive(v as u32, start.velocity[v]);
+    }
+    let name = "the twin's fall";
+    let diverged = |source| StudyError::Diverged { name, source };
+    let tool = Some(&*scene.tool);
+    twin.advance(tool, fall_s).map_err(diverged)?;
+    for v in start.fixed.ones() {
+        twin.fix(v as u32);
+    }
+    if config.damping > 0.0 {
+        twin.set_damping(scene.config.fall.settle_damping);
+    }
+    twin.advance(tool, settle_s).map_err(diverged)?;
+    twin.set_damping(config.damping);
+    Ok(twin)
+}
+
+/// A scene before its fall, with the durations of the fall, for [`fallen`].
+///
+/// # Errors
+/// If the scene is not valid.
+pub fn unfallen(config: &SceneConfig) -> Result<Scene, SceneError> {
+    let mut hung = config.clone();
+    (hung.fall.fall_s, hung.fall.settle_s) = (0.0, 0.0);
+    let mut hung = Scene::new(&hung, |_| ())?;
+    hung.config = config.clone();
+    Ok(hung)
+}
+
+/// A twin at rest at `positions` [m], its clamps where they are there.
+pub fn lying(
+    scene: &Scene,
+    config: &TwinConfig,
+    positions: &[[f64; 3]],
+) -> Result<Twin, TwinError> {
+    let mut twin = Twin::new(&scene.lamina, config)?;
+    twin.set_positions(positions);
+    for v in scene.initial.fixed.ones() {
+        twin.fix(v as u32);
+    }
+    Ok(twin)
+}
