@@ -5,7 +5,7 @@ const MAGIC: [u8; 8] = *b"\x89drape\r\n";
 /// Newest format of the container.
 /// 2: states of the simulation hold the forces of their yarns;
 /// 3: force densities in place of forces.
-pub(super) const FORMAT: u32 = 3;
+pub(super) const FORMAT: u32 = 4;
 
 /// Longest section name [bytes]. Ours are one word; a bound makes a damaged length readable
 /// in the message.

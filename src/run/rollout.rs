@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::scene::Scene;
-use drape_task::env::{Diverged, Draping, End, EnvConfig, EnvError, Finished, Tasks};
+use drape_task::env::{Diverged, Draping, End, EndState, EnvConfig, EnvError, Tasks};
 use drape_task::path::{PressedPoint, strokes};
 
 /// How an episode went.
@@ -43,7 +43,7 @@ pub struct Played {
     /// Where on the tool each was pressed.
     pub points: Vec<PressedPoint>,
     /// The cloth at the end.
-    pub end: Finished,
+    pub end: EndState,
 }
 
 /// An episode that did not come to its end.
@@ -166,7 +166,7 @@ pub fn replay(
     for end in ends {
         end?;
     }
-    let end = Finished {
+    let end = EndState {
         state: draping.state(0),
         draped: draping.draped(0).clone(),
         touched: draping.touched(0).clone(),
@@ -264,23 +264,23 @@ pub fn parallel_episodes(
 }
 
 /// Measures how presses have ended.
-fn summarise(draping: &Draping, finished: &Finished, points: &[PressedPoint]) -> EpisodeSummary {
+fn summarise(draping: &Draping, end: &EndState, points: &[PressedPoint]) -> EpisodeSummary {
     let scene = draping.scene();
     let at_start = scene.summary(&scene.initial);
-    let at_end = scene.summary(&finished.state);
+    let at_end = scene.summary(&end.state);
     let region_initial_m = draping.initial_distance();
-    let region_final_m = draping.region_distance(&finished.state);
+    let region_final_m = draping.region_distance(&end.state);
     let region: std::collections::BTreeSet<u32> = draping.region_vertices().collect();
     let inner = |&v: &u32| {
         let mut near = scene.lamina.neighbors(v);
         scene.lamina.neighbors(v).count() == 8 && near.all(|n| region.contains(&n))
     };
-    let undraped = |v: &u32| !finished.draped.contains(*v as usize);
+    let undraped = |v: &u32| !end.draped.contains(*v as usize);
     let join = JUMP * draping.config().stencil_mm * 1e-3;
     let strokes =
         strokes(points, join).map_or(0, |path| path.iter().filter(|p| p.starts_stroke).count());
     EpisodeSummary {
-        score: 1.0 - region_final_m / region_initial_m,
+        score: draping.score(&end.state),
         region_initial_m,
         region_final_m,
         sheet_initial_m: at_start.distance_m,

@@ -20,5 +20,5 @@ mod update;
 pub use agent::{Agent, AgentError, Sampling};
 pub use config::{AdvantageNorm, ConfigError, ImitationConfig, PpoConfig};
 pub use gae::{Next, gae};
-pub use trainer::{Finished, Iteration, LoadError, Seconds, TrainError, Trainer};
+pub use trainer::{EpisodeRecord, Iteration, LoadError, Seconds, TrainError, Trainer};
 pub use update::{Metrics, NotFinite};

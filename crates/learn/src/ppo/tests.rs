@@ -90,6 +90,7 @@ impl Tasks for Order {
                     end,
                     actions,
                     total_reward: reward * right as f32,
+                    score: (end != End::Diverged).then(|| right as f64 / ORDER.len() as f64),
                     last,
                 }),
             }
@@ -136,13 +137,13 @@ fn trainer(config: PpoConfig, seed: u64) -> Trainer<Order> {
     Trainer::new(config, &policy(), Order::new(16), seed, DeviceKind::Flex).unwrap()
 }
 
-/// Total reward of the episode played greedily, as a share of the best.
-fn greedy_score(agent: &Agent) -> f32 {
+/// Score of the episode played greedily.
+fn greedy_score(agent: &Agent) -> f64 {
     let mut task = Order::new(1);
     loop {
         let actions = agent.act(&[task.observation(0)], Sampling::Greedy);
         if let Some(episode) = task.step(&actions).pop().unwrap().episode {
-            return episode.total_reward / task.reward_scale();
+            return episode.score.unwrap();
         }
     }
 }

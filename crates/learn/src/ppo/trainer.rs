@@ -33,12 +33,14 @@ struct Progress {
 
 /// A finished episode, without its last observation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Finished {
+pub struct EpisodeRecord {
     /// Number of the task that it was played in.
     pub task: usize,
     pub end: End,
     /// Sum of the rewards in the task's own unit.
     pub total_reward: f32,
+    /// How well it was done; none if the simulation diverged.
+    pub score: Option<f64>,
     /// All actions taken; replays the episode without a network.
     pub actions: Vec<u32>,
 }
@@ -62,7 +64,7 @@ pub struct Iteration {
     pub learning_rate: f64,
     pub metrics: Metrics,
     /// Episodes that ended in this rollout.
-    pub episodes: Vec<Finished>,
+    pub episodes: Vec<EpisodeRecord>,
     pub seconds: Seconds,
 }
 
@@ -92,12 +94,13 @@ pub enum LoadError {
     },
 }
 
-impl Finished {
+impl EpisodeRecord {
     pub(super) fn new(task: usize, episode: Episode) -> Self {
         Self {
             task,
             end: episode.end,
             total_reward: episode.total_reward,
+            score: episode.score,
             actions: episode.actions,
         }
     }

@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, EnvError, Precision, Region};
-use super::rules::{Progress, Slot, Task};
+use super::reward::{Reward, Taken, score};
+use super::rules::{EndState, Progress, Slot, Task};
 use super::stencil::under_stencil;
 use super::task::{End, Episode, Observation, Outcome, Shape, Tasks};
 use drape_cloth::math::{Isa, Vec3};
@@ -23,15 +24,6 @@ pub struct Draping {
 struct Group {
     batch: Box<dyn Batch>,
     slots: Vec<Slot>,
-}
-
-/// How the last finished episode of an environment ended, before the reset.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Finished {
-    pub state: Snapshot,
-    /// One bit a vertex of the blank.
-    pub draped: FixedBitSet,
-    pub touched: FixedBitSet,
 }
 
 impl Draping {
@@ -64,6 +56,12 @@ impl Draping {
         })
     }
 
+    /// The same environments with another reward than the paper's.
+    pub fn with_reward(mut self, reward: Reward) -> Self {
+        self.task.reward = reward;
+        self
+    }
+
     /// The vertex of the blank that an action presses; none where the blank has been cut away.
     pub fn vertex(&self, action: u32) -> Option<u32> {
         self.task.vertex(action)
@@ -92,6 +90,11 @@ impl Draping {
     /// Summed distance to the tool of the region [m].
     pub fn region_distance(&self, state: &Snapshot) -> f64 {
         self.task.distance(|v| state.position[v as usize])
+    }
+
+    /// How well presses that have ended in `state` were done, see [`score`].
+    pub fn score(&self, state: &Snapshot) -> f64 {
+        score(self.initial_distance(), self.region_distance(state))
     }
 
     /// Vertices of the region, ascending.
@@ -127,7 +130,7 @@ impl Draping {
     }
 
     /// How the last episode of an environment ended; none before the first.
-    pub fn finished(&self, index: usize) -> Option<&Finished> {
+    pub fn finished(&self, index: usize) -> Option<&EndState> {
         self.slot(index).finished.as_ref()
     }
 
@@ -151,7 +154,7 @@ impl Draping {
 
     /// Presses on a vertex in every environment, whatever the masks allow; where there is none,
     /// time passes all the same. No episode begins or ends by it, and observations stay as they
-    /// were: it is for lists of presses that were made elsewhere. Tells which are sound.
+    /// were: it is for lists of presses that were made elsewhere. Tells which are finite.
     ///
     /// # Panics
     /// If there is not one entry an environment.
@@ -164,9 +167,9 @@ impl Draping {
             .zip(vertices.par_chunks(lanes))
             .flat_map_iter(|(group, vertices)| {
                 group.press(task, vertices);
-                let mut sound = group.batch.sound();
-                sound.truncate(vertices.len());
-                sound
+                let mut finite = group.batch.sound();
+                finite.truncate(vertices.len());
+                finite
             })
             .collect()
     }
@@ -201,16 +204,16 @@ impl Group {
         }
         self.press(task, &vertices);
         let tool = &task.scene.tool;
-        let sound = self.batch.sound();
+        let finite = self.batch.sound();
         let distances = self.batch.distances(tool, &task.seen);
         (0..actions.len())
             .map(|lane| {
                 let slot = &mut self.slots[lane];
-                if sound[lane] {
-                    let distance = |k| distances[k * sound.len() + lane];
+                if finite[lane] {
+                    let distance = |k| distances[k * finite.len() + lane];
                     slot.observation = task.observe(&slot.progress, distance);
                 }
-                self.conclude(task, lane, sound[lane])
+                self.conclude(task, lane, finite[lane])
             })
             .collect()
     }
@@ -279,45 +282,44 @@ impl Group {
         ties.all(|&(w, length)| (x - position(w)).norm() <= length)
     }
 
-    /// Ends and resets the episode of one environment when it is over.
-    fn conclude(&mut self, task: &Task, lane: usize, sound: bool) -> Outcome {
-        let slot = &mut self.slots[lane];
-        let position = |v| self.batch.position(lane, v);
-        let progress = &slot.progress;
-        let over = task.is_over(progress);
+    /// What the step of one environment has brought. Its episode is reset when it is over.
+    fn conclude(&mut self, task: &Task, lane: usize, finite: bool) -> Outcome {
+        let Slot {
+            progress,
+            observation,
+            finished,
+        } = &mut self.slots[lane];
         let limit = task.config.max_steps.unwrap_or(usize::MAX);
-        let end = match (sound, over) {
-            // The last sound observation stands for a state that is lost.
-            (false, _) => End::Diverged,
-            (true, true) => End::Terminated,
-            (true, false) if progress.actions.len() >= limit => End::Truncated,
-            (true, false) => {
-                return Outcome {
-                    reward: 0.0,
-                    episode: None,
-                };
-            }
+        let end = match finite {
+            // The last finite observation stands for the state after it.
+            false => Some(End::Diverged),
+            true if task.is_over(progress) => Some(End::Terminated),
+            true => (progress.actions.len() >= limit).then_some(End::Truncated),
         };
-        let reward = match end {
-            End::Terminated => (task.initial_distance - task.distance(position)) as f32,
-            End::Truncated | End::Diverged => 0.0,
-        };
-        slot.finished = Some(Finished {
-            state: self.batch.snapshot(lane),
-            draped: progress.draped.clone(),
-            touched: progress.touched.clone(),
+        let distance = || task.distance(|v| self.batch.position(lane, v));
+        let reward = task.reward.of(&Taken {
+            end,
+            steps: progress.actions.len(),
+            initial_distance: task.initial_distance,
+            distance: &distance,
         });
-        let episode = Episode {
+        progress.total_reward += reward;
+        let episode = end.map(|end| Episode {
             end,
             actions: progress.actions.clone(),
-            total_reward: reward,
-            last: slot.observation.clone(),
-        };
-        self.reset(task, lane);
-        Outcome {
-            reward,
-            episode: Some(episode),
+            total_reward: progress.total_reward,
+            score: finite.then(|| score(task.initial_distance, distance())),
+            last: observation.clone(),
+        });
+        if episode.is_some() {
+            *finished = Some(EndState {
+                state: self.batch.snapshot(lane),
+                draped: progress.draped.clone(),
+                touched: progress.touched.clone(),
+            });
+            self.reset(task, lane);
         }
+        Outcome { reward, episode }
     }
 }
 

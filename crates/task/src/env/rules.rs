@@ -7,12 +7,12 @@ use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, EnvError, Precision, Region};
-use super::draping::Finished;
+use super::reward::Reward;
 use super::task::{Observation, Shape};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::Isa;
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Batch, Control, alone, alone_f64, batch};
+use drape_cloth::sim::{Batch, Control, Snapshot, alone, alone_f64, batch};
 /// What is the same for all environments.
 pub(super) struct Task {
     pub scene: Arc<Scene>,
@@ -27,6 +27,7 @@ pub(super) struct Task {
     /// The next vertices on the yarns of each vertex, and the length between them [m] beyond
     /// which the yarn pulls the vertex off the tool.
     pub ties: Vec<Vec<(u32, f64)>>,
+    pub reward: Reward,
     /// The state after a reset.
     pub start: Slot,
     /// Summed distance of the region at the start [m].
@@ -38,7 +39,16 @@ pub(super) struct Task {
 pub(super) struct Slot {
     pub progress: Progress,
     pub observation: Observation,
-    pub finished: Option<Finished>,
+    pub finished: Option<EndState>,
+}
+
+/// The cloth at the end of an episode, before the reset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EndState {
+    pub state: Snapshot,
+    /// One bit a vertex of the blank.
+    pub draped: FixedBitSet,
+    pub touched: FixedBitSet,
 }
 
 /// What an episode has done so far. Bits are one a vertex of the blank.
@@ -49,6 +59,8 @@ pub(super) struct Progress {
     #[serde(with = "drape_cloth::math::bits")]
     pub touched: FixedBitSet,
     pub actions: Vec<u32>,
+    /// Sum of the rewards.
+    pub total_reward: f32,
     /// The vertices under the stencil in the last step.
     pub stencil: Vec<u32>,
 }
@@ -63,6 +75,7 @@ impl Task {
             draped: FixedBitSet::with_capacity(count),
             touched: FixedBitSet::with_capacity(count),
             actions: Vec::new(),
+            total_reward: 0.0,
             stencil: Vec::new(),
         };
         let mut task = Self {
@@ -70,6 +83,7 @@ impl Task {
             descent: ((press.substeps as f64 * config.descent).round() as usize).max(1),
             settle: (config.settle_s > 0.0).then(|| stepping.control(config.settle_s)),
             ties: ties(&scene.lamina, config.drape_strain),
+            reward: Reward::default(),
             start: Slot {
                 observation: Observation {
                     draped: FixedBitSet::new(),
