@@ -346,14 +346,12 @@ fn switch_off(table: &mut Table, base: &Table) -> bool {
 }
 
 /// Keys that may be absent, and so be switched off.
-const OPTIONAL: [&str; 8] = [
+const OPTIONAL: [&str; 6] = [
     "region_mm",
     "substep_rate",
     "contact_rate",
     "max_steps",
-    "annealing_steps",
     "max_grad_norm",
-    "target_kl",
     "imitation",
 ];
 

@@ -7,7 +7,6 @@
 
 mod checkpoint;
 mod config;
-mod container;
 mod date;
 mod events;
 mod folder;
@@ -16,9 +15,8 @@ mod metrics;
 mod rollout;
 mod training;
 
-pub use checkpoint::{Checkpoint, CheckpointError, MissingPart};
+pub use checkpoint::{Checkpoint, CheckpointError, Fault, MissingSection};
 pub use config::{Preset, RunConfig, RunConfigError};
-pub use container::Fault;
 pub use events::EventWriter;
 pub use folder::{
     BestSequence, FolderError, RunFolder, RunInfo, SequenceFault, config_digest, dated_folder,

@@ -4,7 +4,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
-use super::checkpoint::{Checkpoint, CheckpointError, MissingPart};
+use super::checkpoint::{Checkpoint, CheckpointError, MissingSection};
 use super::config::RunConfig;
 use super::events::EventWriter;
 use super::folder::{BestSequence, FolderError, RunFolder, config_digest};
@@ -77,7 +77,7 @@ pub enum TrainingError {
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     #[error("{path}: {fault}")]
-    Missing { path: String, fault: MissingPart },
+    Missing { path: String, fault: MissingSection },
     #[error("{path}")]
     Load { path: String, source: LoadError },
     #[error("{path} has {found} lines, expected {expected} at least", path = path.display())]
@@ -236,13 +236,11 @@ impl Training {
     }
 
     fn save(&self, path: &Path) -> Result<(), TrainingError> {
-        let mut checkpoint = Checkpoint::new(self.config_text.clone());
-        checkpoint.sections = self.trainer.save();
+        let mut sections = self.trainer.save();
         let memory = postcard::to_allocvec(&self.memory).expect("plain data is serialisable");
-        checkpoint.sections.insert(RUN.into(), memory);
-        checkpoint
-            .counters
-            .insert("env_steps".into(), self.env_steps());
+        sections.insert(RUN.into(), memory);
+        let config = self.config_text.clone();
+        let checkpoint = Checkpoint { config, sections };
         Ok(checkpoint.save(path)?)
     }
 
@@ -313,7 +311,7 @@ impl Training {
             ("episodes", iteration.episodes.len() as f64),
             ("truncated", count(End::is_truncation)),
             ("diverged", count(|end| end == End::Diverged)),
-            ("learning_rate", iteration.learning_rate),
+            ("learning_rate", self.config.ppo.learning_rate),
             ("policy_loss", metrics.policy_loss.into()),
             ("value_loss", metrics.value_loss.into()),
             ("entropy", metrics.entropy.into()),

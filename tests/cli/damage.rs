@@ -278,20 +278,11 @@ fn damaged_checkpoints_are_located_and_nothing_is_changed() {
     for (content, words) in [
         (
             Some(&whole[..whole.len() / 2]),
-            &["last.drape: section `data.", "bytes, the file has"][..],
+            &["last.drape: has ", " bytes, expected "][..],
         ),
-        (
-            Some(&whole[..5]),
-            &["last.drape: preamble at byte 0: needs 8 bytes"],
-        ),
-        (
-            Some(&[]),
-            &["last.drape: preamble at byte 0: needs 8 bytes, the file has 0 left"],
-        ),
-        (
-            Some(&flipped),
-            &["last.drape: section `data.", "checksum is"],
-        ),
+        (Some(&whole[..5]), &["last.drape: has 5 bytes, expected 24"]),
+        (Some(&[]), &["last.drape: has 0 bytes, expected 24"]),
+        (Some(&flipped), &["last.drape: checksum is ", ", expected "]),
         (Some(stl), &["last.drape: not a drape file"]),
         (
             None,

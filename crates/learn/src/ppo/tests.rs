@@ -184,11 +184,9 @@ fn imitation_alone_solves_the_order() {
     }
 }
 
-/// A short training with everything on: imitation, annealing, limits.
+/// A short training with everything on: imitation, limits.
 fn everything() -> PpoConfig {
     PpoConfig {
-        annealing_steps: Some(10_000),
-        target_kl: Some(0.1),
         imitation: PpoConfig::compact().imitation,
         ..ppo()
     }
@@ -308,7 +306,7 @@ fn papers_network_learns_and_survives_its_file() {
     let mut trainer = Trainer::new(config, &policy, Order::new(2), 0, DeviceKind::Flex).unwrap();
     let before = trainer.agent().save();
     let iteration = trainer.iterate().unwrap();
-    assert_eq!((iteration.env_steps, iteration.metrics.epochs), (200, 4));
+    assert_eq!(iteration.env_steps, 200);
     assert_eq!(iteration.episodes.len(), 2 * (100 / ORDER.len()));
     assert!(trainer.agent().save() != before);
 
