@@ -7,7 +7,6 @@
 
 mod checkpoint;
 mod config;
-mod date;
 mod events;
 mod folder;
 mod log;
@@ -16,7 +15,7 @@ mod rollout;
 mod training;
 
 pub use checkpoint::{Checkpoint, CheckpointError, Fault, MissingSection};
-pub use config::{Preset, RunConfig, RunConfigError};
+pub use config::{RunConfig, RunConfigError, TrainingPreset};
 pub use events::EventWriter;
 pub use folder::{
     BestSequence, FolderError, RunFolder, RunInfo, SequenceFault, config_digest, dated_folder,
