@@ -164,7 +164,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let (a, a_scene, a_kind) = survey(&args.a, &args)?;
     let (b, b_scene, b_kind) = survey(&args.b, &args)?;
     let (tool, tool_source) = match &args.config {
-        Some(path) => (Some(tool(path)?), Some(path.clone())),
+        Some(path) => (Some(tool(path)?.into()), Some(path.clone())),
         None => match (a_scene, b_scene) {
             (Some(a), Some(b)) if a.tool.mesh != b.tool.mesh => {
                 return Err(Failure::invalid(anyhow!(
@@ -199,7 +199,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let comparison = compare(&a, &b, &criteria);
     if let Some(file) = &args.out {
         let range = args.range.unwrap_or_else(|| picture::range(&comparison));
-        let image = picture::deviation(&a, &b, tool.as_ref(), region, range);
+        let image = picture::deviation(&a, &b, tool.as_deref(), region, range);
         image.save_png(file)?;
     }
     let origin = |path: &Path, kind| Origin {
@@ -234,7 +234,7 @@ fn survey(path: &Path, args: &Args) -> Result<(Surveyed, Option<Scene>, Kind), F
     let (surveyed, scene, kind) = if path.is_dir() {
         let loaded = Loaded::open(path, args.json)?;
         let (played, ..) = loaded.play(Source::Sequence)?;
-        let drape = Drape::new(&loaded.scene.lamina, &played.end.state.position);
+        let drape = Drape::new(&loaded.scene.lamina, &played.end.position);
         let scene = (*loaded.scene).clone();
         (Surveyed::draped(drape), Some(scene), Kind::Run)
     } else if is_stl(path) {

@@ -150,7 +150,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let (played, agent, recorder, draping) = loaded.play(source)?;
     let Loaded { env, scene, .. } = &loaded;
     if let Some(file) = &args.state {
-        Drape::new(&scene.lamina, &played.end.state.position).write(file)?;
+        Drape::new(&scene.lamina, &played.end.position).write(file)?;
     }
 
     let random = Baseline::play(scene, env, args.episodes, BASELINE_SEED)?;

@@ -166,9 +166,9 @@ impl Recorder {
     ) -> Result<(), Failure> {
         let scene = draping.scene();
         let end = Frame {
-            state: played.end.state.clone(),
-            draped: played.end.draped.clone(),
-            touched: played.end.touched.clone(),
+            state: played.end.clone(),
+            draped: played.end.pressed.draped.clone(),
+            touched: played.end.pressed.touched.clone(),
             path: path_of(&played.points, draping.config()),
             caption: caption(
                 played.vertices.len(),
@@ -187,7 +187,7 @@ impl Recorder {
         let studio = Studio::new(scene, View::Isometric, PICTURE_SIZE);
         let shot = |state: &Snapshot, text: &str| studio.distance(state, text);
         shot(&scene.initial, "before").save_png(&folder.join("before.png"))?;
-        shot(&played.end.state, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
+        shot(&played.end, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
         let top = Studio::new(scene, View::Top, PICTURE_SIZE);
         top.progress(&end).save_png(&folder.join("path.png"))?;
         let film = Studio::new(scene, View::Isometric, FILM_SIZE).film(&self.frames);

@@ -33,12 +33,12 @@ pub struct Args {
     name: Option<String>,
 
     /// Seed of all random streams, instead of the configuration's
-    #[arg(long, value_parser = clap::value_parser!(u64).range(..=RunConfig::MOST_SEED),
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..=RunConfig::MAX_SEED),
           conflicts_with = "resume")]
     seed: Option<u64>,
 
     /// Environment steps of the whole training, instead of the configuration's
-    #[arg(long, value_parser = clap::value_parser!(u64).range(1..=RunConfig::MOST_STEPS),
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..=RunConfig::MAX_STEPS),
           conflicts_with = "resume")]
     steps: Option<u64>,
 

@@ -10,7 +10,7 @@ use super::log::{Log, LogError};
 /// first holds the file version, the others one step's scalars as `simple_value`.
 ///
 /// Checked once against TensorBoard 2.21: its `EventAccumulator` read a file of two tags
-/// and six steps, cut back and resumed in the middle, and gave back every tag, step, wall
+/// and six steps and gave back every tag, step, wall
 /// time and value, NaN included. Its `RecordWriter` made the golden bytes of the tests.
 #[derive(Debug)]
 pub struct EventWriter(Log);
@@ -22,12 +22,6 @@ impl EventWriter {
         let mut log = Log::create(path)?;
         log.append(&framed(&version_event(seconds(now))))?;
         Ok(Self(log))
-    }
-
-    /// Goes on with the file at `path` after its first `length` bytes, which
-    /// [`EventWriter::sync`] returned; what came later is dropped.
-    pub fn resume(path: &Path, length: u64) -> Result<Self, LogError> {
-        Ok(Self(Log::resume(path, length)?))
     }
 
     /// Appends one event: the `values` (tag, value) of `step`.
@@ -219,25 +213,5 @@ mod tests {
                 scalar_event(2.0, 5, &[("a", 1.0), ("b", f64::NAN)])
             ]
         );
-    }
-
-    #[test]
-    fn resumed_file_equals_an_uninterrupted_one() {
-        let folder = tempfile::tempdir().unwrap();
-        let [whole, broken] = ["whole", "broken"].map(|name| folder.path().join(name));
-        let mut events = EventWriter::create(&whole, at(1.0)).unwrap();
-        for step in 0..4 {
-            events.append(at(2.0), step, &[("a", 0.5)]).unwrap();
-        }
-
-        let mut events = EventWriter::create(&broken, at(1.0)).unwrap();
-        events.append(at(2.0), 0, &[("a", 0.5)]).unwrap();
-        let known = events.sync().unwrap();
-        events.append(at(9.0), 1, &[("a", 7.0)]).unwrap();
-        let mut events = EventWriter::resume(&broken, known).unwrap();
-        for step in 1..4 {
-            events.append(at(2.0), step, &[("a", 0.5)]).unwrap();
-        }
-        assert_eq!(fs::read(&broken).unwrap(), fs::read(&whole).unwrap());
     }
 }

@@ -3,10 +3,10 @@ use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
+use jiff::Timestamp;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::date::Utc;
 use drape_cloth::file::{WriteError, write_atomic};
 use drape_task::env::Shape;
 
@@ -40,7 +40,7 @@ impl RunInfo {
             version: env!("CARGO_PKG_VERSION").into(),
             commit: option_env!("DRAPE_COMMIT").map(Into::into),
             platform: format!("{ARCH}-{OS}"),
-            created: Utc::new(now).iso(),
+            created: utc(now, "%Y-%m-%dT%H:%M:%SZ"),
         }
     }
 }
@@ -160,19 +160,28 @@ pub fn dated_folder(root: &Path, prefix: &str, now: SystemTime) -> Result<PathBu
         source,
     };
     fs::create_dir_all(root).map_err(|source| create_error(root, source))?;
-    let base = format!("{prefix}{}", Utc::new(now).for_name());
-    let mut path = root.join(&base);
-    let mut number = 1;
-    loop {
+    for name in dated_names(prefix, now) {
+        let path = root.join(name);
         match fs::create_dir(&path) {
             Ok(()) => return Ok(path),
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-                number += 1;
-                path = root.join(format!("{base}-{number}"));
-            }
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
             Err(source) => return Err(create_error(&path, source)),
         }
     }
+    unreachable!("names do not run out")
+}
+
+/// `prefix` and the minute of `now` (UTC), then the same with `-2`, `-3`, ...
+fn dated_names(prefix: &str, now: SystemTime) -> impl Iterator<Item = String> {
+    let base = format!("{prefix}{}", utc(now, "%Y-%m-%d-%H%M"));
+    let counted = base.clone();
+    std::iter::once(base).chain((2..).map(move |number| format!("{counted}-{number}")))
+}
+
+/// A moment in Coordinated Universal Time; the start of 1970 where the clock is mad.
+fn utc(time: SystemTime, format: &str) -> String {
+    let time = Timestamp::try_from(time).unwrap_or_default();
+    time.strftime(format).to_string()
 }
 
 impl RunFolder {
@@ -222,18 +231,13 @@ impl RunFolder {
         config: &str,
         info: &RunInfo,
     ) -> Result<Self, FolderError> {
-        let base = Utc::new(now).for_name();
-        let mut name = base.clone();
-        let mut number = 1;
-        loop {
+        for name in dated_names("", now) {
             match Self::create(root, &name, config, info) {
-                Err(FolderError::Exists { .. }) => {
-                    number += 1;
-                    name = format!("{base}-{number}");
-                }
+                Err(FolderError::Exists { .. }) => {}
                 outcome => return outcome,
             }
         }
+        unreachable!("names do not run out")
     }
 
     /// `run.json` comes last: a folder that has it is complete.

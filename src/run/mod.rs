@@ -7,8 +7,6 @@
 
 mod checkpoint;
 mod config;
-mod container;
-mod date;
 mod events;
 mod folder;
 mod log;
@@ -16,9 +14,8 @@ mod metrics;
 mod rollout;
 mod training;
 
-pub use checkpoint::{Checkpoint, CheckpointError, MissingPart};
-pub use config::{Preset, RunConfig, RunConfigError};
-pub use container::Fault;
+pub use checkpoint::{Checkpoint, CheckpointError, Fault, MissingSection};
+pub use config::{RunConfig, RunConfigError, TrainingPreset};
 pub use events::EventWriter;
 pub use folder::{
     BestSequence, FolderError, RunFolder, RunInfo, SequenceFault, config_digest, dated_folder,

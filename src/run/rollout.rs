@@ -5,7 +5,8 @@ use serde::Serialize;
 
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::scene::Scene;
-use drape_task::env::{Diverged, Draping, End, EnvConfig, EnvError, Finished, Tasks};
+use drape_cloth::sim::Snapshot;
+use drape_task::env::{Diverged, Draping, End, EnvConfig, EnvError, Tasks};
 use drape_task::path::{PressedPoint, strokes};
 
 /// How an episode went.
@@ -43,7 +44,7 @@ pub struct Played {
     /// Where on the tool each was pressed.
     pub points: Vec<PressedPoint>,
     /// The cloth at the end.
-    pub end: Finished,
+    pub end: Snapshot,
 }
 
 /// An episode that did not come to its end.
@@ -68,7 +69,7 @@ const JUMP: f64 = 1.0;
 
 /// Where on the tool a press on `vertex` lands.
 fn pressed(draping: &Draping, index: usize, vertex: u32) -> PressedPoint {
-    let x = Vec3::from(draping.position(index, vertex));
+    let x = Vec3::from(draping.state(index).position[vertex as usize]);
     let surface = draping.scene().tool.surface.project(x);
     PressedPoint {
         vertex,
@@ -166,11 +167,7 @@ pub fn replay(
     for end in ends {
         end?;
     }
-    let end = Finished {
-        state: draping.state(0),
-        draped: draping.draped(0).clone(),
-        touched: draping.touched(0).clone(),
-    };
+    let end = draping.state(0);
     let mut summary = summarise(draping, &end, &points);
     summary.seconds = seconds;
     Ok(Played {
@@ -264,23 +261,23 @@ pub fn parallel_episodes(
 }
 
 /// Measures how presses have ended.
-fn summarise(draping: &Draping, finished: &Finished, points: &[PressedPoint]) -> EpisodeSummary {
+fn summarise(draping: &Draping, end: &Snapshot, points: &[PressedPoint]) -> EpisodeSummary {
     let scene = draping.scene();
     let at_start = scene.summary(&scene.initial);
-    let at_end = scene.summary(&finished.state);
+    let at_end = scene.summary(end);
     let region_initial_m = draping.initial_distance();
-    let region_final_m = draping.region_distance(&finished.state);
+    let region_final_m = draping.region_distance(end);
     let region: std::collections::BTreeSet<u32> = draping.region_vertices().collect();
     let inner = |&v: &u32| {
         let mut near = scene.lamina.neighbors(v);
         scene.lamina.neighbors(v).count() == 8 && near.all(|n| region.contains(&n))
     };
-    let undraped = |v: &u32| !finished.draped.contains(*v as usize);
+    let undraped = |v: &u32| !end.pressed.draped.contains(*v as usize);
     let join = JUMP * draping.config().stencil_mm * 1e-3;
     let strokes =
         strokes(points, join).map_or(0, |path| path.iter().filter(|p| p.starts_stroke).count());
     EpisodeSummary {
-        score: 1.0 - region_final_m / region_initial_m,
+        score: draping.score(end),
         region_initial_m,
         region_final_m,
         sheet_initial_m: at_start.distance_m,

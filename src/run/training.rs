@@ -4,7 +4,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
-use super::checkpoint::{Checkpoint, CheckpointError, MissingPart};
+use super::checkpoint::{Checkpoint, CheckpointError, MissingSection};
 use super::config::RunConfig;
 use super::events::EventWriter;
 use super::folder::{BestSequence, FolderError, RunFolder, config_digest};
@@ -13,7 +13,7 @@ use super::metrics::{MetricsError, MetricsWriter, read_metrics};
 use drape_cloth::file::WriteError;
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{Iteration, LoadError, Sampling, TrainError, Trainer};
-use drape_task::env::{Draping, End, EnvError, Shape, Tasks};
+use drape_task::env::{Draping, End, EnvError, Reward, Shape, Tasks};
 
 /// Checkpoint section of what the run itself remembers.
 const RUN: &str = "run";
@@ -77,7 +77,7 @@ pub enum TrainingError {
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     #[error("{path}: {fault}")]
-    Missing { path: String, fault: MissingPart },
+    Missing { path: String, fault: MissingSection },
     #[error("{path}")]
     Load { path: String, source: LoadError },
     #[error("{path} has {found} lines, expected {expected} at least", path = path.display())]
@@ -99,7 +99,16 @@ impl Training {
         scene: Arc<Scene>,
         folder: RunFolder,
     ) -> Result<Self, TrainingError> {
-        let (trainer, evaluation) = learner(&config, scene)?;
+        Self::with_reward(config, scene, folder, Reward::default())
+    }
+
+    fn with_reward(
+        config: RunConfig,
+        scene: Arc<Scene>,
+        folder: RunFolder,
+        reward: Reward,
+    ) -> Result<Self, TrainingError> {
+        let (trainer, evaluation) = learner(&config, scene, reward)?;
         Ok(Self {
             metrics: MetricsWriter::create(&folder.metrics())?,
             events: EventWriter::create(&folder.events(), SystemTime::now())?,
@@ -129,7 +138,7 @@ impl Training {
                 config: folder.config().display().to_string(),
             });
         }
-        let (mut trainer, evaluation) = learner(&config, scene)?;
+        let (mut trainer, evaluation) = learner(&config, scene, Reward::default())?;
         trainer
             .load(&checkpoint.sections)
             .map_err(|source| TrainingError::Load {
@@ -198,10 +207,8 @@ impl Training {
     /// caller, except that of a policy which plays better than every one before.
     pub fn advance(&mut self) -> Result<Report, TrainingError> {
         let iteration = self.trainer.iterate()?;
-        let initial = self.evaluation.initial_distance();
         for episode in &iteration.episodes {
-            if episode.end == End::Terminated {
-                let score = f64::from(episode.total_reward) / initial;
+            if let (End::Terminated, Some(score)) = (episode.end, episode.score) {
                 self.remember(score, &episode.actions)?;
                 self.memory.recent.push(score);
             }
@@ -229,13 +236,11 @@ impl Training {
     }
 
     fn save(&self, path: &Path) -> Result<(), TrainingError> {
-        let mut checkpoint = Checkpoint::new(self.config_text.clone());
-        checkpoint.sections = self.trainer.save();
+        let mut sections = self.trainer.save();
         let memory = postcard::to_allocvec(&self.memory).expect("plain data is serialisable");
-        checkpoint.sections.insert(RUN.into(), memory);
-        checkpoint
-            .counters
-            .insert("env_steps".into(), self.env_steps());
+        sections.insert(RUN.into(), memory);
+        let config = self.config_text.clone();
+        let checkpoint = Checkpoint { config, sections };
         Ok(checkpoint.save(path)?)
     }
 
@@ -250,12 +255,9 @@ impl Training {
                 break episode;
             }
         };
-        if episode.end == End::Diverged {
+        let Some(score) = episode.score else {
             return Ok(None);
-        }
-        let finished = self.evaluation.finished(0).expect("the episode is over");
-        let left = self.evaluation.region_distance(&finished.state);
-        let score = 1.0 - left / self.evaluation.initial_distance();
+        };
         self.remember(score, &episode.actions)?;
         if self.memory.best_greedy.is_none_or(|best| score > best) {
             self.memory.best_greedy = Some(score);
@@ -309,7 +311,7 @@ impl Training {
             ("episodes", iteration.episodes.len() as f64),
             ("truncated", count(End::is_truncation)),
             ("diverged", count(|end| end == End::Diverged)),
-            ("learning_rate", iteration.learning_rate),
+            ("learning_rate", self.config.ppo.learning_rate),
             ("policy_loss", metrics.policy_loss.into()),
             ("value_loss", metrics.value_loss.into()),
             ("entropy", metrics.entropy.into()),
@@ -342,8 +344,9 @@ impl Training {
 fn learner(
     config: &RunConfig,
     scene: Arc<Scene>,
+    reward: Reward,
 ) -> Result<(Trainer<Draping>, Draping), TrainingError> {
-    let tasks = Draping::new(scene.clone(), &config.env, config.environments)?;
+    let tasks = Draping::new(scene.clone(), &config.env, config.environments)?.with_reward(reward);
     let evaluation = Draping::new(scene, &config.env, 1)?;
     let trainer = Trainer::new(
         config.ppo.clone(),
@@ -391,3 +394,6 @@ fn reopen_logs(
     }
     Ok((metrics, events))
 }
+
+#[cfg(test)]
+mod tests;

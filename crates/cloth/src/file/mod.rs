@@ -9,5 +9,5 @@
 mod toml;
 mod write;
 
-pub use toml::{ParseError, ReadTomlError, names_instead, parse_toml, plain, read_toml};
+pub use toml::{ParseError, ReadTomlError, parse_toml, parse_toml_with, read_toml};
 pub use write::{WriteError, check_writable, write_atomic};

@@ -40,7 +40,16 @@ pub fn read_toml<T: DeserializeOwned>(path: &Path) -> Result<T, ReadTomlError> {
 
 /// Reads TOML from `text`; errors name `path` as its origin.
 pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ParseError> {
-    toml::from_str(text).map_err(|error| {
+    parse_toml_with(text, path, |text| toml::from_str(text))
+}
+
+/// As [`parse_toml`] by another parser than the plain one, whose errors are put into the same words.
+pub fn parse_toml_with<T>(
+    text: &str,
+    path: &Path,
+    parse: impl Fn(&str) -> Result<T, toml::de::Error>,
+) -> Result<T, ParseError> {
+    parse(text).map_err(|error| {
         let start = error.span().map_or(0, |span| span.start);
         let before = text.get(..start).unwrap_or(text);
         let line_start = before.rfind('\n').map_or(0, |end| end + 1);
@@ -49,7 +58,7 @@ pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, Par
         if let Some(names) = error.span().and_then(|span| {
             let (before, after) = (text.get(..span.start)?, text.get(span.end..)?);
             let found = text.get(span)?;
-            let nameless = toml::from_str::<T>(&format!("{before}\"\"{after}"));
+            let nameless = parse(&format!("{before}\"\"{after}"));
             names_instead(&message, nameless.err()?.message(), found)
         }) {
             message = names;
@@ -73,7 +82,7 @@ const NAMELESS: &str = "invalid type, expected a name in quotes or a table";
 
 /// `message` with what was `found` and the names that may stand there, if it wants a name: those that
 /// the parser lists in `nameless`, its message about an empty name there.
-pub fn names_instead(message: &str, nameless: &str, found: &str) -> Option<String> {
+fn names_instead(message: &str, nameless: &str, found: &str) -> Option<String> {
     let (_, names) = nameless.split_once("unknown variant ``, expected ")?;
     let names = plain(names);
     // Where that is comes after it in some messages, and is in `message` too.
@@ -93,7 +102,7 @@ pub fn names_instead(message: &str, nameless: &str, found: &str) -> Option<Strin
 
 /// A message of the parser, which may have several lines and names Rust's types, in one line
 /// and in words for whoever wrote the file.
-pub fn plain(message: &str) -> String {
+fn plain(message: &str) -> String {
     const WORDS: [(&str, &str); 15] = [
         ("expected f64", "expected a number"),
         ("expected f32", "expected a number"),

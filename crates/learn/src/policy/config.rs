@@ -46,7 +46,7 @@ pub struct CompactConfig {
     pub value_hidden: usize,
 }
 
-/// A value that no network can be built with.
+/// A value of a policy or of its learner that is outside its range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("`{key}` is {found}, expected {expected}")]
 pub struct ConfigError {

@@ -1,13 +1,13 @@
 //! The agent's networks: from an image of the fabric to a choice among its vertices.
 //!
-//! [`ActorCritic`] turns observations ([`Pixels`]) into one logit a pixel and a value;
+//! [`ActorCritic`] turns observations into one logit a pixel and a value;
 //! [`masked`] turns logits and a mask into a categorical distribution. Two networks are
 //! offered: the paper's ([`NetworkConfig::Paper`]) and one made for training on a CPU
 //! ([`NetworkConfig::Compact`]). Everything random comes from a seed passed in, computed on
 //! the host, so that a network is the same on every device and never depends on burn's
 //! process-wide generator.
 //!
-//! The module knows sizes, not environments. It knows nothing of recurrence or of continuous
+//! The module knows what is seen, not the task. It knows nothing of recurrence or of continuous
 //! actions.
 
 mod compact;
@@ -24,4 +24,3 @@ pub use config::{CompactConfig, ConfigError, NetworkConfig, PaperConfig, PolicyC
 pub use device::{DeviceError, DeviceKind};
 pub use network::{ActorCritic, Network, Prediction};
 pub use parameters::ParameterError;
-pub use pixels::Pixels;

@@ -4,9 +4,10 @@ use super::layer::Initializer;
 use super::masked;
 use super::paper::PaperNetwork;
 use super::parameters::{self, ParameterError};
-use super::pixels::{Patches, Pixels, write_batch};
+use super::pixels::{Patches, write_batch, write_planes};
 use burn::module::Module;
 use burn::tensor::{Bool, Device, Tensor, TensorData};
+use drape_task::env::Observation;
 
 /// What a network says about a batch of observations.
 #[derive(Clone, Debug)]
@@ -102,7 +103,7 @@ impl ActorCritic {
     }
 
     /// Logits and values of a batch.
-    pub fn predict(&self, batch: &[Pixels]) -> Prediction {
+    pub fn predict(&self, batch: &[&Observation]) -> Prediction {
         let input = self.encode(batch);
         match &self.network {
             Network::Paper(network) => network.forward(input),
@@ -116,14 +117,14 @@ impl ActorCritic {
     /// # Panics
     ///
     /// If an observation allows no action.
-    pub fn evaluate(&self, batch: &[Pixels]) -> (Vec<f32>, Vec<f32>) {
+    pub fn evaluate(&self, batch: &[&Observation]) -> (Vec<f32>, Vec<f32>) {
         let Prediction { logits, value } = self.predict(batch);
         let log_probs = masked::log_softmax(logits, self.invalid(batch));
         (to_host(log_probs), to_host(value))
     }
 
     /// Values `[batch]` on the host. Their masks may be empty.
-    pub fn values(&self, batch: &[Pixels]) -> Vec<f32> {
+    pub fn values(&self, batch: &[&Observation]) -> Vec<f32> {
         to_host(self.predict(batch).value)
     }
 
@@ -132,11 +133,11 @@ impl ActorCritic {
     /// # Panics
     ///
     /// If an observation allows no action: the softmax would silently allow them all.
-    pub fn invalid(&self, batch: &[Pixels]) -> Tensor<2, Bool> {
+    pub fn invalid(&self, batch: &[&Observation]) -> Tensor<2, Bool> {
         let mut invalid = vec![true; batch.len() * self.pixel_count];
-        for (pixels, invalid) in batch.iter().zip(invalid.chunks_exact_mut(self.pixel_count)) {
-            assert!(!pixels.mask.is_clear(), "an observation allows no action");
-            pixels.mask.ones().for_each(|i| invalid[i] = false);
+        for (seen, invalid) in batch.iter().zip(invalid.chunks_exact_mut(self.pixel_count)) {
+            assert!(!seen.mask.is_clear(), "an observation allows no action");
+            seen.mask.ones().for_each(|i| invalid[i] = false);
         }
         let data = TensorData::new(invalid, [batch.len(), self.pixel_count]);
         Tensor::from_data(data, &self.device())
@@ -154,17 +155,17 @@ impl ActorCritic {
         Ok(())
     }
 
-    fn encode(&self, batch: &[Pixels]) -> Tensor<2> {
+    fn encode(&self, batch: &[&Observation]) -> Tensor<2> {
         let scale = self.distance_scale;
         let (width, numbers) = match &self.encoding {
             Encoding::Planes => {
                 let width = 3 * self.pixel_count;
-                let write = |pixels: &Pixels, out: &mut [f32]| pixels.write_planes(scale, out);
+                let write = |seen: &Observation, out: &mut [f32]| write_planes(seen, scale, out);
                 (width, write_batch(batch, width, write))
             }
             Encoding::Patches(patches) => {
                 let width = patches.count() * patches.width();
-                let write = |pixels: &Pixels, out: &mut [f32]| patches.write(pixels, scale, out);
+                let write = |seen: &Observation, out: &mut [f32]| patches.write(seen, scale, out);
                 (width, write_batch(batch, width, write))
             }
         };

@@ -1,32 +1,17 @@
-use fixedbitset::FixedBitSet;
+use drape_task::env::Observation;
 use rayon::prelude::*;
 
-/// One observation as the network takes it, one entry a pixel, row by row.
-#[derive(Clone, Copy, Debug)]
-pub struct Pixels<'a> {
-    /// Vertex is fixed to the tool.
-    pub draped: &'a FixedBitSet,
-    /// Distance to the tool [m].
-    pub distance: &'a [f32],
-    /// Vertex has been under the stencil.
-    pub touched: &'a FixedBitSet,
-    /// Actions allowed.
-    pub mask: &'a FixedBitSet,
-}
-
-impl Pixels<'_> {
-    /// Draped, distance, touched as three planes `[3, rows, columns]`; `scale` is 1 / m.
-    pub fn write_planes(&self, scale: f32, out: &mut [f32]) {
-        let count = self.distance.len();
-        let (draped, rest) = out.split_at_mut(count);
-        let (distance, touched) = rest.split_at_mut(count);
-        draped.fill(0.0);
-        touched.fill(0.0);
-        self.draped.ones().for_each(|i| draped[i] = 1.0);
-        self.touched.ones().for_each(|i| touched[i] = 1.0);
-        for (out, &d) in distance.iter_mut().zip(self.distance) {
-            *out = d * scale;
-        }
+/// Draped, distance, touched as three planes `[3, rows, columns]`; `scale` is 1 / m.
+pub fn write_planes(seen: &Observation, scale: f32, out: &mut [f32]) {
+    let count = seen.distance.len();
+    let (draped, rest) = out.split_at_mut(count);
+    let (distance, touched) = rest.split_at_mut(count);
+    draped.fill(0.0);
+    touched.fill(0.0);
+    seen.draped.ones().for_each(|i| draped[i] = 1.0);
+    seen.touched.ones().for_each(|i| touched[i] = 1.0);
+    for (out, &d) in distance.iter_mut().zip(&seen.distance) {
+        *out = d * scale;
     }
 }
 
@@ -74,7 +59,7 @@ impl Patches {
     }
 
     /// Writes `[count, width]`; `scale` is 1 / m.
-    pub fn write(&self, pixels: &Pixels, scale: f32, out: &mut [f32]) {
+    pub fn write(&self, seen: &Observation, scale: f32, out: &mut [f32]) {
         let [grid_rows, grid_columns] = self.grid();
         let window = self.patch + 2 * self.border;
         let line = (grid_columns * self.patch + 2 * self.border) * CHANNELS;
@@ -83,13 +68,10 @@ impl Patches {
             let (row, column) = (i / self.columns, i % self.columns);
             (row + self.border) * line + (column + self.border) * CHANNELS
         };
-        pixels.draped.ones().for_each(|i| image[place(i)] = 1.0);
-        pixels
-            .touched
-            .ones()
-            .for_each(|i| image[place(i) + 2] = 1.0);
-        pixels.mask.ones().for_each(|i| image[place(i) + 3] = 1.0);
-        for (row, distances) in pixels.distance.chunks_exact(self.columns).enumerate() {
+        seen.draped.ones().for_each(|i| image[place(i)] = 1.0);
+        seen.touched.ones().for_each(|i| image[place(i) + 2] = 1.0);
+        seen.mask.ones().for_each(|i| image[place(i) + 3] = 1.0);
+        for (row, distances) in seen.distance.chunks_exact(self.columns).enumerate() {
             let start = place(row * self.columns) + 1;
             for (column, &distance) in distances.iter().enumerate() {
                 image[start + column * CHANNELS] = distance * scale;
@@ -107,20 +89,21 @@ impl Patches {
 
 /// Writes all `batch` one after the other, `width` numbers each, in parallel.
 pub fn write_batch(
-    batch: &[Pixels],
+    batch: &[&Observation],
     width: usize,
-    write: impl Fn(&Pixels, &mut [f32]) + Sync,
+    write: impl Fn(&Observation, &mut [f32]) + Sync,
 ) -> Vec<f32> {
     let mut out = vec![0.0; batch.len() * width];
     out.par_chunks_exact_mut(width)
         .zip(batch)
-        .for_each(|(out, pixels)| write(pixels, out));
+        .for_each(|(out, seen)| write(seen, out));
     out
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fixedbitset::FixedBitSet;
 
     fn bits(count: usize, ones: &[usize]) -> FixedBitSet {
         let mut set = FixedBitSet::with_capacity(count);
@@ -130,14 +113,14 @@ mod tests {
 
     #[test]
     fn planes_are_draped_distance_touched() {
-        let pixels = Pixels {
-            draped: &bits(2, &[0]),
-            distance: &[0.5, 1.0],
-            touched: &bits(2, &[1]),
-            mask: &bits(2, &[]),
+        let seen = Observation {
+            draped: bits(2, &[0]),
+            distance: vec![0.5, 1.0],
+            touched: bits(2, &[1]),
+            mask: bits(2, &[]),
         };
         let mut out = [f32::NAN; 6];
-        pixels.write_planes(10.0, &mut out);
+        write_planes(&seen, 10.0, &mut out);
         assert_eq!(out, [1.0, 0.0, 5.0, 10.0, 0.0, 1.0]);
     }
 
@@ -146,16 +129,16 @@ mod tests {
         let (rows, columns, patch, border) = (5, 3, 2, 1);
         let distance: Vec<f32> = (1..=15).map(|i| i as f32).collect();
         let [draped, touched, mask] = [bits(15, &[0]), bits(15, &[7]), bits(15, &[14])];
-        let pixels = Pixels {
-            draped: &draped,
-            distance: &distance,
-            touched: &touched,
-            mask: &mask,
+        let seen = Observation {
+            draped: draped.clone(),
+            distance: distance.clone(),
+            touched: touched.clone(),
+            mask: mask.clone(),
         };
         let patches = Patches::new(rows, columns, patch, border);
         assert_eq!((patches.grid(), patches.width()), ([3, 2], 64));
         let mut out = vec![f32::NAN; patches.count() * patches.width()];
-        patches.write(&pixels, 2.0, &mut out);
+        patches.write(&seen, 2.0, &mut out);
         let mut numbers = out.iter();
         for token in 0..6 {
             for y in 0..4 {

@@ -1,4 +1,4 @@
-use crate::policy::{self, ActorCritic, DeviceError, DeviceKind, Pixels, PolicyConfig, masked};
+use crate::policy::{self, ActorCritic, DeviceError, DeviceKind, PolicyConfig, masked};
 use drape_cloth::math::Stream;
 use drape_task::env::{Observation, Shape};
 
@@ -56,12 +56,12 @@ impl Agent {
     /// Expected return of each observation, as a share of the reward scale if the training
     /// scaled its rewards. Masks may be empty.
     pub fn value(&self, observations: &[&Observation]) -> Vec<f32> {
-        self.0.values(&all_pixels(observations))
+        self.0.values(observations)
     }
 
     /// Log-probabilities `[observation * pixel]` and values `[observation]`.
     pub(super) fn evaluate(&self, observations: &[&Observation]) -> (Vec<f32>, Vec<f32>) {
-        self.0.evaluate(&all_pixels(observations))
+        self.0.evaluate(observations)
     }
 
     /// The parameters: section `network` of a checkpoint.
@@ -73,15 +73,4 @@ impl Agent {
     pub fn load(&mut self, bytes: &[u8]) -> Result<(), policy::ParameterError> {
         self.0.load(bytes)
     }
-}
-
-/// What a network takes of each observation.
-pub(super) fn all_pixels<'a>(observations: &[&'a Observation]) -> Vec<Pixels<'a>> {
-    let pixels = |o: &&'a Observation| Pixels {
-        draped: &o.draped,
-        distance: &o.distance,
-        touched: &o.touched,
-        mask: &o.mask,
-    };
-    observations.iter().map(pixels).collect()
 }

@@ -1,3 +1,4 @@
+use crate::policy::ConfigError;
 use serde::{Deserialize, Serialize};
 
 /// How the policy is trained.
@@ -6,9 +7,6 @@ use serde::{Deserialize, Serialize};
 pub struct PpoConfig {
     /// Step size of Adam.
     pub learning_rate: f64,
-    /// Environment steps over which the learning rate falls linearly to 0; none: constant.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub annealing_steps: Option<u64>,
     /// Adam's guard against division by 0.
     pub adam_epsilon: f64,
     /// Discount of a step.
@@ -34,9 +32,6 @@ pub struct PpoConfig {
     /// Limit of the gradient's norm over all parameters; none: no limit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_grad_norm: Option<f32>,
-    /// Ends the epochs of an update once its KL divergence exceeds this [nat]; none: never.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub target_kl: Option<f32>,
     /// Divide rewards by the return of a perfect episode.
     pub scale_rewards: bool,
     /// Imitate the best episodes seen; none: do not.
@@ -65,21 +60,11 @@ pub struct ImitationConfig {
     pub coefficient: f32,
 }
 
-/// A value outside its range.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("`{key}` is {found}, expected {expected}")]
-pub struct ConfigError {
-    pub key: &'static str,
-    pub found: f64,
-    pub expected: &'static str,
-}
-
 impl PpoConfig {
     /// The paper's Table 1; the rest as in its framework, Maze 0.2.
     pub fn paper() -> Self {
         Self {
             learning_rate: 2.5e-4,
-            annealing_steps: None,
             adam_epsilon: 1e-8,
             gamma: 0.999,
             gae_lambda: 1.0,
@@ -94,7 +79,6 @@ impl PpoConfig {
             advantage_norm: AdvantageNorm::Minibatch,
             advantage_floor: 1e-8,
             max_grad_norm: None,
-            target_kl: None,
             scale_rewards: false,
             imitation: None,
         }
@@ -105,7 +89,6 @@ impl PpoConfig {
     pub fn compact() -> Self {
         Self {
             learning_rate: 2e-3,
-            annealing_steps: None,
             adam_epsilon: 1e-5,
             gamma: 1.0,
             gae_lambda: 0.98,
@@ -120,7 +103,6 @@ impl PpoConfig {
             advantage_norm: AdvantageNorm::Batch,
             advantage_floor: 1e-3,
             max_grad_norm: Some(0.5),
-            target_kl: None,
             scale_rewards: true,
             imitation: Some(ImitationConfig {
                 episodes: 4,
@@ -141,55 +123,31 @@ impl PpoConfig {
         let share = |x: f64| (0.0..=1.0).contains(&x);
         let count = |x: f64| x >= 1.0;
         type Check<'a> = (&'static str, f64, &'a dyn Fn(f64) -> bool, &'static str);
+        let at_least_one = |key, value: usize| (key, value as f64, &count as _, COUNT);
+        let above_0 = |key, value: f64| (key, value, &positive as _, POSITIVE);
+        let weigh = |key, value: f32| (key, f64::from(value), &weight as _, WEIGHT);
+        let from_0_to_1 = |key, value: f32| (key, f64::from(value), &share as _, SHARE);
         let mut checks: Vec<Check> = vec![
-            ("learning_rate", self.learning_rate, &positive, POSITIVE),
-            ("adam_epsilon", self.adam_epsilon, &positive, POSITIVE),
-            ("gamma", self.gamma.into(), &share, SHARE),
-            ("gae_lambda", self.gae_lambda.into(), &share, SHARE),
-            ("rollout_steps", self.rollout_steps as f64, &count, COUNT),
-            ("minibatch_size", self.minibatch_size as f64, &count, COUNT),
-            ("epochs", self.epochs as f64, &count, COUNT),
-            ("clip_range", self.clip_range.into(), &positive, POSITIVE),
-            (
-                "policy_coefficient",
-                self.policy_coefficient.into(),
-                &weight,
-                WEIGHT,
-            ),
-            (
-                "value_coefficient",
-                self.value_coefficient.into(),
-                &weight,
-                WEIGHT,
-            ),
-            (
-                "entropy_coefficient",
-                self.entropy_coefficient.into(),
-                &weight,
-                WEIGHT,
-            ),
-            (
-                "advantage_floor",
-                self.advantage_floor.into(),
-                &positive,
-                POSITIVE,
-            ),
+            above_0("learning_rate", self.learning_rate),
+            above_0("adam_epsilon", self.adam_epsilon),
+            from_0_to_1("gamma", self.gamma),
+            from_0_to_1("gae_lambda", self.gae_lambda),
+            at_least_one("rollout_steps", self.rollout_steps),
+            at_least_one("minibatch_size", self.minibatch_size),
+            at_least_one("epochs", self.epochs),
+            above_0("clip_range", self.clip_range.into()),
+            weigh("policy_coefficient", self.policy_coefficient),
+            weigh("value_coefficient", self.value_coefficient),
+            weigh("entropy_coefficient", self.entropy_coefficient),
+            above_0("advantage_floor", self.advantage_floor.into()),
         ];
-        if let Some(steps) = self.annealing_steps {
-            checks.push(("annealing_steps", steps as f64, &count, COUNT));
-        }
         if let Some(norm) = self.max_grad_norm {
-            checks.push(("max_grad_norm", norm.into(), &positive, POSITIVE));
-        }
-        if let Some(kl) = self.target_kl {
-            checks.push(("target_kl", kl.into(), &positive, POSITIVE));
+            checks.push(above_0("max_grad_norm", norm.into()));
         }
         if let Some(imitation) = &self.imitation {
-            let [episodes, samples] = [imitation.episodes, imitation.samples];
-            let coefficient = imitation.coefficient.into();
-            checks.push(("imitation.episodes", episodes as f64, &count, COUNT));
-            checks.push(("imitation.samples", samples as f64, &count, COUNT));
-            checks.push(("imitation.coefficient", coefficient, &weight, WEIGHT));
+            checks.push(at_least_one("imitation.episodes", imitation.episodes));
+            checks.push(at_least_one("imitation.samples", imitation.samples));
+            checks.push(weigh("imitation.coefficient", imitation.coefficient));
         }
         match checks
             .into_iter()
@@ -197,20 +155,11 @@ impl PpoConfig {
         {
             Some((key, found, _, expected)) => Err(ConfigError {
                 key,
-                found,
+                found: found.to_string(),
                 expected,
             }),
             None => Ok(()),
         }
-    }
-
-    /// The learning rate after `env_steps` environment steps.
-    pub fn learning_rate_at(&self, env_steps: u64) -> f64 {
-        let left = match self.annealing_steps {
-            Some(steps) => 1.0 - env_steps as f64 / steps as f64,
-            None => 1.0,
-        };
-        self.learning_rate * left.max(0.0)
     }
 }
 
@@ -249,14 +198,5 @@ mod tests {
         );
         let unknown = toml::from_str::<PpoConfig>("gama = 1.0").unwrap_err();
         assert!(unknown.to_string().contains("gama"), "{unknown}");
-    }
-
-    #[test]
-    fn learning_rate_falls_to_zero_and_stays() {
-        let mut config = PpoConfig::paper();
-        assert_eq!(config.learning_rate_at(u64::MAX), 2.5e-4);
-        config.annealing_steps = Some(100);
-        assert_eq!(config.learning_rate_at(50), 1.25e-4);
-        assert_eq!(config.learning_rate_at(101), 0.0);
     }
 }

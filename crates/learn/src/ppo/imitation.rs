@@ -25,7 +25,7 @@ pub struct Memory {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Kept {
-    total_reward: f32,
+    score: f64,
     moves: Vec<Move>,
 }
 
@@ -45,26 +45,18 @@ impl Memory {
         let Some(episode) = episode else { return };
         let moves = std::mem::take(&mut self.open[task]);
         let actions = |moves: &[Move]| moves.iter().map(|m| m.action).collect::<Vec<_>>();
-        let total_reward = episode.total_reward;
-        let rank = self
-            .best
-            .partition_point(|k| k.total_reward >= total_reward);
+        let Some(score) = episode.score.filter(|score| score.is_finite()) else {
+            return;
+        };
+        let rank = self.best.partition_point(|k| k.score >= score);
         let known = || {
             self.best
                 .iter()
                 .any(|k| actions(&k.moves) == episode.actions)
         };
-        if episode.end == End::Terminated
-            && total_reward.is_finite()
-            && rank < self.capacity
-            && !known()
-        {
+        if episode.end == End::Terminated && rank < self.capacity && !known() {
             self.best.truncate(self.capacity - 1);
-            let kept = Kept {
-                total_reward,
-                moves,
-            };
-            self.best.insert(rank, kept);
+            self.best.insert(rank, Kept { score, moves });
         }
     }
 
@@ -108,7 +100,7 @@ mod tests {
     use super::*;
     use drape_cloth::math::Purpose;
 
-    fn play(memory: &mut Memory, actions: &[u32], total_reward: f32, end: End) {
+    fn play(memory: &mut Memory, actions: &[u32], score: f64, end: End) {
         let observation = Observation {
             draped: Default::default(),
             distance: vec![],
@@ -118,7 +110,9 @@ mod tests {
         let episode = Episode {
             end,
             actions: actions.to_vec(),
-            total_reward,
+            // What is earned does not matter.
+            total_reward: actions.len() as f32,
+            score: Some(score),
             last: observation.clone(),
         };
         for (i, &action) in actions.iter().enumerate() {
@@ -138,11 +132,11 @@ mod tests {
         play(&mut memory, &[1, 2], 1.0, End::Terminated);
         play(&mut memory, &[3], 0.5, End::Terminated);
         play(&mut memory, &[4], 9.0, End::Truncated);
-        play(&mut memory, &[5], f32::NAN, End::Terminated);
+        play(&mut memory, &[5], f64::NAN, End::Terminated);
         play(&mut memory, &[6], 0.7, End::Terminated);
         play(&mut memory, &[7], 0.1, End::Terminated);
-        let rewards: Vec<f32> = memory.best.iter().map(|k| k.total_reward).collect();
-        assert_eq!(rewards, [1.0, 0.7]);
+        let scores: Vec<f64> = memory.best.iter().map(|k| k.score).collect();
+        assert_eq!(scores, [1.0, 0.7]);
         let mut stream = Stream::new(0, Purpose::Shuffle, 0);
         let mut drawn: Vec<u32> = memory
             .draw(50, &mut stream)

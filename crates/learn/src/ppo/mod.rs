@@ -18,7 +18,7 @@ mod trainer;
 mod update;
 
 pub use agent::{Agent, AgentError, Sampling};
-pub use config::{AdvantageNorm, ConfigError, ImitationConfig, PpoConfig};
+pub use config::{AdvantageNorm, ImitationConfig, PpoConfig};
 pub use gae::{Next, gae};
-pub use trainer::{Finished, Iteration, LoadError, Seconds, TrainError, Trainer};
-pub use update::{Metrics, NotFinite};
+pub use trainer::{EpisodeRecord, Iteration, LoadError, Seconds, TrainError, Trainer};
+pub use update::{NotFinite, UpdateMetrics};

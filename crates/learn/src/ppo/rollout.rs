@@ -1,7 +1,7 @@
 use super::agent::Agent;
 use super::gae::Next;
 use super::imitation::{Memory, Move};
-use super::trainer::{Finished, Seconds};
+use super::trainer::{EpisodeRecord, Seconds};
 use crate::policy::masked;
 use drape_cloth::math::Stream;
 use drape_task::env::{End, Episode, Observation, Outcome, Tasks};
@@ -21,7 +21,7 @@ pub struct Rollout {
     /// `[task]`: values of the observations after the last step.
     pub last_values: Vec<f32>,
     /// Episodes that ended, in order.
-    pub episodes: Vec<Finished>,
+    pub episodes: Vec<EpisodeRecord>,
 }
 
 /// Plays `step_count` steps of every task, drawing the actions of a task from its own stream,
@@ -74,7 +74,7 @@ pub fn collect<T: Tasks>(
             });
             rollout
                 .episodes
-                .extend(episode.map(|e| Finished::new(task, e)));
+                .extend(episode.map(|e| EpisodeRecord::new(task, e)));
         }
         rollout.observations.extend(seen);
         rollout.actions.extend(actions);

@@ -1,10 +1,10 @@
 use super::adam::Adam;
 use super::agent::{Agent, AgentError};
-use super::config::{self, PpoConfig};
+use super::config::{ImitationConfig, PpoConfig};
 use super::imitation::Memory;
 use super::rollout;
-use super::update::{Metrics, NotFinite, Streams, update};
-use crate::policy::{ActorCritic, DeviceKind, ParameterError, PolicyConfig};
+use super::update::{NotFinite, Streams, UpdateMetrics, update};
+use crate::policy::{ActorCritic, ConfigError, DeviceKind, ParameterError, PolicyConfig};
 use drape_cloth::math::{Purpose, Stream};
 use drape_task::env::{End, Episode, Tasks};
 use serde::{Deserialize, Serialize};
@@ -33,12 +33,14 @@ struct Progress {
 
 /// A finished episode, without its last observation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Finished {
+pub struct EpisodeRecord {
     /// Number of the task that it was played in.
     pub task: usize,
     pub end: End,
     /// Sum of the rewards in the task's own unit.
     pub total_reward: f32,
+    /// How well it was done; none if the simulation diverged.
+    pub score: Option<f64>,
     /// All actions taken; replays the episode without a network.
     pub actions: Vec<u32>,
 }
@@ -59,10 +61,9 @@ pub struct Iteration {
     pub number: u64,
     /// Steps of all tasks since the training began.
     pub env_steps: u64,
-    pub learning_rate: f64,
-    pub metrics: Metrics,
+    pub metrics: UpdateMetrics,
     /// Episodes that ended in this rollout.
-    pub episodes: Vec<Finished>,
+    pub episodes: Vec<EpisodeRecord>,
     pub seconds: Seconds,
 }
 
@@ -72,7 +73,7 @@ pub enum TrainError {
     #[error(transparent)]
     Agent(#[from] AgentError),
     #[error("ppo")]
-    Config(#[from] config::ConfigError),
+    Config(#[from] ConfigError),
     /// The update stopped before the step that would have done harm.
     #[error("iteration {iteration} failed: lower the learning rate or limit the gradient norm")]
     NotFinite { iteration: u64, source: NotFinite },
@@ -92,12 +93,13 @@ pub enum LoadError {
     },
 }
 
-impl Finished {
+impl EpisodeRecord {
     pub(super) fn new(task: usize, episode: Episode) -> Self {
         Self {
             task,
             end: episode.end,
             total_reward: episode.total_reward,
+            score: episode.score,
             actions: episode.actions,
         }
     }
@@ -121,7 +123,7 @@ impl<T: Tasks> Trainer<T> {
         let actor_critic =
             ActorCritic::new(policy, size, weights, &device).map_err(AgentError::from)?;
         let count = tasks.count();
-        let memory = |c: &config::ImitationConfig| Memory::new(c.episodes, count);
+        let memory = |c: &ImitationConfig| Memory::new(c.episodes, count);
         Ok(Self {
             adam: Adam::new(&actor_critic.network, config.adam_epsilon),
             memory: config.imitation.as_ref().map(memory),
@@ -147,7 +149,6 @@ impl<T: Tasks> Trainer<T> {
     pub fn iterate(&mut self) -> Result<Iteration, TrainError> {
         let mut seconds = Seconds::default();
         let progress = &mut self.progress;
-        let learning_rate = self.config.learning_rate_at(progress.env_steps);
         let reward_factor = match self.config.scale_rewards {
             true => 1.0 / self.tasks.reward_scale(),
             false => 1.0,
@@ -171,7 +172,6 @@ impl<T: Tasks> Trainer<T> {
             &mut self.adam,
             &rollout,
             self.memory.as_ref(),
-            learning_rate,
             &mut progress.update,
         )
         .map_err(|source| TrainError::NotFinite {
@@ -182,7 +182,6 @@ impl<T: Tasks> Trainer<T> {
         Ok(Iteration {
             number: progress.iteration,
             env_steps: progress.env_steps,
-            learning_rate,
             metrics,
             episodes: rollout.episodes,
             seconds,

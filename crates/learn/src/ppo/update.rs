@@ -1,5 +1,4 @@
 use super::adam::{Adam, global_norm};
-use super::agent::all_pixels;
 use super::config::{AdvantageNorm, PpoConfig};
 use super::gae::gae;
 use super::imitation::{Memory, Move};
@@ -14,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 /// What an update did: means over its minibatches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Metrics {
+pub struct UpdateMetrics {
     pub policy_loss: f32,
     pub value_loss: f32,
     /// In nat, or as a share of ln(valid actions) if entropies are normalised.
@@ -28,8 +27,6 @@ pub struct Metrics {
     pub gradient_norm: f32,
     /// Share of the returns' variance that the values explained before the update.
     pub explained_variance: f32,
-    /// Epochs made; fewer than configured once the target KL is exceeded.
-    pub epochs: u32,
 }
 
 /// A loss or gradient that is not a finite number; the step was not taken.
@@ -58,9 +55,8 @@ pub fn update(
     adam: &mut Adam,
     rollout: &Rollout,
     memory: Option<&Memory>,
-    learning_rate: f64,
     streams: &mut Streams,
-) -> Result<Metrics, NotFinite> {
+) -> Result<UpdateMetrics, NotFinite> {
     let Rollout {
         rewards,
         values,
@@ -83,11 +79,9 @@ pub fn update(
 
     let mut order: Vec<usize> = (0..rewards.len()).collect();
     let pieces = order.len().div_ceil(config.minibatch_size);
-    let mut sum = Metrics::default();
-    let mut steps = 0;
+    let mut sum = UpdateMetrics::default();
     for _ in 0..config.epochs {
         streams.shuffle.shuffle(&mut order);
-        let mut kl = 0.0;
         for piece in 0..pieces {
             let indices = &order[piece * order.len() / pieces..(piece + 1) * order.len() / pieces];
             let imitated = match (&config.imitation, memory) {
@@ -97,26 +91,12 @@ pub fn update(
             let minibatch = Minibatch::new(config, rollout, &advantages, &returns, indices);
             let terms = evaluate(config, actor_critic, &minibatch, &imitated);
             let found = terms.metrics();
-            descend(
-                config,
-                actor_critic,
-                adam,
-                terms.total,
-                found,
-                learning_rate,
-                &mut sum,
-            )?;
-            kl += found.approx_kl / pieces as f32;
-            steps += 1;
-        }
-        sum.epochs += 1;
-        if config.target_kl.is_some_and(|target| kl > target) {
-            break;
+            descend(config, actor_critic, adam, terms.total, found, &mut sum)?;
         }
     }
-    Ok(Metrics {
+    Ok(UpdateMetrics {
         explained_variance: loss::explained_variance(values, &returns),
-        ..sum.mean(steps)
+        ..sum.mean(config.epochs * pieces)
     })
 }
 
@@ -174,10 +154,9 @@ fn evaluate(
     observations.extend(imitated.iter().map(|m| &m.observation));
     let actions = minibatch.actions.iter().copied();
     let actions = actions.chain(imitated.iter().map(|m| m.action));
-    let pixels = all_pixels(&observations);
 
-    let prediction = actor_critic.predict(&pixels);
-    let invalid = actor_critic.invalid(&pixels);
+    let prediction = actor_critic.predict(&observations);
+    let invalid = actor_critic.invalid(&observations);
     let log_probs = masked::log_softmax(prediction.logits, invalid.clone());
     let log_prob = masked::log_prob(log_probs.clone(), int_tensor(actions, &device));
 
@@ -212,17 +191,17 @@ fn evaluate(
 
 impl Terms {
     /// All terms on the host, in one transfer.
-    fn metrics(&self) -> Metrics {
+    fn metrics(&self) -> UpdateMetrics {
         let parts = Tensor::cat(self.parts.to_vec(), 0).into_data();
         let parts: Vec<f32> = parts.try_into_vec().expect("terms are f32");
-        Metrics {
+        UpdateMetrics {
             policy_loss: parts[0],
             value_loss: parts[1],
             entropy: parts[2],
             imitation_loss: parts[3],
             approx_kl: parts[4],
             clip_fraction: parts[5],
-            ..Metrics::default()
+            ..UpdateMetrics::default()
         }
     }
 }
@@ -234,9 +213,8 @@ fn descend(
     actor_critic: &mut ActorCritic,
     adam: &mut Adam,
     total: Tensor<1>,
-    found: Metrics,
-    learning_rate: f64,
-    sum: &mut Metrics,
+    found: UpdateMetrics,
+    sum: &mut UpdateMetrics,
 ) -> Result<(), NotFinite> {
     found.check()?;
     let network = &actor_critic.network;
@@ -248,15 +226,15 @@ fn descend(
         _ => 1.0,
     };
     let network = network.clone();
-    actor_critic.network = adam.step(network, gradients, scale.into(), learning_rate);
-    sum.add(&Metrics {
+    actor_critic.network = adam.step(network, gradients, scale.into(), config.learning_rate);
+    sum.add(&UpdateMetrics {
         gradient_norm: norm,
         ..found
     });
     Ok(())
 }
 
-impl Metrics {
+impl UpdateMetrics {
     fn check(&self) -> Result<(), NotFinite> {
         finite("policy loss", self.policy_loss)?;
         finite("value loss", self.value_loss)?;

@@ -1,3 +1,4 @@
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 use fixedbitset::FixedBitSet;
@@ -5,6 +6,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, EnvError, Region};
+use super::reward::{Reward, Taken, score};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, Observation, Outcome, Shape, Tasks};
 use drape_cloth::scene::Scene;
@@ -26,6 +28,12 @@ impl Draping {
             slots: vec![task.start.clone(); count],
             task,
         })
+    }
+
+    /// The same environments with another reward than the paper's.
+    pub fn with_reward(mut self, reward: Reward) -> Self {
+        self.task.reward = reward;
+        self
     }
 
     /// The vertex of the blank that an action presses; none where the blank has been cut away.
@@ -56,6 +64,11 @@ impl Draping {
     /// Summed distance to the tool of the region [m].
     pub fn region_distance(&self, state: &Snapshot) -> f64 {
         self.task.distance(state)
+    }
+
+    /// How well presses that have ended in `state` were done, see [`score`].
+    pub fn score(&self, state: &Snapshot) -> f64 {
+        score(self.initial_distance(), self.region_distance(state))
     }
 
     /// Vertices of the region, ascending.
@@ -134,40 +147,38 @@ impl Draping {
             });
     }
 
-    /// Ends and resets the episode of one environment when it is over.
+    /// What the step of one environment has brought. Its episode is reset when it is over.
     fn conclude(&mut self, index: usize, finite: bool) -> Outcome {
         let (task, slot) = (&self.task, &mut self.slots[index]);
-        let over = task.is_over(&self.cloth.pressed()[index]);
         let limit = task.config.max_steps.unwrap_or(usize::MAX);
-        let end = match (finite, over) {
-            // The last finite observation stands for a state that has diverged.
-            (false, _) => End::Diverged,
-            (true, true) => End::Terminated,
-            (true, false) if slot.actions.len() >= limit => End::Truncated,
-            (true, false) => {
-                return Outcome {
-                    reward: 0.0,
-                    episode: None,
-                };
-            }
+        let end = match finite {
+            // The last finite observation stands for the state after it.
+            false => Some(End::Diverged),
+            true if task.is_over(&self.cloth.pressed()[index]) => Some(End::Terminated),
+            true => (slot.actions.len() >= limit).then_some(End::Truncated),
         };
-        let state = self.cloth.snapshot(index);
-        let reward = match end {
-            End::Terminated => (task.initial_distance - task.distance(&state)) as f32,
-            End::Truncated | End::Diverged => 0.0,
-        };
-        slot.finished = Some(state);
-        let episode = Episode {
+        let state = OnceCell::new();
+        let state = || state.get_or_init(|| self.cloth.snapshot(index));
+        let distance = || task.distance(state());
+        let reward = task.reward.of(&Taken {
+            end,
+            steps: slot.actions.len(),
+            initial_distance: task.initial_distance,
+            distance: &distance,
+        });
+        slot.total_reward += reward;
+        let episode = end.map(|end| Episode {
             end,
             actions: slot.actions.clone(),
-            total_reward: reward,
+            total_reward: slot.total_reward,
+            score: finite.then(|| score(task.initial_distance, distance())),
             last: slot.observation.clone(),
-        };
-        self.reset(index);
-        Outcome {
-            reward,
-            episode: Some(episode),
+        });
+        if episode.is_some() {
+            slot.finished = Some(state().clone());
+            self.reset(index);
         }
+        Outcome { reward, episode }
     }
 }
 
@@ -175,6 +186,7 @@ impl Draping {
 #[derive(Serialize, Deserialize)]
 struct Saved {
     actions: Vec<u32>,
+    total_reward: f32,
     cloth: Snapshot,
 }
 
@@ -214,6 +226,7 @@ impl Tasks for Draping {
         let saved: Vec<Saved> = (0..self.count())
             .map(|index| Saved {
                 actions: self.slots[index].actions.clone(),
+                total_reward: self.slots[index].total_reward,
                 cloth: self.state(index),
             })
             .collect();
@@ -229,7 +242,7 @@ impl Tasks for Draping {
         }
         let count = self.task.scene.lamina.vertex_count();
         let pixels = self.shape().pixel_count() as u32;
-        for (index, Saved { actions, cloth }) in saved.iter().enumerate() {
+        for (index, Saved { actions, cloth, .. }) in saved.iter().enumerate() {
             let fits = cloth.position.len() == count
                 && cloth.velocity.len() == count
                 && cloth.force_density.len() <= 2 * count
@@ -245,10 +258,11 @@ impl Tasks for Draping {
                 ));
             }
         }
-        for (index, Saved { actions, cloth }) in saved.into_iter().enumerate() {
-            self.cloth.load(index, &cloth);
+        for (index, saved) in saved.into_iter().enumerate() {
+            self.cloth.load(index, &saved.cloth);
             self.slots[index] = Slot {
-                actions,
+                actions: saved.actions,
+                total_reward: saved.total_reward,
                 ..self.task.start.clone()
             };
         }

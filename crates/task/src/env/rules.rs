@@ -6,6 +6,7 @@ use std::sync::Arc;
 use fixedbitset::FixedBitSet;
 
 use super::config::{EnvConfig, EnvError, Region};
+use super::reward::Reward;
 use super::task::{Observation, Shape};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Backend, Cpu, Pressed, Snapshot, Stencil, World};
@@ -20,6 +21,7 @@ pub(super) struct Task {
     pub seen: Vec<u32>,
     /// What the backend is given.
     pub world: World,
+    pub reward: Reward,
     /// The state after a reset.
     pub start: Slot,
     /// Summed distance of the region at the start [m].
@@ -31,6 +33,8 @@ pub(super) struct Task {
 pub(super) struct Slot {
     /// Those of the episode so far.
     pub actions: Vec<u32>,
+    /// Sum of their rewards.
+    pub total_reward: f32,
     pub observation: Observation,
     /// How the last episode ended, before the reset.
     pub finished: Option<Snapshot>,
@@ -64,9 +68,11 @@ impl Task {
             },
             start: Slot {
                 actions: Vec::new(),
+                total_reward: 0.0,
                 observation: nothing,
                 finished: None,
             },
+            reward: Reward::default(),
             initial_distance: 0.0,
             scene,
             config: config.clone(),

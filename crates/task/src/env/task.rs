@@ -40,7 +40,7 @@ pub enum End {
     Terminated,
     /// Cut off by the step limit: the value of the last observation counts.
     Truncated,
-    /// Cut off because the simulation is lost: the value of the last sound observation counts.
+    /// Cut off because the simulation diverged: the value of the last finite observation counts.
     Diverged,
 }
 
@@ -57,8 +57,11 @@ pub struct Episode {
     pub end: End,
     /// Actions taken, in order.
     pub actions: Vec<u32>,
-    /// Sum of the rewards, undiscounted, in the task's own unit.
+    /// Sum of the rewards, undiscounted, in the task's own unit: what learning is driven by.
     pub total_reward: f32,
+    /// How well it was done, 1 at best, whatever was earned: what episodes are compared by. None
+    /// if the simulation diverged.
+    pub score: Option<f64>,
     /// The observation after the last action, before the reset.
     pub last: Observation,
 }

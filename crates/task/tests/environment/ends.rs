@@ -166,8 +166,9 @@ fn action_outside_the_region_panics() {
     env.step(&[0]);
 }
 
-/// The layout of saved environments: draped, touched, actions, stencil, and the cloth.
-type Saved = ((Bits, Bits, Vec<u32>, Vec<u32>), Snapshot);
+/// The layout of saved environments: draped, touched, actions, total reward, stencil, and the
+/// cloth.
+type Saved = ((Bits, Bits, Vec<u32>, f32, Vec<u32>), Snapshot);
 
 #[derive(serde::Serialize, serde::Deserialize)]
 struct Bits(#[serde(with = "drape_cloth::math::bits")] FixedBitSet);

@@ -1,0 +1,68 @@
+use super::*;
+use crate::run::{RunInfo, curve};
+use drape_cloth::scene::SceneConfig;
+use drape_task::env::{EnvConfig, Taken};
+
+/// What two iterations with `reward` have led to, by a learner that stays as it is: scores,
+/// best sequence and imitated episodes; and rewards.
+fn trained(reward: Reward) -> ([String; 3], Vec<f32>) {
+    let mut config = RunConfig::quickstart();
+    config.env = EnvConfig {
+        region_mm: Some([-120.0, -150.0, -25.0, -55.0]),
+        crop: true,
+        ..EnvConfig::default()
+    };
+    config.environments = 3;
+    config.evaluation_interval = 1;
+    (config.ppo.rollout_steps, config.ppo.epochs) = (40, 1);
+    config.ppo.learning_rate = f64::MIN_POSITIVE;
+    let mut scene = SceneConfig::rib();
+    scene.blank.vertices = [33; 2];
+    scene.tool.grid.spacing_mm = 8.0;
+    (scene.fall.fall_s, scene.fall.settle_s) = (0.5, 0.0);
+    let scene = Arc::new(Scene::new(&scene, |_| {}).unwrap());
+    let root = tempfile::tempdir().unwrap();
+    let info = RunInfo::new(config.seed, SystemTime::now());
+    let folder = RunFolder::create(root.path(), "a", &config.to_toml(), &info).unwrap();
+    let mut training = Training::with_reward(config, scene, folder, reward).unwrap();
+    let mut rewards = Vec::new();
+    for _ in 0..2 {
+        let episodes = training.advance().unwrap().iteration.episodes;
+        assert!(
+            episodes
+                .iter()
+                .all(|episode| episode.end == End::Terminated)
+        );
+        rewards.extend(episodes.iter().map(|episode| episode.total_reward));
+    }
+    assert!(rewards.len() > 3);
+    let scores = ["mean_score", "greedy_score", "best_score"].map(|name| {
+        let curve = curve(&read_metrics(&training.folder.metrics()).unwrap(), name);
+        assert!(curve.len() == 2 && curve.iter().all(|(_, score)| *score < 1.0));
+        curve
+    });
+    let best = training.folder.read_best_sequence().unwrap();
+    let imitated = &training.trainer.save()["imitation"];
+    let judged = [
+        format!("{scores:?}"),
+        format!("{best:?}"),
+        format!("{imitated:?}"),
+    ];
+    (judged, rewards)
+}
+
+/// A term that turns the order of episodes round: the longer, the better.
+#[test]
+fn shaped_reward_changes_what_is_learnt_from_and_nothing_that_is_judged() {
+    let (judged, rewards) = trained(Reward::default());
+    let each_step = |step: &Taken| if step.end.is_some() { 0.5 } else { 1.0 };
+    let (still, shaped) = trained(Reward::default().with(each_step));
+    assert!(judged == still);
+    assert_eq!(rewards.len(), shaped.len());
+    assert!(
+        rewards
+            .iter()
+            .zip(shaped)
+            .all(|(plain, shaped)| shaped > plain + 1.0)
+    );
+}
