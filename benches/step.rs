@@ -28,12 +28,12 @@ fn step(criterion: &mut Criterion, scene: &Scene) {
     for (group, name, physics, backend) in core.chain(features) {
         let mut group = criterion.benchmark_group(group);
         group.sample_size(10);
-        let mut case = Timed::new(&scene.lamina, &physics, backend);
+        let mut case = Timed::new(scene, &scene.lamina, &physics, backend);
         case.start(scene);
         group.throughput(Throughput::Elements(
             (case.lanes() * CONTROL.substeps) as u64,
         ));
-        group.bench_function(name, |bencher| bencher.iter(|| case.step(scene)));
+        group.bench_function(name, |bencher| bencher.iter(|| case.step()));
     }
 }
 

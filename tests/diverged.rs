@@ -28,7 +28,7 @@ fn lost() -> Arc<Scene> {
     config.fall.fall_s = 0.05;
     config.fall.settle_s = 0.0;
     let mut scene = Scene::new(&config, |_| {}).unwrap();
-    scene.initial.velocity[0] = [1e12, 0.0, 0.0];
+    Arc::make_mut(&mut scene.initial).velocity[0] = [1e12, 0.0, 0.0];
     Arc::new(scene)
 }
 

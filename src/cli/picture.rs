@@ -209,7 +209,7 @@ mod tests {
             bits
         };
         Frame {
-            state: scene.initial.clone(),
+            state: Snapshot::clone(&scene.initial),
             draped: bits(draped),
             touched: bits(touched),
             path: vec![path.to_vec()],
@@ -228,7 +228,7 @@ mod tests {
     fn far_cloth_is_red_and_near_cloth_is_blue() {
         let scene = scene();
         let studio = Studio::new(&scene, View::Top, [320, 240]);
-        let mut state = scene.initial.clone();
+        let mut state = Snapshot::clone(&scene.initial);
         let far = studio.distance(&state, "");
         // Half of the picture is cloth; little of that is a crest 20 mm below.
         assert!(count(&far, 0) > 20_000 && count(&far, 2) < 200);
@@ -275,7 +275,7 @@ mod tests {
 
     #[test]
     fn edges_of_the_plate_are_sharp_and_the_rib_is_smooth() {
-        let mesh = scene().tool.mesh;
+        let mesh = scene().tool.mesh.clone();
         let creased = creased(&mesh);
         // The border of the upper face and that of the base have a copy for either side, and
         // corners one for each of three.

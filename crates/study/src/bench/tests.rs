@@ -22,13 +22,13 @@ fn what_is_not_listed_is_not_computed() {
         diagonal.rest_length = f64::NAN;
     }
     for backend in Backend::all() {
-        let mut unlisted = Timed::new(&lamina, &physics(UNLISTED), backend);
+        let mut unlisted = Timed::new(&scene, &lamina, &physics(UNLISTED), backend);
         let mut absent = absent(&scene, backend);
         for case in [&mut unlisted, &mut absent] {
             case.start(&scene);
-            case.step(&scene);
+            case.step();
         }
-        let [unlisted, absent] = [unlisted, absent].map(|case| case.batch.snapshot(0));
+        let [unlisted, absent] = [unlisted, absent].map(|case| case.0.snapshot(0));
         assert!(unlisted.is_finite());
         assert_eq!(unlisted, absent, "{backend:?}");
     }

@@ -9,7 +9,7 @@ fn cantilever(family: Family, gamma: f64, edges: usize, h: f64) -> [f64; 2] {
     let strip = Cantilever {
         family,
         bending: Bending::Yarns,
-        stiffness: Some(AREAL_MASS * GRAVITY / gamma),
+        stiffness: AREAL_MASS * GRAVITY / gamma,
         length: 1.0,
         edges,
     };

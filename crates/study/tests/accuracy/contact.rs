@@ -48,7 +48,7 @@ fn slide(angle: f64, adhesion: f64, solver: Solver, seconds: f64) -> f64 {
         plate_mm: [2000.0, 400.0],
         ..Incline::default()
     };
-    let incline = tool(Shape::Incline(incline), Pose::default(), 50.0);
+    let incline = tool(Shape::Incline(incline), Pose::default(), 50.0).into();
     let sheet = lamina([0.1, 0.08], [6, 5]);
     let down = [angle.cos(), 0.0, -angle.sin()];
     let state = placed(&sheet, |s, t| [down[0] * s, t, down[2] * s]);
@@ -120,6 +120,7 @@ fn drop(adhesion: f64, solver: Solver, h: f64, seconds: f64) -> Vec<f64> {
         solver,
         ..yarns_alone()
     };
+    let plate = plate.into();
     let end = run(&Model::new(&sheet, &physics), &plate, &state, h, seconds);
     end.position.iter().map(|x| x[2]).collect()
 }

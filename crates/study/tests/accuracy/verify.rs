@@ -1,12 +1,13 @@
 //! What `drape study verify` tells of the accurate preset, held as claims.
 
 use drape_cloth::sim::{Accuracy, Solver};
-use drape_study::verify::{Extent, Row, Subject, run, trials};
+use drape_study::study::Context;
+use drape_study::verify::{Subject, Verified, ask, cases};
 
-fn rows(groups: &[&str], subject: Subject) -> Vec<Row> {
-    let mut chosen = trials(Extent::Quick);
-    chosen.retain(|trial| groups.contains(&trial.group));
-    run(&chosen, &[subject], || ()).rows
+fn rows(groups: &[&str], subject: Subject) -> Vec<Verified> {
+    let mut chosen = cases(true);
+    chosen.retain(|case| groups.contains(&case.group));
+    ask(&chosen, &[subject], &Context::quiet()).0
 }
 
 const YARN: Subject = Subject::Fast {
@@ -15,10 +16,10 @@ const YARN: Subject = Subject::Fast {
 };
 
 #[track_caller]
-fn all_within(rows: &[Row], tolerance: f64, except: impl Fn(&Row) -> bool) {
+fn all_within(rows: &[Verified], tolerance: f64, except: impl Fn(&Verified) -> bool) {
     assert!(!rows.is_empty());
     for row in rows.iter().filter(|row| !except(row)) {
-        let error = row.relative_error;
+        let error = row.relative_error();
         assert!(error.abs() <= tolerance, "{row:?}");
     }
 }
@@ -35,8 +36,9 @@ fn yarn_solver_bends_and_stretches_as_closed_forms_say() {
 #[test]
 fn yarn_solver_shears_as_the_trellis() {
     let rows = rows(&["shear"], YARN);
-    let moves = |row: &Row| row.case.contains("across") && row.case.ends_with("30 mm");
-    let of_force = |row: &Row| row.case.contains("force");
+    let moves =
+        |row: &Verified| row.answer.case.contains("across") && row.answer.case.ends_with("30 mm");
+    let of_force = |row: &Verified| row.answer.case.contains("force");
     all_within(&rows, 0.045, |row| moves(row) || of_force(row));
     all_within(&rows, 0.015, |row| moves(row) || !of_force(row));
 }
@@ -61,9 +63,10 @@ fn every_preset_of_the_yarn_solver_bends_as_the_elastica() {
 #[test]
 fn twin_meets_closed_forms() {
     let rows = rows(&["length", "shear"], Subject::Twin);
-    let bias = |row: &Row| row.case.contains("bias") && row.case.contains("shear");
+    let bias =
+        |row: &Verified| row.answer.case.contains("bias") && row.answer.case.contains("shear");
     all_within(&rows, 0.013, bias);
     for row in rows.iter().filter(|row| bias(row)) {
-        assert!((-0.045..-0.015).contains(&row.relative_error), "{row:?}");
+        assert!((-0.045..-0.015).contains(&row.relative_error()), "{row:?}");
     }
 }

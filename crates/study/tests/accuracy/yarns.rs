@@ -105,8 +105,13 @@ fn soft_yarns_stretch_to_their_limit_and_no_further() {
 fn standing(strip: Lamina, held: usize) -> (Lamina, Snapshot) {
     let mut state = placed(&strip, |s, t| [t, 0.0, -s]);
     fix(&strip, &mut state, &[held]);
-    let model = Model::new(&strip, &yarns_alone());
-    let end = run(&model, &NOWHERE, &state, 1e-3, 0.1);
+    let end = run(
+        &Model::new(&strip, &yarns_alone()),
+        &NOWHERE,
+        &state,
+        1e-3,
+        0.1,
+    );
     (strip, end)
 }
 
