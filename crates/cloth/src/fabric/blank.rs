@@ -92,8 +92,8 @@ pub enum CutFault {
     Fine(usize),
 }
 
-/// Most vertices along a side.
-pub(super) const MOST_VERTICES: usize = 1025;
+/// Greatest number of vertices along a side.
+pub(super) const MAX_VERTICES: usize = 1025;
 
 impl BlankConfig {
     /// Whether the blank is the rectangle, and its sides are yarns.
@@ -110,11 +110,7 @@ impl BlankConfig {
                 expected,
             })
         };
-        if !self
-            .vertices
-            .iter()
-            .all(|n| (2..=MOST_VERTICES).contains(n))
-        {
+        if !self.vertices.iter().all(|n| (2..=MAX_VERTICES).contains(n)) {
             let found = format!("{:?}", self.vertices);
             return fail("vertices", found, "two numbers from 2 to 1025");
         }

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use super::blank::{CutFault, MOST_VERTICES};
+use super::blank::{CutFault, MAX_VERTICES};
 use super::grid::Grid;
 use super::outline::{Outline, Point};
 
@@ -22,7 +22,7 @@ const CORNER: f64 = 0.866;
 /// Least quality of a triangle, 4 sqrt 3 area / (sum of squared sides), which is 1 if all
 /// sides are equal and 0.87 for half a square. No angle is then below 13 degrees. Where it
 /// would be missed, vertices stay short of the outline.
-pub(super) const LEAST_QUALITY: f64 = 0.4;
+pub(super) const MIN_QUALITY: f64 = 0.4;
 /// A vertex that moves less than this stays where it is.
 const STILL: f64 = 1e-6;
 /// Parts of the mesh of up to this many triangles are tips thinner than a cell, and dropped.
@@ -83,7 +83,7 @@ impl Cells {
         let extent = [0, 1].map(|k| fold(k, f64::max) - low[k]);
         // A hair less, so that rounding does not add a column beside the outline.
         let [columns, rows] = extent.map(|e| ((e - STILL).ceil() as usize + 1).max(2));
-        if columns.max(rows) > MOST_VERTICES {
+        if columns.max(rows) > MAX_VERTICES {
             return Err(CutFault::Fine(columns.max(rows)));
         }
         let counts = [columns, rows];
@@ -297,7 +297,7 @@ impl Cutter {
     }
 
     /// Moves nodes to their targets, or a part of the way where triangles would become worse
-    /// than [`LEAST_QUALITY`]. Without any way all triangles are halves of cells, so this ends.
+    /// than [`MIN_QUALITY`]. Without any way all triangles are halves of cells, so this ends.
     fn snap(&self, mut triangles: Vec<Vec<[u32; 3]>>, targets: &BTreeMap<usize, Point>) -> Snapped {
         let mut share: BTreeMap<usize, f64> = targets.keys().map(|&node| (node, 1.0)).collect();
         let mut position: Vec<Point> = (0..self.kept.len()).map(|n| self.place(n)).collect();
@@ -314,7 +314,7 @@ impl Cutter {
                 if triangles.len() == 2 {
                     *triangles = fill(corners, at);
                 }
-                bad.extend(triangles.iter().filter(|t| at(t) < LEAST_QUALITY).flatten());
+                bad.extend(triangles.iter().filter(|t| at(t) < MIN_QUALITY).flatten());
             }
             bad.sort_unstable();
             bad.dedup();
@@ -469,7 +469,7 @@ fn nearest_on(a: Point, b: Point, p: Point) -> Point {
     [a[0] + along * u[0], a[1] + along * u[1]]
 }
 
-/// See [`LEAST_QUALITY`]; negative for triangles that are turned over.
+/// See [`MIN_QUALITY`]; negative for triangles that are turned over.
 fn quality([a, b, c]: [Point; 3]) -> f64 {
     let area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
     let squares = distance(a, b).powi(2) + distance(b, c).powi(2) + distance(c, a).powi(2);

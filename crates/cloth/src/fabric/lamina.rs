@@ -322,10 +322,7 @@ impl Lamina {
 
     /// The lamina as a mesh, with its vertices at `position` [m].
     pub fn mesh(&self, position: &[[f64; 3]]) -> TriMesh {
-        TriMesh {
-            vertices: position.iter().map(|&x| Vec3::from(x)).collect(),
-            triangles: self.triangles.clone(),
-        }
+        TriMesh::new(position, &self.triangles)
     }
 
     /// Engineering strain along the yarns at `position`: (length - rest) / rest of every yarn

@@ -143,53 +143,44 @@ impl Material {
     }
 
     fn check(&self, path: &Path) -> Result<(), MaterialError> {
-        let curves = [
+        let fail = |key, found, expected| {
+            Err(MaterialError::Value {
+                path: path.into(),
+                key,
+                found,
+                expected,
+            })
+        };
+        for (key, curve) in [
             ("warp.tension", &self.warp.tension),
             ("warp.compression", &self.warp.compression),
             ("weft.tension", &self.weft.tension),
             ("weft.compression", &self.weft.compression),
             ("shear.positive", &self.shear.positive),
             ("shear.negative", &self.shear.negative),
-        ];
-        for (key, curve) in curves {
+        ] {
             if !curve.is_valid() {
-                return Err(MaterialError::Value {
-                    path: path.into(),
-                    key,
-                    found: format!("{:?}", curve.0),
-                    expected: "finite points from [0, 0] on, both coordinates growing",
-                });
+                let expected = "finite points from [0, 0] on, both coordinates growing";
+                return fail(key, format!("{:?}", curve.0), expected);
             }
         }
-        let positive = [
+        for (key, value) in [
             ("thickness_mm", self.thickness_mm),
             ("areal_mass_g_m2.paper", self.areal_mass_g_m2.paper),
             ("areal_mass_g_m2.datasheet", self.areal_mass_g_m2.datasheet),
-        ];
-        for (key, value) in positive {
+        ] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(MaterialError::Value {
-                    path: path.into(),
-                    key,
-                    found: value.to_string(),
-                    expected: "a number > 0",
-                });
+                return fail(key, value.to_string(), "a number > 0");
             }
         }
-        let friction = [
+        for (key, value) in [
             ("warp.static_friction", self.warp.static_friction),
             ("warp.dynamic_friction", self.warp.dynamic_friction),
             ("weft.static_friction", self.weft.static_friction),
             ("weft.dynamic_friction", self.weft.dynamic_friction),
-        ];
-        for (key, value) in friction {
+        ] {
             if !(value >= 0.0 && value.is_finite()) {
-                return Err(MaterialError::Value {
-                    path: path.into(),
-                    key,
-                    found: value.to_string(),
-                    expected: "a number >= 0",
-                });
+                return fail(key, value.to_string(), "a number >= 0");
             }
         }
         Ok(())

@@ -3,7 +3,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Coordinates of an outline are at most this large [mm].
-const FARTHEST_MM: f64 = 1e5;
+const MAX_MM: f64 = 1e5;
 
 /// A point of the plane.
 pub(super) type Point = [f64; 2];
@@ -29,27 +29,8 @@ pub enum OutlineError {
     Format {
         path: PathBuf,
         line: usize,
-        fault: OutlineFault,
+        fault: String,
     },
-}
-
-/// What is wrong at a line of an outline.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum OutlineFault {
-    #[error("found {found:?}, expected two numbers within +-100000: x, y [mm]")]
-    Point { found: String },
-    #[error("loop of {0} points, expected at least 3")]
-    Short(usize),
-    #[error("no points, expected a closed loop of at least 3")]
-    Empty,
-    #[error("point is that of line {0} again, expected another")]
-    Repeated(usize),
-    #[error("edge from this point meets that from line {0}, expected loops that do not cross")]
-    Crossing(usize),
-    #[error("hole lies outside the outer loop, expected it inside")]
-    Outside,
-    #[error("hole lies in the hole of line {0}, expected it apart")]
-    Nested(usize),
 }
 
 /// A loop as it was read.
@@ -92,16 +73,17 @@ impl Outline {
         })
     }
 
-    /// Reads an outline from the text of its file.
-    pub(super) fn parse(text: &str) -> Result<Self, (usize, OutlineFault)> {
+    /// Reads an outline from the text of its file; the error is the line that is wrong, and why.
+    pub(super) fn parse(text: &str) -> Result<Self, (usize, String)> {
         let mut loops = vec![Loop::default()];
         for (index, line) in text.lines().enumerate() {
             let content = line.split('#').next().unwrap_or_default().trim();
             let last = loops.last_mut().expect("begins with one");
             if !content.is_empty() {
                 last.points.push(point(content).ok_or_else(|| {
-                    let found = content.chars().take(40).collect();
-                    (index + 1, OutlineFault::Point { found })
+                    let found: String = content.chars().take(40).collect();
+                    let expected = "two numbers within +-100000: x, y [mm]";
+                    (index + 1, format!("found {found:?}, expected {expected}"))
                 })?);
                 last.lines.push(index + 1);
             } else if line.trim().is_empty() && !last.points.is_empty() {
@@ -112,18 +94,24 @@ impl Outline {
             loops.pop();
         }
         if loops.is_empty() {
-            return Err((1, OutlineFault::Empty));
+            return Err((1, "no points, expected a closed loop of at least 3".into()));
         }
         for one in &mut loops {
             if one.points.len() > 1 && one.points.first() == one.points.last() {
                 one.points.pop();
             }
             if one.points.len() < 3 {
-                return Err((one.lines[0], OutlineFault::Short(one.points.len())));
+                let count = one.points.len();
+                let fault = format!("loop of {count} points, expected at least 3");
+                return Err((one.lines[0], fault));
             }
             for (i, pair) in one.points.windows(2).enumerate() {
                 if pair[0] == pair[1] {
-                    return Err((one.lines[i + 1], OutlineFault::Repeated(one.lines[i])));
+                    let fault = format!(
+                        "point is that of line {} again, expected another",
+                        one.lines[i]
+                    );
+                    return Err((one.lines[i + 1], fault));
                 }
             }
         }
@@ -131,11 +119,16 @@ impl Outline {
         let (outer, holes) = loops.split_first().expect("not empty");
         for (i, hole) in holes.iter().enumerate() {
             if !encloses(&outer.points, hole.points[0]) {
-                return Err((hole.lines[0], OutlineFault::Outside));
+                let fault = "hole lies outside the outer loop, expected it inside";
+                return Err((hole.lines[0], fault.into()));
             }
             for (j, other) in holes.iter().enumerate() {
                 if i != j && encloses(&other.points, hole.points[0]) {
-                    return Err((hole.lines[0], OutlineFault::Nested(other.lines[0])));
+                    let fault = format!(
+                        "hole lies in the hole of line {}, expected it apart",
+                        other.lines[0]
+                    );
+                    return Err((hole.lines[0], fault));
                 }
             }
         }
@@ -168,7 +161,7 @@ fn point(content: &str) -> Option<Point> {
     let mut fields = content.split(separator).filter(|field| !field.is_empty());
     let mut number = || {
         let number: f64 = fields.next()?.parse().ok()?;
-        (number.abs() <= FARTHEST_MM).then_some(number)
+        (number.abs() <= MAX_MM).then_some(number)
     };
     let point = [number()?, number()?];
     fields.next().is_none().then_some(point)
@@ -176,7 +169,7 @@ fn point(content: &str) -> Option<Point> {
 
 /// Refuses edges that meet others than at the point which they share with their neighbours.
 /// Edges are swept in the order of their least x.
-fn check_crossings(loops: &[Loop]) -> Result<(), (usize, OutlineFault)> {
+fn check_crossings(loops: &[Loop]) -> Result<(), (usize, String)> {
     let mut edges: Vec<Edge> = Vec::new();
     for (from, Loop { points, .. }) in loops.iter().enumerate() {
         let edge = |index: usize| Edge {
@@ -200,7 +193,10 @@ fn check_crossings(loops: &[Loop]) -> Result<(), (usize, OutlineFault)> {
             if meet(a, b, loops) {
                 let line = |edge: &Edge| loops[edge.from].lines[edge.index];
                 let [first, second] = [line(a).min(line(b)), line(a).max(line(b))];
-                return Err((second, OutlineFault::Crossing(first)));
+                let fault = format!(
+                    "edge from this point meets that from line {first}, expected loops that do not cross"
+                );
+                return Err((second, fault));
             }
         }
     }
@@ -257,8 +253,7 @@ mod tests {
     use super::*;
 
     fn fault(text: &str) -> (usize, String) {
-        let (line, fault) = Outline::parse(text).unwrap_err();
-        (line, fault.to_string())
+        Outline::parse(text).unwrap_err()
     }
 
     #[test]

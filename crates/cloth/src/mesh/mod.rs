@@ -7,7 +7,7 @@ mod stl;
 mod vtk;
 
 pub use border::{OrientationFault, border};
-pub use stl::{ReadStlError, StlFault, read_stl, to_stl_bytes, write_stl};
+pub use stl::{ReadStlError, read_stl, to_stl_bytes, write_stl};
 pub use vtk::write_vtk;
 
 use crate::math::Vec3;
@@ -23,14 +23,20 @@ pub struct TriMesh {
 }
 
 impl TriMesh {
+    /// The mesh of `triangles` with its vertices at `position` [m].
+    pub fn new(position: &[[f64; 3]], triangles: &[[u32; 3]]) -> Self {
+        Self {
+            vertices: position.iter().map(|&x| Vec3::from(x)).collect(),
+            triangles: triangles.to_vec(),
+        }
+    }
+
     /// Area-weighted vertex normals, unit length; zero where a vertex has no area.
     pub fn vertex_normals(&self) -> Vec<Vec3> {
         let mut normals = vec![Vec3::zeros(); self.vertices.len()];
-        for triangle in &self.triangles {
-            let [a, b, c] = triangle.map(|i| self.vertices[i as usize]);
-            let twice_area = (b - a).cross(&(c - a));
-            for &i in triangle {
-                normals[i as usize] += twice_area;
+        for (triangle, area) in self.triangles.iter().zip(self.area_vectors()) {
+            for &v in triangle {
+                normals[v as usize] += area;
             }
         }
         for normal in &mut normals {
@@ -84,6 +90,17 @@ impl TriMesh {
         for triangle in &mut self.triangles {
             triangle.swap(1, 2);
         }
+    }
+
+    /// A third of the area of every triangle at each vertex [m²].
+    pub fn vertex_areas(&self) -> Vec<f64> {
+        let mut areas = vec![0.0; self.vertices.len()];
+        for (triangle, area) in self.triangles.iter().zip(self.area_vectors()) {
+            for &v in triangle {
+                areas[v as usize] += area.norm() / 3.0;
+            }
+        }
+        areas
     }
 
     fn area_vectors(&self) -> impl Iterator<Item = Vec3> {

@@ -76,7 +76,7 @@ fn triangles_are_sound_and_fill_the_outline() {
                 .into_iter()
                 .map(quality)
                 .fold(1.0, f64::min);
-            assert!(least >= LEAST_QUALITY - 1e-9, "{name} at {angle}: {least}");
+            assert!(least >= MIN_QUALITY - 1e-9, "{name} at {angle}: {least}");
             worst = worst.max((area(&cells) / outline.area() - 1.0).abs());
         }
         assert!(worst < *tolerance, "{name}: area off by {worst}");

@@ -3,7 +3,6 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::spread::Spread;
-use super::vertex_areas;
 use crate::math::Vec3;
 use crate::mesh::TriMesh;
 
@@ -39,7 +38,7 @@ pub struct Wrinkles {
 /// Counts and measures the wrinkles of a surface; none if it has no area.
 pub fn wrinkles(mesh: &TriMesh, filter: WrinkleFilter) -> Option<Wrinkles> {
     let deviation = high_pass(mesh, filter.cutoff);
-    let areas = vertex_areas(mesh);
+    let areas = mesh.vertex_areas();
     let spread = Spread::new(deviation.iter().copied().zip(areas.iter().copied()))?;
     let neighbors = Neighbors::new(mesh);
     let mut open: Vec<bool> = deviation.iter().map(|&d| d > filter.height).collect();
@@ -73,7 +72,7 @@ pub fn wrinkles(mesh: &TriMesh, filter: WrinkleFilter) -> Option<Wrinkles> {
 /// six vertices are near enough for a fit, the height is 0.
 pub(super) fn high_pass(mesh: &TriMesh, cutoff: f64) -> Vec<f64> {
     let neighbors = Neighbors::new(mesh);
-    let areas = vertex_areas(mesh);
+    let areas = mesh.vertex_areas();
     let normals = mesh.vertex_normals();
     let count = mesh.vertices.len();
     let height = |(seen, patch): &mut (Vec<usize>, Vec<usize>), v: usize| {
