@@ -9,7 +9,9 @@ use std::collections::BTreeMap;
 
 use super::blank::{CutFault, MAX_VERTICES};
 use super::grid::Grid;
-use super::outline::{Outline, Point};
+use crate::mesh::patches;
+
+use super::outline::{Outline, Point, crossing, sides};
 
 /// A node outside the outline by less than this becomes a vertex. Around 0.35 the rows at a
 /// border in any direction end about as far inside the outline as outside, and triangles are
@@ -54,13 +56,12 @@ impl Cells {
     /// A rectangle of `size` [m] around the origin, its sides along the grid.
     pub fn rectangle(size: [f64; 2], [columns, rows]: [usize; 2], cell: [f64; 2]) -> Self {
         let place = |v: usize| {
-            [
-                (v % columns) as f64 * cell[0] - 0.5 * size[0],
-                (v / columns) as f64 * cell[1] - 0.5 * size[1],
-            ]
+            let [s, t] = [v % columns, v / columns].map(|k| k as f64);
+            [s * cell[0] - 0.5 * size[0], t * cell[1] - 0.5 * size[1]]
         };
+        let nodes = 0..(rows * columns) as u32;
         Self {
-            grid: Grid::full([columns, rows], cell),
+            grid: Grid::new([columns, rows], cell, nodes.collect()),
             rest: (0..rows * columns).map(place).collect(),
             cells: vec![Cell::Whole; (rows - 1) * (columns - 1)],
         }
@@ -72,12 +73,8 @@ impl Cells {
         let turned =
             outline.mapped(|[x, y]| [(cos * x + sin * y) / cell[0], (cos * y - sin * x) / cell[1]]);
         let fold = |k: usize, f: fn(f64, f64) -> f64| {
-            turned
-                .iter()
-                .flatten()
-                .map(|p| p[k])
-                .reduce(f)
-                .expect("has points")
+            let along = turned.iter().flatten().map(|p| p[k]);
+            along.reduce(f).expect("has points")
         };
         let low = [0, 1].map(|k| fold(k, f64::min));
         let extent = [0, 1].map(|k| fold(k, f64::max) - low[k]);
@@ -99,13 +96,7 @@ impl Cells {
             let [s, t] = [(s + origin[0]) * cell[0], (t + origin[1]) * cell[1]];
             [cos * s - sin * t, sin * s + cos * t]
         };
-        let mut nodes: Vec<u32> = snapped
-            .triangles
-            .iter()
-            .flatten()
-            .flatten()
-            .copied()
-            .collect();
+        let mut nodes: Vec<u32> = snapped.triangles.concat().concat();
         nodes.sort_unstable();
         nodes.dedup();
         let grid = Grid::new(counts, cell, nodes.clone());
@@ -114,28 +105,19 @@ impl Cells {
             grid.vertex_at(node / columns, node % columns)
                 .expect("it is one of the nodes")
         };
-        let cells = snapped
-            .triangles
-            .iter()
-            .map(|triangles| {
-                let moved = triangles
-                    .iter()
-                    .flatten()
-                    .any(|&n| snapped.moved[n as usize]);
-                if triangles.len() == 2 && !moved {
-                    return Cell::Whole;
-                }
-                match triangles[..] {
-                    [half] if !moved => Cell::Half(half.map(vertex)),
-                    _ => Cell::Cut(triangles.iter().map(|t| t.map(vertex)).collect()),
-                }
-            })
-            .collect();
+        let cells = snapped.triangles.iter().map(|triangles| {
+            let mut nodes = triangles.iter().flatten();
+            let moved = nodes.any(|&n| snapped.moved[n as usize]);
+            match triangles[..] {
+                [_, _] if !moved => Cell::Whole,
+                [half] if !moved => Cell::Half(half.map(vertex)),
+                _ => Cell::Cut(triangles.iter().map(|t| t.map(vertex)).collect()),
+            }
+        });
+        let cells = cells.collect();
+        let rest = nodes.iter().map(|&n| place(snapped.position[n as usize]));
         Ok(Self {
-            rest: nodes
-                .iter()
-                .map(|&n| place(snapped.position[n as usize]))
-                .collect(),
+            rest: rest.collect(),
             grid,
             cells,
         })
@@ -184,30 +166,20 @@ impl Cutter {
     }
 
     fn edges(&self) -> impl Iterator<Item = [Point; 2]> + '_ {
-        self.loops.iter().flat_map(|one| {
-            let next = one.iter().cycle().skip(1);
-            one.iter().zip(next).map(|(&a, &b)| [a, b])
-        })
+        self.loops.iter().flat_map(|one| sides(one))
     }
 
     /// Keeps the nodes between an odd and an even crossing of their row with the outline.
     fn find_inside(&mut self) {
         for row in 0..self.rows {
             let y = row as f64;
-            let mut crossings: Vec<f64> = self
-                .edges()
-                .filter(|[a, b]| (a[1] <= y) != (b[1] <= y))
-                .map(|[a, b]| a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
-                .collect();
+            let crossings = self.edges().filter_map(|edge| crossing(edge, y));
+            let mut crossings: Vec<f64> = crossings.collect();
             crossings.sort_by(f64::total_cmp);
             for pair in crossings.chunks_exact(2) {
                 let first = pair[0].ceil().max(0.0) as usize;
-                for column in first..self.columns {
-                    if column as f64 > pair[1] {
-                        break;
-                    }
-                    self.kept[row * self.columns + column] = true;
-                }
+                let columns = (first..self.columns).take_while(|&c| c as f64 <= pair[1]);
+                columns.for_each(|column| self.kept[row * self.columns + column] = true);
             }
         }
     }
@@ -270,19 +242,15 @@ impl Cutter {
 
     /// Where the nodes of the border go.
     fn targets(&self, border: &[usize]) -> BTreeMap<usize, Point> {
-        let mut targets: BTreeMap<usize, Point> = border
-            .iter()
-            .filter_map(|&node| {
-                let near = self.nearest[node]?;
-                (distance(near, self.place(node)) < REACH).then_some((node, near))
-            })
-            .collect();
+        let near = border.iter().filter_map(|&node| {
+            let near = self.nearest[node]?;
+            (distance(near, self.place(node)) < REACH).then_some((node, near))
+        });
+        let mut targets: BTreeMap<usize, Point> = near.collect();
         let mut taken: BTreeMap<usize, Point> = BTreeMap::new();
         for corner in self.loops.iter().flat_map(|one| corners(one)) {
-            let nearest = border
-                .iter()
-                .map(|&node| (distance(corner, self.place(node)), node))
-                .min_by(|a, b| a.0.total_cmp(&b.0));
+            let away = |&node: &usize| (distance(corner, self.place(node)), node);
+            let nearest = border.iter().map(away).min_by(|a, b| a.0.total_cmp(&b.0));
             let Some((away, node)) = nearest.filter(|(away, _)| *away < REACH) else {
                 continue;
             };
@@ -296,8 +264,8 @@ impl Cutter {
         targets
     }
 
-    /// Moves nodes to their targets, or a part of the way where triangles would become worse
-    /// than [`MIN_QUALITY`]. Without any way all triangles are halves of cells, so this ends.
+    /// Moves nodes to their targets, or part of the distance where triangles would become worse
+    /// than [`MIN_QUALITY`]. Without any motion all triangles are halves of cells, so this ends.
     fn snap(&self, mut triangles: Vec<Vec<[u32; 3]>>, targets: &BTreeMap<usize, Point>) -> Snapped {
         let mut share: BTreeMap<usize, f64> = targets.keys().map(|&node| (node, 1.0)).collect();
         let mut position: Vec<Point> = (0..self.kept.len()).map(|n| self.place(n)).collect();
@@ -364,7 +332,7 @@ fn keep_parts(triangles: &mut [Vec<[u32; 3]>]) -> Result<(), CutFault> {
     let mut beside: BTreeMap<[u32; 2], usize> = BTreeMap::new();
     let mut neighbors = vec![Vec::new(); all.len()];
     for (index, t) in all.iter().enumerate() {
-        for [a, b] in sides(t) {
+        for [a, b] in directed(t) {
             match beside.remove(&[b, a]) {
                 Some(other) => {
                     neighbors[index].push(other);
@@ -378,28 +346,15 @@ fn keep_parts(triangles: &mut [Vec<[u32; 3]>]) -> Result<(), CutFault> {
     }
     let mut part = vec![usize::MAX; all.len()];
     let mut sizes = Vec::new();
-    for start in 0..all.len() {
-        if part[start] != usize::MAX {
-            continue;
-        }
-        part[start] = sizes.len();
-        let mut found = vec![start];
-        let mut next = 0;
-        while let Some(&index) = found.get(next) {
-            for &other in &neighbors[index] {
-                if part[other] == usize::MAX {
-                    part[other] = sizes.len();
-                    found.push(other);
-                }
-            }
-            next += 1;
+    let mut open = vec![true; all.len()];
+    for found in patches(&mut open, |index| neighbors[index].iter().copied()) {
+        for &index in &found {
+            part[index] = sizes.len();
         }
         sizes.push(found.len());
     }
     let largest = (0..sizes.len()).max_by_key(|&p| (sizes[p], usize::MAX - p));
-    let Some(largest) = largest else {
-        return Err(CutFault::Empty);
-    };
+    let largest = largest.ok_or(CutFault::Empty)?;
     let parts = (0..sizes.len())
         .filter(|&p| p == largest || sizes[p] > TIP)
         .count();
@@ -413,14 +368,14 @@ fn keep_parts(triangles: &mut [Vec<[u32; 3]>]) -> Result<(), CutFault> {
     Ok(())
 }
 
-fn sides(t: &[u32; 3]) -> [[u32; 2]; 3] {
+fn directed(t: &[u32; 3]) -> [[u32; 2]; 3] {
     [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]
 }
 
 /// Sides that belong to one triangle only, by their first node.
 fn border(triangles: &[Vec<[u32; 3]>]) -> Vec<[u32; 2]> {
     let mut open = std::collections::BTreeSet::new();
-    for [a, b] in triangles.iter().flatten().flat_map(sides) {
+    for [a, b] in triangles.iter().flatten().flat_map(directed) {
         if !open.remove(&[b, a]) {
             open.insert([a, b]);
         }

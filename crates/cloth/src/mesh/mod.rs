@@ -3,10 +3,12 @@
 mod border;
 pub mod compare;
 mod crossing;
+mod patches;
 mod stl;
 mod vtk;
 
 pub use border::{OrientationFault, border};
+pub(crate) use patches::patches;
 pub use stl::{ReadStlError, read_stl, to_stl_bytes, write_stl};
 pub use vtk::write_vtk;
 
