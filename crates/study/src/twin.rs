@@ -15,12 +15,13 @@ use serde::Serialize;
 use super::compare::{Comparison, Criteria, Surveyed, compare};
 use super::points::distance;
 use drape_cloth::fabric::{Drape, Lamina};
+use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::mesh::compare::SheetError;
 use drape_cloth::scene::{Scene, SceneConfig, SceneError, hung};
 use drape_cloth::sim::{Bending, BendingStiffness, Compression, SelfCollision};
 use drape_cloth::tool::Tool;
-use drape_cloth::twin::{Diverged, Energies, Hold, PressConfig, Twin, TwinConfig, TwinError};
+use drape_cloth::twin::{Diverged, Energies, Hold, PressConfig, Twin, TwinConfig};
 use drape_task::env::{Draping, EnvConfig, EnvError};
 
 pub use convergence::SelfComparison;
@@ -41,7 +42,7 @@ pub enum TwinStudyError {
     #[error(transparent)]
     Env(#[from] EnvError),
     #[error(transparent)]
-    Twin(#[from] TwinError),
+    Twin(#[from] ValueError),
     #[error("{name}: {source}")]
     Diverged {
         name: &'static str,
@@ -69,30 +70,27 @@ pub fn stencil_mm(lamina: &Lamina, side_mm: f64) -> f64 {
 /// Names the first key whose value the twin has nothing for.
 pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
     let physics = &scene.physics;
-    let refuse = |key: &str, found: String, expected| {
-        Err(SceneError::Value {
-            key: key.into(),
-            found,
-            expected,
-        })
+    let refuse = |is_valid, key: &str, found: &str, expected| {
+        let checked = ValueError::unless(is_valid, key, found, expected);
+        checked.map_err(|error| error.within("physics"))
     };
-    if physics.self_collision != SelfCollision::Off {
-        let found = format!("{:?}", physics.self_collision).to_lowercase();
-        let expected = "off: the twin's cloth does not touch itself";
-        return refuse("physics.self_collision", found, expected);
-    }
-    if !physics.shear {
-        let expected = "true: the twin's fabric resists shear";
-        return refuse("physics.shear", "false".into(), expected);
-    }
-    if physics.compression != Compression::Material {
-        let expected = "material: the twin has no other";
-        return refuse("physics.compression", "as_tension".into(), expected);
-    }
-    if let Some(limit) = physics.strain_limit {
-        let expected = "none: the twin's yarns go on with their slope";
-        return refuse("physics.strain_limit", limit.to_string(), expected);
-    }
+    let found = format!("{:?}", physics.self_collision).to_lowercase();
+    let is_off = physics.self_collision == SelfCollision::Off;
+    let expected = "off: the twin's cloth does not touch itself";
+    refuse(is_off, "self_collision", &found, expected)?;
+    let expected = "true: the twin's fabric resists shear";
+    refuse(physics.shear, "shear", "false", expected)?;
+    let is_plain = physics.compression == Compression::Material;
+    let expected = "material: the twin has no other";
+    refuse(is_plain, "compression", "as_tension", expected)?;
+    let limit = physics.strain_limit.unwrap_or(f64::INFINITY).to_string();
+    let expected = "none: the twin's yarns go on with their slope";
+    refuse(
+        physics.strain_limit.is_none(),
+        "strain_limit",
+        &limit,
+        expected,
+    )?;
     Ok(TwinConfig {
         bending_stiffness: match (physics.bending, physics.bending_stiffness) {
             (Bending::Off, _) => Some([0.0; 2]),
@@ -161,7 +159,7 @@ pub fn lying(
     scene: &Scene,
     config: &TwinConfig,
     positions: &[[f64; 3]],
-) -> Result<Twin, TwinError> {
+) -> Result<Twin, ValueError> {
     let mut twin = Twin::new(&scene.lamina, config)?;
     twin.set_positions(positions);
     for v in scene.initial.fixed.ones() {

@@ -1,5 +1,5 @@
 use super::bending::Bending;
-use super::config::{TwinConfig, TwinError};
+use super::config::TwinConfig;
 use super::contact::Contact;
 use super::energy::Energies;
 use super::frequency::{Bound, bound};
@@ -7,6 +7,7 @@ use super::law::Laws;
 use super::membrane::Membranes;
 use super::pack::{Field, WIDTH, zeros};
 use crate::fabric::Lamina;
+use crate::file::ValueError;
 use crate::math::Isa;
 
 /// Steps after which the bound on frequencies is refreshed and positions are checked: some
@@ -59,16 +60,11 @@ pub struct Twin {
 
 impl Twin {
     /// A lamina at rest. Fails with the key of the value that is out of range.
-    pub fn new(lamina: &Lamina, config: &TwinConfig) -> Result<Self, TwinError> {
+    pub fn new(lamina: &Lamina, config: &TwinConfig) -> Result<Self, ValueError> {
         config.check()?;
         let laws = Laws::new(&lamina.material);
-        if !laws.are_finite() {
-            return Err(TwinError {
-                key: "material",
-                found: lamina.material.name.clone(),
-                expected: "curves of finite slope".into(),
-            });
-        }
+        let (name, expected) = (&lamina.material.name, "curves of finite slope");
+        ValueError::unless(laws.are_finite(), "twin.material", name, expected)?;
         let count = lamina.vertex_count();
         let total: f64 = lamina.mass.iter().sum();
         let area: Vec<f64> = (lamina.mass.iter())
