@@ -1,6 +1,6 @@
 //! Bending: along yarns by second differences, beside membranes by the angle of hinges.
 
-use super::pack::{Block, Field, Lane, WIDTH, pack};
+use super::pack::{Block, Field, Lane, WIDTH, at, pack};
 use crate::fabric::{Family, Lamina};
 use crate::math::Vec3;
 
@@ -144,10 +144,7 @@ impl Bending {
 
 impl Hinge {
     fn corners(&self, x: &Field) -> [Vec3; 4] {
-        self.vertices.map(|v| {
-            let v = v as usize;
-            Vec3::new(x[0][v], x[1][v], x[2][v])
-        })
+        self.vertices.map(|v| at(x, v as usize))
     }
 }
 
