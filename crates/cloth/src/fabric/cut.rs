@@ -208,7 +208,7 @@ impl Cutter {
         self.nearest = nearest;
     }
 
-    /// Nodes at the corners of a cell, counter-clockwise from the least row and column; none
+    /// Nodes at the corners of a cell, counter-clockwise from the lowest row and column; none
     /// where they are not kept.
     fn corners(&self, cell: usize) -> [Option<u32>; 4] {
         let (row, column) = (cell / (self.columns - 1), cell % (self.columns - 1));
@@ -344,26 +344,22 @@ fn keep_parts(triangles: &mut [Vec<[u32; 3]>]) -> Result<(), CutFault> {
             }
         }
     }
-    let mut part = vec![usize::MAX; all.len()];
-    let mut sizes = Vec::new();
     let mut open = vec![true; all.len()];
-    for found in patches(&mut open, |index| neighbors[index].iter().copied()) {
-        for &index in &found {
-            part[index] = sizes.len();
-        }
-        sizes.push(found.len());
-    }
-    let largest = (0..sizes.len()).max_by_key(|&p| (sizes[p], usize::MAX - p));
+    let parts = patches(&mut open, |index| neighbors[index].iter().copied());
+    let largest = (0..parts.len()).max_by_key(|&p| (parts[p].len(), usize::MAX - p));
     let largest = largest.ok_or(CutFault::Empty)?;
-    let parts = (0..sizes.len())
-        .filter(|&p| p == largest || sizes[p] > TIP)
-        .count();
-    if parts > 1 {
-        return Err(CutFault::Parts(parts));
+    let is_part = |p: &usize| *p == largest || parts[*p].len() > TIP;
+    let count = (0..parts.len()).filter(is_part).count();
+    if count > 1 {
+        return Err(CutFault::Parts(count));
     }
-    let mut part = part.into_iter();
+    let mut is_kept = vec![false; all.len()];
+    for &index in &parts[largest] {
+        is_kept[index] = true;
+    }
+    let mut is_kept = is_kept.into_iter();
     for triangles in triangles {
-        triangles.retain(|_| part.next() == Some(largest));
+        triangles.retain(|_| is_kept.next() == Some(true));
     }
     Ok(())
 }

@@ -212,12 +212,12 @@ impl Lamina {
     }
 
     /// Pairs of triangles over every inner edge, for dihedral bending.
-    pub fn hinges(&self) -> Vec<Hinge> {
+    pub(crate) fn hinges(&self) -> Vec<Hinge> {
         self.hinges_beside(|_| true)
     }
 
     /// Those of [`Lamina::hinges`] with a membrane without yarns on at least one side.
-    pub fn membrane_hinges(&self) -> Vec<Hinge> {
+    pub(crate) fn membrane_hinges(&self) -> Vec<Hinge> {
         let membranes = self.membranes.iter().filter(|m| !m.has_yarns);
         let membranes: HashSet<_> = membranes.map(|m| m.vertices).collect();
         self.hinges_beside(|triangle| membranes.contains(&self.triangles[triangle]))

@@ -89,7 +89,7 @@ pub struct ShearLaw {
     pub negative: Curve,
 }
 
-/// Weight of the fabric for the two ways of counting it.
+/// Mass of the fabric by area, as two sources have it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArealMass {

@@ -157,7 +157,7 @@ fn point(content: &str) -> Option<Point> {
 }
 
 /// Refuses edges that meet others than at the point which they share with their neighbours.
-/// Edges are swept in the order of their least x.
+/// Edges are swept in the order of their smallest x.
 fn check_crossings(loops: &[Loop]) -> Result<(), (usize, String)> {
     let mut edges: Vec<Edge> = Vec::new();
     for (from, Loop { points, .. }) in loops.iter().enumerate() {

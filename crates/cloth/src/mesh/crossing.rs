@@ -109,16 +109,16 @@ mod tests {
     }
 
     #[test]
-    fn layers_on_each_other_and_lost_coordinates_do_not_count() {
+    fn layers_on_each_other_and_coordinates_that_are_no_numbers_do_not_count() {
         let flat = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let twice = [flat, flat].concat();
         assert_eq!(
             mesh(&twice, &[[0, 1, 2], [3, 4, 5]]).self_intersection_count(),
             0
         );
-        let lost = [[f64::NAN; 3]; 6];
+        let nowhere = [[f64::NAN; 3]; 6];
         assert_eq!(
-            mesh(&lost, &[[0, 1, 2], [3, 4, 5]]).self_intersection_count(),
+            mesh(&nowhere, &[[0, 1, 2], [3, 4, 5]]).self_intersection_count(),
             0
         );
         assert_eq!(mesh(&[], &[]).self_intersection_count(), 0);

@@ -9,7 +9,9 @@ mod vtk;
 
 pub use border::{OrientationFault, border};
 pub(crate) use patches::patches;
-pub use stl::{ReadStlError, read_stl, to_stl_bytes, write_stl};
+#[cfg(test)]
+pub(crate) use stl::to_stl_bytes;
+pub use stl::{ReadStlError, read_stl, write_stl};
 pub use vtk::write_vtk;
 
 use crate::math::Vec3;
@@ -74,7 +76,7 @@ impl TriMesh {
 
     /// Enclosed volume [m³], positive when the triangles face outwards. Meaningful for
     /// closed meshes only.
-    pub fn signed_volume(&self) -> f64 {
+    pub(crate) fn signed_volume(&self) -> f64 {
         // Measured from a point of the mesh: far from the origin the terms would cancel.
         let Some(&origin) = self.vertices.first() else {
             return 0.0;

@@ -83,7 +83,7 @@ impl Tool {
 
     /// [`Self::distance`] in every lane, inlined for the instruction set in use.
     #[inline(always)]
-    pub fn distance_in_lanes<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
+    pub(crate) fn distance_in_lanes<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
         let (phi, [a, b, c]) = self.grid.sample(x);
         let norm = (a * a + b * b + c * c).sqrt();
         let flat = norm.lt(V::of(1e-9));

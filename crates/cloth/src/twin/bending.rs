@@ -155,8 +155,8 @@ fn angle([a, b, c, d]: &[Vec3; 4]) -> Option<(f64, [Vec3; 4])> {
     let n1 = edge.cross(&(c - a));
     let n2 = (d - a).cross(&edge);
     let (length, square1, square2) = (edge.norm(), n1.norm_squared(), n2.norm_squared());
-    let least = FLAT * length.powi(4);
-    if !(square1 > least && square2 > least) {
+    let min = FLAT * length.powi(4);
+    if !(square1 > min && square2 > min) {
         return None;
     }
     let angle = (n1.cross(&n2).dot(&edge) / length).atan2(n1.dot(&n2));

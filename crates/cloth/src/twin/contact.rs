@@ -10,12 +10,12 @@ use super::energy::Energies;
 use crate::math::Vec3;
 use crate::tool::Tool;
 
-/// How far a vertex moves before its tangent plane is looked up anew [m]. On a tool of
+/// How far a vertex moves before its tangent plane is refreshed [m]. On a tool of
 /// radius R the plane is then off by its square over 2 R, 1e-7 m for 10 mm; over a sharp edge
 /// by as much as itself.
-const RENEWAL: f64 = 5e-5;
+const REFRESH: f64 = 5e-5;
 /// Distance for which the plane of a vertex under pressure gives the direction, far off [m].
-const PRESSED_RENEWAL: f64 = 1e-3;
+const PRESSED_REFRESH: f64 = 1e-3;
 /// Reach of tack [m].
 const TACK_RANGE: f64 = 2e-4;
 /// The interpolated distance may change by somewhat more than the displacement [-].
@@ -26,17 +26,17 @@ const LIPSCHITZ: f64 = 0.9;
 /// jump, cloth that lands softly would be set sliding by what is left over of its last step.
 const SLIP_SPEED: f64 = 2e-4;
 
-/// The tool's tangent plane near a vertex, while the vertex stays near where it was looked up.
+/// The tool's tangent plane near a vertex, while the vertex stays near where the plane was taken.
 #[derive(Clone, Copy)]
 struct Plane {
-    /// Where it was looked up [m].
+    /// Where it was taken [m].
     at: Vec3,
     /// Square of the displacement after which it is out of date [m^2]; negative for at once.
     reach: f64,
     normal: Vec3,
     /// Plane: normal . x = offset [m].
     offset: f64,
-    /// The vertex may touch the tool before the plane is renewed.
+    /// The vertex may touch the tool before the plane is refreshed.
     is_near: bool,
 }
 
@@ -117,7 +117,7 @@ impl Contact {
         let is_pressed = self.pressure[i] > 0.0;
         if (next - plane.at).norm_squared() > plane.reach {
             let range = if self.tack.is_some() { TACK_RANGE } else { 0.0 };
-            *plane = Plane::look_up(tool, x, range, is_pressed);
+            *plane = Plane::near(tool, x, range, is_pressed);
         }
         plane.is_near || is_pressed
     }
@@ -186,16 +186,16 @@ impl Contact {
 
 impl Plane {
     /// The tangent plane near `x` [m], and how long it may be used.
-    fn look_up(tool: &Tool, x: Vec3, range: f64, is_pressed: bool) -> Self {
+    fn near(tool: &Tool, x: Vec3, range: f64, is_pressed: bool) -> Self {
         let (height, normal) = tool.distance(x.into());
         let normal = Vec3::from(normal);
-        let is_near = height <= 2.0 * RENEWAL + range;
+        let is_near = height <= 2.0 * REFRESH + range;
         let mut reach = match is_near {
-            true => RENEWAL,
-            false => LIPSCHITZ * (height - RENEWAL - range),
+            true => REFRESH,
+            false => LIPSCHITZ * (height - REFRESH - range),
         };
         if is_pressed {
-            reach = reach.min(PRESSED_RENEWAL);
+            reach = reach.min(PRESSED_REFRESH);
         }
         Self {
             at: x,

@@ -240,7 +240,7 @@ impl Twin {
                 + self.bending.energy(&self.x),
             ..Energies::default()
         };
-        // Every step begins with no forces: these are in nobody's way.
+        // For the strains alone: every step begins with no forces.
         let pass = self.membranes.add_forces(&self.x, &mut self.f, None);
         self.peak = pass.peak;
         self.membranes.forget();
