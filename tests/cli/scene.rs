@@ -237,16 +237,16 @@ fn values_out_of_range_are_located() {
         ),
         (
             "[tool.pose]\nrotation_deg = [0, 0, nan]",
-            &["pose.rotation_deg is NaN"],
+            &["`pose.rotation_deg` is NaN"],
         ),
-        ("[tool.grid]\nspacing_mm = 0", &["grid.spacing_mm is 0"]),
+        ("[tool.grid]\nspacing_mm = 0", &["`grid.spacing_mm` is 0"]),
         (
             "[tool.grid]\nspacing_mm = 0.01",
             &["grid of", "increase grid.spacing_mm"],
         ),
         (
             "[tool.source.shape]\nkind = \"plate\"\nbase_mm = inf",
-            &["plate.base_mm is inf"],
+            &["`plate.base_mm` is inf"],
         ),
         (
             "[tool.source.stl]\npath = \"a.stl\"\nscale = -1",

@@ -10,8 +10,7 @@ use drape_cloth::fabric::{Drape, Family};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::mesh::compare::{
-    ContourDeviation, Foot, Sheet, SheetError, Spread, WrinkleFilter, contour_deviation,
-    vertex_areas, wrinkles,
+    ContourDeviation, Foot, Sheet, SheetError, Spread, WrinkleFilter, contour_deviation, wrinkles,
 };
 use drape_cloth::tool::Surface;
 
@@ -195,7 +194,7 @@ fn parts(
     let mut beyond = [0.0; 2];
     let mut topology = [None; 2];
     for (k, surface) in [a, b].into_iter().enumerate() {
-        let areas = vertex_areas(&surface.mesh);
+        let areas = surface.mesh.vertex_areas();
         let chosen = || {
             let all = feet[k].iter().zip(&areas).enumerate();
             all.filter(|(v, _)| has(surface, *v)).map(|(_, pair)| pair)
@@ -236,7 +235,7 @@ fn counterpart(flat: &Sheet, [x, y]: [f64; 2]) -> Option<Foot> {
 
 /// Distance [mm] between the places of the same material points, with their rest areas.
 fn point_distances(a: &Drape, b: &Drape, flat: &Sheet, part: Part) -> Vec<(f64, f64)> {
-    let areas = vertex_areas(&a.flat());
+    let areas = a.flat().vertex_areas();
     let vertices = (0..a.rest.len()).filter(|&v| part.has(a.rest[v]));
     vertices
         .filter_map(|v| {
@@ -345,7 +344,7 @@ fn tooling(mesh: &TriMesh, tool: &Surface, gap: f64) -> Tooling {
         .iter()
         .map(|&x| tool.signed_distance(x))
         .collect();
-    let areas = vertex_areas(mesh);
+    let areas = mesh.vertex_areas();
     let open = phi.iter().zip(&areas).filter(|(phi, _)| **phi > gap);
     let bridged = open.fold(0.0, |sum, (_, area)| sum + area);
     let total: f64 = areas.iter().sum();

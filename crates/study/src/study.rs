@@ -8,9 +8,10 @@ use rayon::prelude::*;
 
 use crate::table::Table;
 use drape_cloth::fabric::Lamina;
+use drape_cloth::file::ValueError;
 use drape_cloth::mesh::compare::SheetError;
 use drape_cloth::scene::{SceneConfig, SceneError};
-use drape_cloth::twin::{Diverged, TwinError};
+use drape_cloth::twin::Diverged;
 use drape_report::{Chart, Image, ReportError};
 use drape_task::env::{EnvConfig, EnvError};
 
@@ -139,7 +140,7 @@ pub enum StudyError {
     #[error("{}", as_option(.0))]
     Env(#[from] EnvError),
     #[error(transparent)]
-    Twin(#[from] TwinError),
+    Twin(#[from] ValueError),
     /// A run folder or a file that cannot be read.
     #[error(transparent)]
     Read(Failed),

@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::outline::OutlineError;
+use crate::file::ValueError;
 
 /// Which areal mass a blank has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -58,12 +59,8 @@ impl Default for BlankConfig {
 /// A blank that cannot be cut.
 #[derive(Debug, thiserror::Error)]
 pub enum BlankError {
-    #[error("`blank.{key}` is {found}, expected {expected}")]
-    Value {
-        key: &'static str,
-        found: String,
-        expected: &'static str,
-    },
+    #[error(transparent)]
+    Value(#[from] ValueError),
     /// Cells that are larger than what the outline shows.
     #[error("`blank.{key}` is {found}, expected cells finer than the features of {blank}: {fault}")]
     Coarse {
@@ -92,8 +89,8 @@ pub enum CutFault {
     Fine(usize),
 }
 
-/// Most vertices along a side.
-pub(super) const MOST_VERTICES: usize = 1025;
+/// Greatest number of vertices along a side.
+pub(super) const MAX_VERTICES: usize = 1025;
 
 impl BlankConfig {
     /// Whether the blank is the rectangle, and its sides are yarns.
@@ -102,42 +99,31 @@ impl BlankConfig {
     }
 
     /// Checks all values that do not depend on the outline.
-    pub(super) fn check(&self) -> Result<(), BlankError> {
-        let fail = |key, found: String, expected| {
-            Err(BlankError::Value {
-                key,
-                found,
-                expected,
-            })
-        };
-        if !self
-            .vertices
-            .iter()
-            .all(|n| (2..=MOST_VERTICES).contains(n))
-        {
-            let found = format!("{:?}", self.vertices);
-            return fail("vertices", found, "two numbers from 2 to 1025");
-        }
-        let range = 1.0..=100_000.0;
-        if !self.size_mm.iter().all(|s| range.contains(s)) {
-            let found = format!("{:?}", self.size_mm);
-            return fail("size_mm", found, "two lengths from 1 to 100000 mm");
-        }
-        if let Some(cell) = self.cell_mm
-            && !(0.01..=10_000.0).contains(&cell)
-        {
-            return fail(
-                "cell_mm",
-                cell.to_string(),
-                "a length from 0.01 to 10000 mm",
-            );
+    pub(super) fn check(&self) -> Result<(), ValueError> {
+        let Self {
+            size_mm, vertices, ..
+        } = self;
+        let is_countable = vertices.iter().all(|n| (2..=MAX_VERTICES).contains(n));
+        let found = format!("{vertices:?}");
+        let expected = "two numbers from 2 to 1025";
+        ValueError::unless(is_countable, "blank.vertices", found, expected)?;
+        let is_long = size_mm.iter().all(|s| (1.0..=100_000.0).contains(s));
+        let found = format!("{size_mm:?}");
+        let expected = "two lengths from 1 to 100000 mm";
+        ValueError::unless(is_long, "blank.size_mm", found, expected)?;
+        if let Some(cell) = self.cell_mm {
+            let expected = "a length from 0.01 to 10000 mm";
+            let is_valid = (0.01..=10_000.0).contains(&cell);
+            ValueError::unless(is_valid, "blank.cell_mm", cell, expected)?;
         }
         let angle = self.yarn_angle_deg;
-        if !(-360.0..=360.0).contains(&angle) {
-            let expected = "an angle within +-360 degrees";
-            return fail("yarn_angle_deg", angle.to_string(), expected);
-        }
-        Ok(())
+        let expected = "an angle within +-360 degrees";
+        ValueError::unless(
+            angle.abs() <= 360.0,
+            "blank.yarn_angle_deg",
+            angle,
+            expected,
+        )
     }
 
     /// Sides of a cell along warp and weft [m].
@@ -155,11 +141,8 @@ impl BlankConfig {
             None => ("vertices", format!("{:?}", self.vertices)),
         };
         if let CutFault::Fine(_) = fault {
-            return BlankError::Value {
-                key,
-                found,
-                expected: "cells of which at most 1024 lie along the blank",
-            };
+            let expected = "cells of which at most 1024 lie along the blank";
+            return ValueError::new(&format!("blank.{key}"), found, expected).into();
         }
         let blank = match &self.outline {
             Some(path) => path.display().to_string(),

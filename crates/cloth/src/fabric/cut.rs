@@ -7,9 +7,11 @@
 
 use std::collections::BTreeMap;
 
-use super::blank::{CutFault, MOST_VERTICES};
+use super::blank::{CutFault, MAX_VERTICES};
 use super::grid::Grid;
-use super::outline::{Outline, Point};
+use crate::mesh::patches;
+
+use super::outline::{Outline, Point, crossing, sides};
 
 /// A node outside the outline by less than this becomes a vertex. Around 0.35 the rows at a
 /// border in any direction end about as far inside the outline as outside, and triangles are
@@ -22,7 +24,7 @@ const CORNER: f64 = 0.866;
 /// Least quality of a triangle, 4 sqrt 3 area / (sum of squared sides), which is 1 if all
 /// sides are equal and 0.87 for half a square. No angle is then below 13 degrees. Where it
 /// would be missed, vertices stay short of the outline.
-pub(super) const LEAST_QUALITY: f64 = 0.4;
+pub(super) const MIN_QUALITY: f64 = 0.4;
 /// A vertex that moves less than this stays where it is.
 const STILL: f64 = 1e-6;
 /// Parts of the mesh of up to this many triangles are tips thinner than a cell, and dropped.
@@ -54,13 +56,12 @@ impl Cells {
     /// A rectangle of `size` [m] around the origin, its sides along the grid.
     pub fn rectangle(size: [f64; 2], [columns, rows]: [usize; 2], cell: [f64; 2]) -> Self {
         let place = |v: usize| {
-            [
-                (v % columns) as f64 * cell[0] - 0.5 * size[0],
-                (v / columns) as f64 * cell[1] - 0.5 * size[1],
-            ]
+            let [s, t] = [v % columns, v / columns].map(|k| k as f64);
+            [s * cell[0] - 0.5 * size[0], t * cell[1] - 0.5 * size[1]]
         };
+        let nodes = 0..(rows * columns) as u32;
         Self {
-            grid: Grid::full([columns, rows], cell),
+            grid: Grid::new([columns, rows], cell, nodes.collect()),
             rest: (0..rows * columns).map(place).collect(),
             cells: vec![Cell::Whole; (rows - 1) * (columns - 1)],
         }
@@ -72,18 +73,14 @@ impl Cells {
         let turned =
             outline.mapped(|[x, y]| [(cos * x + sin * y) / cell[0], (cos * y - sin * x) / cell[1]]);
         let fold = |k: usize, f: fn(f64, f64) -> f64| {
-            turned
-                .iter()
-                .flatten()
-                .map(|p| p[k])
-                .reduce(f)
-                .expect("has points")
+            let along = turned.iter().flatten().map(|p| p[k]);
+            along.reduce(f).expect("has points")
         };
         let low = [0, 1].map(|k| fold(k, f64::min));
         let extent = [0, 1].map(|k| fold(k, f64::max) - low[k]);
         // A hair less, so that rounding does not add a column beside the outline.
         let [columns, rows] = extent.map(|e| ((e - STILL).ceil() as usize + 1).max(2));
-        if columns.max(rows) > MOST_VERTICES {
+        if columns.max(rows) > MAX_VERTICES {
             return Err(CutFault::Fine(columns.max(rows)));
         }
         let counts = [columns, rows];
@@ -99,13 +96,7 @@ impl Cells {
             let [s, t] = [(s + origin[0]) * cell[0], (t + origin[1]) * cell[1]];
             [cos * s - sin * t, sin * s + cos * t]
         };
-        let mut nodes: Vec<u32> = snapped
-            .triangles
-            .iter()
-            .flatten()
-            .flatten()
-            .copied()
-            .collect();
+        let mut nodes: Vec<u32> = snapped.triangles.concat().concat();
         nodes.sort_unstable();
         nodes.dedup();
         let grid = Grid::new(counts, cell, nodes.clone());
@@ -114,28 +105,19 @@ impl Cells {
             grid.vertex_at(node / columns, node % columns)
                 .expect("it is one of the nodes")
         };
-        let cells = snapped
-            .triangles
-            .iter()
-            .map(|triangles| {
-                let moved = triangles
-                    .iter()
-                    .flatten()
-                    .any(|&n| snapped.moved[n as usize]);
-                if triangles.len() == 2 && !moved {
-                    return Cell::Whole;
-                }
-                match triangles[..] {
-                    [half] if !moved => Cell::Half(half.map(vertex)),
-                    _ => Cell::Cut(triangles.iter().map(|t| t.map(vertex)).collect()),
-                }
-            })
-            .collect();
+        let cells = snapped.triangles.iter().map(|triangles| {
+            let mut nodes = triangles.iter().flatten();
+            let moved = nodes.any(|&n| snapped.moved[n as usize]);
+            match triangles[..] {
+                [_, _] if !moved => Cell::Whole,
+                [half] if !moved => Cell::Half(half.map(vertex)),
+                _ => Cell::Cut(triangles.iter().map(|t| t.map(vertex)).collect()),
+            }
+        });
+        let cells = cells.collect();
+        let rest = nodes.iter().map(|&n| place(snapped.position[n as usize]));
         Ok(Self {
-            rest: nodes
-                .iter()
-                .map(|&n| place(snapped.position[n as usize]))
-                .collect(),
+            rest: rest.collect(),
             grid,
             cells,
         })
@@ -184,30 +166,20 @@ impl Cutter {
     }
 
     fn edges(&self) -> impl Iterator<Item = [Point; 2]> + '_ {
-        self.loops.iter().flat_map(|one| {
-            let next = one.iter().cycle().skip(1);
-            one.iter().zip(next).map(|(&a, &b)| [a, b])
-        })
+        self.loops.iter().flat_map(|one| sides(one))
     }
 
     /// Keeps the nodes between an odd and an even crossing of their row with the outline.
     fn find_inside(&mut self) {
         for row in 0..self.rows {
             let y = row as f64;
-            let mut crossings: Vec<f64> = self
-                .edges()
-                .filter(|[a, b]| (a[1] <= y) != (b[1] <= y))
-                .map(|[a, b]| a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
-                .collect();
+            let crossings = self.edges().filter_map(|edge| crossing(edge, y));
+            let mut crossings: Vec<f64> = crossings.collect();
             crossings.sort_by(f64::total_cmp);
             for pair in crossings.chunks_exact(2) {
                 let first = pair[0].ceil().max(0.0) as usize;
-                for column in first..self.columns {
-                    if column as f64 > pair[1] {
-                        break;
-                    }
-                    self.kept[row * self.columns + column] = true;
-                }
+                let columns = (first..self.columns).take_while(|&c| c as f64 <= pair[1]);
+                columns.for_each(|column| self.kept[row * self.columns + column] = true);
             }
         }
     }
@@ -236,7 +208,7 @@ impl Cutter {
         self.nearest = nearest;
     }
 
-    /// Nodes at the corners of a cell, counter-clockwise from the least row and column; none
+    /// Nodes at the corners of a cell, counter-clockwise from the lowest row and column; none
     /// where they are not kept.
     fn corners(&self, cell: usize) -> [Option<u32>; 4] {
         let (row, column) = (cell / (self.columns - 1), cell % (self.columns - 1));
@@ -270,19 +242,15 @@ impl Cutter {
 
     /// Where the nodes of the border go.
     fn targets(&self, border: &[usize]) -> BTreeMap<usize, Point> {
-        let mut targets: BTreeMap<usize, Point> = border
-            .iter()
-            .filter_map(|&node| {
-                let near = self.nearest[node]?;
-                (distance(near, self.place(node)) < REACH).then_some((node, near))
-            })
-            .collect();
+        let near = border.iter().filter_map(|&node| {
+            let near = self.nearest[node]?;
+            (distance(near, self.place(node)) < REACH).then_some((node, near))
+        });
+        let mut targets: BTreeMap<usize, Point> = near.collect();
         let mut taken: BTreeMap<usize, Point> = BTreeMap::new();
         for corner in self.loops.iter().flat_map(|one| corners(one)) {
-            let nearest = border
-                .iter()
-                .map(|&node| (distance(corner, self.place(node)), node))
-                .min_by(|a, b| a.0.total_cmp(&b.0));
+            let away = |&node: &usize| (distance(corner, self.place(node)), node);
+            let nearest = border.iter().map(away).min_by(|a, b| a.0.total_cmp(&b.0));
             let Some((away, node)) = nearest.filter(|(away, _)| *away < REACH) else {
                 continue;
             };
@@ -296,8 +264,8 @@ impl Cutter {
         targets
     }
 
-    /// Moves nodes to their targets, or a part of the way where triangles would become worse
-    /// than [`LEAST_QUALITY`]. Without any way all triangles are halves of cells, so this ends.
+    /// Moves nodes to their targets, or part of the distance where triangles would become worse
+    /// than [`MIN_QUALITY`]. Without any motion all triangles are halves of cells, so this ends.
     fn snap(&self, mut triangles: Vec<Vec<[u32; 3]>>, targets: &BTreeMap<usize, Point>) -> Snapped {
         let mut share: BTreeMap<usize, f64> = targets.keys().map(|&node| (node, 1.0)).collect();
         let mut position: Vec<Point> = (0..self.kept.len()).map(|n| self.place(n)).collect();
@@ -314,7 +282,7 @@ impl Cutter {
                 if triangles.len() == 2 {
                     *triangles = fill(corners, at);
                 }
-                bad.extend(triangles.iter().filter(|t| at(t) < LEAST_QUALITY).flatten());
+                bad.extend(triangles.iter().filter(|t| at(t) < MIN_QUALITY).flatten());
             }
             bad.sort_unstable();
             bad.dedup();
@@ -364,7 +332,7 @@ fn keep_parts(triangles: &mut [Vec<[u32; 3]>]) -> Result<(), CutFault> {
     let mut beside: BTreeMap<[u32; 2], usize> = BTreeMap::new();
     let mut neighbors = vec![Vec::new(); all.len()];
     for (index, t) in all.iter().enumerate() {
-        for [a, b] in sides(t) {
+        for [a, b] in directed(t) {
             match beside.remove(&[b, a]) {
                 Some(other) => {
                     neighbors[index].push(other);
@@ -376,51 +344,34 @@ fn keep_parts(triangles: &mut [Vec<[u32; 3]>]) -> Result<(), CutFault> {
             }
         }
     }
-    let mut part = vec![usize::MAX; all.len()];
-    let mut sizes = Vec::new();
-    for start in 0..all.len() {
-        if part[start] != usize::MAX {
-            continue;
-        }
-        part[start] = sizes.len();
-        let mut found = vec![start];
-        let mut next = 0;
-        while let Some(&index) = found.get(next) {
-            for &other in &neighbors[index] {
-                if part[other] == usize::MAX {
-                    part[other] = sizes.len();
-                    found.push(other);
-                }
-            }
-            next += 1;
-        }
-        sizes.push(found.len());
+    let mut open = vec![true; all.len()];
+    let parts = patches(&mut open, |index| neighbors[index].iter().copied());
+    let largest = (0..parts.len()).max_by_key(|&p| (parts[p].len(), usize::MAX - p));
+    let largest = largest.ok_or(CutFault::Empty)?;
+    let is_part = |p: &usize| *p == largest || parts[*p].len() > TIP;
+    let count = (0..parts.len()).filter(is_part).count();
+    if count > 1 {
+        return Err(CutFault::Parts(count));
     }
-    let largest = (0..sizes.len()).max_by_key(|&p| (sizes[p], usize::MAX - p));
-    let Some(largest) = largest else {
-        return Err(CutFault::Empty);
-    };
-    let parts = (0..sizes.len())
-        .filter(|&p| p == largest || sizes[p] > TIP)
-        .count();
-    if parts > 1 {
-        return Err(CutFault::Parts(parts));
+    let mut is_kept = vec![false; all.len()];
+    for &index in &parts[largest] {
+        is_kept[index] = true;
     }
-    let mut part = part.into_iter();
+    let mut is_kept = is_kept.into_iter();
     for triangles in triangles {
-        triangles.retain(|_| part.next() == Some(largest));
+        triangles.retain(|_| is_kept.next() == Some(true));
     }
     Ok(())
 }
 
-fn sides(t: &[u32; 3]) -> [[u32; 2]; 3] {
+fn directed(t: &[u32; 3]) -> [[u32; 2]; 3] {
     [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]
 }
 
 /// Sides that belong to one triangle only, by their first node.
 fn border(triangles: &[Vec<[u32; 3]>]) -> Vec<[u32; 2]> {
     let mut open = std::collections::BTreeSet::new();
-    for [a, b] in triangles.iter().flatten().flat_map(sides) {
+    for [a, b] in triangles.iter().flatten().flat_map(directed) {
         if !open.remove(&[b, a]) {
             open.insert([a, b]);
         }
@@ -469,7 +420,7 @@ fn nearest_on(a: Point, b: Point, p: Point) -> Point {
     [a[0] + along * u[0], a[1] + along * u[1]]
 }
 
-/// See [`LEAST_QUALITY`]; negative for triangles that are turned over.
+/// See [`MIN_QUALITY`]; negative for triangles that are turned over.
 fn quality([a, b, c]: [Point; 3]) -> f64 {
     let area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
     let squares = distance(a, b).powi(2) + distance(b, c).powi(2) + distance(c, a).powi(2);

@@ -31,12 +31,6 @@ impl Grid {
         }
     }
 
-    /// A grid with a vertex everywhere.
-    pub fn full([columns, rows]: [usize; 2], cell: [f64; 2]) -> Self {
-        let nodes = (0..(rows * columns) as u32).collect();
-        Self::new([columns, rows], cell, nodes)
-    }
-
     /// The vertex at a place; none where the blank has been cut away.
     pub fn vertex_at(&self, row: usize, column: usize) -> Option<u32> {
         self.vertices[row * self.columns + column]

@@ -2,20 +2,15 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::file::{ReadTomlError, parse_toml, read_toml};
+use crate::file::{ReadTomlError, ValueError, parse_toml, read_toml};
 
 /// A material file could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum MaterialError {
     #[error(transparent)]
     Read(#[from] ReadTomlError),
-    #[error("{path}: `{key}` is {found}, expected {expected}", path = path.display())]
-    Value {
-        path: PathBuf,
-        key: &'static str,
-        found: String,
-        expected: &'static str,
-    },
+    #[error("{}: {fault}", path.display())]
+    Value { path: PathBuf, fault: ValueError },
 }
 
 /// A piecewise linear law through [strain, stress] points; stress in MPa as in the file.
@@ -94,7 +89,7 @@ pub struct ShearLaw {
     pub negative: Curve,
 }
 
-/// Weight of the fabric for the two ways of counting it.
+/// Mass of the fabric by area, as two sources have it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArealMass {
@@ -122,9 +117,7 @@ const INTERGLAS_92125: &str = include_str!("../../../../configs/materials/interg
 impl Material {
     /// Reads and checks a material file.
     pub fn read(path: &Path) -> Result<Self, MaterialError> {
-        let material: Self = read_toml(path)?;
-        material.check(path)?;
-        Ok(material)
+        Self::checked(read_toml(path)?, path)
     }
 
     /// The fabric of the paper, Interglas 92125.
@@ -137,60 +130,45 @@ impl Material {
     }
 
     fn parse(text: &str, path: &Path) -> Result<Self, MaterialError> {
-        let material: Self = parse_toml(text, path).map_err(ReadTomlError::from)?;
-        material.check(path)?;
-        Ok(material)
+        Self::checked(parse_toml(text, path).map_err(ReadTomlError::from)?, path)
     }
 
-    fn check(&self, path: &Path) -> Result<(), MaterialError> {
-        let curves = [
+    fn checked(self, path: &Path) -> Result<Self, MaterialError> {
+        let path = path.into();
+        match self.check() {
+            Ok(()) => Ok(self),
+            Err(fault) => Err(MaterialError::Value { path, fault }),
+        }
+    }
+
+    fn check(&self) -> Result<(), ValueError> {
+        for (key, curve) in [
             ("warp.tension", &self.warp.tension),
             ("warp.compression", &self.warp.compression),
             ("weft.tension", &self.weft.tension),
             ("weft.compression", &self.weft.compression),
             ("shear.positive", &self.shear.positive),
             ("shear.negative", &self.shear.negative),
-        ];
-        for (key, curve) in curves {
-            if !curve.is_valid() {
-                return Err(MaterialError::Value {
-                    path: path.into(),
-                    key,
-                    found: format!("{:?}", curve.0),
-                    expected: "finite points from [0, 0] on, both coordinates growing",
-                });
-            }
+        ] {
+            let expected = "finite points from [0, 0] on, both coordinates growing";
+            ValueError::unless(curve.is_valid(), key, format!("{:?}", curve.0), expected)?;
         }
-        let positive = [
+        for (key, value) in [
             ("thickness_mm", self.thickness_mm),
             ("areal_mass_g_m2.paper", self.areal_mass_g_m2.paper),
             ("areal_mass_g_m2.datasheet", self.areal_mass_g_m2.datasheet),
-        ];
-        for (key, value) in positive {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(MaterialError::Value {
-                    path: path.into(),
-                    key,
-                    found: value.to_string(),
-                    expected: "a number > 0",
-                });
-            }
+        ] {
+            let is_valid = value > 0.0 && value.is_finite();
+            ValueError::unless(is_valid, key, value, "a number > 0")?;
         }
-        let friction = [
+        for (key, value) in [
             ("warp.static_friction", self.warp.static_friction),
             ("warp.dynamic_friction", self.warp.dynamic_friction),
             ("weft.static_friction", self.weft.static_friction),
             ("weft.dynamic_friction", self.weft.dynamic_friction),
-        ];
-        for (key, value) in friction {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(MaterialError::Value {
-                    path: path.into(),
-                    key,
-                    found: value.to_string(),
-                    expected: "a number >= 0",
-                });
-            }
+        ] {
+            let is_valid = value >= 0.0 && value.is_finite();
+            ValueError::unless(is_valid, key, value, "a number >= 0")?;
         }
         Ok(())
     }

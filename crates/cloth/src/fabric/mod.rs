@@ -17,9 +17,9 @@ mod outline;
 mod state;
 
 pub use blank::{BlankConfig, BlankError, CutFault, MassModel};
-pub use colors::color;
+pub(crate) use colors::color;
 pub use lamina::{Diagonal, Hinge, Lamina, Yarn};
 pub use material::{ArealMass, Curve, Family, Material, MaterialError, ShearLaw, YarnLaw};
 pub use membrane::Membrane;
-pub use outline::{Outline, OutlineError, OutlineFault};
-pub use state::{Drape, DrapeFault, ReadDrapeError, Tangents};
+pub use outline::{Outline, OutlineError};
+pub use state::{Drape, ReadDrapeError, Tangents};

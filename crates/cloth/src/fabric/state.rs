@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::lamina::Lamina;
+use super::material::Family;
 use super::membrane::Membrane;
-use super::{Family, Lamina};
 use crate::file::{WriteError, write_atomic};
 use crate::math::Vec3;
 use crate::mesh::TriMesh;
@@ -43,35 +44,7 @@ pub enum ReadDrapeError {
         source: serde_json::Error,
     },
     #[error("{}: {fault}", path.display())]
-    Fault { path: PathBuf, fault: DrapeFault },
-}
-
-/// What is wrong with the content of a state file. Vertices and triangles count from 0.
-#[derive(Debug, PartialEq, thiserror::Error)]
-pub enum DrapeFault {
-    #[error("`format` is {0:?}, expected {FORMAT:?}")]
-    Format(String),
-    #[error("`warp` is {0:?}, expected a unit vector")]
-    Warp([f64; 2]),
-    #[error("`position` has {found} vertices, expected {expected} as `rest` has")]
-    Count { found: usize, expected: usize },
-    #[error("vertex {vertex}: found {found:?}, expected numbers within +-1000 m")]
-    Number { vertex: usize, found: Vec<f64> },
-    #[error("`triangles` is empty, expected at least one")]
-    Empty,
-    #[error("triangle {triangle} has vertex {found}, expected one below {count}")]
-    Vertex {
-        triangle: usize,
-        found: u32,
-        count: usize,
-    },
-    #[error(
-        "triangle {triangle} has area {area} m^2 on the flat blank, expected one above 0, \
-         counter-clockwise"
-    )]
-    Area { triangle: usize, area: f64 },
-    #[error("vertex {0} is in no triangle, expected it in one at least")]
-    Loose(usize),
+    Fault { path: PathBuf, fault: String },
 }
 
 /// How a piece of fabric has been stretched: the images of unit vectors along the yarns.
@@ -112,77 +85,79 @@ impl Drape {
             path: path.into(),
             source,
         })?;
-        match drape.fault() {
-            None => Ok(drape),
-            Some(fault) => Err(ReadDrapeError::Fault {
+        match drape.check() {
+            Ok(()) => Ok(drape),
+            Err(fault) => Err(ReadDrapeError::Fault {
                 path: path.into(),
                 fault,
             }),
         }
     }
 
-    fn fault(&self) -> Option<DrapeFault> {
+    /// Says what is wrong. Vertices and triangles count from 0.
+    fn check(&self) -> Result<(), String> {
         if self.format != FORMAT {
-            return Some(DrapeFault::Format(self.format.clone()));
+            let found = &self.format;
+            return Err(format!("`format` is {found:?}, expected {FORMAT:?}"));
         }
-        let length = self.warp[0].hypot(self.warp[1]);
+        let warp = self.warp;
+        let length = warp[0].hypot(warp[1]);
         if length.is_nan() || (length - 1.0).abs() > 1e-6 {
-            return Some(DrapeFault::Warp(self.warp));
+            return Err(format!("`warp` is {warp:?}, expected a unit vector"));
         }
-        let (found, expected) = (self.position.len(), self.rest.len());
-        if found != expected {
-            return Some(DrapeFault::Count { found, expected });
+        let (found, count) = (self.position.len(), self.rest.len());
+        if found != count {
+            return Err(format!(
+                "`position` has {found} vertices, expected {count} as `rest` has"
+            ));
         }
         if self.triangles.is_empty() {
-            return Some(DrapeFault::Empty);
+            return Err("`triangles` is empty, expected at least one".into());
         }
-        let far = |x: &f64| x.is_nan() || x.abs() > 1e3;
         for (vertex, (rest, position)) in self.rest.iter().zip(&self.position).enumerate() {
-            if rest.iter().chain(position).any(far) {
-                let found = rest.iter().chain(position).copied().collect();
-                return Some(DrapeFault::Number { vertex, found });
+            let found: Vec<f64> = rest.iter().chain(position).copied().collect();
+            if !found.iter().all(|x| x.abs() <= 1e3) {
+                return Err(format!(
+                    "vertex {vertex}: found {found:?}, expected numbers within +-1000 m"
+                ));
             }
         }
-        let count = self.rest.len();
         let mut is_used = vec![false; count];
         for (triangle, corners) in self.triangles.iter().enumerate() {
-            if let Some(&found) = corners.iter().find(|&&v| v as usize >= count) {
-                return Some(DrapeFault::Vertex {
-                    triangle,
-                    found,
-                    count,
-                });
+            if let Some(found) = corners.iter().find(|&&v| v as usize >= count) {
+                return Err(format!(
+                    "triangle {triangle} has vertex {found}, expected one below {count}"
+                ));
             }
             let area = self.rest_area(triangle);
             if area <= 0.0 {
-                return Some(DrapeFault::Area { triangle, area });
+                return Err(format!(
+                    "triangle {triangle} has area {area} m^2 on the flat blank, expected one \
+                     above 0, counter-clockwise"
+                ));
             }
             for &v in corners {
                 is_used[v as usize] = true;
             }
         }
         // Without an area it would weigh nothing in means, and yet be the farthest of all.
-        is_used.iter().position(|used| !used).map(DrapeFault::Loose)
+        match is_used.iter().position(|used| !used) {
+            Some(loose) => Err(format!(
+                "vertex {loose} is in no triangle, expected it in one at least"
+            )),
+            None => Ok(()),
+        }
     }
 
     /// The draped blank.
     pub fn mesh(&self) -> TriMesh {
-        TriMesh {
-            vertices: self.position.iter().map(|&x| Vec3::from(x)).collect(),
-            triangles: self.triangles.clone(),
-        }
+        TriMesh::new(&self.position, &self.triangles)
     }
 
     /// The flat blank, at height 0.
     pub fn flat(&self) -> TriMesh {
-        TriMesh {
-            vertices: self
-                .rest
-                .iter()
-                .map(|r| Vec3::new(r[0], r[1], 0.0))
-                .collect(),
-            triangles: self.triangles.clone(),
-        }
+        let flat: Vec<_> = self.rest.iter().map(|&[x, y]| [x, y, 0.0]).collect();
+        TriMesh::new(&flat, &self.triangles)
     }
 
     /// Area of a triangle on the flat blank [m^2].
@@ -231,8 +206,8 @@ impl Tangents {
     }
 
     /// Angle [rad] between the yarns of one family here and in `reference`, both seen in the
-    /// tangent plane of the reference. A right angle where that plane or a direction in it is
-    /// lost: the yarns then have nothing to do with each other.
+    /// tangent plane of the reference. A right angle where there is no
+    /// such plane or direction: the yarns then have nothing to do with each other.
     pub fn angle(&self, reference: &Self, family: Family) -> f64 {
         let pick = |tangents: &Self| match family {
             Family::Warp => tangents.warp,

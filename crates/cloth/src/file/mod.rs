@@ -7,7 +7,9 @@
 //! [`read_toml`].
 
 mod toml;
+mod value;
 mod write;
 
 pub use toml::{ParseError, ReadTomlError, parse_toml, parse_toml_with, read_toml};
+pub use value::ValueError;
 pub use write::{WriteError, check_writable, write_atomic};

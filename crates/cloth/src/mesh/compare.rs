@@ -15,20 +15,5 @@ pub use sheet::{Foot, Sheet, SheetError};
 pub use spread::Spread;
 pub use wrinkles::{WrinkleFilter, Wrinkles, wrinkles};
 
-use super::TriMesh;
-
-/// A third of the area of every triangle at each vertex [m²].
-pub fn vertex_areas(mesh: &TriMesh) -> Vec<f64> {
-    let mut areas = vec![0.0; mesh.vertices.len()];
-    for (t, triangle) in mesh.triangles.iter().enumerate() {
-        let [a, b, c] = mesh.corners(t);
-        let third = (b - a).cross(&(c - a)).norm() / 6.0;
-        for &v in triangle {
-            areas[v as usize] += third;
-        }
-    }
-    areas
-}
-
 #[cfg(test)]
 mod tests;

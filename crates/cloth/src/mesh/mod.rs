@@ -3,11 +3,15 @@
 mod border;
 pub mod compare;
 mod crossing;
+mod patches;
 mod stl;
 mod vtk;
 
 pub use border::{OrientationFault, border};
-pub use stl::{ReadStlError, StlFault, read_stl, to_stl_bytes, write_stl};
+pub(crate) use patches::patches;
+#[cfg(test)]
+pub(crate) use stl::to_stl_bytes;
+pub use stl::{ReadStlError, read_stl, write_stl};
 pub use vtk::write_vtk;
 
 use crate::math::Vec3;
@@ -23,14 +27,20 @@ pub struct TriMesh {
 }
 
 impl TriMesh {
+    /// The mesh of `triangles` with its vertices at `position` [m].
+    pub fn new(position: &[[f64; 3]], triangles: &[[u32; 3]]) -> Self {
+        Self {
+            vertices: position.iter().map(|&x| Vec3::from(x)).collect(),
+            triangles: triangles.to_vec(),
+        }
+    }
+
     /// Area-weighted vertex normals, unit length; zero where a vertex has no area.
     pub fn vertex_normals(&self) -> Vec<Vec3> {
         let mut normals = vec![Vec3::zeros(); self.vertices.len()];
-        for triangle in &self.triangles {
-            let [a, b, c] = triangle.map(|i| self.vertices[i as usize]);
-            let twice_area = (b - a).cross(&(c - a));
-            for &i in triangle {
-                normals[i as usize] += twice_area;
+        for (triangle, area) in self.triangles.iter().zip(self.area_vectors()) {
+            for &v in triangle {
+                normals[v as usize] += area;
             }
         }
         for normal in &mut normals {
@@ -66,7 +76,7 @@ impl TriMesh {
 
     /// Enclosed volume [m³], positive when the triangles face outwards. Meaningful for
     /// closed meshes only.
-    pub fn signed_volume(&self) -> f64 {
+    pub(crate) fn signed_volume(&self) -> f64 {
         // Measured from a point of the mesh: far from the origin the terms would cancel.
         let Some(&origin) = self.vertices.first() else {
             return 0.0;
@@ -84,6 +94,17 @@ impl TriMesh {
         for triangle in &mut self.triangles {
             triangle.swap(1, 2);
         }
+    }
+
+    /// A third of the area of every triangle at each vertex [m²].
+    pub fn vertex_areas(&self) -> Vec<f64> {
+        let mut areas = vec![0.0; self.vertices.len()];
+        for (triangle, area) in self.triangles.iter().zip(self.area_vectors()) {
+            for &v in triangle {
+                areas[v as usize] += area.norm() / 3.0;
+            }
+        }
+        areas
     }
 
     fn area_vectors(&self) -> impl Iterator<Item = Vec3> {

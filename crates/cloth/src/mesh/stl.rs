@@ -35,32 +35,7 @@ pub enum ReadStlError {
     #[error("cannot read {}", path.display())]
     Io { path: PathBuf, source: io::Error },
     #[error("{}: {fault}", path.display())]
-    Format { path: PathBuf, fault: StlFault },
-}
-
-/// What is wrong with the content of an STL file. Facets and lines count from 1.
-#[derive(Debug, PartialEq, Eq, thiserror::Error)]
-pub enum StlFault {
-    #[error("file is empty")]
-    Empty,
-    #[error("neither a binary nor an ASCII STL file")]
-    NotStl,
-    #[error("truncated after facet {complete} of {declared}")]
-    TruncatedBinary { complete: usize, declared: usize },
-    #[error("truncated after facet {complete}, endsolid is missing")]
-    TruncatedText { complete: usize },
-    #[error("line {line}: expected {expected}, found {found:?}")]
-    Syntax {
-        line: usize,
-        expected: &'static str,
-        found: String,
-    },
-    #[error("facet {facet} has a non-finite coordinate")]
-    NonFinite { facet: usize },
-    #[error("no facets")]
-    NoFacets,
-    #[error("all {facet_count} facets have zero area")]
-    NoArea { facet_count: usize },
+    Format { path: PathBuf, fault: String },
 }
 
 /// Corners of a facet [m].
@@ -73,7 +48,7 @@ type Facet = [Vec3; 3];
 /// with the facet count it declares. Several solids in one ASCII file become one mesh.
 ///
 /// # Errors
-/// Says which file, and which facet or line.
+/// Says which file, and which facet or line; both count from 1.
 pub fn read_stl(path: impl AsRef<Path>, scale: f64) -> Result<Stl, ReadStlError> {
     let path = path.as_ref();
     let bytes = fs::read(path).map_err(|source| ReadStlError::Io {
@@ -116,9 +91,9 @@ pub fn write_stl(path: impl AsRef<Path>, mesh: &TriMesh, name: &str) -> Result<(
     })
 }
 
-fn parse(bytes: &[u8], scale: f64) -> Result<Stl, StlFault> {
+fn parse(bytes: &[u8], scale: f64) -> Result<Stl, String> {
     if bytes.is_empty() {
-        return Err(StlFault::Empty);
+        return Err("file is empty".into());
     }
     let declared = bytes
         .get(HEADER - 4..HEADER)
@@ -128,13 +103,13 @@ fn parse(bytes: &[u8], scale: f64) -> Result<Stl, StlFault> {
         Some(declared) if fits(declared) => binary_facets(bytes, declared)?,
         _ if is_text(bytes, b"solid") => text_facets(bytes)?,
         Some(declared) if !is_text(bytes, b"") => binary_facets(bytes, declared)?,
-        _ => return Err(StlFault::NotStl),
+        _ => return Err("neither a binary nor an ASCII STL file".into()),
     };
     for (i, facet) in facets.iter_mut().enumerate() {
         for corner in facet {
             *corner *= scale;
             if !corner.iter().all(|c| c.is_finite()) {
-                return Err(StlFault::NonFinite { facet: i + 1 });
+                return Err(format!("facet {} has a non-finite coordinate", i + 1));
             }
         }
     }
@@ -152,11 +127,11 @@ fn is_text(bytes: &[u8], word: &[u8]) -> bool {
             .all(|b| *b >= b' ' || b.is_ascii_whitespace())
 }
 
-fn binary_facets(bytes: &[u8], declared: usize) -> Result<Vec<Facet>, StlFault> {
+fn binary_facets(bytes: &[u8], declared: usize) -> Result<Vec<Facet>, String> {
     let body = &bytes[HEADER..];
     let complete = body.len() / FACET;
     if complete < declared {
-        return Err(StlFault::TruncatedBinary { complete, declared });
+        return Err(format!("truncated after facet {complete} of {declared}"));
     }
     let float = |b: &[u8]| f64::from(f32::from_le_bytes(b.try_into().expect("four bytes")));
     let corner = |b: &[u8]| Vec3::new(float(&b[..4]), float(&b[4..8]), float(&b[8..12]));
@@ -167,7 +142,7 @@ fn binary_facets(bytes: &[u8], declared: usize) -> Result<Vec<Facet>, StlFault> 
         .collect())
 }
 
-fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, StlFault> {
+fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
     let text = String::from_utf8_lossy(bytes);
     // Names after `solid` and `endsolid` are free text up to the end of the line.
     let is_named =
@@ -187,41 +162,36 @@ fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, StlFault> {
             "endsolid" => is_complete = true,
             "facet" if !is_complete => facets.push(text_facet(&mut words, facets.len())?),
             _ => {
-                return Err(StlFault::Syntax {
-                    line,
-                    expected: if is_complete {
-                        "solid"
-                    } else {
-                        "facet or endsolid"
-                    },
-                    found: word.to_string(),
-                });
+                let expected = ["facet or endsolid", "solid"][usize::from(is_complete)];
+                return Err(misplaced(line, expected, word));
             }
         }
     }
-    if is_complete {
-        Ok(facets)
-    } else {
-        let complete = facets.len();
-        Err(StlFault::TruncatedText { complete })
+    match is_complete {
+        true => Ok(facets),
+        false => Err(truncated(facets.len())),
     }
+}
+
+fn misplaced(line: usize, expected: &str, found: &str) -> String {
+    format!("line {line}: expected {expected}, found {found:?}")
+}
+
+fn truncated(complete: usize) -> String {
+    format!("truncated after facet {complete}, endsolid is missing")
 }
 
 /// Reads what follows the word `facet`; `complete` facets came before.
 fn text_facet<'a>(
     words: &mut impl Iterator<Item = (usize, &'a str)>,
     complete: usize,
-) -> Result<Facet, StlFault> {
+) -> Result<Facet, String> {
     let mut next = |expected: &'static str, fits: &dyn Fn(&str) -> bool| {
-        let (line, word) = words.next().ok_or(StlFault::TruncatedText { complete })?;
-        if fits(word) {
-            return Ok(word);
+        let (line, word) = words.next().ok_or_else(|| truncated(complete))?;
+        match fits(word) {
+            true => Ok(word),
+            false => Err(misplaced(line, expected, word)),
         }
-        Err(StlFault::Syntax {
-            line,
-            expected,
-            found: word.to_string(),
-        })
     };
     let is = |keyword: &'static str| move |word: &str| word.eq_ignore_ascii_case(keyword);
     next("normal", &is("normal"))?;
@@ -246,9 +216,9 @@ fn text_facet<'a>(
 
 /// Joins corners within [`WELD`] of one another into shared vertices, in the order in which
 /// the file names them, and drops facets without area.
-fn weld(facets: &[Facet]) -> Result<Stl, StlFault> {
+fn weld(facets: &[Facet]) -> Result<Stl, String> {
     if facets.is_empty() {
-        return Err(StlFault::NoFacets);
+        return Err("no facets".into());
     }
     let mut welder = Welder::new(facets);
     let mut triangles = Vec::with_capacity(facets.len());
@@ -261,8 +231,8 @@ fn weld(facets: &[Facet]) -> Result<Stl, StlFault> {
         }
     }
     if triangles.is_empty() {
-        let facet_count = facets.len();
-        return Err(StlFault::NoArea { facet_count });
+        let count = facets.len();
+        return Err(format!("all {count} facets have zero area"));
     }
     Ok(Stl {
         dropped_facet_count: facets.len() - triangles.len(),
@@ -359,7 +329,7 @@ mod tests {
     }
 
     fn fault(bytes: &[u8]) -> String {
-        parse(bytes, 1.0).unwrap_err().to_string()
+        parse(bytes, 1.0).unwrap_err()
     }
 
     #[test]

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::fabric::{BlankConfig, BlankError, Material, MaterialError};
-use crate::file::{ReadTomlError, read_toml};
+use crate::file::{ReadTomlError, ValueError, read_toml};
 use crate::sim::{PhysicsConfig, PhysicsError, Stepping};
 use crate::tool::{Source, ToolConfig, ToolError};
 
@@ -49,11 +49,9 @@ pub struct Clamp {
 impl Clamp {
     /// The error of clamp number `index` where there is no blank.
     pub(super) fn off_the_blank(&self, index: usize) -> SceneError {
-        SceneError::Value {
-            key: format!("clamps[{index}].at_mm"),
-            found: format!("{:?}", self.at_mm),
-            expected: "a place on the blank, in its own frame",
-        }
+        let expected = "a place on the blank, in its own frame";
+        let key = format!("clamps[{index}].at_mm");
+        ValueError::new(&key, format!("{:?}", self.at_mm), expected).into()
     }
 }
 
@@ -120,12 +118,8 @@ pub struct SceneConfig {
 pub enum SceneError {
     #[error(transparent)]
     Read(#[from] ReadTomlError),
-    #[error("`{key}` is {found}, expected {expected}")]
-    Value {
-        key: String,
-        found: String,
-        expected: &'static str,
-    },
+    #[error(transparent)]
+    Value(#[from] ValueError),
     #[error("{}: `{key}` is a list, expected a table", path.display())]
     List { path: PathBuf, key: &'static str },
     #[error(transparent)]
@@ -206,71 +200,46 @@ impl SceneConfig {
 
     /// Checks all values that are not checked by the parts they belong to.
     pub fn check(&self) -> Result<(), SceneError> {
-        let fail = |key: &str, found: f64, expected| {
-            Err(SceneError::Value {
-                key: key.into(),
-                found: found.to_string(),
-                expected,
-            })
-        };
         self.physics.check()?;
-        let Fall {
-            fall_s,
-            settle_s,
-            settle_damping,
-            ..
-        } = self.fall;
-        for (key, value) in [("fall.fall_s", fall_s), ("fall.settle_s", settle_s)] {
-            if !(0.0..=600.0).contains(&value) {
-                return fail(key, value, "a number from 0 to 600");
-            }
+        let fall = &self.fall;
+        for (key, value) in [
+            ("fall.fall_s", fall.fall_s),
+            ("fall.settle_s", fall.settle_s),
+        ] {
+            let is_valid = (0.0..=600.0).contains(&value);
+            ValueError::unless(is_valid, key, value, "a number from 0 to 600")?;
         }
-        if !(settle_damping >= 0.0 && settle_damping.is_finite()) {
-            return fail("fall.settle_damping", settle_damping, "a number >= 0");
+        let damping = fall.settle_damping;
+        let is_valid = damping >= 0.0 && damping.is_finite();
+        ValueError::unless(is_valid, "fall.settle_damping", damping, "a number >= 0")?;
+        if let Err((key, found, expected)) = fall.stepping().check() {
+            return Err(ValueError::new(key, found, expected).within("fall").into());
         }
-        if let Err((key, found, expected)) = self.fall.stepping().check() {
-            return fail(&format!("fall.{key}"), found, expected);
+        let placement = &self.placement;
+        for (key, value) in [
+            ("placement.centre_mm", placement.centre_mm[0]),
+            ("placement.centre_mm", placement.centre_mm[1]),
+            ("placement.height_mm", placement.height_mm),
+        ] {
+            ValueError::unless(value.abs() <= 1e5, key, value, "a number within +-100000")?;
         }
-        let Placement {
-            centre_mm: [x, y],
-            height_mm,
-            tilt_deg,
-        } = self.placement;
-        let placement = [
-            ("placement.centre_mm", x),
-            ("placement.centre_mm", y),
-            ("placement.height_mm", height_mm),
-        ];
-        for (key, value) in placement {
-            if !(-1e5..=1e5).contains(&value) {
-                return fail(key, value, "a number within +-100000");
-            }
-        }
-        if tilt_deg.is_nan() || tilt_deg.abs() >= 90.0 {
-            return fail(
-                "placement.tilt_deg",
-                tilt_deg,
-                "an angle within +-90 degrees",
-            );
-        }
+        let tilt = placement.tilt_deg;
+        let expected = "an angle within +-90 degrees";
+        ValueError::unless(tilt.abs() < 90.0, "placement.tilt_deg", tilt, expected)?;
         for (index, clamp) in self.clamps.iter().enumerate() {
             let half = self.blank.size_mm.map(|s| 0.5 * s);
-            let off = |k: usize| clamp.at_mm[k].is_nan() || clamp.at_mm[k].abs() > half[k] + 1e-6;
+            let is_on = |k: usize| clamp.at_mm[k].abs() <= half[k] + 1e-6;
             // What an outline encloses is known when the blank is cut.
-            if self.blank.outline.is_none() && (off(0) || off(1)) {
+            if self.blank.outline.is_none() && !(is_on(0) && is_on(1)) {
                 return Err(clamp.off_the_blank(index));
             }
-            if !(0.0..=1e5).contains(&clamp.radius_mm) {
-                let key = format!("clamps[{index}].radius_mm");
-                return fail(&key, clamp.radius_mm, "a length from 0 to 100000 mm");
-            }
-            if !clamp.move_mm.iter().all(|m| m.abs() <= 1e5) {
-                return Err(SceneError::Value {
-                    key: format!("clamps[{index}].move_mm"),
-                    found: format!("{:?}", clamp.move_mm),
-                    expected: "three lengths within +-100000 mm",
-                });
-            }
+            let key = |key| format!("clamps[{index}].{key}");
+            let (radius, expected) = (clamp.radius_mm, "a length from 0 to 100000 mm");
+            let is_valid = (0.0..=1e5).contains(&radius);
+            ValueError::unless(is_valid, &key("radius_mm"), radius, expected)?;
+            let (moved, expected) = (clamp.move_mm, "three lengths within +-100000 mm");
+            let is_valid = moved.iter().all(|m| m.abs() <= 1e5);
+            ValueError::unless(is_valid, &key("move_mm"), format!("{moved:?}"), expected)?;
         }
         Ok(())
     }

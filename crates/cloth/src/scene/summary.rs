@@ -1,6 +1,7 @@
 use serde::Serialize;
 
 use crate::fabric::Lamina;
+use crate::mesh::patches;
 use crate::sim::Snapshot;
 use crate::tool::Tool;
 
@@ -74,26 +75,11 @@ fn percentile_and_max(mut values: Vec<f64>) -> [f64; 2] {
 ///
 /// `phi` is the distance of each vertex to the tool [m].
 pub fn wrinkle_count(lamina: &Lamina, phi: &[f64]) -> usize {
-    let least = (WRINKLE_SHARE * phi.len() as f64).ceil() as usize;
+    let min = (WRINKLE_SHARE * phi.len() as f64).ceil() as usize;
     let mut open: Vec<bool> = phi.iter().map(|&phi| phi > WRINKLE_HEIGHT).collect();
-    let mut count = 0;
-    for start in 0..phi.len() {
-        if !open[start] {
-            continue;
-        }
-        open[start] = false;
-        let mut patch = vec![start as u32];
-        let mut next = 0;
-        while let Some(&vertex) = patch.get(next) {
-            for neighbor in lamina.neighbors(vertex) {
-                if std::mem::take(&mut open[neighbor as usize]) {
-                    patch.push(neighbor);
-                }
-            }
-            next += 1;
-        }
-        let on_border = patch.iter().any(|&v| lamina.neighbors(v).count() < 8);
-        count += usize::from(patch.len() >= least && on_border);
-    }
-    count
+    let neighbors = |v| lamina.neighbors(v as u32).map(|v| v as usize);
+    let is_wrinkle =
+        |patch: &&Vec<usize>| patch.len() >= min && patch.iter().any(|&v| neighbors(v).count() < 8);
+    let patches = patches(&mut open, neighbors);
+    patches.iter().filter(is_wrinkle).count()
 }

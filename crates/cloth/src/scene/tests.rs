@@ -38,7 +38,7 @@ fn equal_configurations_give_equal_bits() {
     assert!(bits(&a) == bits(&b));
 }
 
-/// Each clamp goes its way in a straight line, holds what lies within its radius, and rests.
+/// Each clamp moves in a straight line, holds what lies within its radius, and rests.
 #[test]
 fn clamps_end_where_they_are_told() {
     let mut config = coarse();
@@ -52,7 +52,7 @@ fn clamps_end_where_they_are_told() {
     let (sin, cos) = 25.0f64.to_radians().sin_cos();
     for vertex in held {
         let [u, v] = scene.lamina.rest[vertex];
-        let way = match vertex {
+        let moved = match vertex {
             8 => [0.0; 3],
             16 => [-0.024, 0.003, 0.005],
             _ => [0.024, 0.0, 0.0],
@@ -60,7 +60,7 @@ fn clamps_end_where_they_are_told() {
         let along = v + 0.185;
         let hung = [u, -0.185 + along * cos, 0.0002 + along * sin];
         for k in 0..3 {
-            let off = scene.initial.position[vertex][k] - hung[k] - way[k];
+            let off = scene.initial.position[vertex][k] - hung[k] - moved[k];
             assert!(off.abs() < 1e-12, "vertex {vertex} is {off:e} m off");
         }
         assert_eq!(scene.initial.velocity[vertex], [0.0; 3]);

@@ -3,8 +3,8 @@ use std::path::PathBuf;
 use nalgebra::Rotation3;
 use serde::{Deserialize, Serialize};
 
-use super::error::ToolConfigError;
 use super::shapes::Shape;
+use crate::file::ValueError;
 use crate::math::Vec3;
 
 /// Where the tool comes from, where it stands, and how finely its distance is sampled.
@@ -82,30 +82,27 @@ impl ToolConfig {
     ///
     /// # Errors
     /// Names the first key whose value makes no sense.
-    pub fn validate(&self) -> Result<(), ToolConfigError> {
+    pub fn check(&self) -> Result<(), ValueError> {
         for (key, found) in [
             ("grid.spacing_mm", self.grid.spacing_mm),
             ("grid.margin_mm", self.grid.margin_mm),
         ] {
-            if !(found > 0.0 && found <= MAX_MM) {
-                let expected = "a positive number up to 1000 mm";
-                return Err(ToolConfigError::new(key, found, expected));
-            }
+            let is_valid = found > 0.0 && found <= MAX_MM;
+            ValueError::unless(is_valid, key, found, "a positive number up to 1000 mm")?;
         }
         for (key, values) in [
             ("pose.translation_mm", self.pose.translation_mm),
             ("pose.rotation_deg", self.pose.rotation_deg),
         ] {
-            if let Some(found) = values.iter().find(|v| v.is_nan() || v.abs() > 1e5) {
-                return Err(ToolConfigError::new(key, found, "numbers within +-100000"));
+            for found in values {
+                ValueError::unless(found.abs() <= 1e5, key, found, "numbers within +-100000")?;
             }
         }
-        match &self.source {
-            Source::Stl(stl) if !(stl.scale > 0.0 && stl.scale.is_finite()) => Err(
-                ToolConfigError::new("source.stl.scale", stl.scale, "a positive number"),
-            ),
-            _ => Ok(()),
+        if let Source::Stl(StlSource { scale, .. }) = self.source {
+            let is_valid = scale > 0.0 && scale.is_finite();
+            ValueError::unless(is_valid, "source.stl.scale", scale, "a positive number")?;
         }
+        Ok(())
     }
 }
 

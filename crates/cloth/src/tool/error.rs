@@ -1,10 +1,11 @@
+use crate::file::ValueError;
 use crate::mesh::{OrientationFault, ReadStlError};
 
 /// A tool that cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ToolError {
     #[error("invalid tool")]
-    Config(#[from] ToolConfigError),
+    Config(#[from] ValueError),
     #[error("cannot read the tool")]
     Read(#[from] ReadStlError),
     #[error("the tool has no facets")]
@@ -21,23 +22,4 @@ pub enum ToolError {
         spacing_mm: f64,
         limit: usize,
     },
-}
-
-/// A key of the tool's configuration with a value that makes no sense.
-#[derive(Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{key} is {found}, expected {expected}")]
-pub struct ToolConfigError {
-    pub key: String,
-    pub found: String,
-    pub expected: String,
-}
-
-impl ToolConfigError {
-    pub(super) fn new(key: &str, found: impl ToString, expected: impl Into<String>) -> Self {
-        Self {
-            key: key.to_string(),
-            found: found.to_string(),
-            expected: expected.into(),
-        }
-    }
 }

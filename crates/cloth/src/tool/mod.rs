@@ -16,7 +16,7 @@ mod tool;
 
 pub use accuracy::{ErrorSummary, GridError};
 pub use config::{GridConfig, Pose, Source, StlSource, ToolConfig};
-pub use error::{ToolConfigError, ToolError};
+pub use error::ToolError;
 pub use grid::DistanceGrid;
 pub use shapes::{Cylinder, DoubleDome, Hemisphere, Incline, Plate, Rib, Shape};
 pub use surface::{Surface, SurfacePoint};

@@ -154,7 +154,7 @@ pub(super) fn mound(
     Patch::rings(pole, &all)
 }
 
-/// Share of the way from the origin to `p` at which the outline |y| = `half_width(x)` lies.
+/// Share of the distance from the origin to `p` at which the outline |y| = `half_width(x)` lies.
 fn outline_share(p: Vec3, half_width: &impl Fn(f64) -> f64) -> f64 {
     let (mut inside, mut outside) = (0.0, 1.0);
     for _ in 0..f64::MANTISSA_DIGITS {

@@ -2,10 +2,10 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use serde::{Deserialize, Serialize};
 
+use crate::file::ValueError;
 use crate::math::Vec3;
 use crate::mesh::TriMesh;
 
-use super::error::ToolConfigError;
 use super::patch::{Patch, mound};
 
 /// A tool given by a formula.
@@ -190,7 +190,7 @@ impl Shape {
     ///
     /// # Errors
     /// Names the first key whose value makes no body.
-    pub fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+    pub fn mesh(&self) -> Result<TriMesh, ValueError> {
         let (kind, mesh) = match self {
             Self::Rib(shape) => ("rib", shape.mesh()),
             Self::Hemisphere(shape) => ("hemisphere", shape.mesh()),
@@ -199,33 +199,26 @@ impl Shape {
             Self::Cylinder(shape) => ("cylinder", shape.mesh()),
             Self::Incline(shape) => ("incline", shape.mesh()),
         };
-        mesh.map_err(|error| ToolConfigError {
-            key: format!("{kind}.{}", error.key),
-            ..error
-        })
+        mesh.map_err(|error| error.within(kind))
     }
 }
 
 impl Rib {
-    fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+    fn mesh(&self) -> Result<TriMesh, ValueError> {
         let [half_x, half_y] = plate(self.plate_mm, self.base_mm)?;
         let height = length("height_mm", self.height_mm)?;
         let half_width = length("half_width_mm", self.half_width_mm)?;
         within("half_width_mm", self.half_width_mm, 0.0, half_y * 1e3)?;
-        if !(0.0..1.0).contains(&self.crest_drop) {
-            return Err(ToolConfigError::new(
-                "crest_drop",
-                self.crest_drop,
-                "at least 0 and below 1",
-            ));
-        }
+        let drop = self.crest_drop;
+        let expected = "at least 0 and below 1";
+        ValueError::unless((0.0..1.0).contains(&drop), "crest_drop", drop, expected)?;
         for found in self.vertex_counts {
             count("vertex_counts", found, 2)?;
         }
         let [columns, rows] = self.vertex_counts;
         let patch = Patch::grid(columns, rows, |u, v| {
             let (x, y) = (u * half_x, v * half_y);
-            let crest = height * (1.0 - self.crest_drop * u * u);
+            let crest = height * (1.0 - drop * u * u);
             let flank = (1.0 - (y / half_width).powi(2)).max(0.0).powi(3);
             Vec3::new(x, y, crest * flank)
         });
@@ -234,12 +227,12 @@ impl Rib {
 }
 
 impl Hemisphere {
-    fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+    fn mesh(&self) -> Result<TriMesh, ValueError> {
         let half_size = plate(self.plate_mm, self.base_mm)?;
         let radius = length("radius_mm", self.radius_mm)?;
         let room = half_size[0].min(half_size[1]) * 1e3;
         within("radius_mm", self.radius_mm, 0.0, room)?;
-        segments("segment_count", self.segment_count)?;
+        segments(self.segment_count)?;
         count("ring_count", self.ring_count, 2)?;
         let patch = mound(half_size, self.segment_count / 4, self.ring_count, |x| {
             (radius.powi(2) - x.powi(2)).max(0.0).sqrt()
@@ -249,25 +242,17 @@ impl Hemisphere {
 }
 
 impl DoubleDome {
-    fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+    fn mesh(&self) -> Result<TriMesh, ValueError> {
         let half_size = plate(self.plate_mm, self.base_mm)?;
         let radius = length("radius_mm", self.radius_mm)?;
         let centre = 0.5 * length("centre_distance_mm", self.centre_distance_mm)?;
         let waist = length("waist_radius_mm", self.waist_radius_mm)?;
-        within(
-            "radius_mm",
-            self.radius_mm,
-            0.0,
-            (half_size[0] - centre).min(half_size[1]) * 1e3,
-        )?;
+        let room = (half_size[0] - centre).min(half_size[1]) * 1e3;
+        within("radius_mm", self.radius_mm, 0.0, room)?;
         // With a thinner waist the outline would no longer be star-shaped.
-        within(
-            "waist_radius_mm",
-            self.waist_radius_mm,
-            0.5 * self.radius_mm,
-            self.radius_mm,
-        )?;
-        segments("segment_count", self.segment_count)?;
+        let [min, max] = [0.5 * self.radius_mm, self.radius_mm];
+        within("waist_radius_mm", self.waist_radius_mm, min, max)?;
+        segments(self.segment_count)?;
         count("ring_count", self.ring_count, 2)?;
         let half_width = |x: f64| {
             let beyond = x.abs() - centre;
@@ -277,18 +262,14 @@ impl DoubleDome {
                 (radius.powi(2) - beyond.powi(2)).max(0.0).sqrt()
             }
         };
-        let patch = mound(
-            half_size,
-            self.segment_count / 4,
-            self.ring_count,
-            half_width,
-        );
+        let segments = self.segment_count / 4;
+        let patch = mound(half_size, segments, self.ring_count, half_width);
         Ok(patch.into_body(-self.base_mm * 1e-3))
     }
 }
 
 impl Plate {
-    fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+    fn mesh(&self) -> Result<TriMesh, ValueError> {
         let [x, y] = plate(self.plate_mm, self.base_mm)?;
         let patch = Patch::grid(2, 2, |u, v| Vec3::new(u * x, v * y, 0.0));
         Ok(patch.into_body(-self.base_mm * 1e-3))
@@ -296,7 +277,7 @@ impl Plate {
 }
 
 impl Cylinder {
-    fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+    fn mesh(&self) -> Result<TriMesh, ValueError> {
         let radius = length("radius_mm", self.radius_mm)?;
         let half_length = 0.5 * length("length_mm", self.length_mm)?;
         let base = length("base_mm", self.base_mm)?;
@@ -312,7 +293,7 @@ impl Cylinder {
 }
 
 impl Incline {
-    fn mesh(&self) -> Result<TriMesh, ToolConfigError> {
+    fn mesh(&self) -> Result<TriMesh, ValueError> {
         let [x, y] = plate(self.plate_mm, self.base_mm)?;
         within("angle_deg", self.angle_deg, 0.0, 80.0)?;
         let slope = self.angle_deg.to_radians().tan();
@@ -322,49 +303,34 @@ impl Incline {
 }
 
 /// Half the plate's size [m]; checks the plate's size and the base.
-fn plate([x, y]: [f64; 2], base_mm: f64) -> Result<[f64; 2], ToolConfigError> {
+fn plate([x, y]: [f64; 2], base_mm: f64) -> Result<[f64; 2], ValueError> {
     length("base_mm", base_mm)?;
     Ok([0.5 * length("plate_mm", x)?, 0.5 * length("plate_mm", y)?])
 }
 
-/// Checks a length [mm] and converts it to [m].
-fn length(key: &str, mm: f64) -> Result<f64, ToolConfigError> {
-    /// [mm] Aircraft wings fit, metres mistaken for micrometres do not.
-    const MAX: f64 = 1e5;
-    if mm > 0.0 && mm <= MAX {
-        Ok(mm * 1e-3)
-    } else {
-        Err(ToolConfigError::new(key, mm, "above 0 and at most 100000"))
-    }
+/// Checks a length [mm] and converts it to [m]. Aircraft wings fit, metres mistaken for
+/// micrometres do not.
+fn length(key: &str, mm: f64) -> Result<f64, ValueError> {
+    let is_valid = mm > 0.0 && mm <= 1e5;
+    ValueError::unless(is_valid, key, mm, "above 0 and at most 100000")?;
+    Ok(mm * 1e-3)
 }
 
-fn within(key: &str, found: f64, low: f64, high: f64) -> Result<(), ToolConfigError> {
-    if (low..=high).contains(&found) {
-        Ok(())
-    } else {
-        let expected = format!("between {low} and {high}");
-        Err(ToolConfigError::new(key, found, expected))
-    }
+fn within(key: &str, found: f64, min: f64, max: f64) -> Result<(), ValueError> {
+    let expected = format!("between {min} and {max}");
+    ValueError::unless((min..=max).contains(&found), key, found, expected)
 }
 
-fn count(key: &str, found: usize, min: usize) -> Result<(), ToolConfigError> {
-    /// 16 million vertices at most.
-    const MAX: usize = 4096;
-    if (min..=MAX).contains(&found) {
-        Ok(())
-    } else {
-        let expected = format!("between {min} and {MAX}");
-        Err(ToolConfigError::new(key, found, expected))
-    }
+/// 16 million vertices at most.
+fn count(key: &str, found: usize, min: usize) -> Result<(), ValueError> {
+    let expected = format!("between {min} and 4096");
+    ValueError::unless((min..=4096).contains(&found), key, found, expected)
 }
 
-fn segments(key: &str, found: usize) -> Result<(), ToolConfigError> {
-    count(key, found, 8)?;
-    if found.is_multiple_of(4) {
-        Ok(())
-    } else {
-        Err(ToolConfigError::new(key, found, "a multiple of 4"))
-    }
+fn segments(found: usize) -> Result<(), ValueError> {
+    count("segment_count", found, 8)?;
+    let expected = "a multiple of 4";
+    ValueError::unless(found.is_multiple_of(4), "segment_count", found, expected)
 }
 
 #[cfg(test)]
@@ -475,7 +441,7 @@ mod tests {
         };
         assert_eq!(
             Shape::Rib(rib).mesh().unwrap_err().to_string(),
-            "rib.half_width_mm is 300, expected between 0 and 220"
+            "`rib.half_width_mm` is 300, expected between 0 and 220"
         );
         let rib = Rib {
             height_mm: f64::NAN,
@@ -483,7 +449,7 @@ mod tests {
         };
         assert_eq!(
             Shape::Rib(rib).mesh().unwrap_err().to_string(),
-            "rib.height_mm is NaN, expected above 0 and at most 100000"
+            "`rib.height_mm` is NaN, expected above 0 and at most 100000"
         );
         let dome = Hemisphere {
             segment_count: 30,
@@ -491,7 +457,7 @@ mod tests {
         };
         assert_eq!(
             Shape::Hemisphere(dome).mesh().unwrap_err().to_string(),
-            "hemisphere.segment_count is 30, expected a multiple of 4"
+            "`hemisphere.segment_count` is 30, expected a multiple of 4"
         );
         let rib = Rib {
             vertex_counts: [77, usize::MAX],

@@ -26,7 +26,7 @@ impl Tool {
     /// # Errors
     /// Values that make no sense, unreadable files, inconsistent meshes, too fine grids.
     pub fn new(config: &ToolConfig) -> Result<Self, ToolError> {
-        config.validate()?;
+        config.check()?;
         let (mut mesh, dropped_facet_count) = match &config.source {
             Source::Shape(shape) => (shape.mesh()?, 0),
             Source::Stl(stl) => {
@@ -83,7 +83,7 @@ impl Tool {
 
     /// [`Self::distance`] in every lane, inlined for the instruction set in use.
     #[inline(always)]
-    pub fn distance_in_lanes<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
+    pub(crate) fn distance_in_lanes<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
         let (phi, [a, b, c]) = self.grid.sample(x);
         let norm = (a * a + b * b + c * c).sqrt();
         let flat = norm.lt(V::of(1e-9));
@@ -142,18 +142,18 @@ mod tests {
         let mut config = ToolConfig::default();
         config.pose.rotation_deg[1] = f64::INFINITY;
         assert_eq!(
-            config.validate().unwrap_err().to_string(),
-            "pose.rotation_deg is inf, expected numbers within +-100000"
+            config.check().unwrap_err().to_string(),
+            "`pose.rotation_deg` is inf, expected numbers within +-100000"
         );
         config = ToolConfig::default();
         config.grid.spacing_mm = 0.0;
-        assert_eq!(config.validate().unwrap_err().key, "grid.spacing_mm");
+        assert_eq!(config.check().unwrap_err().key, "grid.spacing_mm");
         config = ToolConfig::default();
         config.source = Source::Stl(StlSource {
             path: "punch.stl".into(),
             scale: -1.0,
         });
-        assert_eq!(config.validate().unwrap_err().key, "source.stl.scale");
+        assert_eq!(config.check().unwrap_err().key, "source.stl.scale");
     }
 
     #[test]

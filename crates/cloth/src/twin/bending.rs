@@ -1,6 +1,6 @@
 //! Bending: along yarns by second differences, beside membranes by the angle of hinges.
 
-use super::pack::{Block, Field, Lane, WIDTH, pack};
+use super::pack::{Block, Field, Lane, WIDTH, at, pack};
 use crate::fabric::{Family, Lamina};
 use crate::math::Vec3;
 
@@ -144,10 +144,7 @@ impl Bending {
 
 impl Hinge {
     fn corners(&self, x: &Field) -> [Vec3; 4] {
-        self.vertices.map(|v| {
-            let v = v as usize;
-            Vec3::new(x[0][v], x[1][v], x[2][v])
-        })
+        self.vertices.map(|v| at(x, v as usize))
     }
 }
 
@@ -158,8 +155,8 @@ fn angle([a, b, c, d]: &[Vec3; 4]) -> Option<(f64, [Vec3; 4])> {
     let n1 = edge.cross(&(c - a));
     let n2 = (d - a).cross(&edge);
     let (length, square1, square2) = (edge.norm(), n1.norm_squared(), n2.norm_squared());
-    let least = FLAT * length.powi(4);
-    if !(square1 > least && square2 > least) {
+    let min = FLAT * length.powi(4);
+    if !(square1 > min && square2 > min) {
         return None;
     }
     let angle = (n1.cross(&n2).dot(&edge) / length).atan2(n1.dot(&n2));

@@ -1,3 +1,5 @@
+use crate::file::ValueError;
+
 /// The physics of the twin, and how it is integrated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TwinConfig {
@@ -37,15 +39,6 @@ impl Default for TwinConfig {
     }
 }
 
-/// A value of the twin that cannot be simulated.
-#[derive(Debug, thiserror::Error)]
-#[error("`twin.{key}` is {found}, expected {expected}")]
-pub struct TwinError {
-    pub(super) key: &'static str,
-    pub(super) found: String,
-    pub(super) expected: String,
-}
-
 impl TwinConfig {
     /// The paper's accelerated variant: inertia `mass_scaling` times as large, no damping by
     /// mass. Output is as sparse as the calls for it in any case.
@@ -58,7 +51,7 @@ impl TwinConfig {
     }
 
     /// Checks every value; the error names key, found and expected.
-    pub(super) fn check(&self) -> Result<(), TwinError> {
+    pub(super) fn check(&self) -> Result<(), ValueError> {
         let [warp, weft] = self.bending_stiffness.unwrap_or_default();
         for (key, value, [min, max]) in [
             ("bending_stiffness", warp, [0.0, 1e6]),
@@ -70,13 +63,9 @@ impl TwinConfig {
             ("mass_scaling", self.mass_scaling, [1e-6, 1e9]),
             ("safety", self.safety, [1e-6, 10.0]),
         ] {
-            if !(min..=max).contains(&value) {
-                return Err(TwinError {
-                    key,
-                    found: value.to_string(),
-                    expected: format!("a number from {min} to {max}"),
-                });
-            }
+            let expected = format!("a number from {min} to {max}");
+            ValueError::unless((min..=max).contains(&value), key, value, expected)
+                .map_err(|error| error.within("twin"))?;
         }
         Ok(())
     }
@@ -100,7 +89,7 @@ mod tests {
             bending_stiffness: Some([1e-4, -1.0]),
             ..TwinConfig::default()
         };
-        assert_eq!(bad.check().unwrap_err().key, "bending_stiffness");
+        assert_eq!(bad.check().unwrap_err().key, "twin.bending_stiffness");
         assert!(TwinConfig::default().accelerated(150.0).check().is_ok());
     }
 }

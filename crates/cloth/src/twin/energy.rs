@@ -71,6 +71,6 @@ impl Energies {
             self.viscosity,
         ]
         .into_iter()
-        .fold(0.0, |most, part| most.max(part.abs()))
+        .fold(0.0, |max, part| max.max(part.abs()))
     }
 }

@@ -45,19 +45,15 @@ pub(super) fn bound(
         slope[family] = tension.max(compression);
         limit[family] = end;
     }
-    let most = |ramps: &super::law::Ramps| ramps.stiffest(f64::INFINITY).0;
-    let shear = most(&laws.shear.positive).max(most(&laws.shear.negative));
+    let [positive, negative] = [&laws.shear.positive, &laws.shear.negative];
+    let [shear, other] = [positive, negative].map(|ramps| ramps.stiffest(f64::INFINITY).0);
+    let shear = shear.max(other);
     let root: Vec<f64> = mass.iter().map(|m| m.sqrt()).collect();
     // xx, yy, zz, xy, xz, yz.
     let mut along = vec![[0.0; 6]; mass.len()];
     let mut any = vec![0.0; mass.len()];
     membranes.modes(x, |mode, vertices, slopes, volume| {
-        let reach: f64 = (vertices.iter().zip(slopes))
-            .map(|(&v, g)| g / root[v as usize])
-            .sum();
-        for (&v, g) in vertices.iter().zip(slopes) {
-            let v = v as usize;
-            let share = volume * g * reach * root[v];
+        for (v, share) in shares(&root, &vertices, &slopes, volume) {
             match mode {
                 Mode::Yarn { family, direction } => {
                     let [nx, ny, nz] = direction;
@@ -72,12 +68,8 @@ pub(super) fn bound(
         }
     });
     bending.modes(|vertices, slopes, stiffness| {
-        let reach: f64 = (vertices.iter().zip(slopes))
-            .map(|(&v, g)| g / root[v as usize])
-            .sum();
-        for (&v, g) in vertices.iter().zip(slopes) {
-            let v = v as usize;
-            any[v] += TURNING * stiffness * g * reach * root[v];
+        for (v, share) in shares(&root, vertices, slopes, TURNING * stiffness) {
+            any[v] += share;
         }
     });
     let mut square = 0.0f64;
@@ -92,6 +84,18 @@ pub(super) fn bound(
         frequency: square.sqrt(),
         limit,
     }
+}
+
+/// What an element of stiffness `k` adds to each of its vertices, |g_i| / w_i (sum_j |g_j| w_j) k.
+fn shares<'a>(
+    root: &'a [f64],
+    vertices: &'a [u32],
+    slopes: &'a [f64],
+    k: f64,
+) -> impl Iterator<Item = (usize, f64)> + 'a {
+    let each = move || vertices.iter().map(|&v| v as usize).zip(slopes);
+    let reach: f64 = each().map(|(v, g)| g / root[v]).sum();
+    each().map(move |(v, g)| (v, k * g * reach * root[v]))
 }
 
 /// Greatest eigenvalue of a symmetric 3 x 3 matrix (Smith 1961).

@@ -105,6 +105,12 @@ impl Laws {
         }
     }
 
+    /// Stress along warp and weft [Pa] in every lane.
+    #[inline(always)]
+    pub fn along_yarns<const N: usize>(&self, [warp, weft]: &[[f64; N]; 2]) -> [[f64; N]; 2] {
+        [self.yarns[0].stress(warp), self.yarns[1].stress(weft)]
+    }
+
     /// Every slope is finite.
     pub fn are_finite(&self) -> bool {
         self.yarns.iter().all(Law::is_finite) && self.shear.is_finite()

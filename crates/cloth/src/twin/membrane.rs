@@ -27,7 +27,7 @@ struct Triangles {
 
 /// What damping remembers of a family of yarns: strain and stress of the last step [-, Pa],
 /// and the viscous stress then [Pa].
-#[derive(Clone)]
+#[derive(Default)]
 struct Memory {
     strain: Lane,
     stress: Lane,
@@ -53,11 +53,6 @@ pub(super) struct Pass {
 impl Membranes {
     pub fn new(lamina: &Lamina, laws: Laws) -> Self {
         let thickness = lamina.material.thickness();
-        let still = Memory {
-            strain: [0.0; WIDTH],
-            stress: [0.0; WIDTH],
-            viscous: [0.0; WIDTH],
-        };
         let triangles = pack(&lamina.triangles).into_iter().map(|block| {
             let mut gradient = [[[0.0; WIDTH]; 2]; 2];
             let mut volume = [0.0; WIDTH];
@@ -74,7 +69,7 @@ impl Membranes {
                 block,
                 gradient,
                 volume,
-                memory: [still.clone(), still.clone()],
+                memory: Default::default(),
             }
         });
         Self {
@@ -93,10 +88,7 @@ impl Membranes {
     pub fn add_elastic_forces(&self, x: &Field, f: &mut Field) {
         for some in &self.triangles {
             let columns = some.columns(x);
-            let stress = [0, 1].map(|family| {
-                let law = &self.laws.yarns[family];
-                law.stress(&columns.strain[family])
-            });
+            let stress = self.laws.along_yarns(&columns.strain);
             some.add(&columns, &stress, &self.laws, f);
         }
     }
@@ -109,10 +101,7 @@ impl Membranes {
         let mut dissipated = [0.0; WIDTH];
         for some in &mut self.triangles {
             let columns = some.columns(x);
-            let mut stress = [0, 1].map(|family| {
-                let law = &self.laws.yarns[family];
-                law.stress(&columns.strain[family])
-            });
+            let mut stress = self.laws.along_yarns(&columns.strain);
             for family in 0..2 {
                 for l in 0..WIDTH {
                     let (strain, peak) = (columns.strain[family][l], &mut peak[family][l]);

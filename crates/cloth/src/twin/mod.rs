@@ -22,7 +22,7 @@ mod relax;
 mod step;
 mod twin;
 
-pub use config::{TwinConfig, TwinError};
+pub use config::TwinConfig;
 pub use energy::Energies;
 pub use press::{Hold, PressConfig, Replay, under_box};
 pub use relax::Relaxed;

@@ -1,5 +1,7 @@
 //! Vertices of elements in blocks of lanes.
 
+use crate::math::Vec3;
+
 /// Lanes of a block: two vectors of the widest instruction set. Loops over fewer are unrolled
 /// before the compiler gets to vectorise them (8: 300 us a step of the standard sheet instead
 /// of 185), more spill (32: 250 us). The same on every machine, so that sums come in the same
@@ -15,6 +17,12 @@ pub(super) type Field = [Vec<f64>; 3];
 /// A vector of `count` zeros.
 pub(super) fn zeros(count: usize) -> Field {
     std::array::from_fn(|_| vec![0.0; count.next_multiple_of(WIDTH)])
+}
+
+/// The vector of a vertex.
+#[inline(always)]
+pub(super) fn at(field: &Field, vertex: usize) -> Vec3 {
+    Vec3::new(field[0][vertex], field[1][vertex], field[2][vertex])
 }
 
 /// The elements of a block: which they are, and their vertices.

@@ -1,5 +1,5 @@
-use super::contact::Step;
-use super::pack::WIDTH;
+use super::contact::{Step, Vertex};
+use super::pack::{WIDTH, at};
 use super::twin::Twin;
 use crate::math::{Isa, Kernel, Lanes};
 use crate::tool::Tool;
@@ -61,10 +61,7 @@ impl Twin {
             damped: 0.5 * self.config.damping * kick,
         };
         if let Some(tool) = tool {
-            let moving = [&self.x, &self.v];
-            let (mass, fixed) = (&self.mass, &self.is_held);
-            let (f, ledger) = (&mut self.f, &mut self.ledger);
-            (self.contact).add_forces(tool, moving, mass, fixed, &step, f, ledger);
+            self.touch(tool, &step);
         }
         self.hold(&step);
         self.vectorize(Task::Move(step));
@@ -73,12 +70,30 @@ impl Twin {
         Ok(())
     }
 
+    /// Adds the forces of the tool and of pressure on what no clamp holds.
+    fn touch(&mut self, tool: &Tool, step: &Step) {
+        for i in 0..self.count {
+            let (x, v) = (at(&self.x, i), at(&self.v, i));
+            if !self.contact.may_act(tool, i, x, x + v * step.drift) || self.held[i].is_some() {
+                continue;
+            }
+            let (f, mass) = (at(&self.f, i), self.mass[i]);
+            let vertex = Vertex { x, v, f, mass };
+            let force = self.contact.force(i, &vertex, step, &mut self.ledger);
+            for (f, force) in self.f.iter_mut().zip(&force) {
+                f[i] += force;
+            }
+        }
+    }
+
     /// Adds the forces of clamps, which give held vertices their velocity.
     fn hold(&mut self, step: &Step) {
-        for held in &self.held {
-            let v = held.vertex;
-            for k in 0..3 {
-                let (before, after) = (self.v[k][v], held.velocity[k]);
+        for (v, held) in self.held.iter().enumerate() {
+            let Some(velocity) = held else {
+                continue;
+            };
+            for (k, after) in velocity.iter().enumerate() {
+                let before = self.v[k][v];
                 let start = step.velocity(before, self.f[k][v] * self.inverse_mass[v]);
                 let force = step.force(self.mass[v], after - start);
                 self.f[k][v] += force;

@@ -1,24 +1,18 @@
 use super::bending::Bending;
-use super::config::{TwinConfig, TwinError};
+use super::config::TwinConfig;
 use super::contact::Contact;
 use super::energy::Energies;
 use super::frequency::{Bound, bound};
 use super::law::Laws;
 use super::membrane::Membranes;
-use super::pack::{Field, WIDTH, zeros};
+use super::pack::{Field, WIDTH, at, zeros};
 use crate::fabric::Lamina;
+use crate::file::ValueError;
 use crate::math::Isa;
 
 /// Steps after which the bound on frequencies is refreshed and positions are checked: some
 /// milliseconds, in which the cloth hardly turns.
 const REFRESH_INTERVAL: usize = 256;
-
-/// How a vertex moves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Held {
-    pub vertex: usize,
-    pub velocity: [f64; 3],
-}
 
 /// The finite-element digital twin of a lamina, in motion.
 ///
@@ -38,8 +32,8 @@ pub struct Twin {
     pub(super) membranes: Membranes,
     pub(super) bending: Bending,
     pub(super) contact: Contact,
-    pub(super) held: Vec<Held>,
-    pub(super) is_held: Vec<bool>,
+    /// Velocity of each vertex that a clamp holds [m/s].
+    pub(super) held: Vec<Option<[f64; 3]>>,
     pub(super) x: Field,
     pub(super) v: Field,
     pub(super) f: Field,
@@ -59,44 +53,34 @@ pub struct Twin {
 
 impl Twin {
     /// A lamina at rest. Fails with the key of the value that is out of range.
-    pub fn new(lamina: &Lamina, config: &TwinConfig) -> Result<Self, TwinError> {
+    pub fn new(lamina: &Lamina, config: &TwinConfig) -> Result<Self, ValueError> {
         config.check()?;
         let laws = Laws::new(&lamina.material);
-        if !laws.are_finite() {
-            return Err(TwinError {
-                key: "material",
-                found: lamina.material.name.clone(),
-                expected: "curves of finite slope".into(),
-            });
-        }
+        let (name, expected) = (&lamina.material.name, "curves of finite slope");
+        ValueError::unless(laws.are_finite(), "twin.material", name, expected)?;
         let count = lamina.vertex_count();
         let total: f64 = lamina.mass.iter().sum();
-        let area: Vec<f64> = (lamina.mass.iter())
-            .map(|m| m * lamina.area() / total)
-            .collect();
-        let mut mass: Vec<f64> = (lamina.mass.iter())
-            .map(|m| m * config.mass_scaling)
-            .collect();
-        let mut inverse_mass: Vec<f64> = mass.iter().map(|m| 1.0 / m).collect();
-        let mut weight: Vec<f64> = (lamina.mass.iter()).map(|m| config.gravity * m).collect();
-        for some in [&mut mass, &mut inverse_mass, &mut weight] {
-            some.resize(count.next_multiple_of(WIDTH), 0.0);
-        }
+        let blank_area = lamina.area();
+        let area: Vec<f64> = (lamina.mass.iter().map(|m| m * blank_area / total)).collect();
+        let padded = |of: &dyn Fn(f64) -> f64| {
+            let mut values: Vec<f64> = lamina.mass.iter().map(|&m| of(m)).collect();
+            values.resize(count.next_multiple_of(WIDTH), 0.0);
+            values
+        };
         let friction = config.friction.then(|| lamina.material.friction());
         let tack = (config.adhesion > 0.0)
             .then(|| area.iter().map(|a| 1e3 * config.adhesion * a).collect());
         let mut twin = Self {
             config: config.clone(),
             count,
-            weight,
-            mass,
-            inverse_mass,
+            weight: padded(&|m| config.gravity * m),
+            mass: padded(&|m| m * config.mass_scaling),
+            inverse_mass: padded(&|m| 1.0 / (m * config.mass_scaling)),
             membranes: Membranes::new(lamina, laws),
             bending: Bending::new(lamina, config.bending_stiffness),
             contact: Contact::new(count, friction, tack),
             area,
-            held: Vec::new(),
-            is_held: vec![false; count],
+            held: vec![None; count],
             x: zeros(count),
             v: zeros(count),
             f: zeros(count),
@@ -137,14 +121,12 @@ impl Twin {
     }
 
     fn vectors(&self, field: &Field) -> Vec<[f64; 3]> {
-        let at = |v: usize| [field[0][v], field[1][v], field[2][v]];
-        (0..self.count).map(at).collect()
+        (0..self.count).map(|v| at(field, v).into()).collect()
     }
 
     /// Position of a vertex [m].
     pub fn position(&self, vertex: u32) -> [f64; 3] {
-        let v = vertex as usize;
-        [self.x[0][v], self.x[1][v], self.x[2][v]]
+        at(&self.x, vertex as usize).into()
     }
 
     /// Puts every vertex in its place [m]. The rest shape stays that of the lamina; energies
@@ -165,9 +147,9 @@ impl Twin {
     pub fn set_velocities(&mut self, velocities: &[[f64; 3]]) {
         assert_eq!(velocities.len(), self.count, "one velocity a vertex");
         fill(&mut self.v, velocities);
-        for held in &self.held {
-            for (v, held_v) in self.v.iter_mut().zip(held.velocity) {
-                v[held.vertex] = held_v;
+        for (vertex, held) in self.held.iter().enumerate() {
+            for (v, held) in self.v.iter_mut().zip(held.iter().flatten()) {
+                v[vertex] = *held;
             }
         }
         self.restart();
@@ -180,16 +162,12 @@ impl Twin {
 
     /// Holds a vertex, moving it evenly [m/s].
     pub fn drive(&mut self, vertex: u32, velocity: [f64; 3]) {
-        let vertex = vertex as usize;
-        self.is_held[vertex] = true;
-        self.held.retain(|held| held.vertex != vertex);
-        let place = self.held.partition_point(|held| held.vertex < vertex);
-        self.held.insert(place, Held { vertex, velocity });
+        self.held[vertex as usize] = Some(velocity);
     }
 
     /// Whether a vertex is held.
     pub fn is_held(&self, vertex: u32) -> bool {
-        self.is_held[vertex as usize]
+        self.held[vertex as usize].is_some()
     }
 
     /// The force with which the cloth pulls at a vertex, weight included [N]: what
@@ -262,7 +240,7 @@ impl Twin {
                 + self.bending.energy(&self.x),
             ..Energies::default()
         };
-        // Every step begins with no forces: these are in nobody's way.
+        // For the strains alone: every step begins with no forces.
         let pass = self.membranes.add_forces(&self.x, &mut self.f, None);
         self.peak = pass.peak;
         self.membranes.forget();

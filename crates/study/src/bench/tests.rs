@@ -15,7 +15,7 @@ fn small_scene() -> Scene {
 #[test]
 fn what_is_not_listed_is_not_computed() {
     let scene = small_scene();
-    let mut lamina = scene.lamina.clone();
+    let mut lamina = Lamina::clone(&scene.lamina);
     for diagonal in &mut lamina.diagonals {
         // A place outside every array: to touch it would panic.
         diagonal.vertices = [u32::MAX; 2];

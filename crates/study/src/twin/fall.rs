@@ -2,9 +2,10 @@
 
 use crate::study::StudyError;
 use crate::verify::solve::twin_stiffness;
+use drape_cloth::file::ValueError;
 use drape_cloth::scene::{Scene, SceneConfig, SceneError, hung};
 use drape_cloth::sim::SelfCollision;
-use drape_cloth::twin::{Hold, PressConfig, Twin, TwinConfig, TwinError};
+use drape_cloth::twin::{Hold, PressConfig, Twin, TwinConfig};
 use drape_task::env::EnvConfig;
 
 /// Inertia over mass of the paper's accelerated variant: 8.15 h become 40.2 min.
@@ -40,13 +41,7 @@ pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
         ),
     ];
     for (is_refused, key, found, expected) in refused {
-        if is_refused {
-            return Err(SceneError::Value {
-                key: key.into(),
-                found,
-                expected,
-            });
-        }
+        ValueError::unless(!is_refused, key, found, expected)?;
     }
     Ok(TwinConfig {
         bending_stiffness: twin_stiffness(physics),
@@ -113,7 +108,7 @@ pub fn lying(
     scene: &Scene,
     config: &TwinConfig,
     positions: &[[f64; 3]],
-) -> Result<Twin, TwinError> {
+) -> Result<Twin, ValueError> {
     let mut twin = Twin::new(&scene.lamina, config)?;
     twin.set_positions(positions);
     for v in scene.initial.fixed.ones() {

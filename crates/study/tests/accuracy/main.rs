@@ -19,9 +19,7 @@ use drape_cloth::sim::{
     Backend, Bending, BendingStiffness, Control, Cpu, Model, PhysicsConfig, Precision, Snapshot,
     Solver, World,
 };
-use drape_cloth::tool::{
-    Incline, Plate, Pose, Shape, Tool,
-};
+use drape_cloth::tool::{Incline, Plate, Pose, Shape, Tool};
 use drape_study::cloth::{
     AREAL_MASS, GRAVITY, NOWHERE, fix, mean_at, placed, rigid, sheet, strip, tool, yarns_alone,
 };

@@ -38,7 +38,7 @@ fn lists_side_by_side_end_as_each_alone_and_as_they_were_played() {
 #[test]
 fn divergence_ends_a_list_and_tells_its_press() {
     let mut scene = (**COARSE).clone();
-    scene.initial.velocity[0] = [1e12, 0.0, 0.0];
+    Arc::make_mut(&mut scene.initial).velocity[0] = [1e12, 0.0, 0.0];
     let mut env = Draping::new(Arc::new(scene), &small_region(), 2).unwrap();
     let vertex = env.region_vertices().next().unwrap();
     let mut calls = Vec::new();

@@ -3,7 +3,7 @@ use std::f64::consts::PI;
 use super::wrinkles::high_pass;
 use super::*;
 use crate::math::Vec3;
-use crate::mesh::OrientationFault;
+use crate::mesh::{OrientationFault, TriMesh};
 
 /// A square of side 1 in the middle, `cells` to a side, lifted to `height`(x, y).
 fn square(cells: u32, height: impl Fn(f64, f64) -> f64) -> TriMesh {
@@ -43,7 +43,7 @@ fn moved(mut mesh: TriMesh, by: Vec3) -> TriMesh {
 fn deviation(a: &TriMesh, b: &TriMesh) -> Spread {
     let sheet = Sheet::new(b).unwrap();
     let values = a.vertices.iter().map(|&x| sheet.foot(x).deviation);
-    Spread::new(values.zip(vertex_areas(a))).unwrap()
+    Spread::new(values.zip(a.vertex_areas())).unwrap()
 }
 
 #[test]

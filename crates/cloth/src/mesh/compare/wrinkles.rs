@@ -3,9 +3,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::spread::Spread;
-use super::vertex_areas;
 use crate::math::Vec3;
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, patches};
 
 /// Width of the weight of a Gaussian regression of second degree, per cutoff: a wave as long
 /// as the cutoff passes by half (ISO 16610-31).
@@ -39,26 +38,18 @@ pub struct Wrinkles {
 /// Counts and measures the wrinkles of a surface; none if it has no area.
 pub fn wrinkles(mesh: &TriMesh, filter: WrinkleFilter) -> Option<Wrinkles> {
     let deviation = high_pass(mesh, filter.cutoff);
-    let areas = vertex_areas(mesh);
+    let areas = mesh.vertex_areas();
     let spread = Spread::new(deviation.iter().copied().zip(areas.iter().copied()))?;
     let neighbors = Neighbors::new(mesh);
     let mut open: Vec<bool> = deviation.iter().map(|&d| d > filter.height).collect();
-    let mut count = 0;
-    for start in 0..open.len() {
-        if !std::mem::take(&mut open[start]) {
-            continue;
-        }
-        let mut patch = vec![start];
-        let mut area = 0.0;
-        while let Some(v) = patch.pop() {
-            area += areas[v];
-            let next = neighbors.of(v).iter().map(|&w| w as usize);
-            patch.extend(next.filter(|&w| std::mem::take(&mut open[w])));
-        }
-        count += usize::from(area >= MIN_AREA * filter.cutoff * filter.cutoff);
-    }
+    let next = |v| neighbors.of(v).iter().map(|&w| w as usize);
+    let is_large = |patch: &Vec<usize>| {
+        let area: f64 = patch.iter().map(|&v| areas[v]).sum();
+        area >= MIN_AREA * filter.cutoff * filter.cutoff
+    };
+    let patches = patches(&mut open, next);
     Some(Wrinkles {
-        count,
+        count: patches.iter().filter(|patch| is_large(patch)).count(),
         amplitude: spread.max.max(0.0),
         rms: spread.rms,
     })
@@ -73,7 +64,7 @@ pub fn wrinkles(mesh: &TriMesh, filter: WrinkleFilter) -> Option<Wrinkles> {
 /// six vertices are near enough for a fit, the height is 0.
 pub(super) fn high_pass(mesh: &TriMesh, cutoff: f64) -> Vec<f64> {
     let neighbors = Neighbors::new(mesh);
-    let areas = vertex_areas(mesh);
+    let areas = mesh.vertex_areas();
     let normals = mesh.vertex_normals();
     let count = mesh.vertices.len();
     let height = |(seen, patch): &mut (Vec<usize>, Vec<usize>), v: usize| {

@@ -1,0 +1,39 @@
+/// A value of a configuration that makes no sense.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{key}` is {found}, expected {expected}")]
+pub struct ValueError {
+    /// Where it stands, from the outermost table on.
+    pub key: String,
+    pub found: String,
+    pub expected: String,
+}
+
+impl ValueError {
+    /// Names what stands at `key`, and what was expected there.
+    pub fn new(key: &str, found: impl ToString, expected: impl Into<String>) -> Self {
+        Self {
+            key: key.into(),
+            found: found.to_string(),
+            expected: expected.into(),
+        }
+    }
+
+    /// Refuses what stands at `key` unless it `is_valid`.
+    pub fn unless(
+        is_valid: bool,
+        key: &str,
+        found: impl ToString,
+        expected: impl Into<String>,
+    ) -> Result<(), Self> {
+        match is_valid {
+            true => Ok(()),
+            false => Err(Self::new(key, found, expected)),
+        }
+    }
+
+    /// The same with its key in the table `outer`.
+    pub fn within(mut self, outer: &str) -> Self {
+        self.key = format!("{outer}.{}", self.key);
+        self
+    }
+}
