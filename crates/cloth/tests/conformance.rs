@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 use drape_cloth::fabric::{BlankConfig, Lamina, MassModel, Material};
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::sim::{
-    Backend, Bending, Control, Cpu, Model, PhysicsConfig, Plate, Precision, SelfCollision,
+    Backend, Bending, Control, Cpu, Model, PhysicsConfig, Precision, Press, SelfCollision,
     Snapshot, Solver, Stencil, Tension, World,
 };
 use drape_cloth::tool::{GridConfig, Hemisphere, Shape, Source, Tool, ToolConfig};
@@ -203,14 +203,14 @@ fn advance(
     let environments = || (0..backend.count()).map(&index);
     let plate = |(environment, index): (usize, usize)| {
         let first = 40 + index as u32;
-        index.is_multiple_of(2).then(|| Plate {
+        index.is_multiple_of(2).then(|| Press {
             environment,
             vertices: vec![first, first + 1, first + 14, first + 15],
             height: 0.006,
             descent: 10,
         })
     };
-    let plates: Vec<Plate> = environments().enumerate().filter_map(plate).collect();
+    let plates: Vec<Press> = environments().enumerate().filter_map(plate).collect();
     let vertices = |press: u32| -> Vec<Option<u32>> {
         let vertex = |index| (index % 3 != 0).then_some(60 + index as u32 + 5 * press);
         environments().map(vertex).collect()
@@ -443,12 +443,12 @@ fn fixed_vertices_obey_nothing(device: &Device, rounding: f64) {
 /// A plate moves its own environment and no other.
 fn plates_stay_in_their_environments(device: &Device) {
     let world = &WORLDS[0];
-    let step = |plates: &[Plate]| {
+    let step = |plates: &[Press]| {
         let mut backend = device.cases(world);
         backend.step(&CONTROL, plates);
         snapshots(&*backend)
     };
-    let plate = Plate {
+    let plate = Press {
         environment: 6,
         vertices: vec![46, 47, 60, 61],
         height: 0.006,

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use drape_cloth::fabric::{BlankConfig, Lamina, Material};
 use drape_cloth::sim::{
-    Backend, Control, Cpu, Model, PhysicsConfig, Plate, Precision, SelfCollision, Snapshot, Solver,
+    Backend, Control, Cpu, Model, PhysicsConfig, Precision, Press, SelfCollision, Snapshot, Solver,
     World,
 };
 use drape_cloth::tool::{Plate, Shape, Source, Tool, ToolConfig};
@@ -98,8 +98,8 @@ fn press(batch: &mut dyn Backend) {
     };
     for _ in 0..60 {
         plate = (plate - part.dt).max(0.0);
-        let plates: Vec<Plate> = (0..batch.count())
-            .map(|environment| Plate {
+        let plates: Vec<Press> = (0..batch.count())
+            .map(|environment| Press {
                 environment,
                 vertices: (0..STRIP.vertex_count() as u32).collect(),
                 height: plate,

@@ -7,7 +7,7 @@ use super::group::Group;
 use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
 use super::model::{Model, Pass};
-use super::press::{self, Plate};
+use super::press::{self, Press};
 use super::state::Snapshot;
 use super::step::step;
 use super::stepping::Control;
@@ -193,7 +193,7 @@ impl<V: Lanes> Storage for Alone<V> {
     }
 
     #[inline(always)]
-    fn hold_down(&mut self, _: Option<&Layers>, plate: &Plate, height: f64, compliance: f64) {
+    fn hold_down(&mut self, _: Option<&Layers>, plate: &Press, height: f64, compliance: f64) {
         for &vertex in &plate.vertices {
             let place = self.fold.vertices[vertex as usize].map(|i| i as usize);
             press::hold_down(place, height, compliance, &mut self.cloth);
@@ -285,7 +285,7 @@ impl<V: Lanes> Group for Alone<V> {
         self.cloth.velocity[v].set(lane, [0.0; 3]);
     }
 
-    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, plates: &[Plate]) {
+    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, plates: &[Press]) {
         step(model, tool, control, plates, self);
     }
 

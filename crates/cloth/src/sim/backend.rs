@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::model::Model;
-use super::press::Plate;
+use super::press::Press;
 use super::state::{Pressed, Snapshot};
 use super::stencil::Stencil;
 use super::stepping::Control;
@@ -52,7 +52,7 @@ pub trait Backend: Send + Sync {
     fn snapshot(&self, environment: usize) -> Snapshot;
 
     /// Moves all environments by one control step, with at most one plate in each.
-    fn step(&mut self, control: &Control, plates: &[Plate]);
+    fn step(&mut self, control: &Control, plates: &[Press]);
 
     /// Presses the stencil on a vertex of every environment and lets it settle; where there is
     /// no vertex, time passes all the same. What lay under the stencil is touched, and draped

@@ -9,7 +9,7 @@ use super::backend::{Backend, World};
 use super::group::Group;
 use super::lanes::InLanes;
 use super::model::Model;
-use super::press::Plate;
+use super::press::Press;
 use super::state::{Pressed, Snapshot};
 use super::stencil::{Stencil, ties, under_stencil};
 use super::stepping::Control;
@@ -158,13 +158,13 @@ impl Backend for Cpu {
         snapshot
     }
 
-    fn step(&mut self, control: &Control, plates: &[Plate]) {
+    fn step(&mut self, control: &Control, plates: &[Press]) {
         let World { model, tool, .. } = &self.world;
         let lanes = self.lanes;
         let step = |(index, group): (usize, &mut Box<dyn Group>)| {
             let own = plates.iter().filter(|p| p.environment / lanes == index);
-            let own: Vec<Plate> = own
-                .map(|plate| Plate {
+            let own: Vec<Press> = own
+                .map(|plate| Press {
                     environment: plate.environment % lanes,
                     ..plate.clone()
                 })
@@ -239,7 +239,7 @@ fn press(
         let position = |v| group.position(lane, v);
         let (under, height) = under_stencil(lamina, tool, vertex, stencil.side, position);
         pressed[lane].stencil.clone_from(&under);
-        plates.push(Plate {
+        plates.push(Press {
             environment: lane,
             vertices: under,
             height,

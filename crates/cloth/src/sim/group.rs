@@ -1,5 +1,5 @@
 use super::model::Model;
-use super::press::Plate;
+use super::press::Press;
 use super::state::Snapshot;
 use super::stepping::Control;
 use crate::tool::Tool;
@@ -25,7 +25,7 @@ pub(super) trait Group: Send + Sync {
     fn fix(&mut self, lane: usize, vertex: u32);
 
     /// Moves all lanes by one control step; plates count their environments from the first lane.
-    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, plates: &[Plate]);
+    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, plates: &[Press]);
 
     /// Whether every position of a lane is a number within 100 m of the origin, lane by lane.
     fn finite(&self) -> Vec<bool>;

@@ -6,7 +6,7 @@ use super::group::Group;
 use super::line::{Along, Line};
 use super::lines::{Direction, Lines};
 use super::model::{Model, Pass};
-use super::press::{self, Plate};
+use super::press::{self, Press};
 use super::state::Snapshot;
 use super::step::step;
 use super::stepping::Control;
@@ -84,7 +84,7 @@ impl<V: Lanes> Storage for InLanes<V> {
     }
 
     #[inline(always)]
-    fn hold_down(&mut self, layers: Option<&Layers>, plate: &Plate, height: f64, compliance: f64) {
+    fn hold_down(&mut self, layers: Option<&Layers>, plate: &Press, height: f64, compliance: f64) {
         for &vertex in &plate.vertices {
             let (v, lane) = (vertex as usize, plate.environment);
             let beneath = match (&self.self_contact, layers) {
@@ -166,7 +166,7 @@ impl<V: Lanes> Group for InLanes<V> {
         self.cloth.velocity[vertex as usize].set(lane, [0.0; 3]);
     }
 
-    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, plates: &[Plate]) {
+    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, plates: &[Press]) {
         if let Some(contact) = &mut self.self_contact {
             contact.start();
         }

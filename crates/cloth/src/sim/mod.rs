@@ -44,7 +44,7 @@ pub use model::Model;
 pub use physics::{
     Bending, BendingStiffness, PhysicsConfig, PhysicsError, SelfCollision, Solver, Tension,
 };
-pub use press::Plate;
+pub use press::Press;
 pub use state::{Pressed, Snapshot};
 pub use stencil::{Stencil, under_stencil};
 pub use stepping::{Accuracy, Control, Stepping};

@@ -8,7 +8,7 @@ use crate::math::{Lanes, Real};
 /// Its height over the tool falls evenly from `height` to 0 over the first `descent` substeps and
 /// stays there; no vertex of the list may be above it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plate {
+pub struct Press {
     pub environment: usize,
     pub vertices: Vec<u32>,
     /// Height over the tool at the start [m].
@@ -18,7 +18,7 @@ pub struct Plate {
 }
 
 /// Height of a plate over the tool in a substep [m].
-pub(super) fn height(plate: &Plate, substep: usize) -> f64 {
+pub(super) fn height(plate: &Press, substep: usize) -> f64 {
     let left = 1.0 - (substep + 1) as f64 / plate.descent as f64;
     plate.height * left.max(0.0)
 }

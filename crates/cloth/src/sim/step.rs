@@ -9,7 +9,7 @@ use super::frame::Frame;
 use super::length::{give_way, stretch, warm_start};
 use super::lines::{Direction, Lines};
 use super::model::Model;
-use super::press::{self, Plate};
+use super::press::{self, Press};
 use super::shear::shear;
 use super::stepping::Control;
 use super::storage::{Changed, Storage};
@@ -21,7 +21,7 @@ pub(super) struct Substeps<'a, S> {
     pub model: &'a Model,
     pub tool: &'a Tool,
     pub control: &'a Control,
-    pub plates: &'a [Plate],
+    pub plates: &'a [Press],
     pub range: Range<usize>,
     pub storage: &'a mut S,
 }
@@ -31,7 +31,7 @@ pub(super) fn step<S: Storage>(
     model: &Model,
     tool: &Tool,
     control: &Control,
-    plates: &[Plate],
+    plates: &[Press],
     storage: &mut S,
 ) {
     let mut first = 0;
@@ -175,7 +175,7 @@ fn stretch_along<S: Storage>(direction: Direction, lines: &Lines, storage: &mut 
 
 /// The plates of this substep.
 #[inline(always)]
-fn hold_down<S: Storage>(model: &Model, plates: &[Plate], substep: usize, storage: &mut S) {
+fn hold_down<S: Storage>(model: &Model, plates: &[Press], substep: usize, storage: &mut S) {
     let compliance = 1.0 / model.physics().press_stiffness;
     for plate in plates {
         let height = press::height(plate, substep);

@@ -3,7 +3,7 @@ use super::collision::Layers;
 use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
 use super::model::Pass;
-use super::press::Plate;
+use super::press::Press;
 use crate::math::Lanes;
 
 /// What changes along a line.
@@ -43,7 +43,7 @@ pub(super) trait Storage {
 
     /// Keeps the vertices of a plate below this height over the tool, or over what layers of
     /// cloth lie beneath them [m]; `compliance` as in [`super::press::hold_down`].
-    fn hold_down(&mut self, layers: Option<&Layers>, plate: &Plate, height: f64, compliance: f64);
+    fn hold_down(&mut self, layers: Option<&Layers>, plate: &Press, height: f64, compliance: f64);
 
     /// Keeps the layers of the cloth apart.
     fn separate(&mut self, layers: &Layers);
