@@ -31,10 +31,9 @@ impl Twin {
         loop {
             let left = end - self.seconds;
             if left <= 1e-9 * self.time_step {
-                return if self.is_finite() {
-                    Ok(())
-                } else {
-                    Err(self.diverged())
+                return match self.is_finite() {
+                    true => Ok(()),
+                    false => Err(self.diverged()),
                 };
             }
             self.step(tool, left)?;
