@@ -3,7 +3,7 @@ use std::fmt;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::tool::Tool;
+use super::solid::Tool;
 use crate::math::Vec3;
 
 /// What counts as near the surface [m]: the range in which cloth touches the tool.

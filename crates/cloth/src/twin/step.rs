@@ -1,6 +1,6 @@
 use super::contact::{Step, Vertex};
 use super::pack::{WIDTH, at};
-use super::twin::Twin;
+use super::state::Twin;
 use crate::math::{Isa, Kernel, Lanes};
 use crate::tool::Tool;
 
