@@ -10,14 +10,14 @@ use super::comparison::{Compared, compare};
 use super::failure::{OrInvalid, scene_failure};
 use super::output::{OutFolder, Progress, print, print_json};
 use super::picture::{Studio, View};
-use super::tool::{GRID_SAMPLES, GridErrorMm};
+use super::tool::GRID_SAMPLES;
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::{check_writable, write_atomic};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::write_stl;
 use drape_cloth::scene::{Scene, SceneConfig, Summary};
 use drape_cloth::sim::SelfCollision;
-use drape_cloth::tool::Source;
+use drape_cloth::tool::{GridError, Source};
 
 /// Width and height of the pictures [px].
 const SIZE: [usize; 2] = [960, 720];
@@ -81,7 +81,7 @@ struct Report {
     /// Wall time of setting up the scene [s].
     seconds: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
-    grid_error_mm: Option<GridErrorMm>,
+    grid_error_mm: Option<GridError>,
     #[serde(skip_serializing_if = "Option::is_none")]
     without_self_collision: Option<Compared>,
 }
@@ -127,11 +127,10 @@ pub fn run(args: Args) -> Result<(), Failure> {
     };
     let grid_error = args.grid_error.then(|| scene.tool.grid_error(GRID_SAMPLES));
     if args.json {
-        let spacing = config.tool.grid.spacing_mm;
         return print_json(&Report {
             summary,
             seconds,
-            grid_error_mm: grid_error.map(|error| GridErrorMm::new(&error, spacing)),
+            grid_error_mm: grid_error,
             without_self_collision: without,
         });
     }

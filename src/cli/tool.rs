@@ -10,7 +10,7 @@ use super::Failure;
 use super::failure::OrInvalid;
 use super::output::{print, print_json};
 use drape_cloth::mesh::write_stl;
-use drape_cloth::tool::{ErrorSummary, GridConfig, GridError, Shape, Tool};
+use drape_cloth::tool::{GridConfig, GridError, Shape, Tool};
 
 /// Points at which the distance grid is compared, in its box and near the surface each.
 pub(super) const GRID_SAMPLES: usize = 20_000;
@@ -69,22 +69,8 @@ struct Report {
     /// Least and greatest coordinates.
     bounds_mm: [[f64; 3]; 2],
     #[serde(skip_serializing_if = "Option::is_none")]
-    grid_error_mm: Option<GridErrorMm>,
-}
-
-/// The error of the distance grid [mm].
-#[derive(Debug, Serialize)]
-pub(super) struct GridErrorMm {
-    spacing: f64,
-    everywhere: ErrorMm,
-    within_2_mm: ErrorMm,
-}
-
-#[derive(Debug, Serialize)]
-struct ErrorMm {
-    mean: f64,
-    p95: f64,
-    max: f64,
+    /// Error of the distance grid.
+    grid_error_mm: Option<GridError>,
 }
 
 /// Runs `drape tool`.
@@ -103,19 +89,14 @@ pub fn run(args: Args) -> Result<(), Failure> {
         bounds_mm: [low, high].map(|corner| (corner * 1e3).into()),
         grid_error_mm: None,
     };
-    let mut grid_error = None;
     if args.grid_error {
-        let grid = GridConfig::default();
-        let error = Tool::from_mesh(mesh, &grid)
-            .or_invalid()?
-            .grid_error(GRID_SAMPLES);
-        report.grid_error_mm = Some(GridErrorMm::new(&error, grid.spacing_mm));
-        grid_error = Some(error);
+        let tool = Tool::from_mesh(mesh, &GridConfig::default()).or_invalid()?;
+        report.grid_error_mm = Some(tool.grid_error(GRID_SAMPLES));
     }
     if args.json {
         print_json(&report)
     } else {
-        print(&report.text(grid_error.as_ref()))
+        print(&report.text())
     }
 }
 
@@ -151,7 +132,7 @@ fn read<T: DeserializeOwned>(table: toml::Table) -> Result<T, Error> {
 }
 
 impl Report {
-    fn text(&self, grid_error: Option<&GridError>) -> String {
+    fn text(&self) -> String {
         let [low, high] = self.bounds_mm;
         let mut text = format!(
             "{}: {} vertices, {} triangles",
@@ -162,25 +143,9 @@ impl Report {
         for (axis, (low, high)) in ["x", "y", "z"].iter().zip(low.iter().zip(high)) {
             let _ = write!(text, "\n{axis} {low:8.1} to {high:8.1} mm");
         }
-        if let Some(error) = grid_error {
+        if let Some(error) = &self.grid_error_mm {
             let _ = write!(text, "\nerror of the distance grid\n{error}");
         }
         text
-    }
-}
-
-impl GridErrorMm {
-    /// Converts `error` of a grid with spacing `spacing` [mm].
-    pub fn new(error: &GridError, spacing: f64) -> Self {
-        let mm = |summary: &ErrorSummary| ErrorMm {
-            mean: summary.mean * 1e3,
-            p95: summary.p95 * 1e3,
-            max: summary.max * 1e3,
-        };
-        Self {
-            spacing,
-            everywhere: mm(&error.everywhere),
-            within_2_mm: mm(&error.near),
-        }
     }
 }

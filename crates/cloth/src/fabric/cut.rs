@@ -148,11 +148,11 @@ impl Cutter {
             loops,
             columns,
             rows,
-            nearest: vec![None; columns * rows],
+            nearest: Vec::new(),
             kept: vec![false; columns * rows],
         };
         cutter.find_inside();
-        cutter.find_nearest();
+        cutter.nearest = cutter.nearest();
         for node in 0..columns * rows {
             if let Some(near) = cutter.nearest[node] {
                 cutter.kept[node] |= distance(near, cutter.place(node)) < OVERHANG;
@@ -184,8 +184,9 @@ impl Cutter {
         }
     }
 
-    fn find_nearest(&mut self) {
-        let mut nearest = vec![None; self.nearest.len()];
+    /// The nearest point of the outline within one cell of each node.
+    fn nearest(&self) -> Vec<Option<Point>> {
+        let mut nearest: Vec<Option<Point>> = vec![None; self.kept.len()];
         let counts = [self.columns, self.rows];
         for [a, b] in self.edges() {
             let range = |k: usize| {
@@ -198,14 +199,14 @@ impl Cutter {
                     let node = row * self.columns + column;
                     let place = self.place(node);
                     let point = nearest_on(a, b, place);
-                    let best: &mut Option<Point> = &mut nearest[node];
-                    if best.is_none_or(|best| distance(point, place) < distance(best, place)) {
-                        *best = Some(point);
+                    let is_nearer = |best| distance(point, place) < distance(best, place);
+                    if nearest[node].is_none_or(is_nearer) {
+                        nearest[node] = Some(point);
                     }
                 }
             }
         }
-        self.nearest = nearest;
+        nearest
     }
 
     /// Nodes at the corners of a cell, counter-clockwise from the lowest row and column; none

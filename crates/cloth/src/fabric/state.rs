@@ -198,16 +198,13 @@ impl Tangents {
     /// By how much the angle between the yarns has closed: 90 degrees less the angle [rad].
     /// 0 where a yarn has no length left.
     pub fn shear(&self) -> f64 {
-        let (sin, cos) = (
-            self.warp.cross(&self.weft).norm(),
-            self.warp.dot(&self.weft),
-        );
-        cos.atan2(sin)
+        let sin = self.warp.cross(&self.weft).norm();
+        self.warp.dot(&self.weft).atan2(sin)
     }
 
     /// Angle [rad] between the yarns of one family here and in `reference`, both seen in the
-    /// tangent plane of the reference. A right angle where there is no
-    /// such plane or direction: the yarns then have nothing to do with each other.
+    /// tangent plane of the reference. A right angle where there is no such plane or direction:
+    /// the yarns then have nothing to do with each other.
     pub fn angle(&self, reference: &Self, family: Family) -> f64 {
         let pick = |tangents: &Self| match family {
             Family::Warp => tangents.warp,

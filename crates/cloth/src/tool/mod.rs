@@ -11,13 +11,13 @@ mod error;
 mod grid;
 mod patch;
 mod shapes;
+mod solid;
 mod surface;
-mod tool;
 
 pub use accuracy::{ErrorSummary, GridError};
 pub use config::{GridConfig, Pose, Source, StlSource, ToolConfig};
 pub use error::ToolError;
 pub use grid::DistanceGrid;
 pub use shapes::{Cylinder, DoubleDome, Hemisphere, Incline, Plate, Rib, Shape};
+pub use solid::Tool;
 pub use surface::{Surface, SurfacePoint};
-pub use tool::Tool;

@@ -104,15 +104,12 @@ impl Surface {
             let (low, high) = (node.mins(), node.maxs());
             low.x <= x && x <= high.x && low.y <= y && y <= high.y
         };
-        let mut crossings: Vec<(f64, i32)> = self
-            .facets
-            .bvh()
-            .leaves(on_line)
-            .filter_map(|leaf| {
-                let triangle = self.facets.triangle(leaf);
-                crossing([triangle.a, triangle.b, triangle.c], x, y)
-            })
-            .collect();
+        let meeting = |leaf| {
+            let triangle = self.facets.triangle(leaf);
+            crossing([triangle.a, triangle.b, triangle.c], x, y)
+        };
+        let leaves = self.facets.bvh().leaves(on_line);
+        let mut crossings: Vec<(f64, i32)> = leaves.filter_map(meeting).collect();
         crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         crossings
     }
@@ -120,12 +117,8 @@ impl Surface {
 
 /// How often the facets above height `z` wind round the point: sum of their signs.
 pub(super) fn winding(crossings: &[(f64, i32)], z: f64) -> i32 {
-    crossings
-        .iter()
-        .rev()
-        .take_while(|c| c.0 > z)
-        .map(|c| c.1)
-        .sum()
+    let above = crossings.iter().rev().take_while(|c| c.0 > z);
+    above.map(|c| c.1).sum()
 }
 
 /// Whether the mesh leaves out a part of its boundary, beyond cracks between facets.
@@ -169,12 +162,8 @@ fn walls(mesh: &TriMesh, border: &[[u32; 2]]) -> shape::TriMesh {
     for edge in border {
         let [a, b] = edge.map(|i| to_parry(&mesh.vertices[i as usize]));
         let first = vertices.len() as u32;
-        vertices.extend([
-            a,
-            b,
-            Vector::new(a.x, a.y, bottom),
-            Vector::new(b.x, b.y, bottom),
-        ]);
+        let [c, d] = [a, b].map(|v| Vector::new(v.x, v.y, bottom));
+        vertices.extend([a, b, c, d]);
         triangles.extend([[first, first + 2, first + 3], [first, first + 3, first + 1]]);
     }
     shape::TriMesh::new(vertices, triangles).expect("an open mesh has a border")

@@ -221,12 +221,9 @@ impl Triangles {
                 let y = u[1][l] * g1[l] + v[1][l] * g2[l];
                 let z = u[2][l] * g1[l] + v[2][l] * g2[l];
                 let stretch = (x * x + y * y + z * z).sqrt();
-                let some = if stretch > MIN_STRETCH {
-                    stretch
-                } else {
-                    MIN_STRETCH
-                };
-                let inverse = 1.0 / some;
+                // A choice of this form is a vector instruction; `max` with its NaNs is none.
+                let above = stretch > MIN_STRETCH;
+                let inverse = 1.0 / if above { stretch } else { MIN_STRETCH };
                 dx[l] = x * inverse;
                 dy[l] = y * inverse;
                 dz[l] = z * inverse;
@@ -253,12 +250,8 @@ impl Triangles {
         for l in 0..WIDTH {
             let sine = columns.sine[l];
             let cosine = (1.0 - sine * sine).sqrt();
-            let some = if cosine > MIN_COSINE {
-                cosine
-            } else {
-                MIN_COSINE
-            };
-            let turn = tau[l] / some * self.volume[l];
+            let above = cosine > MIN_COSINE;
+            let turn = tau[l] / if above { cosine } else { MIN_COSINE } * self.volume[l];
             for family in 0..2 {
                 let across = turn * columns.inverse[family][l];
                 own[family][l] = stress[family][l] * self.volume[l] - sine * across;
@@ -307,22 +300,15 @@ fn asin(x: &Lane) -> Lane {
     for l in 0..WIDTH {
         let size = x[l].abs();
         let is_small = size < 0.5;
-        let t = if is_small {
-            size * size
-        } else {
-            0.5 * (1.0 - size)
-        };
+        let (square, rest) = (size * size, 0.5 * (1.0 - size));
+        let t = if is_small { square } else { rest };
         let root = t.sqrt();
         let p = t * (P[0] + t * (P[1] + t * (P[2] + t * (P[3] + t * (P[4] + t * P[5])))));
         let q = 1.0 + t * (Q[0] + t * (Q[1] + t * (Q[2] + t * Q[3])));
         let base = if is_small { size } else { root };
         let arc = base + base * (p / q);
-        let whole = if is_small {
-            arc
-        } else {
-            std::f64::consts::FRAC_PI_2 - 2.0 * arc
-        };
-        angle[l] = whole.copysign(x[l]);
+        let large = std::f64::consts::FRAC_PI_2 - 2.0 * arc;
+        angle[l] = if is_small { arc } else { large }.copysign(x[l]);
     }
     angle
 }

@@ -19,12 +19,12 @@ mod membrane;
 mod pack;
 mod press;
 mod relax;
+mod state;
 mod step;
-mod twin;
 
 pub use config::TwinConfig;
 pub use energy::Energies;
 pub use press::{Hold, PressConfig, Replay, under_box};
 pub use relax::Relaxed;
+pub use state::Twin;
 pub use step::Diverged;
-pub use twin::Twin;

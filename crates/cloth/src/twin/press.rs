@@ -1,7 +1,7 @@
 use std::collections::BTreeSet;
 
+use super::state::Twin;
 use super::step::Diverged;
-use super::twin::Twin;
 use crate::fabric::Lamina;
 use crate::math::Vec3;
 use crate::tool::Tool;

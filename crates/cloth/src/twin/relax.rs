@@ -1,5 +1,5 @@
+use super::state::Twin;
 use super::step::Diverged;
-use super::twin::Twin;
 use crate::tool::Tool;
 
 /// Min and max steps between two estimates of how the twin moves.

@@ -1,6 +1,6 @@
 use super::contact::{Step, Vertex};
 use super::pack::{WIDTH, at};
-use super::twin::Twin;
+use super::state::Twin;
 use crate::math::{Isa, Kernel, Lanes};
 use crate::tool::Tool;
 
@@ -31,10 +31,9 @@ impl Twin {
         loop {
             let left = end - self.seconds;
             if left <= 1e-9 * self.time_step {
-                return if self.is_finite() {
-                    Ok(())
-                } else {
-                    Err(self.diverged())
+                return match self.is_finite() {
+                    true => Ok(()),
+                    false => Err(self.diverged()),
                 };
             }
             self.step(tool, left)?;

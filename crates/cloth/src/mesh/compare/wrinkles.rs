@@ -40,9 +40,9 @@ pub fn wrinkles(mesh: &TriMesh, filter: WrinkleFilter) -> Option<Wrinkles> {
     let deviation = high_pass(mesh, filter.cutoff);
     let areas = mesh.vertex_areas();
     let spread = Spread::new(deviation.iter().copied().zip(areas.iter().copied()))?;
-    let neighbors = Neighbors::new(mesh);
+    let neighbors = neighbors_of(mesh);
     let mut open: Vec<bool> = deviation.iter().map(|&d| d > filter.height).collect();
-    let next = |v| neighbors.of(v).iter().map(|&w| w as usize);
+    let next = |v: usize| neighbors[v].iter().copied();
     let is_large = |patch: &Vec<usize>| {
         let area: f64 = patch.iter().map(|&v| areas[v]).sum();
         area >= MIN_AREA * filter.cutoff * filter.cutoff
@@ -63,12 +63,26 @@ pub fn wrinkles(mesh: &TriMesh, filter: WrinkleFilter) -> Option<Wrinkles> {
 /// dome wider than `cutoff` [m], does not count, and neither does a border. Where fewer than
 /// six vertices are near enough for a fit, the height is 0.
 pub(super) fn high_pass(mesh: &TriMesh, cutoff: f64) -> Vec<f64> {
-    let neighbors = Neighbors::new(mesh);
+    let neighbors = neighbors_of(mesh);
     let areas = mesh.vertex_areas();
     let normals = mesh.vertex_normals();
     let count = mesh.vertices.len();
     let height = |(seen, patch): &mut (Vec<usize>, Vec<usize>), v: usize| {
-        neighbors.patch(mesh, v, REACH * cutoff, seen, patch);
+        // What hangs together with the vertex within reach; `seen` has the last one for each.
+        patch.clear();
+        patch.push(v);
+        seen[v] = v;
+        let mut next = 0;
+        while let Some(&from) = patch.get(next) {
+            for &w in &neighbors[from] {
+                let distance = (mesh.vertices[w] - mesh.vertices[v]).norm();
+                if distance <= REACH * cutoff && seen[w] != v {
+                    seen[w] = v;
+                    patch.push(w);
+                }
+            }
+            next += 1;
+        }
         let weight = |w: usize| {
             let r = (mesh.vertices[w] - mesh.vertices[v]).norm() / (WIDTH * cutoff);
             areas[w] * (-std::f64::consts::PI * r * r).exp()
@@ -104,57 +118,18 @@ pub(super) fn high_pass(mesh: &TriMesh, cutoff: f64) -> Vec<f64> {
         .collect()
 }
 
-/// The vertices next to each vertex.
-struct Neighbors {
-    start: Vec<usize>,
-    vertices: Vec<u32>,
-}
-
-impl Neighbors {
-    fn new(mesh: &TriMesh) -> Self {
-        let mut pairs: Vec<(u32, u32)> = mesh
-            .triangles
-            .iter()
-            .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a), (b, a), (c, b), (a, c)])
-            .collect();
-        pairs.sort_unstable();
-        pairs.dedup();
-        let count = mesh.vertices.len();
-        let start = (0..=count).map(|v| pairs.partition_point(|p| (p.0 as usize) < v));
-        Self {
-            start: start.collect(),
-            vertices: pairs.iter().map(|p| p.1).collect(),
+/// The vertices next to each vertex, ascending.
+fn neighbors_of(mesh: &TriMesh) -> Vec<Vec<usize>> {
+    let mut neighbors = vec![Vec::new(); mesh.vertices.len()];
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|v| v as usize);
+        for (v, beside) in [(a, [b, c]), (b, [c, a]), (c, [a, b])] {
+            neighbors[v].extend(beside);
         }
     }
-
-    fn of(&self, v: usize) -> &[u32] {
-        &self.vertices[self.start[v]..self.start[v + 1]]
+    for beside in &mut neighbors {
+        beside.sort_unstable();
+        beside.dedup();
     }
-
-    /// Puts into `patch` the vertices within `reach` [m] of `v` that hang together with it.
-    /// `seen` holds for each vertex the last one whose patch it was in.
-    fn patch(
-        &self,
-        mesh: &TriMesh,
-        v: usize,
-        reach: f64,
-        seen: &mut [usize],
-        patch: &mut Vec<usize>,
-    ) {
-        patch.clear();
-        patch.push(v);
-        seen[v] = v;
-        let mut next = 0;
-        while let Some(&from) = patch.get(next) {
-            for &w in self.of(from) {
-                let w = w as usize;
-                let is_near = (mesh.vertices[w] - mesh.vertices[v]).norm() <= reach;
-                if is_near && seen[w] != v {
-                    seen[w] = v;
-                    patch.push(w);
-                }
-            }
-            next += 1;
-        }
-    }
+    neighbors
 }
