@@ -11,8 +11,8 @@ use super::output::OutFolder;
 use super::result::{BASELINE_SEED, Baseline, Recorder, rollout_failure};
 use super::scene::set_up;
 use crate::run::{
-    Checkpoint, EpisodeSummary, Played, Rules, RunConfig, RunFolder, parallel_episodes, play,
-    replay,
+    Checkpoint, EpisodeSummary, PlayedEpisode, Rules, RunConfig, RunFolder, parallel_episodes,
+    play, replay,
 };
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
@@ -236,7 +236,7 @@ impl Loaded {
     pub fn play(
         &self,
         source: Source,
-    ) -> Result<(Played, Option<Agent>, Recorder, Draping), Failure> {
+    ) -> Result<(PlayedEpisode, Option<Agent>, Recorder, Draping), Failure> {
         let mut draping = Draping::new(self.scene.clone(), &self.env, 1).or_invalid()?;
         let mut recorder = Recorder::default();
         let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);

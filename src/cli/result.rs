@@ -8,8 +8,8 @@ use serde::Serialize;
 use super::Failure;
 use super::picture::{Frame, Studio, View};
 use crate::run::{
-    EpisodeSummary, Played, RolloutError, Rules, RunFolder, Training, curve, random_episodes,
-    read_metrics, replay,
+    EpisodeSummary, PlayedEpisode, RolloutError, Rules, RunFolder, Training, curve,
+    random_episodes, read_metrics, replay,
 };
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::Scene;
@@ -101,7 +101,10 @@ pub(super) fn write(training: &Training, baseline: &Baseline, json: bool) -> Res
 }
 
 /// The draping points of an episode.
-pub(super) fn path(played: &Played, config: &EnvConfig) -> Result<Vec<DrapingPoint>, Failure> {
+pub(super) fn path(
+    played: &PlayedEpisode,
+    config: &EnvConfig,
+) -> Result<Vec<DrapingPoint>, Failure> {
     Ok(strokes(&played.points, config.stencil_mm * 1e-3)?)
 }
 
@@ -161,7 +164,7 @@ impl Recorder {
         mut self,
         folder: &Path,
         draping: &Draping,
-        played: &Played,
+        played: &PlayedEpisode,
         title: &str,
     ) -> Result<(), Failure> {
         let scene = draping.scene();

@@ -67,7 +67,7 @@ impl Serialize for Line<'_> {
 
 /// One line of a metrics file.
 #[derive(Clone, Debug, PartialEq, serde::Deserialize)]
-pub struct Metrics {
+pub struct MetricsLine {
     pub step: u64,
     /// Values by name; `None` where the number was not finite.
     #[serde(flatten)]
@@ -95,7 +95,7 @@ pub enum MetricsError {
 
 /// All lines of the metrics file at `path`, in order. A last line without its line break is
 /// still being written and is left out.
-pub fn read_metrics(path: &Path) -> Result<Vec<Metrics>, MetricsError> {
+pub fn read_metrics(path: &Path) -> Result<Vec<MetricsLine>, MetricsError> {
     let text = fs::read_to_string(path).map_err(|source| MetricsError::Read {
         path: path.into(),
         source,
@@ -114,7 +114,7 @@ pub fn read_metrics(path: &Path) -> Result<Vec<Metrics>, MetricsError> {
 }
 
 /// The finite values called `name`, as (step, value): one curve.
-pub fn curve(metrics: &[Metrics], name: &str) -> Vec<(u64, f64)> {
+pub fn curve(metrics: &[MetricsLine], name: &str) -> Vec<(u64, f64)> {
     metrics
         .iter()
         .filter_map(|line| Some((line.step, (*line.values.get(name)?)?)))

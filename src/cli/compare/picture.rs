@@ -4,9 +4,7 @@ use crate::cli::picture::{CLOTH_BIAS, creased};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::tool::Tool;
-use drape_report::{
-    Camera, Color, ColorBar, ColorMap, Image, Mark, PATH, Paint, Scene as Picture, TOOL,
-};
+use drape_report::{Camera, Color, ColorBar, ColorMap, Drawing, Image, Mark, PATH, Paint, TOOL};
 use drape_study::compare::{Comparison, Surveyed};
 
 /// Width and height of each view [px].
@@ -48,7 +46,7 @@ pub(in crate::cli) fn deviation(
     let outline = region.map_or(Vec::new(), |region| outline(a, region));
 
     let views = [Camera::isometric(bounds), Camera::top(bounds)].map(|camera| {
-        let mut picture = Picture::default();
+        let mut picture = Drawing::default();
         if let Some(tool) = &tool {
             picture.add(tool, Paint::Uniform(TOOL), 0.0);
         }

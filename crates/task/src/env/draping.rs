@@ -8,7 +8,7 @@ use super::config::{EnvConfig, EnvError, Precision, Region};
 use super::reward::{Reward, Taken, score};
 use super::rules::{EndState, Progress, Slot, Task};
 use super::stencil::under_stencil;
-use super::task::{End, Episode, Observation, Outcome, Shape, Tasks};
+use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
 use drape_cloth::math::{Isa, Vec3};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Batch, Press, Snapshot};
@@ -194,7 +194,7 @@ impl Group {
     }
 
     /// One action in every environment of the group.
-    fn step(&mut self, task: &Task, actions: &[u32]) -> Vec<Outcome> {
+    fn step(&mut self, task: &Task, actions: &[u32]) -> Vec<StepOutcome> {
         let mut vertices = Vec::with_capacity(actions.len());
         for (slot, &action) in self.slots.iter_mut().zip(actions) {
             let allowed = slot.observation.mask.contains(action as usize);
@@ -283,7 +283,7 @@ impl Group {
     }
 
     /// What the step of one environment has brought. Its episode is reset when it is over.
-    fn conclude(&mut self, task: &Task, lane: usize, finite: bool) -> Outcome {
+    fn conclude(&mut self, task: &Task, lane: usize, finite: bool) -> StepOutcome {
         let Slot {
             progress,
             observation,
@@ -319,7 +319,7 @@ impl Group {
             });
             self.reset(task, lane);
         }
-        Outcome { reward, episode }
+        StepOutcome { reward, episode }
     }
 }
 
@@ -331,7 +331,7 @@ struct Saved {
 }
 
 impl Tasks for Draping {
-    fn shape(&self) -> Shape {
+    fn shape(&self) -> ImageShape {
         self.task.shape()
     }
 
@@ -347,7 +347,7 @@ impl Tasks for Draping {
         &self.slot(index).observation
     }
 
-    fn step(&mut self, actions: &[u32]) -> Vec<Outcome> {
+    fn step(&mut self, actions: &[u32]) -> Vec<StepOutcome> {
         assert_eq!(actions.len(), self.count, "one action an environment");
         let lanes = self.groups[0].batch.lanes();
         let task = &self.task;

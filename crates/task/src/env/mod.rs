@@ -16,4 +16,4 @@ pub use draping::Draping;
 pub use replay::Diverged;
 pub use reward::{Reward, Taken, Term, score};
 pub use rules::EndState;
-pub use task::{End, Episode, Observation, Outcome, Shape, Tasks};
+pub use task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, EnvError, Precision, Region};
 use super::reward::Reward;
-use super::task::{Observation, Shape};
+use super::task::{ImageShape, Observation};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::Isa;
 use drape_cloth::scene::Scene;
@@ -127,15 +127,15 @@ impl Task {
         }
     }
 
-    pub fn shape(&self) -> Shape {
+    pub fn shape(&self) -> ImageShape {
         let Region { rows, columns, .. } = &self.region;
         if self.config.crop {
-            Shape {
+            ImageShape {
                 rows: rows.len(),
                 columns: columns.len(),
             }
         } else {
-            Shape {
+            ImageShape {
                 rows: self.scene.lamina.rows,
                 columns: self.scene.lamina.columns,
             }
@@ -161,7 +161,7 @@ impl Task {
 
     /// The pixel of a vertex; none outside the image.
     pub fn pixel(&self, vertex: u32) -> Option<u32> {
-        let Shape { rows, columns } = self.shape();
+        let ImageShape { rows, columns } = self.shape();
         let (place, corner) = (self.scene.lamina.place(vertex), self.corner());
         let down = place[0].checked_sub(corner[0]).filter(|&d| d < rows)?;
         let right = place[1].checked_sub(corner[1]).filter(|&r| r < columns)?;
