@@ -3,7 +3,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use serde::ser::{Serialize, SerializeMap, Serializer};
+use serde::{Serialize, Serializer};
 
 use super::log::{Log, LogError};
 
@@ -56,12 +56,12 @@ struct Line<'a> {
 
 impl Serialize for Line<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(1 + self.values.len()))?;
-        map.serialize_entry("step", &self.step)?;
-        for (name, value) in self.values {
-            map.serialize_entry(name, value)?;
-        }
-        map.end()
+        let step = ("step", serde_json::Value::from(self.step));
+        let values = self
+            .values
+            .iter()
+            .map(|&(name, value)| (name, value.into()));
+        serializer.collect_map(std::iter::once(step).chain(values))
     }
 }
 
