@@ -27,7 +27,7 @@ mod raster;
 
 pub use bar::ColorBar;
 pub use camera::Camera;
-pub use chart::{Band, Chart, Level, Scale, Series};
+pub use chart::{Chart, Level, Scale, Series};
 pub use color::{BACKGROUND, CLOTH, Color, ColorMap, DRAPED, PATH, SERIES, TOOL, TOUCHED};
 pub use drawing::{Drawing, Item, Mark, Paint};
 pub use error::ReportError;
