@@ -211,7 +211,6 @@ fn chart(found: &Findings) -> Chart {
             color: [120, 120, 125],
         }],
         scale: Scale::Log10,
-        ..Chart::default()
     }
 }
 
