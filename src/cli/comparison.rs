@@ -12,7 +12,7 @@ use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::{Scene, Summary};
 use drape_cloth::sim::SelfCollision;
-use drape_report::{CLOTH, Camera, Color, Image, Mark, Scene as Picture, TOOL};
+use drape_report::{CLOTH, Camera, Color, Drawing, Image, Mark, TOOL};
 
 /// Width and height of each of the four pictures [px].
 const SIZE: [usize; 2] = [760, 480];
@@ -72,7 +72,7 @@ fn section(scene: &Scene, bounds: (Vec3, Vec3)) -> Image {
     let lamina = scene.lamina.mesh(&scene.initial.position);
     let normal = across(&lamina);
     let centre = middle(&lamina);
-    let mut picture = Picture::default();
+    let mut picture = Drawing::default();
     for (mesh, color) in [(&lamina, CLOTH), (&scene.tool.mesh, TOOL)] {
         let marks = cut(mesh, normal, centre).map(|points| line(points, color));
         picture.marks.extend(marks);

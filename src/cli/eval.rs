@@ -2,21 +2,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::anyhow;
-use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
 use super::output::OutFolder;
-use super::result::{BASELINE_SEED, Baseline, Recorder, rollout_failure};
+use super::result::{BASELINE_SEED, Episodes, Recorder, rollout_failure};
 use super::scene::set_up;
 use crate::run::{
-    Checkpoint, EpisodeSummary, Played, Rules, RunConfig, RunFolder, parallel_episodes, play,
-    replay,
+    Checkpoint, EpisodeSummary, PlayedEpisode, Rules, RunConfig, RunFolder, parallel_episodes,
+    play, replay,
 };
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
-use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Accuracy, Solver};
 use drape_learn::ppo::{Agent, Sampling};
@@ -54,8 +53,8 @@ pub struct Args {
 
     /// Compute the episodes with this solver, from the initial state of the run. A sequence is
     /// pressed as with --accuracy
-    #[arg(long, value_enum)]
-    solver: Option<SolverName>,
+    #[arg(long, value_parser = PossibleValuesParser::new(["yarn", "gauss_seidel"]).map(solver))]
+    solver: Option<Solver>,
 
     /// Step the episodes as finely as this, fast, balanced or accurate, from the initial state of
     /// the run, instead of as in training. A sequence is pressed as a robot would: all of it,
@@ -82,12 +81,11 @@ pub(super) fn accuracy(name: &str) -> Result<Accuracy, String> {
     Accuracy::named(name).ok_or("expected fast, balanced or accurate".into())
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
-enum SolverName {
-    #[value(name = "yarn")]
-    Yarn,
-    #[value(name = "gauss_seidel")]
-    GaussSeidel,
+fn solver(name: String) -> Solver {
+    match &*name {
+        "yarn" => Solver::Yarn,
+        _ => Solver::GaussSeidel,
+    }
 }
 
 /// What is printed.
@@ -105,21 +103,10 @@ struct Report {
     /// below its mean; none if that does not deviate.
     deviations_below_random: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    sampled: Option<Sampled>,
-    random: Baseline,
+    sampled: Option<Episodes>,
+    random: Episodes,
     /// Where the pictures are.
     pictures: PathBuf,
-}
-
-/// Episodes with actions drawn from the policy.
-#[derive(Serialize)]
-struct Sampled {
-    mean_score: f64,
-    deviation: f64,
-    best_score: f64,
-    /// Episodes in which the simulation was lost; they count in no mean.
-    diverged: usize,
-    episodes: Vec<EpisodeSummary>,
 }
 
 /// Runs `drape eval`.
@@ -134,10 +121,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         None => OutFolder::make(&loaded.folder.pictures().join("eval"))?,
     };
     if let Some(solver) = args.solver {
-        loaded.change_solver(match solver {
-            SolverName::Yarn => Solver::Yarn,
-            SolverName::GaussSeidel => Solver::GaussSeidel,
-        });
+        loaded.change_solver(solver);
     }
     if let Some(accuracy) = args.accuracy {
         loaded.change_accuracy(accuracy);
@@ -153,7 +137,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         Drape::new(&scene.lamina, &played.end.position).write(file)?;
     }
 
-    let random = Baseline::play(scene, env, args.episodes, BASELINE_SEED)?;
+    let random = Episodes::random(scene, env, args.episodes, BASELINE_SEED)?;
     let sampled = match (&agent, args.sample) {
         (Some(agent), true) => Some(sampled(agent, scene, env, args.episodes)?),
         _ => None,
@@ -236,7 +220,7 @@ impl Loaded {
     pub fn play(
         &self,
         source: Source,
-    ) -> Result<(Played, Option<Agent>, Recorder, Draping), Failure> {
+    ) -> Result<(PlayedEpisode, Option<Agent>, Recorder, Draping), Failure> {
         let mut draping = Draping::new(self.scene.clone(), &self.env, 1).or_invalid()?;
         let mut recorder = Recorder::default();
         let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);
@@ -318,7 +302,7 @@ fn sampled(
     scene: &Arc<Scene>,
     env: &EnvConfig,
     count: usize,
-) -> Result<Sampled, Failure> {
+) -> Result<Episodes, Failure> {
     let choose = |draping: &Draping, streams: &mut [_]| -> Vec<u32> {
         let act = |(index, stream)| {
             let observation = draping.observation(index);
@@ -327,18 +311,7 @@ fn sampled(
         streams.iter_mut().enumerate().map(act).collect()
     };
     let episodes = parallel_episodes(scene, env, count, BASELINE_SEED, choose)?;
-    if episodes.is_empty() {
-        return Err(anyhow!("all sampled episodes diverged").into());
-    }
-    let scores: Vec<f64> = episodes.iter().map(|episode| episode.score).collect();
-    let [mean_score, deviation] = mean_and_deviation(&scores);
-    Ok(Sampled {
-        mean_score,
-        deviation,
-        best_score: scores.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-        diverged: count - episodes.len(),
-        episodes,
-    })
+    Episodes::new("sampled", count, episodes)
 }
 
 fn text(report: &Report) -> String {

@@ -8,8 +8,8 @@ use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::Snapshot;
 use drape_report::{
-    BACKGROUND, CLOTH, CLOTH_BIAS, Camera, Color, ColorMap, DRAPED, Film, Image, PATH, Paint,
-    Scene as Picture, TOOL, TOUCHED, creased,
+    BACKGROUND, CLOTH, CLOTH_BIAS, Camera, Color, ColorMap, DRAPED, Drawing, Film, Image, PATH,
+    Paint, TOOL, TOUCHED, creased,
 };
 
 /// Distance to the tool from which on cloth is fully red [m].
@@ -124,7 +124,7 @@ impl<'a> Studio<'a> {
         text: &str,
     ) -> Image {
         let lamina: TriMesh = self.scene.lamina.mesh(&state.position);
-        let mut picture = Picture::default();
+        let mut picture = Drawing::default();
         picture.add(&self.tool, Paint::Uniform(TOOL), 0.0);
         picture.add(&lamina, Paint::PerVertex(colors), CLOTH_BIAS);
         if !path.is_empty() {

@@ -8,8 +8,8 @@ use serde::Serialize;
 use super::Failure;
 use super::picture::{Frame, Studio, View};
 use crate::run::{
-    EpisodeSummary, Played, RolloutError, Rules, RunFolder, Training, curve, random_episodes,
-    read_metrics, replay,
+    EpisodeSummary, PlayedEpisode, RolloutError, Rules, RunFolder, Training, curve,
+    random_episodes, read_metrics, replay,
 };
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::Scene;
@@ -27,30 +27,35 @@ const FRAMES: usize = 120;
 const PICTURE_SIZE: [usize; 2] = [720, 620];
 const FILM_SIZE: [usize; 2] = [480, 400];
 
-/// What the masked random policy reaches.
+/// What many episodes of one policy reach.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Baseline {
+pub(super) struct Episodes {
     pub mean_score: f64,
     pub deviation: f64,
     pub best_score: f64,
-    /// Episodes in which the simulation was lost; they count in no mean.
+    /// Episodes in which the simulation diverged; they count in no mean.
     pub diverged: usize,
     pub mean_region_final_m: f64,
     pub deviation_region_final_m: f64,
     pub episodes: Vec<EpisodeSummary>,
 }
 
-impl Baseline {
-    /// Plays `count` random episodes. Fails if all diverge.
-    pub fn play(
+impl Episodes {
+    /// `count` episodes of the masked random policy.
+    pub fn random(
         scene: &Arc<Scene>,
         config: &EnvConfig,
         count: usize,
         seed: u64,
     ) -> Result<Self, Failure> {
         let episodes = random_episodes(scene, config, count, seed)?;
+        Self::new("random", count, episodes)
+    }
+
+    /// Those `episodes` of `count` that have not diverged. Fails if all have.
+    pub fn new(policy: &str, count: usize, episodes: Vec<EpisodeSummary>) -> Result<Self, Failure> {
         if episodes.is_empty() {
-            return Err(anyhow::anyhow!("all random episodes diverged").into());
+            return Err(anyhow::anyhow!("all {policy} episodes diverged").into());
         }
         let of = |value: fn(&EpisodeSummary) -> f64| -> Vec<f64> {
             episodes.iter().map(value).collect()
@@ -72,16 +77,16 @@ impl Baseline {
 }
 
 /// The random baseline of a training.
-pub(super) fn baseline(training: &Training, json: bool) -> Result<Baseline, Failure> {
+pub(super) fn baseline(training: &Training, json: bool) -> Result<Episodes, Failure> {
     if !json {
         eprintln!("playing {BASELINE_EPISODES} random episodes for comparison");
     }
     let config = &training.config().env;
-    Baseline::play(training.scene(), config, BASELINE_EPISODES, BASELINE_SEED)
+    Episodes::random(training.scene(), config, BASELINE_EPISODES, BASELINE_SEED)
 }
 
 /// Writes curve, trajectory, pictures and film of a training that is complete.
-pub(super) fn write(training: &Training, baseline: &Baseline, json: bool) -> Result<(), Failure> {
+pub(super) fn write(training: &Training, baseline: &Episodes, json: bool) -> Result<(), Failure> {
     let folder = training.folder();
     if !json {
         eprintln!("drawing pictures");
@@ -101,12 +106,15 @@ pub(super) fn write(training: &Training, baseline: &Baseline, json: bool) -> Res
 }
 
 /// The draping points of an episode.
-pub(super) fn path(played: &Played, config: &EnvConfig) -> Result<Vec<DrapingPoint>, Failure> {
+pub(super) fn path(
+    played: &PlayedEpisode,
+    config: &EnvConfig,
+) -> Result<Vec<DrapingPoint>, Failure> {
     Ok(strokes(&played.points, config.stencil_mm * 1e-3)?)
 }
 
 /// Scores over environment steps, with the random policy as a band.
-fn reward_curve(folder: &RunFolder, baseline: &Baseline) -> Result<(), Failure> {
+fn reward_curve(folder: &RunFolder, baseline: &Episodes) -> Result<(), Failure> {
     let metrics = read_metrics(&folder.metrics())?;
     let series = |label: &str, name: &str, color| Series {
         label: label.into(),
@@ -161,7 +169,7 @@ impl Recorder {
         mut self,
         folder: &Path,
         draping: &Draping,
-        played: &Played,
+        played: &PlayedEpisode,
         title: &str,
     ) -> Result<(), Failure> {
         let scene = draping.scene();

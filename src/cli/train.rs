@@ -16,7 +16,7 @@ use crate::run::{RunConfig, RunFolder, RunInfo, Training, TrainingError};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
-use drape_task::env::{Draping, End, Shape, Tasks};
+use drape_task::env::{Draping, End, ImageShape, Tasks};
 
 /// Iterations between two checkpoints.
 const CHECKPOINT_INTERVAL: u64 = 10;
@@ -193,7 +193,7 @@ fn begin(args: &Args) -> Result<Training, Failure> {
              region that does not lie on it yet"
         )));
     }
-    let Shape { rows, columns } = draping.shape();
+    let ImageShape { rows, columns } = draping.shape();
     let policy = config.policy.validate(rows, columns).context("policy");
     policy.or_invalid_in(&place)?;
 

@@ -392,7 +392,7 @@ mod tests {
             ),
             (
                 "[scene.fall]\nsubstep_rate = 1e3\n[env]\nsubstep_rate = \"x\"",
-                "c.toml:1:1: missing field `tool`",
+                "c.toml:4:16: invalid type: string \"x\", expected a number",
             ),
             (
                 "scene = 1",

@@ -3,12 +3,12 @@ use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
-use jiff::Timestamp;
+use humantime::format_rfc3339_seconds;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use drape_cloth::file::{WriteError, write_atomic};
-use drape_task::env::Shape;
+use drape_task::env::ImageShape;
 
 /// The folder of one run: `ROOT/NAME/`. Its layout is described in `runs/README.md`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,7 +40,7 @@ impl RunInfo {
             version: env!("CARGO_PKG_VERSION").into(),
             commit: option_env!("DRAPE_COMMIT").map(Into::into),
             platform: format!("{ARCH}-{OS}"),
-            created: utc(now, "%Y-%m-%dT%H:%M:%SZ"),
+            created: format_rfc3339_seconds(now).to_string(),
         }
     }
 }
@@ -55,7 +55,7 @@ pub struct BestSequence {
     /// Score of the episode; higher is better.
     pub score: f64,
     /// Rows and columns of the fabric's vertices.
-    pub grid: Shape,
+    pub grid: ImageShape,
     /// [`config_digest`] of the configuration in which the sequence was found.
     pub config_digest: String,
 }
@@ -173,15 +173,11 @@ pub fn dated_folder(root: &Path, prefix: &str, now: SystemTime) -> Result<PathBu
 
 /// `prefix` and the minute of `now` (UTC), then the same with `-2`, `-3`, ...
 fn dated_names(prefix: &str, now: SystemTime) -> impl Iterator<Item = String> {
-    let base = format!("{prefix}{}", utc(now, "%Y-%m-%d-%H%M"));
+    // To the minute, without colons, which no file name may have everywhere.
+    let minute = &format_rfc3339_seconds(now).to_string()[..16];
+    let base = prefix.to_owned() + &minute.replace('T', "-").replace(':', "");
     let counted = base.clone();
     std::iter::once(base).chain((2..).map(move |number| format!("{counted}-{number}")))
-}
-
-/// A moment in Coordinated Universal Time; the start of 1970 where the clock is mad.
-fn utc(time: SystemTime, format: &str) -> String {
-    let time = Timestamp::try_from(time).unwrap_or_default();
-    time.strftime(format).to_string()
 }
 
 impl RunFolder {
@@ -336,16 +332,6 @@ impl RunFolder {
         self.path.join("checkpoints")
     }
 
-    /// Text of the resolved configuration (TOML).
-    pub fn read_config(&self) -> Result<String, FolderError> {
-        read(&self.config())
-    }
-
-    /// Where the run came from.
-    pub fn read_info(&self) -> Result<RunInfo, FolderError> {
-        read_json(&self.info())
-    }
-
     /// Replaces the best sequence, after validating it.
     pub fn write_best_sequence(&self, sequence: &BestSequence) -> Result<(), FolderError> {
         let path = self.best_sequence();
@@ -406,7 +392,7 @@ mod tests {
         BestSequence {
             vertices: vec![5, 0, 5],
             score: 0.75,
-            grid: Shape {
+            grid: ImageShape {
                 rows: 2,
                 columns: 3,
             },
@@ -421,8 +407,8 @@ mod tests {
         let created = RunFolder::create(&root, "a", CONFIG, &info()).unwrap();
         let run = RunFolder::open(&root.join("a")).unwrap();
         assert_eq!(run, created);
-        assert_eq!(run.read_config().unwrap(), CONFIG);
-        assert_eq!(run.read_info().unwrap(), info());
+        assert_eq!(fs::read_to_string(run.config()).unwrap(), CONFIG);
+        assert_eq!(read_json::<RunInfo>(&run.info()).unwrap(), info());
         assert_eq!(info().created, "2026-11-21T04:12:09Z");
         for file in [run.events(), run.last_checkpoint(), run.best_checkpoint()] {
             assert!(file.parent().unwrap().is_dir(), "{}", file.display());
@@ -437,7 +423,7 @@ mod tests {
         let error = RunFolder::create(root.path(), "a", "", &info()).unwrap_err();
         assert!(error.to_string().contains("choose another name"), "{error}");
         let run = RunFolder::open(&root.path().join("a")).unwrap();
-        assert_eq!(run.read_config().unwrap(), CONFIG);
+        assert_eq!(fs::read_to_string(run.config()).unwrap(), CONFIG);
     }
 
     #[test]

@@ -17,16 +17,6 @@ pub enum LogError {
         #[source]
         source: io::Error,
     },
-    /// The log lost bytes that the checkpoint had seen.
-    #[error(
-        "cannot resume {}: it has {found} bytes, the checkpoint was saved at {expected}",
-        path.display()
-    )]
-    Short {
-        path: PathBuf,
-        found: u64,
-        expected: u64,
-    },
     #[error("cannot append to {} at byte {length}", path.display())]
     Append {
         path: PathBuf,
@@ -60,8 +50,8 @@ impl Log {
         })
     }
 
-    /// Opens an existing log and drops everything after its first `length` bytes. A log
-    /// shorter than that is an error and stays as it is.
+    /// Opens an existing log and drops everything after its first `length` bytes, which
+    /// it must have.
     pub fn resume(path: &Path, length: u64) -> Result<Self, LogError> {
         let resume_error = |source| LogError::Resume {
             path: path.into(),
@@ -71,14 +61,6 @@ impl Log {
             .write(true)
             .open(path)
             .map_err(resume_error)?;
-        let found = file.metadata().map_err(resume_error)?.len();
-        if found < length {
-            return Err(LogError::Short {
-                path: path.into(),
-                found,
-                expected: length,
-            });
-        }
         file.set_len(length).map_err(resume_error)?;
         file.seek(SeekFrom::Start(length)).map_err(resume_error)?;
         Ok(Self {
@@ -101,12 +83,10 @@ impl Log {
         Ok(())
     }
 
-    /// Makes all records survive a power failure and returns the length to resume from.
-    pub fn sync(&self) -> Result<u64, LogError> {
-        self.file
-            .sync_data()
-            .map_err(|source| self.append_error(source))?;
-        Ok(self.length)
+    /// Makes all records survive a power failure.
+    pub fn sync(&self) -> Result<(), LogError> {
+        let synced = self.file.sync_data();
+        synced.map_err(|source| self.append_error(source))
     }
 
     fn append_error(&self, source: io::Error) -> LogError {
@@ -129,27 +109,14 @@ mod tests {
         let path = folder.path().join("log");
         let mut log = Log::create(&path).unwrap();
         log.append(b"one ").unwrap();
-        let known = log.sync().unwrap();
+        log.sync().unwrap();
         log.append(b"lost in the cr").unwrap();
         drop(log);
 
-        let mut log = Log::resume(&path, known).unwrap();
+        let mut log = Log::resume(&path, 4).unwrap();
         log.append(b"two").unwrap();
-        assert_eq!(log.sync().unwrap(), 7);
+        log.sync().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"one two");
-    }
-
-    #[test]
-    fn log_shorter_than_the_checkpoint_knew_is_refused_untouched() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("log");
-        fs::write(&path, "abc").unwrap();
-        let error = Log::resume(&path, 4).unwrap_err().to_string();
-        assert!(
-            error.ends_with("it has 3 bytes, the checkpoint was saved at 4"),
-            "{error}"
-        );
-        assert_eq!(fs::read(&path).unwrap(), b"abc");
     }
 
     #[test]

@@ -3,7 +3,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use serde::ser::{Serialize, SerializeMap, Serializer};
+use serde::{Serialize, Serializer};
 
 use super::log::{Log, LogError};
 
@@ -20,8 +20,8 @@ impl MetricsWriter {
         Ok(Self(Log::create(path)?))
     }
 
-    /// Goes on with the file at `path` after its first `length` bytes, which
-    /// [`MetricsWriter::sync`] returned; what came later is dropped.
+    /// Goes on with the file at `path` after its first `length` bytes; what came later is
+    /// dropped.
     pub fn resume(path: &Path, length: u64) -> Result<Self, LogError> {
         Ok(Self(Log::resume(path, length)?))
     }
@@ -43,8 +43,8 @@ impl MetricsWriter {
         self.0.append(&line)
     }
 
-    /// Makes the file survive a power failure and returns its length [bytes].
-    pub fn sync(&self) -> Result<u64, LogError> {
+    /// Makes the file survive a power failure.
+    pub fn sync(&self) -> Result<(), LogError> {
         self.0.sync()
     }
 }
@@ -56,18 +56,18 @@ struct Line<'a> {
 
 impl Serialize for Line<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(1 + self.values.len()))?;
-        map.serialize_entry("step", &self.step)?;
-        for (name, value) in self.values {
-            map.serialize_entry(name, value)?;
-        }
-        map.end()
+        let step = ("step", serde_json::Value::from(self.step));
+        let values = self
+            .values
+            .iter()
+            .map(|&(name, value)| (name, value.into()));
+        serializer.collect_map(std::iter::once(step).chain(values))
     }
 }
 
 /// One line of a metrics file.
 #[derive(Clone, Debug, PartialEq, serde::Deserialize)]
-pub struct Metrics {
+pub struct MetricsLine {
     pub step: u64,
     /// Values by name; `None` where the number was not finite.
     #[serde(flatten)]
@@ -95,7 +95,7 @@ pub enum MetricsError {
 
 /// All lines of the metrics file at `path`, in order. A last line without its line break is
 /// still being written and is left out.
-pub fn read_metrics(path: &Path) -> Result<Vec<Metrics>, MetricsError> {
+pub fn read_metrics(path: &Path) -> Result<Vec<MetricsLine>, MetricsError> {
     let text = fs::read_to_string(path).map_err(|source| MetricsError::Read {
         path: path.into(),
         source,
@@ -114,7 +114,7 @@ pub fn read_metrics(path: &Path) -> Result<Vec<Metrics>, MetricsError> {
 }
 
 /// The finite values called `name`, as (step, value): one curve.
-pub fn curve(metrics: &[Metrics], name: &str) -> Vec<(u64, f64)> {
+pub fn curve(metrics: &[MetricsLine], name: &str) -> Vec<(u64, f64)> {
     metrics
         .iter()
         .filter_map(|line| Some((line.step, (*line.values.get(name)?)?)))
@@ -163,7 +163,8 @@ mod tests {
         for step in 0..4 {
             metrics.append(step, &[("a", value(step))]).unwrap();
         }
-        let known = metrics.sync().unwrap();
+        metrics.sync().unwrap();
+        let known = fs::metadata(&broken).unwrap().len();
         metrics.append(4, &[("a", 99.0)]).unwrap();
         let mut metrics = MetricsWriter::resume(&broken, known).unwrap();
         for step in 4..9 {

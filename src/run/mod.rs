@@ -21,8 +21,9 @@ pub use folder::{
     BestSequence, FolderError, RunFolder, RunInfo, SequenceFault, config_digest, dated_folder,
 };
 pub use log::LogError;
-pub use metrics::{Metrics, MetricsError, MetricsWriter, curve, read_metrics};
+pub use metrics::{MetricsError, MetricsLine, MetricsWriter, curve, read_metrics};
 pub use rollout::{
-    EpisodeSummary, Played, RolloutError, Rules, parallel_episodes, play, random_episodes, replay,
+    EpisodeSummary, PlayedEpisode, RolloutError, Rules, parallel_episodes, play, random_episodes,
+    replay,
 };
 pub use training::{Report, Training, TrainingError};

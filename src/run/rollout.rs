@@ -37,7 +37,7 @@ pub struct EpisodeSummary {
 
 /// An episode played out.
 #[derive(Clone, Debug)]
-pub struct Played {
+pub struct PlayedEpisode {
     pub summary: EpisodeSummary,
     /// Vertices in the order they were pressed.
     pub vertices: Vec<u32>,
@@ -84,7 +84,7 @@ pub fn play(
     draping: &mut Draping,
     mut choose: impl FnMut(&Draping) -> u32,
     mut watch: impl FnMut(&Draping, &[PressedPoint]),
-) -> Result<Played, RolloutError> {
+) -> Result<PlayedEpisode, RolloutError> {
     let mut seconds = 0.0;
     draping.reset(0);
     let mut points = Vec::new();
@@ -112,7 +112,7 @@ pub fn play(
     let end = draping.finished(0).expect("the episode is over").clone();
     let mut summary = summarise(draping, &end, &points);
     summary.seconds = seconds;
-    Ok(Played {
+    Ok(PlayedEpisode {
         summary,
         vertices,
         points,
@@ -139,7 +139,7 @@ pub fn replay(
     vertices: &[u32],
     rules: Rules,
     mut watch: impl FnMut(&Draping, &[PressedPoint]),
-) -> Result<Played, RolloutError> {
+) -> Result<PlayedEpisode, RolloutError> {
     let outside = |&vertex: &u32| draping.action(vertex).is_none();
     if let Some(step) = vertices.iter().position(outside) {
         let vertex = vertices[step];
@@ -170,7 +170,7 @@ pub fn replay(
     let end = draping.state(0);
     let mut summary = summarise(draping, &end, &points);
     summary.seconds = seconds;
-    Ok(Played {
+    Ok(PlayedEpisode {
         summary,
         vertices: vertices.to_vec(),
         points,

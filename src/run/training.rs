@@ -13,7 +13,7 @@ use super::metrics::{MetricsError, MetricsWriter, read_metrics};
 use drape_cloth::file::WriteError;
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{Iteration, LoadError, Sampling, TrainError, Trainer};
-use drape_task::env::{Draping, End, EnvError, Reward, Shape, Tasks};
+use drape_task::env::{Draping, End, EnvError, ImageShape, Reward, Tasks};
 
 /// Checkpoint section of what the run itself remembers.
 const RUN: &str = "run";
@@ -284,7 +284,7 @@ impl Training {
         self.folder.write_best_sequence(&BestSequence {
             vertices: vertices.clone(),
             score,
-            grid: Shape {
+            grid: ImageShape {
                 rows: lamina.rows,
                 columns: lamina.columns,
             },

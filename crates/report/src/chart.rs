@@ -37,17 +37,6 @@ pub struct Series {
     pub color: Color,
 }
 
-/// An area between two curves, such as mean ± standard deviation.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Band {
-    /// Name in the legend; none where empty.
-    pub label: String,
-    /// (x, low, high), in the order of x. A point that is not finite interrupts the band.
-    pub points: Vec<[f64; 3]>,
-    /// Colour, which is drawn faintly.
-    pub color: Color,
-}
-
 /// A horizontal line over the whole chart, such as a baseline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Level {
@@ -71,7 +60,7 @@ pub enum Scale {
     Log10,
 }
 
-/// Curves, bands and levels over common axes, which fit what is drawn.
+/// Curves and levels over common axes, which fit what is drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chart {
     /// Heading.
@@ -82,9 +71,7 @@ pub struct Chart {
     pub y_label: String,
     /// Curves, the last one on top.
     pub series: Vec<Series>,
-    /// Areas, below all curves.
-    pub bands: Vec<Band>,
-    /// Levels, between areas and curves.
+    /// Levels, below all curves.
     pub levels: Vec<Level>,
     /// Of both axes.
     pub scale: Scale,
@@ -159,14 +146,6 @@ impl Chart {
             .y_desc(self.y_label.as_str())
             .draw()?;
 
-        for band in &self.bands {
-            for run in runs(&band.points) {
-                let lower = run.iter().map(|&[x, low, _]| (x, low));
-                let upper = run.iter().rev().map(|&[x, _, high]| (x, high));
-                let outline: Vec<_> = lower.chain(upper).collect();
-                chart.draw_series([Polygon::new(outline, faint(band.color))])?;
-            }
-        }
         for level in self.levels.iter().filter(|level| drawable(&[level.value])) {
             let [low, high] = level.range();
             if low < high {
@@ -205,12 +184,11 @@ impl Chart {
         top: i32,
     ) -> Result<i32, DrawingAreaErrorKind<DB::ErrorType>> {
         let series = self.series.iter().map(|s| (&s.label, s.color, Key::Line));
-        let bands = self.bands.iter().map(|b| (&b.label, b.color, Key::Area));
         let levels = self.levels.iter().map(|l| (&l.label, l.color, Key::Dashes));
         let style = text_style(14.0, HPos::Left, VPos::Center);
         let (mut x, mut y) = (EDGE, top);
         let mut rows = 0;
-        for (label, color, key) in series.chain(bands).chain(levels) {
+        for (label, color, key) in series.chain(levels) {
             if label.is_empty() {
                 continue;
             }
@@ -232,10 +210,6 @@ impl Chart {
                     root.draw(&dash(0, SAMPLE / 2 - 3))?;
                     root.draw(&dash(SAMPLE / 2 + 3, SAMPLE))?;
                 }
-                Key::Area => {
-                    let corners = [(x, middle - 6), (x + SAMPLE, middle + 6)];
-                    root.draw(&Rectangle::new(corners, faint(color)))?;
-                }
             }
             root.draw_text(label, &style, (x + SAMPLE + 8, middle))?;
             x += width + LEGEND_GAP;
@@ -246,14 +220,10 @@ impl Chart {
     /// Ranges of x and y that hold all that is drawn, neither of them empty.
     fn ranges(&self) -> [Range<f64>; 2] {
         let series = self.series.iter().flat_map(|s| runs(&s.points).flatten());
-        let bands = || self.bands.iter().flat_map(|b| runs(&b.points).flatten());
         let levels = self.levels.iter().filter(|l| drawable(&[l.value]));
         let levels = levels.flat_map(|level| level.range());
-        let xs = series.clone().map(|p| p[0]).chain(bands().map(|p| p[0]));
-        let ys = series
-            .map(|p| p[1])
-            .chain(bands().flat_map(|p| [p[1], p[2]]))
-            .chain(levels);
+        let xs = series.clone().map(|p| p[0]);
+        let ys = series.map(|p| p[1]).chain(levels);
         // The ends of x are data, such as the first update; y gets some air.
         [padded(xs, 0.0), padded(ys, 0.05)]
     }
@@ -274,7 +244,6 @@ impl Level {
 /// How a legend entry looks.
 enum Key {
     Line,
-    Area,
     Dashes,
 }
 

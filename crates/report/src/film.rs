@@ -1,19 +1,16 @@
-use super::palette::Palette;
 use super::{Image, ReportError};
 use drape_cloth::file::write_atomic;
 use gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
 use rayon::prelude::*;
-use std::borrow::Cow;
 use std::io::Write;
 use std::path::Path;
 
-/// Number, in the palette, of what shows the frame before.
-const UNCHANGED: u8 = 255;
+/// Of NeuQuant, which chooses the 256 colours of a frame that has more: from 1, best, to 30.
+const QUANTISATION_SPEED: i32 = 10;
 
 /// Images that follow each other in an endless loop.
 ///
-/// All frames are kept until the film is saved, 0.5 MB each at 480 x 360 pixels: they share
-/// one palette of 255 colours, which nobody knows before the last frame.
+/// All frames are kept until the film is saved, 0.5 MB each at 480 x 360 pixels.
 #[derive(Clone, Debug)]
 pub struct Film {
     /// Images of equal size.
@@ -69,17 +66,11 @@ impl Film {
     }
 
     fn gif(&self, [width, height]: [u16; 2]) -> Result<Vec<u8>, EncodingError> {
-        let pixels = self.frames.iter().flat_map(|image| &image.pixels);
-        let palette = Palette::new(pixels.copied(), usize::from(UNCHANGED));
-        let indices =
-            |image: &Image| -> Vec<u8> { image.pixels.iter().map(|&p| palette.index(p)).collect() };
         let last = self.frames.len() - 1;
         let encoded = self.frames.par_iter().enumerate().map(|(i, image)| {
-            let now = indices(image);
-            let mut frame = if i == 0 {
-                whole(now, width, height)
-            } else {
-                change(&indices(&self.frames[i - 1]), &now, usize::from(width))
+            let mut frame = match i {
+                0 => whole(image),
+                _ => change(&self.frames[i - 1], image),
             };
             frame.delay = if i == last { self.hold } else { self.delay };
             frame.dispose = DisposalMethod::Keep;
@@ -89,7 +80,7 @@ impl Film {
         let encoded: Vec<Frame> = encoded.collect();
 
         let mut bytes = Vec::new();
-        let mut encoder = Encoder::new(&mut bytes, width, height, &table(&palette))?;
+        let mut encoder = Encoder::new(&mut bytes, width, height, &[])?;
         encoder.set_repeat(Repeat::Infinite)?;
         for frame in &encoded {
             encoder.write_lzw_pre_encoded_frame(frame)?;
@@ -99,26 +90,20 @@ impl Film {
     }
 }
 
-/// The 256 colours of the file, so that [`UNCHANGED`] is among them.
-fn table(palette: &Palette) -> Vec<u8> {
-    let mut colors = palette.colors.clone();
-    colors.resize(usize::from(UNCHANGED) + 1, [0; 3]);
-    colors.into_flattened()
+fn whole(image: &Image) -> Frame<'static> {
+    let (width, height) = (image.width as u16, image.height as u16);
+    let pixels = image.pixels.as_flattened();
+    Frame::from_rgb_speed(width, height, pixels, QUANTISATION_SPEED)
 }
 
-fn whole(pixels: Vec<u8>, width: u16, height: u16) -> Frame<'static> {
-    Frame {
-        width,
-        height,
-        buffer: Cow::Owned(pixels),
-        ..Frame::default()
-    }
-}
-
-/// The smallest rectangle that holds all that differs between two pictures of `width`; in
-/// it, what does not differ is transparent. One pixel where nothing differs.
-fn change(before: &[u8], now: &[u8], width: usize) -> Frame<'static> {
-    let rows = || before.chunks_exact(width).zip(now.chunks_exact(width));
+/// The smallest rectangle that holds all that differs between two pictures of one size; in it,
+/// what does not differ is transparent. One pixel where nothing differs.
+fn change(before: &Image, now: &Image) -> Frame<'static> {
+    let width = now.width;
+    let rows = || {
+        let before = before.pixels.chunks_exact(width);
+        before.zip(now.pixels.chunks_exact(width))
+    };
     let (mut left, mut right, mut top, mut bottom) = (width, 0, usize::MAX, 0);
     for (y, (a, b)) in rows().enumerate() {
         let differs = |x: &usize| a[*x] != b[*x];
@@ -130,16 +115,17 @@ fn change(before: &[u8], now: &[u8], width: usize) -> Frame<'static> {
     if bottom == 0 {
         (left, right, top, bottom) = (0, 1, 0, 1);
     }
-    let mut buffer = Vec::with_capacity((right - left) * (bottom - top));
+    let mut pixels = Vec::with_capacity(4 * (right - left) * (bottom - top));
     for (a, b) in rows().take(bottom).skip(top) {
-        let pairs = a[left..right].iter().zip(&b[left..right]);
-        buffer.extend(pairs.map(|(a, b)| if a == b { UNCHANGED } else { *b }));
+        for ([r, g, b], is_same) in (left..right).map(|x| (b[x], a[x] == b[x])) {
+            pixels.extend(if is_same { [0; 4] } else { [r, g, b, 255] });
+        }
     }
+    let (width, height) = ((right - left) as u16, (bottom - top) as u16);
     Frame {
         left: left as u16,
         top: top as u16,
-        transparent: Some(UNCHANGED),
-        ..whole(buffer, (right - left) as u16, (bottom - top) as u16)
+        ..Frame::from_rgba_speed(width, height, &mut pixels, QUANTISATION_SPEED)
     }
 }
 
@@ -195,7 +181,7 @@ mod tests {
                 }
             }
             let expected = &film.frames[delays.len()].pixels;
-            // Fewer than 255 colours, at least 8 apart: all are exact.
+            // Fewer than 256 colours: all are exact.
             assert!(screen == *expected, "frame {}", delays.len());
             delays.push(frame.delay);
         }
@@ -205,17 +191,18 @@ mod tests {
 
     #[test]
     fn a_frame_stores_what_changed() {
-        let before = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1];
-        let now = [1, 1, 1, 1, 1, 2, 1, 1, 1, 1, 3, 1];
-        let frame = change(&before, &now, 4);
-        assert_eq!(
-            (frame.left, frame.top, frame.width, frame.height),
-            (1, 1, 2, 2)
-        );
-        assert_eq!(*frame.buffer, [2, UNCHANGED, UNCHANGED, 3]);
-        let frame = change(&now, &now, 4);
+        let mut before = Image::new(4, 3, FIELD);
+        before.pixels[0] = [9; 3];
+        let mut now = before.clone();
+        (now.pixels[5], now.pixels[10]) = ([2; 3], [3; 3]);
+        let frame = change(&before, &now);
+        let place = (frame.left, frame.top, frame.width, frame.height);
+        assert_eq!(place, (1, 1, 2, 2));
+        let is_same = |i: usize| Some(frame.buffer[i]) == frame.transparent;
+        assert_eq!([0, 1, 2, 3].map(is_same), [false, true, true, false]);
+        let frame = change(&now, &now);
         assert_eq!((frame.width, frame.height), (1, 1));
-        assert_eq!(*frame.buffer, [UNCHANGED]);
+        assert_eq!(Some(frame.buffer[0]), frame.transparent);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Pictures, curves and films, drawn on the CPU without display, driver or system font.
 //!
-//! A [`Scene`] of meshes and marks seen by a [`Camera`] becomes an [`Image`]; images stand
+//! A [`Drawing`] of meshes and marks seen by a [`Camera`] becomes an [`Image`]; images stand
 //! beside each other, carry labels, and follow each other in a [`Film`]. A [`Chart`] draws
 //! curves, a [`HeatMap`] a table of tiles, a [`ColorBar`] what colours mean. Files are written atomically: whoever looks sees the
 //! old file or the new one.
@@ -17,21 +17,20 @@ mod camera;
 mod canvas;
 mod chart;
 mod color;
+mod drawing;
 mod error;
 mod film;
 mod font;
 mod heat;
 mod image;
-mod palette;
 mod raster;
-mod scene;
 
 pub use bar::ColorBar;
 pub use camera::Camera;
-pub use chart::{Band, Chart, Level, Scale, Series};
+pub use chart::{Chart, Level, Scale, Series};
 pub use color::{BACKGROUND, CLOTH, Color, ColorMap, DRAPED, PATH, SERIES, TOOL, TOUCHED};
+pub use drawing::{CLOTH_BIAS, Drawing, Item, Mark, Paint, creased};
 pub use error::ReportError;
 pub use film::Film;
 pub use heat::{HeatMap, Tile};
 pub use image::Image;
-pub use scene::{CLOTH_BIAS, Item, Mark, Paint, Scene, creased};

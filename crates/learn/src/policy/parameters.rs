@@ -16,20 +16,19 @@ struct Parameter {
     numbers: Vec<f32>,
 }
 
+impl Parameter {
+    fn label(&self) -> String {
+        format!("`{}` {:?}", self.name, self.shape)
+    }
+}
+
 /// Parameters that cannot be taken.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ParameterError {
     #[error("parameters cannot be read")]
     Unreadable(#[from] postcard::Error),
-    #[error("network has {expected} tensors of parameters, found {found}")]
-    Count { expected: usize, found: usize },
-    #[error("network expects `{expected}` {expected_shape:?}, found `{found}` {found_shape:?}")]
-    Mismatch {
-        expected: String,
-        expected_shape: Vec<usize>,
-        found: String,
-        found_shape: Vec<usize>,
-    },
+    #[error("the network has {expected}, found {found}")]
+    Mismatch { expected: String, found: String },
     #[error("`{name}` has {found} numbers where its shape needs {expected}")]
     Length {
         name: String,
@@ -49,20 +48,14 @@ pub fn save(network: &Network) -> Vec<u8> {
 pub fn load(network: Network, bytes: &[u8]) -> Result<Network, ParameterError> {
     let found: Vec<Parameter> = postcard::from_bytes(bytes)?;
     let expected = collect(&network);
+    let mismatch = |expected, found| Err(ParameterError::Mismatch { expected, found });
     if expected.len() != found.len() {
-        return Err(ParameterError::Count {
-            expected: expected.len(),
-            found: found.len(),
-        });
+        let tensors = |all: &[Parameter]| format!("{} tensors", all.len());
+        return mismatch(tensors(&expected), tensors(&found));
     }
     for (expected, found) in expected.into_iter().zip(&found) {
-        if expected.name != found.name || expected.shape != found.shape {
-            return Err(ParameterError::Mismatch {
-                expected: expected.name,
-                expected_shape: expected.shape,
-                found: found.name.clone(),
-                found_shape: found.shape.clone(),
-            });
+        if (&expected.name, &expected.shape) != (&found.name, &found.shape) {
+            return mismatch(expected.label(), found.label());
         }
         if expected.numbers.len() != found.numbers.len() {
             return Err(ParameterError::Length {

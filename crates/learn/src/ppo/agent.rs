@@ -1,6 +1,6 @@
 use crate::policy::{self, ActorCritic, DeviceError, DeviceKind, PolicyConfig, masked};
 use drape_cloth::math::Stream;
-use drape_task::env::{Observation, Shape};
+use drape_task::env::{ImageShape, Observation};
 
 /// How an action is chosen.
 #[derive(Debug)]
@@ -28,7 +28,7 @@ impl Agent {
     /// An agent whose initial weights come from `seed`.
     pub fn new(
         config: &PolicyConfig,
-        shape: Shape,
+        shape: ImageShape,
         seed: u64,
         device: DeviceKind,
     ) -> Result<Self, AgentError> {

@@ -4,7 +4,7 @@ use super::imitation::{Memory, Move};
 use super::trainer::{EpisodeRecord, Seconds};
 use crate::policy::masked;
 use drape_cloth::math::Stream;
-use drape_task::env::{End, Episode, Observation, Outcome, Tasks};
+use drape_task::env::{End, Episode, Observation, StepOutcome, Tasks};
 use std::time::Instant;
 
 /// What happened in some steps of all tasks. Everything is `[step, task]`, flat.
@@ -66,7 +66,7 @@ pub fn collect<T: Tasks>(
             }
         }
         for (task, outcome) in outcomes.into_iter().enumerate() {
-            let Outcome { reward, episode } = outcome;
+            let StepOutcome { reward, episode } = outcome;
             rollout.rewards.push(reward * reward_factor);
             rollout.next.push(match &episode {
                 None => Next::Step,

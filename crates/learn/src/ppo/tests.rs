@@ -4,7 +4,7 @@ use super::rollout::collect;
 use super::*;
 use crate::policy::{DeviceKind, NetworkConfig, PolicyConfig};
 use drape_cloth::math::{Purpose, Stream};
-use drape_task::env::{End, Episode, Observation, Outcome, Shape, Tasks};
+use drape_task::env::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
 use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ struct Order {
     end: End,
 }
 
-const SHAPE: Shape = Shape {
+const SHAPE: ImageShape = ImageShape {
     rows: 6,
     columns: 5,
 };
@@ -49,7 +49,7 @@ impl Order {
 }
 
 impl Tasks for Order {
-    fn shape(&self) -> Shape {
+    fn shape(&self) -> ImageShape {
         SHAPE
     }
 
@@ -65,7 +65,7 @@ impl Tasks for Order {
         &self.states[index].0
     }
 
-    fn step(&mut self, actions: &[u32]) -> Vec<Outcome> {
+    fn step(&mut self, actions: &[u32]) -> Vec<StepOutcome> {
         let Self { reward, end, .. } = *self;
         let step = |(state, &action): (&mut (Observation, Vec<u32>), &u32)| {
             let (observation, taken) = state;
@@ -77,14 +77,14 @@ impl Tasks for Order {
             observation.distance[pixel] = 0.0;
             taken.push(action);
             if taken.len() < ORDER.len() {
-                return Outcome {
+                return StepOutcome {
                     reward: 0.0,
                     episode: None,
                 };
             }
             let right = taken.iter().zip(ORDER).filter(|(a, b)| **a == *b).count();
             let (last, actions) = std::mem::replace(state, Self::start());
-            Outcome {
+            StepOutcome {
                 reward: reward * right as f32,
                 episode: Some(Episode {
                     end,

@@ -7,8 +7,7 @@ use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::tool::Tool;
 use drape_report::{
-    CLOTH_BIAS, Camera, Color, ColorBar, ColorMap, Image, Mark, PATH, Paint, Scene as Picture,
-    TOOL, creased,
+    CLOTH_BIAS, Camera, Color, ColorBar, ColorMap, Drawing, Image, Mark, PATH, Paint, TOOL, creased,
 };
 
 /// Width and height of each view [px].
@@ -50,7 +49,7 @@ pub fn deviation(
     let outline = region.map_or(Vec::new(), |region| outline(a, region));
 
     let views = [Camera::isometric(bounds), Camera::top(bounds)].map(|camera| {
-        let mut picture = Picture::default();
+        let mut picture = Drawing::default();
         if let Some(tool) = &tool {
             picture.add(tool, Paint::Uniform(TOOL), 0.0);
         }

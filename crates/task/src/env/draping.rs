@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::config::{EnvConfig, EnvError, Region};
 use super::reward::{Reward, Taken, score};
 use super::rules::{Slot, Task};
-use super::task::{End, Episode, Observation, Outcome, Shape, Tasks};
+use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Backend, Snapshot};
 
@@ -148,7 +148,7 @@ impl Draping {
     }
 
     /// What the step of one environment has brought. Its episode is reset when it is over.
-    fn conclude(&mut self, index: usize, finite: bool) -> Outcome {
+    fn conclude(&mut self, index: usize, finite: bool) -> StepOutcome {
         let (task, slot) = (&self.task, &mut self.slots[index]);
         let limit = task.config.max_steps.unwrap_or(usize::MAX);
         let end = match finite {
@@ -178,7 +178,7 @@ impl Draping {
             slot.finished = Some(state().clone());
             self.reset(index);
         }
-        Outcome { reward, episode }
+        StepOutcome { reward, episode }
     }
 }
 
@@ -191,7 +191,7 @@ struct Saved {
 }
 
 impl Tasks for Draping {
-    fn shape(&self) -> Shape {
+    fn shape(&self) -> ImageShape {
         self.task.shape()
     }
 
@@ -207,7 +207,7 @@ impl Tasks for Draping {
         &self.slots[index].observation
     }
 
-    fn step(&mut self, actions: &[u32]) -> Vec<Outcome> {
+    fn step(&mut self, actions: &[u32]) -> Vec<StepOutcome> {
         assert_eq!(actions.len(), self.count(), "one action an environment");
         for (slot, &action) in self.slots.iter_mut().zip(actions) {
             let allowed = slot.observation.mask.contains(action as usize);

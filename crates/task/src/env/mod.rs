@@ -14,4 +14,4 @@ pub use config::{EnvConfig, EnvError, Region};
 pub use draping::Draping;
 pub use replay::Diverged;
 pub use reward::{Reward, Taken, Term, score};
-pub use task::{End, Episode, Observation, Outcome, Shape, Tasks};
+pub use task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};

@@ -7,7 +7,7 @@ use fixedbitset::FixedBitSet;
 
 use super::config::{EnvConfig, EnvError, Region};
 use super::reward::Reward;
-use super::task::{Observation, Shape};
+use super::task::{ImageShape, Observation};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Backend, Cpu, Pressed, Snapshot, Stencil, World};
 
@@ -100,15 +100,15 @@ impl Task {
         Box::new(Cpu::new(&self.world, count, self.config.precision))
     }
 
-    pub fn shape(&self) -> Shape {
+    pub fn shape(&self) -> ImageShape {
         let Region { rows, columns, .. } = &self.region;
         if self.config.crop {
-            Shape {
+            ImageShape {
                 rows: rows.len(),
                 columns: columns.len(),
             }
         } else {
-            Shape {
+            ImageShape {
                 rows: self.scene.lamina.rows,
                 columns: self.scene.lamina.columns,
             }
@@ -134,7 +134,7 @@ impl Task {
 
     /// The pixel of a vertex; none outside the image.
     pub fn pixel(&self, vertex: u32) -> Option<u32> {
-        let Shape { rows, columns } = self.shape();
+        let ImageShape { rows, columns } = self.shape();
         let (place, corner) = (self.scene.lamina.place(vertex), self.corner());
         let down = place[0].checked_sub(corner[0]).filter(|&d| d < rows)?;
         let right = place[1].checked_sub(corner[1]).filter(|&r| r < columns)?;

@@ -4,12 +4,12 @@ use serde::{Deserialize, Serialize};
 /// Rows and columns of the observation image. Action `row * columns + column` is the pixel
 /// of that vertex; one without a vertex is never allowed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Shape {
+pub struct ImageShape {
     pub rows: usize,
     pub columns: usize,
 }
 
-impl Shape {
+impl ImageShape {
     /// Number of pixels, and so of actions.
     pub fn pixel_count(self) -> usize {
         self.rows * self.columns
@@ -68,7 +68,7 @@ pub struct Episode {
 
 /// What one step of one task gave.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
+pub struct StepOutcome {
     /// Reward of this step, in the task's own unit.
     pub reward: f32,
     /// Set when this step ended an episode; the task has then been reset already.
@@ -78,7 +78,7 @@ pub struct Outcome {
 /// N independent tasks of the same shape, stepped together; each resets on its own.
 pub trait Tasks {
     /// Size of the observation image.
-    fn shape(&self) -> Shape;
+    fn shape(&self) -> ImageShape;
 
     /// Number of tasks.
     fn count(&self) -> usize;
@@ -90,7 +90,7 @@ pub trait Tasks {
     fn observation(&self, index: usize) -> &Observation;
 
     /// Takes one action in every task. `actions[i]` must be allowed by the mask of task `i`.
-    fn step(&mut self, actions: &[u32]) -> Vec<Outcome>;
+    fn step(&mut self, actions: &[u32]) -> Vec<StepOutcome>;
 
     /// Everything needed to go on later exactly from here.
     fn save(&self) -> Vec<u8>;

@@ -17,4 +17,4 @@ mod strokes;
 
 pub use csv::write_csv;
 pub use json::{PathFileError, read_json, write_json};
-pub use strokes::{DrapingPoint, Kind, PressedPoint, StrokeError, stroke_points, strokes};
+pub use strokes::{DrapingPoint, PressKind, PressedPoint, StrokeError, stroke_points, strokes};

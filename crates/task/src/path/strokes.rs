@@ -20,14 +20,14 @@ pub struct PressedPoint {
 /// How a point is draped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum PressKind {
     /// The roller travels through it in contact.
     Stroke,
     /// Pressed without travel.
     Press,
 }
 
-impl Kind {
+impl PressKind {
     /// The name used in files.
     pub fn name(self) -> &'static str {
         match self {
@@ -56,7 +56,7 @@ pub struct DrapingPoint {
     pub stroke: usize,
     /// The robot jumps to this point and comes down on it.
     pub starts_stroke: bool,
-    pub kind: Kind,
+    pub kind: PressKind,
 }
 
 /// Why no path can be made of some points.
@@ -93,9 +93,9 @@ pub fn strokes(
             .map(|i| travel(members, i, normals[i]))
             .collect();
         let kind = if travels.iter().any(Option::is_some) {
-            Kind::Stroke
+            PressKind::Stroke
         } else {
-            Kind::Press
+            PressKind::Press
         };
         for (i, point) in members.iter().enumerate() {
             path.push(DrapingPoint {
@@ -202,7 +202,7 @@ mod tests {
                 travel: None,
                 stroke: 0,
                 starts_stroke: true,
-                kind: Kind::Press,
+                kind: PressKind::Press,
             }]
         );
     }
@@ -232,7 +232,7 @@ mod tests {
         assert_eq!(column(|p| p.stroke), [0, 0, 0, 1, 2, 2]);
         assert_eq!(column(|p| p.starts_stroke.into()), [1, 0, 0, 1, 1, 0]);
         assert_eq!(
-            column(|p| (p.kind == Kind::Press).into()),
+            column(|p| (p.kind == PressKind::Press).into()),
             [0, 0, 0, 1, 0, 0]
         );
     }
@@ -274,7 +274,10 @@ mod tests {
     fn stroke_without_travel_is_a_press() {
         let path = path(&[[0.2; 3]; 3], 0.1);
         assert_eq!(travels(&path), [None; 3]);
-        assert!(path.iter().all(|p| p.kind == Kind::Press && p.stroke == 0));
+        assert!(
+            path.iter()
+                .all(|p| p.kind == PressKind::Press && p.stroke == 0)
+        );
     }
 
     #[test]

@@ -13,7 +13,7 @@ use std::sync::{Arc, LazyLock};
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Solver;
-use drape_task::env::{Draping, EnvConfig, Outcome, Tasks};
+use drape_task::env::{Draping, EnvConfig, StepOutcome, Tasks};
 
 /// The rib under a blank of 33 x 33 vertices.
 static COARSE: LazyLock<Arc<Scene>> = LazyLock::new(|| Arc::new(rib(33, Solver::Yarn)));
@@ -81,7 +81,7 @@ impl Player {
 }
 
 /// Takes `steps` random steps.
-fn play(env: &mut Draping, player: &mut Player, steps: usize) -> Vec<Vec<Outcome>> {
+fn play(env: &mut Draping, player: &mut Player, steps: usize) -> Vec<Vec<StepOutcome>> {
     (0..steps)
         .map(|_| {
             let actions = player.choose(env);

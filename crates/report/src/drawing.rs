@@ -67,7 +67,7 @@ pub enum Mark {
 
 /// What a camera looks at.
 #[derive(Clone, Debug)]
-pub struct Scene<'a> {
+pub struct Drawing<'a> {
     /// Meshes; which one is in front is decided by depth, not by order.
     pub items: Vec<Item<'a>>,
     /// Signs on them; at equal depth the earlier one is in front.
@@ -79,7 +79,7 @@ pub struct Scene<'a> {
     pub background: Color,
 }
 
-impl Default for Scene<'_> {
+impl Default for Drawing<'_> {
     fn default() -> Self {
         Self {
             items: Vec::new(),
@@ -90,12 +90,12 @@ impl Default for Scene<'_> {
     }
 }
 
-impl<'a> Scene<'a> {
+impl<'a> Drawing<'a> {
     /// Adds a mesh.
     ///
     /// # Panics
     ///
-    /// [`Scene::render`] panics where `paint` holds less than one colour per vertex, or a
+    /// [`Drawing::render`] panics where `paint` holds less than one colour per vertex, or a
     /// triangle names a vertex that does not exist.
     pub fn add(&mut self, mesh: &'a TriMesh, paint: Paint<'a>, depth_bias: f64) {
         self.items.push(Item {
@@ -211,5 +211,5 @@ pub fn creased(mesh: &TriMesh) -> TriMesh {
 }
 
 #[cfg(test)]
-#[path = "scene_tests.rs"]
+#[path = "drawing_tests.rs"]
 mod tests;

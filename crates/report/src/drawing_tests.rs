@@ -48,10 +48,10 @@ fn pixel(image: &Image, x: f64, y: f64) -> Color {
     image.pixels[row as usize * image.width + column as usize]
 }
 
-fn dark<'a>() -> Scene<'a> {
-    Scene {
+fn dark<'a>() -> Drawing<'a> {
+    Drawing {
         background: [0; 3],
-        ..Scene::default()
+        ..Drawing::default()
     }
 }
 
@@ -111,7 +111,7 @@ fn the_nearer_triangle_hides_the_farther_one_in_any_order() {
     let high = soup(&[[-0.5, -0.5, 0.3], [0.5, -0.5, 0.3], [0.0, 0.5, 0.3]]);
     let (red, blue) = (Paint::Uniform([200, 0, 0]), Paint::Uniform([0, 0, 200]));
     for order in [[(&low, red), (&high, blue)], [(&high, blue), (&low, red)]] {
-        let mut scene = Scene::default();
+        let mut scene = Drawing::default();
         for (mesh, paint) in order {
             scene.add(mesh, paint, 0.0);
         }
@@ -131,7 +131,7 @@ fn triangles_that_cross_part_at_their_crossing() {
         soup(&[a, b, c, a, c, d])
     };
     let (rising, falling) = (plane(1.0), plane(-1.0));
-    let mut scene = Scene::default();
+    let mut scene = Drawing::default();
     scene.add(&rising, Paint::Uniform([200, 0, 0]), 0.0);
     scene.add(&falling, Paint::Uniform([0, 0, 200]), 0.0);
     let image = scene.render(&camera(), SIDE, SIDE);
@@ -146,7 +146,7 @@ fn triangles_that_cross_part_at_their_crossing() {
 fn depth_bias_decides_between_equals() {
     let mesh = soup(&[[-0.9, -0.9, 0.0], [0.9, -0.9, 0.0], [0.0, 0.9, 0.0]]);
     for (bias, seen) in [(0.001, 2), (-0.001, 0)] {
-        let mut scene = Scene::default();
+        let mut scene = Drawing::default();
         scene.add(&mesh, Paint::Uniform([200, 0, 0]), 0.0);
         scene.add(&mesh, Paint::Uniform([0, 0, 200]), bias);
         let image = scene.render(&camera(), SIDE, SIDE);
@@ -196,7 +196,7 @@ fn light_comes_from_the_upper_left_and_never_goes_out() {
 
 #[test]
 fn empty_and_degenerate_scenes_show_the_background() {
-    let scene = Scene::default();
+    let scene = Drawing::default();
     let image = scene.render(&camera(), 8, 6);
     assert!(image == Image::new(8, 6, BACKGROUND));
     assert!(scene.render(&camera(), 0, 0) == Image::new(0, 0, BACKGROUND));
@@ -264,7 +264,7 @@ fn marks_have_their_size_and_hide_behind_what_is_nearer() {
 
 #[test]
 fn path_has_a_disc_per_point_and_a_larger_one_at_its_end() {
-    let mut scene = Scene::default();
+    let mut scene = Drawing::default();
     scene.add_path(&[vec![Vec3::x() * -0.5, Vec3::x() * 0.5]], [250, 240, 80]);
     let image = scene.render(&camera(), SIDE, SIDE);
     let rows = |x: f64| {
@@ -279,10 +279,10 @@ fn path_has_a_disc_per_point_and_a_larger_one_at_its_end() {
 #[test]
 fn jump_is_thinner_than_a_stroke() {
     let light = |strokes: &[Vec<Vec3>]| {
-        let mut scene = Scene::default();
+        let mut scene = Drawing::default();
         scene.add_path(strokes, [250, 240, 80]);
         let image = scene.render(&camera(), SIDE, SIDE);
-        let empty = Scene::default().render(&camera(), SIDE, SIDE);
+        let empty = Drawing::default().render(&camera(), SIDE, SIDE);
         let of = |row: usize| {
             let pixel = |image: &Image| u32::from(image.pixels[row * SIDE + 100][0]);
             pixel(&image) - pixel(&empty)
