@@ -1,3 +1,4 @@
+use super::run::number;
 use super::*;
 
 const ARGS: [&str; 7] = [
@@ -10,8 +11,12 @@ const ARGS: [&str; 7] = [
     "friction",
 ];
 
+fn rows<'a>(report: &'a Value, table: &str) -> &'a Vec<Value> {
+    report[table].as_array().unwrap()
+}
+
 #[test]
-fn stability_writes_table_and_heat_maps_and_counts_every_cell() {
+fn stability_writes_tables_and_heat_maps_and_counts_every_cell() {
     let folder = folder();
     let path = folder.path();
     let report = json(path, &[&ARGS[..], &["--out", "new/out", "--json"]].concat());
@@ -24,21 +29,17 @@ fn stability_writes_table_and_heat_maps_and_counts_every_cell() {
         "non_finite",
         "panicked",
     ];
-    let sweeps = report["sweeps"].as_array().unwrap();
-    for of in sweeps.iter().chain([&report]) {
+    let counts = rows(&report, "counts");
+    for of in counts {
         let sum: usize = outcomes.iter().map(|key| count(of, key)).sum();
         assert_eq!(sum, count(of, "cells"));
         assert_eq!(count(of, "non_finite") + count(of, "panicked"), 0);
     }
     // In the order of the study, not of the options.
-    let names_of = |key: &str| {
-        sweeps
-            .iter()
-            .map(|sweep| sweep[key].clone())
-            .collect::<Vec<_>>()
-    };
-    assert_eq!(names_of("name"), ["speed", "friction"]);
-    assert!(count(&report, "diverged") > 0 && count(&report, "converged") > 0);
+    let sweeps: Vec<_> = counts.iter().map(|row| &row["sweep"]).collect();
+    assert_eq!(sweeps, ["speed", "speed", "friction", "friction", "all"]);
+    let all = &counts[4];
+    assert!(count(all, "diverged") > 0 && count(all, "converged") > 0);
     assert!(report["seconds"].as_f64().unwrap() > 0.0);
 
     let out = path.join("new/out");
@@ -46,60 +47,95 @@ fn stability_writes_table_and_heat_maps_and_counts_every_cell() {
         names(&out),
         [
             "cells.csv",
+            "counts.csv",
             "friction-f32.png",
             "friction-f64.png",
             "speed-f32.png",
-            "speed-f64.png"
+            "speed-f64.png",
+            "stability.json",
+            "stability.md",
         ]
     );
-    assert!(
-        fs::read(out.join("speed-f64.png"))
-            .unwrap()
-            .starts_with(b"\x89PNG")
-    );
+    let picture = fs::read(out.join("speed-f64.png")).unwrap();
+    assert!(picture.starts_with(b"\x89PNG"));
     let table = fs::read_to_string(out.join("cells.csv")).unwrap();
-    let rows: Vec<&str> = table.lines().collect();
-    assert_eq!(rows.len(), 1 + count(&report, "cells"));
-    let columns = rows[0].split(',').count();
-    assert!(rows.iter().all(|row| row.split(',').count() == columns));
+    let lines: Vec<&str> = table.lines().collect();
+    assert_eq!(lines.len(), 1 + count(all, "cells"));
+    let columns = lines[0].split(',').count();
+    assert!(lines.iter().all(|row| row.split(',').count() == columns));
     for outcome in ["converged", "wrong", "diverged"] {
         let marked = format!(",{outcome},");
-        let found = rows.iter().filter(|row| row.contains(&marked)).count();
-        assert_eq!(found, count(&report, outcome), "{outcome}");
+        let found = lines.iter().filter(|row| row.contains(&marked)).count();
+        assert_eq!(found, count(all, outcome), "{outcome}");
     }
 }
 
 #[test]
-fn stability_names_its_folder_and_prints_a_table() {
+fn a_study_names_its_folder_and_prints_a_table() {
     let folder = folder();
     let args = ["study", "stability", "--quick", "--sweep", "friction"];
     let text = stdout(folder.path(), &args);
-    assert!(text.starts_with("sweep "), "{text}");
-    assert!(
-        text.contains("non-finite numbers in sound states 0, panics 0"),
-        "{text}"
-    );
+    assert!(text.contains("\nsweep     solver"), "{text}");
     let runs = names(&folder.path().join("runs"));
     assert!(
         runs.len() == 1 && runs[0].starts_with("study-stability-20"),
         "{runs:?}"
     );
+    let end = format!("files in runs/{}\n", runs[0]);
+    assert!(text.ends_with(&end), "{text}");
+}
+
+/// The tables of a study replace what stands in their places of a document, and nothing else.
+#[test]
+fn tables_go_into_a_document() {
+    let folder = folder();
+    let path = folder.path();
+    let document = path.join("doc.md");
+    let args = ["study", "stability", "--quick", "--sweep", "friction"];
+    let more = ["--out", "out", "--into", "doc.md"];
+    let args = [&args[..], &more].concat();
+    assert_failure(&drape(path, &args), 2, &["cannot read doc.md"]);
+    fs::write(&document, "<!-- table twin.runs -->\n<!-- end -->\n").unwrap();
+    assert_failure(
+        &drape(path, &args),
+        2,
+        &["doc.md: there is no `<!-- table stability.NAME -->`"],
+    );
+    fs::write(&document, "<!-- table stability.count -->\n").unwrap();
+    assert_failure(
+        &drape(path, &args),
+        2,
+        &["doc.md", "`<!-- table stability.count", "counts, cells"],
+    );
+    let places = "a\n<!-- table stability.counts -->\nold\n<!-- end -->\nb\n";
+    fs::write(&document, places).unwrap();
+    stdout(path, &args);
+    let text = fs::read_to_string(&document).unwrap();
+    let start = "a\n<!-- table stability.counts -->\n| sweep | solver | cells |";
+    assert!(text.starts_with(start), "{text}");
     assert!(
-        text.ends_with(&format!("heat maps in runs/{}\n", runs[0])),
+        text.ends_with("\n<!-- end -->\nb\n") && !text.contains("old"),
         "{text}"
     );
 }
 
 #[test]
-fn unknown_sweeps_are_refused_before_anything_is_written() {
+fn unknown_parts_are_refused_before_anything_is_written() {
     let folder = folder();
-    let output = drape(folder.path(), &["study", "stability", "--sweep", "speeed"]);
-    assert_failure(
-        &output,
-        2,
-        &["there is no sweep `speeed`", "time_step, catenary"],
-    );
-    assert_eq!(names(folder.path()), [""; 0]);
+    for (args, words) in [
+        (
+            ["stability", "--sweep", "speeed"],
+            ["there is no `speeed`", "time_step, catenary"],
+        ),
+        (
+            ["verify", "--group", "bend"],
+            ["there is no `bend`", "bending, length"],
+        ),
+    ] {
+        let output = drape(folder.path(), &[&["study"], &args[..]].concat());
+        assert_failure(&output, 2, &words);
+        assert_eq!(names(folder.path()), [""; 0]);
+    }
 }
 
 /// A region is four numbers, which may be negative; anything else is refused before the work.
@@ -120,48 +156,34 @@ fn verify_writes_rows_and_counts_those_that_are_met() {
     let folder = folder();
     let path = folder.path();
     let args = ["study", "verify", "--quick", "--group", "motion"];
-    let report = json(path, &[&args[..], &["--out", "out", "--json"]].concat());
-    let cases = report["cases"].as_array().unwrap();
-    let keys = [
-        "case",
-        "expected",
-        "found",
-        "preset",
-        "relative_error",
-        "solver",
-        "unit",
-    ];
-    for case in cases {
-        let mut found: Vec<_> = case.as_object().unwrap().keys().collect();
-        found.sort();
-        assert_eq!(found, keys);
-    }
+    let args = [&args[..], &["--out", "out"]].concat();
+    let report = json(path, &[&args[..], &["--json"]].concat());
     let met = |solver: &str| {
-        let own = cases.iter().filter(|case| case["solver"] == solver);
-        own.filter(|case| case["relative_error"].as_f64().unwrap().abs() <= 0.01)
+        let own = rows(&report, "cases").iter();
+        let own = own.filter(|case| case["solver"] == solver);
+        own.filter(|case| number(&case["relative_error"]).abs() <= 0.01)
             .count() as u64
     };
     for solver in ["yarn", "gauss_seidel", "twin"] {
-        let counts = report["counts"].as_array().unwrap().iter();
+        let counts = rows(&report, "counts").iter();
         let own = counts.filter(|count| count["solver"] == solver);
         let sum: u64 = own.map(|count| count["met"].as_u64().unwrap()).sum();
         assert_eq!(sum, met(solver), "{solver}");
     }
     assert!(met("yarn") > 0);
-    assert_eq!(names(&path.join("out")), ["cases.json"]);
+    let errors = rows(&report, "errors");
+    assert_eq!(errors.len(), 5);
+    assert!(errors[0]["yarn_accurate"].is_number() && errors[0]["twin_reference"].is_null());
+    let files = [
+        "cases.csv",
+        "counts.csv",
+        "errors.csv",
+        "verify.json",
+        "verify.md",
+    ];
+    assert_eq!(names(&path.join("out")), files);
     let text = stdout(path, &args);
-    assert!(
-        text.starts_with("case ") && text.contains("\nmotion\n"),
-        "{text}"
-    );
-}
-
-#[test]
-fn unknown_groups_are_refused_before_anything_is_written() {
-    let folder = folder();
-    let output = drape(folder.path(), &["study", "verify", "--group", "bend"]);
-    assert_failure(&output, 2, &["there is no group `bend`", "bending, length"]);
-    assert_eq!(names(folder.path()), [""; 0]);
+    assert!(text.contains("\nmotion "), "{text}");
 }
 
 /// A scene with a short fall of a coarse blank, and a region of a few vertices.
@@ -183,59 +205,47 @@ fn twin_writes_states_that_can_be_compared() {
     tiny(path);
     let args = ["study", "twin", "--convergence", "--json"];
     let report = json(path, &[&args[..], &TINY[..]].concat());
-    let runs = report["runs"].as_array().unwrap();
-    let names_of: Vec<&str> = runs.iter().map(|r| r["name"].as_str().unwrap()).collect();
-    assert_eq!(names_of, ["fast", "twin", "accelerated"]);
-    assert!(runs[1]["energy"][1]["residual_share"].as_f64().unwrap() < 0.05);
-    assert!(runs[0].get("energy").is_none());
-    let sequence = report["sequence"].as_array().unwrap();
-    assert!(!sequence.is_empty() && sequence.len() as u64 == report["presses"]);
-    let comparisons = report["comparisons"].as_array().unwrap();
-    assert_eq!(comparisons.len(), 4);
+    let runs = rows(&report, "runs");
+    let models: Vec<_> = runs.iter().map(|row| &row["model"]).collect();
+    assert_eq!(models, ["fast", "twin", "accelerated"]);
+    let energy = rows(&report, "energy");
+    assert_eq!(energy.len(), 4);
+    assert!(number(&energy[1]["residual_of_the_greatest_amount_percent"]) < 5.0);
+    assert!(!report["sequence"].as_array().unwrap().is_empty());
+    let comparisons = rows(&report, "comparisons");
+    assert_eq!(comparisons.len(), 4 * 3);
     for found in comparisons {
-        assert!(found["inside"]["fibre_angle_deg"][0]["share_below"].is_number());
-        let picture = path.join("out").join(found["picture"].as_str().unwrap());
-        assert!(fs::read(picture).unwrap().starts_with(b"\x89PNG"));
+        assert!(found["warp_5_deg_percent"].is_number(), "{found}");
     }
-    let variants = report["convergence"].as_array().unwrap();
-    let number = |value: &Value| value.as_f64().unwrap();
-    let [half, pushed, coarse] = &variants[..] else {
-        panic!("{variants:?}");
+    for name in ["initial-fast", "draped-fast", "draped-accelerated"] {
+        let picture = fs::read(path.join(format!("out/{name}.png"))).unwrap();
+        assert!(picture.starts_with(b"\x89PNG"));
+    }
+    let [half, pushed, coarse] = &rows(&report, "convergence")[..] else {
+        panic!("{report}");
     };
-    assert_eq!(half["name"], "half_step");
-    let ratio = number(&half["time_step_s"]) / number(&runs[1]["time_step_s"]);
+    assert_eq!(half["variant"], "half step");
+    let ratio = number(&half["step_us"]) / number(&runs[1]["step_us"]);
     assert!((ratio - 0.5).abs() < 0.02, "{ratio}");
-    assert!(0.0 < number(&half["initial_mm"][0]) && number(&half["initial_mm"][1]) < 1.0);
+    assert!(0.0 < number(&half["fall_mean_mm"]) && number(&half["fall_max_mm"]) < 1.0);
     // Normal distances in space have a mean of 1.6 deviations of a coordinate.
-    assert_eq!(pushed["name"], "pushed_start");
-    assert!(
-        (number(&pushed["initial_mm"][0]) / 1.6e-3 - 1.0).abs() < 0.2,
-        "{pushed}"
-    );
-    assert!(0.0 < number(&pushed["draped_mm"][0]));
-    assert_eq!(
-        [&coarse["name"], &coarse["vertices"]],
-        [&Value::from("twice_the_cell"), &Value::from(49)]
-    );
-    assert!(number(&coarse["initial_mm"][0]) < 10.0 && coarse["draped_mm"].is_null());
+    assert_eq!(pushed["variant"], "pushed start");
+    let ratio = number(&pushed["fall_mean_mm"]) / 1.6e-3;
+    assert!((ratio - 1.0).abs() < 0.2, "{pushed}");
+    assert!(0.0 < number(&pushed["presses_mean_mm"]));
+    assert_eq!(coarse["variant"], "twice the cell");
+    assert_eq!(coarse["vertices"], 49);
+    assert!(number(&coarse["fall_mean_mm"]) < 10.0 && coarse["presses_mean_mm"].is_null());
     for extension in ["stl", "vtk", "json"] {
-        assert!(
-            path.join(format!("out/draped-accelerated.{extension}"))
-                .exists()
-        );
+        let state = format!("out/draped-accelerated.{extension}");
+        assert!(path.join(state).exists());
     }
-    let args = [
-        "compare",
-        "out/draped-fast.json",
-        "out/draped-twin.json",
-        "--json",
-    ];
-    let again = json(path, &args);
-    let of = |found: &Value| found["topology_a_to_b_mm"]["max"].as_f64().unwrap();
-    let first = comparisons
-        .iter()
-        .find(|c| c["moment"] == "draped" && c["name"] == "fast");
-    assert!((of(&again) - of(first.unwrap())).abs() < 1e-6);
+    let states = ["out/draped-fast.json", "out/draped-twin.json"];
+    let again = json(path, &["compare", states[0], states[1], "--json"]);
+    let of = |row: &&Value| row["moment"] == "draped" && row["model"] == "fast";
+    let first = comparisons.iter().find(of).unwrap();
+    let again = number(&again["topology_a_to_b_mm"]["max"]);
+    assert!((again - number(&first["max_mm"])).abs() < 1e-6);
 }
 
 #[test]
@@ -245,24 +255,27 @@ fn transfer_has_a_row_for_every_setting() {
     tiny(path);
     let args = ["study", "transfer", "--count=4", "--json"];
     let report = json(path, &[&args[..], &TINY[..]].concat());
-    let settings = report["settings"].as_array().unwrap();
-    // Three presets, one without the rule of strain, two rates, Gauss-Seidel, four twins.
-    assert_eq!(settings.len(), 11);
+    let [half, end, places] = ["half", "end", "places"].map(|table| rows(&report, table));
     let count = report["sequences"].as_array().unwrap().len();
-    for row in settings {
-        assert_eq!(row["left_m"].as_array().unwrap().len(), count);
-        for key in ["mean_left_m", "lost_m", "inside_mm", "outside_mm", "cpu_s"] {
-            assert!(row[key].as_f64().unwrap() >= 0.0, "{key}: {row}");
-        }
-        for key in ["rank_correlation_accurate", "rank_correlation_twin"] {
-            let value = &row["halfway"][key];
-            assert!(value.is_null() || value.as_f64().unwrap().abs() <= 1.0);
+    // Three presets, one without the rule of strain, two rates, Gauss-Seidel, four twins.
+    assert_eq!([half.len(), end.len(), places.len()], [11; 3]);
+    assert_eq!(rows(&report, "paths").len(), 11 * count);
+    for row in half.iter().chain(end) {
+        assert!(number(&row["left_m"]) >= 0.0 && number(&row["lost_m"]) >= 0.0);
+        for key in ["rank_accurate", "rank_twin"] {
+            let value = &row[key];
+            assert!(value.is_null() || number(value).abs() <= 1.0);
         }
     }
-    let twin = settings.iter().find(|row| row["name"] == "twin").unwrap();
-    assert_eq!(twin["inside_mm"], 0.0);
-    assert_eq!(twin["lost_m"], 0.0);
-    assert_eq!(names(&path.join("out")), ["scatter.png", "transfer.json"]);
+    for row in places {
+        assert!(number(&row["outside_mm"]) >= 0.0 && number(&row["cpu_s"]) >= 0.0);
+    }
+    assert_eq!(
+        (&places[7]["setting"], number(&end[7]["lost_m"])),
+        (&"twin".into(), 0.0)
+    );
+    assert_eq!(number(&places[7]["off_the_twin_inside_mm"]), 0.0);
+    assert!(path.join("out/scatter.png").exists());
 }
 
 #[test]

@@ -137,26 +137,27 @@ pub enum StudyError {
     Invalid(String),
     #[error(transparent)]
     Scene(#[from] SceneError),
-    #[error("{}", as_option(.0))]
-    Env(#[from] EnvError),
+    /// An environment that cannot be, as its message names the option.
+    #[error("{0}")]
+    Env(String),
     #[error(transparent)]
     Twin(#[from] ValueError),
     /// A run folder or a file that cannot be read.
     #[error(transparent)]
     Read(Failed),
-    #[error("{name}: {source}")]
+    #[error("{name}")]
     Diverged {
         name: &'static str,
         source: Diverged,
     },
     #[error("the fast solver diverged on the way")]
     FastDiverged,
-    #[error("{name}: {source}")]
+    #[error("{name}")]
     Sheet {
         name: &'static str,
         source: SheetError,
     },
-    #[error("cannot start threads: {0}")]
+    #[error("cannot start threads")]
     Threads(#[from] rayon::ThreadPoolBuildError),
 }
 
@@ -173,9 +174,11 @@ impl StudyError {
     }
 }
 
-/// What is wrong with a study's environment, whose region is an option.
-fn as_option(error: &EnvError) -> String {
-    error.to_string().replace("`env.region_mm`", "`--region`")
+impl From<EnvError> for StudyError {
+    /// The region of a study's environment is an option.
+    fn from(error: EnvError) -> Self {
+        Self::Env(error.to_string().replace("`env.region_mm`", "`--region`"))
+    }
 }
 
 /// The focus region of the quickstart [mm].

@@ -206,7 +206,12 @@ impl Column {
             (Cell::Number(number), _) if !number.is_finite() => "-".into(),
             (Cell::Number(number), _) if number.abs() >= 1e6 => format!("{number:.3e}"),
             (Cell::Number(number), Format::Digits(digits)) => significant(*number, digits),
-            (Cell::Number(number), Format::Fixed(decimals)) => format!("{number:.decimals$}"),
+            (Cell::Number(number), Format::Fixed(decimals)) => {
+                let shown = format!("{number:.decimals$}");
+                // No sign where all digits are 0.
+                let is_zero = shown.trim_matches(['-', '0', '.']).is_empty();
+                shown[usize::from(is_zero && shown.starts_with('-'))..].to_owned()
+            }
             (Cell::Number(number), Format::Hidden) => number.to_string(),
         }
     }

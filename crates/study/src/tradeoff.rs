@@ -17,6 +17,7 @@
 //! differ by millimetres whatever the rate. [`Noise`] is what a push of the start by a thousandth
 //! of a millimetre does at the rate of `accurate`. Below it no error can be told.
 
+mod point;
 mod press;
 mod settings;
 
@@ -30,12 +31,11 @@ use crate::verify::solver_name;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::{Purpose, Stream, mean_and_deviation};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
-use drape_cloth::sim::Precision;
 use drape_cloth::sim::Snapshot;
 use drape_cloth::sim::{Accuracy, Solver};
 use drape_cloth::tool::Tool;
-use drape_report::{Chart, Color, Level, SERIES, Scale, Series};
 use drape_task::env::EnvConfig;
+use point::{FallError, Noise, Point, PressError, SequenceError, chart, point_table, recommend};
 use press::{Pressed, press, sequences};
 use settings::{Around, Setting, converged, settings, stepped};
 
@@ -125,102 +125,6 @@ impl Study for Tradeoff {
     }
 }
 
-/// A measured point. Errors are distances between the same material points; summed distances
-/// count as many points as the default mesh has, whatever the mesh.
-#[derive(Clone, Debug)]
-struct Point {
-    axis: &'static str,
-    value: String,
-    is_method: bool,
-    solver: Solver,
-    precision: Precision,
-    substep_rate: f64,
-    contact_interval: usize,
-    /// None where it or its reference diverges.
-    fall: Option<FallError>,
-    presses: Option<PressError>,
-    /// None where one of the sequences diverges: the others are not the same sample.
-    sequences: Option<SequenceError>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct FallError {
-    /// Of the whole blank.
-    vertices: usize,
-    mean_mm: f64,
-    max_mm: f64,
-    /// Summed distance to the tool, and its error.
-    distance_m: f64,
-    distance_error_m: f64,
-}
-
-/// Of the sweep.
-#[derive(Clone, Copy, Debug)]
-struct PressError {
-    /// CPU time of an environment step in a group of lanes; in f64 of one alone [us].
-    microseconds: f64,
-    /// In the focus region after the first row.
-    early_mm: Option<f64>,
-    /// In the region after the whole sweep, mean and greatest.
-    region_mm: Option<[f64; 2]>,
-    /// Of the distance that the sweep has removed from the region, over that distance.
-    removed: Option<f64>,
-    /// Tension of the yarns after it [-].
-    tension_p95: Option<f64>,
-}
-
-/// Over all sequences.
-#[derive(Clone, Copy, Debug)]
-struct SequenceError {
-    /// Summed distance of the region: mean and standard deviation.
-    left_m: [f64; 2],
-    /// Its difference from the reference, sequence by sequence: mean and root mean square.
-    bias_m: f64,
-    rms_m: f64,
-    /// Mean error of the region.
-    mean_mm: f64,
-}
-
-/// What a push of the start by a micrometre does to what `accurate` ends with.
-#[derive(Clone, Copy, Debug)]
-struct Noise {
-    /// Change of the region's summed distance, root mean square over the sequences [m].
-    distance_rms_m: f64,
-    /// Mean change of place in the region [mm].
-    mean_mm: f64,
-}
-
-fn point_table(title: String, points: &[Point]) -> Table {
-    Table::of("points", title, points)
-        .text("axis", |p| p.axis)
-        .text("value", |p| p.value.clone())
-        .hidden("solver", "", |p| solver_name(p.solver))
-        .hidden("precision", "", |p| {
-            format!("{:?}", p.precision).to_lowercase()
-        })
-        .hidden("substep rate", "1/s", |p| p.substep_rate)
-        .hidden("contact interval", "", |p| p.contact_interval)
-        .hidden("vertices", "", |p| p.fall.map_or(0, |f| f.vertices))
-        .number("step", "us", 1, |p| p.presses.map(|e| e.microseconds))
-        .number("fall", "mm", 3, |p| p.fall.map(|e| e.mean_mm))
-        .hidden("fall max", "mm", |p| p.fall.map(|e| e.max_mm))
-        .hidden("fall distance", "m", |p| p.fall.map(|e| e.distance_m))
-        .hidden("fall distance error", "m", |p| {
-            p.fall.map(|e| e.distance_error_m)
-        })
-        .number("row", "mm", 3, |p| p.presses?.early_mm)
-        .number("sweep", "mm", 3, |p| Some(p.presses?.region_mm?[0]))
-        .hidden("sweep max", "mm", |p| Some(p.presses?.region_mm?[1]))
-        .hidden("removed error", "", |p| p.presses?.removed)
-        .hidden("tension p95", "", |p| p.presses?.tension_p95)
-        .number("eight", "mm", 3, |p| p.sequences.map(|e| e.mean_mm))
-        .number("left", "m", 4, |p| p.sequences.map(|e| e.left_m[0]))
-        .hidden("left deviation", "m", |p| p.sequences.map(|e| e.left_m[1]))
-        .number("bias", "m", 4, |p| p.sequences.map(|e| e.bias_m))
-        .number("rms", "m", 4, |p| p.sequences.map(|e| e.rms_m))
-        .end()
-}
-
 /// Measures `settings`, which are around `scene` and `env`.
 fn measure<'a>(
     scene: &'a SceneConfig,
@@ -240,59 +144,6 @@ fn measure<'a>(
         mean_mm: f64::NAN,
     });
     Ok((measuring, points, noise))
-}
-
-/// The cheapest point that differs from the converged solution by no more than twice the noise.
-#[derive(Clone, Debug)]
-struct Recommendation {
-    /// Its number in the points; none if every setting diverges.
-    point: Option<usize>,
-    /// Whether there was one; else it is the one that differs least.
-    is_within: bool,
-    /// All of it in one line.
-    text: String,
-}
-
-fn recommend(points: &[Point], noise: Noise) -> Recommendation {
-    // Where a pushed start diverges there is no tolerance, and nothing is within it.
-    let tolerance = Some(2.0 * noise.distance_rms_m).filter(|tolerance| tolerance.is_finite());
-    let methods: Vec<(usize, &Point, f64, f64)> = (points.iter().enumerate())
-        .filter(|(_, point)| point.is_method)
-        .filter_map(|(k, p)| Some((k, p, p.presses?.microseconds, p.sequences?.rms_m)))
-        .collect();
-    let within = (methods.iter())
-        .filter(|(.., rms_m)| tolerance.is_some_and(|tolerance| *rms_m <= tolerance))
-        .min_by(|a, b| a.2.total_cmp(&b.2));
-    let best = || methods.iter().min_by(|a, b| a.3.total_cmp(&b.3));
-    let Some(&(index, point, microseconds, rms_m)) = within.or_else(best) else {
-        return Recommendation {
-            point: None,
-            is_within: false,
-            text: "every setting diverges: raise the substep rate".into(),
-        };
-    };
-    let reason = match tolerance {
-        None => "the least error; the noise is unknown, a pushed start diverged".to_owned(),
-        Some(tolerance) if within.is_some() => {
-            format!("the cheapest within twice the noise, {tolerance:.4} m")
-        }
-        Some(tolerance) => {
-            format!("the least error, none is within twice the noise, {tolerance:.4} m")
-        }
-    };
-    let text = format!(
-        "{}, {} substeps/s, planes every {}, {:?}: {microseconds:.0} us a step, {rms_m:.4} m from the \
-         converged distance; {reason}",
-        solver_name(point.solver),
-        point.substep_rate,
-        point.contact_interval,
-        point.precision,
-    );
-    Recommendation {
-        point: Some(index),
-        is_within: within.is_some(),
-        text,
-    }
 }
 
 /// All that points share, and what has been computed already.
@@ -576,54 +427,6 @@ fn against_twin(config: &SceneConfig) -> Result<Table, StudyError> {
         .number("max", "mm", 2, |(.., found)| found.map(|f| f[1]))
         .number("distance", "m", 3, |(.., found)| found.map(|f| f[2]));
     Ok(table.end())
-}
-
-/// Cost against error, both as logarithms. What has no error has no place on it.
-fn chart(points: &[Point], noise: Noise) -> Chart {
-    // NaN where there is none: such points are not drawn.
-    let logarithm = |value: f64| if value > 0.0 { value.log10() } else { f64::NAN };
-    let place = |point: &Point| {
-        let error = point.sequences.map_or(f64::NAN, |error| error.mean_mm);
-        let cost = point.presses.map_or(f64::NAN, |error| error.microseconds);
-        [cost, error].map(logarithm)
-    };
-    let on = |axis: &'static str| points.iter().filter(move |point| point.axis == axis);
-    let curve = |label: String, points: Vec<[f64; 2]>, color: Color| Series {
-        label,
-        points,
-        color,
-    };
-    let axes = [
-        ("yarn", "yarn, 60 to 6000/s"),
-        ("gauss_seidel", "Gauss-Seidel, 60 to 6000/s"),
-        ("contact_interval", "contact interval 1 to 20"),
-        ("precision", "f32, f64"),
-    ];
-    let mut series = Vec::new();
-    for ((axis, label), color) in axes.into_iter().zip(SERIES) {
-        // A dot for every point, under one name.
-        series.extend(on(axis).map(|point| curve(String::new(), vec![place(point)], color)));
-        series.push(curve(label.into(), on(axis).map(place).collect(), color));
-    }
-    let colors = [[20, 20, 24], [200, 20, 60], [20, 110, 230]];
-    for (preset, color) in on("preset").zip(colors) {
-        let label = format!("preset {}", preset.value);
-        series.push(curve(label, vec![place(preset)], color));
-    }
-    Chart {
-        title: "Cost and error of the pressing sequences".into(),
-        x_label: "CPU time of an environment step [us]".into(),
-        y_label: "mean error of place in the region [mm]".into(),
-        series,
-        levels: vec![Level {
-            label: "noise: start pushed by 1 um".into(),
-            value: logarithm(noise.mean_mm),
-            deviation: 0.0,
-            color: [120, 120, 125],
-        }],
-        scale: Scale::Log10,
-        ..Chart::default()
-    }
 }
 
 #[cfg(test)]

@@ -530,15 +530,17 @@ fn agreements(
     let table = Table::of(name, title, rows)
         .text("setting", |row| row.name)
         .number("left", "m", 4, |row| of(row).left_m.map(|left| left[0]))
-        .number("+-", "m", 4, |row| of(row).left_m.map(|left| left[1]))
+        .number("deviation", "m", 4, |row| {
+            of(row).left_m.map(|left| left[1])
+        })
         .number("rank accurate", "", 3, |row| of(row).rank_accurate)
         .number("rank twin", "", 3, |row| of(row).rank_twin)
-        .text("90 %", |row| span(of(row).rank_twin_interval))
+        .text("rank twin 90 %", |row| span(of(row).rank_twin_interval))
         .text("over balanced 90 %", |row| span(of(row).more_than_balanced))
         .number("lost", "m", 4, |row| of(row).lost_m)
         .number("by chance", "m", 4, |row| of(row).lost_by_chance_m)
         .number("best lost", "m", 4, |row| of(row).best_lost_m)
-        .number("best's rank", "", 1, |row| of(row).best_rank_twin);
+        .number("best rank", "", 1, |row| of(row).best_rank_twin);
     let by_order = Order::ALL.into_iter().enumerate();
     let table = by_order.fold(table, |table, (k, order)| {
         table.hidden(format!("rank twin {}", order.name()), "", move |row| {

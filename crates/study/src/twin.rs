@@ -296,7 +296,7 @@ fn tables(
             .number("fall mean", "mm", 4, |variant| variant.initial_mm[0])
             .number("fall max", "mm", 3, |variant| variant.initial_mm[1])
             .number("sheet", "m", 3, |variant| variant.initial_m[0])
-            .number("twin's", "m", 3, |variant| variant.initial_m[1])
+            .number("sheet of the twin", "m", 3, |variant| variant.initial_m[1])
             .number("presses mean", "mm", 3, |variant| {
                 variant.draped_mm.map(|d| d[0])
             })
@@ -304,7 +304,7 @@ fn tables(
                 variant.draped_mm.map(|d| d[1])
             })
             .number("left", "m", 4, |variant| variant.left_m.map(|m| m[0]))
-            .number("twin's left", "m", 4, |variant| {
+            .number("left of the twin", "m", 4, |variant| {
                 variant.left_m.map(|m| m[1])
             })
             .end();

@@ -111,7 +111,7 @@ pub fn settings(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Settin
             }
         });
     }
-    let features: [(&str, fn(&mut PhysicsConfig)); 8] = [
+    let features: [(&str, Change); 8] = [
         ("as configured", |_| ()),
         ("no friction", |p| p.friction = false),
         ("no shear", |p| p.shear = false),
@@ -128,6 +128,9 @@ pub fn settings(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Settin
     }
     axes.settings
 }
+
+/// What a feature changes.
+type Change = fn(&mut PhysicsConfig);
 
 struct Axes {
     around: Around,

@@ -1,4 +1,5 @@
 use super::*;
+use drape_cloth::sim::Precision;
 
 /// A coarse blank that falls for a moment, and a corner of it.
 fn small() -> (SceneConfig, EnvConfig) {
