@@ -366,9 +366,11 @@ fn text(report: &Report) -> String {
         100.0 * random.deviation,
         100.0 * random.best_score
     ));
-    let lost = random.diverged + report.sampled.as_ref().map_or(0, |s| s.diverged);
-    if lost > 0 {
-        lines.push(format!("episodes left out because they diverged: {lost}"));
+    let diverged = random.diverged + report.sampled.as_ref().map_or(0, |s| s.diverged);
+    if diverged > 0 {
+        lines.push(format!(
+            "episodes left out because they diverged: {diverged}"
+        ));
     }
     if let Some(deviations) = report.deviations_below_random {
         let side = if deviations < 0.0 { "above" } else { "below" };

@@ -16,9 +16,9 @@ use drape_report::{
 pub const FAR: f64 = 0.025;
 /// Free space round the lamina, as a share of its longer side.
 const MARGIN: f64 = 0.04;
-/// Em size of a caption, as a share of the picture's height; not below [`LEAST_TEXT`] px.
+/// Em size of a caption, as a share of the picture's height; not below [`MIN_TEXT`] px.
 const TEXT: f64 = 0.027;
-const LEAST_TEXT: f32 = 12.0;
+const MIN_TEXT: f32 = 12.0;
 /// Lines of the strip below the picture, in em sizes.
 const STRIP: f32 = 1.9;
 const TEXT_COLOR: Color = [232, 232, 228];
@@ -161,7 +161,7 @@ impl<'a> Studio<'a> {
     }
 
     fn text_size(&self) -> f32 {
-        ((TEXT * self.height as f64) as f32).max(LEAST_TEXT)
+        ((TEXT * self.height as f64) as f32).max(MIN_TEXT)
     }
 
     /// Height of the strip that holds the caption [px].

@@ -89,7 +89,7 @@ struct Outcome {
     best_score: Option<f64>,
     random_mean_score: f64,
     random_deviation: f64,
-    /// Episodes since the command began in which the simulation was lost.
+    /// Episodes since the command began in which the simulation diverged.
     diverged_episodes: usize,
 }
 
@@ -263,7 +263,7 @@ fn report(outcome: &Outcome, args: &Args) -> Result<(), Failure> {
     let run = outcome.run.display();
     let percent = |share: f64| 100.0 * share;
     let score = |score: Option<f64>| score.map_or("-".into(), |s| format!("{:.2} %", percent(s)));
-    let lost = match outcome.diverged_episodes {
+    let diverged = match outcome.diverged_episodes {
         0 => String::new(),
         count => format!("episodes cut off because they diverged: {count}\n"),
     };
@@ -275,7 +275,7 @@ fn report(outcome: &Outcome, args: &Args) -> Result<(), Failure> {
     print(&format!(
         "{run}: {} environment steps in {:.0} s ({:.0} a second; simulation {:.0} %, inference \
          {:.0} %, update {:.0} %)\n\
-         distance removed: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{lost}{next}",
+         distance removed: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{diverged}{next}",
         outcome.env_steps,
         outcome.seconds,
         outcome.env_steps_per_second,
