@@ -197,13 +197,13 @@ pub(super) fn friction_step(setting: &Setting) -> Result<Trial, Refusal> {
     slide(setting, setting.y, 25.0, setting.x)
 }
 
-/// A sheet on a slope, held against Coulomb's law: its mean way down, over the larger of that
-/// way and the size of the sheet.
+/// A sheet on a slope, held against Coulomb's law: its mean displacement, over the larger of that
+/// one and the size of the sheet.
 fn slide(setting: &Setting, mu: f64, degrees: f64, substeps: f64) -> Result<Trial, Refusal> {
     let angle = degrees.to_radians();
     let sheet = crate::cloth::sheet([SIDE; 2], [5; 2], rubbing([mu; 2]));
     let down = [angle.cos(), 0.0, -angle.sin()];
-    // Up the slope, so that the way is about the origin as on a tool.
+    // Up the slope, so that it slides about the origin as on a tool.
     let start = laid(&sheet, |[x, y]| {
         let s = x - 0.2;
         [down[0] * s, y, down[2] * s]

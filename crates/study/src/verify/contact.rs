@@ -52,8 +52,8 @@ pub fn slide(solver: &dyn Solve, mu: [f64; 2], angle: f64, seconds: f64) -> f64 
     let piece = &Piece::new(&sheet, physics).on(&incline);
     let end = solver.run(piece, &state, seconds);
     let along = |x: &[f64; 3]| x[0] * cos - x[2] * sin;
-    let way = |s: &[[f64; 3]]| s.iter().map(along).sum::<f64>();
-    (way(&end.position) - way(&state.position)) / end.position.len() as f64
+    let travelled = |s: &[[f64; 3]]| s.iter().map(along).sum::<f64>();
+    (travelled(&end.position) - travelled(&state.position)) / end.position.len() as f64
 }
 
 /// Angle of an incline at which a sheet with friction `mu` begins to slip [rad].
@@ -100,7 +100,7 @@ impl Rope {
         })
     }
 
-    /// Way of the strip [m] in half a second, after as long for it to find its tension.
+    /// Displacement of the strip [m] in half a second, after as long for it to find its tension.
     ///
     /// `ratio` is that of the tensions in units in which the strip has no weight: with the weight
     /// W = w R, dT / dphi = mu (T + W cos phi) - W sin phi over the drum, so at the point of

@@ -41,7 +41,7 @@ fn pull(
 /// its neighbours along warp and weft, in the middle of both sides.
 pub fn shear_at(lamina: &Lamina, state: &Snapshot, vertex: u32) -> Option<f64> {
     let [row, column] = lamina.place(vertex);
-    let way = |from: Option<u32>, to: Option<u32>| {
+    let direction = |from: Option<u32>, to: Option<u32>| {
         let [a, b] = [from?, to?].map(|v| Vec3::from(state.position[v as usize]));
         Some((b - a).normalize())
     };
@@ -49,11 +49,11 @@ pub fn shear_at(lamina: &Lamina, state: &Snapshot, vertex: u32) -> Option<f64> {
         let row = row.filter(|&row| row < lamina.rows)?;
         lamina.vertex_at(row, column.filter(|&column| column < lamina.columns)?)
     };
-    let warp = way(
+    let warp = direction(
         at(Some(row), column.checked_sub(1)),
         at(Some(row), Some(column + 1)),
     )?;
-    let weft = way(
+    let weft = direction(
         at(row.checked_sub(1), Some(column)),
         at(Some(row + 1), Some(column)),
     )?;
