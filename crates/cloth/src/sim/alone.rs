@@ -54,6 +54,13 @@ impl<V: Lanes> Alone<V> {
             let inverse_mass = &mut cloth.inverse_mass[number as usize];
             inverse_mass.as_mut_slice()[lane as usize] = V::Scalar::from_f64(w);
         }
+        if let Some(tack) = &model.tack {
+            cloth.tack.resize(fold.count, V::zero());
+            for (&[number, lane], &tack) in fold.vertices.iter().zip(tack) {
+                let of = cloth.tack[number as usize].as_mut_slice();
+                of[lane as usize] = V::Scalar::from_f64(tack);
+            }
+        }
         let mut vertices: Vec<u32> = model.passes.iter().flat_map(|p| p.vertices()).collect();
         vertices.sort_unstable();
         vertices.dedup();
@@ -115,6 +122,11 @@ impl<V: Lanes> Storage for Alone<V> {
     }
 
     #[inline(always)]
+    fn warp<'a>(&'a mut self, _: &'a Lines, i: usize) -> (&'a Bundle<V>, &'a mut Cloth<V>) {
+        (&self.fold.warps[i], &mut self.cloth)
+    }
+
+    #[inline(always)]
     fn take<'a>(
         &'a mut self,
         _: &'a Lines,
@@ -127,18 +139,6 @@ impl<V: Lanes> Storage for Alone<V> {
             fold,
             ..
         } = self;
-        if direction == Direction::Warp {
-            let line = &fold.warps[i];
-            return Along {
-                line,
-                x: &mut cloth.position,
-                mobility: &cloth.mobility,
-                pull: &mut cloth.pull,
-                stress: &mut cloth.stress,
-                density: &mut cloth.density[line.edges()],
-                scratch: &mut cloth.scratch,
-            };
-        }
         let (line, places) = &fold.crossing(direction)[i];
         let x = Vec3x::components_mut(&mut crossing.position);
         places.read::<V, 3>(Vec3x::components(&cloth.position), x);
@@ -156,9 +156,6 @@ impl<V: Lanes> Storage for Alone<V> {
 
     #[inline(always)]
     fn put(&mut self, direction: Direction, i: usize, changed: Changed) {
-        if direction == Direction::Warp {
-            return;
-        }
         let (_, places) = &self.fold.crossing(direction)[i];
         let (crossing, cloth) = (&self.crossing, &mut self.cloth);
         match changed {
@@ -203,15 +200,6 @@ impl<V: Lanes> Storage for Alone<V> {
     #[inline(always)]
     fn separate(&mut self, _: &Layers) {
         unreachable!("layers that touch are computed in a group");
-    }
-
-    #[inline(always)]
-    fn tack(&self, tack: &[f64], place: usize) -> V {
-        let mut of = V::zero();
-        for (of, &vertex) in of.as_mut_slice().iter_mut().zip(&self.fold.held[place]) {
-            *of = V::Scalar::from_f64(tack.get(vertex as usize).copied().unwrap_or(0.0));
-        }
-        of
     }
 }
 

@@ -1,4 +1,4 @@
-use super::line::Scratch;
+use super::line::{Along, Chain, Scratch};
 use crate::math::{Kernel, Lanes, Real, Vec3x};
 use crate::tool::Tool;
 
@@ -32,6 +32,8 @@ pub(super) struct Cloth<V: Lanes> {
     /// Sum of |force density| over those yarn edges [N/m].
     pub stress: Vec<V>,
     pub scratch: Scratch<V>,
+    /// Greatest pull of the tool's tack on each vertex [N]; empty without.
+    pub tack: Vec<V>,
 }
 
 impl<V: Lanes> Cloth<V> {
@@ -54,11 +56,26 @@ impl<V: Lanes> Cloth<V> {
             pull: vec![Vec3x::zero(); along],
             stress: vec![V::zero(); along],
             scratch: Scratch::new(longest),
+            tack: Vec::new(),
         }
     }
 }
 
 impl<V: Lanes> Cloth<V> {
+    /// A line that lies in these arrays as it is.
+    #[inline(always)]
+    pub fn along<'a, C: Chain<V>>(&'a mut self, line: &'a C) -> Along<'a, V, C> {
+        Along {
+            line,
+            x: &mut self.position,
+            mobility: &self.mobility,
+            pull: &mut self.pull,
+            stress: &mut self.stress,
+            density: &mut self.density[line.edges()],
+            scratch: &mut self.scratch,
+        }
+    }
+
     /// Whether every position of a lane is a number within 100 m of the origin, lane by lane.
     pub fn finite(&self) -> Vec<bool> {
         let mut diverged = V::zero();

@@ -250,8 +250,6 @@ pub(super) struct Fold<V> {
     pub longest: usize,
     /// Number and lane of each vertex.
     pub vertices: Vec<[u32; 2]>,
-    /// Vertex in every lane of a number, `u32::MAX` for none.
-    pub held: Vec<Vec<u32>>,
     /// Number and lane of each edge's force.
     pub edges: Vec<[u32; 2]>,
 }
@@ -267,7 +265,6 @@ impl<V: Lanes> Fold<V> {
             edge_count: 0,
             longest: lines.longest,
             vertices: vec![[0; 2]; vertex_count],
-            held: Vec::new(),
             edges: vec![[0; 2]; lines.edge_count],
         };
         for lines in by_length(&lines.warps).chunks(V::COUNT) {
@@ -292,10 +289,6 @@ impl<V: Lanes> Fold<V> {
             fold.diagonals.push((Bundle::new(lines, 0, 0), places));
         }
         fold.count += 1;
-        fold.held = vec![vec![u32::MAX; V::COUNT]; fold.count];
-        for (v, [number, lane]) in fold.vertices.iter().enumerate() {
-            fold.held[*number as usize][*lane as usize] = v as u32;
-        }
         fold
     }
 

@@ -1,5 +1,5 @@
 /// What is the same for all vertices in a substep.
-pub(super) struct Frame<'a> {
+pub(super) struct Frame {
     /// Duration [s].
     pub h: f64,
     /// Motion under gravity in it [m].
@@ -10,6 +10,4 @@ pub(super) struct Frame<'a> {
     pub speed_cap: f64,
     /// Static and dynamic coefficient.
     pub friction: Option<[f64; 2]>,
-    /// Greatest pull of the tool's tack on each vertex [N].
-    pub tack: Option<&'a [f64]>,
 }

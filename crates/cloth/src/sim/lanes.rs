@@ -32,6 +32,7 @@ impl<V: Lanes> InLanes<V> {
         };
         let mut cloth = Cloth::new(count, edges, longest);
         cloth.inverse_mass = model.inverse_mass.iter().map(|&w| V::of(w)).collect();
+        cloth.tack = model.tack.iter().flatten().map(|&t| V::of(t)).collect();
         Self {
             cloth,
             free_inverse_mass: model.inverse_mass.clone(),
@@ -55,22 +56,18 @@ impl<V: Lanes> Storage for InLanes<V> {
     }
 
     #[inline(always)]
+    fn warp<'a>(&'a mut self, lines: &'a Lines, i: usize) -> (&'a Line, &'a mut Cloth<V>) {
+        (&lines.warps[i], &mut self.cloth)
+    }
+
+    #[inline(always)]
     fn take<'a>(
         &'a mut self,
         lines: &'a Lines,
         direction: Direction,
         i: usize,
     ) -> Along<'a, V, Line> {
-        let line = &lines.of(direction)[i];
-        Along {
-            line,
-            x: &mut self.cloth.position,
-            mobility: &self.cloth.mobility,
-            pull: &mut self.cloth.pull,
-            stress: &mut self.cloth.stress,
-            density: &mut self.cloth.density[line.edges.clone()],
-            scratch: &mut self.cloth.scratch,
-        }
+        self.cloth.along(&lines.of(direction)[i])
     }
 
     #[inline(always)]
@@ -105,11 +102,6 @@ impl<V: Lanes> Storage for InLanes<V> {
             };
             contact.separate(layers, &mut self.cloth.position, &around);
         }
-    }
-
-    #[inline(always)]
-    fn tack(&self, tack: &[f64], place: usize) -> V {
-        V::of(tack[place])
     }
 }
 

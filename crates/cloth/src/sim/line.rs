@@ -149,6 +149,22 @@ pub(super) struct Along<'a, V: Lanes, C> {
     pub scratch: &'a mut Scratch<V>,
 }
 
+impl<V: Lanes, C> Along<'_, V, C> {
+    /// The same for one of several stages.
+    #[inline(always)]
+    pub fn again(&mut self) -> Along<'_, V, C> {
+        Along {
+            line: self.line,
+            x: self.x,
+            mobility: self.mobility,
+            pull: self.pull,
+            stress: self.stress,
+            density: self.density,
+            scratch: self.scratch,
+        }
+    }
+}
+
 /// What the edges of a line answer to.
 pub(super) trait Response<V: Lanes> {
     /// Compliance of edge `j` [m/N], and its residual: what its force leaves of its C [m].

@@ -4,9 +4,11 @@
 use std::ops::Range;
 
 use super::bend::bend;
+use super::cloth::Cloth;
 use super::contact::{conclude, refresh};
 use super::frame::Frame;
 use super::length::{give_way, stretch, warm_start};
+use super::line::Chain;
 use super::lines::{Direction, Lines};
 use super::model::Model;
 use super::press::{self, Press};
@@ -65,34 +67,41 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
         refresh(tool, storage.cloth());
         predict(&frame, storage);
         for substep in range {
+            let goes_on = substep + 1 < end;
             match &model.lines {
                 // Yarns have the last word before the tool: their stiffness is greatest, so what
                 // comes after them shows as strain.
                 Some(lines) => {
-                    warm_start_and_fall(lines, &frame, storage);
-                    bend_along(Direction::Warp, lines, storage);
+                    warm_start_wefts(lines, storage);
+                    warm_start_and_bend_warps(lines, &frame, storage);
                     shear_along_diagonals(lines, storage);
                     storage.project(&model.passes);
                     hold_down(model, plates, substep, storage);
-                    bend_along(Direction::Weft, lines, storage);
-                    stretch_along(Direction::Weft, lines, storage);
-                    stretch_along(Direction::Warp, lines, storage);
+                    bend_and_stretch_wefts(lines, storage);
+                    match &model.layers {
+                        None => stretch_warps_and_finish(lines, &frame, goes_on, storage),
+                        Some(layers) => {
+                            stretch_warps(lines, storage);
+                            storage.separate(layers);
+                            finish_all(&frame, goes_on, storage);
+                        }
+                    }
                 }
                 None => {
                     fall(&frame, storage);
                     hold_down(model, plates, substep, storage);
                     storage.project(&model.passes);
+                    if let Some(layers) = &model.layers {
+                        storage.separate(layers);
+                    }
+                    finish_all(&frame, goes_on, storage);
                 }
             }
-            if let Some(layers) = &model.layers {
-                storage.separate(layers);
-            }
-            finish(&frame, substep + 1 < end, storage);
         }
     }
 }
 
-fn frame<'a>(model: &'a Model, control: &Control) -> Frame<'a> {
+fn frame(model: &Model, control: &Control) -> Frame {
     let physics = model.physics();
     let h = control.dt / control.substeps as f64;
     Frame {
@@ -101,7 +110,6 @@ fn frame<'a>(model: &'a Model, control: &Control) -> Frame<'a> {
         rate: 1.0 / h / (1.0 + h * physics.damping),
         speed_cap: physics.speed_cap,
         friction: model.friction,
-        tack: model.tack.as_deref(),
     }
 }
 
@@ -129,29 +137,28 @@ fn fall<S: Storage>(frame: &Frame, storage: &mut S) {
     }
 }
 
-/// What the yarns' forces of the last substep and weight do.
+/// What the wefts' forces of the last substep pull at each vertex.
 #[inline(always)]
-fn warm_start_and_fall<S: Storage>(lines: &Lines, frame: &Frame, storage: &mut S) {
+fn warm_start_wefts<S: Storage>(lines: &Lines, storage: &mut S) {
     for i in 0..storage.count(lines, Direction::Weft) {
         warm_start(storage.take(lines, Direction::Weft, i), true);
         storage.put(Direction::Weft, i, Changed::Pull);
     }
-    for i in 0..storage.count(lines, Direction::Warp) {
-        warm_start(storage.take(lines, Direction::Warp, i), false);
-    }
-    let cloth = storage.cloth();
-    for v in 0..cloth.position.len() {
-        let x = [cloth.previous[v], cloth.position[v], cloth.pull[v]];
-        let moved = give_way(frame, cloth.inverse_mass[v], x, cloth.stress[v]);
-        (cloth.mobility[v], cloth.position[v]) = moved;
-    }
 }
 
+/// The same of the warps; what these forces and weight do, and the warps' bending.
 #[inline(always)]
-fn bend_along<S: Storage>(direction: Direction, lines: &Lines, storage: &mut S) {
-    for i in 0..storage.count(lines, direction) {
-        bend(storage.take(lines, direction, i));
-        storage.put(direction, i, Changed::Position);
+fn warm_start_and_bend_warps<S: Storage>(lines: &Lines, frame: &Frame, storage: &mut S) {
+    for i in 0..storage.count(lines, Direction::Warp) {
+        let (warp, cloth) = storage.warp(lines, i);
+        warm_start(cloth.along(warp), false);
+        for &v in warp.vertices() {
+            let v = v as usize;
+            let x = [cloth.previous[v], cloth.position[v], cloth.pull[v]];
+            let moved = give_way(frame, cloth.inverse_mass[v], x, cloth.stress[v]);
+            (cloth.mobility[v], cloth.position[v]) = moved;
+        }
+        bend(cloth.along(warp));
     }
 }
 
@@ -166,10 +173,40 @@ fn shear_along_diagonals<S: Storage>(lines: &Lines, storage: &mut S) {
 }
 
 #[inline(always)]
-fn stretch_along<S: Storage>(direction: Direction, lines: &Lines, storage: &mut S) {
-    for i in 0..storage.count(lines, direction) {
-        stretch(storage.take(lines, direction, i));
-        storage.put(direction, i, Changed::Position);
+fn bend_and_stretch_wefts<S: Storage>(lines: &Lines, storage: &mut S) {
+    for i in 0..storage.count(lines, Direction::Weft) {
+        let mut weft = storage.take(lines, Direction::Weft, i);
+        bend(weft.again());
+        stretch(weft);
+        storage.put(Direction::Weft, i, Changed::Position);
+    }
+}
+
+#[inline(always)]
+fn stretch_warps<S: Storage>(lines: &Lines, storage: &mut S) {
+    for i in 0..storage.count(lines, Direction::Warp) {
+        let (warp, cloth) = storage.warp(lines, i);
+        stretch(cloth.along(warp));
+    }
+}
+
+/// Length of each warp and, while its vertices are at hand, the end of their substep.
+#[inline(always)]
+fn stretch_warps_and_finish<S: Storage>(
+    lines: &Lines,
+    frame: &Frame,
+    goes_on: bool,
+    storage: &mut S,
+) {
+    for i in 0..storage.count(lines, Direction::Warp) {
+        let (warp, cloth) = storage.warp(lines, i);
+        stretch(cloth.along(warp));
+        finish(
+            warp.vertices().iter().map(|&v| v as usize),
+            frame,
+            goes_on,
+            cloth,
+        );
     }
 }
 
@@ -183,22 +220,29 @@ fn hold_down<S: Storage>(model: &Model, plates: &[Press], substep: usize, storag
     }
 }
 
-/// Contact, friction and velocity; and the prediction of the next substep, if one `goes_on`.
 #[inline(always)]
-fn finish<S: Storage>(frame: &Frame, goes_on: bool, storage: &mut S) {
-    match frame.tack {
-        // Constants where this is inlined, so that tack costs nothing where there is none.
-        None => {
-            let cloth = storage.cloth();
-            for v in 0..cloth.position.len() {
-                conclude(v, frame, None, goes_on, cloth);
-            }
+fn finish_all<S: Storage>(frame: &Frame, goes_on: bool, storage: &mut S) {
+    let cloth = storage.cloth();
+    finish(0..cloth.position.len(), frame, goes_on, cloth);
+}
+
+/// Contact, friction and velocity of some vertices; and the prediction of the next substep, if one
+/// `goes_on`.
+#[inline(always)]
+fn finish<V: Lanes>(
+    vertices: impl Iterator<Item = usize>,
+    frame: &Frame,
+    goes_on: bool,
+    cloth: &mut Cloth<V>,
+) {
+    // A constant where this is inlined, so that tack costs nothing where there is none.
+    if cloth.tack.is_empty() {
+        for v in vertices {
+            conclude(v, frame, None, goes_on, cloth);
         }
-        Some(tack) => {
-            for v in 0..storage.cloth().position.len() {
-                let tack = storage.tack(tack, v);
-                conclude(v, frame, Some(tack), goes_on, storage.cloth());
-            }
+    } else {
+        for v in vertices {
+            conclude(v, frame, Some(cloth.tack[v]), goes_on, cloth);
         }
     }
 }

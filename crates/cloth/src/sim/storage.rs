@@ -27,7 +27,15 @@ pub(super) trait Storage {
     /// How many lines run in a direction.
     fn count(&self, lines: &Lines, direction: Direction) -> usize;
 
-    /// Line `i` with its state; what is changed of it has to be [`Storage::put`] back.
+    /// Warp `i`, whose vertices lie in the cloth as they are.
+    fn warp<'a>(
+        &'a mut self,
+        lines: &'a Lines,
+        i: usize,
+    ) -> (&'a Self::Line, &'a mut Cloth<Self::V>);
+
+    /// Line `i` that crosses the warps, with its state; what is changed of it has to be
+    /// [`Storage::put`] back.
     fn take<'a>(
         &'a mut self,
         lines: &'a Lines,
@@ -47,7 +55,4 @@ pub(super) trait Storage {
 
     /// Keeps the layers of the cloth apart.
     fn separate(&mut self, layers: &Layers);
-
-    /// Greatest pull of the tool's tack on a place [N], from that on every vertex.
-    fn tack(&self, tack: &[f64], place: usize) -> Self::V;
 }

@@ -2,9 +2,9 @@
 
 use crate::table::Table;
 use crate::verify::solver_name;
+use drape_cloth::sim::Precision;
 use drape_cloth::sim::Solver;
 use drape_report::{Chart, Color, Level, SERIES, Scale, Series};
-use drape_cloth::sim::Precision;
 
 /// A measured point. Errors are distances between the same material points; summed distances
 /// count as many points as the default mesh has, whatever the mesh.
