@@ -4,6 +4,7 @@ use super::cloth::Cloth;
 use super::collision::Layers;
 use super::fold::{Bundle, Fold, Places};
 use super::group::Group;
+use super::length::warm_start;
 use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
 use super::model::{Model, Pass};
@@ -11,7 +12,7 @@ use super::press::{self, Press};
 use super::state::Snapshot;
 use super::step::step;
 use super::stepping::Control;
-use super::storage::{Changed, Storage};
+use super::storage::Storage;
 use crate::math::{Lanes, Real, Vec3x};
 use crate::tool::Tool;
 
@@ -23,10 +24,19 @@ pub(super) struct Alone<V: Lanes> {
     fold: Fold<V>,
     /// 1/m of a free vertex [1/kg].
     free_inverse_mass: Vec<f64>,
+    held: Held<V>,
     /// Room for the vertices of a bundle that crosses the warps.
     crossing: Crossing<V>,
     /// Room for constraints that are projected one by one, vertices in the model's order.
     single: Single<V::Scalar>,
+}
+
+/// What the wefts of each vertex do to it when a substep starts.
+struct Held<V> {
+    /// [N]
+    pull: Vec<Vec3x<V>>,
+    /// [N/m]
+    stress: Vec<V>,
 }
 
 struct Crossing<V> {
@@ -74,6 +84,10 @@ impl<V: Lanes> Alone<V> {
                 mobility: vec![V::zero(); fold.longest],
                 pull: vec![Vec3x::zero(); fold.longest],
                 stress: vec![V::zero(); fold.longest],
+            },
+            held: Held {
+                pull: vec![Vec3x::zero(); fold.count],
+                stress: vec![V::zero(); fold.count],
             },
             single: Single {
                 vertices,
@@ -147,28 +161,42 @@ impl<V: Lanes> Storage for Alone<V> {
             line,
             x: &mut crossing.position,
             mobility: &crossing.mobility,
-            pull: &mut crossing.pull,
-            stress: &mut crossing.stress,
             density: &mut cloth.density[line.edges()],
             scratch: &mut cloth.scratch,
         }
     }
 
     #[inline(always)]
-    fn put(&mut self, direction: Direction, i: usize, changed: Changed) {
+    fn put(&mut self, direction: Direction, i: usize) {
         let (_, places) = &self.fold.crossing(direction)[i];
-        let (crossing, cloth) = (&self.crossing, &mut self.cloth);
-        match changed {
-            Changed::Position => {
-                let x = Vec3x::components_mut(&mut cloth.position);
-                places.write::<V, 3>(Vec3x::components(&crossing.position), x);
-            }
-            Changed::Pull => {
-                let pull = Vec3x::components_mut(&mut cloth.pull);
-                places.write::<V, 3>(Vec3x::components(&crossing.pull), pull);
-                places.write::<V, 1>(&crossing.stress, &mut cloth.stress);
-            }
+        let x = Vec3x::components_mut(&mut self.cloth.position);
+        places.write::<V, 3>(Vec3x::components(&self.crossing.position), x);
+    }
+
+    #[inline(always)]
+    fn warm_start_wefts(&mut self) {
+        let Self {
+            cloth,
+            crossing,
+            fold,
+            held,
+            ..
+        } = self;
+        for (weft, places) in &fold.wefts {
+            let x = Vec3x::components_mut(&mut crossing.position);
+            places.read::<V, 3>(Vec3x::components(&cloth.predicted), x);
+            let density = &cloth.density[weft.edges()];
+            let (pull, stress) = (&mut crossing.pull, &mut crossing.stress);
+            warm_start(weft, &crossing.position, density, pull, stress);
+            let pull = Vec3x::components_mut(&mut held.pull);
+            places.write::<V, 3>(Vec3x::components(&crossing.pull), pull);
+            places.write::<V, 1>(&crossing.stress, &mut held.stress);
         }
+    }
+
+    #[inline(always)]
+    fn weft_pull(&self, _: &Lines, place: usize) -> (Vec3x<V>, V) {
+        (self.held.pull[place], self.held.stress[place])
     }
 
     #[inline(always)]
@@ -212,8 +240,8 @@ impl<V: Lanes> Group for Alone<V> {
         // Also where no vertex or edge is: a state that diverged may have left anything there.
         self.cloth.position.fill(Vec3x::zero());
         self.cloth.velocity.fill(Vec3x::zero());
-        self.cloth.pull.fill(Vec3x::zero());
-        self.cloth.stress.fill(V::zero());
+        self.held.pull.fill(Vec3x::zero());
+        self.held.stress.fill(V::zero());
         self.cloth.density.fill(V::zero());
         for vertex in 0..self.free_inverse_mass.len() {
             let (v, lane) = self.slot(vertex);

@@ -20,17 +20,14 @@ pub(super) struct Cloth<V: Lanes> {
     pub inverse_mass: Vec<V>,
     /// Positions at the start of the substep [m].
     pub previous: Vec<Vec3x<V>>,
+    /// Where their velocities take the vertices in the substep [m].
+    pub predicted: Vec<Vec3x<V>>,
     /// How far a vertex gives way within a substep [m/N]: h^2/m, less where its yarns pull hard.
     pub mobility: Vec<V>,
     /// Tangent plane of the tool under each vertex, as last refreshed.
     pub plane: Vec<Plane<V>>,
-    /// Force density of each yarn edge [N/m], > 0 in tension; empty without a solve along lines, as
-    /// are those below.
+    /// Force density of each yarn edge [N/m], > 0 in tension; empty without a solve along lines.
     pub density: Vec<V>,
-    /// What the yarns of each vertex pull at it when a substep starts [N].
-    pub pull: Vec<Vec3x<V>>,
-    /// Sum of |force density| over those yarn edges [N/m].
-    pub stress: Vec<V>,
     pub scratch: Scratch<V>,
     /// Greatest pull of the tool's tack on each vertex [N]; empty without.
     pub tack: Vec<V>,
@@ -44,17 +41,15 @@ impl<V: Lanes> Cloth<V> {
             normal: Vec3x::zero(),
             offset: V::zero(),
         };
-        let along = if longest > 0 { places } else { 0 };
         Self {
             position: vec![Vec3x::zero(); places],
             velocity: vec![Vec3x::zero(); places],
             inverse_mass: vec![V::zero(); places],
             previous: vec![Vec3x::zero(); places],
+            predicted: vec![Vec3x::zero(); places],
             mobility: vec![V::zero(); places],
             plane: vec![plane; places],
             density: vec![V::zero(); edges],
-            pull: vec![Vec3x::zero(); along],
-            stress: vec![V::zero(); along],
             scratch: Scratch::new(longest),
             tack: Vec::new(),
         }
@@ -69,8 +64,6 @@ impl<V: Lanes> Cloth<V> {
             line,
             x: &mut self.position,
             mobility: &self.mobility,
-            pull: &mut self.pull,
-            stress: &mut self.stress,
             density: &mut self.density[line.edges()],
             scratch: &mut self.scratch,
         }

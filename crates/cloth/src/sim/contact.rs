@@ -79,7 +79,7 @@ pub(super) fn conclude<V: Lanes>(
     let velocity = Vec3x::select(free, velocity, cloth.velocity[v]);
     if next {
         cloth.previous[v] = out;
-        cloth.position[v] = out + velocity.scale(V::of(frame.h));
+        cloth.predicted[v] = out + velocity.scale(V::of(frame.h));
     } else {
         cloth.position[v] = out;
         cloth.velocity[v] = velocity;

@@ -97,8 +97,6 @@ impl Case {
             line: &self.line,
             x: &mut x,
             mobility: &self.mobility,
-            pull: &mut [],
-            stress: &mut [],
             density,
             scratch: &mut scratch(),
         });
@@ -124,18 +122,8 @@ impl Case {
     pub fn warm_start(&self, density: &[f64]) -> (Vec<Vec3>, Vec<f64>) {
         let mut pull = vec![Vec3x([f64::NAN; 3]); self.x.len()];
         let mut stress = vec![f64::NAN; self.x.len()];
-        warm_start(
-            Along {
-                line: &self.line,
-                x: &mut self.lanes(),
-                mobility: &self.mobility,
-                pull: &mut pull,
-                stress: &mut stress,
-                density: &mut density.to_vec(),
-                scratch: &mut scratch(),
-            },
-            true,
-        );
+        let x = self.lanes();
+        warm_start(&self.line, &x, density, &mut pull, &mut stress);
         (pull.iter().map(|p| Vec3::from(p.0)).collect(), stress)
     }
 

@@ -3,6 +3,7 @@ use fixedbitset::FixedBitSet;
 use super::cloth::Cloth;
 use super::collision::{Around, Layers, SelfContact};
 use super::group::Group;
+use super::length::pull_of;
 use super::line::{Along, Line};
 use super::lines::{Direction, Lines};
 use super::model::{Model, Pass};
@@ -10,8 +11,8 @@ use super::press::{self, Press};
 use super::state::Snapshot;
 use super::step::step;
 use super::stepping::Control;
-use super::storage::{Changed, Storage};
-use crate::math::{Lanes, Real};
+use super::storage::Storage;
+use crate::math::{Lanes, Real, Vec3x};
 use crate::tool::Tool;
 
 /// A group of environments, one in every lane: a place is a vertex.
@@ -71,7 +72,34 @@ impl<V: Lanes> Storage for InLanes<V> {
     }
 
     #[inline(always)]
-    fn put(&mut self, _: Direction, _: usize, _: Changed) {}
+    fn put(&mut self, _: Direction, _: usize) {}
+
+    #[inline(always)]
+    fn warm_start_wefts(&mut self) {}
+
+    #[inline(always)]
+    fn weft_pull(&self, lines: &Lines, place: usize) -> (Vec3x<V>, V) {
+        let beside = &lines.beside[place];
+        let (at, density) = (&self.cloth.predicted, &self.cloth.density);
+        let min_warm = V::of(beside.min_warm);
+        let none = (Vec3x::zero(), V::zero());
+        // No closures: they would be compiled without the instruction set.
+        let before = match beside.before {
+            Some([from, edge]) => {
+                let along = at[place] - at[from as usize];
+                pull_of(along, density[edge as usize], min_warm)
+            }
+            None => none,
+        };
+        let after = match beside.after {
+            Some([to, edge]) => {
+                let along = at[to as usize] - at[place];
+                pull_of(along, density[edge as usize], min_warm)
+            }
+            None => none,
+        };
+        (after.0 - before.0, before.1 + after.1)
+    }
 
     #[inline(always)]
     fn project(&mut self, passes: &[Pass]) {

@@ -156,40 +156,48 @@ fn warm<V: Lanes>(line: &impl Chain<V>, density: V) -> V {
     density.max(line.min_warm())
 }
 
-/// Adds what the forces of the last substep do where a yarn lies to the pull [N] on its vertices,
-/// and the |force density| [N/m] of its edges to their stress; a `fresh` sum starts from 0.
+/// What an edge with this force density, as it lies, pulls at its start when a substep starts [N],
+/// and its stress |force density| [N/m].
 ///
 /// Directions are those of the predicted positions: at the start of the substep they would feed
 /// the yarns' vibrations.
 #[inline(always)]
-pub(super) fn warm_start<V: Lanes, C: Chain<V>>(yarn: Along<V, C>, fresh: bool) {
-    let Along {
-        line,
-        x,
-        density,
-        pull,
-        stress,
-        ..
-    } = yarn;
+pub(super) fn pull_of<V: Lanes>(edge: Vec3x<V>, density: V, min_warm: V) -> (Vec3x<V>, V) {
+    let pull = edge.scale(density.max(min_warm));
+    (pull, density.max(-density))
+}
+
+/// The same of the edge after number `i` of a yarn, 0 at its end.
+#[inline(always)]
+pub(super) fn pull_after<V: Lanes>(
+    line: &impl Chain<V>,
+    i: usize,
+    x: &[Vec3x<V>],
+    density: &[V],
+) -> (Vec3x<V>, V) {
+    match line.vertices().get(i + 1) {
+        Some(&next) => {
+            let edge = x[next as usize] - x[line.vertices()[i] as usize];
+            pull_of(edge, density[i], line.min_warm())
+        }
+        None => (Vec3x::zero(), V::zero()),
+    }
+}
+
+/// The pull [N] of a yarn's edges on each of its vertices, and the sum of their stress [N/m].
+#[inline(always)]
+pub(super) fn warm_start<V: Lanes>(
+    line: &impl Chain<V>,
+    x: &[Vec3x<V>],
+    density: &[V],
+    pull: &mut [Vec3x<V>],
+    stress: &mut [V],
+) {
     let mut before = (Vec3x::zero(), V::zero());
     for (i, &v) in line.vertices().iter().enumerate() {
-        let v = v as usize;
-        let after = match line.vertices().get(i + 1) {
-            Some(&next) => {
-                let edge = x[next as usize] - x[v];
-                (
-                    edge.scale(warm(line, density[i])),
-                    density[i].max(-density[i]),
-                )
-            }
-            None => (Vec3x::zero(), V::zero()),
-        };
-        let (own, own_stress) = match fresh {
-            true => (Vec3x::zero(), V::zero()),
-            false => (pull[v], stress[v]),
-        };
-        pull[v] = own - before.0 + after.0;
-        stress[v] = own_stress + before.1 + after.1;
+        let after = pull_after(line, i, x, density);
+        pull[v as usize] = after.0 - before.0;
+        stress[v as usize] = before.1 + after.1;
         before = after;
     }
 }

@@ -140,10 +140,6 @@ pub(super) struct Along<'a, V: Lanes, C> {
     pub x: &'a mut [Vec3x<V>],
     /// [m/N]
     pub mobility: &'a [V],
-    /// [N]
-    pub pull: &'a mut [Vec3x<V>],
-    /// [N/m]
-    pub stress: &'a mut [V],
     /// Force density of each edge [N/m], > 0 in tension.
     pub density: &'a mut [V],
     pub scratch: &'a mut Scratch<V>,
@@ -157,8 +153,6 @@ impl<V: Lanes, C> Along<'_, V, C> {
             line: self.line,
             x: self.x,
             mobility: self.mobility,
-            pull: self.pull,
-            stress: self.stress,
             density: self.density,
             scratch: self.scratch,
         }

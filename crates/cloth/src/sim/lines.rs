@@ -3,7 +3,7 @@
 use super::bend::along_yarn;
 use super::law::{EdgeLaw, Limit};
 use super::length::yarn_law;
-use super::line::Line;
+use super::line::{Chain, Line};
 use super::physics::PhysicsConfig;
 use super::shear::{self, Trellis};
 use crate::fabric::{Family, Lamina};
@@ -25,10 +25,37 @@ pub(super) struct Lines {
     pub diagonals: Vec<Line>,
     /// Law of the diagonals; none without shear.
     pub trellis: Option<Trellis>,
+    /// The edges of wefts beside each vertex.
+    pub beside: Vec<Beside>,
     /// Edges of all yarns.
     pub edge_count: usize,
     /// Vertices of the longest line.
     pub longest: usize,
+}
+
+/// The edges of a weft beside a vertex.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Beside {
+    /// Vertex and edge before it, and after it.
+    pub before: Option<[u32; 2]>,
+    pub after: Option<[u32; 2]>,
+    /// See [`Chain::min_warm`].
+    pub min_warm: f64,
+}
+
+fn beside(wefts: &[Line], vertex_count: usize) -> Vec<Beside> {
+    let mut beside = vec![Beside::default(); vertex_count];
+    for weft in wefts {
+        for (ends, edge) in weft.vertices.windows(2).zip(weft.edges.clone()) {
+            let [from, to] = [ends[0], ends[1]];
+            beside[from as usize].after = Some([to, edge as u32]);
+            beside[to as usize].before = Some([from, edge as u32]);
+        }
+        for &v in &weft.vertices {
+            beside[v as usize].min_warm = weft.min_warm();
+        }
+    }
+    beside
 }
 
 impl Lines {
@@ -58,6 +85,7 @@ impl Lines {
         let all = warps.iter().chain(&wefts).chain(&diagonals);
         Self {
             longest: all.map(|line| line.vertices.len()).max().unwrap_or(0),
+            beside: beside(&wefts, lamina.vertex_count()),
             warps,
             wefts,
             diagonals,

@@ -7,14 +7,14 @@ use super::bend::bend;
 use super::cloth::Cloth;
 use super::contact::{conclude, refresh};
 use super::frame::Frame;
-use super::length::{give_way, stretch, warm_start};
+use super::length::{give_way, pull_after, stretch};
 use super::line::Chain;
 use super::lines::{Direction, Lines};
 use super::model::Model;
 use super::press::{self, Press};
 use super::shear::shear;
 use super::stepping::Control;
-use super::storage::{Changed, Storage};
+use super::storage::Storage;
 use crate::math::{Kernel, Lanes, Vec3x};
 use crate::tool::Tool;
 
@@ -72,7 +72,6 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
                 // Yarns have the last word before the tool: their stiffness is greatest, so what
                 // comes after them shows as strain.
                 Some(lines) => {
-                    warm_start_wefts(lines, storage);
                     warm_start_and_bend_warps(lines, &frame, storage);
                     shear_along_diagonals(lines, storage);
                     storage.project(&model.passes);
@@ -120,7 +119,7 @@ fn predict<S: Storage>(frame: &Frame, storage: &mut S) {
     for v in 0..cloth.position.len() {
         let x = cloth.position[v];
         cloth.previous[v] = x;
-        cloth.position[v] = x + cloth.velocity[v].scale(S::V::of(frame.h));
+        cloth.predicted[v] = x + cloth.velocity[v].scale(S::V::of(frame.h));
     }
 }
 
@@ -132,32 +131,31 @@ fn fall<S: Storage>(frame: &Frame, storage: &mut S) {
         let w = cloth.inverse_mass[v];
         cloth.mobility[v] = w * S::V::of(frame.h * frame.h);
         let fall = S::V::select(S::V::zero().lt(w), S::V::of(frame.fall), S::V::zero());
-        let Vec3x([x, y, z]) = cloth.position[v];
+        let Vec3x([x, y, z]) = cloth.predicted[v];
         cloth.position[v] = Vec3x([x, y, z + fall]);
     }
 }
 
-/// What the wefts' forces of the last substep pull at each vertex.
-#[inline(always)]
-fn warm_start_wefts<S: Storage>(lines: &Lines, storage: &mut S) {
-    for i in 0..storage.count(lines, Direction::Weft) {
-        warm_start(storage.take(lines, Direction::Weft, i), true);
-        storage.put(Direction::Weft, i, Changed::Pull);
-    }
-}
-
-/// The same of the warps; what these forces and weight do, and the warps' bending.
+/// What the yarns' forces of the last substep and weight do, and the warps' bending.
 #[inline(always)]
 fn warm_start_and_bend_warps<S: Storage>(lines: &Lines, frame: &Frame, storage: &mut S) {
+    storage.warm_start_wefts();
     for i in 0..storage.count(lines, Direction::Warp) {
-        let (warp, cloth) = storage.warp(lines, i);
-        warm_start(cloth.along(warp), false);
-        for &v in warp.vertices() {
-            let v = v as usize;
-            let x = [cloth.previous[v], cloth.position[v], cloth.pull[v]];
-            let moved = give_way(frame, cloth.inverse_mass[v], x, cloth.stress[v]);
+        let mut before = (Vec3x::zero(), S::V::zero());
+        for k in 0..storage.warp(lines, i).0.vertices().len() {
+            let v = storage.warp(lines, i).0.vertices()[k] as usize;
+            let weft = storage.weft_pull(lines, v);
+            let (warp, cloth) = storage.warp(lines, i);
+            let density = &cloth.density[warp.edges()];
+            let after = pull_after(warp, k, &cloth.predicted, density);
+            let pull = weft.0 - before.0 + after.0;
+            let stress = weft.1 + before.1 + after.1;
+            before = after;
+            let x = [cloth.previous[v], cloth.predicted[v], pull];
+            let moved = give_way(frame, cloth.inverse_mass[v], x, stress);
             (cloth.mobility[v], cloth.position[v]) = moved;
         }
+        let (warp, cloth) = storage.warp(lines, i);
         bend(cloth.along(warp));
     }
 }
@@ -167,7 +165,7 @@ fn shear_along_diagonals<S: Storage>(lines: &Lines, storage: &mut S) {
     if let Some(trellis) = &lines.trellis {
         for i in 0..storage.count(lines, Direction::Diagonal) {
             shear(storage.take(lines, Direction::Diagonal, i), trellis);
-            storage.put(Direction::Diagonal, i, Changed::Position);
+            storage.put(Direction::Diagonal, i);
         }
     }
 }
@@ -178,7 +176,7 @@ fn bend_and_stretch_wefts<S: Storage>(lines: &Lines, storage: &mut S) {
         let mut weft = storage.take(lines, Direction::Weft, i);
         bend(weft.again());
         stretch(weft);
-        storage.put(Direction::Weft, i, Changed::Position);
+        storage.put(Direction::Weft, i);
     }
 }
 

@@ -4,15 +4,7 @@ use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
 use super::model::Pass;
 use super::press::Press;
-use crate::math::Lanes;
-
-/// What changes along a line.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum Changed {
-    Position,
-    /// Pull and stress.
-    Pull,
-}
+use crate::math::{Lanes, Vec3x};
 
 /// Where the lanes of a [`Cloth`] come from: it supplies the loops of the stages, and nothing
 /// else.
@@ -43,8 +35,15 @@ pub(super) trait Storage {
         i: usize,
     ) -> Along<'a, Self::V, Self::Line>;
 
-    /// Takes in what has `changed` along the line that was taken last, line `i`.
-    fn put(&mut self, direction: Direction, i: usize, changed: Changed);
+    /// Takes in where line `i`, which was taken last, has moved to.
+    fn put(&mut self, direction: Direction, i: usize);
+
+    /// Finds what [`Storage::weft_pull`] tells, where that is not at hand.
+    fn warm_start_wefts(&mut self);
+
+    /// What its weft's forces of the last substep pull at a vertex where it is predicted [N], and
+    /// the sum of their |force density| [N/m].
+    fn weft_pull(&self, lines: &Lines, place: usize) -> (Vec3x<Self::V>, Self::V);
 
     /// Projects constraints that are no lines, one after the other.
     fn project(&mut self, passes: &[Pass]);
