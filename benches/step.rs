@@ -10,13 +10,13 @@ use drape_cloth::math::Isa;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::PhysicsConfig;
 use drape_study::bench::{
-    Backend, CONTROL, ENVIRONMENTS, FEATURES, Player, THREADS, Timed, physics, standard_scene,
+    CONTROL, Device, ENVIRONMENTS, FEATURES, Player, THREADS, Timed, physics, standard_scene,
     variants,
 };
 
 /// A control step; an element is a substep of one environment.
 fn step(criterion: &mut Criterion, scene: &Scene) {
-    let best = Backend::Group(Isa::best());
+    let best = Device::Group(Isa::best());
     let core = variants().into_iter().map(|(solver, backend)| {
         let physics = PhysicsConfig {
             solver,

@@ -140,7 +140,8 @@ pub fn replay(
     rules: Rules,
     mut watch: impl FnMut(&Draping, &[PressedPoint]),
 ) -> Result<PlayedEpisode, RolloutError> {
-    let outside = |&vertex: &u32| draping.action(vertex).is_none();
+    let count = draping.scene().lamina.vertex_count();
+    let outside = |&v: &u32| v as usize >= count || draping.action(v).is_none();
     if let Some(step) = vertices.iter().position(outside) {
         let vertex = vertices[step];
         return Err(RolloutError::Forbidden { step, vertex });

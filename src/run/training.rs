@@ -389,7 +389,9 @@ fn reopen_logs(
             .copied()
             .flatten()
             .unwrap_or_default();
-        let time = UNIX_EPOCH + std::time::Duration::from_secs_f64(seconds.max(0.0));
+        let elapsed = std::time::Duration::try_from_secs_f64(seconds.max(0.0)).ok();
+        let time = elapsed.and_then(|elapsed| UNIX_EPOCH.checked_add(elapsed));
+        let time = time.unwrap_or(UNIX_EPOCH);
         events.append(time, line.step, &values)?;
     }
     Ok((metrics, events))

@@ -99,7 +99,7 @@ impl Study for Bench {
         });
         let core: Vec<_> = variants().into_iter().zip(times).collect();
 
-        let best = Backend::Group(Isa::best());
+        let best = Device::Group(Isa::best());
         let on_sheet = |change: &str| Timed::new(&scene, &scene.lamina, &physics(change), best);
         let names = ["default", "shear and bending off", "nothing there for them"];
         let mut cases = vec![on_sheet(""), on_sheet(UNLISTED), absent(&scene, best)];
@@ -199,7 +199,7 @@ fn sample<C>(
 
 /// What computes the environments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Backend {
+pub enum Device {
     /// One environment in f64, as scenes are set up.
     AloneF64,
     /// One environment in f32, as sequences are evaluated.
@@ -208,7 +208,7 @@ pub enum Backend {
     Group(Isa),
 }
 
-impl Backend {
+impl Device {
     /// All that this processor can run, widest last.
     pub fn all() -> Vec<Self> {
         let groups = Isa::available().into_iter().map(Self::Group);
@@ -250,8 +250,8 @@ impl Backend {
 }
 
 /// Every solver on every backend: the rows of the table `core`.
-pub fn variants() -> Vec<(Solver, Backend)> {
-    let of = |solver| Backend::all().into_iter().map(move |b| (solver, b));
+pub fn variants() -> Vec<(Solver, Device)> {
+    let of = |solver| Device::all().into_iter().map(move |b| (solver, b));
     let solvers = [Solver::Yarn, Solver::GaussSeidel];
     solvers.into_iter().flat_map(of).collect()
 }
@@ -267,7 +267,7 @@ pub fn standard_scene(progress: impl FnMut(f64)) -> Scene {
 }
 
 /// A sheet on which shear and bending are listed and find nothing to do.
-fn absent(scene: &Scene, backend: Backend) -> Timed {
+fn absent(scene: &Scene, backend: Device) -> Timed {
     let mut lamina = Lamina::clone(&scene.lamina);
     lamina.diagonals.clear();
     Timed::new(&scene, &lamina, &physics(ABSENT), backend)
@@ -278,7 +278,7 @@ pub struct Timed(Cpu);
 
 impl Timed {
     /// `lamina` under `physics` on `backend`, over the tool of `scene`.
-    pub fn new(scene: &Scene, lamina: &Lamina, physics: &PhysicsConfig, backend: Backend) -> Self {
+    pub fn new(scene: &Scene, lamina: &Lamina, physics: &PhysicsConfig, backend: Device) -> Self {
         let world = World::new(Model::new(lamina, physics), scene.tool.clone());
         Self(backend.cloth(&world))
     }

@@ -12,7 +12,7 @@ pub mod cloth;
 pub mod compare;
 pub mod episodes;
 mod points;
-pub mod ranking;
+mod ranking;
 pub mod stability;
 pub mod study;
 pub mod table;
@@ -21,5 +21,3 @@ pub mod transfer;
 pub mod truth;
 pub mod twin;
 pub mod verify;
-
-pub use points::nearest;

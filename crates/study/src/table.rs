@@ -338,7 +338,9 @@ pub fn replace_tables(text: &str, study: &str, tables: &[Table]) -> Result<Strin
                 names.join(", ")
             ));
         };
-        let Some((_, after)) = rest.split_once(END) else {
+        let closed = rest.split_once(END);
+        // Its own end: not one that closes another table.
+        let Some((_, after)) = closed.filter(|(old, _)| !old.contains("<!-- table ")) else {
             return Err(format!("`{marker}{name} -->` is not followed by `{END}`"));
         };
         replaced += &format!("{marker}{name} -->\n{}\n{END}{after}", table.markdown());

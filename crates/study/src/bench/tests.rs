@@ -21,7 +21,7 @@ fn what_is_not_listed_is_not_computed() {
         diagonal.vertices = [u32::MAX; 2];
         diagonal.rest_length = f64::NAN;
     }
-    for backend in Backend::all() {
+    for backend in Device::all() {
         let mut unlisted = Timed::new(&scene, &lamina, &physics(UNLISTED), backend);
         let mut absent = absent(&scene, backend);
         for case in [&mut unlisted, &mut absent] {
