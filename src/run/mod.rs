@@ -26,4 +26,4 @@ pub use rollout::{
     EpisodeSummary, PlayedEpisode, RolloutError, Rules, parallel_episodes, play, random_episodes,
     replay,
 };
-pub use training::{Report, Training, TrainingError};
+pub use training::{Training, TrainingError, TrainingReport};

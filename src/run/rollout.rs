@@ -6,7 +6,7 @@ use serde::Serialize;
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::Snapshot;
-use drape_task::env::{Diverged, Draping, End, EnvConfig, EnvError, Tasks};
+use drape_task::env::{Draping, End, EnvConfig, EnvError, ReplayDiverged, Tasks};
 use drape_task::path::{PressedPoint, strokes};
 
 /// How an episode went.
@@ -53,7 +53,7 @@ pub enum RolloutError {
     #[error(transparent)]
     Env(#[from] EnvError),
     #[error(transparent)]
-    Diverged(#[from] Diverged),
+    Diverged(#[from] ReplayDiverged),
     #[error(
         "step {step} (from 0) of the sequence presses vertex {vertex}, which is not allowed there"
     )]
@@ -105,7 +105,7 @@ pub fn play(
             Some(End::Terminated | End::Truncated) => break,
             Some(End::Diverged) => {
                 let presses = points.len();
-                return Err(Diverged { presses }.into());
+                return Err(ReplayDiverged { presses }.into());
             }
         }
     }

@@ -49,7 +49,7 @@ const RECENT: usize = 50;
 
 /// What one iteration has brought.
 #[derive(Clone, Debug)]
-pub struct Report {
+pub struct TrainingReport {
     pub iteration: Iteration,
     /// Mean score of the last 50 episodes; none before the first ends.
     pub mean_score: Option<f64>,
@@ -205,7 +205,7 @@ impl Training {
 
     /// One iteration of the learner, with its metrics written. Checkpoints are up to the
     /// caller, except that of a policy which plays better than every one before.
-    pub fn advance(&mut self) -> Result<Report, TrainingError> {
+    pub fn advance(&mut self) -> Result<TrainingReport, TrainingError> {
         let iteration = self.trainer.iterate()?;
         for episode in &iteration.episodes {
             if let (End::Terminated, Some(score)) = (episode.end, episode.score) {
@@ -218,7 +218,7 @@ impl Training {
 
         let due = iteration.number % self.config.evaluation_interval == 0 || self.is_complete();
         let greedy_score = if due { self.evaluate()? } else { None };
-        let report = Report {
+        let report = TrainingReport {
             mean_score: self.mean_score(),
             greedy_score,
             best_score: self.best_score(),
@@ -294,8 +294,8 @@ impl Training {
         Ok(())
     }
 
-    fn log(&mut self, report: &Report) -> Result<(), TrainingError> {
-        let Report { iteration, .. } = report;
+    fn log(&mut self, report: &TrainingReport) -> Result<(), TrainingError> {
+        let TrainingReport { iteration, .. } = report;
         let metrics = &iteration.metrics;
         let seconds = &iteration.seconds;
         let lengths = iteration.episodes.iter().map(|e| e.actions.len() as f64);

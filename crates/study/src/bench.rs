@@ -40,7 +40,7 @@ pub struct Bench {
     repeats: Option<u16>,
 }
 
-/// The control step of an episode: a frame.
+/// A frame at 1200 substeps a second.
 pub const CONTROL: Control = Control {
     dt: 1.0 / 60.0,
     substeps: 20,

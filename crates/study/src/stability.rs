@@ -120,7 +120,7 @@ impl Outcome {
 
 /// One simulation of a sweep and what came of it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cell {
+pub struct SweepCell {
     pub sweep: &'static str,
     /// Index of the tick along x and along y.
     pub at: [usize; 2],
@@ -155,7 +155,7 @@ pub struct Figures {
 /// Computes `sweeps`, cells in parallel: sweep by sweep, y by y, x running fastest within it, all
 /// [`VARIANTS`] of a place together. Equal sweeps give equal figures, times apart, for any number
 /// of threads.
-pub fn compute(sweeps: &[Sweep], context: &Context) -> Vec<Cell> {
+pub fn compute(sweeps: &[Sweep], context: &Context) -> Vec<SweepCell> {
     let mut places = Vec::new();
     for sweep in sweeps {
         let [columns, rows] = [0, 1].map(|axis| sweep.axes[axis].ticks.len());
@@ -169,7 +169,7 @@ pub fn compute(sweeps: &[Sweep], context: &Context) -> Vec<Cell> {
 }
 
 /// One cell. A panic costs this cell alone, so that the study can tell of it.
-fn cell(sweep: &Sweep, at: [usize; 2], (solver, precision): (Solver, Precision)) -> Cell {
+fn cell(sweep: &Sweep, at: [usize; 2], (solver, precision): (Solver, Precision)) -> SweepCell {
     let start = Instant::now();
     let [x, y] = [0, 1].map(|axis| sweep.axes[axis].ticks[at[axis]].value);
     let setting = Setting { x, y, solver };
@@ -186,7 +186,7 @@ fn cell(sweep: &Sweep, at: [usize; 2], (solver, precision): (Solver, Precision))
         let note = text.unwrap_or("unknown panic").to_owned();
         (Outcome::Panicked, Figures::default(), note)
     });
-    Cell {
+    SweepCell {
         sweep: sweep.name,
         at,
         solver,
@@ -244,8 +244,8 @@ impl Study for Stability {
     }
 }
 
-fn cell_table(sweeps: &[Sweep], cells: &[Cell]) -> Table {
-    let axis = |cell: &Cell, axis: usize| {
+fn cell_table(sweeps: &[Sweep], cells: &[SweepCell]) -> Table {
+    let axis = |cell: &SweepCell, axis: usize| {
         let sweep = sweeps.iter().find(|sweep| sweep.name == cell.sweep);
         let axis_of = &sweep.expect("cells are of these sweeps").axes[axis];
         (axis_of.name, axis_of.ticks[cell.at[axis]].label.clone())
@@ -275,7 +275,7 @@ fn cell_table(sweeps: &[Sweep], cells: &[Cell]) -> Table {
         .end_hidden()
 }
 
-fn map<'a>(sweep: &Sweep, title: String, cells: impl Iterator<Item = &'a Cell>) -> HeatMap {
+fn map<'a>(sweep: &Sweep, title: String, cells: impl Iterator<Item = &'a SweepCell>) -> HeatMap {
     let [x, y] = &sweep.axes;
     let ticks = |axis: &Axis| axis.ticks.iter().map(|tick| tick.label.clone()).collect();
     let legend = [
@@ -316,7 +316,7 @@ fn ramp(error: f64) -> Color {
     std::array::from_fn(|k| mix(from[k], to[k]))
 }
 
-fn tile(cell: &Cell) -> Tile {
+fn tile(cell: &SweepCell) -> Tile {
     let error = cell.figures.error.unwrap_or(f64::NAN);
     let (color, text) = match cell.outcome {
         Outcome::Converged | Outcome::Wrong => (ramp(error), percent(error)),

@@ -31,7 +31,7 @@ use drape_cloth::sim::{Accuracy, Solver};
 use drape_report::{Chart, SERIES, Series};
 
 pub use cases::{Case, cases};
-pub use subject::{Answer, Curve, Findings, Picture, Subject, solver_name};
+pub use subject::{Answer, Findings, Picture, ProfileCurve, Subject, solver_name};
 
 /// Hold every solver against closed forms: what is expected, what is found
 ///
@@ -76,7 +76,7 @@ pub fn ask(
     cases: &[Case],
     subjects: &[Subject],
     context: &Context,
-) -> (Vec<Verified>, Vec<(Subject, Curve)>) {
+) -> (Vec<Verified>, Vec<(Subject, ProfileCurve)>) {
     let pairs: Vec<(&Case, Subject)> = (cases.iter())
         .flat_map(|case| subjects.iter().map(move |&subject| (case, subject)))
         .collect();
@@ -219,7 +219,7 @@ fn is_shown(picture: Picture, subject: &Subject) -> bool {
 }
 
 /// Closed forms above what was found. A name is in the legend once.
-fn series(picture: Picture, curves: &[(Subject, Curve)]) -> Vec<Series> {
+fn series(picture: Picture, curves: &[(Subject, ProfileCurve)]) -> Vec<Series> {
     let (mut exact, mut found): (Vec<Series>, Vec<Series>) = Default::default();
     let mut names: Vec<String> = Vec::new();
     for (subject, curve) in curves.iter().filter(|(_, c)| c.picture == picture) {

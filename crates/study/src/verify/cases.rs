@@ -9,7 +9,7 @@ use super::length::{
 use super::motion::{flight, oscillation};
 use super::shear::{bias_extension, draw_out, frame_angle, picture_frame, specimen};
 use super::solve::{Fast, Solve};
-use super::subject::{Curve, Findings, Picture, Subject};
+use super::subject::{Findings, Picture, ProfileCurve, Subject};
 use drape_cloth::fabric::{Family, Material};
 use drape_cloth::sim::Solver;
 
@@ -91,7 +91,7 @@ fn bending() -> Vec<Case> {
                 let down = |points: Vec<[f64; 2]>| points.iter().map(|[x, z]| [*x, -z]).collect();
                 let exact = down(elastica(gamma));
                 let picture = Picture::Cantilever;
-                found.curves = Curve::pair(picture, "", exact, down(bent.profile));
+                found.curves = ProfileCurve::pair(picture, "", exact, down(bent.profile));
             }
             found
         })
@@ -177,7 +177,7 @@ fn shear(quick: bool) -> Vec<Case> {
             let drawn = drawn.iter().map(|s| [1e3 * s.d, s.force]);
             let drawn = std::iter::once([0.0; 2]).chain(drawn).collect();
             let label = format!(", diagonals {diagonals}");
-            found.curves = Curve::pair(Picture::BiasExtension, &label, exact, drawn);
+            found.curves = ProfileCurve::pair(Picture::BiasExtension, &label, exact, drawn);
             found
         })
     });
@@ -205,7 +205,7 @@ fn drape(quick: bool) -> Vec<Case> {
         }
         let degrees = |line: Vec<[f64; 2]>| line.iter().map(|p| p.map(f64::to_degrees)).collect();
         let exact = degrees(fishnet(0.95, 200));
-        found.curves = Curve::pair(Picture::Hemisphere, "", exact, degrees(wrapped));
+        found.curves = ProfileCurve::pair(Picture::Hemisphere, "", exact, degrees(wrapped));
         found
     });
     vec![hemisphere.costly(quick)]

@@ -82,14 +82,14 @@ pub struct Answer {
 
 /// A line in one of the pictures.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Curve {
+pub struct ProfileCurve {
     pub picture: Picture,
     /// Behind the name of the subject; none for a closed form.
     pub label: Option<String>,
     pub points: Vec<[f64; 2]>,
 }
 
-impl Curve {
+impl ProfileCurve {
     /// The closed form, and what was found.
     pub fn pair(
         picture: Picture,
@@ -121,7 +121,7 @@ pub enum Picture {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Findings {
     pub answers: Vec<Answer>,
-    pub curves: Vec<Curve>,
+    pub curves: Vec<ProfileCurve>,
 }
 
 impl Findings {

@@ -3,7 +3,7 @@
 
 use super::*;
 use drape_cloth::math::Isa;
-use drape_study::stability::{Cell, Outcome, compute, sweeps};
+use drape_study::stability::{Outcome, SweepCell, compute, sweeps};
 use drape_study::study::{Context, only};
 
 const SIDE: f64 = 0.06;
@@ -284,7 +284,7 @@ fn extremes_are_converged_wrong_or_diverged_and_nothing_else() {
     }
 
     let axes = |name| &chosen.iter().find(|sweep| sweep.name == name).unwrap().axes;
-    let exact = |cell: &&Cell| (cell.solver, cell.precision) == (Solver::Yarn, Precision::F64);
+    let exact = |cell: &&SweepCell| (cell.solver, cell.precision) == (Solver::Yarn, Precision::F64);
     for cell in of("time_step").filter(exact) {
         let enough = axes("time_step")[0].ticks[cell.at[0]].value >= 20.0;
         assert!(!enough || cell.outcome == Outcome::Converged, "{cell:?}");

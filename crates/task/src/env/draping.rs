@@ -161,6 +161,7 @@ impl Draping {
         let state = || state.get_or_init(|| self.cloth.snapshot(index));
         let distance = || task.distance(state());
         let reward = task.reward.of(&Taken {
+            config: &task.config,
             end,
             steps: slot.actions.len(),
             initial_distance: task.initial_distance,

@@ -12,6 +12,6 @@ mod task;
 
 pub use config::{EnvConfig, EnvError, Region};
 pub use draping::Draping;
-pub use replay::Diverged;
+pub use replay::ReplayDiverged;
 pub use reward::{Reward, Taken, Term, score};
 pub use task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};

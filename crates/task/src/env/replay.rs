@@ -4,7 +4,7 @@ use super::task::Tasks;
 /// A list of presses that could not be pressed to its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the simulation diverged after {presses} presses")]
-pub struct Diverged {
+pub struct ReplayDiverged {
     /// Presses until then, the one included in which it happened.
     pub presses: usize,
 }
@@ -24,7 +24,7 @@ impl Draping {
         &mut self,
         lists: &[&[u32]],
         mut observe: impl FnMut(&Self, usize, usize),
-    ) -> Vec<Result<(), Diverged>> {
+    ) -> Vec<Result<(), ReplayDiverged>> {
         assert_eq!(lists.len(), self.count(), "one list an environment");
         for index in 0..lists.len() {
             self.reset(index);
@@ -43,7 +43,7 @@ impl Draping {
                 match (vertex, finite[index]) {
                     (None, _) => {}
                     (Some(_), true) => observe(self, index, presses),
-                    (Some(_), false) => ends[index] = Err(Diverged { presses }),
+                    (Some(_), false) => ends[index] = Err(ReplayDiverged { presses }),
                 }
             }
         }

@@ -4,10 +4,13 @@
 //! episode is judged by, whatever it has earned: the share of the region's distance to the tool
 //! that it has removed.
 
+use super::config::EnvConfig;
 use super::task::End;
 
 /// A step that has been taken, as the terms of the reward see it.
 pub struct Taken<'a> {
+    /// The task's configuration.
+    pub config: &'a EnvConfig,
     /// Why the episode ended with this step, if it did.
     pub end: Option<End>,
     /// Steps of the episode so far, this one included.

@@ -1,7 +1,7 @@
 //! Lists of presses pressed again: side by side as alone, with an observer, until they diverge.
 
 use drape_cloth::sim::Snapshot;
-use drape_task::env::Diverged;
+use drape_task::env::ReplayDiverged;
 
 use super::*;
 
@@ -45,6 +45,6 @@ fn divergence_ends_a_list_and_tells_its_press() {
     let ends = env.replay(&[&[vertex; 3], &[]], |_, index, presses| {
         calls.push((index, presses));
     });
-    assert_eq!(ends, [Err(Diverged { presses: 1 }), Ok(())]);
+    assert_eq!(ends, [Err(ReplayDiverged { presses: 1 }), Ok(())]);
     assert_eq!(calls, [(0, 0), (1, 0)]);
 }
