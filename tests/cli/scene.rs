@@ -250,7 +250,7 @@ fn values_out_of_range_are_located() {
         ),
         (
             "[tool.source.stl]\npath = \"a.stl\"\nscale = -1",
-            &["source.stl.scale is -1"],
+            &["`source.stl.scale` is -1"],
         ),
     ] {
         let output = set_up(folder.path(), text);

@@ -140,8 +140,8 @@ fn accuracy_is_resolved_in_the_configuration_of_the_run() {
     train(path, &config, "default");
     let [key, option, balanced, default] = ["key", "option", "balanced", "default"]
         .map(|run| fs::read_to_string(path.join("runs").join(run).join("config.toml")).unwrap());
-    assert!(key.contains("\nsubstep_rate = 300.0\n"), "{key}");
-    assert!(!key.contains("accuracy"), "{key}");
+    assert!(key.contains("\naccuracy = \"fast\"\n"), "{key}");
+    assert!(!key.contains("substep_rate = 900"), "{key}");
     assert_eq!(key, option);
     assert_ne!(key, default);
     assert_eq!(balanced, default);

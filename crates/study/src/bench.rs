@@ -270,7 +270,7 @@ pub fn standard_scene(progress: impl FnMut(f64)) -> Scene {
 fn absent(scene: &Scene, backend: Device) -> Timed {
     let mut lamina = Lamina::clone(&scene.lamina);
     lamina.diagonals.clear();
-    Timed::new(&scene, &lamina, &physics(ABSENT), backend)
+    Timed::new(scene, &lamina, &physics(ABSENT), backend)
 }
 
 /// Environments on the sheet of a scene, to be timed.

@@ -23,7 +23,7 @@ use super::cloth::Plane;
 use super::physics::SelfCollision;
 use crate::fabric::Lamina;
 use crate::math::{Lanes, Real, Vec3x};
-use geometry::{Gap, Kind, Overlap, Point, dot};
+use geometry::{Gap, Kind, Overlap, Pair, Point, dot};
 use search::{Scratch, Surface};
 
 /// Displacement of a vertex after which pairs are looked for again, in thicknesses. More finds pairs
@@ -60,15 +60,6 @@ impl Layers {
             friction,
         })
     }
-}
-
-/// Two parts of the cloth that may touch.
-#[derive(Clone, Copy, Debug)]
-struct Pair {
-    kind: Kind,
-    vertices: [u32; 4],
-    /// 1 or -1: the sign of [`Gap::height`] as long as layers do not pass through each other.
-    side: f64,
 }
 
 /// What a substep knows of the vertices besides their positions.

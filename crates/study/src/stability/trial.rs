@@ -77,7 +77,7 @@ impl Trial {
     ) -> Result<Self, Refusal> {
         physics.check()?;
         Ok(Self {
-            model: Model::new(&lamina, physics).into(),
+            model: Model::new(&lamina, physics),
             lamina,
             tool,
             start,

@@ -199,6 +199,5 @@ pub fn chart(points: &[Point], noise: Noise) -> Chart {
             color: [120, 120, 125],
         }],
         scale: Scale::Log10,
-        ..Chart::default()
     }
 }

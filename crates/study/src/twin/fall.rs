@@ -62,7 +62,6 @@ pub fn press_config(env: &EnvConfig, hold: Hold, speed: f64) -> PressConfig {
         settle_s: env.settle_s,
         drape_threshold_mm: env.drape_threshold_mm,
         hold,
-        ..PressConfig::default()
     }
 }
 

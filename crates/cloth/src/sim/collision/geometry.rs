@@ -34,6 +34,15 @@ const LEAST_SINE: f64 = 0.035;
 /// normal.
 const LEAST_SPREAD: f64 = 1e-3;
 
+/// Two parts of the cloth that may touch.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pair {
+    pub kind: Kind,
+    pub vertices: [u32; 4],
+    /// 1 or -1: the sign of [`Gap::height`] as long as layers do not pass through each other.
+    pub side: f64,
+}
+
 /// The gap between two parts, along their common normal.
 #[derive(Clone, Copy, Debug)]
 pub struct Gap {

@@ -5,8 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use super::Pair;
-use super::geometry::{Gap, Kind, Point, cross, dot, sub};
+use super::geometry::{Gap, Kind, Pair, Point, cross, dot, sub};
 use super::tree::{Bounds, Fit, Tree, visible_from};
 
 /// Pairs of a lane at most, for each vertex. A fold of three layers has 20; where more are
