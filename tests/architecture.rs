@@ -157,7 +157,7 @@ fn read(root: &Path) -> BTreeMap<Module, File> {
         .flat_map(|file| {
             file.of_tests
                 .iter()
-                .map(|name| [&file.module[..], &[name.clone()]].concat())
+                .map(|name| [&file.module[..], std::slice::from_ref(name)].concat())
         })
         .collect();
     files.retain(|module, _| !(1..=module.len()).any(|n| of_tests.contains(&module[..n])));
