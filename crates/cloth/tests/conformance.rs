@@ -23,9 +23,12 @@ const CONTROL: Control = Control {
 /// One more than the widest instruction set has lanes.
 const CASES: usize = 17;
 
+/// Makes so many environments of a world.
+type Make = dyn Fn(&World, usize) -> Box<dyn Backend>;
+
 /// A backend to be held against the reference.
 struct Device {
-    make: Box<dyn Fn(&World, usize) -> Box<dyn Backend>>,
+    make: Box<Make>,
     /// How far any position may be off the reference after a frame [m]; 0 for the same bits.
     tolerance: f64,
 }
