@@ -14,7 +14,7 @@
 //! press, physics) is the one on its axis that leaves least out, stepped as usual.
 //!
 //! Places diverge: what a press does to a wrinkle can hang on a hair, and then positions
-//! differ by millimetres whatever the rate. [`Noise`] is what a push of the start by a thousandth
+//! differ by millimetres whatever the rate. `Noise` is what a push of the start by a thousandth
 //! of a millimetre does at the rate of `accurate`. Below it no error can be told.
 
 mod point;
