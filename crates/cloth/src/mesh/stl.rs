@@ -84,7 +84,7 @@ pub fn to_stl_bytes(mesh: &TriMesh, name: &str) -> Vec<u8> {
     bytes
 }
 
-/// Writes the mesh as [`to_stl_bytes`] has it, by [`write_atomic`].
+/// Writes the mesh as `to_stl_bytes` has it, by [`write_atomic`].
 pub fn write_stl(path: impl AsRef<Path>, mesh: &TriMesh, name: &str) -> Result<(), WriteError> {
     write_atomic(path.as_ref(), |file| {
         file.write_all(&to_stl_bytes(mesh, name))
