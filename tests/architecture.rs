@@ -117,6 +117,9 @@ impl Visit<'_> for File {
         self.add(&item.tree, Vec::new(), passed_on);
     }
 
+    /// `pub(super)` imports nothing.
+    fn visit_visibility(&mut self, _: &syn::Visibility) {}
+
     fn visit_path(&mut self, path: &syn::Path) {
         let path: Vec<String> = path.segments.iter().map(|s| s.ident.to_string()).collect();
         self.uses.extend(self.resolve(&path));
