@@ -14,8 +14,8 @@
 
 use super::config::CompactConfig;
 use super::layer::{Dense, Initializer, POLICY_GAIN, RELU_GAIN, VALUE_GAIN};
-use super::network::Prediction;
 use super::pixels::Patches;
+use super::prediction::Prediction;
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::relu;

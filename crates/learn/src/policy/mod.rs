@@ -19,8 +19,10 @@ mod network;
 mod paper;
 mod parameters;
 mod pixels;
+mod prediction;
 
 pub use config::{CompactConfig, ConfigError, NetworkConfig, PaperConfig, PolicyConfig};
 pub use device::{DeviceError, DeviceKind};
-pub use network::{ActorCritic, Network, Prediction};
+pub use network::{ActorCritic, Network};
 pub use parameters::ParameterError;
+pub use prediction::Prediction;

@@ -5,18 +5,10 @@ use super::masked;
 use super::paper::PaperNetwork;
 use super::parameters::{self, ParameterError};
 use super::pixels::{Patches, write_batch, write_planes};
+use super::prediction::Prediction;
 use burn::module::Module;
 use burn::tensor::{Bool, Device, Tensor, TensorData};
 use drape_task::env::Observation;
-
-/// What a network says about a batch of observations.
-#[derive(Clone, Debug)]
-pub struct Prediction {
-    /// One number a pixel `[batch, pixel]`, before masking.
-    pub logits: Tensor<2>,
-    /// Expected return `[batch]`, in units of the reward scale.
-    pub value: Tensor<1>,
-}
 
 /// The parameters of a policy and a value.
 #[derive(Module, Debug)]

@@ -1,6 +1,6 @@
 use super::config::PaperConfig;
 use super::layer::{Conv, Dense, Initializer, POLICY_GAIN, RELU_GAIN, VALUE_GAIN};
-use super::network::Prediction;
+use super::prediction::Prediction;
 use burn::module::Module;
 use burn::tensor::Tensor;
 use burn::tensor::activation::relu;

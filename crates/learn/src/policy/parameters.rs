@@ -1,7 +1,6 @@
 //! Parameters as bytes. burn's own records are not used: they carry random identifiers (the
 //! same network gives other bytes in each run), and another network's are not always refused.
 
-use super::network::Network;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Tensor, TensorData};
 use serde::{Deserialize, Serialize};
@@ -40,12 +39,12 @@ pub enum ParameterError {
 }
 
 /// All parameters of `network`, in its order.
-pub fn save(network: &Network) -> Vec<u8> {
+pub fn save(network: &impl Module) -> Vec<u8> {
     postcard::to_allocvec(&collect(network)).expect("parameters can be written")
 }
 
 /// `network` with the parameters in `bytes`.
-pub fn load(network: Network, bytes: &[u8]) -> Result<Network, ParameterError> {
+pub fn load<M: Module>(network: M, bytes: &[u8]) -> Result<M, ParameterError> {
     let found: Vec<Parameter> = postcard::from_bytes(bytes)?;
     let expected = collect(&network);
     let mismatch = |expected, found| Err(ParameterError::Mismatch { expected, found });
@@ -72,7 +71,7 @@ pub fn load(network: Network, bytes: &[u8]) -> Result<Network, ParameterError> {
     Ok(network.map(&mut Replacer(found.into_iter())))
 }
 
-fn collect(network: &Network) -> Vec<Parameter> {
+fn collect(network: &impl Module) -> Vec<Parameter> {
     let mut collector = Collector::default();
     network.visit(&mut collector);
     collector.parameters
