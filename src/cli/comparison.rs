@@ -12,7 +12,7 @@ use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::{Scene, Summary};
 use drape_cloth::sim::SelfCollision;
-use drape_report::{CLOTH, Camera, Color, Drawing, Image, Mark, TOOL};
+use drape_report::{CLOTH, Camera, Drawing, Image, TOOL};
 
 /// Width and height of each of the four pictures [px].
 const SIZE: [usize; 2] = [760, 480];
@@ -72,20 +72,13 @@ fn section(scene: &Scene, bounds: (Vec3, Vec3)) -> Image {
     let lamina = scene.lamina.mesh(&scene.initial.position);
     let normal = across(&lamina);
     let centre = middle(&lamina);
-    let mut picture = Drawing::default();
+    let mut picture = Drawing::new(&Camera::new(normal, Vec3::z(), bounds), SIZE);
     for (mesh, color) in [(&lamina, CLOTH), (&scene.tool.mesh, TOOL)] {
-        let marks = cut(mesh, normal, centre).map(|points| line(points, color));
-        picture.marks.extend(marks);
+        for points in cut(mesh, normal, centre) {
+            picture.line(&points, LINE, color);
+        }
     }
-    picture.render(&Camera::new(normal, Vec3::z(), bounds), SIZE[0], SIZE[1])
-}
-
-fn line(points: [Vec3; 2], color: Color) -> Mark {
-    Mark::Line {
-        points: points.to_vec(),
-        width: LINE,
-        color,
-    }
+    picture.image()
 }
 
 fn section_points(lamina: &TriMesh) -> Vec<Vec3> {

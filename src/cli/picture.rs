@@ -3,13 +3,16 @@
 use fixedbitset::FixedBitSet;
 use rayon::prelude::*;
 
+use std::path::Path;
+
+use super::Failure;
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::Snapshot;
 use drape_report::{
-    BACKGROUND, CLOTH, CLOTH_BIAS, Camera, Color, ColorMap, DRAPED, Drawing, Film, Image, PATH,
-    Paint, TOOL, TOUCHED, creased,
+    BACKGROUND, CLOTH, CLOTH_BIAS, Camera, Color, ColorMap, DRAPED, Drawing, Image, PATH, TOOL,
+    TOUCHED, creased, save_gif,
 };
 
 /// Distance to the tool from which on cloth is fully red [m].
@@ -82,8 +85,8 @@ impl<'a> Studio<'a> {
     /// beyond, with a key to the colours.
     pub fn distance(&self, state: &Snapshot, caption: &str) -> Image {
         let distance = |&x: &[f64; 3]| self.scene.tool.distance(x).0;
-        let distances: Vec<f64> = state.position.iter().map(distance).collect();
-        let colors = ColorMap::Distance.colors(&distances, FAR);
+        let color = |x| ColorMap::Distance.at(distance(x) / FAR);
+        let colors: Vec<Color> = state.position.iter().map(color).collect();
         let mut image = self.captioned(state, &colors, &[], caption);
         self.color_key(&mut image);
         image
@@ -108,12 +111,10 @@ impl<'a> Studio<'a> {
         self.captioned(&frame.state, &colors, &path, &frame.caption)
     }
 
-    /// [`Studio::progress`] of all frames, drawn side by side on all threads.
-    pub fn film(&self, frames: &[Frame]) -> Film {
-        let mut film = Film::new(DELAY, HOLD);
+    /// Writes [`Studio::progress`] of all frames as a GIF, drawn side by side on all threads.
+    pub fn film(&self, frames: &[Frame], path: &Path) -> Result<(), Failure> {
         let images = frames.par_iter().map(|frame| self.progress(frame));
-        film.frames = images.collect();
-        film
+        Ok(save_gif(&images.collect::<Vec<_>>(), DELAY, HOLD, path)?)
     }
 
     fn captioned(
@@ -124,14 +125,12 @@ impl<'a> Studio<'a> {
         text: &str,
     ) -> Image {
         let lamina: TriMesh = self.scene.lamina.mesh(&state.position);
-        let mut picture = Drawing::default();
-        picture.add(&self.tool, Paint::Uniform(TOOL), 0.0);
-        picture.add(&lamina, Paint::PerVertex(colors), CLOTH_BIAS);
-        if !path.is_empty() {
-            picture.add_path(path, PATH);
-        }
-        let strip = self.strip();
-        let mut image = picture.render(&self.camera, self.width, self.height - strip);
+        let size = [self.width, self.height - self.strip()];
+        let mut picture = Drawing::new(&self.camera, size);
+        picture.mesh(&self.tool, |_| TOOL, 0.0);
+        picture.mesh(&lamina, |v| colors[v], CLOTH_BIAS);
+        picture.path(path, PATH);
+        let mut image = picture.image();
         let count = self.width * self.height;
         image.pixels.resize(count, BACKGROUND);
         image.height = self.height;
@@ -151,13 +150,8 @@ impl<'a> Studio<'a> {
         let (bar_left, bar_right) = (text_left - em(5.5), text_left - em(0.5));
         image.label([bar_left - em(1.0), top], "0", size, TEXT_COLOR);
         image.label([text_left, top], &text, size, TEXT_COLOR);
-        let bottom = (top + em(0.73)).min(self.height as i32);
-        for x in bar_left.max(0)..bar_right {
-            let t = f64::from(x - bar_left) / f64::from(bar_right - bar_left);
-            for y in top.max(0)..bottom {
-                image.pixels[y as usize * self.width + x as usize] = ColorMap::Distance.at(t);
-            }
-        }
+        let size = [bar_right - bar_left, em(0.73)];
+        image.gradient([bar_left, top], size, ColorMap::Distance);
     }
 
     fn text_size(&self) -> f32 {
@@ -257,20 +251,6 @@ mod tests {
         let path = image(frame(&scene, &[], &[], &[0, 40, 80]));
         let yellow = |image: &Image| image.pixels.iter().filter(|&&p| p == PATH).count();
         assert!(yellow(&free) == 0 && yellow(&path) > 100);
-    }
-
-    #[test]
-    fn film_keeps_the_order_of_its_frames() {
-        let scene = scene();
-        let studio = Studio::new(&scene, View::Isometric, [160, 120]);
-        let frames: Vec<Frame> = (0..20)
-            .map(|i| frame(&scene, &[i], &[i], &[0, i as u32]))
-            .collect();
-        let film = studio.film(&frames);
-        assert_eq!(film.frames.len(), 20);
-        for (image, frame) in film.frames.iter().zip(&frames) {
-            assert!(*image == studio.progress(frame));
-        }
     }
 
     #[test]

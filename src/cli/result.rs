@@ -141,7 +141,9 @@ fn reward_curve(folder: &RunFolder, baseline: &Episodes) -> Result<(), Failure> 
         }],
         ..Chart::default()
     };
-    Ok(chart.save(&folder.pictures().join("reward.png"))?)
+    Ok(chart
+        .image()
+        .save_png(&folder.pictures().join("reward.png"))?)
 }
 
 /// Keeps the states of an episode that its film shows.
@@ -198,8 +200,8 @@ impl Recorder {
         shot(&played.end, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
         let top = Studio::new(scene, View::Top, PICTURE_SIZE);
         top.progress(&end).save_png(&folder.join("path.png"))?;
-        let film = Studio::new(scene, View::Isometric, FILM_SIZE).film(&self.frames);
-        Ok(film.save_gif(&folder.join("rollout.gif"))?)
+        Studio::new(scene, View::Isometric, FILM_SIZE)
+            .film(&self.frames, &folder.join("rollout.gif"))
     }
 }
 

@@ -37,9 +37,6 @@ pub enum ColorMap {
     /// Deviation: blue at 0, white half way, red at 1. Hue says the side, saturation how far
     /// (ColorBrewer, RdBu; Brewer 2003); told apart by the colour-blind too.
     Deviation,
-    /// Viridis (Smith and van der Walt 2015), five points of it: lightness grows evenly, so
-    /// that equal steps look equal.
-    Viridis,
 }
 
 impl ColorMap {
@@ -54,13 +51,6 @@ impl ColorMap {
                 [214, 96, 77],
                 [103, 0, 31],
             ],
-            ColorMap::Viridis => &[
-                [68, 1, 84],
-                [59, 82, 139],
-                [33, 145, 140],
-                [94, 201, 98],
-                [253, 231, 37],
-            ],
         };
         if t.is_nan() {
             return NOT_A_NUMBER;
@@ -68,25 +58,9 @@ impl ColorMap {
         let last = stops.len() - 1;
         let s = t.clamp(0.0, 1.0) * last as f64;
         let i = (s as usize).min(last - 1);
-        mix(stops[i], stops[i + 1], s - i as f64)
+        let mix = |a: u8, b: u8| f64::from(a) + (f64::from(b) - f64::from(a)) * (s - i as f64);
+        std::array::from_fn(|c| mix(stops[i][c], stops[i + 1][c]).round() as u8)
     }
-
-    /// One colour per value: 0 is the lower end of the map, `maximum` its upper end. A
-    /// `maximum` of 0 puts everything above 0 at the upper end.
-    pub fn colors(self, values: &[f64], maximum: f64) -> Vec<Color> {
-        let t = |&value: &f64| match value {
-            v if v <= 0.0 => 0.0,
-            v => v / maximum,
-        };
-        values.iter().map(|value| self.at(t(value))).collect()
-    }
-}
-
-/// `a` at t = 0, `b` at t = 1, straight in between.
-pub(super) fn mix(a: Color, b: Color, t: f64) -> Color {
-    std::array::from_fn(|i| {
-        (f64::from(a[i]) + (f64::from(b[i]) - f64::from(a[i])) * t).round() as u8
-    })
 }
 
 #[cfg(test)]
@@ -105,16 +79,11 @@ mod tests {
 
     #[test]
     fn ends_hold_beyond_and_nan_is_seen() {
-        for map in [ColorMap::Distance, ColorMap::Deviation, ColorMap::Viridis] {
+        for map in [ColorMap::Distance, ColorMap::Deviation] {
             assert_eq!(map.at(-1.0), map.at(0.0));
             assert_eq!(map.at(f64::INFINITY), map.at(1.0));
             assert_eq!(map.at(f64::NAN), NOT_A_NUMBER);
         }
-        let map = ColorMap::Distance;
-        let colors = map.colors(&[-0.1, 0.0, 0.02, 0.04, f64::NAN], 0.02);
-        let expected = [0.0, 0.0, 1.0, 1.0, f64::NAN].map(|t| map.at(t));
-        assert_eq!(colors, expected);
-        assert_eq!(map.colors(&[0.0, 1e-9], 0.0), [map.at(0.0), map.at(1.0)]);
     }
 
     #[test]
@@ -125,14 +94,5 @@ mod tests {
             assert!(at(t)[2] > at(t)[0] && at(1.0 - t)[0] > at(1.0 - t)[2]);
             assert!(at(t)[1] > at(t - 0.1)[1] && at(1.0 - t)[1] > at(1.1 - t)[1]);
         }
-    }
-
-    #[test]
-    fn viridis_grows_lighter() {
-        let lightness = |i: i32| {
-            let [r, g, b] = ColorMap::Viridis.at(f64::from(i) / 20.0).map(f64::from);
-            0.2126 * r + 0.7152 * g + 0.0722 * b
-        };
-        assert!((0..20).all(|i| lightness(i) < lightness(i + 1)));
     }
 }

@@ -1,11 +1,15 @@
-use super::raster::{Grid, Vertex};
+use super::camera::View;
 use super::{BACKGROUND, Camera, Color, Image};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
+use std::ops::Range;
 
 /// Cloth counts as this much nearer to the eye than it is [m], so that the tool does not
 /// shine through its facets where they cut a corner of the tool.
 pub const CLOTH_BIAS: f64 = 3e-3;
+/// Marks likewise [m]. A disc has the depth of its centre, so this must exceed its radius on
+/// steep cloth.
+const MARK_BIAS: f32 = 0.01;
 /// Facets that share a vertex are shaded as one smooth surface up to this angle: cosine of
 /// 35 degrees, more than the steps of a finely cut dome and less than the edge of a plate.
 const CREASE: f64 = 0.82;
@@ -20,162 +24,187 @@ const KEY_LIGHT: [f32; 3] = [-0.36, 0.48, 0.8];
 const STROKE: f64 = 1.6;
 const JUMP: f64 = 0.5;
 
-/// Colours of a mesh.
-#[derive(Clone, Copy, Debug)]
-pub enum Paint<'a> {
-    /// One colour everywhere.
-    Uniform(Color),
-    /// A colour per vertex, mixed in between.
-    PerVertex(&'a [Color]),
+/// What a camera sees, in 2 x 2 samples per pixel with sample centres at half numbers. What is
+/// in front is decided by depth; at equal depth what was drawn first stays.
+pub struct Drawing {
+    view: View,
+    samples: Image,
+    /// Depth of what is seen [m], shape `[height, width]` of the samples.
+    depth: Vec<f32>,
 }
 
-/// A mesh to be seen. Both of its sides are lit.
-#[derive(Clone, Copy, Debug)]
-pub struct Item<'a> {
-    /// What is seen. Triangles without area and those with a coordinate that is not finite
-    /// are left out.
-    pub mesh: &'a TriMesh,
-    /// Its colours.
-    pub paint: Paint<'a>,
-    /// How much nearer to the eye than it is the mesh counts as [m]: a millimetre keeps
-    /// cloth above the tool it lies on.
-    pub depth_bias: f64,
-}
+/// Samples from the left and from the top, depth away from the eye [m], red, green, blue.
+type Vertex = [f32; 6];
 
-/// A flat sign of fixed size in the picture, at a place in the scene.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Mark {
-    /// A filled disc.
-    Disc {
-        /// Its centre [m].
-        center: Vec3,
-        /// Its radius [px].
-        radius: f64,
-        /// Its colour, not shaded.
-        color: Color,
-    },
-    /// A line from each point to the next, with round joints.
-    Line {
-        /// Its points [m]; those that are not finite interrupt it.
-        points: Vec<Vec3>,
-        /// Its width [px].
-        width: f64,
-        /// Its colour, not shaded.
-        color: Color,
-    },
-}
-
-/// What a camera looks at.
-#[derive(Clone, Debug)]
-pub struct Drawing<'a> {
-    /// Meshes; which one is in front is decided by depth, not by order.
-    pub items: Vec<Item<'a>>,
-    /// Signs on them; at equal depth the earlier one is in front.
-    pub marks: Vec<Mark>,
-    /// How much nearer to the eye than they are the marks count as [m]. A disc has the
-    /// depth of its centre, so this must exceed its radius on steep cloth.
-    pub mark_bias: f64,
-    /// Colour where nothing is seen.
-    pub background: Color,
-}
-
-impl Default for Drawing<'_> {
-    fn default() -> Self {
+impl Drawing {
+    /// The empty background in a picture of `width` by `height` pixels.
+    pub fn new(camera: &Camera, [width, height]: [usize; 2]) -> Self {
+        let (width, height) = (2 * width, 2 * height);
         Self {
-            items: Vec::new(),
-            marks: Vec::new(),
-            mark_bias: 0.01,
-            background: BACKGROUND,
+            view: camera.view(width, height),
+            samples: Image::new(width, height, BACKGROUND),
+            depth: vec![f32::INFINITY; width * height],
         }
     }
-}
 
-impl<'a> Drawing<'a> {
-    /// Adds a mesh.
-    ///
-    /// # Panics
-    ///
-    /// [`Drawing::render`] panics where `paint` holds less than one colour per vertex, or a
-    /// triangle names a vertex that does not exist.
-    pub fn add(&mut self, mesh: &'a TriMesh, paint: Paint<'a>, depth_bias: f64) {
-        self.items.push(Item {
-            mesh,
-            paint,
-            depth_bias,
+    /// The picture.
+    pub fn image(&self) -> Image {
+        self.samples.reduced(2)
+    }
+
+    /// Draws a mesh whose both sides are lit. `color` is that of each vertex, mixed in between;
+    /// the mesh counts as `bias` nearer to the eye than it is [m]. Triangles without area and
+    /// those with a coordinate that is not finite are left out.
+    pub fn mesh(&mut self, mesh: &TriMesh, color: impl Fn(usize) -> Color, bias: f64) {
+        let vertices = mesh.vertices.iter().zip(mesh.vertex_normals()).enumerate();
+        let vertices = vertices.map(|(i, (position, normal))| {
+            let [x, y, depth] = self.view.project(position);
+            let normal = self.view.rotate(&normal).map(|x| x as f32);
+            // As lit from the front and from the back.
+            let color = color(i).map(f32::from);
+            [1.0, -1.0].map(|side| {
+                let [r, g, b] = color.map(|c| c * light(normal.map(|x| side * x)));
+                [x, y, depth - bias as f32, r, g, b]
+            })
+        });
+        let vertices: Vec<[Vertex; 2]> = vertices.collect();
+        for corners in &mesh.triangles {
+            self.triangle(corners.map(|v| &vertices[v as usize]));
+        }
+    }
+
+    fn triangle(&mut self, sides: [&[Vertex; 2]; 3]) {
+        let [a, b, c] = sides.map(|[front, _]| front);
+        let [dx1, dy1] = [b[0] - a[0], b[1] - a[1]];
+        let [dx2, dy2] = [c[0] - a[0], c[1] - a[1]];
+        let twice_area = dx1 * dy2 - dx2 * dy1;
+        // Seen edge-on, without area, or not finite; 1e-6 of a sample is never hit anyway.
+        let finite = [a, b, c].iter().all(|v| v.iter().all(|x| x.is_finite()));
+        if !(finite && twice_area.is_finite() && twice_area.abs() > 1e-6) {
+            return;
+        }
+        // The y axis points down: counter-clockwise in space is negative here.
+        let p = sides.map(|side| side[usize::from(twice_area > 0.0)]);
+        // Depth and colour grow evenly over the triangle, but rounding must not throw a steep
+        // one out of its own range.
+        let of = |k: usize| p.map(|v| v[k + 2]);
+        let low: [f32; 4] = std::array::from_fn(|k| of(k).into_iter().fold(f32::MAX, f32::min));
+        let high: [f32; 4] = std::array::from_fn(|k| of(k).into_iter().fold(f32::MIN, f32::max));
+        let slopes: [[f32; 2]; 4] = std::array::from_fn(|k| {
+            let [at, next, last] = of(k);
+            let [d1, d2] = [next - at, last - at];
+            [
+                (d1 * dy2 - d2 * dy1) / twice_area,
+                (d2 * dx1 - d1 * dx2) / twice_area,
+            ]
+        });
+        let (width, height) = (self.samples.width, self.samples.height);
+        for_each_span(p, width, height, |y, xs| {
+            let dy = y as f32 + 0.5 - p[0][1];
+            for x in xs {
+                let dx = x as f32 + 0.5 - p[0][0];
+                let at = |k: usize| {
+                    let value = p[0][k + 2] + slopes[k][0] * dx + slopes[k][1] * dy;
+                    value.max(low[k]).min(high[k])
+                };
+                let i = y * width + x;
+                if at(0) < self.depth[i] {
+                    self.depth[i] = at(0);
+                    self.samples.pixels[i] = [1, 2, 3].map(|k| (at(k) + 0.5) as u8);
+                }
+            }
         });
     }
 
-    /// Adds a path of strokes [m]: a disc on every point, the last one larger, a line along each
-    /// stroke, and a thin one from there to the next.
-    pub fn add_path(&mut self, strokes: &[Vec<Vec3>], color: Color) {
-        let points = strokes.concat();
-        // At equal depth the earlier mark is in front: discs before the lines.
-        for (i, &center) in points.iter().enumerate().rev() {
-            let radius = if i + 1 == points.len() { 5.0 } else { 2.5 };
-            self.marks.push(Mark::Disc {
-                center,
-                radius,
-                color,
-            });
-        }
-        let line = |points, width| Mark::Line {
-            points,
-            width,
-            color,
-        };
-        let strokes = strokes.iter().filter(|stroke| stroke.len() > 1);
-        self.marks
-            .extend(strokes.map(|stroke| line(stroke.clone(), STROKE)));
-        self.marks.push(line(points, JUMP));
+    /// Draws a flat disc around `center` [m] with a radius in pixels.
+    pub fn disc(&mut self, center: Vec3, radius: f64, color: Color) {
+        self.line(&[center; 2], 2.0 * radius, color);
     }
 
-    /// The picture of the scene, `width` by `height` pixels, 2 x 2 samples in each.
-    pub fn render(&self, camera: &Camera, width: usize, height: usize) -> Image {
-        let mut grid = Grid::new(width, height, self.background);
-        let view = camera.view(2 * width, 2 * height);
-        for item in &self.items {
-            let normals = item.mesh.vertex_normals();
-            let vertices = item.mesh.vertices.iter().zip(&normals).enumerate();
-            let vertices = vertices.map(|(i, (position, normal))| {
-                let mut position = view.project(position);
-                position[2] -= item.depth_bias as f32;
-                let color = match item.paint {
-                    Paint::Uniform(color) => color,
-                    Paint::PerVertex(colors) => colors[i],
-                };
-                Vertex {
-                    position,
-                    normal: view.rotate(normal).map(|x| x as f32),
-                    color: color.map(f32::from),
-                }
-            });
-            grid.mesh(vertices, &item.mesh.triangles);
+    /// Draws a flat line with round joints, `width` [px] wide, from each of the `points` [m] to
+    /// the next; those that are not finite interrupt it.
+    pub fn line(&mut self, points: &[Vec3], width: f64, color: Color) {
+        for pair in points.windows(2) {
+            let ends = [0, 1].map(|k| self.view.project(&pair[k]));
+            self.capsule(ends, width as f32, color);
         }
-        let place = |point: &Vec3| {
-            let [x, y, depth] = view.project(point);
-            [x, y, depth - self.mark_bias as f32]
+    }
+
+    /// Draws all samples within `radius` of the segment between `ends`, whose depth they take.
+    fn capsule(&mut self, [a, b]: [[f32; 3]; 2], radius: f32, color: Color) {
+        if ![a, b].as_flattened().iter().all(|x| x.is_finite()) {
+            return;
+        }
+        let span = |k: usize, limit: usize| {
+            centers(a[k].min(b[k]) - radius, limit)..centers(a[k].max(b[k]) + radius, limit)
         };
-        for mark in &self.marks {
-            // A radius of r pixels is 2 r samples, and so is a line that is 2 r wide.
-            match mark {
-                Mark::Disc {
-                    center,
-                    radius,
-                    color,
-                } => grid.capsule([place(center); 2], 2.0 * *radius as f32, *color),
-                Mark::Line {
-                    points,
-                    width,
-                    color,
-                } => {
-                    for pair in points.windows(2) {
-                        grid.capsule([place(&pair[0]), place(&pair[1])], *width as f32, *color);
-                    }
+        let (width, height) = (self.samples.width, self.samples.height);
+        let d = [b[0] - a[0], b[1] - a[1]];
+        let length_squared = (d[0] * d[0] + d[1] * d[1]).max(f32::MIN_POSITIVE);
+        for y in span(1, height) {
+            for x in span(0, width) {
+                let p = [x as f32 + 0.5 - a[0], y as f32 + 0.5 - a[1]];
+                let t = ((p[0] * d[0] + p[1] * d[1]) / length_squared).clamp(0.0, 1.0);
+                let q = [p[0] - t * d[0], p[1] - t * d[1]];
+                let depth = a[2] + t * (b[2] - a[2]) - MARK_BIAS;
+                let i = y * width + x;
+                if q[0] * q[0] + q[1] * q[1] <= radius * radius && depth < self.depth[i] {
+                    self.depth[i] = depth;
+                    self.samples.pixels[i] = color;
                 }
             }
         }
-        grid.resolve(light)
     }
+
+    /// Draws a path of strokes [m]: a disc on every point, the last one larger, a line along
+    /// each stroke, and a thin one from there to the next.
+    pub fn path(&mut self, strokes: &[Vec<Vec3>], color: Color) {
+        let points = strokes.concat();
+        for (i, &center) in points.iter().enumerate().rev() {
+            let radius = if i + 1 == points.len() { 5.0 } else { 2.5 };
+            self.disc(center, radius, color);
+        }
+        for stroke in strokes {
+            self.line(stroke, STROKE, color);
+        }
+        self.line(&points, JUMP, color);
+    }
+}
+
+/// Calls `paint(y, xs)` for those rows out of `height` and those columns out of `width` whose
+/// sample centres lie in triangle `p`.
+///
+/// Both triangles at an edge compute the same crossing of that edge with a row, and a
+/// centre on it belongs to the right one: no sample is drawn twice, none is left out.
+fn for_each_span(
+    mut p: [Vertex; 3],
+    width: usize,
+    height: usize,
+    mut paint: impl FnMut(usize, Range<usize>),
+) {
+    p.sort_unstable_by(|a, b| a[1].total_cmp(&b[1]));
+    let [top, middle, bottom] = p;
+    let edge = |a: Vertex, b: Vertex| {
+        let slope = (b[0] - a[0]) / (b[1] - a[1]);
+        move |y: f32| a[0] + (y - a[1]) * slope
+    };
+    let long = edge(top, bottom);
+    let (upper, lower) = (edge(top, middle), edge(middle, bottom));
+    for y in centers(top[1], height)..centers(bottom[1], height) {
+        let row = y as f32 + 0.5;
+        let short = match row < middle[1] {
+            true => upper(row),
+            false => lower(row),
+        };
+        let (left, right) = (long(row).min(short), long(row).max(short));
+        paint(y, centers(left, width)..centers(right, width));
+    }
+}
+
+/// Number of sample centres, out of `limit`, below coordinate `x`: the first one that is not.
+fn centers(x: f32, limit: usize) -> usize {
+    // The cast saturates.
+    ((x - 0.5).ceil() as usize).min(limit)
 }
 
 /// Brightness from 0 to 1 of a surface whose `normal` (right, up, towards the eye; of any
@@ -211,5 +240,4 @@ pub fn creased(mesh: &TriMesh) -> TriMesh {
 }
 
 #[cfg(test)]
-#[path = "drawing_tests.rs"]
 mod tests;

@@ -1,93 +1,57 @@
-use super::{Image, ReportError};
-use drape_cloth::file::write_atomic;
-use gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
+use super::Image;
+use drape_cloth::file::{WriteError, write_atomic};
+use gif::{DisposalMethod, Encoder, Frame, Repeat};
 use rayon::prelude::*;
-use std::io::Write;
+use std::error::Error;
+use std::io::{self, Write};
 use std::path::Path;
 
 /// Of NeuQuant, which chooses the 256 colours of a frame that has more: from 1, best, to 30.
 const QUANTISATION_SPEED: i32 = 10;
 
-/// Images that follow each other in an endless loop.
+/// Writes `images` of one size as an animated GIF which loops endlessly, atomically. Each is
+/// shown for `delay` and the last one for `hold` [1/100 s]; viewers show less than 2 as 10.
 ///
-/// All frames are kept until the film is saved, 0.5 MB each at 480 x 360 pixels.
-#[derive(Clone, Debug)]
-pub struct Film {
-    /// Images of equal size.
-    pub frames: Vec<Image>,
-    /// How long a frame is shown [1/100 s]. Viewers show less than 2 as 10.
-    pub delay: u16,
-    /// How long the last frame is shown [1/100 s].
-    pub hold: u16,
+/// A frame stores only what changed since the one before. The file depends on the images
+/// alone, not on the number of threads.
+pub fn save_gif(images: &[Image], delay: u16, hold: u16, path: &Path) -> Result<(), WriteError> {
+    write_atomic(path, |file| {
+        let bytes = gif(images, delay, hold).map_err(io::Error::other)?;
+        file.write_all(&bytes)
+    })
 }
 
-impl Film {
-    /// A film without frames that shows each for `delay` and the last one for `hold`
-    /// [1/100 s].
-    pub fn new(delay: u16, hold: u16) -> Self {
-        Self {
-            frames: Vec::new(),
-            delay,
-            hold,
-        }
+fn gif(images: &[Image], delay: u16, hold: u16) -> Result<Vec<u8>, Box<dyn Error + Send + Sync>> {
+    let size = |image: &Image| [image.width, image.height];
+    let expected = images.first().map_or([0; 2], size);
+    if let Some(image) = images.iter().find(|image| size(image) != expected) {
+        let found = size(image);
+        return Err(format!("found a frame of {found:?} pixels, expected {expected:?}").into());
     }
-
-    /// Writes the film as animated GIF, atomically. A frame stores only what changed since
-    /// the one before. The file depends on the frames alone, not on the number of threads.
-    pub fn save_gif(&self, path: &Path) -> Result<(), ReportError> {
-        let size = self.size(path)?;
-        let bytes = self.gif(size).map_err(|source| ReportError::Gif {
-            path: path.to_path_buf(),
-            source,
-        })?;
-        Ok(write_atomic(path, |file| file.write_all(&bytes))?)
+    let side = |side: usize| match u16::try_from(side) {
+        Ok(side) if side > 0 => Ok(side),
+        _ => Err(format!(
+            "found frames of {expected:?} pixels, expected 1 to 65535 each way"
+        )),
+    };
+    let mut bytes = Vec::new();
+    let mut encoder = Encoder::new(&mut bytes, side(expected[0])?, side(expected[1])?, &[])?;
+    encoder.set_repeat(Repeat::Infinite)?;
+    let encoded = images.par_iter().enumerate().map(|(i, image)| {
+        let mut frame = match i {
+            0 => whole(image),
+            _ => change(&images[i - 1], image),
+        };
+        frame.delay = if i + 1 == images.len() { hold } else { delay };
+        frame.dispose = DisposalMethod::Keep;
+        frame.make_lzw_pre_encoded();
+        frame
+    });
+    for frame in encoded.collect::<Vec<Frame>>() {
+        encoder.write_lzw_pre_encoded_frame(&frame)?;
     }
-
-    /// Width and height [px], the same for all frames.
-    fn size(&self, path: &Path) -> Result<[u16; 2], ReportError> {
-        let path = || path.to_path_buf();
-        let size = |image: &Image| [image.width, image.height];
-        let first = self.frames.first();
-        let expected = size(first.ok_or_else(|| ReportError::NoFrames { path: path() })?);
-        let fits = expected.map(|side| u16::try_from(side).ok().filter(|&side| side > 0));
-        let odd = self.frames.iter().position(|image| size(image) != expected);
-        match (fits, odd) {
-            ([Some(width), Some(height)], None) => Ok([width, height]),
-            (_, odd) => {
-                let frame = odd.unwrap_or(0);
-                Err(ReportError::FrameSize {
-                    path: path(),
-                    frame,
-                    found: size(&self.frames[frame]),
-                    expected,
-                })
-            }
-        }
-    }
-
-    fn gif(&self, [width, height]: [u16; 2]) -> Result<Vec<u8>, EncodingError> {
-        let last = self.frames.len() - 1;
-        let encoded = self.frames.par_iter().enumerate().map(|(i, image)| {
-            let mut frame = match i {
-                0 => whole(image),
-                _ => change(&self.frames[i - 1], image),
-            };
-            frame.delay = if i == last { self.hold } else { self.delay };
-            frame.dispose = DisposalMethod::Keep;
-            frame.make_lzw_pre_encoded();
-            frame
-        });
-        let encoded: Vec<Frame> = encoded.collect();
-
-        let mut bytes = Vec::new();
-        let mut encoder = Encoder::new(&mut bytes, width, height, &[])?;
-        encoder.set_repeat(Repeat::Infinite)?;
-        for frame in &encoded {
-            encoder.write_lzw_pre_encoded_frame(frame)?;
-        }
-        drop(encoder);
-        Ok(bytes)
-    }
+    drop(encoder);
+    Ok(bytes)
 }
 
 fn whole(image: &Image) -> Frame<'static> {
@@ -137,8 +101,8 @@ mod tests {
     const FIELD: Color = [30, 30, 32];
 
     /// A white square that moves to the right over a shaded field.
-    fn moving(count: usize) -> Film {
-        let mut film = Film::new(5, 150);
+    fn moving(count: usize) -> Vec<Image> {
+        let mut film = Vec::new();
         for step in 0..count {
             let mut image = Image::new(40, 30, FIELD);
             for y in 0..30 {
@@ -147,22 +111,22 @@ mod tests {
             for y in 10..14 {
                 image.pixels[y * 40 + 4 + 3 * step..][..4].fill([255; 3]);
             }
-            film.frames.push(image);
+            film.push(image);
         }
         film
     }
 
-    fn save(film: &Film) -> Result<Vec<u8>, ReportError> {
+    fn save(film: &[Image]) -> Result<Vec<u8>, WriteError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("film.gif");
-        film.save_gif(&path)?;
+        save_gif(film, 5, 150, &path)?;
         Ok(std::fs::read(&path).unwrap())
     }
 
     #[test]
     fn decodes_to_the_frames() {
         let mut film = moving(6);
-        film.frames.push(film.frames[5].clone());
+        film.push(film[5].clone());
         let bytes = save(&film).unwrap();
         let mut options = gif::DecodeOptions::new();
         options.set_color_output(gif::ColorOutput::RGBA);
@@ -180,7 +144,7 @@ mod tests {
                     screen[y * 40 + x].copy_from_slice(&pixel[..3]);
                 }
             }
-            let expected = &film.frames[delays.len()].pixels;
+            let expected = &film[delays.len()].pixels;
             // Fewer than 256 colours: all are exact.
             assert!(screen == *expected, "frame {}", delays.len());
             delays.push(frame.delay);
@@ -216,24 +180,20 @@ mod tests {
     }
 
     #[test]
-    fn unusable_films_are_located_errors() {
-        let error = save(&Film::new(5, 5)).unwrap_err();
-        assert!(matches!(error, ReportError::NoFrames { .. }));
-
-        let mut film = moving(3);
-        film.frames[2] = Image::new(40, 31, FIELD);
-        let message = save(&film).unwrap_err().to_string();
-        assert!(
-            message.starts_with("frame 2 of ") && message.contains("40 x 31"),
-            "{message}"
-        );
-
-        film.frames = vec![Image::new(70_000, 1, FIELD)];
-        let error = save(&film).unwrap_err();
-        assert!(matches!(error, ReportError::FrameSize { frame: 0, .. }));
-
-        let missing = Path::new("/nowhere/at/all/film.gif");
-        let error = moving(2).save_gif(missing).unwrap_err();
-        assert!(error.to_string().contains("/nowhere/at/all/film.gif"));
+    fn unusable_films_are_errors_that_name_the_file_and_the_size() {
+        let mut mixed = moving(3);
+        mixed[2] = Image::new(40, 31, FIELD);
+        for (film, size) in [
+            (mixed, "[40, 31]"),
+            (vec![Image::new(70_000, 1, FIELD)], "[70000, 1]"),
+            (Vec::new(), "[0, 0]"),
+        ] {
+            let error = save(&film).unwrap_err();
+            let cause = std::error::Error::source(&error).unwrap().to_string();
+            assert!(
+                error.to_string().ends_with("film.gif") && cause.contains(size),
+                "{cause}"
+            );
+        }
     }
 }

@@ -1,16 +1,19 @@
-use super::{Color, Image, font};
+use super::image::PX;
+use super::legend::{self, Entry, Key};
+use super::{Color, Image, text};
+use plotters::prelude::*;
+use plotters::style::Color as _;
+use plotters::style::text_anchor::HPos;
 
-/// Width and height of a tile [px].
-const TILE: [i32; 2] = [62, 30];
-const EDGE: i32 = 18;
-/// Sizes of the em [px].
-const TITLE: f32 = 17.0;
-const TEXT: f32 = 13.0;
-const SMALL: f32 = 11.5;
-/// Height of a line of text [px].
-const LINE: i32 = 22;
-/// Side of a sample in the legend [px].
-const SAMPLE: i32 = 14;
+/// Width and height of a tile, in samples as all lengths here.
+const TILE: [i32; 2] = [62 * PX, 30 * PX];
+const EDGE: i32 = 18 * PX;
+/// Height of a line of text.
+const LINE: i32 = 22 * PX;
+/// Sizes of the em.
+const TITLE: f64 = (17 * PX) as f64;
+const TEXT: f64 = (13 * PX) as f64;
+const SMALL: f64 = (12 * PX) as f64;
 
 const INK: Color = [45, 48, 54];
 
@@ -43,97 +46,84 @@ impl HeatMap {
     /// The map as a picture, as large as its tiles and texts need.
     pub fn image(&self) -> Image {
         let [columns, rows] = [self.x_ticks.len(), self.y_ticks.len()].map(|n| n as i32);
-        let tick_width = self.y_ticks.iter().map(|t| width(t, TEXT)).max();
-        let left = EDGE + tick_width.unwrap_or(0).max(width(&self.y_label, TEXT) / 3) + 10;
-        let top = EDGE + 2 * LINE + 8;
-        let bottom = top + rows * TILE[1];
-
-        let legend_top = bottom + 2 * LINE + 12;
-        let texts = [
-            EDGE + width(&self.title, TITLE),
-            EDGE + width(&self.y_label, TEXT),
-            left + (columns * TILE[0]).max(width(&self.x_label, TEXT)),
-            // Legends break into rows, but single entries do not.
-            self.legend
-                .iter()
-                .map(|(text, _)| EDGE + entry_width(text))
-                .max()
-                .unwrap_or(0),
+        let tick_width = self
+            .y_ticks
+            .iter()
+            .map(|tick| text::width(tick, TEXT))
+            .max();
+        // Tiles begin and end between pixels.
+        let left = (EDGE + tick_width.unwrap_or(0) + 10 * PX) / PX * PX;
+        let bottom = EDGE + 5 * LINE / 2 + rows * TILE[1];
+        let entries = self.legend.iter().map(|(text, color)| Entry {
+            text,
+            color: *color,
+            key: Key::Square,
+        });
+        let entries: Vec<_> = entries.collect();
+        // Legends break into rows, but single entries do not.
+        let widest = entries.iter().map(|entry| EDGE + entry.width()).max();
+        let right = [
+            EDGE + text::width(&self.title, TITLE),
+            EDGE + text::width(&self.y_label, TEXT),
+            left + (columns * TILE[0]).max(text::width(&self.x_label, TEXT)),
+            widest.unwrap_or(0),
         ];
-        let right = texts.into_iter().max().unwrap_or(0) + EDGE;
-        let entries = self.place_legend(legend_top, right);
-        let end = entries.last().map_or(legend_top, |&[_, y]| y + LINE);
+        let right = right.into_iter().max().unwrap_or(0);
+        let (places, height) = legend::places(&entries, EDGE, right);
+        let legend_top = bottom + 5 * LINE / 2;
 
-        let mut image = Image::new(right as usize, (end + EDGE) as usize, [255; 3]);
-        image.label([EDGE, EDGE], &self.title, TITLE, INK);
-        image.label([EDGE, EDGE + LINE + 6], &self.y_label, TEXT, INK);
-        for (index, tile) in self.tiles.iter().enumerate() {
-            let index = index as i32;
-            let (column, row) = (index % columns.max(1), index / columns.max(1));
-            if columns == 0 || row >= rows {
-                break;
-            }
-            let corner = [left + column * TILE[0], bottom - (row + 1) * TILE[1]];
-            fill(&mut image, corner, [TILE[0] - 1, TILE[1] - 1], tile.color);
-            let middle = [corner[0] + TILE[0] / 2, corner[1] + TILE[1] / 2];
-            centred(&mut image, middle, &tile.text, SMALL, contrast(tile.color));
-        }
-        for (row, tick) in self.y_ticks.iter().enumerate() {
-            let y = bottom - row as i32 * TILE[1] - TILE[1] / 2;
-            let x = left - 8 - width(tick, TEXT);
-            image.label([x, y - cap(TEXT) / 2], tick, TEXT, INK);
-        }
-        for (column, tick) in self.x_ticks.iter().enumerate() {
-            let x = left + column as i32 * TILE[0] + TILE[0] / 2;
-            centred(&mut image, [x, bottom + 12], tick, TEXT, INK);
-        }
-        image.label([left, bottom + 12 + LINE - 4], &self.x_label, TEXT, INK);
-        for ((text, color), [x, y]) in self.legend.iter().zip(entries) {
-            fill(&mut image, [x, y], [SAMPLE; 2], *color);
-            image.label([x + SAMPLE + 6, y + 2], text, TEXT, INK);
-        }
-        image
-    }
-
-    /// Upper left corners of the entries of the legend, in rows from `top` that end before
-    /// `right`.
-    fn place_legend(&self, top: i32, right: i32) -> Vec<[i32; 2]> {
-        let (mut x, mut y) = (EDGE, top);
-        let place = |(text, _): &(String, Color)| {
-            let width = entry_width(text);
-            if x > EDGE && x + width > right - EDGE {
-                (x, y) = (EDGE, y + LINE);
-            }
-            let at = [x, y];
-            x += width + 18;
-            at
+        let size = [right + EDGE, legend_top + height + EDGE].map(|side| (side / PX * PX) as usize);
+        let mut image = Image::new(size[0], size[1], [255; 3]);
+        let area = image.area();
+        let write = |text: &str, at: [i32; 2], em: f64, anchor: HPos| {
+            text::draw(&area, text, at, em, INK, anchor);
         };
-        self.legend.iter().map(place).collect()
-    }
-}
-
-fn entry_width(text: &str) -> i32 {
-    SAMPLE + 6 + width(text, TEXT)
-}
-
-fn width(text: &str, size: f32) -> i32 {
-    font::text_width(text, size).ceil() as i32
-}
-
-fn cap(size: f32) -> i32 {
-    font::cap_height(size).round() as i32
-}
-
-fn centred(image: &mut Image, [x, y]: [i32; 2], text: &str, size: f32, color: Color) {
-    let corner = [x - width(text, size) / 2, y - cap(size) / 2];
-    image.label(corner, text, size, color);
-}
-
-fn fill(image: &mut Image, [x, y]: [i32; 2], [width, height]: [i32; 2], color: Color) {
-    for y in y..y + height {
-        for x in x..x + width {
-            image.blend(x, y, color, 1.0);
+        write(&self.title, [EDGE, EDGE + LINE / 3], TITLE, HPos::Left);
+        write(&self.y_label, [EDGE, EDGE + 5 * LINE / 3], TEXT, HPos::Left);
+        write(
+            &self.x_label,
+            [left, bottom + 5 * LINE / 3],
+            TEXT,
+            HPos::Left,
+        );
+        let center = |column: i32, row: i32| {
+            [
+                left + column * TILE[0] + TILE[0] / 2,
+                bottom - row * TILE[1] - TILE[1] / 2,
+            ]
+        };
+        for (row, tick) in (0..).zip(&self.y_ticks) {
+            write(tick, [left - 8 * PX, center(0, row)[1]], TEXT, HPos::Right);
         }
+        for (column, tick) in (0..).zip(&self.x_ticks) {
+            write(
+                tick,
+                [center(column, 0)[0], bottom + 2 * LINE / 3],
+                TEXT,
+                HPos::Center,
+            );
+        }
+        let cells = (0..rows).flat_map(|row| (0..columns).map(move |column| center(column, row)));
+        for (tile, [x, y]) in self.tiles.iter().zip(cells) {
+            let corner = (x - TILE[0] / 2, y - TILE[1] / 2);
+            let opposite = (corner.0 + TILE[0] - PX - 1, corner.1 + TILE[1] - PX - 1);
+            let [r, g, b] = tile.color;
+            let rectangle = Rectangle::new([corner, opposite], RGBColor(r, g, b).filled());
+            area.draw(&rectangle).expect("memory takes all pixels");
+            text::draw(
+                &area,
+                &tile.text,
+                [x, y],
+                SMALL,
+                contrast(tile.color),
+                HPos::Center,
+            );
+        }
+        for (entry, [x, y]) in entries.iter().zip(places) {
+            legend::draw(&area, entry, [x, legend_top + y], INK);
+        }
+        drop(area);
+        image.reduced(PX as usize)
     }
 }
 
@@ -185,12 +175,13 @@ mod tests {
         map.tiles[5] = tile(BLUE);
         let image = map.image();
         let [red, blue] = [RED, BLUE].map(|color| places(&image, color));
-        let size = ((TILE[0] - 1) * (TILE[1] - 1)) as usize;
+        let tile = TILE.map(|side| (side / PX) as usize);
+        let size = (tile[0] - 1) * (tile[1] - 1);
         assert_eq!((red.len(), blue.len()), (size, size));
-        assert_eq!(blue[0][0] - red[0][0], 2 * TILE[0] as usize);
-        assert_eq!(red[0][1] - blue[0][1], TILE[1] as usize);
+        assert_eq!(blue[0][0] - red[0][0], 2 * tile[0]);
+        assert_eq!(red[0][1] - blue[0][1], tile[1]);
         for color in [[1, 2, 3], [4, 5, 6]] {
-            assert_eq!(places(&image, color).len(), (SAMPLE * SAMPLE) as usize);
+            assert!(places(&image, color).len() > 100);
         }
     }
 
@@ -204,8 +195,8 @@ mod tests {
             let column = image.pixels.iter().skip(x).step_by(image.width);
             column.filter(|&&pixel| pixel != [255; 3]).count()
         };
-        assert!((image.width - EDGE as usize..image.width).all(|x| ink(x) == 0));
-        assert!(ink(image.width - 2 * EDGE as usize) > 0);
+        assert!((image.width - EDGE as usize / PX as usize..image.width).all(|x| ink(x) == 0));
+        assert!(ink(image.width - 2 * EDGE as usize / PX as usize) > 0);
         for (columns, rows) in [(0, 0), (0, 3), (3, 0)] {
             let mut empty = map(columns, rows);
             empty.tiles = vec![tile(RED); 4];

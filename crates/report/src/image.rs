@@ -1,11 +1,21 @@
-use super::color::mix;
-use super::{BACKGROUND, Color, ReportError, font};
-use drape_cloth::file::write_atomic;
-use std::io::Write;
+use super::text::{self, Area};
+use super::{BACKGROUND, Color, ColorMap};
+use drape_cloth::file::{WriteError, write_atomic};
+use plotters::prelude::*;
+use plotters::style::text_anchor::HPos;
 use std::path::Path;
 
 /// Pixels between images that stand beside each other.
 const GAP: usize = 6;
+/// Samples per pixel each way of what plotters draws, so that strokes and letters are smooth.
+pub(super) const PX: i32 = 3;
+
+/// Em size of the texts of a colour bar, height of the bar, and of the strip that holds title,
+/// bar and ticks [px].
+const BAR_EM: f32 = 15.0;
+const BAR: i32 = 14;
+const BAR_STRIP: usize = 66;
+const BAR_INK: Color = [232, 232, 228];
 
 /// A picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,45 +55,80 @@ impl Image {
         all
     }
 
-    /// Writes `text` with its upper left corner (of a capital letter) at `at` = (x, y) [px];
-    /// `size` is the em size [px]. What does not fit the image is cut off.
-    pub fn label(&mut self, at: [i32; 2], text: &str, size: f32, color: Color) {
-        let baseline = at[1] + font::cap_height(size).round() as i32;
-        font::draw_text(text, size, |x, y, coverage| {
-            self.blend(at[0] + x, baseline + y, color, coverage.into());
-        });
+    /// The image with a strip below that says what colours mean: a bar of the whole `map` over
+    /// `ticks` at even steps, and a `title` with the unit.
+    pub fn with_color_bar(&self, map: ColorMap, title: &str, ticks: &[String]) -> Image {
+        let mut all = Image::new(self.width, self.height + BAR_STRIP, BACKGROUND);
+        all.pixels[..self.pixels.len()].copy_from_slice(&self.pixels);
+        let em = f64::from(BAR_EM);
+        // Ticks at the ends stick out by half of their width.
+        let widths = ticks.iter().map(|tick| text::width(tick, em));
+        let left = BAR + widths.max().unwrap_or(0) / 2;
+        let top = self.height as i32 + 8;
+        all.label([BAR, top], title, BAR_EM, BAR_INK);
+        let length = (self.width as i32 - 2 * left).max(0);
+        all.gradient([left, top + 20], [length, BAR], map);
+        for (k, tick) in (0..).zip(ticks) {
+            let x = left + length * k / (ticks.len() as i32 - 1).max(1);
+            let place = [x - text::width(tick, em) / 2, top + 26 + BAR];
+            all.label(place, tick, BAR_EM, BAR_INK);
+        }
+        all
     }
 
-    /// Lays `color` over a pixel with opacity `alpha`; nothing happens outside the image.
-    pub(super) fn blend(&mut self, x: i32, y: i32, color: Color, alpha: f64) {
-        let (Ok(x), Ok(y)) = (usize::try_from(x), usize::try_from(y)) else {
-            return;
-        };
-        if x < self.width && y < self.height {
-            let pixel = &mut self.pixels[y * self.width + x];
-            *pixel = mix(*pixel, color, alpha.clamp(0.0, 1.0));
+    /// Fills a rectangle with all colours of `map` from left to right; what does not fit the
+    /// image is cut off.
+    pub fn gradient(&mut self, [left, top]: [i32; 2], [width, height]: [i32; 2], map: ColorMap) {
+        let area = self.area();
+        for x in 0..width {
+            let [r, g, b] = map.at(f64::from(x) / f64::from((width - 1).max(1)));
+            let column = [(left + x, top), (left + x, top + height - 1)];
+            area.draw(&PathElement::new(column, RGBColor(r, g, b)))
+                .expect("memory takes all pixels");
         }
     }
 
-    /// Writes the image as PNG, atomically.
-    pub fn save_png(&self, path: &Path) -> Result<(), ReportError> {
-        let bytes = self.png().map_err(|source| ReportError::Png {
-            path: path.to_path_buf(),
-            source,
-        })?;
-        Ok(write_atomic(path, |file| file.write_all(&bytes))?)
+    /// Writes `text` with its upper left corner (of a capital letter) at `at` = (x, y) [px];
+    /// `size` is the em size [px]. What does not fit the image is cut off.
+    pub fn label(&mut self, [x, y]: [i32; 2], text: &str, size: f32, color: Color) {
+        let em = f64::from(size);
+        let middle = y + text::capital(em) / 2;
+        text::draw(&self.area(), text, [x, middle], em, color, HPos::Left);
     }
 
-    fn png(&self) -> Result<Vec<u8>, png::EncodingError> {
-        let side = |n: usize| u32::try_from(n).map_err(|_| png::EncodingError::LimitsExceeded);
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, side(self.width)?, side(self.height)?);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(self.pixels.as_flattened())?;
-        writer.finish()?;
-        Ok(bytes)
+    /// The image for plotters to draw on.
+    pub(super) fn area(&mut self) -> Area<'_> {
+        let size = (self.width as u32, self.height as u32);
+        BitMapBackend::with_buffer(self.pixels.as_flattened_mut(), size).into_drawing_area()
+    }
+
+    /// The image with each `factor` x `factor` pixels averaged; a rest is left out.
+    pub(super) fn reduced(&self, factor: usize) -> Image {
+        let mut image = Image::new(self.width / factor, self.height / factor, [0; 3]);
+        for (i, pixel) in image.pixels.iter_mut().enumerate() {
+            let [x, y] = [i % image.width, i / image.width].map(|at| at * factor);
+            let mut sum = [0; 3];
+            for row in y..y + factor {
+                for sample in &self.pixels[row * self.width + x..][..factor] {
+                    sum = std::array::from_fn(|c| sum[c] + usize::from(sample[c]));
+                }
+            }
+            let count = factor * factor;
+            *pixel = sum.map(|sum| ((sum + count / 2) / count) as u8);
+        }
+        image
+    }
+
+    /// Writes the image as PNG, atomically.
+    pub fn save_png(&self, path: &Path) -> Result<(), WriteError> {
+        write_atomic(path, |file| {
+            let [width, height] = [self.width, self.height].map(|side| side as u32);
+            let mut encoder = png::Encoder::new(file, width, height);
+            encoder.set_color(png::ColorType::Rgb);
+            let mut writer = encoder.write_header()?;
+            writer.write_image_data(self.pixels.as_flattened())?;
+            Ok(writer.finish()?)
+        })
     }
 }
 
@@ -115,7 +160,6 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("nothing.png");
         let error = Image::beside(&[]).save_png(&path).unwrap_err();
-        assert!(matches!(error, ReportError::Png { .. }));
         assert!(error.to_string().contains("nothing.png"));
         assert!(!path.exists());
     }
@@ -145,5 +189,23 @@ mod tests {
         assert!(image == before);
         image.label([50, 35], "Cut off", 30.0, [255; 3]);
         assert!(image != before);
+    }
+
+    #[test]
+    fn color_bar_has_all_colours_below_an_unchanged_picture() {
+        let image = Image::new(400, 50, [1, 2, 3]);
+        let ticks = ["-5", "0", "5"].map(String::from);
+        let bar = |image: &Image| image.with_color_bar(ColorMap::Deviation, "d [mm]", &ticks);
+        let all = bar(&image);
+        assert_eq!((all.width, all.height), (400, 50 + BAR_STRIP));
+        assert_eq!(all.pixels[..image.pixels.len()], image.pixels);
+        for t in [0.0, 0.5, 1.0] {
+            let color = ColorMap::Deviation.at(t);
+            let near = |p: &&Color| (0..3).all(|c| p[c].abs_diff(color[c]) < 3);
+            let count = all.pixels.iter().filter(near).count();
+            assert!(count >= BAR as usize, "{t}");
+        }
+        // Too narrow for a bar: no panic.
+        assert_eq!(bar(&Image::new(9, 3, [0; 3])).width, 9);
     }
 }

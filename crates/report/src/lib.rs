@@ -1,9 +1,9 @@
 //! Pictures, curves and films, drawn on the CPU without display, driver or system font.
 //!
 //! A [`Drawing`] of meshes and marks seen by a [`Camera`] becomes an [`Image`]; images stand
-//! beside each other, carry labels, and follow each other in a [`Film`]. A [`Chart`] draws
-//! curves, a [`HeatMap`] a table of tiles, a [`ColorBar`] what colours mean. Files are written atomically: whoever looks sees the
-//! old file or the new one.
+//! beside each other, carry labels and what their colours mean, and follow each other in a film
+//! ([`save_gif`]). A [`Chart`] draws curves, a [`HeatMap`] a table of tiles. Files are written
+//! atomically: whoever looks sees the old file or the new one.
 //!
 //! The rasteriser knows opaque, diffusely lit triangles under an orthographic camera: no
 //! shadows, textures, transparency or perspective. Colours are 8-bit sRGB and are averaged
@@ -12,25 +12,20 @@
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
 #![allow(rustdoc::broken_intra_doc_links)]
 
-mod bar;
 mod camera;
-mod canvas;
 mod chart;
 mod color;
 mod drawing;
-mod error;
 mod film;
-mod font;
 mod heat;
 mod image;
-mod raster;
+mod legend;
+mod text;
 
-pub use bar::ColorBar;
 pub use camera::Camera;
 pub use chart::{Chart, Level, Scale, Series};
 pub use color::{BACKGROUND, CLOTH, Color, ColorMap, DRAPED, PATH, SERIES, TOOL, TOUCHED};
-pub use drawing::{CLOTH_BIAS, Drawing, Item, Mark, Paint, creased};
-pub use error::ReportError;
-pub use film::Film;
+pub use drawing::{CLOTH_BIAS, Drawing, creased};
+pub use film::save_gif;
 pub use heat::{HeatMap, Tile};
 pub use image::Image;

@@ -12,7 +12,7 @@ use drape_cloth::file::ValueError;
 use drape_cloth::mesh::compare::SheetError;
 use drape_cloth::scene::{SceneConfig, SceneError};
 use drape_cloth::twin::Diverged;
-use drape_report::{Chart, Image, ReportError};
+use drape_report::{Chart, Image};
 use drape_task::env::{EnvConfig, EnvError};
 
 /// A study: its options are its fields.
@@ -119,13 +119,9 @@ impl Report {
         self.file(name, move |path| image.save_png(path));
     }
 
-    /// Adds a chart, as PNG and SVG.
+    /// Adds a chart, as PNG.
     pub fn chart(&mut self, name: &str, chart: Chart) {
-        for extension in ["png", "svg"] {
-            let chart = chart.clone();
-            let write = move |path: &Path| -> Result<(), ReportError> { chart.save(path) };
-            self.file(format!("{name}.{extension}"), write);
-        }
+        self.image(format!("{name}.png"), chart.image());
     }
 }
 

@@ -42,7 +42,7 @@ use settings::{Around, Setting, converged, settings, stepped};
 /// Measure what accuracy costs: CPU time of an environment step against error, over solver,
 /// rates, precision, press, mesh, tool grid and physics
 ///
-/// Writes tradeoff.png and .svg too, which show cost against error with the presets marked. The
+/// Writes tradeoff.png too, which shows cost against error with the presets marked. The
 /// region is a corner of the built-in scene, the whole blank of another one if not given.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:

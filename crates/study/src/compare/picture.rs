@@ -6,9 +6,7 @@ use super::{Comparison, Surveyed};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::tool::Tool;
-use drape_report::{
-    CLOTH_BIAS, Camera, Color, ColorBar, ColorMap, Drawing, Image, Mark, PATH, Paint, TOOL, creased,
-};
+use drape_report::{CLOTH_BIAS, Camera, Color, ColorMap, Drawing, Image, PATH, TOOL, creased};
 
 /// Width and height of each view [px].
 const SIZE: [usize; 2] = [760, 600];
@@ -49,31 +47,25 @@ pub fn deviation(
     let outline = region.map_or(Vec::new(), |region| outline(a, region));
 
     let views = [Camera::isometric(bounds), Camera::top(bounds)].map(|camera| {
-        let mut picture = Drawing::default();
+        let mut picture = Drawing::new(&camera, SIZE);
         if let Some(tool) = &tool {
-            picture.add(tool, Paint::Uniform(TOOL), 0.0);
+            picture.mesh(tool, |_| TOOL, 0.0);
         }
-        picture.add(&a.mesh, Paint::PerVertex(&colors), CLOTH_BIAS);
-        picture
-            .marks
-            .extend(outline.iter().map(|points| Mark::Line {
-                points: points.to_vec(),
-                width: LINE,
-                color: PATH,
-            }));
-        picture.render(&camera, SIZE[0], SIZE[1])
+        picture.mesh(&a.mesh, |v| colors[v], CLOTH_BIAS);
+        for points in &outline {
+            picture.line(points, LINE, PATH);
+        }
+        picture.image()
     });
-    let bar = ColorBar {
-        map: ColorMap::Deviation,
-        low: -range,
-        high: range,
-        exceeded: [
-            deviations.iter().any(|d| *d < -range),
-            deviations.iter().any(|d| *d > range),
-        ],
-        title: "signed distance of A from B [mm], positive on B's upper side".into(),
-    };
-    bar.below(&Image::beside(&views))
+    let mut ticks = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|share| format!("{}", share * range));
+    if deviations.iter().any(|d| *d < -range) {
+        ticks[0].insert_str(0, "≤ ");
+    }
+    if deviations.iter().any(|d| *d > range) {
+        ticks[4].insert_str(0, "≥ ");
+    }
+    let title = "signed distance of A from B [mm], positive on B's upper side";
+    Image::beside(&views).with_color_bar(ColorMap::Deviation, title, &ticks)
 }
 
 /// Edges of the draped mesh between triangles inside and outside of the region.
