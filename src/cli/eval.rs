@@ -1,24 +1,24 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::anyhow;
+use anyhow::{Context, anyhow};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
 use super::output::OutFolder;
-use super::result::{BASELINE_SEED, Episodes, Recorder, rollout_failure};
+use super::result::{Episodes, Recorder, rollout_failure};
 use super::scene::set_up;
 use crate::run::{
-    Checkpoint, EpisodeSummary, PlayedEpisode, Rules, RunConfig, RunFolder, parallel_episodes,
-    play, replay,
+    Checkpoint, EpisodeSummary, PlayedEpisode, Rules, RunConfig, RunFolder, config_digest,
+    parallel_episodes, play, random_episodes, replay,
 };
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Accuracy, Solver};
-use drape_learn::ppo::{Agent, Sampling};
+use drape_learn::ppo::{Agent, NETWORK, Sampling, read_section};
 use drape_task::env::{Draping, EnvConfig, Tasks};
 
 /// Roll out a trained policy and compare it with the random one
@@ -137,7 +137,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
         Drape::new(&scene.lamina, &played.end.position).write(file)?;
     }
 
-    let random = Episodes::random(scene, env, args.episodes, BASELINE_SEED)?;
+    let random = random_episodes(scene, env, args.episodes)?;
+    let random = Episodes::new("random", args.episodes, random)?;
     let sampled = match (&agent, args.sample) {
         (Some(agent), true) => Some(sampled(agent, scene, env, args.episodes)?),
         _ => None,
@@ -231,9 +232,14 @@ impl Loaded {
         let (played, agent) = match source {
             Source::Sequence => {
                 let best = self.folder.read_best_sequence()?;
-                let config = self.config.to_toml();
-                best.validate_config(&config)
-                    .or_invalid_in(self.folder.best_sequence().display())?;
+                let digest = config_digest(&self.folder.config_text()?);
+                if best.config_digest != digest {
+                    return Err(Failure::invalid(anyhow!(
+                        "{}: found in the configuration with digest {}, this one has {digest}",
+                        place.display(),
+                        best.config_digest
+                    )));
+                }
                 let rules = match self.changed {
                     true => Rules::Robot,
                     false => Rules::Episode,
@@ -277,22 +283,18 @@ impl Loaded {
             )));
         }
         let checkpoint = Checkpoint::load(&path)?;
-        let fail = |reason: String| anyhow!("{}: {reason}", path.display());
-        if checkpoint.config != self.config.to_toml() {
-            let config = self.folder.config();
-            let reason = format!(
-                "written for another configuration than {}",
-                config.display()
-            );
-            return Err(Failure::invalid(fail(reason)));
+        if !self.config.is_read_from(&checkpoint.config) {
+            return Err(Failure::invalid(anyhow!(
+                "{}: written for another configuration than {}",
+                path.display(),
+                self.folder.config().display()
+            )));
         }
         let config = &self.config;
         let mut agent =
             Agent::new(&config.policy, draping.shape(), config.seed, config.device).or_invalid()?;
-        let section = checkpoint
-            .section("network")
-            .map_err(|e| fail(e.to_string()))?;
-        agent.load(section).map_err(|e| fail(e.to_string()))?;
+        read_section(&checkpoint.sections, NETWORK, |bytes| agent.load(bytes))
+            .with_context(|| path.display().to_string())?;
         Ok(agent)
     }
 }
@@ -310,7 +312,7 @@ fn sampled(
         };
         streams.iter_mut().enumerate().map(act).collect()
     };
-    let episodes = parallel_episodes(scene, env, count, BASELINE_SEED, choose)?;
+    let episodes = parallel_episodes(scene, env, count, choose)?;
     Episodes::new("sampled", count, episodes)
 }
 

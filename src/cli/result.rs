@@ -1,7 +1,6 @@
 //! What a run is measured against, and the files that show what it has found.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use serde::Serialize;
 
@@ -12,7 +11,6 @@ use crate::run::{
     random_episodes, read_metrics, replay,
 };
 use drape_cloth::math::mean_and_deviation;
-use drape_cloth::scene::Scene;
 use drape_cloth::sim::Snapshot;
 use drape_report::{Chart, Level, SERIES, Series};
 use drape_task::env::{Draping, EnvConfig};
@@ -20,8 +18,6 @@ use drape_task::path::{DrapingPoint, PressedPoint, stroke_points, strokes, write
 
 /// Random episodes that a training is compared with.
 const BASELINE_EPISODES: usize = 32;
-/// Seed of the random episodes: every run is compared with the same.
-pub(super) const BASELINE_SEED: u64 = 0;
 /// Frames of a film, at most.
 const FRAMES: usize = 120;
 const PICTURE_SIZE: [usize; 2] = [720, 620];
@@ -41,17 +37,6 @@ pub(super) struct Episodes {
 }
 
 impl Episodes {
-    /// `count` episodes of the masked random policy.
-    pub fn random(
-        scene: &Arc<Scene>,
-        config: &EnvConfig,
-        count: usize,
-        seed: u64,
-    ) -> Result<Self, Failure> {
-        let episodes = random_episodes(scene, config, count, seed)?;
-        Self::new("random", count, episodes)
-    }
-
     /// Those `episodes` of `count` that have not diverged. Fails if all have.
     pub fn new(policy: &str, count: usize, episodes: Vec<EpisodeSummary>) -> Result<Self, Failure> {
         if episodes.is_empty() {
@@ -81,8 +66,9 @@ pub(super) fn baseline(training: &Training, json: bool) -> Result<Episodes, Fail
     if !json {
         eprintln!("playing {BASELINE_EPISODES} random episodes for comparison");
     }
-    let config = &training.config().env;
-    Episodes::random(training.scene(), config, BASELINE_EPISODES, BASELINE_SEED)
+    let (scene, config) = (training.scene(), &training.config().env);
+    let episodes = random_episodes(scene, config, BASELINE_EPISODES)?;
+    Episodes::new("random", BASELINE_EPISODES, episodes)
 }
 
 /// Writes curve, trajectory, pictures and film of a training that is complete.
@@ -92,6 +78,13 @@ pub(super) fn write(training: &Training, baseline: &Episodes, json: bool) -> Res
         eprintln!("drawing pictures");
     }
     reward_curve(folder, baseline)?;
+    if training.best_score().is_none() {
+        eprintln!(
+            "warning: no episode came to its own end, so there is no best sequence to draw: raise \
+             `steps` or `env.max_steps`"
+        );
+        return Ok(());
+    }
     let sequence = folder.read_best_sequence()?;
     let mut draping = Draping::new(training.scene().clone(), &training.config().env, 1)?;
     let mut recorder = Recorder::default();

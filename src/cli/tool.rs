@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use anyhow::{Context, Error, anyhow};
 use clap::ValueEnum;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 use super::Failure;
 use super::failure::OrInvalid;
@@ -24,7 +23,7 @@ pub(super) const GRID_SAMPLES: usize = 20_000;
 pub struct Args {
     /// Shape of the tool
     #[arg(value_enum)]
-    shape: Kind,
+    shape: ShapeName,
 
     /// Replaces a value of the shape, in TOML; an unknown KEY lists the valid ones
     #[arg(long = "set", value_name = "KEY=VALUE")]
@@ -44,7 +43,7 @@ pub struct Args {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Kind {
+enum ShapeName {
     /// Rib with a curved crest across a plate
     Rib,
     /// Hemisphere on a plate
@@ -100,7 +99,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
 }
 
-impl Kind {
+impl ShapeName {
     /// The shape with the values of `set` in place of its own.
     fn with(self, set: &[String]) -> Result<Shape, Error> {
         let mut table = toml::Table::new();
@@ -116,19 +115,15 @@ impl Kind {
                 return Err(anyhow!("--set {key} is given twice"));
             }
         }
-        Ok(match self {
-            Self::Rib => Shape::Rib(read(table)?),
-            Self::Hemisphere => Shape::Hemisphere(read(table)?),
-            Self::DoubleDome => Shape::DoubleDome(read(table)?),
-            Self::Plate => Shape::Plate(read(table)?),
-            Self::Cylinder => Shape::Cylinder(read(table)?),
-            Self::Incline => Shape::Incline(read(table)?),
-        })
+        let name = self.to_possible_value().expect("no shape is hidden");
+        if table
+            .insert("kind".into(), name.get_name().into())
+            .is_some()
+        {
+            return Err(anyhow!("--set kind: give the shape before the options"));
+        }
+        table.try_into().context("--set")
     }
-}
-
-fn read<T: DeserializeOwned>(table: toml::Table) -> Result<T, Error> {
-    table.try_into().context("--set")
 }
 
 impl Report {

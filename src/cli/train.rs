@@ -46,7 +46,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,
 
-    /// Where the networks are computed: flex, ndarray or gpu
+    /// Where the networks are computed: flex or gpu
     #[arg(long, value_parser = device, conflicts_with = "resume")]
     device: Option<DeviceKind>,
 
@@ -67,9 +67,8 @@ pub struct Args {
 fn device(name: &str) -> Result<DeviceKind, String> {
     match name {
         "flex" => Ok(DeviceKind::Flex),
-        "ndarray" => Ok(DeviceKind::Ndarray),
         "gpu" => Ok(DeviceKind::Gpu),
-        _ => Err("expected flex, ndarray or gpu".into()),
+        _ => Err("expected flex or gpu".into()),
     }
 }
 
@@ -199,10 +198,7 @@ fn begin(args: &Args) -> Result<Training, Failure> {
 
     let info = RunInfo::new(config.seed, SystemTime::now());
     let text = config.to_toml();
-    let folder = match &args.name {
-        Some(name) => RunFolder::create(&args.runs, name, &text, &info),
-        None => RunFolder::create_dated(&args.runs, SystemTime::now(), &text, &info),
-    };
+    let folder = RunFolder::create(&args.runs, args.name.as_deref(), &text, &info);
     let folder = folder.map_err(folder_failure)?;
     if !args.json {
         eprintln!("writing {}", folder.path().display());

@@ -1,4 +1,3 @@
-use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -6,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use drape_cloth::file::{WriteError, write_atomic};
+use drape_learn::ppo::Sections;
 
 /// Binary at a glance, and broken by transfers that rewrite line ends.
 const MAGIC: [u8; 8] = *b"\x89drape\r\n";
@@ -37,7 +37,7 @@ pub struct Checkpoint {
     /// Resolved configuration of the run, TOML.
     pub config: String,
     /// Binary content by name.
-    pub sections: BTreeMap<String, Vec<u8>>,
+    pub sections: Sections,
 }
 
 /// Why a checkpoint could not be read.
@@ -68,15 +68,6 @@ pub enum Fault {
     Content(postcard::Error),
 }
 
-/// The checkpoint is whole but lacks something; it may come from another drape.
-#[derive(Debug, PartialEq, thiserror::Error)]
-#[error("checkpoint has no section `{name}`, only {present}")]
-pub struct MissingSection {
-    name: String,
-    /// Names of those that are there.
-    present: String,
-}
-
 impl Checkpoint {
     /// Writes the file whole or not at all.
     pub fn save(&self, path: &Path) -> Result<(), WriteError> {
@@ -94,16 +85,6 @@ impl Checkpoint {
         Self::decode(&bytes).map_err(|fault| CheckpointError::Content {
             path: path.into(),
             fault,
-        })
-    }
-
-    /// The section called `name`.
-    pub fn section(&self, name: &str) -> Result<&[u8], MissingSection> {
-        let present = || self.sections.keys().cloned().collect::<Vec<_>>().join(", ");
-        let section = self.sections.get(name).map(Vec::as_slice);
-        section.ok_or_else(|| MissingSection {
-            name: name.into(),
-            present: present(),
         })
     }
 
@@ -161,6 +142,7 @@ fn number(bytes: &[u8]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::BTreeMap;
 
     fn small() -> Checkpoint {
         Checkpoint {
@@ -243,15 +225,5 @@ mod tests {
             fault(&sealed(FORMAT, &content)),
             Fault::Content(_)
         ));
-    }
-
-    #[test]
-    fn missing_sections_are_named_with_those_present() {
-        let checkpoint = small();
-        assert_eq!(checkpoint.section("network"), Ok(&[0, 1, 254, 255][..]));
-        assert_eq!(
-            checkpoint.section("streams").unwrap_err().to_string(),
-            "checkpoint has no section `streams`, only empty, network, optimiser"
-        );
     }
 }

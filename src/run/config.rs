@@ -89,6 +89,12 @@ impl RunConfig {
         Self::parse(&text, path)
     }
 
+    /// Whether `text`, as [`RunConfig::to_toml`] once wrote it, means this configuration: keys
+    /// that have come since count as their defaults.
+    pub fn is_read_from(&self, text: &str) -> bool {
+        Self::parse(text, Path::new("")).is_ok_and(|config| config == *self)
+    }
+
     /// The defaults of a preset, on the built-in scene.
     pub fn preset(preset: TrainingPreset) -> Self {
         let (crop, policy, ppo) = match preset {
@@ -184,7 +190,9 @@ impl RunConfig {
         let mut base = DeTable::parse(&base).expect("TOML reads back").into_inner();
         base.make_owned();
         base.remove("scene");
-        merge(&mut base, given)?;
+        let all = Table::try_from(Self::preset(TrainingPreset::Compact));
+        refuse_lists(&given, &all.expect("a preset is a table"))?;
+        merge(&mut base, given);
         Self::deserialize(Deserializer::from(Spanned::new(span, base)))
     }
 
@@ -237,7 +245,7 @@ const OPTIONAL: [&str; 6] = [
 ];
 
 /// Puts `over` on top of `base`, table by table. `"off"` removes an optional key.
-fn merge<'i>(base: &mut DeTable<'i>, over: DeTable<'i>) -> Result<(), toml::de::Error> {
+fn merge<'i>(base: &mut DeTable<'i>, over: DeTable<'i>) {
     for (key, value) in over {
         let name = key.get_ref().clone();
         let span = value.span();
@@ -247,18 +255,29 @@ fn merge<'i>(base: &mut DeTable<'i>, over: DeTable<'i>) -> Result<(), toml::de::
                 // Another kind of network replaces the preset's wholly.
                 if name != "network" || above.keys().any(|key| below.contains_key(key)) =>
             {
-                merge(&mut below, above)?;
+                merge(&mut below, above);
                 DeValue::Table(below)
-            }
-            // The parser would take the list for the values of the table, in their order.
-            (below, DeValue::Array(_)) if name == "scene" || matches!(below, Some(DeValue::Table(_))) => {
-                let message = format!("`{name}` is a list, expected a table");
-                return Err(toml::de::Error::custom(message));
             }
             (_, DeValue::String(text)) if text == "off" && OPTIONAL.contains(&&*name) => continue,
             (_, value) => value,
         };
         base.insert(key, Spanned::new(span, value));
+    }
+}
+
+/// Refuses lists where tables belong: the parser would take one for the values of the table, in
+/// their order.
+fn refuse_lists(given: &DeTable, like: &Table) -> Result<(), toml::de::Error> {
+    for (key, value) in given {
+        let name = key.get_ref();
+        match (value.get_ref(), like.get(&**name)) {
+            (DeValue::Table(given), Some(Value::Table(like))) => refuse_lists(given, like)?,
+            (DeValue::Array(_), Some(Value::Table(_))) => {
+                let message = format!("`{name}` is a list, expected a table");
+                return Err(toml::de::Error::custom(message));
+            }
+            _ => {}
+        }
     }
     Ok(())
 }
@@ -327,6 +346,16 @@ mod tests {
     }
 
     #[test]
+    fn text_without_keys_that_have_come_since_means_the_same() {
+        let config = RunConfig::quickstart();
+        let text = config.to_toml();
+        assert!(config.is_read_from(&text));
+        let older = text.replace("evaluation_interval = 2\n", "");
+        assert!(older != text && config.is_read_from(&older));
+        assert!(!config.is_read_from(&text.replace("seed = 1", "seed = 2")));
+    }
+
+    #[test]
     fn mistakes_are_located() {
         let cases = [
             (
@@ -354,6 +383,14 @@ mod tests {
             (
                 "[[env]]\ncrop = true",
                 "c.toml:1:1: `env` is a list, expected a table",
+            ),
+            (
+                "preset = \"paper\"\n[[ppo.imitation]]\nsamples = 1",
+                "c.toml:1:1: `imitation` is a list, expected a table",
+            ),
+            (
+                "[scene]\nfall = [1.0]",
+                "c.toml:1:1: `fall` is a list, expected a table",
             ),
             (
                 "[env]\nacuracy = \"fast\"",

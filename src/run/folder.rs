@@ -4,7 +4,6 @@ use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
 use humantime::format_rfc3339_seconds;
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use drape_cloth::file::{WriteError, write_atomic};
@@ -60,54 +59,6 @@ pub struct BestSequence {
     pub config_digest: String,
 }
 
-/// Why a sequence cannot be replayed.
-#[derive(Debug, PartialEq, thiserror::Error)]
-pub enum SequenceFault {
-    #[error("score is {0}, expected a finite number")]
-    Score(f64),
-    #[error(
-        "vertex {vertex} (number {number} of the sequence) is not among the {count} of the grid"
-    )]
-    Vertex {
-        vertex: u32,
-        /// Counted from 0.
-        number: usize,
-        count: usize,
-    },
-    #[error("found in the configuration with digest {found}, this one has {expected}")]
-    OtherConfig { found: String, expected: String },
-}
-
-impl BestSequence {
-    /// Checks that all vertices are on the grid and the score is a number.
-    pub fn validate(&self) -> Result<(), SequenceFault> {
-        if !self.score.is_finite() {
-            return Err(SequenceFault::Score(self.score));
-        }
-        let count = self.grid.pixel_count();
-        match self.vertices.iter().position(|&v| v as usize >= count) {
-            None => Ok(()),
-            Some(number) => Err(SequenceFault::Vertex {
-                vertex: self.vertices[number],
-                number,
-                count,
-            }),
-        }
-    }
-
-    /// Checks that the sequence was found in `config`: elsewhere its score means nothing.
-    pub fn validate_config(&self, config: &str) -> Result<(), SequenceFault> {
-        let expected = config_digest(config);
-        if self.config_digest == expected {
-            return Ok(());
-        }
-        Err(SequenceFault::OtherConfig {
-            found: self.config_digest.clone(),
-            expected,
-        })
-    }
-}
-
 /// A short name for a configuration text: `crc32:` and eight hexadecimal digits. Tells
 /// different configurations apart; it is no protection against forgery.
 pub fn config_digest(config: &str) -> String {
@@ -146,94 +97,71 @@ pub enum FolderError {
         #[source]
         source: serde_json::Error,
     },
-    #[error("{}: {fault}", path.display())]
-    Sequence { path: PathBuf, fault: SequenceFault },
+    #[error("{} presses vertex {vertex}, expected one below {count}", path.display())]
+    Vertex {
+        path: PathBuf,
+        vertex: u32,
+        count: usize,
+    },
     #[error(transparent)]
     Write(#[from] WriteError),
 }
 
 /// Makes an empty folder in `root` that is named after `prefix` and the minute of `now` (UTC),
-/// or with `-2`, `-3`, ... where that is taken: for what is no training run.
+/// as in `2026-11-21-0412`, or with `-2`, `-3`, ... where that is taken.
 pub fn dated_folder(root: &Path, prefix: &str, now: SystemTime) -> Result<PathBuf, FolderError> {
-    let create_error = |path: &Path, source| FolderError::Create {
-        path: path.into(),
-        source,
-    };
-    fs::create_dir_all(root).map_err(|source| create_error(root, source))?;
-    for name in dated_names(prefix, now) {
-        let path = root.join(name);
-        match fs::create_dir(&path) {
-            Ok(()) => return Ok(path),
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-            Err(source) => return Err(create_error(&path, source)),
+    // To the minute, without colons, which no file name may have everywhere.
+    let minute = &format_rfc3339_seconds(now).to_string()[..16];
+    let base = prefix.to_owned() + &minute.replace('T', "-").replace(':', "");
+    let numbered = (2..).map(|number| format!("{base}-{number}"));
+    for name in std::iter::once(base.clone()).chain(numbered) {
+        match new_folder(root, &name) {
+            Err(FolderError::Exists { .. }) => {}
+            outcome => return outcome,
         }
     }
     unreachable!("names do not run out")
 }
 
-/// `prefix` and the minute of `now` (UTC), then the same with `-2`, `-3`, ...
-fn dated_names(prefix: &str, now: SystemTime) -> impl Iterator<Item = String> {
-    // To the minute, without colons, which no file name may have everywhere.
-    let minute = &format_rfc3339_seconds(now).to_string()[..16];
-    let base = prefix.to_owned() + &minute.replace('T', "-").replace(':', "");
-    let counted = base.clone();
-    std::iter::once(base).chain((2..).map(move |number| format!("{counted}-{number}")))
+fn new_folder(root: &Path, name: &str) -> Result<PathBuf, FolderError> {
+    let path = root.join(name);
+    let made = fs::create_dir_all(root).and_then(|()| fs::create_dir(&path));
+    match made {
+        Ok(()) => Ok(path),
+        Err(source) if source.kind() == io::ErrorKind::AlreadyExists && root.is_dir() => {
+            Err(FolderError::Exists { path })
+        }
+        Err(source) => Err(FolderError::Create { path, source }),
+    }
 }
 
 impl RunFolder {
-    /// Makes the folder of a new run, `root/name`, and writes `config` (TOML, resolved) and
-    /// `info` into it. Never touches an existing one; if it fails in the middle, what it
-    /// made is removed.
+    /// Makes the folder of a new run, `root/name` or [`dated_folder`] without a name, and writes
+    /// `config` (TOML, resolved) and `info` into it. Never touches an existing one; if it fails
+    /// in the middle, what it made is removed.
     pub fn create(
         root: &Path,
-        name: &str,
+        name: Option<&str>,
         config: &str,
         info: &RunInfo,
     ) -> Result<Self, FolderError> {
-        let mut parts = Path::new(name).components();
-        let single = matches!(
-            (parts.next(), parts.next()),
-            (Some(Component::Normal(part)), None) if part == name
-        );
-        if !single {
-            return Err(FolderError::Name { name: name.into() });
-        }
-        let path = root.join(name);
-        let create_error = |source| FolderError::Create {
-            path: path.clone(),
-            source,
+        let path = match name {
+            None => dated_folder(root, "", SystemTime::now())?,
+            Some(name) => {
+                let mut parts = Path::new(name).components();
+                match (parts.next(), parts.next()) {
+                    (Some(Component::Normal(part)), None) if part == name => {}
+                    _ => return Err(FolderError::Name { name: name.into() }),
+                }
+                new_folder(root, name)?
+            }
         };
-        fs::create_dir_all(root).map_err(create_error)?;
-        fs::create_dir(&path).map_err(|source| match source.kind() {
-            io::ErrorKind::AlreadyExists => FolderError::Exists { path: path.clone() },
-            _ => create_error(source),
-        })?;
         let run = Self { path };
-        match run.fill(config, info) {
-            Ok(()) => Ok(run),
-            Err(error) => {
-                // The first failure is the one worth reporting.
-                let _ = fs::remove_dir_all(&run.path);
-                Err(error)
-            }
-        }
-    }
-
-    /// As [`RunFolder::create`], named after the minute of `now` (UTC): `2026-11-21-0412`,
-    /// or with `-2`, `-3`, ... where that is taken.
-    pub fn create_dated(
-        root: &Path,
-        now: SystemTime,
-        config: &str,
-        info: &RunInfo,
-    ) -> Result<Self, FolderError> {
-        for name in dated_names("", now) {
-            match Self::create(root, &name, config, info) {
-                Err(FolderError::Exists { .. }) => {}
-                outcome => return outcome,
-            }
-        }
-        unreachable!("names do not run out")
+        run.fill(config, info).inspect_err(|_| {
+            // The first failure is the one worth reporting.
+            let _ = fs::remove_dir_all(&run.path);
+        })?;
+        Ok(run)
     }
 
     /// `run.json` comes last: a folder that has it is complete.
@@ -284,6 +212,11 @@ impl RunFolder {
         self.path.join("config.toml")
     }
 
+    /// What stands in [`RunFolder::config`].
+    pub fn config_text(&self) -> Result<String, FolderError> {
+        read(&self.config())
+    }
+
     /// Where the run came from ([`RunInfo`]).
     pub fn info(&self) -> PathBuf {
         self.path.join("run.json")
@@ -332,35 +265,34 @@ impl RunFolder {
         self.path.join("checkpoints")
     }
 
-    /// Replaces the best sequence, after validating it.
+    /// Replaces the best sequence.
     pub fn write_best_sequence(&self, sequence: &BestSequence) -> Result<(), FolderError> {
-        let path = self.best_sequence();
-        match sequence.validate() {
-            Ok(()) => write_json(&path, sequence),
-            Err(fault) => Err(FolderError::Sequence { path, fault }),
-        }
+        write_json(&self.best_sequence(), sequence)
     }
 
-    /// Reads and validates the best sequence.
+    /// Reads the best sequence and checks that its vertices are on its grid.
     pub fn read_best_sequence(&self) -> Result<BestSequence, FolderError> {
         let path = self.best_sequence();
-        let sequence: BestSequence = read_json(&path)?;
-        match sequence.validate() {
-            Ok(()) => Ok(sequence),
-            Err(fault) => Err(FolderError::Sequence { path, fault }),
+        let json_error = |source| FolderError::Json {
+            path: path.clone(),
+            source,
+        };
+        let sequence: BestSequence = serde_json::from_str(&read(&path)?).map_err(json_error)?;
+        let count = sequence.grid.pixel_count();
+        let outside = sequence.vertices.iter().find(|&&v| v as usize >= count);
+        match outside {
+            None => Ok(sequence),
+            Some(&vertex) => Err(FolderError::Vertex {
+                path,
+                vertex,
+                count,
+            }),
         }
     }
 }
 
 fn read(path: &Path) -> Result<String, FolderError> {
     fs::read_to_string(path).map_err(|source| FolderError::Read {
-        path: path.into(),
-        source,
-    })
-}
-
-fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, FolderError> {
-    serde_json::from_str(&read(path)?).map_err(|source| FolderError::Json {
         path: path.into(),
         source,
     })
@@ -404,11 +336,12 @@ mod tests {
     fn created_folder_opens_and_gives_back_what_went_in() {
         let root = tempfile::tempdir().unwrap();
         let root = root.path().join("runs");
-        let created = RunFolder::create(&root, "a", CONFIG, &info()).unwrap();
+        let created = RunFolder::create(&root, Some("a"), CONFIG, &info()).unwrap();
         let run = RunFolder::open(&root.join("a")).unwrap();
         assert_eq!(run, created);
         assert_eq!(fs::read_to_string(run.config()).unwrap(), CONFIG);
-        assert_eq!(read_json::<RunInfo>(&run.info()).unwrap(), info());
+        let text = fs::read_to_string(run.info()).unwrap();
+        assert_eq!(serde_json::from_str::<RunInfo>(&text).unwrap(), info());
         assert_eq!(info().created, "2026-11-21T04:12:09Z");
         for file in [run.events(), run.last_checkpoint(), run.best_checkpoint()] {
             assert!(file.parent().unwrap().is_dir(), "{}", file.display());
@@ -419,8 +352,8 @@ mod tests {
     #[test]
     fn existing_run_is_refused_and_untouched() {
         let root = tempfile::tempdir().unwrap();
-        RunFolder::create(root.path(), "a", CONFIG, &info()).unwrap();
-        let error = RunFolder::create(root.path(), "a", "", &info()).unwrap_err();
+        RunFolder::create(root.path(), Some("a"), CONFIG, &info()).unwrap();
+        let error = RunFolder::create(root.path(), Some("a"), "", &info()).unwrap_err();
         assert!(error.to_string().contains("choose another name"), "{error}");
         let run = RunFolder::open(&root.path().join("a")).unwrap();
         assert_eq!(fs::read_to_string(run.config()).unwrap(), CONFIG);
@@ -430,8 +363,8 @@ mod tests {
     fn dated_names_count_up_where_taken() {
         let root = tempfile::tempdir().unwrap();
         for expected in ["2026-11-21-0412", "2026-11-21-0412-2", "2026-11-21-0412-3"] {
-            let run = RunFolder::create_dated(root.path(), now(), CONFIG, &info()).unwrap();
-            assert_eq!(run.path(), root.path().join(expected));
+            let path = dated_folder(root.path(), "", now()).unwrap();
+            assert_eq!(path, root.path().join(expected));
         }
     }
 
@@ -439,7 +372,7 @@ mod tests {
     fn names_that_leave_the_root_are_refused() {
         let root = tempfile::tempdir().unwrap();
         for name in ["", ".", "..", "a/b", "a/", "./a", "/a"] {
-            let error = RunFolder::create(root.path(), name, CONFIG, &info()).unwrap_err();
+            let error = RunFolder::create(root.path(), Some(name), CONFIG, &info()).unwrap_err();
             assert!(matches!(error, FolderError::Name { .. }), "{name}: {error}");
         }
         assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0);
@@ -457,40 +390,16 @@ mod tests {
     }
 
     #[test]
-    fn best_sequence_round_trips() {
+    fn best_sequence_round_trips_and_damage_is_located() {
         let root = tempfile::tempdir().unwrap();
-        let run = RunFolder::create(root.path(), "a", CONFIG, &info()).unwrap();
+        let run = RunFolder::create(root.path(), Some("a"), CONFIG, &info()).unwrap();
         run.write_best_sequence(&sequence()).unwrap();
-        let again = run.read_best_sequence().unwrap();
-        assert_eq!(again, sequence());
-        assert_eq!(again.validate_config(CONFIG), Ok(()));
-        assert!(matches!(
-            again.validate_config("seed = 8"),
-            Err(SequenceFault::OtherConfig { .. })
-        ));
-    }
-
-    #[test]
-    fn impossible_sequences_are_neither_written_nor_read() {
-        let root = tempfile::tempdir().unwrap();
-        let run = RunFolder::create(root.path(), "a", CONFIG, &info()).unwrap();
-        run.write_best_sequence(&sequence()).unwrap();
-        let mut outside = sequence();
-        outside.vertices[1] = 6;
-        let error = run.write_best_sequence(&outside).unwrap_err().to_string();
-        assert!(
-            error.ends_with("vertex 6 (number 1 of the sequence) is not among the 6 of the grid"),
-            "{error}"
-        );
-        let mut unscored = sequence();
-        unscored.score = f64::NAN;
-        run.write_best_sequence(&unscored).unwrap_err();
         assert_eq!(run.read_best_sequence().unwrap(), sequence());
 
         let text = fs::read_to_string(run.best_sequence()).unwrap();
         fs::write(run.best_sequence(), text.replace("5", "6")).unwrap();
         let error = run.read_best_sequence().unwrap_err();
-        assert!(matches!(error, FolderError::Sequence { .. }), "{error}");
+        assert!(matches!(error, FolderError::Vertex { .. }), "{error}");
         fs::write(run.best_sequence(), &text[..text.len() / 2]).unwrap();
         let error = run.read_best_sequence().unwrap_err();
         assert!(matches!(error, FolderError::Json { .. }), "{error}");

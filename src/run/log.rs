@@ -4,26 +4,11 @@ use std::path::{Path, PathBuf};
 
 /// Why a log could not be created, resumed or extended.
 #[derive(Debug, thiserror::Error)]
-pub enum LogError {
-    #[error("cannot create {}", path.display())]
-    Create {
-        path: PathBuf,
-        #[source]
-        source: io::Error,
-    },
-    #[error("cannot resume {}", path.display())]
-    Resume {
-        path: PathBuf,
-        #[source]
-        source: io::Error,
-    },
-    #[error("cannot append to {} at byte {length}", path.display())]
-    Append {
-        path: PathBuf,
-        length: u64,
-        #[source]
-        source: io::Error,
-    },
+#[error("cannot {action} {}", path.display())]
+pub struct LogError {
+    action: &'static str,
+    path: PathBuf,
+    source: io::Error,
 }
 
 /// A file that only grows, one whole record at a time, and that can be cut back to a length
@@ -39,35 +24,36 @@ pub(super) struct Log {
 impl Log {
     /// A new, empty log. Fails if `path` exists.
     pub fn create(path: &Path) -> Result<Self, LogError> {
-        let file = OpenOptions::new().write(true).create_new(true).open(path);
-        Ok(Self {
-            path: path.into(),
-            file: file.map_err(|source| LogError::Create {
-                path: path.into(),
-                source,
-            })?,
-            length: 0,
-        })
+        let mut options = OpenOptions::new();
+        Self::open(path, 0, "create", options.write(true).create_new(true))
     }
 
     /// Opens an existing log and drops everything after its first `length` bytes, which
     /// it must have.
     pub fn resume(path: &Path, length: u64) -> Result<Self, LogError> {
-        let resume_error = |source| LogError::Resume {
-            path: path.into(),
-            source,
+        Self::open(path, length, "resume", OpenOptions::new().write(true))
+    }
+
+    fn open(
+        path: &Path,
+        length: u64,
+        action: &'static str,
+        options: &OpenOptions,
+    ) -> Result<Self, LogError> {
+        let cut = |mut file: File| {
+            file.set_len(length)?;
+            file.seek(SeekFrom::Start(length))?;
+            Ok(file)
         };
-        let mut file = OpenOptions::new()
-            .write(true)
-            .open(path)
-            .map_err(resume_error)?;
-        file.set_len(length).map_err(resume_error)?;
-        file.seek(SeekFrom::Start(length)).map_err(resume_error)?;
-        Ok(Self {
-            path: path.into(),
-            file,
-            length,
-        })
+        let path = path.to_path_buf();
+        match options.open(&path).and_then(cut) {
+            Ok(file) => Ok(Self { path, file, length }),
+            Err(source) => Err(LogError {
+                action,
+                path,
+                source,
+            }),
+        }
     }
 
     /// Hands one record to the operating system. On failure the part already written is
@@ -90,9 +76,9 @@ impl Log {
     }
 
     fn append_error(&self, source: io::Error) -> LogError {
-        LogError::Append {
+        LogError {
+            action: "append to",
             path: self.path.clone(),
-            length: self.length,
             source,
         }
     }
@@ -124,7 +110,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log");
         fs::write(&path, "abc").unwrap();
-        assert!(matches!(Log::create(&path), Err(LogError::Create { .. })));
+        let error = Log::create(&path).unwrap_err().to_string();
+        assert!(error.starts_with("cannot create "), "{error}");
         assert_eq!(fs::read(&path).unwrap(), b"abc");
     }
 }

@@ -14,12 +14,10 @@ mod metrics;
 mod rollout;
 mod training;
 
-pub use checkpoint::{Checkpoint, CheckpointError, Fault, MissingSection};
+pub use checkpoint::{Checkpoint, CheckpointError, Fault};
 pub use config::{RunConfig, RunConfigError, TrainingPreset};
 pub use events::EventWriter;
-pub use folder::{
-    BestSequence, FolderError, RunFolder, RunInfo, SequenceFault, config_digest, dated_folder,
-};
+pub use folder::{BestSequence, FolderError, RunFolder, RunInfo, config_digest, dated_folder};
 pub use log::LogError;
 pub use metrics::{MetricsError, MetricsLine, MetricsWriter, curve, read_metrics};
 pub use rollout::{

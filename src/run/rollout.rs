@@ -64,6 +64,9 @@ pub enum RolloutError {
     Long { steps: usize, found: usize },
 }
 
+/// Of [`parallel_episodes`]: every run is compared with the same random episodes.
+const SEED: u64 = 0;
+
 /// Presses farther apart than this many stencils are joined by a jump.
 const JUMP: f64 = 1.0;
 
@@ -198,7 +201,6 @@ pub fn random_episodes(
     scene: &Arc<Scene>,
     config: &EnvConfig,
     count: usize,
-    seed: u64,
 ) -> Result<Vec<EpisodeSummary>, RolloutError> {
     let choose = |draping: &Draping, streams: &mut [Stream]| -> Vec<u32> {
         let draw = |(index, stream): (usize, &mut Stream)| {
@@ -208,7 +210,7 @@ pub fn random_episodes(
         };
         streams.iter_mut().enumerate().map(draw).collect()
     };
-    parallel_episodes(scene, config, count, seed, choose)
+    parallel_episodes(scene, config, count, choose)
 }
 
 /// `count` episodes at once, each with a random stream of its own. `choose` gives one action
@@ -217,7 +219,6 @@ pub fn parallel_episodes(
     scene: &Arc<Scene>,
     config: &EnvConfig,
     count: usize,
-    seed: u64,
     mut choose: impl FnMut(&Draping, &mut [Stream]) -> Vec<u32>,
 ) -> Result<Vec<EpisodeSummary>, RolloutError> {
     if count == 0 {
@@ -226,7 +227,7 @@ pub fn parallel_episodes(
     let start = Instant::now();
     let mut draping = Draping::new(scene.clone(), config, count)?;
     let mut streams: Vec<Stream> = (0..count)
-        .map(|index| Stream::new(seed, Purpose::Evaluation, index as u32))
+        .map(|index| Stream::new(SEED, Purpose::Evaluation, index as u32))
         .collect();
     let mut points: Vec<Vec<PressedPoint>> = vec![Vec::new(); count];
     let mut summaries: Vec<Option<EpisodeSummary>> = vec![None; count];

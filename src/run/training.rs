@@ -1,10 +1,10 @@
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
-use super::checkpoint::{Checkpoint, CheckpointError, MissingSection};
+use super::checkpoint::{Checkpoint, CheckpointError};
 use super::config::RunConfig;
 use super::events::EventWriter;
 use super::folder::{BestSequence, FolderError, RunFolder, config_digest};
@@ -12,7 +12,9 @@ use super::log::LogError;
 use super::metrics::{MetricsError, MetricsWriter, read_metrics};
 use drape_cloth::file::WriteError;
 use drape_cloth::scene::Scene;
-use drape_learn::ppo::{Iteration, LoadError, Sampling, TrainError, Trainer};
+use drape_learn::ppo::{
+    Iteration, Sampling, SectionError, TrainError, Trainer, decode, encode, read_section,
+};
 use drape_task::env::{Draping, End, EnvError, ImageShape, Reward, Tasks};
 
 /// Checkpoint section of what the run itself remembers.
@@ -21,6 +23,7 @@ const RUN: &str = "run";
 /// A training that writes into its run folder.
 pub struct Training {
     config: RunConfig,
+    /// What stands in the file, also where it lacks keys that are newer.
     config_text: String,
     folder: RunFolder,
     trainer: Trainer<Draping>,
@@ -76,18 +79,14 @@ pub enum TrainingError {
     Write(#[from] WriteError),
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    #[error("{path}: {fault}")]
-    Missing { path: String, fault: MissingSection },
     #[error("{path}")]
-    Load { path: String, source: LoadError },
+    Section { path: String, source: SectionError },
     #[error("{path} has {found} lines, expected {expected} at least", path = path.display())]
-    LostMetrics {
-        path: std::path::PathBuf,
+    ShortMetrics {
+        path: PathBuf,
         found: u64,
         expected: u64,
     },
-    #[error("{path}: section `{RUN}` is not of this program")]
-    Memory { path: String },
     #[error("{path}: written for another configuration than {config}")]
     OtherConfig { path: String, config: String },
 }
@@ -111,8 +110,8 @@ impl Training {
         let (trainer, evaluation) = learner(&config, scene, reward)?;
         Ok(Self {
             metrics: MetricsWriter::create(&folder.metrics())?,
-            events: EventWriter::create(&folder.events(), SystemTime::now())?,
-            config_text: config.to_toml(),
+            events: EventWriter::create(&folder.events(), wall_time())?,
+            config_text: folder.config_text()?,
             config,
             folder,
             trainer,
@@ -131,32 +130,24 @@ impl Training {
         let path = folder.last_checkpoint();
         let name = || path.display().to_string();
         let checkpoint = Checkpoint::load(&path)?;
-        let config_text = config.to_toml();
-        if checkpoint.config != config_text {
+        if !config.is_read_from(&checkpoint.config) {
             return Err(TrainingError::OtherConfig {
                 path: name(),
                 config: folder.config().display().to_string(),
             });
         }
         let (mut trainer, evaluation) = learner(&config, scene, Reward::default())?;
-        trainer
-            .load(&checkpoint.sections)
-            .map_err(|source| TrainingError::Load {
-                path: name(),
-                source,
-            })?;
-        let memory = checkpoint
-            .section(RUN)
-            .map_err(|fault| TrainingError::Missing {
-                path: name(),
-                fault,
-            })?;
-        let memory: Memory =
-            postcard::from_bytes(memory).map_err(|_| TrainingError::Memory { path: name() })?;
+        let section_error = |source| TrainingError::Section {
+            path: name(),
+            source,
+        };
+        let sections = &checkpoint.sections;
+        trainer.load(sections).map_err(section_error)?;
+        let memory: Memory = read_section(sections, RUN, decode).map_err(section_error)?;
         let (metrics, events) = reopen_logs(&folder, memory.lines)?;
         Ok(Self {
             config,
-            config_text,
+            config_text: folder.config_text()?,
             folder,
             trainer,
             evaluation,
@@ -237,14 +228,14 @@ impl Training {
 
     fn save(&self, path: &Path) -> Result<(), TrainingError> {
         let mut sections = self.trainer.save();
-        let memory = postcard::to_allocvec(&self.memory).expect("plain data is serialisable");
-        sections.insert(RUN.into(), memory);
+        sections.insert(RUN.into(), encode(&self.memory));
         let config = self.config_text.clone();
         let checkpoint = Checkpoint { config, sections };
         Ok(checkpoint.save(path)?)
     }
 
-    /// Plays one greedy episode. A policy better than every one before is kept.
+    /// Plays one greedy episode. A policy better than every one before is kept. As in training
+    /// an episode that was cut off has no score.
     fn evaluate(&mut self) -> Result<Option<f64>, TrainingError> {
         let agent = self.trainer.agent();
         self.evaluation.reset(0);
@@ -255,7 +246,7 @@ impl Training {
                 break episode;
             }
         };
-        let Some(score) = episode.score else {
+        let (End::Terminated, Some(score)) = (episode.end, episode.score) else {
             return Ok(None);
         };
         self.remember(score, &episode.actions)?;
@@ -272,14 +263,9 @@ impl Training {
         if best.is_some_and(|(_, best)| *best >= score) {
             return Ok(());
         }
-        let vertices: Vec<u32> = actions
-            .iter()
-            .map(|&a| {
-                self.evaluation
-                    .vertex(a)
-                    .expect("allowed actions have a vertex")
-            })
-            .collect();
+        let vertex = |&action| self.evaluation.vertex(action);
+        let vertices: Option<Vec<u32>> = actions.iter().map(vertex).collect();
+        let vertices = vertices.expect("allowed actions have a vertex");
         let lamina = &self.evaluation.scene().lamina;
         self.folder.write_best_sequence(&BestSequence {
             vertices: vertices.clone(),
@@ -303,11 +289,10 @@ impl Training {
             let ends = iteration.episodes.iter().map(|episode| episode.end);
             ends.filter(|&end| chosen(end)).count() as f64
         };
-        let now = SystemTime::now();
-        let wall_time = now.duration_since(UNIX_EPOCH).unwrap_or_default();
+        let wall_time = wall_time();
         let mut values = vec![
             ("iteration", iteration.number as f64),
-            ("wall_time", wall_time.as_secs_f64()),
+            ("wall_time", wall_time),
             ("episodes", iteration.episodes.len() as f64),
             ("truncated", count(End::is_truncation)),
             ("diverged", count(|end| end == End::Diverged)),
@@ -336,7 +321,8 @@ impl Training {
         values.extend(optional.iter().filter_map(|&(name, v)| Some((name, v?))));
         self.memory.lines += 1;
         self.metrics.append(iteration.env_steps, &values)?;
-        self.events.append(now, iteration.env_steps, &values)?;
+        self.events
+            .append(wall_time, iteration.env_steps, &values)?;
         Ok(())
     }
 }
@@ -358,6 +344,12 @@ fn learner(
     Ok((trainer, evaluation))
 }
 
+/// Seconds since 1970; 0 for clocks set before that.
+fn wall_time() -> f64 {
+    let elapsed = SystemTime::now().duration_since(UNIX_EPOCH);
+    elapsed.unwrap_or_default().as_secs_f64()
+}
+
 /// Cuts the metrics back to their first `lines` and writes the events anew from them.
 fn reopen_logs(
     folder: &RunFolder,
@@ -366,7 +358,7 @@ fn reopen_logs(
     let path = folder.metrics();
     let mut kept = read_metrics(&path)?;
     if (kept.len() as u64) < lines {
-        return Err(TrainingError::LostMetrics {
+        return Err(TrainingError::ShortMetrics {
             path,
             found: kept.len() as u64,
             expected: lines,
@@ -378,21 +370,13 @@ fn reopen_logs(
     let length: usize = lengths.take(kept.len()).sum();
     let metrics = MetricsWriter::resume(&path, length as u64)?;
     let _ = std::fs::remove_file(folder.events());
-    let mut events = EventWriter::create(&folder.events(), SystemTime::now())?;
+    let mut events = EventWriter::create(&folder.events(), wall_time())?;
     for line in &kept {
         let number = |v: Option<f64>| v.unwrap_or(f64::NAN);
         let values = line.values.iter();
         let values: Vec<(&str, f64)> = values.map(|(k, &v)| (k.as_str(), number(v))).collect();
-        let seconds = line
-            .values
-            .get("wall_time")
-            .copied()
-            .flatten()
-            .unwrap_or_default();
-        let elapsed = std::time::Duration::try_from_secs_f64(seconds.max(0.0)).ok();
-        let time = elapsed.and_then(|elapsed| UNIX_EPOCH.checked_add(elapsed));
-        let time = time.unwrap_or(UNIX_EPOCH);
-        events.append(time, line.step, &values)?;
+        let wall_time = line.values.get("wall_time").copied().flatten();
+        events.append(wall_time.unwrap_or_default(), line.step, &values)?;
     }
     Ok((metrics, events))
 }

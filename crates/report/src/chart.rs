@@ -101,11 +101,15 @@ impl Chart {
             .y_label_area_size(76 * PX)
             .build_cartesian_2d(x.clone(), y)?;
         let mut mesh = chart.configure_mesh();
-        let label = |tick: &f64| power_label(*tick);
-        if self.scale == Scale::Log10 {
-            mesh.x_label_formatter(&label).y_label_formatter(&label);
-        }
+        let label = |tick: &f64| match self.scale {
+            // Ticks next to zero are zero.
+            Scale::Linear if tick.abs() < 1e-12 => "0".into(),
+            Scale::Linear => label(*tick, 6),
+            Scale::Log10 => label(10f64.powf(*tick), 2),
+        };
         mesh.x_labels(9)
+            .x_label_formatter(&label)
+            .y_label_formatter(&label)
             .y_labels(7)
             .bold_line_style(ShapeStyle::from(FAINT).stroke_width(PX as u32))
             .light_line_style(TRANSPARENT)
@@ -221,12 +225,12 @@ fn padded(values: impl Iterator<Item = f64>, share: f64) -> Range<f64> {
     low - air..high + air
 }
 
-/// Ten to the power of `tick`, to two digits.
-fn power_label(tick: f64) -> String {
-    let power: f64 = format!("{:.1e}", 10f64.powf(tick))
+/// A number in so many digits, without zeros at its end.
+fn label(number: f64, digits: usize) -> String {
+    let rounded: f64 = format!("{number:.*e}", digits - 1)
         .parse()
         .expect("a number");
-    power.to_string()
+    rounded.to_string()
 }
 
 #[cfg(test)]

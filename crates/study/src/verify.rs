@@ -36,7 +36,7 @@ pub use subject::{Answer, Findings, Picture, ProfileCurve, Subject, solver_name}
 /// Hold every solver against closed forms: what is expected, what is found
 ///
 /// Asks the fast solver at its presets, with the yarn solver and with Gauss-Seidel, and the
-/// finite-element twin. Writes pictures too, each as PNG and SVG.
+/// finite-element twin. Writes pictures too, as PNG.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape study verify --quick

@@ -24,7 +24,7 @@ fn trained(reward: Reward) -> ([String; 3], Vec<f32>) {
     let scene = Arc::new(Scene::new(&scene, |_| {}).unwrap());
     let root = tempfile::tempdir().unwrap();
     let info = RunInfo::new(config.seed, SystemTime::now());
-    let folder = RunFolder::create(root.path(), "a", &config.to_toml(), &info).unwrap();
+    let folder = RunFolder::create(root.path(), Some("a"), &config.to_toml(), &info).unwrap();
     let mut training = Training::with_reward(config, scene, folder, reward).unwrap();
     let mut rewards = Vec::new();
     for _ in 0..2 {

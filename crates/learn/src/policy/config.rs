@@ -1,3 +1,4 @@
+use drape_cloth::file::ValueError;
 use serde::{Deserialize, Serialize};
 
 /// What the networks see and how they are built.
@@ -46,15 +47,6 @@ pub struct CompactConfig {
     pub value_hidden: usize,
 }
 
-/// A value of a policy or of its learner that is outside its range.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("`{key}` is {found}, expected {expected}")]
-pub struct ConfigError {
-    pub key: &'static str,
-    pub found: String,
-    pub expected: &'static str,
-}
-
 impl PolicyConfig {
     /// The paper's network.
     pub fn paper() -> Self {
@@ -82,14 +74,15 @@ impl PolicyConfig {
     }
 
     /// Checks every value against its range, for an image of `rows` x `columns` pixels.
-    pub fn validate(&self, rows: usize, columns: usize) -> Result<(), ConfigError> {
-        if !(self.distance_scale_mm.is_finite() && self.distance_scale_mm > 0.0) {
-            return Err(ConfigError {
-                key: "distance_scale_mm",
-                found: self.distance_scale_mm.to_string(),
-                expected: "a finite number above 0",
-            });
-        }
+    pub fn validate(&self, rows: usize, columns: usize) -> Result<(), ValueError> {
+        let scale = self.distance_scale_mm;
+        let is_valid = scale.is_finite() && scale > 0.0;
+        ValueError::unless(
+            is_valid,
+            "distance_scale_mm",
+            scale,
+            "a finite number above 0",
+        )?;
         match &self.network {
             NetworkConfig::Paper(paper) => paper.validate(rows, columns),
             NetworkConfig::Compact(compact) => compact.validate(),
@@ -98,22 +91,21 @@ impl PolicyConfig {
 }
 
 impl PaperConfig {
-    fn validate(&self, rows: usize, columns: usize) -> Result<(), ConfigError> {
+    fn validate(&self, rows: usize, columns: usize) -> Result<(), ValueError> {
         positive("network.paper.channels", &self.channels)?;
         positive("network.paper.hidden", &self.hidden)?;
-        if rows.min(columns) >> self.channels.len() == 0 {
-            return Err(ConfigError {
-                key: "network.paper.channels",
-                found: format!("{} blocks", self.channels.len()),
-                expected: "few enough to leave a pixel after halving the image in each block",
-            });
-        }
-        Ok(())
+        let blocks = self.channels.len();
+        ValueError::unless(
+            rows.min(columns) >> blocks > 0,
+            "network.paper.channels",
+            format!("{blocks} blocks"),
+            "few enough to leave a pixel after halving the image in each block",
+        )
     }
 }
 
 impl CompactConfig {
-    fn validate(&self) -> Result<(), ConfigError> {
+    fn validate(&self) -> Result<(), ValueError> {
         positive("network.compact.patch", &[self.patch])?;
         positive("network.compact.channels", &[self.channels])?;
         // None is allowed of these two.
@@ -125,15 +117,10 @@ impl CompactConfig {
 
 /// Checks that there are `sizes` and that each is from 1 to 4096: greater ones only exhaust the
 /// memory.
-fn positive(key: &'static str, sizes: &[usize]) -> Result<(), ConfigError> {
-    if sizes.is_empty() || !sizes.iter().all(|size| (1..=4096).contains(size)) {
-        return Err(ConfigError {
-            key,
-            found: format!("{sizes:?}"),
-            expected: "whole numbers from 1 to 4096",
-        });
-    }
-    Ok(())
+fn positive(key: &str, sizes: &[usize]) -> Result<(), ValueError> {
+    let is_valid = !sizes.is_empty() && sizes.iter().all(|size| (1..=4096).contains(size));
+    let found = format!("{sizes:?}");
+    ValueError::unless(is_valid, key, found, "whole numbers from 1 to 4096")
 }
 
 #[cfg(test)]

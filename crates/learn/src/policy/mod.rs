@@ -21,8 +21,7 @@ mod parameters;
 mod pixels;
 mod prediction;
 
-pub use config::{CompactConfig, ConfigError, NetworkConfig, PaperConfig, PolicyConfig};
+pub use config::{CompactConfig, NetworkConfig, PaperConfig, PolicyConfig};
 pub use device::{DeviceError, DeviceKind};
 pub use network::{ActorCritic, Network};
-pub use parameters::ParameterError;
 pub use prediction::Prediction;

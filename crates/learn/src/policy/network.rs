@@ -1,13 +1,14 @@
 use super::compact::CompactNetwork;
-use super::config::{ConfigError, NetworkConfig, PolicyConfig};
+use super::config::{NetworkConfig, PolicyConfig};
 use super::layer::Initializer;
 use super::masked;
 use super::paper::PaperNetwork;
-use super::parameters::{self, ParameterError};
+use super::parameters;
 use super::pixels::{Patches, write_batch, write_planes};
 use super::prediction::Prediction;
 use burn::module::Module;
 use burn::tensor::{Bool, Device, Tensor, TensorData};
+use drape_cloth::file::ValueError;
 use drape_task::env::Observation;
 
 /// The parameters of a policy and a value.
@@ -50,7 +51,7 @@ impl ActorCritic {
         [rows, columns]: [usize; 2],
         seed: u64,
         device: &Device,
-    ) -> Result<Self, ConfigError> {
+    ) -> Result<Self, ValueError> {
         config.validate(rows, columns)?;
         let initializer = &mut Initializer::new(seed, &device.clone().autodiff());
         let (network, encoding) = match &config.network {
@@ -140,9 +141,9 @@ impl ActorCritic {
         parameters::save(&self.network)
     }
 
-    /// Takes the parameters that [`ActorCritic::save`] wrote. Fails, changing nothing, if they
-    /// are of another network or not finite.
-    pub fn load(&mut self, bytes: &[u8]) -> Result<(), ParameterError> {
+    /// Takes the parameters that [`ActorCritic::save`] wrote. Fails with a reason, changing
+    /// nothing, if they are of another network or not finite.
+    pub fn load(&mut self, bytes: &[u8]) -> Result<(), String> {
         self.network = parameters::load(self.network.clone(), bytes)?;
         Ok(())
     }

@@ -15,57 +15,42 @@ struct Parameter {
     numbers: Vec<f32>,
 }
 
-impl Parameter {
-    fn label(&self) -> String {
-        format!("`{}` {:?}", self.name, self.shape)
-    }
-}
-
-/// Parameters that cannot be taken.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ParameterError {
-    #[error("parameters cannot be read")]
-    Unreadable(#[from] postcard::Error),
-    #[error("the network has {expected}, found {found}")]
-    Mismatch { expected: String, found: String },
-    #[error("`{name}` has {found} numbers where its shape needs {expected}")]
-    Length {
-        name: String,
-        expected: usize,
-        found: usize,
-    },
-    #[error("`{name}` holds a number that is not finite")]
-    NotFinite { name: String },
-}
-
 /// All parameters of `network`, in its order.
 pub fn save(network: &impl Module) -> Vec<u8> {
     postcard::to_allocvec(&collect(network)).expect("parameters can be written")
 }
 
-/// `network` with the parameters in `bytes`.
-pub fn load<M: Module>(network: M, bytes: &[u8]) -> Result<M, ParameterError> {
-    let found: Vec<Parameter> = postcard::from_bytes(bytes)?;
-    let expected = collect(&network);
-    let mismatch = |expected, found| Err(ParameterError::Mismatch { expected, found });
-    if expected.len() != found.len() {
-        let tensors = |all: &[Parameter]| format!("{} tensors", all.len());
-        return mismatch(tensors(&expected), tensors(&found));
+/// `network` with the parameters in `bytes`, or why it cannot take them.
+pub fn load<M: Module>(network: M, bytes: &[u8]) -> Result<M, String> {
+    let found: Vec<Parameter> = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+    let labels = |all: &[Parameter]| -> Vec<String> {
+        let label = |p: &Parameter| format!("`{}` {:?}", p.name, p.shape);
+        all.iter().map(label).collect()
+    };
+    let (own, others) = (labels(&collect(&network)), labels(&found));
+    if own != others {
+        let differ = own.iter().zip(&others).find(|(own, other)| own != other);
+        return Err(match differ {
+            Some((own, other)) => format!("the network has {own}, found {other}"),
+            None => format!(
+                "the network has {} tensors, found {}",
+                own.len(),
+                others.len()
+            ),
+        });
     }
-    for (expected, found) in expected.into_iter().zip(&found) {
-        if (&expected.name, &expected.shape) != (&found.name, &found.shape) {
-            return mismatch(expected.label(), found.label());
+    for Parameter {
+        name,
+        shape,
+        numbers,
+    } in &found
+    {
+        let (count, expected) = (numbers.len(), shape.iter().product::<usize>());
+        if count != expected {
+            return Err(format!("`{name}` has {count} numbers, expected {expected}"));
         }
-        if expected.numbers.len() != found.numbers.len() {
-            return Err(ParameterError::Length {
-                name: expected.name,
-                expected: expected.numbers.len(),
-                found: found.numbers.len(),
-            });
-        }
-        if !found.numbers.iter().all(|x| x.is_finite()) {
-            let name = expected.name;
-            return Err(ParameterError::NotFinite { name });
+        if !numbers.iter().all(|x| x.is_finite()) {
+            return Err(format!("`{name}` holds a number that is not finite"));
         }
     }
     Ok(network.map(&mut Replacer(found.into_iter())))

@@ -3,6 +3,7 @@
 //! burn has an Adam, but its records come in random order and take a network's file for a
 //! state; and its clipping by norm looks at each tensor by itself.
 
+use super::sections::{decode, encode};
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Tensor, TensorData};
@@ -74,13 +75,13 @@ impl Adam {
             step_count: self.step_count,
             moments: self.moments.iter().map(pair).collect(),
         };
-        postcard::to_allocvec(&stored).expect("moments can be written")
+        encode(&stored)
     }
 
     /// These moments replaced by those that [`Adam::save`] wrote; fails with a reason if they
     /// are of another network.
     pub fn loaded(&self, bytes: &[u8]) -> Result<Self, String> {
-        let stored: Stored = postcard::from_bytes(bytes).map_err(|e| e.to_string())?;
+        let stored: Stored = decode(bytes)?;
         let fits = |(m, [first, second]): (&Moments, &[Vec<f32>; 2])| {
             let length = m.first.dims()[0];
             first.len() == length && second.len() == length
@@ -99,15 +100,11 @@ impl Adam {
                 second: upload(second),
             }
         };
+        let pairs = self.moments.iter().zip(stored.moments);
         Ok(Self {
             epsilon: self.epsilon,
             step_count: stored.step_count,
-            moments: self
-                .moments
-                .iter()
-                .zip(stored.moments)
-                .map(restore)
-                .collect(),
+            moments: pairs.map(restore).collect(),
         })
     }
 }

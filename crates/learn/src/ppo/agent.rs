@@ -1,4 +1,5 @@
-use crate::policy::{self, ActorCritic, DeviceError, DeviceKind, PolicyConfig, masked};
+use crate::policy::{ActorCritic, DeviceError, DeviceKind, PolicyConfig, masked};
+use drape_cloth::file::ValueError;
 use drape_cloth::math::Stream;
 use drape_task::env::{ImageShape, Observation};
 
@@ -17,7 +18,7 @@ pub enum AgentError {
     #[error(transparent)]
     Device(#[from] DeviceError),
     #[error("policy")]
-    Config(#[from] policy::ConfigError),
+    Config(#[from] ValueError),
 }
 
 /// A policy to be evaluated; it does not learn.
@@ -69,8 +70,9 @@ impl Agent {
         self.0.save()
     }
 
-    /// Takes saved parameters; fails, changing nothing, if they are of another network.
-    pub fn load(&mut self, bytes: &[u8]) -> Result<(), policy::ParameterError> {
+    /// Takes saved parameters; fails with a reason, changing nothing, if they are of another
+    /// network.
+    pub fn load(&mut self, bytes: &[u8]) -> Result<(), String> {
         self.0.load(bytes)
     }
 }

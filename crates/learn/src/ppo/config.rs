@@ -1,4 +1,4 @@
-use crate::policy::ConfigError;
+use drape_cloth::file::ValueError;
 use serde::{Deserialize, Serialize};
 
 /// How the policy is trained.
@@ -113,53 +113,39 @@ impl PpoConfig {
     }
 
     /// Checks every value against its range.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        const POSITIVE: &str = "a finite number above 0";
-        const WEIGHT: &str = "a finite number, 0 or above";
-        const SHARE: &str = "a number from 0 to 1";
-        const COUNT: &str = "1 or more";
-        let positive = |x: f64| x.is_finite() && x > 0.0;
-        let weight = |x: f64| x.is_finite() && x >= 0.0;
-        let share = |x: f64| (0.0..=1.0).contains(&x);
-        let count = |x: f64| x >= 1.0;
-        type Check<'a> = (&'static str, f64, &'a dyn Fn(f64) -> bool, &'static str);
-        let at_least_one = |key, value: usize| (key, value as f64, &count as _, COUNT);
-        let above_0 = |key, value: f64| (key, value, &positive as _, POSITIVE);
-        let weigh = |key, value: f32| (key, f64::from(value), &weight as _, WEIGHT);
-        let from_0_to_1 = |key, value: f32| (key, f64::from(value), &share as _, SHARE);
-        let mut checks: Vec<Check> = vec![
-            above_0("learning_rate", self.learning_rate),
-            above_0("adam_epsilon", self.adam_epsilon),
-            from_0_to_1("gamma", self.gamma),
-            from_0_to_1("gae_lambda", self.gae_lambda),
-            at_least_one("rollout_steps", self.rollout_steps),
-            at_least_one("minibatch_size", self.minibatch_size),
-            at_least_one("epochs", self.epochs),
-            above_0("clip_range", self.clip_range.into()),
-            weigh("policy_coefficient", self.policy_coefficient),
-            weigh("value_coefficient", self.value_coefficient),
-            weigh("entropy_coefficient", self.entropy_coefficient),
-            above_0("advantage_floor", self.advantage_floor.into()),
-        ];
+    pub fn validate(&self) -> Result<(), ValueError> {
+        let positive = |key: &str, x: f64| {
+            ValueError::unless(x.is_finite() && x > 0.0, key, x, "a finite number above 0")
+        };
+        let weight = |key: &str, x: f32| {
+            let is_valid = x.is_finite() && x >= 0.0;
+            ValueError::unless(is_valid, key, x, "a finite number, 0 or above")
+        };
+        let share = |key: &str, x: f32| {
+            ValueError::unless((0.0..=1.0).contains(&x), key, x, "a number from 0 to 1")
+        };
+        let count = |key: &str, n: usize| ValueError::unless(n >= 1, key, n, "1 or more");
+        positive("learning_rate", self.learning_rate)?;
+        positive("adam_epsilon", self.adam_epsilon)?;
+        share("gamma", self.gamma)?;
+        share("gae_lambda", self.gae_lambda)?;
+        count("rollout_steps", self.rollout_steps)?;
+        count("minibatch_size", self.minibatch_size)?;
+        count("epochs", self.epochs)?;
+        positive("clip_range", self.clip_range.into())?;
+        weight("policy_coefficient", self.policy_coefficient)?;
+        weight("value_coefficient", self.value_coefficient)?;
+        weight("entropy_coefficient", self.entropy_coefficient)?;
+        positive("advantage_floor", self.advantage_floor.into())?;
         if let Some(norm) = self.max_grad_norm {
-            checks.push(above_0("max_grad_norm", norm.into()));
+            positive("max_grad_norm", norm.into())?;
         }
         if let Some(imitation) = &self.imitation {
-            checks.push(at_least_one("imitation.episodes", imitation.episodes));
-            checks.push(at_least_one("imitation.samples", imitation.samples));
-            checks.push(weigh("imitation.coefficient", imitation.coefficient));
+            count("imitation.episodes", imitation.episodes)?;
+            count("imitation.samples", imitation.samples)?;
+            weight("imitation.coefficient", imitation.coefficient)?;
         }
-        match checks
-            .into_iter()
-            .find(|(_, found, valid, _)| !valid(*found))
-        {
-            Some((key, found, _, expected)) => Err(ConfigError {
-                key,
-                found: found.to_string(),
-                expected,
-            }),
-            None => Ok(()),
-        }
+        Ok(())
     }
 }
 

@@ -12,6 +12,7 @@ mod gae;
 mod imitation;
 mod loss;
 mod rollout;
+mod sections;
 #[cfg(test)]
 mod tests;
 mod trainer;
@@ -20,5 +21,7 @@ mod update;
 pub use agent::{Agent, AgentError, Sampling};
 pub use config::{AdvantageNorm, ImitationConfig, PpoConfig};
 pub use gae::{Next, gae};
-pub use trainer::{EpisodeRecord, Iteration, LoadError, Seconds, TrainError, Trainer};
+pub use rollout::{EpisodeRecord, Seconds};
+pub use sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
+pub use trainer::{Iteration, TrainError, Trainer};
 pub use update::{NotFinite, UpdateMetrics};

@@ -1,11 +1,34 @@
 use super::agent::Agent;
 use super::gae::Next;
 use super::imitation::{Memory, Move};
-use super::trainer::{EpisodeRecord, Seconds};
 use crate::policy::masked;
 use drape_cloth::math::Stream;
 use drape_task::env::{End, Episode, Observation, StepOutcome, Tasks};
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
+
+/// A finished episode, without its last observation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EpisodeRecord {
+    /// Number of the task that it was played in.
+    pub task: usize,
+    pub end: End,
+    /// Sum of the rewards in the task's own unit.
+    pub total_reward: f32,
+    /// How well it was done; none if the simulation diverged.
+    pub score: Option<f64>,
+    /// All actions taken; replays the episode without a network.
+    pub actions: Vec<u32>,
+}
+
+/// Wall-clock time of an iteration, by what took it [s].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Seconds {
+    pub simulation: f64,
+    /// Networks asked, and everything else of the rollout.
+    pub inference: f64,
+    pub update: f64,
+}
 
 /// What happened in some steps of all tasks. Everything is `[step, task]`, flat.
 #[derive(Debug, Default)]
@@ -74,7 +97,13 @@ pub fn collect<T: Tasks>(
             });
             rollout
                 .episodes
-                .extend(episode.map(|e| EpisodeRecord::new(task, e)));
+                .extend(episode.map(|episode| EpisodeRecord {
+                    task,
+                    end: episode.end,
+                    total_reward: episode.total_reward,
+                    score: episode.score,
+                    actions: episode.actions,
+                }));
         }
         rollout.observations.extend(seen);
         rollout.actions.extend(actions);

@@ -269,7 +269,7 @@ fn foreign_or_damaged_sections_are_refused_and_change_nothing() {
         let mut missing = saved.clone();
         missing.remove(name);
         let error = trainer.load(&missing).unwrap_err();
-        assert_eq!(error.to_string(), format!("section `{name}` is missing"));
+        assert_eq!(error.to_string(), format!("section `{name}`: missing"));
         for other in saved.keys().filter(|other| *other != name) {
             let mut swapped = saved.clone();
             swapped.insert(name.clone(), saved[other].clone());

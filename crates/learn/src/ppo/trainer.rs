@@ -2,13 +2,14 @@ use super::adam::Adam;
 use super::agent::{Agent, AgentError};
 use super::config::{ImitationConfig, PpoConfig};
 use super::imitation::Memory;
-use super::rollout;
+use super::rollout::{EpisodeRecord, Seconds, collect};
+use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
 use super::update::{NotFinite, Streams, UpdateMetrics, update};
-use crate::policy::{ActorCritic, ConfigError, DeviceKind, ParameterError, PolicyConfig};
+use crate::policy::{ActorCritic, DeviceKind, PolicyConfig};
+use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
-use drape_task::env::{End, Episode, Tasks};
+use drape_task::env::Tasks;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// A training: tasks, a network that plays them, and all that learning needs.
@@ -31,29 +32,6 @@ struct Progress {
     update: Streams,
 }
 
-/// A finished episode, without its last observation.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct EpisodeRecord {
-    /// Number of the task that it was played in.
-    pub task: usize,
-    pub end: End,
-    /// Sum of the rewards in the task's own unit.
-    pub total_reward: f32,
-    /// How well it was done; none if the simulation diverged.
-    pub score: Option<f64>,
-    /// All actions taken; replays the episode without a network.
-    pub actions: Vec<u32>,
-}
-
-/// Wall-clock time of an iteration, by what took it [s].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Seconds {
-    pub simulation: f64,
-    /// Networks asked, and everything else of the rollout.
-    pub inference: f64,
-    pub update: f64,
-}
-
 /// What one rollout and its update gave.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Iteration {
@@ -73,36 +51,10 @@ pub enum TrainError {
     #[error(transparent)]
     Agent(#[from] AgentError),
     #[error("ppo")]
-    Config(#[from] ConfigError),
+    Config(#[from] ValueError),
     /// The update stopped before the step that would have done harm.
     #[error("iteration {iteration} failed: lower the learning rate or limit the gradient norm")]
     NotFinite { iteration: u64, source: NotFinite },
-}
-
-/// A saved training that cannot be taken up; the trainer is as before.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadError {
-    #[error("section `{section}` is missing")]
-    Missing { section: &'static str },
-    #[error("section `network`")]
-    Network(#[from] ParameterError),
-    #[error("section `{section}`: {reason}")]
-    Section {
-        section: &'static str,
-        reason: String,
-    },
-}
-
-impl EpisodeRecord {
-    pub(super) fn new(task: usize, episode: Episode) -> Self {
-        Self {
-            task,
-            end: episode.end,
-            total_reward: episode.total_reward,
-            score: episode.score,
-            actions: episode.actions,
-        }
-    }
 }
 
 impl<T: Tasks> Trainer<T> {
@@ -153,7 +105,7 @@ impl<T: Tasks> Trainer<T> {
             true => 1.0 / self.tasks.reward_scale(),
             false => 1.0,
         };
-        let rollout = rollout::collect(
+        let rollout = collect(
             &Agent::of(&self.actor_critic),
             &mut self.tasks,
             &mut progress.actions,
@@ -205,46 +157,49 @@ impl<T: Tasks> Trainer<T> {
 
     /// Everything needed to go on later exactly from here, by name: parameters, moments,
     /// counters and random streams, the tasks, and the episodes to be imitated.
-    pub fn save(&self) -> BTreeMap<String, Vec<u8>> {
-        let mut sections = BTreeMap::new();
-        let mut insert = |name: &str, bytes| sections.insert(name.to_owned(), bytes);
-        insert(NETWORK, self.actor_critic.save());
-        insert(ADAM, self.adam.save());
-        insert(TASKS, self.tasks.save());
-        insert(PROGRESS, encode(&self.progress));
-        if let Some(memory) = &self.memory {
-            insert(IMITATION, encode(memory));
-        }
-        sections
+    pub fn save(&self) -> Sections {
+        let mut sections = vec![
+            (NETWORK, self.actor_critic.save()),
+            (ADAM, self.adam.save()),
+            (TASKS, self.tasks.save()),
+            (PROGRESS, encode(&self.progress)),
+        ];
+        sections.extend(
+            self.memory
+                .as_ref()
+                .map(|memory| (IMITATION, encode(memory))),
+        );
+        let named = sections.into_iter();
+        named.map(|(name, bytes)| (name.into(), bytes)).collect()
     }
 
     /// Goes back to what [`Trainer::save`] returned, for the same configuration and tasks of
     /// the same kind. Fails, changing nothing, if they are of another training.
-    pub fn load(&mut self, sections: &BTreeMap<String, Vec<u8>>) -> Result<(), LoadError> {
+    pub fn load(&mut self, sections: &Sections) -> Result<(), SectionError> {
         let mut actor_critic = self.actor_critic.clone();
-        actor_critic.load(section(sections, NETWORK)?)?;
-        let adam = self.adam.loaded(section(sections, ADAM)?);
-        let adam = adam.map_err(|reason| LoadError::section(ADAM, reason))?;
-        let progress: Progress = decode(sections, PROGRESS)?;
-        if progress.actions.len() != self.tasks.count() {
-            let (found, expected) = (progress.actions.len(), self.tasks.count());
-            let reason = format!("made for {found} tasks, expected {expected}");
-            return Err(LoadError::section(PROGRESS, reason));
-        }
-        let memory = match &self.memory {
-            None => None,
-            Some(own) => {
-                let memory: Memory = decode(sections, IMITATION)?;
-                if !memory.fits(own, self.tasks.shape().pixel_count()) {
-                    let reason = "made for other tasks or another number of episodes";
-                    return Err(LoadError::section(IMITATION, reason));
-                }
-                Some(memory)
+        read_section(sections, NETWORK, |bytes| actor_critic.load(bytes))?;
+        let adam = read_section(sections, ADAM, |bytes| self.adam.loaded(bytes))?;
+        let count = self.tasks.count();
+        let progress = read_section(sections, PROGRESS, |bytes| {
+            let progress: Progress = decode(bytes)?;
+            let found = progress.actions.len();
+            match found == count {
+                true => Ok(progress),
+                false => Err(format!("is of {found} tasks, expected {count}")),
             }
+        })?;
+        let pixel_count = self.tasks.shape().pixel_count();
+        let fitting = |own: &Memory| {
+            read_section(sections, IMITATION, |bytes| {
+                let memory: Memory = decode(bytes)?;
+                match memory.fits(own, pixel_count) {
+                    true => Ok(memory),
+                    false => Err("is of other tasks or another number of episodes".into()),
+                }
+            })
         };
-        self.tasks
-            .load(section(sections, TASKS)?)
-            .map_err(|reason| LoadError::section(TASKS, reason))?;
+        let memory = self.memory.as_ref().map(fitting).transpose()?;
+        read_section(sections, TASKS, |bytes| self.tasks.load(bytes))?;
         self.actor_critic = actor_critic;
         self.adam = adam;
         self.progress = progress;
@@ -253,34 +208,7 @@ impl<T: Tasks> Trainer<T> {
     }
 }
 
-const NETWORK: &str = "network";
 const ADAM: &str = "adam";
 const TASKS: &str = "tasks";
 const PROGRESS: &str = "progress";
 const IMITATION: &str = "imitation";
-
-impl LoadError {
-    fn section(section: &'static str, reason: impl ToString) -> Self {
-        let reason = reason.to_string();
-        Self::Section { section, reason }
-    }
-}
-
-fn section<'a>(
-    sections: &'a BTreeMap<String, Vec<u8>>,
-    name: &'static str,
-) -> Result<&'a [u8], LoadError> {
-    let bytes = sections.get(name).map(Vec::as_slice);
-    bytes.ok_or(LoadError::Missing { section: name })
-}
-
-fn encode(value: &impl Serialize) -> Vec<u8> {
-    postcard::to_allocvec(value).expect("a training can be written")
-}
-
-fn decode<V: for<'de> Deserialize<'de>>(
-    sections: &BTreeMap<String, Vec<u8>>,
-    name: &'static str,
-) -> Result<V, LoadError> {
-    postcard::from_bytes(section(sections, name)?).map_err(|e| LoadError::section(name, e))
-}

@@ -79,7 +79,7 @@ pub fn update(
 
     let mut order: Vec<usize> = (0..rewards.len()).collect();
     let pieces = order.len().div_ceil(config.minibatch_size);
-    let mut sum = UpdateMetrics::default();
+    let mut sum = [0.0; 7];
     for _ in 0..config.epochs {
         streams.shuffle.shuffle(&mut order);
         for piece in 0..pieces {
@@ -90,13 +90,20 @@ pub fn update(
             };
             let minibatch = Minibatch::new(config, rollout, &advantages, &returns, indices);
             let terms = evaluate(config, actor_critic, &minibatch, &imitated);
-            let found = terms.metrics();
-            descend(config, actor_critic, adam, terms.total, found, &mut sum)?;
+            let found = descend(config, actor_critic, adam, terms)?;
+            sum = std::array::from_fn(|k| sum[k] + found[k]);
         }
     }
+    let mean = sum.map(|x| x / (config.epochs * pieces) as f32);
     Ok(UpdateMetrics {
+        policy_loss: mean[0],
+        value_loss: mean[1],
+        entropy: mean[2],
+        imitation_loss: mean[3],
+        approx_kl: mean[4],
+        clip_fraction: mean[5],
+        gradient_norm: mean[6],
         explained_variance: loss::explained_variance(values, &returns),
-        ..sum.mean(config.epochs * pieces)
     })
 }
 
@@ -136,7 +143,7 @@ impl<'a> Minibatch<'a> {
 struct Terms {
     total: Tensor<1>,
     /// Policy loss, value loss, entropy, imitation loss, KL, clip fraction.
-    parts: [Tensor<1>; 6],
+    parts: Vec<Tensor<1>>,
 }
 
 /// The loss of a minibatch and of some moves to be imitated:
@@ -185,40 +192,31 @@ fn evaluate(
     let clipped = loss::clip_fraction(new, old, config.clip_range);
     Terms {
         total,
-        parts: [policy, value, entropy, imitation, kl, clipped],
+        parts: vec![policy, value, entropy, imitation, kl, clipped],
     }
 }
 
-impl Terms {
-    /// All terms on the host, in one transfer.
-    fn metrics(&self) -> UpdateMetrics {
-        let parts = Tensor::cat(self.parts.to_vec(), 0).into_data();
-        let parts: Vec<f32> = parts.try_into_vec().expect("terms are f32");
-        UpdateMetrics {
-            policy_loss: parts[0],
-            value_loss: parts[1],
-            entropy: parts[2],
-            imitation_loss: parts[3],
-            approx_kl: parts[4],
-            clip_fraction: parts[5],
-            ..UpdateMetrics::default()
-        }
-    }
-}
-
-/// Takes one step against the gradient of `total`, limited to the largest norm allowed, and
-/// adds what was `found` to `sum`.
+/// Takes one step against the gradient of the loss, limited to the largest norm allowed. Gives
+/// the terms and the norm.
 fn descend(
     config: &PpoConfig,
     actor_critic: &mut ActorCritic,
     adam: &mut Adam,
-    total: Tensor<1>,
-    found: UpdateMetrics,
-    sum: &mut UpdateMetrics,
-) -> Result<(), NotFinite> {
-    found.check()?;
+    terms: Terms,
+) -> Result<[f32; 7], NotFinite> {
+    // All terms in one transfer.
+    let parts = Tensor::cat(terms.parts, 0).into_data();
+    let parts: Vec<f32> = parts.try_into_vec().expect("terms are f32");
+    let finite = |quantity, number: f32| match number.is_finite() {
+        true => Ok(()),
+        false => Err(NotFinite { quantity }),
+    };
+    let losses = ["policy loss", "value loss", "entropy", "imitation loss"];
+    for (quantity, &number) in losses.into_iter().zip(&parts) {
+        finite(quantity, number)?;
+    }
     let network = &actor_critic.network;
-    let gradients = GradientsParams::from_grads(total.backward(), network);
+    let gradients = GradientsParams::from_grads(terms.total.backward(), network);
     let norm = global_norm(network, &gradients);
     finite("gradient norm", norm)?;
     let scale = match config.max_grad_norm {
@@ -227,53 +225,7 @@ fn descend(
     };
     let network = network.clone();
     actor_critic.network = adam.step(network, gradients, scale.into(), config.learning_rate);
-    sum.add(&UpdateMetrics {
-        gradient_norm: norm,
-        ..found
-    });
-    Ok(())
-}
-
-impl UpdateMetrics {
-    fn check(&self) -> Result<(), NotFinite> {
-        finite("policy loss", self.policy_loss)?;
-        finite("value loss", self.value_loss)?;
-        finite("entropy", self.entropy)?;
-        finite("imitation loss", self.imitation_loss)
-    }
-
-    fn terms(&mut self) -> [&mut f32; 7] {
-        [
-            &mut self.policy_loss,
-            &mut self.value_loss,
-            &mut self.entropy,
-            &mut self.imitation_loss,
-            &mut self.approx_kl,
-            &mut self.clip_fraction,
-            &mut self.gradient_norm,
-        ]
-    }
-
-    fn add(&mut self, other: &Self) {
-        let mut other = *other;
-        for (sum, term) in self.terms().into_iter().zip(other.terms()) {
-            *sum += *term;
-        }
-    }
-
-    /// The terms divided by `count`.
-    fn mean(mut self, count: usize) -> Self {
-        self.terms().into_iter().for_each(|x| *x /= count as f32);
-        self
-    }
-}
-
-fn finite(quantity: &'static str, number: f32) -> Result<(), NotFinite> {
-    if number.is_finite() {
-        Ok(())
-    } else {
-        Err(NotFinite { quantity })
-    }
+    Ok(std::array::from_fn(|k| *parts.get(k).unwrap_or(&norm)))
 }
 
 /// Weight of each state's entropy: 1, or 1 / ln(valid actions) if normalised. A state with one

@@ -123,8 +123,14 @@ fn legend_breaks_into_rows_and_leaves_the_plot_below() {
 }
 
 #[test]
-fn powers_are_labelled_by_what_they_stand_for() {
-    for (tick, label) in [(0.0, "1"), (1.0, "10"), (2.5, "320"), (-1.5, "0.032")] {
-        assert_eq!(power_label(tick), label);
+fn ticks_have_the_digits_they_need() {
+    for (number, digits, text) in [
+        (0.1 + 0.2, 6, "0.3"),
+        (200_000.0, 6, "200000"),
+        (-2.5, 6, "-2.5"),
+        (10f64.powf(2.5), 2, "320"),
+        (10f64.powf(-1.5), 2, "0.032"),
+    ] {
+        assert_eq!(label(number, digits), text);
     }
 }
