@@ -11,8 +11,8 @@ use super::output::OutFolder;
 use super::result::{Episodes, Recorder, rollout_failure};
 use super::scene::set_up;
 use crate::run::{
-    Checkpoint, EpisodeSummary, PlayedEpisode, Rules, RunConfig, RunFolder, config_digest,
-    parallel_episodes, play, random_episodes, replay,
+    Checkpoint, EpisodeSummary, OtherConfig, PlayedEpisode, Rules, RunConfig, RunFolder,
+    config_digest, parallel_episodes, play, random_episodes, replay,
 };
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
@@ -282,14 +282,11 @@ impl Loaded {
                 self.folder.path().display()
             )));
         }
-        let checkpoint = Checkpoint::load(&path)?;
-        if !self.config.is_read_from(&checkpoint.config) {
-            return Err(Failure::invalid(anyhow!(
-                "{}: written for another configuration than {}",
-                path.display(),
-                self.folder.config().display()
-            )));
-        }
+        let loaded = Checkpoint::of_run(&path, &self.config, &self.folder);
+        let checkpoint = loaded.map_err(|error| match error.is::<OtherConfig>() {
+            true => Failure::invalid(error),
+            false => error.into(),
+        })?;
         let config = &self.config;
         let mut agent =
             Agent::new(&config.policy, draping.shape(), config.seed, config.device).or_invalid()?;

@@ -12,11 +12,11 @@ use super::failure::OrInvalid;
 use super::output::{bar, print, print_json};
 use super::result;
 use super::scene::{MISSED, missed, set_up};
-use crate::run::{RunConfig, RunFolder, RunInfo, Training, TrainingError};
+use crate::run::{NameError, OtherConfig, RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
-use drape_task::env::{Draping, End, ImageShape, Tasks};
+use drape_task::env::{Draping, End, EnvError, ImageShape, Tasks};
 
 /// Iterations between two checkpoints.
 const CHECKPOINT_INTERVAL: u64 = 10;
@@ -199,7 +199,7 @@ fn begin(args: &Args) -> Result<Training, Failure> {
     let info = RunInfo::new(config.seed, SystemTime::now());
     let text = config.to_toml();
     let folder = RunFolder::create(&args.runs, args.name.as_deref(), &text, &info);
-    let folder = folder.map_err(folder_failure)?;
+    let folder = folder.map_err(failure)?;
     if !args.json {
         eprintln!("writing {}", folder.path().display());
     }
@@ -222,20 +222,12 @@ fn set_up_over_tool(config: &SceneConfig, place: &str, json: bool) -> Result<Sce
     Ok(scene)
 }
 
-/// A name that is taken is the user's to mend, a full disk is not.
-fn folder_failure(error: crate::run::FolderError) -> Failure {
-    use crate::run::FolderError::{Exists, Name};
-    if matches!(error, Exists { .. } | Name { .. }) {
-        Failure::invalid(error)
-    } else {
-        error.into()
-    }
-}
-
-fn failure(error: TrainingError) -> Failure {
-    match error {
-        TrainingError::Env(_) | TrainingError::OtherConfig { .. } => Failure::invalid(error),
-        error => error.into(),
+/// What the user can mend is not at work: a name that is taken, another configuration, an
+/// environment that cannot be. A full disk is.
+fn failure(error: anyhow::Error) -> Failure {
+    match error.is::<NameError>() || error.is::<OtherConfig>() || error.is::<EnvError>() {
+        true => Failure::invalid(error),
+        false => error.into(),
     }
 }
 

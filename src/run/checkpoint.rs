@@ -1,9 +1,13 @@
 use std::fs;
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
 
 use serde::{Deserialize, Serialize};
 
+use super::config::RunConfig;
+use super::folder::RunFolder;
 use drape_cloth::file::{WriteError, write_atomic};
 use drape_learn::ppo::Sections;
 
@@ -40,19 +44,6 @@ pub struct Checkpoint {
     pub sections: Sections,
 }
 
-/// Why a checkpoint could not be read.
-#[derive(Debug, thiserror::Error)]
-pub enum CheckpointError {
-    #[error("cannot read {}", path.display())]
-    Read {
-        path: PathBuf,
-        #[source]
-        source: io::Error,
-    },
-    #[error("{}: {fault}", path.display())]
-    Content { path: PathBuf, fault: Fault },
-}
-
 /// What is wrong with the bytes of a checkpoint, in one line.
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum Fault {
@@ -68,7 +59,27 @@ pub enum Fault {
     Content(postcard::Error),
 }
 
+/// A checkpoint of another run, or of one whose configuration was edited.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: written for another configuration than {}", path.display(), config.display())]
+pub struct OtherConfig {
+    pub path: PathBuf,
+    pub config: PathBuf,
+}
+
 impl Checkpoint {
+    /// The checkpoint of the run in `folder`, whose configuration is `config`.
+    pub fn of_run(path: &Path, config: &RunConfig, folder: &RunFolder) -> Result<Self> {
+        let checkpoint = Self::load(path)?;
+        if !config.is_read_from(&checkpoint.config) {
+            bail!(OtherConfig {
+                path: path.into(),
+                config: folder.config(),
+            });
+        }
+        Ok(checkpoint)
+    }
+
     /// Writes the file whole or not at all.
     pub fn save(&self, path: &Path) -> Result<(), WriteError> {
         let bytes = self.encode();
@@ -77,15 +88,10 @@ impl Checkpoint {
 
     /// Reads and checks a whole file. Nothing in it is trusted: memory use is bounded by
     /// the file's size whatever lengths it claims.
-    pub fn load(path: &Path) -> Result<Self, CheckpointError> {
-        let bytes = fs::read(path).map_err(|source| CheckpointError::Read {
-            path: path.into(),
-            source,
-        })?;
-        Self::decode(&bytes).map_err(|fault| CheckpointError::Content {
-            path: path.into(),
-            fault,
-        })
+    pub fn load(path: &Path) -> Result<Self> {
+        let place = || path.display().to_string();
+        let bytes = fs::read(path).with_context(|| format!("cannot read {}", place()))?;
+        Self::decode(&bytes).with_context(place)
     }
 
     fn encode(&self) -> Vec<u8> {

@@ -1,12 +1,14 @@
 use std::path::{Path, PathBuf};
 
+use anyhow::{Context, Result};
 use serde::de::Error as _;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, Deserializer, ValueDeserializer};
 use toml::{Spanned, Table, Value};
 
-use drape_cloth::file::{ParseError, parse_toml_with};
-use drape_cloth::scene::{SceneConfig, SceneError};
+use super::folder::read_text;
+use drape_cloth::file::{ValueError, parse_toml_with};
+use drape_cloth::scene::SceneConfig;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
 use drape_task::env::EnvConfig;
@@ -46,22 +48,6 @@ pub struct RunConfig {
     scene_file: Option<PathBuf>,
 }
 
-/// A configuration that cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum RunConfigError {
-    #[error("cannot read {path}", path = path.display())]
-    Read {
-        path: PathBuf,
-        source: std::io::Error,
-    },
-    #[error(transparent)]
-    Parse(#[from] ParseError),
-    #[error("{path}: {message}", path = path.display())]
-    Value { path: PathBuf, message: String },
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-}
-
 /// The configuration that is used when none is given.
 const QUICKSTART: &str = include_str!("../../configs/quickstart.toml");
 
@@ -81,12 +67,8 @@ impl RunConfig {
 
     /// Reads a configuration. Paths in it count from its folder. Keys that are not given are
     /// those of its `preset`; an optional key is removed by `"off"`.
-    pub fn read(path: &Path) -> Result<Self, RunConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|source| RunConfigError::Read {
-            path: path.into(),
-            source,
-        })?;
-        Self::parse(&text, path)
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::parse(&read_text(path)?, path)
     }
 
     /// Whether `text`, as [`RunConfig::to_toml`] once wrote it, means this configuration: keys
@@ -150,23 +132,19 @@ impl RunConfig {
         }
     }
 
-    fn parse(text: &str, path: &Path) -> Result<Self, RunConfigError> {
+    fn parse(text: &str, path: &Path) -> Result<Self> {
         let mut config = parse_toml_with(text, path, Self::over_preset)?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let fail = |path: &Path, message| RunConfigError::Value {
-            path: path.into(),
-            message,
-        };
         match config.scene_file.take() {
             None => config.scene.resolve(folder),
             Some(file) => {
                 let path = folder.join(file);
                 config.scene = SceneConfig::read(&path)?;
                 let checked = config.scene.check();
-                checked.map_err(|error| fail(&path, error.to_string()))?;
+                checked.with_context(|| path.display().to_string())?;
             }
         }
-        config.check().map_err(|message| fail(path, message))?;
+        config.check().with_context(|| path.display().to_string())?;
         Ok(config)
     }
 
@@ -197,12 +175,10 @@ impl RunConfig {
     }
 
     /// Checks what can be checked without setting up the scene.
-    fn check(&self) -> Result<(), String> {
-        let range = |key: &str, value: u64, max: u64| match (1..=max).contains(&value) {
-            true => Ok(()),
-            false => Err(format!(
-                "`{key}` is {value}, expected a number from 1 to {max}"
-            )),
+    fn check(&self) -> Result<()> {
+        let range = |key: &str, value: u64, max: u64| {
+            let expected = format!("a number from 1 to {max}");
+            ValueError::unless((1..=max).contains(&value), key, value, expected)
         };
         range("steps", self.steps, Self::MAX_STEPS)?;
         range("environments", self.environments as u64, 4096)?;
@@ -210,7 +186,7 @@ impl RunConfig {
         // A rollout is held in memory: 17 kB a sample on the whole standard blank.
         let max = (Self::MAX_SAMPLES / self.environments) as u64;
         range("ppo.rollout_steps", self.ppo.rollout_steps as u64, max)?;
-        self.ppo.validate().map_err(|error| format!("ppo: {error}"))
+        self.ppo.validate().context("ppo")
     }
 }
 
@@ -287,7 +263,7 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> Result<RunConfig, String> {
-        RunConfig::parse(text, Path::new("c.toml")).map_err(|e| e.to_string())
+        RunConfig::parse(text, Path::new("c.toml")).map_err(|e| format!("{e:#}"))
     }
 
     #[test]

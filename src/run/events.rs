@@ -1,6 +1,8 @@
 use std::path::Path;
 
-use super::log::{Log, LogError};
+use anyhow::Result;
+
+use super::log::Log;
 
 /// Writes scalars for TensorBoard into one event file.
 ///
@@ -17,25 +19,20 @@ pub struct EventWriter(Log);
 impl EventWriter {
     /// Starts a file at `wall_time`, in seconds since 1970. TensorBoard finds it if `tfevents` is
     /// in its name. Fails if `path` exists.
-    pub fn create(path: &Path, wall_time: f64) -> Result<Self, LogError> {
+    pub fn create(path: &Path, wall_time: f64) -> Result<Self> {
         let mut log = Log::create(path)?;
         log.append(&framed(&version_event(wall_time)))?;
         Ok(Self(log))
     }
 
     /// Appends one event: the `values` (tag, value) of `step`.
-    pub fn append(
-        &mut self,
-        wall_time: f64,
-        step: u64,
-        values: &[(&str, f64)],
-    ) -> Result<(), LogError> {
+    pub fn append(&mut self, wall_time: f64, step: u64, values: &[(&str, f64)]) -> Result<()> {
         self.0
             .append(&framed(&scalar_event(wall_time, step, values)))
     }
 
     /// Makes the file survive a power failure.
-    pub fn sync(&self) -> Result<(), LogError> {
+    pub fn sync(&self) -> Result<()> {
         self.0.sync()
     }
 }

@@ -3,10 +3,11 @@ use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
+use anyhow::{Context, Result, bail};
 use humantime::format_rfc3339_seconds;
 use serde::{Deserialize, Serialize};
 
-use drape_cloth::file::{WriteError, write_atomic};
+use drape_cloth::file::write_atomic;
 use drape_task::env::ImageShape;
 
 /// The folder of one run: `ROOT/NAME/`. Its layout is described in `runs/README.md`.
@@ -65,95 +66,63 @@ pub fn config_digest(config: &str) -> String {
     format!("crc32:{:08x}", crc32fast::hash(config.as_bytes()))
 }
 
-/// Why a run folder could not be created, opened, read or written.
+/// A name that no new run can have.
 #[derive(Debug, thiserror::Error)]
-pub enum FolderError {
-    #[error("{name:?} cannot name a run: expected one name of a folder")]
-    Name { name: String },
+pub enum NameError {
+    #[error("{0:?} cannot name a run: expected one name of a folder")]
+    Invalid(String),
     #[error(
         "run {} already exists: choose another name, resume it, or remove the folder",
-        path.display()
+        .0.display()
     )]
-    Exists { path: PathBuf },
-    #[error("cannot create {}", path.display())]
-    Create {
-        path: PathBuf,
-        #[source]
-        source: io::Error,
-    },
-    #[error("there is no run {}", path.display())]
-    Missing { path: PathBuf },
-    #[error("{} is not a run folder: {reason}", path.display())]
-    NotARun { path: PathBuf, reason: &'static str },
-    #[error("cannot read {}", path.display())]
-    Read {
-        path: PathBuf,
-        #[source]
-        source: io::Error,
-    },
-    #[error("{} is damaged", path.display())]
-    Json {
-        path: PathBuf,
-        #[source]
-        source: serde_json::Error,
-    },
-    #[error("{} presses vertex {vertex}, expected one below {count}", path.display())]
-    Vertex {
-        path: PathBuf,
-        vertex: u32,
-        count: usize,
-    },
-    #[error(transparent)]
-    Write(#[from] WriteError),
+    Taken(PathBuf),
 }
 
 /// Makes an empty folder in `root` that is named after `prefix` and the minute of `now` (UTC),
 /// as in `2026-11-21-0412`, or with `-2`, `-3`, ... where that is taken.
-pub fn dated_folder(root: &Path, prefix: &str, now: SystemTime) -> Result<PathBuf, FolderError> {
+pub fn dated_folder(root: &Path, prefix: &str, now: SystemTime) -> Result<PathBuf> {
     // To the minute, without colons, which no file name may have everywhere.
     let minute = &format_rfc3339_seconds(now).to_string()[..16];
     let base = prefix.to_owned() + &minute.replace('T', "-").replace(':', "");
     let numbered = (2..).map(|number| format!("{base}-{number}"));
     for name in std::iter::once(base.clone()).chain(numbered) {
-        match new_folder(root, &name) {
-            Err(FolderError::Exists { .. }) => {}
-            outcome => return outcome,
+        if let Some(path) = new_folder(root, &name)? {
+            return Ok(path);
         }
     }
     unreachable!("names do not run out")
 }
 
-fn new_folder(root: &Path, name: &str) -> Result<PathBuf, FolderError> {
+/// The new folder `root/name`; none where it exists.
+fn new_folder(root: &Path, name: &str) -> Result<Option<PathBuf>> {
     let path = root.join(name);
-    let made = fs::create_dir_all(root).and_then(|()| fs::create_dir(&path));
-    match made {
-        Ok(()) => Ok(path),
-        Err(source) if source.kind() == io::ErrorKind::AlreadyExists && root.is_dir() => {
-            Err(FolderError::Exists { path })
-        }
-        Err(source) => Err(FolderError::Create { path, source }),
+    let cannot = || format!("cannot create {}", path.display());
+    fs::create_dir_all(root).with_context(cannot)?;
+    match fs::create_dir(&path) {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(None),
+        made => made.with_context(cannot).map(|()| Some(path.clone())),
     }
+}
+
+/// What stands in a file.
+pub(super) fn read_text(path: &Path) -> Result<String> {
+    fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
 impl RunFolder {
     /// Makes the folder of a new run, `root/name` or [`dated_folder`] without a name, and writes
     /// `config` (TOML, resolved) and `info` into it. Never touches an existing one; if it fails
     /// in the middle, what it made is removed.
-    pub fn create(
-        root: &Path,
-        name: Option<&str>,
-        config: &str,
-        info: &RunInfo,
-    ) -> Result<Self, FolderError> {
+    pub fn create(root: &Path, name: Option<&str>, config: &str, info: &RunInfo) -> Result<Self> {
         let path = match name {
             None => dated_folder(root, "", SystemTime::now())?,
             Some(name) => {
                 let mut parts = Path::new(name).components();
                 match (parts.next(), parts.next()) {
                     (Some(Component::Normal(part)), None) if part == name => {}
-                    _ => return Err(FolderError::Name { name: name.into() }),
+                    _ => bail!(NameError::Invalid(name.into())),
                 }
-                new_folder(root, name)?
+                new_folder(root, name)?.ok_or_else(|| NameError::Taken(root.join(name)))?
             }
         };
         let run = Self { path };
@@ -165,39 +134,34 @@ impl RunFolder {
     }
 
     /// `run.json` comes last: a folder that has it is complete.
-    fn fill(&self, config: &str, info: &RunInfo) -> Result<(), FolderError> {
+    fn fill(&self, config: &str, info: &RunInfo) -> Result<()> {
         for path in [
             self.event_folder(),
             self.checkpoint_folder(),
             self.pictures(),
         ] {
-            fs::create_dir(&path).map_err(|source| FolderError::Create { path, source })?;
+            let cannot = || format!("cannot create {}", path.display());
+            fs::create_dir(&path).with_context(cannot)?;
         }
         write_atomic(&self.config(), |file| file.write_all(config.as_bytes()))?;
         write_json(&self.info(), info)
     }
 
     /// The existing run folder at `path`.
-    pub fn open(path: &Path) -> Result<Self, FolderError> {
-        let not_a_run = |reason| FolderError::NotARun {
-            path: path.into(),
-            reason,
-        };
-        let metadata = fs::metadata(path).map_err(|source| match source.kind() {
-            io::ErrorKind::NotFound => FolderError::Missing { path: path.into() },
-            _ => FolderError::Read {
-                path: path.into(),
-                source,
-            },
-        })?;
-        if !metadata.is_dir() {
-            return Err(not_a_run(
-                "it is a file; give the folder that holds run.json",
-            ));
+    pub fn open(path: &Path) -> Result<Self> {
+        let shown = path.display();
+        if !path
+            .try_exists()
+            .with_context(|| format!("cannot read {shown}"))?
+        {
+            bail!("there is no run {shown}");
+        }
+        if path.is_file() {
+            bail!("{shown} is not a run folder: it is a file; give the folder that holds run.json");
         }
         let run = Self { path: path.into() };
         if !run.info().is_file() {
-            return Err(not_a_run("it has no run.json"));
+            bail!("{shown} is not a run folder: it has no run.json");
         }
         Ok(run)
     }
@@ -213,8 +177,8 @@ impl RunFolder {
     }
 
     /// What stands in [`RunFolder::config`].
-    pub fn config_text(&self) -> Result<String, FolderError> {
-        read(&self.config())
+    pub fn config_text(&self) -> Result<String> {
+        read_text(&self.config())
     }
 
     /// Where the run came from ([`RunInfo`]).
@@ -266,39 +230,27 @@ impl RunFolder {
     }
 
     /// Replaces the best sequence.
-    pub fn write_best_sequence(&self, sequence: &BestSequence) -> Result<(), FolderError> {
+    pub fn write_best_sequence(&self, sequence: &BestSequence) -> Result<()> {
         write_json(&self.best_sequence(), sequence)
     }
 
     /// Reads the best sequence and checks that its vertices are on its grid.
-    pub fn read_best_sequence(&self) -> Result<BestSequence, FolderError> {
+    pub fn read_best_sequence(&self) -> Result<BestSequence> {
         let path = self.best_sequence();
-        let json_error = |source| FolderError::Json {
-            path: path.clone(),
-            source,
-        };
-        let sequence: BestSequence = serde_json::from_str(&read(&path)?).map_err(json_error)?;
+        let sequence: BestSequence = serde_json::from_str(&read_text(&path)?)
+            .with_context(|| format!("{} is damaged", path.display()))?;
         let count = sequence.grid.pixel_count();
-        let outside = sequence.vertices.iter().find(|&&v| v as usize >= count);
-        match outside {
-            None => Ok(sequence),
-            Some(&vertex) => Err(FolderError::Vertex {
-                path,
-                vertex,
-                count,
-            }),
+        if let Some(vertex) = sequence.vertices.iter().find(|&&v| v as usize >= count) {
+            bail!(
+                "{} presses vertex {vertex}, expected one below {count}",
+                path.display()
+            );
         }
+        Ok(sequence)
     }
 }
 
-fn read(path: &Path) -> Result<String, FolderError> {
-    fs::read_to_string(path).map_err(|source| FolderError::Read {
-        path: path.into(),
-        source,
-    })
-}
-
-fn write_json(path: &Path, value: &impl Serialize) -> Result<(), FolderError> {
+fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     Ok(write_atomic(path, |file| {
         serde_json::to_writer_pretty(&mut *file, value)?;
         file.write_all(b"\n")
@@ -373,7 +325,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         for name in ["", ".", "..", "a/b", "a/", "./a", "/a"] {
             let error = RunFolder::create(root.path(), Some(name), CONFIG, &info()).unwrap_err();
-            assert!(matches!(error, FolderError::Name { .. }), "{name}: {error}");
+            assert!(error.is::<NameError>(), "{name}: {error}");
         }
         assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0);
     }
@@ -399,9 +351,13 @@ mod tests {
         let text = fs::read_to_string(run.best_sequence()).unwrap();
         fs::write(run.best_sequence(), text.replace("5", "6")).unwrap();
         let error = run.read_best_sequence().unwrap_err();
-        assert!(matches!(error, FolderError::Vertex { .. }), "{error}");
+        assert!(
+            error
+                .to_string()
+                .ends_with("presses vertex 6, expected one below 6")
+        );
         fs::write(run.best_sequence(), &text[..text.len() / 2]).unwrap();
         let error = run.read_best_sequence().unwrap_err();
-        assert!(matches!(error, FolderError::Json { .. }), "{error}");
+        assert!(error.to_string().ends_with("is damaged"), "{error}");
     }
 }

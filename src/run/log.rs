@@ -2,14 +2,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Why a log could not be created, resumed or extended.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot {action} {}", path.display())]
-pub struct LogError {
-    action: &'static str,
-    path: PathBuf,
-    source: io::Error,
-}
+use anyhow::{Context, Result};
 
 /// A file that only grows, one whole record at a time, and that can be cut back to a length
 /// a checkpoint knew. Its content after a resume is then what it would have been without
@@ -23,64 +16,44 @@ pub(super) struct Log {
 
 impl Log {
     /// A new, empty log. Fails if `path` exists.
-    pub fn create(path: &Path) -> Result<Self, LogError> {
+    pub fn create(path: &Path) -> Result<Self> {
         let mut options = OpenOptions::new();
-        Self::open(path, 0, "create", options.write(true).create_new(true))
+        Self::open(path, 0, options.write(true).create_new(true))
+            .with_context(|| format!("cannot create {}", path.display()))
     }
 
     /// Opens an existing log and drops everything after its first `length` bytes, which
     /// it must have.
-    pub fn resume(path: &Path, length: u64) -> Result<Self, LogError> {
-        Self::open(path, length, "resume", OpenOptions::new().write(true))
+    pub fn resume(path: &Path, length: u64) -> Result<Self> {
+        Self::open(path, length, OpenOptions::new().write(true))
+            .with_context(|| format!("cannot resume {}", path.display()))
     }
 
-    fn open(
-        path: &Path,
-        length: u64,
-        action: &'static str,
-        options: &OpenOptions,
-    ) -> Result<Self, LogError> {
-        let cut = |mut file: File| {
-            file.set_len(length)?;
-            file.seek(SeekFrom::Start(length))?;
-            Ok(file)
-        };
+    fn open(path: &Path, length: u64, options: &OpenOptions) -> io::Result<Self> {
         let path = path.to_path_buf();
-        match options.open(&path).and_then(cut) {
-            Ok(file) => Ok(Self { path, file, length }),
-            Err(source) => Err(LogError {
-                action,
-                path,
-                source,
-            }),
-        }
+        let mut file = options.open(&path)?;
+        file.set_len(length)?;
+        file.seek(SeekFrom::Start(length))?;
+        Ok(Self { path, file, length })
     }
 
     /// Hands one record to the operating system. On failure the part already written is
     /// cut off again as far as the system allows.
-    pub fn append(&mut self, record: &[u8]) -> Result<(), LogError> {
-        if let Err(source) = self.file.write_all(record) {
+    pub fn append(&mut self, record: &[u8]) -> Result<()> {
+        let written = self.file.write_all(record).inspect_err(|_| {
             // The first failure is the one worth reporting.
             let _ = self.file.set_len(self.length);
             let _ = self.file.seek(SeekFrom::Start(self.length));
-            return Err(self.append_error(source));
-        }
+        });
+        written.with_context(|| format!("cannot append to {}", self.path.display()))?;
         self.length += record.len() as u64;
         Ok(())
     }
 
     /// Makes all records survive a power failure.
-    pub fn sync(&self) -> Result<(), LogError> {
+    pub fn sync(&self) -> Result<()> {
         let synced = self.file.sync_data();
-        synced.map_err(|source| self.append_error(source))
-    }
-
-    fn append_error(&self, source: io::Error) -> LogError {
-        LogError {
-            action: "append to",
-            path: self.path.clone(),
-            source,
-        }
+        synced.with_context(|| format!("cannot append to {}", self.path.display()))
     }
 }
 

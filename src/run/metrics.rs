@@ -1,11 +1,11 @@
 use std::collections::BTreeMap;
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use anyhow::{Context, Result};
 use serde_json::Value;
 
-use super::log::{Log, LogError};
+use super::folder::read_text;
+use super::log::Log;
 
 /// Appends to `metrics.jsonl`: one JSON object a line, `step` first.
 ///
@@ -16,19 +16,19 @@ pub struct MetricsWriter(Log);
 
 impl MetricsWriter {
     /// Starts a file. Fails if `path` exists.
-    pub fn create(path: &Path) -> Result<Self, LogError> {
+    pub fn create(path: &Path) -> Result<Self> {
         Ok(Self(Log::create(path)?))
     }
 
     /// Goes on with the file at `path` after its first `length` bytes; what came later is
     /// dropped.
-    pub fn resume(path: &Path, length: u64) -> Result<Self, LogError> {
+    pub fn resume(path: &Path, length: u64) -> Result<Self> {
         Ok(Self(Log::resume(path, length)?))
     }
 
     /// Appends the `values` (name, value) of `step` in the given order. Numbers that are
     /// not finite become `null`.
-    pub fn append(&mut self, step: u64, values: &[(&str, f64)]) -> Result<(), LogError> {
+    pub fn append(&mut self, step: u64, values: &[(&str, f64)]) -> Result<()> {
         let mut line = format!("{{\"step\":{step}");
         for &(name, value) in values {
             line += &format!(",\"{name}\":{}", Value::from(value));
@@ -38,7 +38,7 @@ impl MetricsWriter {
     }
 
     /// Makes the file survive a power failure.
-    pub fn sync(&self) -> Result<(), LogError> {
+    pub fn sync(&self) -> Result<()> {
         self.0.sync()
     }
 }
@@ -52,43 +52,18 @@ pub struct MetricsLine {
     pub values: BTreeMap<String, Option<f64>>,
 }
 
-/// Why a metrics file could not be read.
-#[derive(Debug, thiserror::Error)]
-pub enum MetricsError {
-    #[error("cannot read {}", path.display())]
-    Read {
-        path: PathBuf,
-        #[source]
-        source: io::Error,
-    },
-    #[error("{}, line {line}: not a line of metrics", path.display())]
-    Line {
-        path: PathBuf,
-        /// Counted from 1.
-        line: usize,
-        #[source]
-        source: serde_json::Error,
-    },
-}
-
 /// All lines of the metrics file at `path`, in order. A last line without its line break is
 /// still being written and is left out.
-pub fn read_metrics(path: &Path) -> Result<Vec<MetricsLine>, MetricsError> {
-    let text = fs::read_to_string(path).map_err(|source| MetricsError::Read {
-        path: path.into(),
-        source,
-    })?;
-    text.split_inclusive('\n')
-        .filter(|line| line.ends_with('\n'))
-        .enumerate()
-        .map(|(i, line)| {
-            serde_json::from_str(line).map_err(|source| MetricsError::Line {
-                path: path.into(),
-                line: i + 1,
-                source,
-            })
-        })
-        .collect()
+pub fn read_metrics(path: &Path) -> Result<Vec<MetricsLine>> {
+    let text = read_text(path)?;
+    let whole = text
+        .split_inclusive('\n')
+        .filter(|line| line.ends_with('\n'));
+    let parse = |(i, line)| {
+        let place = || format!("{}, line {}: not a line of metrics", path.display(), i + 1);
+        serde_json::from_str(line).with_context(place)
+    };
+    whole.enumerate().map(parse).collect()
 }
 
 /// The finite values called `name`, as (step, value): one curve.
@@ -102,6 +77,7 @@ pub fn curve(metrics: &[MetricsLine], name: &str) -> Vec<(u64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     #[test]
     fn lines_keep_their_order_and_lose_what_is_not_finite() {

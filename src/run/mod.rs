@@ -14,14 +14,13 @@ mod metrics;
 mod rollout;
 mod training;
 
-pub use checkpoint::{Checkpoint, CheckpointError, Fault};
-pub use config::{RunConfig, RunConfigError, TrainingPreset};
+pub use checkpoint::{Checkpoint, OtherConfig};
+pub use config::{RunConfig, TrainingPreset};
 pub use events::EventWriter;
-pub use folder::{BestSequence, FolderError, RunFolder, RunInfo, config_digest, dated_folder};
-pub use log::LogError;
-pub use metrics::{MetricsError, MetricsLine, MetricsWriter, curve, read_metrics};
+pub use folder::{BestSequence, NameError, RunFolder, RunInfo, config_digest, dated_folder};
+pub use metrics::{MetricsLine, MetricsWriter, curve, read_metrics};
 pub use rollout::{
     EpisodeSummary, PlayedEpisode, RolloutError, Rules, parallel_episodes, play, random_episodes,
     replay,
 };
-pub use training::{Training, TrainingError, TrainingReport};
+pub use training::{Training, TrainingReport};

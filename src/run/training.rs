@@ -1,21 +1,18 @@
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 
-use super::checkpoint::{Checkpoint, CheckpointError};
+use super::checkpoint::Checkpoint;
 use super::config::RunConfig;
 use super::events::EventWriter;
-use super::folder::{BestSequence, FolderError, RunFolder, config_digest};
-use super::log::LogError;
-use super::metrics::{MetricsError, MetricsWriter, read_metrics};
-use drape_cloth::file::WriteError;
+use super::folder::{BestSequence, RunFolder, config_digest};
+use super::metrics::{MetricsWriter, read_metrics};
 use drape_cloth::scene::Scene;
-use drape_learn::ppo::{
-    Iteration, Sampling, SectionError, TrainError, Trainer, decode, encode, read_section,
-};
-use drape_task::env::{Draping, End, EnvError, ImageShape, Reward, Tasks};
+use drape_learn::ppo::{Iteration, Sampling, Trainer, decode, encode, read_section};
+use drape_task::env::{Draping, End, ImageShape, Reward, Tasks};
 
 /// Checkpoint section of what the run itself remembers.
 const RUN: &str = "run";
@@ -62,42 +59,9 @@ pub struct TrainingReport {
     pub best_score: Option<f64>,
 }
 
-/// A training that cannot be set up, go on or be written.
-#[derive(Debug, thiserror::Error)]
-pub enum TrainingError {
-    #[error(transparent)]
-    Env(#[from] EnvError),
-    #[error(transparent)]
-    Train(#[from] TrainError),
-    #[error(transparent)]
-    Folder(#[from] FolderError),
-    #[error(transparent)]
-    Log(#[from] LogError),
-    #[error(transparent)]
-    Metrics(#[from] MetricsError),
-    #[error(transparent)]
-    Write(#[from] WriteError),
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    #[error("{path}")]
-    Section { path: String, source: SectionError },
-    #[error("{path} has {found} lines, expected {expected} at least", path = path.display())]
-    ShortMetrics {
-        path: PathBuf,
-        found: u64,
-        expected: u64,
-    },
-    #[error("{path}: written for another configuration than {config}")]
-    OtherConfig { path: String, config: String },
-}
-
 impl Training {
     /// A new training in a new run folder.
-    pub fn new(
-        config: RunConfig,
-        scene: Arc<Scene>,
-        folder: RunFolder,
-    ) -> Result<Self, TrainingError> {
+    pub fn new(config: RunConfig, scene: Arc<Scene>, folder: RunFolder) -> Result<Self> {
         Self::with_reward(config, scene, folder, Reward::default())
     }
 
@@ -106,7 +70,7 @@ impl Training {
         scene: Arc<Scene>,
         folder: RunFolder,
         reward: Reward,
-    ) -> Result<Self, TrainingError> {
+    ) -> Result<Self> {
         let (trainer, evaluation) = learner(&config, scene, reward)?;
         Ok(Self {
             metrics: MetricsWriter::create(&folder.metrics())?,
@@ -122,28 +86,13 @@ impl Training {
 
     /// The training in `folder` as its last checkpoint left it. Metrics that were written
     /// after that checkpoint are cut off: their steps are taken again.
-    pub fn resume(
-        config: RunConfig,
-        scene: Arc<Scene>,
-        folder: RunFolder,
-    ) -> Result<Self, TrainingError> {
+    pub fn resume(config: RunConfig, scene: Arc<Scene>, folder: RunFolder) -> Result<Self> {
         let path = folder.last_checkpoint();
         let name = || path.display().to_string();
-        let checkpoint = Checkpoint::load(&path)?;
-        if !config.is_read_from(&checkpoint.config) {
-            return Err(TrainingError::OtherConfig {
-                path: name(),
-                config: folder.config().display().to_string(),
-            });
-        }
+        let Checkpoint { sections, .. } = Checkpoint::of_run(&path, &config, &folder)?;
         let (mut trainer, evaluation) = learner(&config, scene, Reward::default())?;
-        let section_error = |source| TrainingError::Section {
-            path: name(),
-            source,
-        };
-        let sections = &checkpoint.sections;
-        trainer.load(sections).map_err(section_error)?;
-        let memory: Memory = read_section(sections, RUN, decode).map_err(section_error)?;
+        trainer.load(&sections).with_context(name)?;
+        let memory: Memory = read_section(&sections, RUN, decode).with_context(name)?;
         let (metrics, events) = reopen_logs(&folder, memory.lines)?;
         Ok(Self {
             config,
@@ -196,7 +145,7 @@ impl Training {
 
     /// One iteration of the learner, with its metrics written. Checkpoints are up to the
     /// caller, except that of a policy which plays better than every one before.
-    pub fn advance(&mut self) -> Result<TrainingReport, TrainingError> {
+    pub fn advance(&mut self) -> Result<TrainingReport> {
         let iteration = self.trainer.iterate()?;
         for episode in &iteration.episodes {
             if let (End::Terminated, Some(score)) = (episode.end, episode.score) {
@@ -220,13 +169,13 @@ impl Training {
     }
 
     /// Writes everything needed to go on exactly from here.
-    pub fn checkpoint(&mut self) -> Result<(), TrainingError> {
+    pub fn checkpoint(&mut self) -> Result<()> {
         self.metrics.sync()?;
         self.events.sync()?;
         self.save(&self.folder.last_checkpoint())
     }
 
-    fn save(&self, path: &Path) -> Result<(), TrainingError> {
+    fn save(&self, path: &Path) -> Result<()> {
         let mut sections = self.trainer.save();
         sections.insert(RUN.into(), encode(&self.memory));
         let config = self.config_text.clone();
@@ -236,7 +185,7 @@ impl Training {
 
     /// Plays one greedy episode. A policy better than every one before is kept. As in training
     /// an episode that was cut off has no score.
-    fn evaluate(&mut self) -> Result<Option<f64>, TrainingError> {
+    fn evaluate(&mut self) -> Result<Option<f64>> {
         let agent = self.trainer.agent();
         self.evaluation.reset(0);
         let episode = loop {
@@ -258,7 +207,7 @@ impl Training {
     }
 
     /// Keeps the sequence of an episode if it is the best so far.
-    fn remember(&mut self, score: f64, actions: &[u32]) -> Result<(), TrainingError> {
+    fn remember(&mut self, score: f64, actions: &[u32]) -> Result<()> {
         let best = self.memory.best_sequence.as_ref();
         if best.is_some_and(|(_, best)| *best >= score) {
             return Ok(());
@@ -280,7 +229,7 @@ impl Training {
         Ok(())
     }
 
-    fn log(&mut self, report: &TrainingReport) -> Result<(), TrainingError> {
+    fn log(&mut self, report: &TrainingReport) -> Result<()> {
         let TrainingReport { iteration, .. } = report;
         let metrics = &iteration.metrics;
         let seconds = &iteration.seconds;
@@ -331,7 +280,7 @@ fn learner(
     config: &RunConfig,
     scene: Arc<Scene>,
     reward: Reward,
-) -> Result<(Trainer<Draping>, Draping), TrainingError> {
+) -> Result<(Trainer<Draping>, Draping)> {
     let tasks = Draping::new(scene.clone(), &config.env, config.environments)?.with_reward(reward);
     let evaluation = Draping::new(scene, &config.env, 1)?;
     let trainer = Trainer::new(
@@ -351,18 +300,15 @@ fn wall_time() -> f64 {
 }
 
 /// Cuts the metrics back to their first `lines` and writes the events anew from them.
-fn reopen_logs(
-    folder: &RunFolder,
-    lines: u64,
-) -> Result<(MetricsWriter, EventWriter), TrainingError> {
+fn reopen_logs(folder: &RunFolder, lines: u64) -> Result<(MetricsWriter, EventWriter)> {
     let path = folder.metrics();
     let mut kept = read_metrics(&path)?;
     if (kept.len() as u64) < lines {
-        return Err(TrainingError::ShortMetrics {
-            path,
-            found: kept.len() as u64,
-            expected: lines,
-        });
+        let found = kept.len();
+        bail!(
+            "{} has {found} lines, expected {lines} at least",
+            path.display()
+        );
     }
     kept.truncate(lines as usize);
     let text = std::fs::read_to_string(&path).unwrap_or_default();
