@@ -4,7 +4,7 @@ use anyhow::{Context, anyhow};
 use serde::Serialize;
 
 use super::Failure;
-use super::eval::{Loaded, Source};
+use super::eval::{EpisodeSource, Loaded};
 use super::failure::OrInvalid;
 use super::output::{print, print_json};
 use super::scene::{absurd, extent};
@@ -233,7 +233,7 @@ fn survey(path: &Path, args: &Args) -> Result<(Surveyed, Option<Scene>, Kind), F
     };
     let (surveyed, scene, kind) = if path.is_dir() {
         let loaded = Loaded::open(path, args.json)?;
-        let (played, ..) = loaded.play(Source::Sequence)?;
+        let (played, ..) = loaded.play(EpisodeSource::Sequence)?;
         let drape = Drape::new(&loaded.scene.lamina, &played.end.position);
         let scene = (*loaded.scene).clone();
         (Surveyed::draped(drape), Some(scene), Kind::Run)

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Failure;
 use super::failure::OrInvalid;
 use super::output::OutFolder;
-use super::result::{Episodes, Recorder, rollout_failure};
+use super::result::{EpisodeStatistics, Recorder, rollout_failure};
 use super::scene::set_up;
 use crate::run::{
     Checkpoint, EpisodeSummary, OtherConfig, PlayedEpisode, Rules, RunConfig, RunFolder,
@@ -30,7 +30,7 @@ use drape_task::env::{Draping, EnvConfig, Tasks};
   drape eval runs/a
   drape eval runs/a --sequence --accuracy accurate --out checked
   drape eval runs/a --checkpoint last --sample --json")]
-pub struct Args {
+pub struct EvalArgs {
     /// Run folder
     run: PathBuf,
 
@@ -38,7 +38,7 @@ pub struct Args {
     #[arg(long, value_name = "best|last|FILE", default_value = "best")]
     checkpoint: String,
 
-    /// Episodes of the random policy, and of the sampled one with --sample
+    /// EpisodeStatistics of the random policy, and of the sampled one with --sample
     #[arg(long, value_name = "K", default_value_t = 32,
           value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=4096))]
     episodes: usize,
@@ -103,14 +103,14 @@ struct Report {
     /// below its mean; none if that does not deviate.
     deviations_below_random: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    sampled: Option<Episodes>,
-    random: Episodes,
+    sampled: Option<EpisodeStatistics>,
+    random: EpisodeStatistics,
     /// Where the pictures are.
     pictures: PathBuf,
 }
 
 /// Runs `drape eval`.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: EvalArgs) -> Result<(), Failure> {
     let out = args.out.as_deref().map(OutFolder::make).transpose()?;
     if let Some(file) = &args.state {
         check_writable(file)?;
@@ -127,9 +127,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
         loaded.change_accuracy(accuracy);
     }
     let source = if args.sequence {
-        Source::Sequence
+        EpisodeSource::Sequence
     } else {
-        Source::Checkpoint(&args.checkpoint)
+        EpisodeSource::Checkpoint(&args.checkpoint)
     };
     let (played, agent, recorder, draping) = loaded.play(source)?;
     let Loaded { env, scene, .. } = &loaded;
@@ -138,7 +138,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
 
     let random = random_episodes(scene, env, args.episodes)?;
-    let random = Episodes::new("random", args.episodes, random)?;
+    let random = EpisodeStatistics::new("random", args.episodes, random)?;
     let sampled = match (&agent, args.sample) {
         (Some(agent), true) => Some(sampled(agent, scene, env, args.episodes)?),
         _ => None,
@@ -169,7 +169,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
 }
 
 /// What an episode is played from.
-pub(super) enum Source<'a> {
+pub(super) enum EpisodeSource<'a> {
     /// `best`, `last` or a file.
     Checkpoint(&'a str),
     Sequence,
@@ -220,17 +220,17 @@ impl Loaded {
     /// frames, and the environment as the episode has left it.
     pub fn play(
         &self,
-        source: Source,
+        source: EpisodeSource,
     ) -> Result<(PlayedEpisode, Option<Agent>, Recorder, Draping), Failure> {
         let mut draping = Draping::new(self.scene.clone(), &self.env, 1).or_invalid()?;
         let mut recorder = Recorder::default();
         let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);
         let place = match source {
-            Source::Sequence => self.folder.best_sequence(),
-            Source::Checkpoint(name) => self.checkpoint_path(name),
+            EpisodeSource::Sequence => self.folder.best_sequence(),
+            EpisodeSource::Checkpoint(name) => self.checkpoint_path(name),
         };
         let (played, agent) = match source {
-            Source::Sequence => {
+            EpisodeSource::Sequence => {
                 let best = self.folder.read_best_sequence()?;
                 let digest = config_digest(&self.folder.config_text()?);
                 if best.config_digest != digest {
@@ -246,7 +246,7 @@ impl Loaded {
                 };
                 (replay(&mut draping, &best.vertices, rules, watch), None)
             }
-            Source::Checkpoint(name) => {
+            EpisodeSource::Checkpoint(name) => {
                 let agent = self.agent(name, &draping)?;
                 let choose =
                     |draping: &Draping| agent.act(&[draping.observation(0)], Sampling::Greedy)[0];
@@ -301,7 +301,7 @@ fn sampled(
     scene: &Arc<Scene>,
     env: &EnvConfig,
     count: usize,
-) -> Result<Episodes, Failure> {
+) -> Result<EpisodeStatistics, Failure> {
     let choose = |draping: &Draping, streams: &mut [_]| -> Vec<u32> {
         let act = |(index, stream)| {
             let observation = draping.observation(index);
@@ -310,7 +310,7 @@ fn sampled(
         streams.iter_mut().enumerate().map(act).collect()
     };
     let episodes = parallel_episodes(scene, env, count, choose)?;
-    Episodes::new("sampled", count, episodes)
+    EpisodeStatistics::new("sampled", count, episodes)
 }
 
 fn text(report: &Report) -> String {

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::Failure;
-use super::eval::{Loaded, Source};
+use super::eval::{EpisodeSource, Loaded};
 use super::result::path;
 use drape_cloth::fabric::{Curve, Drape, Family};
 use drape_cloth::file::check_writable;
@@ -15,7 +15,7 @@ use drape_task::path::{DrapingPoint, write_csv, write_json};
 
 /// Write the ordered draping points for the robot, or the whole case for finite elements
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub struct ExportArgs {
     /// Run folder
     run: PathBuf,
 
@@ -67,11 +67,11 @@ struct Report {
 }
 
 /// Runs `drape export`.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: ExportArgs) -> Result<(), Failure> {
     let loaded = Loaded::open(&args.run, args.json)?;
     let source = match &args.checkpoint {
-        Some(name) => Source::Checkpoint(name),
-        None => Source::Sequence,
+        Some(name) => EpisodeSource::Checkpoint(name),
+        None => EpisodeSource::Sequence,
     };
     let file = args.out.unwrap_or_else(|| {
         let json = loaded.folder.trajectory();

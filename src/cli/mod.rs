@@ -1,6 +1,6 @@
 //! The command line.
 //!
-//! One file a command, each with its `Args` and `run(Args) -> Result<(), Failure>`; adding
+//! One file a command, each with its arguments and `run(args) -> Result<(), Failure>`; adding
 //! a command is that file and one variant of `Command`. Results go to stdout, as text or,
 //! with `--json`, as exactly one JSON object; progress and errors go to stderr.
 
@@ -35,11 +35,11 @@ const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed at work (disk full, simul
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    Train(train::Args),
-    Eval(eval::Args),
-    Export(export::Args),
-    Tool(tool::Args),
-    Scene(scene::Args),
+    Train(train::TrainArgs),
+    Eval(eval::EvalArgs),
+    Export(export::ExportArgs),
+    Tool(tool::ToolArgs),
+    Scene(scene::SceneArgs),
     Compare(compare::Args),
     Study(study::Args),
     Bench(bench::Args),

@@ -40,7 +40,7 @@ pub enum View {
 
 /// A moment of an episode.
 #[derive(Clone, Debug)]
-pub struct Frame {
+pub struct FilmFrame {
     pub state: Snapshot,
     /// One bit a vertex of the blank.
     pub draped: FixedBitSet,
@@ -94,7 +94,7 @@ impl<'a> Studio<'a> {
 
     /// The lamina coloured by what has become of each vertex (draped, touched but not
     /// draped, free), with the path of the stencil over it.
-    pub fn progress(&self, frame: &Frame) -> Image {
+    pub fn progress(&self, frame: &FilmFrame) -> Image {
         let color = |v: usize| {
             if frame.draped.contains(v) {
                 DRAPED
@@ -112,7 +112,7 @@ impl<'a> Studio<'a> {
     }
 
     /// Writes [`Studio::progress`] of all frames as a GIF, drawn side by side on all threads.
-    pub fn film(&self, frames: &[Frame], path: &Path) -> Result<(), Failure> {
+    pub fn film(&self, frames: &[FilmFrame], path: &Path) -> Result<(), Failure> {
         let images = frames.par_iter().map(|frame| self.progress(frame));
         Ok(save_gif(&images.collect::<Vec<_>>(), DELAY, HOLD, path)?)
     }
@@ -196,13 +196,13 @@ mod tests {
         Scene::new(&config, |_| {}).unwrap()
     }
 
-    fn frame(scene: &Scene, draped: &[usize], touched: &[usize], path: &[u32]) -> Frame {
+    fn frame(scene: &Scene, draped: &[usize], touched: &[usize], path: &[u32]) -> FilmFrame {
         let bits = |set: &[usize]| {
             let mut bits = FixedBitSet::with_capacity(scene.lamina.vertex_count());
             bits.extend(set.iter().copied());
             bits
         };
-        Frame {
+        FilmFrame {
             state: Snapshot::clone(&scene.initial),
             draped: bits(draped),
             touched: bits(touched),
@@ -241,7 +241,7 @@ mod tests {
         let scene = scene();
         let all: Vec<usize> = (0..81).collect();
         let studio = Studio::new(&scene, View::Isometric, [320, 240]);
-        let image = |frame: Frame| studio.progress(&frame);
+        let image = |frame: FilmFrame| studio.progress(&frame);
         let free = image(frame(&scene, &[], &[], &[]));
         assert_eq!(count(&free, 2), 0);
         let draped = image(frame(&scene, &all, &all, &[]));

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::Failure;
-use super::picture::{Frame, Studio, View};
+use super::picture::{FilmFrame, Studio, View};
 use crate::run::{
     EpisodeSummary, PlayedEpisode, RolloutError, Rules, RunFolder, Training, curve,
     random_episodes, read_metrics, replay,
@@ -25,18 +25,18 @@ const FILM_SIZE: [usize; 2] = [480, 400];
 
 /// What many episodes of one policy reach.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Episodes {
+pub(super) struct EpisodeStatistics {
     pub mean_score: f64,
     pub deviation: f64,
     pub best_score: f64,
-    /// Episodes in which the simulation diverged; they count in no mean.
+    /// EpisodeStatistics in which the simulation diverged; they count in no mean.
     pub diverged: usize,
     pub mean_region_final_m: f64,
     pub deviation_region_final_m: f64,
     pub episodes: Vec<EpisodeSummary>,
 }
 
-impl Episodes {
+impl EpisodeStatistics {
     /// Those `episodes` of `count` that have not diverged. Fails if all have.
     pub fn new(policy: &str, count: usize, episodes: Vec<EpisodeSummary>) -> Result<Self, Failure> {
         if episodes.is_empty() {
@@ -62,17 +62,21 @@ impl Episodes {
 }
 
 /// The random baseline of a training.
-pub(super) fn baseline(training: &Training, json: bool) -> Result<Episodes, Failure> {
+pub(super) fn baseline(training: &Training, json: bool) -> Result<EpisodeStatistics, Failure> {
     if !json {
         eprintln!("playing {BASELINE_EPISODES} random episodes for comparison");
     }
     let (scene, config) = (training.scene(), &training.config().env);
     let episodes = random_episodes(scene, config, BASELINE_EPISODES)?;
-    Episodes::new("random", BASELINE_EPISODES, episodes)
+    EpisodeStatistics::new("random", BASELINE_EPISODES, episodes)
 }
 
 /// Writes curve, trajectory, pictures and film of a training that is complete.
-pub(super) fn write(training: &Training, baseline: &Episodes, json: bool) -> Result<(), Failure> {
+pub(super) fn write(
+    training: &Training,
+    baseline: &EpisodeStatistics,
+    json: bool,
+) -> Result<(), Failure> {
     let folder = training.folder();
     if !json {
         eprintln!("drawing pictures");
@@ -107,7 +111,7 @@ pub(super) fn path(
 }
 
 /// Scores over environment steps, with the random policy as a band.
-fn reward_curve(folder: &RunFolder, baseline: &Episodes) -> Result<(), Failure> {
+fn reward_curve(folder: &RunFolder, baseline: &EpisodeStatistics) -> Result<(), Failure> {
     let metrics = read_metrics(&folder.metrics())?;
     let series = |label: &str, name: &str, color| Series {
         label: label.into(),
@@ -142,7 +146,7 @@ fn reward_curve(folder: &RunFolder, baseline: &Episodes) -> Result<(), Failure> 
 /// Keeps the states of an episode that its film shows.
 #[derive(Default)]
 pub(super) struct Recorder {
-    frames: Vec<Frame>,
+    frames: Vec<FilmFrame>,
 }
 
 impl Recorder {
@@ -150,7 +154,7 @@ impl Recorder {
     pub fn watch(&mut self, draping: &Draping, points: &[PressedPoint]) {
         let state = draping.state(0);
         let distance = draping.region_distance(&state);
-        self.frames.push(Frame {
+        self.frames.push(FilmFrame {
             draped: draping.draped(0).clone(),
             touched: draping.touched(0).clone(),
             path: path_of(points, draping.config()),
@@ -168,7 +172,7 @@ impl Recorder {
         title: &str,
     ) -> Result<(), Failure> {
         let scene = draping.scene();
-        let end = Frame {
+        let end = FilmFrame {
             state: played.end.clone(),
             draped: played.end.pressed.draped.clone(),
             touched: played.end.pressed.touched.clone(),

@@ -47,7 +47,7 @@ pub(super) fn missed(clearance: f64) -> String {
   drape scene configs/scenes/rib.toml --out rib --grid-error
   drape scene configs/scenes/fold.toml --out fold --compare-self-collision
   drape scene mine.toml --out mine --json > mine.json")]
-pub struct Args {
+pub struct SceneArgs {
     /// Scene file; the built-in rib with two wrinkles if not given
     config: Option<PathBuf>,
 
@@ -87,7 +87,7 @@ struct Report {
 }
 
 /// Runs `drape scene`.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: SceneArgs) -> Result<(), Failure> {
     let (config, place) = match &args.config {
         Some(path) => {
             let config = SceneConfig::read(path).or_invalid()?;

@@ -20,7 +20,7 @@ pub(super) const GRID_SAMPLES: usize = 20_000;
   drape tool rib --out rib.stl
   drape tool hemisphere --set radius_mm=90 --set 'plate_mm=[420, 420]' --out dome.stl
   drape tool incline --set angle_deg=30 --out incline.stl --grid-error --json")]
-pub struct Args {
+pub struct ToolArgs {
     /// Shape of the tool
     #[arg(value_enum)]
     shape: ShapeName,
@@ -73,7 +73,7 @@ struct Report {
 }
 
 /// Runs `drape tool`.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: ToolArgs) -> Result<(), Failure> {
     let shape = args.shape.with(&args.set).or_invalid()?;
     let mesh = shape.mesh().or_invalid_in("--set")?;
     let name = args.shape.to_possible_value().expect("no shape is hidden");

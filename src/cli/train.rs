@@ -23,7 +23,7 @@ const CHECKPOINT_INTERVAL: u64 = 10;
 
 /// Train a draping policy
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub struct TrainArgs {
     /// Configuration file; the built-in quickstart if not given
     #[arg(conflicts_with = "resume")]
     config: Option<PathBuf>,
@@ -93,7 +93,7 @@ struct Outcome {
 }
 
 /// Runs `drape train`.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: TrainArgs) -> Result<(), Failure> {
     let mut training = begin(&args)?;
     let stop = stop_on_signal()?;
     let baseline = result::baseline(&training, args.json)?;
@@ -156,7 +156,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
 }
 
 /// A new run, or the one to be resumed.
-fn begin(args: &Args) -> Result<Training, Failure> {
+fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     if let Some(path) = &args.resume {
         let folder = RunFolder::open(path).or_invalid()?;
         let config = RunConfig::read(&folder.config()).or_invalid()?;
@@ -244,7 +244,7 @@ fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
     Ok(stop)
 }
 
-fn report(outcome: &Outcome, args: &Args) -> Result<(), Failure> {
+fn report(outcome: &Outcome, args: &TrainArgs) -> Result<(), Failure> {
     if args.json {
         return print_json(outcome);
     }

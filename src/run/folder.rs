@@ -186,12 +186,12 @@ impl RunFolder {
         self.path.join("run.json")
     }
 
-    /// One JSON object a line ([`super::MetricsWriter`]).
+    /// One JSON object a line.
     pub fn metrics(&self) -> PathBuf {
         self.path.join("metrics.jsonl")
     }
 
-    /// The TensorBoard file ([`super::EventWriter`]).
+    /// The TensorBoard file.
     pub fn events(&self) -> PathBuf {
         self.event_folder().join("events.out.tfevents.drape")
     }

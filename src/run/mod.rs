@@ -1,7 +1,7 @@
 //! What a training run leaves on disk, and how it goes on from there.
 //!
-//! A [`RunFolder`] holds the resolved configuration, the metrics ([`MetricsWriter`],
-//! [`EventWriter`]), the [`Checkpoint`]s and the best action sequence seen. Files that are
+//! A [`RunFolder`] holds the resolved configuration, the metrics (as JSON lines and for
+//! TensorBoard), the [`Checkpoint`]s and the best action sequence seen. Files that are
 //! replaced are written atomically; files that grow are cut back on a resume to the length
 //! the checkpoint knew, so that an interruption leaves no trace in them.
 
@@ -15,12 +15,11 @@ mod rollout;
 mod training;
 
 pub use checkpoint::{Checkpoint, OtherConfig};
-pub use config::{RunConfig, TrainingPreset};
-pub use events::EventWriter;
-pub use folder::{BestSequence, NameError, RunFolder, RunInfo, config_digest, dated_folder};
-pub use metrics::{MetricsLine, MetricsWriter, curve, read_metrics};
+pub use config::RunConfig;
+pub use folder::{NameError, RunFolder, RunInfo, config_digest, dated_folder};
+pub use metrics::{curve, read_metrics};
 pub use rollout::{
     EpisodeSummary, PlayedEpisode, RolloutError, Rules, parallel_episodes, play, random_episodes,
     replay,
 };
-pub use training::{Training, TrainingReport};
+pub use training::Training;

@@ -42,13 +42,13 @@ impl Camera {
     }
 
     /// The map into a picture of `width` by `height` samples.
-    pub(super) fn view(&self, width: usize, height: usize) -> View {
+    pub(super) fn view(&self, width: usize, height: usize) -> Projection {
         let size = [width as f64, height as f64];
         let fit = |i: usize| size[i] / self.extent[i];
         let scale = (1.0 - 2.0 * MARGIN) * fit(0).min(fit(1));
         // A box without extent is shown at any scale.
         let scale = if scale.is_finite() { scale } else { 1.0 };
-        View {
+        Projection {
             axes: self.axes,
             center: self.center,
             scale,
@@ -58,7 +58,7 @@ impl Camera {
 }
 
 /// A camera in front of a grid of samples.
-pub(super) struct View {
+pub(super) struct Projection {
     axes: [Vec3; 3],
     center: Vec3,
     /// Samples per metre.
@@ -67,7 +67,7 @@ pub(super) struct View {
     middle: [f64; 2],
 }
 
-impl View {
+impl Projection {
     /// Samples from the left, samples from the top, and depth away from the eye [m].
     pub(super) fn project(&self, point: &Vec3) -> [f32; 3] {
         let [right, up, back] = self.rotate(&(point - self.center));

@@ -1,4 +1,4 @@
-use super::camera::View;
+use super::camera::Projection;
 use super::{BACKGROUND, Camera, Color, Image};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
@@ -27,7 +27,7 @@ const JUMP: f64 = 0.5;
 /// What a camera sees, in 2 x 2 samples per pixel with sample centres at half numbers. What is
 /// in front is decided by depth; at equal depth what was drawn first stays.
 pub struct Drawing {
-    view: View,
+    view: Projection,
     samples: Image,
     /// Depth of what is seen [m], shape `[height, width]` of the samples.
     depth: Vec<f32>,

@@ -4,12 +4,13 @@ use super::layer::Initializer;
 use super::masked;
 use super::paper::PaperNetwork;
 use super::parameters;
-use super::pixels::{Patches, write_batch, write_planes};
+use super::pixels::{Patches, write_planes};
 use super::prediction::Prediction;
 use burn::module::Module;
 use burn::tensor::{Bool, Device, Tensor, TensorData};
 use drape_cloth::file::ValueError;
 use drape_task::env::Observation;
+use rayon::prelude::*;
 
 /// The parameters of a policy and a value.
 #[derive(Module, Debug)]
@@ -150,18 +151,16 @@ impl ActorCritic {
 
     fn encode(&self, batch: &[&Observation]) -> Tensor<2> {
         let scale = self.distance_scale;
-        let (width, numbers) = match &self.encoding {
-            Encoding::Planes => {
-                let width = 3 * self.pixel_count;
-                let write = |seen: &Observation, out: &mut [f32]| write_planes(seen, scale, out);
-                (width, write_batch(batch, width, write))
-            }
-            Encoding::Patches(patches) => {
-                let width = patches.count() * patches.width();
-                let write = |seen: &Observation, out: &mut [f32]| patches.write(seen, scale, out);
-                (width, write_batch(batch, width, write))
-            }
+        let width = match &self.encoding {
+            Encoding::Planes => 3 * self.pixel_count,
+            Encoding::Patches(patches) => patches.count() * patches.width(),
         };
+        let mut numbers = vec![0.0; batch.len() * width];
+        let rows = numbers.par_chunks_exact_mut(width).zip(batch);
+        rows.for_each(|(row, seen)| match &self.encoding {
+            Encoding::Planes => write_planes(seen, scale, row),
+            Encoding::Patches(patches) => patches.write(seen, scale, row),
+        });
         let data = TensorData::new(numbers, [batch.len(), width]);
         Tensor::from_data(data, &self.device())
     }

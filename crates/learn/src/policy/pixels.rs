@@ -1,5 +1,4 @@
 use drape_task::env::Observation;
-use rayon::prelude::*;
 
 /// Draped, distance, touched as three planes `[3, rows, columns]`; `scale` is 1 / m.
 pub fn write_planes(seen: &Observation, scale: f32, out: &mut [f32]) {
@@ -85,19 +84,6 @@ impl Patches {
             run.copy_from_slice(&image[start..start + window * CHANNELS]);
         }
     }
-}
-
-/// Writes all `batch` one after the other, `width` numbers each, in parallel.
-pub fn write_batch(
-    batch: &[&Observation],
-    width: usize,
-    write: impl Fn(&Observation, &mut [f32]) + Sync,
-) -> Vec<f32> {
-    let mut out = vec![0.0; batch.len() * width];
-    out.par_chunks_exact_mut(width)
-        .zip(batch)
-        .for_each(|(out, seen)| write(seen, out));
-    out
 }
 
 #[cfg(test)]

@@ -1,3 +1,4 @@
+use super::update::NotFinite;
 use crate::policy::{ActorCritic, DeviceError, DeviceKind, PolicyConfig, masked};
 use drape_cloth::file::ValueError;
 use drape_cloth::math::Stream;
@@ -12,13 +13,29 @@ pub enum Sampling<'a> {
     Drawn(&'a mut Stream),
 }
 
-/// An agent that cannot be made.
+/// An agent that cannot be made, or a training that cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
-pub enum AgentError {
+pub enum TrainError {
     #[error(transparent)]
     Device(#[from] DeviceError),
     #[error("policy")]
-    Config(#[from] ValueError),
+    Policy(ValueError),
+    #[error("ppo")]
+    Ppo(ValueError),
+    /// The update stopped before the step that would have done harm.
+    #[error("iteration {iteration} failed: lower the learning rate or limit the gradient norm")]
+    NotFinite { iteration: u64, source: NotFinite },
+}
+
+/// A network with initial weights, able to learn.
+pub(super) fn actor_critic(
+    config: &PolicyConfig,
+    shape: ImageShape,
+    seed: u64,
+    device: DeviceKind,
+) -> Result<ActorCritic, TrainError> {
+    let size = [shape.rows, shape.columns];
+    ActorCritic::new(config, size, seed, &device.open()?).map_err(TrainError::Policy)
 }
 
 /// A policy to be evaluated; it does not learn.
@@ -32,10 +49,8 @@ impl Agent {
         shape: ImageShape,
         seed: u64,
         device: DeviceKind,
-    ) -> Result<Self, AgentError> {
-        let size = [shape.rows, shape.columns];
-        let actor_critic = ActorCritic::new(config, size, seed, &device.open()?)?;
-        Ok(Self(actor_critic.valid()))
+    ) -> Result<Self, TrainError> {
+        Ok(Self::of(&actor_critic(config, shape, seed, device)?))
     }
 
     /// The agent that `actor_critic` is now.

@@ -92,12 +92,6 @@ impl PpoConfig {
             adam_epsilon: 1e-5,
             gamma: 1.0,
             gae_lambda: 0.98,
-            rollout_steps: 100,
-            minibatch_size: 400,
-            epochs: 4,
-            clip_range: 0.2,
-            policy_coefficient: 1.0,
-            value_coefficient: 0.5,
             entropy_coefficient: 2e-3,
             normalise_entropy: true,
             advantage_norm: AdvantageNorm::Batch,
@@ -109,6 +103,7 @@ impl PpoConfig {
                 samples: 128,
                 coefficient: 0.3,
             }),
+            ..Self::paper()
         }
     }
 

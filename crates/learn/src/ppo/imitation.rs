@@ -44,17 +44,13 @@ impl Memory {
         self.open[task].push(step);
         let Some(episode) = episode else { return };
         let moves = std::mem::take(&mut self.open[task]);
-        let actions = |moves: &[Move]| moves.iter().map(|m| m.action).collect::<Vec<_>>();
         let Some(score) = episode.score.filter(|score| score.is_finite()) else {
             return;
         };
         let rank = self.best.partition_point(|k| k.score >= score);
-        let known = || {
-            self.best
-                .iter()
-                .any(|k| actions(&k.moves) == episode.actions)
-        };
-        if episode.end == End::Terminated && rank < self.capacity && !known() {
+        let same = |k: &Kept| k.moves.iter().map(|m| &m.action).eq(&episode.actions);
+        let known = self.best.iter().any(same);
+        if episode.end == End::Terminated && rank < self.capacity && !known {
             self.best.truncate(self.capacity - 1);
             self.best.insert(rank, Kept { score, moves });
         }
@@ -75,17 +71,11 @@ impl Memory {
     /// possible moves on images of `pixel_count` pixels.
     pub fn fits(&self, other: &Self, pixel_count: usize) -> bool {
         let fits = |m: &Move| {
-            let Observation {
-                draped,
-                distance,
-                touched,
-                mask,
-            } = &m.observation;
-            [draped, touched, mask]
-                .iter()
-                .all(|x| x.len() == pixel_count)
-                && distance.len() == pixel_count
-                && mask.contains(m.action as usize)
+            let seen = &m.observation;
+            let sets = [&seen.draped, &seen.touched, &seen.mask];
+            sets.iter().all(|set| set.len() == pixel_count)
+                && seen.distance.len() == pixel_count
+                && seen.mask.contains(m.action as usize)
         };
         let moves = self.best.iter().map(|k| &k.moves).chain(&self.open);
         self.capacity == other.capacity

@@ -18,10 +18,10 @@ mod tests;
 mod trainer;
 mod update;
 
-pub use agent::{Agent, AgentError, Sampling};
+pub use agent::{Agent, Sampling, TrainError};
 pub use config::{AdvantageNorm, ImitationConfig, PpoConfig};
 pub use gae::{Next, gae};
 pub use rollout::{EpisodeRecord, Seconds};
 pub use sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
-pub use trainer::{Iteration, TrainError, Trainer};
+pub use trainer::{Iteration, Trainer};
 pub use update::{NotFinite, UpdateMetrics};

@@ -45,11 +45,12 @@ pub struct Rollout {
     pub last_values: Vec<f32>,
     /// Episodes that ended, in order.
     pub episodes: Vec<EpisodeRecord>,
+    /// What it has taken.
+    pub seconds: Seconds,
 }
 
 /// Plays `step_count` steps of every task, drawing the actions of a task from its own stream,
-/// and notes them in `memory`. Rewards are multiplied by `reward_factor`. The time taken is
-/// added to `seconds`.
+/// and notes them in `memory`. Rewards are multiplied by `reward_factor`.
 pub fn collect<T: Tasks>(
     agent: &Agent,
     tasks: &mut T,
@@ -57,12 +58,12 @@ pub fn collect<T: Tasks>(
     mut memory: Option<&mut Memory>,
     step_count: usize,
     reward_factor: f32,
-    seconds: &mut Seconds,
 ) -> Rollout {
     let pixel_count = tasks.shape().pixel_count();
     let mut rollout = Rollout::default();
+    let start = Instant::now();
+    let mut simulation = 0.0;
     for _ in 0..step_count {
-        let start = Instant::now();
         let seen = observations(tasks);
         let (log_probs, values) = agent.evaluate(&seen.iter().collect::<Vec<_>>());
         let mut actions = Vec::with_capacity(seen.len());
@@ -72,13 +73,11 @@ pub fn collect<T: Tasks>(
             actions.push(action);
         }
         rollout.values.extend(values);
-        seconds.inference += start.elapsed().as_secs_f64();
 
-        let start = Instant::now();
+        let before = Instant::now();
         let outcomes = tasks.step(&actions);
-        seconds.simulation += start.elapsed().as_secs_f64();
+        simulation += before.elapsed().as_secs_f64();
 
-        let start = Instant::now();
         if let Some(memory) = &mut memory {
             for (task, outcome) in outcomes.iter().enumerate() {
                 let step = Move {
@@ -107,12 +106,14 @@ pub fn collect<T: Tasks>(
         }
         rollout.observations.extend(seen);
         rollout.actions.extend(actions);
-        seconds.inference += start.elapsed().as_secs_f64();
     }
-    let start = Instant::now();
     let seen = observations(tasks);
     rollout.last_values = agent.value(&seen.iter().collect::<Vec<_>>());
-    seconds.inference += start.elapsed().as_secs_f64();
+    rollout.seconds = Seconds {
+        simulation,
+        inference: start.elapsed().as_secs_f64() - simulation,
+        update: 0.0,
+    };
     rollout
 }
 

@@ -1,12 +1,11 @@
 use super::adam::Adam;
-use super::agent::{Agent, AgentError};
+use super::agent::{Agent, TrainError, actor_critic};
 use super::config::{ImitationConfig, PpoConfig};
 use super::imitation::Memory;
 use super::rollout::{EpisodeRecord, Seconds, collect};
 use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
-use super::update::{NotFinite, Streams, UpdateMetrics, update};
+use super::update::{Streams, UpdateMetrics, update};
 use crate::policy::{ActorCritic, DeviceKind, PolicyConfig};
-use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_task::env::Tasks;
 use serde::{Deserialize, Serialize};
@@ -45,18 +44,6 @@ pub struct Iteration {
     pub seconds: Seconds,
 }
 
-/// A training that cannot begin or go on.
-#[derive(Debug, thiserror::Error)]
-pub enum TrainError {
-    #[error(transparent)]
-    Agent(#[from] AgentError),
-    #[error("ppo")]
-    Config(#[from] ValueError),
-    /// The update stopped before the step that would have done harm.
-    #[error("iteration {iteration} failed: lower the learning rate or limit the gradient norm")]
-    NotFinite { iteration: u64, source: NotFinite },
-}
-
 impl<T: Tasks> Trainer<T> {
     /// A training of `tasks` from the start. `seed` decides the initial weights, the actions
     /// drawn and the order of samples; `device` where the network is computed.
@@ -67,13 +54,9 @@ impl<T: Tasks> Trainer<T> {
         seed: u64,
         device: DeviceKind,
     ) -> Result<Self, TrainError> {
-        config.validate()?;
-        let shape = tasks.shape();
+        config.validate().map_err(TrainError::Ppo)?;
         let weights = Stream::new(seed, Purpose::Weights, 0).bits();
-        let device = device.open().map_err(AgentError::from)?;
-        let size = [shape.rows, shape.columns];
-        let actor_critic =
-            ActorCritic::new(policy, size, weights, &device).map_err(AgentError::from)?;
+        let actor_critic = actor_critic(policy, tasks.shape(), weights, device)?;
         let count = tasks.count();
         let memory = |c: &ImitationConfig| Memory::new(c.episodes, count);
         Ok(Self {
@@ -99,7 +82,6 @@ impl<T: Tasks> Trainer<T> {
     /// Plays one rollout and learns from it. After an error the training cannot go on; load
     /// the last checkpoint.
     pub fn iterate(&mut self) -> Result<Iteration, TrainError> {
-        let mut seconds = Seconds::default();
         let progress = &mut self.progress;
         let reward_factor = match self.config.scale_rewards {
             true => 1.0 / self.tasks.reward_scale(),
@@ -112,7 +94,6 @@ impl<T: Tasks> Trainer<T> {
             self.memory.as_mut(),
             self.config.rollout_steps,
             reward_factor,
-            &mut seconds,
         );
         progress.iteration += 1;
         progress.env_steps += rollout.actions.len() as u64;
@@ -130,7 +111,10 @@ impl<T: Tasks> Trainer<T> {
             iteration: progress.iteration,
             source,
         })?;
-        seconds.update = start.elapsed().as_secs_f64();
+        let seconds = Seconds {
+            update: start.elapsed().as_secs_f64(),
+            ..rollout.seconds
+        };
         Ok(Iteration {
             number: progress.iteration,
             env_steps: progress.env_steps,
