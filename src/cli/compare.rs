@@ -7,7 +7,7 @@ use super::Failure;
 use super::eval::{EpisodeSource, Loaded};
 use super::failure::OrInvalid;
 use super::output::{print, print_json};
-use super::scene::{absurd, extent};
+use super::setup::{absurd, extent};
 use crate::run::RunConfig;
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::picture::{Studio, View};
-use super::scene::set_up;
+use super::setup::set_up;
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::{Scene, Summary};

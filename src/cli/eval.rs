@@ -9,7 +9,7 @@ use super::Failure;
 use super::failure::OrInvalid;
 use super::output::OutFolder;
 use super::result::{EpisodeStatistics, Recorder, rollout_failure};
-use super::scene::set_up;
+use super::setup::set_up;
 use crate::run::{
     Checkpoint, EpisodeSummary, OtherConfig, PlayedEpisode, Rules, RunConfig, RunFolder,
     config_digest, parallel_episodes, play, random_episodes, replay,

@@ -14,6 +14,7 @@ mod output;
 mod picture;
 mod result;
 mod scene;
+mod setup;
 mod study;
 mod tool;
 mod train;

@@ -11,9 +11,8 @@ use super::eval::accuracy;
 use super::failure::OrInvalid;
 use super::output::{bar, print, print_json};
 use super::result;
-use super::scene::{MISSED, missed, set_up};
+use super::setup::set_up_over_tool;
 use crate::run::{NameError, OtherConfig, RunConfig, RunFolder, RunInfo, Training};
-use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
 use drape_task::env::{Draping, End, EnvError, ImageShape, Tasks};
@@ -207,19 +206,6 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     // Whatever happens from now on, the run can be gone on with.
     training.checkpoint().map_err(failure)?;
     Ok(training)
-}
-
-/// Sets a scene up, and refuses one whose blank has missed its tool.
-fn set_up_over_tool(config: &SceneConfig, place: &str, json: bool) -> Result<Scene, Failure> {
-    let scene = set_up(config, place, json)?;
-    let clearance = scene.clearance();
-    if clearance > MISSED {
-        return Err(Failure::invalid(anyhow::anyhow!(
-            "{place}: {}",
-            missed(clearance)
-        )));
-    }
-    Ok(scene)
 }
 
 /// What the user can mend is not at work: a name that is taken, another configuration, an

@@ -1,0 +1,88 @@
+use super::Failure;
+use super::failure::scene_failure;
+use super::output::Progress;
+use drape_cloth::math::Vec3;
+use drape_cloth::scene::{Scene, SceneConfig};
+use drape_cloth::tool::Source;
+
+/// A blank that is nowhere as near to the tool as this has missed it [m].
+pub(super) const MISSED: f64 = 0.05;
+
+/// Root mean square speed after the fall above which a blank does not lie yet [mm/s].
+const RESTLESS: f64 = 2.0;
+
+/// What is wrong with a blank that has missed the tool by `clearance` [m].
+pub(super) fn missed(clearance: f64) -> String {
+    format!(
+        "after the fall the blank is {:.1} mm off the tool at its nearest, expected at most {} mm",
+        1e3 * clearance,
+        1e3 * MISSED
+    )
+}
+
+/// Sets up the scene that was read from `place`, with a progress bar.
+pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Scene, Failure> {
+    let progress = Progress::new("draping", json);
+    let scene = Scene::new(config, |share| progress.set(share));
+    drop(progress);
+    let scene = scene.map_err(|error| scene_failure(error, place))?;
+    let flat = scene.lamina.rest.iter().map(|&[x, y]| Vec3::new(x, y, 0.0));
+    let in_mm = "that its lengths are in mm";
+    let of_tool = match config.tool.source {
+        Source::Stl(_) => "the unit of its file",
+        Source::Shape(_) => in_mm,
+    };
+    for (what, key, size) in [
+        (
+            "tool",
+            of_tool,
+            extent(scene.tool.mesh.vertices.iter().copied()),
+        ),
+        ("blank", in_mm, extent(flat)),
+    ] {
+        if let Some(size) = absurd(size) {
+            eprintln!("warning: {place}: the {what} measures {size}: check {key}");
+        }
+    }
+    let v_rms = 1e3 * scene.initial.v_rms();
+    if v_rms > RESTLESS && scene.clearance() <= MISSED {
+        eprintln!(
+            "warning: {place}: after the fall the blank still moves at {v_rms:.1} mm/s, expected \
+             at most {RESTLESS}: raise `fall.substep_rate` or `fall.settle_s`"
+        );
+    }
+    Ok(scene)
+}
+
+/// Sets a scene up, and refuses one whose blank has missed its tool.
+pub(super) fn set_up_over_tool(
+    config: &SceneConfig,
+    place: &str,
+    json: bool,
+) -> Result<Scene, Failure> {
+    let scene = set_up(config, place, json)?;
+    let clearance = scene.clearance();
+    if clearance > MISSED {
+        return Err(Failure::invalid(anyhow::anyhow!(
+            "{place}: {}",
+            missed(clearance)
+        )));
+    }
+    Ok(scene)
+}
+
+/// Sizes of tools and blanks that need no second look [m].
+const USUAL: std::ops::RangeInclusive<f64> = 1e-3..=50.0;
+
+/// Longest side of the box that holds the points [m].
+pub(super) fn extent(points: impl Iterator<Item = Vec3>) -> f64 {
+    let inf = Vec3::repeat(f64::INFINITY);
+    let (low, high) = points.fold((inf, -inf), |(low, high), x| (low.inf(&x), high.sup(&x)));
+    (high - low).max()
+}
+
+/// A size [m] that points to another unit than was meant, and what was expected.
+pub(super) fn absurd(size: f64) -> Option<String> {
+    let is_absurd = !USUAL.contains(&size);
+    is_absurd.then(|| format!("{:.3} mm, expected 1 mm to 50 m", 1e3 * size))
+}
