@@ -1,6 +1,5 @@
-use super::update::NotFinite;
-use crate::policy::{ActorCritic, DeviceError, DeviceKind, PolicyConfig, masked};
-use drape_cloth::file::ValueError;
+use super::error::TrainError;
+use crate::policy::{ActorCritic, DeviceKind, PolicyConfig, masked};
 use drape_cloth::math::Stream;
 use drape_task::env::{ImageShape, Observation};
 
@@ -11,20 +10,6 @@ pub enum Sampling<'a> {
     Greedy,
     /// Drawn from the policy, one number of the stream an observation.
     Drawn(&'a mut Stream),
-}
-
-/// An agent that cannot be made, or a training that cannot begin or go on.
-#[derive(Debug, thiserror::Error)]
-pub enum TrainError {
-    #[error(transparent)]
-    Device(#[from] DeviceError),
-    #[error("policy")]
-    Policy(ValueError),
-    #[error("ppo")]
-    Ppo(ValueError),
-    /// The update stopped before the step that would have done harm.
-    #[error("iteration {iteration} failed: lower the learning rate or limit the gradient norm")]
-    NotFinite { iteration: u64, source: NotFinite },
 }
 
 /// A network with initial weights, able to learn.

@@ -8,6 +8,7 @@
 mod adam;
 mod agent;
 mod config;
+mod error;
 mod gae;
 mod imitation;
 mod loss;
@@ -18,10 +19,11 @@ mod tests;
 mod trainer;
 mod update;
 
-pub use agent::{Agent, Sampling, TrainError};
+pub use agent::{Agent, Sampling};
 pub use config::{AdvantageNorm, ImitationConfig, PpoConfig};
+pub use error::{NotFinite, TrainError};
 pub use gae::{Next, gae};
 pub use rollout::{EpisodeRecord, Seconds};
 pub use sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
 pub use trainer::{Iteration, Trainer};
-pub use update::{NotFinite, UpdateMetrics};
+pub use update::UpdateMetrics;

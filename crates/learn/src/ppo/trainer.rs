@@ -1,6 +1,7 @@
 use super::adam::Adam;
-use super::agent::{Agent, TrainError, actor_critic};
+use super::agent::{Agent, actor_critic};
 use super::config::{ImitationConfig, PpoConfig};
+use super::error::TrainError;
 use super::imitation::Memory;
 use super::rollout::{EpisodeRecord, Seconds, collect};
 use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};

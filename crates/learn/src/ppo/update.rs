@@ -1,5 +1,6 @@
 use super::adam::{Adam, global_norm};
 use super::config::{AdvantageNorm, PpoConfig};
+use super::error::NotFinite;
 use super::gae::gae;
 use super::imitation::{Memory, Move};
 use super::loss;
@@ -27,13 +28,6 @@ pub struct UpdateMetrics {
     pub gradient_norm: f32,
     /// Share of the returns' variance that the values explained before the update.
     pub explained_variance: f32,
-}
-
-/// A loss or gradient that is not a finite number; the step was not taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{quantity} is not finite")]
-pub struct NotFinite {
-    pub quantity: &'static str,
 }
 
 /// Random streams of an update.
