@@ -257,9 +257,9 @@ fn transfer_has_a_row_for_every_setting() {
     let report = json(path, &[&args[..], &TINY[..]].concat());
     let [half, end, places] = ["half", "end", "places"].map(|table| rows(&report, table));
     let count = report["sequences"].as_array().unwrap().len();
-    // Three presets, one without the rule of strain, two rates, Gauss-Seidel, four twins.
-    assert_eq!([half.len(), end.len(), places.len()], [11; 3]);
-    assert_eq!(rows(&report, "paths").len(), 11 * count);
+    // Three presets, two rates, Gauss-Seidel, three twins.
+    assert_eq!([half.len(), end.len(), places.len()], [9; 3]);
+    assert_eq!(rows(&report, "paths").len(), 9 * count);
     for row in half.iter().chain(end) {
         assert!(number(&row["left_m"]) >= 0.0 && number(&row["lost_m"]) >= 0.0);
         for key in ["rank_accurate", "rank_twin"] {
@@ -271,10 +271,10 @@ fn transfer_has_a_row_for_every_setting() {
         assert!(number(&row["outside_mm"]) >= 0.0 && number(&row["cpu_s"]) >= 0.0);
     }
     assert_eq!(
-        (&places[7]["setting"], number(&end[7]["lost_m"])),
+        (&places[6]["setting"], number(&end[6]["lost_m"])),
         (&"twin".into(), 0.0)
     );
-    assert_eq!(number(&places[7]["off_the_twin_inside_mm"]), 0.0);
+    assert_eq!(number(&places[6]["off_the_twin_inside_mm"]), 0.0);
     assert!(path.join("out/scatter.png").exists());
 }
 
