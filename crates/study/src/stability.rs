@@ -30,7 +30,7 @@ use std::time::Instant;
 
 use crate::study::{Context, Report, Study, StudyError, only};
 use crate::table::Table;
-use crate::verify::{SOLVERS, solver_name};
+use crate::verify::{SOLVERS, precision_name, solver_name};
 use drape_cloth::sim::{Precision, Solver};
 use drape_report::{Color, HeatMap, Image, Tile};
 use sweeps::Axis;
@@ -154,7 +154,8 @@ impl Study for Stability {
         }
         let mut report = Report::new([counts.end(), cell_table(&sweeps, &cells)]);
         for sweep in &sweeps {
-            for (precision, digits) in [(Precision::F64, "f64"), (Precision::F32, "f32")] {
+            for precision in [Precision::F64, Precision::F32] {
+                let digits = precision_name(precision);
                 let maps = SOLVERS.map(|solver| {
                     let title = format!("{}: {}, {digits}", sweep.name, solver_name(solver));
                     let own = cells.iter().filter(|cell| {
@@ -183,10 +184,7 @@ fn cell_table(sweeps: &[Sweep], cells: &[SweepCell]) -> Table {
         .text("y", |cell| axis(cell, 1).0)
         .text("y value", |cell| axis(cell, 1).1)
         .text("solver", |cell| solver_name(cell.solver))
-        .text("precision", |cell| match cell.precision {
-            Precision::F32 => "f32",
-            Precision::F64 => "f64",
-        })
+        .text("precision", |cell| precision_name(cell.precision))
         .text("outcome", |cell| cell.outcome.name())
         .hidden("error", "", |cell| cell.figures.error)
         .hidden("strain p95", "", |cell| cell.figures.strain_p95)

@@ -28,7 +28,7 @@ use crate::study::{Context, Report, Study, StudyError, only};
 use crate::table::Table;
 
 pub use cases::{Answer, ClosedForm, cases};
-pub use solve::{SOLVERS, Subject, solver_name};
+pub use solve::{SOLVERS, Subject, precision_name, solver_name};
 
 /// Hold every solver against closed forms: what is expected, what is found
 ///

@@ -32,6 +32,14 @@ pub fn solver_name(solver: Solver) -> &'static str {
     }
 }
 
+/// As in configurations and tables.
+pub fn precision_name(precision: Precision) -> &'static str {
+    match precision {
+        Precision::F32 => "f32",
+        Precision::F64 => "f64",
+    }
+}
+
 impl Subject {
     /// Every one, the fastest first.
     pub fn all() -> Vec<Self> {
