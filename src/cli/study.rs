@@ -13,7 +13,7 @@ use crate::run::{RunConfig, RunFolder, dated_folder};
 use drape_cloth::file::write_atomic;
 use drape_study::episodes::Episodes;
 use drape_study::stability::Stability;
-use drape_study::study::{Context, Failed, Report, Study, StudyError, TrainedPath};
+use drape_study::study::{Context, Report, Study, StudyError, TrainedPath};
 use drape_study::table::replace_tables;
 use drape_study::tradeoff::Tradeoff;
 use drape_study::transfer::Transfer;
@@ -134,7 +134,12 @@ impl<S: clap::Args + Study> Measure<S> {
 /// Names what the error is about, where the study has a scene.
 fn failure(error: StudyError, place: Option<String>) -> Failure {
     let is_input = error.is_input();
-    let place = place.filter(|_| !matches!(error, StudyError::Invalid(_) | StudyError::Read(_)));
+    let place = place.filter(|_| {
+        !matches!(
+            error,
+            StudyError::Invalid(_) | StudyError::Read(_) | StudyError::Damaged(_)
+        )
+    });
     let error = match place {
         Some(place) => anyhow::Error::new(error).context(place),
         None => error.into(),
@@ -197,13 +202,20 @@ fn replaced(path: &Path, text: &str, name: &str, report: &Report) -> Result<Stri
     new.map_err(|message| Failure::invalid(anyhow!("{}: {message}", path.display())))
 }
 
-/// The best sequence of a run folder.
-fn read_run(path: &Path) -> Result<TrainedPath, Failed> {
-    let folder = RunFolder::open(path)?;
-    let config = RunConfig::read(&folder.config())?;
+/// The best sequence of a run folder, which is refused where its configuration has changed.
+fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
+    let folder = RunFolder::open(path).map_err(|error| StudyError::Read(error.into()))?;
+    let config =
+        RunConfig::read(&folder.config()).map_err(|error| StudyError::Read(error.into()))?;
+    let best = folder.read_best_sequence();
+    let best = best.map_err(|error| StudyError::Damaged(error.into()))?;
+    best.validate_config(&config.to_toml()).map_err(|fault| {
+        let place = folder.best_sequence();
+        StudyError::Invalid(format!("{}: {fault}", place.display()))
+    })?;
     Ok(TrainedPath {
         scene: config.scene,
         env: config.env,
-        vertices: folder.read_best_sequence()?.vertices,
+        vertices: best.vertices,
     })
 }

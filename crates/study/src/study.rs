@@ -37,7 +37,7 @@ pub struct Context<'a> {
     /// Is told the share that is done, 0 to 1, and what is being done.
     pub progress: &'a (dyn Fn(f64, &str) + Sync),
     /// Reads a run folder, which this crate knows nothing of.
-    pub read_run: &'a dyn Fn(&Path) -> Result<TrainedPath, Failed>,
+    pub read_run: &'a dyn Fn(&Path) -> Result<TrainedPath, StudyError>,
 }
 
 /// An error of another crate.
@@ -55,7 +55,7 @@ impl Context<'_> {
     pub fn quiet() -> Context<'static> {
         Context {
             progress: &|_, _| (),
-            read_run: &|_| Err("there are no runs".into()),
+            read_run: &|_| Err(StudyError::Invalid("there are no runs".into())),
         }
     }
 
@@ -145,6 +145,9 @@ pub enum StudyError {
     /// A run folder or a file that cannot be read.
     #[error(transparent)]
     Read(Failed),
+    /// A file that the program itself has written and that is damaged.
+    #[error(transparent)]
+    Damaged(Failed),
     #[error("{name}")]
     Diverged {
         name: &'static str,
@@ -167,9 +170,7 @@ impl StudyError {
         match self {
             Self::Invalid(_) | Self::Env(_) | Self::Twin(_) | Self::Read(_) => true,
             Self::Scene(error) => !matches!(error, SceneError::Diverged { .. }),
-            Self::Diverged { .. } | Self::FastDiverged | Self::Sheet { .. } | Self::Threads(_) => {
-                false
-            }
+            _ => false,
         }
     }
 }

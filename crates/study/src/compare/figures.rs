@@ -22,6 +22,17 @@ pub struct Comparison {
     pub not_applicable: Vec<Inapplicable>,
 }
 
+impl Comparison {
+    /// What is compared over all, and inside and outside of the region if there is one.
+    pub fn parts(&self) -> impl Iterator<Item = (&'static str, &Parts)> {
+        let inside = self.inside.iter().map(|parts| ("inside", parts));
+        let outside = self.outside.iter().map(|parts| ("outside", parts));
+        std::iter::once(("all", &self.all))
+            .chain(inside)
+            .chain(outside)
+    }
+}
+
 /// What two drapes are compared by over a part of the blank.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Parts {
