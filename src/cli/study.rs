@@ -10,7 +10,7 @@ use super::Failure;
 use super::failure::OrInvalid;
 use super::output::{OutFolder, Progress, print, print_json};
 use crate::run::{RunConfig, RunFolder, dated_folder};
-use drape_cloth::file::write_atomic;
+use drape_cloth::file::{check_writable, write_atomic};
 use drape_study::episodes::Episodes;
 use drape_study::stability::Stability;
 use drape_study::study::{Context, Report, Study, StudyError, TrainedPath};
@@ -62,7 +62,8 @@ pub struct Measure<S: clap::Args> {
     out: Option<PathBuf>,
 
     /// Markdown file in which what stands between `<!-- table STUDY.TABLE -->` and `<!-- end -->`
-    /// is replaced by the table of this name, for all tables of the study that have a place there
+    /// is replaced by the table of this name, for all tables of the study that have a place there;
+    /// `STUDY.TABLE: COLUMN, COLUMN` has these columns only
     #[arg(long, value_name = "FILE.md")]
     into: Option<PathBuf>,
 
@@ -77,10 +78,8 @@ impl<S: clap::Args + Study> Measure<S> {
     pub fn run(self, prefix: Option<&str>) -> Result<(), Failure> {
         // What would make the work useless is found before it.
         if let Some(path) = &self.into {
-            let text = read(path)?;
-            if !text.contains(&format!("<!-- table {}.", S::NAME)) {
-                replaced(path, &text, S::NAME, &Report::default())?;
-            }
+            replaced::<S>(path, |_, _| Ok(String::new()))?;
+            check_writable(path)?;
         }
         let out = match (&self.out, prefix) {
             (Some(path), _) => Some(OutFolder::make(path)?),
@@ -114,7 +113,14 @@ impl<S: clap::Args + Study> Measure<S> {
             write(&report, S::NAME, &all, &out.path)?;
         }
         if let Some(path) = &self.into {
-            let text = replaced(path, &read(path)?, S::NAME, &report)?;
+            let text = replaced::<S>(path, |name, columns| {
+                let table = report.tables.iter().find(|table| table.name == name);
+                match (table, columns) {
+                    (None, _) => Err(format!("there is no table `{name}` without its option")),
+                    (Some(table), []) => Ok(table.markdown()),
+                    (Some(table), columns) => table.markdown_with(columns),
+                }
+            })?;
             write_atomic(path, |file| file.write_all(text.as_bytes()))?;
         }
         if self.json {
@@ -190,15 +196,15 @@ fn write(report: &Report, name: &str, all: &Value, folder: &Path) -> Result<(), 
     Ok(())
 }
 
-fn read(path: &Path) -> Result<String, Failure> {
-    let text = std::fs::read_to_string(path);
-    text.with_context(|| format!("cannot read {}", path.display()))
-        .or_invalid()
-}
-
-/// The document with the tables of the report.
-fn replaced(path: &Path, text: &str, name: &str, report: &Report) -> Result<String, Failure> {
-    let new = replace_tables(text, name, &report.tables);
+/// The document with `content` in the places of the study's tables.
+fn replaced<S: Study>(
+    path: &Path,
+    content: impl Fn(&str, &[&str]) -> Result<String, String>,
+) -> Result<String, Failure> {
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("cannot read {}", path.display()))
+        .or_invalid()?;
+    let new = replace_tables(&text, S::NAME, S::TABLES, content);
     new.map_err(|message| Failure::invalid(anyhow!("{}: {message}", path.display())))
 }
 

@@ -24,6 +24,16 @@ pub struct Piece {
 }
 
 impl Piece {
+    /// One without a tool.
+    pub fn new(lamina: Lamina, physics: PhysicsConfig, start: Snapshot) -> Self {
+        Self {
+            lamina,
+            physics,
+            tool: None,
+            start,
+        }
+    }
+
     /// What the fast solver steps, with lengths kept by `solver`.
     pub fn world(&self, solver: Solver) -> World {
         let physics = PhysicsConfig {
@@ -173,12 +183,7 @@ pub fn clamped(strip: Lamina, edge: f64, stiffness: f64, damping: f64) -> Piece 
         damping,
         ..yarns_alone()
     };
-    Piece {
-        lamina: strip,
-        physics,
-        tool: None,
-        start,
-    }
+    Piece::new(strip, physics, start)
 }
 
 /// A sheet on a slope of `angle` [rad], up where x is less, so that it slides about the origin as

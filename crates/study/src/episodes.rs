@@ -89,6 +89,7 @@ pub struct Rested {
 
 impl Study for Episodes {
     const NAME: &'static str = "episodes";
+    const TABLES: &'static [&'static str] = &["ends"];
 
     fn scene(&self) -> Option<&SceneOptions> {
         Some(&self.scene)

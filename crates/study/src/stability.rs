@@ -127,6 +127,7 @@ fn cell(sweep: &Sweep, at: [usize; 2], (solver, precision): (Solver, Precision))
 
 impl Study for Stability {
     const NAME: &'static str = "stability";
+    const TABLES: &'static [&'static str] = &["counts", "cells"];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let sweeps = only(sweeps(self.quick), &self.names, |sweep| sweep.name)?;

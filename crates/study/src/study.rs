@@ -20,6 +20,9 @@ pub trait Study {
     /// As on the command line.
     const NAME: &'static str;
 
+    /// Names of the tables that a report of it can have.
+    const TABLES: &'static [&'static str];
+
     /// Measures. Nothing is printed or written.
     ///
     /// # Errors
@@ -200,12 +203,19 @@ pub struct SceneOptions {
     pub region: Option<[f64; 4]>,
 }
 
-/// Four numbers between commas.
-fn region(text: &str) -> Result<[f64; 4], String> {
+/// A region on the flat blank from the command line, in the unit that is written.
+///
+/// # Errors
+/// If it is not four numbers between commas, the lesser ones first.
+pub fn region(text: &str) -> Result<[f64; 4], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse()).collect();
     match numbers.ok().and_then(|n| <[f64; 4]>::try_from(n).ok()) {
-        Some(region) if region.iter().all(|n| n.is_finite()) => Ok(region),
-        _ => Err("expected four numbers between commas, as -186,-186,-60,-60".into()),
+        Some(n) if n.iter().all(|x| x.is_finite()) && n[0] < n[2] && n[1] < n[3] => Ok(n),
+        _ => Err(
+            "expected four numbers between commas, least x, least y, greatest x, greatest y, as \
+             -186,-186,-60,-60"
+                .into(),
+        ),
     }
 }
 

@@ -68,6 +68,7 @@ const ENVIRONMENTS: usize = 16;
 
 impl Study for Tradeoff {
     const NAME: &'static str = "tradeoff";
+    const TABLES: &'static [&'static str] = &["points"];
 
     fn scene(&self) -> Option<&SceneOptions> {
         Some(&self.scene)

@@ -110,6 +110,7 @@ fn players() -> [(&'static str, Player); 9] {
 
 impl Study for Transfer {
     const NAME: &'static str = "transfer";
+    const TABLES: &'static [&'static str] = &["half", "end", "places", "paths"];
 
     fn scene(&self) -> Option<&SceneOptions> {
         Some(&self.scene)

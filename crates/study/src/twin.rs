@@ -145,6 +145,7 @@ fn transferred(vertices: &[u32], own: &Lamina, other: &Lamina) -> Vec<u32> {
 
 impl Study for TwinStudy {
     const NAME: &'static str = "twin";
+    const TABLES: &'static [&'static str] = &["runs", "energy", "comparisons", "convergence"];
 
     fn scene(&self) -> Option<&SceneOptions> {
         // That of a run has been valid.

@@ -96,6 +96,7 @@ pub fn ask(cases: &[ClosedForm], subjects: &[Subject], context: &Context) -> Vec
 
 impl Study for Verify {
     const NAME: &'static str = "verify";
+    const TABLES: &'static [&'static str] = &["errors", "counts", "cases"];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let chosen = only(cases(self.quick), &self.groups, |case| case.group)?;

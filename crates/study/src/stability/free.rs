@@ -10,12 +10,8 @@ use drape_cloth::sim::{Bending, PhysicsConfig, Snapshot};
 /// A small sheet that starts flat in free space.
 fn sheet(physics: PhysicsConfig) -> Piece {
     let lamina = crate::cloth::sheet([0.08; 2], [7; 2], Material::interglas_92125());
-    Piece {
-        start: laid(&lamina, |[x, y]| [x, y, 0.0]),
-        lamina,
-        physics,
-        tool: None,
-    }
+    let start = laid(&lamina, |[x, y]| [x, y, 0.0]);
+    Piece::new(lamina, physics, start)
 }
 
 /// y: frame [s]. A flat sheet whose vertices have random velocities flies without gravity or

@@ -46,12 +46,7 @@ fn hang(knobs: &Knobs, strip: Lamina, physics: PhysicsConfig, seconds: f64, tilt
         let rows = strip.rest.iter().enumerate();
         rows.map(|(v, [x, _])| [*x, 0.0, -lengths[v / 2]]).collect()
     };
-    let piece = Piece {
-        lamina: strip,
-        physics,
-        tool: None,
-        start,
-    };
+    let piece = Piece::new(strip, physics, start);
     arrive(knobs, piece, seconds, expected)
 }
 
@@ -153,12 +148,7 @@ pub fn warp_ratio(knobs: &Knobs) -> Tried {
     start.fixed.insert_range(0..cells + 1);
     // What a weft stretches under its own weight is below 1e-6 of its length.
     let expected = sheet.rest.iter().map(|[x, y]| [*x, 0.0, top - y]).collect();
-    let piece = Piece {
-        lamina: sheet,
-        physics: damped(DAMPING, Bending::Yarns),
-        tool: None,
-        start,
-    };
+    let piece = Piece::new(sheet, damped(DAMPING, Bending::Yarns), start);
     arrive(knobs, piece, SECONDS, expected)
 }
 
@@ -200,11 +190,6 @@ pub fn catenary(knobs: &Knobs) -> Tried {
         [x, along, up - sag]
     });
     let expected = expected.collect();
-    let piece = Piece {
-        lamina: strip,
-        physics: damped(12.0, Bending::Off),
-        tool: None,
-        start,
-    };
+    let piece = Piece::new(strip, damped(12.0, Bending::Off), start);
     arrive(knobs, piece, 3.0, expected)
 }

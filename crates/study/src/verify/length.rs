@@ -27,12 +27,8 @@ fn hanging_strain(
     physics: PhysicsConfig,
     speed: f64,
 ) -> f64 {
-    let piece = Piece {
-        start: hung(&strip, 0.0),
-        lamina: strip,
-        physics,
-        tool: None,
-    };
+    let start = hung(&strip, 0.0);
+    let piece = Piece::new(strip, physics, start);
     let end = solver.settle(&piece, [speed, 3.0]);
     -mean_at(&piece.lamina, &end, edges).z / length - 1.0
 }
@@ -112,15 +108,11 @@ pub fn catenary_sag(solver: &dyn Solve, edges: usize) -> f64 {
         [s * span / length, t, -slope * s.min(length - s)]
     });
     fix(&strip, &mut start, &[0, edges]);
-    let piece = Piece {
-        lamina: strip,
-        physics: PhysicsConfig {
-            damping: 10.0,
-            ..yarns_alone()
-        },
-        tool: None,
-        start,
+    let physics = PhysicsConfig {
+        damping: 10.0,
+        ..yarns_alone()
     };
+    let piece = Piece::new(strip, physics, start);
     let end = solver.settle(&piece, [1e-7, 4.0]);
     -mean_at(&piece.lamina, &end, edges / 2).z
 }

@@ -41,12 +41,7 @@ pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
         ..yarns_alone()
     };
     let seconds = 0.5;
-    let piece = Piece {
-        lamina,
-        physics,
-        tool: None,
-        start,
-    };
+    let piece = Piece::new(lamina, physics, start);
     let end = fast.run(&piece, seconds);
     // About the centre of mass, so that flight itself has none.
     let centred = |state: &Snapshot| {
@@ -84,12 +79,8 @@ pub fn oscillation(fast: &Fast, pace: f64) -> [f64; 2] {
         gravity: 0.0,
         ..yarns_alone()
     };
-    let mut piece = Piece {
-        start: placed(&cell, |s, t| [(1.0 + 1e-5) * s, t, 0.0]),
-        lamina: cell,
-        physics,
-        tool: None,
-    };
+    let start = placed(&cell, |s, t| [(1.0 + 1e-5) * s, t, 0.0]);
+    let mut piece = Piece::new(cell, physics, start);
     let energy = |state: &Snapshot| {
         let c = state.position[1][0] - state.position[0][0] - a;
         let v = state.velocity[1][0] - state.velocity[0][0];

@@ -92,12 +92,7 @@ pub fn picture_frame(solver: &dyn Solve, d: f64, cells: usize) -> f64 {
         damping: 50.0,
         ..yarns_alone()
     };
-    let mut piece = Piece {
-        lamina,
-        physics,
-        tool: None,
-        start,
-    };
+    let mut piece = Piece::new(lamina, physics, start);
     pull(solver, &mut piece, &target, 0.5);
     mean_shear(&piece.lamina, &piece.start, |_| true)
 }
@@ -161,12 +156,7 @@ pub fn draw_out(solver: &dyn Solve, lamina: Lamina, extensions: &[f64]) -> Vec<E
     }
     let left = |v: &u32| lamina.rest[*v as usize][0] < 1e-9 - half;
     let clamp: Vec<u32> = (0..lamina.vertex_count() as u32).filter(left).collect();
-    let mut piece = Piece {
-        lamina,
-        physics,
-        tool: None,
-        start,
-    };
+    let mut piece = Piece::new(lamina, physics, start);
     let mut last = 0.0;
     let mut to = |piece: &mut Piece, d: f64| {
         let seconds = 0.02 * (1e3 * (d - last)).max(1.0);
