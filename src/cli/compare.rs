@@ -28,7 +28,7 @@ use drape_study::study::region;
   drape compare runs/a runs/b
   drape compare fast.json twin.json --region=-186,-186,-60,-60 --out deviation.png
   drape compare scan.stl fast.json --config scene.toml --json")]
-pub struct Args {
+pub struct CompareArgs {
     /// What is compared
     a: PathBuf,
 
@@ -139,7 +139,7 @@ enum Kind {
 }
 
 /// Runs `drape compare`.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: CompareArgs) -> Result<(), Failure> {
     if let Some(file) = &args.out {
         check_writable(file)?;
     }
@@ -230,7 +230,7 @@ fn text(report: &Report) -> String {
 }
 
 /// The drape at `path`, with its scene if it is a run.
-fn survey(path: &Path, args: &Args) -> Result<(Surveyed, Option<Scene>, Kind), Failure> {
+fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, Kind), Failure> {
     let is_stl = |path: &Path| {
         let extension = path.extension();
         extension.is_some_and(|extension| extension.eq_ignore_ascii_case("stl"))

@@ -22,7 +22,7 @@ use drape_study::verify::Verify;
 
 /// Measure the simulator itself
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub struct StudyArgs {
     #[command(subcommand)]
     study: Name,
 }
@@ -38,7 +38,7 @@ enum Name {
 }
 
 /// Runs `drape study`.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: StudyArgs) -> Result<(), Failure> {
     let prefix = Some("study-");
     match args.study {
         Name::Episodes(study) => study.run(prefix),

@@ -33,7 +33,7 @@ use drape_cloth::scene::{Scene, SceneConfig, SceneError};
 use drape_cloth::sim::{Accuracy, Precision, Snapshot};
 use drape_cloth::tool::Tool;
 use drape_task::env::{Draping, EnvConfig};
-use point::{Noise, Point, chart, point_table, recommend};
+use point::{MeasuredPoint, Noise, chart, point_table, recommend};
 use settings::{Around, Variation, converged, sequences, stepped, variations};
 
 /// Measure what accuracy costs: CPU time of an environment step against error, over solver,
@@ -116,7 +116,7 @@ fn measure(
     env: &EnvConfig,
     variations: &[Variation],
     context: &Context,
-) -> Result<(Measuring, Vec<Point>, Noise), StudyError> {
+) -> Result<(Measuring, Vec<MeasuredPoint>, Noise), StudyError> {
     let mut measuring = Measuring::new(scene, env)?;
     let mut points = Vec::with_capacity(variations.len());
     for (done, variation) in variations.iter().enumerate() {
@@ -217,11 +217,11 @@ impl Measuring {
         Ok(pressed)
     }
 
-    fn point(&mut self, variation: &Variation) -> Result<Point, StudyError> {
+    fn point(&mut self, variation: &Variation) -> Result<MeasuredPoint, StudyError> {
         let (own, reference) = (&variation.around, &variation.reference);
         let fallen = self.fall(&own.0)?.zip(self.fall(&reference.0)?);
         let pressed = self.press(own)?.zip(self.press(reference)?);
-        let mut point = Point::of(variation);
+        let mut point = MeasuredPoint::of(variation);
         if let Some((a, b)) = fallen {
             let pairs = self.shared(&a.lamina, &b.lamina).all;
             let [x, y] = [&a, &b].map(|scene| &scene.initial.position);
@@ -242,7 +242,7 @@ impl Measuring {
     /// the others are not the same sample.
     fn compare_presses(
         &self,
-        point: &mut Point,
+        point: &mut MeasuredPoint,
         a: &PressedSweeps,
         b: &PressedSweeps,
         shared: &[[usize; 2]],

@@ -8,7 +8,7 @@ use drape_report::{Chart, Color, Level, SERIES, Scale, Series};
 /// count as many points as the default mesh has, whatever the mesh. What diverges, or whose
 /// reference does, has no figures.
 #[derive(Clone, Debug)]
-pub struct Point {
+pub struct MeasuredPoint {
     pub variation: Variation,
     /// Of the blank.
     pub vertices: usize,
@@ -35,7 +35,7 @@ pub struct Point {
     pub rms_m: Option<f64>,
 }
 
-impl Point {
+impl MeasuredPoint {
     /// One that nothing has been measured of.
     pub fn of(variation: &Variation) -> Self {
         Self {
@@ -73,8 +73,8 @@ impl Noise {
     };
 }
 
-pub fn point_table(title: String, points: &[Point]) -> Table {
-    let contact_interval = |p: &Point| p.variation.stepping().control(1.0).contact_interval;
+pub fn point_table(title: String, points: &[MeasuredPoint]) -> Table {
+    let contact_interval = |p: &MeasuredPoint| p.variation.stepping().control(1.0).contact_interval;
     Table::of("points", title, points)
         .text("axis", |p| p.variation.axis)
         .text("value", |p| p.variation.value.clone())
@@ -114,10 +114,10 @@ pub struct Recommendation {
     pub text: String,
 }
 
-pub fn recommend(points: &[Point], noise: Noise) -> Recommendation {
+pub fn recommend(points: &[MeasuredPoint], noise: Noise) -> Recommendation {
     // Where a pushed start diverges there is no tolerance, and nothing is within it.
     let tolerance = Some(2.0 * noise.distance_rms_m).filter(|tolerance| tolerance.is_finite());
-    let methods: Vec<(usize, &Point, f64, f64)> = (points.iter().enumerate())
+    let methods: Vec<(usize, &MeasuredPoint, f64, f64)> = (points.iter().enumerate())
         .filter(|(_, point)| point.variation.is_method)
         .filter_map(|(k, p)| Some((k, p, p.microseconds?, p.rms_m?)))
         .collect();
@@ -158,10 +158,10 @@ pub fn recommend(points: &[Point], noise: Noise) -> Recommendation {
 }
 
 /// Cost against error, both as logarithms. What has no error has no place on it.
-pub fn chart(points: &[Point], noise: Noise) -> Chart {
+pub fn chart(points: &[MeasuredPoint], noise: Noise) -> Chart {
     // NaN where there is none: such points are not drawn.
     let logarithm = |value: f64| if value > 0.0 { value.log10() } else { f64::NAN };
-    let place = |point: &Point| {
+    let place = |point: &MeasuredPoint| {
         [point.microseconds, point.eight_mm].map(|value| logarithm(value.unwrap_or(f64::NAN)))
     };
     let on = |axis: &'static str| points.iter().filter(move |p| p.variation.axis == axis);

@@ -171,7 +171,7 @@ impl Axes {
         });
     }
 
-    /// Point `k` of an axis of models, held against point 0.
+    /// MeasuredPoint `k` of an axis of models, held against point 0.
     fn model(&mut self, axis: &'static str, k: usize, value: String, change: impl Fn(&mut Around)) {
         let mut around = self.around.clone();
         step_fall_at(&mut around.0, self.fall);

@@ -44,10 +44,10 @@ fn errors_fall_with_the_rate_to_none_at_the_reference() {
 fn the_cheapest_within_twice_the_noise_is_recommended() {
     let (scene, env) = small();
     let variation = &variations(&scene, &env, true)[0];
-    let of = |microseconds: f64, rms_m: Option<f64>| Point {
+    let of = |microseconds: f64, rms_m: Option<f64>| MeasuredPoint {
         microseconds: Some(microseconds),
         rms_m,
-        ..Point::of(variation)
+        ..MeasuredPoint::of(variation)
     };
     let noise = Noise {
         distance_rms_m: 0.01,
