@@ -107,6 +107,10 @@ fn tables_go_into_a_document() {
         2,
         &["doc.md", "`<!-- table stability.count", "counts, cells"],
     );
+    fs::write(&document, "<!-- table stability.counts -->\n").unwrap();
+    assert_failure(&drape(path, &args), 2, &["doc.md", "not followed by"]);
+    // All of it before the work.
+    assert!(!path.join("out").exists());
     let places = "a\n<!-- table stability.counts -->\nold\n<!-- end -->\nb\n";
     fs::write(&document, places).unwrap();
     stdout(path, &args);
@@ -246,6 +250,28 @@ fn twin_writes_states_that_can_be_compared() {
     let first = comparisons.iter().find(of).unwrap();
     let again = number(&again["topology_a_to_b_mm"]["max"]);
     assert!((again - number(&first["max_mm"])).abs() < 1e-6);
+}
+
+/// As `eval` does: a damaged sequence is a failure at work, another configuration one of the input.
+#[test]
+fn twin_presses_no_path_of_a_run_that_is_not_as_it_was() {
+    let folder = super::run::trained();
+    let path = folder.path();
+    let args = ["study", "twin", "--path=runs/a", "--out=out"];
+    let change = |name: &str, from: &str, to: &str, code: i32| {
+        let file = path.join("runs/a").join(name);
+        let text = fs::read_to_string(&file).unwrap();
+        fs::write(&file, text.replace(from, to)).unwrap();
+        assert_failure(&drape(path, &args), code, &["best_sequence.json"]);
+        fs::write(&file, text).unwrap();
+    };
+    change("best_sequence.json", "\"vertices\"", "\"vertice\"", 1);
+    change(
+        "config.toml",
+        "kind = \"rib\"",
+        "kind = \"rib\"\nheight_mm = 50",
+        2,
+    );
 }
 
 #[test]

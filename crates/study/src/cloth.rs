@@ -34,6 +34,14 @@ impl Piece {
         }
     }
 
+    /// The same on a tool.
+    pub fn on(self, tool: &Arc<Tool>) -> Self {
+        Self {
+            tool: Some(tool.clone()),
+            ..self
+        }
+    }
+
     /// What the fast solver steps, with lengths kept by `solver`.
     pub fn world(&self, solver: Solver) -> World {
         let physics = PhysicsConfig {
@@ -196,12 +204,8 @@ pub fn on_slope(sheet: Lamina, physics: PhysicsConfig, angle: f64) -> Piece {
         ..Incline::default()
     };
     let tool = tool(Shape::Incline(incline), Pose::default(), 100.0);
-    Piece {
-        start: laid(&sheet, |[x, y]| [cos * (x - 0.2), y, -sin * (x - 0.2)]),
-        lamina: sheet,
-        physics,
-        tool: Some(tool.into()),
-    }
+    let start = laid(&sheet, |[x, y]| [cos * (x - 0.2), y, -sin * (x - 0.2)]);
+    Piece::new(sheet, physics, start).on(&tool.into())
 }
 
 /// How far cloth has slid down a slope of `angle` [rad] on average [m].

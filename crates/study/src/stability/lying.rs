@@ -29,14 +29,10 @@ fn over(side: f64, vertices: usize, height: f64) -> Piece {
     let lamina = sheet([side; 2], [vertices; 2], Material::interglas_92125());
     let mut stream = Stream::new(2, Purpose::Evaluation, 0);
     let cell = lamina.yarns[0].rest_length;
-    Piece {
-        start: laid(&lamina, |[x, y]| {
-            [x, y, height + 0.01 * cell * stream.normal()]
-        }),
-        lamina,
-        physics: damped(50.0, Bending::Yarns),
-        tool: Some(PLATE.clone()),
-    }
+    let start = laid(&lamina, |[x, y]| {
+        [x, y, height + 0.01 * cell * stream.normal()]
+    });
+    Piece::new(lamina, damped(50.0, Bending::Yarns), start).on(&PLATE)
 }
 
 /// The larger of two means over the size of the sheet: height off the plane z = 0, and error
@@ -118,8 +114,7 @@ pub fn sliver(knobs: &Knobs) -> Tried {
             ..GridConfig::default()
         },
     })?;
-    let mut piece = over(SIDE, 9, 1e-3);
-    piece.tool = Some(tool.into());
+    let piece = over(SIDE, 9, 1e-3).on(&tool.into());
     Trial::new(knobs, piece, 0.5, flatness_error)
 }
 

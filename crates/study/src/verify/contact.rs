@@ -124,12 +124,7 @@ impl Rope {
             damping: 20.0,
             ..yarns_alone()
         };
-        let mut piece = Piece {
-            lamina: strip,
-            physics,
-            tool: Some(DRUM_TOOL.clone()),
-            start,
-        };
+        let mut piece = Piece::new(strip, physics, start).on(&DRUM_TOOL);
         let mut crown = || {
             piece.start = solver.run(&piece, 0.5);
             mean_at(&piece.lamina, &piece.start, count / 2)
@@ -167,8 +162,7 @@ pub fn lift_off(solver: &dyn Solve, g_r: f64, edges: usize) -> LiftOff {
     let edge = 2.0 * radius / (edges as f64 - 0.5);
     let strip = strip(Family::Weft, edge * edges as f64, edges);
     let stiffness = AREAL_MASS * GRAVITY * radius.powi(3) / g_r;
-    let mut piece = clamped(strip, edge, stiffness, 8.0);
-    piece.tool = Some(CYLINDER_TOOL.clone());
+    let mut piece = clamped(strip, edge, stiffness, 8.0).on(&CYLINDER_TOOL);
     // Wound on and down beside, then let go: it comes to its place from the inner side.
     let quarter = 0.5 * std::f64::consts::PI * radius;
     let wound = placed(&piece.lamina, |s, t| {

@@ -90,12 +90,7 @@ pub fn wrap(solver: &dyn Solve, edges: usize) -> Vec<[f64; 2]> {
         damping: 50.0,
         ..yarns_alone()
     };
-    let piece = Piece {
-        lamina,
-        physics,
-        tool: Some(DOME.clone()),
-        start,
-    };
+    let piece = Piece::new(lamina, physics, start).on(&DOME);
     let end = solver.settle(&piece, [1e-5, 2.5]);
     let lamina = &piece.lamina;
     let polar = |v: u32| {
