@@ -73,9 +73,9 @@ pub fn ask(cases: &[ClosedForm], subjects: &[Subject], context: &Context) -> Vec
     let pairs: Vec<(&ClosedForm, Subject)> = (cases.iter())
         .flat_map(|case| subjects.iter().map(move |&subject| (case, subject)))
         .collect();
-    let found = context.each(&pairs, |(case, subject)| {
-        let asked = case.with_twin || *subject != Subject::Twin;
-        asked.then(|| (case.ask)(subject)).unwrap_or_default()
+    let found = context.each(&pairs, |(case, subject)| match subject {
+        Subject::Twin if !case.with_twin => Vec::new(),
+        subject => (case.ask)(subject),
     });
     let mut rows = Vec::new();
     for (answers, case) in found.chunks(subjects.len()).zip(cases) {
