@@ -415,4 +415,4 @@ fn states(report: &mut Report, scene: Arc<Scene>, runs: &[Ran; 3]) {
 }
 
 #[cfg(test)]
-mod tests;
+pub mod tests;

@@ -68,7 +68,7 @@ impl Comparison {
             add("material points", found.material_points_mm);
             let only_max = |max: f64| [None, None, None, None, Some(max), None];
             rows.extend((found.hausdorff_mm).map(|max| (part, "Hausdorff", "mm", only_max(max))));
-            for (k, figure) in ["warp", "weft"].into_iter().enumerate() {
+            for (k, figure) in ["warp angle", "weft angle"].into_iter().enumerate() {
                 rows.extend(found.fibre_angle_deg.map(|angles| {
                     let a = angles[k];
                     let [mean, p95, max, agree] =

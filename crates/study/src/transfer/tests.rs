@@ -1,22 +1,8 @@
 use super::*;
 use crate::episodes;
-use drape_cloth::fabric::BlankConfig;
-use drape_cloth::scene::{Fall, SceneConfig};
 
 fn scene() -> Arc<Scene> {
-    let mut config = SceneConfig::rib();
-    config.blank = BlankConfig {
-        vertices: [13, 13],
-        ..config.blank
-    };
-    config.tool.grid.spacing_mm = 12.0;
-    config.fall = Fall {
-        fall_s: 0.3,
-        settle_s: 0.1,
-        substep_rate: 1200.0,
-        ..config.fall
-    };
-    Arc::new(Scene::new(&config, |_| {}).unwrap())
+    Arc::new(Scene::new(&crate::twin::tests::config(), |_| {}).unwrap())
 }
 
 fn env() -> EnvConfig {
