@@ -16,8 +16,7 @@ use drape_cloth::mesh::read_stl;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::Tool;
 use drape_study::compare::{Comparison, Criteria, Surveyed, compare, picture};
-
-mod text;
+use drape_study::study::region;
 
 /// Compare two drapes
 ///
@@ -29,7 +28,7 @@ mod text;
   drape compare runs/a runs/b
   drape compare fast.json twin.json --region=-186,-186,-60,-60 --out deviation.png
   drape compare scan.stl fast.json --config scene.toml --json")]
-pub struct Args {
+pub struct CompareArgs {
     /// What is compared
     a: PathBuf,
 
@@ -43,7 +42,7 @@ pub struct Args {
 
     /// Also compare inside and outside of this part of the flat blank [mm]
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region, allow_hyphen_values = true)]
-    region: Option<Region>,
+    region: Option<[f64; 4]>,
 
     /// PNG of A coloured by its signed distance from B
     #[arg(long, value_name = "FILE.png", value_parser = png)]
@@ -82,24 +81,6 @@ pub struct Args {
     json: bool,
 }
 
-/// Least x, least y, greatest x, greatest y on the flat blank [mm].
-#[derive(Clone, Copy, Debug, Serialize)]
-struct Region([f64; 4]);
-
-impl Region {
-    fn in_metres(self) -> [f64; 4] {
-        self.0.map(|x| 1e-3 * x)
-    }
-}
-
-fn region(text: &str) -> Result<Region, String> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse()).collect();
-    match numbers.ok().and_then(|n| <[f64; 4]>::try_from(n).ok()) {
-        Some(n) if n.iter().all(|x| x.is_finite()) && n[0] < n[2] && n[1] < n[3] => Ok(Region(n)),
-        _ => Err("expected four numbers: least x, least y, greatest x, greatest y".into()),
-    }
-}
-
 fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(number) if number > 0.0 && number <= 1e6 => Ok(number),
@@ -131,7 +112,8 @@ struct Report {
     b_source: Origin,
     /// Where the tool came from.
     tool_source: Option<PathBuf>,
-    region_mm: Option<Region>,
+    /// Least x, least y, greatest x, greatest y on the flat blank.
+    region_mm: Option<[f64; 4]>,
     fibre_deg: f64,
     locking_deg: f64,
     gap_mm: f64,
@@ -157,7 +139,7 @@ enum Kind {
 }
 
 /// Runs `drape compare`.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: CompareArgs) -> Result<(), Failure> {
     if let Some(file) = &args.out {
         check_writable(file)?;
     }
@@ -184,7 +166,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
             on_the_blank(region, surface, path)?;
         }
     }
-    let region = args.region.map(Region::in_metres);
+    let region = args.region.map(|region| region.map(|x| 1e-3 * x));
     let criteria = Criteria {
         tool: tool.as_ref().map(|tool| &tool.surface),
         region,
@@ -222,11 +204,33 @@ pub fn run(args: Args) -> Result<(), Failure> {
     if args.json {
         return print_json(&report);
     }
-    print(&text::text(&report))
+    print(&text(&report))
+}
+
+/// The report for a reader; what is not applicable is listed at the end.
+fn text(report: &Report) -> String {
+    let mut lines = vec![
+        format!("A  {}", report.a_source.path.display()),
+        format!("B  {} (reference)", report.b_source.path.display()),
+    ];
+    lines.extend((report.tool_source.iter()).map(|tool| format!("tool of {}", tool.display())));
+    lines.extend(
+        report
+            .comparison
+            .tables()
+            .map(|table| format!("\n{}", table.text())),
+    );
+    lines.push(String::new());
+    for missing in &report.comparison.not_applicable {
+        let metrics = missing.metrics.join(", ");
+        lines.push(format!("not applicable: {metrics} ({})", missing.why));
+    }
+    lines.extend((report.picture.iter()).map(|file| format!("picture in {}", file.display())));
+    lines.join("\n").trim_end().into()
 }
 
 /// The drape at `path`, with its scene if it is a run.
-fn survey(path: &Path, args: &Args) -> Result<(Surveyed, Option<Scene>, Kind), Failure> {
+fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, Kind), Failure> {
     let is_stl = |path: &Path| {
         let extension = path.extension();
         extension.is_some_and(|extension| extension.eq_ignore_ascii_case("stl"))
@@ -258,11 +262,11 @@ fn survey(path: &Path, args: &Args) -> Result<(Surveyed, Option<Scene>, Kind), F
 }
 
 /// Refuses a region that misses the flat blank.
-fn on_the_blank(region: Region, surface: &Surveyed, path: &Path) -> Result<(), Failure> {
+fn on_the_blank(region: [f64; 4], surface: &Surveyed, path: &Path) -> Result<(), Failure> {
     let Some(drape) = &surface.drape else {
         return Ok(());
     };
-    let [x0, y0, x1, y1] = region.in_metres();
+    let [x0, y0, x1, y1] = region.map(|x| 1e-3 * x);
     let is_inside = |[x, y]: &[f64; 2]| x0 <= *x && *x <= x1 && y0 <= *y && *y <= y1;
     if drape.rest.iter().any(is_inside) {
         return Ok(());
@@ -274,7 +278,7 @@ fn on_the_blank(region: Region, surface: &Surveyed, path: &Path) -> Result<(), F
     };
     Err(Failure::invalid(anyhow!(
         "--region {} has no vertex of {}, expected a part of its blank: x {} mm, y {} mm",
-        region.0.map(|x| x.to_string()).join(","),
+        region.map(|x| x.to_string()).join(","),
         path.display(),
         ends(0),
         ends(1)

@@ -4,7 +4,6 @@
 //! a command is that file and one variant of `Command`. Results go to stdout, as text or,
 //! with `--json`, as exactly one JSON object; progress and errors go to stderr.
 
-mod bench;
 mod compare;
 mod comparison;
 mod eval;
@@ -41,9 +40,9 @@ enum Command {
     Export(export::ExportArgs),
     Tool(tool::ToolArgs),
     Scene(scene::SceneArgs),
-    Compare(compare::Args),
-    Study(study::Args),
-    Bench(bench::Args),
+    Compare(compare::CompareArgs),
+    Study(study::StudyArgs),
+    Bench(study::Measure<drape_study::bench::Bench>),
 }
 
 impl Cli {
@@ -57,7 +56,7 @@ impl Cli {
             Command::Scene(args) => scene::run(args),
             Command::Compare(args) => compare::run(args),
             Command::Study(args) => study::run(args),
-            Command::Bench(args) => bench::run(args),
+            Command::Bench(study) => study.run(None),
         }
     }
 }

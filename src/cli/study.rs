@@ -10,10 +10,10 @@ use super::Failure;
 use super::failure::OrInvalid;
 use super::output::{OutFolder, Progress, print, print_json};
 use crate::run::{RunConfig, RunFolder, dated_folder};
-use drape_cloth::file::write_atomic;
+use drape_cloth::file::{check_writable, write_atomic};
 use drape_study::episodes::Episodes;
 use drape_study::stability::Stability;
-use drape_study::study::{Context, Failed, Report, Study, StudyError, TrainedPath};
+use drape_study::study::{Context, Report, Study, StudyError, TrainedPath};
 use drape_study::table::replace_tables;
 use drape_study::tradeoff::Tradeoff;
 use drape_study::transfer::Transfer;
@@ -22,7 +22,7 @@ use drape_study::verify::Verify;
 
 /// Measure the simulator itself
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub struct StudyArgs {
     #[command(subcommand)]
     study: Name,
 }
@@ -38,7 +38,7 @@ enum Name {
 }
 
 /// Runs `drape study`.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: StudyArgs) -> Result<(), Failure> {
     let prefix = Some("study-");
     match args.study {
         Name::Episodes(study) => study.run(prefix),
@@ -62,7 +62,8 @@ pub struct Measure<S: clap::Args> {
     out: Option<PathBuf>,
 
     /// Markdown file in which what stands between `<!-- table STUDY.TABLE -->` and `<!-- end -->`
-    /// is replaced by the table of this name, for all tables of the study that have a place there
+    /// is replaced by the table of this name, for all tables of the study that have a place there;
+    /// `STUDY.TABLE: COLUMN, COLUMN` has these columns only
     #[arg(long, value_name = "FILE.md")]
     into: Option<PathBuf>,
 
@@ -77,10 +78,8 @@ impl<S: clap::Args + Study> Measure<S> {
     pub fn run(self, prefix: Option<&str>) -> Result<(), Failure> {
         // What would make the work useless is found before it.
         if let Some(path) = &self.into {
-            let text = read(path)?;
-            if !text.contains(&format!("<!-- table {}.", S::NAME)) {
-                replaced(path, &text, S::NAME, &Report::default())?;
-            }
+            replaced::<S>(path, |_, _| Ok(String::new()))?;
+            check_writable(path)?;
         }
         let out = match (&self.out, prefix) {
             (Some(path), _) => Some(OutFolder::make(path)?),
@@ -114,7 +113,14 @@ impl<S: clap::Args + Study> Measure<S> {
             write(&report, S::NAME, &all, &out.path)?;
         }
         if let Some(path) = &self.into {
-            let text = replaced(path, &read(path)?, S::NAME, &report)?;
+            let text = replaced::<S>(path, |name, columns| {
+                let table = report.tables.iter().find(|table| table.name == name);
+                match (table, columns) {
+                    (None, _) => Err(format!("there is no table `{name}` without its option")),
+                    (Some(table), []) => Ok(table.markdown()),
+                    (Some(table), columns) => table.markdown_with(columns),
+                }
+            })?;
             write_atomic(path, |file| file.write_all(text.as_bytes()))?;
         }
         if self.json {
@@ -134,7 +140,12 @@ impl<S: clap::Args + Study> Measure<S> {
 /// Names what the error is about, where the study has a scene.
 fn failure(error: StudyError, place: Option<String>) -> Failure {
     let is_input = error.is_input();
-    let place = place.filter(|_| !matches!(error, StudyError::Invalid(_) | StudyError::Read(_)));
+    let place = place.filter(|_| {
+        !matches!(
+            error,
+            StudyError::Invalid(_) | StudyError::Read(_) | StudyError::Damaged(_)
+        )
+    });
     let error = match place {
         Some(place) => anyhow::Error::new(error).context(place),
         None => error.into(),
@@ -185,25 +196,32 @@ fn write(report: &Report, name: &str, all: &Value, folder: &Path) -> Result<(), 
     Ok(())
 }
 
-fn read(path: &Path) -> Result<String, Failure> {
-    let text = std::fs::read_to_string(path);
-    text.with_context(|| format!("cannot read {}", path.display()))
-        .or_invalid()
-}
-
-/// The document with the tables of the report.
-fn replaced(path: &Path, text: &str, name: &str, report: &Report) -> Result<String, Failure> {
-    let new = replace_tables(text, name, &report.tables);
+/// The document with `content` in the places of the study's tables.
+fn replaced<S: Study>(
+    path: &Path,
+    content: impl Fn(&str, &[&str]) -> Result<String, String>,
+) -> Result<String, Failure> {
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("cannot read {}", path.display()))
+        .or_invalid()?;
+    let new = replace_tables(&text, S::NAME, S::TABLES, content);
     new.map_err(|message| Failure::invalid(anyhow!("{}: {message}", path.display())))
 }
 
-/// The best sequence of a run folder.
-fn read_run(path: &Path) -> Result<TrainedPath, Failed> {
-    let folder = RunFolder::open(path)?;
-    let config = RunConfig::read(&folder.config())?;
+/// The best sequence of a run folder, which is refused where its configuration has changed.
+fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
+    let folder = RunFolder::open(path).map_err(|error| StudyError::Read(error.into()))?;
+    let config =
+        RunConfig::read(&folder.config()).map_err(|error| StudyError::Read(error.into()))?;
+    let best = folder.read_best_sequence();
+    let best = best.map_err(|error| StudyError::Damaged(error.into()))?;
+    best.validate_config(&config.to_toml()).map_err(|fault| {
+        let place = folder.best_sequence();
+        StudyError::Invalid(format!("{}: {fault}", place.display()))
+    })?;
     Ok(TrainedPath {
         scene: config.scene,
         env: config.env,
-        vertices: folder.read_best_sequence()?.vertices,
+        vertices: best.vertices,
     })
 }

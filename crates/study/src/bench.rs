@@ -73,6 +73,7 @@ const ABSENT: &str = "bending_stiffness = { newton_metre = 0.0 }";
 
 impl Study for Bench {
     const NAME: &'static str = "bench";
+    const TABLES: &'static [&'static str] = &["core", "features", "throughput"];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         // Turns of every variant, control steps of a turn, actions of a turn of the throughput.

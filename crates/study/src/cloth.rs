@@ -4,14 +4,54 @@ use std::sync::{Arc, LazyLock};
 
 use drape_cloth::fabric::{BlankConfig, Curve, Family, Lamina, MassModel, Material};
 use drape_cloth::math::Vec3;
-use drape_cloth::sim::{Bending, PhysicsConfig, Snapshot};
-use drape_cloth::tool::{GridConfig, Plate, Pose, Shape, Source, Tool, ToolConfig};
+use drape_cloth::sim::{Bending, BendingStiffness, Model, PhysicsConfig, Snapshot, Solver, World};
+use drape_cloth::tool::{GridConfig, Incline, Plate, Pose, Shape, Source, Tool, ToolConfig};
 
 /// Gravity [m/s^2].
 pub const GRAVITY: f64 = 9.81;
 
 /// Areal mass of the fabric's data sheet, which all pieces have [kg/m^2].
 pub const AREAL_MASS: f64 = 0.280;
+
+/// What is simulated: cloth, its physics, the tool under it, and how it starts.
+#[derive(Clone)]
+pub struct Piece {
+    pub lamina: Lamina,
+    pub physics: PhysicsConfig,
+    /// None touches nothing.
+    pub tool: Option<Arc<Tool>>,
+    pub start: Snapshot,
+}
+
+impl Piece {
+    /// One without a tool.
+    pub fn new(lamina: Lamina, physics: PhysicsConfig, start: Snapshot) -> Self {
+        Self {
+            lamina,
+            physics,
+            tool: None,
+            start,
+        }
+    }
+
+    /// The same on a tool.
+    pub fn on(self, tool: &Arc<Tool>) -> Self {
+        Self {
+            tool: Some(tool.clone()),
+            ..self
+        }
+    }
+
+    /// What the fast solver steps, with lengths kept by `solver`.
+    pub fn world(&self, solver: Solver) -> World {
+        let physics = PhysicsConfig {
+            solver,
+            ..self.physics.clone()
+        };
+        let tool = self.tool.as_ref().unwrap_or(&NOWHERE);
+        World::new(Model::new(&self.lamina, &physics), tool.clone())
+    }
+}
 
 /// Yarns and gravity only, without any damping.
 pub fn yarns_alone() -> PhysicsConfig {
@@ -128,6 +168,56 @@ pub fn placed(lamina: &Lamina, at: impl Fn(f64, f64) -> [f64; 3]) -> Snapshot {
     laid(lamina, |r| at(r[long] - start, r[1 - long]))
 }
 
+/// A strip that starts straight, `tilt` degrees off the vertical, and hangs by its first row.
+pub fn hung(strip: &Lamina, tilt: f64) -> Snapshot {
+    let (sin, cos) = tilt.to_radians().sin_cos();
+    let mut state = placed(strip, |s, t| [t, s * sin, -s * cos]);
+    fix(strip, &mut state, &[0]);
+    state
+}
+
+/// A heavy strip of edges of length `edge` that starts level, clamped by the first.
+///
+/// Bending begins where the curvature of the second vertex does, half an edge from either end, so
+/// the free length counts from the middle of that edge, where the origin is. Yarns resist
+/// compression as tension: the elastica keeps its length.
+pub fn clamped(strip: Lamina, edge: f64, stiffness: f64, damping: f64) -> Piece {
+    let strip = rigid(strip);
+    let mut start = placed(&strip, |s, t| [s - 0.5 * edge, t, 0.0]);
+    fix(&strip, &mut start, &[0, 1]);
+    let physics = PhysicsConfig {
+        bending: Bending::Yarns,
+        bending_stiffness: BendingStiffness::NewtonMetre(stiffness),
+        damping,
+        ..yarns_alone()
+    };
+    Piece::new(strip, physics, start)
+}
+
+/// A sheet on a slope of `angle` [rad], up where x is less, so that it slides about the origin as
+/// on a tool.
+pub fn on_slope(sheet: Lamina, physics: PhysicsConfig, angle: f64) -> Piece {
+    let (sin, cos) = angle.sin_cos();
+    let incline = Incline {
+        angle_deg: angle.to_degrees(),
+        plate_mm: [4000.0, 400.0],
+        ..Incline::default()
+    };
+    let tool = tool(Shape::Incline(incline), Pose::default(), 100.0);
+    let start = laid(&sheet, |[x, y]| [cos * (x - 0.2), y, -sin * (x - 0.2)]);
+    Piece::new(sheet, physics, start).on(&tool.into())
+}
+
+/// How far cloth has slid down a slope of `angle` [rad] on average [m].
+pub fn slid(from: &Snapshot, to: &Snapshot, angle: f64) -> f64 {
+    let (sin, cos) = angle.sin_cos();
+    let sum = |state: &Snapshot| -> f64 {
+        let along = state.position.iter().map(|x| x[0] * cos - x[2] * sin);
+        along.sum()
+    };
+    (sum(to) - sum(from)) / from.position.len() as f64
+}
+
 /// The vertices at the end of a strip's `k`-th cross-section.
 pub fn section(lamina: &Lamina, k: usize) -> [usize; 2] {
     if lamina.rows > lamina.columns {
@@ -148,4 +238,15 @@ pub fn fix(lamina: &Lamina, state: &mut Snapshot, sections: &[usize]) {
     for &k in sections {
         state.fixed.extend(section(lamina, k));
     }
+}
+
+/// Linear and angular momentum [kg m/s, kg m^2/s].
+pub fn momenta(lamina: &Lamina, state: &Snapshot) -> [Vec3; 2] {
+    let mut sum = [Vec3::zeros(); 2];
+    for ((x, v), m) in state.position.iter().zip(&state.velocity).zip(&lamina.mass) {
+        let p = Vec3::from(*v) * *m;
+        sum[0] += p;
+        sum[1] += Vec3::from(*x).cross(&p);
+    }
+    sum
 }

@@ -118,36 +118,27 @@ impl Part {
 
 /// Compares `a` with the reference `b`.
 pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
-    let mut why = Vec::new();
-    let scans: Vec<&str> = [("A", a), ("B", b)]
-        .iter()
-        .filter(|(_, surface)| surface.drape.is_none())
-        .map(|(name, _)| *name)
-        .collect();
-    let no_material = |metrics: &[&'static str]| Inapplicable {
-        metrics: metrics.to_vec(),
-        why: format!(
-            "no material coordinates: {} {} a mesh only",
-            scans.join(" and "),
-            if scans.len() == 1 { "is" } else { "are" }
-        ),
+    let mut not_applicable = Vec::new();
+    let mut missing = |metrics: &[&'static str], why: &str| {
+        let (metrics, why) = (metrics.to_vec(), why.into());
+        not_applicable.push(Inapplicable { metrics, why });
     };
-    if !scans.is_empty() {
-        why.push(no_material(&["material_points_mm", "fibre_angle_deg"]));
-        let own: &[&str] = &["shear_deg", "strain"];
-        why.push(Inapplicable {
-            metrics: own.to_vec(),
-            ..no_material(own)
-        });
+    let scans = match (&a.drape, &b.drape) {
+        (Some(_), Some(_)) => None,
+        (None, Some(_)) => Some("A is"),
+        (Some(_), None) => Some("B is"),
+        (None, None) => Some("A and B are"),
+    };
+    if let Some(scans) = scans {
+        let why = format!("no material coordinates: {scans} a mesh only");
+        missing(&["material_points_mm", "fibre_angle_deg"], &why);
+        missing(&["shear_deg", "strain"], &why);
         if criteria.region.is_some() {
-            why.push(no_material(&["inside", "outside"]));
+            missing(&["inside", "outside"], &why);
         }
     }
     if criteria.tool.is_none() {
-        why.push(Inapplicable {
-            metrics: vec!["tool"],
-            why: "no tool: give a configuration, or a run".into(),
-        });
+        missing(&["tool"], "no tool: give a configuration, or a run");
     }
     let contour = |a: &Surveyed, b: &Surveyed| contour_deviation(&a.mesh, &b.mesh);
     let contours = [contour(a, b), contour(b, a)].map(|c| {
@@ -157,15 +148,12 @@ pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
         })
     });
     if contours[0].is_none() {
-        why.push(Inapplicable {
-            metrics: vec!["contour_mm"],
-            why: "a surface has no border".into(),
-        });
+        missing(&["contour_mm"], "a surface has no border");
     }
 
     let feet = [a.feet(b), b.feet(a)];
     let parts = |part| parts(a, b, &feet, criteria, part);
-    let split = criteria.region.filter(|_| scans.is_empty());
+    let split = criteria.region.filter(|_| scans.is_none());
     Comparison {
         all: parts(Part::All),
         inside: split.map(|region| parts(Part::Inside(region))),
@@ -174,7 +162,7 @@ pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
         contour_b_to_a_mm: contours[1],
         a: measures(a, criteria),
         b: measures(b, criteria),
-        not_applicable: why,
+        not_applicable,
     }
 }
 
@@ -205,12 +193,8 @@ fn parts(
         let outside = chosen().filter(|(foot, _)| foot.is_beyond);
         beyond[k] = outside.fold(0.0, |sum, (_, area)| sum + area) / total.max(f64::MIN_POSITIVE);
     }
-    let material = match (&a.drape, &b.drape) {
-        (Some(a), Some(b)) => Some((a, b)),
-        _ => None,
-    };
     let (mut points, mut angles) = (None, None);
-    if let Some((a, b)) = material {
+    if let (Some(a), Some(b)) = (&a.drape, &b.drape) {
         // The flat blank of a drape has the same sides as its triangles: never refused.
         if let Ok(flat) = Sheet::new(&b.flat()) {
             points = Spread::new(point_distances(a, b, &flat, part));
@@ -313,18 +297,17 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
             };
             Spread::new(all.iter().flat_map(both)).map(|found| [found.p95, found.max])
         };
-        let (all, tension, compression) = (of(f64::abs), of(|s| s.max(0.0)), of(|s| (-s).max(0.0)));
-        strain = match (all, tension, compression) {
-            (Some(all), Some(tension), Some(compression)) => Some(Strain {
+        let parts = [of(f64::abs), of(|s| s.max(0.0)), of(|s| (-s).max(0.0))];
+        if let [Some(all), Some(tension), Some(compression)] = parts {
+            strain = Some(Strain {
                 p95: all[0],
                 max: all[1],
                 tension_p95: tension[0],
                 tension_max: tension[1],
                 compression_p95: compression[0],
                 compression_max: compression[1],
-            }),
-            _ => None,
-        };
+            });
+        }
     }
     Measures {
         vertices: mesh.vertices.len(),

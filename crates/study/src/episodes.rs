@@ -89,6 +89,7 @@ pub struct Rested {
 
 impl Study for Episodes {
     const NAME: &'static str = "episodes";
+    const TABLES: &'static [&'static str] = &["ends"];
 
     fn scene(&self) -> Option<&SceneOptions> {
         Some(&self.scene)
@@ -140,11 +141,34 @@ struct Row {
     range: [f64; 2],
 }
 
+/// A figure of an episode: its name, and how it is got from the end and from what it comes to.
+type Figure = (&'static str, fn(&Played, &Rested) -> f64);
+
+const FIGURES: [Figure; 12] = [
+    ("distance left [m]", |p, _| p.region_m),
+    ("whole sheet [m]", |_, r| r.summary.distance_m),
+    ("undraped vertices", |p, _| p.undraped as f64),
+    ("tension p95 [%]", |_, r| 1e2 * r.summary.tension_p95),
+    ("tension max [%]", |_, r| 1e2 * r.summary.tension_max),
+    ("compression p95 [%]", |_, r| {
+        1e2 * r.summary.compression_p95
+    }),
+    ("compression max [%]", |_, r| {
+        1e2 * r.summary.compression_max
+    }),
+    ("edges crushed > 5 % [%]", |_, r| 1e2 * r.crushed_share),
+    ("penetration [mm]", |_, r| r.summary.penetration_mm),
+    ("v_rms at the end [mm/s]", |_, r| r.summary.v_rms_mm_s),
+    ("v_rms at rest [mm/s]", |_, r| r.v_rms_mm_s),
+    ("tension max at rest [%]", |_, r| 1e2 * r.tension_max),
+];
+
 fn figures(scene: &Scene, env: &EnvConfig, order: Order, played: &[Played]) -> Vec<Row> {
-    let finite: Vec<(&Played, Rested)> = (played.iter().filter(|played| !played.has_diverged))
+    let finite = played.iter().filter(|played| !played.has_diverged);
+    let finite: Vec<(&Played, Rested)> = finite
         .map(|played| (played, rest(scene, env, &played.state)))
         .collect();
-    let row = |name, of: &dyn Fn(&Played, &Rested) -> f64| {
+    let row = |(name, of): Figure| {
         let values: Vec<f64> = finite.iter().map(|(p, r)| of(p, r)).collect();
         Row {
             order: order.name(),
@@ -157,24 +181,7 @@ fn figures(scene: &Scene, env: &EnvConfig, order: Order, played: &[Played]) -> V
             ],
         }
     };
-    vec![
-        row("distance left [m]", &|p, _| p.region_m),
-        row("whole sheet [m]", &|_, r| r.summary.distance_m),
-        row("undraped vertices", &|p, _| p.undraped as f64),
-        row("tension p95 [%]", &|_, r| 1e2 * r.summary.tension_p95),
-        row("tension max [%]", &|_, r| 1e2 * r.summary.tension_max),
-        row("compression p95 [%]", &|_, r| {
-            1e2 * r.summary.compression_p95
-        }),
-        row("compression max [%]", &|_, r| {
-            1e2 * r.summary.compression_max
-        }),
-        row("edges crushed > 5 % [%]", &|_, r| 1e2 * r.crushed_share),
-        row("penetration [mm]", &|_, r| r.summary.penetration_mm),
-        row("v_rms at the end [mm/s]", &|_, r| r.summary.v_rms_mm_s),
-        row("v_rms at rest [mm/s]", &|_, r| r.v_rms_mm_s),
-        row("tension max at rest [%]", &|_, r| 1e2 * r.tension_max),
-    ]
+    FIGURES.map(row).into()
 }
 
 /// Plays `count` episodes in an order. `progress` is told the number of steps taken.

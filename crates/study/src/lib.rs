@@ -12,6 +12,7 @@ pub mod cloth;
 pub mod compare;
 pub mod episodes;
 mod points;
+mod presses;
 mod ranking;
 pub mod stability;
 pub mod study;

@@ -30,13 +30,13 @@ use std::time::Instant;
 
 use crate::study::{Context, Report, Study, StudyError, only};
 use crate::table::Table;
-use crate::verify::solver_name;
-use drape_cloth::sim::Precision;
-use drape_cloth::sim::Solver;
+use crate::verify::{SOLVERS, precision_name, solver_name};
+use drape_cloth::sim::{Precision, Solver};
 use drape_report::{Color, HeatMap, Image, Tile};
-use trial::{Refusal, Setting, Trial};
+use sweeps::Axis;
 
-pub use sweeps::sweeps;
+pub use sweeps::{Sweep, sweeps};
+pub use trial::{Figures, Outcome, THRESHOLD};
 
 /// Sweep the simulator's extremes: what converges, what is wrong, what diverges
 ///
@@ -56,9 +56,6 @@ pub struct Stability {
     names: Vec<String>,
 }
 
-/// Largest error that counts as converged: one per cent of the sheet's size.
-pub const THRESHOLD: f64 = 0.01;
-
 /// Every combination of solver and precision; each cell of a sweep is computed with all.
 pub const VARIANTS: [(Solver, Precision); 4] = [
     (Solver::Yarn, Precision::F64),
@@ -66,57 +63,6 @@ pub const VARIANTS: [(Solver, Precision); 4] = [
     (Solver::Yarn, Precision::F32),
     (Solver::GaussSeidel, Precision::F32),
 ];
-
-/// A value on an axis and how it is written.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Tick {
-    pub value: f64,
-    pub label: String,
-}
-
-/// What is varied along one side of a sweep.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Axis {
-    /// With its unit.
-    pub name: &'static str,
-    pub ticks: Vec<Tick>,
-}
-
-/// Two quantities that are varied together.
-#[derive(Clone, Debug)]
-pub struct Sweep {
-    pub name: &'static str,
-    /// x, then y.
-    pub axes: [Axis; 2],
-    trial: fn(&Setting) -> Result<Trial, Refusal>,
-}
-
-/// How a cell ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
-    Converged,
-    Wrong,
-    Diverged,
-    Refused,
-    NonFinite,
-    Panicked,
-}
-
-impl Outcome {
-    /// All, with their names in tables.
-    pub const ALL: [(Self, &'static str); 6] = [
-        (Self::Converged, "converged"),
-        (Self::Wrong, "wrong"),
-        (Self::Diverged, "diverged"),
-        (Self::Refused, "refused"),
-        (Self::NonFinite, "non_finite"),
-        (Self::Panicked, "panicked"),
-    ];
-
-    fn name(self) -> &'static str {
-        Self::ALL[self as usize].1
-    }
-}
 
 /// One simulation of a sweep and what came of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -132,24 +78,6 @@ pub struct SweepCell {
     pub note: String,
     /// Wall time [s].
     pub seconds: f64,
-}
-
-/// What is measured on a cell, where it came to that.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Figures {
-    /// Error at the end over the size of the sheet [-].
-    pub error: Option<f64>,
-    /// 95th percentile and maximum of the absolute yarn strain at the end [-].
-    pub strain_p95: Option<f64>,
-    pub strain_max: Option<f64>,
-    /// Largest speed of a vertex at the end of any frame, and of the last one [m/s].
-    pub speed_max: Option<f64>,
-    pub speed_end: Option<f64>,
-    /// Deepest vertex inside the tool at the end [mm].
-    pub penetration_mm: Option<f64>,
-    /// Simulated time [s] and substeps taken.
-    pub simulated_s: f64,
-    pub substeps: usize,
 }
 
 /// Computes `sweeps`, cells in parallel: sweep by sweep, y by y, x running fastest within it, all
@@ -171,9 +99,8 @@ pub fn compute(sweeps: &[Sweep], context: &Context) -> Vec<SweepCell> {
 /// One cell. A panic costs this cell alone, so that the study can tell of it.
 fn cell(sweep: &Sweep, at: [usize; 2], (solver, precision): (Solver, Precision)) -> SweepCell {
     let start = Instant::now();
-    let [x, y] = [0, 1].map(|axis| sweep.axes[axis].ticks[at[axis]].value);
-    let setting = Setting { x, y, solver };
-    let ended = catch_unwind(AssertUnwindSafe(|| match (sweep.trial)(&setting) {
+    let knobs = sweep.knobs(at, solver);
+    let ended = catch_unwind(AssertUnwindSafe(|| match (sweep.trial)(&knobs) {
         Ok(trial) => {
             let (outcome, figures) = trial.run(precision);
             (outcome, figures, String::new())
@@ -200,14 +127,14 @@ fn cell(sweep: &Sweep, at: [usize; 2], (solver, precision): (Solver, Precision))
 
 impl Study for Stability {
     const NAME: &'static str = "stability";
+    const TABLES: &'static [&'static str] = &["counts", "cells"];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let sweeps = only(sweeps(self.quick), &self.names, |sweep| sweep.name)?;
         let cells = compute(&sweeps, context);
 
-        let solvers = [Solver::Yarn, Solver::GaussSeidel];
         let mut groups: Vec<_> = (sweeps.iter())
-            .flat_map(|sweep| solvers.map(|solver| (sweep.name, solver_name(solver))))
+            .flat_map(|sweep| SOLVERS.map(|solver| (sweep.name, solver_name(solver))))
             .collect();
         groups.push(("all", "both"));
         let of = |(sweep, solver): &(&'static str, &'static str)| {
@@ -228,8 +155,9 @@ impl Study for Stability {
         }
         let mut report = Report::new([counts.end(), cell_table(&sweeps, &cells)]);
         for sweep in &sweeps {
-            for (precision, digits) in [(Precision::F64, "f64"), (Precision::F32, "f32")] {
-                let maps = solvers.map(|solver| {
+            for precision in [Precision::F64, Precision::F32] {
+                let digits = precision_name(precision);
+                let maps = SOLVERS.map(|solver| {
                     let title = format!("{}: {}, {digits}", sweep.name, solver_name(solver));
                     let own = cells.iter().filter(|cell| {
                         (cell.sweep, cell.solver, cell.precision) == (sweep.name, solver, precision)
@@ -257,10 +185,7 @@ fn cell_table(sweeps: &[Sweep], cells: &[SweepCell]) -> Table {
         .text("y", |cell| axis(cell, 1).0)
         .text("y value", |cell| axis(cell, 1).1)
         .text("solver", |cell| solver_name(cell.solver))
-        .text("precision", |cell| match cell.precision {
-            Precision::F32 => "f32",
-            Precision::F64 => "f64",
-        })
+        .text("precision", |cell| precision_name(cell.precision))
         .text("outcome", |cell| cell.outcome.name())
         .hidden("error", "", |cell| cell.figures.error)
         .hidden("strain p95", "", |cell| cell.figures.strain_p95)

@@ -20,6 +20,9 @@ pub trait Study {
     /// As on the command line.
     const NAME: &'static str;
 
+    /// Names of the tables that a report of it can have.
+    const TABLES: &'static [&'static str];
+
     /// Measures. Nothing is printed or written.
     ///
     /// # Errors
@@ -37,7 +40,7 @@ pub struct Context<'a> {
     /// Is told the share that is done, 0 to 1, and what is being done.
     pub progress: &'a (dyn Fn(f64, &str) + Sync),
     /// Reads a run folder, which this crate knows nothing of.
-    pub read_run: &'a dyn Fn(&Path) -> Result<TrainedPath, Failed>,
+    pub read_run: &'a dyn Fn(&Path) -> Result<TrainedPath, StudyError>,
 }
 
 /// An error of another crate.
@@ -55,7 +58,7 @@ impl Context<'_> {
     pub fn quiet() -> Context<'static> {
         Context {
             progress: &|_, _| (),
-            read_run: &|_| Err("there are no runs".into()),
+            read_run: &|_| Err(StudyError::Invalid("there are no runs".into())),
         }
     }
 
@@ -141,6 +144,9 @@ pub enum StudyError {
     /// A run folder or a file that cannot be read.
     #[error(transparent)]
     Read(Failed),
+    /// A file that the program itself has written and that is damaged.
+    #[error(transparent)]
+    Damaged(Failed),
     #[error("{name}")]
     Diverged {
         name: &'static str,
@@ -163,9 +169,7 @@ impl StudyError {
         match self {
             Self::Invalid(_) | Self::Env(_) | Self::Twin(_) | Self::Read(_) => true,
             Self::Scene(error) => !matches!(error, SceneError::Diverged { .. }),
-            Self::Diverged { .. } | Self::FastDiverged | Self::Sheet { .. } | Self::Threads(_) => {
-                false
-            }
+            _ => false,
         }
     }
 }
@@ -195,12 +199,19 @@ pub struct SceneOptions {
     pub region: Option<[f64; 4]>,
 }
 
-/// Four numbers between commas.
-fn region(text: &str) -> Result<[f64; 4], String> {
+/// A region on the flat blank from the command line, in the unit that is written.
+///
+/// # Errors
+/// If it is not four numbers between commas, the lesser ones first.
+pub fn region(text: &str) -> Result<[f64; 4], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse()).collect();
     match numbers.ok().and_then(|n| <[f64; 4]>::try_from(n).ok()) {
-        Some(region) if region.iter().all(|n| n.is_finite()) => Ok(region),
-        _ => Err("expected four numbers between commas, as -186,-186,-60,-60".into()),
+        Some(n) if n.iter().all(|x| x.is_finite()) && n[0] < n[2] && n[1] < n[3] => Ok(n),
+        _ => Err(
+            "expected four numbers between commas, least x, least y, greatest x, greatest y, as \
+             -186,-186,-60,-60"
+                .into(),
+        ),
     }
 }
 

@@ -4,11 +4,11 @@
 //! that a column is one line of a study. A column `left` in `m` is headed `left [m]` for readers
 //! and is the field `left_m` of CSV and JSON.
 //!
-//! [`replace_tables`] puts tables into a document, between a marker that names study and table and
-//! the next end:
+//! [`replace_tables`] puts tables into a document, between a marker that names study and table, and
+//! columns if not all shall be there, and the next end:
 //!
 //! ```markdown
-//! <!-- table twin.time -->
+//! <!-- table twin.runs: model, left -->
 //! whatever stands here is replaced
 //! <!-- end -->
 //! ```
@@ -261,7 +261,23 @@ impl Table {
 
     /// As a table of Markdown.
     pub fn markdown(&self) -> String {
-        let columns = self.shown();
+        self.markdown_of(&self.shown())
+    }
+
+    /// As a table of Markdown with some of its columns, named without their units.
+    ///
+    /// # Errors
+    /// If there is none of a name.
+    pub fn markdown_with(&self, names: &[&str]) -> Result<String, String> {
+        let find = |name: &&str| {
+            let found = self.columns.iter().find(|column| column.name == **name);
+            found.ok_or_else(|| format!("table `{}` has no column `{name}`", self.name))
+        };
+        let columns: Result<Vec<&Column>, String> = names.iter().map(find).collect();
+        Ok(self.markdown_of(&columns?))
+    }
+
+    fn markdown_of(&self, columns: &[&Column]) -> String {
         let line = |cells: Vec<String>| {
             let cells = cells.iter().map(|cell| cell.replace('|', "\\|"));
             format!("| {} |", cells.collect::<Vec<_>>().join(" | "))
@@ -317,33 +333,40 @@ impl Table {
 /// What ends the place of a table in a document.
 const END: &str = "<!-- end -->";
 
-/// `text` with the `tables` of a study in their places; those without a place are left out.
+/// `text` with what `content` gives for a table and its columns in every place of a study, whose
+/// tables have these `names`. Without columns it has all.
 ///
 /// # Errors
-/// If a place of the study names none of the tables or has no end, or if there is none. The
-/// message tells what is missing, for after the name of the document.
-pub fn replace_tables(text: &str, study: &str, tables: &[Table]) -> Result<String, String> {
+/// If a place names none of the tables or has no end, if there is no place, or as `content` does.
+/// The message tells what is missing, for after the name of the document.
+pub fn replace_tables(
+    text: &str,
+    study: &str,
+    names: &[&str],
+    content: impl Fn(&str, &[&str]) -> Result<String, String>,
+) -> Result<String, String> {
     let marker = format!("<!-- table {study}.");
     let mut parts = text.split(&marker);
     let mut replaced = parts.next().unwrap_or_default().to_owned();
     let mut count = 0;
     for part in parts {
-        let (name, rest) = part.split_once(" -->").unwrap_or((part, ""));
-        let table = tables.iter().find(|table| table.name == name);
-        let Some(table) = table else {
+        let (head, rest) = part.split_once(" -->").unwrap_or((part, ""));
+        let (name, columns) = head.split_once(':').unwrap_or((head, ""));
+        if !names.contains(&name) {
             let line = name.lines().next().unwrap_or_default();
-            let names: Vec<&str> = tables.iter().map(|table| table.name).collect();
+            let names = names.join(", ");
             return Err(format!(
-                "`{marker}{line}` names no table, expected one of {}",
-                names.join(", ")
+                "`{marker}{line}` names no table, expected one of {names}"
             ));
-        };
+        }
         let closed = rest.split_once(END);
         // Its own end: not one that closes another table.
         let Some((_, after)) = closed.filter(|(old, _)| !old.contains("<!-- table ")) else {
-            return Err(format!("`{marker}{name} -->` is not followed by `{END}`"));
+            return Err(format!("`{marker}{head} -->` is not followed by `{END}`"));
         };
-        replaced += &format!("{marker}{name} -->\n{}\n{END}{after}", table.markdown());
+        let columns = columns.split(',').map(str::trim).filter(|c| !c.is_empty());
+        let new = content(name, &columns.collect::<Vec<_>>())?;
+        replaced += &format!("{marker}{head} -->\n{new}\n{END}{after}");
         count += 1;
     }
     match count {
@@ -406,18 +429,25 @@ mod tests {
 
     #[test]
     fn tables_are_put_between_their_markers() {
-        let table = [table()];
+        let table = table();
+        let replace = |text: &str| {
+            replace_tables(text, "s", &["rates"], |_, columns| match columns {
+                [] => Ok(table.markdown()),
+                columns => table.markdown_with(columns),
+            })
+        };
         let text = "a\n<!-- table s.rates -->\nold\n<!-- end -->\nb <!-- table t.x --> c";
-        let found = replace_tables(text, "s", &table).unwrap();
-        let new = format!(
-            "a\n<!-- table s.rates -->\n{}\n<!-- end -->\nb <!-- table t.x --> c",
-            table[0].markdown()
-        );
-        assert_eq!(found, new);
-        assert_eq!(replace_tables(&new, "s", &table).unwrap(), new);
-        let message = |text| replace_tables(text, "s", &table).unwrap_err();
+        let found = replace(text).unwrap();
+        assert_eq!(found, text.replace("old", &table.markdown()));
+        assert_eq!(replace(&found).unwrap(), found);
+        let text = "<!-- table s.rates: share, name -->\nold\n<!-- end -->";
+        let few = "| share [%] | name |\n| ---: | --- |\n| 3 | a\\|b |\n| 4 | c,\"d\" |";
+        assert_eq!(replace(text).unwrap(), text.replace("old", few));
+        let message = |text: &str| replace(text).unwrap_err();
         assert_eq!(message("a"), "there is no `<!-- table s.NAME -->`");
         assert!(message("<!-- table s.rates --> a").contains("not followed by `<!-- end -->`"));
         assert!(message("<!-- table s.more -->").contains("`<!-- table s.more` names no table"));
+        let unknown = "<!-- table s.rates: rate --><!-- end -->";
+        assert_eq!(message(unknown), "table `rates` has no column `rate`");
     }
 }

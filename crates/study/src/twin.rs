@@ -8,7 +8,7 @@
 mod case;
 pub mod fall;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use cpu_time::ProcessTime;
@@ -17,12 +17,12 @@ use crate::compare::{Comparison, Criteria, Parts, Surveyed, compare, picture};
 use crate::episodes::{Order, sequences};
 use crate::points::nearest;
 use crate::study::{
-    Context, Failed, QUICKSTART, Report, SceneOptions, Study, StudyError, stencil_mm,
+    Context, QUICKSTART, Report, SceneOptions, Study, StudyError, TrainedPath, stencil_mm,
 };
 use crate::table::Table;
-use case::{Case, Ran, SelfComparison};
+use case::{PaperCase, Ran, SelfComparison};
 use drape_cloth::fabric::{Drape, Lamina};
-use drape_cloth::mesh::{write_stl, write_vtk};
+use drape_cloth::mesh::write_stl;
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
 use drape_cloth::tool::Tool;
 use drape_cloth::twin::{Energies, Hold};
@@ -33,7 +33,7 @@ use fall::{ACCELERATION, SPEED, press_config, twin_config};
 /// Solve the paper's test case in the finite-element twin and compare the fast solver with it
 ///
 /// The blank falls and is pressed along one path: in the twin, in the twin with scaled mass, and
-/// in the fast solver. Writes each before and after the presses as STL (millimetres), VTK and
+/// in the fast solver. Writes each before and after the presses as STL (millimetres) and
 /// state files for `drape compare`, and pictures of how fast and accelerated deviate from the
 /// twin. The blank has 33 vertices along its longer side where `--mesh` does not say otherwise; 65
 /// are the paper's. The region is that of the run if PATH is one, or else that of the quickstart.
@@ -58,11 +58,11 @@ pub struct TwinStudy {
     hold: String,
 
     /// How fast the twin's roller comes down [m/s]
-    #[arg(long, value_name = "M/S", default_value_t = SPEED, value_parser = speed)]
+    #[arg(long, value_name = "M/S", default_value_t = SPEED, value_parser = within(0.01, 100.0))]
     speed: f64,
 
     /// Inertia over mass of the accelerated twin
-    #[arg(long, value_name = "FACTOR", default_value_t = ACCELERATION, value_parser = factor)]
+    #[arg(long, value_name = "FACTOR", default_value_t = ACCELERATION, value_parser = within(1.0, 1e6))]
     scaling: f64,
 
     /// Also hold the twin against itself: with half the time step, from a pushed start, and its
@@ -72,17 +72,11 @@ pub struct TwinStudy {
     convergence: bool,
 }
 
-fn factor(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(number) if (1.0..=1e6).contains(&number) => Ok(number),
-        _ => Err("expected a number from 1 to 1000000".into()),
-    }
-}
-
-fn speed(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(number) if (0.01..=100.0).contains(&number) => Ok(number),
-        _ => Err("expected a number from 0.01 to 100".into()),
+/// Speeds and factors.
+fn within(low: f64, high: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| match text.parse() {
+        Ok(number) if (low..=high).contains(&number) => Ok(number),
+        _ => Err(format!("expected a number from {low} to {high}")),
     }
 }
 
@@ -105,58 +99,35 @@ pub fn set_up(
     Ok((Arc::new(scene), cpu.as_secs_f64()))
 }
 
-/// What the options lead to.
-struct Source {
-    config: SceneConfig,
-    /// The scene that the vertices of a path are counted in.
-    own: SceneConfig,
-    env: EnvConfig,
-    vertices: Option<Vec<u32>>,
-}
-
 fn lamina(config: &SceneConfig) -> Result<Lamina, SceneError> {
     Ok(Lamina::new(&config.blank, config.read_material()?)?)
 }
 
 impl TwinStudy {
-    fn source(&self, context: &Context) -> Result<Source, StudyError> {
-        let run = self.path.as_ref().filter(|path| path.is_dir());
-        if let Some(path) = run {
-            let run = (context.read_run)(path).map_err(StudyError::Read)?;
-            let config = match self.scene.config {
-                Some(_) => self.scene.read()?,
-                None => run.scene.clone(),
-            };
-            return Ok(Source {
-                config,
-                own: run.scene,
-                env: run.env,
-                vertices: Some(run.vertices),
-            });
-        }
-        let config = self.scene.read()?;
-        let vertices = match &self.path {
-            None => None,
-            Some(path) => {
-                let points = read_json(path).map_err(|error| StudyError::Read(error.into()))?;
-                let vertices: Vec<u32> = points.iter().map(|point| point.vertex).collect();
-                let count = lamina(&config)?.vertex_count();
-                if let Some(found) = vertices.iter().find(|&&v| v as usize >= count) {
-                    return Err(StudyError::Invalid(format!(
-                        "{} presses vertex {found}, expected one below {count} as in {}",
-                        path.display(),
-                        self.scene.place()
-                    )));
-                }
-                Some(vertices)
-            }
+    /// What is pressed, and the scene that its vertices are counted in; a sweep if there are none.
+    fn source(&self, context: &Context) -> Result<TrainedPath, StudyError> {
+        let path = match &self.path {
+            Some(path) if path.is_dir() => return (context.read_run)(path),
+            path => path,
         };
-        Ok(Source {
-            own: config.clone(),
-            config,
+        let mut source = TrainedPath {
+            scene: self.scene.read()?,
             env: EnvConfig::default(),
-            vertices,
-        })
+            vertices: Vec::new(),
+        };
+        if let Some(path) = path {
+            let points = read_json(path).map_err(|error| StudyError::Read(error.into()))?;
+            source.vertices = points.iter().map(|point| point.vertex).collect();
+            let count = lamina(&source.scene)?.vertex_count();
+            if let Some(found) = source.vertices.iter().find(|&&v| v as usize >= count) {
+                return Err(StudyError::Invalid(format!(
+                    "{} presses vertex {found}, expected one below {count} as in {}",
+                    path.display(),
+                    self.scene.place()
+                )));
+            }
+        }
+        Ok(source)
     }
 }
 
@@ -174,6 +145,7 @@ fn transferred(vertices: &[u32], own: &Lamina, other: &Lamina) -> Vec<u32> {
 
 impl Study for TwinStudy {
     const NAME: &'static str = "twin";
+    const TABLES: &'static [&'static str] = &["runs", "energy", "comparisons", "convergence"];
 
     fn scene(&self) -> Option<&SceneOptions> {
         // That of a run has been valid.
@@ -183,7 +155,10 @@ impl Study for TwinStudy {
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let source = self.source(context)?;
-        let mut config = source.config;
+        let mut config = match self.scene.config {
+            Some(_) => self.scene.read()?,
+            None => source.scene.clone(),
+        };
         self.scene.set_mesh(&mut config, 33)?;
         let region = self.scene.region.or(source.env.region_mm);
         let region = region.unwrap_or(QUICKSTART);
@@ -198,8 +173,8 @@ impl Study for TwinStudy {
         env.region(&blank)?;
         let fall = |share| (context.progress)(share, "falling");
         let (scene, fall_cpu_s) = set_up(&config, fall)?;
-        let sequence = match &source.vertices {
-            Some(vertices) => transferred(vertices, &lamina(&source.own)?, &scene.lamina),
+        let sequence = match self.path {
+            Some(_) => transferred(&source.vertices, &lamina(&source.scene)?, &scene.lamina),
             None => sequences(&scene, &env, Order::Sweep, 1, 0)?
                 .pop()
                 .ok_or(StudyError::FastDiverged)?,
@@ -208,7 +183,7 @@ impl Study for TwinStudy {
             "fixed" => Hold::Fixed,
             _ => Hold::Pressure,
         };
-        let case = Case {
+        let case = PaperCase {
             press: press_config(&env, hold, self.speed),
             acceleration: self.scaling,
             scene,
@@ -242,7 +217,7 @@ impl Study for TwinStudy {
 }
 
 fn tables(
-    case: &Case,
+    case: &PaperCase,
     runs: &[Ran; 3],
     compared: &[Compared],
     convergence: &[SelfComparison],
@@ -290,23 +265,17 @@ fn tables(
         let title =
             "The twin against itself: between the same material points, and summed distances";
         let table = Table::of("convergence", title, convergence)
-            .text("variant", |variant| variant.name)
-            .text("vertices", |variant| variant.vertices)
-            .number("step", "us", 2, |variant| 1e6 * variant.time_step_s)
-            .number("fall mean", "mm", 4, |variant| variant.initial_mm[0])
-            .number("fall max", "mm", 3, |variant| variant.initial_mm[1])
-            .number("sheet", "m", 3, |variant| variant.initial_m[0])
-            .number("sheet of the twin", "m", 3, |variant| variant.initial_m[1])
-            .number("presses mean", "mm", 3, |variant| {
-                variant.draped_mm.map(|d| d[0])
-            })
-            .number("presses max", "mm", 3, |variant| {
-                variant.draped_mm.map(|d| d[1])
-            })
-            .number("left", "m", 4, |variant| variant.left_m.map(|m| m[0]))
-            .number("left of the twin", "m", 4, |variant| {
-                variant.left_m.map(|m| m[1])
-            })
+            .text("variant", |v| v.name)
+            .text("vertices", |v| v.vertices)
+            .number("step", "us", 2, |v| 1e6 * v.time_step_s)
+            .number("fall mean", "mm", 4, |v| v.initial_mm[0])
+            .number("fall max", "mm", 3, |v| v.initial_mm[1])
+            .number("sheet", "m", 3, |v| v.initial_m[0])
+            .number("sheet of the twin", "m", 3, |v| v.initial_m[1])
+            .number("presses mean", "mm", 3, |v| v.draped_mm.map(|d| d[0]))
+            .number("presses max", "mm", 3, |v| v.draped_mm.map(|d| d[1]))
+            .number("left", "m", 4, |v| v.left_m.map(|m| m[0]))
+            .number("left of the twin", "m", 4, |v| v.left_m.map(|m| m[1]))
             .end();
         tables.push(table);
     }
@@ -380,19 +349,19 @@ fn compare_all(
 
 /// Rows as of the paper's Table 3, and how far material points are apart.
 fn comparison_table(compared: &[Compared]) -> Table {
-    let mut rows: Vec<(&Compared, &str, &Parts)> = Vec::new();
+    type Row<'a> = (&'a Compared, &'static str, &'a Parts);
+    let mut rows: Vec<Row> = Vec::new();
     for found in compared {
-        let Comparison {
-            all,
-            inside,
-            outside,
-            ..
-        } = &found.comparison;
-        rows.push((found, "all", all));
-        rows.extend(inside.iter().map(|parts| (found, "inside", parts)));
-        rows.extend(outside.iter().map(|parts| (found, "outside", parts)));
+        rows.extend(
+            found
+                .comparison
+                .parts()
+                .map(|(part, parts)| (found, part, parts)),
+        );
     }
-    let contour = |(found, part, _): &(&Compared, &str, &Parts)| {
+    let height = |row: &Row| row.2.topology_a_to_b_mm;
+    let points = |row: &Row| row.2.material_points_mm;
+    let contour = |(found, part, _): &Row| {
         let contour = found.comparison.contour_a_to_b_mm;
         contour.filter(|_| *part == "all")
     };
@@ -401,25 +370,15 @@ fn comparison_table(compared: &[Compared]) -> Table {
         .text("moment", |(found, ..)| found.moment)
         .text("model", |(found, ..)| found.name)
         .text("part", |(_, part, _)| *part)
-        .number("min", "mm", 2, |(.., p)| {
-            p.topology_a_to_b_mm.map(|t| t.min)
-        })
-        .number("max", "mm", 2, |(.., p)| {
-            p.topology_a_to_b_mm.map(|t| t.max)
-        })
-        .number("p95", "mm", 2, |(.., p)| {
-            p.topology_a_to_b_mm.map(|t| t.p95)
-        })
+        .number("min", "mm", 2, |row| height(row).map(|t| t.min))
+        .number("max", "mm", 2, |row| height(row).map(|t| t.max))
+        .number("p95", "mm", 2, |row| height(row).map(|t| t.p95))
         .number("contour mean", "mm", 2, |row| contour(row).map(|c| c.mean))
         .number("contour max", "mm", 2, |row| contour(row).map(|c| c.max))
         .number("warp < 5 deg", "%", 1, |(.., p)| fibres(p, 0))
         .number("weft < 5 deg", "%", 1, |(.., p)| fibres(p, 1))
-        .number("points mean", "mm", 2, |(.., p)| {
-            p.material_points_mm.map(|m| m.mean)
-        })
-        .number("points max", "mm", 1, |(.., p)| {
-            p.material_points_mm.map(|m| m.max)
-        })
+        .number("points mean", "mm", 2, |row| points(row).map(|m| m.mean))
+        .number("points max", "mm", 1, |row| points(row).map(|m| m.max))
         .end()
 }
 
@@ -436,7 +395,7 @@ fn pictures(report: &mut Report, scene: &Scene, compared: &[Compared], region: [
     }
 }
 
-/// Every state as STL, VTK and state file.
+/// Every state as STL and state file.
 fn states(report: &mut Report, scene: Arc<Scene>, runs: &[Ran; 3]) {
     let tool = scene.clone();
     report.file("tool.stl", move |path| {
@@ -446,38 +405,14 @@ fn states(report: &mut Report, scene: Arc<Scene>, runs: &[Ran; 3]) {
         for (moment, position) in ["initial", "draped"].into_iter().zip(&ran.ends) {
             let name = format!("{moment}-{}", ran.name);
             let drape = Arc::new(Drape::new(&scene.lamina, position));
-            let (state, surface, fields) = (drape.clone(), drape.clone(), scene.clone());
+            let state = drape.clone();
             report.file(format!("{name}.json"), move |path| state.write(path));
-            let title = name.clone();
             report.file(format!("{name}.stl"), move |path| {
-                write_stl(path, &surface.mesh(), &title)
-            });
-            let title = name.clone();
-            report.file(format!("{name}.vtk"), move |path| {
-                vtk(path, &drape, &fields, &title)
+                write_stl(path, &drape.mesh(), &name)
             });
         }
     }
 }
 
-fn vtk(path: &Path, drape: &Drape, scene: &Scene, title: &str) -> Result<(), Failed> {
-    let distance = drape
-        .position
-        .iter()
-        .map(|&x| scene.tool.distance(x).0)
-        .collect();
-    let tangents = || (0..drape.triangles.len()).map(|t| drape.tangents(t));
-    let triangles = [
-        ("warp_strain", tangents().map(|t| t.strain()[0]).collect()),
-        ("weft_strain", tangents().map(|t| t.strain()[1]).collect()),
-        (
-            "shear_deg",
-            tangents().map(|t| t.shear().to_degrees()).collect(),
-        ),
-    ];
-    let points = [("distance", distance)];
-    Ok(write_vtk(path, &drape.mesh(), title, &points, &triangles)?)
-}
-
 #[cfg(test)]
-mod tests;
+pub mod tests;

@@ -1,7 +1,7 @@
 //! Closed forms: answers that nobody chose, and what each solver makes of them.
 //!
-//! A [`Subject`] is asked for every [`Case`]; what it finds becomes rows of a table, expected
-//! beside found, and curves. One file per physical group holds the simulations, each a function
+//! A [`Subject`] is asked for every [`ClosedForm`]; what it finds becomes rows of a table, expected
+//! beside found. One file per physical group holds the simulations, each a function
 //! of whoever solves it, of the mesh and of what is varied, so that tests can ask the same with
 //! their own substep and mesh. All of it is f64 and runs on one thread a case: equal cases give
 //! equal rows.
@@ -23,20 +23,17 @@ pub mod length;
 mod motion;
 mod shear;
 pub mod solve;
-mod subject;
 
 use crate::study::{Context, Report, Study, StudyError, only};
 use crate::table::Table;
-use drape_cloth::sim::{Accuracy, Solver};
-use drape_report::{Chart, SERIES, Series};
 
-pub use cases::{Case, cases};
-pub use subject::{Answer, Findings, Picture, ProfileCurve, Subject, solver_name};
+pub use cases::{Answer, ClosedForm, cases};
+pub use solve::{SOLVERS, Subject, precision_name, solver_name};
 
 /// Hold every solver against closed forms: what is expected, what is found
 ///
 /// Asks the fast solver at its presets, with the yarn solver and with Gauss-Seidel, and the
-/// finite-element twin. Writes pictures too, as PNG.
+/// finite-element twin.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape study verify --quick
@@ -72,46 +69,39 @@ impl Verified {
 }
 
 /// Asks every subject every case, in parallel. Rows come case by case and subject by subject.
-pub fn ask(
-    cases: &[Case],
-    subjects: &[Subject],
-    context: &Context,
-) -> (Vec<Verified>, Vec<(Subject, ProfileCurve)>) {
-    let pairs: Vec<(&Case, Subject)> = (cases.iter())
+pub fn ask(cases: &[ClosedForm], subjects: &[Subject], context: &Context) -> Vec<Verified> {
+    let pairs: Vec<(&ClosedForm, Subject)> = (cases.iter())
         .flat_map(|case| subjects.iter().map(move |&subject| (case, subject)))
         .collect();
-    let found = context.each(&pairs, |(case, subject)| {
-        let asked = case.with_twin || *subject != Subject::Twin;
-        let found = asked.then(|| (case.ask)(subject)).flatten();
-        found.unwrap_or_default()
+    let found = context.each(&pairs, |(case, subject)| match subject {
+        Subject::Twin if !case.with_twin => Vec::new(),
+        subject => (case.ask)(subject),
     });
-    let (mut rows, mut curves) = (Vec::new(), Vec::new());
-    let of_cases = found.chunks(subjects.len()).zip(cases);
-    for (findings, case) in of_cases {
-        let longest = findings.iter().map(|f| f.answers.len()).max();
-        for index in 0..longest.unwrap_or(0) {
-            for (&subject, findings) in subjects.iter().zip(findings) {
-                rows.extend(findings.answers.get(index).map(|answer| Verified {
+    let mut rows = Vec::new();
+    for (answers, case) in found.chunks(subjects.len()).zip(cases) {
+        let longest = answers.iter().map(Vec::len).max().unwrap_or(0);
+        for index in 0..longest {
+            let of_subjects = subjects.iter().zip(answers);
+            rows.extend(of_subjects.filter_map(|(&subject, answers)| {
+                Some(Verified {
                     group: case.group,
                     subject,
-                    answer: answer.clone(),
-                }));
-            }
-        }
-        for (subject, findings) in subjects.iter().zip(findings) {
-            curves.extend(findings.curves.iter().map(|c| (*subject, c.clone())));
+                    answer: answers.get(index)?.clone(),
+                })
+            }));
         }
     }
-    (rows, curves)
+    rows
 }
 
 impl Study for Verify {
     const NAME: &'static str = "verify";
+    const TABLES: &'static [&'static str] = &["errors", "counts", "cases"];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let chosen = only(cases(self.quick), &self.groups, |case| case.group)?;
         let subjects = Subject::all();
-        let (rows, curves) = ask(&chosen, &subjects, context);
+        let rows = ask(&chosen, &subjects, context);
 
         let by_case: Vec<&[Verified]> = rows
             .chunk_by(|a, b| (a.group, &a.answer.case) == (b.group, &b.answer.case))
@@ -125,7 +115,7 @@ impl Study for Verify {
             // Of one pass over the chain it depends on the substep: that of the finest is shown.
             .digits("expected", "", 5, |of| of[of.len() - 1].answer.expected);
         for subject in &subjects {
-            let name = format!("{} {}", subject.solver(), subject.preset());
+            let name = subject.names().join(" ");
             errors = errors.number(name, "", 2, |of| {
                 let own = of.iter().find(|row| row.subject == *subject);
                 own.map(|row| 1e2 * row.relative_error())
@@ -137,8 +127,8 @@ impl Study for Verify {
         };
         let title = format!("Within {:.0} %", 1e2 * TOLERANCE);
         let counts = Table::of("counts", title, &subjects)
-            .text("solver", |subject| subject.solver())
-            .text("preset", |subject| subject.preset())
+            .text("solver", |subject| subject.names()[0])
+            .text("preset", |subject| subject.names()[1])
             .text("cases", |subject| of(subject).count())
             .text("met", |subject| {
                 let met = |row: &&Verified| row.relative_error().abs() <= TOLERANCE;
@@ -148,110 +138,15 @@ impl Study for Verify {
         let all = Table::of("cases", "", &rows)
             .text("group", |row| row.group)
             .text("case", |row| row.answer.case.clone())
-            .text("solver", |row| row.subject.solver())
-            .text("preset", |row| row.subject.preset())
+            .text("solver", |row| row.subject.names()[0])
+            .text("preset", |row| row.subject.names()[1])
             .text("unit", |row| row.answer.unit)
             .hidden("expected", "", |row| row.answer.expected)
             .hidden("found", "", |row| row.answer.found)
             .hidden("relative error", "", Verified::relative_error)
             .end_hidden();
-        let mut report = Report::new([errors.end(), counts, all]);
-        for (picture, name, [title, x_label, y_label]) in PICTURES {
-            let series = series(picture, &curves);
-            if !series.is_empty() {
-                let chart = Chart {
-                    title: title.into(),
-                    x_label: x_label.into(),
-                    y_label: y_label.into(),
-                    series,
-                    ..Chart::default()
-                };
-                report.chart(name, chart);
-            }
-        }
-        Ok(report)
+        Ok(Report::new([errors.end(), counts, all]))
     }
-}
-
-/// The pictures, the names of their files, and what stands on them.
-const PICTURES: [(Picture, &str, [&str; 3]); 3] = [
-    (
-        Picture::Cantilever,
-        "cantilever",
-        [
-            "heavy elastica, w L^3 / D = 1, 5, 20, 100 (accurate)",
-            "reach / L",
-            "height / L",
-        ],
-    ),
-    (
-        Picture::Hemisphere,
-        "hemisphere",
-        [
-            "shear on the bias line of a hemisphere",
-            "polar angle [deg]",
-            "shear [deg]",
-        ],
-    ),
-    (
-        Picture::BiasExtension,
-        "bias-extension",
-        [
-            "bias extension of 170 x 50 mm (yarn solver, twin)",
-            "extension [mm]",
-            "force [N]",
-        ],
-    ),
-];
-
-/// What is shown: the accurate preset of cantilevers, and what fits on the scale of the closed
-/// form: of Gauss-Seidel the accurate preset on a hemisphere, and no force.
-fn is_shown(picture: Picture, subject: &Subject) -> bool {
-    let Subject::Fast { solver, preset } = subject else {
-        return true;
-    };
-    let (is_yarn, is_accurate) = (*solver == Solver::Yarn, *preset == Accuracy::Accurate);
-    match picture {
-        Picture::Cantilever => is_accurate,
-        Picture::Hemisphere => is_yarn || is_accurate,
-        Picture::BiasExtension => is_yarn,
-    }
-}
-
-/// Closed forms above what was found. A name is in the legend once.
-fn series(picture: Picture, curves: &[(Subject, ProfileCurve)]) -> Vec<Series> {
-    let (mut exact, mut found): (Vec<Series>, Vec<Series>) = Default::default();
-    let mut names: Vec<String> = Vec::new();
-    for (subject, curve) in curves.iter().filter(|(_, c)| c.picture == picture) {
-        let points = curve.points.clone();
-        let Some(label) = &curve.label else {
-            // Every subject brings the same; one is enough.
-            if !exact.iter().any(|s| s.points == points) {
-                let label = if exact.is_empty() { "closed form" } else { "" };
-                exact.push(Series {
-                    label: label.into(),
-                    points,
-                    color: [30, 30, 30],
-                });
-            }
-            continue;
-        };
-        if !is_shown(picture, subject) {
-            continue;
-        }
-        let name = format!("{} {}{label}", subject.solver(), subject.preset());
-        let known = names.iter().position(|known| *known == name);
-        found.push(Series {
-            label: known.map_or(name.clone(), |_| String::new()),
-            points,
-            color: SERIES[known.unwrap_or(names.len()) % SERIES.len()],
-        });
-        if known.is_none() {
-            names.push(name);
-        }
-    }
-    found.extend(exact);
-    found
 }
 
 #[cfg(test)]

@@ -5,14 +5,12 @@ pub mod compare;
 mod crossing;
 mod patches;
 mod stl;
-mod vtk;
 
 pub use border::{OrientationFault, border};
 pub(crate) use patches::patches;
 #[cfg(test)]
 pub(crate) use stl::to_stl_bytes;
 pub use stl::{ReadStlError, read_stl, write_stl};
-pub use vtk::write_vtk;
 
 use crate::math::Vec3;
 

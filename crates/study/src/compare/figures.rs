@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::table::Table;
 use drape_cloth::mesh::compare::{ContourDeviation, Spread, Wrinkles};
 
 /// How drape A differs from the reference B, and what each is like.
@@ -20,6 +21,95 @@ pub struct Comparison {
     pub b: Measures,
     /// What is null, and why.
     pub not_applicable: Vec<Inapplicable>,
+}
+
+/// A figure of one drape for a reader: its name, its unit, and how it is got.
+type Alone = (&'static str, &'static str, fn(&Measures) -> Option<f64>);
+
+const ALONE: [Alone; 14] = [
+    ("wrinkles", "", |m| m.wrinkles_mm.map(|w| w.count as f64)),
+    ("their amplitude", "mm", |m| {
+        m.wrinkles_mm.map(|w| w.amplitude)
+    }),
+    ("their rms", "mm", |m| m.wrinkles_mm.map(|w| w.rms)),
+    ("shear, rms", "deg", |m| m.shear_deg.map(|s| s.rms)),
+    ("shear, min", "deg", |m| m.shear_deg.map(|s| s.min)),
+    ("shear, max", "deg", |m| m.shear_deg.map(|s| s.max)),
+    ("locked", "mm2", |m| m.shear_deg.map(|s| s.locked_area_mm2)),
+    ("yarn strain, p95", "%", |m| m.strain.map(|s| 1e2 * s.p95)),
+    ("yarn strain, max", "%", |m| m.strain.map(|s| 1e2 * s.max)),
+    ("yarn tension, p95", "%", |m| {
+        m.strain.map(|s| 1e2 * s.tension_p95)
+    }),
+    ("yarn tension, max", "%", |m| {
+        m.strain.map(|s| 1e2 * s.tension_max)
+    }),
+    ("bridged", "mm2", |m| m.tool.map(|t| t.bridged_area_mm2)),
+    ("bridged share", "%", |m| {
+        m.tool.map(|t| 1e2 * t.bridged_share)
+    }),
+    ("penetration", "mm", |m| m.tool.map(|t| t.penetration_mm)),
+];
+
+impl Comparison {
+    /// For a reader: how far both deviate over each part, and what each is like.
+    pub fn tables(&self) -> [Table; 2] {
+        let mut rows: Vec<(&str, &str, &str, [Option<f64>; 6])> = Vec::new();
+        for (part, found) in self.parts() {
+            let mut add = |figure, spread: Option<Spread>| {
+                rows.extend(spread.map(|s| {
+                    let all = [s.mean, s.rms, s.p95, s.min, s.max].map(Some);
+                    let [mean, rms, p95, min, max] = all;
+                    (part, figure, "mm", [mean, rms, p95, min, max, None])
+                }));
+            };
+            add("topology A to B", found.topology_a_to_b_mm);
+            add("topology B to A", found.topology_b_to_a_mm);
+            add("material points", found.material_points_mm);
+            let only_max = |max: f64| [None, None, None, None, Some(max), None];
+            rows.extend((found.hausdorff_mm).map(|max| (part, "Hausdorff", "mm", only_max(max))));
+            for (k, figure) in ["warp angle", "weft angle"].into_iter().enumerate() {
+                rows.extend(found.fibre_angle_deg.map(|angles| {
+                    let a = angles[k];
+                    let [mean, p95, max, agree] =
+                        [a.mean, a.p95, a.max, 1e2 * a.share_below].map(Some);
+                    (part, figure, "deg", [mean, None, p95, None, max, agree])
+                }));
+            }
+        }
+        let contours = [
+            ("contour A to B", self.contour_a_to_b_mm),
+            ("contour B to A", self.contour_b_to_a_mm),
+        ];
+        rows.extend(contours.into_iter().filter_map(|(figure, found)| {
+            let [mean, max] = found.map(|c| [Some(c.mean), Some(c.max)])?;
+            Some(("all", figure, "mm", [mean, None, None, None, max, None]))
+        }));
+        let mut deviations = Table::of("deviations", "A against the reference B", &rows)
+            .text("part", |row| row.0)
+            .text("figure", |row| row.1)
+            .text("unit", |row| row.2);
+        for (k, name) in ["mean", "rms", "p95", "min", "max"].into_iter().enumerate() {
+            deviations = deviations.number(name, "", 3, move |row| row.3[k]);
+        }
+        let deviations = deviations.number("agrees", "%", 1, |row| row.3[5]).end();
+        let alone = Table::of("alone", "Each alone", &ALONE)
+            .text("figure", |row| row.0)
+            .text("unit", |row| row.1)
+            .digits("A", "", 4, |row| (row.2)(&self.a))
+            .digits("B", "", 4, |row| (row.2)(&self.b))
+            .end();
+        [deviations, alone]
+    }
+
+    /// What is compared over all, and inside and outside of the region if there is one.
+    pub fn parts(&self) -> impl Iterator<Item = (&'static str, &Parts)> {
+        let inside = self.inside.iter().map(|parts| ("inside", parts));
+        let outside = self.outside.iter().map(|parts| ("outside", parts));
+        std::iter::once(("all", &self.all))
+            .chain(inside)
+            .chain(outside)
+    }
 }
 
 /// What two drapes are compared by over a part of the blank.

@@ -1,5 +1,55 @@
-use super::trial::{Refusal, Setting, Trial};
-use super::{Axis, Sweep, Tick, free, hanging, lying};
+//! The list of sweeps.
+
+use super::trial::{FRAME, Knobs, SUBSTEPS, Tried};
+use super::{free, hanging, lying};
+use drape_cloth::sim::Solver;
+
+/// A value on an axis and how it is written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tick {
+    pub value: f64,
+    pub label: String,
+}
+
+/// What is varied along one side of a sweep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// With its unit.
+    pub name: &'static str,
+    pub ticks: Vec<Tick>,
+}
+
+/// Two quantities that are varied together.
+#[derive(Clone, Debug)]
+pub struct Sweep {
+    pub name: &'static str,
+    /// x, then y.
+    pub axes: [Axis; 2],
+    pub trial: fn(&Knobs) -> Tried,
+}
+
+/// The axes that set how a trial is stepped, whatever it is about.
+const SUBSTEPS_AXIS: &str = "substeps a frame";
+const FRAME_AXIS: &str = "frame [s]";
+
+impl Sweep {
+    /// What the cell at these ticks sets.
+    pub fn knobs(&self, at: [usize; 2], solver: Solver) -> Knobs {
+        let values = [0, 1].map(|k| self.axes[k].ticks[at[k]].value);
+        let along = |name| {
+            (0..2)
+                .find(|k| self.axes[*k].name == name)
+                .map(|k| values[k])
+        };
+        Knobs {
+            x: values[0],
+            y: values[1],
+            solver,
+            frame: along(FRAME_AXIS).unwrap_or(FRAME),
+            substeps: along(SUBSTEPS_AXIS).unwrap_or(SUBSTEPS) as usize,
+        }
+    }
+}
 
 /// All sweeps; `quick` is the ends and what lies between them coarsely.
 pub fn sweeps(quick: bool) -> Vec<Sweep> {
@@ -14,9 +64,9 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
         let values: Vec<f64> = (low..=high).step_by(step).map(|e| 10f64.powi(e)).collect();
         axis(name, &values, label)
     };
-    let zero_and = |mut axis: Axis| {
-        axis.ticks.insert(0, tick(0.0, label(0.0)));
-        axis
+    let zero_and = |mut decades: Axis| {
+        decades.ticks.splice(0..0, axis("", &[0.0], label).ticks);
+        decades
     };
     let labels = |name, labels: &[&str]| {
         let values: Vec<f64> = (0..labels.len()).map(|index| index as f64).collect();
@@ -24,12 +74,12 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
     };
     let substeps = || {
         let fine = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0];
-        list("substeps a frame", &[1.0, 5.0, 20.0, 80.0], &fine)
+        list(SUBSTEPS_AXIS, &[1.0, 5.0, 20.0, 80.0], &fine)
     };
     // 1/60 s is what training and scenes use.
     let frames = || {
         let fine = [600.0, 300.0, 120.0, 60.0, 30.0, 15.0];
-        let mut rates = list("frame [s]", &[600.0, 120.0, 60.0, 15.0], &fine);
+        let mut rates = list(FRAME_AXIS, &[600.0, 120.0, 60.0, 15.0], &fine);
         for tick in &mut rates.ticks {
             (tick.label, tick.value) = (format!("1/{}", tick.value), 1.0 / tick.value);
         }
@@ -139,24 +189,18 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
     ]
 }
 
-fn sweep(
-    name: &'static str,
-    x: Axis,
-    y: Axis,
-    trial: fn(&Setting) -> Result<Trial, Refusal>,
-) -> Sweep {
+fn sweep(name: &'static str, x: Axis, y: Axis, trial: fn(&Knobs) -> Tried) -> Sweep {
     let axes = [x, y];
     Sweep { name, axes, trial }
 }
 
 fn axis(name: &'static str, values: &[f64], label: impl Fn(f64) -> String) -> Axis {
-    let ticks = values.iter().map(|&value| tick(value, label(value)));
-    let ticks = ticks.collect();
+    let tick = |&value: &f64| Tick {
+        value,
+        label: label(value),
+    };
+    let ticks = values.iter().map(tick).collect();
     Axis { name, ticks }
-}
-
-fn tick(value: f64, label: String) -> Tick {
-    Tick { value, label }
 }
 
 /// A number as short as it can be read back.

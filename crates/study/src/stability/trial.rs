@@ -1,107 +1,133 @@
-use std::sync::Arc;
+//! A simulation with a known answer, and how it ends.
 
-use super::{Figures, Outcome, THRESHOLD};
-use crate::cloth::NOWHERE;
+use crate::cloth::{NOWHERE, Piece};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::{
-    Backend, Bending, Control, Cpu, Model, PhysicsConfig, Precision, Snapshot, Solver, World,
+    Backend, Bending, Control, Cpu, PhysicsConfig, Precision, Snapshot, Solver,
 };
-use drape_cloth::tool::Tool;
+
+/// Largest error that counts as converged: one per cent of the sheet's size.
+pub const THRESHOLD: f64 = 0.01;
 
 /// Frame where no other is asked for [s], and its substeps.
 pub const FRAME: f64 = 1.0 / 60.0;
 pub const SUBSTEPS: f64 = 20.0;
 
-/// Place of a cell in its sweep.
+/// How a cell ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    Converged,
+    Wrong,
+    Diverged,
+    Refused,
+    NonFinite,
+    Panicked,
+}
+
+impl Outcome {
+    /// All, with their names in tables.
+    pub const ALL: [(Self, &'static str); 6] = [
+        (Self::Converged, "converged"),
+        (Self::Wrong, "wrong"),
+        (Self::Diverged, "diverged"),
+        (Self::Refused, "refused"),
+        (Self::NonFinite, "non_finite"),
+        (Self::Panicked, "panicked"),
+    ];
+
+    /// As in tables.
+    pub fn name(self) -> &'static str {
+        Self::ALL[self as usize].1
+    }
+}
+
+/// What is measured on a cell, where it came to that.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Figures {
+    /// Error at the end over the size of the sheet [-].
+    pub error: Option<f64>,
+    /// 95th percentile and maximum of the absolute yarn strain at the end [-].
+    pub strain_p95: Option<f64>,
+    pub strain_max: Option<f64>,
+    /// Largest speed of a vertex at the end of any frame, and of the last one [m/s].
+    pub speed_max: Option<f64>,
+    pub speed_end: Option<f64>,
+    /// Deepest vertex inside the tool at the end [mm].
+    pub penetration_mm: Option<f64>,
+    /// Simulated time [s] and substeps taken.
+    pub simulated_s: f64,
+    pub substeps: usize,
+}
+
+/// What a cell sets: its place in the sweep, and what follows from it.
 #[derive(Clone, Copy, Debug)]
-pub struct Setting {
+pub struct Knobs {
     /// Values along the two axes.
     pub x: f64,
     pub y: f64,
     pub solver: Solver,
+    /// Duration of a frame [s] and substeps in it: those of an axis, or else the usual.
+    pub frame: f64,
+    pub substeps: usize,
+}
+
+impl Knobs {
+    /// Whole frames of at least `seconds`.
+    pub fn frames(&self, seconds: f64) -> usize {
+        (seconds / self.frame - 1e-9).ceil().max(1.0) as usize
+    }
 }
 
 /// Why a cell cannot be simulated at all: what a user would be told.
 pub type Refusal = Box<dyn std::error::Error + Send + Sync>;
 
+/// A trial, unless it is refused.
+pub type Tried = Result<Trial, Refusal>;
+
 /// Error of a final state over the size of the sheet [-].
-pub type Judge = Box<dyn Fn(&Lamina, &Snapshot) -> f64>;
+type Judge = Box<dyn Fn(&Lamina, &Snapshot) -> f64>;
 
 /// A simulation with a known answer.
 pub struct Trial {
-    lamina: Lamina,
-    model: Model,
-    /// None touches nothing.
-    tool: Option<Arc<Tool>>,
-    start: Snapshot,
-    clock: Clock,
+    piece: Piece,
+    knobs: Knobs,
+    frames: usize,
     judge: Judge,
 }
 
-/// How long a trial lasts and how finely it is stepped.
-#[derive(Clone, Copy, Debug)]
-pub struct Clock {
-    /// Duration of a frame [s].
-    frame: f64,
-    /// Substeps in it.
-    substeps: usize,
-    frames: usize,
-}
-
-impl Clock {
-    /// At least `seconds`, in whole frames.
-    pub fn new(seconds: f64, frame: f64, substeps: f64) -> Self {
-        Self {
-            frame,
-            substeps: substeps as usize,
-            frames: (seconds / frame - 1e-9).ceil().max(1.0) as usize,
-        }
-    }
-
-    /// Simulated time [s].
-    pub fn seconds(&self) -> f64 {
-        self.frame * self.frames as f64
-    }
-}
-
 impl Trial {
-    /// Checks the physics as every command does, and lists its passes.
+    /// `piece` for at least `seconds`. Checks the physics as every command does.
     pub fn new(
-        lamina: Lamina,
-        physics: &PhysicsConfig,
-        tool: Option<Arc<Tool>>,
-        start: Snapshot,
-        clock: Clock,
-        judge: Judge,
-    ) -> Result<Self, Refusal> {
-        physics.check()?;
+        knobs: &Knobs,
+        piece: Piece,
+        seconds: f64,
+        judge: impl Fn(&Lamina, &Snapshot) -> f64 + 'static,
+    ) -> Tried {
+        piece.physics.check()?;
         Ok(Self {
-            model: Model::new(&lamina, physics),
-            lamina,
-            tool,
-            start,
-            clock,
-            judge,
+            piece,
+            knobs: *knobs,
+            frames: knobs.frames(seconds),
+            judge: Box::new(judge),
         })
     }
 
     /// Simulates and judges.
     pub fn run(&self, precision: Precision) -> (Outcome, Figures) {
-        let tool = self.tool.as_ref().unwrap_or(&NOWHERE);
-        let world = World::new(self.model.clone(), tool.clone());
-        let mut cloth = Cpu::new(&world, 1, precision);
-        cloth.load(0, &self.start);
+        let Self { piece, knobs, .. } = self;
+        let mut cloth = Cpu::new(&piece.world(knobs.solver), 1, precision);
+        cloth.load(0, &piece.start);
         let control = Control {
-            dt: self.clock.frame,
-            substeps: self.clock.substeps,
+            dt: knobs.frame,
+            substeps: knobs.substeps,
             contact_interval: 5,
         };
         let mut figures = Figures::default();
-        let mut state = self.start.clone();
-        for frame in 1..=self.clock.frames {
+        let mut state = piece.start.clone();
+        for frame in 1..=self.frames {
             cloth.step(&control, &[]);
-            figures.simulated_s = frame as f64 * self.clock.frame;
+            figures.simulated_s = frame as f64 * knobs.frame;
             figures.substeps += control.substeps;
             if !cloth.finite()[0] {
                 return (Outcome::Diverged, figures);
@@ -110,21 +136,21 @@ impl Trial {
             if !state.is_finite() {
                 return (Outcome::NonFinite, figures);
             }
-            let speeds = state.velocity.iter().map(|v| Vec3::from(*v).norm());
-            let speed = speeds.fold(0.0, f64::max);
+            let speed = speeds(&state).fold(0.0, f64::max);
             figures.speed_end = Some(speed);
             figures.speed_max = Some(speed.max(figures.speed_max.unwrap_or(0.0)));
         }
-        let mut strain = self.lamina.yarn_strain(&state.position);
+        let mut strain = piece.lamina.yarn_strain(&state.position);
         strain.iter_mut().for_each(|strain| *strain = strain.abs());
         strain.sort_by(f64::total_cmp);
         let last = strain.len() - 1;
         figures.strain_p95 = Some(strain[(0.95 * last as f64).round() as usize]);
         figures.strain_max = Some(strain[last]);
+        let tool = piece.tool.as_ref().unwrap_or(&NOWHERE);
         let depth = |&x: &[f64; 3]| -tool.distance(x).0;
         let deepest = state.position.iter().map(depth).fold(0.0, f64::max);
         figures.penetration_mm = Some(1e3 * deepest);
-        let error = (self.judge)(&self.lamina, &state);
+        let error = (self.judge)(&piece.lamina, &state);
         figures.error = Some(error);
         match error <= THRESHOLD {
             true => (Outcome::Converged, figures),
@@ -133,14 +159,18 @@ impl Trial {
     }
 }
 
-/// The default physics with one damping [1/s], without bending.
-pub fn physics(setting: &Setting, damping: f64) -> PhysicsConfig {
+/// The default physics with one damping [1/s].
+pub fn damped(damping: f64, bending: Bending) -> PhysicsConfig {
     PhysicsConfig {
-        solver: setting.solver,
-        bending: Bending::Off,
+        bending,
         damping,
         ..PhysicsConfig::default()
     }
+}
+
+/// Speeds of all vertices [m/s].
+pub fn speeds(state: &Snapshot) -> impl Iterator<Item = f64> {
+    state.velocity.iter().map(|v| Vec3::from(*v).norm())
 }
 
 /// Longest side of the flat blank [m].
@@ -154,25 +184,4 @@ pub fn mean_error(lamina: &Lamina, state: &Snapshot, expected: &[[f64; 3]]) -> f
     let apart = |(a, b): (&[f64; 3], &[f64; 3])| (Vec3::from(*a) - Vec3::from(*b)).norm();
     let sum: f64 = state.position.iter().zip(expected).map(apart).sum();
     sum / expected.len() as f64 / size(lamina)
-}
-
-/// The larger of two means over the size of the sheet: height off the plane z = 0, and error
-/// of the distances between pairs of vertices, which no rigid motion changes.
-pub fn flatness_error(lamina: &Lamina, state: &Snapshot) -> f64 {
-    let count = lamina.vertex_count();
-    let height: f64 = state.position.iter().map(|x| x[2].abs()).sum();
-    // All pairs of a small sheet; of a large one, those among some vertices.
-    let stride = count.div_ceil(200);
-    let chosen: Vec<usize> = (0..count).step_by(stride).collect();
-    let (mut sum, mut pairs) = (0.0, 0);
-    for (i, &a) in chosen.iter().enumerate() {
-        for &b in &chosen[..i] {
-            let [p, q] = [a, b].map(|v| Vec3::from(state.position[v]));
-            let [r, s] = [a, b].map(|v| lamina.rest[v]);
-            let rest = (r[0] - s[0]).hypot(r[1] - s[1]);
-            sum += ((p - q).norm() - rest).abs();
-            pairs += 1;
-        }
-    }
-    (height / count as f64).max(sum / f64::from(pairs)) / size(lamina)
 }

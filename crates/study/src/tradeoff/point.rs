@@ -1,65 +1,59 @@
 //! A point of the study: what is measured on it, and what all points come to.
 
+use super::settings::Variation;
 use crate::table::Table;
-use crate::verify::solver_name;
-use drape_cloth::sim::Precision;
-use drape_cloth::sim::Solver;
 use drape_report::{Chart, Color, Level, SERIES, Scale, Series};
 
 /// A measured point. Errors are distances between the same material points; summed distances
-/// count as many points as the default mesh has, whatever the mesh.
+/// count as many points as the default mesh has, whatever the mesh. What diverges, or whose
+/// reference does, has no figures.
 #[derive(Clone, Debug)]
-pub struct Point {
-    pub axis: &'static str,
-    pub value: String,
-    pub is_method: bool,
-    pub solver: Solver,
-    pub precision: Precision,
-    pub substep_rate: f64,
-    pub contact_interval: usize,
-    /// None where it or its reference diverges.
-    pub fall: Option<FallError>,
-    pub presses: Option<PressError>,
-    /// None where one of the sequences diverges: the others are not the same sample.
-    pub sequences: Option<SequenceError>,
-}
-
-#[derive(Clone, Copy, Debug)]
-pub struct FallError {
-    /// Of the whole blank.
+pub struct MeasuredPoint {
+    pub variation: Variation,
+    /// Of the blank.
     pub vertices: usize,
-    pub mean_mm: f64,
-    pub max_mm: f64,
-    /// Summed distance to the tool, and its error.
-    pub distance_m: f64,
-    pub distance_error_m: f64,
-}
-
-/// Of the sweep.
-#[derive(Clone, Copy, Debug)]
-pub struct PressError {
     /// CPU time of an environment step in a group of lanes; in f64 of one alone [us].
-    pub microseconds: f64,
-    /// In the focus region after the first row.
-    pub early_mm: Option<f64>,
-    /// In the region after the whole sweep, mean and greatest.
-    pub region_mm: Option<[f64; 2]>,
+    pub microseconds: Option<f64>,
+    /// After the fall, mean and greatest.
+    pub fall_mm: Option<[f64; 2]>,
+    /// Summed distance to the tool then, and its error.
+    pub fall_m: Option<[f64; 2]>,
+    /// In the focus region after the first row of the sweep.
+    pub row_mm: Option<f64>,
+    /// There after the whole sweep, mean and greatest.
+    pub sweep_mm: Option<[f64; 2]>,
     /// Of the distance that the sweep has removed from the region, over that distance.
     pub removed: Option<f64>,
     /// Tension of the yarns after it [-].
     pub tension_p95: Option<f64>,
+    /// Mean over all sequences.
+    pub eight_mm: Option<f64>,
+    /// Summed distance of the region after them: mean and standard deviation.
+    pub left_m: Option<[f64; 2]>,
+    /// Its difference from the reference, sequence by sequence: mean and root mean square.
+    pub bias_m: Option<f64>,
+    pub rms_m: Option<f64>,
 }
 
-/// Over all sequences.
-#[derive(Clone, Copy, Debug)]
-pub struct SequenceError {
-    /// Summed distance of the region: mean and standard deviation.
-    pub left_m: [f64; 2],
-    /// Its difference from the reference, sequence by sequence: mean and root mean square.
-    pub bias_m: f64,
-    pub rms_m: f64,
-    /// Mean error of the region.
-    pub mean_mm: f64,
+impl MeasuredPoint {
+    /// One that nothing has been measured of.
+    pub fn of(variation: &Variation) -> Self {
+        Self {
+            variation: variation.clone(),
+            vertices: 0,
+            microseconds: None,
+            fall_mm: None,
+            fall_m: None,
+            row_mm: None,
+            sweep_mm: None,
+            removed: None,
+            tension_p95: None,
+            eight_mm: None,
+            left_m: None,
+            bias_m: None,
+            rms_m: None,
+        }
+    }
 }
 
 /// What a push of the start by a micrometre does to what `accurate` ends with.
@@ -71,34 +65,41 @@ pub struct Noise {
     pub mean_mm: f64,
 }
 
-pub fn point_table(title: String, points: &[Point]) -> Table {
+impl Noise {
+    /// Where a pushed start diverges.
+    pub const UNKNOWN: Self = Self {
+        distance_rms_m: f64::NAN,
+        mean_mm: f64::NAN,
+    };
+}
+
+pub fn point_table(title: String, points: &[MeasuredPoint]) -> Table {
+    let contact_interval = |p: &MeasuredPoint| p.variation.stepping().control(1.0).contact_interval;
     Table::of("points", title, points)
-        .text("axis", |p| p.axis)
-        .text("value", |p| p.value.clone())
-        .hidden("solver", "", |p| solver_name(p.solver))
-        .hidden("precision", "", |p| {
-            format!("{:?}", p.precision).to_lowercase()
+        .text("axis", |p| p.variation.axis)
+        .text("value", |p| p.variation.value.clone())
+        .hidden("solver", "", |p| p.variation.solver())
+        .hidden("precision", "", |p| p.variation.precision())
+        .hidden("substep rate", "1/s", |p| {
+            p.variation.stepping().substep_rate
         })
-        .hidden("substep rate", "1/s", |p| p.substep_rate)
-        .hidden("contact interval", "", |p| p.contact_interval)
-        .hidden("vertices", "", |p| p.fall.map_or(0, |f| f.vertices))
-        .number("step", "us", 1, |p| p.presses.map(|e| e.microseconds))
-        .number("fall", "mm", 3, |p| p.fall.map(|e| e.mean_mm))
-        .hidden("fall max", "mm", |p| p.fall.map(|e| e.max_mm))
-        .hidden("fall distance", "m", |p| p.fall.map(|e| e.distance_m))
-        .hidden("fall distance error", "m", |p| {
-            p.fall.map(|e| e.distance_error_m)
-        })
-        .number("row", "mm", 3, |p| p.presses?.early_mm)
-        .number("sweep", "mm", 3, |p| Some(p.presses?.region_mm?[0]))
-        .hidden("sweep max", "mm", |p| Some(p.presses?.region_mm?[1]))
-        .hidden("removed error", "", |p| p.presses?.removed)
-        .hidden("tension p95", "", |p| p.presses?.tension_p95)
-        .number("eight", "mm", 3, |p| p.sequences.map(|e| e.mean_mm))
-        .number("left", "m", 4, |p| p.sequences.map(|e| e.left_m[0]))
-        .hidden("left deviation", "m", |p| p.sequences.map(|e| e.left_m[1]))
-        .number("bias", "m", 4, |p| p.sequences.map(|e| e.bias_m))
-        .number("rms", "m", 4, |p| p.sequences.map(|e| e.rms_m))
+        .hidden("contact interval", "", contact_interval)
+        .hidden("vertices", "", |p| p.vertices)
+        .number("step", "us", 1, |p| p.microseconds)
+        .number("fall", "mm", 3, |p| p.fall_mm.map(|e| e[0]))
+        .hidden("fall max", "mm", |p| p.fall_mm.map(|e| e[1]))
+        .hidden("fall distance", "m", |p| p.fall_m.map(|e| e[0]))
+        .hidden("fall distance error", "m", |p| p.fall_m.map(|e| e[1]))
+        .number("row", "mm", 3, |p| p.row_mm)
+        .number("sweep", "mm", 3, |p| p.sweep_mm.map(|e| e[0]))
+        .hidden("sweep max", "mm", |p| p.sweep_mm.map(|e| e[1]))
+        .hidden("removed error", "", |p| p.removed)
+        .hidden("tension p95", "", |p| p.tension_p95)
+        .number("eight", "mm", 3, |p| p.eight_mm)
+        .number("left", "m", 4, |p| p.left_m.map(|left| left[0]))
+        .hidden("left deviation", "m", |p| p.left_m.map(|left| left[1]))
+        .number("bias", "m", 4, |p| p.bias_m)
+        .number("rms", "m", 4, |p| p.rms_m)
         .end()
 }
 
@@ -113,12 +114,12 @@ pub struct Recommendation {
     pub text: String,
 }
 
-pub fn recommend(points: &[Point], noise: Noise) -> Recommendation {
+pub fn recommend(points: &[MeasuredPoint], noise: Noise) -> Recommendation {
     // Where a pushed start diverges there is no tolerance, and nothing is within it.
     let tolerance = Some(2.0 * noise.distance_rms_m).filter(|tolerance| tolerance.is_finite());
-    let methods: Vec<(usize, &Point, f64, f64)> = (points.iter().enumerate())
-        .filter(|(_, point)| point.is_method)
-        .filter_map(|(k, p)| Some((k, p, p.presses?.microseconds, p.sequences?.rms_m)))
+    let methods: Vec<(usize, &MeasuredPoint, f64, f64)> = (points.iter().enumerate())
+        .filter(|(_, point)| point.variation.is_method)
+        .filter_map(|(k, p)| Some((k, p, p.microseconds?, p.rms_m?)))
         .collect();
     let within = (methods.iter())
         .filter(|(.., rms_m)| tolerance.is_some_and(|tolerance| *rms_m <= tolerance))
@@ -140,13 +141,14 @@ pub fn recommend(points: &[Point], noise: Noise) -> Recommendation {
             format!("the least error, none is within twice the noise, {tolerance:.4} m")
         }
     };
+    let (variation, stepping) = (&point.variation, point.variation.stepping());
     let text = format!(
-        "{}, {} substeps/s, planes every {}, {:?}: {microseconds:.0} us a step, {rms_m:.4} m from the \
+        "{}, {} substeps/s, planes every {}, {}: {microseconds:.0} us a step, {rms_m:.4} m from the \
          converged distance; {reason}",
-        solver_name(point.solver),
-        point.substep_rate,
-        point.contact_interval,
-        point.precision,
+        variation.solver(),
+        stepping.substep_rate,
+        stepping.control(1.0).contact_interval,
+        variation.precision(),
     );
     Recommendation {
         point: Some(index),
@@ -156,15 +158,13 @@ pub fn recommend(points: &[Point], noise: Noise) -> Recommendation {
 }
 
 /// Cost against error, both as logarithms. What has no error has no place on it.
-pub fn chart(points: &[Point], noise: Noise) -> Chart {
+pub fn chart(points: &[MeasuredPoint], noise: Noise) -> Chart {
     // NaN where there is none: such points are not drawn.
     let logarithm = |value: f64| if value > 0.0 { value.log10() } else { f64::NAN };
-    let place = |point: &Point| {
-        let error = point.sequences.map_or(f64::NAN, |error| error.mean_mm);
-        let cost = point.presses.map_or(f64::NAN, |error| error.microseconds);
-        [cost, error].map(logarithm)
+    let place = |point: &MeasuredPoint| {
+        [point.microseconds, point.eight_mm].map(|value| logarithm(value.unwrap_or(f64::NAN)))
     };
-    let on = |axis: &'static str| points.iter().filter(move |point| point.axis == axis);
+    let on = |axis: &'static str| points.iter().filter(move |p| p.variation.axis == axis);
     let curve = |label: String, points: Vec<[f64; 2]>, color: Color| Series {
         label,
         points,
@@ -184,7 +184,7 @@ pub fn chart(points: &[Point], noise: Noise) -> Chart {
     }
     let colors = [[20, 20, 24], [200, 20, 60], [20, 110, 230]];
     for (preset, color) in on("preset").zip(colors) {
-        let label = format!("preset {}", preset.value);
+        let label = format!("preset {}", preset.variation.value);
         series.push(curve(label, vec![place(preset)], color));
     }
     Chart {

@@ -1,12 +1,15 @@
-//! The points of the study: what is varied.
+//! The points of the study: what is varied, and what is pressed.
+
+use std::f64::consts::TAU;
 
 use crate::points::coarser;
 use crate::study::stencil_mm;
+use crate::verify::{SOLVERS, precision_name, solver_name};
 use drape_cloth::fabric::{Lamina, Material};
+use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::SceneConfig;
-use drape_cloth::sim::Precision;
-use drape_cloth::sim::{Accuracy, Bending, PhysicsConfig, Solver, Stepping};
-use drape_task::env::EnvConfig;
+use drape_cloth::sim::{Accuracy, Bending, PhysicsConfig, Precision, Solver, Stepping};
+use drape_task::env::{EnvConfig, EnvError};
 
 /// Substeps a second of what counts as converged [1/s], and of them between two refreshes of the
 /// tool's planes: 2400 refreshes a second, more than any preset has.
@@ -17,7 +20,7 @@ pub type Around = (SceneConfig, EnvConfig);
 
 /// One way of simulating: a point to be measured.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Setting {
+pub struct Variation {
     /// What is varied.
     pub axis: &'static str,
     /// Where on the axis this is.
@@ -32,25 +35,38 @@ pub struct Setting {
     pub reference: Around,
 }
 
+impl Variation {
+    /// How the presses are stepped.
+    pub fn stepping(&self) -> Stepping {
+        self.around.1.stepping()
+    }
+
+    /// As in tables.
+    pub fn solver(&self) -> &'static str {
+        solver_name(self.around.0.physics.solver)
+    }
+
+    /// As in tables.
+    pub fn precision(&self) -> &'static str {
+        precision_name(self.around.1.precision)
+    }
+}
+
 /// The points of a study around a scene and a task: the plane of solver and rate, then one axis
 /// at a time. A fall takes the rate of its point; that of a model is the scene's own, for at the
 /// rate of the presses the error of the method would hide what the model changes.
-pub fn settings(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Setting> {
+pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Variation> {
     let around = stepped(&(scene.clone(), env.clone()), env.stepping());
     let mut axes = Axes {
         converged: converged(&around),
         fall: scene.fall.stepping(),
         around,
-        settings: Vec::new(),
+        variations: Vec::new(),
     };
 
-    let solvers = [
-        ("yarn", Solver::Yarn),
-        ("gauss_seidel", Solver::GaussSeidel),
-    ];
-    for (axis, solver) in solvers {
+    for solver in SOLVERS {
         for rate in [60.0, 120.0, 300.0, 600.0, 1200.0, 2400.0, 6000.0] {
-            axes.method(axis, format!("{rate}/s"), |around| {
+            axes.method(solver_name(solver), format!("{rate}/s"), |around| {
                 around.0.physics.solver = solver;
                 step_at(around, Stepping::every(rate, 5));
             });
@@ -69,8 +85,9 @@ pub fn settings(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Settin
             step_at(around, Stepping::every(rate, interval));
         });
     }
-    for (value, precision) in [("f32", Precision::F32), ("f64", Precision::F64)] {
-        axes.method("precision", value.into(), |(_, env)| {
+    for precision in [Precision::F32, Precision::F64] {
+        let value = precision_name(precision).into();
+        axes.method("precision", value, |(_, env)| {
             env.precision = precision;
         });
     }
@@ -126,7 +143,7 @@ pub fn settings(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Settin
             change(&mut scene.physics);
         });
     }
-    axes.settings
+    axes.variations
 }
 
 /// What a feature changes.
@@ -137,7 +154,7 @@ struct Axes {
     /// Of the scene as it is configured.
     fall: Stepping,
     converged: Around,
-    settings: Vec<Setting>,
+    variations: Vec<Variation>,
 }
 
 impl Axes {
@@ -145,7 +162,7 @@ impl Axes {
     fn method(&mut self, axis: &'static str, value: String, change: impl Fn(&mut Around)) {
         let mut around = self.around.clone();
         change(&mut around);
-        self.settings.push(Setting {
+        self.variations.push(Variation {
             axis,
             value,
             is_method: true,
@@ -154,16 +171,16 @@ impl Axes {
         });
     }
 
-    /// Point `k` of an axis of models, held against point 0.
+    /// MeasuredPoint `k` of an axis of models, held against point 0.
     fn model(&mut self, axis: &'static str, k: usize, value: String, change: impl Fn(&mut Around)) {
         let mut around = self.around.clone();
         step_fall_at(&mut around.0, self.fall);
         change(&mut around);
         let reference = match k {
             0 => around.clone(),
-            _ => self.settings[self.settings.len() - k].around.clone(),
+            _ => self.variations[self.variations.len() - k].around.clone(),
         };
-        self.settings.push(Setting {
+        self.variations.push(Variation {
             axis,
             value,
             is_method: false,
@@ -210,4 +227,43 @@ fn meshes(scene: &SceneConfig, quick: bool) -> Vec<[usize; 2]> {
     }
     meshes.extend(coarser(scene));
     meshes
+}
+
+/// Sequences, the same places in every one.
+const SEQUENCES: usize = 8;
+
+/// Places on the flat blank [m], in the order of pressing: every second row and column of the
+/// region. The first is a straight sweep along the rows, then follow sweeps the other way, along
+/// the columns, along a diagonal, from the middle and back, and two random orders.
+pub fn sequences(lamina: &Lamina, env: &EnvConfig) -> Result<Vec<Vec<[f64; 2]>>, EnvError> {
+    let region = env.region(lamina)?;
+    let mut vertices: Vec<usize> = region.vertices.ones().collect();
+    let every_second = |v: &usize| lamina.place(*v as u32).iter().all(|k| k % 2 == 0);
+    if vertices.iter().any(every_second) {
+        vertices.retain(every_second);
+    }
+    let middle = [&region.rows, &region.columns].map(|r| (r.start + r.end - 1) as f64 / 2.0);
+    let order = |number: usize| {
+        let mut sorted = vertices.clone();
+        let rank = |v: usize| {
+            let [row, column] = lamina.place(v as u32).map(|k| k as f64);
+            let outwards = (row - middle[0]).hypot(column - middle[1]);
+            let (sin, cos) = (0.11 * TAU).sin_cos();
+            match number {
+                0 => row,
+                1 => -row,
+                2 => column,
+                3 => cos * column + sin * row,
+                4 => outwards,
+                _ => -outwards,
+            }
+        };
+        // Ties stay row by row.
+        sorted.sort_by(|&a, &b| rank(a).total_cmp(&rank(b)));
+        if number > 5 {
+            Stream::new(1, Purpose::Evaluation, number as u32).shuffle(&mut sorted);
+        }
+        sorted.into_iter().map(|v| lamina.rest[v]).collect()
+    };
+    Ok((0..SEQUENCES).map(order).collect())
 }

@@ -1,5 +1,4 @@
 use super::*;
-use drape_cloth::sim::Precision;
 
 /// A coarse blank that falls for a moment, and a corner of it.
 fn small() -> (SceneConfig, EnvConfig) {
@@ -19,7 +18,7 @@ fn small() -> (SceneConfig, EnvConfig) {
 #[test]
 fn errors_fall_with_the_rate_to_none_at_the_reference() {
     let (scene, env) = small();
-    let mut chosen = settings(&scene, &env, true);
+    let mut chosen = variations(&scene, &env, true);
     let rates = ["60/s", "600/s"];
     chosen
         .retain(|s| s.axis == "yarn" && rates.contains(&s.value.as_str()) || s.value == "accurate");
@@ -28,43 +27,27 @@ fn errors_fall_with_the_rate_to_none_at_the_reference() {
     chosen.push(itself);
     let (_, points, noise) = measure(&scene, &env, &chosen, &Context::quiet()).unwrap();
     assert_eq!(points.len(), 4);
-    let falls: Vec<FallError> = points.iter().map(|p| p.fall.unwrap()).collect();
+    let falls: Vec<[f64; 2]> = points.iter().map(|p| p.fall_mm.unwrap()).collect();
     for pair in falls.windows(2) {
-        assert!(pair[1].mean_mm < pair[0].mean_mm, "{pair:?}");
+        assert!(pair[1][0] < pair[0][0], "{pair:?}");
     }
-    assert!(points.iter().all(|p| p.presses.unwrap().microseconds > 0.0));
-    let mean_mm = |k: usize| points[k].sequences.unwrap().mean_mm;
-    assert_eq!([falls[3].max_mm, mean_mm(3)], [0.0; 2]);
-    assert!(falls[2].max_mm > 0.0, "the reference is finer");
-    assert!(falls[0].max_mm > 1.0, "{:?}", falls[0]);
+    assert!(points.iter().all(|p| p.microseconds.unwrap() > 0.0));
+    let mean_mm = |k: usize| points[k].eight_mm.unwrap();
+    assert_eq!([falls[3][1], mean_mm(3)], [0.0; 2]);
+    assert!(falls[2][1] > 0.0, "the reference is finer");
+    assert!(falls[0][1] > 1.0, "{:?}", falls[0]);
     assert!(mean_mm(3) < mean_mm(0));
     assert!(recommend(&points, noise).point.unwrap() < points.len());
 }
 
 #[test]
 fn the_cheapest_within_twice_the_noise_is_recommended() {
-    let of = |microseconds: f64, rms_m: Option<f64>| Point {
-        axis: "yarn",
-        value: String::new(),
-        is_method: true,
-        solver: Solver::Yarn,
-        precision: Precision::F32,
-        substep_rate: 600.0,
-        contact_interval: 5,
-        fall: None,
-        presses: Some(PressError {
-            microseconds,
-            early_mm: None,
-            region_mm: None,
-            removed: None,
-            tension_p95: None,
-        }),
-        sequences: rms_m.map(|rms_m| SequenceError {
-            left_m: [1.0, 0.0],
-            bias_m: 0.0,
-            rms_m,
-            mean_mm: 1.0,
-        }),
+    let (scene, env) = small();
+    let variation = &variations(&scene, &env, true)[0];
+    let of = |microseconds: f64, rms_m: Option<f64>| MeasuredPoint {
+        microseconds: Some(microseconds),
+        rms_m,
+        ..MeasuredPoint::of(variation)
     };
     let noise = Noise {
         distance_rms_m: 0.01,
@@ -94,7 +77,7 @@ fn the_cheapest_within_twice_the_noise_is_recommended() {
 #[test]
 fn models_keep_three_cells_under_the_stencil_and_the_fall_of_the_scene() {
     let around = (SceneConfig::rib(), EnvConfig::default());
-    let all = settings(&around.0, &around.1, false);
+    let all = variations(&around.0, &around.1, false);
     let models = || all.iter().filter(|s| !s.is_method);
     assert!(models().all(|s| s.around.0.fall.substep_rate == around.0.fall.substep_rate));
     let sides: Vec<_> = all
@@ -108,22 +91,4 @@ fn models_keep_three_cells_under_the_stencil_and_the_fall_of_the_scene() {
         vertices == 33 && (side - 3.0 * 370.0 / 32.0).abs() < 1e-9,
         "{side}"
     );
-}
-
-/// The twin that falls are held against is that of the study of the twin, settled as there.
-#[test]
-fn falls_of_the_twin_are_those_of_the_study_of_the_twin() {
-    let (mut scene, _) = small();
-    let found = against_twin(&scene).unwrap();
-    let mut coarse = scene.clone();
-    coarse.blank.vertices = [9, 9];
-    let (fast, _) = crate::twin::set_up(&coarse, |_| {}).unwrap();
-    let twin = fallen(&fast, &twin_config(&coarse).unwrap()).unwrap();
-    let expected = distance(&fast.tool, 0..81, &twin.positions());
-    let end = format!("81 vertices, which leaves {expected:.3} m");
-    assert!(found.title.ends_with(&end), "{}", found.title);
-
-    scene.physics.shear = false;
-    let message = against_twin(&scene).unwrap_err().to_string();
-    assert!(message.starts_with("`physics.shear` is false"), "{message}");
 }

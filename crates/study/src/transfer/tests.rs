@@ -1,22 +1,8 @@
 use super::*;
-use crate::episodes::play;
-use drape_cloth::fabric::BlankConfig;
-use drape_cloth::scene::{Fall, SceneConfig};
+use crate::episodes;
 
 fn scene() -> Arc<Scene> {
-    let mut config = SceneConfig::rib();
-    config.blank = BlankConfig {
-        vertices: [13, 13],
-        ..config.blank
-    };
-    config.tool.grid.spacing_mm = 12.0;
-    config.fall = Fall {
-        fall_s: 0.3,
-        settle_s: 0.1,
-        substep_rate: 1200.0,
-        ..config.fall
-    };
-    Arc::new(Scene::new(&config, |_| {}).unwrap())
+    Arc::new(Scene::new(&crate::twin::tests::config(), |_| {}).unwrap())
 }
 
 fn env() -> EnvConfig {
@@ -28,17 +14,23 @@ fn env() -> EnvConfig {
     }
 }
 
+/// As the environment steps.
+fn play_fast(scene: &Arc<Scene>, env: &EnvConfig, lists: &[&[u32]]) -> (Vec<Option<End>>, f64) {
+    let player = Player::Fast(Solver::Yarn, env.stepping(), env.precision);
+    play(scene, env, &[], player, lists).unwrap()
+}
+
 /// Whole episodes end as they did when they were played under the rules of the task, also
 /// those that are over before others.
 #[test]
 fn episodes_end_as_they_were_played() {
     let (scene, env) = (scene(), env());
-    let played = play(&scene, &env, Order::Random, 3, 5, |_| {}).unwrap();
+    let played = episodes::play(&scene, &env, Order::Random, 3, 5, |_| {}).unwrap();
     let lists: Vec<&[u32]> = played.iter().map(|p| &*p.pressed).collect();
     assert!(lists[0] != lists[1]);
-    let ends = replay(&scene, &env, &lists).unwrap();
+    let (ends, _) = play_fast(&scene, &env, &lists);
     for (end, played) in ends.iter().zip(&played) {
-        assert_eq!(end.as_ref().unwrap().left, played.region_m);
+        assert_eq!(end.as_ref().unwrap().left_m[1], played.region_m);
     }
 }
 
@@ -49,58 +41,72 @@ fn sequences_are_shared_among_the_orders() {
     assert_eq!(Order::ALL.map(count), [2, 2, 1]);
 }
 
-/// Figures of three sequences of which one is lost in the setting that is judged.
+/// Figures of three sequences of which one diverges for the player that is judged.
 #[test]
-fn rows_leave_lost_sequences_out() {
+fn rows_leave_diverged_sequences_out() {
     let end = |left: f64, x: f64| {
         Some(End {
-            half: 2.0 * left,
-            left,
+            left_m: [2.0 * left, left],
             positions: vec![[x, 0.0, 0.0], [0.0; 3]],
         })
     };
+    let row = |name, ends: &[Option<End>; 3]| Row {
+        name,
+        ends: ends.to_vec(),
+        cpu_s: 0.1,
+    };
     let twin = [end(1.0, 0.0), end(3.0, 0.0), end(2.0, 0.0)];
     let own = [end(4.0, 0.002), end(3.0, 0.004), None];
-    let sequence = Sequence {
-        order: Order::Sweep,
-        vertices: vec![0],
-    };
-    let judge = Judge {
-        balanced: &twin,
-        accurate: &own,
-        twin: &twin,
-        sequences: &vec![sequence; 3],
-        is_inside: &|v| v == 0,
-    };
-    let row = judge.row("own", 0.1, &own);
-    let (half, end) = (row.half, row.end);
-    assert_eq!(row.diverged, 1);
-    assert_eq!(end.left_m, Some([3.5, 0.5f64.sqrt()]));
-    assert_eq!((half.left_m.unwrap()[0], half.lost_m), (7.0, Some(4.0)));
-    assert_eq!(end.rank_twin, Some(-1.0));
-    assert_eq!(end.rank_accurate, Some(1.0));
+    let rows = [row(BALANCED, &twin), row(ACCURATE, &own), row(TWIN, &twin)];
+    let paths = vec![
+        Sequence {
+            order: Order::Sweep,
+            vertices: vec![0],
+        };
+        3
+    ];
+    let report = report(&rows, &paths, |v| v == 0);
+    let json: Vec<_> = report.tables.iter().map(Table::json).collect();
+    let [half, end, places] = [0, 1, 2].map(|table: usize| &json[table][1]);
+    assert_eq!(places["diverged"], 1);
+    assert_eq!(
+        (&end["left_m"], &end["deviation_m"]),
+        (&3.5.into(), &0.5f64.sqrt().into())
+    );
+    assert_eq!(
+        (&half["left_m"], &half["lost_m"]),
+        (&7.0.into(), &4.0.into())
+    );
+    assert_eq!(
+        (&end["rank_twin"], &end["rank_accurate"]),
+        (&(-1.0).into(), &1.0.into())
+    );
     // Of two, a resample holds both or has no ranks; here the former are the more.
-    assert_eq!(end.rank_twin_interval, Some([-1.0; 2]));
-    assert_eq!(end.more_than_balanced, Some([-2.0; 2]));
-    assert_eq!((end.lost_m, end.best_lost_m), (Some(2.0), Some(2.0)));
-    assert_eq!(end.lost_by_chance_m, Some(1.0));
-    assert_eq!(end.best_rank_twin, Some(2.0));
-    assert!((row.off_twin_mm[0].unwrap() - 3.0).abs() < 1e-12);
-    assert_eq!(row.off_twin_mm[1], Some(0.0));
-    assert_eq!(end.all_m, [Some(4.0), Some(3.0), None]);
-    assert_eq!(end.rank_twin_by_order, [None, Some(-1.0), None]);
-}
-
-fn setting(wanted: &str) -> Setting {
-    let found = settings().into_iter().find(|(name, _)| *name == wanted);
-    found.unwrap().1
+    assert_eq!(end["rank_twin_90"], "-1.00 .. -1.00");
+    assert_eq!(end["over_balanced_90"], "-2.00 .. -2.00");
+    assert_eq!(
+        (&end["lost_m"], &end["best_lost_m"]),
+        (&2.0.into(), &2.0.into())
+    );
+    assert_eq!(
+        (&end["by_chance_m"], &end["best_rank"]),
+        (&1.0.into(), &2.0.into())
+    );
+    let inside = places["off_the_twin_inside_mm"].as_f64().unwrap();
+    assert!((inside - 3.0).abs() < 1e-12);
+    assert_eq!(places["outside_mm"], 0.0);
+    assert_eq!(
+        (&end["rank_twin_random"], &end["rank_twin_sweeps"]),
+        (&serde_json::Value::Null, &(-1.0).into())
+    );
+    assert!(json[3][5]["left_m"].is_null());
 }
 
 /// Nothing pressed is nothing lost, in both.
 #[test]
 fn a_list_without_a_press_ends_where_it_starts() {
     let (scene, env) = (scene(), env());
-    let ends = replay(&scene, &env, &[&[], &[0]]).unwrap();
+    let (ends, _) = play_fast(&scene, &env, &[&[], &[0]]);
     let end = ends[0].as_ref().unwrap();
     // The lanes compute in f32.
     for (x, y) in end.positions.iter().zip(&scene.initial.position) {
@@ -108,35 +114,30 @@ fn a_list_without_a_press_ends_where_it_starts() {
             assert!((x - y).abs() < 1e-6);
         }
     }
-    assert!(end.half == end.left && end.left > 0.0);
-    assert!(ends[1].as_ref().unwrap().left != end.left);
+    assert!(end.left_m[0] == end.left_m[1] && end.left_m[1] > 0.0);
+    assert!(ends[1].as_ref().unwrap().left_m != end.left_m);
 
-    let Setting::Twin(setting) = setting(TWIN) else {
-        panic!("the twin is one");
+    let player = Player::Twin {
+        is_accelerated: false,
+        starts_as_fast: true,
     };
-    let config = twin_config(&scene.config).unwrap();
-    let rest = &scene.initial.position;
-    let (ends, _) = replay_in_twin(&scene, &env, &config, rest, setting, &[&[]]).unwrap();
+    let (ends, _) = play(&scene, &env, &[], player, &[&[]]).unwrap();
     let twin = ends[0].as_ref().unwrap();
-    assert_eq!(
-        (twin.half, &twin.positions),
-        (twin.left, &scene.initial.position)
-    );
-    assert!((twin.left - end.left).abs() < 1e-6 * 169.0);
+    assert_eq!(twin.left_m[0], twin.left_m[1]);
+    assert_eq!(twin.positions, scene.initial.position);
+    assert!((twin.left_m[1] - end.left_m[1]).abs() < 1e-6 * 169.0);
 }
 
 /// Rows that bear the name of a preset step as the preset does.
 #[test]
 fn presets_are_what_they_are_called() {
-    let (scene, env) = (scene(), env());
     for preset in Accuracy::ALL {
-        let Setting::Fast(fast) = setting(preset.name()) else {
+        let found = players()
+            .into_iter()
+            .find(|(name, _)| *name == preset.name());
+        let Some((_, Player::Fast(Solver::Yarn, stepping, _))) = found else {
             panic!("{preset:?} is none of the fast solver's");
         };
-        let (_, mut changed) = changed(&scene, &env, fast);
-        let mut expected = env.clone();
-        expected.set_stepping(preset.stepping());
-        changed.precision = expected.precision;
-        assert_eq!(changed, expected, "{preset:?}");
+        assert_eq!(stepping, preset.stepping(), "{preset:?}");
     }
 }

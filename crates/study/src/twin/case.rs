@@ -6,6 +6,7 @@ use cpu_time::{ProcessTime, ThreadTime};
 
 use super::fall::{fallen, twin_config, unfallen};
 use crate::points::{apart_mm, coarser, distance, same_points};
+use crate::presses::{self, Positions};
 use crate::study::StudyError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
@@ -16,7 +17,7 @@ use drape_task::env::{Draping, EnvConfig};
 const PUSH: f64 = 1e-6;
 
 /// A scene, a region with its stencil, and the vertices to press.
-pub struct Case {
+pub struct PaperCase {
     pub scene: Arc<Scene>,
     /// CPU time of the fast solver's fall [s].
     pub fall_cpu_s: f64,
@@ -46,7 +47,7 @@ pub struct Ran {
     /// Of the twin, after the fall and after the presses, from the start of the fall.
     pub energy: Option<[Energies; 2]>,
     /// Positions before the presses and after them [m].
-    pub ends: [Vec<[f64; 3]>; 2],
+    pub ends: [Positions; 2],
 }
 
 impl Ran {
@@ -56,7 +57,7 @@ impl Ran {
     }
 }
 
-impl Case {
+impl PaperCase {
     /// Fast solver, twin and accelerated twin, in this order; the twins on a thread each.
     /// `progress` is told the share of the twin's presses that are done, 0..=1.
     ///
@@ -112,11 +113,7 @@ impl Case {
         if push > 0.0 {
             let mut pushed = twin.positions();
             let mut stream = Stream::new(1, Purpose::Evaluation, 0);
-            for (v, x) in pushed.iter_mut().enumerate() {
-                if !scene.initial.fixed.contains(v) {
-                    *x = x.map(|x| x + push * stream.normal());
-                }
-            }
+            presses::push(scene, &mut pushed, push, &mut stream);
             twin.set_positions(&pushed);
         }
         let initial = twin.positions();

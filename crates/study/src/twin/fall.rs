@@ -1,7 +1,7 @@
 //! A twin that falls and lies as a scene says.
 
 use crate::study::StudyError;
-use crate::verify::solve::twin_stiffness;
+use crate::verify::solve::twin_physics;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::{Scene, SceneConfig, SceneError, hung};
 use drape_cloth::sim::SelfCollision;
@@ -43,14 +43,7 @@ pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
     for (is_refused, key, found, expected) in refused {
         ValueError::unless(!is_refused, key, found, expected)?;
     }
-    Ok(TwinConfig {
-        bending_stiffness: twin_stiffness(physics),
-        gravity: physics.gravity,
-        friction: physics.friction,
-        adhesion: physics.adhesion,
-        damping: physics.damping,
-        ..TwinConfig::default()
-    })
+    Ok(twin_physics(physics))
 }
 
 /// How the twin's roller, which comes down at `speed` [m/s], presses where the environment's

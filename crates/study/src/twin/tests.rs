@@ -4,7 +4,7 @@ use drape_cloth::fabric::BlankConfig;
 use drape_cloth::scene::Fall;
 
 /// The rib with a coarse blank that falls for a short time.
-fn config() -> SceneConfig {
+pub fn config() -> SceneConfig {
     let mut config = SceneConfig::rib();
     config.blank = BlankConfig {
         vertices: [13, 13],

@@ -1,10 +1,9 @@
 //! Bending: the heavy elastica.
 
-use super::solve::{Piece, Solve};
-use crate::cloth::{AREAL_MASS, GRAVITY, fix, mean_at, placed, rigid, strip, yarns_alone};
+use super::solve::Solve;
+use crate::cloth::{AREAL_MASS, GRAVITY, clamped, mean_at, strip};
 use crate::truth;
 use drape_cloth::fabric::{Family, Material};
-use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig};
 
 /// The elastica theta'' = -Gamma (1 - s) cos theta, Gamma = w L^3 / D with the weight w per
 /// area: Gamma, drop and reach of the tip over the length.
@@ -22,7 +21,6 @@ pub const ELASTICA: [[f64; 3]; 7] = [
 #[derive(Clone, Copy, Debug)]
 pub struct Cantilever {
     pub family: Family,
-    pub bending: Bending,
     /// Bending stiffness per width [N m].
     pub stiffness: f64,
     /// Free length [m].
@@ -32,19 +30,11 @@ pub struct Cantilever {
 }
 
 /// Where a cantilever comes to rest.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Bent {
-    /// Reach and drop of every cross-section from the clamp on, over the free length.
-    pub profile: Vec<[f64; 2]>,
-    pub v_rms: f64,
-}
-
-impl Bent {
     /// Drop and reach of the tip over the length.
-    pub fn tip(&self) -> [f64; 2] {
-        let [reach, drop] = self.profile[self.profile.len() - 1];
-        [drop, reach]
-    }
+    pub tip: [f64; 2],
+    pub v_rms: f64,
 }
 
 impl Cantilever {
@@ -53,7 +43,6 @@ impl Cantilever {
         let length = 0.2f64;
         Self {
             family: Family::Warp,
-            bending: Bending::Yarns,
             stiffness: AREAL_MASS * GRAVITY * length.powi(3) / gamma,
             length,
             edges,
@@ -65,39 +54,23 @@ impl Cantilever {
         let stiffness = Material::interglas_92125().bending_stiffness(family);
         Self {
             family,
-            bending: Bending::Yarns,
             stiffness,
             length: (gamma * stiffness / (AREAL_MASS * GRAVITY)).cbrt(),
             edges,
         }
     }
 
-    /// Lets the strip sink until it is still.
-    ///
-    /// The first edge is the clamp: bending begins where the curvature of its second vertex
-    /// does, half an edge from either end, so the free length counts from the middle of that
-    /// edge. Yarns resist compression as tension: the elastica keeps its length.
+    /// Lets the strip sink until it is still, damped near the critical damping of the swing of a
+    /// hanging strip.
     pub fn sink(&self, solver: &dyn Solve) -> Bent {
         let edge = self.length / (self.edges as f64 - 0.5);
-        let strip = rigid(strip(self.family, edge * self.edges as f64, self.edges));
-        let mut state = placed(&strip, |s, t| [s - 0.5 * edge, t, 0.0]);
-        fix(&strip, &mut state, &[0, 1]);
-        // Near the critical damping of the swing of a hanging strip.
+        let strip = strip(self.family, edge * self.edges as f64, self.edges);
         let swing = (GRAVITY / self.length).sqrt();
-        let physics = PhysicsConfig {
-            bending: self.bending,
-            bending_stiffness: BendingStiffness::NewtonMetre(self.stiffness),
-            damping: 2.0 * swing,
-            ..yarns_alone()
-        };
-        let piece = &Piece::new(&strip, physics);
-        let end = solver.settle(piece, &state, [1e-9 * swing * self.length, 160.0 / swing]);
-        let profile = (1..=self.edges).map(|k| {
-            let x = mean_at(&strip, &end, k) / self.length;
-            [x.x, -x.z]
-        });
+        let piece = clamped(strip, edge, self.stiffness, 2.0 * swing);
+        let end = solver.settle(&piece, [1e-9 * swing * self.length, 160.0 / swing]);
+        let tip = mean_at(&piece.lamina, &end, self.edges) / self.length;
         Bent {
-            profile: profile.collect(),
+            tip: [-tip.z, tip.x],
             v_rms: end.v_rms(),
         }
     }
@@ -116,12 +89,4 @@ pub fn stiffness_shown(drop: f64, length: f64) -> f64 {
         }
     }
     AREAL_MASS * GRAVITY * length.powi(3) / low.exp()
-}
-
-/// Profile of the elastica, reach and drop over the length, for a curve.
-pub fn elastica(gamma: f64) -> Vec<[f64; 2]> {
-    let shape = truth::elastica(gamma);
-    (0..=100)
-        .map(|k| truth::along(&shape, f64::from(k) / 100.0))
-        .collect()
 }

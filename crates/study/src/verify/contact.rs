@@ -1,15 +1,15 @@
 //! Cloth on tools: slipping, ropes round a drum, lift-off.
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
-use super::solve::{Piece, Solve};
+use super::solve::Solve;
 use crate::cloth::{
-    AREAL_MASS, GRAVITY, evened, fix, laid, mean_at, placed, rigid, rubbing, section, sheet, strip,
-    tool, yarns_alone,
+    AREAL_MASS, GRAVITY, Piece, clamped, evened, mean_at, on_slope, placed, rubbing, section,
+    sheet, slid, strip, tool, yarns_alone,
 };
 use drape_cloth::fabric::Family;
-use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig};
-use drape_cloth::tool::{Cylinder, Incline, Pose, Shape, Tool};
+use drape_cloth::sim::{Bending, PhysicsConfig};
+use drape_cloth::tool::{Cylinder, Pose, Shape, Tool};
 
 /// Halvings of the bracket within which a threshold is searched.
 const HALVINGS: usize = 9;
@@ -31,36 +31,19 @@ fn threshold([mut low, mut high]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 
     0.5 * (low + high)
 }
 
-/// How far a sheet with friction `mu` (at rest, in motion) slides in `seconds` down an incline
-/// of `angle` [rad] [m].
-pub fn slide(solver: &dyn Solve, mu: [f64; 2], angle: f64, seconds: f64) -> f64 {
-    let incline = Incline {
-        angle_deg: angle.to_degrees(),
-        plate_mm: [2000.0, 400.0],
-        ..Incline::default()
-    };
-    let incline = tool(Shape::Incline(incline), Pose::default(), 50.0);
-    let sheet = sheet([0.1, 0.08], [6, 5], rubbing(mu));
-    let (sin, cos) = angle.sin_cos();
-    let state = laid(&sheet, |[x, y]| [cos * x, y, -sin * x]);
+/// Angle of an incline at which a sheet with friction `mu` begins to slip [rad].
+pub fn slip_angle(solver: &dyn Solve, mu: f64) -> f64 {
+    let expected = mu.atan();
     let physics = PhysicsConfig {
         friction: true,
         shear: true,
         bending: Bending::Yarns,
         ..yarns_alone()
     };
-    let piece = &Piece::new(&sheet, physics).on(&incline);
-    let end = solver.run(piece, &state, seconds);
-    let along = |x: &[f64; 3]| x[0] * cos - x[2] * sin;
-    let travelled = |s: &[[f64; 3]]| s.iter().map(along).sum::<f64>();
-    (travelled(&end.position) - travelled(&state.position)) / end.position.len() as f64
-}
-
-/// Angle of an incline at which a sheet with friction `mu` begins to slip [rad].
-pub fn slip_angle(solver: &dyn Solve, mu: f64) -> f64 {
-    let expected = mu.atan();
     threshold([0.9 * expected, 1.1 * expected], |angle| {
-        slide(solver, [mu; 2], angle, 0.2) < 1e-6
+        let sheet = sheet([0.1, 0.08], [6, 5], rubbing([mu; 2]));
+        let piece = on_slope(sheet, physics.clone(), angle);
+        slid(&piece.start, &solver.run(&piece, 0.2), angle) < 1e-6
     })
 }
 
@@ -77,15 +60,18 @@ pub struct Rope {
 /// Radius of the drum [m].
 const DRUM: f64 = 0.05;
 
-static DRUM_TOOL: LazyLock<Tool> = LazyLock::new(|| {
+static DRUM_TOOL: LazyLock<Arc<Tool>> = LazyLock::new(|| cylinder(DRUM, 100.0));
+
+/// A cylinder of `radius` [m] over a base.
+fn cylinder(radius: f64, base_mm: f64) -> Arc<Tool> {
     let cylinder = Cylinder {
-        radius_mm: 1e3 * DRUM,
+        radius_mm: 1e3 * radius,
         length_mm: 100.0,
-        base_mm: 100.0,
+        base_mm,
         segment_count: 512,
     };
-    tool(Shape::Cylinder(cylinder), Pose::default(), 2.0)
-});
+    tool(Shape::Cylinder(cylinder), Pose::default(), 2.0).into()
+}
 
 /// Edges of a rope that hang down on either side.
 const HANGING: usize = 4;
@@ -123,7 +109,7 @@ impl Rope {
                 strip.mass[v] += 0.5 * load * weight;
             }
         }
-        let state = placed(&strip, |s, t| {
+        let start = placed(&strip, |s, t| {
             let s = s - 0.5 * length;
             let quarter = 0.5 * std::f64::consts::PI * DRUM;
             if s.abs() < quarter {
@@ -138,11 +124,13 @@ impl Rope {
             damping: 20.0,
             ..yarns_alone()
         };
-        let piece = &Piece::new(&strip, physics).on(&DRUM_TOOL);
-        let taut = solver.run(piece, &state, 0.5);
-        let end = solver.run(piece, &taut, 0.5);
-        let crown = count / 2;
-        (mean_at(&strip, &end, crown) - mean_at(&strip, &taut, crown)).norm()
+        let mut piece = Piece::new(strip, physics, start).on(&DRUM_TOOL);
+        let mut crown = || {
+            piece.start = solver.run(&piece, 0.5);
+            mean_at(&piece.lamina, &piece.start, count / 2)
+        };
+        let taut = crown();
+        (crown() - taut).norm()
     }
 }
 
@@ -164,25 +152,20 @@ pub struct LiftOff {
 /// Radius of that cylinder [m].
 const CYLINDER: f64 = 0.1;
 
-static CYLINDER_TOOL: LazyLock<Tool> = LazyLock::new(|| {
-    let cylinder = Cylinder {
-        radius_mm: 1e3 * CYLINDER,
-        length_mm: 100.0,
-        segment_count: 512,
-        ..Cylinder::default()
-    };
-    tool(Shape::Cylinder(cylinder), Pose::default(), 2.0)
-});
+static CYLINDER_TOOL: LazyLock<Arc<Tool>> =
+    LazyLock::new(|| cylinder(CYLINDER, Cylinder::default().base_mm));
 
 /// Lets the strip come to rest on a cylinder of 100 mm. Cloth has no thickness in contact, so the
 /// mid-surface has the tool's radius.
 pub fn lift_off(solver: &dyn Solve, g_r: f64, edges: usize) -> LiftOff {
     let radius = CYLINDER;
     let edge = 2.0 * radius / (edges as f64 - 0.5);
-    let strip = rigid(strip(Family::Weft, edge * edges as f64, edges));
+    let strip = strip(Family::Weft, edge * edges as f64, edges);
+    let stiffness = AREAL_MASS * GRAVITY * radius.powi(3) / g_r;
+    let mut piece = clamped(strip, edge, stiffness, 8.0).on(&CYLINDER_TOOL);
     // Wound on and down beside, then let go: it comes to its place from the inner side.
     let quarter = 0.5 * std::f64::consts::PI * radius;
-    let mut state = placed(&strip, |s, t| {
+    let wound = placed(&piece.lamina, |s, t| {
         let s = s - 0.5 * edge;
         if s < edge {
             return [t, s, radius];
@@ -191,19 +174,11 @@ pub fn lift_off(solver: &dyn Solve, g_r: f64, edges: usize) -> LiftOff {
         let down = (s - quarter).max(0.0);
         [t, radius * sin + 1e-4, radius * cos + 1e-4 - down]
     });
-    fix(&strip, &mut state, &[0, 1]);
-    let stiffness = AREAL_MASS * GRAVITY * radius.powi(3) / g_r;
-    let physics = PhysicsConfig {
-        bending: Bending::Yarns,
-        bending_stiffness: BendingStiffness::NewtonMetre(stiffness),
-        damping: 8.0,
-        ..yarns_alone()
-    };
-    let piece = &Piece::new(&strip, physics).on(&CYLINDER_TOOL);
-    let end = solver.settle(piece, &state, [1e-6, 4.0]);
+    piece.start.position = wound.position;
+    let end = solver.settle(&piece, [1e-6, 4.0]);
     // Beyond the line of contact the gap grows with the cube of the distance.
     let gaps: Vec<[f64; 2]> = (0..=edges)
-        .map(|k| mean_at(&strip, &end, k))
+        .map(|k| mean_at(&piece.lamina, &end, k))
         .map(|x| [x.y.atan2(x.z).to_degrees(), x.y.hypot(x.z) - radius])
         .filter(|[_, gap]| (1.5e-4..1.2e-3).contains(gap))
         .map(|[angle, gap]| [angle, gap.cbrt()])
@@ -212,7 +187,7 @@ pub fn lift_off(solver: &dyn Solve, g_r: f64, edges: usize) -> LiftOff {
         (Some([a, p]), Some([b, q])) if q > p => a - p * (b - a) / (q - p),
         _ => f64::NAN,
     };
-    let tip = mean_at(&strip, &end, edges) / radius;
+    let tip = mean_at(&piece.lamina, &end, edges) / radius;
     LiftOff {
         angle,
         tip: [tip.y, tip.z],

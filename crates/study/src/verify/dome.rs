@@ -1,10 +1,10 @@
 //! Draping a sphere: a net of inextensible yarns.
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use super::shear::shear_at;
-use super::solve::{Piece, Solve};
-use crate::cloth::{GRAVITY, laid, shearing, sheet, tool, yarns_alone};
+use super::solve::Solve;
+use crate::cloth::{GRAVITY, Piece, laid, shearing, sheet, tool, yarns_alone};
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig};
 use drape_cloth::tool::{Hemisphere, Pose, Shape, Tool};
@@ -12,14 +12,14 @@ use drape_cloth::tool::{Hemisphere, Pose, Shape, Tool};
 /// Radius of the hemisphere [m].
 const RADIUS: f64 = 0.1;
 
-static DOME: LazyLock<Tool> = LazyLock::new(|| {
+static DOME: LazyLock<Arc<Tool>> = LazyLock::new(|| {
     let dome = Hemisphere {
         radius_mm: 1e3 * RADIUS,
         segment_count: 256,
         ring_count: 64,
         ..Hemisphere::default()
     };
-    tool(Shape::Hemisphere(dome), Pose::default(), 3.0)
+    tool(Shape::Hemisphere(dome), Pose::default(), 3.0).into()
 });
 
 /// Length of the sheet along its middle yarns, from the pole, over the radius: the bias then
@@ -77,9 +77,9 @@ pub fn fishnet(arm: f64, edges: usize) -> Vec<[f64; 2]> {
 pub fn wrap(solver: &dyn Solve, edges: usize) -> Vec<[f64; 2]> {
     let side = 2.0 * ARM * RADIUS;
     let lamina = sheet([side; 2], [2 * edges + 1; 2], shearing(50.0));
-    let mut state = laid(&lamina, |[x, y]| [x, y, RADIUS]);
+    let mut start = laid(&lamina, |[x, y]| [x, y, RADIUS]);
     let pole = lamina.vertex_at(edges, edges).expect("inside the sheet");
-    state.fixed.insert(pole as usize);
+    start.fixed.insert(pole as usize);
     let physics = PhysicsConfig {
         bending: Bending::Yarns,
         bending_stiffness: BendingStiffness::NewtonMetre(1e-5),
@@ -90,8 +90,9 @@ pub fn wrap(solver: &dyn Solve, edges: usize) -> Vec<[f64; 2]> {
         damping: 50.0,
         ..yarns_alone()
     };
-    let piece = &Piece::new(&lamina, physics).on(&DOME);
-    let end = solver.settle(piece, &state, [1e-5, 2.5]);
+    let piece = Piece::new(lamina, physics, start).on(&DOME);
+    let end = solver.settle(&piece, [1e-5, 2.5]);
+    let lamina = &piece.lamina;
     let polar = |v: u32| {
         let x = Vec3::from(end.position[v as usize]);
         (x.z / x.norm()).clamp(-1.0, 1.0).acos()
@@ -102,7 +103,7 @@ pub fn wrap(solver: &dyn Solve, edges: usize) -> Vec<[f64; 2]> {
         let of = corners.map(|(p, q): (isize, isize)| {
             let at = |sign: isize| edges.wrapping_add_signed(sign * k as isize);
             let v = lamina.vertex_at(at(p), at(q)).expect("inside the sheet");
-            let angle = shear_at(&lamina, &end, v).expect("has four neighbours");
+            let angle = shear_at(lamina, &end, v).expect("has four neighbours");
             [polar(v), angle.abs()]
         });
         shear.push([0, 1].map(|i| of.iter().map(|one| one[i]).sum::<f64>() / 4.0));

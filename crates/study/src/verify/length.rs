@@ -1,10 +1,11 @@
 //! Length: pulled, hanging and sagging strips.
 
-use super::solve::{Piece, Solve};
+use super::solve::Solve;
 use crate::cloth::{
-    AREAL_MASS, GRAVITY, evened, fix, mean_at, placed, rigid, section, strip, yarns_alone,
+    AREAL_MASS, GRAVITY, Piece, evened, fix, hung, mean_at, placed, rigid, section, strip,
+    yarns_alone,
 };
-use drape_cloth::fabric::{Family, Material};
+use drape_cloth::fabric::{Family, Lamina, Material};
 use drape_cloth::sim::{PhysicsConfig, Tension};
 
 /// Points of the tension curves: family, strain, force per width [N/m].
@@ -18,6 +19,20 @@ pub const UNIAXIAL: [(Family, f64, f64); 4] = [
 /// Edges and length [m] of the strip that is pulled.
 const PULLED: (usize, f64) = (10, 0.1);
 
+/// Mean strain of `strip` that hangs by its upper end.
+fn hanging_strain(
+    solver: &dyn Solve,
+    strip: Lamina,
+    (edges, length): (usize, f64),
+    physics: PhysicsConfig,
+    speed: f64,
+) -> f64 {
+    let start = hung(&strip, 0.0);
+    let piece = Piece::new(strip, physics, start);
+    let end = solver.settle(&piece, [speed, 3.0]);
+    -mean_at(&piece.lamina, &end, edges).z / length - 1.0
+}
+
 /// Mean strain of a strip that hangs with `force` per width [N/m] at its lower end.
 pub fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
     let (edges, length) = PULLED;
@@ -26,16 +41,12 @@ pub fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
     for v in section(&strip, edges) {
         strip.mass[v] = 0.5 * force * width / GRAVITY;
     }
-    let mut state = placed(&strip, |s, t| [t, 0.0, -s]);
-    fix(&strip, &mut state, &[0]);
     let physics = PhysicsConfig {
         tension: Tension::Material,
         damping: 200.0,
         ..yarns_alone()
     };
-    let piece = &Piece::new(&strip, physics);
-    let end = solver.settle(piece, &state, [1e-8, 3.0]);
-    -mean_at(&strip, &end, edges).z / length - 1.0
+    hanging_strain(solver, strip, PULLED, physics, 1e-8)
 }
 
 /// Force per width [N/m] that strains a strip by `strain`: the weight that does, searched by
@@ -60,17 +71,12 @@ const CHAIN: (usize, f64) = (64, 0.37);
 
 /// Mean strain of a strip that hangs by its upper end.
 pub fn hanging(solver: &dyn Solve, family: Family) -> f64 {
-    let (edges, length) = CHAIN;
-    let strip = strip(family, length, edges);
-    let mut state = placed(&strip, |s, t| [t, 0.0, -s]);
-    fix(&strip, &mut state, &[0]);
     let physics = PhysicsConfig {
         damping: 20.0,
         ..yarns_alone()
     };
-    let piece = &Piece::new(&strip, physics);
-    let end = solver.settle(piece, &state, [1e-9, 3.0]);
-    -mean_at(&strip, &end, edges).z / length - 1.0
+    let strip = strip(family, CHAIN.1, CHAIN.0);
+    hanging_strain(solver, strip, CHAIN, physics, 1e-9)
 }
 
 /// What its weight stretches it by, the law's first slope: rho g L / (2 E t).
@@ -87,23 +93,26 @@ pub fn one_pass_stretch(h: f64) -> f64 {
     GRAVITY * h * h * (edges * edges) as f64 / (2.0 * length)
 }
 
-/// Sag of a strip of 0.37 m over a span of 0.30 m [m].
+/// Length and span of the catenary [m].
+pub const CATENARY: [f64; 2] = [0.37, 0.30];
+
+/// Its sag [m].
 pub const SAG: f64 = 0.095_689;
 
 /// The same as found with a strip of `edges` edges.
 pub fn catenary_sag(solver: &dyn Solve, edges: usize) -> f64 {
-    let strip = rigid(strip(Family::Warp, 0.37, edges));
-    let (span, length) = (0.30f64, 0.37f64);
+    let [length, span] = CATENARY;
+    let strip = rigid(strip(Family::Warp, length, edges));
     let slope = (length * length - span * span).sqrt() / length;
-    let mut state = placed(&strip, |s, t| {
+    let mut start = placed(&strip, |s, t| {
         [s * span / length, t, -slope * s.min(length - s)]
     });
-    fix(&strip, &mut state, &[0, edges]);
+    fix(&strip, &mut start, &[0, edges]);
     let physics = PhysicsConfig {
         damping: 10.0,
         ..yarns_alone()
     };
-    let piece = &Piece::new(&strip, physics);
-    let end = solver.settle(piece, &state, [1e-7, 4.0]);
-    -mean_at(&strip, &end, edges / 2).z
+    let piece = Piece::new(strip, physics, start);
+    let end = solver.settle(&piece, [1e-7, 4.0]);
+    -mean_at(&piece.lamina, &end, edges / 2).z
 }

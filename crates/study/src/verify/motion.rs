@@ -1,21 +1,10 @@
 //! Motion: what flight keeps and what the integrator damps.
 
-use super::solve::{Fast, Piece, Solve};
-use crate::cloth::{laid, placed, rigid, sheet, yarns_alone};
-use drape_cloth::fabric::{Curve, Lamina, Material};
+use super::solve::{Fast, Solve};
+use crate::cloth::{Piece, laid, momenta, placed, rigid, sheet, yarns_alone};
+use drape_cloth::fabric::{Curve, Material};
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::sim::{Bending, PhysicsConfig, Snapshot};
-
-/// Linear and angular momentum [kg m/s, kg m^2/s].
-pub fn momenta(lamina: &Lamina, state: &Snapshot) -> [Vec3; 2] {
-    let mut sum = [Vec3::zeros(); 2];
-    for ((x, v), m) in state.position.iter().zip(&state.velocity).zip(&lamina.mass) {
-        let p = Vec3::from(*v) * *m;
-        sum[0] += p;
-        sum[1] += Vec3::from(*x).cross(&p);
-    }
-    sum
-}
 
 /// What is left of linear and of angular momentum, and what implicit Euler leaves of the latter.
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +23,7 @@ pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
     let mut stream = Stream::new(1, Purpose::Evaluation, 0);
     let lamina = sheet([0.1, 0.08], [7, 6], Material::interglas_92125());
     let length = 0.157;
-    let mut state = laid(&lamina, |[x, y]| {
+    let mut start = laid(&lamina, |[x, y]| {
         [
             x,
             y,
@@ -43,7 +32,7 @@ pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
     });
     for (v, [x, y]) in lamina.rest.iter().enumerate() {
         let even = [0.5 - omega * y, omega * x - 0.4, 0.3];
-        state.velocity[v] = even.map(|even| even + noise * stream.normal());
+        start.velocity[v] = even.map(|even| even + noise * stream.normal());
     }
     let physics = PhysicsConfig {
         bending: Bending::Yarns,
@@ -52,21 +41,18 @@ pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
         ..yarns_alone()
     };
     let seconds = 0.5;
-    let piece = &Piece::new(&lamina, physics);
-    let end = fast.run(piece, &state, seconds);
+    let piece = Piece::new(lamina, physics, start);
+    let end = fast.run(&piece, seconds);
     // About the centre of mass, so that flight itself has none.
     let centred = |state: &Snapshot| {
-        let mass: f64 = lamina.mass.iter().sum();
-        let [linear, angular] = momenta(&lamina, state);
-        let sum: Vec3 = state
-            .position
-            .iter()
-            .zip(&lamina.mass)
-            .map(|(x, m)| Vec3::from(*x) * *m)
-            .sum();
-        [linear, angular - (sum / mass).cross(&linear)]
+        let masses = &piece.lamina.mass;
+        let [linear, angular] = momenta(&piece.lamina, state);
+        let places = state.position.iter().zip(masses);
+        let sum: Vec3 = places.map(|(x, m)| Vec3::from(*x) * *m).sum();
+        let centre = sum / masses.iter().sum::<f64>();
+        [linear, angular - centre.cross(&linear)]
     };
-    let ([p0, l0], [p1, l1]) = (centred(&state), centred(&end));
+    let ([p0, l0], [p1, l1]) = (centred(&piece.start), centred(&end));
     let t = (seconds / fast.substep).round() * fast.substep;
     Flight {
         linear: 1.0 - (p1 - p0).norm() / p0.norm(),
@@ -93,18 +79,18 @@ pub fn oscillation(fast: &Fast, pace: f64) -> [f64; 2] {
         gravity: 0.0,
         ..yarns_alone()
     };
-    let piece = &Piece::new(&cell, physics);
-    let mut state = placed(&cell, |s, t| [(1.0 + 1e-5) * s, t, 0.0]);
+    let start = placed(&cell, |s, t| [(1.0 + 1e-5) * s, t, 0.0]);
+    let mut piece = Piece::new(cell, physics, start);
     let energy = |state: &Snapshot| {
         let c = state.position[1][0] - state.position[0][0] - a;
         let v = state.velocity[1][0] - state.velocity[0][0];
         0.5 * (k * c * c + reduced * v * v)
     };
-    let start = energy(&state);
+    let start = energy(&piece.start);
     let steps = 8;
     for _ in 0..steps {
-        state = fast.run(piece, &state, h);
+        piece.start = fast.run(&piece, h);
     }
-    let kept = (energy(&state) / start).powf(0.5 / f64::from(steps));
+    let kept = (energy(&piece.start) / start).powf(0.5 / f64::from(steps));
     [kept, (1.0 + pace * pace).powf(-0.5)]
 }

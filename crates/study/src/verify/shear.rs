@@ -2,8 +2,8 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
 
-use super::solve::{Piece, Solve};
-use crate::cloth::{laid, shearing, sheet, yarns_alone};
+use super::solve::Solve;
+use crate::cloth::{Piece, laid, shearing, sheet, yarns_alone};
 use drape_cloth::fabric::{BlankConfig, Family, Lamina, MassModel, Material};
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::{PhysicsConfig, Snapshot};
@@ -17,24 +17,18 @@ pub fn fabric() -> Material {
 }
 
 /// Moves the fixed vertices evenly to `target` within `seconds`, then waits until all is still.
-fn pull(
-    solver: &dyn Solve,
-    piece: &Piece,
-    state: &Snapshot,
-    target: &Snapshot,
-    seconds: f64,
-) -> Snapshot {
-    let mut state = state.clone();
-    for v in state.fixed.ones() {
-        let [x, to] = [&state, target].map(|s| Vec3::from(s.position[v]));
-        state.velocity[v] = ((to - x) / seconds).into();
+fn pull(solver: &dyn Solve, piece: &mut Piece, target: &Snapshot, seconds: f64) {
+    let fixed = piece.start.fixed.clone();
+    for v in fixed.ones() {
+        let [x, to] = [&piece.start, target].map(|s| Vec3::from(s.position[v]));
+        piece.start.velocity[v] = ((to - x) / seconds).into();
     }
-    let mut state = solver.run(piece, &state, seconds);
-    for v in state.fixed.ones() {
-        state.position[v] = target.position[v];
-        state.velocity[v] = [0.0; 3];
+    piece.start = solver.run(piece, seconds);
+    for v in fixed.ones() {
+        piece.start.position[v] = target.position[v];
+        piece.start.velocity[v] = [0.0; 3];
     }
-    solver.settle(piece, &state, [1e-6, 1.0])
+    piece.start = solver.settle(piece, [1e-6, 1.0]);
 }
 
 /// Angle by which the yarns at a vertex have left the right one [rad]: between the directions to
@@ -86,10 +80,10 @@ pub fn picture_frame(solver: &dyn Solve, d: f64, cells: usize) -> f64 {
     let target = laid(&lamina, |[x, y]| {
         [cos * x + sin * y, sin * x + cos * y, 0.0]
     });
-    let mut state = laid(&lamina, |[x, y]| [x, y, 0.0]);
+    let mut start = laid(&lamina, |[x, y]| [x, y, 0.0]);
     for v in 0..lamina.vertex_count() as u32 {
         if lamina.neighbors(v).count() < 8 {
-            state.fixed.insert(v as usize);
+            start.fixed.insert(v as usize);
         }
     }
     let physics = PhysicsConfig {
@@ -98,9 +92,9 @@ pub fn picture_frame(solver: &dyn Solve, d: f64, cells: usize) -> f64 {
         damping: 50.0,
         ..yarns_alone()
     };
-    let piece = &Piece::new(&lamina, physics);
-    let end = pull(solver, piece, &state, &target, 0.5);
-    mean_shear(&lamina, &end, |_| true)
+    let mut piece = Piece::new(lamina, physics, start);
+    pull(solver, &mut piece, &target, 0.5);
+    mean_shear(&piece.lamina, &piece.start, |_| true)
 }
 
 /// Length and width of the bias specimen between its clamps [m].
@@ -147,42 +141,44 @@ pub struct Extension {
 /// Root mean square speed below which the specimen rests [m/s].
 const RESTS: f64 = 1e-3;
 
-/// Draws `lamina` out to each of `ways` [m] in turn, ascending.
-pub fn draw_out(solver: &dyn Solve, lamina: &Lamina, ways: &[f64]) -> Vec<Extension> {
+/// Draws `lamina` out by each of `extensions` [m] in turn, ascending.
+pub fn draw_out(solver: &dyn Solve, lamina: Lamina, extensions: &[f64]) -> Vec<Extension> {
     let physics = PhysicsConfig {
         shear: true,
         gravity: 0.0,
         damping: 400.0,
         ..yarns_alone()
     };
-    let piece = &Piece::new(lamina, physics);
     let half = 0.5 * SPECIMEN[0];
-    let mut state = laid(lamina, |[x, y]| [x, y, 0.0]);
+    let mut start = laid(&lamina, |[x, y]| [x, y, 0.0]);
     for (v, [x, _]) in lamina.rest.iter().enumerate() {
-        state.fixed.set(v, x.abs() > half - 1e-9);
+        start.fixed.set(v, x.abs() > half - 1e-9);
     }
     let left = |v: &u32| lamina.rest[*v as usize][0] < 1e-9 - half;
     let clamp: Vec<u32> = (0..lamina.vertex_count() as u32).filter(left).collect();
+    let mut piece = Piece::new(lamina, physics, start);
     let mut last = 0.0;
-    let mut to = |state: &Snapshot, d: f64| {
+    let mut to = |piece: &mut Piece, d: f64| {
         let seconds = 0.02 * (1e3 * (d - last)).max(1.0);
         last = d;
-        let target = laid(lamina, |[x, y]| [x + 0.5 * d * x.signum(), y, 0.0]);
-        pull(solver, piece, state, &target, seconds)
+        let target = laid(&piece.lamina, |[x, y]| [x + 0.5 * d * x.signum(), y, 0.0]);
+        pull(solver, piece, &target, seconds);
+        piece.start.clone()
     };
     let step = 0.5e-3;
     // The middle zone ends where yarns reach a clamp.
     let middle = 0.5 * (SPECIMEN[0] - SPECIMEN[1]) - 1e-6;
     let mut found = Vec::new();
-    for &d in ways {
-        let before = to(&state, d - step);
-        let at = to(&before, d);
-        let after = to(&at, d + step);
+    for &d in extensions {
+        let before = to(&mut piece, d - step);
+        let at = to(&mut piece, d);
+        let pull = solver.pull(&piece, &clamp);
+        let after = to(&mut piece, d + step);
+        let lamina = &piece.lamina;
         let slope = || {
             let [low, high] = [&before, &after].map(|s| energy(lamina, s));
-            (high.iter().sum::<f64>() - low.iter().sum::<f64>()) / (2.0 * step)
+            (high - low) / (2.0 * step)
         };
-        let pull = solver.pull(piece, &at, &clamp);
         let rests = [&before, &at, &after].iter().all(|s| s.v_rms() < RESTS);
         let if_at_rest = |x: f64| if rests { x } else { f64::NAN };
         found.push(Extension {
@@ -190,13 +186,12 @@ pub fn draw_out(solver: &dyn Solve, lamina: &Lamina, ways: &[f64]) -> Vec<Extens
             shear: if_at_rest(mean_shear(lamina, &at, |[x, y]| x.abs() + y.abs() < middle)),
             force: if_at_rest(pull.map_or_else(slope, |[x, ..]| x)),
         });
-        state = after;
     }
     found
 }
 
-/// Elastic energy of a state by the laws of the fast solver [J]: of lengths, and of shear.
-pub fn energy(lamina: &Lamina, state: &Snapshot) -> [f64; 2] {
+/// Elastic energy of a state by the laws of the fast solver, of lengths and of shear [J].
+fn energy(lamina: &Lamina, state: &Snapshot) -> f64 {
     let material = &lamina.material;
     let thickness = material.thickness();
     let branch = |c: f64, tension: f64, compression: f64| {
@@ -244,5 +239,5 @@ pub fn energy(lamina: &Lamina, state: &Snapshot) -> [f64; 2] {
         let sine = (f[0].dot(&f[1]) / (f[0].norm() * f[1].norm())).clamp(-1.0, 1.0);
         of_shear += volume * branch(sine.asin(), shear[0], shear[1]);
     }
-    [of_lengths, of_shear]
+    of_lengths + of_shear
 }

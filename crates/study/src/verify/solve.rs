@@ -1,37 +1,68 @@
 //! Whoever is asked where a piece of cloth goes: the fast solver, and the finite-element twin.
 
-use crate::cloth::NOWHERE;
-use drape_cloth::fabric::Lamina;
+use crate::cloth::Piece;
 use drape_cloth::sim::{
-    Accuracy, Backend, Bending, BendingStiffness, Control, Cpu, Model, PhysicsConfig, Precision,
-    Snapshot, Solver, World,
+    Accuracy, Backend, Bending, BendingStiffness, Control, Cpu, PhysicsConfig, Precision, Snapshot,
+    Solver,
 };
-use drape_cloth::tool::Tool;
 use drape_cloth::twin::{Twin, TwinConfig};
 
-/// What is simulated: cloth, its physics, and the tool under it.
-#[derive(Clone)]
-pub struct Piece<'a> {
-    lamina: &'a Lamina,
-    physics: PhysicsConfig,
-    tool: Option<&'a Tool>,
+/// Who is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Subject {
+    /// The fast solver.
+    Fast {
+        /// How it keeps lengths.
+        solver: Solver,
+        /// How finely it steps.
+        preset: Accuracy,
+    },
+    /// The finite-element twin.
+    Twin,
 }
 
-impl<'a> Piece<'a> {
-    /// Without a tool.
-    pub fn new(lamina: &'a Lamina, physics: PhysicsConfig) -> Self {
-        Self {
-            lamina,
-            physics,
-            tool: None,
+/// Every solver of the fast kind.
+pub const SOLVERS: [Solver; 2] = [Solver::Yarn, Solver::GaussSeidel];
+
+/// As in configurations and tables.
+pub fn solver_name(solver: Solver) -> &'static str {
+    match solver {
+        Solver::Yarn => "yarn",
+        Solver::GaussSeidel => "gauss_seidel",
+    }
+}
+
+/// As in configurations and tables.
+pub fn precision_name(precision: Precision) -> &'static str {
+    match precision {
+        Precision::F32 => "f32",
+        Precision::F64 => "f64",
+    }
+}
+
+impl Subject {
+    /// Every one, the fastest first.
+    pub fn all() -> Vec<Self> {
+        let fast = SOLVERS.into_iter().flat_map(|solver| {
+            let presets = Accuracy::ALL.into_iter();
+            presets.map(move |preset| Self::Fast { solver, preset })
+        });
+        fast.chain([Self::Twin]).collect()
+    }
+
+    /// Solver and preset, as in tables.
+    pub fn names(&self) -> [&'static str; 2] {
+        match self {
+            Self::Fast { solver, preset } => [solver_name(*solver), preset.name()],
+            Self::Twin => ["twin", "reference"],
         }
     }
 
-    /// The same on a tool.
-    pub fn on(self, tool: &'a Tool) -> Self {
-        Self {
-            tool: Some(tool),
-            ..self
+    /// The fast solver, where this is one.
+    pub fn fast(&self) -> Option<Fast> {
+        match *self {
+            Self::Fast { solver, preset } => Some(Fast::at(solver, preset)),
+            Self::Twin => None,
         }
     }
 }
@@ -39,15 +70,15 @@ impl<'a> Piece<'a> {
 /// Whoever can be asked where a piece of cloth goes.
 pub trait Solve: Sync {
     /// Where `piece` is after about `seconds`. Fixed vertices move with the velocity they have.
-    fn run(&self, piece: &Piece, state: &Snapshot, seconds: f64) -> Snapshot;
+    fn run(&self, piece: &Piece, seconds: f64) -> Snapshot;
 
     /// Where it comes to rest: once its root mean square speed is below `speed` [m/s], but no
     /// later than after `seconds`.
-    fn settle(&self, piece: &Piece, state: &Snapshot, limits: [f64; 2]) -> Snapshot;
+    fn settle(&self, piece: &Piece, limits: [f64; 2]) -> Snapshot;
 
     /// Force with which cloth at rest pulls at its fixed `vertices` [N]; none of a solver that
     /// does not know it.
-    fn pull(&self, piece: &Piece, state: &Snapshot, vertices: &[u32]) -> Option<[f64; 3]>;
+    fn pull(&self, piece: &Piece, vertices: &[u32]) -> Option<[f64; 3]>;
 }
 
 /// The fast solver as it is asked: f64, one environment.
@@ -76,38 +107,30 @@ impl Fast {
         (seconds / self.substep).round().max(1.0) as usize
     }
 
-    /// Steps for `seconds`, and ends earlier if `is_over` says so, which is asked every `look` [s].
+    /// Steps for `seconds`, and ends earlier if `is_over` says so, which is asked every `refresh`
+    /// [s].
     fn advance(
         &self,
         piece: &Piece,
-        state: &Snapshot,
-        [seconds, look]: [f64; 2],
+        [seconds, refresh]: [f64; 2],
         is_over: impl Fn(&Snapshot) -> bool,
     ) -> Snapshot {
-        let physics = PhysicsConfig {
-            solver: self.solver,
-            ..piece.physics.clone()
-        };
-        let model = Model::new(piece.lamina, &physics);
-        let tool = piece
-            .tool
-            .map_or_else(|| NOWHERE.clone(), |tool| tool.clone().into());
-        let mut cloth = Cpu::new(&World::new(model, tool), 1, Precision::F64);
-        cloth.load(0, state);
-        let interval = self.substeps(look);
+        let mut cloth = Cpu::new(&piece.world(self.solver), 1, Precision::F64);
+        cloth.load(0, &piece.start);
+        let interval = self.substeps(refresh);
         let mut left = self.substeps(seconds);
         loop {
-            let mut look = left.min(interval);
-            left -= look;
-            while look > 0 {
-                let substeps = look.min(1000);
+            let mut until_asked = left.min(interval);
+            left -= until_asked;
+            while until_asked > 0 {
+                let substeps = until_asked.min(1000);
                 let control = Control {
                     dt: substeps as f64 * self.substep,
                     substeps,
                     contact_interval: self.contact_interval,
                 };
                 cloth.step(&control, &[]);
-                look -= substeps;
+                until_asked -= substeps;
             }
             let state = cloth.snapshot(0);
             if left == 0 || is_over(&state) || !cloth.finite()[0] {
@@ -118,16 +141,16 @@ impl Fast {
 }
 
 impl Solve for Fast {
-    fn run(&self, piece: &Piece, state: &Snapshot, seconds: f64) -> Snapshot {
-        self.advance(piece, state, [seconds; 2], |_| false)
+    fn run(&self, piece: &Piece, seconds: f64) -> Snapshot {
+        self.advance(piece, [seconds; 2], |_| false)
     }
 
-    fn settle(&self, piece: &Piece, state: &Snapshot, [speed, seconds]: [f64; 2]) -> Snapshot {
-        self.advance(piece, state, [seconds, 0.05], |state| state.v_rms() < speed)
+    fn settle(&self, piece: &Piece, [speed, seconds]: [f64; 2]) -> Snapshot {
+        self.advance(piece, [seconds, 0.05], |state| state.v_rms() < speed)
     }
 
     /// It knows the tension of yarns, but not what else holds a vertex.
-    fn pull(&self, _: &Piece, _: &Snapshot, _: &[u32]) -> Option<[f64; 3]> {
+    fn pull(&self, _: &Piece, _: &[u32]) -> Option<[f64; 3]> {
         None
     }
 }
@@ -137,67 +160,66 @@ impl Solve for Fast {
 pub struct Reference;
 
 impl Reference {
-    /// A twin in `state`. Its law always has shear.
-    fn twin(piece: &Piece, state: &Snapshot) -> Twin {
-        let physics = &piece.physics;
-        let config = TwinConfig {
-            bending_stiffness: twin_stiffness(physics),
-            gravity: physics.gravity,
-            friction: physics.friction,
-            adhesion: physics.adhesion,
-            damping: physics.damping,
-            ..TwinConfig::default()
-        };
-        let mut twin = Twin::new(piece.lamina, &config).expect("the pieces are valid");
-        twin.set_positions(&state.position);
-        twin.set_velocities(&state.velocity);
-        for v in state.fixed.ones() {
-            twin.drive(v as u32, state.velocity[v]);
+    /// A twin in the state that `piece` starts from. Its law always has shear.
+    fn twin(piece: &Piece) -> Twin {
+        let config = twin_physics(&piece.physics);
+        let mut twin = Twin::new(&piece.lamina, &config).expect("the pieces are valid");
+        twin.set_positions(&piece.start.position);
+        twin.set_velocities(&piece.start.velocity);
+        for v in piece.start.fixed.ones() {
+            twin.drive(v as u32, piece.start.velocity[v]);
         }
         twin
     }
-}
 
-/// The bending stiffness of the fast solver's physics, for the twin.
-pub fn twin_stiffness(physics: &PhysicsConfig) -> Option<[f64; 2]> {
-    match (physics.bending, physics.bending_stiffness) {
-        (Bending::Off, _) => Some([0.0; 2]),
-        (_, BendingStiffness::Material) => None,
-        (_, BendingStiffness::NewtonMetre(d)) => Some([d; 2]),
+    /// What the twin has come to; no numbers where it has diverged.
+    fn end<T, E>(piece: &Piece, advance: impl FnOnce(&mut Twin) -> Result<T, E>) -> Snapshot {
+        let mut twin = Self::twin(piece);
+        let ended = advance(&mut twin);
+        let mut state = Snapshot {
+            position: twin.positions(),
+            velocity: twin.velocities(),
+            ..piece.start.clone()
+        };
+        if ended.is_err() {
+            state.position.fill([f64::NAN; 3]);
+            state.velocity.fill([f64::NAN; 3]);
+        }
+        state
     }
 }
 
-/// What `twin` has come to; no numbers where it has diverged.
-fn snapshot<E>(twin: &Twin, from: &Snapshot, ended: Result<(), E>) -> Snapshot {
-    let mut state = Snapshot {
-        position: twin.positions(),
-        velocity: twin.velocities(),
-        ..from.clone()
-    };
-    if ended.is_err() {
-        state.position.fill([f64::NAN; 3]);
-        state.velocity.fill([f64::NAN; 3]);
+/// The fast solver's physics for the twin.
+pub fn twin_physics(physics: &PhysicsConfig) -> TwinConfig {
+    TwinConfig {
+        bending_stiffness: match (physics.bending, physics.bending_stiffness) {
+            (Bending::Off, _) => Some([0.0; 2]),
+            (_, BendingStiffness::Material) => None,
+            (_, BendingStiffness::NewtonMetre(d)) => Some([d; 2]),
+        },
+        gravity: physics.gravity,
+        friction: physics.friction,
+        adhesion: physics.adhesion,
+        damping: physics.damping,
+        ..TwinConfig::default()
     }
-    state
 }
 
 impl Solve for Reference {
-    fn run(&self, piece: &Piece, state: &Snapshot, seconds: f64) -> Snapshot {
-        let mut twin = Self::twin(piece, state);
-        let ended = twin.advance(piece.tool, seconds);
-        snapshot(&twin, state, ended)
+    fn run(&self, piece: &Piece, seconds: f64) -> Snapshot {
+        Self::end(piece, |twin| twin.advance(piece.tool.as_deref(), seconds))
     }
 
-    fn settle(&self, piece: &Piece, state: &Snapshot, [speed, seconds]: [f64; 2]) -> Snapshot {
-        let mut twin = Self::twin(piece, state);
+    fn settle(&self, piece: &Piece, [speed, seconds]: [f64; 2]) -> Snapshot {
         // Under critical damping what is left to go shrinks to a tenth in about this time; a tenth
         // of a micrometre is less than any case can tell.
         let tolerance = (0.1 * speed).max(1e-7);
-        let ended = twin.relax(piece.tool, tolerance, seconds);
-        snapshot(&twin, state, ended.map(|_| ()))
+        Self::end(piece, |twin| {
+            twin.relax(piece.tool.as_deref(), tolerance, seconds)
+        })
     }
 
-    fn pull(&self, piece: &Piece, state: &Snapshot, vertices: &[u32]) -> Option<[f64; 3]> {
-        Some(Self::twin(piece, state).pull(vertices))
+    fn pull(&self, piece: &Piece, vertices: &[u32]) -> Option<[f64; 3]> {
+        Some(Self::twin(piece).pull(vertices))
     }
 }

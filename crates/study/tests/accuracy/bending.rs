@@ -8,14 +8,13 @@ use super::*;
 fn cantilever(family: Family, gamma: f64, edges: usize, h: f64) -> [f64; 2] {
     let strip = Cantilever {
         family,
-        bending: Bending::Yarns,
         stiffness: AREAL_MASS * GRAVITY / gamma,
         length: 1.0,
         edges,
     };
     let end = strip.sink(&fast(Solver::Yarn, h));
     assert!(end.v_rms < 1e-5, "still moves at {} m/s", end.v_rms);
-    end.tip()
+    end.tip
 }
 
 /// Substep at which a pass of Gauss-Seidel resolves the bending stiffness to one part in

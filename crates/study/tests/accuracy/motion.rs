@@ -2,17 +2,6 @@
 
 use super::*;
 
-/// Linear and angular momentum.
-fn momenta(lamina: &Lamina, state: &Snapshot) -> [Vec3; 2] {
-    let mut sum = [Vec3::zeros(); 2];
-    for ((x, v), m) in state.position.iter().zip(&state.velocity).zip(&lamina.mass) {
-        let p = Vec3::from(*v) * *m;
-        sum[0] += p;
-        sum[1] += Vec3::from(*x).cross(&p);
-    }
-    sum
-}
-
 /// Every combination of passes that a scene can list.
 fn all_physics() -> impl Iterator<Item = PhysicsConfig> {
     let solvers = [Solver::Yarn, Solver::GaussSeidel];

@@ -7,7 +7,7 @@ use drape_study::verify::{Subject, Verified, ask, cases};
 fn rows(groups: &[&str], subject: Subject) -> Vec<Verified> {
     let mut chosen = cases(true);
     chosen.retain(|case| groups.contains(&case.group));
-    ask(&chosen, &[subject], &Context::quiet()).0
+    ask(&chosen, &[subject], &Context::quiet())
 }
 
 const YARN: Subject = Subject::Fast {
