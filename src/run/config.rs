@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, Deserializer, ValueDeserializer};
 use toml::{Spanned, Table, Value};
 
-use drape_cloth::file::{ParseError, parse_toml_with};
+use drape_cloth::file::{ReadError, parse_toml_with};
 use drape_cloth::scene::{SceneConfig, SceneError};
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
@@ -55,7 +55,7 @@ pub enum RunConfigError {
         source: std::io::Error,
     },
     #[error(transparent)]
-    Parse(#[from] ParseError),
+    Parse(#[from] ReadError),
     #[error("{path}: {message}", path = path.display())]
     Value { path: PathBuf, message: String },
     #[error(transparent)]

@@ -10,10 +10,11 @@ use super::events::EventWriter;
 use super::folder::{BestSequence, FolderError, RunFolder, config_digest};
 use super::log::LogError;
 use super::metrics::{MetricsError, MetricsWriter, read_metrics};
+use drape_cloth::file::ValueError;
 use drape_cloth::file::WriteError;
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{Iteration, LoadError, Sampling, TrainError, Trainer};
-use drape_task::env::{Draping, End, EnvError, ImageShape, Reward, Tasks};
+use drape_task::env::{Draping, End, ImageShape, Reward, Tasks};
 
 /// Checkpoint section of what the run itself remembers.
 const RUN: &str = "run";
@@ -63,7 +64,7 @@ pub struct TrainingReport {
 #[derive(Debug, thiserror::Error)]
 pub enum TrainingError {
     #[error(transparent)]
-    Env(#[from] EnvError),
+    Env(#[from] ValueError),
     #[error(transparent)]
     Train(#[from] TrainError),
     #[error(transparent)]

@@ -1,17 +1,8 @@
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::file::{ReadTomlError, ValueError, parse_toml, read_toml};
-
-/// A material file could not be used.
-#[derive(Debug, thiserror::Error)]
-pub enum MaterialError {
-    #[error(transparent)]
-    Read(#[from] ReadTomlError),
-    #[error("{}: {fault}", path.display())]
-    Value { path: PathBuf, fault: ValueError },
-}
+use crate::file::{ReadError, ValueError, parse_toml, read_toml};
 
 /// A piecewise linear law through [strain, stress] points; stress in MPa as in the file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -116,8 +107,9 @@ const INTERGLAS_92125: &str = include_str!("../../../../configs/materials/interg
 
 impl Material {
     /// Reads and checks a material file.
-    pub fn read(path: &Path) -> Result<Self, MaterialError> {
-        Self::checked(read_toml(path)?, path)
+    pub fn read(path: &Path) -> Result<Self, ReadError> {
+        let material: Self = read_toml(path)?;
+        material.checked(path)
     }
 
     /// The fabric of the paper, Interglas 92125.
@@ -129,15 +121,15 @@ impl Material {
         Self::parse(INTERGLAS_92125, path).expect("the built-in material is valid")
     }
 
-    fn parse(text: &str, path: &Path) -> Result<Self, MaterialError> {
-        Self::checked(parse_toml(text, path).map_err(ReadTomlError::from)?, path)
+    fn parse(text: &str, path: &Path) -> Result<Self, ReadError> {
+        let material: Self = parse_toml(text, path)?;
+        material.checked(path)
     }
 
-    fn checked(self, path: &Path) -> Result<Self, MaterialError> {
-        let path = path.into();
+    fn checked(self, path: &Path) -> Result<Self, ReadError> {
         match self.check() {
             Ok(()) => Ok(self),
-            Err(fault) => Err(MaterialError::Value { path, fault }),
+            Err(fault) => Err(ReadError::fault(path, fault)),
         }
     }
 

@@ -11,7 +11,7 @@ pub use border::{OrientationFault, border};
 pub(crate) use patches::patches;
 #[cfg(test)]
 pub(crate) use stl::to_stl_bytes;
-pub use stl::{ReadStlError, read_stl, write_stl};
+pub use stl::{read_stl, write_stl};
 pub use vtk::write_vtk;
 
 use crate::math::Vec3;

@@ -1,10 +1,9 @@
 use std::collections::HashMap;
-use std::fs;
-use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::io::Write;
+use std::path::Path;
 
 use super::TriMesh;
-use crate::file::{WriteError, write_atomic};
+use crate::file::{ReadError, WriteError, read_bytes, write_atomic};
 use crate::math::Vec3;
 
 /// Bytes before the first facet of a binary file: 80 free ones, then the facet count.
@@ -29,15 +28,6 @@ pub struct Stl {
     pub dropped_facet_count: usize,
 }
 
-/// Why an STL file cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum ReadStlError {
-    #[error("cannot read {}", path.display())]
-    Io { path: PathBuf, source: io::Error },
-    #[error("{}: {fault}", path.display())]
-    Format { path: PathBuf, fault: String },
-}
-
 /// Corners of a facet [m].
 type Facet = [Vec3; 3];
 
@@ -49,16 +39,8 @@ type Facet = [Vec3; 3];
 ///
 /// # Errors
 /// Says which file, and which facet or line; both count from 1.
-pub fn read_stl(path: impl AsRef<Path>, scale: f64) -> Result<Stl, ReadStlError> {
-    let path = path.as_ref();
-    let bytes = fs::read(path).map_err(|source| ReadStlError::Io {
-        path: path.to_path_buf(),
-        source,
-    })?;
-    parse(&bytes, scale).map_err(|fault| ReadStlError::Format {
-        path: path.to_path_buf(),
-        fault,
-    })
+pub fn read_stl(path: &Path, scale: f64) -> Result<Stl, ReadError> {
+    parse(&read_bytes(path)?, scale).map_err(|fault| ReadError::fault(path, fault))
 }
 
 /// The mesh as a binary STL file in millimetres; the same bytes for the same mesh.
@@ -300,6 +282,8 @@ impl Welder {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     /// A tetrahedron with legs of 1 mm.

@@ -22,7 +22,7 @@ mod tree;
 use super::cloth::Plane;
 use super::physics::SelfCollision;
 use crate::fabric::Lamina;
-use crate::math::{Lanes, Real, Vec3x};
+use crate::math::{Lanes, Vec3x};
 use geometry::{Gap, Kind, Overlap, Pair, Point, dot};
 use search::{Scratch, Surface};
 
@@ -142,7 +142,7 @@ impl<V: Lanes> SelfContact<V> {
         let slack = V::of(SLACK * layers.thickness);
         let moved = V::select(slack.lt(moved), V::of(1.0), V::zero());
         for lane in 0..V::COUNT {
-            let moved = moved.as_slice()[lane].to_f64() > 0.0;
+            let moved = moved.get(lane) > 0.0;
             self.separate_lane(layers, lane, moved, x, around);
         }
     }
@@ -237,7 +237,7 @@ fn project<V: Lanes>(
         return 0.0;
     };
     let depth = gap.depth;
-    let w = index.map(|v| w[v].as_slice()[lane].to_f64());
+    let w = index.map(|v| w[v].get(lane));
     let sum: f64 = (0..4).map(|i| w[i] * gap.weight[i] * gap.weight[i]).sum();
     let movable = sum > 0.0;
     if !movable {
@@ -270,7 +270,7 @@ fn project<V: Lanes>(
         // The tool gives way to no layer, so the stack grows from it upwards.
         let plane = &planes[index[i]];
         let normal = plane.normal.get(lane);
-        let phi = dot(normal, to) - plane.offset.as_slice()[lane].to_f64();
+        let phi = dot(normal, to) - plane.offset.get(lane);
         if phi < 0.0 {
             to = std::array::from_fn(|k| to[k] - phi * normal[k]);
         }

@@ -117,6 +117,11 @@ impl Model {
         self.inverse_mass.len()
     }
 
+    /// Number of yarn edges whose forces last; 0 without the solve along yarns.
+    pub(super) fn edge_count(&self) -> usize {
+        self.lines.as_ref().map_or(0, |lines| lines.edge_count)
+    }
+
     /// The physics this was built from.
     pub fn physics(&self) -> &PhysicsConfig {
         &self.physics

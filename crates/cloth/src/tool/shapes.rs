@@ -191,15 +191,14 @@ impl Shape {
     /// # Errors
     /// Names the first key whose value makes no body.
     pub fn mesh(&self) -> Result<TriMesh, ValueError> {
-        let (kind, mesh) = match self {
-            Self::Rib(shape) => ("rib", shape.mesh()),
-            Self::Hemisphere(shape) => ("hemisphere", shape.mesh()),
-            Self::DoubleDome(shape) => ("double-dome", shape.mesh()),
-            Self::Plate(shape) => ("plate", shape.mesh()),
-            Self::Cylinder(shape) => ("cylinder", shape.mesh()),
-            Self::Incline(shape) => ("incline", shape.mesh()),
-        };
-        mesh.map_err(|error| error.within(kind))
+        match self {
+            Self::Rib(shape) => shape.mesh(),
+            Self::Hemisphere(shape) => shape.mesh(),
+            Self::DoubleDome(shape) => shape.mesh(),
+            Self::Plate(shape) => shape.mesh(),
+            Self::Cylinder(shape) => shape.mesh(),
+            Self::Incline(shape) => shape.mesh(),
+        }
     }
 }
 
@@ -441,7 +440,7 @@ mod tests {
         };
         assert_eq!(
             Shape::Rib(rib).mesh().unwrap_err().to_string(),
-            "`rib.half_width_mm` is 300, expected between 0 and 220"
+            "`half_width_mm` is 300, expected between 0 and 220"
         );
         let rib = Rib {
             height_mm: f64::NAN,
@@ -449,7 +448,7 @@ mod tests {
         };
         assert_eq!(
             Shape::Rib(rib).mesh().unwrap_err().to_string(),
-            "`rib.height_mm` is NaN, expected above 0 and at most 100000"
+            "`height_mm` is NaN, expected above 0 and at most 100000"
         );
         let dome = Hemisphere {
             segment_count: 30,
@@ -457,13 +456,13 @@ mod tests {
         };
         assert_eq!(
             Shape::Hemisphere(dome).mesh().unwrap_err().to_string(),
-            "`hemisphere.segment_count` is 30, expected a multiple of 4"
+            "`segment_count` is 30, expected a multiple of 4"
         );
         let rib = Rib {
             vertex_counts: [77, usize::MAX],
             ..Rib::default()
         };
-        assert_eq!(Shape::Rib(rib).mesh().unwrap_err().key, "rib.vertex_counts");
+        assert_eq!(Shape::Rib(rib).mesh().unwrap_err().key, "vertex_counts");
     }
 
     #[test]

@@ -7,10 +7,11 @@ use cpu_time::ProcessTime;
 
 use crate::points::nearest;
 use drape_cloth::fabric::Lamina;
+use drape_cloth::file::ValueError;
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::Precision;
-use drape_task::env::{Draping, EnvConfig, EnvError};
+use drape_task::env::{Draping, EnvConfig};
 
 /// Sequences, the same places in every one.
 const SEQUENCES: usize = 8;
@@ -32,7 +33,7 @@ pub struct Pressed {
 /// Places on the flat blank [m], in the order of pressing: every second row and column of the
 /// region. The first is a straight sweep along the rows, then follow sweeps the other way, along
 /// the columns, along a diagonal, from the middle and back, and two random orders.
-pub fn sequences(lamina: &Lamina, env: &EnvConfig) -> Result<Vec<Vec<[f64; 2]>>, EnvError> {
+pub fn sequences(lamina: &Lamina, env: &EnvConfig) -> Result<Vec<Vec<[f64; 2]>>, ValueError> {
     let region = env.region(lamina)?;
     let mut vertices: Vec<usize> = region.vertices.ones().collect();
     let every_second = |v: &usize| lamina.place(*v as u32).iter().all(|k| k % 2 == 0);
@@ -71,7 +72,7 @@ pub fn press(
     scene: Arc<Scene>,
     env: &EnvConfig,
     sequences: &[Vec<[f64; 2]>],
-) -> Result<Pressed, EnvError> {
+) -> Result<Pressed, ValueError> {
     let count = match env.precision {
         Precision::F32 => ENVIRONMENTS.max(Isa::best().lanes()),
         Precision::F64 => sequences.len(),

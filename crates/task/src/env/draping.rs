@@ -5,10 +5,11 @@ use fixedbitset::FixedBitSet;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::config::{EnvConfig, EnvError, Region};
+use super::config::{EnvConfig, Region};
 use super::reward::{Reward, Taken, score};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
+use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Backend, Snapshot};
 
@@ -21,7 +22,7 @@ pub struct Draping {
 
 impl Draping {
     /// `count` environments on `scene`, each at its start.
-    pub fn new(scene: Arc<Scene>, config: &EnvConfig, count: usize) -> Result<Self, EnvError> {
+    pub fn new(scene: Arc<Scene>, config: &EnvConfig, count: usize) -> Result<Self, ValueError> {
         let task = Task::new(scene, config)?;
         Ok(Self {
             cloth: task.cloth(count),

@@ -55,7 +55,6 @@ macro_rules! vector {
             type Scalar = $scalar;
             type Mask = $mask;
             const COUNT: usize = $count;
-            const ISA: &'static str = $isa;
             #[inline(always)]
             fn splat(x: $scalar) -> Self {
                 Self(unsafe { $splat(x) })
