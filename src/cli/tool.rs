@@ -49,8 +49,6 @@ enum Kind {
     Rib,
     /// Hemisphere on a plate
     Hemisphere,
-    /// Two hemispheres on a plate, joined by a waist
-    DoubleDome,
     /// Flat plate
     Plate,
     /// Upper half of a lying cylinder
@@ -119,7 +117,6 @@ impl Kind {
         Ok(match self {
             Self::Rib => Shape::Rib(read(table)?),
             Self::Hemisphere => Shape::Hemisphere(read(table)?),
-            Self::DoubleDome => Shape::DoubleDome(read(table)?),
             Self::Plate => Shape::Plate(read(table)?),
             Self::Cylinder => Shape::Cylinder(read(table)?),
             Self::Incline => Shape::Incline(read(table)?),

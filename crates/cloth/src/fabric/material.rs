@@ -26,17 +26,6 @@ impl Curve {
         Self(self.0.iter().map(|&[e, s]| [e, factor * s]).collect())
     }
 
-    /// Stress [Pa] at a strain >= 0; beyond the last point its slope goes on.
-    pub fn stress(&self, strain: f64) -> f64 {
-        let last = self.0.len() - 2;
-        let segment = self.0[1..=last]
-            .iter()
-            .position(|p| strain < p[0])
-            .unwrap_or(last);
-        let [p, q] = [self.0[segment], self.0[segment + 1]];
-        1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
-    }
-
     /// Strain at which the second slope begins, and that slope over the first; none of a straight
     /// law.
     pub fn knee(&self) -> Option<[f64; 2]> {
@@ -214,6 +203,19 @@ mod tests {
             (found - expected).abs() <= tolerance * expected.abs(),
             "{found} is not {expected}"
         );
+    }
+
+    impl Curve {
+        /// Stress [Pa] at a strain >= 0; beyond the last point its slope goes on.
+        pub fn stress(&self, strain: f64) -> f64 {
+            let last = self.0.len() - 2;
+            let segment = self.0[1..=last]
+                .iter()
+                .position(|p| strain < p[0])
+                .unwrap_or(last);
+            let [p, q] = [self.0[segment], self.0[segment + 1]];
+            1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
+        }
     }
 
     #[test]

@@ -148,13 +148,7 @@ impl Drape {
 
     /// Where the yarns of a triangle have gone to; their lengths are the stretch.
     pub fn tangents(&self, triangle: usize) -> Tangents {
-        let piece = self.piece(triangle);
-        let [warp, weft] = [0, 1].map(|family| {
-            let corners = piece.vertices.iter().zip(&piece.gradient);
-            corners
-                .map(|(&v, slope)| Vec3::from(self.position[v as usize]) * slope[family])
-                .sum()
-        });
+        let [warp, weft] = self.piece(triangle).columns(&self.position);
         Tangents { warp, weft }
     }
 

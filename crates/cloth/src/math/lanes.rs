@@ -330,12 +330,6 @@ impl Isa {
 pub struct Vec3x<V>(pub [V; 3]);
 
 impl<V: Lanes> Vec3x<V> {
-    /// The same vector in every lane, rounded from f64.
-    #[inline(always)]
-    pub fn of(x: [f64; 3]) -> Self {
-        Self([V::of(x[0]), V::of(x[1]), V::of(x[2])])
-    }
-
     /// Zero in every lane.
     #[inline(always)]
     pub fn zero() -> Self {

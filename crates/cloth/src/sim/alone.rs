@@ -7,7 +7,7 @@ use super::lines::{Direction, Lines};
 use super::model::{Model, Pass};
 use super::press::{self, Press};
 use super::storage::Storage;
-use crate::math::{Lanes, Real, Vec3x};
+use crate::math::{Lanes, Vec3x};
 use crate::tool::Tool;
 
 /// One environment by itself with the solve along yarns, its lines side by side in the lanes: a
@@ -19,8 +19,6 @@ pub(super) struct Alone<V: Lanes> {
     held: Held<V>,
     /// Room for the vertices of a bundle that crosses the warps.
     crossing: Crossing<V>,
-    /// Room for constraints that are projected one by one, vertices in the model's order.
-    single: Single<V::Scalar>,
 }
 
 /// What the wefts of each vertex do to it when a substep starts.
@@ -38,18 +36,12 @@ struct Crossing<V> {
     stress: Vec<V>,
 }
 
-struct Single<S> {
-    /// Vertices of any such constraint.
-    vertices: Vec<u32>,
-    position: Vec<Vec3x<S>>,
-    mobility: Vec<S>,
-}
-
 impl<V: Lanes> Alone<V> {
-    /// For `model` with every vertex free and at rest in the origin; none if it is not solved
-    /// along yarns, or its layers touch each other.
+    /// For `model` with every vertex free and at rest in the origin; none if anything of it is not
+    /// solved along lines: edges by Gauss-Seidel, membranes, hinges, layers that touch.
     pub fn new(model: &Model) -> Option<Self> {
-        let lines = model.lines.as_ref().filter(|_| model.layers.is_none())?;
+        let is_of_lines = model.layers.is_none() && model.passes.is_empty();
+        let lines = model.lines.as_ref().filter(|_| is_of_lines)?;
         let fold = Fold::new(lines);
         let mut cloth = Cloth::<V>::new(fold.count, fold.edge_count, fold.longest);
         for (&[number, lane], &w) in fold.vertices.iter().zip(&model.inverse_mass) {
@@ -61,13 +53,6 @@ impl<V: Lanes> Alone<V> {
                 cloth.tack[number as usize].set(lane as usize, tack);
             }
         }
-        let mut vertices: Vec<u32> = model.passes.iter().flat_map(|p| p.vertices()).collect();
-        vertices.sort_unstable();
-        vertices.dedup();
-        let room = match vertices.is_empty() {
-            true => 0,
-            false => model.vertex_count(),
-        };
         Some(Self {
             crossing: Crossing {
                 position: vec![Vec3x::zero(); fold.longest],
@@ -78,11 +63,6 @@ impl<V: Lanes> Alone<V> {
             held: Held {
                 pull: vec![Vec3x::zero(); fold.count],
                 stress: vec![V::zero(); fold.count],
-            },
-            single: Single {
-                vertices,
-                position: vec![Vec3x::zero(); room],
-                mobility: vec![V::Scalar::zero(); room],
             },
             cloth,
             fold,
@@ -219,22 +199,7 @@ impl<V: Lanes> Storage for Alone<V> {
     }
 
     #[inline(always)]
-    fn project(&mut self, passes: &[Pass]) {
-        let Self {
-            cloth,
-            fold,
-            single,
-            ..
-        } = self;
-        if single.vertices.is_empty() {
-            return;
-        }
-        single.read(fold, cloth);
-        for pass in passes {
-            pass.project(&mut single.position, &single.mobility);
-        }
-        single.write(fold, cloth);
-    }
+    fn project(&mut self, _: &[Pass]) {}
 
     #[inline(always)]
     fn hold_down(&mut self, _: Option<&Layers>, plate: &Press, height: f64, compliance: f64) {
@@ -247,30 +212,5 @@ impl<V: Lanes> Storage for Alone<V> {
     #[inline(always)]
     fn separate(&mut self, _: &Layers) {
         unreachable!("layers that touch are computed in a group");
-    }
-}
-
-impl<S: Real> Single<S> {
-    #[inline(always)]
-    fn read<V: Lanes<Scalar = S>>(&mut self, fold: &Fold<V>, cloth: &Cloth<V>) {
-        for &vertex in &self.vertices {
-            let [number, lane] = fold.vertices[vertex as usize].map(|i| i as usize);
-            let Vec3x([x, y, z]) = &cloth.position[number];
-            let x = [x.as_slice()[lane], y.as_slice()[lane], z.as_slice()[lane]];
-            self.position[vertex as usize] = Vec3x(x);
-            self.mobility[vertex as usize] = cloth.mobility[number].as_slice()[lane];
-        }
-    }
-
-    #[inline(always)]
-    fn write<V: Lanes<Scalar = S>>(&self, fold: &Fold<V>, cloth: &mut Cloth<V>) {
-        for &vertex in &self.vertices {
-            let [number, lane] = fold.vertices[vertex as usize].map(|i| i as usize);
-            let Vec3x(to) = &mut cloth.position[number];
-            let Vec3x(x) = self.position[vertex as usize];
-            for k in 0..3 {
-                to[k].as_mut_slice()[lane] = x[k];
-            }
-        }
     }
 }

@@ -104,7 +104,7 @@ where
     }
 }
 
-/// In one lane by Gauss-Seidel, where layers of the cloth touch each other, or without other lanes.
+/// In one lane where not all is solved along lines, or without other lanes.
 fn alone<V: Lanes>(model: &Model) -> Box<dyn Group> {
     match Alone::<V>::new(model).filter(|_| V::COUNT > 1) {
         Some(alone) => Box::new(alone),

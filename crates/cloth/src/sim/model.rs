@@ -4,21 +4,20 @@ use super::bend::{BendTriple, project_triples, triples};
 use super::collision::Layers;
 use super::hinge::{BendHinge, hinges, project_hinges};
 use super::law::{EdgeClass, Limit, project_edges};
-use super::length::{self, Limited, Plain};
+use super::length::{self, Limited};
 use super::lines::Lines;
 use super::membrane::{Element, elements, project_elements};
 use super::physics::{PhysicsConfig, Solver};
 use super::shear::{self, Trellis, trellis};
+use super::state::Snapshot;
 use crate::fabric::Lamina;
 use crate::math::{Lanes, Vec3x};
 
 /// Constraints that are projected one after the other.
 #[derive(Clone, Debug)]
 pub(super) enum Pass {
-    /// Edges, one colour.
-    Edges(EdgeClass),
-    /// Edges of yarns with a limit or knee each, one colour.
-    LimitedEdges(EdgeClass, Vec<Limit>),
+    /// Edges of yarns with the limit or knee of each, one colour.
+    Edges(EdgeClass, Vec<Limit>),
     /// Diagonals, one colour.
     Diagonals(EdgeClass, Trellis),
     /// Three-node bending, one colour.
@@ -34,24 +33,11 @@ impl Pass {
     #[inline(always)]
     pub fn project<V: Lanes>(&self, x: &mut [Vec3x<V>], w: &[V]) {
         match self {
-            Self::Edges(class) => project_edges(class, &Plain, x, w),
-            Self::LimitedEdges(class, limits) => project_edges(class, &Limited(limits), x, w),
+            Self::Edges(class, limits) => project_edges(class, &Limited(limits), x, w),
             Self::Diagonals(class, trellis) => project_edges(class, trellis, x, w),
             Self::Triples(triples) => project_triples(triples, x, w),
             Self::Hinges(hinges) => project_hinges(hinges, x, w),
             Self::Membrane(elements) => project_elements(elements, x, w),
-        }
-    }
-
-    /// The vertices that it moves, each once or more.
-    pub fn vertices(&self) -> Vec<u32> {
-        match self {
-            Self::Edges(class) | Self::LimitedEdges(class, _) | Self::Diagonals(class, _) => {
-                class.vertices.as_flattened().to_vec()
-            }
-            Self::Triples(all) => all.iter().flat_map(|t| t.vertices).collect(),
-            Self::Hinges(all) => all.iter().flat_map(|h| h.vertices).collect(),
-            Self::Membrane(all) => all.iter().flat_map(|e| e.vertices).collect(),
         }
     }
 }
@@ -86,11 +72,8 @@ impl Model {
                 (Some(lines), membranes.chain(hinges).collect())
             }
             Solver::GaussSeidel => {
-                let yarns = length::edges(lamina, physics).into_iter();
-                let yarns = yarns.map(|(class, limits)| match limits[..] {
-                    [] => Pass::Edges(class),
-                    _ => Pass::LimitedEdges(class, limits),
-                });
+                let yarns = length::edges(lamina, physics);
+                let yarns = yarns.map(|(class, limits)| Pass::Edges(class, limits));
                 let diagonals = trellis.iter().flat_map(|trellis| {
                     let classes = shear::edges(lamina, trellis).into_iter();
                     classes.map(|class| Pass::Diagonals(class, trellis.clone()))
@@ -110,6 +93,19 @@ impl Model {
             tack: tack(lamina, physics),
             physics: physics.clone(),
         }
+    }
+
+    /// Whether `state` is one of this model: of its size, finite, and of parts that it has.
+    pub fn fits(&self, state: &Snapshot) -> bool {
+        let (count, pressed) = (self.vertex_count(), &state.pressed);
+        let know = |layers: &Layers| layers.know(&state.sides);
+        [state.position.len(), state.velocity.len()] == [count; 2]
+            && [pressed.touched.len(), pressed.draped.len()] == [count; 2]
+            && state.fixed.len() <= count
+            && state.force_density.len() <= 2 * count
+            && pressed.stencil.iter().all(|&v| (v as usize) < count)
+            && state.is_finite()
+            && self.layers.as_ref().map_or(state.sides.is_empty(), know)
     }
 
     /// Number of vertices.

@@ -106,16 +106,13 @@ impl Patch {
     }
 }
 
-/// A mound on a plate: the upper half of a body that lies along x.
-///
-/// The mound's half-width at `x` is `half_width(x)` [m] and its section there a half circle;
-/// its outline has to be star-shaped about the origin. `half_size` is half the plate's size
-/// along x and y [m]; the outline has to fit inside.
-pub(super) fn mound(
+/// A hemisphere of `radius` [m] round the origin on a plate of `half_size` along x and y [m], which
+/// it has to fit on.
+pub(super) fn dome(
     half_size: [f64; 2],
     segments_per_side: usize,
     rings: usize,
-    half_width: impl Fn(f64) -> f64,
+    radius: f64,
 ) -> Patch {
     let [x, y] = half_size;
     let corners = [[x, -y], [x, y], [-x, y], [-x, -y]];
@@ -133,38 +130,17 @@ pub(super) fn mound(
         .collect();
     let outline: Vec<Vec3> = plate_border
         .iter()
-        .map(|p| p * outline_share(*p, &half_width))
+        .map(|p| p * (radius / p.norm()))
         .collect();
-
-    let height = |p: Vec3| (half_width(p.x).powi(2) - p.y.powi(2)).max(0.0).sqrt();
-    let pole = Vec3::new(0.0, 0.0, height(Vec3::zeros()));
     let mut all: Vec<Vec<Vec3>> = (1..rings)
         .map(|k| {
-            // Rings crowd towards the rim, where the mound is steep.
-            let share = (FRAC_PI_2 * k as f64 / rings as f64).sin();
-            let raised = |p: &Vec3| {
-                let p = p * share;
-                Vec3::new(p.x, p.y, height(p))
-            };
+            // Rings crowd towards the rim, where the dome is steep.
+            let (share, height) = (FRAC_PI_2 * k as f64 / rings as f64).sin_cos();
+            let raised = |p: &Vec3| p * share + Vec3::z() * (radius * height);
             outline.iter().map(raised).collect()
         })
         .collect();
     all.push(outline);
     all.push(plate_border);
-    Patch::rings(pole, &all)
-}
-
-/// Share of the distance from the origin to `p` at which the outline |y| = `half_width(x)` lies.
-fn outline_share(p: Vec3, half_width: &impl Fn(f64) -> f64) -> f64 {
-    let (mut inside, mut outside) = (0.0, 1.0);
-    for _ in 0..f64::MANTISSA_DIGITS {
-        let middle = 0.5 * (inside + outside);
-        let q = p * middle;
-        if q.y.abs() < half_width(q.x) {
-            inside = middle;
-        } else {
-            outside = middle;
-        }
-    }
-    0.5 * (inside + outside)
+    Patch::rings(Vec3::z() * radius, &all)
 }

@@ -245,15 +245,7 @@ impl Tasks for Draping {
         let count = self.task.scene.lamina.vertex_count();
         let pixels = self.shape().pixel_count() as u32;
         for (index, Saved { actions, cloth, .. }) in saved.iter().enumerate() {
-            let fits = cloth.position.len() == count
-                && cloth.velocity.len() == count
-                && cloth.force_density.len() <= 2 * count
-                && cloth.fixed.len() <= count
-                && cloth.is_finite()
-                && cloth.pressed.touched.len() == count
-                && cloth.pressed.draped.len() == count
-                && (cloth.pressed.stencil.iter()).all(|&v| (v as usize) < count)
-                && actions.iter().all(|&a| a < pixels);
+            let fits = self.task.scene.model.fits(cloth) && actions.iter().all(|&a| a < pixels);
             if !fits {
                 return Err(format!(
                     "environment {index} is not of a blank of {count} vertices"
