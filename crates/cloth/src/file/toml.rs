@@ -12,7 +12,10 @@ const QUOTE: usize = 60;
 /// Reads the TOML file at `path`.
 pub fn read_toml<T: DeserializeOwned>(path: &Path) -> Result<T, ReadError> {
     let text = String::from_utf8(read_bytes(path)?);
-    parse_toml(&text.map_err(|_| ReadError::fault(path, "not text"))?, path)
+    parse_toml(
+        &text.map_err(|_| ReadError::fault(path, "not text in UTF-8"))?,
+        path,
+    )
 }
 
 /// Reads TOML from `text`; errors name `path` as its origin, line, column [characters] and key, and

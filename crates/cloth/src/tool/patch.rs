@@ -128,19 +128,40 @@ pub(super) fn dome(
             )
         })
         .collect();
+    let half_width = |x: f64| (radius.powi(2) - x.powi(2)).max(0.0).sqrt();
     let outline: Vec<Vec3> = plate_border
         .iter()
-        .map(|p| p * (radius / p.norm()))
+        .map(|p| p * outline_share(*p, half_width))
         .collect();
+    let height = |p: Vec3| (half_width(p.x).powi(2) - p.y.powi(2)).max(0.0).sqrt();
+    let pole = Vec3::new(0.0, 0.0, height(Vec3::zeros()));
     let mut all: Vec<Vec<Vec3>> = (1..rings)
         .map(|k| {
             // Rings crowd towards the rim, where the dome is steep.
-            let (share, height) = (FRAC_PI_2 * k as f64 / rings as f64).sin_cos();
-            let raised = |p: &Vec3| p * share + Vec3::z() * (radius * height);
+            let share = (FRAC_PI_2 * k as f64 / rings as f64).sin();
+            let raised = |p: &Vec3| {
+                let p = p * share;
+                Vec3::new(p.x, p.y, height(p))
+            };
             outline.iter().map(raised).collect()
         })
         .collect();
     all.push(outline);
     all.push(plate_border);
-    Patch::rings(Vec3::z() * radius, &all)
+    Patch::rings(pole, &all)
+}
+
+/// Share of the distance from the origin to `p` at which the outline |y| = `half_width(x)` lies.
+fn outline_share(p: Vec3, half_width: impl Fn(f64) -> f64) -> f64 {
+    let (mut inside, mut outside) = (0.0, 1.0);
+    for _ in 0..f64::MANTISSA_DIGITS {
+        let middle = 0.5 * (inside + outside);
+        let q = p * middle;
+        if q.y.abs() < half_width(q.x) {
+            inside = middle;
+        } else {
+            outside = middle;
+        }
+    }
+    0.5 * (inside + outside)
 }

@@ -27,16 +27,6 @@ pub enum PressKind {
     Press,
 }
 
-impl PressKind {
-    /// The name used in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Stroke => "stroke",
-            Self::Press => "press",
-        }
-    }
-}
-
 /// One point of a draping path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
