@@ -33,7 +33,7 @@ pub(super) fn yarn_law(lamina: &Lamina, yarn: &Yarn) -> EdgeLaw {
     )
 }
 
-/// Yarn edges in colours, with the limit of each.
+/// Yarn edges in colours, with the limit of each where any yarn has one.
 pub(super) fn edges(
     lamina: &Lamina,
     physics: &PhysicsConfig,
@@ -47,15 +47,26 @@ pub(super) fn edges(
             limits.push(limit);
         }
     }
+    let is_limited = limits.iter().any(|limit| limit.force.is_finite());
     let classes = edge_classes(lamina, &edges).into_iter();
-    classes.map(move |(edges, class)| {
+    classes.map(move |(mut edges, class)| {
+        edges.retain(|_| is_limited);
         let limits = edges.iter().map(|&i| limits[i as usize]);
         (class, limits.collect())
     })
 }
 
-/// The law of yarn edges that are projected by themselves: another compliance beyond a tension,
-/// where the projection by the law before it would end with more.
+/// The law of yarn edges that are projected by themselves.
+pub(super) struct Plain;
+
+impl<V: Lanes> EdgeResponse<V> for Plain {
+    #[inline(always)]
+    fn at(&self, class: &EdgeClass, i: usize, _: V, c: V, _: V) -> [V; 2] {
+        [c, class.law[i].branch(c)]
+    }
+}
+
+/// The same with another compliance beyond a tension: where the projection by the law before it would end with more.
 pub(super) struct Limited<'a>(pub &'a [Limit]);
 
 impl<V: Lanes> EdgeResponse<V> for Limited<'_> {

@@ -4,7 +4,7 @@ use super::bend::{BendTriple, project_triples, triples};
 use super::collision::Layers;
 use super::hinge::{BendHinge, hinges, project_hinges};
 use super::law::{EdgeClass, Limit, project_edges};
-use super::length::{self, Limited};
+use super::length::{self, Limited, Plain};
 use super::lines::Lines;
 use super::membrane::{Element, elements, project_elements};
 use super::physics::{PhysicsConfig, Solver};
@@ -16,7 +16,7 @@ use crate::math::{Lanes, Vec3x};
 /// Constraints that are projected one after the other.
 #[derive(Clone, Debug)]
 pub(super) enum Pass {
-    /// Edges of yarns with the limit or knee of each, one colour.
+    /// Edges of yarns with the limit or knee of each, if any yarn has one; one colour.
     Edges(EdgeClass, Vec<Limit>),
     /// Diagonals, one colour.
     Diagonals(EdgeClass, Trellis),
@@ -33,6 +33,7 @@ impl Pass {
     #[inline(always)]
     pub fn project<V: Lanes>(&self, x: &mut [Vec3x<V>], w: &[V]) {
         match self {
+            Self::Edges(class, limits) if limits.is_empty() => project_edges(class, &Plain, x, w),
             Self::Edges(class, limits) => project_edges(class, &Limited(limits), x, w),
             Self::Diagonals(class, trellis) => project_edges(class, trellis, x, w),
             Self::Triples(triples) => project_triples(triples, x, w),
