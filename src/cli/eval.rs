@@ -12,7 +12,7 @@ use super::result::{EpisodeStatistics, Recorder, rollout_failure};
 use super::setup::set_up;
 use crate::run::{
     Checkpoint, EpisodeSummary, OtherConfig, PlayedEpisode, Rules, RunConfig, RunFolder,
-    config_digest, parallel_episodes, play, random_episodes, replay,
+    parallel_episodes, play, random_episodes, replay,
 };
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
@@ -232,14 +232,8 @@ impl Loaded {
         let (played, agent) = match source {
             EpisodeSource::Sequence => {
                 let best = self.folder.read_best_sequence()?;
-                let digest = config_digest(&self.folder.config_text()?);
-                if best.config_digest != digest {
-                    return Err(Failure::invalid(anyhow!(
-                        "{}: found in the configuration with digest {}, this one has {digest}",
-                        place.display(),
-                        best.config_digest
-                    )));
-                }
+                best.check_config(&self.folder.config_text()?)
+                    .map_err(|fault| Failure::invalid(anyhow!("{}: {fault}", place.display())))?;
                 let rules = match self.changed {
                     true => Rules::Robot,
                     false => Rules::Episode,

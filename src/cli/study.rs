@@ -215,7 +215,9 @@ fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
         RunConfig::read(&folder.config()).map_err(|error| StudyError::Read(error.into()))?;
     let best = folder.read_best_sequence();
     let best = best.map_err(|error| StudyError::Damaged(error.into()))?;
-    best.validate_config(&config.to_toml()).map_err(|fault| {
+    let text = folder.config_text();
+    let text = text.map_err(|error| StudyError::Read(error.into()))?;
+    best.check_config(&text).map_err(|fault| {
         let place = folder.best_sequence();
         StudyError::Invalid(format!("{}: {fault}", place.display()))
     })?;

@@ -13,9 +13,10 @@ use super::output::{bar, print, print_json};
 use super::result;
 use super::setup::set_up_over_tool;
 use crate::run::{NameError, OtherConfig, RunConfig, RunFolder, RunInfo, Training};
+use drape_cloth::file::ValueError;
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
-use drape_task::env::{Draping, End, EnvError, ImageShape, Tasks};
+use drape_task::env::{Draping, End, ImageShape, Tasks};
 
 /// Iterations between two checkpoints.
 const CHECKPOINT_INTERVAL: u64 = 10;
@@ -45,7 +46,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,
 
-    /// Where the networks are computed: flex or gpu
+    /// Where the networks are computed: flex, ndarray or gpu
     #[arg(long, value_parser = device, conflicts_with = "resume")]
     device: Option<DeviceKind>,
 
@@ -66,8 +67,9 @@ pub struct TrainArgs {
 fn device(name: &str) -> Result<DeviceKind, String> {
     match name {
         "flex" => Ok(DeviceKind::Flex),
+        "ndarray" => Ok(DeviceKind::Ndarray),
         "gpu" => Ok(DeviceKind::Gpu),
-        _ => Err("expected flex or gpu".into()),
+        _ => Err("expected flex, ndarray or gpu".into()),
     }
 }
 
@@ -211,7 +213,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
 /// What the user can mend is not at work: a name that is taken, another configuration, an
 /// environment that cannot be. A full disk is.
 fn failure(error: anyhow::Error) -> Failure {
-    match error.is::<NameError>() || error.is::<OtherConfig>() || error.is::<EnvError>() {
+    match error.is::<NameError>() || error.is::<OtherConfig>() || error.is::<ValueError>() {
         true => Failure::invalid(error),
         false => error.into(),
     }

@@ -60,6 +60,19 @@ pub struct BestSequence {
     pub config_digest: String,
 }
 
+impl BestSequence {
+    /// What is wrong if the sequence was found in another configuration than `config`, a text.
+    pub fn check_config(&self, config: &str) -> Result<(), String> {
+        let (found, expected) = (&self.config_digest, config_digest(config));
+        match *found == expected {
+            true => Ok(()),
+            false => Err(format!(
+                "found in the configuration with digest {found}, this one has {expected}"
+            )),
+        }
+    }
+}
+
 /// A short name for a configuration text: `crc32:` and eight hexadecimal digits. Tells
 /// different configurations apart; it is no protection against forgery.
 pub fn config_digest(config: &str) -> String {

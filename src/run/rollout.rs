@@ -3,10 +3,11 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::Snapshot;
-use drape_task::env::{Draping, End, EnvConfig, EnvError, ReplayDiverged, Tasks};
+use drape_task::env::{Draping, End, EnvConfig, ReplayDiverged, Tasks};
 use drape_task::path::{PressedPoint, strokes};
 
 /// How an episode went.
@@ -51,7 +52,7 @@ pub struct PlayedEpisode {
 #[derive(Debug, thiserror::Error)]
 pub enum RolloutError {
     #[error(transparent)]
-    Env(#[from] EnvError),
+    Env(#[from] ValueError),
     #[error(transparent)]
     Diverged(#[from] ReplayDiverged),
     #[error(

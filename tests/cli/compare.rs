@@ -165,7 +165,7 @@ fn what_cannot_be_compared_is_refused_in_one_line() {
         (&["none.json", "a.json"][..], &["there is no none.json"][..]),
         (
             &["a.json", "text.json"],
-            &["text.json is not a state file", "format"],
+            &["text.json: not a state file", "format"],
         ),
         (&["a.json", "bad.stl"], &["bad.stl: truncated"]),
         (&["empty", "a.json"], &["empty is not a run folder"]),

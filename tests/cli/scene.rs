@@ -237,20 +237,23 @@ fn values_out_of_range_are_located() {
         ),
         (
             "[tool.pose]\nrotation_deg = [0, 0, nan]",
-            &["`pose.rotation_deg` is NaN"],
+            &["`tool.pose.rotation_deg` is NaN"],
         ),
-        ("[tool.grid]\nspacing_mm = 0", &["`grid.spacing_mm` is 0"]),
+        (
+            "[tool.grid]\nspacing_mm = 0",
+            &["`tool.grid.spacing_mm` is 0"],
+        ),
         (
             "[tool.grid]\nspacing_mm = 0.01",
             &["grid of", "increase grid.spacing_mm"],
         ),
         (
             "[tool.source.shape]\nkind = \"plate\"\nbase_mm = inf",
-            &["`plate.base_mm` is inf"],
+            &["`tool.source.shape.base_mm` is inf"],
         ),
         (
             "[tool.source.stl]\npath = \"a.stl\"\nscale = -1",
-            &["`source.stl.scale` is -1"],
+            &["`tool.source.stl.scale` is -1"],
         ),
     ] {
         let output = set_up(folder.path(), text);

@@ -4,7 +4,7 @@
 //! [`sim`] moves many of them at once by substep XPBD with a direct solve along every yarn;
 //! [`twin`] is a slow finite-element model of the same case to hold it against; a [`scene`] lets
 //! a blank fall on to a tool. A module uses only those above it in this list: [`file`],
-//! [`math`], [`mesh`], [`tool`], [`fabric`], [`sim`] and [`twin`], [`scene`].
+//! [`math`], [`mesh`], [`tool`], [`fabric`], [`sim`], [`twin`], [`scene`].
 
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
 #![allow(rustdoc::broken_intra_doc_links)]

@@ -11,10 +11,11 @@ use std::sync::Arc;
 
 use crate::study::{Context, Report, SceneOptions, Study, StudyError};
 use crate::table::Table;
+use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream, mean_and_deviation};
 use drape_cloth::scene::{Scene, Summary};
 use drape_cloth::sim::{Backend, Cpu, Precision, Snapshot, World};
-use drape_task::env::{Draping, End, EnvConfig, EnvError, Tasks};
+use drape_task::env::{Draping, End, EnvConfig, Tasks};
 
 /// Play whole episodes in fixed orders: strain, rest and penetration after them, and how much
 /// the order matters
@@ -192,7 +193,7 @@ pub fn play(
     count: usize,
     seed: u64,
     mut progress: impl FnMut(usize),
-) -> Result<Vec<Played>, EnvError> {
+) -> Result<Vec<Played>, ValueError> {
     let mut env = Draping::new(scene.clone(), config, count)?;
     let mut streams: Vec<Stream> = (0..count)
         .map(|index| Stream::new(seed, Purpose::Evaluation, index as u32))
@@ -236,7 +237,7 @@ pub fn sequences(
     order: Order,
     count: usize,
     seed: u64,
-) -> Result<Vec<Vec<u32>>, EnvError> {
+) -> Result<Vec<Vec<u32>>, ValueError> {
     let mut played = play(scene, config, order, count, seed, |_| ())?;
     played.retain(|played| !played.has_diverged && !played.pressed.is_empty());
     Ok(played.into_iter().map(|played| played.pressed).collect())

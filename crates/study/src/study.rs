@@ -13,7 +13,7 @@ use drape_cloth::mesh::compare::SheetError;
 use drape_cloth::scene::{SceneConfig, SceneError};
 use drape_cloth::twin::Diverged;
 use drape_report::{Chart, Image};
-use drape_task::env::{EnvConfig, EnvError};
+use drape_task::env::EnvConfig;
 
 /// A study: its options are its fields.
 pub trait Study {
@@ -136,11 +136,9 @@ pub enum StudyError {
     Invalid(String),
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// An environment that cannot be, as its message names the option.
+    /// A value that cannot be, as its message names the key or option.
     #[error("{0}")]
-    Env(String),
-    #[error(transparent)]
-    Twin(#[from] ValueError),
+    Value(String),
     /// A run folder or a file that cannot be read.
     #[error(transparent)]
     Read(Failed),
@@ -167,17 +165,17 @@ impl StudyError {
     /// Whether the user can mend it.
     pub fn is_input(&self) -> bool {
         match self {
-            Self::Invalid(_) | Self::Env(_) | Self::Twin(_) | Self::Read(_) => true,
+            Self::Invalid(_) | Self::Value(_) | Self::Read(_) => true,
             Self::Scene(error) => !matches!(error, SceneError::Diverged { .. }),
             _ => false,
         }
     }
 }
 
-impl From<EnvError> for StudyError {
+impl From<ValueError> for StudyError {
     /// The region of a study's environment is an option.
-    fn from(error: EnvError) -> Self {
-        Self::Env(error.to_string().replace("`env.region_mm`", "`--region`"))
+    fn from(error: ValueError) -> Self {
+        Self::Value(error.to_string().replace("`env.region_mm`", "`--region`"))
     }
 }
 

@@ -19,12 +19,13 @@ use crate::study::{Context, QUICKSTART, Report, SceneOptions, Study, StudyError,
 use crate::table::Table;
 use crate::twin::fall::{ACCELERATION, SPEED, fallen, lying, press_config, twin_config};
 use crate::twin::set_up;
+use drape_cloth::file::ValueError;
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Accuracy, Precision, Solver, Stepping};
 use drape_cloth::twin::Hold;
 use drape_report::{Chart, Image, SERIES, Series};
-use drape_task::env::{Draping, EnvConfig, EnvError};
+use drape_task::env::{Draping, EnvConfig};
 
 /// Play the same presses under several settings and in the finite-element twin: do they agree
 /// which path is the better one?
@@ -138,7 +139,7 @@ fn generate(
     env: &EnvConfig,
     count: usize,
     seed: u64,
-) -> Result<Vec<Sequence>, EnvError> {
+) -> Result<Vec<Sequence>, ValueError> {
     let mut env = env.clone();
     env.set_accuracy(Accuracy::Balanced);
     let mut all = Vec::new();

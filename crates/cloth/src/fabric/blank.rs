@@ -2,8 +2,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::outline::OutlineError;
-use crate::file::ValueError;
+use crate::file::{ReadError, ValueError};
 
 /// Which areal mass a blank has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,7 +70,7 @@ pub enum BlankError {
         fault: CutFault,
     },
     #[error(transparent)]
-    Outline(#[from] OutlineError),
+    Outline(#[from] ReadError),
 }
 
 /// What is wrong with a mesh whose cells are too large.

@@ -319,7 +319,7 @@ impl Lamina {
             }
         }
         for membrane in self.membranes.iter().filter(|m| !m.has_yarns) {
-            strain.extend(membrane.stretch(position).map(|s| s - 1.0));
+            strain.extend(membrane.columns(position).map(|column| column.norm() - 1.0));
         }
         strain
     }

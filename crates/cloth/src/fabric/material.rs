@@ -1,17 +1,8 @@
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::file::{ReadTomlError, ValueError, parse_toml, read_toml};
-
-/// A material file could not be used.
-#[derive(Debug, thiserror::Error)]
-pub enum MaterialError {
-    #[error(transparent)]
-    Read(#[from] ReadTomlError),
-    #[error("{}: {fault}", path.display())]
-    Value { path: PathBuf, fault: ValueError },
-}
+use crate::file::{ReadError, ValueError, parse_toml, read_toml};
 
 /// A piecewise linear law through [strain, stress] points; stress in MPa as in the file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,17 +24,6 @@ impl Curve {
     /// The same law, `factor` times as stiff.
     pub fn scaled(&self, factor: f64) -> Self {
         Self(self.0.iter().map(|&[e, s]| [e, factor * s]).collect())
-    }
-
-    /// Stress [Pa] at a strain >= 0; beyond the last point its slope goes on.
-    pub fn stress(&self, strain: f64) -> f64 {
-        let last = self.0.len() - 2;
-        let segment = self.0[1..=last]
-            .iter()
-            .position(|p| strain < p[0])
-            .unwrap_or(last);
-        let [p, q] = [self.0[segment], self.0[segment + 1]];
-        1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
     }
 
     /// Strain at which the second slope begins, and that slope over the first; none of a straight
@@ -116,8 +96,9 @@ const INTERGLAS_92125: &str = include_str!("../../../../configs/materials/interg
 
 impl Material {
     /// Reads and checks a material file.
-    pub fn read(path: &Path) -> Result<Self, MaterialError> {
-        Self::checked(read_toml(path)?, path)
+    pub fn read(path: &Path) -> Result<Self, ReadError> {
+        let material: Self = read_toml(path)?;
+        material.checked(path)
     }
 
     /// The fabric of the paper, Interglas 92125.
@@ -129,15 +110,15 @@ impl Material {
         Self::parse(INTERGLAS_92125, path).expect("the built-in material is valid")
     }
 
-    fn parse(text: &str, path: &Path) -> Result<Self, MaterialError> {
-        Self::checked(parse_toml(text, path).map_err(ReadTomlError::from)?, path)
+    fn parse(text: &str, path: &Path) -> Result<Self, ReadError> {
+        let material: Self = parse_toml(text, path)?;
+        material.checked(path)
     }
 
-    fn checked(self, path: &Path) -> Result<Self, MaterialError> {
-        let path = path.into();
+    fn checked(self, path: &Path) -> Result<Self, ReadError> {
         match self.check() {
             Ok(()) => Ok(self),
-            Err(fault) => Err(MaterialError::Value { path, fault }),
+            Err(fault) => Err(ReadError::fault(path, fault)),
         }
     }
 
@@ -222,6 +203,19 @@ mod tests {
             (found - expected).abs() <= tolerance * expected.abs(),
             "{found} is not {expected}"
         );
+    }
+
+    impl Curve {
+        /// Stress [Pa] at a strain >= 0; beyond the last point its slope goes on.
+        pub fn stress(&self, strain: f64) -> f64 {
+            let last = self.0.len() - 2;
+            let segment = self.0[1..=last]
+                .iter()
+                .position(|p| strain < p[0])
+                .unwrap_or(last);
+            let [p, q] = [self.0[segment], self.0[segment + 1]];
+            1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
+        }
     }
 
     #[test]

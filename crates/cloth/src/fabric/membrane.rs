@@ -40,14 +40,13 @@ impl Membrane {
         }
     }
 
-    /// Stretch |F a| along the warp and |F b| along the weft at `position` [-].
-    pub fn stretch(&self, position: &[[f64; 3]]) -> [f64; 2] {
+    /// F a and F b at `position` [-]; their lengths are the stretch.
+    pub fn columns(&self, position: &[[f64; 3]]) -> [Vec3; 2] {
         [0, 1].map(|family| {
-            let mut sum = Vec3::zeros();
-            for (v, gradient) in self.vertices.iter().zip(&self.gradient) {
-                sum += Vec3::from(position[*v as usize]) * gradient[family];
-            }
-            sum.norm()
+            let corners = self.vertices.iter().zip(&self.gradient);
+            corners
+                .map(|(&v, slope)| Vec3::from(position[v as usize]) * slope[family])
+                .sum()
         })
     }
 }

@@ -1,6 +1,6 @@
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+use crate::file::{ReadError, read_bytes};
 
 /// Coordinates of an outline are at most this large [mm].
 const MAX_MM: f64 = 1e5;
@@ -18,19 +18,6 @@ pub(super) type Point = [f64; 2];
 pub struct Outline {
     /// [m]
     loops: Vec<Vec<Point>>,
-}
-
-/// An outline that bounds no blank. Lines count from 1.
-#[derive(Debug, thiserror::Error)]
-pub enum OutlineError {
-    #[error("cannot read {}", path.display())]
-    Io { path: PathBuf, source: io::Error },
-    #[error("{}:{line}: {fault}", path.display())]
-    Format {
-        path: PathBuf,
-        line: usize,
-        fault: String,
-    },
 }
 
 /// A loop as it was read.
@@ -58,18 +45,13 @@ impl Outline {
     }
 
     /// Reads an outline; the error names file, line, found and expected.
-    pub fn read(path: &Path) -> Result<Self, OutlineError> {
-        let bytes = fs::read(path).map_err(|source| OutlineError::Io {
-            path: path.into(),
-            source,
-        })?;
+    pub fn read(path: &Path) -> Result<Self, ReadError> {
         // What is not text is quoted as the line that cannot be understood.
-        Self::parse(&String::from_utf8_lossy(&bytes)).map_err(|(line, fault)| {
-            OutlineError::Format {
-                path: path.into(),
-                line,
-                fault,
-            }
+        let text = String::from_utf8_lossy(&read_bytes(path)?).into_owned();
+        Self::parse(&text).map_err(|(line, fault)| ReadError::Fault {
+            path: path.into(),
+            place: format!(":{line}"),
+            fault,
         })
     }
 

@@ -6,10 +6,12 @@
 //! that grow line by line are not written here. Whatever reads TOML does so through
 //! [`read_toml`].
 
+mod read;
 mod toml;
 mod value;
 mod write;
 
-pub use toml::{ParseError, ReadTomlError, parse_toml, parse_toml_with, read_toml};
+pub use read::{ReadError, read_bytes};
+pub use toml::{parse_toml, parse_toml_with, read_toml};
 pub use value::ValueError;
 pub use write::{WriteError, check_writable, write_atomic};

@@ -1,45 +1,26 @@
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::de::DeserializeOwned;
+
+use super::read::{ReadError, read_bytes};
 
 /// End of the message about a whole number beyond those that TOML has.
 const LARGE: &str = "`, expected at most 9223372036854775807";
 /// Longest part of a line that a message quotes [characters].
 const QUOTE: usize = 60;
 
-/// Why a TOML file could not be used.
-#[derive(Debug, thiserror::Error)]
-pub enum ReadTomlError {
-    #[error("cannot read {}", path.display())]
-    Io { path: PathBuf, source: io::Error },
-    #[error(transparent)]
-    Parse(#[from] ParseError),
-}
-
-/// Where a TOML text is wrong, and what was expected there: one line, with the key. Lines
-/// and columns [characters] count from 1.
-#[derive(Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{}:{line}:{column}: {message}", path.display())]
-pub struct ParseError {
-    pub path: PathBuf,
-    pub line: usize,
-    pub column: usize,
-    pub message: String,
-}
-
 /// Reads the TOML file at `path`.
-pub fn read_toml<T: DeserializeOwned>(path: &Path) -> Result<T, ReadTomlError> {
-    let text = fs::read_to_string(path).map_err(|source| ReadTomlError::Io {
-        path: path.into(),
-        source,
-    })?;
-    Ok(parse_toml(&text, path)?)
+pub fn read_toml<T: DeserializeOwned>(path: &Path) -> Result<T, ReadError> {
+    let text = String::from_utf8(read_bytes(path)?);
+    parse_toml(
+        &text.map_err(|_| ReadError::fault(path, "not text in UTF-8"))?,
+        path,
+    )
 }
 
-/// Reads TOML from `text`; errors name `path` as its origin.
-pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ParseError> {
+/// Reads TOML from `text`; errors name `path` as its origin, line, column [characters] and key, and
+/// what was expected there, in one line.
+pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ReadError> {
     parse_toml_with(text, path, |text| toml::from_str(text))
 }
 
@@ -48,7 +29,7 @@ pub fn parse_toml_with<T>(
     text: &str,
     path: &Path,
     parse: impl Fn(&str) -> Result<T, toml::de::Error>,
-) -> Result<T, ParseError> {
+) -> Result<T, ReadError> {
     parse(text).map_err(|error| {
         let start = error.span().map_or(0, |span| span.start);
         let before = text.get(..start).unwrap_or(text);
@@ -68,11 +49,12 @@ pub fn parse_toml_with<T>(
             let quote: String = line.chars().take(QUOTE).collect();
             message += &format!(" in `{quote}`");
         }
-        ParseError {
+        let line = before.matches('\n').count() + 1;
+        let column = before[line_start..].chars().count() + 1;
+        ReadError::Fault {
             path: path.into(),
-            line: before.matches('\n').count() + 1,
-            column: before[line_start..].chars().count() + 1,
-            message,
+            place: format!(":{line}:{column}"),
+            fault: message,
         }
     })
 }
@@ -192,9 +174,10 @@ mod tests {
         ] {
             let text = format!("a = {number}");
             let error = parse_toml::<toml::Table>(&text, Path::new("a.toml")).unwrap_err();
+            let expected = format!("{expected}, expected at most 9223372036854775807 in `a = ");
             assert_eq!(
-                error.message,
-                format!("{expected}, expected at most 9223372036854775807 in `a = {number}`")
+                error.to_string(),
+                format!("a.toml:1:5: {expected}{number}`")
             );
         }
         for text in [
@@ -250,6 +233,6 @@ mod tests {
     fn unreadable_files_are_named() {
         let error = read_toml::<Plan>(Path::new("none/a.toml")).unwrap_err();
         assert_eq!(error.to_string(), "cannot read none/a.toml");
-        assert!(matches!(error, ReadTomlError::Io { .. }));
+        assert!(matches!(error, ReadError::Io { .. }));
     }
 }

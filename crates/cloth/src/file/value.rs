@@ -31,6 +31,12 @@ impl ValueError {
         }
     }
 
+    /// Refuses what stands at `key` unless it is a number from `min` to `max`.
+    pub fn unless_within(key: &str, found: f64, [min, max]: [f64; 2]) -> Result<(), Self> {
+        let expected = format!("a number from {min} to {max}");
+        Self::unless((min..=max).contains(&found), key, found, expected)
+    }
+
     /// The same with its key in the table `outer`.
     pub fn within(mut self, outer: &str) -> Self {
         self.key = format!("{outer}.{}", self.key);

@@ -40,8 +40,6 @@ pub trait Lanes:
     type Mask: Copy + Send + Sync;
     /// Number of lanes.
     const COUNT: usize;
-    /// Name of the instruction set, for reports.
-    const ISA: &'static str;
 
     /// The same number in every lane.
     fn splat(x: Self::Scalar) -> Self;
@@ -111,16 +109,21 @@ pub trait Lanes:
 
     /// The lanes of all numbers, one after the other.
     #[inline(always)]
-    fn flat(all: &[Self]) -> &[Self::Scalar] {
-        // SAFETY: as in `as_slice`.
-        unsafe { std::slice::from_raw_parts(all.as_ptr().cast(), all.len() * Self::COUNT) }
-    }
-
-    /// The same, to be changed.
-    #[inline(always)]
     fn flat_mut(all: &mut [Self]) -> &mut [Self::Scalar] {
         // SAFETY: as in `as_slice`.
         unsafe { std::slice::from_raw_parts_mut(all.as_mut_ptr().cast(), all.len() * Self::COUNT) }
+    }
+
+    /// The number in one lane [f64].
+    #[inline(always)]
+    fn get(&self, lane: usize) -> f64 {
+        self.as_slice()[lane].to_f64()
+    }
+
+    /// Replaces the number in one lane.
+    #[inline(always)]
+    fn set(&mut self, lane: usize, x: f64) {
+        self.as_mut_slice()[lane] = Self::Scalar::from_f64(x);
     }
 
     /// The lanes as a slice.
@@ -166,7 +169,6 @@ macro_rules! scalar {
             type Scalar = $t;
             type Mask = bool;
             const COUNT: usize = 1;
-            const ISA: &'static str = "scalar";
             #[inline(always)]
             fn splat(x: $t) -> Self {
                 x
@@ -237,7 +239,6 @@ impl Lanes for Portable {
     type Scalar = f32;
     type Mask = [bool; 8];
     const COUNT: usize = 8;
-    const ISA: &'static str = "portable";
     #[inline(always)]
     fn splat(x: f32) -> Self {
         Self([x; 8])
@@ -329,12 +330,6 @@ impl Isa {
 pub struct Vec3x<V>(pub [V; 3]);
 
 impl<V: Lanes> Vec3x<V> {
-    /// The same vector in every lane, rounded from f64.
-    #[inline(always)]
-    pub fn of(x: [f64; 3]) -> Self {
-        Self([V::of(x[0]), V::of(x[1]), V::of(x[2])])
-    }
-
     /// Zero in every lane.
     #[inline(always)]
     pub fn zero() -> Self {
@@ -370,27 +365,20 @@ impl<V: Lanes> Vec3x<V> {
 
     /// The components of all vectors, one after the other.
     #[inline(always)]
-    pub fn components(all: &[Self]) -> &[V] {
-        // SAFETY: a vector is exactly three numbers.
-        unsafe { std::slice::from_raw_parts(all.as_ptr().cast(), 3 * all.len()) }
-    }
-
-    /// The same, to be changed.
-    #[inline(always)]
     pub fn components_mut(all: &mut [Self]) -> &mut [V] {
-        // SAFETY: as above.
+        // SAFETY: a vector is exactly three numbers.
         unsafe { std::slice::from_raw_parts_mut(all.as_mut_ptr().cast(), 3 * all.len()) }
     }
 
     /// The vector in one lane [f64].
     pub fn get(&self, lane: usize) -> [f64; 3] {
-        std::array::from_fn(|k| self.0[k].as_slice()[lane].to_f64())
+        std::array::from_fn(|k| self.0[k].get(lane))
     }
 
     /// Replaces the vector in one lane.
     pub fn set(&mut self, lane: usize, x: [f64; 3]) {
         for (component, x) in self.0.iter_mut().zip(x) {
-            component.as_mut_slice()[lane] = V::Scalar::from_f64(x);
+            component.set(lane, x);
         }
     }
 }

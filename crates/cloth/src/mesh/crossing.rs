@@ -1,19 +1,15 @@
 use parry3d_f64::partitioning::BvhNode;
 use parry3d_f64::shape;
+use robust::{Coord3D, orient3d};
 
 use super::TriMesh;
 use crate::math::{Vec3, to_parry};
-
-/// Relative error of a determinant of differences in f64, with room to spare (Shewchuk 1997
-/// gives 7.8e-16 of its permanent).
-const ROUNDING: f64 = 1e-15;
 
 impl TriMesh {
     /// Number of places where an edge of the mesh passes through one of its triangles, counting
     /// edges and triangles that share no vertex.
     ///
-    /// Counts what is certain: whoever touches, lies in the plane, or is so near to either that
-    /// rounding decides, does not count, nor do coordinates that are no numbers.
+    /// What touches or lies in the plane does not count, nor do coordinates that are no numbers.
     pub fn self_intersection_count(&self) -> usize {
         let at = |v: u32| self.vertices[v as usize];
         let mut edges: Vec<[u32; 2]> = (self.triangles.iter())
@@ -45,31 +41,24 @@ impl TriMesh {
     }
 }
 
-/// Whether the segment from `p` to `q` certainly passes through the inside of a triangle.
+/// Whether the segment from `p` to `q` passes through the inside of a triangle.
 fn passes([p, q]: [Vec3; 2], [a, b, c]: [Vec3; 3]) -> bool {
     let ends = [side([a, b, c], p), side([a, b, c], q)];
-    if ends[0] * ends[1] >= 0 {
+    if !(ends[0].min(ends[1]) < 0.0 && ends[0].max(ends[1]) > 0.0) {
         return false;
     }
     let turns = [side([a, b, p], q), side([b, c, p], q), side([c, a, p], q)];
-    turns[0] != 0 && turns.iter().all(|&turn| turn == turns[0])
+    turns.iter().all(|&turn| turn > 0.0) || turns.iter().all(|&turn| turn < 0.0)
 }
 
-/// On which side of the plane of three points `x` certainly is: 1, -1, or 0 for neither.
-fn side([a, b, c]: [Vec3; 3], x: Vec3) -> i32 {
-    let (a, b, c) = (a - x, b - x, c - x);
-    let terms = [
-        (a.z, b.x * c.y, b.y * c.x),
-        (b.z, c.x * a.y, c.y * a.x),
-        (c.z, a.x * b.y, a.y * b.x),
-    ];
-    let determinant: f64 = terms.iter().map(|(z, s, t)| z * (s - t)).sum();
-    let permanent: f64 = terms
-        .iter()
-        .map(|(z, s, t)| z.abs() * (s.abs() + t.abs()))
-        .sum();
-    let error = ROUNDING * permanent;
-    i32::from(determinant > error) - i32::from(determinant < -error)
+/// On which side of the plane of three points `x` is, exactly: positive, negative, or 0 for neither.
+fn side(plane: [Vec3; 3], x: Vec3) -> f64 {
+    let [a, b, c, x] = [plane[0], plane[1], plane[2], x].map(|p| Coord3D {
+        x: p.x,
+        y: p.y,
+        z: p.z,
+    });
+    orient3d(a, b, c, x)
 }
 
 #[cfg(test)]

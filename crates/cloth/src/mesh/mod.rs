@@ -10,7 +10,9 @@ pub use border::{OrientationFault, border};
 pub(crate) use patches::patches;
 #[cfg(test)]
 pub(crate) use stl::to_stl_bytes;
-pub use stl::{ReadStlError, read_stl, write_stl};
+pub use stl::{read_stl, write_stl};
+
+use std::ops::AddAssign;
 
 use crate::math::Vec3;
 
@@ -35,16 +37,9 @@ impl TriMesh {
 
     /// Area-weighted vertex normals, unit length; zero where a vertex has no area.
     pub fn vertex_normals(&self) -> Vec<Vec3> {
-        let mut normals = vec![Vec3::zeros(); self.vertices.len()];
-        for (triangle, area) in self.triangles.iter().zip(self.area_vectors()) {
-            for &v in triangle {
-                normals[v as usize] += area;
-            }
-        }
-        for normal in &mut normals {
-            *normal = normal.try_normalize(0.0).unwrap_or_default();
-        }
-        normals
+        let sums = self.at_vertices(Vec3::zeros(), |area| area).into_iter();
+        sums.map(|sum| sum.try_normalize(0.0).unwrap_or_default())
+            .collect()
     }
 
     /// Smallest and largest coordinate along each axis [m]; infinite and reversed for an
@@ -96,13 +91,18 @@ impl TriMesh {
 
     /// A third of the area of every triangle at each vertex [m²].
     pub fn vertex_areas(&self) -> Vec<f64> {
-        let mut areas = vec![0.0; self.vertices.len()];
+        self.at_vertices(0.0, |area| area.norm() / 3.0)
+    }
+
+    /// Sums at each vertex what is made of the area vector of every triangle around it.
+    fn at_vertices<T: Copy + AddAssign>(&self, zero: T, of: impl Fn(Vec3) -> T) -> Vec<T> {
+        let mut sums = vec![zero; self.vertices.len()];
         for (triangle, area) in self.triangles.iter().zip(self.area_vectors()) {
             for &v in triangle {
-                areas[v as usize] += area.norm() / 3.0;
+                sums[v as usize] += of(area);
             }
         }
-        areas
+        sums
     }
 
     fn area_vectors(&self) -> impl Iterator<Item = Vec3> {

@@ -1,10 +1,9 @@
 use std::collections::HashMap;
-use std::fs;
-use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::io::Write;
+use std::path::Path;
 
 use super::TriMesh;
-use crate::file::{WriteError, write_atomic};
+use crate::file::{ReadError, WriteError, read_bytes, write_atomic};
 use crate::math::Vec3;
 
 /// Bytes before the first facet of a binary file: 80 free ones, then the facet count.
@@ -29,15 +28,6 @@ pub struct Stl {
     pub dropped_facet_count: usize,
 }
 
-/// Why an STL file cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum ReadStlError {
-    #[error("cannot read {}", path.display())]
-    Io { path: PathBuf, source: io::Error },
-    #[error("{}: {fault}", path.display())]
-    Format { path: PathBuf, fault: String },
-}
-
 /// Corners of a facet [m].
 type Facet = [Vec3; 3];
 
@@ -49,16 +39,8 @@ type Facet = [Vec3; 3];
 ///
 /// # Errors
 /// Says which file, and which facet or line; both count from 1.
-pub fn read_stl(path: impl AsRef<Path>, scale: f64) -> Result<Stl, ReadStlError> {
-    let path = path.as_ref();
-    let bytes = fs::read(path).map_err(|source| ReadStlError::Io {
-        path: path.to_path_buf(),
-        source,
-    })?;
-    parse(&bytes, scale).map_err(|fault| ReadStlError::Format {
-        path: path.to_path_buf(),
-        fault,
-    })
+pub fn read_stl(path: &Path, scale: f64) -> Result<Stl, ReadError> {
+    parse(&read_bytes(path)?, scale).map_err(|fault| ReadError::fault(path, fault))
 }
 
 /// The mesh as a binary STL file in millimetres; the same bytes for the same mesh.
@@ -142,76 +124,47 @@ fn binary_facets(bytes: &[u8], declared: usize) -> Result<Vec<Facet>, String> {
         .collect())
 }
 
+/// A keyword leads every line; what is left of the lines of `solid`, `facet` and `outer` says nothing
+/// (some exporters write nan for a normal, which follows from the corners anyway).
 fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
-    let text = String::from_utf8_lossy(bytes);
-    // Names after `solid` and `endsolid` are free text up to the end of the line.
-    let is_named =
-        |word: &str| word.eq_ignore_ascii_case("solid") || word.eq_ignore_ascii_case("endsolid");
-    let mut words = text.lines().enumerate().flat_map(|(i, line)| {
-        let has_name = line.split_ascii_whitespace().next().is_some_and(is_named);
-        let count = if has_name { 1 } else { usize::MAX };
-        let words = line.split_ascii_whitespace().take(count);
-        words.map(move |word| (i + 1, word))
-    });
-
-    let mut facets = Vec::new();
-    let mut is_complete = false;
-    while let Some((line, word)) = words.next() {
+    let (mut facets, mut corners, mut is_complete) = (Vec::new(), Vec::new(), false);
+    for (i, line) in String::from_utf8_lossy(bytes).lines().enumerate() {
+        let mut words = line.split_ascii_whitespace();
+        let Some(word) = words.next() else { continue };
+        let fault =
+            |expected, found| format!("line {}: expected {expected}, found {found:?}", i + 1);
         match word.to_ascii_lowercase().as_str() {
             "solid" => is_complete = false,
             "endsolid" => is_complete = true,
-            "facet" if !is_complete => facets.push(text_facet(&mut words, facets.len())?),
+            _ if is_complete => return Err(fault("solid", word)),
+            "facet" | "outer" | "endloop" => {}
+            "vertex" => {
+                let mut corner = Vec3::zeros();
+                for coordinate in corner.iter_mut() {
+                    let number = words.next().unwrap_or_default();
+                    *coordinate = number.parse().map_err(|_| fault("a number", number))?;
+                }
+                corners.push(corner);
+            }
+            "endfacet" => {
+                let facet = Facet::try_from(std::mem::take(&mut corners));
+                facets.push(facet.map_err(|_| fault("three vertices before", word))?);
+            }
             _ => {
-                let expected = ["facet or endsolid", "solid"][usize::from(is_complete)];
-                return Err(misplaced(line, expected, word));
+                return Err(fault(
+                    "facet, outer, vertex, endloop, endfacet or endsolid",
+                    word,
+                ));
             }
         }
     }
     match is_complete {
         true => Ok(facets),
-        false => Err(truncated(facets.len())),
+        false => Err(format!(
+            "truncated after facet {}, endsolid is missing",
+            facets.len()
+        )),
     }
-}
-
-fn misplaced(line: usize, expected: &str, found: &str) -> String {
-    format!("line {line}: expected {expected}, found {found:?}")
-}
-
-fn truncated(complete: usize) -> String {
-    format!("truncated after facet {complete}, endsolid is missing")
-}
-
-/// Reads what follows the word `facet`; `complete` facets came before.
-fn text_facet<'a>(
-    words: &mut impl Iterator<Item = (usize, &'a str)>,
-    complete: usize,
-) -> Result<Facet, String> {
-    let mut next = |expected: &'static str, fits: &dyn Fn(&str) -> bool| {
-        let (line, word) = words.next().ok_or_else(|| truncated(complete))?;
-        match fits(word) {
-            true => Ok(word),
-            false => Err(misplaced(line, expected, word)),
-        }
-    };
-    let is = |keyword: &'static str| move |word: &str| word.eq_ignore_ascii_case(keyword);
-    next("normal", &is("normal"))?;
-    for _ in 0..3 {
-        // Some exporters write nan here; the normal follows from the corners anyway.
-        next("a number", &|_| true)?;
-    }
-    next("outer", &is("outer"))?;
-    next("loop", &is("loop"))?;
-    let mut facet = [Vec3::zeros(); 3];
-    for corner in &mut facet {
-        next("vertex", &is("vertex"))?;
-        for coordinate in corner.iter_mut() {
-            let number = next("a number", &|word| word.parse::<f64>().is_ok())?;
-            *coordinate = number.parse().expect("checked above");
-        }
-    }
-    next("endloop", &is("endloop"))?;
-    next("endfacet", &is("endfacet"))?;
-    Ok(facet)
 }
 
 /// Joins corners within [`WELD`] of one another into shared vertices, in the order in which
@@ -249,10 +202,14 @@ struct Welder {
     origin: Vec3,
     tolerance: f64,
     cells: HashMap<[i64; 3], u32>,
-    /// Shortcut for corners that agree to the last bit, which most do.
-    exact: HashMap<[u64; 3], u32>,
     vertices: Vec<Vec3>,
 }
+
+/// A cell and its neighbours, itself first: most corners agree to the last bit.
+const CELLS: [i64; 27] = [
+    13, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25,
+    26,
+];
 
 impl Welder {
     fn new(facets: &[Facet]) -> Self {
@@ -264,25 +221,13 @@ impl Welder {
             // Not 0, even if all corners agree.
             tolerance: (WELD * (high - low).norm()).max(f64::MIN_POSITIVE),
             cells: HashMap::new(),
-            exact: HashMap::new(),
             vertices: Vec::new(),
         }
     }
 
     fn index(&mut self, corner: Vec3) -> u32 {
-        // Adding zero turns −0 into +0.
-        let bits = [corner.x, corner.y, corner.z].map(|c| (c + 0.0).to_bits());
-        if let Some(&index) = self.exact.get(&bits) {
-            return index;
-        }
-        let index = self.near(corner);
-        self.exact.insert(bits, index);
-        index
-    }
-
-    fn near(&mut self, corner: Vec3) -> u32 {
         let cell = ((corner - self.origin) / self.tolerance).map(|c| c.floor() as i64);
-        for n in 0..27 {
+        for n in CELLS {
             let neighbour = [n % 3, n / 3 % 3, n / 9];
             let neighbour = std::array::from_fn(|a| cell[a] + neighbour[a] - 1);
             if let Some(&index) = self.cells.get(&neighbour)
@@ -300,6 +245,8 @@ impl Welder {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     /// A tetrahedron with legs of 1 mm.
@@ -418,7 +365,7 @@ mod tests {
         let text = text(&mesh);
         assert_eq!(
             fault(text.replacen("outer", "inner", 1).as_bytes()),
-            "line 3: expected outer, found \"inner\""
+            "line 3: expected facet, outer, vertex, endloop, endfacet or endsolid, found \"inner\""
         );
         assert_eq!(
             fault(text.replacen("0e0", "0,0", 1).as_bytes()),

@@ -2,13 +2,17 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::fabric::{BlankConfig, BlankError, Material, MaterialError};
-use crate::file::{ReadTomlError, ValueError, read_toml};
-use crate::sim::{PhysicsConfig, PhysicsError, Stepping};
+use crate::fabric::{BlankConfig, BlankError, Material};
+use crate::file::{ReadError, ValueError, read_toml};
+use crate::sim::{PhysicsConfig, Stepping};
 use crate::tool::{Source, ToolConfig, ToolError};
 
 /// Duration of a control step of the fall [s].
 pub(super) const FRAME: f64 = 1.0 / 60.0;
+
+/// Farthest that a blank hangs from the origin and a clamp moves [mm]: beyond 100 m a state counts
+/// as diverged.
+const FAR_MM: [f64; 2] = [-10_000.0, 10_000.0];
 
 /// Where the flat blank hangs before it falls.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -84,6 +88,16 @@ impl Default for Fall {
 }
 
 impl Fall {
+    /// Control steps of the fall and of settling after it.
+    pub(super) fn frames(&self) -> [usize; 2] {
+        [self.fall_s, self.settle_s].map(|seconds| (seconds / FRAME).round() as usize)
+    }
+
+    /// Duration of the fall [s], in whole control steps, and of settling after it.
+    pub fn durations(&self) -> [f64; 2] {
+        self.frames().map(|frames| frames as f64 * FRAME)
+    }
+
     /// How finely the fall is stepped.
     pub fn stepping(&self) -> Stepping {
         Stepping {
@@ -117,17 +131,11 @@ pub struct SceneConfig {
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     #[error(transparent)]
-    Read(#[from] ReadTomlError),
+    Read(#[from] ReadError),
     #[error(transparent)]
     Value(#[from] ValueError),
-    #[error("{}: `{key}` is a list, expected a table", path.display())]
-    List { path: PathBuf, key: &'static str },
     #[error(transparent)]
     Blank(#[from] BlankError),
-    #[error(transparent)]
-    Physics(#[from] PhysicsError),
-    #[error(transparent)]
-    Material(#[from] MaterialError),
     #[error(transparent)]
     Tool(#[from] ToolError),
     #[error(
@@ -155,10 +163,8 @@ impl SceneConfig {
         for key in ["tool", "blank", "placement", "fall", "physics"] {
             // The parser would take the list for the values of the table, in their order.
             if let Some(toml::Value::Array(_)) = table.get(key) {
-                return Err(SceneError::List {
-                    path: path.into(),
-                    key,
-                });
+                let fault = format!("`{key}` is a list, expected a table");
+                return Err(ReadError::fault(path, fault).into());
             }
         }
         let mut scene: Self = read_toml(path)?;
@@ -179,17 +185,6 @@ impl SceneConfig {
         }
     }
 
-    /// Control steps of the fall.
-    pub(super) fn falling(&self) -> usize {
-        (self.fall.fall_s / FRAME).round() as usize
-    }
-
-    /// Duration of the fall [s], in whole control steps, and of settling after it.
-    pub fn durations(&self) -> [f64; 2] {
-        let frames = |seconds: f64| (seconds / FRAME).round() * FRAME;
-        [frames(self.fall.fall_s), frames(self.fall.settle_s)]
-    }
-
     /// The material, read from its file.
     pub fn read_material(&self) -> Result<Material, SceneError> {
         Ok(match &self.material {
@@ -201,28 +196,21 @@ impl SceneConfig {
     /// Checks all values that are not checked by the parts they belong to.
     pub fn check(&self) -> Result<(), SceneError> {
         self.physics.check()?;
-        let fall = &self.fall;
-        for (key, value) in [
-            ("fall.fall_s", fall.fall_s),
-            ("fall.settle_s", fall.settle_s),
+        let (fall, placement) = (&self.fall, &self.placement);
+        for (key, value, range) in [
+            ("fall.fall_s", fall.fall_s, [0.0, 600.0]),
+            ("fall.settle_s", fall.settle_s, [0.0, 600.0]),
+            ("placement.centre_mm", placement.centre_mm[0], FAR_MM),
+            ("placement.centre_mm", placement.centre_mm[1], FAR_MM),
+            ("placement.height_mm", placement.height_mm, FAR_MM),
         ] {
-            let is_valid = (0.0..=600.0).contains(&value);
-            ValueError::unless(is_valid, key, value, "a number from 0 to 600")?;
+            ValueError::unless_within(key, value, range)?;
         }
         let damping = fall.settle_damping;
         let is_valid = damping >= 0.0 && damping.is_finite();
         ValueError::unless(is_valid, "fall.settle_damping", damping, "a number >= 0")?;
-        if let Err((key, found, expected)) = fall.stepping().check() {
-            return Err(ValueError::new(key, found, expected).within("fall").into());
-        }
-        let placement = &self.placement;
-        for (key, value) in [
-            ("placement.centre_mm", placement.centre_mm[0]),
-            ("placement.centre_mm", placement.centre_mm[1]),
-            ("placement.height_mm", placement.height_mm),
-        ] {
-            ValueError::unless(value.abs() <= 1e5, key, value, "a number within +-100000")?;
-        }
+        let stepping = fall.stepping().check();
+        stepping.map_err(|error| error.within("fall"))?;
         let tilt = placement.tilt_deg;
         let expected = "an angle within +-90 degrees";
         ValueError::unless(tilt.abs() < 90.0, "placement.tilt_deg", tilt, expected)?;
@@ -234,12 +222,10 @@ impl SceneConfig {
                 return Err(clamp.off_the_blank(index));
             }
             let key = |key| format!("clamps[{index}].{key}");
-            let (radius, expected) = (clamp.radius_mm, "a length from 0 to 100000 mm");
-            let is_valid = (0.0..=1e5).contains(&radius);
-            ValueError::unless(is_valid, &key("radius_mm"), radius, expected)?;
-            let (moved, expected) = (clamp.move_mm, "three lengths within +-100000 mm");
-            let is_valid = moved.iter().all(|m| m.abs() <= 1e5);
-            ValueError::unless(is_valid, &key("move_mm"), format!("{moved:?}"), expected)?;
+            ValueError::unless_within(&key("radius_mm"), clamp.radius_mm, [0.0, 1e5])?;
+            for moved in clamp.move_mm {
+                ValueError::unless_within(&key("move_mm"), moved, FAR_MM)?;
+            }
         }
         Ok(())
     }

@@ -36,8 +36,7 @@ impl Scene {
 
         let fall = &config.fall;
         let control = fall.stepping().control(FRAME);
-        let falling = config.falling();
-        let settling = (fall.settle_s / FRAME).round() as usize;
+        let [falling, settling] = fall.frames();
 
         let start = hung(config, &lamina, falling as f64 * FRAME)?;
         let depths = start.position.iter().map(|&x| -tool.distance(x).0);

@@ -1,19 +1,13 @@
-use fixedbitset::FixedBitSet;
-
 use super::cloth::Cloth;
 use super::collision::Layers;
 use super::fold::{Bundle, Fold, Places};
-use super::group::Group;
 use super::length::warm_start;
 use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
 use super::model::{Model, Pass};
 use super::press::{self, Press};
-use super::state::Snapshot;
-use super::step::step;
-use super::stepping::Control;
 use super::storage::Storage;
-use crate::math::{Lanes, Real, Vec3x};
+use crate::math::{Lanes, Vec3x};
 use crate::tool::Tool;
 
 /// One environment by itself with the solve along yarns, its lines side by side in the lanes: a
@@ -22,13 +16,9 @@ use crate::tool::Tool;
 pub(super) struct Alone<V: Lanes> {
     cloth: Cloth<V>,
     fold: Fold<V>,
-    /// 1/m of a free vertex [1/kg].
-    free_inverse_mass: Vec<f64>,
     held: Held<V>,
     /// Room for the vertices of a bundle that crosses the warps.
     crossing: Crossing<V>,
-    /// Room for constraints that are projected one by one, vertices in the model's order.
-    single: Single<V::Scalar>,
 }
 
 /// What the wefts of each vertex do to it when a substep starts.
@@ -46,38 +36,23 @@ struct Crossing<V> {
     stress: Vec<V>,
 }
 
-struct Single<S> {
-    /// Vertices of any such constraint.
-    vertices: Vec<u32>,
-    position: Vec<Vec3x<S>>,
-    mobility: Vec<S>,
-}
-
 impl<V: Lanes> Alone<V> {
-    /// For `model` with every vertex free and at rest in the origin; none if it is not solved
-    /// along yarns, or its layers touch each other.
+    /// For `model` with every vertex free and at rest in the origin; none if anything of it is not
+    /// solved along lines: edges by Gauss-Seidel, membranes, hinges, layers that touch.
     pub fn new(model: &Model) -> Option<Self> {
-        let lines = model.lines.as_ref().filter(|_| model.layers.is_none())?;
+        let is_of_lines = model.layers.is_none() && model.passes.is_empty();
+        let lines = model.lines.as_ref().filter(|_| is_of_lines)?;
         let fold = Fold::new(lines);
         let mut cloth = Cloth::<V>::new(fold.count, fold.edge_count, fold.longest);
         for (&[number, lane], &w) in fold.vertices.iter().zip(&model.inverse_mass) {
-            let inverse_mass = &mut cloth.inverse_mass[number as usize];
-            inverse_mass.as_mut_slice()[lane as usize] = V::Scalar::from_f64(w);
+            cloth.inverse_mass[number as usize].set(lane as usize, w);
         }
         if let Some(tack) = &model.tack {
             cloth.tack.resize(fold.count, V::zero());
             for (&[number, lane], &tack) in fold.vertices.iter().zip(tack) {
-                let of = cloth.tack[number as usize].as_mut_slice();
-                of[lane as usize] = V::Scalar::from_f64(tack);
+                cloth.tack[number as usize].set(lane as usize, tack);
             }
         }
-        let mut vertices: Vec<u32> = model.passes.iter().flat_map(|p| p.vertices()).collect();
-        vertices.sort_unstable();
-        vertices.dedup();
-        let room = match vertices.is_empty() {
-            true => 0,
-            false => model.vertex_count(),
-        };
         Some(Self {
             crossing: Crossing {
                 position: vec![Vec3x::zero(); fold.longest],
@@ -89,20 +64,9 @@ impl<V: Lanes> Alone<V> {
                 pull: vec![Vec3x::zero(); fold.count],
                 stress: vec![V::zero(); fold.count],
             },
-            single: Single {
-                vertices,
-                position: vec![Vec3x::zero(); room],
-                mobility: vec![V::Scalar::zero(); room],
-            },
             cloth,
             fold,
-            free_inverse_mass: model.inverse_mass.clone(),
         })
-    }
-
-    fn slot(&self, vertex: usize) -> (usize, usize) {
-        let [number, lane] = self.fold.vertices[vertex];
-        (number as usize, lane as usize)
     }
 }
 
@@ -122,9 +86,44 @@ impl<V: Lanes> Storage for Alone<V> {
     type V = V;
     type Line = Bundle<V>;
 
+    fn lanes(&self) -> usize {
+        1
+    }
+
+    fn slot(&self, _: usize, vertex: usize) -> [usize; 2] {
+        self.fold.vertices[vertex].map(|i| i as usize)
+    }
+
+    fn edge_slot(&self, _: usize, edge: usize) -> [usize; 2] {
+        self.fold.edges[edge].map(|i| i as usize)
+    }
+
+    fn cloth(&self) -> &Cloth<V> {
+        &self.cloth
+    }
+
     #[inline(always)]
-    fn cloth(&mut self) -> &mut Cloth<V> {
+    fn cloth_mut(&mut self) -> &mut Cloth<V> {
         &mut self.cloth
+    }
+
+    /// Also where no vertex or edge is: a state that diverged may have left anything there.
+    fn clear(&mut self, _: usize, _: &[u64]) {
+        self.cloth.position.fill(Vec3x::zero());
+        self.cloth.velocity.fill(Vec3x::zero());
+        self.held.pull.fill(Vec3x::zero());
+        self.held.stress.fill(V::zero());
+        self.cloth.density.fill(V::zero());
+    }
+
+    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
+        let all: Vec<u32> = (0..self.fold.count as u32).collect();
+        let distances = self.cloth.distances(tool, &all);
+        let of = |&vertex: &u32| {
+            let [number, lane] = self.slot(0, vertex as usize);
+            distances[number * V::COUNT + lane]
+        };
+        vertices.iter().map(of).collect()
     }
 
     #[inline(always)]
@@ -155,8 +154,8 @@ impl<V: Lanes> Storage for Alone<V> {
         } = self;
         let (line, places) = &fold.crossing(direction)[i];
         let x = Vec3x::components_mut(&mut crossing.position);
-        places.read::<V, 3>(Vec3x::components(&cloth.position), x);
-        places.read::<V, 1>(&cloth.mobility, &mut crossing.mobility);
+        places.copy::<V, 3, false>(Vec3x::components_mut(&mut cloth.position), x);
+        places.copy::<V, 1, false>(&mut cloth.mobility, &mut crossing.mobility);
         Along {
             line,
             x: &mut crossing.position,
@@ -170,7 +169,7 @@ impl<V: Lanes> Storage for Alone<V> {
     fn put(&mut self, direction: Direction, i: usize) {
         let (_, places) = &self.fold.crossing(direction)[i];
         let x = Vec3x::components_mut(&mut self.cloth.position);
-        places.write::<V, 3>(Vec3x::components(&self.crossing.position), x);
+        places.copy::<V, 3, true>(x, Vec3x::components_mut(&mut self.crossing.position));
     }
 
     #[inline(always)]
@@ -184,13 +183,13 @@ impl<V: Lanes> Storage for Alone<V> {
         } = self;
         for (weft, places) in &fold.wefts {
             let x = Vec3x::components_mut(&mut crossing.position);
-            places.read::<V, 3>(Vec3x::components(&cloth.predicted), x);
+            places.copy::<V, 3, false>(Vec3x::components_mut(&mut cloth.predicted), x);
             let density = &cloth.density[weft.edges()];
             let (pull, stress) = (&mut crossing.pull, &mut crossing.stress);
             warm_start(weft, &crossing.position, density, pull, stress);
             let pull = Vec3x::components_mut(&mut held.pull);
-            places.write::<V, 3>(Vec3x::components(&crossing.pull), pull);
-            places.write::<V, 1>(&crossing.stress, &mut held.stress);
+            places.copy::<V, 3, true>(pull, Vec3x::components_mut(&mut crossing.pull));
+            places.copy::<V, 1, true>(&mut held.stress, &mut crossing.stress);
         }
     }
 
@@ -200,27 +199,12 @@ impl<V: Lanes> Storage for Alone<V> {
     }
 
     #[inline(always)]
-    fn project(&mut self, passes: &[Pass]) {
-        let Self {
-            cloth,
-            fold,
-            single,
-            ..
-        } = self;
-        if single.vertices.is_empty() {
-            return;
-        }
-        single.read(fold, cloth);
-        for pass in passes {
-            pass.project(&mut single.position, &single.mobility);
-        }
-        single.write(fold, cloth);
-    }
+    fn project(&mut self, _: &[Pass]) {}
 
     #[inline(always)]
     fn hold_down(&mut self, _: Option<&Layers>, plate: &Press, height: f64, compliance: f64) {
         for &vertex in &plate.vertices {
-            let place = self.fold.vertices[vertex as usize].map(|i| i as usize);
+            let place = self.slot(0, vertex as usize);
             press::hold_down(place, height, compliance, &mut self.cloth);
         }
     }
@@ -228,119 +212,5 @@ impl<V: Lanes> Storage for Alone<V> {
     #[inline(always)]
     fn separate(&mut self, _: &Layers) {
         unreachable!("layers that touch are computed in a group");
-    }
-}
-
-impl<V: Lanes> Group for Alone<V> {
-    fn lanes(&self) -> usize {
-        1
-    }
-
-    fn load(&mut self, _: usize, snapshot: &Snapshot) {
-        // Also where no vertex or edge is: a state that diverged may have left anything there.
-        self.cloth.position.fill(Vec3x::zero());
-        self.cloth.velocity.fill(Vec3x::zero());
-        self.held.pull.fill(Vec3x::zero());
-        self.held.stress.fill(V::zero());
-        self.cloth.density.fill(V::zero());
-        for vertex in 0..self.free_inverse_mass.len() {
-            let (v, lane) = self.slot(vertex);
-            self.cloth.position[v].set(lane, snapshot.position[vertex]);
-            self.cloth.velocity[v].set(lane, snapshot.velocity[vertex]);
-            let w = match snapshot.fixed.contains(vertex) {
-                true => 0.0,
-                false => self.free_inverse_mass[vertex],
-            };
-            self.cloth.inverse_mass[v].as_mut_slice()[lane] = V::Scalar::from_f64(w);
-        }
-        for (edge, &[number, lane]) in self.fold.edges.iter().enumerate() {
-            let density = snapshot.force_density.get(edge).copied().unwrap_or(0.0);
-            let all = &mut self.cloth.density[number as usize];
-            all.as_mut_slice()[lane as usize] = V::Scalar::from_f64(density);
-        }
-    }
-
-    fn save(&self, _: usize, snapshot: &mut Snapshot) {
-        let places = || (0..self.free_inverse_mass.len()).map(|vertex| self.slot(vertex));
-        let cloth = &self.cloth;
-        let mut fixed = FixedBitSet::with_capacity(self.free_inverse_mass.len());
-        for (vertex, (v, lane)) in places().enumerate() {
-            fixed.set(
-                vertex,
-                cloth.inverse_mass[v].as_slice()[lane].to_f64() == 0.0,
-            );
-        }
-        let density = self.fold.edges.iter().map(|&[number, lane]| {
-            cloth.density[number as usize].as_slice()[lane as usize].to_f64()
-        });
-        snapshot.position = places()
-            .map(|(v, lane)| cloth.position[v].get(lane))
-            .collect();
-        snapshot.velocity = places()
-            .map(|(v, lane)| cloth.velocity[v].get(lane))
-            .collect();
-        snapshot.fixed = fixed;
-        snapshot.force_density = density.collect();
-        snapshot.sides = Vec::new();
-    }
-
-    fn position(&self, _: usize, vertex: u32) -> [f64; 3] {
-        let (v, lane) = self.slot(vertex as usize);
-        self.cloth.position[v].get(lane)
-    }
-
-    fn place(&mut self, _: usize, vertex: u32, at: [f64; 3]) {
-        let (v, lane) = self.slot(vertex as usize);
-        self.cloth.position[v].set(lane, at);
-    }
-
-    fn fix(&mut self, _: usize, vertex: u32) {
-        let (v, lane) = self.slot(vertex as usize);
-        let zero = V::Scalar::from_f64(0.0);
-        self.cloth.inverse_mass[v].as_mut_slice()[lane] = zero;
-        self.cloth.velocity[v].set(lane, [0.0; 3]);
-    }
-
-    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, plates: &[Press]) {
-        step(model, tool, control, plates, self);
-    }
-
-    fn finite(&self) -> Vec<bool> {
-        vec![self.cloth.finite().iter().all(|&finite| finite)]
-    }
-
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
-        let all: Vec<u32> = (0..self.fold.count as u32).collect();
-        let distances = self.cloth.distances(tool, &all);
-        let of = |&vertex: &u32| {
-            let (v, lane) = self.slot(vertex as usize);
-            distances[v * V::COUNT + lane]
-        };
-        vertices.iter().map(of).collect()
-    }
-}
-
-impl<S: Real> Single<S> {
-    #[inline(always)]
-    fn read<V: Lanes<Scalar = S>>(&mut self, fold: &Fold<V>, cloth: &Cloth<V>) {
-        for &vertex in &self.vertices {
-            let [number, lane] = fold.vertices[vertex as usize].map(|i| i as usize);
-            let Vec3x([x, y, z]) = &cloth.position[number];
-            let x = [x.as_slice()[lane], y.as_slice()[lane], z.as_slice()[lane]];
-            self.position[vertex as usize] = Vec3x(x);
-            self.mobility[vertex as usize] = cloth.mobility[number].as_slice()[lane];
-        }
-    }
-
-    #[inline(always)]
-    fn write<V: Lanes<Scalar = S>>(&self, fold: &Fold<V>, cloth: &mut Cloth<V>) {
-        for &vertex in &self.vertices {
-            let [number, lane] = fold.vertices[vertex as usize].map(|i| i as usize);
-            let Vec3x(to) = &mut cloth.position[number];
-            let Vec3x(x) = self.position[vertex as usize];
-            for k in 0..3 {
-                to[k].as_mut_slice()[lane] = x[k];
-            }
-        }
     }
 }

@@ -5,8 +5,8 @@
 //! each other remembers on which side it was before it met: a press that drives layers
 //! through each other within a substep does not decide which of them is on top.
 //!
-//! Pairs are found with boxes that cover the way of the last substep, so that nothing passes
-//! unseen between two looks; a look is taken at the start of every control step and whenever a
+//! Pairs are found with boxes that cover the displacement of the last substep, so that nothing
+//! passes unseen between two refreshes; pairs are refreshed at the start of every control step and whenever a
 //! vertex has moved by `SLACK` thicknesses since the last one. Pairs are pushed apart one after
 //! the other until none overlaps by half the thickness, so under a press layers come nearer
 //! than the thickness. Everything is counted lane by lane in f64, so that a lane's bits depend on
@@ -22,11 +22,11 @@ mod tree;
 use super::cloth::Plane;
 use super::physics::SelfCollision;
 use crate::fabric::Lamina;
-use crate::math::{Lanes, Real, Vec3x};
-use geometry::{Gap, Kind, Overlap, Pair, Point, dot};
-use search::{Scratch, Surface};
+use crate::math::{Lanes, Vec3, Vec3x};
+use geometry::{Gap, Kind, Overlap, Pair};
+use search::{Scratch, Topology};
 
-/// Displacement of a vertex after which pairs are looked for again, in thicknesses. More finds pairs
+/// Displacement of a vertex after which pairs are refreshed, in thicknesses. More refreshes them
 /// less often, but more of them.
 const SLACK: f64 = 1.0;
 
@@ -40,7 +40,7 @@ const WORK: usize = 120;
 /// What of self-contact is fixed between resets.
 #[derive(Clone, Debug)]
 pub(super) struct Layers {
-    surface: Surface,
+    surface: Topology,
     /// Distance between the middles of two layers in contact [m].
     thickness: f64,
     /// Static and dynamic coefficient.
@@ -55,10 +55,15 @@ impl Layers {
     ) -> Option<Self> {
         let thickness = collision.thickness(lamina)?;
         Some(Self {
-            surface: Surface::new(&lamina.rest, &lamina.triangles),
+            surface: Topology::new(&lamina.rest, &lamina.triangles),
             thickness,
             friction,
         })
+    }
+
+    /// Whether [`Snapshot::sides`](super::Snapshot::sides) are such as these layers remember.
+    pub fn know(&self, sides: &[u64]) -> bool {
+        sides.is_sorted() && sides.iter().all(|&side| self.surface.has(side))
     }
 }
 
@@ -75,20 +80,20 @@ pub(super) struct Around<'a, V> {
 /// Contacts of one lane.
 #[derive(Default)]
 struct Lane {
-    /// Those that may touch before the next look, in the order of projection.
+    /// Those that may touch before the next refresh, in the order of projection.
     pairs: Vec<Pair>,
-    /// Sides of the pairs that faced each other at the last look, see [`search`], ascending.
+    /// Sides of the pairs that faced each other at the last refresh, see [`search`], ascending.
     sides: Vec<u64>,
-    /// Layers of cloth between each vertex and the tool at the last look.
+    /// Layers of cloth between each vertex and the tool at the last refresh.
     beneath: Vec<u8>,
-    /// Look for pairs in the next substep, whether or not anything has moved.
+    /// Refresh the pairs in the next substep, whether or not anything has moved.
     due: bool,
 }
 
 /// Contacts of the cloth with itself in a group of environments.
 pub(super) struct SelfContact<V> {
     lanes: Vec<Lane>,
-    /// Positions at the last look of each lane.
+    /// Positions at the last refresh of each lane.
     seen: Vec<Vec3x<V>>,
     scratch: Scratch,
 }
@@ -124,7 +129,7 @@ impl<V: Lanes> SelfContact<V> {
         layers.thickness * f64::from(self.lanes[lane].beneath[vertex])
     }
 
-    /// Starts a control step. A look at its start makes what follows a function of the
+    /// Starts a control step. A refresh at its start makes what follows a function of the
     /// snapshot alone.
     pub fn start(&mut self) {
         self.lanes.iter_mut().for_each(|lane| lane.due = true);
@@ -142,7 +147,7 @@ impl<V: Lanes> SelfContact<V> {
         let slack = V::of(SLACK * layers.thickness);
         let moved = V::select(slack.lt(moved), V::of(1.0), V::zero());
         for lane in 0..V::COUNT {
-            let moved = moved.as_slice()[lane].to_f64() > 0.0;
+            let moved = moved.get(lane) > 0.0;
             self.separate_lane(layers, lane, moved, x, around);
         }
     }
@@ -160,14 +165,14 @@ impl<V: Lanes> SelfContact<V> {
         let contacts = &mut self.lanes[lane];
         if moved || contacts.due {
             contacts.due = false;
-            let place = |to: &mut Vec<Point>, from: &[Vec3x<V>]| {
+            let place = |to: &mut Vec<Vec3>, from: &[Vec3x<V>]| {
                 to.clear();
-                to.extend(from.iter().map(|x| x.get(lane)));
+                to.extend(from.iter().map(|x| Vec3::from(x.get(lane))));
             };
             place(&mut self.scratch.from, around.previous);
             place(&mut self.scratch.to, x);
             for (seen, x) in self.seen.iter_mut().zip(&self.scratch.to) {
-                seen.set(lane, *x);
+                seen.set(lane, (*x).into());
             }
             let slack = SLACK * layers.thickness;
             let surface = &layers.surface;
@@ -180,7 +185,7 @@ impl<V: Lanes> SelfContact<V> {
             self.scratch
                 .search(surface, layers.thickness, slack, pairs, sides);
             count_beneath(pairs, &self.scratch.from, beneath, |v| {
-                around.planes[v].normal.get(lane)
+                around.planes[v].normal.get(lane).into()
             });
         }
         let work = WORK * x.len() / self.lanes[lane].pairs.len().max(1);
@@ -198,14 +203,14 @@ impl<V: Lanes> SelfContact<V> {
 
 /// Counts the layers between each vertex and the tool, near enough to touch: of each layer,
 /// one triangle faces the vertex.
-fn count_beneath(pairs: &[Pair], x: &[Point], beneath: &mut [u8], normal: impl Fn(usize) -> Point) {
+fn count_beneath(pairs: &[Pair], x: &[Vec3], beneath: &mut [u8], normal: impl Fn(usize) -> Vec3) {
     beneath.fill(0);
     for pair in pairs.iter().filter(|p| p.kind == Kind::VertexFace) {
         let index = pair.vertices.map(|v| v as usize);
         let Some(gap) = Gap::new(pair.kind, index.map(|v| x[v])) else {
             continue;
         };
-        let up = pair.side * dot(gap.normal, normal(index[0]));
+        let up = pair.side * gap.normal.dot(&normal(index[0]));
         if gap.aside <= 0.0 && up > 0.5 {
             beneath[index[0]] = beneath[index[0]].saturating_add(1);
         }
@@ -232,12 +237,12 @@ fn project<V: Lanes>(
         planes,
     } = *around;
     let index = pair.vertices.map(|v| v as usize);
-    let at = index.map(|v| x[v].get(lane));
+    let at = index.map(|v| Vec3::from(x[v].get(lane)));
     let Some(gap) = Overlap::new(pair.kind, at, pair.side, layers.thickness) else {
         return 0.0;
     };
     let depth = gap.depth;
-    let w = index.map(|v| w[v].as_slice()[lane].to_f64());
+    let w = index.map(|v| w[v].get(lane));
     let sum: f64 = (0..4).map(|i| w[i] * gap.weight[i] * gap.weight[i]).sum();
     let movable = sum > 0.0;
     if !movable {
@@ -245,36 +250,30 @@ fn project<V: Lanes>(
     }
     let mut push = gap.normal.map(|n| n * pair.side * depth);
     if let Some([stick, slide]) = layers.friction {
-        let mut slid = [0.0; 3];
+        let mut slid = Vec3::zeros();
         for i in 0..4 {
-            let before = previous[index[i]].get(lane);
-            for k in 0..3 {
-                slid[k] += gap.weight[i] * (at[i][k] - before[k]);
-            }
+            slid += (at[i] - Vec3::from(previous[index[i]].get(lane))) * gap.weight[i];
         }
-        let along = dot(slid, gap.normal);
-        let slid: Point = std::array::from_fn(|k| slid[k] - along * gap.normal[k]);
-        let length = dot(slid, slid).sqrt();
+        let slid = slid - gap.normal * slid.dot(&gap.normal);
+        let length = slid.norm();
         let share = if length < stick * depth {
             1.0
         } else {
             (slide * depth / length.max(1e-20)).min(1.0)
         };
-        for k in 0..3 {
-            push[k] -= share * slid[k];
-        }
+        push -= slid * share;
     }
     for i in (0..4).filter(|&i| w[i] > 0.0) {
         let share = w[i] * gap.weight[i] / sum;
-        let mut to: Point = std::array::from_fn(|k| at[i][k] + share * push[k]);
+        let mut to = at[i] + push * share;
         // The tool gives way to no layer, so the stack grows from it upwards.
         let plane = &planes[index[i]];
-        let normal = plane.normal.get(lane);
-        let phi = dot(normal, to) - plane.offset.as_slice()[lane].to_f64();
+        let normal = Vec3::from(plane.normal.get(lane));
+        let phi = normal.dot(&to) - plane.offset.get(lane);
         if phi < 0.0 {
-            to = std::array::from_fn(|k| to[k] - phi * normal[k]);
+            to -= normal * phi;
         }
-        x[index[i]].set(lane, to);
+        x[index[i]].set(lane, to.into());
     }
     depth
 }

@@ -48,14 +48,16 @@ impl Cpu {
     /// The same on an instruction set.
     pub fn on(world: &World, count: usize, precision: Precision, isa: Isa) -> Self {
         let model = &world.model;
-        let make: fn(&Model, Isa) -> Box<dyn Group> = match precision {
-            Precision::F32 if count > 1 => in_lanes,
-            Precision::F32 => alone_f32,
-            Precision::F64 => alone_f64,
+        let make = match isa {
+            Isa::Portable => maker::<Portable, f64>(precision, count),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => maker::<F32x8, F64x4>(precision, count),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => maker::<F32x16, F64x8>(precision, count),
         };
-        let first = make(model, isa);
+        let first = make(model);
         let lanes = first.lanes();
-        let more = (1..count.div_ceil(lanes)).map(|_| make(model, isa));
+        let more = (1..count.div_ceil(lanes)).map(|_| make(model));
         let groups: Vec<_> = std::iter::once(first).chain(more).collect();
         let vertices = model.vertex_count();
         let ties = match &world.presses {
@@ -73,7 +75,7 @@ impl Cpu {
         // Lanes that nobody uses hold a state that can be stepped as well.
         for group in &mut cpu.groups {
             for lane in 0..lanes {
-                group.load(lane, &world.start);
+                group.load(model, lane, &world.start);
             }
         }
         for environment in 0..count {
@@ -87,42 +89,24 @@ impl Cpu {
     }
 }
 
-/// Environments in the lanes, f32.
-fn in_lanes(model: &Model, isa: Isa) -> Box<dyn Group> {
-    match isa {
-        Isa::Portable => Box::new(InLanes::<Portable>::new(model)),
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => Box::new(InLanes::<F32x8>::new(model)),
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => Box::new(InLanes::<F32x16>::new(model)),
+/// Makes a group: of as many environments as `V` has lanes, or of one by itself.
+type Make = fn(&Model) -> Box<dyn Group>;
+
+fn maker<V, W>(precision: Precision, count: usize) -> Make
+where
+    V: Lanes<Scalar = f32>,
+    W: Lanes<Scalar = f64>,
+{
+    match precision {
+        Precision::F32 if count > 1 => |model| Box::new(InLanes::<V>::new(model)),
+        Precision::F32 => alone::<V>,
+        Precision::F64 => alone::<W>,
     }
 }
 
-/// One environment, its lines in the lanes, f32.
-fn alone_f32(model: &Model, isa: Isa) -> Box<dyn Group> {
-    match isa {
-        Isa::Portable => alone::<Portable>(model),
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => alone::<F32x8>(model),
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => alone::<F32x16>(model),
-    }
-}
-
-/// One environment, its lines in the lanes, f64.
-fn alone_f64(model: &Model, isa: Isa) -> Box<dyn Group> {
-    match isa {
-        Isa::Portable => Box::new(InLanes::<f64>::new(model)),
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => alone::<F64x4>(model),
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => alone::<F64x8>(model),
-    }
-}
-
-/// In one lane by Gauss-Seidel, or where layers of the cloth touch each other.
+/// In one lane where not all is solved along lines, or without other lanes.
 fn alone<V: Lanes>(model: &Model) -> Box<dyn Group> {
-    match Alone::<V>::new(model) {
+    match Alone::<V>::new(model).filter(|_| V::COUNT > 1) {
         Some(alone) => Box::new(alone),
         None => Box::new(InLanes::<V::Scalar>::new(model)),
     }
@@ -135,7 +119,7 @@ impl Backend for Cpu {
 
     fn load(&mut self, environment: usize, snapshot: &Snapshot) {
         let (group, lane) = self.place(environment);
-        self.groups[group].load(lane, snapshot);
+        self.groups[group].load(&self.world.model, lane, snapshot);
         let pressed = &mut self.pressed[environment];
         pressed.clone_from(&snapshot.pressed);
         let count = self.world.model.vertex_count();
@@ -150,12 +134,10 @@ impl Backend for Cpu {
 
     fn snapshot(&self, environment: usize) -> Snapshot {
         let (group, lane) = self.place(environment);
-        let mut snapshot = Snapshot {
+        Snapshot {
             pressed: self.pressed[environment].clone(),
-            ..Snapshot::default()
-        };
-        self.groups[group].save(lane, &mut snapshot);
-        snapshot
+            ..self.groups[group].save(&self.world.model, lane)
+        }
     }
 
     fn step(&mut self, control: &Control, plates: &[Press]) {

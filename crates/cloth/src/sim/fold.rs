@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use super::line::{Chain, Line};
 use super::lines::Lines;
-use crate::math::{Lanes, Real};
+use crate::math::Lanes;
 
 /// A line in every lane. Shorter ones are filled up with edges that are not there.
 pub(super) struct Bundle<V> {
@@ -39,27 +39,23 @@ impl<V: Lanes> Bundle<V> {
             bending: None,
             has_edge: vec![V::zero(); longest - 1],
         };
-        let set = |of: &mut V, lane: usize, x: f64| {
-            of.as_mut_slice()[lane] = V::Scalar::from_f64(x);
-        };
         for (lane, line) in lines.iter().enumerate() {
             for k in 0..2 {
-                set(&mut bundle.rest[k], lane, Chain::<f64>::rest(*line)[k]);
-                let compliance = Chain::<f64>::compliance(*line)[k];
-                set(&mut bundle.compliance[k], lane, compliance);
+                bundle.rest[k].set(lane, Chain::<f64>::rest(*line)[k]);
+                bundle.compliance[k].set(lane, Chain::<f64>::compliance(*line)[k]);
             }
-            set(&mut bundle.min_warm, lane, line.min_warm());
+            bundle.min_warm.set(lane, line.min_warm());
             if let Some(limit) = Chain::<f64>::limit(*line) {
                 let all = bundle.limit.get_or_insert([V::of(1.0); 3]);
                 for (all, limit) in all.iter_mut().zip(limit) {
-                    set(all, lane, limit);
+                    all.set(lane, limit);
                 }
             }
             if let Some(stiffness) = Chain::<f64>::bending(*line) {
-                set(bundle.bending.get_or_insert(V::zero()), lane, stiffness);
+                bundle.bending.get_or_insert(V::zero()).set(lane, stiffness);
             }
             for has_edge in &mut bundle.has_edge[..line.vertices.len() - 1] {
-                set(has_edge, lane, 1.0);
+                has_edge.set(lane, 1.0);
             }
         }
         bundle
@@ -141,69 +137,47 @@ impl Places {
         Self { slots, parts }
     }
 
-    /// Copies the `K` components of the bundle's vertices out of the state.
+    /// Copies the `K` components of the bundle's vertices out of the state, or `BACK` into it.
     #[inline(always)]
-    pub fn read<V: Lanes, const K: usize>(&self, state: &[V], bundle: &mut [V]) {
+    pub fn copy<V: Lanes, const K: usize, const BACK: bool>(
+        &self,
+        state: &mut [V],
+        bundle: &mut [V],
+    ) {
         for part in &self.parts {
             match part {
                 Part::Square(first, numbers) => {
                     for k in 0..K {
                         let mut block = [V::zero(); WIDEST];
-                        for (block, number) in block.iter_mut().zip(numbers) {
-                            *block = state[K * *number as usize + k];
+                        for (j, (block, number)) in block.iter_mut().zip(numbers).enumerate() {
+                            *block = match BACK {
+                                true => bundle[K * (first + j) + k],
+                                false => state[K * *number as usize + k],
+                            };
                         }
                         V::transpose(&mut block[..V::COUNT]);
-                        for (j, block) in block[..V::COUNT].iter().enumerate() {
-                            bundle[K * (first + j) + k] = *block;
+                        for (j, (block, number)) in block.iter().zip(numbers).enumerate() {
+                            match BACK {
+                                true => state[K * *number as usize + k] = *block,
+                                false => bundle[K * (first + j) + k] = *block,
+                            }
                         }
                     }
                 }
                 Part::Single(range) => {
-                    let (state, bundle) = (V::flat(state), V::flat_mut(bundle));
+                    let (state, bundle) = (V::flat_mut(state), V::flat_mut(bundle));
                     let slots = self.slots[range.start * V::COUNT..].chunks_exact(V::COUNT);
                     let vertices = bundle[K * V::COUNT * range.start..K * V::COUNT * range.end]
                         .chunks_exact_mut(K * V::COUNT);
                     for (slots, vertex) in slots.zip(vertices) {
                         for (lane, &slot) in slots.iter().enumerate() {
-                            let state = &state[component::<V, K>(slot)..][..(K - 1) * V::COUNT + 1];
-                            for k in 0..K {
-                                vertex[k * V::COUNT + lane] = state[k * V::COUNT];
-                            }
-                        }
-                    }
-                }
-            }
-        }
-    }
-
-    /// Copies them back.
-    #[inline(always)]
-    pub fn write<V: Lanes, const K: usize>(&self, bundle: &[V], state: &mut [V]) {
-        for part in &self.parts {
-            match part {
-                Part::Square(first, numbers) => {
-                    for k in 0..K {
-                        let mut block = [V::zero(); WIDEST];
-                        for (j, block) in block[..V::COUNT].iter_mut().enumerate() {
-                            *block = bundle[K * (first + j) + k];
-                        }
-                        V::transpose(&mut block[..V::COUNT]);
-                        for (block, number) in block.iter().zip(numbers) {
-                            state[K * *number as usize + k] = *block;
-                        }
-                    }
-                }
-                Part::Single(range) => {
-                    let (bundle, state) = (V::flat(bundle), V::flat_mut(state));
-                    let slots = self.slots[range.start * V::COUNT..].chunks_exact(V::COUNT);
-                    let vertices = bundle[K * V::COUNT * range.start..K * V::COUNT * range.end]
-                        .chunks_exact(K * V::COUNT);
-                    for (slots, vertex) in slots.zip(vertices) {
-                        for (lane, &slot) in slots.iter().enumerate() {
                             let state =
                                 &mut state[component::<V, K>(slot)..][..(K - 1) * V::COUNT + 1];
                             for k in 0..K {
-                                state[k * V::COUNT] = vertex[k * V::COUNT + lane];
+                                match BACK {
+                                    true => state[k * V::COUNT] = vertex[k * V::COUNT + lane],
+                                    false => vertex[k * V::COUNT + lane] = state[k * V::COUNT],
+                                }
                             }
                         }
                     }

@@ -1,25 +1,17 @@
-use fixedbitset::FixedBitSet;
-
 use super::cloth::Cloth;
 use super::collision::{Around, Layers, SelfContact};
-use super::group::Group;
 use super::length::pull_of;
 use super::line::{Along, Line};
 use super::lines::{Direction, Lines};
 use super::model::{Model, Pass};
 use super::press::{self, Press};
-use super::state::Snapshot;
-use super::step::step;
-use super::stepping::Control;
 use super::storage::Storage;
-use crate::math::{Lanes, Real, Vec3x};
+use crate::math::{Lanes, Vec3x};
 use crate::tool::Tool;
 
 /// A group of environments, one in every lane: a place is a vertex.
 pub(super) struct InLanes<V: Lanes> {
     cloth: Cloth<V>,
-    /// 1/m of a free vertex [1/kg].
-    free_inverse_mass: Vec<f64>,
     self_contact: Option<Box<SelfContact<V>>>,
 }
 
@@ -36,7 +28,6 @@ impl<V: Lanes> InLanes<V> {
         cloth.tack = model.tack.iter().flatten().map(|&t| V::of(t)).collect();
         Self {
             cloth,
-            free_inverse_mass: model.inverse_mass.clone(),
             self_contact: (model.layers.is_some()).then(|| Box::new(SelfContact::new(count))),
         }
     }
@@ -46,9 +37,45 @@ impl<V: Lanes> Storage for InLanes<V> {
     type V = V;
     type Line = Line;
 
+    fn lanes(&self) -> usize {
+        V::COUNT
+    }
+
+    fn slot(&self, lane: usize, vertex: usize) -> [usize; 2] {
+        [vertex, lane]
+    }
+
+    fn edge_slot(&self, lane: usize, edge: usize) -> [usize; 2] {
+        [edge, lane]
+    }
+
+    fn cloth(&self) -> &Cloth<V> {
+        &self.cloth
+    }
+
     #[inline(always)]
-    fn cloth(&mut self) -> &mut Cloth<V> {
+    fn cloth_mut(&mut self) -> &mut Cloth<V> {
         &mut self.cloth
+    }
+
+    fn clear(&mut self, lane: usize, sides: &[u64]) {
+        if let Some(contact) = &mut self.self_contact {
+            contact.load(lane, sides);
+        }
+    }
+
+    fn sides(&self, lane: usize) -> Vec<u64> {
+        (self.self_contact.as_ref()).map_or(Vec::new(), |contact| contact.sides(lane))
+    }
+
+    fn start(&mut self) {
+        if let Some(contact) = &mut self.self_contact {
+            contact.start();
+        }
+    }
+
+    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
+        self.cloth.distances(tool, vertices)
     }
 
     #[inline(always)]
@@ -130,74 +157,5 @@ impl<V: Lanes> Storage for InLanes<V> {
             };
             contact.separate(layers, &mut self.cloth.position, &around);
         }
-    }
-}
-
-impl<V: Lanes> Group for InLanes<V> {
-    fn lanes(&self) -> usize {
-        V::COUNT
-    }
-
-    fn load(&mut self, lane: usize, snapshot: &Snapshot) {
-        let cloth = &mut self.cloth;
-        for v in 0..cloth.position.len() {
-            cloth.position[v].set(lane, snapshot.position[v]);
-            cloth.velocity[v].set(lane, snapshot.velocity[v]);
-            let w = match snapshot.fixed.contains(v) {
-                true => 0.0,
-                false => self.free_inverse_mass[v],
-            };
-            cloth.inverse_mass[v].as_mut_slice()[lane] = V::Scalar::from_f64(w);
-        }
-        for (edge, density) in cloth.density.iter_mut().enumerate() {
-            let of = snapshot.force_density.get(edge).copied().unwrap_or(0.0);
-            density.as_mut_slice()[lane] = V::Scalar::from_f64(of);
-        }
-        if let Some(contact) = &mut self.self_contact {
-            contact.load(lane, &snapshot.sides);
-        }
-    }
-
-    fn save(&self, lane: usize, snapshot: &mut Snapshot) {
-        let cloth = &self.cloth;
-        snapshot.position = cloth.position.iter().map(|x| x.get(lane)).collect();
-        snapshot.velocity = cloth.velocity.iter().map(|v| v.get(lane)).collect();
-        let mut fixed = FixedBitSet::with_capacity(cloth.position.len());
-        for (vertex, w) in cloth.inverse_mass.iter().enumerate() {
-            fixed.set(vertex, w.as_slice()[lane].to_f64() == 0.0);
-        }
-        snapshot.fixed = fixed;
-        let density = cloth.density.iter();
-        snapshot.force_density = density.map(|q| q.as_slice()[lane].to_f64()).collect();
-        snapshot.sides = (self.self_contact.as_ref()).map_or(Vec::new(), |c| c.sides(lane));
-    }
-
-    fn position(&self, lane: usize, vertex: u32) -> [f64; 3] {
-        self.cloth.position[vertex as usize].get(lane)
-    }
-
-    fn place(&mut self, lane: usize, vertex: u32, at: [f64; 3]) {
-        self.cloth.position[vertex as usize].set(lane, at);
-    }
-
-    fn fix(&mut self, lane: usize, vertex: u32) {
-        let zero = V::Scalar::from_f64(0.0);
-        self.cloth.inverse_mass[vertex as usize].as_mut_slice()[lane] = zero;
-        self.cloth.velocity[vertex as usize].set(lane, [0.0; 3]);
-    }
-
-    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, plates: &[Press]) {
-        if let Some(contact) = &mut self.self_contact {
-            contact.start();
-        }
-        step(model, tool, control, plates, self);
-    }
-
-    fn finite(&self) -> Vec<bool> {
-        self.cloth.finite()
-    }
-
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
-        self.cloth.distances(tool, vertices)
     }
 }

@@ -52,6 +52,13 @@ pub(super) struct Limit {
 }
 
 impl Limit {
+    /// Of an edge without one.
+    pub const NONE: Self = Self {
+        force: f64::INFINITY,
+        compliance: 1.0,
+        offset: 0.0,
+    };
+
     /// Beyond a growth of an edge by `stretch` [m], `share` of the compliance that it has before.
     fn new(law: EdgeLaw, stretch: f64, share: f64) -> Self {
         Self {
@@ -93,22 +100,19 @@ pub(super) struct EdgeClass {
 pub(super) type Edge = ([u32; 2], f64, EdgeLaw);
 
 /// The `edges` in colours: which they are, and as passes need them.
-pub(super) fn edge_classes<'a>(
-    lamina: &Lamina,
-    edges: &'a [Edge],
-) -> impl Iterator<Item = (Vec<u32>, EdgeClass)> + 'a {
+pub(super) fn edge_classes(lamina: &Lamina, edges: &[Edge]) -> Vec<(Vec<u32>, EdgeClass)> {
     let vertices: Vec<[u32; 2]> = edges.iter().map(|e| e.0).collect();
-    color(lamina.vertex_count(), &vertices)
-        .into_iter()
-        .map(move |class| {
-            let of = |&i: &u32| edges[i as usize];
-            let edges = EdgeClass {
-                vertices: class.iter().map(|i| of(i).0).collect(),
-                rest_length: class.iter().map(|i| of(i).1).collect(),
-                law: class.iter().map(|i| of(i).2).collect(),
-            };
-            (class, edges)
-        })
+    let classes = color(lamina.vertex_count(), &vertices).into_iter();
+    let with_edges = |class: Vec<u32>| {
+        let of = |&i: &u32| edges[i as usize];
+        let edges = EdgeClass {
+            vertices: class.iter().map(|i| of(i).0).collect(),
+            rest_length: class.iter().map(|i| of(i).1).collect(),
+            law: class.iter().map(|i| of(i).2).collect(),
+        };
+        (class, edges)
+    };
+    classes.map(with_edges).collect()
 }
 
 /// The members of each of `classes`.

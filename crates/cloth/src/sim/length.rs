@@ -33,28 +33,30 @@ pub(super) fn yarn_law(lamina: &Lamina, yarn: &Yarn) -> EdgeLaw {
     )
 }
 
-/// Yarn edges in colours; with the limit of each where yarns have one.
-pub(super) fn edges(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<(EdgeClass, Vec<Limit>)> {
-    let mut all = [Vec::new(), Vec::new()];
-    let mut limits = Vec::new();
+/// Yarn edges in colours, with the limit of each where any yarn has one.
+pub(super) fn edges(
+    lamina: &Lamina,
+    physics: &PhysicsConfig,
+) -> impl Iterator<Item = (EdgeClass, Vec<Limit>)> {
+    let (mut edges, mut limits) = (Vec::new(), Vec::new());
     for yarn in &lamina.yarns {
         let law = yarn_law(lamina, yarn);
-        let limit = Limit::of_yarn(law, lamina, physics, yarn);
+        let limit = Limit::of_yarn(law, lamina, physics, yarn).unwrap_or(Limit::NONE);
         for pair in yarn.vertices.windows(2) {
-            all[usize::from(limit.is_some())].push(([pair[0], pair[1]], yarn.rest_length, law));
-            limits.extend(limit);
+            edges.push(([pair[0], pair[1]], yarn.rest_length, law));
+            limits.push(limit);
         }
     }
-    let [plain, limited] = &all;
-    let plain = edge_classes(lamina, plain).map(|(_, class)| (class, Vec::new()));
-    let limited = edge_classes(lamina, limited).map(|(edges, class)| {
+    let is_limited = limits.iter().any(|limit| limit.force.is_finite());
+    let classes = edge_classes(lamina, &edges).into_iter();
+    classes.map(move |(mut edges, class)| {
+        edges.retain(|_| is_limited);
         let limits = edges.iter().map(|&i| limits[i as usize]);
         (class, limits.collect())
-    });
-    plain.chain(limited).collect()
+    })
 }
 
-/// The law of edges that are projected by themselves.
+/// The law of yarn edges that are projected by themselves.
 pub(super) struct Plain;
 
 impl<V: Lanes> EdgeResponse<V> for Plain {
@@ -64,8 +66,7 @@ impl<V: Lanes> EdgeResponse<V> for Plain {
     }
 }
 
-/// The same with another compliance beyond a tension: where the projection by the law before it
-/// would end with more.
+/// The same with another compliance beyond a tension: where the projection by the law before it would end with more.
 pub(super) struct Limited<'a>(pub &'a [Limit]);
 
 impl<V: Lanes> EdgeResponse<V> for Limited<'_> {

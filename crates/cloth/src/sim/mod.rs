@@ -41,9 +41,7 @@ mod storage;
 pub use backend::{Backend, World};
 pub use cpu::{Cpu, Precision};
 pub use model::Model;
-pub use physics::{
-    Bending, BendingStiffness, PhysicsConfig, PhysicsError, SelfCollision, Solver, Tension,
-};
+pub use physics::{Bending, BendingStiffness, PhysicsConfig, SelfCollision, Solver, Tension};
 pub use press::Press;
 pub use state::{Pressed, Snapshot};
 pub use stencil::{Stencil, under_stencil};

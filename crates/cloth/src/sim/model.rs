@@ -9,16 +9,15 @@ use super::lines::Lines;
 use super::membrane::{Element, elements, project_elements};
 use super::physics::{PhysicsConfig, Solver};
 use super::shear::{self, Trellis, trellis};
+use super::state::Snapshot;
 use crate::fabric::Lamina;
 use crate::math::{Lanes, Vec3x};
 
 /// Constraints that are projected one after the other.
 #[derive(Clone, Debug)]
 pub(super) enum Pass {
-    /// Edges, one colour.
-    Edges(EdgeClass),
-    /// Edges of yarns with a limit or knee each, one colour.
-    LimitedEdges(EdgeClass, Vec<Limit>),
+    /// Edges of yarns with the limit or knee of each, if any yarn has one; one colour.
+    Edges(EdgeClass, Vec<Limit>),
     /// Diagonals, one colour.
     Diagonals(EdgeClass, Trellis),
     /// Three-node bending, one colour.
@@ -34,24 +33,12 @@ impl Pass {
     #[inline(always)]
     pub fn project<V: Lanes>(&self, x: &mut [Vec3x<V>], w: &[V]) {
         match self {
-            Self::Edges(class) => project_edges(class, &Plain, x, w),
-            Self::LimitedEdges(class, limits) => project_edges(class, &Limited(limits), x, w),
+            Self::Edges(class, limits) if limits.is_empty() => project_edges(class, &Plain, x, w),
+            Self::Edges(class, limits) => project_edges(class, &Limited(limits), x, w),
             Self::Diagonals(class, trellis) => project_edges(class, trellis, x, w),
             Self::Triples(triples) => project_triples(triples, x, w),
             Self::Hinges(hinges) => project_hinges(hinges, x, w),
             Self::Membrane(elements) => project_elements(elements, x, w),
-        }
-    }
-
-    /// The vertices that it moves, each once or more.
-    pub fn vertices(&self) -> Vec<u32> {
-        match self {
-            Self::Edges(class) | Self::LimitedEdges(class, _) | Self::Diagonals(class, _) => {
-                class.vertices.as_flattened().to_vec()
-            }
-            Self::Triples(all) => all.iter().flat_map(|t| t.vertices).collect(),
-            Self::Hinges(all) => all.iter().flat_map(|h| h.vertices).collect(),
-            Self::Membrane(all) => all.iter().flat_map(|e| e.vertices).collect(),
         }
     }
 }
@@ -86,11 +73,8 @@ impl Model {
                 (Some(lines), membranes.chain(hinges).collect())
             }
             Solver::GaussSeidel => {
-                let yarns = length::edges(lamina, physics).into_iter();
-                let yarns = yarns.map(|(class, limits)| match limits[..] {
-                    [] => Pass::Edges(class),
-                    _ => Pass::LimitedEdges(class, limits),
-                });
+                let yarns = length::edges(lamina, physics);
+                let yarns = yarns.map(|(class, limits)| Pass::Edges(class, limits));
                 let diagonals = trellis.iter().flat_map(|trellis| {
                     let classes = shear::edges(lamina, trellis).into_iter();
                     classes.map(|class| Pass::Diagonals(class, trellis.clone()))
@@ -112,9 +96,27 @@ impl Model {
         }
     }
 
+    /// Whether `state` is one of this model: of its size, finite, and of parts that it has.
+    pub fn fits(&self, state: &Snapshot) -> bool {
+        let (count, pressed) = (self.vertex_count(), &state.pressed);
+        let know = |layers: &Layers| layers.know(&state.sides);
+        [state.position.len(), state.velocity.len()] == [count; 2]
+            && [pressed.touched.len(), pressed.draped.len()] == [count; 2]
+            && state.fixed.len() <= count
+            && state.force_density.len() <= 2 * count
+            && pressed.stencil.iter().all(|&v| (v as usize) < count)
+            && state.is_finite()
+            && self.layers.as_ref().map_or(state.sides.is_empty(), know)
+    }
+
     /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
         self.inverse_mass.len()
+    }
+
+    /// Number of yarn edges whose forces last; 0 without the solve along yarns.
+    pub(super) fn edge_count(&self) -> usize {
+        self.lines.as_ref().map_or(0, |lines| lines.edge_count)
     }
 
     /// The physics this was built from.

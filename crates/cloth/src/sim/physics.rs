@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::fabric::Lamina;
+use crate::file::ValueError;
 
 /// How the yarns' length is kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -110,58 +111,40 @@ impl Default for PhysicsConfig {
     }
 }
 
-/// A value of the physics that cannot be simulated.
-#[derive(Debug, thiserror::Error)]
-#[error("`physics.{key}` is {found}, expected {expected}")]
-pub struct PhysicsError {
-    key: &'static str,
-    found: String,
-    expected: &'static str,
-}
-
 impl PhysicsConfig {
     /// Checks every value; the error names key, found and expected.
-    pub fn check(&self) -> Result<(), PhysicsError> {
-        let fail = |key, found: String, expected| {
-            Err(PhysicsError {
-                key,
-                found,
-                expected,
-            })
-        };
+    pub fn check(&self) -> Result<(), ValueError> {
+        self.check_values().map_err(|error| error.within("physics"))
+    }
+
+    fn check_values(&self) -> Result<(), ValueError> {
         // Its square must neither overflow nor vanish in f32.
-        if self.speed_cap != 0.0 && !(1e-6..=1e6).contains(&self.speed_cap) {
-            let expected = "0 for none, or a number from 1e-6 to 1e6";
-            return fail("speed_cap", self.speed_cap.to_string(), expected);
-        }
-        if let Some(limit) = self.strain_limit
-            && !(1e-6..=10.0).contains(&limit)
-        {
-            let expected = "a strain from 1e-6 to 10";
-            return fail("strain_limit", limit.to_string(), expected);
+        let cap = self.speed_cap;
+        let is_valid = cap == 0.0 || (1e-6..=1e6).contains(&cap);
+        let expected = "0 for none, or a number from 1e-6 to 1e6";
+        ValueError::unless(is_valid, "speed_cap", cap, expected)?;
+        if let Some(limit) = self.strain_limit {
+            ValueError::unless_within("strain_limit", limit, [1e-6, 10.0])?;
         }
         // More than any glue holds; its force must stay a number in f32.
-        if !(0.0..=1e6).contains(&self.adhesion) {
-            let expected = "a tack from 0 to 1000000 kPa";
-            return fail("adhesion", self.adhesion.to_string(), expected);
+        ValueError::unless_within("adhesion", self.adhesion, [0.0, 1e6])?;
+        if let SelfCollision::ThicknessMm(t) = self.self_collision {
+            let is_valid = t > 0.0 && t.is_finite();
+            ValueError::unless(is_valid, "self_collision.thickness_mm", t, "a number > 0")?;
         }
-        let non_negative = [
+        let gravity = self.gravity;
+        ValueError::unless(gravity.is_finite(), "gravity", gravity, "a finite number")?;
+        let bending = match self.bending_stiffness {
+            BendingStiffness::NewtonMetre(stiffness) => stiffness,
+            BendingStiffness::Material => 0.0,
+        };
+        for (key, value) in [
             ("damping", self.damping),
             ("press_stiffness", self.press_stiffness),
-        ];
-        for (key, value) in non_negative {
-            if !(value >= 0.0 && value.is_finite()) {
-                return fail(key, value.to_string(), "a number >= 0");
-            }
-        }
-        self.self_collision.check_value()?;
-        if !self.gravity.is_finite() {
-            return fail("gravity", self.gravity.to_string(), "a finite number");
-        }
-        if let BendingStiffness::NewtonMetre(d) = self.bending_stiffness
-            && !(d >= 0.0 && d.is_finite())
-        {
-            return fail("bending_stiffness", d.to_string(), "a number >= 0");
+            ("bending_stiffness", bending),
+        ] {
+            let is_valid = value >= 0.0 && value.is_finite();
+            ValueError::unless(is_valid, key, value, "a number >= 0")?;
         }
         Ok(())
     }
@@ -177,34 +160,16 @@ impl SelfCollision {
         }
     }
 
-    /// Checks the value without a blank.
-    fn check_value(self) -> Result<(), PhysicsError> {
-        match self {
-            Self::ThicknessMm(t) if !(t > 0.0 && t.is_finite()) => Err(PhysicsError {
-                key: "self_collision.thickness_mm",
-                found: t.to_string(),
-                expected: "a number > 0",
-            }),
-            _ => Ok(()),
-        }
-    }
-
     /// Checks that the cells of the blank are large enough: neighbours that share no vertex
     /// are 0.7 cells apart in the flat blank, and must not touch there.
-    pub fn check(self, lamina: &Lamina) -> Result<(), PhysicsError> {
+    pub fn check(self, lamina: &Lamina) -> Result<(), ValueError> {
         let shortest = lamina.yarns.iter().map(|yarn| yarn.rest_length);
         let shortest = shortest.fold(f64::INFINITY, f64::min);
-        match self.thickness(lamina) {
-            Some(t) if t > 0.5 * shortest => Err(PhysicsError {
-                key: "self_collision",
-                found: format!(
-                    "a thickness of {} mm on cells of {:.3} mm",
-                    1e3 * t,
-                    1e3 * shortest
-                ),
-                expected: "a thickness of at most half a cell",
-            }),
-            _ => Ok(()),
-        }
+        let thickness = self.thickness(lamina).unwrap_or_default();
+        let [t, cell] = [thickness, shortest].map(|length| 1e3 * length);
+        let found = format!("a thickness of {t} mm on cells of {cell:.3} mm");
+        let expected = "a thickness of at most half a cell";
+        let is_valid = thickness <= 0.5 * shortest;
+        ValueError::unless(is_valid, "physics.self_collision", found, expected)
     }
 }

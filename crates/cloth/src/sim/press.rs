@@ -1,7 +1,7 @@
 //! The stencil: a plate that comes down on the cloth and keeps it near the tool.
 
 use super::cloth::Cloth;
-use crate::math::{Lanes, Real};
+use crate::math::Lanes;
 
 /// A plate that comes down on some vertices of one environment during a control step.
 ///
@@ -32,9 +32,9 @@ pub(super) fn hold_down<V: Lanes>(
     compliance: f64,
     cloth: &mut Cloth<V>,
 ) {
-    let mobility = cloth.mobility[place].as_slice()[lane].to_f64();
+    let mobility = cloth.mobility[place].get(lane);
     let n = cloth.plane[place].normal.get(lane);
-    let offset = cloth.plane[place].offset.as_slice()[lane].to_f64();
+    let offset = cloth.plane[place].offset.get(lane);
     let mut x = cloth.position[place].get(lane);
     let c = n[0] * x[0] + n[1] * x[1] + n[2] * x[2] - offset - height;
     if c > 0.0 && mobility > 0.0 {

@@ -152,7 +152,7 @@ pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<EdgeClass> {
     let edges: Vec<Edge> = diagonals
         .map(|d| (d.vertices, d.rest_length, trellis.at_rest))
         .collect();
-    let classes = edge_classes(lamina, &edges);
+    let classes = edge_classes(lamina, &edges).into_iter();
     classes.map(|(_, class)| class).collect()
 }
 

@@ -64,7 +64,7 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
         } = self;
         let frame = frame(model, control);
         let end = range.end;
-        refresh(tool, storage.cloth());
+        refresh(tool, storage.cloth_mut());
         predict(&frame, storage);
         for substep in range {
             let goes_on = substep + 1 < end;
@@ -78,9 +78,9 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
                     hold_down(model, plates, substep, storage);
                     bend_and_stretch_wefts(lines, storage);
                     match &model.layers {
-                        None => stretch_warps_and_finish(lines, &frame, goes_on, storage),
+                        None => stretch_warps(lines, Some(&frame), goes_on, storage),
                         Some(layers) => {
-                            stretch_warps(lines, storage);
+                            stretch_warps(lines, None, goes_on, storage);
                             storage.separate(layers);
                             finish_all(&frame, goes_on, storage);
                         }
@@ -115,7 +115,7 @@ fn frame(model: &Model, control: &Control) -> Frame {
 /// Position at the start of a substep, and where its velocity takes every vertex.
 #[inline(always)]
 fn predict<S: Storage>(frame: &Frame, storage: &mut S) {
-    let cloth = storage.cloth();
+    let cloth = storage.cloth_mut();
     for v in 0..cloth.position.len() {
         let x = cloth.position[v];
         cloth.previous[v] = x;
@@ -126,7 +126,7 @@ fn predict<S: Storage>(frame: &Frame, storage: &mut S) {
 /// Weight, by Gauss-Seidel.
 #[inline(always)]
 fn fall<S: Storage>(frame: &Frame, storage: &mut S) {
-    let cloth = storage.cloth();
+    let cloth = storage.cloth_mut();
     for v in 0..cloth.position.len() {
         let w = cloth.inverse_mass[v];
         cloth.mobility[v] = w * S::V::of(frame.h * frame.h);
@@ -180,35 +180,20 @@ fn bend_and_stretch_wefts<S: Storage>(lines: &Lines, storage: &mut S) {
     }
 }
 
+/// Length of each warp and, where a frame is given, the end of its vertices' substep while they are
+/// at hand.
 #[inline(always)]
-fn stretch_warps<S: Storage>(lines: &Lines, storage: &mut S) {
+fn stretch_warps<S: Storage>(lines: &Lines, frame: Option<&Frame>, goes_on: bool, storage: &mut S) {
     for i in 0..storage.count(lines, Direction::Warp) {
         let (warp, cloth) = storage.warp(lines, i);
         stretch(cloth.along(warp));
+        if let Some(frame) = frame {
+            let vertices = warp.vertices().iter().map(|&v| v as usize);
+            finish(vertices, frame, goes_on, cloth);
+        }
     }
 }
 
-/// Length of each warp and, while its vertices are at hand, the end of their substep.
-#[inline(always)]
-fn stretch_warps_and_finish<S: Storage>(
-    lines: &Lines,
-    frame: &Frame,
-    goes_on: bool,
-    storage: &mut S,
-) {
-    for i in 0..storage.count(lines, Direction::Warp) {
-        let (warp, cloth) = storage.warp(lines, i);
-        stretch(cloth.along(warp));
-        finish(
-            warp.vertices().iter().map(|&v| v as usize),
-            frame,
-            goes_on,
-            cloth,
-        );
-    }
-}
-
-/// The plates of this substep.
 #[inline(always)]
 fn hold_down<S: Storage>(model: &Model, plates: &[Press], substep: usize, storage: &mut S) {
     let compliance = 1.0 / model.physics().press_stiffness;
@@ -220,7 +205,7 @@ fn hold_down<S: Storage>(model: &Model, plates: &[Press], substep: usize, storag
 
 #[inline(always)]
 fn finish_all<S: Storage>(frame: &Frame, goes_on: bool, storage: &mut S) {
-    let cloth = storage.cloth();
+    let cloth = storage.cloth_mut();
     finish(0..cloth.position.len(), frame, goes_on, cloth);
 }
 

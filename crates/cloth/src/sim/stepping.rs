@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::file::ValueError;
+
 /// How finely cloth is stepped, owned by whoever steps it.
 ///
 /// It decides what the *method* does in a second and nothing of the scene: mesh, law and tool
@@ -34,17 +36,10 @@ impl Stepping {
         }
     }
 
-    /// Checks both rates; the error is the key that is wrong, its value, and what is expected.
-    pub fn check(self) -> Result<(), (&'static str, f64, &'static str)> {
-        let expected = "a number from 60 to 1000000";
-        if !(60.0..=1e6).contains(&self.substep_rate) {
-            return Err(("substep_rate", self.substep_rate, expected));
-        }
-        if !(1.0..=1e6).contains(&self.contact_rate) {
-            let expected = "a number from 1 to 1000000";
-            return Err(("contact_rate", self.contact_rate, expected));
-        }
-        Ok(())
+    /// Checks both rates; the error names key, found and expected.
+    pub fn check(self) -> Result<(), ValueError> {
+        ValueError::unless_within("substep_rate", self.substep_rate, [60.0, 1e6])?;
+        ValueError::unless_within("contact_rate", self.contact_rate, [1.0, 1e6])
     }
 
     /// A control step of `dt` [s]: the nearest numbers of substeps, at least one each.

@@ -5,16 +5,42 @@ use super::lines::{Direction, Lines};
 use super::model::Pass;
 use super::press::Press;
 use crate::math::{Lanes, Vec3x};
+use crate::tool::Tool;
 
-/// Where the lanes of a [`Cloth`] come from: it supplies the loops of the stages, and nothing
-/// else.
-pub(super) trait Storage {
+/// Where the lanes of a [`Cloth`] come from: where an environment's numbers are, and what the loops
+/// of the stages run over.
+pub(super) trait Storage: Send + Sync {
     /// A number in every lane.
     type V: Lanes;
     /// A line in every lane.
     type Line: Chain<Self::V>;
 
-    fn cloth(&mut self) -> &mut Cloth<Self::V>;
+    /// Number of environments.
+    fn lanes(&self) -> usize;
+
+    /// Place and lane of a vertex of environment `lane`.
+    fn slot(&self, lane: usize, vertex: usize) -> [usize; 2];
+
+    /// The same of the force of a yarn edge.
+    fn edge_slot(&self, lane: usize, edge: usize) -> [usize; 2];
+
+    fn cloth(&self) -> &Cloth<Self::V>;
+
+    fn cloth_mut(&mut self) -> &mut Cloth<Self::V>;
+
+    /// Readies an environment for another state, whose layers lie on these sides of each other.
+    fn clear(&mut self, lane: usize, sides: &[u64]);
+
+    /// The sides on which layers of the cloth lie to each other, where they touch.
+    fn sides(&self, _lane: usize) -> Vec<u64> {
+        Vec::new()
+    }
+
+    /// Starts a control step.
+    fn start(&mut self) {}
+
+    /// See [`super::group::Group::distances`].
+    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64>;
 
     /// How many lines run in a direction.
     fn count(&self, lines: &Lines, direction: Direction) -> usize;

@@ -1,13 +1,13 @@
-use crate::file::ValueError;
-use crate::mesh::{OrientationFault, ReadStlError};
+use crate::file::{ReadError, ValueError};
+use crate::mesh::OrientationFault;
 
 /// A tool that cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ToolError {
-    #[error("invalid tool")]
+    #[error(transparent)]
     Config(#[from] ValueError),
     #[error("cannot read the tool")]
-    Read(#[from] ReadStlError),
+    Read(#[from] ReadError),
     #[error("the tool has no facets")]
     Empty,
     #[error("the tool cannot be told from its outside, repair the mesh: {0}")]

@@ -26,9 +26,12 @@ impl Tool {
     /// # Errors
     /// Values that make no sense, unreadable files, inconsistent meshes, too fine grids.
     pub fn new(config: &ToolConfig) -> Result<Self, ToolError> {
-        config.check()?;
+        config.check().map_err(|error| error.within("tool"))?;
         let (mut mesh, dropped_facet_count) = match &config.source {
-            Source::Shape(shape) => (shape.mesh()?, 0),
+            Source::Shape(shape) => {
+                let mesh = shape.mesh();
+                (mesh.map_err(|e| e.within("tool.source.shape"))?, 0)
+            }
             Source::Stl(stl) => {
                 let stl = read_stl(&stl.path, stl.scale)?;
                 (stl.mesh, stl.dropped_facet_count)

@@ -176,7 +176,7 @@ mod tests {
     use super::*;
     use crate::math::{Purpose, Stream};
     use crate::mesh::OrientationFault;
-    use crate::tool::{DoubleDome, Rib, Shape};
+    use crate::tool::{Hemisphere, Rib, Shape};
 
     fn random(stream: &mut Stream, low: Vec3, high: Vec3) -> Vec3 {
         low.zip_map(&high, |l, h| l + (h - l) * stream.uniform())
@@ -196,7 +196,7 @@ mod tests {
     fn sign_agrees_with_pseudo_normals() {
         for shape in [
             Shape::Rib(Rib::default()),
-            Shape::DoubleDome(DoubleDome::default()),
+            Shape::Hemisphere(Hemisphere::default()),
         ] {
             let mesh = shape.mesh().unwrap();
             let surface = Surface::new(&mesh).unwrap();

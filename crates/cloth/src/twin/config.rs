@@ -53,7 +53,7 @@ impl TwinConfig {
     /// Checks every value; the error names key, found and expected.
     pub(super) fn check(&self) -> Result<(), ValueError> {
         let [warp, weft] = self.bending_stiffness.unwrap_or_default();
-        for (key, value, [min, max]) in [
+        for (key, value, range) in [
             ("bending_stiffness", warp, [0.0, 1e6]),
             ("bending_stiffness", weft, [0.0, 1e6]),
             ("gravity", self.gravity, [-1e6, 1e6]),
@@ -63,9 +63,7 @@ impl TwinConfig {
             ("mass_scaling", self.mass_scaling, [1e-6, 1e9]),
             ("safety", self.safety, [1e-6, 10.0]),
         ] {
-            let expected = format!("a number from {min} to {max}");
-            ValueError::unless((min..=max).contains(&value), key, value, expected)
-                .map_err(|error| error.within("twin"))?;
+            ValueError::unless_within(key, value, range).map_err(|e| e.within("twin"))?;
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 //! Triangles of constant strain with the law of a woven fabric (strain along warp and weft and
 //! the change of their angle), bending along yarns, lumped masses and explicit central
 //! differences, as the paper's Section 2 has it in Abaqus/Explicit. With the fast solver it
-//! shares material and mesh, and no code: where both agree, neither is wrong by itself.
+//! shares material, mesh and what lies under the stencil, and no code of the solve: where both agree, neither is wrong by itself.
 //!
 //! The time step follows from a bound on the highest frequency, contact is kinematic, and a
 //! balance of energy says by how much the integration errs. The cloth does not touch itself, and
@@ -24,7 +24,7 @@ mod step;
 
 pub use config::TwinConfig;
 pub use energy::Energies;
-pub use press::{Hold, PressConfig, Replay, under_box};
+pub use press::{Hold, PressConfig, Replay};
 pub use relax::Relaxed;
 pub use state::Twin;
 pub use step::Diverged;

@@ -3,14 +3,11 @@ use std::collections::BTreeSet;
 use super::state::Twin;
 use super::step::Diverged;
 use crate::fabric::Lamina;
-use crate::math::Vec3;
+use crate::sim::under_stencil;
 use crate::tool::Tool;
 
 /// Pressure of the roller [Pa], the paper's 1 N/mm^2.
 const PRESSURE: f64 = 1e6;
-/// How far on the flat blank to search for vertices below the box, in its sides: more cloth than
-/// the box itself lies below it in a wrinkle.
-const REACH: f64 = 1.5;
 
 /// What holds cloth that a press has laid on to the tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -58,34 +55,6 @@ pub struct Replay {
     pub diverged: Option<Diverged>,
 }
 
-/// The vertices below a square of `side` [m] around `vertex`, ascending: its normal is that of
-/// the tool there, one side along the projection of x (of y where x is steep). It is extended
-/// along its normal both ways, through all cloth of the neighbourhood.
-pub fn under_box(
-    lamina: &Lamina,
-    tool: &Tool,
-    vertex: u32,
-    side: f64,
-    positions: &[[f64; 3]],
-) -> Vec<u32> {
-    let centre = Vec3::from(positions[vertex as usize]);
-    let normal = Vec3::from(tool.distance(centre.into()).1);
-    let flat = |axis: Vec3| axis - normal * normal.dot(&axis);
-    let (x, y) = (flat(Vec3::x()), flat(Vec3::y()));
-    let along = if x.norm() > 0.1 { x } else { y }.normalize();
-    let across = normal.cross(&along);
-    // A vertex exactly on the border is below, however it was rounded.
-    let half = 0.5 * side * (1.0 + 1e-6);
-    let is_below = |v: &u32| {
-        let offset = Vec3::from(positions[*v as usize]) - centre;
-        *v == vertex || offset.dot(&along).abs() <= half && offset.dot(&across).abs() <= half
-    };
-    lamina
-        .within(vertex, REACH * side)
-        .filter(is_below)
-        .collect()
-}
-
 impl Twin {
     /// Presses on some vertices, and holds those that come to lie on the tool. Returns which.
     ///
@@ -112,7 +81,7 @@ impl Twin {
             if !(is_draped && config.hold == Hold::Pressure) {
                 self.contact.pressure[v as usize] = 0.0;
             }
-            if is_draped && config.hold == Hold::Fixed && !self.is_held(v) {
+            if is_draped && config.hold == Hold::Fixed && self.held[v as usize].is_none() {
                 self.fix(v);
             }
         }
@@ -132,7 +101,8 @@ impl Twin {
     ) -> Replay {
         let mut draped = BTreeSet::new();
         let presses = list.iter().try_for_each(|&vertex| {
-            let vertices = under_box(lamina, tool, vertex, side, &self.positions());
+            let position = |v| self.position(v);
+            let (vertices, _) = under_stencil(lamina, tool, vertex, side, position);
             draped.extend(self.press(tool, config, &vertices)?);
             observe(self);
             Ok(())

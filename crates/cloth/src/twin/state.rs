@@ -165,11 +165,6 @@ impl Twin {
         self.held[vertex as usize] = Some(velocity);
     }
 
-    /// Whether a vertex is held.
-    pub fn is_held(&self, vertex: u32) -> bool {
-        self.held[vertex as usize].is_some()
-    }
-
     /// The force with which the cloth pulls at a vertex, weight included [N]: what
     /// whatever holds the vertex has to bear. Viscous stress and inertia are not counted.
     pub fn pull(&self, vertices: &[u32]) -> [f64; 3] {
@@ -178,11 +173,6 @@ impl Twin {
             *f -= weight;
         }
         f.map(|f| vertices.iter().map(|&v| f[v as usize]).sum())
-    }
-
-    /// Force of the material on every vertex at the present positions [N].
-    pub fn elastic_forces(&self) -> Vec<[f64; 3]> {
-        self.vectors(&self.elastic_field())
     }
 
     pub(super) fn elastic_field(&self) -> Field {

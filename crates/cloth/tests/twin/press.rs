@@ -2,8 +2,9 @@
 
 use super::*;
 use drape_cloth::math::Vec3;
+use drape_cloth::sim::under_stencil;
 use drape_cloth::tool::{Hemisphere, Plate};
-use drape_cloth::twin::{Hold, PressConfig, under_box};
+use drape_cloth::twin::{Hold, PressConfig};
 
 /// A sheet with ripples on a plate, 8 mm high; its yarns keep their length.
 fn rippled(config: &TwinConfig) -> (Lamina, Tool, Twin) {
@@ -114,7 +115,7 @@ fn box_covers_its_square_on_any_flank() {
             .map(|[u, v]| [0.075 * sin + u * cos, *v, 0.075 * cos - u * sin])
             .collect();
         let middle = sheet.vertex_at(10, 10).unwrap();
-        let found = under_box(&sheet, &dome, middle, 0.018, &x);
+        let (found, _) = under_stencil(&sheet, &dome, middle, 0.018, |v| x[v as usize]);
         assert_eq!(found.len(), 9, "{tilt}");
     }
 }

@@ -11,9 +11,8 @@ fn trembling(config: &TwinConfig) -> Twin {
         .map(|x| [1.003 * x[0], 1.003 * x[1], 0.0])
         .collect();
     twin.set_positions(&x);
-    let border = |rest: &[f64; 2]| rest.iter().any(|r| r.abs() > 0.025 - 1e-9);
     for (v, rest) in sheet.rest.iter().enumerate() {
-        if border(rest) {
+        if is_border(rest) {
             twin.fix(v as u32);
         }
     }
@@ -23,6 +22,10 @@ fn trembling(config: &TwinConfig) -> Twin {
         .collect();
     twin.set_velocities(&v);
     twin
+}
+
+fn is_border(rest: &[f64; 2]) -> bool {
+    rest.iter().any(|r| r.abs() > 0.025 - 1e-9)
 }
 
 /// True highest frequency of the trembling sheet [rad/s]: power iteration on differences of
@@ -35,7 +38,7 @@ fn highest_frequency() -> f64 {
     let mut twin = trembling(&config);
     let sheet = lamina([0.05, 0.05], [9, 9]);
     let free: Vec<usize> = (0..sheet.vertex_count())
-        .filter(|&v| !twin.is_held(v as u32))
+        .filter(|&v| !is_border(&sheet.rest[v]))
         .collect();
     let x = twin.positions();
     let mut u: Vec<[f64; 3]> = vec![[0.0; 3]; x.len()];
@@ -54,7 +57,8 @@ fn highest_frequency() -> f64 {
                 .map(|(x, u)| std::array::from_fn(|k| x[k] + h * u[k]))
                 .collect();
             twin.set_positions(&moved);
-            twin.elastic_forces()
+            let pull = |v: usize| twin.pull(&[v as u32]);
+            (0..x.len()).map(pull).collect::<Vec<_>>()
         };
         let (there, back) = (at(h), at(-h));
         for &v in &free {

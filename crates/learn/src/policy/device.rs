@@ -8,24 +8,34 @@ pub enum DeviceKind {
     /// burn's `flex` backend on the CPU: always there, the same bits for any thread count.
     #[default]
     Flex,
+    /// burn's deprecated `ndarray` backend on the CPU; cargo feature `ndarray`.
+    Ndarray,
     /// The best graphics card that wgpu finds; cargo feature `gpu`.
     Gpu,
 }
 
 /// A device that this build cannot offer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("device `gpu` is not in this build: rebuild with `--features gpu`, or use `flex`")]
-pub struct DeviceError;
+#[error("device `{kind}` is not in this build: rebuild with `--features {kind}`, or use `flex`")]
+pub struct DeviceError {
+    kind: &'static str,
+}
 
 impl DeviceKind {
     /// The device, without gradients. Fails if the cargo feature that it needs is off.
     pub fn open(self) -> Result<Device, DeviceError> {
         match self {
             Self::Flex => Ok(Device::flex()),
+            // Kept for comparison, although burn has deprecated it.
+            #[cfg(feature = "ndarray")]
+            #[allow(deprecated)]
+            Self::Ndarray => Ok(Device::ndarray()),
+            #[cfg(not(feature = "ndarray"))]
+            Self::Ndarray => Err(DeviceError { kind: "ndarray" }),
             #[cfg(feature = "gpu")]
             Self::Gpu => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),
             #[cfg(not(feature = "gpu"))]
-            Self::Gpu => Err(DeviceError),
+            Self::Gpu => Err(DeviceError { kind: "gpu" }),
         }
     }
 }

@@ -6,10 +6,11 @@ use crate::points::coarser;
 use crate::study::stencil_mm;
 use crate::verify::{SOLVERS, precision_name, solver_name};
 use drape_cloth::fabric::{Lamina, Material};
+use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::SceneConfig;
 use drape_cloth::sim::{Accuracy, Bending, PhysicsConfig, Precision, Solver, Stepping};
-use drape_task::env::{EnvConfig, EnvError};
+use drape_task::env::EnvConfig;
 
 /// Substeps a second of what counts as converged [1/s], and of them between two refreshes of the
 /// tool's planes: 2400 refreshes a second, more than any preset has.
@@ -235,7 +236,7 @@ const SEQUENCES: usize = 8;
 /// Places on the flat blank [m], in the order of pressing: every second row and column of the
 /// region. The first is a straight sweep along the rows, then follow sweeps the other way, along
 /// the columns, along a diagonal, from the middle and back, and two random orders.
-pub fn sequences(lamina: &Lamina, env: &EnvConfig) -> Result<Vec<Vec<[f64; 2]>>, EnvError> {
+pub fn sequences(lamina: &Lamina, env: &EnvConfig) -> Result<Vec<Vec<[f64; 2]>>, ValueError> {
     let region = env.region(lamina)?;
     let mut vertices: Vec<usize> = region.vertices.ones().collect();
     let every_second = |v: &usize| lamina.place(*v as u32).iter().all(|k| k % 2 == 0);

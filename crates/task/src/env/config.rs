@@ -2,6 +2,7 @@ use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
 use drape_cloth::fabric::Lamina;
+use drape_cloth::file::ValueError;
 use drape_cloth::sim::{Accuracy, Precision, Stepping};
 
 /// The draping task.
@@ -61,15 +62,6 @@ impl Default for EnvConfig {
     }
 }
 
-/// A draping task that cannot be posed.
-#[derive(Debug, thiserror::Error)]
-#[error("`env.{key}` is {found}, expected {expected}")]
-pub struct EnvError {
-    key: &'static str,
-    found: String,
-    expected: &'static str,
-}
-
 /// The vertices of the focus region, and the rows and columns, ends exclusive, that hold them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Region {
@@ -103,41 +95,30 @@ impl EnvConfig {
 
     /// Checks every value and finds the region on the blank; the error names key, found and
     /// expected.
-    pub fn region(&self, lamina: &Lamina) -> Result<Region, EnvError> {
-        let fail = |key, found: String, expected| {
-            Err(EnvError {
-                key,
-                found,
-                expected,
-            })
-        };
-        let positive = [
-            ("stencil_mm", self.stencil_mm, 1e5),
-            ("drape_threshold_mm", self.drape_threshold_mm, 1e5),
-            ("drape_strain", self.drape_strain, 1e5),
-            ("press_s", self.press_s, 10.0),
-        ];
-        for (key, value, most) in positive {
-            if !(value > 0.0 && value <= most) {
-                return fail(key, value.to_string(), "a number > 0 in a sensible range");
-            }
+    pub fn region(&self, lamina: &Lamina) -> Result<Region, ValueError> {
+        self.checked_region(lamina)
+            .map_err(|error| error.within("env"))
+    }
+
+    fn checked_region(&self, lamina: &Lamina) -> Result<Region, ValueError> {
+        for (key, value, range) in [
+            ("stencil_mm", self.stencil_mm, [1e-3, 1e5]),
+            ("drape_threshold_mm", self.drape_threshold_mm, [1e-6, 1e5]),
+            ("drape_strain", self.drape_strain, [1e-9, 1e5]),
+            ("settle_s", self.settle_s, [0.0, 10.0]),
+        ] {
+            ValueError::unless_within(key, value, range)?;
         }
-        if !(self.descent > 0.0 && self.descent <= 1.0) {
-            return fail("descent", self.descent.to_string(), "a share in (0, 1]");
-        }
-        if !(0.0..=10.0).contains(&self.settle_s) {
-            return fail(
-                "settle_s",
-                self.settle_s.to_string(),
-                "a time from 0 to 10 s",
-            );
-        }
-        if let Err((key, found, expected)) = self.stepping().check() {
-            return fail(key, found.to_string(), expected);
-        }
-        if self.max_steps == Some(0) {
-            return fail("max_steps", "0".into(), "a number > 0");
-        }
+        let (descent, expected) = (self.descent, "a share in (0, 1]");
+        let is_valid = descent > 0.0 && descent <= 1.0;
+        ValueError::unless(is_valid, "descent", descent, expected)?;
+        let stepping = self.stepping();
+        stepping.check()?;
+        let (press, substep) = (self.press_s, 1.0 / stepping.substep_rate);
+        let expected = format!("a time from one substep, {substep} s, to 10 s");
+        let is_valid = press >= substep * (1.0 - 1e-9) && press <= 10.0;
+        ValueError::unless(is_valid, "press_s", press, expected)?;
+        ValueError::unless(self.max_steps != Some(0), "max_steps", 0, "a number > 0")?;
         // A vertex exactly on the border of the region belongs to it.
         let slack = 1e-9;
         let inside = |at: &[f64; 2]| {
@@ -162,11 +143,12 @@ impl EnvConfig {
                 columns,
                 vertices,
             }),
-            _ => fail(
-                "region_mm",
-                format!("{:?}", self.region_mm.unwrap_or_default()),
-                "[least x, least y, greatest x, greatest y] with vertices of the blank inside",
-            ),
+            _ => {
+                let found = format!("{:?}", self.region_mm.unwrap_or_default());
+                let expected = "[least x, least y, greatest x, greatest y] with vertices of the \
+                                blank inside";
+                Err(ValueError::new("region_mm", found, expected))
+            }
         }
     }
 }

@@ -5,10 +5,11 @@ use fixedbitset::FixedBitSet;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::config::{EnvConfig, EnvError, Region};
+use super::config::{EnvConfig, Region};
 use super::reward::{Reward, Taken, score};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
+use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Backend, Snapshot};
 
@@ -21,7 +22,7 @@ pub struct Draping {
 
 impl Draping {
     /// `count` environments on `scene`, each at its start.
-    pub fn new(scene: Arc<Scene>, config: &EnvConfig, count: usize) -> Result<Self, EnvError> {
+    pub fn new(scene: Arc<Scene>, config: &EnvConfig, count: usize) -> Result<Self, ValueError> {
         let task = Task::new(scene, config)?;
         Ok(Self {
             cloth: task.cloth(count),
@@ -244,15 +245,7 @@ impl Tasks for Draping {
         let count = self.task.scene.lamina.vertex_count();
         let pixels = self.shape().pixel_count() as u32;
         for (index, Saved { actions, cloth, .. }) in saved.iter().enumerate() {
-            let fits = cloth.position.len() == count
-                && cloth.velocity.len() == count
-                && cloth.force_density.len() <= 2 * count
-                && cloth.fixed.len() <= count
-                && cloth.is_finite()
-                && cloth.pressed.touched.len() == count
-                && cloth.pressed.draped.len() == count
-                && (cloth.pressed.stencil.iter()).all(|&v| (v as usize) < count)
-                && actions.iter().all(|&a| a < pixels);
+            let fits = self.task.scene.model.fits(cloth) && actions.iter().all(|&a| a < pixels);
             if !fits {
                 return Err(format!(
                     "environment {index} is not of a blank of {count} vertices"

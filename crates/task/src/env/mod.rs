@@ -10,7 +10,7 @@ mod reward;
 mod rules;
 mod task;
 
-pub use config::{EnvConfig, EnvError, Region};
+pub use config::{EnvConfig, Region};
 pub use draping::Draping;
 pub use replay::ReplayDiverged;
 pub use reward::{Reward, Taken, Term, score};

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use fixedbitset::FixedBitSet;
 
-use super::config::{EnvConfig, EnvError, Region};
+use super::config::{EnvConfig, Region};
 use super::reward::Reward;
 use super::task::{ImageShape, Observation};
+use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Backend, Cpu, Pressed, Snapshot, Stencil, World};
 
@@ -41,7 +42,7 @@ pub(super) struct Slot {
 }
 
 impl Task {
-    pub fn new(scene: Arc<Scene>, config: &EnvConfig) -> Result<Self, EnvError> {
+    pub fn new(scene: Arc<Scene>, config: &EnvConfig) -> Result<Self, ValueError> {
         let region = config.region(&scene.lamina)?;
         let stepping = config.stepping();
         let press = stepping.control(config.press_s);

@@ -39,7 +39,8 @@ fn write(out: &mut impl Write, points: &[DrapingPoint]) -> io::Result<()> {
             None => write!(out, ",,,")?,
         }
         let starts = u8::from(point.starts_stroke);
-        writeln!(out, ",{},{},{starts}", point.kind.name(), point.stroke)?;
+        let kind = format!("{:?}", point.kind).to_lowercase();
+        writeln!(out, ",{kind},{},{starts}", point.stroke)?;
     }
     Ok(())
 }

@@ -90,17 +90,8 @@ impl Deck {
         self
     }
 
-    /// A set of nodes, by their labels.
-    pub fn node_set(&mut self, name: &str, labels: &[usize]) -> &mut Self {
-        self.card(&format!("NSET, NSET={name}")).labels(labels)
-    }
-
-    /// A set of elements, by their labels.
-    pub fn element_set(&mut self, name: &str, labels: &[usize]) -> &mut Self {
-        self.card(&format!("ELSET, ELSET={name}")).labels(labels)
-    }
-
-    fn labels(&mut self, labels: &[usize]) -> &mut Self {
+    /// The labels of a set of nodes or elements.
+    pub fn labels(&mut self, labels: &[usize]) -> &mut Self {
         for labels in labels.chunks(LABELS) {
             let labels: Vec<String> = labels.iter().map(|label| label.to_string()).collect();
             self.line(&labels.join(", "));
@@ -134,7 +125,8 @@ mod tests {
         deck.comment("c")
             .nodes("N", 5, &[Vec3::new(0.001, -0.25, 0.0)])
             .elements("S3", "E", 7, 5, &[[0, 1, 2]])
-            .node_set("S", &(1..=12).collect::<Vec<_>>())
+            .card("NSET, NSET=S")
+            .labels(&(1..=12).collect::<Vec<_>>())
             .card("BOUNDARY")
             .line("S, 1, 3")
             .row(&[1.0, -9.81e3]);

@@ -1,11 +1,10 @@
-use std::fs;
-use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::io::Write;
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use super::DrapingPoint;
-use drape_cloth::file::{WriteError, write_atomic};
+use drape_cloth::file::{ReadError, ValueError, WriteError, read_bytes, write_atomic};
 use drape_cloth::math::Vec3;
 
 /// Largest deviation of a unit vector's length from 1, and of the cosine between two
@@ -52,34 +51,6 @@ struct Document {
     points: Vec<DrapingPoint>,
 }
 
-/// Why a path file could not be read.
-#[derive(Debug, thiserror::Error)]
-pub enum PathFileError {
-    #[error("cannot read {}", path.display())]
-    Read {
-        path: PathBuf,
-        #[source]
-        source: io::Error,
-    },
-    #[error("{} is not a draping path", path.display())]
-    Json {
-        path: PathBuf,
-        #[source]
-        source: serde_json::Error,
-    },
-    #[error("{}: conventions differ from those of this drape", path.display())]
-    Conventions { path: PathBuf },
-    #[error("{}: point {index}: {field} is {found}, expected {expected}", path.display())]
-    Point {
-        path: PathBuf,
-        /// Place in the file, from 0.
-        index: usize,
-        field: &'static str,
-        found: String,
-        expected: String,
-    },
-}
-
 /// Writes the path with all its conventions, in SI units: the form other tools should read.
 pub fn write_json(path: &Path, points: &[DrapingPoint]) -> Result<(), WriteError> {
     let document = Document {
@@ -93,52 +64,42 @@ pub fn write_json(path: &Path, points: &[DrapingPoint]) -> Result<(), WriteError
 }
 
 /// Reads what [`write_json`] wrote and checks numbering and directions.
-pub fn read_json(path: &Path) -> Result<Vec<DrapingPoint>, PathFileError> {
-    let text = fs::read_to_string(path).map_err(|source| PathFileError::Read {
-        path: path.into(),
-        source,
-    })?;
-    let document: Document = serde_json::from_str(&text).map_err(|source| PathFileError::Json {
-        path: path.into(),
-        source,
-    })?;
+pub fn read_json(path: &Path) -> Result<Vec<DrapingPoint>, ReadError> {
+    let fault = |fault: String| ReadError::fault(path, fault);
+    let document: Document = serde_json::from_slice(&read_bytes(path)?)
+        .map_err(|error| fault(format!("not a draping path: {error}")))?;
     if document.conventions != Header::new() {
-        return Err(PathFileError::Conventions { path: path.into() });
+        return Err(fault("conventions differ from those of this drape".into()));
     }
     for (index, point) in document.points.iter().enumerate() {
-        if let Some((field, found, expected)) = inconsistency(index, point) {
-            return Err(PathFileError::Point {
-                path: path.into(),
-                index,
-                field,
-                found,
-                expected,
-            });
-        }
+        check(index, point).map_err(|wrong| fault(format!("point {index}: {wrong}")))?;
     }
     Ok(document.points)
 }
 
-/// The first field of `point` that contradicts the conventions: its name, what was found
-/// and what was expected.
-fn inconsistency(index: usize, point: &DrapingPoint) -> Option<(&'static str, String, String)> {
-    if point.index != index {
-        return Some(("index", point.index.to_string(), index.to_string()));
-    }
-    let unit = |v: &Vec3| (v.norm() - 1.0).abs() <= DIRECTION_TOLERANCE;
+/// Refuses a point that contradicts the conventions.
+fn check(index: usize, point: &DrapingPoint) -> Result<(), ValueError> {
+    ValueError::unless(
+        point.index == index,
+        "index",
+        point.index,
+        index.to_string(),
+    )?;
+    let is_unit = |v: &Vec3| (v.norm() - 1.0).abs() <= DIRECTION_TOLERANCE;
     let shown = |v: &Vec3| format!("{:?}", v.as_slice());
-    if !unit(&point.normal) {
-        return Some(("normal", shown(&point.normal), "a unit vector".into()));
+    let normal = &point.normal;
+    ValueError::unless(is_unit(normal), "normal", shown(normal), "a unit vector")?;
+    if let Some(travel) = &point.travel {
+        let is_tangent = is_unit(travel) && travel.dot(normal).abs() <= DIRECTION_TOLERANCE;
+        ValueError::unless(is_tangent, "travel", shown(travel), "a unit tangent")?;
     }
-    let travel = point.travel.as_ref()?;
-    if !unit(travel) || travel.dot(&point.normal).abs() > DIRECTION_TOLERANCE {
-        return Some(("travel", shown(travel), "a unit tangent".into()));
-    }
-    None
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
     use crate::path::{PressedPoint, strokes};
     use serde_json::json;
@@ -159,7 +120,7 @@ mod tests {
     }
 
     /// The sample's file with the string `from` replaced by `to`, read back.
-    fn read_edited(from: &str, to: &str) -> Result<Vec<DrapingPoint>, PathFileError> {
+    fn read_edited(from: &str, to: &str) -> Result<Vec<DrapingPoint>, ReadError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("path.json");
         write_json(&path, &sample()).unwrap();
@@ -213,12 +174,9 @@ mod tests {
     #[test]
     fn files_in_other_conventions_are_refused() {
         let error = read_edited("in metres", "in millimetres").unwrap_err();
-        assert!(
-            matches!(error, PathFileError::Conventions { .. }),
-            "{error}"
-        );
+        assert!(error.to_string().contains("conventions differ"), "{error}");
         let error = read_edited("\"vertex\"", "\"node\"").unwrap_err();
-        assert!(matches!(error, PathFileError::Json { .. }), "{error}");
+        assert!(error.to_string().contains("not a draping path"), "{error}");
     }
 
     #[test]
@@ -226,17 +184,17 @@ mod tests {
         let message = |from, to| read_edited(from, to).unwrap_err().to_string();
         let error = message("\"index\": 1", "\"index\": 4");
         assert!(
-            error.ends_with("point 1: index is 4, expected 1"),
+            error.ends_with("point 1: `index` is 4, expected 1"),
             "{error}"
         );
         let error = message("-1.0", "-1.1");
         assert!(
-            error.ends_with("point 2: normal is [0.0, -1.1, 0.0], expected a unit vector"),
+            error.ends_with("point 2: `normal` is [0.0, -1.1, 0.0], expected a unit vector"),
             "{error}"
         );
         let error = message("1.0,\n        0.0,\n        0.0\n", "0.0, 0.0, 1.0\n");
         assert!(
-            error.ends_with("point 0: travel is [0.0, 0.0, 1.0], expected a unit tangent"),
+            error.ends_with("point 0: `travel` is [0.0, 0.0, 1.0], expected a unit tangent"),
             "{error}"
         );
     }

@@ -16,5 +16,5 @@ mod json;
 mod strokes;
 
 pub use csv::write_csv;
-pub use json::{PathFileError, read_json, write_json};
-pub use strokes::{DrapingPoint, PressKind, PressedPoint, StrokeError, stroke_points, strokes};
+pub use json::{read_json, write_json};
+pub use strokes::{DrapingPoint, PressKind, PressedPoint, UnusablePoint, stroke_points, strokes};

@@ -27,16 +27,6 @@ pub enum PressKind {
     Press,
 }
 
-impl PressKind {
-    /// The name used in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Stroke => "stroke",
-            Self::Press => "press",
-        }
-    }
-}
-
 /// One point of a draping path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -59,21 +49,15 @@ pub struct DrapingPoint {
     pub kind: PressKind,
 }
 
-/// Why no path can be made of some points.
+/// A point of which no path can be made.
 #[derive(Debug, PartialEq, thiserror::Error)]
-pub enum StrokeError {
-    #[error("point {index} (vertex {vertex}): position {position:?} m is not finite")]
-    Position {
-        index: usize,
-        vertex: u32,
-        position: [f64; 3],
-    },
-    #[error("point {index} (vertex {vertex}): normal {normal:?} has no direction")]
-    Normal {
-        index: usize,
-        vertex: u32,
-        normal: [f64; 3],
-    },
+#[error("point {index} (vertex {vertex}): {what} {found:?} {fault}")]
+pub struct UnusablePoint {
+    index: usize,
+    vertex: u32,
+    what: &'static str,
+    found: [f64; 3],
+    fault: &'static str,
 }
 
 /// Groups points into strokes and presses and finds the directions of travel.
@@ -83,7 +67,7 @@ pub enum StrokeError {
 pub fn strokes(
     points: &[PressedPoint],
     join_distance: f64,
-) -> Result<Vec<DrapingPoint>, StrokeError> {
+) -> Result<Vec<DrapingPoint>, UnusablePoint> {
     let normals = unit_normals(points)?;
     let mut path = Vec::with_capacity(points.len());
     for (stroke, members) in stroke_points(points, join_distance).enumerate() {
@@ -122,30 +106,25 @@ pub fn stroke_points(
 }
 
 /// The normals at unit length, after checking that every point is usable.
-fn unit_normals(points: &[PressedPoint]) -> Result<Vec<Vec3>, StrokeError> {
+fn unit_normals(points: &[PressedPoint]) -> Result<Vec<Vec3>, UnusablePoint> {
     let unit_normal = |(index, point): (usize, &PressedPoint)| {
-        let &PressedPoint {
-            vertex,
-            position,
-            normal,
-        } = point;
-        if !position.iter().all(|x| x.is_finite()) {
-            return Err(StrokeError::Position {
-                index,
-                vertex,
-                position: position.into(),
-            });
+        let fail = |what, found: Vec3, fault| UnusablePoint {
+            index,
+            vertex: point.vertex,
+            what,
+            found: found.into(),
+            fault,
+        };
+        let is_finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
+        if !is_finite(&point.position) {
+            return Err(fail("position", point.position, "m is not finite"));
         }
         // Scaled first, so that no square under- or overflows.
-        let scaled = normal / normal.amax();
-        if !scaled.iter().all(|x| x.is_finite()) {
-            return Err(StrokeError::Normal {
-                index,
-                vertex,
-                normal: normal.into(),
-            });
+        let scaled = point.normal / point.normal.amax();
+        match is_finite(&scaled) {
+            true => Ok(scaled.normalize()),
+            false => Err(fail("normal", point.normal, "has no direction")),
         }
-        Ok(scaled.normalize())
     };
     points.iter().enumerate().map(unit_normal).collect()
 }

@@ -6,6 +6,18 @@ use std::arch::x86_64::*;
 // SAFETY, for every intrinsic below: values of these types exist only behind the
 // feature test in `Isa::best`, and the operations are inlined into the function that
 // `vectorize` compiles with the feature enabled.
+macro_rules! operator {
+    ($name:ident, $trait:ident, $method:ident, $intrinsic:ident) => {
+        impl $trait for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self(unsafe { $intrinsic(self.0, other.0) })
+            }
+        }
+    };
+}
+
 macro_rules! vector {
     ($name:ident, $scalar:ty, $inner:ty, $count:literal, $isa:literal, $feature:literal, $mask:ty,
      $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident,
@@ -16,34 +28,10 @@ macro_rules! vector {
         #[repr(transparent)]
         pub struct $name($inner);
 
-        impl Add for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn add(self, other: Self) -> Self {
-                Self(unsafe { $add(self.0, other.0) })
-            }
-        }
-        impl Sub for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn sub(self, other: Self) -> Self {
-                Self(unsafe { $sub(self.0, other.0) })
-            }
-        }
-        impl Mul for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn mul(self, other: Self) -> Self {
-                Self(unsafe { $mul(self.0, other.0) })
-            }
-        }
-        impl Div for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn div(self, other: Self) -> Self {
-                Self(unsafe { $div(self.0, other.0) })
-            }
-        }
+        operator!($name, Add, add, $add);
+        operator!($name, Sub, sub, $sub);
+        operator!($name, Mul, mul, $mul);
+        operator!($name, Div, div, $div);
         impl Neg for $name {
             type Output = Self;
             #[inline(always)]
@@ -55,7 +43,6 @@ macro_rules! vector {
             type Scalar = $scalar;
             type Mask = $mask;
             const COUNT: usize = $count;
-            const ISA: &'static str = $isa;
             #[inline(always)]
             fn splat(x: $scalar) -> Self {
                 Self(unsafe { $splat(x) })

@@ -1,23 +1,6 @@
 //! Gaps between parts of the cloth, f64.
 
-/// A point or direction [m].
-pub type Point = [f64; 3];
-
-pub fn sub(a: Point, b: Point) -> Point {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-pub fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub fn cross(a: Point, b: Point) -> Point {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
-}
+use crate::math::Vec3;
 
 /// Which parts of the cloth meet; with four vertices either way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,10 +12,10 @@ pub enum Kind {
 }
 
 /// Below this sine of the angle between two edges their gap has no direction: 2 degrees.
-const LEAST_SINE: f64 = 0.035;
+const MIN_SINE: f64 = 0.035;
 /// A triangle whose doubled area is less than this share of its longest edges' product has no
 /// normal.
-const LEAST_SPREAD: f64 = 1e-3;
+const MIN_SPREAD: f64 = 1e-3;
 
 /// Two parts of the cloth that may touch.
 #[derive(Clone, Copy, Debug)]
@@ -46,10 +29,10 @@ pub(super) struct Pair {
 /// The gap between two parts, along their common normal.
 #[derive(Clone, Copy, Debug)]
 pub struct Gap {
-    /// Way along `normal` from the second part to the first [m]; its sign tells the side.
+    /// Displacement along `normal` from the second part to the first [m]; its sign tells the side.
     pub height: f64,
     /// Unit length. That of the triangle, or the vector product of the edges.
-    pub normal: Point,
+    pub normal: Vec3,
     /// Share of each vertex in the two nearest points: the first part's add up to 1, the
     /// second's to -1, so height = normal . sum(weight x).
     pub weight: [f64; 4],
@@ -60,7 +43,7 @@ pub struct Gap {
 impl Gap {
     /// Measures the gap; none where the parts have no common normal: a triangle without area,
     /// edges that are parallel, coordinates that are no numbers.
-    pub fn new(kind: Kind, x: [Point; 4]) -> Option<Self> {
+    pub fn new(kind: Kind, x: [Vec3; 4]) -> Option<Self> {
         match kind {
             Kind::VertexFace => vertex_face(x),
             Kind::EdgeEdge => edge_edge(x),
@@ -68,52 +51,52 @@ impl Gap {
     }
 }
 
-fn vertex_face([p, a, b, c]: [Point; 4]) -> Option<Gap> {
-    let (ab, ac, ap) = (sub(b, a), sub(c, a), sub(p, a));
-    let n = cross(ab, ac);
-    let square = dot(n, n);
-    let [ab2, ac2] = [dot(ab, ab), dot(ac, ac)];
-    let bc = sub(c, b);
-    let bc2 = dot(bc, bc);
+fn vertex_face([p, a, b, c]: [Vec3; 4]) -> Option<Gap> {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let n = ab.cross(&ac);
+    let square = n.dot(&n);
+    let [ab2, ac2] = [ab.dot(&ab), ac.dot(&ac)];
+    let bc = c - b;
+    let bc2 = bc.dot(&bc);
     let longest = ab2.max(ac2).max(bc2);
     // Also false for NaN.
-    let spread = square > (LEAST_SPREAD * longest).powi(2);
+    let spread = square > (MIN_SPREAD * longest).powi(2);
     if !spread || !square.is_finite() {
         return None;
     }
-    let wb = dot(cross(ap, ac), n) / square;
-    let wc = dot(cross(ab, ap), n) / square;
+    let wb = ap.cross(&ac).dot(&n) / square;
+    let wc = ab.cross(&ap).dot(&n) / square;
     let wa = 1.0 - wb - wc;
     let length = square.sqrt();
     // Twice the area over the opposite edge is the altitude of a corner.
     let aside = -(wa / bc2.sqrt()).min(wb / ac2.sqrt()).min(wc / ab2.sqrt()) * length;
-    let normal = n.map(|n| n / length);
+    let normal = n / length;
     Some(Gap {
-        height: dot(ap, normal),
+        height: ap.dot(&normal),
         normal,
         weight: [1.0, -wa, -wb, -wc],
         aside,
     })
 }
 
-fn edge_edge([a, b, c, d]: [Point; 4]) -> Option<Gap> {
-    let (u, v, r) = (sub(b, a), sub(d, c), sub(c, a));
-    let n = cross(u, v);
-    let square = dot(n, n);
-    let [u2, v2] = [dot(u, u), dot(v, v)];
-    let crossing = square > LEAST_SINE.powi(2) * u2 * v2;
+fn edge_edge([a, b, c, d]: [Vec3; 4]) -> Option<Gap> {
+    let (u, v, r) = (b - a, d - c, c - a);
+    let n = u.cross(&v);
+    let square = n.dot(&n);
+    let [u2, v2] = [u.dot(&u), v.dot(&v)];
+    let crossing = square > MIN_SINE.powi(2) * u2 * v2;
     if !crossing || !square.is_finite() {
         return None;
     }
-    let s = dot(cross(r, v), n) / square;
-    let t = dot(cross(r, u), n) / square;
+    let s = r.cross(&v).dot(&n) / square;
+    let t = r.cross(&u).dot(&n) / square;
     let length = square.sqrt();
     let beyond = |s: f64| (-s).max(s - 1.0);
     let sine = length / (u2 * v2).sqrt();
     let aside = sine * (beyond(s) * u2.sqrt()).max(beyond(t) * v2.sqrt());
-    let normal = n.map(|n| n / length);
+    let normal = n / length;
     Some(Gap {
-        height: -dot(r, normal),
+        height: -r.dot(&normal),
         normal,
         weight: [1.0 - s, s, t - 1.0, -t],
         aside,
@@ -125,7 +108,7 @@ pub struct Overlap {
     /// What is missing to the thickness [m], > 0.
     pub depth: f64,
     /// See [`Gap`].
-    pub normal: Point,
+    pub normal: Vec3,
     pub weight: [f64; 4],
 }
 
@@ -134,15 +117,15 @@ impl Overlap {
     /// towards `side`. The same as by [`Gap::new`], but what does not overlap, nearly all, is
     /// found without a division.
     #[inline(always)]
-    pub fn new(kind: Kind, x: [Point; 4], side: f64, thickness: f64) -> Option<Self> {
+    pub fn new(kind: Kind, x: [Vec3; 4], side: f64, thickness: f64) -> Option<Self> {
         let [p, a, b, c] = x;
         let (u, v, r) = match kind {
-            Kind::VertexFace => (sub(b, a), sub(c, a), sub(p, a)),
-            Kind::EdgeEdge => (sub(a, p), sub(c, b), sub(p, b)),
+            Kind::VertexFace => (b - a, c - a, p - a),
+            Kind::EdgeEdge => (a - p, c - b, p - b),
         };
-        let n = cross(u, v);
-        let square = dot(n, n);
-        let height = side * dot(r, n);
+        let n = u.cross(&v);
+        let square = n.dot(&n);
+        let height = side * r.dot(&n);
         let near = height < 0.0 || height * height < thickness * thickness * square;
         let has_area = square > 0.0;
         if !near || !has_area {
@@ -150,11 +133,11 @@ impl Overlap {
         }
         let facing = match kind {
             Kind::VertexFace => {
-                let [s, t] = [dot(cross(r, v), n), dot(cross(u, r), n)];
+                let [s, t] = [r.cross(&v).dot(&n), u.cross(&r).dot(&n)];
                 s >= 0.0 && t >= 0.0 && s + t <= square
             }
             Kind::EdgeEdge => {
-                let [s, t] = [dot(cross(v, r), n), dot(cross(u, r), n)];
+                let [s, t] = [v.cross(&r).dot(&n), u.cross(&r).dot(&n)];
                 let inside = |s: f64| s >= 0.0 && s <= square;
                 inside(s) && inside(t)
             }

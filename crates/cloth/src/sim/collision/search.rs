@@ -5,14 +5,15 @@
 
 use std::collections::BTreeMap;
 
-use super::geometry::{Gap, Kind, Pair, Point, cross, dot, sub};
+use super::geometry::{Gap, Kind, Pair};
 use super::tree::{Bounds, Fit, Tree, visible_from};
+use crate::math::Vec3;
 
 /// Pairs of a lane at most, for each vertex. A fold of three layers has 20; where more are
 /// near, as in a random tangle, the rest is left out.
 const PAIR_LIMIT: usize = 60;
-/// Pairs of triangles looked at, for each triangle.
-const LOOK_LIMIT: usize = 100;
+/// Pairs of triangles that are met, for each triangle.
+const MEETING_LIMIT: usize = 100;
 
 /// Layers that are pressed through each other by more than this, in thicknesses, have lost their
 /// order for good.
@@ -20,7 +21,7 @@ const FORGET: f64 = 20.0;
 
 /// The surface as it hangs together.
 #[derive(Clone, Debug)]
-pub struct Surface {
+pub struct Topology {
     triangles: Vec<[u32; 3]>,
     edges: Vec<[u32; 2]>,
     /// Triangles on both sides of an edge; twice the same on the border.
@@ -37,7 +38,7 @@ struct Owned {
     edges: Vec<u32>,
 }
 
-impl Surface {
+impl Topology {
     pub fn new(rest: &[[f64; 2]], triangles: &[[u32; 3]]) -> Self {
         let mut owned = vec![Owned::default(); triangles.len()];
         let mut is_owned = vec![false; rest.len()];
@@ -67,6 +68,16 @@ impl Surface {
             vertex_count: rest.len(),
         }
     }
+
+    /// Whether a remembered side is one of parts that there are.
+    pub fn has(&self, entry: u64) -> bool {
+        let (kind, parts, _) = parts(entry);
+        let counts = match kind {
+            Kind::VertexFace => [self.vertex_count, self.triangles.len()],
+            Kind::EdgeEdge => [self.edges.len(); 2],
+        };
+        (0..2).all(|k| (parts[k] as usize) < counts[k])
+    }
 }
 
 /// The number of a pair, without its side.
@@ -75,14 +86,21 @@ fn key(kind: Kind, first: u32, second: u32) -> u64 {
     kind << 63 | u64::from(first) << 32 | u64::from(second) << 1
 }
 
+/// Kind, parts and side of a remembered number.
+fn parts(entry: u64) -> (Kind, [u32; 2], f64) {
+    let kind = [Kind::VertexFace, Kind::EdgeEdge][(entry >> 63) as usize];
+    let parts = [(entry >> 32) as u32 & !(1 << 31), (entry as u32) >> 1];
+    (kind, parts, if entry & 1 == 1 { 1.0 } else { -1.0 })
+}
+
 /// What a search needs besides its result. Kept, so that it allocates once.
 #[derive(Default)]
 pub struct Scratch {
     /// Positions before the substep, which tell the sides [m].
-    pub from: Vec<Point>,
+    pub from: Vec<Vec3>,
     /// Positions now [m].
-    pub to: Vec<Point>,
-    /// Around the way of each vertex.
+    pub to: Vec<Vec3>,
+    /// Around the displacement of each vertex.
     bounds: Vec<Bounds>,
     fit: Fit,
     sides: Vec<u64>,
@@ -94,7 +112,7 @@ impl Scratch {
     /// other.
     pub fn search(
         &mut self,
-        surface: &Surface,
+        surface: &Topology,
         thickness: f64,
         slack: f64,
         pairs: &mut Vec<Pair>,
@@ -109,15 +127,15 @@ impl Scratch {
         } = self;
         let margin = slack + 0.5 * thickness;
         reach.clear();
-        let ways = from.iter().zip(&*to);
-        reach.extend(ways.map(|(from, to)| Bounds::around(from, to, margin)));
+        let ends = from.iter().zip(&*to);
+        reach.extend(ends.map(|(from, to)| Bounds::around(from, to, margin)));
         fit.bounds.clear();
         fit.visible.clear();
         for corners in &surface.triangles {
             let [a, b, c] = corners.map(|v| from[v as usize]);
-            let normal = cross(sub(b, a), sub(c, a));
-            // What has no area or is lost touches nothing; else all would meet all there.
-            if dot(normal, normal) > 0.0 {
+            let normal = (b - a).cross(&(c - a));
+            // What has no area or has diverged touches nothing; else all would meet all there.
+            if normal.dot(&normal) > 0.0 {
                 let [a, b, c] = corners.map(|v| reach[v as usize]);
                 fit.bounds.push(a.and(&b).and(&c));
                 fit.visible.push(visible_from(normal));
@@ -143,7 +161,7 @@ impl Scratch {
             pairs,
         };
         let visible = &fit.visible;
-        let limit = LOOK_LIMIT * surface.triangles.len();
+        let limit = MEETING_LIMIT * surface.triangles.len();
         surface.tree.pairs(fit, limit, &mut |s, t| {
             let shared = surface.triangles[s]
                 .iter()
@@ -160,13 +178,13 @@ impl Scratch {
 
 /// Gathers pairs from triangles that are near each other.
 struct Collector<'a> {
-    surface: &'a Surface,
-    from: &'a [Point],
-    to: &'a [Point],
+    surface: &'a Topology,
+    from: &'a [Vec3],
+    to: &'a [Vec3],
     bounds: &'a [Bounds],
     faces: &'a [Bounds],
     thickness: f64,
-    /// Parts further apart than this [m] cannot touch before the next look.
+    /// Parts further apart than this [m] cannot touch before the next refresh.
     reach: f64,
     old: &'a [u64],
     new: &'a mut Vec<u64>,
@@ -186,15 +204,17 @@ impl Collector<'_> {
             {
                 continue;
             }
-            let [first, second] = [(entry >> 32) as u32 & !(1 << 31), (entry as u32) >> 1];
-            let (kind, vertices) = if entry >> 63 == 0 {
-                let [a, b, c] = self.surface.triangles[second as usize];
-                (Kind::VertexFace, [first, a, b, c])
-            } else {
-                let [[a, b], [c, d]] = [first, second].map(|e| self.surface.edges[e as usize]);
-                (Kind::EdgeEdge, [a, b, c, d])
+            let (kind, [first, second], side) = parts(entry);
+            let vertices = match kind {
+                Kind::VertexFace => {
+                    let [a, b, c] = self.surface.triangles[second as usize];
+                    [first, a, b, c]
+                }
+                Kind::EdgeEdge => {
+                    let [[a, b], [c, d]] = [first, second].map(|e| self.surface.edges[e as usize]);
+                    [a, b, c, d]
+                }
             };
-            let side = if entry & 1 == 1 { 1.0 } else { -1.0 };
             let Some(gap) = Gap::new(kind, vertices.map(|v| self.from[v as usize])) else {
                 continue;
             };
@@ -245,7 +265,7 @@ impl Collector<'_> {
         if self.pairs.len() >= PAIR_LIMIT * self.surface.vertex_count {
             return;
         }
-        let gap = |x: &[Point]| Gap::new(kind, vertices.map(|v| x[v as usize]));
+        let gap = |x: &[Vec3]| Gap::new(kind, vertices.map(|v| x[v as usize]));
         let Some(before) = gap(self.from) else { return };
         let now = gap(self.to).unwrap_or(before);
         let apart = before.height.abs().min(now.height.abs());
@@ -281,7 +301,7 @@ impl Collector<'_> {
     fn remembered(&self, key: u64) -> Option<f64> {
         let found = self.old.partition_point(|&k| k < key);
         let entry = *self.old.get(found)?;
-        (entry & !1 == key).then_some(if entry & 1 == 1 { 1.0 } else { -1.0 })
+        (entry & !1 == key).then_some(parts(entry).2)
     }
 
     /// The side of a vertex, as remembered against a triangle next to this one: what slides
@@ -291,20 +311,21 @@ impl Collector<'_> {
         let first = key(Kind::VertexFace, vertex, 0);
         let start = self.old.partition_point(|&k| k < first);
         let mut found = None;
-        for entry in &self.old[start..] {
+        for &entry in &self.old[start..] {
             if entry >> 32 != first >> 32 {
                 break;
             }
-            let other = ((*entry as u32) >> 1) as usize;
+            let (_, [_, other], side) = parts(entry);
+            let other = other as usize;
             let shared = corners
                 .iter()
                 .filter(|v| self.surface.triangles[other].contains(v))
                 .count();
             if shared == 2 {
-                return Some(if entry & 1 == 1 { 1.0 } else { -1.0 });
+                return Some(side);
             }
             if shared == 1 && found.is_none() {
-                found = Some(if entry & 1 == 1 { 1.0 } else { -1.0 });
+                found = Some(side);
             }
         }
         found
@@ -312,7 +333,7 @@ impl Collector<'_> {
 
     /// The side of two edges, as remembered of their ends against the triangles beside the
     /// other edge.
-    fn side_of_ends(&self, [e, f]: [u32; 2], normal: Point) -> Option<f64> {
+    fn side_of_ends(&self, [e, f]: [u32; 2], normal: Vec3) -> Option<f64> {
         let surface = self.surface;
         for (edge, other, turned) in [(e, f, 1.0), (f, e, -1.0)] {
             for &vertex in &surface.edges[edge as usize] {
@@ -321,8 +342,8 @@ impl Collector<'_> {
                         continue;
                     };
                     let [a, b, c] = surface.triangles[t as usize].map(|v| self.from[v as usize]);
-                    let n = cross(sub(b, a), sub(c, a));
-                    let cosine = dot(n, normal) / dot(n, n).sqrt().max(1e-30);
+                    let n = (b - a).cross(&(c - a));
+                    let cosine = n.dot(&normal) / n.dot(&n).sqrt().max(1e-30);
                     if cosine.abs() > 0.5 {
                         return Some(turned * side * cosine.signum());
                     }

@@ -1,4 +1,4 @@
-use super::geometry::Point;
+use crate::math::Vec3;
 
 /// Triangles in a leaf at most: the two of a cell.
 const LEAF: usize = 2;
@@ -7,7 +7,7 @@ const LEAF: usize = 2;
 /// each both ways. The lower [`DIRECTIONS`] bits of a mask stand for one way, the next for the
 /// other.
 const DIRECTIONS: usize = 7;
-const AXES: [Point; DIRECTIONS] = [
+const AXES: [[f64; 3]; DIRECTIONS] = [
     [1.0, 0.0, 0.0],
     [0.0, 1.0, 0.0],
     [0.0, 0.0, 1.0],
@@ -16,37 +16,37 @@ const AXES: [Point; DIRECTIONS] = [
     [1.0, -1.0, 1.0],
     [1.0, -1.0, -1.0],
 ];
-/// Least cosine between a normal and a direction that sees the triangle from its upper side:
+/// Smallest cosine between a normal and a direction that sees the triangle from its upper side:
 /// 80 degrees.
-const LEAST_COSINE: f64 = 0.17;
+const MIN_COSINE: f64 = 0.17;
 
 /// A box from its least to its greatest corner [m].
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
-    low: Point,
-    high: Point,
+    low: Vec3,
+    high: Vec3,
 }
 
 impl Bounds {
     /// A box around nothing; overlaps with no other.
     pub const EMPTY: Self = Self {
-        low: [f64::INFINITY; 3],
-        high: [f64::NEG_INFINITY; 3],
+        low: Vec3::new(f64::INFINITY, f64::INFINITY, f64::INFINITY),
+        high: Vec3::new(f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY),
     };
 
     /// The box around two points, grown by `margin` [m] to each side.
-    pub fn around(a: &Point, b: &Point, margin: f64) -> Self {
+    pub fn around(a: &Vec3, b: &Vec3, margin: f64) -> Self {
         Self {
-            low: std::array::from_fn(|k| a[k].min(b[k]) - margin),
-            high: std::array::from_fn(|k| a[k].max(b[k]) + margin),
+            low: a.inf(b).add_scalar(-margin),
+            high: a.sup(b).add_scalar(margin),
         }
     }
 
     /// The box around two boxes.
     pub fn and(&self, other: &Self) -> Self {
         Self {
-            low: std::array::from_fn(|k| self.low[k].min(other.low[k])),
-            high: std::array::from_fn(|k| self.high[k].max(other.high[k])),
+            low: self.low.inf(&other.low),
+            high: self.high.sup(&other.high),
         }
     }
 
@@ -56,13 +56,12 @@ impl Bounds {
 }
 
 /// Directions from which a triangle with this `normal` (of any length) is seen from above.
-pub fn visible_from(normal: Point) -> u16 {
-    let dot = |d: Point| normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2];
-    let least = LEAST_COSINE * dot(normal).sqrt();
+pub fn visible_from(normal: Vec3) -> u16 {
+    let min = MIN_COSINE * normal.norm();
     let mut mask = 0;
     for (k, axis) in AXES.iter().enumerate() {
-        let along = dot(*axis);
-        let limit = if k < 3 { least } else { least * 3f64.sqrt() };
+        let along = normal.dot(&Vec3::from(*axis));
+        let limit = if k < 3 { min } else { min * 3f64.sqrt() };
         mask |= u16::from(along > limit) << k;
         mask |= u16::from(along < -limit) << (k + DIRECTIONS);
     }

@@ -138,12 +138,12 @@ fn edge_moves_as_worked_by_hand() {
     let start = [[0.0; 3], [3.0, 4.0, 0.0]].map(Vec3x);
     // C = 1, compliance 1: lambda = -1 / (1 + 3 + 1).
     let mut x = start;
-    project_edges(&pair(4.0), &Plain, &mut x, &[1.0, 3.0]);
+    project_edges(&pair(4.0), &Limited(&[Limit::NONE]), &mut x, &[1.0, 3.0]);
     close(x[0], Vec3::new(0.12, 0.16, 0.0), 1e-15);
     close(x[1], Vec3::new(2.64, 3.52, 0.0), 1e-15);
     // C = -1, compliance 3: lambda = 1 / (1 + 3 + 3).
     let mut x = start;
-    project_edges(&pair(6.0), &Plain, &mut x, &[1.0, 3.0]);
+    project_edges(&pair(6.0), &Limited(&[Limit::NONE]), &mut x, &[1.0, 3.0]);
     close(x[0], Vec3::new(-0.6 / 7.0, -0.8 / 7.0, 0.0), 1e-15);
     close(
         x[1],
@@ -153,7 +153,7 @@ fn edge_moves_as_worked_by_hand() {
     // Pinned or collapsed edges do not move.
     for (x, w) in [(start, [0.0; 2]), ([Vec3x([1.0; 3]); 2], [1.0, 3.0])] {
         let mut moved = x;
-        project_edges(&pair(4.0), &Plain, &mut moved, &w);
+        project_edges(&pair(4.0), &Limited(&[Limit::NONE]), &mut moved, &w);
         assert_eq!(moved.map(|x| x.0), x.map(|x| x.0));
     }
 }

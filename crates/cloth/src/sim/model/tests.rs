@@ -85,7 +85,7 @@ fn knee_and_limit_are_branches_of_a_yarn() {
             ..PhysicsConfig::default()
         })
         .passes;
-        let limited = |pass: &&Pass| matches!(pass, Pass::LimitedEdges(..));
+        let limited = |pass: &&Pass| matches!(pass, Pass::Edges(_, limits) if !limits.is_empty());
         passes.iter().filter(limited).count()
     };
     let solver = Solver::GaussSeidel;
@@ -191,7 +191,7 @@ fn passes_hold_everything_once_without_conflict() {
         let mut count = 0;
         for pass in &passes {
             let members: Vec<Vec<u32>> = match pass {
-                Pass::Edges(class) | Pass::LimitedEdges(class, _) | Pass::Diagonals(class, _) => {
+                Pass::Edges(class, _) | Pass::Diagonals(class, _) => {
                     class.vertices.iter().map(|v| v.to_vec()).collect()
                 }
                 Pass::Triples(triples) => triples.iter().map(|t| t.vertices.to_vec()).collect(),

@@ -5,7 +5,7 @@ fn lamina() -> Lamina {
     Lamina::new(&BlankConfig::default(), Material::interglas_92125()).unwrap()
 }
 
-fn region(region_mm: [f64; 4]) -> Result<Region, EnvError> {
+fn region(region_mm: [f64; 4]) -> Result<Region, ValueError> {
     let config = EnvConfig {
         region_mm: Some(region_mm),
         ..EnvConfig::default()
@@ -52,7 +52,7 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
     );
     assert_eq!(
         message(|c| c.settle_s = -1.0),
-        "`env.settle_s` is -1, expected a time from 0 to 10 s"
+        "`env.settle_s` is -1, expected a number from 0 to 10"
     );
     assert_eq!(
         message(|c| c.max_steps = Some(0)),
@@ -70,6 +70,7 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
         ("stencil_mm", (|c| c.stencil_mm = 0.0) as fn(&mut EnvConfig)),
         ("drape_threshold_mm", |c| c.drape_threshold_mm = f64::NAN),
         ("press_s", |c| c.press_s = 11.0),
+        ("press_s", |c| c.press_s = 1e-6),
     ] {
         let message = message(change);
         assert!(

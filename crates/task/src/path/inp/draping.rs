@@ -84,11 +84,12 @@ impl DrapingDeck<'_> {
             .elements(tool_kind, "TOOL", first, first_node, &self.tool.triangles);
         if !self.clamped.is_empty() {
             let clamped: Vec<usize> = self.clamped.iter().map(|&v| 1 + v as usize).collect();
-            deck.node_set("CLAMPS", &clamped);
+            deck.card("NSET, NSET=CLAMPS").labels(&clamped);
         }
         let presses = self.new_triangles();
         for (k, triangles) in presses.iter().enumerate() {
-            deck.element_set(&format!("PRESS_{}", k + 1), triangles);
+            deck.card(&format!("ELSET, ELSET=PRESS_{}", k + 1))
+                .labels(triangles);
         }
         self.orientation(&mut deck, dialect);
         self.section(&mut deck, dialect);
