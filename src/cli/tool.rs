@@ -48,6 +48,8 @@ enum ShapeName {
     Rib,
     /// Hemisphere on a plate
     Hemisphere,
+    /// Two hemispheres on a plate, joined by a waist
+    DoubleDome,
     /// Flat plate
     Plate,
     /// Upper half of a lying cylinder

@@ -19,6 +19,7 @@ fn every_shape_is_written_with_its_values() {
     for (shape, set, top) in [
         ("rib", "height_mm=41", 41.0),
         ("hemisphere", "radius_mm=33", 33.0),
+        ("double-dome", "plate_mm=[500, 400]", 60.0),
         ("plate", "base_mm=7.5", 0.0),
         ("cylinder", "radius_mm = 55", 55.0),
         ("incline", "angle_deg=45", 200.0),

@@ -18,6 +18,6 @@ pub use accuracy::{ErrorSummary, GridError};
 pub use config::{GridConfig, Pose, Source, StlSource, ToolConfig};
 pub use error::ToolError;
 pub use grid::DistanceGrid;
-pub use shapes::{Cylinder, Hemisphere, Incline, Plate, Rib, Shape};
+pub use shapes::{Cylinder, DoubleDome, Hemisphere, Incline, Plate, Rib, Shape};
 pub use solid::Tool;
 pub use surface::{Surface, SurfacePoint};

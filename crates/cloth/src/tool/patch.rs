@@ -106,13 +106,16 @@ impl Patch {
     }
 }
 
-/// A hemisphere of `radius` [m] round the origin on a plate of `half_size` along x and y [m], which
-/// it has to fit on.
-pub(super) fn dome(
+/// A mound on a plate: the upper half of a body that lies along x.
+///
+/// The mound's half-width at `x` is `half_width(x)` [m] and its section there a half circle;
+/// its outline has to be star-shaped about the origin. `half_size` is half the plate's size
+/// along x and y [m]; the outline has to fit inside.
+pub(super) fn mound(
     half_size: [f64; 2],
     segments_per_side: usize,
     rings: usize,
-    radius: f64,
+    half_width: impl Fn(f64) -> f64,
 ) -> Patch {
     let [x, y] = half_size;
     let corners = [[x, -y], [x, y], [-x, y], [-x, -y]];
@@ -128,16 +131,16 @@ pub(super) fn dome(
             )
         })
         .collect();
-    let half_width = |x: f64| (radius.powi(2) - x.powi(2)).max(0.0).sqrt();
     let outline: Vec<Vec3> = plate_border
         .iter()
-        .map(|p| p * outline_share(*p, half_width))
+        .map(|p| p * outline_share(*p, &half_width))
         .collect();
+
     let height = |p: Vec3| (half_width(p.x).powi(2) - p.y.powi(2)).max(0.0).sqrt();
     let pole = Vec3::new(0.0, 0.0, height(Vec3::zeros()));
     let mut all: Vec<Vec<Vec3>> = (1..rings)
         .map(|k| {
-            // Rings crowd towards the rim, where the dome is steep.
+            // Rings crowd towards the rim, where the mound is steep.
             let share = (FRAC_PI_2 * k as f64 / rings as f64).sin();
             let raised = |p: &Vec3| {
                 let p = p * share;
@@ -152,7 +155,7 @@ pub(super) fn dome(
 }
 
 /// Share of the distance from the origin to `p` at which the outline |y| = `half_width(x)` lies.
-fn outline_share(p: Vec3, half_width: impl Fn(f64) -> f64) -> f64 {
+fn outline_share(p: Vec3, half_width: &impl Fn(f64) -> f64) -> f64 {
     let (mut inside, mut outside) = (0.0, 1.0);
     for _ in 0..f64::MANTISSA_DIGITS {
         let middle = 0.5 * (inside + outside);

@@ -1,4 +1,4 @@
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use crate::file::ValueError;
 use crate::math::Vec3;
 use crate::mesh::TriMesh;
 
-use super::patch::{Patch, dome};
+use super::patch::{Patch, mound};
 
 /// A tool given by a formula.
 ///
@@ -17,6 +17,7 @@ use super::patch::{Patch, dome};
 pub enum Shape {
     Rib(Rib),
     Hemisphere(Hemisphere),
+    DoubleDome(DoubleDome),
     Plate(Plate),
     Cylinder(Cylinder),
     Incline(Incline),
@@ -51,6 +52,29 @@ pub struct Hemisphere {
     /// Segments round the dome, a multiple of 4.
     pub segment_count: usize,
     /// Rings of facets from rim to pole.
+    pub ring_count: usize,
+}
+
+/// Two hemispheres on a plate, joined by a waist: a simplified form of the double dome on
+/// which woven fabrics are compared.
+///
+/// The upper half of a body of revolution about x: hemispheres of radius R centred at
+/// x = ±c, and between them the radius (R + w)/2 − (R − w)/2 · cos(πx/c), which meets both
+/// with a common tangent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DoubleDome {
+    /// R.
+    pub radius_mm: f64,
+    /// w, radius half-way between the domes. R/2 ≤ w ≤ R.
+    pub waist_radius_mm: f64,
+    /// 2c.
+    pub centre_distance_mm: f64,
+    pub plate_mm: [f64; 2],
+    pub base_mm: f64,
+    /// Segments round the outline, a multiple of 4.
+    pub segment_count: usize,
+    /// Rings of facets from rim to middle.
     pub ring_count: usize,
 }
 
@@ -111,6 +135,20 @@ impl Default for Hemisphere {
     }
 }
 
+impl Default for DoubleDome {
+    fn default() -> Self {
+        Self {
+            radius_mm: 60.0,
+            waist_radius_mm: 45.0,
+            centre_distance_mm: 140.0,
+            plate_mm: [480.0, 320.0],
+            base_mm: 20.0,
+            segment_count: 192,
+            ring_count: 32,
+        }
+    }
+}
+
 impl Default for Plate {
     fn default() -> Self {
         Self {
@@ -156,6 +194,7 @@ impl Shape {
         match self {
             Self::Rib(shape) => shape.mesh(),
             Self::Hemisphere(shape) => shape.mesh(),
+            Self::DoubleDome(shape) => shape.mesh(),
             Self::Plate(shape) => shape.mesh(),
             Self::Cylinder(shape) => shape.mesh(),
             Self::Incline(shape) => shape.mesh(),
@@ -192,12 +231,38 @@ impl Hemisphere {
         let radius = length("radius_mm", self.radius_mm)?;
         let room = half_size[0].min(half_size[1]) * 1e3;
         within("radius_mm", self.radius_mm, 0.0, room)?;
-        count("segment_count", self.segment_count, 8)?;
-        let is_even = self.segment_count.is_multiple_of(4);
-        let (found, expected) = (self.segment_count, "a multiple of 4");
-        ValueError::unless(is_even, "segment_count", found, expected)?;
+        segments(self.segment_count)?;
         count("ring_count", self.ring_count, 2)?;
-        let patch = dome(half_size, self.segment_count / 4, self.ring_count, radius);
+        let patch = mound(half_size, self.segment_count / 4, self.ring_count, |x| {
+            (radius.powi(2) - x.powi(2)).max(0.0).sqrt()
+        });
+        Ok(patch.into_body(-self.base_mm * 1e-3))
+    }
+}
+
+impl DoubleDome {
+    fn mesh(&self) -> Result<TriMesh, ValueError> {
+        let half_size = plate(self.plate_mm, self.base_mm)?;
+        let radius = length("radius_mm", self.radius_mm)?;
+        let centre = 0.5 * length("centre_distance_mm", self.centre_distance_mm)?;
+        let waist = length("waist_radius_mm", self.waist_radius_mm)?;
+        let room = (half_size[0] - centre).min(half_size[1]) * 1e3;
+        within("radius_mm", self.radius_mm, 0.0, room)?;
+        // With a thinner waist the outline would no longer be star-shaped.
+        let [min, max] = [0.5 * self.radius_mm, self.radius_mm];
+        within("waist_radius_mm", self.waist_radius_mm, min, max)?;
+        segments(self.segment_count)?;
+        count("ring_count", self.ring_count, 2)?;
+        let half_width = |x: f64| {
+            let beyond = x.abs() - centre;
+            if beyond < 0.0 {
+                0.5 * (radius + waist) - 0.5 * (radius - waist) * (PI * x / centre).cos()
+            } else {
+                (radius.powi(2) - beyond.powi(2)).max(0.0).sqrt()
+            }
+        };
+        let segments = self.segment_count / 4;
+        let patch = mound(half_size, segments, self.ring_count, half_width);
         Ok(patch.into_body(-self.base_mm * 1e-3))
     }
 }
@@ -261,17 +326,22 @@ fn count(key: &str, found: usize, min: usize) -> Result<(), ValueError> {
     ValueError::unless((min..=4096).contains(&found), key, found, expected)
 }
 
+fn segments(found: usize) -> Result<(), ValueError> {
+    count("segment_count", found, 8)?;
+    let expected = "a multiple of 4";
+    ValueError::unless(found.is_multiple_of(4), "segment_count", found, expected)
+}
+
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::PI;
-
     use super::*;
     use crate::mesh::{border, to_stl_bytes};
 
-    fn all() -> [Shape; 5] {
+    fn all() -> [Shape; 6] {
         [
             Shape::Rib(Rib::default()),
             Shape::Hemisphere(Hemisphere::default()),
+            Shape::DoubleDome(DoubleDome::default()),
             Shape::Plate(Plate::default()),
             Shape::Cylinder(Cylinder::default()),
             Shape::Incline(Incline::default()),
@@ -335,6 +405,16 @@ mod tests {
         );
         let shape = Plate::default();
         close(shape.mesh().unwrap(), slab(shape.plate_mm, 20.0), 1e-12);
+        let shape = DoubleDome {
+            waist_radius_mm: 60.0,
+            ..DoubleDome::default()
+        };
+        let capsule = 2.0 / 3.0 * PI * 0.06_f64.powi(3) + 0.5 * PI * 0.06_f64.powi(2) * 0.14;
+        close(
+            shape.mesh().unwrap(),
+            capsule + slab(shape.plate_mm, 20.0),
+            1e-3,
+        );
     }
 
     #[test]
@@ -387,12 +467,12 @@ mod tests {
 
     #[test]
     fn unknown_keys_are_refused_and_missing_ones_default() {
-        let shape: Shape = toml::from_str("kind = \"hemisphere\"\nradius_mm = 50").unwrap();
+        let shape: Shape = toml::from_str("kind = \"double-dome\"\nradius_mm = 50").unwrap();
         assert_eq!(
             shape,
-            Shape::Hemisphere(Hemisphere {
+            Shape::DoubleDome(DoubleDome {
                 radius_mm: 50.0,
-                ..Hemisphere::default()
+                ..DoubleDome::default()
             })
         );
         let error = toml::from_str::<Shape>("kind = \"rib\"\nheigth_mm = 50").unwrap_err();
