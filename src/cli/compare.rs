@@ -11,7 +11,6 @@ use super::setup::{absurd, extent};
 use crate::run::RunConfig;
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
-use drape_cloth::mesh::compare::WrinkleFilter;
 use drape_cloth::mesh::read_stl;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::Tool;
@@ -56,26 +55,6 @@ pub struct CompareArgs {
     #[arg(long, value_name = "METRES", value_parser = positive, default_value_t = 1e-3)]
     scale: f64,
 
-    /// Shear from which on the fabric counts as locked [deg]
-    #[arg(long, value_name = "DEG", value_parser = angle, default_value_t = 45.0)]
-    locking: f64,
-
-    /// Angle below which yarns agree [deg]
-    #[arg(long, value_name = "DEG", value_parser = angle, default_value_t = 5.0)]
-    fibre: f64,
-
-    /// Gap to the tool from which on cloth is bridged [mm]
-    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 0.5)]
-    gap: f64,
-
-    /// Wavelength that the low-pass surface cuts off, for wrinkles [mm]
-    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 50.0)]
-    wavelength: f64,
-
-    /// Height above the low-pass surface from which on it is a wrinkle [mm]
-    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 0.5)]
-    height: f64,
-
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
@@ -85,14 +64,6 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(number) if number > 0.0 && number <= 1e6 => Ok(number),
         _ => Err("expected a number > 0 and at most 1000000".into()),
-    }
-}
-
-/// Shear and angles between yarns end at a right one.
-fn angle(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(angle) if angle > 0.0 && angle <= 90.0 => Ok(angle),
-        _ => Err("expected an angle > 0 and at most 90 degrees".into()),
     }
 }
 
@@ -114,11 +85,6 @@ struct Report {
     tool_source: Option<PathBuf>,
     /// Least x, least y, greatest x, greatest y on the flat blank.
     region_mm: Option<[f64; 4]>,
-    fibre_deg: f64,
-    locking_deg: f64,
-    gap_mm: f64,
-    wrinkle_wavelength_mm: f64,
-    wrinkle_height_mm: f64,
     #[serde(flatten)]
     comparison: Comparison,
     picture: Option<PathBuf>,
@@ -170,13 +136,6 @@ pub fn run(args: CompareArgs) -> Result<(), Failure> {
     let criteria = Criteria {
         tool: tool.as_ref().map(|tool| &tool.surface),
         region,
-        locking: args.locking.to_radians(),
-        fibre: args.fibre.to_radians(),
-        gap: 1e-3 * args.gap,
-        wrinkle: WrinkleFilter {
-            cutoff: 1e-3 * args.wavelength,
-            height: 1e-3 * args.height,
-        },
     };
     let comparison = compare(&a, &b, &criteria);
     if let Some(file) = &args.out {
@@ -193,11 +152,6 @@ pub fn run(args: CompareArgs) -> Result<(), Failure> {
         b_source: origin(&args.b, b_kind),
         tool_source,
         region_mm: args.region,
-        fibre_deg: args.fibre,
-        locking_deg: args.locking,
-        gap_mm: args.gap,
-        wrinkle_wavelength_mm: args.wavelength,
-        wrinkle_height_mm: args.height,
         comparison,
         picture: args.out,
     };

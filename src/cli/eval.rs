@@ -2,7 +2,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
 
 use super::Failure;
@@ -17,7 +16,7 @@ use crate::run::{
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Accuracy, Solver};
+use drape_cloth::sim::Accuracy;
 use drape_learn::ppo::{Agent, NETWORK, Sampling, read_section};
 use drape_task::env::{Draping, EnvConfig, Tasks};
 
@@ -38,7 +37,7 @@ pub struct EvalArgs {
     #[arg(long, value_name = "best|last|FILE", default_value = "best")]
     checkpoint: String,
 
-    /// EpisodeStatistics of the random policy, and of the sampled one with --sample
+    /// Episodes of the random policy, and of the sampled one with --sample
     #[arg(long, value_name = "K", default_value_t = 32,
           value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=4096))]
     episodes: usize,
@@ -50,11 +49,6 @@ pub struct EvalArgs {
     /// Replay the best action sequence of the run; needs no checkpoint
     #[arg(long, conflicts_with = "checkpoint")]
     sequence: bool,
-
-    /// Compute the episodes with this solver, from the initial state of the run. A sequence is
-    /// pressed as with --accuracy
-    #[arg(long, value_parser = PossibleValuesParser::new(["yarn", "gauss_seidel"]).map(solver))]
-    solver: Option<Solver>,
 
     /// Step the episodes as finely as this, fast, balanced or accurate, from the initial state of
     /// the run, instead of as in training. A sequence is pressed as a robot would: all of it,
@@ -79,13 +73,6 @@ pub struct EvalArgs {
 /// A preset of the accuracy by its name.
 pub(super) fn accuracy(name: &str) -> Result<Accuracy, String> {
     Accuracy::named(name).ok_or("expected fast, balanced or accurate".into())
-}
-
-fn solver(name: String) -> Solver {
-    match &*name {
-        "yarn" => Solver::Yarn,
-        _ => Solver::GaussSeidel,
-    }
 }
 
 /// What is printed.
@@ -120,9 +107,6 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         Some(folder) => folder,
         None => OutFolder::make(&loaded.folder.pictures().join("eval"))?,
     };
-    if let Some(solver) = args.solver {
-        loaded.change_solver(solver);
-    }
     if let Some(accuracy) = args.accuracy {
         loaded.change_accuracy(accuracy);
     }
@@ -182,7 +166,7 @@ pub(super) struct Loaded {
     pub scene: Arc<Scene>,
     /// What episodes are played with: the run's own, unless that was changed.
     pub env: EnvConfig,
-    /// Physics or steps are not the run's own.
+    /// Steps are not the run's own.
     changed: bool,
 }
 
@@ -200,14 +184,6 @@ impl Loaded {
             scene,
             changed: false,
         })
-    }
-
-    /// Computes episodes with another solver than the run's.
-    fn change_solver(&mut self, solver: Solver) {
-        let mut physics = self.scene.config.physics.clone();
-        self.changed |= physics.solver != solver;
-        physics.solver = solver;
-        self.scene = Arc::new(self.scene.with_physics(physics));
     }
 
     /// Steps episodes as finely as a preset does.

@@ -19,15 +19,10 @@ pub struct ExportArgs {
     /// Run folder
     run: PathBuf,
 
-    /// JSON in metres, CSV in millimetres, or a deck of lamina, tool, material and presses for a
-    /// finite-element programme (inp)
+    /// JSON in metres, CSV in millimetres, or a deck of lamina, tool, material and presses: Abaqus has
+    /// the fabric's test data, CalculiX an elastic approximation
     #[arg(long, value_enum, default_value_t = Format::Json)]
     format: Format,
-
-    /// Which programme shall read the deck: Abaqus has the fabric's test data, CalculiX an
-    /// elastic approximation
-    #[arg(long, value_enum)]
-    dialect: Option<DialectName>,
 
     /// File to write; trajectory.json, trajectory.csv or draping.inp in the run folder if not
     /// given
@@ -48,11 +43,6 @@ pub struct ExportArgs {
 enum Format {
     Json,
     Csv,
-    Inp,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum DialectName {
     Calculix,
     Abaqus,
 }
@@ -78,27 +68,17 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         match args.format {
             Format::Json => json,
             Format::Csv => json.with_extension("csv"),
-            Format::Inp => json.with_file_name("draping.inp"),
+            Format::Calculix | Format::Abaqus => json.with_file_name("draping.inp"),
         }
     });
-    if args.dialect.is_some() && !matches!(args.format, Format::Inp) {
-        return Err(Failure::invalid(anyhow::anyhow!(
-            "`--dialect` is of decks, expected `--format inp` with it"
-        )));
-    }
     check_writable(&file)?;
     let (played, ..) = loaded.play(source)?;
     let points = path(&played, &loaded.config.env)?;
     match args.format {
         Format::Json => write_json(&file, &points)?,
         Format::Csv => write_csv(&file, &points)?,
-        Format::Inp => {
-            let dialect = match args.dialect {
-                None | Some(DialectName::Calculix) => Dialect::Calculix,
-                Some(DialectName::Abaqus) => Dialect::Abaqus,
-            };
-            deck(&loaded, &points, dialect).write(&file)?;
-        }
+        Format::Calculix => deck(&loaded, &points, Dialect::Calculix).write(&file)?,
+        Format::Abaqus => deck(&loaded, &points, Dialect::Abaqus).write(&file)?,
     }
     let report = Report {
         points: points.len(),

@@ -5,7 +5,6 @@
 //! with `--json`, as exactly one JSON object; progress and errors go to stderr.
 
 mod compare;
-mod comparison;
 mod eval;
 mod export;
 mod failure;

@@ -29,7 +29,7 @@ pub(super) struct EpisodeStatistics {
     pub mean_score: f64,
     pub deviation: f64,
     pub best_score: f64,
-    /// EpisodeStatistics in which the simulation diverged; they count in no mean.
+    /// Episodes in which the simulation diverged; they count in no mean.
     pub diverged: usize,
     pub mean_region_final_m: f64,
     pub deviation_region_final_m: f64,
@@ -84,8 +84,8 @@ pub(super) fn write(
     reward_curve(folder, baseline)?;
     if training.best_score().is_none() {
         eprintln!(
-            "warning: no episode came to its own end, so there is no best sequence to draw: raise \
-             `steps` or `env.max_steps`"
+            "warning: every episode has diverged or none has ended, so there is no best sequence to \
+             draw: raise `steps` or `env.substep_rate`"
         );
         return Ok(());
     }

@@ -6,18 +6,14 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::Failure;
-use super::comparison::{Compared, compare};
 use super::failure::OrInvalid;
 use super::output::{OutFolder, print, print_json};
 use super::picture::{Studio, View};
 use super::setup::{MISSED, missed, set_up};
-use super::tool::GRID_SAMPLES;
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::{check_writable, write_atomic};
 use drape_cloth::mesh::write_stl;
 use drape_cloth::scene::{Scene, SceneConfig, Summary};
-use drape_cloth::sim::SelfCollision;
-use drape_cloth::tool::GridError;
 
 /// Width and height of the pictures [px].
 const SIZE: [usize; 2] = [960, 720];
@@ -29,8 +25,7 @@ const SIZE: [usize; 2] = [960, 720];
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape scene --out rib
-  drape scene configs/scenes/rib.toml --out rib --grid-error
-  drape scene configs/scenes/fold.toml --out fold --compare-self-collision
+  drape scene configs/scenes/rib.toml --out rib
   drape scene mine.toml --out mine --json > mine.json")]
 pub struct SceneArgs {
     /// Scene file; the built-in rib with two wrinkles if not given
@@ -44,15 +39,6 @@ pub struct SceneArgs {
     #[arg(long, value_name = "FILE")]
     state: Option<PathBuf>,
 
-    /// Also set the scene up without self-collision, and show both beside each other in
-    /// self-collision.png
-    #[arg(long)]
-    compare_self_collision: bool,
-
-    /// Also compare the distance grid with the exact distance
-    #[arg(long)]
-    grid_error: bool,
-
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
@@ -65,10 +51,6 @@ struct Report {
     summary: Summary,
     /// Wall time of setting up the scene [s].
     seconds: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    grid_error_mm: Option<GridError>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    without_self_collision: Option<Compared>,
 }
 
 /// Runs `drape scene`.
@@ -80,12 +62,6 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
         }
         None => (SceneConfig::rib(), "built-in scene".into()),
     };
-    if args.compare_self_collision && config.physics.self_collision == SelfCollision::Off {
-        return Err(Failure::invalid(anyhow::anyhow!(
-            "{place}: `physics.self_collision` is \"off\", expected \"material\" or a thickness \
-             to compare with"
-        )));
-    }
     let out = OutFolder::make(&args.out)?;
     let folder = &out.path;
     if let Some(file) = &args.state {
@@ -105,32 +81,11 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
         Drape::new(&scene.lamina, &scene.initial.position).write(file)?;
     }
 
-    let without = if args.compare_self_collision {
-        Some(compare(&scene, &summary, &place, args.json, folder)?)
-    } else {
-        None
-    };
-    let grid_error = args.grid_error.then(|| scene.tool.grid_error(GRID_SAMPLES));
     if args.json {
-        return print_json(&Report {
-            summary,
-            seconds,
-            grid_error_mm: grid_error,
-            without_self_collision: without,
-        });
+        return print_json(&Report { summary, seconds });
     }
     let mut text = text(&scene, &summary);
     let _ = write!(text, "\nset up in {seconds:.1} s");
-    if let Some(without) = without {
-        let (count, seconds) = (without.summary.self_intersections, without.seconds);
-        let _ = write!(
-            text,
-            "\nwithout self-collision: {count} self-intersections, set up in {seconds:.1} s"
-        );
-    }
-    if let Some(error) = grid_error {
-        let _ = write!(text, "\nerror of the distance grid\n{error}");
-    }
     let _ = write!(text, "\nwritten to {}", folder.display());
     print(&text)
 }

@@ -2,7 +2,6 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context, Error, anyhow};
-use clap::ValueEnum;
 use serde::Serialize;
 
 use super::Failure;
@@ -11,8 +10,8 @@ use super::output::{print, print_json};
 use drape_cloth::mesh::write_stl;
 use drape_cloth::tool::{GridConfig, GridError, Shape, Tool};
 
-/// Points at which the distance grid is compared, in its box and near the surface each.
-pub(super) const GRID_SAMPLES: usize = 20_000;
+/// Points at which the distance grid is compared.
+const GRID_SAMPLES: usize = 20_000;
 
 /// Write a parametric tool as STL file (binary, millimetres)
 #[derive(Debug, clap::Args)]
@@ -21,9 +20,8 @@ pub(super) const GRID_SAMPLES: usize = 20_000;
   drape tool hemisphere --set radius_mm=90 --set 'plate_mm=[420, 420]' --out dome.stl
   drape tool incline --set angle_deg=30 --out incline.stl --grid-error --json")]
 pub struct ToolArgs {
-    /// Shape of the tool
-    #[arg(value_enum)]
-    shape: ShapeName,
+    /// Shape of the tool: rib, hemisphere, double-dome, plate, cylinder or incline
+    shape: String,
 
     /// Replaces a value of the shape, in TOML; an unknown KEY lists the valid ones
     #[arg(long = "set", value_name = "KEY=VALUE")]
@@ -42,22 +40,6 @@ pub struct ToolArgs {
     json: bool,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum ShapeName {
-    /// Rib with a curved crest across a plate
-    Rib,
-    /// Hemisphere on a plate
-    Hemisphere,
-    /// Two hemispheres on a plate, joined by a waist
-    DoubleDome,
-    /// Flat plate
-    Plate,
-    /// Upper half of a lying cylinder
-    Cylinder,
-    /// Inclined plane
-    Incline,
-}
-
 /// What is printed.
 #[derive(Debug, Serialize)]
 struct Report {
@@ -74,10 +56,9 @@ struct Report {
 
 /// Runs `drape tool`.
 pub fn run(args: ToolArgs) -> Result<(), Failure> {
-    let shape = args.shape.with(&args.set).or_invalid()?;
+    let shape = shape(&args.shape, &args.set).or_invalid()?;
     let mesh = shape.mesh().or_invalid_in("--set")?;
-    let name = args.shape.to_possible_value().expect("no shape is hidden");
-    write_stl(&args.out, &mesh, name.get_name())?;
+    write_stl(&args.out, &mesh, &args.shape)?;
 
     let (low, high) = mesh.bounds();
     let mut report = Report {
@@ -99,31 +80,24 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
     }
 }
 
-impl ShapeName {
-    /// The shape with the values of `set` in place of its own.
-    fn with(self, set: &[String]) -> Result<Shape, Error> {
-        let mut table = toml::Table::new();
-        for pair in set {
-            let (key, value) = pair
-                .split_once('=')
-                .ok_or_else(|| anyhow!("--set {pair}: expected KEY=VALUE"))?;
-            let (key, value) = (key.trim(), value.trim());
-            let value: toml::Value = value
-                .parse()
-                .map_err(|_| anyhow!("--set {pair}: `{value}` is no TOML value"))?;
-            if table.insert(key.into(), value).is_some() {
-                return Err(anyhow!("--set {key} is given twice"));
-            }
+/// A shape with the values of `set` in place of its own.
+fn shape(name: &str, set: &[String]) -> Result<Shape, Error> {
+    let mut table = toml::Table::new();
+    table.insert("kind".into(), name.into());
+    let _: Shape = table.clone().try_into().context("SHAPE")?;
+    for pair in set {
+        let (key, value) = pair
+            .split_once('=')
+            .ok_or_else(|| anyhow!("--set {pair}: expected KEY=VALUE"))?;
+        let (key, value) = (key.trim(), value.trim());
+        let value: toml::Value = value
+            .parse()
+            .map_err(|_| anyhow!("--set {pair}: `{value}` is no TOML value"))?;
+        if table.insert(key.into(), value).is_some() {
+            return Err(anyhow!("--set {key}: given already"));
         }
-        let name = self.to_possible_value().expect("no shape is hidden");
-        if table
-            .insert("kind".into(), name.get_name().into())
-            .is_some()
-        {
-            return Err(anyhow!("--set kind: give the shape before the options"));
-        }
-        table.try_into().context("--set")
     }
+    table.try_into().context("--set")
 }
 
 impl Report {
@@ -139,7 +113,7 @@ impl Report {
             let _ = write!(text, "\n{axis} {low:8.1} to {high:8.1} mm");
         }
         if let Some(error) = &self.grid_error_mm {
-            let _ = write!(text, "\nerror of the distance grid\n{error}");
+            let _ = write!(text, "\nerror of the distance grid within 2 mm: {error}");
         }
         text
     }

@@ -148,7 +148,7 @@ impl Training {
     pub fn advance(&mut self) -> Result<TrainingReport> {
         let iteration = self.trainer.iterate()?;
         for episode in &iteration.episodes {
-            if let (End::Terminated, Some(score)) = (episode.end, episode.score) {
+            if let Some(score) = episode.score {
                 self.remember(score, &episode.actions)?;
                 self.memory.recent.push(score);
             }
@@ -195,7 +195,7 @@ impl Training {
                 break episode;
             }
         };
-        let (End::Terminated, Some(score)) = (episode.end, episode.score) else {
+        let Some(score) = episode.score else {
             return Ok(None);
         };
         self.remember(score, &episode.actions)?;

@@ -63,7 +63,7 @@ fn state_file_against_itself_and_moved() {
         text.starts_with("A  b.json\nB  a.json (reference)\ntool of scene.toml\n"),
         "{text}"
     );
-    assert!(text.contains("\nall      warp "), "{text}");
+    assert!(text.contains("\nall   warp angle "), "{text}");
     assert!(!text.contains("not applicable"), "{text}");
 }
 
@@ -194,8 +194,7 @@ fn what_cannot_be_compared_is_refused_in_one_line() {
         ("--region", "1,2,3"),
         ("--region", "3,2,1,4"),
         ("--region", "0,0,nan,4"),
-        ("--gap", "0"),
-        ("--locking", "steep"),
+        ("--range", "0"),
     ] {
         let output = drape(path, &["compare", "a.json", "a.json", option, value]);
         assert_eq!(output.status.code(), Some(2), "{option} {value}");

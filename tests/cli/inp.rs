@@ -16,8 +16,8 @@ fn data<'a>(deck: &'a str, card: &str) -> Vec<&'a str> {
 fn decks_hold_lamina_clamps_and_presses() {
     let folder = trained();
     let path = folder.path();
-    stdout(path, &["export", "runs/a", "--format", "inp"]);
-    let args = ["export", "runs/a", "--format", "inp", "--dialect", "abaqus"];
+    stdout(path, &["export", "runs/a", "--format", "calculix"]);
+    let args = ["export", "runs/a", "--format", "abaqus"];
     let report = json(path, &[&args[..], &["--out", "ab.inp", "--json"]].concat());
     assert_eq!(report["file"], "ab.inp");
     let read = |name: &str| fs::read_to_string(path.join(name)).unwrap();

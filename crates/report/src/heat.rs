@@ -1,5 +1,4 @@
 use super::image::PX;
-use super::legend::{self, Entry, Key};
 use super::{Color, Image, text};
 use plotters::prelude::*;
 use plotters::style::Color as _;
@@ -38,8 +37,6 @@ pub struct HeatMap {
     pub y_ticks: Vec<String>,
     /// Row by row from the bottom, each from left to right; missing tiles stay white.
     pub tiles: Vec<Tile>,
-    /// What colours mean, below the map.
-    pub legend: Vec<(String, Color)>,
 }
 
 impl HeatMap {
@@ -54,25 +51,14 @@ impl HeatMap {
         // Tiles begin and end between pixels.
         let left = (EDGE + tick_width.unwrap_or(0) + 10 * PX) / PX * PX;
         let bottom = EDGE + 5 * LINE / 2 + rows * TILE[1];
-        let entries = self.legend.iter().map(|(text, color)| Entry {
-            text,
-            color: *color,
-            key: Key::Square,
-        });
-        let entries: Vec<_> = entries.collect();
-        // Legends break into rows, but single entries do not.
-        let widest = entries.iter().map(|entry| EDGE + entry.width()).max();
         let right = [
             EDGE + text::width(&self.title, TITLE),
             EDGE + text::width(&self.y_label, TEXT),
             left + (columns * TILE[0]).max(text::width(&self.x_label, TEXT)),
-            widest.unwrap_or(0),
         ];
         let right = right.into_iter().max().unwrap_or(0);
-        let (places, height) = legend::places(&entries, EDGE, right);
-        let legend_top = bottom + 5 * LINE / 2;
-
-        let size = [right + EDGE, legend_top + height + EDGE].map(|side| (side / PX * PX) as usize);
+        let size =
+            [right + EDGE, bottom + 5 * LINE / 2 + EDGE].map(|side| (side / PX * PX) as usize);
         let mut image = Image::new(size[0], size[1], [255; 3]);
         let area = image.area();
         let write = |text: &str, at: [i32; 2], em: f64, anchor: HPos| {
@@ -106,7 +92,7 @@ impl HeatMap {
         let cells = (0..rows).flat_map(|row| (0..columns).map(move |column| center(column, row)));
         for (tile, [x, y]) in self.tiles.iter().zip(cells) {
             let corner = (x - TILE[0] / 2, y - TILE[1] / 2);
-            let opposite = (corner.0 + TILE[0] - PX - 1, corner.1 + TILE[1] - PX - 1);
+            let opposite = (corner.0 + TILE[0] - PX, corner.1 + TILE[1] - PX);
             let [r, g, b] = tile.color;
             let rectangle = Rectangle::new([corner, opposite], RGBColor(r, g, b).filled());
             area.draw(&rectangle).expect("memory takes all pixels");
@@ -118,9 +104,6 @@ impl HeatMap {
                 contrast(tile.color),
                 HPos::Center,
             );
-        }
-        for (entry, [x, y]) in entries.iter().zip(places) {
-            legend::draw(&area, entry, [x, legend_top + y], INK);
         }
         drop(area);
         image.reduced(PX as usize)
@@ -148,7 +131,6 @@ mod tests {
             x_ticks: (0..columns).map(|i| i.to_string()).collect(),
             y_ticks: (0..rows).map(|i| format!("1/{i}")).collect(),
             tiles: Vec::new(),
-            legend: vec![("good".into(), [1, 2, 3]), ("bad".into(), [4, 5, 6])],
         }
     }
 
@@ -180,9 +162,6 @@ mod tests {
         assert_eq!((red.len(), blue.len()), (size, size));
         assert_eq!(blue[0][0] - red[0][0], 2 * tile[0]);
         assert_eq!(red[0][1] - blue[0][1], tile[1]);
-        for color in [[1, 2, 3], [4, 5, 6]] {
-            assert!(places(&image, color).len() > 100);
-        }
     }
 
     #[test]

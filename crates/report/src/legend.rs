@@ -18,7 +18,6 @@ const EM: f64 = (14 * PX) as f64;
 pub(super) enum Key {
     Line,
     Dashes,
-    Square,
 }
 
 /// What the colours of a chart mean.
@@ -58,7 +57,6 @@ pub(super) fn draw(area: &Area, entry: &Entry, [x, y]: [i32; 2], ink: Color) {
     let bars: &[[i32; 3]] = match entry.key {
         Key::Line => &[[0, KEY, PX]],
         Key::Dashes => &[[0, KEY / 2 - 3 * PX, PX], [KEY / 2 + 3 * PX, KEY, PX]],
-        Key::Square => &[[KEY - ROW / 2, KEY, ROW / 4]],
     };
     for [from, to, half] in bars {
         let corners = [(x + from, middle - half), (x + to, middle + half)];

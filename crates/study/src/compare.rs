@@ -29,36 +29,24 @@ pub struct Surveyed {
     sheet: Sheet,
 }
 
-/// What is measured, and what counts as a fault.
-#[derive(Clone, Debug)]
+/// What is measured beside the drapes themselves.
+#[derive(Clone, Debug, Default)]
 pub struct Criteria<'a> {
     pub tool: Option<&'a Surface>,
     /// Least x, least y, greatest x, greatest y on the flat blank [m].
     pub region: Option<[f64; 4]>,
-    /// Shear beyond which fabric counts as locked [rad].
-    pub locking: f64,
-    /// Yarns closer in direction than this agree [rad].
-    pub fibre: f64,
-    /// A gap to the tool above this is bridged [m].
-    pub gap: f64,
-    pub wrinkle: WrinkleFilter,
 }
 
-impl Default for Criteria<'_> {
-    fn default() -> Self {
-        Self {
-            tool: None,
-            region: None,
-            locking: 45f64.to_radians(),
-            fibre: 5f64.to_radians(),
-            gap: 0.5e-3,
-            wrinkle: WrinkleFilter {
-                cutoff: 50e-3,
-                height: 0.5e-3,
-            },
-        }
-    }
-}
+/// Shear beyond which fabric counts as locked [degrees].
+const LOCKING: f64 = 45.0;
+/// Yarns closer in direction than this agree [degrees].
+const FIBRE: f64 = 5.0;
+/// A gap to the tool above this is bridged [m].
+const GAP: f64 = 0.5e-3;
+const WRINKLE: WrinkleFilter = WrinkleFilter {
+    cutoff: 50e-3,
+    height: 0.5e-3,
+};
 
 impl Surveyed {
     /// A surface without material coordinates. One whose upper side looks down is turned over.
@@ -152,7 +140,7 @@ pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
     }
 
     let feet = [a.feet(b), b.feet(a)];
-    let parts = |part| parts(a, b, &feet, criteria, part);
+    let parts = |part| parts(a, b, &feet, part);
     let split = criteria.region.filter(|_| scans.is_none());
     Comparison {
         all: parts(Part::All),
@@ -167,13 +155,7 @@ pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
 }
 
 /// What is compared over a part of the blank.
-fn parts(
-    a: &Surveyed,
-    b: &Surveyed,
-    feet: &[Vec<Foot>; 2],
-    criteria: &Criteria,
-    part: Part,
-) -> Parts {
+fn parts(a: &Surveyed, b: &Surveyed, feet: &[Vec<Foot>; 2], part: Part) -> Parts {
     let has = |surface: &Surveyed, v: usize| {
         let rest = surface.drape.as_ref().map(|drape| drape.rest[v]);
         part == Part::All || rest.is_some_and(|rest| part.has(rest))
@@ -198,7 +180,7 @@ fn parts(
         // The flat blank of a drape has the same sides as its triangles: never refused.
         if let Ok(flat) = Sheet::new(&b.flat()) {
             points = Spread::new(point_distances(a, b, &flat, part));
-            angles = fibre_angles(a, b, &flat, part, criteria);
+            angles = fibre_angles(a, b, &flat, part);
         }
     }
     Parts {
@@ -235,13 +217,7 @@ fn point_distances(a: &Drape, b: &Drape, flat: &Sheet, part: Part) -> Vec<(f64, 
 }
 
 /// Angles between the yarns of both drapes in the middles of A's triangles.
-fn fibre_angles(
-    a: &Drape,
-    b: &Drape,
-    flat: &Sheet,
-    part: Part,
-    criteria: &Criteria,
-) -> Option<[Angles; 2]> {
+fn fibre_angles(a: &Drape, b: &Drape, flat: &Sheet, part: Part) -> Option<[Angles; 2]> {
     let mut pairs = Vec::new();
     for t in 0..a.triangles.len() {
         let centre = a.rest_centre(t);
@@ -256,7 +232,7 @@ fn fibre_angles(
         let angles = || pairs.iter().map(|(angles, area)| (angles[family], *area));
         let spread = Spread::new(angles().map(|(angle, area)| (angle.to_degrees(), area)))?;
         let agree = Spread::new(
-            angles().map(|(angle, area)| (f64::from(u8::from(angle < criteria.fibre)), area)),
+            angles().map(|(angle, area)| (f64::from(u8::from(angle.to_degrees() < FIBRE)), area)),
         )?;
         Some(Angles {
             share_below: agree.mean,
@@ -271,7 +247,7 @@ fn fibre_angles(
 /// What one drape is measured by alone.
 fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
     let mesh = &surface.mesh;
-    let wrinkles = wrinkles(mesh, criteria.wrinkle).map(|mut found| {
+    let wrinkles = wrinkles(mesh, WRINKLE).map(|mut found| {
         found.amplitude *= MM;
         found.rms *= MM;
         found
@@ -284,7 +260,7 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
         let angles = Spread::new(all.iter().map(|(t, area)| (t.shear().to_degrees(), *area)));
         let locked = all
             .iter()
-            .filter(|(t, _)| t.shear().abs() > criteria.locking);
+            .filter(|(t, _)| t.shear().abs().to_degrees() > LOCKING);
         shear = angles.map(|found| Shear {
             rms: found.rms,
             min: found.min,
@@ -316,19 +292,19 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
         wrinkles_mm: wrinkles,
         shear_deg: shear,
         strain,
-        tool: criteria.tool.map(|tool| tooling(mesh, tool, criteria.gap)),
+        tool: criteria.tool.map(|tool| tooling(mesh, tool)),
     }
 }
 
 /// Gaps to the tool and penetration, by the exact distance.
-fn tooling(mesh: &TriMesh, tool: &Surface, gap: f64) -> Tooling {
+fn tooling(mesh: &TriMesh, tool: &Surface) -> Tooling {
     let phi: Vec<f64> = mesh
         .vertices
         .iter()
         .map(|&x| tool.signed_distance(x))
         .collect();
     let areas = mesh.vertex_areas();
-    let open = phi.iter().zip(&areas).filter(|(phi, _)| **phi > gap);
+    let open = phi.iter().zip(&areas).filter(|(phi, _)| **phi > GAP);
     let bridged = open.fold(0.0, |sum, (_, area)| sum + area);
     let total: f64 = areas.iter().sum();
     Tooling {

@@ -36,11 +36,12 @@ use drape_report::{Color, HeatMap, Image, Tile};
 use sweeps::Axis;
 
 pub use sweeps::{Sweep, sweeps};
-pub use trial::{Figures, Outcome, THRESHOLD};
+pub use trial::{Outcome, THRESHOLD};
 
 /// Sweep the simulator's extremes: what converges, what is wrong, what diverges
 ///
-/// Writes cells.csv, one row a cell, and a heat map of every sweep in f64 and f32.
+/// Writes cells.csv, one row a cell, and a heat map of every sweep in f64 and f32: the error in per
+/// cent, green up to 1 and yellow beyond.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape study stability --quick
@@ -73,7 +74,8 @@ pub struct SweepCell {
     pub solver: Solver,
     pub precision: Precision,
     pub outcome: Outcome,
-    pub figures: Figures,
+    /// At the end, over the size of the sheet [-].
+    pub error: Option<f64>,
     /// Error message of a refusal or a panic; else empty.
     pub note: String,
     /// Wall time [s].
@@ -102,16 +104,16 @@ fn cell(sweep: &Sweep, at: [usize; 2], (solver, precision): (Solver, Precision))
     let knobs = sweep.knobs(at, solver);
     let ended = catch_unwind(AssertUnwindSafe(|| match (sweep.trial)(&knobs) {
         Ok(trial) => {
-            let (outcome, figures) = trial.run(precision);
-            (outcome, figures, String::new())
+            let (outcome, error) = trial.run(precision);
+            (outcome, error, String::new())
         }
-        Err(refusal) => (Outcome::Refused, Figures::default(), refusal.to_string()),
+        Err(refusal) => (Outcome::Refused, None, refusal.to_string()),
     }));
-    let (outcome, figures, note) = ended.unwrap_or_else(|cause| {
+    let (outcome, error, note) = ended.unwrap_or_else(|cause| {
         let text = cause.downcast_ref::<String>().map(String::as_str);
         let text = text.or_else(|| cause.downcast_ref::<&str>().copied());
         let note = text.unwrap_or("unknown panic").to_owned();
-        (Outcome::Panicked, Figures::default(), note)
+        (Outcome::Panicked, None, note)
     });
     SweepCell {
         sweep: sweep.name,
@@ -119,7 +121,7 @@ fn cell(sweep: &Sweep, at: [usize; 2], (solver, precision): (Solver, Precision))
         solver,
         precision,
         outcome,
-        figures,
+        error,
         note,
         seconds: start.elapsed().as_secs_f64(),
     }
@@ -187,14 +189,7 @@ fn cell_table(sweeps: &[Sweep], cells: &[SweepCell]) -> Table {
         .text("solver", |cell| solver_name(cell.solver))
         .text("precision", |cell| precision_name(cell.precision))
         .text("outcome", |cell| cell.outcome.name())
-        .hidden("error", "", |cell| cell.figures.error)
-        .hidden("strain p95", "", |cell| cell.figures.strain_p95)
-        .hidden("strain max", "", |cell| cell.figures.strain_max)
-        .hidden("speed max", "m/s", |cell| cell.figures.speed_max)
-        .hidden("speed end", "m/s", |cell| cell.figures.speed_end)
-        .hidden("penetration", "mm", |cell| cell.figures.penetration_mm)
-        .hidden("simulated", "s", |cell| cell.figures.simulated_s)
-        .hidden("substeps", "", |cell| cell.figures.substeps)
+        .hidden("error", "", |cell| cell.error)
         .hidden("time", "s", |cell| cell.seconds)
         .text("note", |cell| cell.note.clone())
         .end_hidden()
@@ -203,16 +198,6 @@ fn cell_table(sweeps: &[Sweep], cells: &[SweepCell]) -> Table {
 fn map<'a>(sweep: &Sweep, title: String, cells: impl Iterator<Item = &'a SweepCell>) -> HeatMap {
     let [x, y] = &sweep.axes;
     let ticks = |axis: &Axis| axis.ticks.iter().map(|tick| tick.label.clone()).collect();
-    let legend = [
-        ("converged, error in %: 1e-4", ramp(1e-6)),
-        ("0.01", ramp(1e-4)),
-        ("1", ramp(THRESHOLD)),
-        ("wrong: 2", ramp(0.02)),
-        ("100", ramp(1.0)),
-        ("diverged", DIVERGED),
-        ("refused", REFUSED),
-        ("fault", FAULT),
-    ];
     HeatMap {
         title,
         x_label: x.name.into(),
@@ -220,7 +205,6 @@ fn map<'a>(sweep: &Sweep, title: String, cells: impl Iterator<Item = &'a SweepCe
         x_ticks: ticks(x),
         y_ticks: ticks(y),
         tiles: cells.map(tile).collect(),
-        legend: legend.map(|(text, color)| (text.into(), color)).into(),
     }
 }
 
@@ -242,7 +226,7 @@ fn ramp(error: f64) -> Color {
 }
 
 fn tile(cell: &SweepCell) -> Tile {
-    let error = cell.figures.error.unwrap_or(f64::NAN);
+    let error = cell.error.unwrap_or(f64::NAN);
     let (color, text) = match cell.outcome {
         Outcome::Converged | Outcome::Wrong => (ramp(error), percent(error)),
         Outcome::Diverged => (DIVERGED, "div".into()),

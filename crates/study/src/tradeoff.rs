@@ -1,7 +1,7 @@
 //! What accuracy costs: CPU time of an environment step against the error that a setting makes.
 //!
-//! Points lie on a plane of solver and substep rate and on one axis at a time around the default.
-//! Each is measured three times over:
+//! Settings lie on the rates of both solvers and on one axis at a time around the default. Each is
+//! measured three times over:
 //!
 //! | Measured | Held against |
 //! | --- | --- |
@@ -13,12 +13,10 @@
 //! 48 000 substeps a second, four times the finest preset. That of a *model* (mesh, tool grid,
 //! press, physics) is the one on its axis that leaves least out, stepped as usual.
 //!
-//! Places diverge: what a press does to a wrinkle can hang on a hair, and then positions
-//! differ by millimetres whatever the rate. `Noise` is what a push of the start by a thousandth
-//! of a millimetre does at the rate of `accurate`. Below it no error can be told.
+//! What a press does to a wrinkle can hang on a hair. The axis `pushed` is `accurate` against
+//! itself from a start pushed by a thousandth of a millimetre: below it no error can be told.
 
-mod point;
-mod settings;
+mod variations;
 
 use std::sync::Arc;
 
@@ -27,20 +25,20 @@ use cpu_time::ProcessTime;
 use crate::points::{apart_mm, distance, nearest, same_points};
 use crate::presses::{Replayed, push, replay};
 use crate::study::{Context, QUICKSTART, Report, SceneOptions, Study, StudyError};
+use crate::table::Table;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::{Isa, Purpose, Stream, mean_and_deviation};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
-use drape_cloth::sim::{Accuracy, Precision, Snapshot};
+use drape_cloth::sim::{Precision, Snapshot};
 use drape_cloth::tool::Tool;
+use drape_report::{Chart, SERIES, Scale, Series};
 use drape_task::env::{Draping, EnvConfig};
-use point::{MeasuredPoint, Noise, chart, point_table, recommend};
-use settings::{Around, Variation, converged, sequences, stepped, variations};
+use variations::{Around, Variation, converged, sequences, variations};
 
 /// Measure what accuracy costs: CPU time of an environment step against error, over solver,
-/// rates, precision, press, mesh, tool grid and physics
+/// rate, precision, press, mesh, tool grid and physics
 ///
-/// Writes tradeoff.png too, which shows cost against error with the presets marked. The
-/// region is a corner of the built-in scene, the whole blank of another one if not given.
+/// Writes tradeoff.png too, which shows cost against error. The region is a corner of the built-in scene, the whole blank of another one if not given.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape study tradeoff --quick
@@ -57,18 +55,15 @@ pub struct Tradeoff {
 /// The region of `--quick`, a corner of the quickstart's [mm].
 const QUICK_REGION: [f64; 4] = [-186.0, -186.0, -95.0, -95.0];
 
-/// How far the start is pushed to measure the noise [m].
+/// How far a start is pushed [m].
 const PUSH: f64 = 1e-6;
-
-/// Pushed starts.
-const PUSHES: usize = 2;
 
 /// Environments stepped together at least, as training does.
 const ENVIRONMENTS: usize = 16;
 
 impl Study for Tradeoff {
     const NAME: &'static str = "tradeoff";
-    const TABLES: &'static [&'static str] = &["points"];
+    const TABLES: &'static [&'static str] = &["settings"];
 
     fn scene(&self) -> Option<&SceneOptions> {
         Some(&self.scene)
@@ -83,49 +78,49 @@ impl Study for Tradeoff {
         let corner = self.scene.config.is_none().then_some(corner);
         let env = self.scene.env(corner);
         let variations = variations(&scene, &env, self.quick);
-        let (measuring, points, noise) = measure(&scene, &env, &variations, context)?;
-
+        let mut measuring = Measuring::new(&scene, &env)?;
+        let mut rows = Vec::with_capacity(variations.len());
+        for (done, variation) in variations.iter().enumerate() {
+            let doing = format!("{} {}", variation.axis, variation.value);
+            (context.progress)(done as f64 / variations.len() as f64, &doing);
+            rows.push(measuring.row(variation)?);
+        }
         let title = format!(
-            "{} presses on {} vertices; errors of the fall, of the sweep's first row and end, of eight \
-             sequences; distance left, its mean and rms difference from the reference",
+            "{} presses on {} vertices; errors of the fall, of the sweep, of eight sequences; distance \
+             left, and its rms difference from the reference",
             measuring.sequences[0].len(),
             measuring.region_vertices
         );
-        let mut report = Report::new([point_table(title, &points)]);
-        let recommended = recommend(&points, noise);
-        report.notes = vec![
-            format!(
-                "noise, start pushed by 1 um: {:.3} mm, {:.4} m",
-                noise.mean_mm, noise.distance_rms_m
-            ),
-            format!("recommended: {}", recommended.text),
-        ];
-        report.fact("noise_mm", noise.mean_mm);
-        report.fact("noise_m", noise.distance_rms_m);
-        report.fact("recommended", &recommended.text);
-        report.fact("recommended_point", recommended.point);
-        report.fact("is_within_noise", recommended.is_within);
-        report.chart("tradeoff", chart(&points, noise));
+        let mut report = Report::new([table(title, &rows)]);
+        report.chart("tradeoff", chart(&rows));
         Ok(report)
     }
 }
 
-/// Measures `variations`, which are around `scene` and `env`.
-fn measure(
-    scene: &SceneConfig,
-    env: &EnvConfig,
-    variations: &[Variation],
-    context: &Context,
-) -> Result<(Measuring, Vec<MeasuredPoint>, Noise), StudyError> {
-    let mut measuring = Measuring::new(scene, env)?;
-    let mut points = Vec::with_capacity(variations.len());
-    for (done, variation) in variations.iter().enumerate() {
-        let doing = format!("{} {}", variation.axis, variation.value);
-        (context.progress)(done as f64 / variations.len() as f64, &doing);
-        points.push(measuring.point(variation)?);
-    }
-    let noise = measuring.noise()?.unwrap_or(Noise::UNKNOWN);
-    Ok((measuring, points, noise))
+/// A setting and what it does. Errors are distances between the same material points; summed
+/// distances count as many points as the default mesh has, whatever the mesh. What diverges, or
+/// whose reference does, has no figures.
+struct Row {
+    variation: Variation,
+    /// Mean error of place after the fall [mm].
+    fall_mm: Option<f64>,
+    presses: Option<PressErrors>,
+}
+
+struct PressErrors {
+    /// CPU time of an environment step in a group of lanes; in f64 of one alone [us].
+    microseconds: f64,
+    /// Mean error of place in the focus region after the sweep, and after all sequences [mm].
+    sweep_mm: f64,
+    eight_mm: f64,
+    /// Of the distance that the sweep has removed from the region, over that distance.
+    removed: f64,
+    /// Tension of the yarns after the sweep, 95th percentile [-].
+    tension: f64,
+    /// Summed distance of the region after all sequences, its mean, and its root mean square
+    /// difference from the reference, sequence by sequence [m].
+    left_m: f64,
+    rms_m: f64,
 }
 
 /// What the sequences have led to.
@@ -133,7 +128,7 @@ struct PressedSweeps {
     scene: Arc<Scene>,
     /// CPU time of an environment step, the median over the steps [us].
     microseconds: f64,
-    /// After the first row and at the end of every sequence; none where it diverged.
+    /// Of every sequence; none where it diverged.
     ends: Vec<Option<Replayed>>,
 }
 
@@ -150,16 +145,9 @@ struct Measuring {
     around: Around,
     sequences: Vec<Vec<[f64; 2]>>,
     /// On the default mesh.
-    sheet_vertices: usize,
     region_vertices: usize,
     falls: Known<SceneConfig, Scene>,
-    pressed: Known<Around, PressedSweeps>,
-}
-
-/// Vertices of two meshes which are the same material points: all, and those of the focus region.
-struct Shared {
-    all: Vec<[usize; 2]>,
-    region: Vec<[usize; 2]>,
+    pressed: Known<(Around, bool), PressedSweeps>,
 }
 
 impl Measuring {
@@ -170,7 +158,6 @@ impl Measuring {
         Ok(Self {
             sequences: sequences(&lamina, env)?,
             around: (scene.clone(), env.clone()),
-            sheet_vertices: lamina.vertex_count(),
             region_vertices: env.region(&lamina)?.vertices.count_ones(..),
             falls: Vec::new(),
             pressed: Vec::new(),
@@ -205,124 +192,83 @@ impl Measuring {
         Ok(Some(scene))
     }
 
-    fn press(&mut self, at: &Around) -> Result<Option<Arc<PressedSweeps>>, StudyError> {
-        if let Some(pressed) = known(&self.pressed, at) {
+    fn press(
+        &mut self,
+        at: &Around,
+        is_pushed: bool,
+    ) -> Result<Option<Arc<PressedSweeps>>, StudyError> {
+        let key = (at.clone(), is_pushed);
+        if let Some(pressed) = known(&self.pressed, &key) {
             return Ok(pressed);
         }
         let pressed = match self.start(&at.0)? {
             None => None,
-            Some(scene) => Some(Arc::new(press(scene.into(), &at.1, &self.sequences)?)),
+            Some(mut scene) => {
+                if is_pushed {
+                    let mut positions = scene.initial.position.clone();
+                    let mut stream = Stream::new(1, Purpose::Evaluation, 100);
+                    push(&scene, &mut positions, PUSH, &mut stream);
+                    Arc::make_mut(&mut scene.initial).position = positions;
+                }
+                Some(Arc::new(press(scene.into(), &at.1, &self.sequences)?))
+            }
         };
-        self.pressed.push((at.clone(), pressed.clone()));
+        self.pressed.push((key, pressed.clone()));
         Ok(pressed)
     }
 
-    fn point(&mut self, variation: &Variation) -> Result<MeasuredPoint, StudyError> {
+    fn row(&mut self, variation: &Variation) -> Result<Row, StudyError> {
         let (own, reference) = (&variation.around, &variation.reference);
         let fallen = self.fall(&own.0)?.zip(self.fall(&reference.0)?);
-        let pressed = self.press(own)?.zip(self.press(reference)?);
-        let mut point = MeasuredPoint::of(variation);
-        if let Some((a, b)) = fallen {
-            let pairs = self.shared(&a.lamina, &b.lamina).all;
-            let [x, y] = [&a, &b].map(|scene| &scene.initial.position);
-            let scale = self.sheet_vertices as f64 / pairs.len() as f64;
-            let [left, expected] = side_distances(&b.tool, [x, y], &pairs).map(|d| scale * d);
-            point.vertices = a.lamina.vertex_count();
-            point.fall_mm = Some(apart_mm(x, y, &pairs));
-            point.fall_m = Some([left, left - expected]);
-        }
-        if let Some((a, b)) = pressed {
-            let shared = self.shared(&a.scene.lamina, &b.scene.lamina).region;
-            self.compare_presses(&mut point, &a, &b, &shared);
-        }
-        Ok(point)
+        let pressed = (self.press(own, variation.is_pushed)?).zip(self.press(reference, false)?);
+        Ok(Row {
+            variation: variation.clone(),
+            fall_mm: fallen.map(|(a, b)| {
+                let pairs = same_points(&a.lamina.rest, &b.lamina.rest);
+                apart_mm(&a.initial.position, &b.initial.position, &pairs)[0]
+            }),
+            presses: pressed.and_then(|(a, b)| self.compare(&a, &b)),
+        })
     }
 
-    /// Compares the first sequence, the sweep, and all together, where none of them diverges: else
-    /// the others are not the same sample.
-    fn compare_presses(
-        &self,
-        point: &mut MeasuredPoint,
-        a: &PressedSweeps,
-        b: &PressedSweeps,
-        shared: &[[usize; 2]],
-    ) {
+    /// None where one of the sequences diverges: the others are not the same sample.
+    fn compare(&self, a: &PressedSweeps, b: &PressedSweeps) -> Option<PressErrors> {
+        let mut shared = same_points(&a.scene.lamina.rest, &b.scene.lamina.rest);
+        let region = self.around.1.region(&a.scene.lamina).ok()?.vertices;
+        shared.retain(|pair| region.contains(pair[0]));
         let scale = self.region_vertices as f64 / shared.len() as f64;
-        let left = |x: &[[f64; 3]], y: &[[f64; 3]]| {
-            side_distances(&b.scene.tool, [x, y], shared).map(|d| scale * d)
-        };
-        point.microseconds = Some(a.microseconds);
-        if let (Some([row, x]), Some([other_row, y])) = (&a.ends[0], &b.ends[0]) {
-            point.row_mm = Some(apart_mm(row, other_row, shared)[0]);
-            point.sweep_mm = Some(apart_mm(x, y, shared));
-            let initial = [a, b].map(|pressed| &pressed.scene.initial.position[..]);
-            let (before, after) = (left(initial[0], initial[1]), left(x, y));
-            let [removed, expected] = [0, 1].map(|k| before[k] - after[k]);
-            point.removed = Some((removed - expected) / expected);
-            let mut state = Snapshot::clone(&a.scene.initial);
-            state.position.clone_from(x);
-            point.tension_p95 = Some(a.scene.summary(&state).tension_p95);
-        }
-        let ends = a.ends.iter().zip(&b.ends);
-        let all: Option<Vec<[f64; 3]>> = ends
-            .map(|(a, b)| {
-                let ([_, x], [_, y]) = (a.as_ref()?, b.as_ref()?);
-                let [own, expected] = left(x, y);
-                Some([own, own - expected, apart_mm(x, y, shared)[0]])
+        // Summed distance to the tool of either side.
+        let left = |x: [&[[f64; 3]]; 2]| {
+            [0, 1].map(|side| {
+                let vertices = shared.iter().map(|pair| pair[side]);
+                scale * distance(&b.scene.tool, vertices, x[side])
             })
-            .collect();
-        if let Some(all) = all {
-            let column = |k: usize| all.iter().map(|row| row[k]).collect::<Vec<_>>();
-            point.left_m = Some(mean_and_deviation(&column(0)));
-            point.bias_m = Some(mean_and_deviation(&column(1))[0]);
-            point.rms_m = Some(rms(&column(1)));
-            point.eight_mm = Some(mean_and_deviation(&column(2))[0]);
-        }
-    }
-
-    /// Presses from pushed starts, as `accurate` steps them; none where one diverges.
-    fn noise(&mut self) -> Result<Option<Noise>, StudyError> {
-        let (config, env) = stepped(&self.around, Accuracy::Accurate.stepping());
-        let Some(scene) = self.start(&config)? else {
-            return Ok(None);
         };
-        let region = self.shared(&scene.lamina, &scene.lamina).region;
-        let mut ends = Vec::new();
-        for pushed in 0..=PUSHES {
-            let mut scene = scene.clone();
-            let mut stream = Stream::new(1, Purpose::Evaluation, 100 + pushed as u32);
-            if pushed > 0 {
-                let mut positions = scene.initial.position.clone();
-                push(&scene, &mut positions, PUSH, &mut stream);
-                Arc::make_mut(&mut scene.initial).position = positions;
-            }
-            ends.push(press(scene.into(), &env, &self.sequences)?.ends);
-        }
-        let (mut distances, mut places) = (Vec::new(), Vec::new());
-        for pushed in &ends[1..] {
-            for end in ends[0].iter().zip(pushed) {
-                let (Some([_, x]), Some([_, y])) = end else {
-                    return Ok(None);
-                };
-                let [a, b] = side_distances(&scene.tool, [x, y], &region);
-                distances.push(b - a);
-                places.push(apart_mm(x, y, &region)[0]);
-            }
-        }
-        Ok(Some(Noise {
-            distance_rms_m: rms(&distances),
-            mean_mm: mean_and_deviation(&places)[0],
-        }))
-    }
-
-    fn shared(&self, a: &Lamina, b: &Lamina) -> Shared {
-        let all = same_points(&a.rest, &b.rest);
-        let region = self.around.1.region(a).map(|region| region.vertices);
-        let inside = |pair: &&[usize; 2]| region.as_ref().is_ok_and(|r| r.contains(pair[0]));
-        Shared {
-            region: all.iter().filter(inside).copied().collect(),
-            all,
-        }
+        let ends: Option<Vec<[&[[f64; 3]]; 2]>> = (a.ends.iter().zip(&b.ends))
+            .map(|(a, b)| Some([&a.as_ref()?[1][..], &b.as_ref()?[1][..]]))
+            .collect();
+        let ends = ends?;
+        let off_mm = |x: [&[[f64; 3]]; 2]| apart_mm(x[0], x[1], &shared)[0];
+        let mean = |values: Vec<f64>| mean_and_deviation(&values)[0];
+        let all: Vec<[f64; 2]> = ends.iter().map(|x| left(*x)).collect();
+        let before = left([a, b].map(|pressed| &pressed.scene.initial.position[..]));
+        let [removed, expected] = [0, 1].map(|side| before[side] - all[0][side]);
+        let mut state = Snapshot::clone(&a.scene.initial);
+        state.position = ends[0][0].to_vec();
+        Some(PressErrors {
+            microseconds: a.microseconds,
+            sweep_mm: off_mm(ends[0]),
+            eight_mm: mean(ends.iter().map(|x| off_mm(*x)).collect()),
+            removed: (removed - expected) / expected,
+            tension: a.scene.summary(&state).tension_p95,
+            left_m: mean(all.iter().map(|[own, _]| *own).collect()),
+            rms_m: mean(
+                all.iter()
+                    .map(|[own, other]| (own - other).powi(2))
+                    .collect(),
+            )
+            .sqrt(),
+        })
     }
 }
 
@@ -348,16 +294,20 @@ fn press(
         .cycle()
         .take(count)
         .collect();
-    let row = |length: usize| (length as f64).sqrt().round() as usize;
     let mut draping = Draping::new(scene.clone(), env, count)?;
     // What is observed of the last press is over; between it and the next is the step itself.
     let (mut times, mut last) = (Vec::new(), ProcessTime::now());
-    let mut ends = replay(&mut draping, &lists, row, |presses| {
-        if presses > times.len() {
-            times.push(1e6 * last.elapsed().as_secs_f64() / count as f64);
-        }
-        last = ProcessTime::now();
-    });
+    let mut ends = replay(
+        &mut draping,
+        &lists,
+        |all| all,
+        |presses| {
+            if presses > times.len() {
+                times.push(1e6 * last.elapsed().as_secs_f64() / count as f64);
+            }
+            last = ProcessTime::now();
+        },
+    );
     ends.truncate(sequences.len());
     times.sort_by(f64::total_cmp);
     Ok(PressedSweeps {
@@ -367,13 +317,46 @@ fn press(
     })
 }
 
-/// Summed distance to the tool of either side of `pairs` [m].
-fn side_distances(tool: &Tool, x: [&[[f64; 3]]; 2], pairs: &[[usize; 2]]) -> [f64; 2] {
-    [0, 1].map(|side| distance(tool, pairs.iter().map(|pair| pair[side]), x[side]))
+fn table(title: String, rows: &[Row]) -> Table {
+    let of = |figure: fn(&PressErrors) -> f64| move |row: &Row| row.presses.as_ref().map(figure);
+    Table::of("settings", title, rows)
+        .text("axis", |row| row.variation.axis)
+        .text("value", |row| row.variation.value.clone())
+        .number("step", "us", 1, of(|errors| errors.microseconds))
+        .number("fall", "mm", 3, |row| row.fall_mm)
+        .number("sweep", "mm", 3, of(|errors| errors.sweep_mm))
+        .hidden("removed error", "", of(|errors| errors.removed))
+        .hidden("tension p95", "", of(|errors| errors.tension))
+        .number("eight", "mm", 3, of(|errors| errors.eight_mm))
+        .number("left", "m", 4, of(|errors| errors.left_m))
+        .number("rms", "m", 4, of(|errors| errors.rms_m))
+        .end()
 }
 
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
+/// Cost against error of both solvers, as logarithms. What has no error has no place on it.
+fn chart(rows: &[Row]) -> Chart {
+    let place = |row: &Row| {
+        let errors = row.presses.as_ref()?;
+        let place = [errors.microseconds, errors.eight_mm].map(f64::log10);
+        place.iter().all(|x| x.is_finite()).then_some(place)
+    };
+    let axes = ["yarn", "gauss_seidel"].into_iter().zip(SERIES);
+    Chart {
+        title: "Cost and error of the pressing sequences, 60 to 12 000 substeps a second".into(),
+        x_label: "CPU time of an environment step [us]".into(),
+        y_label: "mean error of place in the region [mm]".into(),
+        series: axes
+            .map(|(axis, color)| Series {
+                label: axis.into(),
+                points: (rows.iter().filter(|row| row.variation.axis == axis))
+                    .filter_map(place)
+                    .collect(),
+                color,
+            })
+            .collect(),
+        scale: Scale::Log10,
+        ..Chart::default()
+    }
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use crate::presses::{Positions, Replayed, replay, replay_in_twin};
 use crate::ranking::{interval, least, pair_loss, ranks, spearman};
 use crate::study::{Context, QUICKSTART, Report, SceneOptions, Study, StudyError, stencil_mm};
 use crate::table::Table;
-use crate::twin::fall::{ACCELERATION, SPEED, fallen, lying, press_config, twin_config};
+use crate::twin::fall::{ACCELERATION, fallen, lying, press_config, twin_config};
 use crate::twin::set_up;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::mean_and_deviation;
@@ -82,8 +82,7 @@ enum Player {
 
 /// The preset that trains, under which paths are found.
 const BALANCED: &str = "balanced";
-/// What the rank correlations hold players against.
-const ACCURATE: &str = "accurate";
+/// What players are held against.
 const TWIN: &str = "twin";
 
 fn players() -> [(&'static str, Player); 9] {
@@ -99,7 +98,7 @@ fn players() -> [(&'static str, Player); 9] {
         ("yarn_1200", fast(Solver::Yarn, Stepping::every(1200.0, 5))),
         ("yarn_2400", fast(Solver::Yarn, Stepping::every(2400.0, 5))),
         (
-            ACCURATE,
+            "accurate",
             Player::Fast(Solver::Yarn, accurate, Precision::F64),
         ),
         ("gauss_seidel", fast(Solver::GaussSeidel, balanced)),
@@ -224,7 +223,7 @@ fn play(
             is_accelerated,
             starts_as_fast,
         } => {
-            let press = press_config(env, Hold::Fixed, SPEED);
+            let press = press_config(env, Hold::Fixed);
             let config = twin_config(&scene.config)?;
             let config = match is_accelerated {
                 true => config.accelerated(ACCELERATION),
@@ -276,11 +275,6 @@ fn both(a: &[Option<f64>], b: &[Option<f64>]) -> (Vec<f64>, Vec<f64>) {
     pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).unzip()
 }
 
-fn correlation(a: &[Option<f64>], b: &[Option<f64>]) -> Option<f64> {
-    let (a, b) = both(a, b);
-    spearman(&a, &b)
-}
-
 fn named<'a>(rows: &'a [Row], name: &str) -> &'a Row {
     let row = rows.iter().find(|row| row.name == name);
     row.expect("the study has this player")
@@ -307,22 +301,21 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
         paths.len(),
         presses as f64 / paths.len() as f64
     );
-    let half = agreements("half", title, rows, paths, 0);
-    let end = agreements("end", "After all presses".into(), rows, paths, 1);
-    let title =
-        "Where the vertices lie then, mean distance from the same ones of the twin and of accurate";
-    let [twin, accurate] = [TWIN, ACCURATE].map(|name| named(rows, name));
-    let inside = |row: &Row, other| off_mm(row, other, &is_inside);
-    let outside = |row: &Row, other| off_mm(row, other, &|v| !is_inside(v));
+    let half = agreements("half", title, rows, 0);
+    let end = agreements("end", "After all presses".into(), rows, 1);
+    let title = "Where the vertices lie then, mean distance from the same ones of the twin";
+    let twin = named(rows, TWIN);
     let places = Table::of("places", title, rows)
         .text("setting", |row| row.name)
         .text("diverged", |row| {
             row.ends.iter().filter(|end| end.is_none()).count()
         })
-        .number("off the twin inside", "mm", 3, |row| inside(row, twin))
-        .number("outside", "mm", 3, |row| outside(row, twin))
-        .number("off accurate inside", "mm", 3, |row| inside(row, accurate))
-        .number("accurate outside", "mm", 3, |row| outside(row, accurate))
+        .number("off the twin inside", "mm", 3, |row| {
+            off_mm(row, twin, &is_inside)
+        })
+        .number("outside", "mm", 3, |row| {
+            off_mm(row, twin, &|v| !is_inside(v))
+        })
         .number("CPU", "s", 2, |row| row.cpu_s)
         .end();
     let all: Vec<(&Row, usize)> = (rows.iter())
@@ -338,9 +331,9 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
         .end_hidden();
     let mut report = Report::new([half, end, places, all]);
     report.notes.push(
-        "rank: correlation with the accurate setting and with the twin, 90 % of it over resampled \
-         paths, and of how much it is more than that of balanced; lost: left more in the twin by \
-         this setting's choice of two paths, and by a choice by chance; best: by its best path"
+        "rank: correlation with the twin, 90 % of it over resampled paths, and of how much it is \
+         more than that of balanced; lost: left more in the twin by this setting's choice of two \
+         paths, and by a choice by chance; best rank: of its best path in the twin"
             .into(),
     );
     report.fact("vertices", vertices);
@@ -354,16 +347,8 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
 
 /// How the players judge the sequences, by the distance left after half of the presses (0) or all
 /// (1), and what following their judgement costs in the twin.
-fn agreements(
-    name: &'static str,
-    title: String,
-    rows: &[Row],
-    paths: &[Sequence],
-    when: usize,
-) -> Table {
-    let [balanced, accurate, twin] =
-        [BALANCED, ACCURATE, TWIN].map(|name| named(rows, name).left_m(when));
-    let (balanced, accurate, twin) = (&balanced, &accurate, &twin);
+fn agreements(name: &'static str, title: String, rows: &[Row], when: usize) -> Table {
+    let [balanced, twin] = &[BALANCED, TWIN].map(|name| named(rows, name).left_m(when));
     let own = |row: &Row| row.left_m(when);
     let left = |row: &Row| {
         let found: Vec<f64> = own(row).into_iter().flatten().collect();
@@ -390,10 +375,10 @@ fn agreements(
         .text("setting", |row| row.name)
         .number("left", "m", 4, |row| left(row).map(|left| left[0]))
         .number("deviation", "m", 4, |row| left(row).map(|left| left[1]))
-        .number("rank accurate", "", 3, |row| {
-            correlation(&own(row), accurate)
+        .number("rank twin", "", 3, |row| {
+            let (own, twin) = both(&own(row), twin);
+            spearman(&own, &twin)
         })
-        .number("rank twin", "", 3, |row| correlation(&own(row), twin))
         .text("rank twin 90 %", |row| resampled(row, |[own, _]| own))
         .text("over balanced 90 %", |row| {
             resampled(row, |[own, balanced]| Some(own? - balanced?))
@@ -406,22 +391,9 @@ fn agreements(
             let (_, twin) = both(&own(row), twin);
             pair_loss(&vec![0.0; twin.len()], &twin)
         })
-        .number("best lost", "m", 4, |row| {
-            let (best, twin) = best(row)?;
-            Some(twin[best] - twin[least(&twin)?])
-        })
         .number("best rank", "", 1, |row| {
             best(row).map(|(best, twin)| ranks(&twin)[best])
         });
-    let table = Order::ALL.into_iter().fold(table, |table, order| {
-        table.hidden(format!("rank twin {}", order.name()), "", |row| {
-            let of_order = own(row).into_iter().zip(paths);
-            let own: Vec<_> = of_order
-                .map(|(left, path)| left.filter(|_| path.order == order))
-                .collect();
-            correlation(&own, twin)
-        })
-    });
     table.end()
 }
 
@@ -429,14 +401,12 @@ fn agreements(
 fn scatter(paths: &[Sequence], rows: &[Row], title: &str, when: usize) -> Image {
     let [fast, twin] = [BALANCED, TWIN].map(|name| named(rows, name).left_m(when));
     let mut series = Vec::new();
-    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for (order, color) in Order::ALL.into_iter().zip(SERIES) {
         let mut points = Vec::new();
         for ((fast, twin), path) in fast.iter().zip(&twin).zip(paths) {
             if let (Some(x), Some(y), true) = (*fast, *twin, path.order == order) {
                 // A dot is a curve of one point.
                 points.extend([[x, y], [f64::NAN; 2]]);
-                (low, high) = (low.min(x).min(y), high.max(x).max(y));
             }
         }
         series.push(Series {
@@ -445,11 +415,6 @@ fn scatter(paths: &[Sequence], rows: &[Row], title: &str, when: usize) -> Image 
             color,
         });
     }
-    series.push(Series {
-        label: "equal".into(),
-        points: vec![[low, low], [high, high]],
-        color: [150, 150, 150],
-    });
     Chart {
         title: format!("Distance left in the focus region {title}"),
         x_label: "fast solver, balanced [m]".into(),

@@ -28,7 +28,7 @@ use drape_cloth::tool::Tool;
 use drape_cloth::twin::{Energies, Hold};
 use drape_task::env::EnvConfig;
 use drape_task::path::read_json;
-use fall::{ACCELERATION, SPEED, press_config, twin_config};
+use fall::{press_config, twin_config};
 
 /// Solve the paper's test case in the finite-element twin and compare the fast solver with it
 ///
@@ -52,32 +52,11 @@ pub struct TwinStudy {
     #[arg(long, value_name = "FILE|RUN")]
     path: Option<PathBuf>,
 
-    /// What holds draped vertices in the twin: the pressure, as in the paper, or nothing moves
-    /// them any more (`fixed`), as in the fast solver
-    #[arg(long, value_parser = ["pressure", "fixed"], default_value = "pressure")]
-    hold: String,
-
-    /// How fast the twin's roller comes down [m/s]
-    #[arg(long, value_name = "M/S", default_value_t = SPEED, value_parser = within(0.01, 100.0))]
-    speed: f64,
-
-    /// Inertia over mass of the accelerated twin
-    #[arg(long, value_name = "FACTOR", default_value_t = ACCELERATION, value_parser = within(1.0, 1e6))]
-    scaling: f64,
-
     /// Also hold the twin against itself: with half the time step, from a pushed start, and its
     /// fall with every second vertex, where the blank is a rectangle with even numbers of cells;
     /// takes three times the twin's time
     #[arg(long)]
     convergence: bool,
-}
-
-/// Speeds and factors.
-fn within(low: f64, high: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
-    move |text| match text.parse() {
-        Ok(number) if (low..=high).contains(&number) => Ok(number),
-        _ => Err(format!("expected a number from {low} to {high}")),
-    }
 }
 
 /// Sets up the fast solver's scene. Gives its CPU time [s] too, without that of the tool.
@@ -179,13 +158,8 @@ impl Study for TwinStudy {
                 .pop()
                 .ok_or(StudyError::FastDiverged)?,
         };
-        let hold = match &*self.hold {
-            "fixed" => Hold::Fixed,
-            _ => Hold::Pressure,
-        };
         let case = PaperCase {
-            press: press_config(&env, hold, self.speed),
-            acceleration: self.scaling,
+            press: press_config(&env, Hold::Pressure),
             scene,
             fall_cpu_s,
             env,
@@ -202,9 +176,6 @@ impl Study for TwinStudy {
         };
         let mut report = tables(&case, &runs, &compared, &convergence);
         report.fact("region_mm", region);
-        report.fact("hold", &self.hold);
-        report.fact("speed_m_s", self.speed);
-        report.fact("mass_scaling", self.scaling);
         pictures(
             &mut report,
             &case.scene,
@@ -292,11 +263,6 @@ fn tables(
          8.15 h, 40.2 min and 19 s: 1544 and 12.2",
         ratios[0], ratios[1], ratios[2]
     ));
-    report.fact("twin_over_fast", ratios[0]);
-    report.fact("twin_over_fast_presses", ratios[1]);
-    report.fact("twin_over_accelerated", ratios[2]);
-    report.fact("vertices", case.scene.lamina.vertex_count());
-    report.fact("stencil_mm", case.env.stencil_mm);
     report.fact("sequence", &case.sequence);
     report
 }
@@ -322,7 +288,6 @@ fn compare_all(
     let criteria = Criteria {
         tool: Some(&scene.tool.surface),
         region: Some(region),
-        ..Criteria::default()
     };
     let [fast, twin, accelerated] = runs;
     let mut all = Vec::new();

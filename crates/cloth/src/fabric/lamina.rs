@@ -90,9 +90,8 @@ impl Lamina {
         Ok(Self::woven(cells, config.mass, angle, material))
     }
 
-    /// A rectangle whose mesh lies along its sides, whatever the angle of the yarns: all
-    /// triangles are membranes. It locks where the mesh does not follow the yarns, and is
-    /// there to test their law and to measure that.
+    /// A rectangle whose mesh lies along its sides, whatever the angle of the yarns: all triangles
+    /// are membranes. It locks where the mesh does not follow the yarns, and is there to test that.
     pub fn of_membranes(config: &BlankConfig, material: Material) -> Result<Self, BlankError> {
         config.check()?;
         let size = config.size_mm.map(|s| s * 1e-3);

@@ -84,12 +84,6 @@ impl DistanceGrid {
         Ok(grid)
     }
 
-    /// Position of the last node [m].
-    pub(super) fn end(&self) -> Vec3 {
-        let [x, y, z] = self.dims.map(|n| (n - 1) as f64);
-        self.origin + Vec3::new(x, y, z) * self.spacing
-    }
-
     /// Signed distance [m] at `x` [m] and its gradient, by trilinear interpolation, in every
     /// lane.
     ///
@@ -180,7 +174,8 @@ mod tests {
     fn points(grid: &DistanceGrid, beyond: f64, count: usize) -> Vec<[f64; 3]> {
         let mut stream = Stream::new(3, Purpose::Evaluation, 0);
         let low = grid.origin - Vec3::repeat(beyond);
-        let size = grid.end() - grid.origin + Vec3::repeat(2.0 * beyond);
+        let [x, y, z] = grid.dims.map(|n| (n - 1) as f64);
+        let size = Vec3::new(x, y, z) * grid.spacing + Vec3::repeat(2.0 * beyond);
         (0..count)
             .map(|_| std::array::from_fn(|a| low[a] + size[a] * stream.uniform()))
             .collect()

@@ -14,7 +14,7 @@ mod shapes;
 mod solid;
 mod surface;
 
-pub use accuracy::{ErrorSummary, GridError};
+pub use accuracy::GridError;
 pub use config::{GridConfig, Pose, Source, StlSource, ToolConfig};
 pub use error::ToolError;
 pub use grid::DistanceGrid;

@@ -1,6 +1,6 @@
 //! A simulation with a known answer, and how it ends.
 
-use crate::cloth::{NOWHERE, Piece};
+use crate::cloth::Piece;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::{
@@ -40,24 +40,6 @@ impl Outcome {
     pub fn name(self) -> &'static str {
         Self::ALL[self as usize].1
     }
-}
-
-/// What is measured on a cell, where it came to that.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Figures {
-    /// Error at the end over the size of the sheet [-].
-    pub error: Option<f64>,
-    /// 95th percentile and maximum of the absolute yarn strain at the end [-].
-    pub strain_p95: Option<f64>,
-    pub strain_max: Option<f64>,
-    /// Largest speed of a vertex at the end of any frame, and of the last one [m/s].
-    pub speed_max: Option<f64>,
-    pub speed_end: Option<f64>,
-    /// Deepest vertex inside the tool at the end [mm].
-    pub penetration_mm: Option<f64>,
-    /// Simulated time [s] and substeps taken.
-    pub simulated_s: f64,
-    pub substeps: usize,
 }
 
 /// What a cell sets: its place in the sweep, and what follows from it.
@@ -113,8 +95,9 @@ impl Trial {
         })
     }
 
-    /// Simulates and judges.
-    pub fn run(&self, precision: Precision) -> (Outcome, Figures) {
+    /// Simulates and judges: the outcome, and the error at the end over the size of the sheet [-] if
+    /// it came to that.
+    pub fn run(&self, precision: Precision) -> (Outcome, Option<f64>) {
         let Self { piece, knobs, .. } = self;
         let mut cloth = Cpu::new(&piece.world(knobs.solver), 1, precision);
         cloth.load(0, &piece.start);
@@ -123,38 +106,21 @@ impl Trial {
             substeps: knobs.substeps,
             contact_interval: 5,
         };
-        let mut figures = Figures::default();
         let mut state = piece.start.clone();
-        for frame in 1..=self.frames {
+        for _ in 0..self.frames {
             cloth.step(&control, &[]);
-            figures.simulated_s = frame as f64 * knobs.frame;
-            figures.substeps += control.substeps;
             if !cloth.finite()[0] {
-                return (Outcome::Diverged, figures);
+                return (Outcome::Diverged, None);
             }
             state = cloth.snapshot(0);
             if !state.is_finite() {
-                return (Outcome::NonFinite, figures);
+                return (Outcome::NonFinite, None);
             }
-            let speed = speeds(&state).fold(0.0, f64::max);
-            figures.speed_end = Some(speed);
-            figures.speed_max = Some(speed.max(figures.speed_max.unwrap_or(0.0)));
         }
-        let mut strain = piece.lamina.yarn_strain(&state.position);
-        strain.iter_mut().for_each(|strain| *strain = strain.abs());
-        strain.sort_by(f64::total_cmp);
-        let last = strain.len() - 1;
-        figures.strain_p95 = Some(strain[(0.95 * last as f64).round() as usize]);
-        figures.strain_max = Some(strain[last]);
-        let tool = piece.tool.as_ref().unwrap_or(&NOWHERE);
-        let depth = |&x: &[f64; 3]| -tool.distance(x).0;
-        let deepest = state.position.iter().map(depth).fold(0.0, f64::max);
-        figures.penetration_mm = Some(1e3 * deepest);
         let error = (self.judge)(&piece.lamina, &state);
-        figures.error = Some(error);
         match error <= THRESHOLD {
-            true => (Outcome::Converged, figures),
-            false => (Outcome::Wrong, figures),
+            true => (Outcome::Converged, Some(error)),
+            false => (Outcome::Wrong, Some(error)),
         }
     }
 }

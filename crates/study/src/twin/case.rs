@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use cpu_time::{ProcessTime, ThreadTime};
 
-use super::fall::{fallen, twin_config, unfallen};
+use super::fall::{ACCELERATION, fallen, twin_config, unfallen};
 use crate::points::{apart_mm, coarser, distance, same_points};
 use crate::presses::{self, Positions};
 use crate::study::StudyError;
@@ -25,8 +25,6 @@ pub struct PaperCase {
     pub sequence: Vec<u32>,
     /// How the twin's roller presses.
     pub press: PressConfig,
-    /// Inertia over mass of the accelerated twin.
-    pub acceleration: f64,
 }
 
 /// One model's run of the case.
@@ -65,7 +63,7 @@ impl PaperCase {
     /// If the scene has what the twin has nothing for, or one of them diverges.
     pub fn run(&self, progress: impl FnMut(f64)) -> Result<[Ran; 3], StudyError> {
         let baseline = twin_config(&self.scene.config)?;
-        let accelerated = baseline.accelerated(self.acceleration);
+        let accelerated = baseline.accelerated(ACCELERATION);
         let fast = self.fast()?;
         let (twin, accelerated) = std::thread::scope(|scope| {
             let other = scope.spawn(|| self.twin("accelerated", &accelerated, 0.0, |_| ()));

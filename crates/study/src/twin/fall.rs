@@ -12,7 +12,7 @@ use drape_task::env::EnvConfig;
 pub const ACCELERATION: f64 = 148.0;
 /// How fast the twin's roller comes down [m/s]: as the stencil of the fast solver comes down on
 /// a wrinkle of 33 mm, and as fast as speeds are capped at there.
-pub const SPEED: f64 = 4.0;
+const SPEED: f64 = 4.0;
 
 /// The twin's configuration for the physics of a scene.
 ///
@@ -46,11 +46,11 @@ pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
     Ok(twin_physics(physics))
 }
 
-/// How the twin's roller, which comes down at `speed` [m/s], presses where the environment's
+/// How the twin's roller presses where the environment's
 /// stencil does: as long, and with the same distance for draped.
-pub fn press_config(env: &EnvConfig, hold: Hold, speed: f64) -> PressConfig {
+pub fn press_config(env: &EnvConfig, hold: Hold) -> PressConfig {
     PressConfig {
-        speed,
+        speed: SPEED,
         press_s: env.press_s,
         settle_s: env.settle_s,
         drape_threshold_mm: env.drape_threshold_mm,

@@ -1,4 +1,4 @@
-//! The points of the study: what is varied, and what is pressed.
+//! The settings of the study: what is varied, and what is pressed.
 
 use std::f64::consts::TAU;
 
@@ -19,43 +19,24 @@ const CONVERGED: (f64, usize) = (48_000.0, 20);
 /// A scene and a task.
 pub type Around = (SceneConfig, EnvConfig);
 
-/// One way of simulating: a point to be measured.
+/// One way of simulating.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variation {
     /// What is varied.
     pub axis: &'static str,
     /// Where on the axis this is.
     pub value: String,
-    /// Whether it is held against the same model, converged. Else it is another model, held
-    /// against the one of its axis that leaves least out, stepped as usual; its fall is as the
-    /// scene says.
-    pub is_method: bool,
     /// Physics, mesh and tool, of the fall and of the presses.
     pub around: Around,
+    /// Whether the presses start where the cloth has been pushed.
+    pub is_pushed: bool,
     /// What it is held against.
     pub reference: Around,
 }
 
-impl Variation {
-    /// How the presses are stepped.
-    pub fn stepping(&self) -> Stepping {
-        self.around.1.stepping()
-    }
-
-    /// As in tables.
-    pub fn solver(&self) -> &'static str {
-        solver_name(self.around.0.physics.solver)
-    }
-
-    /// As in tables.
-    pub fn precision(&self) -> &'static str {
-        precision_name(self.around.1.precision)
-    }
-}
-
-/// The points of a study around a scene and a task: the plane of solver and rate, then one axis
-/// at a time. A fall takes the rate of its point; that of a model is the scene's own, for at the
-/// rate of the presses the error of the method would hide what the model changes.
+/// The settings around a scene and a task, one axis at a time. A fall takes the rate of its
+/// method; that of a model is the scene's own, for at the rate of the presses the error of the
+/// method would hide what the model changes.
 pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Variation> {
     let around = stepped(&(scene.clone(), env.clone()), env.stepping());
     let mut axes = Axes {
@@ -66,25 +47,15 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
     };
 
     for solver in SOLVERS {
-        for rate in [60.0, 120.0, 300.0, 600.0, 1200.0, 2400.0, 6000.0] {
+        for rate in [60.0, 120.0, 300.0, 600.0, 1200.0, 2400.0, 6000.0, 12_000.0] {
             axes.method(solver_name(solver), format!("{rate}/s"), |around| {
                 around.0.physics.solver = solver;
-                step_at(around, Stepping::every(rate, 5));
+                step_at(
+                    around,
+                    Stepping::every(rate, if rate < 1e4 { 5 } else { 10 }),
+                );
             });
         }
-    }
-    // Planes refreshed 120 times a second each.
-    for (rate, interval) in [(600.0, 5), (2400.0, 20)] {
-        let value = format!("{rate}/s every {interval}");
-        axes.method("even refreshes", value, |around| {
-            step_at(around, Stepping::every(rate, interval));
-        });
-    }
-    for interval in [1, 2, 5, 10, 20] {
-        axes.method("contact_interval", interval.to_string(), |around| {
-            let rate = around.1.stepping().substep_rate;
-            step_at(around, Stepping::every(rate, interval));
-        });
     }
     for precision in [Precision::F32, Precision::F64] {
         let value = precision_name(precision).into();
@@ -92,28 +63,36 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
             env.precision = precision;
         });
     }
-    for preset in Accuracy::ALL {
-        axes.method("preset", preset.name().into(), |around| {
-            step_at(around, preset.stepping());
-        });
-    }
+    let accurate = stepped(&axes.around, Accuracy::Accurate.stepping());
+    axes.variations.push(Variation {
+        axis: "pushed",
+        value: "1 um".into(),
+        is_pushed: true,
+        around: accurate.clone(),
+        reference: accurate,
+    });
 
     // The first of an axis is the reference.
-    let mut presses = vec![[8, 16], [1, 0], [2, 0], [4, 0], [8, 0]];
-    presses.extend([[1, 1], [1, 2], [1, 4], [1, 8], [4, 8]]);
-    if quick {
-        presses = vec![[4, 8], [1, 0], [2, 0], [4, 0], [1, 1], [1, 4]];
-    }
+    let presses = match quick {
+        true => vec![[4, 8], [1, 0], [4, 0], [1, 4]],
+        false => vec![
+            [8, 16],
+            [1, 0],
+            [2, 0],
+            [4, 0],
+            [8, 0],
+            [1, 1],
+            [1, 4],
+            [4, 8],
+        ],
+    };
     for (k, [press, settle]) in presses.into_iter().enumerate() {
         let value = format!("{press} + {settle} frames");
         axes.model("press and settle", k, value, |(_, env)| {
             (env.press_s, env.settle_s) = (f64::from(press) / 60.0, f64::from(settle) / 60.0);
         });
     }
-    let spacings: &[f64] = match quick {
-        true => &[2.0, 4.0, 8.0],
-        false => &[2.0, 3.0, 4.0, 6.0, 8.0],
-    };
+    let spacings = [2.0, 4.0, 8.0];
     for (k, spacing) in spacings.iter().enumerate() {
         axes.model("tool grid", k, format!("{spacing} mm"), |(scene, _)| {
             scene.tool.grid.spacing_mm = *spacing;
@@ -129,15 +108,13 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
             }
         });
     }
-    let features: [(&str, Change); 8] = [
+    let features: [(&str, Change); 6] = [
         ("as configured", |_| ()),
         ("no friction", |p| p.friction = false),
         ("no shear", |p| p.shear = false),
         ("no bending", |p| p.bending = Bending::Off),
         ("dihedral bending", |p| p.bending = Bending::Dihedral),
         ("strain limit 0.5 %", |p| p.strain_limit = Some(0.005)),
-        ("damping x 0.5", |p| p.damping *= 0.5),
-        ("no speed cap", |p| p.speed_cap = 0.0),
     ];
     for (k, (value, change)) in features.into_iter().enumerate() {
         axes.model("physics", k, value.into(), |(scene, _)| {
@@ -159,20 +136,20 @@ struct Axes {
 }
 
 impl Axes {
-    /// A point that is held against the converged solution.
+    /// Held against the converged solution.
     fn method(&mut self, axis: &'static str, value: String, change: impl Fn(&mut Around)) {
         let mut around = self.around.clone();
         change(&mut around);
         self.variations.push(Variation {
             axis,
             value,
-            is_method: true,
+            is_pushed: false,
             around,
             reference: self.converged.clone(),
         });
     }
 
-    /// MeasuredPoint `k` of an axis of models, held against point 0.
+    /// Number `k` of an axis of models, held against number 0.
     fn model(&mut self, axis: &'static str, k: usize, value: String, change: impl Fn(&mut Around)) {
         let mut around = self.around.clone();
         step_fall_at(&mut around.0, self.fall);
@@ -184,7 +161,7 @@ impl Axes {
         self.variations.push(Variation {
             axis,
             value,
-            is_method: false,
+            is_pushed: false,
             around,
             reference,
         });
@@ -203,7 +180,7 @@ fn step_fall_at(scene: &mut SceneConfig, stepping: Stepping) {
 }
 
 /// The same model stepped otherwise.
-pub fn stepped(around: &Around, stepping: Stepping) -> Around {
+fn stepped(around: &Around, stepping: Stepping) -> Around {
     let mut around = around.clone();
     step_at(&mut around, stepping);
     around
