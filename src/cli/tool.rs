@@ -97,7 +97,8 @@ fn shape(name: &str, set: &[String]) -> Result<Shape, Error> {
             return Err(anyhow!("--set {key}: given already"));
         }
     }
-    table.try_into().context("--set")
+    let sets = || format!("--set {}", set.join(" --set "));
+    table.try_into().with_context(sets)
 }
 
 impl Report {
