@@ -219,7 +219,7 @@ impl RunFolder {
         self.checkpoint_folder().join("best.drape")
     }
 
-    /// The best action sequence seen ([`BestSequence`]).
+    /// The best action sequence seen (`BestSequence`).
     pub fn best_sequence(&self) -> PathBuf {
         self.path.join("best_sequence.json")
     }
