@@ -243,10 +243,10 @@ fn report(outcome: &Outcome, args: &TrainArgs) -> Result<(), Failure> {
         0 => String::new(),
         count => format!("episodes cut off because they diverged: {count}\n"),
     };
-    let next = if outcome.complete {
-        format!("next: drape eval {run}")
-    } else {
-        format!("interrupted; go on with: drape train --resume {run}")
+    let next = match (outcome.complete, outcome.best_score) {
+        (true, Some(_)) => format!("next: drape eval {run}"),
+        (true, None) => "no best sequence".into(),
+        (false, _) => format!("interrupted; go on with: drape train --resume {run}"),
     };
     print(&format!(
         "{run}: {} environment steps in {:.0} s ({:.0} a second; simulation {:.0} %, inference \
