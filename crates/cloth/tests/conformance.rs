@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 use drape_cloth::fabric::{BlankConfig, Lamina, MassModel, Material};
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::sim::{
-    Backend, Bending, Control, Cpu, Model, PhysicsConfig, Precision, Press, SelfCollision,
+    Backend, Bending, Control, Cpu, Model, PhysicsConfig, Precision, Press, Roller, SelfCollision,
     Snapshot, Solver, Stencil, Tension, World,
 };
 use drape_cloth::tool::{GridConfig, Hemisphere, Shape, Source, Tool, ToolConfig};
@@ -18,6 +18,7 @@ const CONTROL: Control = Control {
     dt: 1.0 / 60.0,
     substeps: 20,
     contact_interval: 5,
+    sweeps: 1,
 };
 
 /// One more than the widest instruction set has lanes.
@@ -80,13 +81,18 @@ const BLANK: BlankConfig = BlankConfig {
     yarn_angle_deg: 0.0,
 };
 
+const ROLLER: Roller = Roller {
+    pressure: 1e6,
+    speed: 1.0,
+};
+
 fn world(lamina: &Lamina, physics: PhysicsConfig) -> World {
     let stencil = Stencil {
         side: 0.035,
         threshold: 1e-3,
         max_strain: 0.01,
+        roller: ROLLER,
         press: CONTROL,
-        descent: 10,
         settle: Some(CONTROL),
     };
     let mut world = World {
@@ -196,7 +202,7 @@ fn case(world: &World, index: usize) -> Snapshot {
     state
 }
 
-/// A frame of free motion, one under a plate in every other case, one more, and two presses in
+/// A frame of free motion, one under a roller in every other case, one more, and two presses in
 /// two of three cases.
 fn advance(
     backend: &mut dyn Backend,
@@ -204,16 +210,13 @@ fn advance(
     steps: std::ops::Range<usize>,
 ) {
     let environments = || (0..backend.count()).map(&index);
-    let plate = |(environment, index): (usize, usize)| {
+    let press = |(environment, index): (usize, usize)| {
         let first = 40 + index as u32;
-        index.is_multiple_of(2).then(|| Press {
-            environment,
-            vertices: vec![first, first + 1, first + 14, first + 15],
-            height: 0.006,
-            descent: 10,
-        })
+        let vertices = [first, first + 1, first + 14, first + 15];
+        let press = || ROLLER.press(environment, &vertices, &[3e-4; 154]);
+        index.is_multiple_of(2).then(press)
     };
-    let plates: Vec<Press> = environments().enumerate().filter_map(plate).collect();
+    let pressed: Vec<Press> = environments().enumerate().filter_map(press).collect();
     let vertices = |press: u32| -> Vec<Option<u32>> {
         let vertex = |index| (index % 3 != 0).then_some(60 + index as u32 + 5 * press);
         environments().map(vertex).collect()
@@ -221,7 +224,7 @@ fn advance(
     let presses = [vertices(0), vertices(1)];
     for step in steps {
         match step {
-            1 => backend.step(&CONTROL, &plates),
+            1 => backend.step(&CONTROL, &pressed),
             3 | 4 => backend.press(&presses[step - 3]),
             _ => backend.step(&CONTROL, &[]),
         }
@@ -443,21 +446,16 @@ fn fixed_vertices_obey_nothing(device: &Device, rounding: f64) {
     }
 }
 
-/// A plate moves its own environment and no other.
-fn plates_stay_in_their_environments(device: &Device) {
+/// A roller moves its own environment and no other.
+fn presses_stay_in_their_environments(device: &Device) {
     let world = &WORLDS[0];
-    let step = |plates: &[Press]| {
+    let step = |presses: &[Press]| {
         let mut backend = device.cases(world);
-        backend.step(&CONTROL, plates);
+        backend.step(&CONTROL, presses);
         snapshots(&*backend)
     };
-    let plate = Press {
-        environment: 6,
-        vertices: vec![46, 47, 60, 61],
-        height: 0.006,
-        descent: 10,
-    };
-    let (free, pressed) = (step(&[]), step(&[plate]));
+    let press = ROLLER.press(6, &[46, 47, 60, 61], &[3e-4; 154]);
+    let (free, pressed) = (step(&[]), step(&[press]));
     for (index, (free, pressed)) in free.iter().zip(&pressed).enumerate() {
         assert_eq!(
             bits(free) == bits(pressed),
@@ -476,7 +474,7 @@ macro_rules! suite {
                 follows_the_reference arrays_are_those_of_the_snapshots
                 draped_vertices_lie_on_the_tool diverged_environment_leaves_its_neighbours_alone
                 loading_forgets_what_was_before snapshot_goes_on_exactly
-                plates_stay_in_their_environments
+                presses_stay_in_their_environments
             }
 
             #[test]

@@ -4,8 +4,8 @@ use std::sync::LazyLock;
 
 use drape_cloth::fabric::{BlankConfig, Lamina, Material};
 use drape_cloth::sim::{
-    Backend, Control, Cpu, Model, PhysicsConfig, Precision, Press, SelfCollision, Snapshot, Solver,
-    World,
+    Backend, Control, Cpu, Model, PhysicsConfig, Precision, Press, Roller, SelfCollision, Snapshot,
+    Solver, World,
 };
 use drape_cloth::tool::{Plate, Shape, Source, Tool, ToolConfig};
 
@@ -13,6 +13,7 @@ const CONTROL: Control = Control {
     dt: 1.0 / 60.0,
     substeps: 20,
     contact_interval: 5,
+    sweeps: 1,
 };
 
 static TOOL: LazyLock<Tool> = LazyLock::new(|| {
@@ -87,26 +88,18 @@ fn crossings(state: &Snapshot) -> usize {
     STRIP.mesh(&state.position).self_intersection_count()
 }
 
-/// A plate over the whole strip that sinks with 1 m/s to the tool, and stays there for as many
-/// frames as it takes to come down.
+/// A roller over the whole strip that sinks with 1 m/s to the tool, and stays there for as long
+/// as it takes to come down.
 fn press(batch: &mut dyn Backend) {
-    let mut plate: f64 = 0.046;
-    let part = Control {
-        dt: CONTROL.dt / 10.0,
-        substeps: CONTROL.substeps / 10,
-        ..CONTROL
+    let roller = Roller {
+        pressure: 1e6,
+        speed: 1.0,
     };
-    for _ in 0..60 {
-        plate = (plate - part.dt).max(0.0);
-        let plates: Vec<Press> = (0..batch.count())
-            .map(|environment| Press {
-                environment,
-                vertices: (0..STRIP.vertex_count() as u32).collect(),
-                height: plate,
-                descent: 1_000_000,
-            })
-            .collect();
-        batch.step(&part, &plates);
+    let all: Vec<u32> = (0..STRIP.vertex_count() as u32).collect();
+    let press = |environment| roller.press(environment, &all, &STRIP.vertex_areas());
+    let presses: Vec<Press> = (0..batch.count()).map(press).collect();
+    for _ in 0..6 {
+        batch.step(&CONTROL, &presses);
     }
 }
 

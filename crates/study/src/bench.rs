@@ -45,6 +45,7 @@ pub const CONTROL: Control = Control {
     dt: 1.0 / 60.0,
     substeps: 20,
     contact_interval: 5,
+    sweeps: 1,
 };
 
 /// Environments stepped together, as the presets do.

@@ -257,6 +257,17 @@ impl Lamina {
         (0..self.triangles.len()).map(|t| self.rest_area(t)).sum()
     }
 
+    /// Area of each vertex [m^2]: a third of each adjacent triangle.
+    pub fn vertex_areas(&self) -> Vec<f64> {
+        let mut areas = vec![0.0; self.vertex_count()];
+        for (index, triangle) in self.triangles.iter().enumerate() {
+            for &v in triangle {
+                areas[v as usize] += self.rest_area(index) / 3.0;
+            }
+        }
+        areas
+    }
+
     /// Sides of a whole cell along warp and weft [m].
     pub fn cell(&self) -> [f64; 2] {
         self.grid.cell

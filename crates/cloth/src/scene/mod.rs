@@ -8,10 +8,12 @@
 mod config;
 mod fall;
 mod summary;
+mod surplus;
 
 pub use config::{Clamp, Fall, Placement, SceneConfig, SceneError};
 pub use fall::{Scene, hung};
 pub use summary::{Summary, wrinkle_count};
+pub use surplus::surplus;
 
 #[cfg(test)]
 mod tests;

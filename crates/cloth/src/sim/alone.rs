@@ -5,7 +5,6 @@ use super::length::warm_start;
 use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
 use super::model::{Model, Pass};
-use super::press::{self, Press};
 use super::storage::Storage;
 use crate::math::{Lanes, Vec3x};
 use crate::tool::Tool;
@@ -202,11 +201,8 @@ impl<V: Lanes> Storage for Alone<V> {
     fn project(&mut self, _: &[Pass]) {}
 
     #[inline(always)]
-    fn hold_down(&mut self, _: Option<&Layers>, plate: &Press, height: f64, compliance: f64) {
-        for &vertex in &plate.vertices {
-            let place = self.slot(0, vertex as usize);
-            press::hold_down(place, height, compliance, &mut self.cloth);
-        }
+    fn beneath(&self, _: &Layers, _: usize, _: usize) -> f64 {
+        unreachable!("layers that touch are computed in a group");
     }
 
     #[inline(always)]

@@ -51,8 +51,8 @@ pub trait Backend: Send + Sync {
     /// The state of one environment, exactly.
     fn snapshot(&self, environment: usize) -> Snapshot;
 
-    /// Moves all environments by one control step, with at most one plate in each.
-    fn step(&mut self, control: &Control, plates: &[Press]);
+    /// Moves all environments by one control step, with at most one press in each.
+    fn step(&mut self, control: &Control, presses: &[Press]);
 
     /// Presses the stencil on a vertex of every environment and lets it settle; where there is
     /// no vertex, time passes all the same. What lay under the stencil is touched, and draped

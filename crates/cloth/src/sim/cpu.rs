@@ -1,8 +1,12 @@
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 #[cfg(target_arch = "x86_64")]
 use crate::math::{F32x8, F32x16, F64x4, F64x8};
 use crate::math::{Isa, Lanes, Portable, Vec3};
+
+use crate::fabric::Lamina;
 
 use super::alone::Alone;
 use super::backend::{Backend, World};
@@ -35,6 +39,14 @@ pub struct Cpu {
     /// Environments of a group.
     lanes: usize,
     pressed: Vec<Pressed>,
+    sheet: Sheet,
+}
+
+/// What a press has to know of the blank, by vertex; empty where nobody presses.
+#[derive(Default)]
+struct Sheet {
+    /// [m^2]
+    areas: Vec<f64>,
     /// See [`ties`].
     ties: Vec<Vec<(u32, f64)>>,
 }
@@ -60,16 +72,16 @@ impl Cpu {
         let more = (1..count.div_ceil(lanes)).map(|_| make(model));
         let groups: Vec<_> = std::iter::once(first).chain(more).collect();
         let vertices = model.vertex_count();
-        let ties = match &world.presses {
-            Some((lamina, stencil)) => ties(lamina, stencil.max_strain),
-            None => Vec::new(),
+        let sheet = |(lamina, stencil): &(Arc<Lamina>, Stencil)| Sheet {
+            areas: lamina.vertex_areas(),
+            ties: ties(lamina, stencil.max_strain),
         };
         let mut cpu = Self {
             world: world.clone(),
             groups,
             lanes,
             pressed: vec![Pressed::default(); count],
-            ties,
+            sheet: world.presses.as_ref().map(sheet).unwrap_or_default(),
         };
         debug_assert_eq!(world.start.position.len(), vertices);
         // Lanes that nobody uses hold a state that can be stepped as well.
@@ -140,15 +152,15 @@ impl Backend for Cpu {
         }
     }
 
-    fn step(&mut self, control: &Control, plates: &[Press]) {
+    fn step(&mut self, control: &Control, presses: &[Press]) {
         let World { model, tool, .. } = &self.world;
         let lanes = self.lanes;
         let step = |(index, group): (usize, &mut Box<dyn Group>)| {
-            let own = plates.iter().filter(|p| p.environment / lanes == index);
+            let own = presses.iter().filter(|p| p.environment / lanes == index);
             let own: Vec<Press> = own
-                .map(|plate| Press {
-                    environment: plate.environment % lanes,
-                    ..plate.clone()
+                .map(|press| Press {
+                    environment: press.environment % lanes,
+                    ..press.clone()
                 })
                 .collect();
             group.step(model, tool, control, &own);
@@ -162,14 +174,14 @@ impl Backend for Cpu {
 
     fn press(&mut self, vertices: &[Option<u32>]) {
         assert_eq!(vertices.len(), self.count(), "one entry an environment");
-        let (world, ties) = (&self.world, &self.ties);
+        let (world, sheet) = (&self.world, &self.sheet);
         let (_, stencil) = world.presses.as_ref().expect("a world with presses");
         self.groups
             .par_iter_mut()
             .zip(self.pressed.par_chunks_mut(self.lanes))
             .zip(vertices.par_chunks(self.lanes))
             .for_each(|((group, pressed), vertices)| {
-                press(&mut **group, world, stencil, ties, vertices, pressed);
+                press(&mut **group, world, stencil, sheet, vertices, pressed);
             });
     }
 
@@ -204,7 +216,7 @@ fn press(
     group: &mut dyn Group,
     world: &World,
     stencil: &Stencil,
-    ties: &[Vec<(u32, f64)>],
+    Sheet { areas, ties }: &Sheet,
     vertices: &[Option<u32>],
     pressed: &mut [Pressed],
 ) {
@@ -215,28 +227,23 @@ fn press(
         presses,
     } = world;
     let (lamina, _) = presses.as_ref().expect("a world with presses");
-    let mut plates = Vec::with_capacity(vertices.len());
+    let mut presses = Vec::with_capacity(vertices.len());
     for (lane, &vertex) in vertices.iter().enumerate() {
         let Some(vertex) = vertex else { continue };
         let position = |v| group.position(lane, v);
-        let (under, height) = under_stencil(lamina, tool, vertex, stencil.side, position);
+        let under = under_stencil(lamina, tool, vertex, stencil.side, position);
         pressed[lane].stencil.clone_from(&under);
-        plates.push(Press {
-            environment: lane,
-            vertices: under,
-            height,
-            descent: stencil.descent,
-        });
+        presses.push(stencil.roller.press(lane, &under, areas));
     }
-    group.step(model, tool, &stencil.press, &plates);
+    group.step(model, tool, &stencil.press, &presses);
 
-    for plate in plates {
-        let lane = plate.environment;
+    for press in presses {
+        let lane = press.environment;
         let Pressed {
             touched, draped, ..
         } = &mut pressed[lane];
-        let mut under = plate.vertices;
-        under.retain(|&v| !draped.contains(v as usize));
+        let vertices = press.forces.iter().map(|&(v, _)| v);
+        let under: Vec<u32> = vertices.filter(|&v| !draped.contains(v as usize)).collect();
         for &v in &under {
             touched.insert(v as usize);
             let x = group.position(lane, v);

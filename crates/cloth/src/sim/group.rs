@@ -29,8 +29,8 @@ pub(super) trait Group: Send + Sync {
     /// Stops a vertex where it is, for good.
     fn fix(&mut self, lane: usize, vertex: u32);
 
-    /// Moves all lanes by one control step; plates count their environments from the first lane.
-    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, plates: &[Press]);
+    /// Moves all lanes by one control step; presses count their environments from the first lane.
+    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, presses: &[Press]);
 
     /// Whether every position of a lane is a number within 100 m of the origin, lane by lane.
     fn finite(&self) -> Vec<bool>;
@@ -100,9 +100,9 @@ impl<S: Storage> Group for S {
         self.cloth_mut().velocity[place].set(lane, [0.0; 3]);
     }
 
-    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, plates: &[Press]) {
+    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, presses: &[Press]) {
         self.start();
-        step(model, tool, control, plates, self);
+        step(model, tool, control, presses, self);
     }
 
     fn finite(&self) -> Vec<bool> {

@@ -4,7 +4,6 @@ use super::length::pull_of;
 use super::line::{Along, Line};
 use super::lines::{Direction, Lines};
 use super::model::{Model, Pass};
-use super::press::{self, Press};
 use super::storage::Storage;
 use crate::math::{Lanes, Vec3x};
 use crate::tool::Tool;
@@ -136,15 +135,9 @@ impl<V: Lanes> Storage for InLanes<V> {
     }
 
     #[inline(always)]
-    fn hold_down(&mut self, layers: Option<&Layers>, plate: &Press, height: f64, compliance: f64) {
-        for &vertex in &plate.vertices {
-            let (v, lane) = (vertex as usize, plate.environment);
-            let beneath = match (&self.self_contact, layers) {
-                (Some(contact), Some(layers)) => contact.beneath(layers, lane, v),
-                _ => 0.0,
-            };
-            press::hold_down([v, lane], height + beneath, compliance, &mut self.cloth);
-        }
+    fn beneath(&self, layers: &Layers, lane: usize, vertex: usize) -> f64 {
+        let contact = self.self_contact.as_ref();
+        contact.map_or(0.0, |contact| contact.beneath(layers, lane, vertex))
     }
 
     #[inline(always)]

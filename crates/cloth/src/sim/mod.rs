@@ -42,7 +42,7 @@ pub use backend::{Backend, World};
 pub use cpu::{Cpu, Precision};
 pub use model::Model;
 pub use physics::{Bending, BendingStiffness, PhysicsConfig, SelfCollision, Solver, Tension};
-pub use press::Press;
+pub use press::{Press, Roller};
 pub use state::{Pressed, Snapshot};
 pub use stencil::{Stencil, under_stencil};
 pub use stepping::{Accuracy, Control, Stepping};

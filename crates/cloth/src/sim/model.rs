@@ -125,12 +125,11 @@ impl Model {
     }
 }
 
-/// Tack times the area of each vertex, which is to the blank's as their masses.
+/// Tack times the area of each vertex [N].
 fn tack(lamina: &Lamina, physics: &PhysicsConfig) -> Option<Vec<f64>> {
-    let mass: f64 = lamina.mass.iter().sum();
-    let per_mass = 1e3 * physics.adhesion * lamina.area() / mass;
-    let pull = lamina.mass.iter().map(|m| per_mass * m);
-    (physics.adhesion > 0.0).then(|| pull.collect())
+    let pull = |area: f64| 1e3 * physics.adhesion * area;
+    let areas = lamina.vertex_areas();
+    (physics.adhesion > 0.0).then(|| areas.into_iter().map(pull).collect())
 }
 
 #[cfg(test)]

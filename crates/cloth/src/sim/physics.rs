@@ -87,8 +87,6 @@ pub struct PhysicsConfig {
     pub damping: f64,
     /// Largest speed of a vertex [m/s]; 0 means no limit.
     pub speed_cap: f64,
-    /// Stiffness with which the stencil holds a vertex down [N/m].
-    pub press_stiffness: f64,
 }
 
 impl Default for PhysicsConfig {
@@ -106,7 +104,6 @@ impl Default for PhysicsConfig {
             gravity: 9.81,
             damping: 50.0,
             speed_cap: 4.0,
-            press_stiffness: 300.0,
         }
     }
 }
@@ -138,11 +135,7 @@ impl PhysicsConfig {
             BendingStiffness::NewtonMetre(stiffness) => stiffness,
             BendingStiffness::Material => 0.0,
         };
-        for (key, value) in [
-            ("damping", self.damping),
-            ("press_stiffness", self.press_stiffness),
-            ("bending_stiffness", bending),
-        ] {
+        for (key, value) in [("damping", self.damping), ("bending_stiffness", bending)] {
             let is_valid = value >= 0.0 && value.is_finite();
             ValueError::unless(is_valid, key, value, "a number >= 0")?;
         }

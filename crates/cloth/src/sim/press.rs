@@ -1,47 +1,100 @@
-//! The stencil: a plate that comes down on the cloth and keeps it near the tool.
+//! The roller: pressure on cloth, the law of the finite-element twin as well, and its grip.
 
 use super::cloth::Cloth;
-use crate::math::Lanes;
+use crate::math::{Lanes, Vec3};
 
-/// A plate that comes down on some vertices of one environment during a control step.
-///
-/// Its height over the tool falls evenly from `height` to 0 over the first `descent` substeps and
-/// stays there; no vertex of the list may be above it.
+/// How near to the tool a vertex lies on it [m]: tangent planes are a few substeps old.
+const TOUCHING: f64 = 1e-4;
+
+/// A roller that presses on cloth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Roller {
+    /// [Pa]
+    pub pressure: f64,
+    /// Speed at which it comes down [m/s]. Its force falls to nothing where cloth is as fast:
+    /// without that, 1 N/mm^2 throws bare vertices at the tool with some 100 m/s.
+    pub speed: f64,
+}
+
+/// A roller on some vertices of one environment during a control step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Press {
     pub environment: usize,
-    pub vertices: Vec<u32>,
-    /// Height over the tool at the start [m].
-    pub height: f64,
-    /// Substeps until the plate is down, > 0.
-    pub descent: usize,
+    /// The vertices, and the force on each of them at rest [N].
+    pub forces: Vec<(u32, f64)>,
+    /// See [`Roller::speed`].
+    pub speed: f64,
 }
 
-/// Height of a plate over the tool in a substep [m].
-pub(super) fn height(plate: &Press, substep: usize) -> f64 {
-    let left = 1.0 - (substep + 1) as f64 / plate.descent as f64;
-    plate.height * left.max(0.0)
+impl Roller {
+    /// What it does to some vertices of areas [m^2] of one environment.
+    pub fn press(&self, environment: usize, vertices: &[u32], areas: &[f64]) -> Press {
+        let force = |&v: &u32| (v, self.pressure * areas[v as usize]);
+        Press {
+            environment,
+            forces: vertices.iter().map(force).collect(),
+            speed: self.speed,
+        }
+    }
 }
 
-/// Keeps one lane of a place below `height` [m] over the tool: C = phi - height <= 0 [m], with the
-/// `compliance` of the roller's skin [m/N].
+/// Pushes one lane of a place towards the tool by `force` [N], at most down to a height of
+/// `beneath` [m]; `reach` is how far the roller comes down in a substep [m].
+///
+/// The force F (1 - v / roller's speed) is implicit in the velocity v, or tens of newtons on
+/// milligrams would overshoot: a displacement d becomes (d + g) / (1 + g / reach), g = mobility F.
 #[inline(always)]
-pub(super) fn hold_down<V: Lanes>(
+pub(super) fn push<V: Lanes>(
     [place, lane]: [usize; 2],
-    height: f64,
-    compliance: f64,
+    force: f64,
+    reach: f64,
+    beneath: f64,
     cloth: &mut Cloth<V>,
 ) {
+    let n = Vec3::from(cloth.plane[place].normal.get(lane));
+    let x = Vec3::from(cloth.position[place].get(lane));
+    let previous = Vec3::from(cloth.previous[place].get(lane));
+    let above = n.dot(&x) - cloth.plane[place].offset.get(lane) - beneath;
+    let gain = cloth.mobility[place].get(lane) * force;
+    let down = n.dot(&(previous - x));
+    let pushed = ((down + gain) / (1.0 + gain / reach) - down).min(above);
+    if gain > 0.0 && pushed > 0.0 {
+        cloth.position[place].set(lane, (x - n * pushed).into());
+    }
+}
+
+/// Coulomb friction of one lane of a place that lies on the tool under `force` [N], with what
+/// the substep has started to do to it: velocity and the yarns' pull. What the static coefficient
+/// holds is put back and stays there, whatever the stages that follow want of it; what slides is
+/// slowed by the dynamic coefficient.
+///
+/// Friction by the push out of the tool alone, at the end of a substep, would hold far too much:
+/// by then the pressure has been answered by the tool, and the yarns by each other.
+#[inline(always)]
+pub(super) fn grip<V: Lanes>(
+    [place, lane]: [usize; 2],
+    force: f64,
+    [stick, slide]: [f64; 2],
+    cloth: &mut Cloth<V>,
+) {
+    let n = Vec3::from(cloth.plane[place].normal.get(lane));
+    let previous = Vec3::from(cloth.previous[place].get(lane));
+    let above = n.dot(&previous) - cloth.plane[place].offset.get(lane);
     let mobility = cloth.mobility[place].get(lane);
-    let n = cloth.plane[place].normal.get(lane);
-    let offset = cloth.plane[place].offset.get(lane);
-    let mut x = cloth.position[place].get(lane);
-    let c = n[0] * x[0] + n[1] * x[1] + n[2] * x[2] - offset - height;
-    if c > 0.0 && mobility > 0.0 {
-        let depth = c * mobility / (mobility + compliance);
-        for k in 0..3 {
-            x[k] -= n[k] * depth;
-        }
-        cloth.position[place].set(lane, x);
+    if above > TOUCHING || mobility <= 0.0 {
+        return;
+    }
+    let moved = Vec3::from(cloth.position[place].get(lane)) - previous;
+    let off = n.dot(&moved);
+    let along = moved - n * off;
+    let load = (mobility * force - off).max(0.0);
+    let slip = along.norm();
+    let left = match slip <= stick * load {
+        true => Vec3::zeros(),
+        false => along * (1.0 - slide * load / slip).max(0.0),
+    };
+    cloth.position[place].set(lane, (previous + left - n * above).into());
+    if left == Vec3::zeros() {
+        cloth.mobility[place].set(lane, 0.0);
     }
 }

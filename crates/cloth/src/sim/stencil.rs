@@ -1,5 +1,6 @@
 //! Where the stencil presses, and what stays on the tool after it.
 
+use super::press::Roller;
 use super::stepping::Control;
 use crate::fabric::Lamina;
 use crate::math::Vec3;
@@ -20,10 +21,10 @@ pub struct Stencil {
     pub threshold: f64,
     /// A yarn stretched by more than this [-] pulls a vertex off the tool.
     pub max_strain: f64,
-    /// The press; the stencil is gone at its end.
+    /// What presses under it.
+    pub roller: Roller,
+    /// The press; the roller is gone at its end.
     pub press: Control,
-    /// Substeps of it in which the stencil comes down, > 0.
-    pub descent: usize,
     /// Time to settle after it.
     pub settle: Option<Control>,
 }
@@ -42,7 +43,7 @@ pub(super) fn ties(lamina: &Lamina, max_strain: f64) -> Vec<Vec<(u32, f64)>> {
     ties
 }
 
-/// The vertices under the stencil, ascending, and the highest of them over the tool [m].
+/// The vertices under the stencil, ascending.
 ///
 /// The stencil is a square of side `side` [m] around `vertex`, its normal that of the tool
 /// there, one side along the projection of the x axis. All cloth of the neighbourhood in the
@@ -53,7 +54,7 @@ pub fn under_stencil(
     vertex: u32,
     side: f64,
     position: impl Fn(u32) -> [f64; 3],
-) -> (Vec<u32>, f64) {
+) -> Vec<u32> {
     let centre = Vec3::from(position(vertex));
     let normal = Vec3::from(tool.distance(centre.into()).1);
     let x_axis = Vec3::x() - normal * normal.x;
@@ -67,15 +68,12 @@ pub fn under_stencil(
     // A hair more than half, so that a vertex exactly on the edge counts whatever rounding.
     let half = 0.5 * side * (1.0 + 1e-6);
     let mut vertices = Vec::new();
-    let mut height: f64 = 0.0;
     for v in lamina.within(vertex, REACH * side) {
-        let x = position(v);
-        let offset = Vec3::from(x) - centre;
+        let offset = Vec3::from(position(v)) - centre;
         let below = offset.dot(&along).abs() <= half && offset.dot(&across).abs() <= half;
         if below || v == vertex {
             vertices.push(v);
-            height = height.max(tool.distance(x).0);
         }
     }
-    (vertices, height)
+    vertices
 }

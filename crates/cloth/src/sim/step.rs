@@ -23,7 +23,7 @@ pub(super) struct Substeps<'a, S> {
     pub model: &'a Model,
     pub tool: &'a Tool,
     pub control: &'a Control,
-    pub plates: &'a [Press],
+    pub presses: &'a [Press],
     pub range: Range<usize>,
     pub storage: &'a mut S,
 }
@@ -33,7 +33,7 @@ pub(super) fn step<S: Storage>(
     model: &Model,
     tool: &Tool,
     control: &Control,
-    plates: &[Press],
+    presses: &[Press],
     storage: &mut S,
 ) {
     let mut first = 0;
@@ -43,7 +43,7 @@ pub(super) fn step<S: Storage>(
             model,
             tool,
             control,
-            plates,
+            presses,
             range: first..last,
             storage,
         });
@@ -58,7 +58,7 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
             model,
             tool,
             control,
-            plates,
+            presses,
             range,
             storage,
         } = self;
@@ -73,22 +73,23 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
                 // comes after them shows as strain.
                 Some(lines) => {
                     warm_start_and_bend_warps(lines, &frame, storage);
+                    grip(model, presses, storage);
                     shear_along_diagonals(lines, storage);
                     storage.project(&model.passes);
-                    hold_down(model, plates, substep, storage);
-                    bend_and_stretch_wefts(lines, storage);
-                    match &model.layers {
-                        None => stretch_warps(lines, Some(&frame), goes_on, storage),
-                        Some(layers) => {
-                            stretch_warps(lines, None, goes_on, storage);
-                            storage.separate(layers);
-                            finish_all(&frame, goes_on, storage);
-                        }
+                    for sweep in 1..=control.sweeps {
+                        push(model, &frame, presses, storage);
+                        stretch_wefts(lines, sweep == 1, storage);
+                        let is_last = sweep == control.sweeps && model.layers.is_none();
+                        stretch_warps(lines, is_last.then_some(&frame), goes_on, storage);
+                    }
+                    if let Some(layers) = &model.layers {
+                        storage.separate(layers);
+                        finish_all(&frame, goes_on, storage);
                     }
                 }
                 None => {
                     fall(&frame, storage);
-                    hold_down(model, plates, substep, storage);
+                    push(model, &frame, presses, storage);
                     storage.project(&model.passes);
                     if let Some(layers) = &model.layers {
                         storage.separate(layers);
@@ -171,10 +172,12 @@ fn shear_along_diagonals<S: Storage>(lines: &Lines, storage: &mut S) {
 }
 
 #[inline(always)]
-fn bend_and_stretch_wefts<S: Storage>(lines: &Lines, storage: &mut S) {
+fn stretch_wefts<S: Storage>(lines: &Lines, and_bend: bool, storage: &mut S) {
     for i in 0..storage.count(lines, Direction::Weft) {
         let mut weft = storage.take(lines, Direction::Weft, i);
-        bend(weft.again());
+        if and_bend {
+            bend(weft.again());
+        }
         stretch(weft);
         storage.put(Direction::Weft, i);
     }
@@ -195,11 +198,30 @@ fn stretch_warps<S: Storage>(lines: &Lines, frame: Option<&Frame>, goes_on: bool
 }
 
 #[inline(always)]
-fn hold_down<S: Storage>(model: &Model, plates: &[Press], substep: usize, storage: &mut S) {
-    let compliance = 1.0 / model.physics().press_stiffness;
-    for plate in plates {
-        let height = press::height(plate, substep);
-        storage.hold_down(model.layers.as_ref(), plate, height, compliance);
+fn grip<S: Storage>(model: &Model, presses: &[Press], storage: &mut S) {
+    let Some(friction) = model.friction else {
+        return;
+    };
+    for press in presses {
+        for &(vertex, force) in &press.forces {
+            let slot = storage.slot(press.environment, vertex as usize);
+            press::grip(slot, force, friction, storage.cloth_mut());
+        }
+    }
+}
+
+#[inline(always)]
+fn push<S: Storage>(model: &Model, frame: &Frame, presses: &[Press], storage: &mut S) {
+    for press in presses {
+        let reach = frame.h * press.speed;
+        for &(vertex, force) in &press.forces {
+            let slot = storage.slot(press.environment, vertex as usize);
+            let beneath = match &model.layers {
+                Some(layers) => storage.beneath(layers, press.environment, vertex as usize),
+                None => 0.0,
+            };
+            press::push(slot, force, reach, beneath, storage.cloth_mut());
+        }
     }
 }
 

@@ -25,6 +25,9 @@ pub struct Control {
     pub substeps: usize,
     /// Substeps between two refreshes of the tangent planes, > 0. The first is at the start.
     pub contact_interval: usize,
+    /// How often a substep solves for the lengths of the yarns, > 0; more than once where cloth
+    /// is pressed. The Gauss-Seidel solver does so once.
+    pub sweeps: usize,
 }
 
 impl Stepping {
@@ -49,6 +52,7 @@ impl Stepping {
             dt,
             substeps: whole(dt * self.substep_rate),
             contact_interval: whole(self.substep_rate / self.contact_rate),
+            sweeps: 1,
         }
     }
 }

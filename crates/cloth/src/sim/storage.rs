@@ -3,7 +3,6 @@ use super::collision::Layers;
 use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
 use super::model::Pass;
-use super::press::Press;
 use crate::math::{Lanes, Vec3x};
 use crate::tool::Tool;
 
@@ -74,9 +73,8 @@ pub(super) trait Storage: Send + Sync {
     /// Projects constraints that are no lines, one after the other.
     fn project(&mut self, passes: &[Pass]);
 
-    /// Keeps the vertices of a plate below this height over the tool, or over what layers of
-    /// cloth lie beneath them [m]; `compliance` as in [`super::press::hold_down`].
-    fn hold_down(&mut self, layers: Option<&Layers>, plate: &Press, height: f64, compliance: f64);
+    /// How high over the tool the cloth beneath a vertex of environment `lane` reaches [m].
+    fn beneath(&self, layers: &Layers, lane: usize, vertex: usize) -> f64;
 
     /// Keeps the layers of the cloth apart.
     fn separate(&mut self, layers: &Layers);

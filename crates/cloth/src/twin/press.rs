@@ -3,11 +3,8 @@ use std::collections::BTreeSet;
 use super::state::Twin;
 use super::step::Diverged;
 use crate::fabric::Lamina;
-use crate::sim::under_stencil;
+use crate::sim::{Roller, under_stencil};
 use crate::tool::Tool;
-
-/// Pressure of the roller [Pa], the paper's 1 N/mm^2.
-const PRESSURE: f64 = 1e6;
 
 /// What holds cloth that a press has laid on to the tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,9 +19,7 @@ pub enum Hold {
 /// How the roller presses, against the tool's normal nearest to each vertex.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PressConfig {
-    /// Speed at which the roller comes down [m/s]. The pressure falls to nothing where cloth is
-    /// as fast: without that, 1 N/mm^2 throws bare vertices at the tool with some 100 m/s.
-    pub speed: f64,
+    pub roller: Roller,
     /// Duration of a press [s].
     pub press_s: f64,
     /// Time to settle after it [s].
@@ -37,7 +32,10 @@ pub struct PressConfig {
 impl Default for PressConfig {
     fn default() -> Self {
         Self {
-            speed: 1.0,
+            roller: Roller {
+                pressure: 1e6,
+                speed: 1.0,
+            },
             press_s: 1.0 / 30.0,
             settle_s: 0.0,
             drape_threshold_mm: 1.0,
@@ -66,9 +64,9 @@ impl Twin {
         config: &PressConfig,
         vertices: &[u32],
     ) -> Result<Vec<u32>, Diverged> {
-        self.contact.press_speed = config.speed;
+        self.contact.press_speed = config.roller.speed;
         for &v in vertices {
-            self.contact.pressure[v as usize] = PRESSURE * self.area[v as usize];
+            self.contact.pressure[v as usize] = config.roller.pressure * self.area[v as usize];
         }
         self.advance(Some(tool), config.press_s)?;
         let threshold = 1e-3 * config.drape_threshold_mm;
@@ -102,7 +100,7 @@ impl Twin {
         let mut draped = BTreeSet::new();
         let presses = list.iter().try_for_each(|&vertex| {
             let position = |v| self.position(v);
-            let (vertices, _) = under_stencil(lamina, tool, vertex, side, position);
+            let vertices = under_stencil(lamina, tool, vertex, side, position);
             draped.extend(self.press(tool, config, &vertices)?);
             observe(self);
             Ok(())

@@ -59,9 +59,7 @@ impl Twin {
         let (name, expected) = (&lamina.material.name, "curves of finite slope");
         ValueError::unless(laws.are_finite(), "twin.material", name, expected)?;
         let count = lamina.vertex_count();
-        let total: f64 = lamina.mass.iter().sum();
-        let blank_area = lamina.area();
-        let area: Vec<f64> = (lamina.mass.iter().map(|m| m * blank_area / total)).collect();
+        let area = lamina.vertex_areas();
         let padded = |of: &dyn Fn(f64) -> f64| {
             let mut values: Vec<f64> = lamina.mass.iter().map(|&m| of(m)).collect();
             values.resize(count.next_multiple_of(WIDTH), 0.0);

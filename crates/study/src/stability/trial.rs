@@ -105,6 +105,7 @@ impl Trial {
             dt: knobs.frame,
             substeps: knobs.substeps,
             contact_interval: 5,
+            sweeps: 1,
         };
         let mut state = piece.start.clone();
         for _ in 0..self.frames {

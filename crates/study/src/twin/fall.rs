@@ -10,9 +10,6 @@ use drape_task::env::EnvConfig;
 
 /// Inertia over mass of the paper's accelerated variant: 8.15 h become 40.2 min.
 pub const ACCELERATION: f64 = 148.0;
-/// How fast the twin's roller comes down [m/s]: as the stencil of the fast solver comes down on
-/// a wrinkle of 33 mm, and as fast as speeds are capped at there.
-const SPEED: f64 = 4.0;
 
 /// The twin's configuration for the physics of a scene.
 ///
@@ -46,11 +43,10 @@ pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
     Ok(twin_physics(physics))
 }
 
-/// How the twin's roller presses where the environment's
-/// stencil does: as long, and with the same distance for draped.
+/// How the twin presses: as the environment does.
 pub fn press_config(env: &EnvConfig, hold: Hold) -> PressConfig {
     PressConfig {
-        speed: SPEED,
+        roller: env.roller(),
         press_s: env.press_s,
         settle_s: env.settle_s,
         drape_threshold_mm: env.drape_threshold_mm,

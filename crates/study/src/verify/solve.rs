@@ -128,6 +128,7 @@ impl Fast {
                     dt: substeps as f64 * self.substep,
                     substeps,
                     contact_interval: self.contact_interval,
+                    sweeps: 1,
                 };
                 cloth.step(&control, &[]);
                 until_asked -= substeps;

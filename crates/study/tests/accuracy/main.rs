@@ -45,6 +45,7 @@ fn run(model: &Model, tool: &Arc<Tool>, state: &Snapshot, h: f64, seconds: f64) 
                 dt,
                 substeps,
                 contact_interval: 5,
+                sweeps: 1,
             },
             &[],
         );

@@ -90,6 +90,7 @@ fn energy_of_a_sheet_that_is_let_go_never_exceeds_what_it_had() {
                 dt: h,
                 substeps: 1,
                 contact_interval: 5,
+                sweeps: 1,
             };
             let mut last = before;
             for substep in 0..400 {
@@ -152,6 +153,7 @@ fn absurd_states_are_reported_and_kept_from_the_neighbours() {
         dt: 1.0 / 60.0,
         substeps: 20,
         contact_interval: 5,
+        sweeps: 1,
     };
     for solver in [Solver::Yarn, Solver::GaussSeidel] {
         let model = Model::new(&sheet, &undriven(solver));

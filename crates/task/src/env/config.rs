@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
-use drape_cloth::sim::{Accuracy, Precision, Stepping};
+use drape_cloth::sim::{Accuracy, Precision, Roller, Stepping};
 
 /// The draping task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,10 +22,12 @@ pub struct EnvConfig {
     /// A yarn stretched by more than this [-] pulls a vertex off the tool again: the vertex
     /// is draped once a press leaves it at most this much.
     pub drape_strain: f64,
-    /// Duration of a press [s]; the stencil is gone at its end.
+    /// Duration of a press [s]; the roller is gone at its end.
     pub press_s: f64,
-    /// Share of the press in which the stencil comes down.
-    pub descent: f64,
+    /// Pressure of the roller under the stencil [N/mm^2].
+    pub press_mpa: f64,
+    /// Speed at which the roller comes down [m/s]; cloth as fast feels no pressure.
+    pub press_speed: f64,
     /// Time to settle after the press [s].
     pub settle_s: f64,
     /// How finely episodes are stepped, unless the two rates below say otherwise.
@@ -51,7 +53,8 @@ impl Default for EnvConfig {
             drape_threshold_mm: 1.0,
             drape_strain: 0.01,
             press_s: 1.0 / 60.0,
-            descent: 0.5,
+            press_mpa: 1.0,
+            press_speed: 4.0,
             settle_s: 0.0,
             accuracy: Accuracy::default(),
             substep_rate: None,
@@ -93,6 +96,14 @@ impl EnvConfig {
         self.contact_rate = Some(stepping.contact_rate);
     }
 
+    /// What presses, here and in the finite-element twin.
+    pub fn roller(&self) -> Roller {
+        Roller {
+            pressure: 1e6 * self.press_mpa,
+            speed: self.press_speed,
+        }
+    }
+
     /// Checks every value and finds the region on the blank; the error names key, found and
     /// expected.
     pub fn region(&self, lamina: &Lamina) -> Result<Region, ValueError> {
@@ -105,13 +116,12 @@ impl EnvConfig {
             ("stencil_mm", self.stencil_mm, [1e-3, 1e5]),
             ("drape_threshold_mm", self.drape_threshold_mm, [1e-6, 1e5]),
             ("drape_strain", self.drape_strain, [1e-9, 1e5]),
+            ("press_mpa", self.press_mpa, [1e-6, 1e3]),
+            ("press_speed", self.press_speed, [1e-3, 100.0]),
             ("settle_s", self.settle_s, [0.0, 10.0]),
         ] {
             ValueError::unless_within(key, value, range)?;
         }
-        let (descent, expected) = (self.descent, "a share in (0, 1]");
-        let is_valid = descent > 0.0 && descent <= 1.0;
-        ValueError::unless(is_valid, "descent", descent, expected)?;
         let stepping = self.stepping();
         stepping.check()?;
         let (press, substep) = (self.press_s, 1.0 / stepping.substep_rate);

@@ -28,6 +28,7 @@ fn leave(precision: Precision, substeps: usize) -> Rest {
         dt: 1.0 / 60.0,
         substeps,
         contact_interval: 5,
+        sweeps: 1,
     };
     for _ in 0..60 {
         batch.step(&control, &[]);

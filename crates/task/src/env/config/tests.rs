@@ -47,8 +47,8 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
         config.region(&lamina()).unwrap_err().to_string()
     };
     assert_eq!(
-        message(|c| c.descent = 0.0),
-        "`env.descent` is 0, expected a share in (0, 1]"
+        message(|c| c.press_mpa = 0.0),
+        "`env.press_mpa` is 0, expected a number from 0.000001 to 1000"
     );
     assert_eq!(
         message(|c| c.settle_s = -1.0),
@@ -69,6 +69,7 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
     for (key, change) in [
         ("stencil_mm", (|c| c.stencil_mm = 0.0) as fn(&mut EnvConfig)),
         ("drape_threshold_mm", |c| c.drape_threshold_mm = f64::NAN),
+        ("press_speed", |c| c.press_speed = 0.0),
         ("press_s", |c| c.press_s = 11.0),
         ("press_s", |c| c.press_s = 1e-6),
     ] {
