@@ -88,7 +88,7 @@ struct Report {
     episode: EpisodeSummary,
     /// How many deviations of the random policy's final region distance the episode lies
     /// below its mean; none if that does not deviate.
-    deviations_below_random: Option<f64>,
+    deviations_above_random: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     sampled: Option<EpisodeStatistics>,
     random: EpisodeStatistics,
@@ -130,7 +130,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     let title = if args.sequence { "sequence" } else { "policy" };
     recorder.write(&pictures.path, &draping, &played, title)?;
 
-    let below = random.mean_region_final_m - played.summary.region_final_m;
+    let above = played.summary.score - random.mean_score;
     let report = Report {
         run: args.run.clone(),
         played: if args.sequence {
@@ -139,8 +139,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
             args.checkpoint.clone()
         },
         accuracy: args.accuracy,
-        deviations_below_random: (random.deviation_region_final_m > 0.0)
-            .then(|| below / random.deviation_region_final_m),
+        deviations_above_random: (random.deviation > 0.0).then(|| above / random.deviation),
         episode: played.summary,
         sampled,
         random,
@@ -293,9 +292,12 @@ fn text(report: &Report) -> String {
     let mut lines = vec![
         format!("{}: {}{accuracy}", report.run.display(), report.played),
         format!(
-            "  region: {:.4} m of {:.3} m left, {:.2} % removed",
+            "  region: {:.4} m of {:.3} m off the tool, {:.2} mm of {:.2} mm surplus a yarn; score \
+             {:.2} %",
             episode.region_final_m,
             episode.region_initial_m,
+            1e3 * episode.surplus_final_m,
+            1e3 * episode.surplus_initial_m,
             100.0 * episode.score
         ),
         format!(
@@ -319,7 +321,7 @@ fn text(report: &Report) -> String {
     ];
     if let Some(sampled) = &report.sampled {
         lines.push(format!(
-            "sampled policy, {} episodes: {:.2} +- {:.2} % removed, best {:.2} %",
+            "sampled policy, {} episodes: score {:.2} +- {:.2} %, best {:.2} %",
             sampled.episodes.len(),
             100.0 * sampled.mean_score,
             100.0 * sampled.deviation,
@@ -327,10 +329,13 @@ fn text(report: &Report) -> String {
         ));
     }
     lines.push(format!(
-        "masked random, {} episodes: {:.4} +- {:.4} m left ({:.2} +- {:.2} % removed), best {:.2} %",
+        "masked random, {} episodes: {:.4} +- {:.4} m off the tool, {:.2} +- {:.2} mm surplus a yarn; \
+         score {:.2} +- {:.2} %, best {:.2} %",
         random.episodes.len(),
         random.mean_region_final_m,
         random.deviation_region_final_m,
+        1e3 * random.mean_surplus_final_m,
+        1e3 * random.deviation_surplus_final_m,
         100.0 * random.mean_score,
         100.0 * random.deviation,
         100.0 * random.best_score
@@ -341,8 +346,8 @@ fn text(report: &Report) -> String {
             "episodes left out because they diverged: {diverged}"
         ));
     }
-    if let Some(deviations) = report.deviations_below_random {
-        let side = if deviations < 0.0 { "above" } else { "below" };
+    if let Some(deviations) = report.deviations_above_random {
+        let side = if deviations < 0.0 { "below" } else { "above" };
         lines.push(format!(
             "the episode lies {:.2} deviations {side} the random mean",
             deviations.abs()

@@ -90,7 +90,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         return super::output::print_json(&report);
     }
     super::output::print(&format!(
-        "{}: {} points in {} strokes and presses, {:.2} % of the distance removed",
+        "{}: {} points in {} strokes and presses, score {:.2} %",
         report.file.display(),
         report.points,
         report.strokes,

@@ -33,6 +33,8 @@ pub(super) struct EpisodeStatistics {
     pub diverged: usize,
     pub mean_region_final_m: f64,
     pub deviation_region_final_m: f64,
+    pub mean_surplus_final_m: f64,
+    pub deviation_surplus_final_m: f64,
     pub episodes: Vec<EpisodeSummary>,
 }
 
@@ -49,6 +51,8 @@ impl EpisodeStatistics {
         let [mean_score, deviation] = mean_and_deviation(&scores);
         let [mean_region_final_m, deviation_region_final_m] =
             mean_and_deviation(&of(|episode| episode.region_final_m));
+        let [mean_surplus_final_m, deviation_surplus_final_m] =
+            mean_and_deviation(&of(|episode| episode.surplus_final_m));
         Ok(Self {
             mean_score,
             deviation,
@@ -56,6 +60,8 @@ impl EpisodeStatistics {
             best_score: scores.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             mean_region_final_m,
             deviation_region_final_m,
+            mean_surplus_final_m,
+            deviation_surplus_final_m,
             episodes,
         })
     }
@@ -122,9 +128,9 @@ fn reward_curve(folder: &RunFolder, baseline: &EpisodeStatistics) -> Result<(), 
         color,
     };
     let chart = Chart {
-        title: "Distance to the tool removed in the focus region".into(),
+        title: "Share of the objective removed in the focus region".into(),
         x_label: "environment steps".into(),
-        y_label: "removed [%]".into(),
+        y_label: "score [%]".into(),
         series: vec![
             series("last 50 episodes", "mean_score", SERIES[0]),
             series("greedy policy", "greedy_score", SERIES[1]),
@@ -153,12 +159,11 @@ impl Recorder {
     /// Remembers the episode as it is now.
     pub fn watch(&mut self, draping: &Draping, points: &[PressedPoint]) {
         let state = draping.state(0);
-        let distance = draping.region_distance(&state);
         self.frames.push(FilmFrame {
             draped: draping.draped(0).clone(),
             touched: draping.touched(0).clone(),
             path: path_of(points, draping.config()),
-            caption: caption(points.len(), distance, draping.initial_distance()),
+            caption: caption(points.len(), draping, &state),
             state,
         });
     }
@@ -177,11 +182,7 @@ impl Recorder {
             draped: played.end.pressed.draped.clone(),
             touched: played.end.pressed.touched.clone(),
             path: path_of(&played.points, draping.config()),
-            caption: caption(
-                played.vertices.len(),
-                played.summary.region_final_m,
-                played.summary.region_initial_m,
-            ),
+            caption: caption(played.vertices.len(), draping, &played.end),
         };
         let stride = self.frames.len().div_ceil(FRAMES).max(1);
         let mut number = 0;
@@ -210,10 +211,12 @@ fn path_of(points: &[PressedPoint], config: &EnvConfig) -> Vec<Vec<u32>> {
         .collect()
 }
 
-fn caption(steps: usize, distance: f64, initial: f64) -> String {
+fn caption(steps: usize, draping: &Draping, state: &Snapshot) -> String {
     format!(
-        "press {steps}   D = {distance:.3} m of {initial:.3} m ({:.1} % removed)",
-        100.0 * (1.0 - distance / initial)
+        "press {steps}   D = {:.3} m   surplus {:.2} mm a yarn   score {:.1} %",
+        draping.region_distance(state),
+        1e3 * draping.region_surplus(state),
+        100.0 * draping.score(state)
     )
 }
 

@@ -112,7 +112,7 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
             score.map_or("-".into(), |score| format!("{:.2} %", 100.0 * score))
         };
         bar.set_message(format!(
-            "removed: mean {}, best {} (random {:.2} %)",
+            "score: mean {}, best {} (random {:.2} %)",
             percent(report.mean_score),
             percent(report.best_score),
             100.0 * baseline.mean_score,
@@ -185,12 +185,12 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     config.device.open().or_invalid_in(&place)?;
     let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
     let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
-    // Below a micrometre in sum there is nothing to win, and scores divide by it.
-    let initial = draping.initial_distance();
+    // Below a micrometre there is nothing to win, and scores divide by it.
+    let initial = draping.initial_objective();
     if initial < 1e-6 {
         return Err(Failure::invalid(anyhow::anyhow!(
-            "{place}: `env.region_mm` has cloth {initial} m off the tool in sum, expected a \
-             region that does not lie on it yet"
+            "{place}: `env.region_mm` has {initial} m to bring down, expected a region of cloth that \
+             does not lie on the tool yet"
         )));
     }
     let ImageShape { rows, columns } = draping.shape();
@@ -251,7 +251,7 @@ fn report(outcome: &Outcome, args: &TrainArgs) -> Result<(), Failure> {
     print(&format!(
         "{run}: {} environment steps in {:.0} s ({:.0} a second; simulation {:.0} %, inference \
          {:.0} %, update {:.0} %)\n\
-         distance removed: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{diverged}{next}",
+         score: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{diverged}{next}",
         outcome.env_steps,
         outcome.seconds,
         outcome.env_steps_per_second,

@@ -79,9 +79,10 @@ impl RunConfig {
 
     /// The defaults of a preset, on the built-in scene.
     pub fn preset(preset: TrainingPreset) -> Self {
-        let (crop, policy, ppo) = match preset {
-            TrainingPreset::Paper => (false, PolicyConfig::paper(), PpoConfig::paper()),
-            TrainingPreset::Compact => (true, PolicyConfig::compact(), PpoConfig::compact()),
+        let (paper, compact) = (EnvConfig::paper(), EnvConfig::compact());
+        let (env, policy, ppo) = match preset {
+            TrainingPreset::Paper => (paper, PolicyConfig::paper(), PpoConfig::paper()),
+            TrainingPreset::Compact => (compact, PolicyConfig::compact(), PpoConfig::compact()),
         };
         Self {
             preset,
@@ -90,10 +91,7 @@ impl RunConfig {
             environments: 32,
             device: DeviceKind::Flex,
             evaluation_interval: 2,
-            env: EnvConfig {
-                crop,
-                ..EnvConfig::default()
-            },
+            env,
             policy,
             ppo,
             scene: SceneConfig::rib(),

@@ -13,12 +13,16 @@ use drape_task::path::{PressedPoint, strokes};
 /// How an episode went.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EpisodeSummary {
-    /// 1 - D_T / D_init of the region [-].
+    /// The share of the objective that is removed, see [`drape_task::env::score`].
     pub score: f64,
     /// Summed distance of the region to the tool at the start and at the end [m].
     pub region_initial_m: f64,
     pub region_final_m: f64,
-    /// The same of the whole sheet [m].
+    /// Mean surplus of the region's yarns at the start and at the end [m], see
+    /// [`drape_cloth::scene::surplus`].
+    pub surplus_initial_m: f64,
+    pub surplus_final_m: f64,
+    /// Distance of the whole sheet [m].
     pub sheet_initial_m: f64,
     pub sheet_final_m: f64,
     /// Vertices of the region, all eight neighbours within it, that are not draped.
@@ -268,8 +272,6 @@ fn summarise(draping: &Draping, end: &Snapshot, points: &[PressedPoint]) -> Epis
     let scene = draping.scene();
     let at_start = scene.summary(&scene.initial);
     let at_end = scene.summary(end);
-    let region_initial_m = draping.initial_distance();
-    let region_final_m = draping.region_distance(end);
     let region: std::collections::BTreeSet<u32> = draping.region_vertices().collect();
     let inner = |&v: &u32| {
         let mut near = scene.lamina.neighbors(v);
@@ -281,8 +283,10 @@ fn summarise(draping: &Draping, end: &Snapshot, points: &[PressedPoint]) -> Epis
         strokes(points, join).map_or(0, |path| path.iter().filter(|p| p.starts_stroke).count());
     EpisodeSummary {
         score: draping.score(end),
-        region_initial_m,
-        region_final_m,
+        region_initial_m: draping.region_distance(&scene.initial),
+        region_final_m: draping.region_distance(end),
+        surplus_initial_m: draping.region_surplus(&scene.initial),
+        surplus_final_m: draping.region_surplus(end),
         sheet_initial_m: at_start.distance_m,
         sheet_final_m: at_end.distance_m,
         undraped_inner: region.iter().filter(|v| undraped(v) && inner(v)).count(),

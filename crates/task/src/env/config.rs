@@ -1,6 +1,7 @@
 use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
+use super::reward::Objective;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::sim::{Accuracy, Precision, Roller, Stepping};
@@ -15,6 +16,8 @@ pub struct EnvConfig {
     pub region_mm: Option<[f64; 4]>,
     /// Shows the agent the focus region only, instead of the whole blank.
     pub crop: bool,
+    /// What episodes are judged by and rewarded for.
+    pub objective: Objective,
     /// Side of the square stencil [mm].
     pub stencil_mm: f64,
     /// A touched vertex nearer to the tool than this is draped [mm].
@@ -49,9 +52,10 @@ impl Default for EnvConfig {
         Self {
             region_mm: None,
             crop: false,
+            objective: Objective::default(),
             stencil_mm: 18.0,
             drape_threshold_mm: 1.0,
-            drape_strain: 0.01,
+            drape_strain: 0.03,
             press_s: 1.0 / 60.0,
             press_mpa: 1.0,
             press_speed: 4.0,
@@ -76,6 +80,22 @@ pub struct Region {
 }
 
 impl EnvConfig {
+    /// The paper's: the agent sees the whole blank and brings down its distance to the tool.
+    pub fn paper() -> Self {
+        Self {
+            objective: Objective::Distance,
+            ..Self::default()
+        }
+    }
+
+    /// The agent sees its region only.
+    pub fn compact() -> Self {
+        Self {
+            crop: true,
+            ..Self::default()
+        }
+    }
+
     /// How finely episodes are stepped: a rate that is given, else that of the accuracy.
     pub fn stepping(&self) -> Stepping {
         let named = self.accuracy.stepping();

@@ -57,9 +57,9 @@ impl Draping {
         &self.task.scene
     }
 
-    /// Summed distance to the tool of the region at the start [m].
-    pub fn initial_distance(&self) -> f64 {
-        self.task.initial_distance
+    /// The objective at the start [m].
+    pub fn initial_objective(&self) -> f64 {
+        self.task.initial
     }
 
     /// Summed distance to the tool of the region [m].
@@ -69,7 +69,12 @@ impl Draping {
 
     /// How well presses that have ended in `state` were done, see [`score`].
     pub fn score(&self, state: &Snapshot) -> f64 {
-        score(self.initial_distance(), self.region_distance(state))
+        score(self.task.initial, self.task.objective(state))
+    }
+
+    /// Surplus of the region, see [`drape_cloth::scene::surplus`] [m].
+    pub fn region_surplus(&self, state: &Snapshot) -> f64 {
+        self.task.surplus(state)
     }
 
     /// Vertices of the region, ascending.
@@ -160,20 +165,20 @@ impl Draping {
         };
         let state = OnceCell::new();
         let state = || state.get_or_init(|| self.cloth.snapshot(index));
-        let distance = || task.distance(state());
+        let left = || task.objective(state());
         let reward = task.reward.of(&Taken {
             config: &task.config,
             end,
             steps: slot.actions.len(),
-            initial_distance: task.initial_distance,
-            distance: &distance,
+            initial: task.initial,
+            left: &left,
         });
         slot.total_reward += reward;
         let episode = end.map(|end| Episode {
             end,
             actions: slot.actions.clone(),
             total_reward: slot.total_reward,
-            score: finite.then(|| score(task.initial_distance, distance())),
+            score: finite.then(|| score(task.initial, left())),
             last: slot.observation.clone(),
         });
         if episode.is_some() {
@@ -202,7 +207,7 @@ impl Tasks for Draping {
     }
 
     fn reward_scale(&self) -> f32 {
-        self.task.initial_distance as f32
+        self.task.initial as f32
     }
 
     fn observation(&self, index: usize) -> &Observation {

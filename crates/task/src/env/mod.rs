@@ -13,5 +13,5 @@ mod task;
 pub use config::{EnvConfig, Region};
 pub use draping::Draping;
 pub use replay::ReplayDiverged;
-pub use reward::{Reward, Taken, Term, score};
+pub use reward::{Objective, Reward, Taken, Term, score};
 pub use task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};

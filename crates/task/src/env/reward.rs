@@ -1,11 +1,25 @@
 //! What a step earns and what an episode is worth.
 //!
 //! The *reward* is what learning is driven by: a sum of terms, each step. The *score* is what an
-//! episode is judged by, whatever it has earned: the share of the region's distance to the tool
-//! that it has removed.
+//! episode is judged by, whatever it has earned: the share of the [`Objective`] that it has removed.
+
+use serde::{Deserialize, Serialize};
 
 use super::config::EnvConfig;
 use super::task::End;
+
+/// What presses are to bring down, in the focus region [m].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Objective {
+    /// The sum of its vertices' distances to the tool, as in the paper. Cloth that is crushed on
+    /// the tool counts as well laid.
+    Distance,
+    /// The mean distance of its vertices and the mean surplus of its yarns (see
+    /// [`drape_cloth::scene::surplus`]): what stands off the tool and what is crushed on it.
+    #[default]
+    Surplus,
+}
 
 /// A step that has been taken, as the terms of the reward see it.
 pub struct Taken<'a> {
@@ -15,19 +29,19 @@ pub struct Taken<'a> {
     pub end: Option<End>,
     /// Steps of the episode so far, this one included.
     pub steps: usize,
-    /// Summed distance of the region to the tool at the start [m].
-    pub initial_distance: f64,
-    pub(super) distance: &'a dyn Fn() -> f64,
+    /// The objective at the start [m].
+    pub initial: f64,
+    pub(super) left: &'a dyn Fn() -> f64,
 }
 
 impl Taken<'_> {
-    /// Summed distance of the region to the tool after the step [m]; computed when asked for.
-    pub fn distance(&self) -> f64 {
-        (self.distance)()
+    /// The objective after the step [m]; computed when asked for.
+    pub fn left(&self) -> f64 {
+        (self.left)()
     }
 }
 
-/// One term of the reward, in the unit of a distance [m].
+/// One term of the reward, in the unit of the objective [m].
 pub type Term = fn(&Taken) -> f64;
 
 /// The terms of the reward. A step in which the simulation diverges earns nothing.
@@ -56,16 +70,16 @@ impl Reward {
     }
 }
 
-/// The distance that an episode has removed, when it is over.
+/// What an episode has removed of the objective, when it is over.
 fn removed_in_the_end(step: &Taken) -> f64 {
     match step.end {
-        Some(End::Terminated) => step.initial_distance - step.distance(),
+        Some(End::Terminated) => step.initial - step.left(),
         _ => 0.0,
     }
 }
 
-/// The share of the region's distance to the tool that is removed, at most 1; below 0 where there
-/// is more than at the start.
-pub fn score(initial_distance: f64, distance: f64) -> f64 {
-    1.0 - distance / initial_distance
+/// The share of the objective that is removed, at most 1; below 0 where there is more than at the
+/// start.
+pub fn score(initial: f64, left: f64) -> f64 {
+    1.0 - left / initial
 }

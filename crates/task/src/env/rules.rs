@@ -6,10 +6,10 @@ use std::sync::Arc;
 use fixedbitset::FixedBitSet;
 
 use super::config::{EnvConfig, Region};
-use super::reward::Reward;
+use super::reward::{Objective, Reward};
 use super::task::{ImageShape, Observation};
 use drape_cloth::file::ValueError;
-use drape_cloth::scene::Scene;
+use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::sim::{Backend, Control, Cpu, Pressed, Snapshot, Stencil, World};
 
 /// Solves of the yarns' lengths in a substep under the roller, which pulls on all that it presses
@@ -29,8 +29,8 @@ pub(super) struct Task {
     pub reward: Reward,
     /// The state after a reset.
     pub start: Slot,
-    /// Summed distance of the region at the start [m].
-    pub initial_distance: f64,
+    /// The objective at the start [m].
+    pub initial: f64,
 }
 
 /// One environment, without its cloth.
@@ -80,7 +80,7 @@ impl Task {
                 finished: None,
             },
             reward: Reward::default(),
-            initial_distance: 0.0,
+            initial: 0.0,
             scene,
             config: config.clone(),
             region,
@@ -98,7 +98,7 @@ impl Task {
         let cloth = task.cloth(1);
         let distances = cloth.distances(&task.seen);
         task.start.observation = task.observe(&cloth.pressed()[0], &distances);
-        task.initial_distance = task.distance(&cloth.snapshot(0));
+        task.initial = task.objective(&cloth.snapshot(0));
         Ok(task)
     }
 
@@ -157,6 +157,23 @@ impl Task {
         let position = |v: u32| state.position[v as usize];
         let distance = |v| self.scene.tool.distance(position(v)).0.max(0.0);
         self.vertices().map(distance).sum()
+    }
+
+    /// Surplus of the region, see [`surplus`] [m].
+    pub fn surplus(&self, state: &Snapshot) -> f64 {
+        let Scene { lamina, tool, .. } = &*self.scene;
+        surplus(lamina, tool, &state.position, &self.region.vertices)
+    }
+
+    /// What episodes are judged by [m].
+    pub fn objective(&self, state: &Snapshot) -> f64 {
+        match self.config.objective {
+            Objective::Distance => self.distance(state),
+            Objective::Surplus => {
+                let count = self.region.vertices.count_ones(..) as f64;
+                self.distance(state) / count + self.surplus(state)
+            }
+        }
     }
 
     /// The agent's view: zero outside the focus region and where the blank has been cut away.
