@@ -145,7 +145,7 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Deck {
         },
     };
     let clamped: Vec<u32> = scene.initial.fixed.ones().map(|v| v as u32).collect();
-    let (deck, _) = DrapingDeck {
+    DrapingDeck {
         title: "woven lamina on a tool, pressed along a draping path",
         lamina: &drape.mesh(),
         yarns: &yarns,
@@ -157,6 +157,5 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Deck {
         pressure: PRESSURE,
         gravity: physics.gravity,
     }
-    .deck(dialect);
-    deck
+    .deck(dialect)
 }

@@ -155,8 +155,6 @@ impl Recorder {
         let state = draping.state(0);
         let distance = draping.region_distance(&state);
         self.frames.push(FilmFrame {
-            draped: draping.draped(0).clone(),
-            touched: draping.touched(0).clone(),
             path: path_of(points, draping.config()),
             caption: caption(points.len(), distance, draping.initial_distance()),
             state,
@@ -174,8 +172,6 @@ impl Recorder {
         let scene = draping.scene();
         let end = FilmFrame {
             state: played.end.clone(),
-            draped: played.end.pressed.draped.clone(),
-            touched: played.end.pressed.touched.clone(),
             path: path_of(&played.points, draping.config()),
             caption: caption(
                 played.vertices.len(),
