@@ -234,6 +234,10 @@ impl SceneConfig {
             for moved in clamp.move_mm {
                 ValueError::unless_within(&key("move_mm"), moved, FAR_MM)?;
             }
+            let has_time = fall.frames()[0] > 0 || clamp.move_mm == [0.0; 3];
+            let found = format!("{:?}", clamp.move_mm);
+            let expected = "no displacement where `fall.fall_s` is less than half of 1/60 s";
+            ValueError::unless(has_time, &key("move_mm"), found, expected)?;
         }
         Ok(())
     }
