@@ -48,12 +48,12 @@ pub struct CompareArgs {
     out: Option<PathBuf>,
 
     /// Distance at the ends of the colours [mm]; not given, what 95 % of the area keep within
-    #[arg(long, value_name = "MM", value_parser = positive)]
+    #[arg(long, value_name = "MM", value_parser = positive, requires = "out")]
     range: Option<f64>,
 
-    /// Metres per unit of STL files
-    #[arg(long, value_name = "METRES", value_parser = positive, default_value_t = 1e-3)]
-    scale: f64,
+    /// Metres per unit of STL files; 0.001 if not given
+    #[arg(long, value_name = "METRES", value_parser = positive)]
+    scale: Option<f64>,
 
     /// Print one JSON object instead of text
     #[arg(long)]
@@ -108,6 +108,10 @@ enum Kind {
 pub fn run(args: CompareArgs) -> Result<(), Failure> {
     if let Some(file) = &args.out {
         check_writable(file)?;
+    }
+    if args.scale.is_some() && !is_stl(&args.a) && !is_stl(&args.b) {
+        let error = anyhow!("--scale is for STL files, found none, expected A or B to be one");
+        return Err(Failure::invalid(error));
     }
     let (a, a_scene, a_kind) = survey(&args.a, &args)?;
     let (b, b_scene, b_kind) = survey(&args.b, &args)?;
@@ -183,12 +187,13 @@ fn text(report: &Report) -> String {
     lines.join("\n").trim_end().into()
 }
 
+fn is_stl(path: &Path) -> bool {
+    let extension = path.extension();
+    extension.is_some_and(|extension| extension.eq_ignore_ascii_case("stl"))
+}
+
 /// The drape at `path`, with its scene if it is a run.
 fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, Kind), Failure> {
-    let is_stl = |path: &Path| {
-        let extension = path.extension();
-        extension.is_some_and(|extension| extension.eq_ignore_ascii_case("stl"))
-    };
     let (surveyed, scene, kind) = if path.is_dir() {
         let loaded = Loaded::open(path, args.json)?;
         let (played, ..) = loaded.play(EpisodeSource::Sequence)?;
@@ -196,7 +201,7 @@ fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, K
         let scene = (*loaded.scene).clone();
         (Surveyed::draped(drape), Some(scene), Kind::Run)
     } else if is_stl(path) {
-        let stl = read_stl(path, args.scale).or_invalid()?;
+        let stl = read_stl(path, args.scale.unwrap_or(1e-3)).or_invalid()?;
         if let Some(size) = absurd(extent(stl.mesh.vertices.iter().copied())) {
             eprintln!("warning: {} measures {size}: check --scale", path.display());
         }

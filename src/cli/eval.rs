@@ -206,6 +206,13 @@ impl Loaded {
         };
         let (played, agent) = match source {
             EpisodeSource::Sequence => {
+                if !place.exists() {
+                    return Err(Failure::invalid(anyhow!(
+                        "{} has no best sequence, as every episode has diverged or none has \
+                         ended: resume the run, or train a new one",
+                        self.folder.path().display()
+                    )));
+                }
                 let best = self.folder.read_best_sequence()?;
                 best.check_config(&self.folder.config_text()?)
                     .map_err(|fault| Failure::invalid(anyhow!("{}: {fault}", place.display())))?;

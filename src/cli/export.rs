@@ -5,11 +5,12 @@ use serde::Serialize;
 
 use super::Failure;
 use super::eval::{EpisodeSource, Loaded};
+use super::failure::OrInvalid;
 use super::result::path;
 use drape_cloth::fabric::{Curve, Drape, Family};
-use drape_cloth::file::check_writable;
+use drape_cloth::file::{ValueError, check_writable};
 use drape_cloth::math::Vec3;
-use drape_cloth::sim::BendingStiffness;
+use drape_cloth::sim::{Bending, BendingStiffness};
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
 use drape_task::path::{DrapingPoint, write_csv, write_json};
 
@@ -77,8 +78,8 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
     match args.format {
         Format::Json => write_json(&file, &points)?,
         Format::Csv => write_csv(&file, &points)?,
-        Format::Calculix => deck(&loaded, &points, Dialect::Calculix).write(&file)?,
-        Format::Abaqus => deck(&loaded, &points, Dialect::Abaqus).write(&file)?,
+        Format::Calculix => deck(&loaded, &points, Dialect::Calculix)?.write(&file)?,
+        Format::Abaqus => deck(&loaded, &points, Dialect::Abaqus)?.write(&file)?,
     }
     let report = Report {
         points: points.len(),
@@ -104,7 +105,7 @@ const PRESSURE: f64 = 1e6;
 /// The lamina as it lies before the first press, with the presses of `points`. Under the
 /// stencil are the triangles whose middle is, on the flat blank, within half of its side of the
 /// pressed vertex.
-fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Deck {
+fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<Deck, Failure> {
     let scene = &loaded.scene;
     let (lamina, material) = (&scene.lamina, &scene.lamina.material);
     let drape = Drape::new(lamina, &scene.initial.position);
@@ -134,9 +135,12 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Deck {
         tension: [&material.warp, &material.weft].map(|law| points(&law.tension)),
         compression: [&material.warp, &material.weft].map(|law| points(&law.compression)),
         shear: [&material.shear.positive, &material.shear.negative].map(points),
-        bending: [Family::Warp, Family::Weft].map(|family| match physics.bending_stiffness {
-            BendingStiffness::Material => material.bending_stiffness(family),
-            BendingStiffness::NewtonMetre(stiffness) => stiffness,
+        bending: [Family::Warp, Family::Weft].map(|family| {
+            match (physics.bending, physics.bending_stiffness) {
+                (Bending::Off, _) => 0.0,
+                (_, BendingStiffness::Material) => material.bending_stiffness(family),
+                (_, BendingStiffness::NewtonMetre(stiffness)) => stiffness,
+            }
         }),
         friction: if physics.friction {
             material.friction()
@@ -144,8 +148,17 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Deck {
             [0.0; 2]
         },
     };
+    if dialect == Dialect::Calculix && !fabric.elastic_thickness().is_normal() {
+        let (key, found) = match physics.bending {
+            Bending::Off => ("physics.bending", "off".into()),
+            _ => ("physics.bending_stiffness", fabric.bending[0].to_string()),
+        };
+        let expected = "bending that gives the elastic shell of CalculiX a thickness";
+        let place = loaded.folder.config().display().to_string();
+        return Err(ValueError::new(key, found, expected)).or_invalid_in(place);
+    }
     let clamped: Vec<u32> = scene.initial.fixed.ones().map(|v| v as u32).collect();
-    let (deck, _) = DrapingDeck {
+    Ok(DrapingDeck {
         title: "woven lamina on a tool, pressed along a draping path",
         lamina: &drape.mesh(),
         yarns: &yarns,
@@ -157,6 +170,5 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Deck {
         pressure: PRESSURE,
         gravity: physics.gravity,
     }
-    .deck(dialect);
-    deck
+    .deck(dialect))
 }

@@ -1,6 +1,5 @@
 //! What a state of a scene looks like: the pictures and films of all commands.
 
-use fixedbitset::FixedBitSet;
 use rayon::prelude::*;
 
 use std::path::Path;
@@ -42,9 +41,6 @@ pub enum View {
 #[derive(Clone, Debug)]
 pub struct FilmFrame {
     pub state: Snapshot,
-    /// One bit a vertex of the blank.
-    pub draped: FixedBitSet,
-    pub touched: FixedBitSet,
     /// Vertices that the stencil has pressed so far, in order, stroke by stroke.
     pub path: Vec<Vec<u32>>,
     /// Text below the picture; should fit one line.
@@ -96,9 +92,9 @@ impl<'a> Studio<'a> {
     /// draped, free), with the path of the stencil over it.
     pub fn progress(&self, frame: &FilmFrame) -> Image {
         let color = |v: usize| {
-            if frame.draped.contains(v) {
+            if frame.state.pressed.draped.contains(v) {
                 DRAPED
-            } else if frame.touched.contains(v) {
+            } else if frame.state.pressed.touched.contains(v) {
                 TOUCHED
             } else {
                 CLOTH
@@ -176,6 +172,7 @@ mod tests {
     use super::*;
     use drape_cloth::fabric::BlankConfig;
     use drape_cloth::scene::{Fall, SceneConfig};
+    use fixedbitset::FixedBitSet;
 
     /// A coarse blank flat over the middle of the rib's plate, which nothing has moved.
     fn scene() -> Scene {
@@ -202,10 +199,10 @@ mod tests {
             bits.extend(set.iter().copied());
             bits
         };
+        let mut state = Snapshot::clone(&scene.initial);
+        (state.pressed.draped, state.pressed.touched) = (bits(draped), bits(touched));
         FilmFrame {
-            state: Snapshot::clone(&scene.initial),
-            draped: bits(draped),
-            touched: bits(touched),
+            state,
             path: vec![path.to_vec()],
             caption: "step 1".into(),
         }

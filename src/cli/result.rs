@@ -160,8 +160,6 @@ impl Recorder {
     pub fn watch(&mut self, draping: &Draping, points: &[PressedPoint]) {
         let state = draping.state(0);
         self.frames.push(FilmFrame {
-            draped: draping.draped(0).clone(),
-            touched: draping.touched(0).clone(),
             path: path_of(points, draping.config()),
             caption: caption(points.len(), draping, &state),
             state,
@@ -179,8 +177,6 @@ impl Recorder {
         let scene = draping.scene();
         let end = FilmFrame {
             state: played.end.clone(),
-            draped: played.end.pressed.draped.clone(),
-            touched: played.end.pressed.touched.clone(),
             path: path_of(&played.points, draping.config()),
             caption: caption(played.vertices.len(), draping, &played.end),
         };

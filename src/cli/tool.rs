@@ -1,12 +1,13 @@
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Error, anyhow};
+use anyhow::{Context, Error, anyhow, ensure};
 use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
 use super::output::{print, print_json};
+use drape_cloth::file::{ReadError, parse_toml};
 use drape_cloth::mesh::write_stl;
 use drape_cloth::tool::{GridConfig, GridError, Shape, Tool};
 
@@ -82,23 +83,21 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
 
 /// A shape with the values of `set` in place of its own.
 fn shape(name: &str, set: &[String]) -> Result<Shape, Error> {
-    let mut table = toml::Table::new();
-    table.insert("kind".into(), name.into());
-    let _: Shape = table.clone().try_into().context("SHAPE")?;
+    let kind = toml::Table::from_iter([("kind".to_owned(), name.into())]);
+    let _: Shape = kind.clone().try_into().context("SHAPE")?;
+    let parse = |pairs: &[String]| {
+        // The line of an error without a place is the first: it must not be quoted.
+        let text = format!("\n{kind}\n{}", pairs.join("\n"));
+        parse_toml(&text, Path::new("")).map_err(|error| match error {
+            ReadError::Fault { fault, .. } => anyhow!("--set {}: {fault}", pairs.join(" --set ")),
+            error => error.into(),
+        })
+    };
     for pair in set {
-        let (key, value) = pair
-            .split_once('=')
-            .ok_or_else(|| anyhow!("--set {pair}: expected KEY=VALUE"))?;
-        let (key, value) = (key.trim(), value.trim());
-        let value: toml::Value = value
-            .parse()
-            .map_err(|_| anyhow!("--set {pair}: `{value}` is no TOML value"))?;
-        if table.insert(key.into(), value).is_some() {
-            return Err(anyhow!("--set {key}: given already"));
-        }
+        ensure!(pair.contains('='), "--set {pair}: expected KEY=VALUE");
+        let _: Shape = parse(std::slice::from_ref(pair))?;
     }
-    let sets = || format!("--set {}", set.join(" --set "));
-    table.try_into().with_context(sets)
+    parse(set)
 }
 
 impl Report {

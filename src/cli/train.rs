@@ -56,7 +56,12 @@ pub struct TrainArgs {
     accuracy: Option<Accuracy>,
 
     /// Folder that holds the runs
-    #[arg(long, value_name = "DIR", default_value = "runs")]
+    #[arg(
+        long,
+        value_name = "DIR",
+        default_value = "runs",
+        conflicts_with = "resume"
+    )]
     runs: PathBuf,
 
     /// Print one JSON object instead of text

@@ -7,7 +7,7 @@ use toml::de::{DeTable, DeValue, Deserializer, ValueDeserializer};
 use toml::{Spanned, Table, Value};
 
 use super::folder::read_text;
-use drape_cloth::file::{ValueError, parse_toml_with};
+use drape_cloth::file::{ValueError, parse_toml_with, refuse_lists};
 use drape_cloth::scene::SceneConfig;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
@@ -117,11 +117,11 @@ impl RunConfig {
         let mut table: Table = toml::from_str(&text).expect("TOML reads back");
         let base = Table::try_from(Self::preset(self.preset)).expect("a preset is a table");
         let mut any = false;
-        for section in OPTIONAL_SECTIONS {
-            if let (Some(Value::Table(own)), Some(Value::Table(base))) =
-                (table.get_mut(section), base.get(section))
-            {
-                any |= switch_off(own, base);
+        for (section, key) in OPTIONAL {
+            let own = table[section].as_table_mut().expect("a section is a table");
+            if base[section].get(key).is_some() && !own.contains_key(key) {
+                own.insert(key.into(), "off".into());
+                any = true;
             }
         }
         match any {
@@ -149,7 +149,12 @@ impl RunConfig {
     /// What `text` gives, and for the rest its preset.
     fn over_preset(text: &str) -> Result<Self, toml::de::Error> {
         // Numbers that TOML does not have are refused, though some would fit.
-        toml::from_str::<Table>(text)?;
+        let all = Value::Table(toml::from_str(text)?);
+        refuse_lists(&all, "", &TABLES).map_err(toml::de::Error::custom)?;
+        if let Some(scene) = all.get("scene") {
+            let lists = refuse_lists(scene, "", &SceneConfig::TABLES);
+            lists.map_err(toml::de::Error::custom)?;
+        }
         let given = DeTable::parse(text)?;
         let span = given.span();
         let given = given.into_inner();
@@ -166,9 +171,7 @@ impl RunConfig {
         let mut base = DeTable::parse(&base).expect("TOML reads back").into_inner();
         base.make_owned();
         base.remove("scene");
-        let all = Table::try_from(Self::preset(TrainingPreset::Compact));
-        refuse_lists(&given, &all.expect("a preset is a table"))?;
-        merge(&mut base, given);
+        merge(&mut base, given, "");
         Self::deserialize(Deserializer::from(Spanned::new(span, base)))
     }
 
@@ -188,38 +191,30 @@ impl RunConfig {
     }
 }
 
-/// Sections with keys that may be absent.
-const OPTIONAL_SECTIONS: [&str; 2] = ["env", "ppo"];
-
-/// Sets to `"off"` what `base` has and `table` has not, table by table; whether there was
-/// anything.
-fn switch_off(table: &mut Table, base: &Table) -> bool {
-    let mut any = false;
-    for (key, value) in base {
-        match (table.get_mut(key), value) {
-            (None, _) => {
-                table.insert(key.clone(), "off".into());
-                any = true;
-            }
-            (Some(Value::Table(table)), Value::Table(base)) => any |= switch_off(table, base),
-            _ => {}
-        }
-    }
-    any
-}
-
-/// Keys that may be absent, and so be switched off.
-const OPTIONAL: [&str; 6] = [
-    "region_mm",
-    "substep_rate",
-    "contact_rate",
-    "max_steps",
-    "max_grad_norm",
-    "imitation",
+/// Sections, and keys in them that may be absent and so be switched off.
+const OPTIONAL: [(&str, &str); 6] = [
+    ("env", "region_mm"),
+    ("env", "substep_rate"),
+    ("env", "contact_rate"),
+    ("env", "max_steps"),
+    ("ppo", "max_grad_norm"),
+    ("ppo", "imitation"),
 ];
 
-/// Puts `over` on top of `base`, table by table. `"off"` removes an optional key.
-fn merge<'i>(base: &mut DeTable<'i>, over: DeTable<'i>) {
+/// Where a configuration has tables, beside those of its scene.
+const TABLES: [&str; 7] = [
+    "env",
+    "policy",
+    "policy.network.compact",
+    "policy.network.paper",
+    "ppo",
+    "ppo.imitation",
+    "scene",
+];
+
+/// Puts `over` on top of `base`, the table `section`, table by table. `"off"` removes an optional
+/// key.
+fn merge<'i>(base: &mut DeTable<'i>, over: DeTable<'i>, section: &str) {
     for (key, value) in over {
         let name = key.get_ref().clone();
         let span = value.span();
@@ -229,31 +224,16 @@ fn merge<'i>(base: &mut DeTable<'i>, over: DeTable<'i>) {
                 // Another kind of network replaces the preset's wholly.
                 if name != "network" || above.keys().any(|key| below.contains_key(key)) =>
             {
-                merge(&mut below, above);
+                merge(&mut below, above, &name);
                 DeValue::Table(below)
             }
-            (_, DeValue::String(text)) if text == "off" && OPTIONAL.contains(&&*name) => continue,
+            (_, DeValue::String(text)) if text == "off" && OPTIONAL.contains(&(section, &name)) => {
+                continue;
+            }
             (_, value) => value,
         };
         base.insert(key, Spanned::new(span, value));
     }
-}
-
-/// Refuses lists where tables belong: the parser would take one for the values of the table, in
-/// their order.
-fn refuse_lists(given: &DeTable, like: &Table) -> Result<(), toml::de::Error> {
-    for (key, value) in given {
-        let name = key.get_ref();
-        match (value.get_ref(), like.get(&**name)) {
-            (DeValue::Table(given), Some(Value::Table(like))) => refuse_lists(given, like)?,
-            (DeValue::Array(_), Some(Value::Table(_))) => {
-                let message = format!("`{name}` is a list, expected a table");
-                return Err(toml::de::Error::custom(message));
-            }
-            _ => {}
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -360,11 +340,23 @@ mod tests {
             ),
             (
                 "preset = \"paper\"\n[[ppo.imitation]]\nsamples = 1",
-                "c.toml:1:1: `imitation` is a list, expected a table",
+                "c.toml:1:1: `ppo.imitation` is a list, expected a table",
             ),
             (
                 "[scene]\nfall = [1.0]",
                 "c.toml:1:1: `fall` is a list, expected a table",
+            ),
+            (
+                "[scene.tool]\ngrid = [4.0, nan]",
+                "c.toml:1:1: `tool.grid` is a list, expected a table",
+            ),
+            (
+                "[policy.network]\npaper = [[8, 16, 32], [256, 256]]",
+                "c.toml:1:1: `policy.network.paper` is a list, expected a table",
+            ),
+            (
+                "imitation = \"off\"",
+                "c.toml:1:1: unknown field `imitation`, expected one of",
             ),
             (
                 "[env]\nacuracy = \"fast\"",

@@ -247,11 +247,14 @@ impl RunFolder {
         write_json(&self.best_sequence(), sequence)
     }
 
-    /// Reads the best sequence and checks that its vertices are on its grid.
+    /// Reads the best sequence and checks that it has vertices and that they are on its grid.
     pub fn read_best_sequence(&self) -> Result<BestSequence> {
         let path = self.best_sequence();
         let sequence: BestSequence = serde_json::from_str(&read_text(&path)?)
             .with_context(|| format!("{} is damaged", path.display()))?;
+        if sequence.vertices.is_empty() {
+            bail!("{} has no vertices, expected one or more", path.display());
+        }
         let count = sequence.grid.pixel_count();
         if let Some(vertex) = sequence.vertices.iter().find(|&&v| v as usize >= count) {
             bail!(

@@ -184,7 +184,7 @@ impl Training {
     }
 
     /// Plays one greedy episode. A policy better than every one before is kept. As in training
-    /// an episode that was cut off has no score.
+    /// an episode that diverged has no score.
     fn evaluate(&mut self) -> Result<Option<f64>> {
         let agent = self.trainer.agent();
         self.evaluation.reset(0);

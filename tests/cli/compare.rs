@@ -170,6 +170,10 @@ fn what_cannot_be_compared_is_refused_in_one_line() {
         (&["a.json", "bad.stl"], &["bad.stl: truncated"]),
         (&["empty", "a.json"], &["empty is not a run folder"]),
         (
+            &["a.json", "a.json", "--scale", "7"],
+            &["--scale is for STL files, found none"],
+        ),
+        (
             &["a.json", "a.json", "--config", "none.toml"],
             &["cannot read none.toml"],
         ),
@@ -195,6 +199,8 @@ fn what_cannot_be_compared_is_refused_in_one_line() {
         ("--region", "3,2,1,4"),
         ("--region", "0,0,nan,4"),
         ("--range", "0"),
+        // Of a picture that nobody asked for.
+        ("--range", "3"),
     ] {
         let output = drape(path, &["compare", "a.json", "a.json", option, value]);
         assert_eq!(output.status.code(), Some(2), "{option} {value}");

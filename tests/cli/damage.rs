@@ -258,6 +258,11 @@ fn damaged_sequences_and_metrics_are_located() {
             &["best_sequence.json is damaged: EOF"][..],
         ),
         (
+            with(&[]),
+            1,
+            &["best_sequence.json has no vertices, expected one or more"],
+        ),
+        (
             with(&[9999.into()]),
             1,
             &["best_sequence.json presses vertex 9999, expected one below "],
@@ -288,6 +293,14 @@ fn damaged_sequences_and_metrics_are_located() {
         for args in [&["eval", "runs/a", "--sequence"][..], &["export", "runs/a"]] {
             assert_failure(&drape(path, args), code, words);
         }
+    }
+    fs::remove_file(&file).unwrap();
+    for args in [
+        &["eval", "runs/a", "--sequence"][..],
+        &["export", "runs/a"],
+        &["compare", "runs/a", "runs/a"],
+    ] {
+        assert_failure(&drape(path, args), 2, &["runs/a has no best sequence, as"]);
     }
     fs::write(&file, text).unwrap();
 

@@ -74,10 +74,9 @@ fn checkpoints_play_as_they_did_in_training() {
             default["random"]["mean_score"]
         );
         let random = &report["random"];
-        let below =
-            number(&random["mean_region_final_m"]) - number(&report["episode"]["region_final_m"]);
-        let below = below / number(&random["deviation_region_final_m"]);
-        assert!((number(&report["deviations_below_random"]) - below).abs() < 1e-12);
+        let above = number(&report["episode"]["score"]) - number(&random["mean_score"]);
+        let above = above / number(&random["deviation"]);
+        assert!((number(&report["deviations_above_random"]) - above).abs() < 1e-12);
         assert!(report.get("sampled").is_none());
         let score = number(&report["episode"]["score"]);
         assert!(

@@ -1,4 +1,4 @@
-use super::run::trained;
+use super::run::{CONFIG, train, trained};
 use super::*;
 
 /// Lines of the data of the first card that begins with `card`.
@@ -54,4 +54,24 @@ fn decks_hold_lamina_clamps_and_presses() {
     pressed.dedup();
     assert_eq!(pressed.len(), total);
     assert!(abaqus.contains("*FABRIC") && !calculix.contains("*FABRIC"));
+}
+
+/// The elastic shell of CalculiX has its thickness from bending, the fabric of Abaqus has not.
+#[test]
+fn calculix_needs_bending() {
+    let folder = folder();
+    let path = folder.path();
+    let config = CONFIG.replace("steps = 240", "steps = 80");
+    for [key, value, found] in [
+        ["bending", "\"off\"", "off"],
+        ["bending_stiffness", "{ newton_metre = 0 }", "0"],
+    ] {
+        let config = format!("{config}[scene.physics]\n{key} = {value}\n");
+        train(path, &config, key);
+        let run = format!("runs/{key}");
+        let output = drape(path, &["export", &run, "--format", "calculix"]);
+        let word = format!("{run}/config.toml: `physics.{key}` is {found}, expected bending");
+        assert_failure(&output, 2, &[&word]);
+        stdout(path, &["export", &run, "--format", "abaqus"]);
+    }
 }

@@ -167,6 +167,10 @@ fn invalid_scenes_are_refused_before_anything_is_written() {
             &["scene.toml: `physics` is a list, expected a table"],
         ),
         (
+            "clamps = [[[0, 0], 1.0, [0, 0, 1e9]]]\n[tool]",
+            &["scene.toml: `clamps[]` is a list, expected a table"],
+        ),
+        (
             "[tool.source.shape]\nkind = \"hemisphere\"\n[placement]\nheight_mm = 10\ntilt_deg = 0",
             &[
                 "scene.toml: `placement.height_mm` is 10, expected",
@@ -241,7 +245,7 @@ fn values_out_of_range_are_located() {
         ),
         (
             "[tool.grid]\nspacing_mm = 0.01",
-            &["grid of", "increase grid.spacing_mm"],
+            &["grid of", "increase `tool.grid.spacing_mm`"],
         ),
         (
             "[tool.source.shape]\nkind = \"plate\"\nbase_mm = inf",

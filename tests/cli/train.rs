@@ -146,8 +146,10 @@ fn accuracy_is_resolved_in_the_configuration_of_the_run() {
     assert_ne!(key, default);
     assert_eq!(balanced, default);
     json(path, &["eval", "runs/key", "--episodes", "1", "--json"]);
-    let args = ["train", "--resume", "runs/key", "--accuracy", "fast"];
-    assert_eq!(drape(path, &args).status.code(), Some(2));
+    for [option, value] in [["--accuracy", "fast"], ["--runs", "runs"]] {
+        let args = ["train", "--resume", "runs/key", option, value];
+        assert_eq!(drape(path, &args).status.code(), Some(2));
+    }
 }
 
 #[test]

@@ -136,7 +136,8 @@ pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
         })
     });
     if contours[0].is_none() {
-        missing(&["contour_mm"], "a surface has no border");
+        let metrics = ["contour_a_to_b_mm", "contour_b_to_a_mm"];
+        missing(&metrics, "a surface has no border");
     }
 
     let feet = [a.feet(b), b.feet(a)];

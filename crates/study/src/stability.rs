@@ -48,7 +48,7 @@ pub use trial::{Outcome, THRESHOLD};
   drape study stability --quick --sweep compliance --sweep impact --out soft
   drape study stability --out study --json > study.json")]
 pub struct Stability {
-    /// Sample the sweeps coarsely: about 15 s on two cores instead of some minutes
+    /// Sample the sweeps coarsely: about 15 s on two cores instead of about a minute
     #[arg(long)]
     quick: bool,
 

@@ -12,6 +12,6 @@ mod value;
 mod write;
 
 pub use read::{ReadError, read_bytes};
-pub use toml::{parse_toml, parse_toml_with, read_toml};
+pub use toml::{parse_toml, parse_toml_with, read_toml, refuse_lists};
 pub use value::ValueError;
 pub use write::{WriteError, check_writable, write_atomic};

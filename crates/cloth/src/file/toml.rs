@@ -1,6 +1,7 @@
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
+use toml::Value;
 
 use super::read::{ReadError, read_bytes};
 
@@ -57,6 +58,23 @@ pub fn parse_toml_with<T>(
             fault: message,
         }
     })
+}
+
+/// Refuses a list at `path` or below where `tables` has a table: the parser would take it for the
+/// values of the table, in their order. `a[]` are the elements of the list `a`.
+pub fn refuse_lists(value: &Value, path: &str, tables: &[&str]) -> Result<(), String> {
+    let below = |value, path: String| refuse_lists(value, &path, tables);
+    match value {
+        Value::Array(_) if tables.contains(&path) => {
+            Err(format!("`{path}` is a list, expected a table"))
+        }
+        Value::Array(list) => (list.iter()).try_for_each(|value| below(value, format!("{path}[]"))),
+        Value::Table(table) => (table.iter()).try_for_each(|(key, value)| match path {
+            "" => below(value, key.clone()),
+            _ => below(value, format!("{path}.{key}")),
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// What stands for a value of the wrong type where the parser says that it wants a name.

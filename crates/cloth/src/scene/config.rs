@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::fabric::{BlankConfig, BlankError, Material};
-use crate::file::{ReadError, ValueError, read_toml};
+use crate::file::{ReadError, ValueError, read_toml, refuse_lists};
 use crate::sim::{PhysicsConfig, Stepping};
 use crate::tool::{Source, ToolConfig, ToolError};
 
@@ -152,6 +152,20 @@ pub enum SceneError {
 const RIB: &str = include_str!("../../../../configs/scenes/rib.toml");
 
 impl SceneConfig {
+    /// Where a scene file has tables, for [`refuse_lists`].
+    pub const TABLES: [&str; 10] = [
+        "tool",
+        "tool.source.shape",
+        "tool.source.stl",
+        "tool.pose",
+        "tool.grid",
+        "blank",
+        "placement",
+        "fall",
+        "clamps[]",
+        "physics",
+    ];
+
     /// The built-in scene: the paper's rib with two wrinkles.
     pub fn rib() -> Self {
         toml::from_str(RIB).expect("the built-in scene is valid")
@@ -159,14 +173,8 @@ impl SceneConfig {
 
     /// Reads a scene file. Paths in it count from the folder of the file.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
-        let table: toml::Table = read_toml(path)?;
-        for key in ["tool", "blank", "placement", "fall", "physics"] {
-            // The parser would take the list for the values of the table, in their order.
-            if let Some(toml::Value::Array(_)) = table.get(key) {
-                let fault = format!("`{key}` is a list, expected a table");
-                return Err(ReadError::fault(path, fault).into());
-            }
-        }
+        refuse_lists(&read_toml(path)?, "", &Self::TABLES)
+            .map_err(|fault| ReadError::fault(path, fault))?;
         let mut scene: Self = read_toml(path)?;
         scene.resolve(path.parent().unwrap_or(Path::new("")));
         Ok(scene)
@@ -226,6 +234,10 @@ impl SceneConfig {
             for moved in clamp.move_mm {
                 ValueError::unless_within(&key("move_mm"), moved, FAR_MM)?;
             }
+            let has_time = fall.frames()[0] > 0 || clamp.move_mm == [0.0; 3];
+            let found = format!("{:?}", clamp.move_mm);
+            let expected = "no displacement where `fall.fall_s` is less than half of 1/60 s";
+            ValueError::unless(has_time, &key("move_mm"), found, expected)?;
         }
         Ok(())
     }

@@ -71,6 +71,7 @@ fn clamps_end_where_they_are_told() {
 #[test]
 fn placement_tilts_about_the_lowest_edge() {
     let mut config = coarse();
+    config.clamps.clear();
     config.fall.fall_s = 0.0;
     config.fall.settle_s = 0.0;
     config.placement = Placement {
@@ -150,6 +151,11 @@ fn impossible_scenes_are_refused_with_key_found_and_expected() {
         "`clamps[0].move_mm` is NaN, expected a number from -10000 to 10000",
     );
     refuse(
+        |c| c.fall.fall_s = 0.008,
+        "`clamps[0].move_mm` is [24.0, 0.0, 0.0], expected no displacement where `fall.fall_s` is \
+         less than half of 1/60 s",
+    );
+    refuse(
         |c| c.fall.contact_rate = 0.0,
         "`fall.contact_rate` is 0, expected a number from 1 to 1000000",
     );
@@ -187,6 +193,7 @@ fn unknown_keys_are_refused_and_paths_count_from_the_file() {
 fn wrinkles_are_patches_that_run_out_over_the_border() {
     let mut config = coarse();
     config.blank.vertices = [20, 20];
+    config.clamps.clear();
     config.fall.fall_s = 0.0;
     config.fall.settle_s = 0.0;
     let lamina = Scene::new(&config, |_| {}).unwrap().lamina;

@@ -14,7 +14,7 @@ pub enum ToolError {
     Orientation(#[from] OrientationFault),
     #[error(
         "a grid of {} x {} x {} nodes at spacing {spacing_mm} mm is too large, expected at most \
-         {limit} nodes; increase grid.spacing_mm, or check the size of the tool",
+         {limit} nodes: increase `tool.grid.spacing_mm`, or check the size of the tool",
         dims[0], dims[1], dims[2]
     )]
     GridTooLarge {

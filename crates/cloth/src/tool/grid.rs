@@ -348,7 +348,7 @@ mod tests {
         assert_eq!(
             error(0.5).unwrap().to_string(),
             "a grid of 1081 x 1001 x 281 nodes at spacing 0.5 mm is too large, expected at most \
-             67108864 nodes; increase grid.spacing_mm, or check the size of the tool"
+             67108864 nodes: increase `tool.grid.spacing_mm`, or check the size of the tool"
         );
         for spacing_mm in [1e-300, 0.0, -1.0, f64::NAN] {
             assert!(matches!(

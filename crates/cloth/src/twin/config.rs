@@ -41,7 +41,7 @@ impl Default for TwinConfig {
 
 impl TwinConfig {
     /// The paper's accelerated variant: inertia `mass_scaling` times as large, no damping by
-    /// mass. Output is as sparse as the calls for it in any case.
+    /// mass.
     pub fn accelerated(&self, mass_scaling: f64) -> Self {
         Self {
             mass_scaling,
@@ -51,7 +51,7 @@ impl TwinConfig {
     }
 
     /// Checks every value; the error names key, found and expected.
-    pub(super) fn check(&self) -> Result<(), ValueError> {
+    pub fn check(&self) -> Result<(), ValueError> {
         let [warp, weft] = self.bending_stiffness.unwrap_or_default();
         for (key, value, range) in [
             ("bending_stiffness", warp, [0.0, 1e6]),
@@ -63,7 +63,7 @@ impl TwinConfig {
             ("mass_scaling", self.mass_scaling, [1e-6, 1e9]),
             ("safety", self.safety, [1e-6, 10.0]),
         ] {
-            ValueError::unless_within(key, value, range).map_err(|e| e.within("twin"))?;
+            ValueError::unless_within(key, value, range)?;
         }
         Ok(())
     }
@@ -81,13 +81,13 @@ mod tests {
         };
         assert_eq!(
             bad.check().unwrap_err().to_string(),
-            "`twin.viscosity` is NaN, expected a number from 0 to 1"
+            "`viscosity` is NaN, expected a number from 0 to 1"
         );
         let bad = TwinConfig {
             bending_stiffness: Some([1e-4, -1.0]),
             ..TwinConfig::default()
         };
-        assert_eq!(bad.check().unwrap_err().key, "twin.bending_stiffness");
+        assert_eq!(bad.check().unwrap_err().key, "bending_stiffness");
         assert!(TwinConfig::default().accelerated(150.0).check().is_ok());
     }
 }

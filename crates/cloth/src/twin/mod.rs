@@ -25,6 +25,5 @@ mod step;
 pub use config::TwinConfig;
 pub use energy::Energies;
 pub use press::{Hold, PressConfig, Replay};
-pub use relax::Relaxed;
 pub use state::Twin;
 pub use step::Diverged;

@@ -9,20 +9,10 @@ const SHARE: f64 = 0.1;
 /// Estimates in a row that have to find the twin at rest.
 const QUIET: usize = 3;
 
-/// How a search for rest has ended.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Relaxed {
-    /// Time that it took [s], of the twin.
-    pub seconds: f64,
-    /// How far vertices still have to go, about (root mean square) [m].
-    pub distance_left: f64,
-    /// That distance is within the tolerance.
-    pub is_at_rest: bool,
-}
-
 impl Twin {
     /// Goes on under the damping that brings the present motion to rest soonest, until vertices
-    /// have about `tolerance` [m] left to go (root mean square), for `seconds` at most.
+    /// have about `tolerance` [m] left to go (root mean square), for `seconds` at most. Gives
+    /// whether they have come to rest.
     ///
     /// Adaptive dynamic relaxation (Underwood 1983): the slowest frequency omega is estimated
     /// from the motion itself by Rayleigh's quotient, and damping is critical for it, 2 omega.
@@ -37,7 +27,7 @@ impl Twin {
         tool: Option<&Tool>,
         tolerance: f64,
         seconds: f64,
-    ) -> Result<Relaxed, Diverged> {
+    ) -> Result<bool, Diverged> {
         let damping = self.config.damping;
         let result = self.relax_damped(tool, tolerance, seconds);
         self.config.damping = damping;
@@ -49,12 +39,11 @@ impl Twin {
         tool: Option<&Tool>,
         tolerance: f64,
         seconds: f64,
-    ) -> Result<Relaxed, Diverged> {
+    ) -> Result<bool, Diverged> {
         let start = self.seconds;
         self.contact.forget();
         let mut window = WINDOW[0];
         let mut quiet = 0;
-        let mut distance_left = f64::INFINITY;
         let (mut x, mut f) = (self.x.clone(), self.elastic_field());
         let mut last: Option<(f64, f64)> = None;
         while start + seconds - self.seconds > 1e-9 * self.time_step && quiet < QUIET {
@@ -90,7 +79,7 @@ impl Twin {
                 omega = omega.min((fading * (damping - fading)).sqrt());
             }
             self.config.damping = 2.0 * omega;
-            distance_left = if speed > 0.0 {
+            let distance_left = if speed > 0.0 {
                 speed / fading.min(omega).max(1.0 / seconds)
             } else {
                 0.0
@@ -106,10 +95,6 @@ impl Twin {
             x.clone_from(&self.x);
             f = now;
         }
-        Ok(Relaxed {
-            seconds: self.seconds - start,
-            distance_left,
-            is_at_rest: quiet >= QUIET,
-        })
+        Ok(quiet >= QUIET)
     }
 }

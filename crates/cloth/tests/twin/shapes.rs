@@ -25,8 +25,7 @@ fn cantilever(family: Family, gamma: f64, edges: usize) -> [f64; 2] {
             twin.fix(v as u32);
         }
     }
-    let relaxed = twin.relax(None, 1e-6, 6.0).unwrap();
-    assert!(relaxed.is_at_rest, "{relaxed:?}");
+    assert!(twin.relax(None, 1e-6, 6.0).unwrap());
     let middle = |at: f64| {
         let near = (0..s.len()).filter(|&v| (s[v] - at).abs() < 1e-9);
         let x: Vec<[f64; 3]> = near.map(|v| twin.position(v as u32)).collect();
@@ -78,8 +77,7 @@ fn hanging_strip_has_the_stiffness_of_table_2() {
         for &v in &top {
             twin.fix(v);
         }
-        let relaxed = twin.relax(None, 1e-9, 1.0).unwrap();
-        assert!(relaxed.is_at_rest, "{relaxed:?}");
+        assert!(twin.relax(None, 1e-9, 1.0).unwrap());
         let weight = AREAL_MASS * gravity * length * width;
         close(-twin.pull(&top)[2], weight, 1e-4);
         let tip = (0..s.len()).filter(|&v| (s[v] - length).abs() < 1e-9);
@@ -126,8 +124,7 @@ fn bias_extension(cell_diagonal: f64) -> [f64; 2] {
         for &v in &right {
             twin.fix(v);
         }
-        let relaxed = twin.relax(None, 1e-6, 4.0).unwrap();
-        assert!(relaxed.is_at_rest, "{relaxed:?}");
+        assert!(twin.relax(None, 1e-6, 4.0).unwrap());
         -twin.pull(&right)[0]
     })
 }
@@ -181,8 +178,7 @@ fn strip_on_a_cylinder_lifts_off_to_its_tip() {
             twin.fix(v as u32);
         }
     }
-    let relaxed = twin.relax(Some(&cylinder), 1e-6, 6.0).unwrap();
-    assert!(relaxed.is_at_rest, "{relaxed:?}");
+    assert!(twin.relax(Some(&cylinder), 1e-6, 6.0).unwrap());
     let tips = (0..s.len()).filter(|&v| s[v] > 2.0 * radius - 1e-9);
     let mut found = [0.0; 2];
     for v in tips {

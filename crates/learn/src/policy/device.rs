@@ -16,7 +16,7 @@ pub enum DeviceKind {
 
 /// A device that this build cannot offer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("device `{kind}` is not in this build: rebuild with `--features {kind}`, or use `flex`")]
+#[error("device `{kind}` is not in this build: rebuild with `--features {kind}`")]
 pub struct DeviceError {
     kind: &'static str,
 }
@@ -50,7 +50,7 @@ mod tests {
         #[cfg(not(feature = "gpu"))]
         assert_eq!(
             DeviceKind::Gpu.open().unwrap_err().to_string(),
-            "device `gpu` is not in this build: rebuild with `--features gpu`, or use `flex`"
+            "device `gpu` is not in this build: rebuild with `--features gpu`"
         );
     }
 }

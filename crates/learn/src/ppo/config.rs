@@ -109,8 +109,11 @@ impl PpoConfig {
 
     /// Checks every value against its range.
     pub fn validate(&self) -> Result<(), ValueError> {
+        // In single precision neither 0 nor infinite.
         let positive = |key: &str, x: f64| {
-            ValueError::unless(x.is_finite() && x > 0.0, key, x, "a finite number above 0")
+            let is_valid = (1e-37..=1e37).contains(&x);
+            let expected = "a number from 1e-37 to 1e37";
+            ValueError::unless(is_valid, key, format!("{x:?}"), expected)
         };
         let weight = |key: &str, x: f32| {
             let is_valid = x.is_finite() && x >= 0.0;
@@ -170,8 +173,10 @@ mod tests {
         );
         assert_eq!(
             error(|c| c.learning_rate = f64::NAN),
-            "`learning_rate` is NaN, expected a finite number above 0"
+            "`learning_rate` is NaN, expected a number from 1e-37 to 1e37"
         );
+        assert!(error(|c| c.learning_rate = 1e39).starts_with("`learning_rate` is 1e39"));
+        assert!(error(|c| c.adam_epsilon = 1e-300).starts_with("`adam_epsilon` is 1e-300"));
         assert_eq!(error(|c| c.epochs = 0), "`epochs` is 0, expected 1 or more");
         assert_eq!(
             error(|c| c.imitation.as_mut().unwrap().coefficient = -1.0),

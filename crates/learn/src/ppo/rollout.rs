@@ -10,8 +10,6 @@ use std::time::Instant;
 /// A finished episode, without its last observation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EpisodeRecord {
-    /// Number of the task that it was played in.
-    pub task: usize,
     pub end: End,
     /// Sum of the rewards in the task's own unit.
     pub total_reward: f32,
@@ -87,7 +85,7 @@ pub fn collect<T: Tasks>(
                 memory.record(task, step, outcome.episode.as_ref());
             }
         }
-        for (task, outcome) in outcomes.into_iter().enumerate() {
+        for outcome in outcomes {
             let StepOutcome { reward, episode } = outcome;
             rollout.rewards.push(reward * reward_factor);
             rollout.next.push(match &episode {
@@ -97,7 +95,6 @@ pub fn collect<T: Tasks>(
             rollout
                 .episodes
                 .extend(episode.map(|episode| EpisodeRecord {
-                    task,
                     end: episode.end,
                     total_reward: episode.total_reward,
                     score: episode.score,

@@ -130,11 +130,6 @@ impl<T: Tasks> Trainer<T> {
         Agent::of(&self.actor_critic)
     }
 
-    /// The tasks being played.
-    pub fn tasks(&self) -> &T {
-        &self.tasks
-    }
-
     /// Steps of all tasks since the training began.
     pub fn env_steps(&self) -> u64 {
         self.progress.env_steps

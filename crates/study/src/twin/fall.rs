@@ -4,7 +4,7 @@ use crate::study::StudyError;
 use crate::verify::solve::twin_physics;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::{Scene, SceneConfig, SceneError, hung};
-use drape_cloth::sim::SelfCollision;
+use drape_cloth::sim::{Bending, SelfCollision};
 use drape_cloth::twin::{Hold, PressConfig, Twin, TwinConfig};
 use drape_task::env::EnvConfig;
 
@@ -25,6 +25,12 @@ pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
             "off: the twin's cloth does not touch itself",
         ),
         (
+            physics.bending == Bending::Dihedral,
+            "physics.bending",
+            "dihedral".into(),
+            "yarns or off: the twin bends along its yarns",
+        ),
+        (
             !physics.shear,
             "physics.shear",
             "false".into(),
@@ -40,7 +46,9 @@ pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
     for (is_refused, key, found, expected) in refused {
         ValueError::unless(!is_refused, key, found, expected)?;
     }
-    Ok(twin_physics(physics))
+    let config = twin_physics(physics);
+    config.check().map_err(|error| error.within("physics"))?;
+    Ok(config)
 }
 
 /// How the twin presses: as the environment does.
@@ -86,6 +94,7 @@ pub fn fallen(scene: &Scene, config: &TwinConfig) -> Result<Twin, StudyError> {
 pub fn unfallen(config: &SceneConfig) -> Result<Scene, SceneError> {
     let mut hung = config.clone();
     (hung.fall.fall_s, hung.fall.settle_s) = (0.0, 0.0);
+    hung.clamps.iter_mut().for_each(|c| c.move_mm = [0.0; 3]);
     let mut hung = Scene::new(&hung, |_| ())?;
     hung.config = config.clone();
     Ok(hung)

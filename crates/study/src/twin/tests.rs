@@ -48,6 +48,10 @@ fn what_the_twin_has_not_is_refused_by_name() {
         twin_config(&config).unwrap_err().to_string()
     };
     assert!(message(&|c| c.physics.shear = false).starts_with("`physics.shear` is false"));
+    let dihedral = message(&|c| c.physics.bending = drape_cloth::sim::Bending::Dihedral);
+    assert!(dihedral.starts_with("`physics.bending` is dihedral"));
+    let damping = message(&|c| c.physics.damping = 1e7);
+    assert!(damping.starts_with("`physics.damping` is 10000000, expected"));
     assert!(message(&|c| c.physics.strain_limit = Some(0.01)).contains("strain_limit"));
     let found = twin_config(&config()).unwrap();
     let physics = config().physics;

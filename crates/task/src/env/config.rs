@@ -138,16 +138,17 @@ impl EnvConfig {
             ("drape_strain", self.drape_strain, [1e-9, 1e5]),
             ("press_mpa", self.press_mpa, [1e-6, 1e3]),
             ("press_speed", self.press_speed, [1e-3, 100.0]),
-            ("settle_s", self.settle_s, [0.0, 10.0]),
         ] {
             ValueError::unless_within(key, value, range)?;
         }
         let stepping = self.stepping();
         stepping.check()?;
-        let (press, substep) = (self.press_s, 1.0 / stepping.substep_rate);
+        let (press, settle, substep) = (self.press_s, self.settle_s, 1.0 / stepping.substep_rate);
         let expected = format!("a time from one substep, {substep} s, to 10 s");
-        let is_valid = press >= substep * (1.0 - 1e-9) && press <= 10.0;
-        ValueError::unless(is_valid, "press_s", press, expected)?;
+        let is_valid = |time: f64| time >= substep * (1.0 - 1e-9) && time <= 10.0;
+        ValueError::unless(is_valid(press), "press_s", press, &expected)?;
+        let (is_valid, expected) = (is_valid(settle), format!("0, or {expected}"));
+        ValueError::unless(settle == 0.0 || is_valid, "settle_s", settle, expected)?;
         ValueError::unless(self.max_steps != Some(0), "max_steps", 0, "a number > 0")?;
         // A vertex exactly on the border of the region belongs to it.
         let slack = 1e-9;

@@ -51,8 +51,8 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
         "`env.press_mpa` is 0, expected a number from 0.000001 to 1000"
     );
     assert_eq!(
-        message(|c| c.settle_s = -1.0),
-        "`env.settle_s` is -1, expected a number from 0 to 10"
+        message(|c| (c.settle_s, c.substep_rate) = (1e-3, Some(500.0))),
+        "`env.settle_s` is 0.001, expected 0, or a time from one substep, 0.002 s, to 10 s"
     );
     assert_eq!(
         message(|c| c.max_steps = Some(0)),
@@ -70,6 +70,7 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
         ("stencil_mm", (|c| c.stencil_mm = 0.0) as fn(&mut EnvConfig)),
         ("drape_threshold_mm", |c| c.drape_threshold_mm = f64::NAN),
         ("press_speed", |c| c.press_speed = 0.0),
+        ("settle_s", |c| c.settle_s = -1.0),
         ("press_s", |c| c.press_s = 11.0),
         ("press_s", |c| c.press_s = 1e-6),
     ] {
