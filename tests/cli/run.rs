@@ -16,6 +16,7 @@ environments = 4
 evaluation_interval = 1
 
 [env]
+objective = "distance"
 region_mm = [-186.0, -186.0, -30.0, -30.0]
 
 [ppo]

@@ -2,7 +2,7 @@
 
 use super::*;
 use drape_cloth::math::Vec3;
-use drape_cloth::sim::under_stencil;
+use drape_cloth::sim::{Roller, under_stencil};
 use drape_cloth::tool::{Hemisphere, Plate};
 use drape_cloth::twin::{Hold, PressConfig};
 
@@ -92,10 +92,14 @@ fn pressed_cloth_does_not_outrun_the_roller() {
         .map(|x| [x[0], x[1], 0.03])
         .collect();
     twin.set_positions(&high);
+    let default = PressConfig::default();
     let config = PressConfig {
         press_s: 0.01,
-        speed: 0.5,
-        ..PressConfig::default()
+        roller: Roller {
+            speed: 0.5,
+            ..default.roller
+        },
+        ..default
     };
     let vertices: Vec<u32> = (0..121).collect();
     twin.press(&plate, &config, &vertices).unwrap();

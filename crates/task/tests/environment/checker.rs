@@ -3,7 +3,8 @@
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::Precision;
 use drape_cloth::sim::Snapshot;
-use drape_task::env::End;
+use drape_cloth::scene::surplus;
+use drape_task::env::{End, Objective};
 use fixedbitset::FixedBitSet;
 
 use super::*;
@@ -46,8 +47,7 @@ fn check(scene: &Arc<Scene>, config: &EnvConfig, count: usize, seed: u64) {
             assert_eq!(episode.end, End::Terminated);
             assert_eq!(episode.total_reward, outcomes[index].reward);
             assert_eq!(episode.actions.last(), Some(&actions[index]));
-            let initial: f64 = distances(&env, &scene.initial).sum();
-            let last: f64 = distances(&env, &after.state).sum();
+            let [initial, last] = [&scene.initial, &after.state].map(|s| objective(&env, s));
             let reward = f64::from(outcomes[index].reward);
             // The environment holds the initial state in f32: 1e-8 m a vertex.
             let rounding = 2e-8 * vertices as f64;
@@ -84,6 +84,20 @@ impl View {
             state: finished.clone(),
             touched: finished.pressed.touched.clone(),
             draped: finished.pressed.draped.clone(),
+        }
+    }
+}
+
+/// What the episodes are to bring down [m].
+fn objective(env: &Draping, state: &Snapshot) -> f64 {
+    let scene = env.scene();
+    let sum: f64 = distances(env, state).sum();
+    match env.config().objective {
+        Objective::Distance => sum,
+        Objective::Surplus => {
+            let region = &env.region().vertices;
+            let surplus = surplus(&scene.lamina, &scene.tool, &state.position, region);
+            sum / region.count_ones(..) as f64 + surplus
         }
     }
 }
@@ -257,6 +271,7 @@ fn one_environment_alone_and_in_f64() {
     check(&COARSE, &small_region(), 1, 11);
     let config = EnvConfig {
         precision: Precision::F64,
+        objective: Objective::Distance,
         ..small_region()
     };
     check(&COARSE, &config, 2, 12);
