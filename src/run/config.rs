@@ -361,9 +361,9 @@ mod tests {
             (
                 "[env]\nacuracy = \"fast\"",
                 "c.toml:2:1: unknown field `acuracy`, expected one of `region_mm`, `crop`, \
-                 `stencil_mm`, `drape_threshold_mm`, `drape_strain`, `press_s`, `press_mpa`, \
-                 `press_speed`, `settle_s`, `accuracy`, `substep_rate`, `contact_rate`, \
-                 `max_steps`, `precision`",
+                 `objective`, `stencil_mm`, `drape_threshold_mm`, `drape_strain`, `press_s`, \
+                 `press_mpa`, `press_speed`, `settle_s`, `accuracy`, `substep_rate`, \
+                 `contact_rate`, `max_steps`, `precision`",
             ),
             (
                 "[scene.tool]\n[scene.physics]\nself_collision = 3",

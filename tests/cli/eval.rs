@@ -11,7 +11,7 @@ fn check_episode(episode: &Value) {
     ]
     .map(|key| number(&episode[key]));
     assert!(
-        (score - (1.0 - remaining / initial)).abs() < 1e-12,
+        (score - (1.0 - remaining / initial)).abs() < SCORE_TOLERANCE,
         "{episode}"
     );
     assert!(
@@ -47,7 +47,7 @@ fn eval(folder: &Path, more: &[&str]) -> Value {
     json(folder, &args)
 }
 
-/// Training adds up rewards in single precision.
+/// Training adds up rewards in single precision, and its environments hold the start so.
 const SCORE_TOLERANCE: f64 = 1e-6;
 
 #[test]
@@ -355,7 +355,7 @@ fn run_whose_configuration_was_edited_is_refused() {
         assert_failure(&drape(path, args), 2, &[word]);
     }
     fs::write(&file, text.replace("stencil_mm", "stencil_m")).unwrap();
-    let word = "runs/a/config.toml:11:1: unknown field `stencil_m`";
+    let word = "runs/a/config.toml:12:1: unknown field `stencil_m`";
     assert_failure(&drape(path, &["eval", "runs/a"]), 2, &[word]);
     fs::write(
         &file,

@@ -8,29 +8,18 @@ use drape_task::env::Draping;
 /// Where every vertex is [m].
 pub type Positions = Vec<[f64; 3]>;
 
-/// Where a list of presses has led to, after some of the presses and after all.
-pub type Replayed = [Positions; 2];
-
 /// Plays lists of presses in the fast solver, side by side in the lanes; none where it diverges.
-/// Of a list of some length `midway` says after how many presses it is looked at. `observe` is
-/// told the number of presses made, after each of every list.
+/// `observe` is told the number of presses made, after each of every list.
 pub fn replay(
     draping: &mut Draping,
     lists: &[&[u32]],
-    midway: fn(usize) -> usize,
     mut observe: impl FnMut(usize),
-) -> Vec<Option<Replayed>> {
-    let mut midways = vec![Vec::new(); lists.len()];
+) -> Vec<Option<Positions>> {
     let mut ends = vec![None; lists.len()];
     draping.replay(lists, |draping, index, presses| {
         observe(presses);
-        let count = lists[index].len();
-        if presses == midway(count) {
-            midways[index] = draping.state(index).position;
-        }
-        if presses == count {
-            let midway = std::mem::take(&mut midways[index]);
-            ends[index] = Some([midway, draping.state(index).position]);
+        if presses == lists[index].len() {
+            ends[index] = Some(draping.state(index).position);
         }
     });
     ends
@@ -42,17 +31,9 @@ pub fn replay_in_twin(
     scene: &Scene,
     press: &PressConfig,
     (list, side): (&[u32], f64),
-    midway: fn(usize) -> usize,
-) -> Option<Replayed> {
-    let (mut presses, mut middle) = (0, twin.positions());
-    let ended = twin.replay(&scene.lamina, &scene.tool, press, (list, side), |twin| {
-        presses += 1;
-        if presses == midway(list.len()) {
-            middle = twin.positions();
-        }
-    });
-    let at = [middle, twin.positions()];
-    ended.diverged.is_none().then_some(at)
+) -> Option<Positions> {
+    let ended = twin.replay(&scene.lamina, &scene.tool, press, (list, side), |_| ());
+    ended.diverged.is_none().then(|| twin.positions())
 }
 
 /// Pushes every vertex of a scene that is not clamped, normally distributed with `size` [m].

@@ -23,7 +23,7 @@ use std::sync::Arc;
 use cpu_time::ProcessTime;
 
 use crate::points::{apart_mm, distance, nearest, same_points};
-use crate::presses::{Replayed, push, replay};
+use crate::presses::{Positions, push, replay};
 use crate::study::{Context, QUICKSTART, Report, SceneOptions, Study, StudyError};
 use crate::table::Table;
 use drape_cloth::fabric::Lamina;
@@ -129,7 +129,7 @@ struct PressedSweeps {
     /// CPU time of an environment step, the median over the steps [us].
     microseconds: f64,
     /// Of every sequence; none where it diverged.
-    ends: Vec<Option<Replayed>>,
+    ends: Vec<Option<Positions>>,
 }
 
 /// What has been computed already, by what it was computed for; none where it diverges.
@@ -245,7 +245,7 @@ impl Measuring {
             })
         };
         let ends: Option<Vec<[&[[f64; 3]]; 2]>> = (a.ends.iter().zip(&b.ends))
-            .map(|(a, b)| Some([&a.as_ref()?[1][..], &b.as_ref()?[1][..]]))
+            .map(|(a, b)| Some([&a.as_ref()?[..], &b.as_ref()?[..]]))
             .collect();
         let ends = ends?;
         let off_mm = |x: [&[[f64; 3]]; 2]| apart_mm(x[0], x[1], &shared)[0];
@@ -297,17 +297,12 @@ fn press(
     let mut draping = Draping::new(scene.clone(), env, count)?;
     // What is observed of the last press is over; between it and the next is the step itself.
     let (mut times, mut last) = (Vec::new(), ProcessTime::now());
-    let mut ends = replay(
-        &mut draping,
-        &lists,
-        |all| all,
-        |presses| {
-            if presses > times.len() {
-                times.push(1e6 * last.elapsed().as_secs_f64() / count as f64);
-            }
-            last = ProcessTime::now();
-        },
-    );
+    let mut ends = replay(&mut draping, &lists, |presses| {
+        if presses > times.len() {
+            times.push(1e6 * last.elapsed().as_secs_f64() / count as f64);
+        }
+        last = ProcessTime::now();
+    });
     ends.truncate(sequences.len());
     times.sort_by(f64::total_cmp);
     Ok(PressedSweeps {

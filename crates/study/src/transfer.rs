@@ -12,8 +12,8 @@ use std::sync::Arc;
 use cpu_time::{ProcessTime, ThreadTime};
 
 use crate::episodes::{Order, sequences};
-use crate::points::{apart_mm, distance};
-use crate::presses::{Positions, Replayed, replay, replay_in_twin};
+use crate::points::apart_mm;
+use crate::presses::{Positions, replay, replay_in_twin};
 use crate::ranking::{interval, least, pair_loss, ranks, spearman};
 use crate::study::{Context, QUICKSTART, Report, SceneOptions, Study, StudyError, stencil_mm};
 use crate::table::Table;
@@ -21,11 +21,11 @@ use crate::twin::fall::{ACCELERATION, fallen, lying, press_config, twin_config};
 use crate::twin::set_up;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::mean_and_deviation;
-use drape_cloth::scene::Scene;
+use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::sim::{Accuracy, Precision, Solver, Stepping};
 use drape_cloth::twin::Hold;
 use drape_report::{Chart, Image, SERIES, Series};
-use drape_task::env::{Draping, EnvConfig};
+use drape_task::env::{Draping, EnvConfig, Objective};
 
 /// Play the same presses under several settings and in the finite-element twin: do they agree
 /// which path is the better one?
@@ -33,8 +33,8 @@ use drape_task::env::{Draping, EnvConfig};
 /// Paths are found under the preset `balanced`, which trains. The settings are the presets,
 /// `accurate` in f64, the rates 1200 and 2400, and Gauss-Seidel at the rate of `balanced`. The
 /// blank has 33 vertices along its longer side where `--mesh` does not say otherwise, the region
-/// is that of the quickstart. Writes scatter.png too, the distance that each path leaves in the fast
-/// solver against that in the twin.
+/// is that of the quickstart. Writes scatter.png too, the distance and the surplus that each path
+/// leaves in the fast solver against those in the twin.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape study transfer
@@ -63,8 +63,8 @@ struct Sequence {
 /// Where a sequence has led to.
 #[derive(Clone, Debug, PartialEq)]
 struct End {
-    /// Summed distance left in the region after half of the presses, rounded up, and after all [m].
-    left_m: [f64; 2],
+    /// What they leave in the region [m], by [`LEFT`].
+    left_m: [f64; 3],
     /// Position of every vertex [m].
     positions: Positions,
 }
@@ -79,6 +79,10 @@ enum Player {
         starts_as_fast: bool,
     },
 }
+
+/// What is left in the region: the objective, mean distance and surplus; the summed distance; the
+/// mean surplus.
+const LEFT: [&str; 3] = ["objective", "distance", "surplus"];
 
 /// The preset that trains, under which paths are found.
 const BALANCED: &str = "balanced";
@@ -110,7 +114,7 @@ fn players() -> [(&'static str, Player); 9] {
 
 impl Study for Transfer {
     const NAME: &'static str = "transfer";
-    const TABLES: &'static [&'static str] = &["half", "end", "places", "paths"];
+    const TABLES: &'static [&'static str] = &["objective", "distance", "orders", "paths"];
 
     fn scene(&self) -> Option<&SceneOptions> {
         Some(&self.scene)
@@ -163,10 +167,19 @@ struct Row {
 }
 
 impl Row {
-    /// Distance left by every sequence after half of the presses (0) or all (1) [m].
-    fn left_m(&self, when: usize) -> Vec<Option<f64>> {
+    /// What every sequence leaves, by [`LEFT`] [m].
+    fn left_m(&self, what: usize) -> Vec<Option<f64>> {
         let ends = self.ends.iter();
-        ends.map(|end| Some(end.as_ref()?.left_m[when])).collect()
+        ends.map(|end| Some(end.as_ref()?.left_m[what])).collect()
+    }
+
+    /// The mean of it over the sequences of an order.
+    fn mean_of(&self, what: usize, order: Order, paths: &[Sequence]) -> Option<f64> {
+        let all = self.left_m(what).into_iter().zip(paths);
+        let found: Vec<f64> = (all.filter(|(_, path)| path.order == order))
+            .filter_map(|(left, _)| left)
+            .collect();
+        (!found.is_empty()).then(|| mean_and_deviation(&found)[0])
     }
 }
 
@@ -189,11 +202,6 @@ fn play_all(
     rows.collect()
 }
 
-/// Half of the presses, rounded up.
-fn half(count: usize) -> usize {
-    count.div_ceil(2)
-}
-
 /// Plays lists of presses, side by side in the lanes or each on a thread; none where one diverges.
 /// Gives their CPU time [s] too. `rest` is where the twin has fallen to.
 fn play(
@@ -204,16 +212,20 @@ fn play(
     lists: &[&[u32]],
 ) -> Result<(Vec<Option<End>>, f64), StudyError> {
     let region = env.region(&scene.lamina)?.vertices;
-    let end = |at: Replayed| End {
-        left_m: (at.each_ref()).map(|x| distance(&scene.tool, region.ones(), x)),
-        positions: at[1].clone(),
+    let end = |positions: Positions| {
+        let of = |objective: Objective| objective.of(scene, &region, &positions);
+        let surplus = surplus(&scene.lamina, &scene.tool, &positions, &region);
+        End {
+            left_m: [of(Objective::Surplus), of(Objective::Distance), surplus],
+            positions,
+        }
     };
     match player {
         Player::Fast(solver, stepping, precision) => {
             let (scene, env) = stepped(scene, env, solver, stepping, precision);
             let start = ProcessTime::now();
             let mut draping = Draping::new(scene, &env, lists.len())?;
-            let ends = replay(&mut draping, lists, half, |_| ()).into_iter();
+            let ends = replay(&mut draping, lists, |_| ()).into_iter();
             Ok((
                 ends.map(|at| at.map(end)).collect(),
                 start.elapsed().as_secs_f64(),
@@ -238,7 +250,7 @@ fn play(
                 let began = ThreadTime::now();
                 let mut twin = lying(scene, &config, start)?;
                 let presses = (*list, 1e-3 * env.stencil_mm);
-                let at = replay_in_twin(&mut twin, scene, &press, presses, half);
+                let at = replay_in_twin(&mut twin, scene, &press, presses);
                 // The time of those that diverge is no figure.
                 let seconds = at.as_ref().map_or(0.0, |_| began.elapsed().as_secs_f64());
                 Ok((at.map(end), seconds))
@@ -297,16 +309,30 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
     let vertices = (rows[0].ends.iter().flatten().next()).map_or(0, |end| end.positions.len());
     let presses: usize = paths.iter().map(|path| path.vertices.len()).sum();
     let title = format!(
-        "After half of the presses: {vertices} vertices, {} paths of {:.1} presses on average",
+        "Mean distance and surplus: {vertices} vertices, {} paths of {:.1} presses on average",
         paths.len(),
         presses as f64 / paths.len() as f64
     );
-    let half = agreements("half", title, rows, 0);
-    let end = agreements("end", "After all presses".into(), rows, 1);
-    let title = "Where the vertices lie then, mean distance from the same ones of the twin";
+    let objective = agreements("objective", title, rows, 0);
+    let distance = agreements("distance", "Summed distance".into(), rows, 1);
+    let title = "Summed distance and mean surplus by order; where the vertices lie, mean distance \
+                 from the same ones of the twin";
     let twin = named(rows, TWIN);
-    let places = Table::of("places", title, rows)
+    let by_order = |what: usize, k: usize| move |row: &Row| row.mean_of(what, Order::ALL[k], paths);
+    let places = Table::of("orders", title, rows)
         .text("setting", |row| row.name)
+        .number("random", "m", 4, by_order(1, 0))
+        .number("sweeps", "m", 4, by_order(1, 1))
+        .number("outwards", "m", 4, by_order(1, 2))
+        .number("random surplus", "mm", 2, move |row| {
+            Some(1e3 * by_order(2, 0)(row)?)
+        })
+        .number("sweeps surplus", "mm", 2, move |row| {
+            Some(1e3 * by_order(2, 1)(row)?)
+        })
+        .number("outwards surplus", "mm", 2, move |row| {
+            Some(1e3 * by_order(2, 2)(row)?)
+        })
         .text("diverged", |row| {
             row.ends.iter().filter(|end| end.is_none()).count()
         })
@@ -326,10 +352,11 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
         .text("path", |(_, path)| *path)
         .text("order", |(_, path)| paths[*path].order.name())
         .text("presses", |(_, path)| paths[*path].vertices.len())
-        .hidden("half way", "m", |(row, path)| row.left_m(0)[*path])
-        .hidden("left", "m", |(row, path)| row.left_m(1)[*path])
+        .hidden(LEFT[0], "m", |(row, path)| row.left_m(0)[*path])
+        .hidden(LEFT[1], "m", |(row, path)| row.left_m(1)[*path])
+        .hidden(LEFT[2], "m", |(row, path)| row.left_m(2)[*path])
         .end_hidden();
-    let mut report = Report::new([half, end, places, all]);
+    let mut report = Report::new([objective, distance, places, all]);
     report.notes.push(
         "rank: correlation with the twin, 90 % of it over resampled paths, and of how much it is \
          more than that of balanced; lost: left more in the twin by this setting's choice of two \
@@ -339,17 +366,16 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
     report.fact("vertices", vertices);
     let lists: Vec<_> = paths.iter().map(|path| &path.vertices).collect();
     report.fact("sequences", lists);
-    let halves = scatter(paths, rows, "after half of the presses", 0);
-    let ends = scatter(paths, rows, "after all presses", 1);
-    report.image("scatter.png", Image::beside(&[halves, ends]));
+    let scatters = [1, 2].map(|what| scatter(paths, rows, what));
+    report.image("scatter.png", Image::beside(&scatters));
     report
 }
 
-/// How the players judge the sequences, by the distance left after half of the presses (0) or all
-/// (1), and what following their judgement costs in the twin.
-fn agreements(name: &'static str, title: String, rows: &[Row], when: usize) -> Table {
-    let [balanced, twin] = &[BALANCED, TWIN].map(|name| named(rows, name).left_m(when));
-    let own = |row: &Row| row.left_m(when);
+/// How the players judge the sequences by what is left of [`LEFT`], and what following their
+/// judgement costs in the twin.
+fn agreements(name: &'static str, title: String, rows: &[Row], what: usize) -> Table {
+    let [balanced, twin] = &[BALANCED, TWIN].map(|name| named(rows, name).left_m(what));
+    let own = |row: &Row| row.left_m(what);
     let left = |row: &Row| {
         let found: Vec<f64> = own(row).into_iter().flatten().collect();
         (!found.is_empty()).then(|| mean_and_deviation(&found))
@@ -397,9 +423,9 @@ fn agreements(name: &'static str, title: String, rows: &[Row], when: usize) -> T
     table.end()
 }
 
-/// Every path as a dot: distance left in the twin over that in the fast solver.
-fn scatter(paths: &[Sequence], rows: &[Row], title: &str, when: usize) -> Image {
-    let [fast, twin] = [BALANCED, TWIN].map(|name| named(rows, name).left_m(when));
+/// Every path as a dot: what is left of [`LEFT`] in the twin over that in the fast solver.
+fn scatter(paths: &[Sequence], rows: &[Row], what: usize) -> Image {
+    let [fast, twin] = [BALANCED, TWIN].map(|name| named(rows, name).left_m(what));
     let mut series = Vec::new();
     for (order, color) in Order::ALL.into_iter().zip(SERIES) {
         let mut points = Vec::new();
@@ -416,7 +442,7 @@ fn scatter(paths: &[Sequence], rows: &[Row], title: &str, when: usize) -> Image 
         });
     }
     Chart {
-        title: format!("Distance left in the focus region {title}"),
+        title: format!("Left in the focus region: {}", LEFT[what]),
         x_label: "fast solver, balanced [m]".into(),
         y_label: "finite-element twin [m]".into(),
         series,

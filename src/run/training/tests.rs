@@ -16,7 +16,7 @@ fn trained(reward: Reward) -> ([String; 3], Vec<f32>) {
     config.evaluation_interval = 1;
     // No vertex is pressed twice: every environment ends an episode in each rollout.
     (config.ppo.rollout_steps, config.ppo.epochs) = (120, 1);
-    config.ppo.learning_rate = f64::MIN_POSITIVE;
+    config.ppo.learning_rate = 1e-37;
     let mut scene = SceneConfig::rib();
     scene.blank.vertices = [33; 2];
     scene.tool.grid.spacing_mm = 8.0;

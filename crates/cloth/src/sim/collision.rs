@@ -123,10 +123,16 @@ impl<V: Lanes> SelfContact<V> {
         self.lanes[lane].sides.clone()
     }
 
-    /// How high over the tool the cloth beneath a vertex reaches [m]: no plate can press the
-    /// vertex further down.
+    /// How high over the tool the cloth beneath a vertex reaches [m]: no roller can press the
+    /// vertex further down. Infinite where other cloth lies above it and bears the roller, and before the
+    /// first search of a control step.
     pub fn beneath(&self, layers: &Layers, lane: usize, vertex: usize) -> f64 {
-        layers.thickness * f64::from(self.lanes[lane].beneath[vertex])
+        let lane = &self.lanes[lane];
+        match lane.beneath[vertex] {
+            COVERED => f64::INFINITY,
+            _ if lane.due => f64::INFINITY,
+            layers_beneath => layers.thickness * f64::from(layers_beneath),
+        }
     }
 
     /// Starts a control step. A refresh at its start makes what follows a function of the
@@ -201,6 +207,9 @@ impl<V: Lanes> SelfContact<V> {
     }
 }
 
+/// In place of a number of layers beneath: other cloth lies above.
+const COVERED: u8 = u8::MAX;
+
 /// Counts the layers between each vertex and the tool, near enough to touch: of each layer,
 /// one triangle faces the vertex.
 fn count_beneath(pairs: &[Pair], x: &[Vec3], beneath: &mut [u8], normal: impl Fn(usize) -> Vec3) {
@@ -211,8 +220,12 @@ fn count_beneath(pairs: &[Pair], x: &[Vec3], beneath: &mut [u8], normal: impl Fn
             continue;
         };
         let up = pair.side * gap.normal.dot(&normal(index[0]));
+        let beneath = &mut beneath[index[0]];
         if gap.aside <= 0.0 && up > 0.5 {
-            beneath[index[0]] = beneath[index[0]].saturating_add(1);
+            *beneath = beneath.saturating_add(1);
+        }
+        if gap.aside <= 0.0 && up < -0.5 {
+            *beneath = COVERED;
         }
     }
 }

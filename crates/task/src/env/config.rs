@@ -1,7 +1,7 @@
 use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
-use super::reward::Objective;
+use super::objective::Objective;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::sim::{Accuracy, Precision, Roller, Stepping};

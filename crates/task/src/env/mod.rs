@@ -5,6 +5,7 @@
 
 mod config;
 mod draping;
+mod objective;
 mod replay;
 mod reward;
 mod rules;
@@ -12,6 +13,7 @@ mod task;
 
 pub use config::{EnvConfig, Region};
 pub use draping::Draping;
+pub use objective::Objective;
 pub use replay::ReplayDiverged;
-pub use reward::{Objective, Reward, Taken, Term, score};
+pub use reward::{Reward, Taken, Term, score};
 pub use task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};

@@ -1,25 +1,10 @@
 //! What a step earns and what an episode is worth.
 //!
 //! The *reward* is what learning is driven by: a sum of terms, each step. The *score* is what an
-//! episode is judged by, whatever it has earned: the share of the [`Objective`] that it has removed.
-
-use serde::{Deserialize, Serialize};
+//! episode is judged by, whatever it has earned: the share of the objective that it has removed.
 
 use super::config::EnvConfig;
 use super::task::End;
-
-/// What presses are to bring down, in the focus region [m].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Objective {
-    /// The sum of its vertices' distances to the tool, as in the paper. Cloth that is crushed on
-    /// the tool counts as well laid.
-    Distance,
-    /// The mean distance of its vertices and the mean surplus of its yarns (see
-    /// [`drape_cloth::scene::surplus`]): what stands off the tool and what is crushed on it.
-    #[default]
-    Surplus,
-}
 
 /// A step that has been taken, as the terms of the reward see it.
 pub struct Taken<'a> {

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use fixedbitset::FixedBitSet;
 
 use super::config::{EnvConfig, Region};
-use super::reward::{Objective, Reward};
+use super::objective::Objective;
+use super::reward::Reward;
 use super::task::{ImageShape, Observation};
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::{Scene, surplus};
@@ -154,9 +155,7 @@ impl Task {
 
     /// Summed distance of the region to the tool [m].
     pub fn distance(&self, state: &Snapshot) -> f64 {
-        let position = |v: u32| state.position[v as usize];
-        let distance = |v| self.scene.tool.distance(position(v)).0.max(0.0);
-        self.vertices().map(distance).sum()
+        Objective::Distance.of(&self.scene, &self.region.vertices, &state.position)
     }
 
     /// Surplus of the region, see [`surplus`] [m].
@@ -167,13 +166,8 @@ impl Task {
 
     /// What episodes are judged by [m].
     pub fn objective(&self, state: &Snapshot) -> f64 {
-        match self.config.objective {
-            Objective::Distance => self.distance(state),
-            Objective::Surplus => {
-                let count = self.region.vertices.count_ones(..) as f64;
-                self.distance(state) / count + self.surplus(state)
-            }
-        }
+        let (objective, region) = (self.config.objective, &self.region.vertices);
+        objective.of(&self.scene, region, &state.position)
     }
 
     /// The agent's view: zero outside the focus region and where the blank has been cut away.

@@ -1,9 +1,9 @@
 //! Everything a step must do, recomputed from states before and after it.
 
 use drape_cloth::math::Vec3;
+use drape_cloth::scene::surplus;
 use drape_cloth::sim::Precision;
 use drape_cloth::sim::Snapshot;
-use drape_cloth::scene::surplus;
 use drape_task::env::{End, Objective};
 use fixedbitset::FixedBitSet;
 
