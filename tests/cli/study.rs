@@ -276,12 +276,13 @@ fn transfer_has_a_row_for_every_setting() {
     tiny(path);
     let args = ["study", "transfer", "--count=4", "--json"];
     let report = json(path, &[&args[..], &TINY[..]].concat());
-    let [half, end, places] = ["half", "end", "places"].map(|table| rows(&report, table));
+    let [objective, distance, places] =
+        ["objective", "distance", "orders"].map(|table| rows(&report, table));
     let count = report["sequences"].as_array().unwrap().len();
     // Three presets, two rates, Gauss-Seidel, three twins.
-    assert_eq!([half.len(), end.len(), places.len()], [9; 3]);
+    assert_eq!([objective.len(), distance.len(), places.len()], [9; 3]);
     assert_eq!(rows(&report, "paths").len(), 9 * count);
-    for row in half.iter().chain(end) {
+    for row in objective.iter().chain(distance) {
         assert!(number(&row["left_m"]) >= 0.0 && number(&row["lost_m"]) >= 0.0);
         let rank = &row["rank_twin"];
         assert!(rank.is_null() || number(rank).abs() <= 1.0);
@@ -290,7 +291,7 @@ fn transfer_has_a_row_for_every_setting() {
         assert!(number(&row["outside_mm"]) >= 0.0 && number(&row["cpu_s"]) >= 0.0);
     }
     assert_eq!(
-        (&places[6]["setting"], number(&end[6]["lost_m"])),
+        (&places[6]["setting"], number(&distance[6]["lost_m"])),
         (&"twin".into(), 0.0)
     );
     assert_eq!(number(&places[6]["off_the_twin_inside_mm"]), 0.0);
