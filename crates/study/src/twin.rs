@@ -207,6 +207,8 @@ fn tables(
         .number("all", "s", 3, Ran::cpu_s)
         .number("before", "m", 4, |ran| ran.region_m[0])
         .number("left", "m", 4, |ran| ran.region_m[1])
+        .number("surplus before", "mm", 3, |ran| 1e3 * ran.surplus_m[0])
+        .number("surplus left", "mm", 3, |ran| 1e3 * ran.surplus_m[1])
         .text("draped", |ran| ran.draped)
         .number("step", "us", 2, |ran| 1e6 * ran.time_step_s)
         .number("v_rms before", "mm/s", 3, |ran| ran.v_rms_mm_s[0])

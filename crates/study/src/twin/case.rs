@@ -9,7 +9,7 @@ use crate::points::{apart_mm, coarser, distance, same_points};
 use crate::presses::{self, Positions};
 use crate::study::StudyError;
 use drape_cloth::math::{Purpose, Stream};
-use drape_cloth::scene::Scene;
+use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::twin::{Energies, PressConfig, TwinConfig};
 use drape_task::env::{Draping, EnvConfig};
 
@@ -36,6 +36,8 @@ pub struct Ran {
     pub press_cpu_s: f64,
     /// Summed distance of the region to the tool before the first press and after the last [m].
     pub region_m: [f64; 2],
+    /// Mean surplus of its yarns then [m].
+    pub surplus_m: [f64; 2],
     /// Vertices of the region that are held on the tool.
     pub draped: usize,
     /// Largest stable step before the presses [s]; for the fast solver its substep there.
@@ -86,6 +88,7 @@ impl PaperCase {
             fall_cpu_s: self.fall_cpu_s,
             press_cpu_s,
             region_m: [0, 1].map(|k| env.region_distance(&ends[k])),
+            surplus_m: [0, 1].map(|k| env.region_surplus(&ends[k])),
             draped: env.draped(0).intersection(&env.region().vertices).count(),
             time_step_s: 1.0 / self.env.stepping().substep_rate,
             v_rms_mm_s: [0, 1].map(|k| 1e3 * ends[k].v_rms()),
@@ -139,6 +142,7 @@ impl PaperCase {
             fall_cpu_s,
             press_cpu_s,
             region_m: [0, 1].map(|k| distance(&scene.tool, region.ones(), &ends[k])),
+            surplus_m: [0, 1].map(|k| surplus(&scene.lamina, &scene.tool, &ends[k], &region)),
             draped: in_region.count(),
             time_step_s,
             v_rms_mm_s: [speed, twin.speed()].map(|speed| 1e3 * speed),
