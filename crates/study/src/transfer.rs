@@ -17,7 +17,7 @@ use crate::presses::{Positions, replay, replay_in_twin};
 use crate::ranking::{interval, least, pair_loss, ranks, spearman};
 use crate::study::{Context, QUICKSTART, Report, SceneOptions, Study, StudyError, stencil_mm};
 use crate::table::Table;
-use crate::twin::fall::{ACCELERATION, fallen, lying, press_config, twin_config};
+use crate::twin::fall::{fallen, lying, press_config, twin_config};
 use crate::twin::set_up;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::mean_and_deviation;
@@ -74,7 +74,6 @@ struct End {
 enum Player {
     Fast(Solver, Stepping, Precision),
     Twin {
-        is_accelerated: bool,
         /// Starts where the fast solver's fall has ended, not its own.
         starts_as_fast: bool,
     },
@@ -89,13 +88,10 @@ const BALANCED: &str = "balanced";
 /// What players are held against.
 const TWIN: &str = "twin";
 
-fn players() -> [(&'static str, Player); 9] {
+fn players() -> [(&'static str, Player); 8] {
     let fast = |solver, stepping| Player::Fast(solver, stepping, Precision::F32);
     let [rough, balanced, accurate] = Accuracy::ALL.map(Accuracy::stepping);
-    let twin = |is_accelerated, starts_as_fast| Player::Twin {
-        is_accelerated,
-        starts_as_fast,
-    };
+    let twin = |starts_as_fast| Player::Twin { starts_as_fast };
     [
         ("fast", fast(Solver::Yarn, rough)),
         (BALANCED, fast(Solver::Yarn, balanced)),
@@ -106,9 +102,8 @@ fn players() -> [(&'static str, Player); 9] {
             Player::Fast(Solver::Yarn, accurate, Precision::F64),
         ),
         ("gauss_seidel", fast(Solver::GaussSeidel, balanced)),
-        (TWIN, twin(false, false)),
-        ("twin_accelerated", twin(true, false)),
-        ("twin_same_start", twin(false, true)),
+        (TWIN, twin(false)),
+        ("twin_same_start", twin(true)),
     ]
 }
 
@@ -231,16 +226,9 @@ fn play(
                 start.elapsed().as_secs_f64(),
             ))
         }
-        Player::Twin {
-            is_accelerated,
-            starts_as_fast,
-        } => {
+        Player::Twin { starts_as_fast } => {
             let press = press_config(env, Hold::Fixed);
             let config = twin_config(&scene.config)?;
-            let config = match is_accelerated {
-                true => config.accelerated(ACCELERATION),
-                false => config,
-            };
             let start = if starts_as_fast {
                 &scene.initial.position[..]
             } else {

@@ -98,3 +98,65 @@ pub(super) fn grip<V: Lanes>(
         cloth.mobility[place].set(lane, 0.0);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::cloth::Plane;
+    use super::*;
+    use crate::math::Vec3x;
+
+    fn close(found: f64, expected: f64, tolerance: f64) {
+        assert!(
+            (found - expected).abs() <= tolerance,
+            "{found}, expected {expected}"
+        );
+    }
+
+    /// A vertex over the plane z = 0 that the substep has moved from one height and place to
+    /// another, with a mobility of 0.01 m/N.
+    fn moved(from: [f64; 3], to: [f64; 3]) -> Cloth<f64> {
+        let mut cloth = Cloth::new(1, 0, 1);
+        cloth.previous[0] = Vec3x(from);
+        cloth.position[0] = Vec3x(to);
+        cloth.mobility[0] = 0.01;
+        cloth.plane[0] = Plane {
+            normal: Vec3x([0.0, 0.0, 1.0]),
+            offset: 0.0,
+        };
+        cloth
+    }
+
+    /// Free cloth is as fast as the roller in the limit of great force, F M in that of little; what
+    /// falls faster is not held up, and neither tool nor the cloth beneath is passed.
+    #[test]
+    fn roller_pushes_up_to_its_own_speed_and_down_to_the_tool() {
+        let height = |fallen: f64, force: f64, beneath: f64| {
+            let mut cloth = moved([0.0, 0.0, 1.0], [0.0, 0.0, 1.0 - fallen]);
+            push([0, 0], force, 0.1, beneath, &mut cloth);
+            cloth.position[0].0[2]
+        };
+        close(height(0.0, 1e9, 0.0), 0.9, 1e-6);
+        close(height(0.0, 1e-3, 0.0), 1.0 - 1e-5, 1e-8);
+        // Half the force at half the roller's speed: d = g (1 - d / reach) for g = reach.
+        close(height(0.0, 10.0, 0.0), 0.95, 1e-12);
+        close(height(0.2, 1e9, 0.0), 0.8, 1e-12);
+        close(height(0.0, 1e9, 0.97), 0.97, 1e-12);
+        close(height(0.0, 1e9, 2.0), 1.0, 1e-12);
+    }
+
+    /// Coulomb's law under a load of 3 N: it holds up to 0.3 of that, takes 0.2 of it from what
+    /// slides, and leaves alone what does not lie on the tool.
+    #[test]
+    fn roller_grips_what_its_friction_can_hold() {
+        let slid = |pull: f64, height: f64| {
+            let mut cloth = moved([0.0, 0.0, height], [0.01 * pull, 0.0, height]);
+            grip([0, 0], 3.0, [0.3, 0.2], &mut cloth);
+            (cloth.position[0].0[0] / 0.01, cloth.mobility[0])
+        };
+        assert_eq!(slid(0.89, 0.0), (0.0, 0.0));
+        let (left, mobility) = slid(0.91, 0.0);
+        close(left, 0.91 - 0.6, 1e-12);
+        assert_eq!(mobility, 0.01);
+        close(slid(0.5, 2.0 * TOUCHING).0, 0.5, 1e-12);
+    }
+}

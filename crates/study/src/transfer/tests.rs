@@ -114,7 +114,6 @@ fn a_list_without_a_press_ends_where_it_starts() {
     assert!(ends[1].as_ref().unwrap().left_m != end.left_m);
 
     let player = Player::Twin {
-        is_accelerated: false,
         starts_as_fast: true,
     };
     let (ends, _) = play(&scene, &env, &[], player, &[&[]]).unwrap();
