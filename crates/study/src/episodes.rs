@@ -70,6 +70,8 @@ pub struct Played {
     pub pressed: Vec<u32>,
     /// Summed distance of the region to the tool [m].
     pub region_m: f64,
+    /// Mean surplus of its yarns [m].
+    pub surplus_m: f64,
     /// Touched vertices which are not draped.
     pub undraped: usize,
     pub state: Snapshot,
@@ -145,8 +147,9 @@ struct Row {
 /// A figure of an episode: its name, and how it is got from the end and from what it comes to.
 type Figure = (&'static str, fn(&Played, &Rested) -> f64);
 
-const FIGURES: [Figure; 12] = [
+const FIGURES: [Figure; 13] = [
     ("distance left [m]", |p, _| p.region_m),
+    ("surplus left [mm]", |p, _| 1e3 * p.surplus_m),
     ("whole sheet [m]", |_, r| r.summary.distance_m),
     ("undraped vertices", |p, _| p.undraped as f64),
     ("tension p95 [%]", |_, r| 1e2 * r.summary.tension_p95),
@@ -214,6 +217,7 @@ pub fn play(
                     has_diverged: episode.end == End::Diverged,
                     pressed: pressed.collect(),
                     region_m: env.region_distance(finished),
+                    surplus_m: env.region_surplus(finished),
                     undraped: finished
                         .pressed
                         .touched
