@@ -129,9 +129,8 @@ impl<V: Lanes> SelfContact<V> {
     pub fn beneath(&self, layers: &Layers, lane: usize, vertex: usize) -> f64 {
         let lane = &self.lanes[lane];
         match lane.beneath[vertex] {
-            COVERED => f64::INFINITY,
-            _ if lane.due => f64::INFINITY,
-            layers_beneath => layers.thickness * f64::from(layers_beneath),
+            count if count == COVERED || lane.due => f64::INFINITY,
+            count => layers.thickness * f64::from(count),
         }
     }
 

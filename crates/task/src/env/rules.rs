@@ -14,7 +14,7 @@ use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::sim::{Backend, Control, Cpu, Pressed, Snapshot, Stencil, World};
 
 /// Solves of the yarns' lengths in a substep under the roller, which pulls on all that it presses
-/// at once: with one, `drape study transfer` shows twice the distance from finite elements' order.
+/// at once: with one, paths rank less as in finite elements (docs/NOTES.md).
 const PRESS_SWEEPS: usize = 2;
 
 /// What is the same for all environments.
@@ -99,7 +99,7 @@ impl Task {
         let cloth = task.cloth(1);
         let distances = cloth.distances(&task.seen);
         task.start.observation = task.observe(&cloth.pressed()[0], &distances);
-        task.initial = task.objective(&cloth.snapshot(0));
+        task.initial = task.objective(&task.scene.initial);
         Ok(task)
     }
 
