@@ -7,28 +7,31 @@ use serde::Serialize;
 use super::Failure;
 use super::failure::OrInvalid;
 use super::output::OutFolder;
+use super::proof;
 use super::result::{EpisodeStatistics, Recorder, rollout_failure};
 use super::setup::set_up;
 use crate::run::{
-    Checkpoint, EpisodeSummary, OtherConfig, PlayedEpisode, Rules, RunConfig, RunFolder,
-    parallel_episodes, play, random_episodes, replay,
+    BestSequence, Checkpoint, EpisodeSummary, OtherConfig, PlayedEpisode, Proved, Rules, RunConfig,
+    RunFolder, parallel_episodes, play, random_episodes, replay,
 };
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::Accuracy;
 use drape_learn::ppo::{Agent, NETWORK, Sampling, read_section};
+use drape_study::proof::Row;
 use drape_task::env::{Draping, EnvConfig, Tasks};
 
 /// Roll out a trained policy and compare it with the random one
 ///
-/// Writes before.png, after.png, path.png and rollout.gif of the episode it plays, each in place
+/// Writes before.png, after.png, crushed.png, path.png and rollout.gif of the episode it plays, each in place
 /// of that of the last `eval`; those of the run itself stay.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape eval runs/a
   drape eval runs/a --sequence --accuracy accurate --out checked
-  drape eval runs/a --checkpoint last --sample --json")]
+  drape eval runs/a --checkpoint last --sample --json
+  drape eval runs/a --prove --twin")]
 pub struct EvalArgs {
     /// Run folder
     run: PathBuf,
@@ -55,6 +58,16 @@ pub struct EvalArgs {
     /// whatever the masks allow then
     #[arg(long, value_parser = accuracy, value_name = "NAME")]
     accuracy: Option<Accuracy>,
+
+    /// Also play the best paths of the run at `accurate`, beside K random orders, sweeps and orders
+    /// outwards from a place, and keep the best for `export`
+    #[arg(long)]
+    prove: bool,
+
+    /// Take the best of them and a quarter of the random orders to the finite-element twin, which
+    /// has the last word; minutes a path
+    #[arg(long, requires = "prove")]
+    twin: bool,
 
     /// Folder for the pictures, created where missing; pictures/eval in the run folder if not
     /// given
@@ -92,6 +105,9 @@ struct Report {
     #[serde(skip_serializing_if = "Option::is_none")]
     sampled: Option<EpisodeStatistics>,
     random: EpisodeStatistics,
+    /// What `--prove` has found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    proof: Option<Vec<Row>>,
     /// Where the pictures are.
     pictures: PathBuf,
 }
@@ -127,6 +143,15 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         (Some(agent), true) => Some(sampled(agent, scene, env, args.episodes)?),
         _ => None,
     };
+    let proof = match args.prove {
+        true => {
+            // In the run's own steps, whatever the episode was played in.
+            let (count, own) = ((args.episodes, args.twin), &loaded.config.env);
+            loaded.best_sequence()?;
+            Some(proof::proved(&loaded.folder, scene, own, count, args.json)?.0)
+        }
+        false => None,
+    };
     let title = if args.sequence { "sequence" } else { "policy" };
     recorder.write(&pictures.path, &draping, &played, title)?;
 
@@ -143,6 +168,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         episode: played.summary,
         sampled,
         random,
+        proof,
         pictures: pictures.path.clone(),
     };
     if args.json {
@@ -206,16 +232,7 @@ impl Loaded {
         };
         let (played, agent) = match source {
             EpisodeSource::Sequence => {
-                if !place.exists() {
-                    return Err(Failure::invalid(anyhow!(
-                        "{} has no best sequence, as every episode has diverged or none has \
-                         ended: resume the run, or train a new one",
-                        self.folder.path().display()
-                    )));
-                }
-                let best = self.folder.read_best_sequence()?;
-                best.check_config(&self.folder.config_text()?)
-                    .map_err(|fault| Failure::invalid(anyhow!("{}: {fault}", place.display())))?;
+                let best = self.best_sequence()?;
                 let rules = match self.changed {
                     true => Rules::Robot,
                     false => Rules::Episode,
@@ -231,6 +248,36 @@ impl Loaded {
         };
         let played = played.map_err(|error| rollout_failure(error, &place))?;
         Ok((played, agent, recorder, draping))
+    }
+
+    /// The best sequences of the run, found in its configuration.
+    fn best_sequence(&self) -> Result<BestSequence, Failure> {
+        let place = self.folder.best_sequence();
+        if !place.exists() {
+            return Err(Failure::invalid(anyhow!(
+                "{} has no best sequence, as every episode has diverged or none has ended: resume \
+                 the run, or train a new one",
+                self.folder.path().display()
+            )));
+        }
+        let best = self.folder.read_best_sequence()?;
+        self.check_config(&best, &place)?;
+        Ok(best)
+    }
+
+    /// What has been proved of the run, if anything, in its configuration.
+    pub fn proof(&self) -> Result<Option<Proved>, Failure> {
+        let proved = self.folder.read_proof()?;
+        if let Some(proved) = &proved {
+            self.check_config(&proved.path, &self.folder.proof())?;
+        }
+        Ok(proved)
+    }
+
+    fn check_config(&self, sequence: &BestSequence, place: &Path) -> Result<(), Failure> {
+        sequence
+            .check_config(&self.folder.config_text()?)
+            .map_err(|fault| Failure::invalid(anyhow!("{}: {fault}", place.display())))
     }
 
     fn checkpoint_path(&self, name: &str) -> PathBuf {
@@ -308,8 +355,13 @@ fn text(report: &Report) -> String {
             100.0 * episode.score
         ),
         format!(
-            "  whole sheet: {:.3} m of {:.3} m left",
-            episode.sheet_final_m, episode.sheet_initial_m
+            "  whole sheet: {:.3} m of {:.3} m off the tool, {:.2} mm of {:.2} mm surplus a yarn; \
+             through itself in {} places",
+            episode.sheet_final_m,
+            episode.sheet_initial_m,
+            1e3 * episode.sheet_surplus_final_m,
+            1e3 * episode.sheet_surplus_initial_m,
+            episode.self_intersections
         ),
         format!(
             "  undraped inner vertices {}, steps {}, jumps {}; {:.2} ms a step",
@@ -359,6 +411,9 @@ fn text(report: &Report) -> String {
             "the episode lies {:.2} deviations {side} the random mean",
             deviations.abs()
         ));
+    }
+    if let Some(rows) = &report.proof {
+        lines.push(proof::text(rows));
     }
     lines.push(format!("pictures in {}", report.pictures.display()));
     lines.join("\n")

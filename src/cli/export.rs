@@ -6,11 +6,13 @@ use serde::Serialize;
 use super::Failure;
 use super::eval::{EpisodeSource, Loaded};
 use super::failure::OrInvalid;
+use super::proof;
 use super::result::path;
 use drape_cloth::fabric::{Curve, Drape, Family};
 use drape_cloth::file::{ValueError, check_writable};
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::{Bending, BendingStiffness};
+use drape_study::proof::Physics;
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
 use drape_task::path::{DrapingPoint, write_csv, write_json};
 
@@ -30,8 +32,8 @@ pub struct ExportArgs {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 
-    /// Export the greedy policy of a checkpoint (best, last, or a file) instead of the best
-    /// sequence of the run
+    /// Export the greedy policy of a checkpoint (best, last, or a file) instead of the path that
+    /// the run has proved, or before that its best sequence
     #[arg(long, value_name = "best|last|FILE")]
     checkpoint: Option<String>,
 
@@ -55,15 +57,13 @@ struct Report {
     points: usize,
     strokes: usize,
     score: f64,
+    /// The physics in which the path was proved; none if it was not.
+    proved: Option<Physics>,
 }
 
 /// Runs `drape export`.
 pub fn run(args: ExportArgs) -> Result<(), Failure> {
     let loaded = Loaded::open(&args.run, args.json)?;
-    let source = match &args.checkpoint {
-        Some(name) => EpisodeSource::Checkpoint(name),
-        None => EpisodeSource::Sequence,
-    };
     let file = args.out.unwrap_or_else(|| {
         let json = loaded.folder.trajectory();
         match args.format {
@@ -73,7 +73,18 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         }
     });
     check_writable(&file)?;
-    let (played, ..) = loaded.play(source)?;
+    let proof = match &args.checkpoint {
+        Some(_) => None,
+        None => loaded.proof()?,
+    };
+    let played = match (&proof, &args.checkpoint) {
+        (Some(proved), _) => {
+            let place = loaded.folder.proof();
+            proof::play(proved, &loaded.scene, &loaded.env, &place)?.0
+        }
+        (None, Some(name)) => loaded.play(EpisodeSource::Checkpoint(name))?.0,
+        (None, None) => loaded.play(EpisodeSource::Sequence)?.0,
+    };
     let points = path(&played, &loaded.config.env)?;
     match args.format {
         Format::Json => write_json(&file, &points)?,
@@ -85,17 +96,22 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         points: points.len(),
         strokes: points.iter().filter(|point| point.starts_stroke).count(),
         score: played.summary.score,
+        proved: proof.map(|proved| proved.physics),
         file,
     };
     if args.json {
         return super::output::print_json(&report);
     }
     super::output::print(&format!(
-        "{}: {} points in {} strokes and presses, score {:.2} %",
+        "{}: {} points in {} strokes and presses, score {:.2} %, {}",
         report.file.display(),
         report.points,
         report.strokes,
-        100.0 * report.score
+        100.0 * report.score,
+        match report.proved {
+            Some(physics) => format!("proved: {}", physics.name()),
+            None => "not proved".into(),
+        }
     ))
 }
 

@@ -10,6 +10,7 @@ mod export;
 mod failure;
 mod output;
 mod picture;
+mod proof;
 mod result;
 mod scene;
 mod setup;

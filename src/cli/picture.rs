@@ -7,7 +7,7 @@ use std::path::Path;
 use super::Failure;
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
-use drape_cloth::scene::Scene;
+use drape_cloth::scene::{Scene, crushed};
 use drape_cloth::sim::Snapshot;
 use drape_report::{
     BACKGROUND, CLOTH, CLOTH_BIAS, Camera, Color, ColorMap, DRAPED, Drawing, Image, PATH, TOOL,
@@ -16,6 +16,8 @@ use drape_report::{
 
 /// Distance to the tool from which on cloth is fully red [m].
 pub const FAR: f64 = 0.025;
+/// Share of its length that a yarn has too much from which on cloth is fully red [-].
+pub const CRUSHED: f64 = 0.1;
 /// Free space round the lamina, as a share of its longer side.
 const MARGIN: f64 = 0.04;
 /// Em size of a caption, as a share of the picture's height; not below [`MIN_TEXT`] px.
@@ -84,7 +86,24 @@ impl<'a> Studio<'a> {
         let color = |x| ColorMap::Distance.at(distance(x) / FAR);
         let colors: Vec<Color> = state.position.iter().map(color).collect();
         let mut image = self.captioned(state, &colors, &[], caption);
-        self.color_key(&mut image);
+        self.color_key(&mut image, &format!("{:.0} mm", FAR * 1e3));
+        image
+    }
+
+    /// The lamina coloured by what its yarns are too long for their place: blue where they fit,
+    /// red where they are crushed by [`CRUSHED`] and more. The greatest share is told.
+    pub fn crushed(&self, state: &Snapshot) -> Image {
+        let Scene { lamina, tool, .. } = self.scene;
+        let shares = crushed(lamina, tool, &state.position);
+        let greatest = shares.iter().copied().fold(0.0, f64::max);
+        let color = |share: &f64| ColorMap::Distance.at(share / CRUSHED);
+        let colors: Vec<Color> = shares.iter().map(color).collect();
+        let caption = format!(
+            "yarn too long for its place, at most {:.0} %",
+            1e2 * greatest
+        );
+        let mut image = self.captioned(state, &colors, &[], &caption);
+        self.color_key(&mut image, &format!("{:.0} %", CRUSHED * 1e2));
         image
     }
 
@@ -135,17 +154,16 @@ impl<'a> Studio<'a> {
         image
     }
 
-    /// Draws the scale of distances at the right end of the strip.
-    fn color_key(&self, image: &mut Image) {
+    /// Draws the scale of colours from 0 to `end` at the right end of the strip.
+    fn color_key(&self, image: &mut Image, end: &str) {
         let size = self.text_size();
         let (_, top) = self.text_corner();
         let em = |count: f32| (count * size) as i32;
         let right = self.width as i32 - em(0.8);
-        let text = format!("{:.0} mm", FAR * 1e3);
         let text_left = right - em(3.5);
         let (bar_left, bar_right) = (text_left - em(5.5), text_left - em(0.5));
         image.label([bar_left - em(1.0), top], "0", size, TEXT_COLOR);
-        image.label([text_left, top], &text, size, TEXT_COLOR);
+        image.label([text_left, top], end, size, TEXT_COLOR);
         let size = [bar_right - bar_left, em(0.73)];
         image.gradient([bar_left, top], size, ColorMap::Distance);
     }
@@ -231,6 +249,20 @@ mod tests {
         assert!(count(&near, 2) > 15_000 && count(&near, 0) < 200);
         assert_eq!((near.width, near.height), (320, 240));
         assert_eq!(near.pixels.len(), 320 * 240);
+    }
+
+    /// Cloth that lies on the tool at its length is blue; pushed together by a tenth it is red.
+    #[test]
+    fn crushed_cloth_is_red() {
+        let scene = scene();
+        let studio = Studio::new(&scene, View::Top, [320, 240]);
+        let mut state = Snapshot::clone(&scene.initial);
+        let free = studio.crushed(&state);
+        assert!(count(&free, 2) > 15_000);
+        for x in &mut state.position {
+            x[0] *= 0.88;
+        }
+        assert!(count(&studio.crushed(&state), 0) > 15_000);
     }
 
     #[test]

@@ -6,13 +6,15 @@ use serde::Serialize;
 
 use super::Failure;
 use super::picture::{FilmFrame, Studio, View};
+use super::proof;
 use crate::run::{
-    EpisodeSummary, PlayedEpisode, RolloutError, Rules, RunFolder, Training, curve,
-    random_episodes, read_metrics, replay,
+    EpisodeSummary, PlayedEpisode, RolloutError, RunFolder, Training, curve, random_episodes,
+    read_metrics,
 };
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::sim::Snapshot;
 use drape_report::{Chart, Level, SERIES, Series};
+use drape_study::proof::Row;
 use drape_task::env::{Draping, EnvConfig};
 use drape_task::path::{DrapingPoint, PressedPoint, stroke_points, strokes, write_json};
 
@@ -77,35 +79,38 @@ pub(super) fn baseline(training: &Training, json: bool) -> Result<EpisodeStatist
     EpisodeStatistics::new("random", BASELINE_EPISODES, episodes)
 }
 
-/// Writes curve, trajectory, pictures and film of a training that is complete.
+/// Proves the best paths of a training that is complete, and writes curve, trajectory, pictures
+/// and film. Gives the proof.
 pub(super) fn write(
     training: &Training,
     baseline: &EpisodeStatistics,
     json: bool,
-) -> Result<(), Failure> {
-    let folder = training.folder();
-    if !json {
-        eprintln!("drawing pictures");
-    }
+) -> Result<Vec<Row>, Failure> {
+    let (folder, config) = (training.folder(), training.config());
     reward_curve(folder, baseline)?;
     if training.best_score().is_none() {
         eprintln!(
             "warning: every episode has diverged or none has ended, so there is no best sequence to \
              draw: raise `steps` or `env.substep_rate`"
         );
-        return Ok(());
+        return Ok(Vec::new());
     }
-    let sequence = folder.read_best_sequence()?;
-    let mut draping = Draping::new(training.scene().clone(), &training.config().env, 1)?;
-    let mut recorder = Recorder::default();
-    let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);
-    let played = replay(&mut draping, &sequence.vertices, Rules::Episode, watch)
-        .map_err(|error| rollout_failure(error, &folder.best_sequence()))?;
-    write_json(
-        &folder.trajectory(),
-        &path(&played, &training.config().env)?,
-    )?;
-    recorder.write(&folder.pictures(), &draping, &played, "best sequence")
+    if !json {
+        eprintln!("proving the best paths");
+    }
+    let count = (config.proof_paths, false);
+    let (rows, proved) = proof::proved(folder, training.scene(), &config.env, count, json)?;
+    let Some(proved) = proved else {
+        return Ok(rows);
+    };
+    if !json {
+        eprintln!("drawing pictures");
+    }
+    let (played, recorder, draping) =
+        proof::play(&proved, training.scene(), &config.env, &folder.proof())?;
+    write_json(&folder.trajectory(), &path(&played, &config.env)?)?;
+    recorder.write(&folder.pictures(), &draping, &played, "proved path")?;
+    Ok(rows)
 }
 
 /// The draping points of an episode.
@@ -166,7 +171,7 @@ impl Recorder {
         });
     }
 
-    /// Writes the pictures before and after and the film into a folder.
+    /// Writes the pictures and the film into a folder.
     pub fn write(
         mut self,
         folder: &Path,
@@ -192,6 +197,8 @@ impl Recorder {
         let shot = |state: &Snapshot, text: &str| studio.distance(state, text);
         shot(&scene.initial, "before").save_png(&folder.join("before.png"))?;
         shot(&played.end, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
+        let crushed = studio.crushed(&played.end);
+        crushed.save_png(&folder.join("crushed.png"))?;
         let top = Studio::new(scene, View::Top, PICTURE_SIZE);
         top.progress(&end).save_png(&folder.join("path.png"))?;
         Studio::new(scene, View::Isometric, FILM_SIZE)

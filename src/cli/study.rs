@@ -138,7 +138,7 @@ impl<S: clap::Args + Study> Measure<S> {
 }
 
 /// Names what the error is about, where the study has a scene.
-fn failure(error: StudyError, place: Option<String>) -> Failure {
+pub(super) fn failure(error: StudyError, place: Option<String>) -> Failure {
     let is_input = error.is_input();
     let place = place.filter(|_| {
         !matches!(
@@ -209,7 +209,7 @@ fn replaced<S: Study>(
 }
 
 /// The best sequence of a run folder, which is refused where its configuration has changed.
-fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
+pub(super) fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
     let folder = RunFolder::open(path).map_err(|error| StudyError::Read(error.into()))?;
     let config =
         RunConfig::read(&folder.config()).map_err(|error| StudyError::Read(error.into()))?;

@@ -10,12 +10,14 @@ use super::Failure;
 use super::eval::accuracy;
 use super::failure::OrInvalid;
 use super::output::{bar, print, print_json};
+use super::proof;
 use super::result;
 use super::setup::set_up_over_tool;
 use crate::run::{NameError, OtherConfig, RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::file::ValueError;
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
+use drape_study::proof::Row;
 use drape_task::env::{Draping, End, ImageShape, Tasks};
 
 /// Iterations between two checkpoints.
@@ -96,6 +98,8 @@ struct Outcome {
     random_deviation: f64,
     /// Episodes since the command began in which the simulation diverged.
     diverged_episodes: usize,
+    /// The best paths in finer steps, beside other orders; empty before the end.
+    proof: Vec<Row>,
 }
 
 /// Runs `drape train`.
@@ -138,9 +142,10 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
     training.checkpoint().map_err(failure)?;
     bar.finish_and_clear();
     let elapsed = start.elapsed().as_secs_f64();
-    if training.is_complete() {
-        result::write(&training, &baseline, args.json)?;
-    }
+    let proof = match training.is_complete() {
+        true => result::write(&training, &baseline, args.json)?,
+        false => Vec::new(),
+    };
 
     let taken = (training.env_steps() - first) as f64;
     let outcome = Outcome {
@@ -157,6 +162,7 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
         random_mean_score: baseline.mean_score,
         random_deviation: baseline.deviation,
         diverged_episodes,
+        proof,
     };
     report(&outcome, &args)
 }
@@ -249,7 +255,7 @@ fn report(outcome: &Outcome, args: &TrainArgs) -> Result<(), Failure> {
         count => format!("episodes cut off because they diverged: {count}\n"),
     };
     let next = match (outcome.complete, outcome.best_score) {
-        (true, Some(_)) => format!("next: drape eval {run}"),
+        (true, Some(_)) => format!("{}\nnext: drape eval {run}", proof::text(&outcome.proof)),
         (true, None) => "no best sequence".into(),
         (false, _) => format!("interrupted; go on with: drape train --resume {run}"),
     };

@@ -38,6 +38,9 @@ pub struct RunConfig {
     pub device: DeviceKind,
     /// Iterations between two evaluations of the greedy policy; each is one episode.
     pub evaluation_interval: u64,
+    /// Random orders that the best paths are proved against at the end, see
+    /// [`drape_study::proof::prove`].
+    pub proof_paths: usize,
     pub env: EnvConfig,
     pub policy: PolicyConfig,
     pub ppo: PpoConfig,
@@ -91,6 +94,7 @@ impl RunConfig {
             environments: 32,
             device: DeviceKind::Flex,
             evaluation_interval: 2,
+            proof_paths: 32,
             env,
             policy,
             ppo,
@@ -184,6 +188,7 @@ impl RunConfig {
         range("steps", self.steps, Self::MAX_STEPS)?;
         range("environments", self.environments as u64, 4096)?;
         range("evaluation_interval", self.evaluation_interval, 1 << 32)?;
+        range("proof_paths", self.proof_paths as u64, 4096)?;
         // A rollout is held in memory: 17 kB a sample on the whole standard blank.
         let max = (Self::MAX_SAMPLES / self.environments) as u64;
         range("ppo.rollout_steps", self.ppo.rollout_steps as u64, max)?;

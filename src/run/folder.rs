@@ -8,6 +8,7 @@ use humantime::format_rfc3339_seconds;
 use serde::{Deserialize, Serialize};
 
 use drape_cloth::file::write_atomic;
+use drape_study::proof::{Physics, Row};
 use drape_task::env::ImageShape;
 
 /// The folder of one run: `ROOT/NAME/`. Its layout is described in `runs/README.md`.
@@ -58,9 +59,45 @@ pub struct BestSequence {
     pub grid: ImageShape,
     /// [`config_digest`] of the configuration in which the sequence was found.
     pub config_digest: String,
+    /// The next best episodes, best first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<Scored>,
+}
+
+/// What an episode pressed, in order, and its score.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scored {
+    pub vertices: Vec<u32>,
+    pub score: f64,
+}
+
+/// `proof.json`: the best of the best sequences in the finest physics that they were played in.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Proved {
+    pub physics: Physics,
+    /// Its score there.
+    pub path: BestSequence,
+    /// What it is held against.
+    pub proof: Vec<Row>,
 }
 
 impl BestSequence {
+    fn check_vertices(&self, place: &Path) -> Result<()> {
+        let place = place.display();
+        let count = self.grid.pixel_count();
+        let others = self.others.iter().map(|other| &other.vertices);
+        for vertices in std::iter::once(&self.vertices).chain(others) {
+            if vertices.is_empty() {
+                bail!("{place} has no vertices, expected one or more");
+            }
+            if let Some(vertex) = vertices.iter().find(|&&v| v as usize >= count) {
+                bail!("{place} presses vertex {vertex}, expected one below {count}");
+            }
+        }
+        Ok(())
+    }
+
     /// What is wrong if the sequence was found in another configuration than `config`, a text.
     pub fn check_config(&self, config: &str) -> Result<(), String> {
         let (found, expected) = (&self.config_digest, config_digest(config));
@@ -224,7 +261,12 @@ impl RunFolder {
         self.path.join("best_sequence.json")
     }
 
-    /// Draping points of the best sequence ([`drape_task::path`]).
+    /// What [`Proved`] says.
+    pub fn proof(&self) -> PathBuf {
+        self.path.join("proof.json")
+    }
+
+    /// Draping points of the proved path ([`drape_task::path`]).
     pub fn trajectory(&self) -> PathBuf {
         self.path.join("trajectory.json")
     }
@@ -247,23 +289,35 @@ impl RunFolder {
         write_json(&self.best_sequence(), sequence)
     }
 
-    /// Reads the best sequence and checks that it has vertices and that they are on its grid.
+    /// Reads the best sequence and checks that it and the others have vertices and that they are
+    /// on its grid.
     pub fn read_best_sequence(&self) -> Result<BestSequence> {
         let path = self.best_sequence();
-        let sequence: BestSequence = serde_json::from_str(&read_text(&path)?)
-            .with_context(|| format!("{} is damaged", path.display()))?;
-        if sequence.vertices.is_empty() {
-            bail!("{} has no vertices, expected one or more", path.display());
-        }
-        let count = sequence.grid.pixel_count();
-        if let Some(vertex) = sequence.vertices.iter().find(|&&v| v as usize >= count) {
-            bail!(
-                "{} presses vertex {vertex}, expected one below {count}",
-                path.display()
-            );
-        }
+        let sequence: BestSequence = read_json(&path)?;
+        sequence.check_vertices(&path)?;
         Ok(sequence)
     }
+
+    /// Replaces the proof.
+    pub fn write_proof(&self, proved: &Proved) -> Result<()> {
+        write_json(&self.proof(), proved)
+    }
+
+    /// Reads the proof, if there is one, and checks its path as the best sequence is checked.
+    pub fn read_proof(&self) -> Result<Option<Proved>> {
+        let path = self.proof();
+        if !path.exists() {
+            return Ok(None);
+        }
+        let proved: Proved = read_json(&path)?;
+        proved.path.check_vertices(&path)?;
+        Ok(Some(proved))
+    }
+}
+
+fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+    let read = serde_json::from_str(&read_text(path)?);
+    read.with_context(|| format!("{} is damaged", path.display()))
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
@@ -297,6 +351,10 @@ mod tests {
                 columns: 3,
             },
             config_digest: config_digest(CONFIG),
+            others: vec![Scored {
+                vertices: vec![3],
+                score: 0.5,
+            }],
         }
     }
 

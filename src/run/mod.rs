@@ -16,7 +16,9 @@ mod training;
 
 pub use checkpoint::{Checkpoint, OtherConfig};
 pub use config::RunConfig;
-pub use folder::{NameError, RunFolder, RunInfo, config_digest, dated_folder};
+pub use folder::{
+    BestSequence, NameError, Proved, RunFolder, RunInfo, config_digest, dated_folder,
+};
 pub use metrics::{curve, read_metrics};
 pub use rollout::{
     EpisodeSummary, PlayedEpisode, RolloutError, Rules, parallel_episodes, play, random_episodes,

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream, Vec3};
-use drape_cloth::scene::Scene;
+use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::sim::Snapshot;
 use drape_task::env::{Draping, End, EnvConfig, ReplayDiverged, Tasks};
 use drape_task::path::{PressedPoint, strokes};
@@ -22,9 +22,12 @@ pub struct EpisodeSummary {
     /// [`drape_cloth::scene::surplus`].
     pub surplus_initial_m: f64,
     pub surplus_final_m: f64,
-    /// Distance of the whole sheet [m].
+    /// Distance of the whole sheet and mean surplus of all its yarns [m]: what was pushed out of
+    /// the region is still there.
     pub sheet_initial_m: f64,
     pub sheet_final_m: f64,
+    pub sheet_surplus_initial_m: f64,
+    pub sheet_surplus_final_m: f64,
     /// Vertices of the region, all eight neighbours within it, that are not draped.
     pub undraped_inner: usize,
     /// Presses.
@@ -34,6 +37,8 @@ pub struct EpisodeSummary {
     /// 95th percentile and maximum of the absolute yarn strain of the whole sheet [-].
     pub strain_p95: f64,
     pub strain_max: f64,
+    /// Places where the sheet passes through itself.
+    pub self_intersections: usize,
     /// Root mean square speed at the end [mm/s].
     pub v_rms_mm_s: f64,
     /// Wall-clock time of the episode, without watching it; of several at once, its share.
@@ -278,6 +283,10 @@ fn summarise(draping: &Draping, end: &Snapshot, points: &[PressedPoint]) -> Epis
         scene.lamina.neighbors(v).count() == 8 && near.all(|n| region.contains(&n))
     };
     let undraped = |v: &u32| !end.pressed.draped.contains(*v as usize);
+    let mut sheet = draping.region().vertices.clone();
+    sheet.insert_range(..);
+    let sheet_surplus =
+        |state: &Snapshot| surplus(&scene.lamina, &scene.tool, &state.position, &sheet);
     let join = JUMP * draping.config().stencil_mm * 1e-3;
     let strokes =
         strokes(points, join).map_or(0, |path| path.iter().filter(|p| p.starts_stroke).count());
@@ -289,11 +298,14 @@ fn summarise(draping: &Draping, end: &Snapshot, points: &[PressedPoint]) -> Epis
         surplus_final_m: draping.region_surplus(end),
         sheet_initial_m: at_start.distance_m,
         sheet_final_m: at_end.distance_m,
+        sheet_surplus_initial_m: sheet_surplus(&scene.initial),
+        sheet_surplus_final_m: sheet_surplus(end),
         undraped_inner: region.iter().filter(|v| undraped(v) && inner(v)).count(),
         steps: points.len(),
         jumps: strokes.saturating_sub(1),
         strain_p95: at_end.strain_p95,
         strain_max: at_end.strain_max,
+        self_intersections: at_end.self_intersections,
         v_rms_mm_s: at_end.v_rms_mm_s,
         seconds: 0.0,
     }

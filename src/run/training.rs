@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::checkpoint::Checkpoint;
 use super::config::RunConfig;
 use super::events::EventWriter;
-use super::folder::{BestSequence, RunFolder, config_digest};
+use super::folder::{BestSequence, RunFolder, Scored, config_digest};
 use super::metrics::{MetricsWriter, read_metrics};
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{Iteration, Sampling, Trainer, decode, encode, read_section};
@@ -36,13 +36,16 @@ pub struct Training {
 struct Memory {
     /// Score of the best greedy episode so far.
     best_greedy: Option<f64>,
-    /// The best action sequence, as vertices, and its score.
-    best_sequence: Option<(Vec<u32>, f64)>,
+    /// The best episodes, best first, each path once.
+    best: Vec<Scored>,
     /// Scores of the last episodes of the training, oldest first.
     recent: Vec<f64>,
     /// Lines of the metrics.
     lines: u64,
 }
+
+/// Best episodes that are kept: a score in the task's own steps may not hold in finer physics.
+const BEST: usize = 8;
 
 /// Episodes that the mean score of a report is taken over.
 const RECENT: usize = 50;
@@ -140,7 +143,7 @@ impl Training {
 
     /// Best score of any episode so far.
     pub fn best_score(&self) -> Option<f64> {
-        self.memory.best_sequence.as_ref().map(|best| best.1)
+        self.memory.best.first().map(|best| best.score)
     }
 
     /// One iteration of the learner, with its metrics written. Checkpoints are up to the
@@ -206,27 +209,33 @@ impl Training {
         Ok(Some(score))
     }
 
-    /// Keeps the sequence of an episode if it is the best so far.
+    /// Keeps the sequence of an episode if it is among the best so far.
     fn remember(&mut self, score: f64, actions: &[u32]) -> Result<()> {
-        let best = self.memory.best_sequence.as_ref();
-        if best.is_some_and(|(_, best)| *best >= score) {
+        let best = &mut self.memory.best;
+        // Behind those that were as good before.
+        let place = best.partition_point(|other| other.score >= score);
+        if place >= BEST {
             return Ok(());
         }
         let vertex = |&action| self.evaluation.vertex(action);
         let vertices: Option<Vec<u32>> = actions.iter().map(vertex).collect();
         let vertices = vertices.expect("allowed actions have a vertex");
+        if best.iter().any(|other| other.vertices == vertices) {
+            return Ok(());
+        }
+        best.insert(place, Scored { vertices, score });
+        best.truncate(BEST);
         let lamina = &self.evaluation.scene().lamina;
         self.folder.write_best_sequence(&BestSequence {
-            vertices: vertices.clone(),
-            score,
+            vertices: best[0].vertices.clone(),
+            score: best[0].score,
             grid: ImageShape {
                 rows: lamina.rows,
                 columns: lamina.columns,
             },
             config_digest: config_digest(&self.config_text),
-        })?;
-        self.memory.best_sequence = Some((vertices, score));
-        Ok(())
+            others: best[1..].to_vec(),
+        })
     }
 
     fn log(&mut self, report: &TrainingReport) -> Result<()> {

@@ -249,6 +249,22 @@ fn damaged_sequences_and_metrics_are_located() {
         sequence["vertices"] = vertices.into();
         sequence.to_string()
     };
+    let proof = path.join("runs/a/proof.json");
+    let text_of_proof = fs::read_to_string(&proof).unwrap();
+    for (content, words) in [
+        (
+            text_of_proof[..200].to_owned(),
+            "proof.json is damaged: EOF",
+        ),
+        (
+            text_of_proof.replacen("\"vertices\": [", "\"vertices\": [9999,", 1),
+            "proof.json presses vertex 9999, expected one below 289",
+        ),
+    ] {
+        fs::write(&proof, content).unwrap();
+        assert_failure(&drape(path, &["export", "runs/a"]), 1, &[words]);
+    }
+    fs::remove_file(&proof).unwrap();
     let vertices = sequence["vertices"].as_array().unwrap();
     let twice = [vertices[0].clone(), vertices[0].clone()];
     for (content, code, words) in [

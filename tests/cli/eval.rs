@@ -19,11 +19,17 @@ fn check_episode(episode: &Value) {
         "{episode}"
     );
     assert!(number(&episode["strain_p95"]) <= number(&episode["strain_max"]));
-    for key in ["undraped_inner", "steps", "jumps"] {
+    for key in ["undraped_inner", "steps", "jumps", "self_intersections"] {
         assert!(episode[key].is_u64(), "{key}");
     }
     assert!(number(&episode["jumps"]) < number(&episode["steps"]));
-    for key in ["sheet_final_m", "v_rms_mm_s", "seconds", "surplus_final_m"] {
+    for key in [
+        "sheet_final_m",
+        "sheet_surplus_final_m",
+        "v_rms_mm_s",
+        "seconds",
+        "surplus_final_m",
+    ] {
         assert!(number(&episode[key]) >= 0.0, "{key}");
     }
     assert!(number(&episode["surplus_initial_m"]) > 0.0);
@@ -173,7 +179,13 @@ fn pictures_of_the_run_stay() {
     let before = files(path);
     let report = eval(path, &["--out", "b/c"]);
     assert_eq!(report["pictures"], "b/c");
-    let drawn = ["after.png", "before.png", "path.png", "rollout.gif"];
+    let drawn = [
+        "after.png",
+        "before.png",
+        "crushed.png",
+        "path.png",
+        "rollout.gif",
+    ];
     assert_eq!(names(&path.join("b/c")), drawn);
     fs::remove_dir_all(path.join("b")).unwrap();
     assert!(files(path) == before);
@@ -238,12 +250,13 @@ fn exported_points_are_the_sequence_in_metres_and_millimetres() {
     json(path, &["export", "runs/a", "--format", "csv", "--json"]);
     let csv = fs::read_to_string(path.join("runs/a/trajectory.csv")).unwrap();
 
-    let sequence = read_json(&path.join("runs/a/best_sequence.json"));
-    let vertices = sequence["vertices"].as_array().unwrap();
+    let proved = read_json(&path.join("runs/a/proof.json"));
+    let vertices = proved["path"]["vertices"].as_array().unwrap();
     let document: Value = serde_json::from_slice(&trajectory).unwrap();
     let points = document["points"].as_array().unwrap();
     assert_eq!(report["points"], vertices.len());
-    assert!((number(&report["score"]) - number(&sequence["score"])).abs() < SCORE_TOLERANCE);
+    assert_eq!(report["score"], proved["path"]["score"]);
+    assert_eq!(report["proved"], "accurate");
 
     let mut rows = csv.lines().filter(|line| !line.starts_with('#'));
     let header: Vec<&str> = rows.next().unwrap().split(',').collect();
@@ -274,6 +287,63 @@ fn exported_points_are_the_sequence_in_metres_and_millimetres() {
         strokes += u64::from(starts);
     }
     assert_eq!(report["strokes"], strokes);
+}
+
+/// Rows of the proof agree with each other and with the path that is kept for the robot.
+#[test]
+fn best_paths_are_proved_in_finer_physics() {
+    let folder = trained();
+    let path = folder.path();
+    let run = path.join("runs/a");
+    let trained = files(&run);
+    fs::remove_file(run.join("proof.json")).unwrap();
+    let report = json(path, &["export", "runs/a", "--json"]);
+    let sequence = read_json(&run.join("best_sequence.json"));
+    assert!(report["proved"].is_null());
+    assert!((number(&report["score"]) - number(&sequence["score"])).abs() < SCORE_TOLERANCE);
+
+    let args = ["eval", "runs/a", "--episodes", "4", "--json"];
+    assert!(json(path, &args).get("proof").is_none());
+    let report = json(path, &[&args[..], &["--prove"]].concat());
+    let rows = report["proof"].as_array().unwrap();
+    let orders = ["path", "random", "sweep", "outwards"];
+    for (row, order) in rows.iter().zip(orders) {
+        assert_eq!(
+            (&row["physics"], &row["order"]),
+            (&"accurate".into(), &order.into())
+        );
+        assert_eq!(row["diverged"], 0);
+        let [mean, least, surplus, least_surplus, score, best] = [
+            "distance_m",
+            "least_distance_m",
+            "surplus_m",
+            "least_surplus_m",
+            "score",
+            "best_score",
+        ]
+        .map(|key| number(&row[key]));
+        assert!(0.0 <= least && least <= mean && least_surplus <= surplus && score <= best);
+    }
+    let counts: Vec<_> = rows[1..].iter().map(|row| &row["count"]).collect();
+    assert_eq!(counts, [4, 1, 2]);
+    // As training has proved it, with as many orders.
+    assert!(fs::read(run.join("proof.json")).unwrap() == trained["proof.json"]);
+    assert_eq!(
+        rows[0]["best_score"],
+        read_json(&run.join("proof.json"))["path"]["score"]
+    );
+
+    let report = json(path, &[&args[..], &["--prove", "--twin"]].concat());
+    let rows = report["proof"].as_array().unwrap();
+    let twin: Vec<_> = rows[4..].iter().map(|row| &row["count"]).collect();
+    assert_eq!(twin, [4, 1, 1, 2]);
+    assert!(rows[4..].iter().all(|row| row["physics"] == "twin"));
+    let proved = read_json(&run.join("proof.json"));
+    assert_eq!(proved["path"]["score"], rows[4]["best_score"]);
+    let text = stdout(path, &["export", "runs/a"]);
+    assert!(text.ends_with(" %, proved: twin\n"), "{text}");
+    let args = ["eval", "runs/a", "--twin"];
+    assert_failure(&drape(path, &args), 2, &["--prove"]);
 }
 
 #[test]
@@ -342,7 +412,7 @@ fn run_whose_configuration_was_edited_is_refused() {
         ),
         (
             &["export", "runs/a"],
-            "best_sequence.json: found in the configuration",
+            "proof.json: found in the configuration",
         ),
         (
             &["export", "runs/a", "--checkpoint", "last"],

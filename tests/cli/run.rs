@@ -14,6 +14,7 @@ seed = 3
 steps = 240
 environments = 4
 evaluation_interval = 1
+proof_paths = 4
 
 [env]
 objective = "distance"
@@ -47,7 +48,7 @@ spacing_mm = 12
 "#;
 
 /// What a complete run leaves, sorted.
-pub const FILES: [&str; 13] = [
+pub const FILES: [&str; 15] = [
     "best_sequence.json",
     "checkpoints/best.drape",
     "checkpoints/last.drape",
@@ -56,18 +57,21 @@ pub const FILES: [&str; 13] = [
     "metrics.jsonl",
     "pictures/after.png",
     "pictures/before.png",
+    "pictures/crushed.png",
     "pictures/path.png",
     "pictures/reward.png",
     "pictures/rollout.gif",
+    "proof.json",
     "run.json",
     "trajectory.json",
 ];
 
 /// What the learner has found, without times.
-pub const LEARNT: [&str; 3] = [
+pub const LEARNT: [&str; 4] = [
     "checkpoints/last.drape",
     "checkpoints/best.drape",
     "best_sequence.json",
+    "proof.json",
 ];
 
 pub type Files = BTreeMap<String, Vec<u8>>;

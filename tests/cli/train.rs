@@ -41,10 +41,21 @@ fn training_leaves_a_complete_folder() {
 
     let sequence = read_json(&run.join("best_sequence.json"));
     assert_eq!(number(&sequence["score"]), best);
+    let others = sequence["others"].as_array().unwrap();
+    let scores: Vec<f64> = others.iter().map(|other| number(&other["score"])).collect();
+    assert!(!scores.is_empty() && scores.len() < 8, "{scores:?}");
+    assert!(scores[0] <= best && scores.is_sorted_by(|a, b| a >= b));
+    let proved = read_json(&run.join("proof.json"));
+    assert_eq!(proved["proof"], outcome["proof"]);
+    let paths: Vec<&Value> = std::iter::once(&sequence)
+        .chain(others)
+        .map(|path| &path["vertices"])
+        .collect();
+    assert!(paths.contains(&&proved["path"]["vertices"]));
     let path = read_json(&run.join("trajectory.json"));
     let points = path["points"].as_array().unwrap();
     let pressed: Vec<&Value> = points.iter().map(|point| &point["vertex"]).collect();
-    let vertices = sequence["vertices"].as_array().unwrap();
+    let vertices = proved["path"]["vertices"].as_array().unwrap();
     assert_eq!(pressed, vertices.iter().collect::<Vec<_>>());
     assert!(vertices.len() > 10);
 }
@@ -56,6 +67,7 @@ fn pictures_and_film_decode_in_their_sizes() {
     for (name, size) in [
         ("before.png", (720, 620)),
         ("after.png", (720, 620)),
+        ("crushed.png", (720, 620)),
         ("path.png", (720, 620)),
         ("reward.png", (960, 560)),
     ] {
@@ -73,8 +85,8 @@ fn pictures_and_film_decode_in_their_sizes() {
     while film.read_next_frame().unwrap().is_some() {
         count += 1;
     }
-    let sequence = read_json(&folder.path().join("runs/a/best_sequence.json"));
-    let presses = sequence["vertices"].as_array().unwrap().len();
+    let proved = read_json(&folder.path().join("runs/a/proof.json"));
+    let presses = proved["path"]["vertices"].as_array().unwrap().len();
     // One before each press and one at the end.
     assert_eq!(count, presses + 1);
 }
@@ -162,7 +174,8 @@ fn text_has_no_control_codes_where_nobody_watches() {
     assert!(output.status.success(), "{stderr}");
     assert_eq!(
         stderr,
-        "writing runs/a\nplaying 32 random episodes for comparison\ndrawing pictures\n"
+        "writing runs/a\nplaying 32 random episodes for comparison\nproving the best paths\ndrawing \
+         pictures\n"
     );
     assert!(
         stdout.starts_with("runs/a: 240 environment steps in "),

@@ -9,7 +9,7 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use crate::study::{Context, Report, SceneOptions, Study, StudyError};
+use crate::study::{Context, Report, SceneOptions, Study, StudyError, stencil_mm};
 use crate::table::Table;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream, mean_and_deviation};
@@ -103,9 +103,10 @@ impl Study for Episodes {
         if let Some(mesh) = self.scene.mesh {
             self.scene.set_mesh(&mut config, mesh)?;
         }
-        let env = self.scene.env(None);
         let fall = |share| (context.progress)(share, "falling");
         let scene = Arc::new(Scene::new(&config, fall)?);
+        let mut env = self.scene.env(None);
+        env.stencil_mm = stencil_mm(&scene.lamina, env.stencil_mm);
         // An episode takes about a step for each five vertices; progress need not be exact.
         let region = env.region(&scene.lamina)?.vertices;
         let expected = region.count_ones(..).div_ceil(5) as f64;

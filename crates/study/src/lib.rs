@@ -13,6 +13,7 @@ pub mod compare;
 pub mod episodes;
 mod points;
 mod presses;
+pub mod proof;
 mod ranking;
 pub mod stability;
 pub mod study;

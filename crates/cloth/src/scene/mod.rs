@@ -13,7 +13,7 @@ mod surplus;
 pub use config::{Clamp, Fall, Placement, SceneConfig, SceneError};
 pub use fall::{Scene, hung};
 pub use summary::{Summary, wrinkle_count};
-pub use surplus::surplus;
+pub use surplus::{crushed, summed_surplus, surplus};
 
 #[cfg(test)]
 mod tests;

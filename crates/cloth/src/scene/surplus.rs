@@ -16,31 +16,63 @@ use crate::tool::Tool;
 /// The mean over yarns makes it independent of how many vertices stand for the fabric. 0 where no
 /// edge lies in the region.
 pub fn surplus(lamina: &Lamina, tool: &Tool, positions: &[[f64; 3]], region: &FixedBitSet) -> f64 {
-    let foot = |v: u32| {
-        let (phi, normal) = tool.distance(positions[v as usize]);
-        Vec3::from(positions[v as usize]) - Vec3::from(normal) * phi
-    };
+    let (sum, yarns) = summed_surplus(lamina, tool, positions, region);
+    sum / yarns.max(1) as f64
+}
+
+/// The same summed over the yarns [m], and how many they are.
+pub fn summed_surplus(
+    lamina: &Lamina,
+    tool: &Tool,
+    positions: &[[f64; 3]],
+    region: &FixedBitSet,
+) -> (f64, usize) {
+    let foot = feet(tool, positions);
     let (mut sum, mut yarns) = (0.0, 0);
     for yarn in &lamina.yarns {
         let mut inside = yarn.vertices.windows(2).filter(|pair| {
             let mut ends = pair.iter();
             ends.all(|&v| region.contains(v as usize))
         });
-        // Not `max`, which would take what is no number for no surplus.
-        let excess = |pair: &[u32]| {
-            let excess = yarn.rest_length - (foot(pair[1]) - foot(pair[0])).norm();
-            if excess < 0.0 { 0.0 } else { excess }
-        };
+        let excess = |pair: &[u32]| excess(yarn.rest_length, [foot(pair[0]), foot(pair[1])]);
         if let Some(first) = inside.next() {
             yarns += 1;
             let all = std::iter::once(first).chain(inside);
             sum += all.map(excess).sum::<f64>();
         }
     }
-    match yarns {
-        0 => 0.0,
-        _ => sum / f64::from(yarns),
+    (sum, yarns)
+}
+
+/// The greatest share of its length that an edge of a yarn at each vertex has too much [-].
+pub fn crushed(lamina: &Lamina, tool: &Tool, positions: &[[f64; 3]]) -> Vec<f64> {
+    let foot = feet(tool, positions);
+    let mut greatest = vec![0.0f64; positions.len()];
+    for yarn in &lamina.yarns {
+        for pair in yarn.vertices.windows(2) {
+            let ends = [foot(pair[0]), foot(pair[1])];
+            let share = excess(yarn.rest_length, ends) / yarn.rest_length;
+            for &v in pair {
+                greatest[v as usize] = greatest[v as usize].max(share);
+            }
+        }
     }
+    greatest
+}
+
+/// The point of the tool that is nearest to a vertex.
+fn feet<'a>(tool: &'a Tool, positions: &'a [[f64; 3]]) -> impl Fn(u32) -> Vec3 + 'a {
+    |v| {
+        let (phi, normal) = tool.distance(positions[v as usize]);
+        Vec3::from(positions[v as usize]) - Vec3::from(normal) * phi
+    }
+}
+
+/// How much longer an edge is than its trace [m].
+fn excess(rest_length: f64, [a, b]: [Vec3; 2]) -> f64 {
+    let excess = rest_length - (b - a).norm();
+    // Not `max`, which would take what is no number for no surplus.
+    if excess < 0.0 { 0.0 } else { excess }
 }
 
 #[cfg(test)]
@@ -124,6 +156,24 @@ mod tests {
                 (found - exact).abs() < 1e-7,
                 "{count}: {found}, exact {exact}"
             );
+        }
+    }
+
+    /// A sheet crushed by a tenth along its warps on one side.
+    #[test]
+    fn crushed_vertices_are_found_where_they_are() {
+        let config = BlankConfig {
+            size_mm: [1e3 * SIDE; 2],
+            vertices: [9; 2],
+            ..BlankConfig::default()
+        };
+        let lamina = Lamina::new(&config, Material::interglas_92125()).unwrap();
+        let place = |&[x, y]: &[f64; 2]| [if x < 0.0 { 0.9 * x } else { x }, y, 0.01];
+        let positions: Vec<_> = lamina.rest.iter().map(place).collect();
+        let found = crushed(&lamina, &plate(), &positions);
+        for (share, [x, _]) in found.iter().zip(&lamina.rest) {
+            let exact = if *x < 1e-9 { 0.1 } else { 0.0 };
+            assert!((share - exact).abs() < 1e-9, "{share} at {x}");
         }
     }
 

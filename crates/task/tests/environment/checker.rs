@@ -1,7 +1,7 @@
 //! Everything a step must do, recomputed from states before and after it.
 
 use drape_cloth::math::Vec3;
-use drape_cloth::scene::surplus;
+use drape_cloth::scene::summed_surplus;
 use drape_cloth::sim::Precision;
 use drape_cloth::sim::Snapshot;
 use drape_task::env::{End, Objective};
@@ -95,10 +95,41 @@ fn objective(env: &Draping, state: &Snapshot) -> f64 {
         Objective::Distance => sum,
         Objective::Surplus => {
             let region = &env.region().vertices;
-            let surplus = surplus(&scene.lamina, &scene.tool, &state.position, region);
-            sum / region.count_ones(..) as f64 + surplus
+            let (surplus, yarns) =
+                summed_surplus(&scene.lamina, &scene.tool, &state.position, region);
+            let [surplus_out, distance_out] = pushed_out(env, state);
+            (sum + distance_out) / region.count_ones(..) as f64
+                + (surplus + surplus_out) / yarns as f64
         }
     }
+}
+
+/// How much more surplus and distance there is outside the region than at the start [m], summed.
+fn pushed_out(env: &Draping, state: &Snapshot) -> [f64; 2] {
+    let (scene, region) = (env.scene(), &env.region().vertices);
+    let sums = |state: &Snapshot| {
+        let x = &state.position;
+        let mut sum = [0.0; 2];
+        let foot = |v: usize| {
+            let (phi, normal) = scene.tool.distance(x[v]);
+            [0, 1, 2].map(|k| x[v][k] - phi * normal[k])
+        };
+        for yarn in &scene.lamina.yarns {
+            for edge in yarn.vertices.windows(2) {
+                let [a, b] = [edge[0] as usize, edge[1] as usize];
+                if !(region.contains(a) && region.contains(b)) {
+                    let (a, b) = (foot(a), foot(b));
+                    let square: f64 = (0..3).map(|k| (a[k] - b[k]).powi(2)).sum();
+                    sum[0] += (yarn.rest_length - square.sqrt()).max(0.0);
+                }
+            }
+        }
+        let outside = (0..x.len()).filter(|&v| !region.contains(v));
+        sum[1] = outside.map(|v| scene.tool.distance(x[v]).0.max(0.0)).sum();
+        sum
+    };
+    let (now, before) = (sums(state), sums(&scene.initial));
+    [0, 1].map(|k| (now[k] - before[k]).max(0.0))
 }
 
 /// Distance to the tool of every vertex of the region [m].

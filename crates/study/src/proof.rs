@@ -1,0 +1,269 @@
+//! Whether paths are as good as their training has it: played in a finer physics, beside orders
+//! that anybody could think of.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::episodes::{Order, sequences};
+use crate::study::{Context, StudyError};
+use crate::twin::fall::{fallen, lying, press_config, twin_config};
+use drape_cloth::file::ValueError;
+use drape_cloth::math::mean_and_deviation;
+use drape_cloth::scene::{Scene, surplus};
+use drape_cloth::sim::Accuracy;
+use drape_cloth::twin::Hold;
+use drape_task::env::{Draping, EnvConfig, Objective, score};
+
+/// Where a path is proved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Physics {
+    /// The fast solver in steps as fine as the preset's.
+    Accurate,
+    /// The finite-element twin, from its own fall.
+    Twin,
+}
+
+impl Physics {
+    /// As in tables and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Accurate => "accurate",
+            Self::Twin => "twin",
+        }
+    }
+}
+
+/// What paths of one origin leave in one physics.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    pub physics: Physics,
+    /// `path` for those that are proved, else `random`, `sweep` or `outwards`.
+    pub order: String,
+    /// Paths that came to their end.
+    pub count: usize,
+    /// Paths in which the simulation diverged; they count in no figure.
+    pub diverged: usize,
+    /// None if all have diverged.
+    #[serde(flatten)]
+    pub figures: Option<Figures>,
+}
+
+/// Means over paths with their standard deviations, and the best of each.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Figures {
+    /// Summed distance of the region to the tool [m].
+    pub distance_m: f64,
+    pub deviation_distance_m: f64,
+    pub least_distance_m: f64,
+    /// Mean surplus of its yarns [m].
+    pub surplus_m: f64,
+    pub deviation_surplus_m: f64,
+    pub least_surplus_m: f64,
+    /// See [`score`].
+    pub score: f64,
+    pub deviation_score: f64,
+    pub best_score: f64,
+    /// Vertices of the region that are not draped.
+    pub undraped: f64,
+}
+
+/// What [`prove`] has found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proof {
+    pub rows: Vec<Row>,
+    /// The best path in the last physics: its index among those given, and its score there. None
+    /// if all have diverged.
+    pub best: Option<(usize, f64)>,
+    /// The last physics.
+    pub physics: Physics,
+}
+
+/// What a path has left.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Left {
+    distance_m: f64,
+    surplus_m: f64,
+    score: f64,
+    undraped: usize,
+}
+
+/// Paths taken on to the twin, where one costs minutes.
+const TWIN_PATHS: usize = 4;
+
+/// Plays `paths` at `accurate`, and with `twin` the best four of them in the twin too, beside
+/// `count` random orders (in the twin a quarter of them), a quarter as many sweeps and half as
+/// many outwards, all found in the task's own steps.
+///
+/// # Errors
+/// If the scene has what the twin has nothing for, or the twin's fall diverges.
+pub fn prove(
+    scene: &Arc<Scene>,
+    env: &EnvConfig,
+    paths: &[Vec<u32>],
+    count: usize,
+    twin: bool,
+    context: &Context,
+) -> Result<Proof, StudyError> {
+    if twin {
+        // Refused before the work.
+        twin_config(&scene.config)?;
+    }
+    let quarter = count.div_ceil(4);
+    let mut groups = vec![("path", paths.to_vec())];
+    for (name, order, count) in [
+        ("random", Order::Random, count),
+        ("sweep", Order::Sweep, quarter),
+        ("outwards", Order::Outwards, count.div_ceil(2)),
+    ] {
+        groups.push((name, sequences(scene, env, order, count, 0)?));
+    }
+    let accurate = |lists: &[&[u32]]| Ok(accurately(scene, env, lists, context)?);
+    let (mut rows, left) = played(Physics::Accurate, &groups, accurate)?;
+    let mut chosen = ranked(&left);
+    let mut physics = Physics::Accurate;
+    if twin {
+        chosen.truncate(TWIN_PATHS);
+        groups[0].1 = chosen.iter().map(|&(k, _)| paths[k].clone()).collect();
+        groups[1].1.truncate(quarter);
+        physics = Physics::Twin;
+        let in_twin = |lists: &[&[u32]]| in_twin(scene, env, lists, context);
+        let (more, left) = played(physics, &groups, in_twin)?;
+        rows.extend(more);
+        let best = ranked(&left).into_iter();
+        chosen = best.map(|(k, score)| (chosen[k].0, score)).collect();
+    }
+    Ok(Proof {
+        rows,
+        best: chosen.first().copied(),
+        physics,
+    })
+}
+
+/// Plays all groups at once. Gives a row a group, and what the paths of the first have left.
+fn played(
+    physics: Physics,
+    groups: &[(&str, Vec<Vec<u32>>)],
+    play: impl Fn(&[&[u32]]) -> Result<Vec<Option<Left>>, StudyError>,
+) -> Result<(Vec<Row>, Vec<Option<Left>>), StudyError> {
+    let lists: Vec<&[u32]> = (groups.iter())
+        .flat_map(|(_, paths)| paths.iter().map(|path| &**path))
+        .collect();
+    let all = play(&lists)?;
+    let mut rest = &all[..];
+    let rows = groups.iter().map(|(order, paths)| {
+        let (own, after) = rest.split_at(paths.len());
+        rest = after;
+        let ended: Vec<Left> = own.iter().copied().flatten().collect();
+        Row {
+            physics,
+            order: (*order).into(),
+            count: ended.len(),
+            diverged: own.len() - ended.len(),
+            figures: figures(&ended),
+        }
+    });
+    let rows = rows.collect();
+    Ok((rows, all[..groups[0].1.len()].to_vec()))
+}
+
+fn figures(ended: &[Left]) -> Option<Figures> {
+    let of = |value: fn(&Left) -> f64| -> Vec<f64> { ended.iter().map(value).collect() };
+    let least = |values: &[f64]| values.iter().copied().fold(f64::INFINITY, f64::min);
+    let [distance, surplus, score] = [
+        of(|left| left.distance_m),
+        of(|left| left.surplus_m),
+        of(|left| left.score),
+    ];
+    let undraped = of(|left| left.undraped as f64);
+    let [distance_m, deviation_distance_m] = mean_and_deviation(&distance);
+    let [surplus_m, deviation_surplus_m] = mean_and_deviation(&surplus);
+    let [mean, deviation_score] = mean_and_deviation(&score);
+    (!ended.is_empty()).then(|| Figures {
+        distance_m,
+        deviation_distance_m,
+        least_distance_m: least(&distance),
+        surplus_m,
+        deviation_surplus_m,
+        least_surplus_m: least(&surplus),
+        score: mean,
+        deviation_score,
+        best_score: score.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        undraped: mean_and_deviation(&undraped)[0],
+    })
+}
+
+/// Index and score of those that have come to their end, best first.
+fn ranked(left: &[Option<Left>]) -> Vec<(usize, f64)> {
+    let ended = left.iter().enumerate();
+    let mut ended: Vec<(usize, f64)> = ended
+        .filter_map(|(k, left)| Some((k, left.as_ref()?.score)))
+        .collect();
+    ended.sort_by(|a, b| b.1.total_cmp(&a.1));
+    ended
+}
+
+/// Side by side in the lanes; none where one diverges.
+fn accurately(
+    scene: &Arc<Scene>,
+    env: &EnvConfig,
+    lists: &[&[u32]],
+    context: &Context,
+) -> Result<Vec<Option<Left>>, ValueError> {
+    let mut env = env.clone();
+    env.set_accuracy(Accuracy::Accurate);
+    let mut draping = Draping::new(scene.clone(), &env, lists.len())?;
+    let mut ended = vec![None; lists.len()];
+    let longest = lists.iter().map(|list| list.len()).max().unwrap_or(0);
+    draping.replay(lists, |draping, index, presses| {
+        let share = presses as f64 / longest as f64;
+        (context.progress)(share, "proving at accurate");
+        if presses == lists[index].len() {
+            let end = draping.state(index);
+            ended[index] = Some(Left {
+                distance_m: draping.region_distance(&end),
+                surplus_m: draping.region_surplus(&end),
+                score: draping.score(&end),
+                undraped: (draping.region().vertices)
+                    .difference(draping.draped(index))
+                    .count(),
+            });
+        }
+    });
+    Ok(ended)
+}
+
+/// Each on a thread; none where one diverges.
+fn in_twin(
+    scene: &Arc<Scene>,
+    env: &EnvConfig,
+    lists: &[&[u32]],
+    context: &Context,
+) -> Result<Vec<Option<Left>>, StudyError> {
+    let config = twin_config(&scene.config)?;
+    let region = env.region(&scene.lamina)?.vertices;
+    (context.progress)(0.0, "the twin's fall");
+    let rest = fallen(scene, &config)?.positions();
+    let objective = |at: &[[f64; 3]]| env.objective.of(scene, &region, at);
+    let initial = objective(&rest);
+    let press = press_config(env, Hold::Fixed);
+    let played = context.each(lists, |list| {
+        let mut twin = lying(scene, &config, &rest)?;
+        let presses = (*list, 1e-3 * env.stencil_mm);
+        let ended = twin.replay(&scene.lamina, &scene.tool, &press, presses, |_| ());
+        let at = twin.positions();
+        Ok(ended.diverged.is_none().then(|| Left {
+            distance_m: Objective::Distance.of(scene, &region, &at),
+            surplus_m: surplus(&scene.lamina, &scene.tool, &at, &region),
+            score: score(initial, objective(&at)),
+            undraped: (region.ones())
+                .filter(|&v| ended.draped.binary_search(&(v as u32)).is_err())
+                .count(),
+        }))
+    });
+    played.into_iter().collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,101 @@
+use super::*;
+use crate::episodes::play;
+
+fn scene() -> Arc<Scene> {
+    Arc::new(Scene::new(&crate::twin::tests::config(), |_| {}).unwrap())
+}
+
+fn env() -> EnvConfig {
+    EnvConfig {
+        region_mm: Some([-186.0, -186.0, -30.0, -30.0]),
+        crop: true,
+        stencil_mm: 80.0,
+        ..EnvConfig::default()
+    }
+}
+
+fn row(proof: &Proof, physics: Physics, order: &str) -> Row {
+    let mut rows = proof.rows.iter();
+    let found = rows.find(|row| row.physics == physics && row.order == order);
+    found.expect("a row for each").clone()
+}
+
+/// A path that is among the random ones has the same figures, and the best of several is chosen
+/// by what it leaves in the finer physics, not by its place in the list.
+#[test]
+fn paths_are_held_against_orders_in_the_same_physics() {
+    let (scene, env) = (scene(), env());
+    let mut accurate = env.clone();
+    accurate.set_accuracy(Accuracy::Accurate);
+    let random = sequences(&scene, &env, Order::Random, 5, 0).unwrap();
+    let found = prove(&scene, &env, &random, 5, false, &Context::quiet()).unwrap();
+    let [path, same] =
+        ["path", "random"].map(|order| row(&found, Physics::Accurate, order).figures.unwrap());
+    assert_eq!(path, same);
+    let counts = ["path", "random", "sweep", "outwards"]
+        .map(|order| row(&found, Physics::Accurate, order).count);
+    assert_eq!(counts, [5, 5, 2, 3]);
+    let (best, score) = found.best.unwrap();
+    assert_eq!(score, path.best_score);
+    assert!(path.least_surplus_m < path.surplus_m && path.score < path.best_score);
+
+    let mut draping = Draping::new(scene.clone(), &accurate, 1).unwrap();
+    draping.replay(&[&random[best]], |_, _, _| ())[0].unwrap();
+    assert!((draping.score(&draping.state(0)) - score).abs() < 1e-12);
+    // The steps of the task end elsewhere.
+    let own = play(&scene, &env, Order::Random, 5, 0, |_| ()).unwrap();
+    assert_ne!(own[best].surplus_m, path.least_surplus_m);
+}
+
+/// The best four at `accurate` go on to the twin, and the best there is chosen.
+#[test]
+fn the_twin_has_the_last_word() {
+    let (scene, env) = (scene(), env());
+    let paths = sequences(&scene, &env, Order::Random, 6, 3).unwrap();
+    let found = prove(&scene, &env, &paths, 4, true, &Context::quiet()).unwrap();
+    let counts = ["path", "random", "sweep", "outwards"]
+        .map(|order| [Physics::Accurate, Physics::Twin].map(|p| row(&found, p, order).count));
+    assert_eq!(counts, [[6, 4], [4, 1], [1, 1], [2, 2]]);
+    let twin = row(&found, Physics::Twin, "path").figures.unwrap();
+    let (best, score) = found.best.unwrap();
+    assert_eq!((score, found.physics), (twin.best_score, Physics::Twin));
+    let again = prove(
+        &scene,
+        &env,
+        &paths[best..=best],
+        4,
+        true,
+        &Context::quiet(),
+    )
+    .unwrap();
+    assert_eq!(again.best, Some((0, score)));
+}
+
+#[test]
+fn what_diverged_counts_in_no_figure() {
+    let left = |score| {
+        Some(Left {
+            distance_m: 1.0 - score,
+            surplus_m: 0.0,
+            score,
+            undraped: 2,
+        })
+    };
+    let groups = [
+        ("path", vec![vec![0], vec![1], vec![2]]),
+        ("random", vec![vec![3]]),
+    ];
+    let play = |_: &[&[u32]]| Ok(vec![left(0.25), None, left(0.75), None]);
+    let (rows, own) = played(Physics::Twin, &groups, play).unwrap();
+    assert_eq!(ranked(&own), [(2, 0.75), (0, 0.25)]);
+    assert_eq!((rows[0].count, rows[0].diverged), (2, 1));
+    let figures = rows[0].figures.clone().unwrap();
+    assert_eq!(
+        (figures.score, figures.distance_m, figures.undraped),
+        (0.5, 0.5, 2.0)
+    );
+    assert_eq!((rows[1].count, &rows[1].figures), (0, &None));
+    // None is read back as none.
+    let text = serde_json::to_string(&rows).unwrap();
+    assert_eq!(serde_json::from_str::<Vec<Row>>(&text).unwrap(), rows);
+}
