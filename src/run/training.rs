@@ -36,7 +36,7 @@ pub struct Training {
 struct Memory {
     /// Score of the best greedy episode so far.
     best_greedy: Option<f64>,
-    /// The best episodes, best first, each path once.
+    /// The best episode of each iteration and the greedy ones, best first, each path once.
     best: Vec<Scored>,
     /// Scores of the last episodes of the training, oldest first.
     recent: Vec<f64>,
@@ -44,8 +44,9 @@ struct Memory {
     lines: u64,
 }
 
-/// Best episodes that are kept: a score in the task's own steps may not hold in finer physics.
-const BEST: usize = 8;
+/// Best episodes that are kept. A score in the task's own steps may not hold in finer physics, and
+/// what one policy plays holds or falls together: so there are many, of as many policies.
+const BEST: usize = 64;
 
 /// Episodes that the mean score of a report is taken over.
 const RECENT: usize = 50;
@@ -151,10 +152,12 @@ impl Training {
     pub fn advance(&mut self) -> Result<TrainingReport> {
         let iteration = self.trainer.iterate()?;
         for episode in &iteration.episodes {
-            if let Some(score) = episode.score {
-                self.remember(score, &episode.actions)?;
-                self.memory.recent.push(score);
-            }
+            self.memory.recent.extend(episode.score);
+        }
+        let scored = iteration.episodes.iter();
+        let scored = scored.filter_map(|episode| Some((episode.score?, &episode.actions)));
+        if let Some((score, actions)) = scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
+            self.remember(score, actions)?;
         }
         let surplus = self.memory.recent.len().saturating_sub(RECENT);
         self.memory.recent.drain(..surplus);
