@@ -62,7 +62,7 @@ impl RunConfig {
     /// Greatest seed: TOML has signed numbers only.
     pub const MAX_SEED: u64 = i64::MAX as u64;
 
-    /// The built-in configuration: one wrinkle of the rib, a few minutes on two cores.
+    /// The built-in configuration: a quarter of the rib, a few minutes on two cores.
     pub fn quickstart() -> Self {
         let path = Path::new("configs/quickstart.toml");
         Self::parse(QUICKSTART, path).expect("the built-in configuration is valid")
@@ -292,6 +292,19 @@ mod tests {
         let text = format!("[policy]\n{}", toml::to_string(&paper.policy).unwrap());
         let text = text.replace("[network", "[policy.network");
         assert_eq!(parse(&text).unwrap().policy, paper.policy);
+    }
+
+    /// The quickstart is the built-in scene with every second vertex; the others are on its own
+    /// mesh.
+    #[test]
+    fn shipped_configurations_are_what_they_say() {
+        let mut rib = SceneConfig::rib();
+        for name in ["paper", "corner"] {
+            let file = format!("{}/configs/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+            assert_eq!(RunConfig::read(Path::new(&file)).unwrap().scene, rib);
+        }
+        rib.blank.vertices = [33; 2];
+        assert_eq!(RunConfig::quickstart().scene, rib);
     }
 
     #[test]

@@ -11,7 +11,7 @@ use std::time::Instant;
 use cpu_time::ThreadTime;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
-use crate::study::{Context, QUICKSTART, Report, Study, StudyError};
+use crate::study::{CORNER, Context, Report, Study, StudyError};
 use crate::table::Table;
 use crate::verify::solver_name;
 use drape_cloth::fabric::Lamina;
@@ -143,8 +143,7 @@ impl Study for Bench {
                 times.minus(&default).median()
             })
             .end();
-        let title =
-            format!("{ENVIRONMENTS} environments on the quickstart's region, random presses");
+        let title = format!("{ENVIRONMENTS} environments on a corner of the rib, random presses");
         let alone = rates[0].1.median();
         let throughput = Table::of("throughput", title, &rates)
             .text("threads", |(threads, _)| *threads)
@@ -322,14 +321,14 @@ pub struct Player {
 }
 
 impl Player {
-    /// `environments` tasks on the wrinkle of the quickstart, at their start.
+    /// `environments` tasks on a wrinkle of the rib, at their start.
     pub fn new(
         scene: &Arc<Scene>,
         environments: usize,
         threads: usize,
     ) -> Result<Self, ThreadPoolBuildError> {
         let config = EnvConfig {
-            region_mm: Some(QUICKSTART),
+            region_mm: Some(CORNER),
             crop: true,
             ..EnvConfig::default()
         };

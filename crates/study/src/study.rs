@@ -179,8 +179,8 @@ impl From<ValueError> for StudyError {
     }
 }
 
-/// The focus region of the quickstart [mm].
-pub const QUICKSTART: [f64; 4] = [-186.0, -186.0, -60.0, -60.0];
+/// The front left corner of the rib with its wrinkle, the focus region of the paper's case [mm].
+pub const CORNER: [f64; 4] = [-186.0, -186.0, -60.0, -60.0];
 
 /// Options of studies of a scene.
 #[derive(Clone, Debug, clap::Args)]

@@ -24,7 +24,7 @@ use cpu_time::ProcessTime;
 
 use crate::points::{apart_mm, distance, nearest, same_points};
 use crate::presses::{Positions, push, replay};
-use crate::study::{Context, QUICKSTART, Report, SceneOptions, Study, StudyError};
+use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError};
 use crate::table::Table;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::{Isa, Purpose, Stream, mean_and_deviation};
@@ -52,7 +52,7 @@ pub struct Tradeoff {
     quick: bool,
 }
 
-/// The region of `--quick`, a corner of the quickstart's [mm].
+/// The region of `--quick`, a part of the corner [mm].
 const QUICK_REGION: [f64; 4] = [-186.0, -186.0, -95.0, -95.0];
 
 /// How far a start is pushed [m].
@@ -74,7 +74,7 @@ impl Study for Tradeoff {
         if let Some(mesh) = self.scene.mesh {
             self.scene.set_mesh(&mut scene, mesh)?;
         }
-        let corner = if self.quick { QUICK_REGION } else { QUICKSTART };
+        let corner = if self.quick { QUICK_REGION } else { CORNER };
         let corner = self.scene.config.is_none().then_some(corner);
         let env = self.scene.env(corner);
         let variations = variations(&scene, &env, self.quick);

@@ -15,7 +15,7 @@ use crate::episodes::{Order, sequences};
 use crate::points::apart_mm;
 use crate::presses::{Positions, replay, replay_in_twin};
 use crate::ranking::{interval, least, pair_loss, ranks, spearman};
-use crate::study::{Context, QUICKSTART, Report, SceneOptions, Study, StudyError, stencil_mm};
+use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, stencil_mm};
 use crate::table::Table;
 use crate::twin::fall::{fallen, lying, press_config, twin_config};
 use crate::twin::set_up;
@@ -33,7 +33,7 @@ use drape_task::env::{Draping, EnvConfig, Objective};
 /// Paths are found under the preset `balanced`, which trains. The settings are the presets,
 /// `accurate` in f64, the rates 1200 and 2400, and Gauss-Seidel at the rate of `balanced`. The
 /// blank has 33 vertices along its longer side where `--mesh` does not say otherwise, the region
-/// is that of the quickstart. Writes scatter.png too, the distance and the surplus that each path
+/// is the front left corner. Writes scatter.png too, the distance and the surplus that each path
 /// leaves in the fast solver against those in the twin.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -119,7 +119,7 @@ impl Study for Transfer {
         let mut config = self.scene.read()?;
         self.scene.set_mesh(&mut config, 33)?;
         let (scene, _) = set_up(&config, |share| (context.progress)(share, "falling"))?;
-        let mut env = self.scene.env(Some(QUICKSTART));
+        let mut env = self.scene.env(Some(CORNER));
         env.stencil_mm = stencil_mm(&scene.lamina, env.stencil_mm);
         let paths = generate(&scene, &env, self.count.into(), self.seed)?;
         if paths.len() < 2 {

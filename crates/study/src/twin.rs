@@ -17,7 +17,7 @@ use crate::compare::{Comparison, Criteria, Parts, Surveyed, compare, picture};
 use crate::episodes::{Order, sequences};
 use crate::points::nearest;
 use crate::study::{
-    Context, QUICKSTART, Report, SceneOptions, Study, StudyError, TrainedPath, stencil_mm,
+    CORNER, Context, Report, SceneOptions, Study, StudyError, TrainedPath, stencil_mm,
 };
 use crate::table::Table;
 use case::{PaperCase, Ran, SelfComparison};
@@ -36,7 +36,8 @@ use fall::{press_config, twin_config};
 /// in the fast solver. Writes each before and after the presses as STL (millimetres) and
 /// state files for `drape compare`, and pictures of how fast and accelerated deviate from the
 /// twin. The blank has 33 vertices along its longer side where `--mesh` does not say otherwise; 65
-/// are the paper's. The region is that of the run if PATH is one, or else that of the quickstart.
+/// are the paper's. The region is that of the run if PATH is one, or else the
+/// front left corner of the rib, the paper's case.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape study twin
@@ -140,7 +141,7 @@ impl Study for TwinStudy {
         };
         self.scene.set_mesh(&mut config, 33)?;
         let region = self.scene.region.or(source.env.region_mm);
-        let region = region.unwrap_or(QUICKSTART);
+        let region = region.unwrap_or(CORNER);
         let blank = lamina(&config)?;
         let env = EnvConfig {
             region_mm: Some(region),
