@@ -145,12 +145,13 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
         .collect();
     let points = |curve: &Curve| curve.points().to_vec();
     let physics = scene.model.physics();
+    let shear = material.shear.curves(physics.shear_locking);
     let fabric = FabricCard {
         thickness: material.thickness(),
         areal_mass: lamina.mass.iter().sum::<f64>() / lamina.area(),
         tension: [&material.warp, &material.weft].map(|law| points(&law.tension)),
         compression: [&material.warp, &material.weft].map(|law| points(&law.compression)),
-        shear: [&material.shear.positive, &material.shear.negative].map(points),
+        shear: shear.each_ref().map(points),
         bending: [Family::Warp, Family::Weft].map(|family| {
             match (physics.bending, physics.bending_stiffness) {
                 (Bending::Off, _) => 0.0,

@@ -6,7 +6,7 @@
 
 use std::sync::LazyLock;
 
-use drape_cloth::fabric::{BlankConfig, Lamina, MassModel, Material};
+use drape_cloth::fabric::{BlankConfig, Lamina, MassModel, Material, ShearLocking};
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::sim::{
     Backend, Bending, Control, Cpu, Model, PhysicsConfig, Precision, Press, Roller, SelfCollision,
@@ -173,6 +173,22 @@ static WORLDS: LazyLock<Vec<World>> = LazyLock::new(|| {
     };
     let holed = Lamina::new(&holed, Material::interglas_92125()).unwrap();
     worlds.push(world(&holed, physics()));
+    // Sheared beyond locking soon, along rows, edge by edge, and in membranes.
+    for solver in [Solver::Yarn, Solver::GaussSeidel] {
+        let listed = PhysicsConfig {
+            solver,
+            shear_locking: true,
+            ..physics()
+        };
+        for lamina in [&plain, &bias, &holed] {
+            let mut lamina = lamina.clone();
+            lamina.material.shear.locking = Some(ShearLocking {
+                angle_rad: 0.1,
+                stiffening: 20.0,
+            });
+            worlds.push(world(&lamina, listed.clone()));
+        }
+    }
     worlds
 });
 

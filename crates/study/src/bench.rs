@@ -55,7 +55,7 @@ pub const ENVIRONMENTS: usize = 32;
 pub const THREADS: [usize; 2] = [1, 2];
 
 /// The features of `[physics]`, each as a scene file would change it.
-pub const FEATURES: [&str; 9] = [
+pub const FEATURES: [&str; 10] = [
     "bending = \"dihedral\"",
     "bending = \"off\"",
     "friction = false",
@@ -65,6 +65,7 @@ pub const FEATURES: [&str; 9] = [
     "adhesion = 1",
     "strain_limit = 0.02",
     "tension = \"material\"",
+    "shear_locking = true",
 ];
 
 /// The physics of which nothing is listed that [`absent`] could compute.

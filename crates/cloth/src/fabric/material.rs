@@ -26,6 +26,29 @@ impl Curve {
         Self(self.0.iter().map(|&[e, s]| [e, factor * s]).collect())
     }
 
+    /// Stress [Pa] at a strain >= 0; beyond the last point its slope goes on.
+    pub(crate) fn stress(&self, strain: f64) -> f64 {
+        let last = self.0.len() - 2;
+        let segment = self.0[1..=last]
+            .iter()
+            .position(|p| strain < p[0])
+            .unwrap_or(last);
+        let [p, q] = [self.0[segment], self.0[segment + 1]];
+        1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
+    }
+
+    /// The same law with `gain` times its first slope on top from the strain `start` on.
+    fn stiffened(&self, start: f64, gain: f64) -> Self {
+        let mut strains: Vec<f64> = self.0.iter().map(|p| p[0]).collect();
+        // One strain beyond all, to tell the last slope.
+        strains.extend([start, strains[strains.len() - 1] + start]);
+        strains.sort_by(f64::total_cmp);
+        strains.dedup();
+        let more = |strain: f64| gain * self.modulus() * (strain - start).max(0.0);
+        let point = |strain| [strain, 1e-6 * (self.stress(strain) + more(strain))];
+        Self(strains.into_iter().map(point).collect())
+    }
+
     /// Strain at which the second slope begins, and that slope over the first; none of a straight
     /// law.
     pub fn knee(&self) -> Option<[f64; 2]> {
@@ -67,6 +90,30 @@ pub struct YarnLaw {
 pub struct ShearLaw {
     pub positive: Curve,
     pub negative: Curve,
+    /// For scenes that list it; none if it is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub locking: Option<ShearLocking>,
+}
+
+impl ShearLaw {
+    /// Positive and negative curve, with locking if asked for.
+    pub fn curves(&self, with_locking: bool) -> [Curve; 2] {
+        let locking = self.locking.filter(|_| with_locking);
+        [&self.positive, &self.negative].map(|curve| match locking {
+            Some(locking) => curve.stiffened(locking.angle_rad, locking.stiffening - 1.0),
+            None => curve.clone(),
+        })
+    }
+}
+
+/// What shear gains where yarns have turned until they touch.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShearLocking {
+    /// Change of the yarn angle, of either sign, at which it begins [rad].
+    pub angle_rad: f64,
+    /// Slope beyond it over the slope at rest [-].
+    pub stiffening: f64,
 }
 
 /// Mass of the fabric by area, as two sources have it.
@@ -151,6 +198,15 @@ impl Material {
             let is_valid = value >= 0.0 && value.is_finite();
             ValueError::unless(is_valid, key, value, "a number >= 0")?;
         }
+        if let Some(ShearLocking {
+            angle_rad,
+            stiffening,
+        }) = self.shear.locking
+        {
+            // The fast solver's laws of shear are fitted up to 60 degrees.
+            ValueError::unless_within("shear.locking.angle_rad", angle_rad, [0.1, 1.0])?;
+            ValueError::unless_within("shear.locking.stiffening", stiffening, [1.01, 1e4])?;
+        }
         Ok(())
     }
 
@@ -205,19 +261,6 @@ mod tests {
         );
     }
 
-    impl Curve {
-        /// Stress [Pa] at a strain >= 0; beyond the last point its slope goes on.
-        pub fn stress(&self, strain: f64) -> f64 {
-            let last = self.0.len() - 2;
-            let segment = self.0[1..=last]
-                .iter()
-                .position(|p| strain < p[0])
-                .unwrap_or(last);
-            let [p, q] = [self.0[segment], self.0[segment + 1]];
-            1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
-        }
-    }
-
     #[test]
     fn force_per_width_is_that_of_table_2() {
         let material = Material::interglas_92125();
@@ -246,6 +289,34 @@ mod tests {
         close(strain, 0.006, 1e-12);
         close(slope, 55.0 / 19.0 * 6.0 / 5.0, 1e-12);
         assert_eq!(material.shear.positive.knee(), None);
+    }
+
+    /// Half a radian beyond the angle, 20 times the slope is on top of what came before; the points
+    /// of a curve stay, also beyond the angle.
+    #[test]
+    fn locking_is_a_second_slope_of_both_curves() {
+        let law = Material::interglas_92125().shear;
+        assert_eq!(
+            law.curves(false),
+            [law.positive.clone(), law.negative.clone()]
+        );
+        for (curve, modulus) in law.curves(true).iter().zip([50e3, 36e3]) {
+            close(curve.stress(0.05), 0.05 * modulus, 1e-12);
+            close(curve.stress(0.7), 0.7 * modulus, 1e-12);
+            close(curve.stress(1.2), (0.7 + 20.0 * 0.5) * modulus, 1e-12);
+            assert!(curve.is_valid());
+        }
+        let bent = Curve(vec![[0.0, 0.0], [0.2, 1.0], [0.8, 2.0]]);
+        let stiff = bent.stiffened(0.5, 3.0);
+        for strain in [0.1, 0.2, 0.4, 0.6, 0.8, 2.0f64] {
+            let more = 3.0 * 5e6 * (strain - 0.5).max(0.0);
+            close(stiff.stress(strain), bent.stress(strain) + more, 1e-12);
+        }
+        let unknown = ShearLaw {
+            locking: None,
+            ..law
+        };
+        assert_eq!(unknown.curves(true), unknown.curves(false));
     }
 
     #[test]
@@ -282,5 +353,21 @@ mod tests {
             error.to_string(),
             "m.toml: `thickness_mm` is NaN, expected a number > 0"
         );
+        for (good, bad, expected) in [
+            (
+                "angle_rad = 0.7",
+                "angle_rad = 40",
+                "`shear.locking.angle_rad` is 40, expected a number from 0.1 to 1",
+            ),
+            (
+                "stiffening = 20.0",
+                "stiffening = 1.0",
+                "`shear.locking.stiffening` is 1, expected a number from 1.01 to 10000",
+            ),
+        ] {
+            let bad = INTERGLAS_92125.replace(good, bad);
+            let error = Material::parse(&bad, Path::new("m.toml")).unwrap_err();
+            assert_eq!(error.to_string(), format!("m.toml: {expected}"));
+        }
     }
 }

@@ -31,7 +31,7 @@ impl Scene {
     pub fn new(config: &SceneConfig, mut progress: impl FnMut(f64)) -> Result<Self, SceneError> {
         config.check()?;
         let lamina = Lamina::new(&config.blank, config.read_material()?)?;
-        config.physics.self_collision.check(&lamina)?;
+        config.physics.check_for(&lamina)?;
         let tool = Tool::new(&config.tool)?;
 
         let fall = &config.fall;

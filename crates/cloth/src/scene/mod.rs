@@ -7,11 +7,13 @@
 
 mod config;
 mod fall;
+mod shear;
 mod summary;
 mod surplus;
 
 pub use config::{Clamp, Fall, Placement, SceneConfig, SceneError};
 pub use fall::{Scene, hung};
+pub use shear::{Sheared, shear, sheared};
 pub use summary::{Summary, wrinkle_count};
 pub use surplus::{crushed, summed_surplus, surplus};
 

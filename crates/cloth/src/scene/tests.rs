@@ -227,3 +227,30 @@ fn clamps_rest_without_settling() {
         assert_eq!(scene.initial.velocity[vertex], [0.0; 3]);
     }
 }
+
+/// The scenes with domes list locking; of a material that has none it is refused.
+#[test]
+fn locking_is_listed_where_the_material_has_it() {
+    let read = |path: &str| SceneConfig::read(path.as_ref()).unwrap();
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs");
+    for name in ["bias-square", "outline-with-hole"] {
+        assert!(
+            read(&format!("{folder}/scenes/{name}.toml"))
+                .physics
+                .shear_locking
+        );
+    }
+    let material = std::fs::read_to_string(format!("{folder}/materials/interglas-92125.toml"));
+    let material = material.unwrap();
+    let (unlocked, _) = material.split_once("[shear.locking]").unwrap();
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), unlocked).unwrap();
+    let mut config = coarse();
+    config.material = Some(file.path().into());
+    config.physics.shear_locking = true;
+    let error = Scene::new(&config, |_| {}).err().unwrap();
+    assert_eq!(
+        error.to_string(),
+        "`physics.shear_locking` is true, expected false where the material has no `shear.locking`"
+    );
+}

@@ -126,6 +126,12 @@ pub(super) trait EdgeResponse<V: Lanes> {
     /// C less what the law leaves of it without force [m], and compliance [m/N], of edge `i`
     /// whose ends give way by `gives` [m/N] together.
     fn at(&self, class: &EdgeClass, i: usize, square: V, c: V, gives: V) -> [V; 2];
+
+    /// Whether edge `i` is without force in all lanes, from the square of its length [m^2].
+    #[inline(always)]
+    fn is_idle(&self, _: &EdgeClass, _: usize, _: V) -> bool {
+        false
+    }
 }
 
 /// Projects the edges of one colour, one after the other.
@@ -143,6 +149,9 @@ pub(super) fn project_edges<V: Lanes>(
         let [a, b] = v.map(|v| v as usize);
         let d = x[b] - x[a];
         let square = d.dot(d).max(V::of(MIN_SQUARE));
+        if response.is_idle(class, i, square) {
+            continue;
+        }
         let length = square.sqrt();
         let gives = w[a] + w[b];
         let [c, compliance] = response.at(class, i, square, length - V::of(*rest), gives);

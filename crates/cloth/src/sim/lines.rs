@@ -4,6 +4,7 @@ use super::bend::along_yarn;
 use super::law::{EdgeLaw, Limit};
 use super::length::yarn_law;
 use super::line::{Chain, Line};
+use super::locking::{Locking, locking};
 use super::physics::PhysicsConfig;
 use super::shear::{self, Trellis};
 use crate::fabric::{Family, Lamina};
@@ -25,6 +26,8 @@ pub(super) struct Lines {
     pub diagonals: Vec<Line>,
     /// Law of the diagonals; none without shear.
     pub trellis: Option<Trellis>,
+    /// What they gain at large shear, where listed.
+    pub locking: Option<Locking>,
     /// The edges of wefts beside each vertex.
     pub beside: Vec<Beside>,
     /// Edges of all yarns.
@@ -90,6 +93,7 @@ impl Lines {
             wefts,
             diagonals,
             trellis,
+            locking: locking(lamina, physics),
             edge_count,
         }
     }

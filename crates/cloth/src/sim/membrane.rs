@@ -10,6 +10,7 @@
 //! follow inextensible yarns in bending lines, and lock; `docs/PHYSICS.md` says by how much.
 
 use super::law::{EdgeLaw, in_colors};
+use super::locking::Locking;
 use super::physics::PhysicsConfig;
 use super::shear::share_of_sine;
 use crate::fabric::{Family, Lamina, color};
@@ -29,6 +30,15 @@ pub(super) struct Element {
     pub yarns: Option<[EdgeLaw; 2]>,
     /// Of C3 near rest; none if the scene has no shear.
     pub shear: Option<EdgeLaw>,
+}
+
+impl Element {
+    /// Those of both corners along warp and weft.
+    #[inline(always)]
+    fn slopes<V: Lanes>(&self) -> [[V; 2]; 2] {
+        let [g1, g2] = self.gradient;
+        [[g1[0], g2[0]].map(V::of), [g1[1], g2[1]].map(V::of)]
+    }
 }
 
 /// The elements of a lamina, in colours.
@@ -72,12 +82,30 @@ fn apply<V: Lanes>(c: V, [g1, g2]: [Vec3x<V>; 2], alpha: V, x: &mut [Vec3x<V>; 3
     x[2] = x[2] - g2.scale(lambda * w[2]);
 }
 
+/// A column of F.
+#[inline(always)]
+fn image<V: Lanes>(x: &[Vec3x<V>; 3], [s, t]: [V; 2]) -> Vec3x<V> {
+    (x[1] - x[0]).scale(s) + (x[2] - x[0]).scale(t)
+}
+
 /// Direction and length of a column of F; none is zero.
 #[inline(always)]
-fn column<V: Lanes>(x: &[Vec3x<V>; 3], [s, t]: [V; 2]) -> (Vec3x<V>, V) {
-    let f = (x[1] - x[0]).scale(s) + (x[2] - x[0]).scale(t);
+fn column<V: Lanes>(x: &[Vec3x<V>; 3], slope: [V; 2]) -> (Vec3x<V>, V) {
+    let f = image(x, slope);
     let length = f.dot(f).max(V::of(MIN_SQUARE)).sqrt();
     (f.scale(V::of(1.0) / length), length)
+}
+
+/// C3 and its derivatives by the second and the third corner.
+#[inline(always)]
+fn sine<V: Lanes>(x: &[Vec3x<V>; 3], slopes: [[V; 2]; 2]) -> (V, [Vec3x<V>; 2]) {
+    let [(a, a_length), (b, b_length)] = slopes.map(|slope| column(x, slope));
+    let c = a.dot(b);
+    // Derivatives of C3 by F a and F b.
+    let by_a = (b - a.scale(c)).scale(V::of(1.0) / a_length);
+    let by_b = (a - b.scale(c)).scale(V::of(1.0) / b_length);
+    let [warp, weft] = slopes;
+    (c, [0, 1].map(|k| by_a.scale(warp[k]) + by_b.scale(weft[k])))
 }
 
 /// Projects the elements of one colour: C1, C2, then C3, each from where the one before has
@@ -92,8 +120,7 @@ pub(super) fn project_elements<V: Lanes>(
         let v = element.vertices.map(|v| v as usize);
         let mut x = v.map(|v| position[v]);
         let w = v.map(|v| mobility[v]);
-        let [g1, g2] = element.gradient;
-        let slopes = [[g1[0], g2[0]].map(V::of), [g1[1], g2[1]].map(V::of)];
+        let slopes = element.slopes();
         for (slope, law) in slopes.into_iter().zip(element.yarns.iter().flatten()) {
             let (n, length) = column(&x, slope);
             let c = length - V::of(1.0);
@@ -101,16 +128,44 @@ pub(super) fn project_elements<V: Lanes>(
             apply(c, slope.map(|s| n.scale(s)), alpha, &mut x, &w);
         }
         if let Some(law) = &element.shear {
-            let [(a, a_length), (b, b_length)] = slopes.map(|slope| column(&x, slope));
-            let c = a.dot(b);
-            // Derivatives of C3 by F a and F b.
-            let by_a = (b - a.scale(c)).scale(V::of(1.0) / a_length);
-            let by_b = (a - b.scale(c)).scale(V::of(1.0) / b_length);
-            let [warp, weft] = slopes;
-            let gradient = [0, 1].map(|k| by_a.scale(warp[k]) + by_b.scale(weft[k]));
+            let (c, gradient) = sine(&x, slopes);
             let alpha = law.branch(c) * share_of_sine(c);
             apply(c, gradient, alpha, &mut x, &w);
         }
+        for k in 0..3 {
+            position[v[k]] = x[k];
+        }
+    }
+}
+
+/// Projects what locking adds to the shear of the elements of one colour.
+#[inline(always)]
+pub(super) fn project_locking<V: Lanes>(
+    elements: &[Element],
+    locking: &Locking,
+    position: &mut [Vec3x<V>],
+    mobility: &[V],
+) {
+    for element in elements {
+        let Some(law) = &element.shear else { continue };
+        let v = element.vertices.map(|v| v as usize);
+        let mut x = v.map(|v| position[v]);
+        let slopes = element.slopes();
+        let [a, b] = slopes.map(|slope| image(&x, slope));
+        let is_locked = locking.holds([a.dot(b), a.dot(a), b.dot(b)]);
+        if !V::any(is_locked) {
+            continue;
+        }
+        let (sine, gradient) = sine(&x, slopes);
+        let [c, share] = locking.of_sine(sine);
+        let c = V::select(is_locked, c, V::zero());
+        apply(
+            c,
+            gradient,
+            law.branch(c) * share,
+            &mut x,
+            &v.map(|v| mobility[v]),
+        );
         for k in 0..3 {
             position[v[k]] = x[k];
         }

@@ -27,6 +27,7 @@ mod law;
 mod length;
 mod line;
 mod lines;
+mod locking;
 mod membrane;
 mod model;
 mod physics;

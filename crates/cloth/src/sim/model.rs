@@ -6,7 +6,8 @@ use super::hinge::{BendHinge, hinges, project_hinges};
 use super::law::{EdgeClass, Limit, project_edges};
 use super::length::{self, Limited, Plain};
 use super::lines::Lines;
-use super::membrane::{Element, elements, project_elements};
+use super::locking::{Locking, locking};
+use super::membrane::{Element, elements, project_elements, project_locking};
 use super::physics::{PhysicsConfig, Solver};
 use super::shear::{self, Trellis, trellis};
 use super::state::Snapshot;
@@ -20,12 +21,16 @@ pub(super) enum Pass {
     Edges(EdgeClass, Vec<Limit>),
     /// Diagonals, one colour.
     Diagonals(EdgeClass, Trellis),
+    /// Their locking.
+    LockingDiagonals(EdgeClass, Locking),
     /// Three-node bending, one colour.
     Triples(Vec<BendTriple>),
     /// Dihedral bending, one colour.
     Hinges(Vec<BendHinge>),
     /// Triangles whose sides are no yarns, one colour.
     Membrane(Vec<Element>),
+    /// Their locking.
+    LockingMembrane(Vec<Element>, Locking),
 }
 
 impl Pass {
@@ -36,9 +41,11 @@ impl Pass {
             Self::Edges(class, limits) if limits.is_empty() => project_edges(class, &Plain, x, w),
             Self::Edges(class, limits) => project_edges(class, &Limited(limits), x, w),
             Self::Diagonals(class, trellis) => project_edges(class, trellis, x, w),
+            Self::LockingDiagonals(class, locking) => project_edges(class, locking, x, w),
             Self::Triples(triples) => project_triples(triples, x, w),
             Self::Hinges(hinges) => project_hinges(hinges, x, w),
             Self::Membrane(elements) => project_elements(elements, x, w),
+            Self::LockingMembrane(elements, locking) => project_locking(elements, locking, x, w),
         }
     }
 }
@@ -65,7 +72,14 @@ impl Model {
     /// Builds the stages for a lamina under `physics`, which must have been checked.
     pub fn new(lamina: &Lamina, physics: &PhysicsConfig) -> Self {
         let trellis = trellis(lamina, physics);
-        let membranes = elements(lamina, physics).into_iter().map(Pass::Membrane);
+        let locking = locking(lamina, physics);
+        let membranes = elements(lamina, physics);
+        let locked = (locking.iter()).flat_map(|locking| {
+            let lock = |class: &Vec<_>| Pass::LockingMembrane(class.clone(), locking.clone());
+            membranes.iter().map(lock)
+        });
+        let locked: Vec<Pass> = locked.collect();
+        let membranes = membranes.into_iter().map(Pass::Membrane).chain(locked);
         let hinges = hinges(lamina, physics).into_iter().map(Pass::Hinges);
         let (lines, passes) = match physics.solver {
             Solver::Yarn => {
@@ -76,8 +90,16 @@ impl Model {
                 let yarns = length::edges(lamina, physics);
                 let yarns = yarns.map(|(class, limits)| Pass::Edges(class, limits));
                 let diagonals = trellis.iter().flat_map(|trellis| {
-                    let classes = shear::edges(lamina, trellis).into_iter();
-                    classes.map(|class| Pass::Diagonals(class, trellis.clone()))
+                    let classes = shear::edges(lamina, trellis);
+                    let locked = (locking.iter()).flat_map(|locking| {
+                        let lock =
+                            |c: &EdgeClass| Pass::LockingDiagonals(c.clone(), locking.clone());
+                        classes.iter().map(lock)
+                    });
+                    let locked: Vec<Pass> = locked.collect();
+                    let sheared = classes.into_iter();
+                    let sheared = sheared.map(|class| Pass::Diagonals(class, trellis.clone()));
+                    sheared.chain(locked)
                 });
                 let triples = triples(lamina, physics).into_iter().map(Pass::Triples);
                 let passes = yarns.chain(membranes).chain(diagonals);

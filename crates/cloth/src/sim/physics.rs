@@ -72,6 +72,8 @@ pub struct PhysicsConfig {
     pub tension: Tension,
     /// Resistance of the weave to shear.
     pub shear: bool,
+    /// The material's locking at large shear; without, its first slope goes on as in the paper.
+    pub shear_locking: bool,
     /// Coulomb friction against the tool.
     pub friction: bool,
     /// Tack of the tool [kPa]: greatest pull per area on cloth that lies on it; 0 for none.
@@ -97,6 +99,7 @@ impl Default for PhysicsConfig {
             bending_stiffness: BendingStiffness::NewtonMetre(2e-4),
             tension: Tension::FirstBranch,
             shear: true,
+            shear_locking: false,
             friction: true,
             adhesion: 0.0,
             strain_limit: None,
@@ -114,12 +117,27 @@ impl PhysicsConfig {
         self.check_values().map_err(|error| error.within("physics"))
     }
 
+    /// Checks what depends on the blank.
+    pub fn check_for(&self, lamina: &Lamina) -> Result<(), ValueError> {
+        let is_known = lamina.material.shear.locking.is_some();
+        ValueError::unless(
+            is_known || !self.shear_locking,
+            "physics.shear_locking",
+            self.shear_locking,
+            "false where the material has no `shear.locking`",
+        )?;
+        self.self_collision.check(lamina)
+    }
+
     fn check_values(&self) -> Result<(), ValueError> {
         // Its square must neither overflow nor vanish in f32.
         let cap = self.speed_cap;
         let is_valid = cap == 0.0 || (1e-6..=1e6).contains(&cap);
         let expected = "0 for none, or a number from 1e-6 to 1e6";
         ValueError::unless(is_valid, "speed_cap", cap, expected)?;
+        let is_valid = self.shear || !self.shear_locking;
+        let expected = "false where `physics.shear` is false";
+        ValueError::unless(is_valid, "shear_locking", self.shear_locking, expected)?;
         if let Some(limit) = self.strain_limit {
             ValueError::unless_within("strain_limit", limit, [1e-6, 10.0])?;
         }

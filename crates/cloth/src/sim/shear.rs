@@ -19,10 +19,10 @@ use crate::math::Lanes;
 
 /// Sine of the shear angle up to which polynomials are fitted, that of 60 degrees: woven cloth
 /// locks before. Beyond it they keep their last value.
-const MAX_SINE: f64 = 0.866_025_4;
+pub(super) const MAX_SINE: f64 = 0.866_025_4;
 
 /// Powers of the sine in the fit of a diagonal.
-const POWERS: usize = 5;
+pub(super) const POWERS: usize = 5;
 
 /// The law of the diagonals of a lamina.
 #[derive(Clone, Debug)]
@@ -42,21 +42,8 @@ impl Trellis {
     pub fn new(lamina: &Lamina, [positive, negative]: [f64; 2]) -> Self {
         let [a, b] = lamina.cell();
         let per_growth = (a * a + b * b) / (2.0 * a * b);
-        let mut normal = SMatrix::<f64, POWERS, POWERS>::zeros();
-        let mut right = SVector::<f64, POWERS>::zeros();
-        let points = 200;
-        for i in 0..points {
-            let angle = std::f64::consts::PI * (f64::from(i) + 0.5) / f64::from(points);
-            // In units of the greatest, so that the system is well conditioned.
-            let part = angle.cos();
-            let chord = chord(MAX_SINE * part, per_growth);
-            let powers: SVector<f64, POWERS> =
-                SVector::from_fn(|k, _| part.powi(k as i32 + 1) / chord);
-            normal += powers * powers.transpose();
-            right += powers * (1.0 - 1.0 / chord);
-        }
-        let share = normal.cholesky().expect("powers are independent");
-        let share = share.solve(&right);
+        // In units of the greatest, so that the system is well conditioned.
+        let share = fit(-1.0, |part| chord(MAX_SINE * part, per_growth));
         let compliance =
             |modulus: f64| 1.0 / (2.0 * per_growth * modulus * lamina.material.thickness());
         Self {
@@ -82,6 +69,25 @@ impl Trellis {
         }
         sum * sine + V::of(1.0)
     }
+}
+
+/// The share[k] of which 1 + sum of share[k] part^(k + 1) is nearest to `chord` of `part`, from
+/// `low` to 1, by least relative squares.
+pub(super) fn fit(low: f64, chord: impl Fn(f64) -> f64) -> [f64; POWERS] {
+    let [middle, half] = [0.5 * (1.0 + low), 0.5 * (1.0 - low)];
+    let mut normal = SMatrix::<f64, POWERS, POWERS>::zeros();
+    let mut right = SVector::<f64, POWERS>::zeros();
+    let points = 200;
+    for i in 0..points {
+        let angle = std::f64::consts::PI * (f64::from(i) + 0.5) / f64::from(points);
+        let part = middle + half * angle.cos();
+        let chord = chord(part);
+        let powers: SVector<f64, POWERS> = SVector::from_fn(|k, _| part.powi(k as i32 + 1) / chord);
+        normal += powers * powers.transpose();
+        right += powers * (1.0 - 1.0 / chord);
+    }
+    let share = normal.cholesky().expect("powers are independent");
+    share.solve(&right).into()
 }
 
 /// (l - l0) / (dE/dl) over its limit at rest, in shear of `sine`, not 0 and less than 1.

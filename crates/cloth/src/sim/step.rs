@@ -10,6 +10,7 @@ use super::frame::Frame;
 use super::length::{give_way, pull_after, stretch};
 use super::line::Chain;
 use super::lines::{Direction, Lines};
+use super::locking::lock;
 use super::model::Model;
 use super::press::{self, Press};
 use super::shear::shear;
@@ -165,7 +166,11 @@ fn warm_start_and_bend_warps<S: Storage>(lines: &Lines, frame: &Frame, storage: 
 fn shear_along_diagonals<S: Storage>(lines: &Lines, storage: &mut S) {
     if let Some(trellis) = &lines.trellis {
         for i in 0..storage.count(lines, Direction::Diagonal) {
-            shear(storage.take(lines, Direction::Diagonal, i), trellis);
+            let mut row = storage.take(lines, Direction::Diagonal, i);
+            shear(row.again(), trellis);
+            if let Some(locking) = &lines.locking {
+                lock(row, locking);
+            }
             storage.put(Direction::Diagonal, i);
         }
     }

@@ -8,6 +8,8 @@ pub struct TwinConfig {
     pub bending_stiffness: Option<[f64; 2]>,
     /// Gravity [m/s^2], along -z.
     pub gravity: f64,
+    /// The material's locking at large shear.
+    pub shear_locking: bool,
     /// Coulomb friction against the tool.
     pub friction: bool,
     /// Tack of the tool [kPa], which acts within 0.2 mm; 0 for none.
@@ -29,6 +31,7 @@ impl Default for TwinConfig {
         Self {
             bending_stiffness: None,
             gravity: 9.81,
+            shear_locking: false,
             friction: true,
             adhesion: 0.0,
             damping: 5.0,

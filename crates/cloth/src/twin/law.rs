@@ -97,11 +97,12 @@ pub(super) struct Laws {
 }
 
 impl Laws {
-    pub fn new(material: &Material) -> Self {
+    pub fn new(material: &Material, shear_locking: bool) -> Self {
         let yarns = [&material.warp, &material.weft];
+        let [positive, negative] = material.shear.curves(shear_locking);
         Self {
             yarns: yarns.map(|law| Law::of(&law.tension, &law.compression)),
-            shear: Law::of(&material.shear.positive, &material.shear.negative),
+            shear: Law::of(&positive, &negative),
         }
     }
 
@@ -132,7 +133,7 @@ mod tests {
     #[test]
     fn ramps_have_the_stress_of_the_curves() {
         let material = Material::interglas_92125();
-        let laws = Laws::new(&material);
+        let laws = Laws::new(&material, false);
         for (law, yarn) in laws.yarns.iter().zip([&material.warp, &material.weft]) {
             for strain in [0.0, 0.001, 0.005, 0.006, 0.0125, 0.02, 0.03, 0.5] {
                 let [tension, compression] = law.stress(&[strain, -strain]);
@@ -144,7 +145,7 @@ mod tests {
 
     #[test]
     fn shear_beyond_the_data_goes_on_with_its_slope() {
-        let law = Laws::new(&Material::interglas_92125()).shear;
+        let law = Laws::new(&Material::interglas_92125(), false).shear;
         for (angle, stress) in [(0.05, 2500.0), (0.9, 45_000.0), (-0.9, -32_400.0)] {
             close(law.stress(&[angle])[0], stress);
         }
@@ -153,7 +154,7 @@ mod tests {
     #[test]
     fn energy_is_the_integral_of_the_stress() {
         let material = Material::interglas_92125();
-        let laws = Laws::new(&material);
+        let laws = Laws::new(&material, false);
         for (law, reach) in [
             (&laws.yarns[0], 0.03),
             (&laws.yarns[1], 0.03),
@@ -172,7 +173,7 @@ mod tests {
 
     #[test]
     fn stiffest_slope_says_how_far_it_holds() {
-        let laws = Laws::new(&Material::interglas_92125());
+        let laws = Laws::new(&Material::interglas_92125(), false);
         let (slope, limit) = laws.yarns[0].positive.stiffest(0.004);
         close(slope, 600e6);
         close(limit, 0.005);

@@ -55,7 +55,7 @@ impl Twin {
     /// A lamina at rest. Fails with the key of the value that is out of range.
     pub fn new(lamina: &Lamina, config: &TwinConfig) -> Result<Self, ValueError> {
         config.check()?;
-        let laws = Laws::new(&lamina.material);
+        let laws = Laws::new(&lamina.material, config.shear_locking);
         let (name, expected) = (&lamina.material.name, "curves of finite slope");
         ValueError::unless(laws.are_finite(), "twin.material", name, expected)?;
         let count = lamina.vertex_count();

@@ -199,6 +199,7 @@ pub fn twin_physics(physics: &PhysicsConfig) -> TwinConfig {
             (_, BendingStiffness::NewtonMetre(d)) => Some([d; 2]),
         },
         gravity: physics.gravity,
+        shear_locking: physics.shear_locking,
         friction: physics.friction,
         adhesion: physics.adhesion,
         damping: physics.damping,

@@ -5,6 +5,7 @@
 
 mod bending;
 mod contact;
+mod locking;
 mod membranes;
 mod motion;
 mod stability;

@@ -151,6 +151,7 @@ fn passes_and_lines_are_those_that_were_asked_for() {
     let whole = model(PhysicsConfig::default());
     assert!(whole.passes.is_empty());
     let whole = whole.lines.unwrap();
+    assert!(whole.locking.is_none());
     assert!(!whole.warps.iter().chain(&whole.wefts).any(straight));
     let dihedral = model(PhysicsConfig {
         bending: Bending::Dihedral,
@@ -191,12 +192,16 @@ fn passes_hold_everything_once_without_conflict() {
         let mut count = 0;
         for pass in &passes {
             let members: Vec<Vec<u32>> = match pass {
-                Pass::Edges(class, _) | Pass::Diagonals(class, _) => {
+                Pass::Edges(class, _)
+                | Pass::Diagonals(class, _)
+                | Pass::LockingDiagonals(class, _) => {
                     class.vertices.iter().map(|v| v.to_vec()).collect()
                 }
                 Pass::Triples(triples) => triples.iter().map(|t| t.vertices.to_vec()).collect(),
                 Pass::Hinges(hinges) => hinges.iter().map(|h| h.vertices.to_vec()).collect(),
-                Pass::Membrane(elements) => elements.iter().map(|e| e.vertices.to_vec()).collect(),
+                Pass::Membrane(elements) | Pass::LockingMembrane(elements, _) => {
+                    elements.iter().map(|e| e.vertices.to_vec()).collect()
+                }
             };
             count += members.len();
             let mut vertices = members.concat();
@@ -257,6 +262,10 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
     assert_eq!(
         message(|p| p.speed_cap = f64::NAN),
         "`physics.speed_cap` is NaN, expected 0 for none, or a number from 1e-6 to 1e6"
+    );
+    assert_eq!(
+        message(|p| (p.shear, p.shear_locking) = (false, true)),
+        "`physics.shear_locking` is true, expected false where `physics.shear` is false"
     );
     assert_eq!(
         message(|p| p.gravity = f64::INFINITY),
