@@ -371,9 +371,12 @@ fn text(report: &Report) -> String {
             1e3 * episode.seconds / episode.steps as f64
         ),
         format!(
-            "  yarn strain p95 {:.2} %, maximum {:.1} %; v_rms {:.1} mm/s; {:.2} s",
+            "  yarn strain p95 {:.2} %, maximum {:.1} %; shear at most {:.0} degrees, {:.1} % of the area \
+             locked; v_rms {:.1} mm/s; {:.2} s",
             100.0 * episode.strain_p95,
             100.0 * episode.strain_max,
+            episode.shear_max_deg,
+            100.0 * episode.locked_share.unwrap_or_default(),
             episode.v_rms_mm_s,
             episode.seconds
         ),

@@ -82,7 +82,7 @@ pub(super) fn text(rows: &[Row]) -> String {
             Some(f) => format!(
                 "proof, {name}: {count:<12} {:.4} +- {:.4} m off the tool (least {:.4}), {:.2} +- \
                  {:.2} mm surplus a yarn (least {:.2}), score {:.2} +- {:.2} % (best {:.2}), \
-                 {:.1} undraped",
+                 {:.1} undraped, shear at most {:.0} degrees",
                 f.distance_m,
                 f.deviation_distance_m,
                 f.least_distance_m,
@@ -92,7 +92,8 @@ pub(super) fn text(rows: &[Row]) -> String {
                 100.0 * f.score,
                 100.0 * f.deviation_score,
                 100.0 * f.best_score,
-                f.undraped
+                f.undraped,
+                f.shear_deg
             ),
         }
     };

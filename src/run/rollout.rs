@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream, Vec3};
-use drape_cloth::scene::{Scene, surplus};
+use drape_cloth::scene::{Scene, sheared, surplus};
 use drape_cloth::sim::Snapshot;
 use drape_task::env::{Draping, End, EnvConfig, ReplayDiverged, Tasks};
 use drape_task::path::{PressedPoint, strokes};
@@ -37,6 +37,11 @@ pub struct EpisodeSummary {
     /// 95th percentile and maximum of the absolute yarn strain of the whole sheet [-].
     pub strain_p95: f64,
     pub strain_max: f64,
+    /// Greatest shear angle of the sheet [deg], and the share of its area that is sheared beyond
+    /// locking [-]; none where the material does not say when that is.
+    pub shear_max_deg: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub locked_share: Option<f64>,
     /// Places where the sheet passes through itself.
     pub self_intersections: usize,
     /// Root mean square speed at the end [mm/s].
@@ -287,6 +292,9 @@ fn summarise(draping: &Draping, end: &Snapshot, points: &[PressedPoint]) -> Epis
     sheet.insert_range(..);
     let sheet_surplus =
         |state: &Snapshot| surplus(&scene.lamina, &scene.tool, &state.position, &sheet);
+    let locking = scene.lamina.material.shear.locking;
+    let limit = locking.map_or(f64::INFINITY, |locking| locking.angle_rad);
+    let sheared = sheared(&scene.lamina, &end.position, &sheet, limit);
     let join = JUMP * draping.config().stencil_mm * 1e-3;
     let strokes =
         strokes(points, join).map_or(0, |path| path.iter().filter(|p| p.starts_stroke).count());
@@ -305,6 +313,8 @@ fn summarise(draping: &Draping, end: &Snapshot, points: &[PressedPoint]) -> Epis
         jumps: strokes.saturating_sub(1),
         strain_p95: at_end.strain_p95,
         strain_max: at_end.strain_max,
+        shear_max_deg: sheared.max.to_degrees(),
+        locked_share: locking.map(|_| sheared.share_beyond),
         self_intersections: at_end.self_intersections,
         v_rms_mm_s: at_end.v_rms_mm_s,
         seconds: 0.0,

@@ -24,6 +24,8 @@ fn check_episode(episode: &Value) {
     }
     assert!(number(&episode["jumps"]) < number(&episode["steps"]));
     for key in [
+        "locked_share",
+        "shear_max_deg",
         "sheet_final_m",
         "sheet_surplus_final_m",
         "v_rms_mm_s",

@@ -37,8 +37,8 @@ pub struct Criteria<'a> {
     pub region: Option<[f64; 4]>,
 }
 
-/// Shear beyond which fabric counts as locked [degrees].
-const LOCKING: f64 = 45.0;
+/// Shear beyond which fabric counts as locked, as of the built-in material [degrees].
+const LOCKING: f64 = 40.0;
 /// Yarns closer in direction than this agree [degrees].
 const FIBRE: f64 = 5.0;
 /// A gap to the tool above this is bridged [m].

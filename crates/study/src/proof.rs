@@ -10,10 +10,10 @@ use crate::study::{Context, StudyError};
 use crate::twin::fall::{fallen, lying, press_config, twin_config};
 use drape_cloth::file::ValueError;
 use drape_cloth::math::mean_and_deviation;
-use drape_cloth::scene::{Scene, surplus};
+use drape_cloth::scene::{Scene, sheared, surplus};
 use drape_cloth::sim::Accuracy;
 use drape_cloth::twin::Hold;
-use drape_task::env::{Draping, EnvConfig, Objective, score};
+use drape_task::env::{Draping, EnvConfig, Objective, Region, score};
 
 /// Where a path is proved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,6 +67,9 @@ pub struct Figures {
     pub best_score: f64,
     /// Vertices of the region that are not draped.
     pub undraped: f64,
+    /// Greatest shear angle in the region [deg].
+    pub shear_deg: f64,
+    pub deviation_shear_deg: f64,
 }
 
 /// What [`prove`] has found.
@@ -87,6 +90,7 @@ struct Left {
     surplus_m: f64,
     score: f64,
     undraped: usize,
+    shear_deg: f64,
 }
 
 /// Paths taken on to the twin, where one costs minutes.
@@ -177,6 +181,7 @@ fn figures(ended: &[Left]) -> Option<Figures> {
         of(|left| left.score),
     ];
     let undraped = of(|left| left.undraped as f64);
+    let [shear_deg, deviation_shear_deg] = mean_and_deviation(&of(|left| left.shear_deg));
     let [distance_m, deviation_distance_m] = mean_and_deviation(&distance);
     let [surplus_m, deviation_surplus_m] = mean_and_deviation(&surplus);
     let [mean, deviation_score] = mean_and_deviation(&score);
@@ -191,6 +196,8 @@ fn figures(ended: &[Left]) -> Option<Figures> {
         deviation_score,
         best_score: score.iter().copied().fold(f64::NEG_INFINITY, f64::max),
         undraped: mean_and_deviation(&undraped)[0],
+        shear_deg,
+        deviation_shear_deg,
     })
 }
 
@@ -214,21 +221,17 @@ fn accurately(
     let mut env = env.clone();
     env.set_accuracy(Accuracy::Accurate);
     let mut draping = Draping::new(scene.clone(), &env, lists.len())?;
+    let task = (env.objective, draping.region().clone());
+    let initial = draping.initial_objective();
     let mut ended = vec![None; lists.len()];
     let longest = lists.iter().map(|list| list.len()).max().unwrap_or(0);
     draping.replay(lists, |draping, index, presses| {
         let share = presses as f64 / longest as f64;
         (context.progress)(share, "proving at accurate");
         if presses == lists[index].len() {
-            let end = draping.state(index);
-            ended[index] = Some(Left {
-                distance_m: draping.region_distance(&end),
-                surplus_m: draping.region_surplus(&end),
-                score: draping.score(&end),
-                undraped: (draping.region().vertices)
-                    .difference(draping.draped(index))
-                    .count(),
-            });
+            let at = draping.state(index).position;
+            let draped = draping.draped(index);
+            ended[index] = Some(left(scene, &task, initial, &at, |v| draped.contains(v)));
         }
     });
     Ok(ended)
@@ -242,27 +245,42 @@ fn in_twin(
     context: &Context,
 ) -> Result<Vec<Option<Left>>, StudyError> {
     let config = twin_config(&scene.config)?;
-    let region = env.region(&scene.lamina)?.vertices;
+    let task = (env.objective, env.region(&scene.lamina)?);
     (context.progress)(0.0, "the twin's fall");
     let rest = fallen(scene, &config)?.positions();
-    let objective = |at: &[[f64; 3]]| env.objective.of(scene, &region, at);
-    let initial = objective(&rest);
+    let initial = env.objective.of(scene, &task.1.vertices, &rest);
     let press = press_config(env, Hold::Fixed);
     let played = context.each(lists, |list| {
         let mut twin = lying(scene, &config, &rest)?;
         let presses = (*list, 1e-3 * env.stencil_mm);
         let ended = twin.replay(&scene.lamina, &scene.tool, &press, presses, |_| ());
+        let is_draped = |v| ended.draped.binary_search(&(v as u32)).is_ok();
         let at = twin.positions();
-        Ok(ended.diverged.is_none().then(|| Left {
-            distance_m: Objective::Distance.of(scene, &region, &at),
-            surplus_m: surplus(&scene.lamina, &scene.tool, &at, &region),
-            score: score(initial, objective(&at)),
-            undraped: (region.ones())
-                .filter(|&v| ended.draped.binary_search(&(v as u32)).is_err())
-                .count(),
-        }))
+        let left = || left(scene, &task, initial, &at, is_draped);
+        Ok(ended.diverged.is_none().then(left))
     });
     played.into_iter().collect()
+}
+
+/// Measures an end at positions [m]; `initial` is the objective at the start [m].
+fn left(
+    scene: &Scene,
+    (objective, region): &(Objective, Region),
+    initial: f64,
+    at: &[[f64; 3]],
+    is_draped: impl Fn(usize) -> bool,
+) -> Left {
+    let Region { vertices, .. } = region;
+    let Scene { lamina, tool, .. } = scene;
+    Left {
+        distance_m: Objective::Distance.of(scene, vertices, at),
+        surplus_m: surplus(lamina, tool, at, vertices),
+        score: score(initial, objective.of(scene, vertices, at)),
+        undraped: vertices.ones().filter(|&v| !is_draped(v)).count(),
+        shear_deg: sheared(lamina, at, vertices, f64::INFINITY)
+            .max
+            .to_degrees(),
+    }
 }
 
 #[cfg(test)]

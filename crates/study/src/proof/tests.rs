@@ -79,6 +79,7 @@ fn what_diverged_counts_in_no_figure() {
             surplus_m: 0.0,
             score,
             undraped: 2,
+            shear_deg: 10.0,
         })
     };
     let groups = [
