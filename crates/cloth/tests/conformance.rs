@@ -462,6 +462,23 @@ fn fixed_vertices_obey_nothing(device: &Device, rounding: f64) {
     }
 }
 
+/// The cases shear beyond locking where it is listed, or nothing here would tell of it.
+#[test]
+fn locking_is_at_work() {
+    for world in WORLDS.iter().filter(|w| w.model.physics().shear_locking) {
+        let (lamina, _) = world.presses.as_ref().unwrap();
+        let free = PhysicsConfig {
+            shear_locking: false,
+            ..world.model.physics().clone()
+        };
+        let free = self::world(lamina, free);
+        let [locked, free] = [world, &free].map(|world| reference(world, STEPS));
+        for (index, (locked, free)) in locked.iter().zip(&free).enumerate() {
+            assert!(bits(locked) != bits(free), "environment {index}");
+        }
+    }
+}
+
 /// A roller moves its own environment and no other.
 fn presses_stay_in_their_environments(device: &Device) {
     let world = &WORLDS[0];
