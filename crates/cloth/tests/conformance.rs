@@ -462,6 +462,24 @@ fn fixed_vertices_obey_nothing(device: &Device, rounding: f64) {
     }
 }
 
+/// Most cases shear beyond locking where it is listed, or nothing here would tell of it.
+#[test]
+fn locking_is_at_work() {
+    for world in WORLDS.iter().filter(|w| w.model.physics().shear_locking) {
+        let (lamina, _) = world.presses.as_ref().unwrap();
+        let free = PhysicsConfig {
+            shear_locking: false,
+            ..world.model.physics().clone()
+        };
+        let free = self::world(lamina, free);
+        let [locked, free] = [world, &free].map(|world| reference(world, STEPS));
+        let pairs = locked.iter().zip(&free);
+        let at_work = pairs.filter(|(locked, free)| bits(locked) != bits(free));
+        let (count, physics) = (at_work.count(), world.model.physics());
+        assert!(2 * count > CASES, "{count} cases, {physics:?}");
+    }
+}
+
 /// A roller moves its own environment and no other.
 fn presses_stay_in_their_environments(device: &Device) {
     let world = &WORLDS[0];
