@@ -24,8 +24,8 @@ use drape_task::env::{Draping, EnvConfig, Tasks};
 
 /// Roll out a trained policy and compare it with the random one
 ///
-/// Writes before.png, after.png, crushed.png, path.png and rollout.gif of the episode it plays, each in place
-/// of that of the last `eval`; those of the run itself stay.
+/// Writes before.png, after.png, crushed.png, path.png and rollout.gif of the episode it plays,
+/// each in place of that of the last `eval`; those of the run itself change by `--prove` only.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape eval runs/a
@@ -99,8 +99,8 @@ struct Report {
     accuracy: Option<Accuracy>,
     /// The greedy episode, or the replayed one.
     episode: EpisodeSummary,
-    /// How many deviations of the random policy's final region distance the episode lies
-    /// below its mean; none if that does not deviate.
+    /// How many deviations of the random policy's score the episode lies above its mean; none if
+    /// that does not deviate.
     deviations_above_random: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     sampled: Option<EpisodeStatistics>,
@@ -126,6 +126,13 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     if let Some(accuracy) = args.accuracy {
         loaded.change_accuracy(accuracy);
     }
+    let best = match args.prove {
+        true => {
+            check_writable(&loaded.folder.proof())?;
+            Some(loaded.best_sequence()?)
+        }
+        false => None,
+    };
     let source = if args.sequence {
         EpisodeSource::Sequence
     } else {
@@ -143,14 +150,13 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         (Some(agent), true) => Some(sampled(agent, scene, env, args.episodes)?),
         _ => None,
     };
-    let proof = match args.prove {
-        true => {
+    let proof = match best {
+        Some(best) => {
             // In the run's own steps, whatever the episode was played in.
-            let (count, own) = ((args.episodes, args.twin), &loaded.config.env);
-            loaded.best_sequence()?;
-            Some(proof::proved(&loaded.folder, scene, own, count, args.json)?.0)
+            let (task, orders) = ((scene, &loaded.config.env), (args.episodes, args.twin));
+            Some(proof::proved(&loaded.folder, task, best, orders, args.json)?.0)
         }
-        false => None,
+        None => None,
     };
     let title = if args.sequence { "sequence" } else { "policy" };
     recorder.write(&pictures.path, &draping, &played, title)?;
@@ -261,7 +267,7 @@ impl Loaded {
             )));
         }
         let best = self.folder.read_best_sequence()?;
-        self.check_config(&best, &place)?;
+        self.check(&best, &place)?;
         Ok(best)
     }
 
@@ -269,15 +275,25 @@ impl Loaded {
     pub fn proof(&self) -> Result<Option<Proved>, Failure> {
         let proved = self.folder.read_proof()?;
         if let Some(proved) = &proved {
-            self.check_config(&proved.path, &self.folder.proof())?;
+            self.check(&proved.path, &self.folder.proof())?;
         }
         Ok(proved)
     }
 
-    fn check_config(&self, sequence: &BestSequence, place: &Path) -> Result<(), Failure> {
-        sequence
-            .check_config(&self.folder.config_text()?)
-            .map_err(|fault| Failure::invalid(anyhow!("{}: {fault}", place.display())))
+    /// Checks that sequences were found in this configuration and press vertices of its blank.
+    fn check(&self, sequence: &BestSequence, place: &Path) -> Result<(), Failure> {
+        let invalid = |fault| Failure::invalid(anyhow!("{}: {fault}", place.display()));
+        let text = self.folder.config_text()?;
+        sequence.check_config(&text).map_err(invalid)?;
+        let count = self.scene.lamina.vertex_count();
+        let others = sequence.others.iter().flat_map(|other| &other.vertices);
+        let mut vertices = sequence.vertices.iter().chain(others);
+        match vertices.find(|&&v| v as usize >= count) {
+            Some(v) => Err(invalid(format!(
+                "presses vertex {v}, expected one below {count}"
+            ))),
+            None => Ok(()),
+        }
     }
 
     fn checkpoint_path(&self, name: &str) -> PathBuf {
@@ -343,6 +359,9 @@ fn text(report: &Report) -> String {
     let accuracy = report.accuracy.map_or(String::new(), |accuracy| {
         format!(", {} steps", accuracy.name())
     });
+    let locked = episode.locked_share.map_or(String::new(), |share| {
+        format!(", {:.1} % of the area locked", 100.0 * share)
+    });
     let mut lines = vec![
         format!("{}: {}{accuracy}", report.run.display(), report.played),
         format!(
@@ -371,12 +390,11 @@ fn text(report: &Report) -> String {
             1e3 * episode.seconds / episode.steps as f64
         ),
         format!(
-            "  yarn strain p95 {:.2} %, maximum {:.1} %; shear at most {:.0} degrees, {:.1} % of the area \
-             locked; v_rms {:.1} mm/s; {:.2} s",
+            "  yarn strain p95 {:.2} %, maximum {:.1} %; shear at most {:.0} degrees{locked}; v_rms \
+             {:.1} mm/s; {:.2} s",
             100.0 * episode.strain_p95,
             100.0 * episode.strain_max,
             episode.shear_max_deg,
-            100.0 * episode.locked_share.unwrap_or_default(),
             episode.v_rms_mm_s,
             episode.seconds
         ),

@@ -56,6 +56,7 @@ struct Report {
     file: PathBuf,
     points: usize,
     strokes: usize,
+    /// In the physics in which the path was proved, or else in the task's own steps.
     score: f64,
     /// The physics in which the path was proved; none if it was not.
     proved: Option<Physics>,
@@ -95,7 +96,10 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
     let report = Report {
         points: points.len(),
         strokes: points.iter().filter(|point| point.starts_stroke).count(),
-        score: played.summary.score,
+        score: match &proof {
+            Some(proved) => proved.path.score,
+            None => played.summary.score,
+        },
         proved: proof.map(|proved| proved.physics),
         file,
     };

@@ -251,7 +251,7 @@ mod tests {
         assert_eq!(near.pixels.len(), 320 * 240);
     }
 
-    /// Cloth that lies on the tool at its length is blue; pushed together by a tenth it is red.
+    /// Cloth of the length of its trace is blue; pushed together by a tenth it is red.
     #[test]
     fn crushed_cloth_is_red() {
         let scene = scene();

@@ -1,29 +1,29 @@
-//! The proof of a run's best paths: what eval and train print and keep of it.
+//! The proof of a run's best paths: what train, eval and export print and keep of it.
 
 use std::path::Path;
 use std::sync::Arc;
 
 use super::Failure;
 use super::output::Progress;
-use super::result::{Recorder, rollout_failure};
-use super::study::{failure, read_run};
+use super::result::{Recorder, path, rollout_failure};
+use super::study::failure;
 use crate::run::{BestSequence, PlayedEpisode, Proved, Rules, RunFolder, replay};
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::Accuracy;
-use drape_study::proof::{Row, prove};
+use drape_study::proof::{Physics, Row, finely, prove};
 use drape_study::study::Context;
 use drape_task::env::{Draping, EnvConfig};
+use drape_task::path::write_json;
 
 /// Proves the best sequences of a run against `count` random orders, see [`prove`], and keeps the
-/// best of them in the run folder. None if all diverge.
+/// best of them in the run folder with its draping points and pictures. What the twin has proved
+/// stays until it proves another, or the path is among the best no more. None if all diverge.
 pub(super) fn proved(
     folder: &RunFolder,
-    scene: &Arc<Scene>,
-    env: &EnvConfig,
+    (scene, env): (&Arc<Scene>, &EnvConfig),
+    best: BestSequence,
     (count, twin): (usize, bool),
     json: bool,
 ) -> Result<(Vec<Row>, Option<Proved>), Failure> {
-    let best = folder.read_best_sequence()?;
     let others = best.others.iter().map(|other| other.vertices.clone());
     let paths: Vec<Vec<u32>> = std::iter::once(best.vertices.clone())
         .chain(others)
@@ -31,40 +31,51 @@ pub(super) fn proved(
     let progress = Progress::new("proof", json);
     let context = Context {
         progress: &|share, doing| progress.tell(share, doing),
-        read_run: &read_run,
+        ..Context::quiet()
     };
-    let found = prove(scene, env, &paths, count, twin, &context);
+    let found = prove(scene, env, &paths, (count, twin), &context);
     drop(progress);
     let place = folder.config().display().to_string();
     let found = found.map_err(|error| failure(error, Some(place)))?;
-    let proved = found.best.map(|(index, score)| Proved {
-        physics: found.physics,
+    let Some(chosen) = found.best else {
+        eprintln!("warning: all of the best paths diverge where they are to be proved");
+        return Ok((found.rows, None));
+    };
+    // A damaged one is replaced.
+    let old = folder.read_proof().ok().flatten().filter(|old| {
+        (old.physics, chosen.physics) == (Physics::Twin, Physics::Accurate)
+            && old.path.config_digest == best.config_digest
+            && paths.contains(&old.path.vertices)
+    });
+    let is_new = old.is_none();
+    let proved = old.unwrap_or_else(|| Proved {
+        physics: chosen.physics,
         path: BestSequence {
-            vertices: paths[index].clone(),
-            score,
+            vertices: paths[chosen.index].clone(),
+            score: chosen.score,
             others: Vec::new(),
             ..best
         },
         proof: found.rows.clone(),
     });
-    match &proved {
-        Some(proved) => folder.write_proof(proved)?,
-        None => eprintln!("warning: all of the best paths diverge where they are to be proved"),
+    if is_new {
+        folder.write_proof(&proved)?;
     }
-    Ok((found.rows, proved))
+    let (played, recorder, draping) = play(&proved, scene, env, &folder.proof())?;
+    write_json(&folder.trajectory(), &path(&played, env)?)?;
+    recorder.write(&folder.pictures(), &draping, &played, "proved path")?;
+    Ok((found.rows, Some(proved)))
 }
 
-/// Plays a proved path as a robot presses it, at `accurate`, whether or not the twin has proved
-/// it too. With its frames, and the environment as it has left it.
+/// Plays a proved path as a robot presses it, in the fast solver, whether or not the twin has
+/// proved it too. With its frames, and the environment as it has left it.
 pub(super) fn play(
     proved: &Proved,
     scene: &Arc<Scene>,
     env: &EnvConfig,
     place: &Path,
 ) -> Result<(PlayedEpisode, Recorder, Draping), Failure> {
-    let mut env = env.clone();
-    env.set_accuracy(Accuracy::Accurate);
-    let mut draping = Draping::new(scene.clone(), &env, 1)?;
+    let mut draping = Draping::new(scene.clone(), &finely(env), 1)?;
     let mut recorder = Recorder::default();
     let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);
     let played = replay(&mut draping, &proved.path.vertices, Rules::Robot, watch)
@@ -75,27 +86,29 @@ pub(super) fn play(
 /// A line for each row.
 pub(super) fn text(rows: &[Row]) -> String {
     let line = |row: &Row| {
+        let f = &row.figures;
+        let left = format!(
+            "{:.4} +- {:.4} m off the tool (least {:.4}), {:.2} +- {:.2} mm surplus a yarn (least \
+             {:.2}), score {:.2} +- {:.2} % (best {:.2}), {:.1} undraped, shear at most {:.0} degrees",
+            f.distance_m,
+            f.deviation_distance_m,
+            f.least_distance_m,
+            1e3 * f.surplus_m,
+            1e3 * f.deviation_surplus_m,
+            1e3 * f.least_surplus_m,
+            100.0 * f.score,
+            100.0 * f.deviation_score,
+            100.0 * f.best_score,
+            f.undraped,
+            f.shear_deg
+        );
+        let left = match (row.count, row.diverged) {
+            (0, _) => "all diverged".into(),
+            (_, 0) => left,
+            (_, diverged) => format!("{left}; {diverged} more diverged"),
+        };
         let name = row.physics.name();
-        let count = format!("{:>3} {}", row.count, row.order);
-        match &row.figures {
-            None => format!("proof, {name}: {count:<12} all diverged"),
-            Some(f) => format!(
-                "proof, {name}: {count:<12} {:.4} +- {:.4} m off the tool (least {:.4}), {:.2} +- \
-                 {:.2} mm surplus a yarn (least {:.2}), score {:.2} +- {:.2} % (best {:.2}), \
-                 {:.1} undraped, shear at most {:.0} degrees",
-                f.distance_m,
-                f.deviation_distance_m,
-                f.least_distance_m,
-                1e3 * f.surplus_m,
-                1e3 * f.deviation_surplus_m,
-                1e3 * f.least_surplus_m,
-                100.0 * f.score,
-                100.0 * f.deviation_score,
-                100.0 * f.best_score,
-                f.undraped,
-                f.shear_deg
-            ),
-        }
+        format!("proof, {name}: {:>3} {:<8} {left}", row.count, row.order)
     };
     rows.iter().map(line).collect::<Vec<_>>().join("\n")
 }

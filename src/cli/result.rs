@@ -16,7 +16,7 @@ use drape_cloth::sim::Snapshot;
 use drape_report::{Chart, Level, SERIES, Series};
 use drape_study::proof::Row;
 use drape_task::env::{Draping, EnvConfig};
-use drape_task::path::{DrapingPoint, PressedPoint, stroke_points, strokes, write_json};
+use drape_task::path::{DrapingPoint, PressedPoint, stroke_points, strokes};
 
 /// Random episodes that a training is compared with.
 const BASELINE_EPISODES: usize = 32;
@@ -79,8 +79,7 @@ pub(super) fn baseline(training: &Training, json: bool) -> Result<EpisodeStatist
     EpisodeStatistics::new("random", BASELINE_EPISODES, episodes)
 }
 
-/// Proves the best paths of a training that is complete, and writes curve, trajectory, pictures
-/// and film. Gives the proof.
+/// Draws the curve of a training that is complete, and proves its best paths. Gives the proof.
 pub(super) fn write(
     training: &Training,
     baseline: &EpisodeStatistics,
@@ -98,19 +97,9 @@ pub(super) fn write(
     if !json {
         eprintln!("proving the best paths");
     }
-    let count = (config.proof_paths, false);
-    let (rows, proved) = proof::proved(folder, training.scene(), &config.env, count, json)?;
-    let Some(proved) = proved else {
-        return Ok(rows);
-    };
-    if !json {
-        eprintln!("drawing pictures");
-    }
-    let (played, recorder, draping) =
-        proof::play(&proved, training.scene(), &config.env, &folder.proof())?;
-    write_json(&folder.trajectory(), &path(&played, &config.env)?)?;
-    recorder.write(&folder.pictures(), &draping, &played, "proved path")?;
-    Ok(rows)
+    let best = folder.read_best_sequence()?;
+    let (task, orders) = ((training.scene(), &config.env), (config.proof_paths, false));
+    Ok(proof::proved(folder, task, best, orders, json)?.0)
 }
 
 /// The draping points of an episode.

@@ -209,7 +209,7 @@ fn replaced<S: Study>(
 }
 
 /// The best sequence of a run folder, which is refused where its configuration has changed.
-pub(super) fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
+fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
     let folder = RunFolder::open(path).map_err(|error| StudyError::Read(error.into()))?;
     let config =
         RunConfig::read(&folder.config()).map_err(|error| StudyError::Read(error.into()))?;

@@ -142,7 +142,9 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
     training.checkpoint().map_err(failure)?;
     bar.finish_and_clear();
     let elapsed = start.elapsed().as_secs_f64();
-    let proof = match training.is_complete() {
+    // Who has asked to stop need not wait for a proof: resuming makes it.
+    let complete = training.is_complete() && !stop.load(Ordering::Relaxed);
+    let proof = match complete {
         true => result::write(&training, &baseline, args.json)?,
         false => Vec::new(),
     };
@@ -150,7 +152,7 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
     let taken = (training.env_steps() - first) as f64;
     let outcome = Outcome {
         run: training.folder().path().into(),
-        complete: training.is_complete(),
+        complete,
         env_steps: training.env_steps(),
         seconds: elapsed,
         env_steps_per_second: taken / elapsed,
@@ -238,7 +240,7 @@ fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
         if seen.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        eprintln!("stopping after this iteration; again to stop at once");
+        eprintln!("stopping after this iteration, or the proof; again to stop at once");
     })?;
     Ok(stop)
 }

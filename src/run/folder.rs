@@ -68,17 +68,22 @@ pub struct BestSequence {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scored {
+    /// As the lamina counts them.
     pub vertices: Vec<u32>,
+    /// In the task's own steps [-].
     pub score: f64,
 }
 
 /// `proof.json`: the best of the best sequences in the finest physics that they were played in.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Proved {
+    /// Where it is the best.
     pub physics: Physics,
     /// Its score there.
     pub path: BestSequence,
-    /// What it is held against.
+    /// What it is held against; for people, nothing reads it back.
+    #[serde(skip_deserializing)]
     pub proof: Vec<Row>,
 }
 
@@ -306,7 +311,8 @@ impl RunFolder {
     /// Reads the proof, if there is one, and checks its path as the best sequence is checked.
     pub fn read_proof(&self) -> Result<Option<Proved>> {
         let path = self.proof();
-        if !path.exists() {
+        let cannot = || format!("cannot read {}", path.display());
+        if !path.try_exists().with_context(cannot)? {
             return Ok(None);
         }
         let proved: Proved = read_json(&path)?;

@@ -10,8 +10,10 @@ use super::config::RunConfig;
 use super::events::EventWriter;
 use super::folder::{BestSequence, RunFolder, Scored, config_digest};
 use super::metrics::{MetricsWriter, read_metrics};
+use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{Iteration, Sampling, Trainer, decode, encode, read_section};
+use drape_study::episodes::{Order, choose};
 use drape_task::env::{Draping, End, ImageShape, Reward, Tasks};
 
 /// Checkpoint section of what the run itself remembers.
@@ -75,8 +77,9 @@ impl Training {
         folder: RunFolder,
         reward: Reward,
     ) -> Result<Self> {
-        let (trainer, evaluation) = learner(&config, scene, reward)?;
-        Ok(Self {
+        let (mut trainer, evaluation) = learner(&config, scene, reward)?;
+        let shown = trainer.show(beginners_order);
+        let mut training = Self {
             metrics: MetricsWriter::create(&folder.metrics())?,
             events: EventWriter::create(&folder.events(), wall_time())?,
             config_text: folder.config_text()?,
@@ -85,7 +88,13 @@ impl Training {
             trainer,
             evaluation,
             memory: Memory::default(),
-        })
+        };
+        for episode in shown {
+            if let Some(score) = episode.score {
+                training.remember(score, &episode.actions)?;
+            }
+        }
+        Ok(training)
     }
 
     /// The training in `folder` as its last checkpoint left it. Metrics that were written
@@ -286,6 +295,20 @@ impl Training {
             .append(wall_time, iteration.env_steps, &values)?;
         Ok(())
     }
+}
+
+/// What a learner that imitates is shown first: orders outwards from places in half of the
+/// environments, sweeps in all directions in the others.
+fn beginners_order(tasks: &Draping, task: usize) -> u32 {
+    let half = tasks.count().div_ceil(2);
+    let (order, index, count) = match task.checked_sub(half) {
+        None => (Order::Outwards, task, half),
+        Some(index) => (Order::Sweep, index, tasks.count() - half),
+    };
+    // Neither order is drawn.
+    let mut stream = Stream::new(0, Purpose::Evaluation, 0);
+    let share = index as f64 / count as f64;
+    choose(tasks, task, order, share, &mut stream)
 }
 
 fn learner(

@@ -267,6 +267,15 @@ fn damaged_sequences_and_metrics_are_located() {
     fs::remove_file(&proof).unwrap();
     let vertices = sequence["vertices"].as_array().unwrap();
     let twice = [vertices[0].clone(), vertices[0].clone()];
+    // A grid as large as one likes lets no vertex through that the blank has not.
+    let mut large = sequence.clone();
+    large["grid"]["rows"] = 1000.into();
+    large["others"][0]["vertices"] = [99].as_slice().into();
+    large["others"][0]["vertices"][0] = 999.into();
+    fs::write(&file, large.to_string()).unwrap();
+    let args = ["eval", "runs/a", "--prove"];
+    let words = "best_sequence.json: presses vertex 999, expected one below 289";
+    assert_failure(&drape(path, &args), 2, &[words]);
     for (content, code, words) in [
         (
             text[..text.len() / 2].into(),

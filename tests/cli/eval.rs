@@ -342,6 +342,17 @@ fn best_paths_are_proved_in_finer_physics() {
     assert!(rows[4..].iter().all(|row| row["physics"] == "twin"));
     let proved = read_json(&run.join("proof.json"));
     assert_eq!(proved["path"]["score"], rows[4]["best_score"]);
+    let export = || {
+        let report = json(path, &["export", "runs/a", "--out", "a.json", "--json"]);
+        let points = read_json(&path.join("a.json"));
+        assert_eq!(points, read_json(&run.join("trajectory.json")));
+        (report["proved"].clone(), report["score"].clone())
+    };
+    assert_eq!(export(), ("twin".into(), proved["path"]["score"].clone()));
+    // What the twin has proved stays, also where a complete run is gone on with.
+    json(path, &[&args[..], &["--prove"]].concat());
+    json(path, &["train", "--resume", "runs/a", "--json"]);
+    assert_eq!(read_json(&run.join("proof.json")), proved);
     let text = stdout(path, &["export", "runs/a"]);
     assert!(text.ends_with(" %, proved: twin\n"), "{text}");
     let args = ["eval", "runs/a", "--twin"];

@@ -43,7 +43,7 @@ fn training_leaves_a_complete_folder() {
     assert_eq!(number(&sequence["score"]), best);
     let others = sequence["others"].as_array().unwrap();
     let scores: Vec<f64> = others.iter().map(|other| number(&other["score"])).collect();
-    assert!(!scores.is_empty() && scores.len() < 8, "{scores:?}");
+    assert!(!scores.is_empty() && scores.len() < 64, "{scores:?}");
     assert!(scores[0] <= best && scores.is_sorted_by(|a, b| a >= b));
     let proved = read_json(&run.join("proof.json"));
     assert_eq!(proved["proof"], outcome["proof"]);
@@ -174,8 +174,7 @@ fn text_has_no_control_codes_where_nobody_watches() {
     assert!(output.status.success(), "{stderr}");
     assert_eq!(
         stderr,
-        "writing runs/a\nplaying 32 random episodes for comparison\nproving the best paths\ndrawing \
-         pictures\n"
+        "writing runs/a\nplaying 32 random episodes for comparison\nproving the best paths\n"
     );
     assert!(
         stdout.starts_with("runs/a: 240 environment steps in "),
@@ -331,7 +330,7 @@ fn interrupted_training_goes_on_exactly() {
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert_eq!(
         stderr,
-        "stopping after this iteration; again to stop at once\n"
+        "stopping after this iteration, or the proof; again to stop at once\n"
     );
     let outcome: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(outcome["complete"], false);

@@ -248,8 +248,9 @@ pub fn sequences(
     Ok(played.into_iter().map(|played| played.pressed).collect())
 }
 
-/// The allowed action that comes first in `order`; `share` 0..1 of the episodes came before.
-fn choose(env: &Draping, index: usize, order: Order, share: f64, stream: &mut Stream) -> u32 {
+/// The allowed action of one environment that comes first in `order`; `share` 0..1 of the episodes
+/// came before.
+pub fn choose(env: &Draping, index: usize, order: Order, share: f64, stream: &mut Stream) -> u32 {
     let mask = &env.observation(index).mask;
     let shape = env.shape();
     let (columns, rows) = (shape.columns as f64, shape.rows as f64);

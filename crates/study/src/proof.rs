@@ -11,7 +11,7 @@ use crate::twin::fall::{fallen, lying, press_config, twin_config};
 use drape_cloth::file::ValueError;
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::{Scene, sheared, surplus};
-use drape_cloth::sim::Accuracy;
+use drape_cloth::sim::{Accuracy, Stepping};
 use drape_cloth::twin::Hold;
 use drape_task::env::{Draping, EnvConfig, Objective, Region, score};
 
@@ -36,22 +36,25 @@ impl Physics {
 }
 
 /// What paths of one origin leave in one physics.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
+    /// Where they were played.
     pub physics: Physics,
     /// `path` for those that are proved, else `random`, `sweep` or `outwards`.
     pub order: String,
     /// Paths that came to their end.
     pub count: usize,
-    /// Paths in which the simulation diverged; they count in no figure.
+    /// Paths in which the simulation diverged, here or where they were found; they count in no
+    /// figure.
     pub diverged: usize,
-    /// None if all have diverged.
+    /// What the others leave.
     #[serde(flatten)]
-    pub figures: Option<Figures>,
+    pub figures: Figures,
 }
 
-/// Means over paths with their standard deviations, and the best of each.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Means over paths with their standard deviations, and the best of each; no numbers if there is
+/// no path.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Figures {
     /// Summed distance of the region to the tool [m].
     pub distance_m: f64,
@@ -61,7 +64,7 @@ pub struct Figures {
     pub surplus_m: f64,
     pub deviation_surplus_m: f64,
     pub least_surplus_m: f64,
-    /// See [`score`].
+    /// See [`score`] [-].
     pub score: f64,
     pub deviation_score: f64,
     pub best_score: f64,
@@ -75,12 +78,21 @@ pub struct Figures {
 /// What [`prove`] has found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proof {
+    /// By physics and order.
     pub rows: Vec<Row>,
-    /// The best path in the last physics: its index among those given, and its score there. None
-    /// if all have diverged.
-    pub best: Option<(usize, f64)>,
-    /// The last physics.
+    /// None if all paths have diverged.
+    pub best: Option<Best>,
+}
+
+/// The best path in the last physics in which one came to its end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Best {
+    /// Its number among those given.
+    pub index: usize,
+    /// Where it is the best.
     pub physics: Physics,
+    /// Its score there, see [`score`] [-].
+    pub score: f64,
 }
 
 /// What a path has left.
@@ -96,9 +108,23 @@ struct Left {
 /// Paths taken on to the twin, where one costs minutes.
 const TWIN_PATHS: usize = 4;
 
-/// Plays `paths` at `accurate`, and with `twin` the best four of them in the twin too, beside
-/// `count` random orders (in the twin a quarter of them), a quarter as many sweeps and half as
-/// many outwards, all found in the task's own steps.
+/// Paths of one origin: its name, those that were found, and those that were looked for.
+type Group<'a> = (&'a str, Vec<Vec<u32>>, usize);
+
+/// The task in steps as fine as `accurate`, or its own if they are finer.
+pub fn finely(env: &EnvConfig) -> EnvConfig {
+    let (mut env, own) = (env.clone(), env.stepping());
+    let fine = Accuracy::Accurate.stepping();
+    env.set_stepping(Stepping {
+        substep_rate: own.substep_rate.max(fine.substep_rate),
+        contact_rate: own.contact_rate.max(fine.contact_rate),
+    });
+    env
+}
+
+/// Plays `paths` at `accurate` and with `twin` the best of them in the twin too, beside `count`
+/// random orders (in the twin a quarter of them), a quarter as many sweeps and half as many
+/// outwards, all found in the task's own steps.
 ///
 /// # Errors
 /// If the scene has what the twin has nothing for, or the twin's fall diverges.
@@ -106,8 +132,7 @@ pub fn prove(
     scene: &Arc<Scene>,
     env: &EnvConfig,
     paths: &[Vec<u32>],
-    count: usize,
-    twin: bool,
+    (count, twin): (usize, bool),
     context: &Context,
 ) -> Result<Proof, StudyError> {
     if twin {
@@ -115,48 +140,51 @@ pub fn prove(
         twin_config(&scene.config)?;
     }
     let quarter = count.div_ceil(4);
-    let mut groups = vec![("path", paths.to_vec())];
+    let mut groups: Vec<Group> = vec![("path", paths.to_vec(), paths.len())];
     for (name, order, count) in [
         ("random", Order::Random, count),
         ("sweep", Order::Sweep, quarter),
         ("outwards", Order::Outwards, count.div_ceil(2)),
     ] {
-        groups.push((name, sequences(scene, env, order, count, 0)?));
+        groups.push((name, sequences(scene, env, order, count, 0)?, count));
     }
     let accurate = |lists: &[&[u32]]| Ok(accurately(scene, env, lists, context)?);
     let (mut rows, left) = played(Physics::Accurate, &groups, accurate)?;
     let mut chosen = ranked(&left);
-    let mut physics = Physics::Accurate;
-    if twin {
-        chosen.truncate(TWIN_PATHS);
-        groups[0].1 = chosen.iter().map(|&(k, _)| paths[k].clone()).collect();
-        groups[1].1.truncate(quarter);
-        physics = Physics::Twin;
-        let in_twin = |lists: &[&[u32]]| in_twin(scene, env, lists, context);
-        let (more, left) = played(physics, &groups, in_twin)?;
-        rows.extend(more);
-        let best = ranked(&left).into_iter();
-        chosen = best.map(|(k, score)| (chosen[k].0, score)).collect();
-    }
-    Ok(Proof {
-        rows,
-        best: chosen.first().copied(),
+    let best = |physics, &(index, score): &(usize, f64)| Best {
+        index,
         physics,
-    })
+        score,
+    };
+    let mut found = chosen.first().map(|first| best(Physics::Accurate, first));
+    if twin && found.is_some() {
+        chosen.truncate(TWIN_PATHS);
+        let those = chosen.iter().map(|&(k, _)| paths[k].clone());
+        groups[0] = ("path", those.collect(), chosen.len());
+        groups[1].1.truncate(quarter);
+        groups[1].2 = quarter;
+        let in_twin = |lists: &[&[u32]]| in_twin(scene, env, lists, context);
+        let (more, left) = played(Physics::Twin, &groups, in_twin)?;
+        rows.extend(more);
+        if let Some(&(k, score)) = ranked(&left).first() {
+            found = Some(best(Physics::Twin, &(chosen[k].0, score)));
+        }
+    }
+    Ok(Proof { rows, best: found })
 }
 
 /// Plays all groups at once. Gives a row a group, and what the paths of the first have left.
 fn played(
     physics: Physics,
-    groups: &[(&str, Vec<Vec<u32>>)],
+    groups: &[Group],
     play: impl Fn(&[&[u32]]) -> Result<Vec<Option<Left>>, StudyError>,
 ) -> Result<(Vec<Row>, Vec<Option<Left>>), StudyError> {
     let lists: Vec<&[u32]> = (groups.iter())
-        .flat_map(|(_, paths)| paths.iter().map(|path| &**path))
+        .flat_map(|(_, paths, _)| paths.iter().map(|path| &**path))
         .collect();
     let all = play(&lists)?;
     let mut rest = &all[..];
-    let rows = groups.iter().map(|(order, paths)| {
+    let rows = groups.iter().map(|(order, paths, count)| {
         let (own, after) = rest.split_at(paths.len());
         rest = after;
         let ended: Vec<Left> = own.iter().copied().flatten().collect();
@@ -164,7 +192,7 @@ fn played(
             physics,
             order: (*order).into(),
             count: ended.len(),
-            diverged: own.len() - ended.len(),
+            diverged: count - ended.len(),
             figures: figures(&ended),
         }
     });
@@ -172,7 +200,7 @@ fn played(
     Ok((rows, all[..groups[0].1.len()].to_vec()))
 }
 
-fn figures(ended: &[Left]) -> Option<Figures> {
+fn figures(ended: &[Left]) -> Figures {
     let of = |value: fn(&Left) -> f64| -> Vec<f64> { ended.iter().map(value).collect() };
     let least = |values: &[f64]| values.iter().copied().fold(f64::INFINITY, f64::min);
     let [distance, surplus, score] = [
@@ -185,7 +213,7 @@ fn figures(ended: &[Left]) -> Option<Figures> {
     let [distance_m, deviation_distance_m] = mean_and_deviation(&distance);
     let [surplus_m, deviation_surplus_m] = mean_and_deviation(&surplus);
     let [mean, deviation_score] = mean_and_deviation(&score);
-    (!ended.is_empty()).then(|| Figures {
+    Figures {
         distance_m,
         deviation_distance_m,
         least_distance_m: least(&distance),
@@ -198,7 +226,7 @@ fn figures(ended: &[Left]) -> Option<Figures> {
         undraped: mean_and_deviation(&undraped)[0],
         shear_deg,
         deviation_shear_deg,
-    })
+    }
 }
 
 /// Index and score of those that have come to their end, best first.
@@ -218,11 +246,9 @@ fn accurately(
     lists: &[&[u32]],
     context: &Context,
 ) -> Result<Vec<Option<Left>>, ValueError> {
-    let mut env = env.clone();
-    env.set_accuracy(Accuracy::Accurate);
-    let mut draping = Draping::new(scene.clone(), &env, lists.len())?;
+    let mut draping = Draping::new(scene.clone(), &finely(env), lists.len())?;
     let task = (env.objective, draping.region().clone());
-    let initial = draping.initial_objective();
+    let before = &scene.initial.position;
     let mut ended = vec![None; lists.len()];
     let longest = lists.iter().map(|list| list.len()).max().unwrap_or(0);
     draping.replay(lists, |draping, index, presses| {
@@ -231,7 +257,7 @@ fn accurately(
         if presses == lists[index].len() {
             let at = draping.state(index).position;
             let draped = draping.draped(index);
-            ended[index] = Some(left(scene, &task, initial, &at, |v| draped.contains(v)));
+            ended[index] = Some(left(scene, &task, before, &at, |v| draped.contains(v)));
         }
     });
     Ok(ended)
@@ -248,7 +274,6 @@ fn in_twin(
     let task = (env.objective, env.region(&scene.lamina)?);
     (context.progress)(0.0, "the twin's fall");
     let rest = fallen(scene, &config)?.positions();
-    let initial = env.objective.of(scene, &task.1.vertices, &rest);
     let press = press_config(env, Hold::Fixed);
     let played = context.each(lists, |list| {
         let mut twin = lying(scene, &config, &rest)?;
@@ -256,26 +281,27 @@ fn in_twin(
         let ended = twin.replay(&scene.lamina, &scene.tool, &press, presses, |_| ());
         let is_draped = |v| ended.draped.binary_search(&(v as u32)).is_ok();
         let at = twin.positions();
-        let left = || left(scene, &task, initial, &at, is_draped);
+        let left = || left(scene, &task, &rest, &at, is_draped);
         Ok(ended.diverged.is_none().then(left))
     });
     played.into_iter().collect()
 }
 
-/// Measures an end at positions [m]; `initial` is the objective at the start [m].
+/// Measures what vertices leave that have come from `before` to `at` [m].
 fn left(
     scene: &Scene,
     (objective, region): &(Objective, Region),
-    initial: f64,
+    before: &[[f64; 3]],
     at: &[[f64; 3]],
     is_draped: impl Fn(usize) -> bool,
 ) -> Left {
     let Region { vertices, .. } = region;
     let Scene { lamina, tool, .. } = scene;
+    let of = |objective: Objective, x| objective.of(scene, vertices, before, x);
     Left {
-        distance_m: Objective::Distance.of(scene, vertices, at),
+        distance_m: of(Objective::Distance, at),
         surplus_m: surplus(lamina, tool, at, vertices),
-        score: score(initial, objective.of(scene, vertices, at)),
+        score: score(of(*objective, before), of(*objective, at)),
         undraped: vertices.ones().filter(|&v| !is_draped(v)).count(),
         shear_deg: sheared(lamina, at, vertices, f64::INFINITY)
             .max

@@ -207,8 +207,14 @@ fn play(
     lists: &[&[u32]],
 ) -> Result<(Vec<Option<End>>, f64), StudyError> {
     let region = env.region(&scene.lamina)?.vertices;
+    let start = match player {
+        Player::Twin {
+            starts_as_fast: false,
+        } => rest,
+        _ => &scene.initial.position[..],
+    };
     let end = |positions: Positions| {
-        let of = |objective: Objective| objective.of(scene, &region, &positions);
+        let of = |objective: Objective| objective.of(scene, &region, start, &positions);
         let surplus = surplus(&scene.lamina, &scene.tool, &positions, &region);
         End {
             left_m: [of(Objective::Surplus), of(Objective::Distance), surplus],
@@ -226,14 +232,9 @@ fn play(
                 start.elapsed().as_secs_f64(),
             ))
         }
-        Player::Twin { starts_as_fast } => {
+        Player::Twin { .. } => {
             let press = press_config(env, Hold::Fixed);
             let config = twin_config(&scene.config)?;
-            let start = if starts_as_fast {
-                &scene.initial.position[..]
-            } else {
-                rest
-            };
             let played = Context::quiet().each(lists, |list| {
                 let began = ThreadTime::now();
                 let mut twin = lying(scene, &config, start)?;

@@ -40,12 +40,11 @@ pub fn sheared(
         if angle > max || angle.is_nan() {
             max = angle;
         }
-        area += drape.rest_area(t);
-        beyond += if angle > limit {
-            drape.rest_area(t)
-        } else {
-            0.0
-        };
+        let part = drape.rest_area(t);
+        area += part;
+        if angle > limit {
+            beyond += part;
+        }
     }
     let share_beyond = if area > 0.0 { beyond / area } else { 0.0 };
     Sheared { max, share_beyond }

@@ -56,6 +56,11 @@ impl Memory {
         }
     }
 
+    /// Forgets the episodes that are going on.
+    pub fn interrupt(&mut self) {
+        self.open.iter_mut().for_each(Vec::clear);
+    }
+
     /// `count` moves of the best episodes, each uniformly among all; none if there are none.
     pub fn draw(&self, count: usize, stream: &mut Stream) -> Vec<&Move> {
         let moves: Vec<&Move> = self.best.iter().flat_map(|k| &k.moves).collect();

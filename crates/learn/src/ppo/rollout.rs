@@ -19,6 +19,17 @@ pub struct EpisodeRecord {
     pub actions: Vec<u32>,
 }
 
+impl From<Episode> for EpisodeRecord {
+    fn from(episode: Episode) -> Self {
+        Self {
+            end: episode.end,
+            total_reward: episode.total_reward,
+            score: episode.score,
+            actions: episode.actions,
+        }
+    }
+}
+
 /// Wall-clock time of an iteration, by what took it [s].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seconds {
@@ -92,14 +103,7 @@ pub fn collect<T: Tasks>(
                 None => Next::Step,
                 Some(episode) => follows(agent, episode),
             });
-            rollout
-                .episodes
-                .extend(episode.map(|episode| EpisodeRecord {
-                    end: episode.end,
-                    total_reward: episode.total_reward,
-                    score: episode.score,
-                    actions: episode.actions,
-                }));
+            rollout.episodes.extend(episode.map(EpisodeRecord::from));
         }
         rollout.observations.extend(seen);
         rollout.actions.extend(actions);
@@ -114,7 +118,7 @@ pub fn collect<T: Tasks>(
     rollout
 }
 
-fn observations<T: Tasks>(tasks: &T) -> Vec<Observation> {
+pub fn observations<T: Tasks>(tasks: &T) -> Vec<Observation> {
     let seen = |i| tasks.observation(i).clone();
     (0..tasks.count()).map(seen).collect()
 }

@@ -184,6 +184,31 @@ fn imitation_alone_solves_the_order() {
     }
 }
 
+/// Shown the solution once, a learner that imitates and does nothing else finds it at once; its
+/// tasks stand where they stood. One that imitates nothing is shown nothing.
+#[test]
+fn what_is_shown_is_imitated() {
+    let config = PpoConfig {
+        policy_coefficient: 0.0,
+        ..everything()
+    };
+    let solution = |tasks: &Order, task: usize| ORDER[tasks.states[task].1.len()];
+    for seed in 0..3 {
+        let mut learner = trainer(config.clone(), seed);
+        let before = learner.save()["tasks"].clone();
+        let shown = learner.show(solution);
+        assert_eq!(shown.len(), 16);
+        assert!(shown.iter().all(|episode| episode.score == Some(1.0)));
+        assert_eq!(learner.save()["tasks"], before);
+        assert_eq!(learner.env_steps(), 0);
+        for _ in 0..10 {
+            learner.iterate().unwrap();
+        }
+        assert_eq!(greedy_score(&learner.agent()), 1.0, "seed {seed}");
+    }
+    assert!(trainer(ppo(), 0).show(solution).is_empty());
+}
+
 /// A short training with everything on: imitation, limits.
 fn everything() -> PpoConfig {
     PpoConfig {

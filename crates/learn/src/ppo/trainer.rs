@@ -2,8 +2,8 @@ use super::adam::Adam;
 use super::agent::{Agent, actor_critic};
 use super::config::{ImitationConfig, PpoConfig};
 use super::error::TrainError;
-use super::imitation::Memory;
-use super::rollout::{EpisodeRecord, Seconds, collect};
+use super::imitation::{Memory, Move};
+use super::rollout::{EpisodeRecord, Seconds, collect, observations};
 use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
 use super::update::{Streams, UpdateMetrics, update};
 use crate::policy::{ActorCritic, DeviceKind, PolicyConfig};
@@ -78,6 +78,37 @@ impl<T: Tasks> Trainer<T> {
             tasks,
             actor_critic,
         })
+    }
+
+    /// Lets every task play one episode of `choose`, which is given the tasks and the number of one
+    /// of them, to be imitated if it is among the best. Nothing is played where nothing is
+    /// imitated. Gives the episodes.
+    pub fn show(&mut self, mut choose: impl FnMut(&T, usize) -> u32) -> Vec<EpisodeRecord> {
+        let Some(memory) = &mut self.memory else {
+            return Vec::new();
+        };
+        let start = self.tasks.save();
+        let mut shown: Vec<Option<EpisodeRecord>> = vec![None; self.tasks.count()];
+        while shown.iter().any(Option::is_none) {
+            let tasks = 0..shown.len();
+            let actions: Vec<u32> = tasks.map(|task| choose(&self.tasks, task)).collect();
+            let seen = observations(&self.tasks);
+            let outcomes = self.tasks.step(&actions).into_iter();
+            let moves = seen.into_iter().zip(actions);
+            for (task, (outcome, (observation, action))) in outcomes.zip(moves).enumerate() {
+                let step = Move {
+                    observation,
+                    action,
+                };
+                memory.record(task, step, outcome.episode.as_ref());
+                let record = outcome.episode.map(EpisodeRecord::from);
+                shown[task] = shown[task].take().or(record);
+            }
+        }
+        memory.interrupt();
+        let restored = self.tasks.load(&start);
+        restored.expect("tasks take back what they have saved");
+        shown.into_iter().flatten().collect()
     }
 
     /// Plays one rollout and learns from it. After an error the training cannot go on; load

@@ -25,21 +25,21 @@ fn row(proof: &Proof, physics: Physics, order: &str) -> Row {
 #[test]
 fn paths_are_held_against_orders_in_the_same_physics() {
     let (scene, env) = (scene(), env());
-    let mut accurate = env.clone();
-    accurate.set_accuracy(Accuracy::Accurate);
     let random = sequences(&scene, &env, Order::Random, 5, 0).unwrap();
-    let found = prove(&scene, &env, &random, 5, false, &Context::quiet()).unwrap();
+    let found = prove(&scene, &env, &random, (5, false), &Context::quiet()).unwrap();
     let [path, same] =
-        ["path", "random"].map(|order| row(&found, Physics::Accurate, order).figures.unwrap());
+        ["path", "random"].map(|order| row(&found, Physics::Accurate, order).figures);
     assert_eq!(path, same);
     let counts = ["path", "random", "sweep", "outwards"]
         .map(|order| row(&found, Physics::Accurate, order).count);
     assert_eq!(counts, [5, 5, 2, 3]);
-    let (best, score) = found.best.unwrap();
+    let Best {
+        index: best, score, ..
+    } = found.best.unwrap();
     assert_eq!(score, path.best_score);
     assert!(path.least_surplus_m < path.surplus_m && path.score < path.best_score);
 
-    let mut draping = Draping::new(scene.clone(), &accurate, 1).unwrap();
+    let mut draping = Draping::new(scene.clone(), &finely(&env), 1).unwrap();
     draping.replay(&[&random[best]], |_, _, _| ())[0].unwrap();
     assert!((draping.score(&draping.state(0)) - score).abs() < 1e-12);
     // The steps of the task end elsewhere.
@@ -52,23 +52,23 @@ fn paths_are_held_against_orders_in_the_same_physics() {
 fn the_twin_has_the_last_word() {
     let (scene, env) = (scene(), env());
     let paths = sequences(&scene, &env, Order::Random, 6, 3).unwrap();
-    let found = prove(&scene, &env, &paths, 4, true, &Context::quiet()).unwrap();
+    let found = prove(&scene, &env, &paths, (4, true), &Context::quiet()).unwrap();
     let counts = ["path", "random", "sweep", "outwards"]
         .map(|order| [Physics::Accurate, Physics::Twin].map(|p| row(&found, p, order).count));
     assert_eq!(counts, [[6, 4], [4, 1], [1, 1], [2, 2]]);
-    let twin = row(&found, Physics::Twin, "path").figures.unwrap();
-    let (best, score) = found.best.unwrap();
-    assert_eq!((score, found.physics), (twin.best_score, Physics::Twin));
+    let twin = row(&found, Physics::Twin, "path").figures;
+    let best = found.best.unwrap();
+    assert_eq!((best.score, best.physics), (twin.best_score, Physics::Twin));
+    let best = best.index;
     let again = prove(
         &scene,
         &env,
         &paths[best..=best],
-        4,
-        true,
+        (4, true),
         &Context::quiet(),
     )
     .unwrap();
-    assert_eq!(again.best, Some((0, score)));
+    assert_eq!(again.best.map(|found| found.score), Some(twin.best_score));
 }
 
 #[test]
@@ -83,20 +83,34 @@ fn what_diverged_counts_in_no_figure() {
         })
     };
     let groups = [
-        ("path", vec![vec![0], vec![1], vec![2]]),
-        ("random", vec![vec![3]]),
+        ("path", vec![vec![0], vec![1], vec![2]], 3),
+        ("random", vec![vec![3]], 2),
     ];
     let play = |_: &[&[u32]]| Ok(vec![left(0.25), None, left(0.75), None]);
     let (rows, own) = played(Physics::Twin, &groups, play).unwrap();
     assert_eq!(ranked(&own), [(2, 0.75), (0, 0.25)]);
     assert_eq!((rows[0].count, rows[0].diverged), (2, 1));
-    let figures = rows[0].figures.clone().unwrap();
+    let figures = &rows[0].figures;
     assert_eq!(
         (figures.score, figures.distance_m, figures.undraped),
         (0.5, 0.5, 2.0)
     );
-    assert_eq!((rows[1].count, &rows[1].figures), (0, &None));
-    // None is read back as none.
-    let text = serde_json::to_string(&rows).unwrap();
-    assert_eq!(serde_json::from_str::<Vec<Row>>(&text).unwrap(), rows);
+    // One had diverged where it was looked for.
+    assert_eq!((rows[1].count, rows[1].diverged), (0, 2));
+    let json = serde_json::to_value(&rows[1]).unwrap();
+    assert!(json["score"].is_null() && json["least_surplus_m"].is_null());
+    assert_eq!(
+        (&json["physics"], &json["count"]),
+        (&"twin".into(), &0.into())
+    );
+}
+
+/// Steps that are finer than `accurate` stay.
+#[test]
+fn a_proof_is_never_coarser_than_the_training() {
+    let mut env = env();
+    assert_eq!(finely(&env).stepping(), Accuracy::Accurate.stepping());
+    env.substep_rate = Some(48_000.0);
+    let found = finely(&env).stepping();
+    assert_eq!((found.substep_rate, found.contact_rate), (48_000.0, 1200.0));
 }

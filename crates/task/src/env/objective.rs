@@ -11,14 +11,20 @@ pub enum Objective {
     Distance,
     /// The mean distance of its vertices and the mean surplus of its yarns (see
     /// [`drape_cloth::scene::surplus`]): what stands off the tool and what is crushed on it. What
-    /// there is more of outside than at the scene's start counts as if it were still inside.
+    /// there is more of outside than at the start counts as if it were still inside.
     #[default]
     Surplus,
 }
 
 impl Objective {
-    /// What a state leaves to bring down [m].
-    pub fn of(self, scene: &Scene, region: &FixedBitSet, position: &[[f64; 3]]) -> f64 {
+    /// What a state leaves to bring down [m], where vertices have come from `before` [m].
+    pub fn of(
+        self,
+        scene: &Scene,
+        region: &FixedBitSet,
+        before: &[[f64; 3]],
+        position: &[[f64; 3]],
+    ) -> f64 {
         let Scene { lamina, tool, .. } = scene;
         let distance = |vertices: &FixedBitSet, x: &[[f64; 3]]| -> f64 {
             vertices
@@ -36,7 +42,6 @@ impl Objective {
             ([distance(vertices, x), surplus], yarns)
         };
         let (inside, yarns) = sums(region, position);
-        let before = &scene.initial.position;
         let [all, all_before] = [position, before].map(|x| sums(&sheet, x).0);
         let inside_before = sums(region, before).0;
         let left = |k: usize| {
@@ -52,7 +57,7 @@ mod tests {
     use super::*;
     use drape_cloth::scene::SceneConfig;
 
-    /// Crushing 2 % of one yarn costs its surplus wherever it lies: inside the region, or pushed
+    /// Crushing the warps by 2 % costs their surplus wherever it lies: inside the region, or pushed
     /// out of it. What was outside from the start costs nothing.
     #[test]
     fn what_is_pushed_out_of_the_region_is_not_gone() {
@@ -64,8 +69,8 @@ mod tests {
         config.tool.grid.spacing_mm = 20.0;
         config.clamps.clear();
         (config.fall.fall_s, config.fall.settle_s) = (0.0, 0.0);
-        let mut scene = Scene::new(&config, |_| ()).unwrap();
-        // Flat on the plate, every warp crushed by 1 % in its right half.
+        let scene = Scene::new(&config, |_| ()).unwrap();
+        // Flat on the plate, every warp crushed by so much in its left and in its right half.
         let flat = |crushed: [f64; 2]| -> Vec<[f64; 3]> {
             let place = |&[x, y]: &[f64; 2]| [x * (1.0 - crushed[usize::from(x > 0.0)]), y, 0.0];
             scene.lamina.rest.iter().map(place).collect()
@@ -77,8 +82,7 @@ mod tests {
             region.set(v, at[0] < 1e-9);
         }
         let half = 0.5e-3 * config.blank.size_mm[0];
-        std::sync::Arc::make_mut(&mut scene.initial).position = start;
-        let of = |x: &[[f64; 3]]| Objective::Surplus.of(&scene, &region, x);
+        let of = |x: &[[f64; 3]]| Objective::Surplus.of(&scene, &region, &start, x);
         // 9 warps, and 5 wefts that are as long as at rest.
         let exact = 9.0 / 14.0 * 0.02 * half;
         for (x, exact) in [(inside, exact), (outside, exact), (over, 0.0)] {

@@ -155,7 +155,7 @@ impl Task {
 
     /// Summed distance of the region to the tool [m].
     pub fn distance(&self, state: &Snapshot) -> f64 {
-        Objective::Distance.of(&self.scene, &self.region.vertices, &state.position)
+        self.left(Objective::Distance, state)
     }
 
     /// Surplus of the region, see [`surplus`] [m].
@@ -166,8 +166,12 @@ impl Task {
 
     /// What episodes are judged by [m].
     pub fn objective(&self, state: &Snapshot) -> f64 {
-        let (objective, region) = (self.config.objective, &self.region.vertices);
-        objective.of(&self.scene, region, &state.position)
+        self.left(self.config.objective, state)
+    }
+
+    fn left(&self, objective: Objective, state: &Snapshot) -> f64 {
+        let before = &self.scene.initial.position;
+        objective.of(&self.scene, &self.region.vertices, before, &state.position)
     }
 
     /// The agent's view: zero outside the focus region and where the blank has been cut away.
