@@ -257,12 +257,16 @@ mod tests {
         let scene = scene();
         let studio = Studio::new(&scene, View::Top, [320, 240]);
         let mut state = Snapshot::clone(&scene.initial);
-        let free = studio.crushed(&state);
-        assert!(count(&free, 2) > 15_000);
+        let red = |state: &Snapshot| count(&studio.crushed(state), 0);
         for x in &mut state.position {
-            x[0] *= 0.88;
+            let distance = scene.tool.distance(*x).0;
+            x[2] -= distance;
         }
-        assert!(count(&studio.crushed(&state), 0) > 15_000);
+        assert!(red(&state) < 2000, "{}", red(&state));
+        for x in &mut state.position {
+            x[0] *= 0.8;
+        }
+        assert!(red(&state) > 15_000, "{}", red(&state));
     }
 
     #[test]

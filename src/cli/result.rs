@@ -6,7 +6,6 @@ use serde::Serialize;
 
 use super::Failure;
 use super::picture::{FilmFrame, Studio, View};
-use super::proof;
 use crate::run::{
     EpisodeSummary, PlayedEpisode, RolloutError, RunFolder, Training, curve, random_episodes,
     read_metrics,
@@ -14,7 +13,6 @@ use crate::run::{
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::sim::Snapshot;
 use drape_report::{Chart, Level, SERIES, Series};
-use drape_study::proof::Row;
 use drape_task::env::{Draping, EnvConfig};
 use drape_task::path::{DrapingPoint, PressedPoint, stroke_points, strokes};
 
@@ -79,29 +77,6 @@ pub(super) fn baseline(training: &Training, json: bool) -> Result<EpisodeStatist
     EpisodeStatistics::new("random", BASELINE_EPISODES, episodes)
 }
 
-/// Draws the curve of a training that is complete, and proves its best paths. Gives the proof.
-pub(super) fn write(
-    training: &Training,
-    baseline: &EpisodeStatistics,
-    json: bool,
-) -> Result<Vec<Row>, Failure> {
-    let (folder, config) = (training.folder(), training.config());
-    reward_curve(folder, baseline)?;
-    if training.best_score().is_none() {
-        eprintln!(
-            "warning: every episode has diverged or none has ended, so there is no best sequence to \
-             draw: raise `steps` or `env.substep_rate`"
-        );
-        return Ok(Vec::new());
-    }
-    if !json {
-        eprintln!("proving the best paths");
-    }
-    let best = folder.read_best_sequence()?;
-    let (task, orders) = ((training.scene(), &config.env), (config.proof_paths, false));
-    Ok(proof::proved(folder, task, best, orders, json)?.0)
-}
-
 /// The draping points of an episode.
 pub(super) fn path(
     played: &PlayedEpisode,
@@ -111,7 +86,10 @@ pub(super) fn path(
 }
 
 /// Scores over environment steps, with the random policy as a band.
-fn reward_curve(folder: &RunFolder, baseline: &EpisodeStatistics) -> Result<(), Failure> {
+pub(super) fn reward_curve(
+    folder: &RunFolder,
+    baseline: &EpisodeStatistics,
+) -> Result<(), Failure> {
     let metrics = read_metrics(&folder.metrics())?;
     let series = |label: &str, name: &str, color| Series {
         label: label.into(),

@@ -11,7 +11,7 @@ use super::eval::accuracy;
 use super::failure::OrInvalid;
 use super::output::{bar, print, print_json};
 use super::proof;
-use super::result;
+use super::result::{self, EpisodeStatistics};
 use super::setup::set_up_over_tool;
 use crate::run::{NameError, OtherConfig, RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::file::ValueError;
@@ -145,7 +145,7 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
     // Who has asked to stop need not wait for a proof: resuming makes it.
     let complete = training.is_complete() && !stop.load(Ordering::Relaxed);
     let proof = match complete {
-        true => result::write(&training, &baseline, args.json)?,
+        true => finish(&training, &baseline, args.json)?,
         false => Vec::new(),
     };
 
@@ -221,6 +221,29 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     // Whatever happens from now on, the run can be gone on with.
     training.checkpoint().map_err(failure)?;
     Ok(training)
+}
+
+/// Draws the curve of a training that is complete and proves its best paths. Gives the proof.
+fn finish(
+    training: &Training,
+    baseline: &EpisodeStatistics,
+    json: bool,
+) -> Result<Vec<Row>, Failure> {
+    let (folder, config) = (training.folder(), training.config());
+    result::reward_curve(folder, baseline)?;
+    if training.best_score().is_none() {
+        eprintln!(
+            "warning: every episode has diverged or none has ended, so there is no best sequence to \
+             draw: raise `steps` or `env.substep_rate`"
+        );
+        return Ok(Vec::new());
+    }
+    if !json {
+        eprintln!("proving the best paths");
+    }
+    let best = folder.read_best_sequence()?;
+    let (task, orders) = ((training.scene(), &config.env), (config.proof_paths, false));
+    Ok(proof::proved(folder, task, best, orders, json)?.0)
 }
 
 /// What the user can mend is not at work: a name that is taken, another configuration, an

@@ -76,7 +76,6 @@ pub struct Scored {
 
 /// `proof.json`: the best of the best sequences in the finest physics that they were played in.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Proved {
     /// Where it is the best.
     pub physics: Physics,
