@@ -19,7 +19,7 @@ use drape_task::env::{Draping, EnvConfig, Objective, Region, score};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Physics {
-    /// The fast solver in steps as fine as the preset's.
+    /// The fast solver in steps at least as fine as this preset's.
     Accurate,
     /// The finite-element twin, from its own fall.
     Twin,

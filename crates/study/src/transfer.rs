@@ -441,4 +441,4 @@ fn scatter(paths: &[Sequence], rows: &[Row], what: usize) -> Image {
 }
 
 #[cfg(test)]
-mod tests;
+pub mod tests;

@@ -184,7 +184,8 @@ fn imitation_alone_solves_the_order() {
     }
 }
 
-/// Shown the solution once, a learner that imitates and does nothing else plays it soon; its tasks stand where they stood. One that imitates nothing is shown nothing.
+/// Shown the solution once, a learner that imitates and does nothing else plays it soon; its tasks
+/// stand where they stood. One that imitates nothing is shown nothing.
 #[test]
 fn what_is_shown_is_imitated() {
     let config = PpoConfig {

@@ -1,18 +1,6 @@
 use super::*;
 use crate::episodes::play;
-
-fn scene() -> Arc<Scene> {
-    Arc::new(Scene::new(&crate::twin::tests::config(), |_| {}).unwrap())
-}
-
-fn env() -> EnvConfig {
-    EnvConfig {
-        region_mm: Some([-186.0, -186.0, -30.0, -30.0]),
-        crop: true,
-        stencil_mm: 80.0,
-        ..EnvConfig::default()
-    }
-}
+use crate::transfer::tests::{env, scene};
 
 fn row(proof: &Proof, physics: Physics, order: &str) -> Row {
     let mut rows = proof.rows.iter();

@@ -1,11 +1,11 @@
 use super::*;
 use crate::episodes;
 
-fn scene() -> Arc<Scene> {
+pub fn scene() -> Arc<Scene> {
     Arc::new(Scene::new(&crate::twin::tests::config(), |_| {}).unwrap())
 }
 
-fn env() -> EnvConfig {
+pub fn env() -> EnvConfig {
     EnvConfig {
         region_mm: Some([-186.0, -186.0, -30.0, -30.0]),
         crop: true,
