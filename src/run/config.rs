@@ -62,7 +62,8 @@ impl RunConfig {
     /// Greatest seed: TOML has signed numbers only.
     pub const MAX_SEED: u64 = i64::MAX as u64;
 
-    /// The built-in configuration: a quarter of the rib, a few minutes on two cores.
+    /// The built-in configuration: a quarter of a blank over a hemisphere, a few minutes on two
+    /// cores.
     pub fn quickstart() -> Self {
         let path = Path::new("configs/quickstart.toml");
         Self::parse(QUICKSTART, path).expect("the built-in configuration is valid")
@@ -294,17 +295,17 @@ mod tests {
         assert_eq!(parse(&text).unwrap().policy, paper.policy);
     }
 
-    /// The quickstart is the built-in scene with every second vertex; the others are on its own
-    /// mesh.
+    /// The quickstart has the scene of a file that other commands can be given; the others are on
+    /// the built-in rib.
     #[test]
     fn shipped_configurations_are_what_they_say() {
-        let mut rib = SceneConfig::rib();
-        for name in ["paper", "corner"] {
-            let file = format!("{}/configs/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-            assert_eq!(RunConfig::read(Path::new(&file)).unwrap().scene, rib);
+        let file = |name| Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name);
+        for name in ["paper.toml", "corner.toml"] {
+            let config = RunConfig::read(&file(name)).unwrap();
+            assert_eq!(config.scene, SceneConfig::rib());
         }
-        rib.blank.vertices = [33; 2];
-        assert_eq!(RunConfig::quickstart().scene, rib);
+        let hemisphere = SceneConfig::read(&file("scenes/hemisphere.toml")).unwrap();
+        assert_eq!(RunConfig::quickstart().scene, hemisphere);
     }
 
     #[test]

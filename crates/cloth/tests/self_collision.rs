@@ -88,17 +88,17 @@ fn crossings(state: &Snapshot) -> usize {
     STRIP.mesh(&state.position).self_intersection_count()
 }
 
-/// A roller over the whole strip that sinks with 0.5 m/s to the tool, and stays there for as long
+/// A roller over the whole strip that sinks with 0.25 m/s to the tool, and stays there for as long
 /// as it takes to come down.
 fn press(batch: &mut dyn Backend) {
     let roller = Roller {
         pressure: 1e6,
-        speed: 0.5,
+        speed: 0.25,
     };
     let all: Vec<u32> = (0..STRIP.vertex_count() as u32).collect();
     let press = |environment| roller.press(environment, &all, &STRIP.vertex_areas());
     let presses: Vec<Press> = (0..batch.count()).map(press).collect();
-    for _ in 0..12 {
+    for _ in 0..24 {
         batch.step(&CONTROL, &presses);
     }
 }

@@ -6,7 +6,7 @@ use drape_cloth::scene::{Scene, SceneConfig};
 use drape_study::episodes::{Order, play, rest};
 use drape_task::env::EnvConfig;
 
-fn quickstart() -> EnvConfig {
+fn corner() -> EnvConfig {
     EnvConfig {
         region_mm: Some([-186.0, -186.0, -60.0, -60.0]),
         crop: true,
@@ -14,13 +14,13 @@ fn quickstart() -> EnvConfig {
     }
 }
 
-/// Random episodes, and a quarter of a second: yarns are stretched by 3 % at most and 95 of 100
+/// Random episodes, and a quarter of a second: yarns are stretched by 4 % at most and 95 of 100
 /// by less than 0.5 %, nothing lies in the tool, and the cloth rests. What surplus is crushed
 /// (compression, tens of percent on single edges, 1 % at most on 95 of 100) is counted apart.
 #[test]
 fn random_episodes_stretch_no_yarn() {
     let rib = Arc::new(Scene::new(&SceneConfig::rib(), |_| {}).unwrap());
-    let env = quickstart();
+    let env = corner();
     let played = play(&rib, &env, Order::Random, 16, 5, |_| ()).unwrap();
     assert_eq!(played.len(), 16);
     for played in &played {
@@ -29,7 +29,7 @@ fn random_episodes_stretch_no_yarn() {
         let summary = &rested.summary;
         assert!(summary.tension_p95 <= 0.005, "{rested:?}");
         assert!(summary.compression_p95 <= 0.01, "{rested:?}");
-        assert!(rested.tension_max <= 0.03, "{rested:?}");
+        assert!(rested.tension_max <= 0.04, "{rested:?}");
         assert!(rested.v_rms_mm_s <= 2.0, "{rested:?}");
         assert!(summary.penetration_mm <= 0.2, "{rested:?}");
         let apart = summary.tension_max.max(summary.compression_max);

@@ -10,18 +10,16 @@ use crate::math::{Lanes, Vec3x};
 /// Substeps in which a vertex would at least need to cross an edge under the forces of its
 /// yarns. The solve along a line is linear in the directions at its start, so yarns that pull
 /// (or push) a vertex far within a substep overshoot: from a force of about m l / h^2 on they
-/// would throw it to and fro. There the vertex is given the inertia at which it moves l / 5 at
+/// would throw it to and fro. There the vertex is given the inertia at which it moves l / 2.5 at
 /// most. At rest nothing moves, so the forces there are right whatever the number; below it
-/// nothing changes, so it goes away with h^2. Measured on whole random episodes: 2 leaves
-/// edges strained by 7 %, 5 by 2.6 %, 10 makes motion so slow that draping is easier than it
-/// is with many substeps.
-const CROSSING: f64 = 5.0;
+/// nothing changes, so it goes away with h^2. Inertia keeps a press from dragging cloth in: pressed
+/// on a hemisphere, places are 12.0 mm off the finite-element twin's with 5, 7.6 with 2.5, 6.9 with
+/// 2, where 80 times as many substeps leave 6.5. Less tears single edges: by 2 a sheet whose presses
+/// are over may shake, by 1 it diverges (docs/NOTES.md).
+const CROSSING: f64 = 2.5;
 
 /// Share of its displacement that such a vertex loses in a substep, as its inertia grows without
-/// bound. Between draped neighbours slack yarns would throw it to and fro for ever. Measured after
-/// 64 random episodes at 600 substeps a second, the greatest speed (root mean square) at rest and
-/// the mean distance left, which converges to 0.92 to 0.97 m: 10 mm/s and 0.94 m with 0, 6 mm/s
-/// and 1.01 m with 0.1, 1.1 mm/s and 0.99 m with 0.2; 1 slows draping itself: 1.66 m.
+/// bound. Between draped neighbours slack yarns would throw it to and fro for ever.
 const DRAG: f64 = 0.2;
 
 /// Edge stiffness k = E h (b / a) of a yarn of width b and edge length a (Table 2).
