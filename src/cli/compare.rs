@@ -4,7 +4,7 @@ use anyhow::{Context, anyhow};
 use serde::Serialize;
 
 use super::Failure;
-use super::eval::{EpisodeSource, Loaded};
+use super::eval::Loaded;
 use super::failure::OrInvalid;
 use super::output::{print, print_json};
 use super::setup::{absurd, extent};
@@ -19,8 +19,8 @@ use drape_study::study::region;
 
 /// Compare two drapes
 ///
-/// A and B are each a run folder (its best sequence is played again), a state file of
-/// `drape scene --state` or `drape eval --state`, or an STL file of a lamina. B is the
+/// A and B are each a run folder (the path that `drape export` writes is played again), a state
+/// file of `drape scene --state` or `drape eval --state`, or an STL file of a lamina. B is the
 /// reference. Both must be in the frame of the tool: nothing is moved to fit.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -196,7 +196,7 @@ fn is_stl(path: &Path) -> bool {
 fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, Kind), Failure> {
     let (surveyed, scene, kind) = if path.is_dir() {
         let loaded = Loaded::open(path, args.json)?;
-        let (played, ..) = loaded.play(EpisodeSource::Sequence)?;
+        let (played, _) = loaded.play_path()?;
         let drape = Drape::new(&loaded.scene.lamina, &played.end.position);
         let scene = (*loaded.scene).clone();
         (Surveyed::draped(drape), Some(scene), Kind::Run)

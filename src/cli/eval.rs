@@ -271,8 +271,19 @@ impl Loaded {
         Ok(best)
     }
 
+    /// Plays the path of the run: what it has proved, in the fine steps of a proof, or before that
+    /// its best sequence, in the task's own.
+    pub fn play_path(&self) -> Result<(PlayedEpisode, Option<Proved>), Failure> {
+        let proof = self.proof()?;
+        let played = match &proof {
+            Some(proved) => proof::play(proved, &self.scene, &self.env, &self.folder.proof())?.0,
+            None => self.play(EpisodeSource::Sequence)?.0,
+        };
+        Ok((played, proof))
+    }
+
     /// What has been proved of the run, if anything, in its configuration.
-    pub fn proof(&self) -> Result<Option<Proved>, Failure> {
+    fn proof(&self) -> Result<Option<Proved>, Failure> {
         let proved = self.folder.read_proof()?;
         if let Some(proved) = &proved {
             self.check(&proved.path, &self.folder.proof())?;

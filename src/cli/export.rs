@@ -6,7 +6,6 @@ use serde::Serialize;
 use super::Failure;
 use super::eval::{EpisodeSource, Loaded};
 use super::failure::OrInvalid;
-use super::proof;
 use super::result::path;
 use drape_cloth::fabric::{Curve, Drape, Family};
 use drape_cloth::file::{ValueError, check_writable};
@@ -74,17 +73,9 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         }
     });
     check_writable(&file)?;
-    let proof = match &args.checkpoint {
-        Some(_) => None,
-        None => loaded.proof()?,
-    };
-    let played = match (&proof, &args.checkpoint) {
-        (Some(proved), _) => {
-            let place = loaded.folder.proof();
-            proof::play(proved, &loaded.scene, &loaded.env, &place)?.0
-        }
-        (None, Some(name)) => loaded.play(EpisodeSource::Checkpoint(name))?.0,
-        (None, None) => loaded.play(EpisodeSource::Sequence)?.0,
+    let (played, proof) = match &args.checkpoint {
+        Some(name) => (loaded.play(EpisodeSource::Checkpoint(name))?.0, None),
+        None => loaded.play_path()?,
     };
     let points = path(&played, &loaded.config.env)?;
     match args.format {

@@ -208,19 +208,23 @@ fn replaced<S: Study>(
     new.map_err(|message| Failure::invalid(anyhow!("{}: {message}", path.display())))
 }
 
-/// The best sequence of a run folder, which is refused where its configuration has changed.
+/// The path of a run folder, proved or before that its best sequence, which is refused where its
+/// configuration has changed.
 fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
+    let unread = |error: anyhow::Error| StudyError::Read(error.into());
+    let damaged = |error: anyhow::Error| StudyError::Damaged(error.into());
     let folder = RunFolder::open(path).map_err(|error| StudyError::Read(error.into()))?;
-    let config =
-        RunConfig::read(&folder.config()).map_err(|error| StudyError::Read(error.into()))?;
-    let best = folder.read_best_sequence();
-    let best = best.map_err(|error| StudyError::Damaged(error.into()))?;
-    let text = folder.config_text();
-    let text = text.map_err(|error| StudyError::Read(error.into()))?;
-    best.check_config(&text).map_err(|fault| {
-        let place = folder.best_sequence();
-        StudyError::Invalid(format!("{}: {fault}", place.display()))
-    })?;
+    let config = RunConfig::read(&folder.config()).map_err(unread)?;
+    let (best, place) = match folder.read_proof().map_err(damaged)? {
+        Some(proved) => (proved.path, folder.proof()),
+        None => {
+            let best = folder.read_best_sequence().map_err(damaged)?;
+            (best, folder.best_sequence())
+        }
+    };
+    let text = folder.config_text().map_err(unread)?;
+    let fault = |fault| StudyError::Invalid(format!("{}: {fault}", place.display()));
+    best.check_config(&text).map_err(fault)?;
     Ok(TrainedPath {
         scene: config.scene,
         env: config.env,

@@ -299,7 +299,11 @@ mod tests {
     /// the built-in rib.
     #[test]
     fn shipped_configurations_are_what_they_say() {
-        let file = |name| Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name);
+        let file = |name| {
+            Path::new(env!("CARGO_MANIFEST_DIR"))
+                .join("configs")
+                .join(name)
+        };
         for name in ["paper.toml", "corner.toml"] {
             let config = RunConfig::read(&file(name)).unwrap();
             assert_eq!(config.scene, SceneConfig::rib());

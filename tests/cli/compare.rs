@@ -108,12 +108,25 @@ fn same_measures(a: &Value, b: &Value) {
     }
 }
 
-/// A run is its best sequence, played again: the state that `eval` leaves.
+/// A run is the path it has proved, pressed in fine steps, and before that its best sequence in its
+/// own: the states that `eval` leaves.
 #[test]
-fn run_is_the_state_of_its_best_sequence() {
+fn run_is_the_state_of_its_path() {
     let folder = trained();
     let path = folder.path();
+    let [proof, best] = ["runs/a/proof.json", "runs/a/best_sequence.json"].map(|f| path.join(f));
+    let read = |file| serde_json::from_str::<Value>(&fs::read_to_string(file).unwrap()).unwrap();
+    let own = fs::read(&best).unwrap();
+    let mut proved = read(&best);
+    proved["vertices"] = read(&proof)["path"]["vertices"].clone();
+    fs::write(&best, proved.to_string()).unwrap();
     let args = ["eval", "runs/a", "--sequence", "--episodes", "1", "--json"];
+    let finely = ["--accuracy", "accurate", "--state", "fine.json"];
+    json(path, &[&args[..], &finely].concat());
+    let report = json(path, &["compare", "runs/a", "fine.json", "--json"]);
+    assert!(number(&report["material_points_mm"]["max"]) < 1e-9);
+    fs::write(&best, own).unwrap();
+    fs::remove_file(&proof).unwrap();
     json(path, &[&args[..], &["--state", "a.json"]].concat());
     let report = json(path, &["compare", "runs/a", "a.json", "--json"]);
     assert_eq!(report["a_source"]["kind"], "run");

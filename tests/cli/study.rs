@@ -252,7 +252,7 @@ fn twin_writes_states_that_can_be_compared() {
     assert!((again - number(&first["max_mm"])).abs() < 1e-6);
 }
 
-/// As `eval` does: a damaged sequence is a failure at work, another configuration one of the input.
+/// As `export` does: a damaged path is a failure at work, another configuration one of the input.
 #[test]
 fn twin_presses_no_path_of_a_run_that_is_not_as_it_was() {
     let folder = super::run::trained();
@@ -262,9 +262,17 @@ fn twin_presses_no_path_of_a_run_that_is_not_as_it_was() {
         let file = path.join("runs/a").join(name);
         let text = fs::read_to_string(&file).unwrap();
         fs::write(&file, text.replace(from, to)).unwrap();
-        assert_failure(&drape(path, &args), code, &["best_sequence.json"]);
+        let place = if path.join("runs/a/proof.json").exists() {
+            "proof.json"
+        } else {
+            "best_sequence.json"
+        };
+        assert_failure(&drape(path, &args), code, &[place]);
         fs::write(&file, text).unwrap();
     };
+    change("proof.json", "\"vertices\"", "\"vertice\"", 1);
+    change("config.toml", "height_mm = 60.0", "height_mm = 50.0", 2);
+    fs::remove_file(path.join("runs/a/proof.json")).unwrap();
     change("best_sequence.json", "\"vertices\"", "\"vertice\"", 1);
     change("config.toml", "height_mm = 60.0", "height_mm = 50.0", 2);
 }

@@ -49,7 +49,8 @@ pub struct TwinStudy {
     scene: SceneOptions,
 
     /// What is pressed: points that `drape export` wrote as JSON, for the mesh of the scene as
-    /// it is configured, or a run folder, for its best sequence. A straight sweep if not given
+    /// it is configured, or a run folder, for the path that `drape export` writes. A straight
+    /// sweep if not given
     #[arg(long, value_name = "FILE|RUN")]
     path: Option<PathBuf>,
 
