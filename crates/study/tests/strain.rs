@@ -15,10 +15,10 @@ fn corner() -> EnvConfig {
 }
 
 /// Random episodes, and a quarter of a second: single edges of yarns are stretched by 8 % at most
-/// and 95 of 100 by less than 0.5 %, nothing lies in the tool, and the cloth rests. What surplus is crushed
-/// (compression, tens of percent on single edges, 1 % at most on 95 of 100) is counted apart.
+/// and 95 of 100 by less than 0.2 %, nothing lies in the tool, and the cloth rests. What surplus is
+/// crushed (compression, tens of percent on single edges, 1 % at most on 95 of 100) is counted apart.
 #[test]
-fn random_episodes_stretch_no_yarn() {
+fn random_episodes_stretch_single_edges_only() {
     let rib = Arc::new(Scene::new(&SceneConfig::rib(), |_| {}).unwrap());
     let env = corner();
     let played = play(&rib, &env, Order::Random, 16, 5, |_| ()).unwrap();
@@ -27,7 +27,7 @@ fn random_episodes_stretch_no_yarn() {
         assert!(!played.has_diverged);
         let rested = rest(&rib, &env, &played.state);
         let summary = &rested.summary;
-        assert!(summary.tension_p95 <= 0.005, "{rested:?}");
+        assert!(summary.tension_p95 <= 0.002, "{rested:?}");
         assert!(summary.compression_p95 <= 0.01, "{rested:?}");
         assert!(rested.tension_max <= 0.08, "{rested:?}");
         assert!(rested.v_rms_mm_s <= 2.0, "{rested:?}");
