@@ -115,10 +115,9 @@ impl<S: clap::Args + Study> Measure<S> {
         if let Some(path) = &self.into {
             let text = replaced::<S>(path, |name, columns| {
                 let table = report.tables.iter().find(|table| table.name == name);
-                match (table, columns) {
-                    (None, _) => Err(format!("there is no table `{name}` without its option")),
-                    (Some(table), []) => Ok(table.markdown()),
-                    (Some(table), columns) => table.markdown_with(columns),
+                match table {
+                    None => Err(format!("there is no table `{name}` without its option")),
+                    Some(table) => table.markdown(columns),
                 }
             })?;
             write_atomic(path, |file| file.write_all(text.as_bytes()))?;
@@ -126,7 +125,7 @@ impl<S: clap::Args + Study> Measure<S> {
         if self.json {
             return print_json(&all);
         }
-        let shown = report.tables.iter().filter(|table| !table.is_hidden);
+        let shown = report.tables.iter().filter(|table| !table.is_hidden());
         let mut parts: Vec<String> = shown.map(|table| table.text() + "\n").collect();
         parts.extend(report.notes);
         parts.push(match out {
@@ -178,8 +177,9 @@ fn write(report: &Report, name: &str, all: &Value, folder: &Path) -> Result<(), 
     let mut markdown = String::new();
     for table in &report.tables {
         text(format!("{}.csv", table.name), table.csv())?;
-        if !table.is_hidden {
-            markdown += &format!("{}\n\n{}\n\n", table.title, table.markdown());
+        if !table.is_hidden() {
+            let text = table.markdown(&[]).map_err(|message| anyhow!(message))?;
+            markdown += &format!("{}\n\n{text}\n\n", table.title);
         }
     }
     text(

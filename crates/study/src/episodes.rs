@@ -100,9 +100,7 @@ impl Study for Episodes {
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let mut config = self.scene.read()?;
-        if let Some(mesh) = self.scene.mesh {
-            self.scene.set_mesh(&mut config, mesh)?;
-        }
+        self.scene.set_mesh(&mut config, None)?;
         let fall = |share| (context.progress)(share, "falling");
         let scene = Arc::new(Scene::new(&config, fall)?);
         let mut env = self.scene.env(None);

@@ -1,12 +1,24 @@
 //! Lists of presses, played in the fast solver and in the twin.
 
-use drape_cloth::math::Stream;
+use cpu_time::ThreadTime;
+
+use crate::study::{Context, StudyError};
+use crate::twin::fall::{lying, press_config, twin_config};
+use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
-use drape_cloth::twin::{PressConfig, Twin};
-use drape_task::env::Draping;
+use drape_cloth::twin::Hold;
+use drape_task::env::{Draping, EnvConfig};
 
 /// Where every vertex is [m].
 pub type Positions = Vec<[f64; 3]>;
+
+/// Where a list of presses has led to.
+#[derive(Clone)]
+pub struct Pressed {
+    pub positions: Positions,
+    /// Vertices that are held on the tool, ascending.
+    pub draped: Vec<u32>,
+}
 
 /// Plays lists of presses in the fast solver, side by side in the lanes; none where it diverges.
 /// `observe` is told the number of presses made, after each of every list.
@@ -14,33 +26,59 @@ pub fn replay(
     draping: &mut Draping,
     lists: &[&[u32]],
     mut observe: impl FnMut(usize),
-) -> Vec<Option<Positions>> {
+) -> Vec<Option<Pressed>> {
     let mut ends = vec![None; lists.len()];
     draping.replay(lists, |draping, index, presses| {
         observe(presses);
         if presses == lists[index].len() {
-            ends[index] = Some(draping.state(index).position);
+            ends[index] = Some(Pressed {
+                positions: draping.state(index).position,
+                draped: draping.draped(index).ones().map(|v| v as u32).collect(),
+            });
         }
     });
     ends
 }
 
-/// Plays one list in the twin, with a roller of `side` [m]; none where it diverges.
+/// Plays lists of presses in the twin, each on a thread from rest at `start`; none where it
+/// diverges. Gives the CPU time of the others [s] too.
 pub fn replay_in_twin(
-    twin: &mut Twin,
     scene: &Scene,
-    press: &PressConfig,
-    (list, side): (&[u32], f64),
-) -> Option<Positions> {
-    let ended = twin.replay(&scene.lamina, &scene.tool, press, (list, side), |_| ());
-    ended.diverged.is_none().then(|| twin.positions())
+    env: &EnvConfig,
+    start: &[[f64; 3]],
+    lists: &[&[u32]],
+    context: &Context,
+) -> Result<(Vec<Option<Pressed>>, f64), StudyError> {
+    let config = twin_config(&scene.config)?;
+    let press = press_config(env, Hold::Fixed);
+    let played = context.each(lists, |list| {
+        let began = ThreadTime::now();
+        let mut twin = lying(scene, &config, start)?;
+        let presses = (*list, 1e-3 * env.stencil_mm);
+        let ended = twin.replay(&scene.lamina, &scene.tool, &press, presses, |_| ());
+        let pressed = ended.diverged.is_none().then(|| Pressed {
+            positions: twin.positions(),
+            draped: ended.draped,
+        });
+        let seconds = pressed
+            .as_ref()
+            .map_or(0.0, |_| began.elapsed().as_secs_f64());
+        Ok((pressed, seconds))
+    });
+    let played: Result<Vec<_>, StudyError> = played.into_iter().collect();
+    let (ends, seconds): (Vec<_>, Vec<f64>) = played?.into_iter().unzip();
+    Ok((ends, seconds.iter().sum()))
 }
 
-/// Pushes every vertex of a scene that is not clamped, normally distributed with `size` [m].
-pub fn push(scene: &Scene, positions: &mut Positions, size: f64, stream: &mut Stream) {
+/// `positions` with every vertex that is not clamped pushed, normally distributed with a
+/// micrometre: what that alone changes in the end, no error can be told below.
+pub fn pushed(scene: &Scene, mut positions: Positions, stream: u32) -> Positions {
+    const PUSH: f64 = 1e-6;
+    let mut stream = Stream::new(1, Purpose::Evaluation, stream);
     for (v, x) in positions.iter_mut().enumerate() {
         if !scene.initial.fixed.contains(v) {
-            *x = x.map(|x| x + size * stream.normal());
+            *x = x.map(|x| x + PUSH * stream.normal());
         }
     }
+    positions
 }

@@ -6,13 +6,12 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::episodes::{Order, sequences};
+use crate::presses::{Pressed, replay, replay_in_twin};
 use crate::study::{Context, StudyError};
-use crate::twin::fall::{fallen, lying, press_config, twin_config};
-use drape_cloth::file::ValueError;
+use crate::twin::fall::{fallen, twin_config};
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::{Scene, sheared, surplus};
 use drape_cloth::sim::{Accuracy, Stepping};
-use drape_cloth::twin::Hold;
 use drape_task::env::{Draping, EnvConfig, Objective, Region, score};
 
 /// Where a path is proved.
@@ -139,6 +138,12 @@ pub fn prove(
         // Refused before the work.
         twin_config(&scene.config)?;
     }
+    let task = (env.objective, env.region(&scene.lamina)?);
+    let all_left = |before: &[[f64; 3]], ends: Vec<Option<Pressed>>| -> Vec<Option<Left>> {
+        let ends = ends.into_iter();
+        ends.map(|end| Some(left(scene, &task, before, &end?)))
+            .collect()
+    };
     let quarter = count.div_ceil(4);
     let mut groups: Vec<Group> = vec![("path", paths.to_vec(), paths.len())];
     for (name, order, count) in [
@@ -148,7 +153,15 @@ pub fn prove(
     ] {
         groups.push((name, sequences(scene, env, order, count, 0)?, count));
     }
-    let accurate = |lists: &[&[u32]]| Ok(accurately(scene, env, lists, context)?);
+    let accurate = |lists: &[&[u32]]| {
+        let mut draping = Draping::new(scene.clone(), &finely(env), lists.len())?;
+        let longest = lists.iter().map(|list| list.len()).max().unwrap_or(0);
+        let ends = replay(&mut draping, lists, |presses| {
+            let share = presses as f64 / longest as f64;
+            (context.progress)(share, "proving at accurate");
+        });
+        Ok(all_left(&scene.initial.position, ends))
+    };
     let (mut rows, left) = played(Physics::Accurate, &groups, accurate)?;
     let mut chosen = ranked(&left);
     let best = |physics, &(index, score): &(usize, f64)| Best {
@@ -163,7 +176,12 @@ pub fn prove(
         groups[0] = ("path", those.collect(), chosen.len());
         groups[1].1.truncate(quarter);
         groups[1].2 = quarter;
-        let in_twin = |lists: &[&[u32]]| in_twin(scene, env, lists, context);
+        let in_twin = |lists: &[&[u32]]| {
+            (context.progress)(0.0, "the twin's fall");
+            let rest = fallen(scene, &twin_config(&scene.config)?)?.positions();
+            let (ends, _) = replay_in_twin(scene, env, &rest, lists, context)?;
+            Ok(all_left(&rest, ends))
+        };
         let (more, left) = played(Physics::Twin, &groups, in_twin)?;
         rows.extend(more);
         if let Some(&(k, score)) = ranked(&left).first() {
@@ -239,73 +257,25 @@ fn ranked(left: &[Option<Left>]) -> Vec<(usize, f64)> {
     ended
 }
 
-/// Side by side in the lanes; none where one diverges.
-fn accurately(
-    scene: &Arc<Scene>,
-    env: &EnvConfig,
-    lists: &[&[u32]],
-    context: &Context,
-) -> Result<Vec<Option<Left>>, ValueError> {
-    let mut draping = Draping::new(scene.clone(), &finely(env), lists.len())?;
-    let task = (env.objective, draping.region().clone());
-    let before = &scene.initial.position;
-    let mut ended = vec![None; lists.len()];
-    let longest = lists.iter().map(|list| list.len()).max().unwrap_or(0);
-    draping.replay(lists, |draping, index, presses| {
-        let share = presses as f64 / longest as f64;
-        (context.progress)(share, "proving at accurate");
-        if presses == lists[index].len() {
-            let at = draping.state(index).position;
-            let draped = draping.draped(index);
-            ended[index] = Some(left(scene, &task, before, &at, |v| draped.contains(v)));
-        }
-    });
-    Ok(ended)
-}
-
-/// Each on a thread; none where one diverges.
-fn in_twin(
-    scene: &Arc<Scene>,
-    env: &EnvConfig,
-    lists: &[&[u32]],
-    context: &Context,
-) -> Result<Vec<Option<Left>>, StudyError> {
-    let config = twin_config(&scene.config)?;
-    let task = (env.objective, env.region(&scene.lamina)?);
-    (context.progress)(0.0, "the twin's fall");
-    let rest = fallen(scene, &config)?.positions();
-    let press = press_config(env, Hold::Fixed);
-    let played = context.each(lists, |list| {
-        let mut twin = lying(scene, &config, &rest)?;
-        let presses = (*list, 1e-3 * env.stencil_mm);
-        let ended = twin.replay(&scene.lamina, &scene.tool, &press, presses, |_| ());
-        let is_draped = |v| ended.draped.binary_search(&(v as u32)).is_ok();
-        let at = twin.positions();
-        let left = || left(scene, &task, &rest, &at, is_draped);
-        Ok(ended.diverged.is_none().then(left))
-    });
-    played.into_iter().collect()
-}
-
-/// Measures what vertices leave that have come from `before` to `at` [m].
+/// Measures what presses leave on vertices that have come from `before`.
 fn left(
     scene: &Scene,
     (objective, region): &(Objective, Region),
     before: &[[f64; 3]],
-    at: &[[f64; 3]],
-    is_draped: impl Fn(usize) -> bool,
+    end: &Pressed,
 ) -> Left {
     let Region { vertices, .. } = region;
     let Scene { lamina, tool, .. } = scene;
+    let at = &end.positions;
     let of = |objective: Objective, x| objective.of(scene, vertices, before, x);
+    let is_draped = |v: &usize| end.draped.binary_search(&(*v as u32)).is_ok();
+    let sheared = sheared(lamina, at, vertices, f64::INFINITY);
     Left {
         distance_m: of(Objective::Distance, at),
         surplus_m: surplus(lamina, tool, at, vertices),
         score: score(of(*objective, before), of(*objective, at)),
-        undraped: vertices.ones().filter(|&v| !is_draped(v)).count(),
-        shear_deg: sheared(lamina, at, vertices, f64::INFINITY)
-            .max
-            .to_degrees(),
+        undraped: vertices.ones().filter(|v| !is_draped(v)).count(),
+        shear_deg: sheared.max.to_degrees(),
     }
 }
 

@@ -29,6 +29,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Instant;
 
 use crate::study::{Context, Report, Study, StudyError, only};
+use crate::table::Format::Hidden;
 use crate::table::Table;
 use crate::verify::{SOLVERS, precision_name, solver_name};
 use drape_cloth::sim::{Precision, Solver};
@@ -104,7 +105,7 @@ fn cell(sweep: &Sweep, at: [usize; 2], (solver, precision): (Solver, Precision))
     let knobs = sweep.knobs(at, solver);
     let ended = catch_unwind(AssertUnwindSafe(|| match (sweep.trial)(&knobs) {
         Ok(trial) => {
-            let (outcome, error) = trial.run(precision);
+            let (outcome, error) = trial.run(&knobs, precision);
             (outcome, error, String::new())
         }
         Err(refusal) => (Outcome::Refused, None, refusal.to_string()),
@@ -189,10 +190,10 @@ fn cell_table(sweeps: &[Sweep], cells: &[SweepCell]) -> Table {
         .text("solver", |cell| solver_name(cell.solver))
         .text("precision", |cell| precision_name(cell.precision))
         .text("outcome", |cell| cell.outcome.name())
-        .hidden("error", "", |cell| cell.error)
-        .hidden("time", "s", |cell| cell.seconds)
+        .number("error", "", Hidden, |cell| cell.error)
+        .number("time", "s", Hidden, |cell| cell.seconds)
         .text("note", |cell| cell.note.clone())
-        .end_hidden()
+        .end()
 }
 
 fn map<'a>(sweep: &Sweep, title: String, cells: impl Iterator<Item = &'a SweepCell>) -> HeatMap {

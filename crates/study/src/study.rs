@@ -9,10 +9,8 @@ use rayon::prelude::*;
 use crate::table::Table;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
-use drape_cloth::mesh::compare::SheetError;
 use drape_cloth::scene::{SceneConfig, SceneError};
-use drape_cloth::twin::Diverged;
-use drape_report::{Chart, Image};
+use drape_report::Image;
 use drape_task::env::EnvConfig;
 
 /// A study: its options are its fields.
@@ -121,11 +119,6 @@ impl Report {
     pub fn image(&mut self, name: impl Into<String>, image: Image) {
         self.file(name, move |path| image.save_png(path));
     }
-
-    /// Adds a chart, as PNG.
-    pub fn chart(&mut self, name: &str, chart: Chart) {
-        self.image(format!("{name}.png"), chart.image());
-    }
 }
 
 /// A study that cannot be done.
@@ -145,18 +138,11 @@ pub enum StudyError {
     /// A file that the program itself has written and that is damaged.
     #[error(transparent)]
     Damaged(Failed),
-    #[error("{name}")]
-    Diverged {
-        name: &'static str,
-        source: Diverged,
-    },
     #[error("the fast solver diverged on the way")]
     FastDiverged,
-    #[error("{name}")]
-    Sheet {
-        name: &'static str,
-        source: SheetError,
-    },
+    /// What a simulation of this name has come to, or what its sheet is refused for.
+    #[error("{0}")]
+    Named(&'static str, #[source] Failed),
     #[error("cannot start threads")]
     Threads(#[from] rayon::ThreadPoolBuildError),
 }
@@ -231,19 +217,22 @@ impl SceneOptions {
         }
     }
 
-    /// Gives the blank as many vertices along its longer side as are asked for, or else `mesh`.
-    /// Blanks with a cell or an outline of their own keep their mesh.
+    /// Gives the blank as many vertices along its longer side as are asked for, or else `mesh` if
+    /// any. Blanks with a cell or an outline of their own keep their mesh.
     ///
     /// # Errors
     /// If another mesh is asked for than such a blank can have.
-    pub fn set_mesh(&self, config: &mut SceneConfig, mesh: u16) -> Result<(), StudyError> {
+    pub fn set_mesh(&self, config: &mut SceneConfig, mesh: Option<u16>) -> Result<(), StudyError> {
         let blank = &mut config.blank;
         if blank.outline.is_some() || blank.cell_mm.is_some() {
             let message = "`--mesh` is for rectangular blanks without `blank.cell_mm`";
             let refused = self.mesh.map(|_| StudyError::Invalid(message.into()));
             return refused.map_or(Ok(()), Err);
         }
-        let cells = f64::from(self.mesh.unwrap_or(mesh) - 1);
+        let Some(vertices) = self.mesh.or(mesh) else {
+            return Ok(());
+        };
+        let cells = f64::from(vertices - 1);
         let longer = blank.size_mm[0].max(blank.size_mm[1]);
         // Sides that are no lengths are refused when the blank is cut.
         let count = |side: f64| 1 + ((cells * side / longer).round() as usize).max(1);

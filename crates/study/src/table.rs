@@ -1,8 +1,7 @@
 //! A table of what a study has measured, and its form as text, Markdown, CSV and JSON.
 //!
-//! [`Table::of`] takes any rows; each column names itself, its unit and how its cells are got, so
-//! that a column is one line of a study. A column `left` in `m` is headed `left [m]` for readers
-//! and is the field `left_m` of CSV and JSON.
+//! [`Table::of`] takes any rows; each column names itself, its unit and how its cells are got. A
+//! column `left` in `m` is headed `left [m]` for readers and is the field `left_m` of files.
 //!
 //! [`replace_tables`] puts tables into a document, between a marker that names study and table, and
 //! columns if not all shall be there, and the next end:
@@ -15,54 +14,21 @@
 
 use serde_json::Value;
 
-/// What a place of a table holds.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Cell {
-    Text(String),
-    /// Not finite where there is no number.
-    Number(f64),
-    Count(usize),
-}
-
-impl From<&str> for Cell {
-    fn from(text: &str) -> Self {
-        Self::Text(text.into())
-    }
-}
-
-impl From<String> for Cell {
-    fn from(text: String) -> Self {
-        Self::Text(text)
-    }
-}
-
-impl From<f64> for Cell {
-    fn from(number: f64) -> Self {
-        Self::Number(number)
-    }
-}
-
-impl From<Option<f64>> for Cell {
-    fn from(number: Option<f64>) -> Self {
-        Self::Number(number.unwrap_or(f64::NAN))
-    }
-}
-
-impl From<usize> for Cell {
-    fn from(count: usize) -> Self {
-        Self::Count(count)
-    }
-}
-
 /// How a reader is shown the numbers of a column; files have all digits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
-    /// Decimals.
+pub enum Format {
+    /// So many decimals.
     Fixed(usize),
-    /// Significant digits.
+    /// So many significant digits.
     Digits(usize),
     /// Not at all: the column is in CSV and JSON only.
     Hidden,
+}
+
+impl From<usize> for Format {
+    fn from(decimals: usize) -> Self {
+        Self::Fixed(decimals)
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -71,7 +37,8 @@ struct Column {
     /// Empty for none.
     unit: &'static str,
     format: Format,
-    cells: Vec<Cell>,
+    /// Texts, counts, and numbers; null where there is none or it is not finite.
+    cells: Vec<Value>,
 }
 
 /// Rows of cells under named columns.
@@ -79,10 +46,8 @@ struct Column {
 pub struct Table {
     /// Of its file and its key in JSON.
     pub name: &'static str,
-    /// What a reader has to know, one line or more.
+    /// What a reader has to know, one line or more; empty for a table in CSV and JSON only.
     pub title: String,
-    /// Whether it is for CSV and JSON only.
-    pub is_hidden: bool,
     columns: Vec<Column>,
 }
 
@@ -92,83 +57,27 @@ pub struct TableOf<'a, R> {
     table: Table,
 }
 
-impl Table {
-    /// Begins a table; [`TableOf::end`] gives it.
-    pub fn of<'a, R>(
-        name: &'static str,
-        title: impl Into<String>,
-        rows: &'a [R],
-    ) -> TableOf<'a, R> {
-        let table = Self {
-            name,
-            title: title.into(),
-            is_hidden: false,
-            columns: Vec::new(),
-        };
-        TableOf { rows, table }
-    }
-}
-
 impl<R> TableOf<'_, R> {
-    fn column<C: Into<Cell>>(
+    /// A column of texts or counts.
+    pub fn text<C: Into<Value>>(self, name: impl Into<String>, of: impl Fn(&R) -> C) -> Self {
+        self.number(name, "", 0, of)
+    }
+
+    /// A column of numbers; a format that is a number is that of the decimals.
+    pub fn number<C: Into<Value>>(
         mut self,
         name: impl Into<String>,
         unit: &'static str,
-        format: Format,
+        format: impl Into<Format>,
         of: impl Fn(&R) -> C,
     ) -> Self {
         self.table.columns.push(Column {
             name: name.into(),
             unit,
-            format,
+            format: format.into(),
             cells: self.rows.iter().map(|row| of(row).into()).collect(),
         });
         self
-    }
-
-    /// A column of texts or counts.
-    pub fn text<C: Into<Cell>>(self, name: impl Into<String>, of: impl Fn(&R) -> C) -> Self {
-        self.column(name, "", Format::Fixed(0), of)
-    }
-
-    /// A column of numbers with so many decimals.
-    pub fn number<C: Into<Cell>>(
-        self,
-        name: impl Into<String>,
-        unit: &'static str,
-        decimals: usize,
-        of: impl Fn(&R) -> C,
-    ) -> Self {
-        self.column(name, unit, Format::Fixed(decimals), of)
-    }
-
-    /// A column of numbers with so many significant digits.
-    pub fn digits<C: Into<Cell>>(
-        self,
-        name: impl Into<String>,
-        unit: &'static str,
-        digits: usize,
-        of: impl Fn(&R) -> C,
-    ) -> Self {
-        self.column(name, unit, Format::Digits(digits), of)
-    }
-
-    /// A column that is in CSV and JSON only.
-    pub fn hidden<C: Into<Cell>>(
-        self,
-        name: impl Into<String>,
-        unit: &'static str,
-        of: impl Fn(&R) -> C,
-    ) -> Self {
-        self.column(name, unit, Format::Hidden, of)
-    }
-
-    /// The table, for CSV and JSON only.
-    pub fn end_hidden(self) -> Table {
-        Table {
-            is_hidden: true,
-            ..self.table
-        }
     }
 
     /// The table.
@@ -195,25 +104,37 @@ impl Column {
     }
 
     fn is_text(&self) -> bool {
-        self.cells.iter().any(|cell| matches!(cell, Cell::Text(_)))
+        self.cells.iter().any(Value::is_string)
     }
 
     /// A cell as a reader is shown it.
     fn shown(&self, row: usize) -> String {
-        match (&self.cells[row], self.format) {
-            (Cell::Text(text), _) => text.clone(),
-            (Cell::Count(count), _) => count.to_string(),
-            (Cell::Number(number), _) if !number.is_finite() => "-".into(),
-            (Cell::Number(number), _) if number.abs() >= 1e6 => format!("{number:.3e}"),
-            (Cell::Number(number), Format::Digits(digits)) => significant(*number, digits),
-            (Cell::Number(number), Format::Fixed(decimals)) => {
+        let number = match &self.cells[row] {
+            Value::Number(number) if number.is_f64() => number.as_f64().unwrap_or(f64::NAN),
+            Value::Null => return "-".into(),
+            cell => return plain(cell),
+        };
+        match self.format {
+            _ if number.abs() >= 1e6 => format!("{number:.3e}"),
+            Format::Digits(digits) => significant(number, digits),
+            Format::Hidden => number.to_string(),
+            Format::Fixed(decimals) => {
                 let shown = format!("{number:.decimals$}");
                 // No sign where all digits are 0.
                 let is_zero = shown.trim_matches(['-', '0', '.']).is_empty();
                 shown[usize::from(is_zero && shown.starts_with('-'))..].to_owned()
             }
-            (Cell::Number(number), Format::Hidden) => number.to_string(),
         }
+    }
+}
+
+/// A cell with all its digits and without quotes; empty for null.
+fn plain(cell: &Value) -> String {
+    match cell {
+        Value::String(text) => text.clone(),
+        Value::Number(number) if number.is_f64() => number.as_f64().unwrap_or(f64::NAN).to_string(),
+        Value::Null => String::new(),
+        count => count.to_string(),
     }
 }
 
@@ -230,6 +151,21 @@ fn significant(number: f64, digits: usize) -> String {
 }
 
 impl Table {
+    /// Begins a table; [`TableOf::end`] gives it.
+    pub fn of<'a, R>(
+        name: &'static str,
+        title: impl Into<String>,
+        rows: &'a [R],
+    ) -> TableOf<'a, R> {
+        let (title, columns) = (title.into(), Vec::new());
+        let table = Self {
+            name,
+            title,
+            columns,
+        };
+        TableOf { rows, table }
+    }
+
     fn row_count(&self) -> usize {
         self.columns.first().map_or(0, |column| column.cells.len())
     }
@@ -239,11 +175,15 @@ impl Table {
         all.filter(|c| c.format != Format::Hidden).collect()
     }
 
+    /// Whether it is for CSV and JSON only.
+    pub fn is_hidden(&self) -> bool {
+        self.title.is_empty()
+    }
+
     /// For a terminal: columns under each other, numbers at their right.
     pub fn text(&self) -> String {
-        let columns = self.shown();
         let mut lines = vec![String::new(); self.row_count() + 1];
-        for column in columns {
+        for column in self.shown() {
             let cells = (0..self.row_count()).map(|row| column.shown(row));
             let cells: Vec<String> = std::iter::once(column.head()).chain(cells).collect();
             let width = cells.iter().map(|cell| cell.chars().count()).max();
@@ -259,72 +199,52 @@ impl Table {
         format!("{}\n{}", self.title, lines.join("\n"))
     }
 
-    /// As a table of Markdown.
-    pub fn markdown(&self) -> String {
-        self.markdown_of(&self.shown())
-    }
-
-    /// As a table of Markdown with some of its columns, named without their units.
+    /// As a table of Markdown with the columns of these `names`, without their units; with all
+    /// that readers are shown if there are none.
     ///
     /// # Errors
     /// If there is none of a name.
-    pub fn markdown_with(&self, names: &[&str]) -> Result<String, String> {
+    pub fn markdown(&self, names: &[&str]) -> Result<String, String> {
         let find = |name: &&str| {
             let found = self.columns.iter().find(|column| column.name == **name);
             found.ok_or_else(|| format!("table `{}` has no column `{name}`", self.name))
         };
-        let columns: Result<Vec<&Column>, String> = names.iter().map(find).collect();
-        Ok(self.markdown_of(&columns?))
-    }
-
-    fn markdown_of(&self, columns: &[&Column]) -> String {
-        let line = |cells: Vec<String>| {
-            let cells = cells.iter().map(|cell| cell.replace('|', "\\|"));
+        let columns = match names {
+            [] => self.shown(),
+            names => names.iter().map(find).collect::<Result<_, _>>()?,
+        };
+        let line = |of: &dyn Fn(&Column) -> String| {
+            let cells = columns.iter().map(|c| of(c).replace('|', "\\|"));
             format!("| {} |", cells.collect::<Vec<_>>().join(" | "))
         };
-        let mut lines = vec![line(columns.iter().map(|c| c.head()).collect())];
-        let rule = |c: &&Column| if c.is_text() { "---" } else { "---:" }.to_owned();
-        lines.push(line(columns.iter().map(rule).collect()));
-        lines.extend(
-            (0..self.row_count()).map(|row| line(columns.iter().map(|c| c.shown(row)).collect())),
-        );
-        lines.join("\n")
+        let rule = |c: &Column| if c.is_text() { "---" } else { "---:" }.to_owned();
+        let mut lines = vec![line(&Column::head), line(&rule)];
+        lines.extend((0..self.row_count()).map(|row| line(&|column| column.shown(row))));
+        Ok(lines.join("\n"))
     }
 
     /// As CSV (RFC 4180); numbers that do not exist are empty.
     pub fn csv(&self) -> String {
-        let quoted = |text: &str| match text.contains([',', '"', '\n', '\r']) {
-            true => format!("\"{}\"", text.replace('"', "\"\"")),
-            false => text.to_owned(),
-        };
         let line = |of: &dyn Fn(&Column) -> String| {
             let cells = self.columns.iter().map(of);
             cells.collect::<Vec<_>>().join(",") + "\n"
         };
-        let mut text = line(&Column::key);
-        for row in 0..self.row_count() {
-            text += &line(&|column| match &column.cells[row] {
-                Cell::Text(text) => quoted(text),
-                Cell::Count(count) => count.to_string(),
-                Cell::Number(number) if number.is_finite() => number.to_string(),
-                Cell::Number(_) => String::new(),
-            });
-        }
-        text
+        let row = |row: usize| {
+            line(&|column| match plain(&column.cells[row]) {
+                text if text.contains([',', '"', '\n', '\r']) => {
+                    format!("\"{}\"", text.replace('"', "\"\""))
+                }
+                text => text,
+            })
+        };
+        line(&Column::key) + &(0..self.row_count()).map(row).collect::<String>()
     }
 
     /// As a list of objects; numbers that do not exist are null.
     pub fn json(&self) -> Value {
         let object = |row: usize| {
-            let fields = self.columns.iter().map(|column| {
-                let value = match &column.cells[row] {
-                    Cell::Text(text) => text.as_str().into(),
-                    Cell::Count(count) => (*count).into(),
-                    Cell::Number(number) => (*number).into(),
-                };
-                (column.key(), value)
-            });
-            Value::Object(fields.collect())
+            let fields = self.columns.iter();
+            Value::Object(fields.map(|c| (c.key(), c.cells[row].clone())).collect())
         };
         (0..self.row_count()).map(object).collect()
     }
@@ -387,7 +307,7 @@ mod tests {
         )
         .text("name", |row| row.0)
         .number("distance left", "m", 2, |row| row.1)
-        .hidden("share", "%", |row| row.2)
+        .number("share", "%", Format::Hidden, |row| row.2)
         .end()
     }
 
@@ -399,7 +319,7 @@ mod tests {
             "of both\nname   distance left [m]\na|b                 1.00\nc,\"d\"                  -"
         );
         assert_eq!(
-            table.markdown(),
+            table.markdown(&[]).unwrap(),
             "| name | distance left [m] |\n| --- | ---: |\n| a\\|b | 1.00 |\n| c,\"d\" | - |"
         );
         assert_eq!(
@@ -431,14 +351,11 @@ mod tests {
     fn tables_are_put_between_their_markers() {
         let table = table();
         let replace = |text: &str| {
-            replace_tables(text, "s", &["rates"], |_, columns| match columns {
-                [] => Ok(table.markdown()),
-                columns => table.markdown_with(columns),
-            })
+            replace_tables(text, "s", &["rates"], |_, columns| table.markdown(columns))
         };
         let text = "a\n<!-- table s.rates -->\nold\n<!-- end -->\nb <!-- table t.x --> c";
         let found = replace(text).unwrap();
-        assert_eq!(found, text.replace("old", &table.markdown()));
+        assert_eq!(found, text.replace("old", &table.markdown(&[]).unwrap()));
         assert_eq!(replace(&found).unwrap(), found);
         let text = "<!-- table s.rates: share, name -->\nold\n<!-- end -->";
         let few = "| share [%] | name |\n| ---: | --- |\n| 3 | a\\|b |\n| 4 | c,\"d\" |";

@@ -23,11 +23,12 @@ use std::sync::Arc;
 use cpu_time::ProcessTime;
 
 use crate::points::{apart_mm, distance, nearest, same_points};
-use crate::presses::{Positions, push, replay};
+use crate::presses::{Pressed, pushed, replay};
 use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError};
+use crate::table::Format::Hidden;
 use crate::table::Table;
 use drape_cloth::fabric::Lamina;
-use drape_cloth::math::{Isa, Purpose, Stream, mean_and_deviation};
+use drape_cloth::math::{Isa, mean_and_deviation};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
 use drape_cloth::sim::{Precision, Snapshot};
 use drape_cloth::tool::Tool;
@@ -55,9 +56,6 @@ pub struct Tradeoff {
 /// The region of `--quick`, a part of the corner [mm].
 const QUICK_REGION: [f64; 4] = [-186.0, -186.0, -95.0, -95.0];
 
-/// How far a start is pushed [m].
-const PUSH: f64 = 1e-6;
-
 /// Environments stepped together at least, as training does.
 const ENVIRONMENTS: usize = 16;
 
@@ -71,9 +69,7 @@ impl Study for Tradeoff {
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let mut scene = self.scene.read()?;
-        if let Some(mesh) = self.scene.mesh {
-            self.scene.set_mesh(&mut scene, mesh)?;
-        }
+        self.scene.set_mesh(&mut scene, None)?;
         let corner = if self.quick { QUICK_REGION } else { CORNER };
         let corner = self.scene.config.is_none().then_some(corner);
         let env = self.scene.env(corner);
@@ -92,7 +88,7 @@ impl Study for Tradeoff {
             measuring.region_vertices
         );
         let mut report = Report::new([table(title, &rows)]);
-        report.chart("tradeoff", chart(&rows));
+        report.image("tradeoff.png", chart(&rows).image());
         Ok(report)
     }
 }
@@ -129,7 +125,7 @@ struct PressedSweeps {
     /// CPU time of an environment step, the median over the steps [us].
     microseconds: f64,
     /// Of every sequence; none where it diverged.
-    ends: Vec<Option<Positions>>,
+    ends: Vec<Option<Pressed>>,
 }
 
 /// What has been computed already, by what it was computed for; none where it diverges.
@@ -205,9 +201,7 @@ impl Measuring {
             None => None,
             Some(mut scene) => {
                 if is_pushed {
-                    let mut positions = scene.initial.position.clone();
-                    let mut stream = Stream::new(1, Purpose::Evaluation, 100);
-                    push(&scene, &mut positions, PUSH, &mut stream);
+                    let positions = pushed(&scene, scene.initial.position.clone(), 100);
                     Arc::make_mut(&mut scene.initial).position = positions;
                 }
                 Some(Arc::new(press(scene.into(), &at.1, &self.sequences)?))
@@ -245,7 +239,7 @@ impl Measuring {
             })
         };
         let ends: Option<Vec<[&[[f64; 3]]; 2]>> = (a.ends.iter().zip(&b.ends))
-            .map(|(a, b)| Some([&a.as_ref()?[..], &b.as_ref()?[..]]))
+            .map(|(a, b)| Some([&a.as_ref()?.positions[..], &b.as_ref()?.positions[..]]))
             .collect();
         let ends = ends?;
         let off_mm = |x: [&[[f64; 3]]; 2]| apart_mm(x[0], x[1], &shared)[0];
@@ -320,8 +314,8 @@ fn table(title: String, rows: &[Row]) -> Table {
         .number("step", "us", 1, of(|errors| errors.microseconds))
         .number("fall", "mm", 3, |row| row.fall_mm)
         .number("sweep", "mm", 3, of(|errors| errors.sweep_mm))
-        .hidden("removed error", "", of(|errors| errors.removed))
-        .hidden("tension p95", "", of(|errors| errors.tension))
+        .number("removed error", "", Hidden, of(|errors| errors.removed))
+        .number("tension p95", "", Hidden, of(|errors| errors.tension))
         .number("eight", "mm", 3, of(|errors| errors.eight_mm))
         .number("left", "m", 4, of(|errors| errors.left_m))
         .number("rms", "m", 4, of(|errors| errors.rms_m))

@@ -9,21 +9,21 @@
 
 use std::sync::Arc;
 
-use cpu_time::{ProcessTime, ThreadTime};
+use cpu_time::ProcessTime;
 
 use crate::episodes::{Order, sequences};
 use crate::points::apart_mm;
-use crate::presses::{Positions, replay, replay_in_twin};
+use crate::presses::{Positions, Pressed, replay, replay_in_twin};
 use crate::ranking::{interval, least, pair_loss, ranks, spearman};
 use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, stencil_mm};
+use crate::table::Format::Hidden;
 use crate::table::Table;
-use crate::twin::fall::{fallen, lying, press_config, twin_config};
+use crate::twin::fall::{fallen, twin_config};
 use crate::twin::set_up;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::sim::{Accuracy, Precision, Solver, Stepping};
-use drape_cloth::twin::Hold;
 use drape_report::{Chart, Image, SERIES, Series};
 use drape_task::env::{Draping, EnvConfig, Objective};
 
@@ -117,7 +117,7 @@ impl Study for Transfer {
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let mut config = self.scene.read()?;
-        self.scene.set_mesh(&mut config, 33)?;
+        self.scene.set_mesh(&mut config, Some(33))?;
         let (scene, _) = set_up(&config, |share| (context.progress)(share, "falling"))?;
         let mut env = self.scene.env(Some(CORNER));
         env.stencil_mm = stencil_mm(&scene.lamina, env.stencil_mm);
@@ -213,7 +213,7 @@ fn play(
         } => rest,
         _ => &scene.initial.position[..],
     };
-    let end = |positions: Positions| {
+    let end = |Pressed { positions, .. }| {
         let of = |objective: Objective| objective.of(scene, &region, start, &positions);
         let surplus = surplus(&scene.lamina, &scene.tool, &positions, &region);
         End {
@@ -221,34 +221,17 @@ fn play(
             positions,
         }
     };
-    match player {
+    let (ends, cpu_s) = match player {
         Player::Fast(solver, stepping, precision) => {
             let (scene, env) = stepped(scene, env, solver, stepping, precision);
             let start = ProcessTime::now();
             let mut draping = Draping::new(scene, &env, lists.len())?;
-            let ends = replay(&mut draping, lists, |_| ()).into_iter();
-            Ok((
-                ends.map(|at| at.map(end)).collect(),
-                start.elapsed().as_secs_f64(),
-            ))
+            let ends = replay(&mut draping, lists, |_| ());
+            (ends, start.elapsed().as_secs_f64())
         }
-        Player::Twin { .. } => {
-            let press = press_config(env, Hold::Fixed);
-            let config = twin_config(&scene.config)?;
-            let played = Context::quiet().each(lists, |list| {
-                let began = ThreadTime::now();
-                let mut twin = lying(scene, &config, start)?;
-                let presses = (*list, 1e-3 * env.stencil_mm);
-                let at = replay_in_twin(&mut twin, scene, &press, presses);
-                // The time of those that diverge is no figure.
-                let seconds = at.as_ref().map_or(0.0, |_| began.elapsed().as_secs_f64());
-                Ok((at.map(end), seconds))
-            });
-            let played: Result<Vec<_>, StudyError> = played.into_iter().collect();
-            let (ends, seconds): (Vec<_>, Vec<f64>) = played?.into_iter().unzip();
-            Ok((ends, seconds.iter().sum()))
-        }
-    }
+        Player::Twin { .. } => replay_in_twin(scene, env, start, lists, &Context::quiet())?,
+    };
+    Ok((ends.into_iter().map(|at| at.map(end)).collect(), cpu_s))
 }
 
 /// The scene and the environment as a player of the fast solver has them.
@@ -341,10 +324,10 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
         .text("path", |(_, path)| *path)
         .text("order", |(_, path)| paths[*path].order.name())
         .text("presses", |(_, path)| paths[*path].vertices.len())
-        .hidden(LEFT[0], "m", |(row, path)| row.left_m(0)[*path])
-        .hidden(LEFT[1], "m", |(row, path)| row.left_m(1)[*path])
-        .hidden(LEFT[2], "m", |(row, path)| row.left_m(2)[*path])
-        .end_hidden();
+        .number(LEFT[0], "m", Hidden, |(row, path)| row.left_m(0)[*path])
+        .number(LEFT[1], "m", Hidden, |(row, path)| row.left_m(1)[*path])
+        .number(LEFT[2], "m", Hidden, |(row, path)| row.left_m(2)[*path])
+        .end();
     let mut report = Report::new([objective, distance, places, all]);
     report.notes.push(
         "rank: correlation with the twin, 90 % of it over resampled paths, and of how much it is \

@@ -16,6 +16,7 @@ use cpu_time::ProcessTime;
 use crate::compare::{Comparison, Criteria, Parts, Surveyed, compare, picture};
 use crate::episodes::{Order, sequences};
 use crate::points::nearest;
+use crate::presses::Positions;
 use crate::study::{
     CORNER, Context, Report, SceneOptions, Study, StudyError, TrainedPath, stencil_mm,
 };
@@ -23,12 +24,12 @@ use crate::table::Table;
 use case::{PaperCase, Ran, SelfComparison};
 use drape_cloth::fabric::{Drape, Lamina};
 use drape_cloth::mesh::write_stl;
-use drape_cloth::scene::{Scene, SceneConfig, SceneError};
+use drape_cloth::scene::{Scene, SceneConfig, SceneError, surplus};
 use drape_cloth::tool::Tool;
-use drape_cloth::twin::{Energies, Hold};
+use drape_cloth::twin::Energies;
 use drape_task::env::EnvConfig;
 use drape_task::path::read_json;
-use fall::{press_config, twin_config};
+use fall::twin_config;
 
 /// Solve the paper's test case in the finite-element twin and compare the fast solver with it
 ///
@@ -140,7 +141,7 @@ impl Study for TwinStudy {
             Some(_) => self.scene.read()?,
             None => source.scene.clone(),
         };
-        self.scene.set_mesh(&mut config, 33)?;
+        self.scene.set_mesh(&mut config, Some(33))?;
         let region = self.scene.region.or(source.env.region_mm);
         let region = region.unwrap_or(CORNER);
         let blank = lamina(&config)?;
@@ -151,7 +152,7 @@ impl Study for TwinStudy {
             ..source.env
         };
         // Refused before the work.
-        env.region(&blank)?;
+        let in_region = env.region(&blank)?;
         let fall = |share| (context.progress)(share, "falling");
         let (scene, fall_cpu_s) = set_up(&config, fall)?;
         let sequence = match self.path {
@@ -161,10 +162,10 @@ impl Study for TwinStudy {
                 .ok_or(StudyError::FastDiverged)?,
         };
         let case = PaperCase {
-            press: press_config(&env, Hold::Pressure),
             scene,
             fall_cpu_s,
             env,
+            region: in_region,
             sequence,
         };
         let runs = case.run(|share| (context.progress)(share, "pressing in the twin"))?;
@@ -195,11 +196,13 @@ fn tables(
     compared: &[Compared],
     convergence: &[SelfComparison],
 ) -> Report {
-    let presses = case.sequence.len();
+    let (presses, region) = (case.sequence.len(), &case.region.vertices);
+    let Scene { lamina, tool, .. } = &*case.scene;
+    let surplus_mm = |x: &Positions| 1e3 * surplus(lamina, tool, x, region);
     let title = format!(
         "{} vertices, {presses} presses of a stencil of {:.1} mm; CPU time, and the region's summed \
          distance to the tool",
-        case.scene.lamina.vertex_count(),
+        lamina.vertex_count(),
         case.env.stencil_mm
     );
     let time = Table::of("runs", title, runs)
@@ -207,14 +210,17 @@ fn tables(
         .number("fall", "s", 3, |ran| ran.fall_cpu_s)
         .number("presses", "s", 3, |ran| ran.press_cpu_s)
         .number("all", "s", 3, Ran::cpu_s)
-        .number("before", "m", 4, |ran| ran.region_m[0])
-        .number("left", "m", 4, |ran| ran.region_m[1])
-        .number("surplus before", "mm", 3, |ran| 1e3 * ran.surplus_m[0])
-        .number("surplus left", "mm", 3, |ran| 1e3 * ran.surplus_m[1])
-        .text("draped", |ran| ran.draped)
+        .number("before", "m", 4, |ran| case.distance_m(&ran.ends[0]))
+        .number("left", "m", 4, |ran| case.distance_m(&ran.ends[1]))
+        .number("surplus before", "mm", 3, |ran| surplus_mm(&ran.ends[0]))
+        .number("surplus left", "mm", 3, |ran| surplus_mm(&ran.ends[1]))
+        .text("draped", |ran| {
+            let in_region = |v: &&u32| region.contains(**v as usize);
+            ran.draped.iter().filter(in_region).count()
+        })
         .number("step", "us", 2, |ran| 1e6 * ran.time_step_s)
-        .number("v_rms before", "mm/s", 3, |ran| ran.v_rms_mm_s[0])
-        .number("v_rms after", "mm/s", 3, |ran| ran.v_rms_mm_s[1])
+        .number("v_rms before", "mm/s", 3, |ran| 1e3 * ran.v_rms[0])
+        .number("v_rms after", "mm/s", 3, |ran| 1e3 * ran.v_rms[1])
         .end();
     let moments: Vec<(&str, &str, Energies)> = (runs.iter())
         .flat_map(|ran| {
@@ -297,9 +303,8 @@ fn compare_all(
     let mut all = Vec::new();
     for (k, moment) in ["initial", "draped"].into_iter().enumerate() {
         let survey = |ran: &Ran| {
-            let name = ran.name;
             let drape = Drape::new(&scene.lamina, &ran.ends[k]);
-            Surveyed::draped(drape).map_err(|source| StudyError::Sheet { name, source })
+            Surveyed::draped(drape).map_err(|error| StudyError::Named(ran.name, error.into()))
         };
         let reference = survey(twin)?;
         for ran in [fast, accelerated] {

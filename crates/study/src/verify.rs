@@ -25,6 +25,7 @@ mod shear;
 pub mod solve;
 
 use crate::study::{Context, Report, Study, StudyError, only};
+use crate::table::Format::{Digits, Hidden};
 use crate::table::Table;
 
 pub use cases::{Answer, ClosedForm, cases};
@@ -73,22 +74,20 @@ pub fn ask(cases: &[ClosedForm], subjects: &[Subject], context: &Context) -> Vec
     let pairs: Vec<(&ClosedForm, Subject)> = (cases.iter())
         .flat_map(|case| subjects.iter().map(move |&subject| (case, subject)))
         .collect();
-    let found = context.each(&pairs, |(case, subject)| match subject {
-        Subject::Twin if !case.with_twin => Vec::new(),
-        subject => (case.ask)(subject),
+    let found = context.each(&pairs, |(case, subject)| {
+        let answers = (case.ask)(&*subject.solver()).into_iter();
+        let row = |answer| Verified {
+            group: case.group,
+            subject: *subject,
+            answer,
+        };
+        answers.map(row).collect::<Vec<_>>()
     });
     let mut rows = Vec::new();
-    for (answers, case) in found.chunks(subjects.len()).zip(cases) {
+    for answers in found.chunks(subjects.len()) {
         let longest = answers.iter().map(Vec::len).max().unwrap_or(0);
         for index in 0..longest {
-            let of_subjects = subjects.iter().zip(answers);
-            rows.extend(of_subjects.filter_map(|(&subject, answers)| {
-                Some(Verified {
-                    group: case.group,
-                    subject,
-                    answer: answers.get(index)?.clone(),
-                })
-            }));
+            rows.extend(answers.iter().filter_map(|rows| rows.get(index).cloned()));
         }
     }
     rows
@@ -113,7 +112,9 @@ impl Study for Verify {
             .text("case", |of| of[0].answer.case.clone())
             .text("unit", |of| of[0].answer.unit)
             // Of one pass over the chain it depends on the substep: that of the finest is shown.
-            .digits("expected", "", 5, |of| of[of.len() - 1].answer.expected);
+            .number("expected", "", Digits(5), |of| {
+                of[of.len() - 1].answer.expected
+            });
         for subject in &subjects {
             let name = subject.names().join(" ");
             errors = errors.number(name, "", 2, |of| {
@@ -141,10 +142,10 @@ impl Study for Verify {
             .text("solver", |row| row.subject.names()[0])
             .text("preset", |row| row.subject.names()[1])
             .text("unit", |row| row.answer.unit)
-            .hidden("expected", "", |row| row.answer.expected)
-            .hidden("found", "", |row| row.answer.found)
-            .hidden("relative error", "", Verified::relative_error)
-            .end_hidden();
+            .number("expected", "", Hidden, |row| row.answer.expected)
+            .number("found", "", Hidden, |row| row.answer.found)
+            .number("relative error", "", Hidden, Verified::relative_error)
+            .end();
         Ok(Report::new([errors.end(), counts, all]))
     }
 }

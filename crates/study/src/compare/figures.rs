@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::table::Format::Digits;
 use crate::table::Table;
 use drape_cloth::mesh::compare::{ContourDeviation, Spread, Wrinkles};
 
@@ -96,8 +97,8 @@ impl Comparison {
         let alone = Table::of("alone", "Each alone", &ALONE)
             .text("figure", |row| row.0)
             .text("unit", |row| row.1)
-            .digits("A", "", 4, |row| (row.2)(&self.a))
-            .digits("B", "", 4, |row| (row.2)(&self.b))
+            .number("A", "", Digits(4), |row| (row.2)(&self.a))
+            .number("B", "", Digits(4), |row| (row.2)(&self.b))
             .end();
         [deviations, alone]
     }

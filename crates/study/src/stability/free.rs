@@ -17,17 +17,17 @@ fn sheet(physics: PhysicsConfig) -> Piece {
 /// y: frame [s]. A flat sheet whose vertices have random velocities flies without gravity or
 /// damping. The error is that of its momentum over its momentum, or what its kinetic energy has
 /// gained over what it had, whichever is larger.
-pub fn flight(knobs: &Knobs) -> Tried {
-    fly(knobs, 1.0)
+pub fn flight(_: &Knobs) -> Tried {
+    fly(1.0)
 }
 
 /// y: factor on these velocities. Beyond some hundred metres a second the sheet leaves the space
 /// that the simulator takes for finite, which it has to say.
 pub fn speed(knobs: &Knobs) -> Tried {
-    fly(knobs, knobs.y)
+    fly(knobs.y)
 }
 
-fn fly(knobs: &Knobs, factor: f64) -> Tried {
+fn fly(factor: f64) -> Tried {
     let mut piece = sheet(PhysicsConfig {
         gravity: 0.0,
         speed_cap: 0.0,
@@ -43,7 +43,7 @@ fn fly(knobs: &Knobs, factor: f64) -> Tried {
         (momenta(lamina, state)[0], energy)
     };
     let before = motion(&piece.lamina, &piece.start);
-    Trial::new(knobs, piece, 0.2, move |lamina, state| {
+    Trial::new(piece, 0.2, move |lamina, state| {
         let (momentum, energy) = motion(lamina, state);
         let gain = energy / before.1 - 1.0;
         gain.max((momentum - before.0).norm() / before.0.norm())
@@ -60,7 +60,7 @@ pub fn damping(knobs: &Knobs) -> Tried {
     let [dx, dz] = [moved(1.0, 0.0), moved(0.0, -GRAVITY)];
     let rest = piece.lamina.rest.iter();
     let expected: Vec<_> = rest.map(|[x, y]| [x + dx, *y, dz]).collect();
-    Trial::new(knobs, piece, SECONDS, move |lamina, state| {
+    Trial::new(piece, SECONDS, move |lamina, state| {
         mean_error(lamina, state, &expected)
     })
 }
@@ -98,7 +98,7 @@ pub fn start(knobs: &Knobs) -> Tried {
         "random in a box" => off([0.0, 0.0], 3.0),
         _ => [0.0; 3],
     });
-    Trial::new(knobs, piece, 1.0, |lamina, state| {
+    Trial::new(piece, 1.0, |lamina, state| {
         let strain = lamina.yarn_strain(&state.position);
         strain.iter().map(|s| s.abs()).sum::<f64>() / strain.len() as f64
     })

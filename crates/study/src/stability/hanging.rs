@@ -31,9 +31,14 @@ fn usual() -> Lamina {
     strip(WIDTH, LENGTH, EDGES)
 }
 
+/// Physics that only yarns, weight and so much damping decide.
+fn slack(damping: f64) -> PhysicsConfig {
+    damped(damping, Bending::Off)
+}
+
 /// A strip that starts `tilt` degrees off the vertical, held against the weight that each edge
 /// carries.
-fn hang(knobs: &Knobs, strip: Lamina, physics: PhysicsConfig, seconds: f64, tilt: f64) -> Tried {
+fn hang(strip: Lamina, physics: PhysicsConfig, seconds: f64, tilt: f64) -> Tried {
     let start = hung(&strip, tilt);
     let expected = if physics.gravity == 0.0 {
         start.position.clone()
@@ -46,22 +51,20 @@ fn hang(knobs: &Knobs, strip: Lamina, physics: PhysicsConfig, seconds: f64, tilt
         let rows = strip.rest.iter().enumerate();
         rows.map(|(v, [x, _])| [*x, 0.0, -lengths[v / 2]]).collect()
     };
-    let piece = Piece::new(strip, physics, start);
-    arrive(knobs, piece, seconds, expected)
+    arrive(Piece::new(strip, physics, start), seconds, expected)
 }
 
 /// Held against a place to come to rest at: what jitters about it has not arrived.
-fn arrive(knobs: &Knobs, piece: Piece, seconds: f64, expected: Vec<[f64; 3]>) -> Tried {
-    Trial::new(knobs, piece, seconds, move |lamina, state| {
+fn arrive(piece: Piece, seconds: f64, expected: Vec<[f64; 3]>) -> Tried {
+    Trial::new(piece, seconds, move |lamina, state| {
         let moved = FRAME * speeds(state).sum::<f64>() / expected.len() as f64;
         mean_error(lamina, state, &expected).max(moved / size(lamina))
     })
 }
 
 /// y: frame [s].
-pub fn time_step(knobs: &Knobs) -> Tried {
-    let physics = damped(DAMPING, Bending::Off);
-    hang(knobs, usual(), physics, SECONDS, 30.0)
+pub fn time_step(_: &Knobs) -> Tried {
+    hang(usual(), slack(DAMPING), SECONDS, 30.0)
 }
 
 /// y: compliance of an edge [m/N].
@@ -77,9 +80,9 @@ pub fn compliance(knobs: &Knobs) -> Tried {
     let physics = PhysicsConfig {
         // Next to the softest yarns the diagonals would carry the weight.
         shear: false,
-        ..damped(DAMPING, Bending::Off)
+        ..slack(DAMPING)
     };
-    hang(knobs, strip, physics, SECONDS, 30.0)
+    hang(strip, physics, SECONDS, 30.0)
 }
 
 /// y: mass of every other row over that of its neighbours.
@@ -99,8 +102,7 @@ fn heavy(knobs: &Knobs, chosen: fn(usize) -> bool) -> Tried {
             *mass *= knobs.y;
         }
     }
-    let physics = damped(DAMPING, Bending::Off);
-    hang(knobs, strip, physics, SECONDS, 30.0)
+    hang(strip, slack(DAMPING), SECONDS, 30.0)
 }
 
 /// y: gravity over that of the earth.
@@ -110,22 +112,22 @@ pub fn gravity(knobs: &Knobs) -> Tried {
     let physics = PhysicsConfig {
         gravity: GRAVITY * knobs.y,
         speed_cap: 0.0,
-        ..damped(DAMPING * pace, Bending::Off)
+        ..slack(DAMPING * pace)
     };
     let seconds = SECONDS * pace.recip().max(1.0);
-    hang(knobs, usual(), physics, seconds, 30.0)
+    hang(usual(), physics, seconds, 30.0)
 }
 
 /// y: vertices along the strip.
 pub fn strip_grid(knobs: &Knobs) -> Tried {
     let strip = strip(WIDTH, 0.37, knobs.y as usize - 1);
-    hang(knobs, strip, damped(12.0, Bending::Off), 1.2, 20.0)
+    hang(strip, slack(12.0), 1.2, 20.0)
 }
 
 /// x: vertices along a strip of 1 m, y: its width [mm].
 pub fn needle(knobs: &Knobs) -> Tried {
     let strip = strip(1e-3 * knobs.y, 1.0, knobs.x as usize - 1);
-    hang(knobs, strip, damped(6.0, Bending::Off), 2.0, 10.0)
+    hang(strip, slack(6.0), 2.0, 10.0)
 }
 
 /// y: stiffness of warps over that of the built-in fabric. A sheet hangs on its upper border from
@@ -149,7 +151,7 @@ pub fn warp_ratio(knobs: &Knobs) -> Tried {
     // What a weft stretches under its own weight is below 1e-6 of its length.
     let expected = sheet.rest.iter().map(|[x, y]| [*x, 0.0, top - y]).collect();
     let piece = Piece::new(sheet, damped(DAMPING, Bending::Yarns), start);
-    arrive(knobs, piece, SECONDS, expected)
+    arrive(piece, SECONDS, expected)
 }
 
 /// y: bending stiffness [N m]. A strip is clamped level and held against the heavy elastica.
@@ -168,12 +170,12 @@ pub fn bending(knobs: &Knobs) -> Tried {
         [x, y, -free * drop]
     });
     let expected = expected.collect();
-    arrive(knobs, piece, 1.5 * SECONDS, expected)
+    arrive(piece, 1.5 * SECONDS, expected)
 }
 
 /// y: frame [s]. A strip of 370 mm hangs by both ends, 300 mm apart, and starts as a sine. (Swung
 /// out of its plane it can come to rest twisted, 2 % off: the strip is a row of stiff triangles.)
-pub fn catenary(knobs: &Knobs) -> Tried {
+pub fn catenary(_: &Knobs) -> Tried {
     let ([length, span], edges) = (CATENARY, 32);
     let strip = strip(WIDTH, length, edges);
     let half = 0.5 * length;
@@ -190,6 +192,6 @@ pub fn catenary(knobs: &Knobs) -> Tried {
         [x, along, up - sag]
     });
     let expected = expected.collect();
-    let piece = Piece::new(strip, damped(12.0, Bending::Off), start);
-    arrive(knobs, piece, 3.0, expected)
+    let piece = Piece::new(strip, slack(12.0), start);
+    arrive(piece, 3.0, expected)
 }

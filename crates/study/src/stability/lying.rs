@@ -60,20 +60,20 @@ fn flatness_error(lamina: &Lamina, state: &Snapshot) -> f64 {
 pub fn pressure(knobs: &Knobs) -> Tried {
     let mut piece = over(SIDE, 9, 1e-3);
     piece.physics.gravity = 1e6 * knobs.y / AREAL_MASS;
-    Trial::new(knobs, piece, 0.5, flatness_error)
+    Trial::new(piece, 0.5, flatness_error)
 }
 
 /// y: vertices a side of a sheet of 370 mm, 0.5 mm over the plate.
 pub fn sheet_grid(knobs: &Knobs) -> Tried {
     let piece = over(0.37, knobs.y as usize, 5e-4);
-    Trial::new(knobs, piece, 0.1, flatness_error)
+    Trial::new(piece, 0.1, flatness_error)
 }
 
 /// y: how deep in the plate the sheet starts [mm].
 pub fn overlap(knobs: &Knobs) -> Tried {
     // Thrown out at the speed cap it rises 80 mm, and sinks at 0.2 m/s.
     let piece = over(SIDE, 9, -1e-3 * knobs.y);
-    Trial::new(knobs, piece, 1.0, flatness_error)
+    Trial::new(piece, 1.0, flatness_error)
 }
 
 /// y: speed towards the plate [m/s], from 5 mm above it and tilted by 10 degrees.
@@ -94,7 +94,7 @@ fn hit(knobs: &Knobs, speed_cap: f64) -> Tried {
     }
     piece.start.velocity.fill([0.0, 0.0, -knobs.y]);
     piece.physics.speed_cap = speed_cap;
-    Trial::new(knobs, piece, 0.5, flatness_error)
+    Trial::new(piece, 0.5, flatness_error)
 }
 
 /// Ways that a facet of the tool can be bad.
@@ -115,7 +115,7 @@ pub fn sliver(knobs: &Knobs) -> Tried {
         },
     })?;
     let piece = over(SIDE, 9, 1e-3).on(&tool.into());
-    Trial::new(knobs, piece, 0.5, flatness_error)
+    Trial::new(piece, 0.5, flatness_error)
 }
 
 /// A block of 600 x 600 x 200 mm under z = 0 with the triangle P Q R in its upper side, `thin`
@@ -181,7 +181,7 @@ fn slide(knobs: &Knobs, degrees: f64) -> Tried {
     let seconds = knobs.frame * knobs.frames(SECONDS) as f64;
     let expected = truth::slid(knobs.y, angle, GRAVITY, seconds);
     let start = piece.start.clone();
-    Trial::new(knobs, piece, SECONDS, move |lamina, state| {
+    Trial::new(piece, SECONDS, move |lamina, state| {
         (slid(&start, state, angle) - expected).abs() / expected.max(size(lamina))
     })
 }

@@ -1,6 +1,6 @@
 //! The list of sweeps.
 
-use super::trial::{FRAME, Knobs, SUBSTEPS, Tried};
+use super::trial::{FRAME, Knobs, Tried};
 use super::{free, hanging, lying};
 use drape_cloth::sim::Solver;
 
@@ -11,7 +11,7 @@ pub struct Tick {
     pub label: String,
 }
 
-/// What is varied along one side of a sweep.
+/// What is varied along a side of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// With its unit.
@@ -28,25 +28,22 @@ pub struct Sweep {
     pub trial: fn(&Knobs) -> Tried,
 }
 
-/// The axes that set how a trial is stepped, whatever it is about.
+/// Axes that set how a trial is stepped, whatever it is about: the former x, the latter y.
 const SUBSTEPS_AXIS: &str = "substeps a frame";
 const FRAME_AXIS: &str = "frame [s]";
 
 impl Sweep {
     /// What the cell at these ticks sets.
     pub fn knobs(&self, at: [usize; 2], solver: Solver) -> Knobs {
-        let values = [0, 1].map(|k| self.axes[k].ticks[at[k]].value);
-        let along = |name| {
-            (0..2)
-                .find(|k| self.axes[*k].name == name)
-                .map(|k| values[k])
-        };
+        let [x, y] = [0, 1].map(|k| self.axes[k].ticks[at[k]].value);
+        let by_substeps = self.axes[0].name == SUBSTEPS_AXIS;
+        let by_frame = self.axes[1].name == FRAME_AXIS;
         Knobs {
-            x: values[0],
-            y: values[1],
+            x,
+            y,
             solver,
-            frame: along(FRAME_AXIS).unwrap_or(FRAME),
-            substeps: along(SUBSTEPS_AXIS).unwrap_or(SUBSTEPS) as usize,
+            frame: if by_frame { y } else { FRAME },
+            substeps: if by_substeps { x as usize } else { 20 },
         }
     }
 }
@@ -54,10 +51,8 @@ impl Sweep {
 /// All sweeps; `quick` is the ends and what lies between them coarsely.
 pub fn sweeps(quick: bool) -> Vec<Sweep> {
     // Coarse values and fine ones.
-    let list = |name, coarse: &[f64], fine: &[f64]| {
-        let values = if quick { coarse } else { fine };
-        axis(name, values, label)
-    };
+    let list =
+        |name, coarse: &[f64], fine: &[f64]| axis(name, if quick { coarse } else { fine }, label);
     // From 10^low to 10^high, coarsely by as many decades at a time.
     let decades = |name, low: i32, high: i32, coarse: usize| {
         let step = if quick { coarse } else { 1 };
@@ -85,31 +80,43 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
         }
         rates
     };
-    let factors = list(
-        "factor on speeds of 0.5 m/s",
-        &[1.0, 1e2, 1e4, 1e38],
-        &[
-            1.0, 1e1, 1e2, 1e3, 1e4, 1e6, 1e10, 1e20, 1e38, 1e40, 1e150, 1e300,
-        ],
-    );
+    let factors = [
+        1.0, 1e1, 1e2, 1e3, 1e4, 1e6, 1e10, 1e20, 1e38, 1e40, 1e150, 1e300,
+    ];
+    let factor = "factor on speeds of 0.5 m/s";
+    let factors = list(factor, &[1.0, 1e2, 1e4, 1e38], &factors);
     let compliances = zero_and(decades("compliance of an edge [m/N]", -9, 0, 3));
+    let stiffnesses = decades("bending stiffness [N m]", -5, 2, 2);
+    let ratios = decades("warp over built-in stiffness", -6, 6, 3);
+    let neighbours = decades("mass over its neighbour's", -6, 6, 3);
+    let borders = decades("mass of border over inside", -6, 6, 3);
     let gravities = [0.0, 0.1, 1.0, 3.0, 10.0, 30.0, 100.0];
     let gravities = list("gravity [g]", &[0.0, 1.0, 10.0, 100.0], &gravities);
-    let rows = [9.0, 17.0, 33.0, 65.0, 129.0, 257.0];
-    let long = [3.0, 9.0, 17.0, 33.0, 65.0, 129.0, 257.0];
+    let (along, long) = (
+        "vertices along it",
+        [3.0, 9.0, 17.0, 33.0, 65.0, 129.0, 257.0],
+    );
+    let rows = list(along, &[9.0, 33.0, 129.0], &long[1..]);
+    let needles = list(along, &[3.0, 17.0, 65.0, 257.0], &long);
     let widths = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0];
+    let widths = list("width [mm]", &[1.0, 30.0, 1000.0], &widths);
+    let dampings = zero_and(decades("damping [1/s]", 0, 12, 4));
     let depths = [0.01, 0.1, 1.0, 5.0, 20.0, 50.0, 90.0];
+    let depths = list("depth at the start [mm]", &[0.1, 5.0, 90.0], &depths);
+    let pressures = decades("pressure [N/mm²]", -6, 0, 2);
     let speeds = || {
         let fine = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0];
         list("speed [m/s]", &[1.0, 10.0, 100.0], &fine)
     };
+    let sides = list("vertices a side", &[9.0, 33.0], &long[1..]);
+    let facets = zero_and(decades("thickness of the facet [m]", -10, -2, 2));
     let slopes = [0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0];
+    let slopes = list("slope [degrees]", &[0.0, 10.0, 25.0, 40.0, 60.0], &slopes);
     let frictions = || {
         let fine = [0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0];
         list("friction", &[0.0, 0.2, 0.7, 2.0], &fine)
     };
-    let facets = zero_and(decades("thickness of the facet [m]", -10, -2, 2));
-    let along = "vertices along it";
+    let slivers = labels("facet", &lying::SLIVERS);
 
     let by_substeps = |name, y, trial| sweep(name, substeps(), y, trial);
     vec![
@@ -118,73 +125,22 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
         by_substeps("free_flight", frames(), free::flight),
         by_substeps("speed", factors, free::speed),
         by_substeps("compliance", compliances, hanging::compliance),
-        by_substeps(
-            "warp_ratio",
-            decades("warp over built-in stiffness", -6, 6, 3),
-            hanging::warp_ratio,
-        ),
-        by_substeps(
-            "bending",
-            decades("bending stiffness [N m]", -5, 2, 2),
-            hanging::bending,
-        ),
-        by_substeps(
-            "neighbour_mass",
-            decades("mass over its neighbour's", -6, 6, 3),
-            hanging::neighbour_mass,
-        ),
-        by_substeps(
-            "border_mass",
-            decades("mass of border over inside", -6, 6, 3),
-            hanging::border_mass,
-        ),
+        by_substeps("warp_ratio", ratios, hanging::warp_ratio),
+        by_substeps("bending", stiffnesses, hanging::bending),
+        by_substeps("neighbour_mass", neighbours, hanging::neighbour_mass),
+        by_substeps("border_mass", borders, hanging::border_mass),
         by_substeps("gravity", gravities, hanging::gravity),
-        by_substeps(
-            "strip_grid",
-            list(along, &[9.0, 33.0, 129.0], &rows),
-            hanging::strip_grid,
-        ),
-        sweep(
-            "needle",
-            list(along, &[3.0, 17.0, 65.0, 257.0], &long),
-            list("width [mm]", &[1.0, 30.0, 1000.0], &widths),
-            hanging::needle,
-        ),
-        by_substeps(
-            "damping",
-            zero_and(decades("damping [1/s]", 0, 12, 4)),
-            free::damping,
-        ),
+        by_substeps("strip_grid", rows, hanging::strip_grid),
+        sweep("needle", needles, widths, hanging::needle),
+        by_substeps("damping", dampings, free::damping),
         by_substeps("start", labels("start", &free::STARTS), free::start),
-        by_substeps(
-            "overlap",
-            list("depth at the start [mm]", &[0.1, 5.0, 90.0], &depths),
-            lying::overlap,
-        ),
-        by_substeps(
-            "pressure",
-            decades("pressure [N/mm²]", -6, 0, 2),
-            lying::pressure,
-        ),
+        by_substeps("overlap", depths, lying::overlap),
+        by_substeps("pressure", pressures, lying::pressure),
         by_substeps("impact", speeds(), lying::impact),
         by_substeps("uncapped_impact", speeds(), lying::uncapped_impact),
-        by_substeps(
-            "sheet_grid",
-            list("vertices a side", &[9.0, 33.0], &rows),
-            lying::sheet_grid,
-        ),
-        sweep(
-            "sliver",
-            labels("facet", &lying::SLIVERS),
-            facets,
-            lying::sliver,
-        ),
-        sweep(
-            "friction",
-            list("slope [degrees]", &[0.0, 10.0, 25.0, 40.0, 60.0], &slopes),
-            frictions(),
-            lying::friction,
-        ),
+        by_substeps("sheet_grid", sides, lying::sheet_grid),
+        sweep("sliver", slivers, facets, lying::sliver),
+        sweep("friction", slopes, frictions(), lying::friction),
         by_substeps("friction_step", frictions(), lying::friction_step),
     ]
 }

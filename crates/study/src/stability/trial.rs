@@ -3,16 +3,14 @@
 use crate::cloth::Piece;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::Vec3;
-use drape_cloth::sim::{
-    Backend, Bending, Control, Cpu, PhysicsConfig, Precision, Snapshot, Solver,
-};
+use drape_cloth::sim::{Backend, Bending, Control, Cpu, PhysicsConfig};
+use drape_cloth::sim::{Precision, Snapshot, Solver};
 
 /// Largest error that counts as converged: one per cent of the sheet's size.
 pub const THRESHOLD: f64 = 0.01;
 
-/// Frame where no other is asked for [s], and its substeps.
+/// Frame where no other is asked for [s].
 pub const FRAME: f64 = 1.0 / 60.0;
-pub const SUBSTEPS: f64 = 20.0;
 
 /// How a cell ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,44 +59,37 @@ impl Knobs {
     }
 }
 
-/// Why a cell cannot be simulated at all: what a user would be told.
-pub type Refusal = Box<dyn std::error::Error + Send + Sync>;
-
-/// A trial, unless it is refused.
-pub type Tried = Result<Trial, Refusal>;
-
-/// Error of a final state over the size of the sheet [-].
-type Judge = Box<dyn Fn(&Lamina, &Snapshot) -> f64>;
+/// A trial, unless it cannot be simulated at all: the error is what a user would be told.
+pub type Tried = Result<Trial, Box<dyn std::error::Error + Send + Sync>>;
 
 /// A simulation with a known answer.
 pub struct Trial {
     piece: Piece,
-    knobs: Knobs,
-    frames: usize,
-    judge: Judge,
+    /// At least so long [s].
+    seconds: f64,
+    /// Error of the final state over the size of the sheet [-].
+    judge: Box<dyn Fn(&Lamina, &Snapshot) -> f64>,
 }
 
 impl Trial {
-    /// `piece` for at least `seconds`. Checks the physics as every command does.
+    /// Checks the physics as every command does.
     pub fn new(
-        knobs: &Knobs,
         piece: Piece,
         seconds: f64,
         judge: impl Fn(&Lamina, &Snapshot) -> f64 + 'static,
     ) -> Tried {
         piece.physics.check()?;
+        let judge = Box::new(judge);
         Ok(Self {
             piece,
-            knobs: *knobs,
-            frames: knobs.frames(seconds),
-            judge: Box::new(judge),
+            seconds,
+            judge,
         })
     }
 
-    /// Simulates and judges: the outcome, and the error at the end over the size of the sheet [-] if
-    /// it came to that.
-    pub fn run(&self, precision: Precision) -> (Outcome, Option<f64>) {
-        let Self { piece, knobs, .. } = self;
+    /// Simulates and judges: the outcome, and the error if it came to that.
+    pub fn run(&self, knobs: &Knobs, precision: Precision) -> (Outcome, Option<f64>) {
+        let piece = &self.piece;
         let mut cloth = Cpu::new(&piece.world(knobs.solver), 1, precision);
         cloth.load(0, &piece.start);
         let control = Control {
@@ -108,7 +99,7 @@ impl Trial {
             sweeps: 1,
         };
         let mut state = piece.start.clone();
-        for _ in 0..self.frames {
+        for _ in 0..knobs.frames(self.seconds) {
             cloth.step(&control, &[]);
             if !cloth.finite()[0] {
                 return (Outcome::Diverged, None);

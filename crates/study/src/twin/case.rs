@@ -4,17 +4,14 @@ use std::sync::Arc;
 
 use cpu_time::{ProcessTime, ThreadTime};
 
-use super::fall::{ACCELERATION, fallen, twin_config, unfallen};
+use super::fall::{ACCELERATION, fallen, press_config, twin_config, unfallen};
 use crate::points::{apart_mm, coarser, distance, same_points};
-use crate::presses::{self, Positions};
+use crate::presses::{Positions, pushed};
 use crate::study::StudyError;
-use drape_cloth::math::{Purpose, Stream};
-use drape_cloth::scene::{Scene, surplus};
-use drape_cloth::twin::{Energies, PressConfig, TwinConfig};
-use drape_task::env::{Draping, EnvConfig};
-
-/// How far a start is pushed [m]: far less than half the time step moves it.
-const PUSH: f64 = 1e-6;
+use drape_cloth::scene::Scene;
+use drape_cloth::sim::Snapshot;
+use drape_cloth::twin::{Energies, Hold, TwinConfig};
+use drape_task::env::{Draping, EnvConfig, Region};
 
 /// A scene, a region with its stencil, and the vertices to press.
 pub struct PaperCase {
@@ -22,9 +19,8 @@ pub struct PaperCase {
     /// CPU time of the fast solver's fall [s].
     pub fall_cpu_s: f64,
     pub env: EnvConfig,
+    pub region: Region,
     pub sequence: Vec<u32>,
-    /// How the twin's roller presses.
-    pub press: PressConfig,
 }
 
 /// One model's run of the case.
@@ -34,16 +30,12 @@ pub struct Ran {
     /// CPU time of the fall and of all presses [s].
     pub fall_cpu_s: f64,
     pub press_cpu_s: f64,
-    /// Summed distance of the region to the tool before the first press and after the last [m].
-    pub region_m: [f64; 2],
-    /// Mean surplus of its yarns then [m].
-    pub surplus_m: [f64; 2],
-    /// Vertices of the region that are held on the tool.
-    pub draped: usize,
+    /// Vertices that are held on the tool.
+    pub draped: Vec<u32>,
     /// Largest stable step before the presses [s]; for the fast solver its substep there.
     pub time_step_s: f64,
-    /// Root mean square speed before the presses and after them [mm/s].
-    pub v_rms_mm_s: [f64; 2],
+    /// Root mean square speed before the presses and after them [m/s].
+    pub v_rms: [f64; 2],
     /// Of the twin, after the fall and after the presses, from the start of the fall.
     pub energy: Option<[Energies; 2]>,
     /// Positions before the presses and after them [m].
@@ -58,6 +50,11 @@ impl Ran {
 }
 
 impl PaperCase {
+    /// Summed distance of the region to the tool [m].
+    pub fn distance_m(&self, positions: &Positions) -> f64 {
+        distance(&self.scene.tool, self.region.vertices.ones(), positions)
+    }
+
     /// Fast solver, twin and accelerated twin, in this order; the twins on a thread each.
     /// `progress` is told the share of the twin's presses that are done, 0..=1.
     ///
@@ -68,8 +65,8 @@ impl PaperCase {
         let accelerated = baseline.accelerated(ACCELERATION);
         let fast = self.fast()?;
         let (twin, accelerated) = std::thread::scope(|scope| {
-            let other = scope.spawn(|| self.twin("accelerated", &accelerated, 0.0, |_| ()));
-            let twin = self.twin("twin", &baseline, 0.0, progress);
+            let other = scope.spawn(|| self.twin("accelerated", &accelerated, false, |_| ()));
+            let twin = self.twin("twin", &baseline, false, progress);
             (twin, other.join().expect("the twin does not panic"))
         });
         Ok([fast, twin?, accelerated?])
@@ -87,67 +84,53 @@ impl PaperCase {
             name: "fast",
             fall_cpu_s: self.fall_cpu_s,
             press_cpu_s,
-            region_m: [0, 1].map(|k| env.region_distance(&ends[k])),
-            surplus_m: [0, 1].map(|k| env.region_surplus(&ends[k])),
-            draped: env.draped(0).intersection(&env.region().vertices).count(),
+            draped: env.draped(0).ones().map(|v| v as u32).collect(),
             time_step_s: 1.0 / self.env.stepping().substep_rate,
-            v_rms_mm_s: [0, 1].map(|k| 1e3 * ends[k].v_rms()),
+            v_rms: ends.each_ref().map(Snapshot::v_rms),
             energy: None,
             ends: ends.map(|state| state.position),
         })
     }
 
-    /// Fall and presses of the twin, between which every free vertex is pushed, normally
-    /// distributed with `push` [m].
+    /// Fall and presses of the twin; the latter from a start that [`is_pushed`](pushed) or not.
     fn twin(
         &self,
         name: &'static str,
         config: &TwinConfig,
-        push: f64,
+        is_pushed: bool,
         mut progress: impl FnMut(f64),
     ) -> Result<Ran, StudyError> {
         let scene = &self.scene;
-        let region = self.env.region(&scene.lamina)?.vertices;
         let start = ThreadTime::now();
         let mut twin = fallen(scene, config)?;
         let fall_cpu_s = start.elapsed().as_secs_f64();
-        if push > 0.0 {
-            let mut pushed = twin.positions();
-            let mut stream = Stream::new(1, Purpose::Evaluation, 0);
-            presses::push(scene, &mut pushed, push, &mut stream);
-            twin.set_positions(&pushed);
+        if is_pushed {
+            twin.set_positions(&pushed(scene, twin.positions(), 0));
         }
         let initial = twin.positions();
         let (energy, speed) = (twin.energies(), twin.speed());
         let time_step_s = twin.stable_time_step();
 
         let start = ThreadTime::now();
+        let press = press_config(&self.env, Hold::Pressure);
         let presses = (&*self.sequence, 1e-3 * self.env.stencil_mm);
         let mut done = 0.0;
-        let ended = twin.replay(&scene.lamina, &scene.tool, &self.press, presses, |_| {
+        let ended = twin.replay(&scene.lamina, &scene.tool, &press, presses, |_| {
             done += 1.0;
             progress(done / self.sequence.len() as f64);
         });
-        if let Some(source) = ended.diverged {
-            return Err(StudyError::Diverged { name, source });
+        if let Some(error) = ended.diverged {
+            return Err(StudyError::Named(name, error.into()));
         }
-        let press_cpu_s = start.elapsed().as_secs_f64();
-        let ends = [initial, twin.positions()];
-        let in_region = ended
-            .draped
-            .iter()
-            .filter(|&&v| region.contains(v as usize));
         Ok(Ran {
             name,
             fall_cpu_s,
-            press_cpu_s,
-            region_m: [0, 1].map(|k| distance(&scene.tool, region.ones(), &ends[k])),
-            surplus_m: [0, 1].map(|k| surplus(&scene.lamina, &scene.tool, &ends[k], &region)),
-            draped: in_region.count(),
+            press_cpu_s: start.elapsed().as_secs_f64(),
+            draped: ended.draped,
             time_step_s,
-            v_rms_mm_s: [speed, twin.speed()].map(|speed| 1e3 * speed),
+            v_rms: [speed, twin.speed()],
             energy: Some([energy, twin.energies()]),
-            ends,
+            ends: [initial, twin.positions()],
         })
     }
 
@@ -164,8 +147,8 @@ impl PaperCase {
             ..config.clone()
         };
         std::thread::scope(|scope| {
-            let half = scope.spawn(|| self.twin("half step", &finer, 0.0, |_| ()));
-            let pushed = scope.spawn(|| self.twin("pushed start", &config, PUSH, |_| ()));
+            let half = scope.spawn(|| self.twin("half step", &finer, false, |_| ()));
+            let pushed = scope.spawn(|| self.twin("pushed start", &config, true, |_| ()));
             let coarse = self.coarser_fall(twin);
             let mut found = Vec::new();
             for ran in [half, pushed] {
@@ -179,7 +162,7 @@ impl PaperCase {
                     initial_mm: apart_mm(&ran.ends[0], &twin.ends[0], &all),
                     initial_m: [fallen(&ran), fallen(twin)],
                     draped_mm: Some(apart_mm(&ran.ends[1], &twin.ends[1], &all)),
-                    left_m: Some([ran.region_m[1], twin.region_m[1]]),
+                    left_m: Some([&ran, twin].map(|ran| self.distance_m(&ran.ends[1]))),
                 });
             }
             found.extend(coarse?);
@@ -215,7 +198,6 @@ impl PaperCase {
 }
 
 /// How far a variant of the twin ends from the twin, between the same material points.
-#[derive(Clone, Debug)]
 pub struct SelfComparison {
     pub name: &'static str,
     /// Of the variant's mesh.

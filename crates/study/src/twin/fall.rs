@@ -5,7 +5,7 @@ use crate::verify::solve::twin_physics;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::{Scene, SceneConfig, SceneError, hung};
 use drape_cloth::sim::{Bending, SelfCollision};
-use drape_cloth::twin::{Hold, PressConfig, Twin, TwinConfig};
+use drape_cloth::twin::{Diverged, Hold, PressConfig, Twin, TwinConfig};
 use drape_task::env::EnvConfig;
 
 /// Inertia over mass of the paper's accelerated variant: 8.15 h become 40.2 min.
@@ -72,8 +72,7 @@ pub fn fallen(scene: &Scene, config: &TwinConfig) -> Result<Twin, StudyError> {
     for v in start.fixed.ones() {
         twin.drive(v as u32, start.velocity[v]);
     }
-    let name = "the twin's fall";
-    let diverged = |source| StudyError::Diverged { name, source };
+    let diverged = |error: Diverged| StudyError::Named("the twin's fall", error.into());
     let tool = Some(&*scene.tool);
     twin.advance(tool, fall_s).map_err(diverged)?;
     for v in start.fixed.ones() {

@@ -10,13 +10,8 @@ use drape_cloth::twin::{Twin, TwinConfig};
 /// Who is asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
-    /// The fast solver.
-    Fast {
-        /// How it keeps lengths.
-        solver: Solver,
-        /// How finely it steps.
-        preset: Accuracy,
-    },
+    /// The fast solver: how it keeps lengths, and how finely it steps.
+    Fast { solver: Solver, preset: Accuracy },
     /// The finite-element twin.
     Twin,
 }
@@ -58,12 +53,16 @@ impl Subject {
         }
     }
 
-    /// The fast solver, where this is one.
-    pub fn fast(&self) -> Option<Fast> {
-        match *self {
-            Self::Fast { solver, preset } => Some(Fast::at(solver, preset)),
-            Self::Twin => None,
-        }
+    pub(super) fn solver(&self) -> Box<dyn Solve> {
+        let Self::Fast { solver, preset } = *self else {
+            return Box::new(Reference);
+        };
+        let stepping = preset.stepping();
+        Box::new(Fast {
+            solver,
+            substep: 1.0 / stepping.substep_rate,
+            contact_interval: stepping.control(1.0).contact_interval,
+        })
     }
 }
 
@@ -79,6 +78,9 @@ pub trait Solve: Sync {
     /// Force with which cloth at rest pulls at its fixed `vertices` [N]; none of a solver that
     /// does not know it.
     fn pull(&self, piece: &Piece, vertices: &[u32]) -> Option<[f64; 3]>;
+
+    /// The fast solver, where this is one.
+    fn fast(&self) -> Option<&Fast>;
 }
 
 /// The fast solver as it is asked: f64, one environment.
@@ -93,16 +95,6 @@ pub struct Fast {
 }
 
 impl Fast {
-    /// The solver at an accuracy.
-    pub fn at(solver: Solver, accuracy: Accuracy) -> Self {
-        let stepping = accuracy.stepping();
-        Self {
-            solver,
-            substep: 1.0 / stepping.substep_rate,
-            contact_interval: stepping.control(1.0).contact_interval,
-        }
-    }
-
     fn substeps(&self, seconds: f64) -> usize {
         (seconds / self.substep).round().max(1.0) as usize
     }
@@ -153,6 +145,10 @@ impl Solve for Fast {
     /// It knows the tension of yarns, but not what else holds a vertex.
     fn pull(&self, _: &Piece, _: &[u32]) -> Option<[f64; 3]> {
         None
+    }
+
+    fn fast(&self) -> Option<&Fast> {
+        Some(self)
     }
 }
 
@@ -223,5 +219,9 @@ impl Solve for Reference {
 
     fn pull(&self, piece: &Piece, vertices: &[u32]) -> Option<[f64; 3]> {
         Some(Self::twin(piece).pull(vertices))
+    }
+
+    fn fast(&self) -> Option<&Fast> {
+        None
     }
 }
