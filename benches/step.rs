@@ -1,5 +1,5 @@
 //! The variants of `drape bench` under criterion, which keeps results and compares with them:
-//! every solver on every backend, every feature, looking up distances, and a step of the
+//! every solver on every device, every feature, looking up distances, and a step of the
 //! draping task. Results depend on the machine; compare within one.
 
 use std::hint::black_box;
@@ -16,19 +16,19 @@ use drape_study::bench::{
 
 /// A control step; an element is a substep of one environment.
 fn step(criterion: &mut Criterion, scene: &Scene) {
-    let best = Device::Group(Isa::best());
-    let core = variants().into_iter().map(|(solver, backend)| {
+    let best = Device::group(Isa::best());
+    let core = variants().into_iter().map(|(solver, device)| {
         let physics = PhysicsConfig {
             solver,
             ..PhysicsConfig::default()
         };
-        ("core", format!("{solver:?} {backend:?}"), physics, backend)
+        ("core", format!("{solver:?} {device:?}"), physics, device)
     });
     let features = FEATURES.map(|change| ("feature", change.into(), physics(change), best));
-    for (group, name, physics, backend) in core.chain(features) {
+    for (group, name, physics, device) in core.chain(features) {
         let mut group = criterion.benchmark_group(group);
         group.sample_size(10);
-        let mut case = Timed::new(scene, &scene.lamina, &physics, backend);
+        let mut case = Timed::new(scene, &scene.lamina, &physics, device);
         case.start(scene);
         group.throughput(Throughput::Elements(
             (case.lanes() * CONTROL.substeps) as u64,

@@ -13,13 +13,12 @@ use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 use crate::study::{CORNER, Context, Report, Study, StudyError};
 use crate::table::Table;
-use crate::verify::solver_name;
+use crate::verify::{SOLVERS, precision_name, solver_name};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
-use drape_cloth::sim::{
-    Backend as _, Control, Cpu, Model, PhysicsConfig, Precision, Solver, World,
-};
+use drape_cloth::sim::{Backend as _, Control, Cpu, Model, PhysicsConfig};
+use drape_cloth::sim::{Precision, Solver, World};
 use drape_task::env::{Draping, EnvConfig, Tasks};
 
 /// Measure the speed of the simulation on this machine
@@ -86,52 +85,47 @@ impl Study for Bench {
         };
         let scene = Arc::new(standard_scene(told(0.0, 0.1, "falling")));
 
-        let mut cases = variants()
-            .into_iter()
-            .map(|(solver, backend)| {
-                let physics = PhysicsConfig {
-                    solver,
-                    ..PhysicsConfig::default()
-                };
-                Timed::new(&scene, &scene.lamina, &physics, backend)
-            })
-            .collect::<Vec<_>>();
-        let told_core = told(0.1, 0.4, "solvers");
-        let times = sample(repeats, &mut cases, told_core, |case| {
-            case.time(&scene, steps)
+        let time = |case: &mut Timed| case.time(&scene, steps);
+        let on_sheet = |physics, device| Timed::new(&scene, &scene.lamina, &physics, device);
+        let cases = variants().into_iter().map(|(solver, device)| {
+            let physics = PhysicsConfig {
+                solver,
+                ..PhysicsConfig::default()
+            };
+            ((solver, device), on_sheet(physics, device))
         });
-        let core: Vec<_> = variants().into_iter().zip(times).collect();
+        let core = sample(repeats, cases, told(0.1, 0.4, "solvers"), time);
 
-        let best = Device::Group(Isa::best());
-        let on_sheet = |change: &str| Timed::new(&scene, &scene.lamina, &physics(change), best);
-        let names = ["default", "shear and bending off", "nothing there for them"];
-        let mut cases = vec![on_sheet(""), on_sheet(UNLISTED), absent(&scene, best)];
-        cases.extend(FEATURES.map(on_sheet));
-        let told_features = told(0.4, 0.8, "features");
-        let times = sample(repeats, &mut cases, told_features, |case| {
-            case.time(&scene, steps)
-        });
-        let default = times[0].clone();
-        let features: Vec<_> = names.into_iter().chain(FEATURES).zip(times).collect();
+        let best = Device::group(Isa::best());
+        let changed = |name, change| (name, on_sheet(physics(change), best));
+        let first = [
+            changed("default", ""),
+            changed("shear and bending off", UNLISTED),
+            ("nothing there for them", absent(&scene, best)),
+        ];
+        let cases = first
+            .into_iter()
+            .chain(FEATURES.map(|key| changed(key, key)));
+        let features = sample(repeats, cases, told(0.4, 0.8, "features"), time);
+        let default = &features[0].1;
 
         let mut players = Vec::new();
         for threads in THREADS {
-            players.push(Player::new(&scene, ENVIRONMENTS, threads)?);
+            players.push((threads, Player::new(&scene, ENVIRONMENTS, threads)?));
         }
         let told_rates = told(0.8, 1.0, "environments");
-        let rates = sample(repeats, &mut players, told_rates, |player| {
+        let rates = sample(repeats, players, told_rates, |player| {
             let start = Instant::now();
             (0..actions).for_each(|_| player.step());
             (actions * ENVIRONMENTS) as f64 / start.elapsed().as_secs_f64()
         });
-        let rates: Vec<_> = THREADS.into_iter().zip(rates).collect();
 
         let title = "CPU time for an environment and substep of the standard sheet";
         let core = Table::of("core", title, &core)
             .text("solver", |((solver, _), _)| solver_name(*solver))
-            .text("isa", |((_, backend), _)| backend.isa())
-            .text("precision", |((_, backend), _)| backend.precision())
-            .text("lanes", |((_, backend), _)| backend.lanes())
+            .text("isa", |((_, on), _)| format!("{:?}", on.isa).to_lowercase())
+            .text("precision", |((_, on), _)| precision_name(on.precision))
+            .text("lanes", |((_, on), _)| on.lanes)
             .number("median", "us", 2, |(_, times)| times.median())
             .number("min", "us", 2, |(_, times)| times.min())
             .end();
@@ -140,18 +134,14 @@ impl Study for Bench {
             .text("physics", |(physics, _)| *physics)
             .number("median", "us", 2, |(_, times)| times.median())
             .number("min", "us", 2, |(_, times)| times.min())
-            .number("difference", "us", 2, |(_, times)| {
-                times.minus(&default).median()
-            })
+            .number("difference", "us", 2, |(_, t)| t.minus(default).median())
             .end();
         let title = format!("{ENVIRONMENTS} environments on a corner of the rib, random presses");
         let alone = rates[0].1.median();
         let throughput = Table::of("throughput", title, &rates)
             .text("threads", |(threads, _)| *threads)
             .number("environment steps", "1/s", 0, |(_, rates)| rates.median())
-            .number("over one thread", "", 2, |(_, rates)| {
-                rates.median() / alone
-            })
+            .number("over one thread", "", 2, |(_, r)| r.median() / alone)
             .end();
         Ok(Report::new([core, features, throughput]))
     }
@@ -182,13 +172,14 @@ impl Samples {
     }
 }
 
-/// Measures all cases in turns.
-fn sample<C>(
+/// Measures all named cases in turns.
+fn sample<N, C>(
     repeats: usize,
-    cases: &mut [C],
+    cases: impl IntoIterator<Item = (N, C)>,
     progress: impl Fn(f64),
-    mut measure: impl FnMut(&mut C) -> f64,
-) -> Vec<Samples> {
+    measure: impl Fn(&mut C) -> f64,
+) -> Vec<(N, Samples)> {
+    let (names, mut cases): (Vec<N>, Vec<C>) = cases.into_iter().unzip();
     let mut samples = vec![Samples::default(); cases.len()];
     for repeat in 0..repeats {
         for (case, samples) in cases.iter_mut().zip(&mut samples) {
@@ -196,66 +187,48 @@ fn sample<C>(
         }
         progress((repeat + 1) as f64 / repeats as f64);
     }
-    samples
+    names.into_iter().zip(samples).collect()
 }
 
-/// What computes the environments.
+/// What computes environments: so many together, in a precision, on an instruction set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Device {
-    /// One environment in f64, as scenes are set up.
-    AloneF64,
-    /// One environment in f32, as sequences are evaluated.
-    AloneF32,
-    /// As many environments as an instruction set has lanes, as training steps them.
-    Group(Isa),
+pub struct Device {
+    lanes: usize,
+    precision: Precision,
+    isa: Isa,
 }
 
 impl Device {
-    /// All that this processor can run, widest last.
-    pub fn all() -> Vec<Self> {
-        let groups = Isa::available().into_iter().map(Self::Group);
-        let alone = [Self::AloneF64, Self::AloneF32];
+    /// As many environments as an instruction set has lanes, as training steps them.
+    pub fn group(isa: Isa) -> Self {
+        Self {
+            lanes: isa.lanes(),
+            precision: Precision::F32,
+            isa,
+        }
+    }
+
+    /// All that this processor can run, widest last. One environment alone, in f64 as scenes are
+    /// set up and in f32 as sequences are evaluated, has its lines in the widest lanes.
+    fn all() -> Vec<Self> {
+        let alone = [Precision::F64, Precision::F32].map(|precision| Self {
+            lanes: 1,
+            precision,
+            isa: Isa::best(),
+        });
+        let groups = Isa::available().into_iter().map(Self::group);
         alone.into_iter().chain(groups).collect()
-    }
-
-    fn cloth(self, world: &World) -> Cpu {
-        match self {
-            Self::AloneF64 => Cpu::new(world, 1, Precision::F64),
-            Self::AloneF32 => Cpu::new(world, 1, Precision::F32),
-            Self::Group(isa) => Cpu::on(world, isa.lanes(), Precision::F32, isa),
-        }
-    }
-
-    /// Number of environments.
-    fn lanes(self) -> usize {
-        match self {
-            Self::AloneF64 | Self::AloneF32 => 1,
-            Self::Group(isa) => isa.lanes(),
-        }
-    }
-
-    /// One environment has its lines in the widest lanes, as far as its solver works along lines.
-    fn isa(self) -> String {
-        let isa = match self {
-            Self::AloneF64 | Self::AloneF32 => Isa::best(),
-            Self::Group(isa) => isa,
-        };
-        format!("{isa:?}").to_lowercase()
-    }
-
-    fn precision(self) -> &'static str {
-        match self {
-            Self::AloneF64 => "f64",
-            Self::AloneF32 | Self::Group(_) => "f32",
-        }
     }
 }
 
-/// Every solver on every backend: the rows of the table `core`.
+/// Every solver on every device: the rows of the table `core`.
 pub fn variants() -> Vec<(Solver, Device)> {
-    let of = |solver| Device::all().into_iter().map(move |b| (solver, b));
-    let solvers = [Solver::Yarn, Solver::GaussSeidel];
-    solvers.into_iter().flat_map(of).collect()
+    let of = |solver| {
+        Device::all()
+            .into_iter()
+            .map(move |device| (solver, device))
+    };
+    SOLVERS.into_iter().flat_map(of).collect()
 }
 
 /// The default physics with the lines of a scene file's `[physics]` in `change`.
@@ -269,20 +242,20 @@ pub fn standard_scene(progress: impl FnMut(f64)) -> Scene {
 }
 
 /// A sheet on which shear and bending are listed and find nothing to do.
-fn absent(scene: &Scene, backend: Device) -> Timed {
+fn absent(scene: &Scene, device: Device) -> Timed {
     let mut lamina = Lamina::clone(&scene.lamina);
     lamina.diagonals.clear();
-    Timed::new(scene, &lamina, &physics(ABSENT), backend)
+    Timed::new(scene, &lamina, &physics(ABSENT), device)
 }
 
 /// Environments on the sheet of a scene, to be timed.
 pub struct Timed(Cpu);
 
 impl Timed {
-    /// `lamina` under `physics` on `backend`, over the tool of `scene`.
-    pub fn new(scene: &Scene, lamina: &Lamina, physics: &PhysicsConfig, backend: Device) -> Self {
+    /// `lamina` under `physics` on `on`, over the tool of `scene`.
+    pub fn new(scene: &Scene, lamina: &Lamina, physics: &PhysicsConfig, on: Device) -> Self {
         let world = World::new(Model::new(lamina, physics), scene.tool.clone());
-        Self(backend.cloth(&world))
+        Self(Cpu::on(&world, on.lanes, on.precision, on.isa))
     }
 
     /// Puts every environment into the settled state of `scene`, and steps once: then memory is
