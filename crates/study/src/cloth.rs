@@ -53,13 +53,13 @@ impl Piece {
     }
 }
 
-/// Yarns and gravity only, without any damping.
-pub fn yarns_alone() -> PhysicsConfig {
+/// Yarns, gravity and `damping` [1/s] only.
+pub fn yarns_alone(damping: f64) -> PhysicsConfig {
     PhysicsConfig {
         bending: Bending::Off,
         shear: false,
         friction: false,
-        damping: 0.0,
+        damping,
         speed_cap: 0.0,
         ..PhysicsConfig::default()
     }
@@ -188,8 +188,7 @@ pub fn clamped(strip: Lamina, edge: f64, stiffness: f64, damping: f64) -> Piece 
     let physics = PhysicsConfig {
         bending: Bending::Yarns,
         bending_stiffness: BendingStiffness::NewtonMetre(stiffness),
-        damping,
-        ..yarns_alone()
+        ..yarns_alone(damping)
     };
     Piece::new(strip, physics, start)
 }

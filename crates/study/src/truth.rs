@@ -1,5 +1,21 @@
 //! Closed forms. None of this knows the simulator.
 
+/// The bracket of where `is_below` stops to hold, halved so often.
+pub fn halved(
+    [mut low, mut high]: [f64; 2],
+    times: usize,
+    is_below: impl Fn(f64) -> bool,
+) -> [f64; 2] {
+    for _ in 0..times {
+        let middle = 0.5 * (low + high);
+        match is_below(middle) {
+            true => low = middle,
+            false => high = middle,
+        }
+    }
+    [low, high]
+}
+
 /// Lengths [m] from the fixed end of a hanging chain to each of its vertices, that end first.
 ///
 /// Edges of length `edge` and compliance `compliance` [m/N] carry the weight of all vertices
@@ -21,16 +37,8 @@ pub fn hanging(mass: &[f64], edge: f64, compliance: f64, gravity: f64) -> Vec<f6
 /// middle: along the span, and above the lowest point.
 pub fn catenary(span: f64, length: f64, s: f64) -> [f64; 2] {
     // length = 2 a sinh(span / 2 a); its right side falls with a.
-    let (mut low, mut high) = (0.05 * span, 100.0 * span);
-    for _ in 0..200 {
-        let a = 0.5 * (low + high);
-        if 2.0 * a * (span / (2.0 * a)).sinh() > length {
-            low = a;
-        } else {
-            high = a;
-        }
-    }
-    let a = low;
+    let is_long = |a: f64| 2.0 * a * (span / (2.0 * a)).sinh() > length;
+    let [a, _] = halved([0.05 * span, 100.0 * span], 200, is_long);
     [a * (s / a).asinh(), a.hypot(s) - a]
 }
 
@@ -41,19 +49,12 @@ const ELASTICA_STEPS: usize = 4000;
 /// i / `ELASTICA_STEPS` from the clamp. `gamma` = w L^3 / D, at most 1e4.
 ///
 /// phi is the angle to the vertical and u the arc length from the tip: phi'' = gamma u sin
-/// phi, phi'(0) = 0, phi(1) = pi / 2. From the tip phi only grows, so that its value there can
-/// be bisected; its logarithm is, because with growing gamma it falls like exp(-2/3 sqrt
-/// gamma).
+/// phi, phi'(0) = 0, phi(1) = pi / 2. From the tip phi only grows: the logarithm of its value
+/// there is bisected, which falls like exp(-2/3 sqrt gamma).
 pub fn elastica(gamma: f64) -> Vec<[f64; 2]> {
     let right = std::f64::consts::FRAC_PI_2;
-    let (mut low, mut high) = (-200.0f64, right.ln());
-    for _ in 0..100 {
-        let middle = 0.5 * (low + high);
-        match angles(gamma, middle.exp()).last() {
-            Some(&phi) if phi < right => low = middle,
-            _ => high = middle,
-        }
-    }
+    let is_short = |tip: f64| angles(gamma, tip.exp())[ELASTICA_STEPS] < right;
+    let [low, _] = halved([-200.0, right.ln()], 100, is_short);
     let mut phi = angles(gamma, low.exp());
     phi.reverse();
     let step = 1.0 / ELASTICA_STEPS as f64;

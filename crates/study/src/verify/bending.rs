@@ -18,7 +18,6 @@ pub const ELASTICA: [[f64; 3]; 7] = [
 ];
 
 /// A heavy strip that is clamped level.
-#[derive(Clone, Copy, Debug)]
 pub struct Cantilever {
     pub family: Family,
     /// Bending stiffness per width [N m].
@@ -29,10 +28,9 @@ pub struct Cantilever {
     pub edges: usize,
 }
 
-/// Where a cantilever comes to rest.
-#[derive(Clone, Copy, Debug)]
+/// Where a cantilever comes to rest: drop and reach of the tip over the length, and how fast it
+/// still is [m/s].
 pub struct Bent {
-    /// Drop and reach of the tip over the length.
     pub tip: [f64; 2],
     pub v_rms: f64,
 }
@@ -79,14 +77,7 @@ impl Cantilever {
 /// Bending stiffness [N m] that a strip of `length` [m] shows by the drop of its tip: that of the
 /// elastica which sinks as far.
 pub fn stiffness_shown(drop: f64, length: f64) -> f64 {
-    let (mut low, mut high) = (1e-3f64.ln(), 1e4f64.ln());
-    for _ in 0..40 {
-        let middle = 0.5 * (low + high);
-        if truth::along(&truth::elastica(middle.exp()), 1.0)[1] < drop {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
+    let falls_short = |gamma: f64| truth::along(&truth::elastica(gamma.exp()), 1.0)[1] < drop;
+    let [low, _] = truth::halved([1e-3f64.ln(), 1e4f64.ln()], 40, falls_short);
     AREAL_MASS * GRAVITY * length.powi(3) / low.exp()
 }

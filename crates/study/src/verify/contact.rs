@@ -7,27 +7,18 @@ use crate::cloth::{
     AREAL_MASS, GRAVITY, Piece, clamped, evened, mean_at, on_slope, placed, rubbing, section,
     sheet, slid, strip, tool, yarns_alone,
 };
+use crate::truth::halved;
 use drape_cloth::fabric::Family;
 use drape_cloth::sim::{Bending, PhysicsConfig};
 use drape_cloth::tool::{Cylinder, Pose, Shape, Tool};
 
-/// Halvings of the bracket within which a threshold is searched.
-const HALVINGS: usize = 9;
-
-/// The largest value for which `holds` says yes, from a `bracket` whose lower end should hold and
+/// The largest value for which `holds` says yes, from a bracket whose lower end should hold and
 /// whose upper end should not; NaN where one of them is not as it should.
-fn threshold([mut low, mut high]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
+fn threshold([low, high]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
     if !holds(low) || holds(high) {
         return f64::NAN;
     }
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (low + high);
-        if holds(middle) {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
+    let [low, high] = halved([low, high], 9, holds);
     0.5 * (low + high)
 }
 
@@ -38,7 +29,7 @@ pub fn slip_angle(solver: &dyn Solve, mu: f64) -> f64 {
         friction: true,
         shear: true,
         bending: Bending::Yarns,
-        ..yarns_alone()
+        ..yarns_alone(0.0)
     };
     threshold([0.9 * expected, 1.1 * expected], |angle| {
         let sheet = sheet([0.1, 0.08], [6, 5], rubbing([mu; 2]));
@@ -48,7 +39,6 @@ pub fn slip_angle(solver: &dyn Solve, mu: f64) -> f64 {
 }
 
 /// A strip round a frictional half cylinder with a load on either end.
-#[derive(Clone, Copy, Debug)]
 pub struct Rope {
     pub mu: f64,
     /// Edges on the half cylinder.
@@ -103,8 +93,7 @@ impl Rope {
         let upper = self.load + hangs;
         let lower = ratio * (upper + correction) + correction;
         // The end rows bear what their own weight is short of.
-        let rows = [(0, upper - hangs), (count, lower - hangs)];
-        for (k, load) in rows {
+        for (k, load) in [(0, upper - hangs), (count, lower - hangs)] {
             for v in section(&strip, k) {
                 strip.mass[v] += 0.5 * load * weight;
             }
@@ -121,8 +110,7 @@ impl Rope {
         });
         let physics = PhysicsConfig {
             friction: true,
-            damping: 20.0,
-            ..yarns_alone()
+            ..yarns_alone(20.0)
         };
         let mut piece = Piece::new(strip, physics, start).on(&DRUM_TOOL);
         let mut crown = || {
@@ -141,8 +129,8 @@ pub const LIFT_OFF: [(f64, f64, [f64; 2]); 2] = [
     (5.0, 56.538, [1.18984, -0.39390]),
 ];
 
-/// Where a strip leaves a cylinder [degrees], and its tip from the axis over the radius.
-#[derive(Clone, Copy, Debug)]
+/// Where a strip leaves a cylinder [degrees], its tip from the axis over the radius, and its speed
+/// then [m/s].
 pub struct LiftOff {
     pub angle: f64,
     pub tip: [f64; 2],

@@ -87,8 +87,7 @@ pub fn wrap(solver: &dyn Solve, edges: usize) -> Vec<[f64; 2]> {
         // What touches the tool stays on it.
         adhesion: 1.0,
         gravity: 10.0 * GRAVITY,
-        damping: 50.0,
-        ..yarns_alone()
+        ..yarns_alone(50.0)
     };
     let piece = Piece::new(lamina, physics, start).on(&DOME);
     let end = solver.settle(&piece, [1e-5, 2.5]);

@@ -16,10 +16,7 @@ pub const UNIAXIAL: [(Family, f64, f64); 4] = [
     (Family::Weft, 0.025, 21_000.0),
 ];
 
-/// Edges and length [m] of the strip that is pulled.
-const PULLED: (usize, f64) = (10, 0.1);
-
-/// Mean strain of `strip` that hangs by its upper end.
+/// Mean strain of `strip`, of so many edges and `length` [m], that hangs by its upper end.
 fn hanging_strain(
     solver: &dyn Solve,
     strip: Lamina,
@@ -34,8 +31,8 @@ fn hanging_strain(
 }
 
 /// Mean strain of a strip that hangs with `force` per width [N/m] at its lower end.
-pub fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
-    let (edges, length) = PULLED;
+fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
+    let (edges, length) = (10, 0.1);
     let mut strip = evened(strip(family, length, edges));
     let width = length / edges as f64;
     for v in section(&strip, edges) {
@@ -43,10 +40,9 @@ pub fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
     }
     let physics = PhysicsConfig {
         tension: Tension::Material,
-        damping: 200.0,
-        ..yarns_alone()
+        ..yarns_alone(200.0)
     };
-    hanging_strain(solver, strip, PULLED, physics, 1e-8)
+    hanging_strain(solver, strip, (edges, length), physics, 1e-8)
 }
 
 /// Force per width [N/m] that strains a strip by `strain`: the weight that does, searched by
@@ -71,15 +67,11 @@ const CHAIN: (usize, f64) = (64, 0.37);
 
 /// Mean strain of a strip that hangs by its upper end.
 pub fn hanging(solver: &dyn Solve, family: Family) -> f64 {
-    let physics = PhysicsConfig {
-        damping: 20.0,
-        ..yarns_alone()
-    };
     let strip = strip(family, CHAIN.1, CHAIN.0);
-    hanging_strain(solver, strip, CHAIN, physics, 1e-9)
+    hanging_strain(solver, strip, CHAIN, yarns_alone(20.0), 1e-9)
 }
 
-/// What its weight stretches it by, the law's first slope: rho g L / (2 E t).
+/// What its weight strains it by, the law's first slope: rho g L / (2 E t).
 pub fn elastic_stretch(family: Family) -> f64 {
     let material = Material::interglas_92125();
     let modulus = material.yarn(family).tension.modulus();
@@ -108,11 +100,7 @@ pub fn catenary_sag(solver: &dyn Solve, edges: usize) -> f64 {
         [s * span / length, t, -slope * s.min(length - s)]
     });
     fix(&strip, &mut start, &[0, edges]);
-    let physics = PhysicsConfig {
-        damping: 10.0,
-        ..yarns_alone()
-    };
-    let piece = Piece::new(strip, physics, start);
+    let piece = Piece::new(strip, yarns_alone(10.0), start);
     let end = solver.settle(&piece, [1e-7, 4.0]);
     -mean_at(&piece.lamina, &end, edges / 2).z
 }

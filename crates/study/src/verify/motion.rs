@@ -38,7 +38,7 @@ pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
         bending: Bending::Yarns,
         shear: true,
         gravity: 0.0,
-        ..yarns_alone()
+        ..yarns_alone(0.0)
     };
     let seconds = 0.5;
     let piece = Piece::new(lamina, physics, start);
@@ -77,7 +77,7 @@ pub fn oscillation(fast: &Fast, pace: f64) -> [f64; 2] {
     let cell = rigid(cell);
     let physics = PhysicsConfig {
         gravity: 0.0,
-        ..yarns_alone()
+        ..yarns_alone(0.0)
     };
     let start = placed(&cell, |s, t| [(1.0 + 1e-5) * s, t, 0.0]);
     let mut piece = Piece::new(cell, physics, start);

@@ -9,11 +9,20 @@ use drape_cloth::math::Vec3;
 use drape_cloth::sim::{PhysicsConfig, Snapshot};
 
 /// Shear stiffness G h of the test pieces [N/m].
-pub const SHEAR_STIFFNESS: f64 = 17.5;
+const SHEAR_STIFFNESS: f64 = 17.5;
 
 /// The built-in fabric with that stiffness in both directions.
-pub fn fabric() -> Material {
+fn fabric() -> Material {
     shearing(SHEAR_STIFFNESS / Material::interglas_92125().thickness())
+}
+
+/// Weightless yarns that resist shear, with `damping` [1/s].
+fn sheared(damping: f64) -> PhysicsConfig {
+    PhysicsConfig {
+        shear: true,
+        gravity: 0.0,
+        ..yarns_alone(damping)
+    }
 }
 
 /// Moves the fixed vertices evenly to `target` within `seconds`, then waits until all is still.
@@ -34,23 +43,21 @@ fn pull(solver: &dyn Solve, piece: &mut Piece, target: &Snapshot, seconds: f64) 
 /// Angle by which the yarns at a vertex have left the right one [rad]: between the directions to
 /// its neighbours along warp and weft, in the middle of both sides.
 pub fn shear_at(lamina: &Lamina, state: &Snapshot, vertex: u32) -> Option<f64> {
-    let [row, column] = lamina.place(vertex);
-    let direction = |from: Option<u32>, to: Option<u32>| {
-        let [a, b] = [from?, to?].map(|v| Vec3::from(state.position[v as usize]));
-        Some((b - a).normalize())
+    let place = lamina.place(vertex);
+    // Between the neighbours along an axis of the mesh, 1 that of the warps.
+    let direction = |axis: usize| {
+        let at = |k: Option<usize>| {
+            let mut place = place;
+            place[axis] = k?;
+            let [row, column] = place;
+            let is_there = row < lamina.rows && column < lamina.columns;
+            let v = lamina.vertex_at(row, column).filter(|_| is_there)?;
+            Some(Vec3::from(state.position[v as usize]))
+        };
+        let ends = [place[axis].checked_sub(1), Some(place[axis] + 1)].map(at);
+        Some((ends[1]? - ends[0]?).normalize())
     };
-    let at = |row: Option<usize>, column: Option<usize>| {
-        let row = row.filter(|&row| row < lamina.rows)?;
-        lamina.vertex_at(row, column.filter(|&column| column < lamina.columns)?)
-    };
-    let warp = direction(
-        at(Some(row), column.checked_sub(1)),
-        at(Some(row), Some(column + 1)),
-    )?;
-    let weft = direction(
-        at(row.checked_sub(1), Some(column)),
-        at(Some(row + 1), Some(column)),
-    )?;
+    let (warp, weft) = (direction(1)?, direction(0)?);
     Some(FRAC_PI_2 - warp.dot(&weft).clamp(-1.0, 1.0).acos())
 }
 
@@ -74,9 +81,8 @@ pub fn frame_angle(d: f64) -> f64 {
 /// Mean shear [rad] inside a picture frame of `cells` x `cells` that is drawn out to `d` [m].
 pub fn picture_frame(solver: &dyn Solve, d: f64, cells: usize) -> f64 {
     let lamina = sheet([FRAME; 2], [cells + 1; 2], fabric());
-    let half = 0.5 * frame_angle(d);
     // Both families turn towards the first bias direction.
-    let (sin, cos) = half.sin_cos();
+    let (sin, cos) = (0.5 * frame_angle(d)).sin_cos();
     let target = laid(&lamina, |[x, y]| {
         [cos * x + sin * y, sin * x + cos * y, 0.0]
     });
@@ -86,13 +92,7 @@ pub fn picture_frame(solver: &dyn Solve, d: f64, cells: usize) -> f64 {
             start.fixed.insert(v as usize);
         }
     }
-    let physics = PhysicsConfig {
-        shear: true,
-        gravity: 0.0,
-        damping: 50.0,
-        ..yarns_alone()
-    };
-    let mut piece = Piece::new(lamina, physics, start);
+    let mut piece = Piece::new(lamina, sheared(50.0), start);
     pull(solver, &mut piece, &target, 0.5);
     mean_shear(&piece.lamina, &piece.start, |_| true)
 }
@@ -128,7 +128,6 @@ pub fn specimen(cells: usize, turn: f64) -> Lamina {
 }
 
 /// One state of a bias extension.
-#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extension {
     /// By how much the specimen is drawn out [m].
     pub d: f64,
@@ -143,12 +142,6 @@ const RESTS: f64 = 1e-3;
 
 /// Draws `lamina` out by each of `extensions` [m] in turn, ascending.
 pub fn draw_out(solver: &dyn Solve, lamina: Lamina, extensions: &[f64]) -> Vec<Extension> {
-    let physics = PhysicsConfig {
-        shear: true,
-        gravity: 0.0,
-        damping: 400.0,
-        ..yarns_alone()
-    };
     let half = 0.5 * SPECIMEN[0];
     let mut start = laid(&lamina, |[x, y]| [x, y, 0.0]);
     for (v, [x, _]) in lamina.rest.iter().enumerate() {
@@ -156,7 +149,7 @@ pub fn draw_out(solver: &dyn Solve, lamina: Lamina, extensions: &[f64]) -> Vec<E
     }
     let left = |v: &u32| lamina.rest[*v as usize][0] < 1e-9 - half;
     let clamp: Vec<u32> = (0..lamina.vertex_count() as u32).filter(left).collect();
-    let mut piece = Piece::new(lamina, physics, start);
+    let mut piece = Piece::new(lamina, sheared(400.0), start);
     let mut last = 0.0;
     let mut to = |piece: &mut Piece, d: f64| {
         let seconds = 0.02 * (1e3 * (d - last)).max(1.0);

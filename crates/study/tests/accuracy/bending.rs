@@ -95,7 +95,7 @@ fn apparent_stiffness(bending: Bending, direction: f64) -> f64 {
         bending,
         bending_stiffness: BendingStiffness::NewtonMetre(stiffness),
         gravity: 0.0,
-        ..yarns_alone()
+        ..yarns_alone(0.0)
     };
     let h = 1e-7;
     let end = run(&Model::new(&sheet, &physics), &NOWHERE, &state, h, h);

@@ -58,7 +58,7 @@ fn slide(angle: f64, adhesion: f64, solver: Solver, seconds: f64) -> f64 {
         bending: Bending::Yarns,
         adhesion,
         solver,
-        ..yarns_alone()
+        ..yarns_alone(0.0)
     };
     let end = run(
         &Model::new(&sheet, &physics),
@@ -118,7 +118,7 @@ fn drop(adhesion: f64, solver: Solver, h: f64, seconds: f64) -> Vec<f64> {
         gravity: -GRAVITY,
         adhesion,
         solver,
-        ..yarns_alone()
+        ..yarns_alone(0.0)
     };
     let plate = plate.into();
     let end = run(&Model::new(&sheet, &physics), &plate, &state, h, seconds);

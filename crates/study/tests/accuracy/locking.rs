@@ -51,8 +51,7 @@ fn hanging(gamma: f64, gravity: f64) -> Piece {
         shear: true,
         shear_locking: true,
         gravity,
-        damping: 50.0,
-        ..yarns_alone()
+        ..yarns_alone(50.0)
     };
     Piece::new(cell, physics, start)
 }
@@ -110,8 +109,7 @@ fn locked_picture_frame_comes_to_rest() {
                 shear: true,
                 shear_locking: true,
                 gravity: 0.0,
-                damping: 50.0,
-                ..yarns_alone()
+                ..yarns_alone(50.0)
             };
             let world = World::new(Model::new(&sheet, &physics), NOWHERE.clone());
             let stepping = Stepping {
@@ -164,8 +162,7 @@ fn locking_holds_shear_on_a_hemisphere() {
                 shear_locking,
                 adhesion: 1.0,
                 gravity: 10.0 * GRAVITY,
-                damping: 50.0,
-                ..yarns_alone()
+                ..yarns_alone(50.0)
             };
             let piece = Piece::new(sheet.clone(), physics, start.clone()).on(&dome);
             let end = fast(solver, 1.0 / 6000.0).settle(&piece, [1e-5, 2.0]);

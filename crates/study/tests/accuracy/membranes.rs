@@ -56,8 +56,7 @@ fn in_plane(damping: f64) -> PhysicsConfig {
     PhysicsConfig {
         shear: true,
         gravity: 0.0,
-        damping,
-        ..yarns_alone()
+        ..yarns_alone(damping)
     }
 }
 

@@ -156,7 +156,7 @@ fn oscillation_decays_as_implicit_euler() {
         let physics = PhysicsConfig {
             solver,
             gravity: 0.0,
-            ..yarns_alone()
+            ..yarns_alone(0.0)
         };
         let model = Model::new(&cell, &physics);
         let h = 0.5 / omega;
@@ -181,7 +181,7 @@ fn motion_converges_at_first_order_in_the_substep() {
     let strip = strip(Family::Warp, 0.2, 8);
     let mut state = placed(&strip, |s, t| [s, t, 0.0]);
     fix(&strip, &mut state, &[0]);
-    let model = Model::new(&strip, &yarns_alone());
+    let model = Model::new(&strip, &yarns_alone(0.0));
     let tip = |h: f64| mean_at(&strip, &run(&model, &NOWHERE, &state, h, 0.12), 8);
     let truth = tip(1e-3 / 512.0);
     let errors = [1e-3, 5e-4, 2.5e-4, 1.25e-4].map(|h| (tip(h) - truth).norm());

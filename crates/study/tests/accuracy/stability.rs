@@ -202,8 +202,7 @@ fn taut(number: f64, h: f64) -> (f64, f64) {
     let gravity = number * edge / (edges as f64 * h * h);
     let physics = PhysicsConfig {
         gravity,
-        damping: 50.0,
-        ..yarns_alone()
+        ..yarns_alone(50.0)
     };
     let (sin, cos) = 20f64.to_radians().sin_cos();
     let mut state = placed(&strip, |s, t| [t, sin * s, -cos * s]);
@@ -254,8 +253,7 @@ fn yarn_between_ends_too_far_apart_comes_to_rest_straight() {
             fix(&strip, &mut state, &[0, edges]);
             let physics = PhysicsConfig {
                 gravity: 0.0,
-                damping: 50.0,
-                ..yarns_alone()
+                ..yarns_alone(50.0)
             };
             let model = Model::new(&strip, &physics);
             for h in [1.0 / 300.0, 1.0 / 1200.0, 1.0 / 6000.0] {

@@ -35,8 +35,7 @@ fn uniaxial_tension_has_the_stiffness_of_table_2() {
         fix(&strip, &mut state, &[0]);
         let physics = PhysicsConfig {
             gravity: 500.0 * GRAVITY,
-            damping: 50.0,
-            ..yarns_alone()
+            ..yarns_alone(50.0)
         };
         let end = run(&Model::new(&strip, &physics), &NOWHERE, &state, 1e-4, 1.0);
         for k in 1..=16 {
@@ -59,8 +58,7 @@ fn soft(solver: Solver, strain_limit: Option<f64>) -> Vec<f64> {
     let physics = PhysicsConfig {
         solver,
         strain_limit,
-        damping: 20.0,
-        ..yarns_alone()
+        ..yarns_alone(20.0)
     };
     let end = run(&Model::new(&strip, &physics), &NOWHERE, &state, 1e-4, 4.0);
     assert!(end.v_rms() < 1e-6, "still moves at {} m/s", end.v_rms());
@@ -106,7 +104,7 @@ fn standing(strip: Lamina, held: usize) -> (Lamina, Snapshot) {
     let mut state = placed(&strip, |s, t| [t, 0.0, -s]);
     fix(&strip, &mut state, &[held]);
     let end = run(
-        &Model::new(&strip, &yarns_alone()),
+        &Model::new(&strip, &yarns_alone(0.0)),
         &NOWHERE,
         &state,
         1e-3,
@@ -171,8 +169,7 @@ fn sheared_cell_has_the_stiffness_of_its_branch() {
     let physics = PhysicsConfig {
         shear: true,
         gravity: weight,
-        damping: 200.0,
-        ..yarns_alone()
+        ..yarns_alone(200.0)
     };
     let model = Model::new(&cell, &physics);
     let length = |state: &Snapshot, [p, q]: [usize; 2]| {
