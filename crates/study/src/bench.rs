@@ -126,22 +126,22 @@ impl Study for Bench {
             .text("isa", |((_, on), _)| format!("{:?}", on.isa).to_lowercase())
             .text("precision", |((_, on), _)| precision_name(on.precision))
             .text("lanes", |((_, on), _)| on.lanes)
-            .number("median", "us", 2, |(_, times)| times.median())
-            .number("min", "us", 2, |(_, times)| times.min())
+            .number("median [us]", 2, |(_, times)| times.median())
+            .number("min [us]", 2, |(_, times)| times.min())
             .end();
         let title = "The same with one key of [physics] changed, on the widest lanes";
         let features = Table::of("features", title, &features)
             .text("physics", |(physics, _)| *physics)
-            .number("median", "us", 2, |(_, times)| times.median())
-            .number("min", "us", 2, |(_, times)| times.min())
-            .number("difference", "us", 2, |(_, t)| t.minus(default).median())
+            .number("median [us]", 2, |(_, times)| times.median())
+            .number("min [us]", 2, |(_, times)| times.min())
+            .number("difference [us]", 2, |(_, t)| t.minus(default).median())
             .end();
         let title = format!("{ENVIRONMENTS} environments on a corner of the rib, random presses");
         let alone = rates[0].1.median();
         let throughput = Table::of("throughput", title, &rates)
             .text("threads", |(threads, _)| *threads)
-            .number("environment steps", "1/s", 0, |(_, rates)| rates.median())
-            .number("over one thread", "", 2, |(_, r)| r.median() / alone)
+            .number("environment steps [1/s]", 0, |(_, rates)| rates.median())
+            .number("over one thread", 2, |(_, r)| r.median() / alone)
             .end();
         Ok(Report::new([core, features, throughput]))
     }

@@ -124,10 +124,10 @@ impl Study for Episodes {
             .text("order", |row| row.order)
             .text("figure", |row| row.name)
             .text("diverged", |row| row.diverged)
-            .number("mean", "", 4, |row| row.mean[0])
-            .number("deviation", "", 4, |row| row.mean[1])
-            .number("min", "", 4, |row| row.range[0])
-            .number("max", "", 4, |row| row.range[1])
+            .number("mean", 4, |row| row.mean[0])
+            .number("deviation", 4, |row| row.mean[1])
+            .number("min", 4, |row| row.range[0])
+            .number("max", 4, |row| row.range[1])
             .end();
         Ok(Report::new([table]))
     }

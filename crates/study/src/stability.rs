@@ -190,8 +190,8 @@ fn cell_table(sweeps: &[Sweep], cells: &[SweepCell]) -> Table {
         .text("solver", |cell| solver_name(cell.solver))
         .text("precision", |cell| precision_name(cell.precision))
         .text("outcome", |cell| cell.outcome.name())
-        .number("error", "", Hidden, |cell| cell.error)
-        .number("time", "s", Hidden, |cell| cell.seconds)
+        .number("error", Hidden, |cell| cell.error)
+        .number("time [s]", Hidden, |cell| cell.seconds)
         .text("note", |cell| cell.note.clone())
         .end()
 }

@@ -1,5 +1,4 @@
-//! What all studies share: a study is a set of options that runs and gives a [`Report`] of
-//! tables and files, which one place prints and writes.
+//! What all studies share.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -13,7 +12,7 @@ use drape_cloth::scene::{SceneConfig, SceneError};
 use drape_report::Image;
 use drape_task::env::EnvConfig;
 
-/// A study: its options are its fields.
+/// A study: its options are its fields. It prints and writes nothing.
 pub trait Study {
     /// As on the command line.
     const NAME: &'static str;
@@ -21,13 +20,13 @@ pub trait Study {
     /// Names of the tables that a report of it can have.
     const TABLES: &'static [&'static str];
 
-    /// Measures. Nothing is printed or written.
+    /// Measures.
     ///
     /// # Errors
     /// If the options ask for what cannot be, or a simulation diverges that all depends on.
     fn run(&self, context: &Context) -> Result<Report, StudyError>;
 
-    /// The scene, where the study has one: what it is about leads the messages of errors.
+    /// The scene, where the study has one; errors name it.
     fn scene(&self) -> Option<&SceneOptions> {
         None
     }
@@ -52,7 +51,7 @@ pub struct TrainedPath {
 }
 
 impl Context<'_> {
-    /// One that tells nobody and knows no runs, for tests.
+    /// One that tells nobody and knows no runs.
     pub fn quiet() -> Context<'static> {
         Context {
             progress: &|_, _| (),
@@ -60,15 +59,14 @@ impl Context<'_> {
         }
     }
 
-    /// Runs every case, in parallel and one by one as threads get free: they may differ in cost a
+    /// Runs every case in parallel, one by one as threads get free: they may differ in cost a
     /// thousandfold. Results are in the order of the cases.
     pub fn each<C: Sync, R: Send>(&self, cases: &[C], run: impl Fn(&C) -> R + Sync) -> Vec<R> {
-        let done = AtomicUsize::new(0);
+        let (done, count) = (AtomicUsize::new(0), cases.len());
         let run = |case: &C| {
             let result = run(case);
             let done = 1 + done.fetch_add(1, Ordering::Relaxed);
-            let message = format!("{done} of {}", cases.len());
-            (self.progress)(done as f64 / cases.len() as f64, &message);
+            (self.progress)(done as f64 / count as f64, &format!("{done} of {count}"));
             result
         };
         cases.par_iter().with_max_len(1).map(run).collect()
@@ -91,22 +89,19 @@ pub struct Report {
 }
 
 impl Report {
-    /// A report of these tables.
-    pub fn new(tables: impl Into<Vec<Table>>) -> Self {
+    pub(crate) fn new(tables: impl Into<Vec<Table>>) -> Self {
         Self {
             tables: tables.into(),
             ..Self::default()
         }
     }
 
-    /// Adds a figure for JSON.
-    pub fn fact(&mut self, key: &str, value: impl serde::Serialize) {
+    pub(crate) fn fact(&mut self, key: &str, value: impl serde::Serialize) {
         let value = serde_json::to_value(value).expect("facts are plain data");
         self.facts.insert(key.into(), value);
     }
 
-    /// Adds a file.
-    pub fn file<E: Into<Failed>>(
+    pub(crate) fn file<E: Into<Failed>>(
         &mut self,
         name: impl Into<String>,
         write: impl Fn(&Path) -> Result<(), E> + 'static,
@@ -115,8 +110,7 @@ impl Report {
         self.files.push((name.into(), Box::new(write)));
     }
 
-    /// Adds a picture.
-    pub fn image(&mut self, name: impl Into<String>, image: Image) {
+    pub(crate) fn image(&mut self, name: impl Into<String>, image: Image) {
         self.file(name, move |path| image.save_png(path));
     }
 }
@@ -129,7 +123,7 @@ pub enum StudyError {
     Invalid(String),
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// A value that cannot be, as its message names the key or option.
+    /// A value of the scene or task that cannot be; its key or option is named.
     #[error("{0}")]
     Value(String),
     /// A run folder or a file that cannot be read.
@@ -189,18 +183,16 @@ pub struct SceneOptions {
 /// If it is not four numbers between commas, the lesser ones first.
 pub fn region(text: &str) -> Result<[f64; 4], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse()).collect();
+    let expected = "expected four numbers between commas, least x, least y, greatest x, greatest \
+                    y, as -186,-186,-60,-60";
     match numbers.ok().and_then(|n| <[f64; 4]>::try_from(n).ok()) {
         Some(n) if n.iter().all(|x| x.is_finite()) && n[0] < n[2] && n[1] < n[3] => Ok(n),
-        _ => Err(
-            "expected four numbers between commas, least x, least y, greatest x, greatest y, as \
-             -186,-186,-60,-60"
-                .into(),
-        ),
+        _ => Err(expected.into()),
     }
 }
 
 impl SceneOptions {
-    /// What the scene is called.
+    /// What messages call the scene.
     pub fn place(&self) -> String {
         let path = self.config.as_ref();
         path.map_or("the built-in scene".into(), |p| p.display().to_string())
@@ -229,14 +221,12 @@ impl SceneOptions {
             let refused = self.mesh.map(|_| StudyError::Invalid(message.into()));
             return refused.map_or(Ok(()), Err);
         }
-        let Some(vertices) = self.mesh.or(mesh) else {
-            return Ok(());
-        };
-        let cells = f64::from(vertices - 1);
-        let longer = blank.size_mm[0].max(blank.size_mm[1]);
-        // Sides that are no lengths are refused when the blank is cut.
-        let count = |side: f64| 1 + ((cells * side / longer).round() as usize).max(1);
-        blank.vertices = blank.size_mm.map(count);
+        if let Some(vertices) = self.mesh.or(mesh) {
+            let longer = blank.size_mm[0].max(blank.size_mm[1]);
+            // Sides that are no lengths are refused when the blank is cut.
+            let cells = |side: f64| (f64::from(vertices - 1) * side / longer).round() as usize;
+            blank.vertices = blank.size_mm.map(|side| 1 + cells(side).max(1));
+        }
         Ok(())
     }
 
@@ -252,10 +242,9 @@ impl SceneOptions {
 
 /// Side of the stencil [mm] on a mesh: `side_mm`, but at least three cells, so that as many
 /// vertices are under it as on the paper's mesh of 65 x 65.
-pub fn stencil_mm(lamina: &Lamina, side_mm: f64) -> f64 {
-    const CELLS: f64 = 3.0;
+pub(crate) fn stencil_mm(lamina: &Lamina, side_mm: f64) -> f64 {
     let cell = 1e3 * lamina.cell_diagonal() / std::f64::consts::SQRT_2;
-    side_mm.max(CELLS * cell)
+    side_mm.max(3.0 * cell)
 }
 
 /// Chooses `cases` whose name is among `names`, in their own order; all if there are none.

@@ -1,7 +1,7 @@
 //! A table of what a study has measured, and its form as text, Markdown, CSV and JSON.
 //!
 //! [`Table::of`] takes any rows; each column names itself, its unit and how its cells are got. A
-//! column `left` in `m` is headed `left [m]` for readers and is the field `left_m` of files.
+//! column `left [m]` is the field `left_m` of CSV and JSON.
 //!
 //! [`replace_tables`] puts tables into a document, between a marker that names study and table, and
 //! columns if not all shall be there, and the next end:
@@ -33,9 +33,8 @@ impl From<usize> for Format {
 
 #[derive(Clone, Debug, PartialEq)]
 struct Column {
-    name: String,
-    /// Empty for none.
-    unit: &'static str,
+    /// Its name, and its unit in brackets if it has one.
+    head: String,
     format: Format,
     /// Texts, counts, and numbers; null where there is none or it is not finite.
     cells: Vec<Value>,
@@ -60,20 +59,19 @@ pub struct TableOf<'a, R> {
 impl<R> TableOf<'_, R> {
     /// A column of texts or counts.
     pub fn text<C: Into<Value>>(self, name: impl Into<String>, of: impl Fn(&R) -> C) -> Self {
-        self.number(name, "", 0, of)
+        self.number(name, 0, of)
     }
 
-    /// A column of numbers; a format that is a number is that of the decimals.
+    /// A column of numbers under its name and unit, as in `left [m]`; a format that is a number is
+    /// that of the decimals.
     pub fn number<C: Into<Value>>(
         mut self,
-        name: impl Into<String>,
-        unit: &'static str,
+        head: impl Into<String>,
         format: impl Into<Format>,
         of: impl Fn(&R) -> C,
     ) -> Self {
         self.table.columns.push(Column {
-            name: name.into(),
-            unit,
+            head: head.into(),
             format: format.into(),
             cells: self.rows.iter().map(|row| of(row).into()).collect(),
         });
@@ -89,18 +87,13 @@ impl<R> TableOf<'_, R> {
 impl Column {
     /// Field in CSV and JSON.
     fn key(&self) -> String {
-        let unit = self.unit.replace('%', "percent").replace("1/", "per ");
-        let words = format!("{} {unit}", self.name).to_lowercase();
+        let words = self.head.replace("[%]", "percent").replace("[1/", "per ");
+        let words = words.to_lowercase();
         let words = words.split(|c: char| !c.is_alphanumeric());
-        let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
-        words.join("_")
-    }
-
-    fn head(&self) -> String {
-        match self.unit {
-            "" => self.name.clone(),
-            unit => format!("{} [{unit}]", self.name),
-        }
+        words
+            .filter(|word| !word.is_empty())
+            .collect::<Vec<_>>()
+            .join("_")
     }
 
     fn is_text(&self) -> bool {
@@ -185,7 +178,7 @@ impl Table {
         let mut lines = vec![String::new(); self.row_count() + 1];
         for column in self.shown() {
             let cells = (0..self.row_count()).map(|row| column.shown(row));
-            let cells: Vec<String> = std::iter::once(column.head()).chain(cells).collect();
+            let cells: Vec<String> = std::iter::once(column.head.clone()).chain(cells).collect();
             let width = cells.iter().map(|cell| cell.chars().count()).max();
             let width = width.unwrap_or(0);
             for (line, cell) in lines.iter_mut().zip(cells) {
@@ -206,7 +199,8 @@ impl Table {
     /// If there is none of a name.
     pub fn markdown(&self, names: &[&str]) -> Result<String, String> {
         let find = |name: &&str| {
-            let found = self.columns.iter().find(|column| column.name == **name);
+            let named = |column: &&Column| column.head.split(" [").next() == Some(name);
+            let found = self.columns.iter().find(named);
             found.ok_or_else(|| format!("table `{}` has no column `{name}`", self.name))
         };
         let columns = match names {
@@ -218,7 +212,7 @@ impl Table {
             format!("| {} |", cells.collect::<Vec<_>>().join(" | "))
         };
         let rule = |c: &Column| if c.is_text() { "---" } else { "---:" }.to_owned();
-        let mut lines = vec![line(&Column::head), line(&rule)];
+        let mut lines = vec![line(&|column| column.head.clone()), line(&rule)];
         lines.extend((0..self.row_count()).map(|row| line(&|column| column.shown(row))));
         Ok(lines.join("\n"))
     }
@@ -306,8 +300,8 @@ mod tests {
             &[("a|b", 1.0, 3), ("c,\"d\"", f64::NAN, 4)],
         )
         .text("name", |row| row.0)
-        .number("distance left", "m", 2, |row| row.1)
-        .number("share", "%", Format::Hidden, |row| row.2)
+        .number("distance left [m]", 2, |row| row.1)
+        .number("share [%]", Format::Hidden, |row| row.2)
         .end()
     }
 

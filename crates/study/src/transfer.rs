@@ -293,28 +293,28 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
     let by_order = |what: usize, k: usize| move |row: &Row| row.mean_of(what, Order::ALL[k], paths);
     let places = Table::of("orders", title, rows)
         .text("setting", |row| row.name)
-        .number("random", "m", 4, by_order(1, 0))
-        .number("sweeps", "m", 4, by_order(1, 1))
-        .number("outwards", "m", 4, by_order(1, 2))
-        .number("random surplus", "mm", 2, move |row| {
+        .number("random [m]", 4, by_order(1, 0))
+        .number("sweeps [m]", 4, by_order(1, 1))
+        .number("outwards [m]", 4, by_order(1, 2))
+        .number("random surplus [mm]", 2, move |row| {
             Some(1e3 * by_order(2, 0)(row)?)
         })
-        .number("sweeps surplus", "mm", 2, move |row| {
+        .number("sweeps surplus [mm]", 2, move |row| {
             Some(1e3 * by_order(2, 1)(row)?)
         })
-        .number("outwards surplus", "mm", 2, move |row| {
+        .number("outwards surplus [mm]", 2, move |row| {
             Some(1e3 * by_order(2, 2)(row)?)
         })
         .text("diverged", |row| {
             row.ends.iter().filter(|end| end.is_none()).count()
         })
-        .number("off the twin inside", "mm", 3, |row| {
+        .number("off the twin inside [mm]", 3, |row| {
             off_mm(row, twin, &is_inside)
         })
-        .number("outside", "mm", 3, |row| {
+        .number("outside [mm]", 3, |row| {
             off_mm(row, twin, &|v| !is_inside(v))
         })
-        .number("CPU", "s", 2, |row| row.cpu_s)
+        .number("CPU [s]", 2, |row| row.cpu_s)
         .end();
     let all: Vec<(&Row, usize)> = (rows.iter())
         .flat_map(|row| (0..paths.len()).map(move |path| (row, path)))
@@ -324,9 +324,15 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
         .text("path", |(_, path)| *path)
         .text("order", |(_, path)| paths[*path].order.name())
         .text("presses", |(_, path)| paths[*path].vertices.len())
-        .number(LEFT[0], "m", Hidden, |(row, path)| row.left_m(0)[*path])
-        .number(LEFT[1], "m", Hidden, |(row, path)| row.left_m(1)[*path])
-        .number(LEFT[2], "m", Hidden, |(row, path)| row.left_m(2)[*path])
+        .number(format!("{} [m]", LEFT[0]), Hidden, |(row, path)| {
+            row.left_m(0)[*path]
+        })
+        .number(format!("{} [m]", LEFT[1]), Hidden, |(row, path)| {
+            row.left_m(1)[*path]
+        })
+        .number(format!("{} [m]", LEFT[2]), Hidden, |(row, path)| {
+            row.left_m(2)[*path]
+        })
         .end();
     let mut report = Report::new([objective, distance, places, all]);
     report.notes.push(
@@ -371,9 +377,9 @@ fn agreements(name: &'static str, title: String, rows: &[Row], what: usize) -> T
     };
     let table = Table::of(name, title, rows)
         .text("setting", |row| row.name)
-        .number("left", "m", 4, |row| left(row).map(|left| left[0]))
-        .number("deviation", "m", 4, |row| left(row).map(|left| left[1]))
-        .number("rank twin", "", 3, |row| {
+        .number("left [m]", 4, |row| left(row).map(|left| left[0]))
+        .number("deviation [m]", 4, |row| left(row).map(|left| left[1]))
+        .number("rank twin", 3, |row| {
             let (own, twin) = both(&own(row), twin);
             spearman(&own, &twin)
         })
@@ -381,15 +387,15 @@ fn agreements(name: &'static str, title: String, rows: &[Row], what: usize) -> T
         .text("over balanced 90 %", |row| {
             resampled(row, |[own, balanced]| Some(own? - balanced?))
         })
-        .number("lost", "m", 4, |row| {
+        .number("lost [m]", 4, |row| {
             let (own, twin) = both(&own(row), twin);
             pair_loss(&own, &twin)
         })
-        .number("by chance", "m", 4, |row| {
+        .number("by chance [m]", 4, |row| {
             let (_, twin) = both(&own(row), twin);
             pair_loss(&vec![0.0; twin.len()], &twin)
         })
-        .number("best rank", "", 1, |row| {
+        .number("best rank", 1, |row| {
             best(row).map(|(best, twin)| ranks(&twin)[best])
         });
     table.end()

@@ -112,12 +112,10 @@ impl Study for Verify {
             .text("case", |of| of[0].answer.case.clone())
             .text("unit", |of| of[0].answer.unit)
             // Of one pass over the chain it depends on the substep: that of the finest is shown.
-            .number("expected", "", Digits(5), |of| {
-                of[of.len() - 1].answer.expected
-            });
+            .number("expected", Digits(5), |of| of[of.len() - 1].answer.expected);
         for subject in &subjects {
             let name = subject.names().join(" ");
-            errors = errors.number(name, "", 2, |of| {
+            errors = errors.number(name, 2, |of| {
                 let own = of.iter().find(|row| row.subject == *subject);
                 own.map(|row| 1e2 * row.relative_error())
             });
@@ -142,9 +140,9 @@ impl Study for Verify {
             .text("solver", |row| row.subject.names()[0])
             .text("preset", |row| row.subject.names()[1])
             .text("unit", |row| row.answer.unit)
-            .number("expected", "", Hidden, |row| row.answer.expected)
-            .number("found", "", Hidden, |row| row.answer.found)
-            .number("relative error", "", Hidden, Verified::relative_error)
+            .number("expected", Hidden, |row| row.answer.expected)
+            .number("found", Hidden, |row| row.answer.found)
+            .number("relative error", Hidden, Verified::relative_error)
             .end();
         Ok(Report::new([errors.end(), counts, all]))
     }

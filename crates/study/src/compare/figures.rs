@@ -91,14 +91,14 @@ impl Comparison {
             .text("figure", |row| row.1)
             .text("unit", |row| row.2);
         for (k, name) in ["mean", "rms", "p95", "min", "max"].into_iter().enumerate() {
-            deviations = deviations.number(name, "", 3, move |row| row.3[k]);
+            deviations = deviations.number(name, 3, move |row| row.3[k]);
         }
-        let deviations = deviations.number("agrees", "%", 1, |row| row.3[5]).end();
+        let deviations = deviations.number("agrees [%]", 1, |row| row.3[5]).end();
         let alone = Table::of("alone", "Each alone", &ALONE)
             .text("figure", |row| row.0)
             .text("unit", |row| row.1)
-            .number("A", "", Digits(4), |row| (row.2)(&self.a))
-            .number("B", "", Digits(4), |row| (row.2)(&self.b))
+            .number("A", Digits(4), |row| (row.2)(&self.a))
+            .number("B", Digits(4), |row| (row.2)(&self.b))
             .end();
         [deviations, alone]
     }
