@@ -24,14 +24,11 @@ pub fn ranks(values: &[f64]) -> Vec<f64> {
 
 /// Spearman's rank correlation, -1 to 1: Pearson's of the ranks, which is right with ties too.
 /// None where one side is all the same, or there are fewer than two.
-///
-/// # Panics
-/// If there are not as many of both.
-pub fn spearman(a: &[f64], b: &[f64]) -> Option<f64> {
-    assert_eq!(a.len(), b.len(), "values come in pairs");
+pub fn spearman(pairs: &[[f64; 2]]) -> Option<f64> {
     // Ranks are multiples of a half around a known mean: sums are exact.
-    let mean = 0.5 * (a.len() as f64 + 1.0);
-    let (a, b) = (ranks(a), ranks(b));
+    let mean = 0.5 * (pairs.len() as f64 + 1.0);
+    let side = |k: usize| pairs.iter().map(|pair| pair[k]).collect::<Vec<_>>();
+    let [a, b] = [0, 1].map(|k| ranks(&side(k)));
     let sum = |a: &[f64], b: &[f64]| -> f64 {
         let pairs = a.iter().zip(b);
         pairs.map(|(a, b)| (a - mean) * (b - mean)).sum()
@@ -40,26 +37,22 @@ pub fn spearman(a: &[f64], b: &[f64]) -> Option<f64> {
     (size > 0.0).then(|| sum(&a, &b) / size)
 }
 
-/// What it costs on average, in `truth`, to take of two things the one which is less in
-/// `judged`, over all pairs. A tie costs half of the difference. None without a pair.
-///
-/// # Panics
-/// If there are not as many of both.
-pub fn pair_loss(judged: &[f64], truth: &[f64]) -> Option<f64> {
-    assert_eq!(judged.len(), truth.len(), "values come in pairs");
-    let (mut sum, mut pairs) = (0.0, 0);
-    for i in 0..truth.len() {
-        for j in 0..i {
-            let wrong = match (judged[i] - judged[j]) * (truth[i] - truth[j]) {
+/// What it costs on average to take of two pairs the one whose first number is less, where the
+/// second is what counts. A tie costs half of the difference. None without two.
+pub fn pair_loss(pairs: &[[f64; 2]]) -> Option<f64> {
+    let (mut sum, mut count) = (0.0, 0);
+    for (i, [judged, truth]) in pairs.iter().enumerate() {
+        for [other_judged, other_truth] in &pairs[..i] {
+            let wrong = match (judged - other_judged) * (truth - other_truth) {
                 agree if agree > 0.0 => 0.0,
                 agree if agree < 0.0 => 1.0,
                 _ => 0.5,
             };
-            sum += wrong * (truth[i] - truth[j]).abs();
-            pairs += 1;
+            sum += wrong * (truth - other_truth).abs();
+            count += 1;
         }
     }
-    (pairs > 0).then(|| sum / f64::from(pairs))
+    (count > 0).then(|| sum / f64::from(count))
 }
 
 /// The middle 90 % of a `statistic` over resamples of `count` things, each drawn with replacement
@@ -81,14 +74,13 @@ pub fn interval(count: usize, statistic: impl Fn(&[usize]) -> Option<f64>) -> Op
     (2 * found.len() > RESAMPLES).then(|| [at(0.05), at(0.95)])
 }
 
-/// Index of the least value, the first of equal ones.
-pub fn least(values: &[f64]) -> Option<usize> {
-    (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b]))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn pairs(a: &[f64], b: &[f64]) -> Vec<[f64; 2]> {
+        a.iter().zip(b).map(|(a, b)| [*a, *b]).collect()
+    }
 
     #[test]
     fn ties_share_their_ranks() {
@@ -100,7 +92,7 @@ mod tests {
     /// products sum to 4.5, the squares to 4.5 and 5: 4.5 / sqrt(22.5) = sqrt(0.9).
     #[test]
     fn spearman_with_ties_is_the_hand_worked_value() {
-        let found = spearman(&[10.0, 20.0, 20.0, 30.0], &[1.0, 7.0, 5.0, 100.0]).unwrap();
+        let found = spearman(&pairs(&[10.0, 20.0, 20.0, 30.0], &[1.0, 7.0, 5.0, 100.0])).unwrap();
         assert!((found - 0.9f64.sqrt()).abs() < 1e-15, "{found}");
     }
 
@@ -111,11 +103,11 @@ mod tests {
         let b = [0.5, 0.1, 0.2, 0.4, 9.0];
         // Ranks 5 1 4 2 3 and 4 1 2 3 5: d^2 = 1 0 4 1 4.
         let expected = 1.0 - 6.0 * 10.0 / (5.0 * 24.0);
-        assert!((spearman(&a, &b).unwrap() - expected).abs() < 1e-15);
-        assert_eq!(spearman(&a, &a.map(|x| x.exp())), Some(1.0));
-        assert_eq!(spearman(&a, &a.map(|x| -x)), Some(-1.0));
-        assert_eq!(spearman(&a, &[1.0; 5]), None);
-        assert_eq!(spearman(&[1.0], &[1.0]), None);
+        assert!((spearman(&pairs(&a, &b)).unwrap() - expected).abs() < 1e-15);
+        assert_eq!(spearman(&pairs(&a, &a.map(|x| x.exp()))), Some(1.0));
+        assert_eq!(spearman(&pairs(&a, &a.map(|x| -x))), Some(-1.0));
+        assert_eq!(spearman(&pairs(&a, &[1.0; 5])), None);
+        assert_eq!(spearman(&pairs(&[1.0], &[1.0])), None);
     }
 
     /// The mean of 400 numbers drawn from 0 and 1 alike swings by 1.645 / (2 sqrt(400)) to either
@@ -138,12 +130,10 @@ mod tests {
     #[test]
     fn wrong_choices_cost_what_they_leave_behind() {
         let truth = [1.0, 2.0, 4.0];
-        assert_eq!(pair_loss(&truth, &truth), Some(0.0));
+        assert_eq!(pair_loss(&pairs(&truth, &truth)), Some(0.0));
         // Every choice is wrong: 1, 3 and 2 on average.
-        assert_eq!(pair_loss(&[3.0, 2.0, 1.0], &truth), Some(2.0));
-        assert_eq!(pair_loss(&[0.0; 3], &truth), Some(1.0));
-        assert_eq!(pair_loss(&[1.0], &[1.0]), None);
-        assert_eq!(least(&truth), Some(0));
-        assert_eq!(least(&[]), None);
+        assert_eq!(pair_loss(&pairs(&[3.0, 2.0, 1.0], &truth)), Some(2.0));
+        assert_eq!(pair_loss(&pairs(&[0.0; 3], &truth)), Some(1.0));
+        assert_eq!(pair_loss(&pairs(&[1.0], &[1.0])), None);
     }
 }

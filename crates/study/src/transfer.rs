@@ -2,10 +2,9 @@
 //! settings of the fast solver and in the finite-element twin, and how far the settings agree
 //! which sequence is the better one.
 //!
-//! Settings of the fast solver are the presets, `accurate` in f64, two rates between them and
-//! Gauss-Seidel at the rate of `balanced`. All start from one state, that of the scene's fall: a
-//! training has no other. The twin starts from where it has fallen itself, and once, for what the
-//! presses alone do, from the fast solver's state. Time ends with the last press.
+//! The settings of the fast solver all start from the state of the scene's fall, as a training
+//! does. The twin starts from where it has fallen itself, and once, for what the presses alone do,
+//! from the fast solver's state. Time ends with the last press.
 
 use std::sync::Arc;
 
@@ -14,7 +13,7 @@ use cpu_time::ProcessTime;
 use crate::episodes::{Order, sequences};
 use crate::points::apart_mm;
 use crate::presses::{Positions, Pressed, replay, replay_in_twin};
-use crate::ranking::{interval, least, pair_loss, ranks, spearman};
+use crate::ranking::{interval, pair_loss, ranks, spearman};
 use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, stencil_mm};
 use crate::table::Format::Hidden;
 use crate::table::Table;
@@ -54,18 +53,14 @@ pub struct Transfer {
 }
 
 /// A list of presses: vertices in the order they are pressed.
-#[derive(Clone, Debug)]
-struct Sequence {
-    order: Order,
-    vertices: Vec<u32>,
-}
+type Sequence = (Order, Vec<u32>);
 
 /// Where a sequence has led to.
 #[derive(Clone, Debug, PartialEq)]
 struct End {
-    /// What they leave in the region [m], by [`LEFT`].
+    /// What is left in the region: the objective, mean distance and surplus; the summed distance;
+    /// the mean surplus [m].
     left_m: [f64; 3],
-    /// Position of every vertex [m].
     positions: Positions,
 }
 
@@ -73,15 +68,10 @@ struct End {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Player {
     Fast(Solver, Stepping, Precision),
-    Twin {
-        /// Starts where the fast solver's fall has ended, not its own.
-        starts_as_fast: bool,
-    },
+    Twin,
+    /// The twin from where the fast solver's fall has ended, not its own.
+    TwinFromFast,
 }
-
-/// What is left in the region: the objective, mean distance and surplus; the summed distance; the
-/// mean surplus.
-const LEFT: [&str; 3] = ["objective", "distance", "surplus"];
 
 /// The preset that trains, under which paths are found.
 const BALANCED: &str = "balanced";
@@ -90,20 +80,18 @@ const TWIN: &str = "twin";
 
 fn players() -> [(&'static str, Player); 8] {
     let fast = |solver, stepping| Player::Fast(solver, stepping, Precision::F32);
+    let yarn = |rate| fast(Solver::Yarn, Stepping::every(rate, 5));
     let [rough, balanced, accurate] = Accuracy::ALL.map(Accuracy::stepping);
-    let twin = |starts_as_fast| Player::Twin { starts_as_fast };
+    let accurate = Player::Fast(Solver::Yarn, accurate, Precision::F64);
     [
         ("fast", fast(Solver::Yarn, rough)),
         (BALANCED, fast(Solver::Yarn, balanced)),
-        ("yarn_1200", fast(Solver::Yarn, Stepping::every(1200.0, 5))),
-        ("yarn_2400", fast(Solver::Yarn, Stepping::every(2400.0, 5))),
-        (
-            "accurate",
-            Player::Fast(Solver::Yarn, accurate, Precision::F64),
-        ),
+        ("yarn_1200", yarn(1200.0)),
+        ("yarn_2400", yarn(2400.0)),
+        ("accurate", accurate),
         ("gauss_seidel", fast(Solver::GaussSeidel, balanced)),
-        (TWIN, twin(false)),
-        ("twin_same_start", twin(true)),
+        (TWIN, Player::Twin),
+        ("twin_same_start", Player::TwinFromFast),
     ]
 }
 
@@ -145,7 +133,7 @@ fn generate(
         let share = (count + Order::ALL.len() - 1 - k) / Order::ALL.len();
         if share > 0 {
             let found = sequences(scene, &env, order, share, seed)?.into_iter();
-            all.extend(found.map(|vertices| Sequence { order, vertices }));
+            all.extend(found.map(|vertices| (order, vertices)));
         }
     }
     Ok(all)
@@ -162,19 +150,18 @@ struct Row {
 }
 
 impl Row {
-    /// What every sequence leaves, by [`LEFT`] [m].
+    /// What every sequence leaves, by its place in [`End::left_m`] [m].
     fn left_m(&self, what: usize) -> Vec<Option<f64>> {
         let ends = self.ends.iter();
         ends.map(|end| Some(end.as_ref()?.left_m[what])).collect()
     }
 
-    /// The mean of it over the sequences of an order.
-    fn mean_of(&self, what: usize, order: Order, paths: &[Sequence]) -> Option<f64> {
+    /// The mean of it over the sequences of an order; NaN without any.
+    fn mean_of(&self, what: usize, order: Order, paths: &[Sequence]) -> f64 {
         let all = self.left_m(what).into_iter().zip(paths);
-        let found: Vec<f64> = (all.filter(|(_, path)| path.order == order))
-            .filter_map(|(left, _)| left)
-            .collect();
-        (!found.is_empty()).then(|| mean_and_deviation(&found)[0])
+        let own = all.filter(|(_, path)| path.0 == order);
+        let found: Vec<f64> = own.filter_map(|(left, _)| left).collect();
+        mean_and_deviation(&found)[0]
     }
 }
 
@@ -185,7 +172,7 @@ fn play_all(
     sequences: &[Sequence],
     context: &Context,
 ) -> Result<Vec<Row>, StudyError> {
-    let lists: Vec<&[u32]> = sequences.iter().map(|s| &*s.vertices).collect();
+    let lists: Vec<&[u32]> = sequences.iter().map(|(_, vertices)| &**vertices).collect();
     (context.progress)(0.0, "the twin's fall");
     let rest = fallen(scene, &twin_config(&scene.config)?)?.positions();
     let players = players();
@@ -208,9 +195,7 @@ fn play(
 ) -> Result<(Vec<Option<End>>, f64), StudyError> {
     let region = env.region(&scene.lamina)?.vertices;
     let start = match player {
-        Player::Twin {
-            starts_as_fast: false,
-        } => rest,
+        Player::Twin => rest,
         _ => &scene.initial.position[..],
     };
     let end = |Pressed { positions, .. }| {
@@ -223,40 +208,22 @@ fn play(
     };
     let (ends, cpu_s) = match player {
         Player::Fast(solver, stepping, precision) => {
-            let (scene, env) = stepped(scene, env, solver, stepping, precision);
+            let (mut scene, mut env) = (scene.clone(), env.clone());
+            let mut physics = scene.config.physics.clone();
+            if physics.solver != solver {
+                physics.solver = solver;
+                scene = Arc::new(scene.with_physics(physics));
+            }
+            env.set_stepping(stepping);
+            env.precision = precision;
             let start = ProcessTime::now();
             let mut draping = Draping::new(scene, &env, lists.len())?;
             let ends = replay(&mut draping, lists, |_| ());
             (ends, start.elapsed().as_secs_f64())
         }
-        Player::Twin { .. } => replay_in_twin(scene, env, start, lists, &Context::quiet())?,
+        _ => replay_in_twin(scene, env, start, lists, &Context::quiet())?,
     };
     Ok((ends.into_iter().map(|at| at.map(end)).collect(), cpu_s))
-}
-
-/// The scene and the environment as a player of the fast solver has them.
-fn stepped(
-    scene: &Arc<Scene>,
-    env: &EnvConfig,
-    solver: Solver,
-    stepping: Stepping,
-    precision: Precision,
-) -> (Arc<Scene>, EnvConfig) {
-    let (mut scene, mut env) = (scene.clone(), env.clone());
-    let mut physics = scene.config.physics.clone();
-    if physics.solver != solver {
-        physics.solver = solver;
-        scene = Arc::new(scene.with_physics(physics));
-    }
-    env.set_stepping(stepping);
-    env.precision = precision;
-    (scene, env)
-}
-
-/// What there is of both, in pairs.
-fn both(a: &[Option<f64>], b: &[Option<f64>]) -> (Vec<f64>, Vec<f64>) {
-    let pairs = a.iter().zip(b);
-    pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).unzip()
 }
 
 fn named<'a>(rows: &'a [Row], name: &str) -> &'a Row {
@@ -264,22 +231,22 @@ fn named<'a>(rows: &'a [Row], name: &str) -> &'a Row {
     row.expect("the study has this player")
 }
 
-/// Mean distance of the same vertices at the end of all sequences that both have ended [mm].
-fn off_mm(a: &Row, b: &Row, is_chosen: &dyn Fn(usize) -> bool) -> Option<f64> {
-    let mut means = Vec::new();
-    for (a, b) in a.ends.iter().zip(&b.ends) {
-        if let (Some(a), Some(b)) = (a, b) {
-            let chosen = (0..a.positions.len()).filter(|&v| is_chosen(v));
-            let pairs: Vec<[usize; 2]> = chosen.map(|v| [v, v]).collect();
-            means.push(apart_mm(&a.positions, &b.positions, &pairs)[0]);
-        }
-    }
-    (!means.is_empty()).then(|| mean_and_deviation(&means)[0])
+/// Mean distance of the same vertices at the end of all sequences that both have ended [mm]; NaN
+/// without any.
+fn off_mm(a: &Row, b: &Row, is_chosen: impl Fn(usize) -> bool) -> f64 {
+    let ends = a.ends.iter().zip(&b.ends);
+    let means = ends.filter_map(|(a, b)| {
+        let [a, b] = [&a.as_ref()?.positions, &b.as_ref()?.positions];
+        let chosen = (0..a.len()).filter(|&v| is_chosen(v));
+        let pairs: Vec<[usize; 2]> = chosen.map(|v| [v, v]).collect();
+        Some(apart_mm(a, b, &pairs)[0])
+    });
+    mean_and_deviation(&means.collect::<Vec<_>>())[0]
 }
 
 fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -> Report {
     let vertices = (rows[0].ends.iter().flatten().next()).map_or(0, |end| end.positions.len());
-    let presses: usize = paths.iter().map(|path| path.vertices.len()).sum();
+    let presses: usize = paths.iter().map(|(_, vertices)| vertices.len()).sum();
     let title = format!(
         "Mean distance and surplus: {vertices} vertices, {} paths of {:.1} presses on average",
         paths.len(),
@@ -290,49 +257,36 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
     let title = "Summed distance and mean surplus by order; where the vertices lie, mean distance \
                  from the same ones of the twin";
     let twin = named(rows, TWIN);
-    let by_order = |what: usize, k: usize| move |row: &Row| row.mean_of(what, Order::ALL[k], paths);
+    let left = |k: usize| move |row: &Row| row.mean_of(1, Order::ALL[k], paths);
+    let surplus = |k: usize| move |row: &Row| 1e3 * row.mean_of(2, Order::ALL[k], paths);
+    let diverged = |row: &Row| row.ends.iter().filter(|end| end.is_none()).count();
+    let inside = |row: &Row| off_mm(row, twin, &is_inside);
+    let outside = |row: &Row| off_mm(row, twin, |v| !is_inside(v));
     let places = Table::of("orders", title, rows)
         .text("setting", |row| row.name)
-        .number("random [m]", 4, by_order(1, 0))
-        .number("sweeps [m]", 4, by_order(1, 1))
-        .number("outwards [m]", 4, by_order(1, 2))
-        .number("random surplus [mm]", 2, move |row| {
-            Some(1e3 * by_order(2, 0)(row)?)
-        })
-        .number("sweeps surplus [mm]", 2, move |row| {
-            Some(1e3 * by_order(2, 1)(row)?)
-        })
-        .number("outwards surplus [mm]", 2, move |row| {
-            Some(1e3 * by_order(2, 2)(row)?)
-        })
-        .text("diverged", |row| {
-            row.ends.iter().filter(|end| end.is_none()).count()
-        })
-        .number("off the twin inside [mm]", 3, |row| {
-            off_mm(row, twin, &is_inside)
-        })
-        .number("outside [mm]", 3, |row| {
-            off_mm(row, twin, &|v| !is_inside(v))
-        })
+        .number("random [m]", 4, left(0))
+        .number("sweeps [m]", 4, left(1))
+        .number("outwards [m]", 4, left(2))
+        .number("random surplus [mm]", 2, surplus(0))
+        .number("sweeps surplus [mm]", 2, surplus(1))
+        .number("outwards surplus [mm]", 2, surplus(2))
+        .text("diverged", diverged)
+        .number("off the twin inside [mm]", 3, inside)
+        .number("outside [mm]", 3, outside)
         .number("CPU [s]", 2, |row| row.cpu_s)
         .end();
     let all: Vec<(&Row, usize)> = (rows.iter())
         .flat_map(|row| (0..paths.len()).map(move |path| (row, path)))
         .collect();
+    let left = |what: usize| move |(row, path): &(&Row, usize)| row.left_m(what)[*path];
     let all = Table::of("paths", "", &all)
         .text("setting", |(row, _)| row.name)
         .text("path", |(_, path)| *path)
-        .text("order", |(_, path)| paths[*path].order.name())
-        .text("presses", |(_, path)| paths[*path].vertices.len())
-        .number(format!("{} [m]", LEFT[0]), Hidden, |(row, path)| {
-            row.left_m(0)[*path]
-        })
-        .number(format!("{} [m]", LEFT[1]), Hidden, |(row, path)| {
-            row.left_m(1)[*path]
-        })
-        .number(format!("{} [m]", LEFT[2]), Hidden, |(row, path)| {
-            row.left_m(2)[*path]
-        })
+        .text("order", |(_, path)| paths[*path].0.name())
+        .text("presses", |(_, path)| paths[*path].1.len())
+        .number("objective [m]", Hidden, left(0))
+        .number("distance [m]", Hidden, left(1))
+        .number("surplus [m]", Hidden, left(2))
         .end();
     let mut report = Report::new([objective, distance, places, all]);
     report.notes.push(
@@ -342,15 +296,15 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
             .into(),
     );
     report.fact("vertices", vertices);
-    let lists: Vec<_> = paths.iter().map(|path| &path.vertices).collect();
+    let lists: Vec<_> = paths.iter().map(|(_, vertices)| vertices).collect();
     report.fact("sequences", lists);
-    let scatters = [1, 2].map(|what| scatter(paths, rows, what));
+    let scatters = [(1, "distance"), (2, "surplus")].map(|what| scatter(paths, rows, what));
     report.image("scatter.png", Image::beside(&scatters));
     report
 }
 
-/// How the players judge the sequences by what is left of [`LEFT`], and what following their
-/// judgement costs in the twin.
+/// How the players judge the sequences by what is left, by its place in [`End::left_m`], and what
+/// following their judgement costs in the twin.
 fn agreements(name: &'static str, title: String, rows: &[Row], what: usize) -> Table {
     let [balanced, twin] = &[BALANCED, TWIN].map(|name| named(rows, name).left_m(what));
     let own = |row: &Row| row.left_m(what);
@@ -358,72 +312,68 @@ fn agreements(name: &'static str, title: String, rows: &[Row], what: usize) -> T
         let found: Vec<f64> = own(row).into_iter().flatten().collect();
         (!found.is_empty()).then(|| mean_and_deviation(&found))
     };
+    // Beside the twin's, of the sequences that both have brought to an end.
+    let pairs = |row: &Row| -> Vec<[f64; 2]> {
+        let both = own(row).into_iter().zip(twin);
+        both.filter_map(|(own, twin)| Some([own?, (*twin)?]))
+            .collect()
+    };
     // Over resamples of the sequences that all three have brought to an end.
     let resampled = |row: &Row, of: fn([Option<f64>; 2]) -> Option<f64>| {
         let all: Vec<[f64; 3]> = (own(row).into_iter().zip(balanced).zip(twin))
             .filter_map(|((own, balanced), twin)| Some([own?, (*balanced)?, (*twin)?]))
             .collect();
         let found = interval(all.len(), |drawn| {
-            let [own, balanced, twin]: [Vec<f64>; 3] =
-                [0, 1, 2].map(|k| drawn.iter().map(|&i| all[i][k]).collect());
-            of([spearman(&own, &twin), spearman(&balanced, &twin)])
+            let beside = |k: usize| -> Vec<[f64; 2]> {
+                drawn.iter().map(|&i| [all[i][k], all[i][2]]).collect()
+            };
+            of([0, 1].map(|k| spearman(&beside(k))))
         });
         found.map_or("-".into(), |[low, high]| format!("{low:.2} .. {high:.2}"))
     };
-    // The twin's judgement of the sequence that is best in the row, and of all.
-    let best = |row: &Row| {
-        let (own, twin) = both(&own(row), twin);
-        Some((least(&own)?, twin))
+    let by_chance = |row: &Row| {
+        let pairs = pairs(row).into_iter();
+        pair_loss(&pairs.map(|[_, twin]| [0.0, twin]).collect::<Vec<_>>())
     };
-    let table = Table::of(name, title, rows)
+    // The twin's rank of the sequence that is the first of the best in the row.
+    let best_rank = |row: &Row| {
+        let (own, twin): (Vec<f64>, Vec<f64>) = pairs(row).into_iter().map(<_>::from).unzip();
+        let best = (0..own.len()).min_by(|&a, &b| own[a].total_cmp(&own[b]))?;
+        Some(ranks(&twin)[best])
+    };
+    Table::of(name, title, rows)
         .text("setting", |row| row.name)
         .number("left [m]", 4, |row| left(row).map(|left| left[0]))
         .number("deviation [m]", 4, |row| left(row).map(|left| left[1]))
-        .number("rank twin", 3, |row| {
-            let (own, twin) = both(&own(row), twin);
-            spearman(&own, &twin)
-        })
+        .number("rank twin", 3, |row| spearman(&pairs(row)))
         .text("rank twin 90 %", |row| resampled(row, |[own, _]| own))
         .text("over balanced 90 %", |row| {
             resampled(row, |[own, balanced]| Some(own? - balanced?))
         })
-        .number("lost [m]", 4, |row| {
-            let (own, twin) = both(&own(row), twin);
-            pair_loss(&own, &twin)
-        })
-        .number("by chance [m]", 4, |row| {
-            let (_, twin) = both(&own(row), twin);
-            pair_loss(&vec![0.0; twin.len()], &twin)
-        })
-        .number("best rank", 1, |row| {
-            best(row).map(|(best, twin)| ranks(&twin)[best])
-        });
-    table.end()
+        .number("lost [m]", 4, |row| pair_loss(&pairs(row)))
+        .number("by chance [m]", 4, by_chance)
+        .number("best rank", 1, best_rank)
+        .end()
 }
 
-/// Every path as a dot: what is left of [`LEFT`] in the twin over that in the fast solver.
-fn scatter(paths: &[Sequence], rows: &[Row], what: usize) -> Image {
+/// Every path as a dot: what of [`End::left_m`] is left in the twin over that in the fast solver.
+fn scatter(paths: &[Sequence], rows: &[Row], (what, name): (usize, &str)) -> Image {
     let [fast, twin] = [BALANCED, TWIN].map(|name| named(rows, name).left_m(what));
-    let mut series = Vec::new();
-    for (order, color) in Order::ALL.into_iter().zip(SERIES) {
-        let mut points = Vec::new();
-        for ((fast, twin), path) in fast.iter().zip(&twin).zip(paths) {
-            if let (Some(x), Some(y), true) = (*fast, *twin, path.order == order) {
-                // A dot is a curve of one point.
-                points.extend([[x, y], [f64::NAN; 2]]);
-            }
-        }
-        series.push(Series {
+    let series = Order::ALL.into_iter().zip(SERIES).map(|(order, color)| {
+        let own = (0..paths.len()).filter(|&path| paths[path].0 == order);
+        // A dot is a curve of one point.
+        let points = own.filter_map(|path| Some([[fast[path]?, twin[path]?], [f64::NAN; 2]]));
+        Series {
             label: order.name().into(),
-            points,
+            points: points.flatten().collect(),
             color,
-        });
-    }
+        }
+    });
     Chart {
-        title: format!("Left in the focus region: {}", LEFT[what]),
+        title: format!("Left in the focus region: {name}"),
         x_label: "fast solver, balanced [m]".into(),
         y_label: "finite-element twin [m]".into(),
-        series,
+        series: series.collect(),
         ..Chart::default()
     }
     .image()

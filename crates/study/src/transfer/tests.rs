@@ -37,7 +37,7 @@ fn episodes_end_as_they_were_played() {
 #[test]
 fn sequences_are_shared_among_the_orders() {
     let all = generate(&scene(), &env(), 5, 1).unwrap();
-    let count = |order| all.iter().filter(|s| s.order == order).count();
+    let count = |order| all.iter().filter(|path| path.0 == order).count();
     assert_eq!(Order::ALL.map(count), [2, 2, 1]);
 }
 
@@ -62,13 +62,7 @@ fn rows_leave_diverged_sequences_out() {
         row("accurate", &own),
         row(TWIN, &twin),
     ];
-    let paths = vec![
-        Sequence {
-            order: Order::Sweep,
-            vertices: vec![0],
-        };
-        3
-    ];
+    let paths = vec![(Order::Sweep, vec![0]); 3];
     let report = report(&rows, &paths, |v| v == 0);
     let json: Vec<_> = report.tables.iter().map(Table::json).collect();
     let [objective, end, places] = [0, 1, 2].map(|table: usize| &json[table][1]);
@@ -113,10 +107,7 @@ fn a_list_without_a_press_ends_where_it_starts() {
     assert!(end.left_m.iter().all(|&left| left > 0.0));
     assert!(ends[1].as_ref().unwrap().left_m != end.left_m);
 
-    let player = Player::Twin {
-        starts_as_fast: true,
-    };
-    let (ends, _) = play(&scene, &env, &[], player, &[&[]]).unwrap();
+    let (ends, _) = play(&scene, &env, &[], Player::TwinFromFast, &[&[]]).unwrap();
     let twin = ends[0].as_ref().unwrap();
     assert_eq!(twin.positions, scene.initial.position);
     assert!((twin.left_m[1] - end.left_m[1]).abs() < 1e-6 * 169.0);
