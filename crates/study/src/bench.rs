@@ -11,6 +11,7 @@ use std::time::Instant;
 use cpu_time::ThreadTime;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
+use crate::ranking::extremes;
 use crate::study::{CORNER, Context, Report, Study, StudyError};
 use crate::table::Table;
 use crate::verify::{SOLVERS, precision_name, solver_name};
@@ -153,7 +154,7 @@ struct Samples(Vec<f64>);
 
 impl Samples {
     fn min(&self) -> f64 {
-        self.0.iter().copied().fold(f64::INFINITY, f64::min)
+        extremes(&self.0)[0]
     }
 
     fn median(&self) -> f64 {

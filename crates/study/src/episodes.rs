@@ -9,6 +9,8 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use crate::points::distance;
+use crate::ranking::extremes;
 use crate::study::{Context, Report, SceneOptions, Study, StudyError, stencil_mm};
 use crate::table::Table;
 use drape_cloth::file::ValueError;
@@ -114,8 +116,7 @@ impl Study for Episodes {
             let played = play(&scene, &env, order, self.count.into(), self.seed, told)?;
             rows.extend(figures(&scene, &env, order, &played));
         }
-        let initial = region.ones().map(|v| scene.initial.position[v]);
-        let initial: f64 = initial.map(|x| scene.tool.distance(x).0.max(0.0)).sum();
+        let initial = distance(&scene.tool, region.ones(), &scene.initial.position);
         let title = format!(
             "{} episodes in each order from {initial:.3} m; those that diverge have no figures",
             self.count
@@ -124,10 +125,10 @@ impl Study for Episodes {
             .text("order", |row| row.order)
             .text("figure", |row| row.name)
             .text("diverged", |row| row.diverged)
-            .number("mean", 4, |row| row.mean[0])
-            .number("deviation", 4, |row| row.mean[1])
-            .number("min", 4, |row| row.range[0])
-            .number("max", 4, |row| row.range[1])
+            .number("mean", 4, |row| mean_and_deviation(&row.values)[0])
+            .number("deviation", 4, |row| mean_and_deviation(&row.values)[1])
+            .number("min", 4, |row| extremes(&row.values)[0])
+            .number("max", 4, |row| extremes(&row.values)[1])
             .end();
         Ok(Report::new([table]))
     }
@@ -138,9 +139,8 @@ struct Row {
     order: &'static str,
     name: &'static str,
     diverged: usize,
-    /// Mean and standard deviation.
-    mean: [f64; 2],
-    range: [f64; 2],
+    /// Of those that have not.
+    values: Vec<f64>,
 }
 
 /// A figure of an episode: its name, and how it is got from the end and from what it comes to.
@@ -171,18 +171,11 @@ fn figures(scene: &Scene, env: &EnvConfig, order: Order, played: &[Played]) -> V
     let finite: Vec<(&Played, Rested)> = finite
         .map(|played| (played, rest(scene, env, &played.state)))
         .collect();
-    let row = |(name, of): Figure| {
-        let values: Vec<f64> = finite.iter().map(|(p, r)| of(p, r)).collect();
-        Row {
-            order: order.name(),
-            name,
-            diverged: played.len() - finite.len(),
-            mean: mean_and_deviation(&values),
-            range: [
-                values.iter().copied().fold(f64::INFINITY, f64::min),
-                values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            ],
-        }
+    let row = |(name, of): Figure| Row {
+        order: order.name(),
+        name,
+        diverged: played.len() - finite.len(),
+        values: finite.iter().map(|(p, r)| of(p, r)).collect(),
     };
     FIGURES.map(row).into()
 }
@@ -211,17 +204,14 @@ pub fn play(
         for (index, outcome) in env.step(&actions).into_iter().enumerate() {
             if let (Some(episode), None) = (outcome.episode, &played[index]) {
                 let finished = env.finished(index).expect("an episode has ended");
-                let pressed = episode.actions.iter().filter_map(|&a| env.vertex(a));
+                let vertices = episode.actions.iter().filter_map(|&a| env.vertex(a));
+                let pressed = &finished.pressed;
                 played[index] = Some(Played {
                     has_diverged: episode.end == End::Diverged,
-                    pressed: pressed.collect(),
+                    pressed: vertices.collect(),
                     region_m: env.region_distance(finished),
                     surplus_m: env.region_surplus(finished),
-                    undraped: finished
-                        .pressed
-                        .touched
-                        .difference(&finished.pressed.draped)
-                        .count(),
+                    undraped: pressed.touched.difference(&pressed.draped).count(),
                     state: finished.clone(),
                 });
             }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::episodes::{Order, sequences};
 use crate::presses::{Pressed, replay, replay_in_twin};
+use crate::ranking::extremes;
 use crate::study::{Context, StudyError};
 use crate::twin::fall::{fallen, twin_config};
 use drape_cloth::math::mean_and_deviation;
@@ -219,29 +220,26 @@ fn played(
 }
 
 fn figures(ended: &[Left]) -> Figures {
-    let of = |value: fn(&Left) -> f64| -> Vec<f64> { ended.iter().map(value).collect() };
-    let least = |values: &[f64]| values.iter().copied().fold(f64::INFINITY, f64::min);
-    let [distance, surplus, score] = [
-        of(|left| left.distance_m),
-        of(|left| left.surplus_m),
-        of(|left| left.score),
-    ];
-    let undraped = of(|left| left.undraped as f64);
-    let [shear_deg, deviation_shear_deg] = mean_and_deviation(&of(|left| left.shear_deg));
-    let [distance_m, deviation_distance_m] = mean_and_deviation(&distance);
-    let [surplus_m, deviation_surplus_m] = mean_and_deviation(&surplus);
-    let [mean, deviation_score] = mean_and_deviation(&score);
+    let of = |value: fn(&Left) -> f64| {
+        let values: Vec<f64> = ended.iter().map(value).collect();
+        (mean_and_deviation(&values), extremes(&values))
+    };
+    let ([distance_m, deviation_distance_m], [least_distance_m, _]) = of(|left| left.distance_m);
+    let ([surplus_m, deviation_surplus_m], [least_surplus_m, _]) = of(|left| left.surplus_m);
+    let ([score, deviation_score], [_, best_score]) = of(|left| left.score);
+    let ([undraped, _], _) = of(|left| left.undraped as f64);
+    let ([shear_deg, deviation_shear_deg], _) = of(|left| left.shear_deg);
     Figures {
         distance_m,
         deviation_distance_m,
-        least_distance_m: least(&distance),
+        least_distance_m,
         surplus_m,
         deviation_surplus_m,
-        least_surplus_m: least(&surplus),
-        score: mean,
+        least_surplus_m,
+        score,
         deviation_score,
-        best_score: score.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-        undraped: mean_and_deviation(&undraped)[0],
+        best_score,
+        undraped,
         shear_deg,
         deviation_shear_deg,
     }
@@ -250,9 +248,8 @@ fn figures(ended: &[Left]) -> Figures {
 /// Index and score of those that have come to their end, best first.
 fn ranked(left: &[Option<Left>]) -> Vec<(usize, f64)> {
     let ended = left.iter().enumerate();
-    let mut ended: Vec<(usize, f64)> = ended
-        .filter_map(|(k, left)| Some((k, left.as_ref()?.score)))
-        .collect();
+    let ended = ended.filter_map(|(k, left)| Some((k, left.as_ref()?.score)));
+    let mut ended: Vec<(usize, f64)> = ended.collect();
     ended.sort_by(|a, b| b.1.total_cmp(&a.1));
     ended
 }

@@ -6,6 +6,12 @@ use drape_cloth::math::{Purpose, Stream};
 /// Resamples of [`interval`].
 const RESAMPLES: usize = 1000;
 
+/// Least and greatest value; infinite without any.
+pub fn extremes(values: &[f64]) -> [f64; 2] {
+    let range = [f64::INFINITY, f64::NEG_INFINITY];
+    (values.iter()).fold(range, |[low, high], &x| [low.min(x), high.max(x)])
+}
+
 /// Rank of every value, 1 for the least; equal values share the mean of their ranks.
 pub fn ranks(values: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..values.len()).collect();

@@ -240,6 +240,11 @@ impl SceneOptions {
     }
 }
 
+/// The blank of a scene, flat.
+pub(crate) fn lamina(scene: &SceneConfig) -> Result<Lamina, SceneError> {
+    Ok(Lamina::new(&scene.blank, scene.read_material()?)?)
+}
+
 /// Side of the stencil [mm] on a mesh: `side_mm`, but at least three cells, so that as many
 /// vertices are under it as on the paper's mesh of 65 x 65.
 pub(crate) fn stencil_mm(lamina: &Lamina, side_mm: f64) -> f64 {

@@ -24,10 +24,10 @@ use cpu_time::ProcessTime;
 
 use crate::points::{apart_mm, distance, nearest, same_points};
 use crate::presses::{Pressed, pushed, replay};
-use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError};
+use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, lamina};
 use crate::table::Format::Hidden;
 use crate::table::Table;
-use drape_cloth::fabric::Lamina;
+use crate::verify::{SOLVERS, solver_name};
 use drape_cloth::math::{Isa, mean_and_deviation};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
 use drape_cloth::sim::{Precision, Snapshot};
@@ -146,11 +146,13 @@ struct Measuring {
     pressed: Known<(Around, bool), PressedSweeps>,
 }
 
+/// Positions that are compared.
+type Sides<'a> = [&'a [[f64; 3]]; 2];
+
 impl Measuring {
     fn new(scene: &SceneConfig, env: &EnvConfig) -> Result<Self, StudyError> {
         scene.check()?;
-        let material = scene.read_material()?;
-        let lamina = Lamina::new(&scene.blank, material).map_err(SceneError::from)?;
+        let lamina = lamina(scene)?;
         Ok(Self {
             sequences: sequences(&lamina, env)?,
             around: (scene.clone(), env.clone()),
@@ -197,16 +199,14 @@ impl Measuring {
         if let Some(pressed) = known(&self.pressed, &key) {
             return Ok(pressed);
         }
-        let pressed = match self.start(&at.0)? {
-            None => None,
-            Some(mut scene) => {
-                if is_pushed {
-                    let positions = pushed(&scene, scene.initial.position.clone(), 100);
-                    Arc::make_mut(&mut scene.initial).position = positions;
-                }
-                Some(Arc::new(press(scene.into(), &at.1, &self.sequences)?))
+        let mut pressed = None;
+        if let Some(mut scene) = self.start(&at.0)? {
+            if is_pushed {
+                let positions = pushed(&scene, scene.initial.position.clone(), 100);
+                Arc::make_mut(&mut scene.initial).position = positions;
             }
-        };
+            pressed = Some(Arc::new(press(scene.into(), &at.1, &self.sequences)?));
+        }
         self.pressed.push((key, pressed.clone()));
         Ok(pressed)
     }
@@ -214,7 +214,8 @@ impl Measuring {
     fn row(&mut self, variation: &Variation) -> Result<Row, StudyError> {
         let (own, reference) = (&variation.around, &variation.reference);
         let fallen = self.fall(&own.0)?.zip(self.fall(&reference.0)?);
-        let pressed = (self.press(own, variation.is_pushed)?).zip(self.press(reference, false)?);
+        let pressed =
+            (self.press(own, variation.axis == "pushed")?).zip(self.press(reference, false)?);
         Ok(Row {
             variation: variation.clone(),
             fall_mm: fallen.map(|(a, b)| {
@@ -232,36 +233,31 @@ impl Measuring {
         shared.retain(|pair| region.contains(pair[0]));
         let scale = self.region_vertices as f64 / shared.len() as f64;
         // Summed distance to the tool of either side.
-        let left = |x: [&[[f64; 3]]; 2]| {
+        let left = |x: Sides| {
             [0, 1].map(|side| {
                 let vertices = shared.iter().map(|pair| pair[side]);
                 scale * distance(&b.scene.tool, vertices, x[side])
             })
         };
-        let ends: Option<Vec<[&[[f64; 3]]; 2]>> = (a.ends.iter().zip(&b.ends))
-            .map(|(a, b)| Some([&a.as_ref()?.positions[..], &b.as_ref()?.positions[..]]))
-            .collect();
-        let ends = ends?;
-        let off_mm = |x: [&[[f64; 3]]; 2]| apart_mm(x[0], x[1], &shared)[0];
-        let mean = |values: Vec<f64>| mean_and_deviation(&values)[0];
+        let ends = a.ends.iter().zip(&b.ends);
+        let ends = ends.map(|(a, b)| Some([&a.as_ref()?.positions[..], &b.as_ref()?.positions]));
+        let ends: Vec<Sides> = ends.collect::<Option<_>>()?;
+        let off_mm = |x: &Sides| apart_mm(x[0], x[1], &shared)[0];
+        let mean = |values: &[f64]| mean_and_deviation(values)[0];
         let all: Vec<[f64; 2]> = ends.iter().map(|x| left(*x)).collect();
+        let squares: Vec<f64> = all.iter().map(|[x, y]| (x - y).powi(2)).collect();
         let before = left([a, b].map(|pressed| &pressed.scene.initial.position[..]));
         let [removed, expected] = [0, 1].map(|side| before[side] - all[0][side]);
         let mut state = Snapshot::clone(&a.scene.initial);
         state.position = ends[0][0].to_vec();
         Some(PressErrors {
             microseconds: a.microseconds,
-            sweep_mm: off_mm(ends[0]),
-            eight_mm: mean(ends.iter().map(|x| off_mm(*x)).collect()),
+            sweep_mm: off_mm(&ends[0]),
+            eight_mm: mean(&ends.iter().map(off_mm).collect::<Vec<_>>()),
             removed: (removed - expected) / expected,
             tension: a.scene.summary(&state).tension_p95,
-            left_m: mean(all.iter().map(|[own, _]| *own).collect()),
-            rms_m: mean(
-                all.iter()
-                    .map(|[own, other]| (own - other).powi(2))
-                    .collect(),
-            )
-            .sqrt(),
+            left_m: mean(&all.iter().map(|[own, _]| *own).collect::<Vec<_>>()),
+            rms_m: mean(&squares).sqrt(),
         })
     }
 }
@@ -277,17 +273,13 @@ fn press(
         Precision::F32 => ENVIRONMENTS.max(Isa::best().lanes()),
         Precision::F64 => sequences.len(),
     };
-    let on_mesh = |places: &Vec<[f64; 2]>| -> Vec<u32> {
-        let nearest = places.iter().map(|at| nearest(&scene.lamina.rest, *at));
-        nearest.collect()
-    };
-    let vertices: Vec<Vec<u32>> = sequences.iter().map(on_mesh).collect();
-    let lists: Vec<&[u32]> = vertices
+    let on_mesh = |at: &[f64; 2]| nearest(&scene.lamina.rest, *at);
+    let vertices = sequences
         .iter()
-        .map(|list| &**list)
-        .cycle()
-        .take(count)
-        .collect();
+        .map(|places| places.iter().map(on_mesh).collect());
+    let vertices: Vec<Vec<u32>> = vertices.collect();
+    let lists = vertices.iter().map(|list| &**list).cycle();
+    let lists: Vec<&[u32]> = lists.take(count).collect();
     let mut draping = Draping::new(scene.clone(), env, count)?;
     // What is observed of the last press is over; between it and the next is the step itself.
     let (mut times, mut last) = (Vec::new(), ProcessTime::now());
@@ -329,7 +321,7 @@ fn chart(rows: &[Row]) -> Chart {
         let place = [errors.microseconds, errors.eight_mm].map(f64::log10);
         place.iter().all(|x| x.is_finite()).then_some(place)
     };
-    let axes = ["yarn", "gauss_seidel"].into_iter().zip(SERIES);
+    let axes = SOLVERS.map(solver_name).into_iter().zip(SERIES);
     Chart {
         title: "Cost and error of the pressing sequences, 60 to 12 000 substeps a second".into(),
         x_label: "CPU time of an environment step [us]".into(),

@@ -18,7 +18,7 @@ use crate::episodes::{Order, sequences};
 use crate::points::nearest;
 use crate::presses::Positions;
 use crate::study::{
-    CORNER, Context, Report, SceneOptions, Study, StudyError, TrainedPath, stencil_mm,
+    CORNER, Context, Report, SceneOptions, Study, StudyError, TrainedPath, lamina, stencil_mm,
 };
 use crate::table::Table;
 use case::{PaperCase, Ran, SelfComparison};
@@ -79,10 +79,6 @@ pub fn set_up(
     let scene = Scene::new(config, progress)?;
     let cpu = start.elapsed().saturating_sub(tool);
     Ok((Arc::new(scene), cpu.as_secs_f64()))
-}
-
-fn lamina(config: &SceneConfig) -> Result<Lamina, SceneError> {
-    Ok(Lamina::new(&config.blank, config.read_material()?)?)
 }
 
 impl TwinStudy {

@@ -22,14 +22,12 @@ pub type Around = (SceneConfig, EnvConfig);
 /// One way of simulating.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variation {
-    /// What is varied.
+    /// What is varied; `pushed` starts the presses where the cloth has been pushed.
     pub axis: &'static str,
     /// Where on the axis this is.
     pub value: String,
     /// Physics, mesh and tool, of the fall and of the presses.
     pub around: Around,
-    /// Whether the presses start where the cloth has been pushed.
-    pub is_pushed: bool,
     /// What it is held against.
     pub reference: Around,
 }
@@ -48,12 +46,10 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
 
     for solver in SOLVERS {
         for rate in [60.0, 120.0, 300.0, 600.0, 1200.0, 2400.0, 6000.0, 12_000.0] {
+            let interval = if rate < 1e4 { 5 } else { 10 };
             axes.method(solver_name(solver), format!("{rate}/s"), |around| {
                 around.0.physics.solver = solver;
-                step_at(
-                    around,
-                    Stepping::every(rate, if rate < 1e4 { 5 } else { 10 }),
-                );
+                step_at(around, Stepping::every(rate, interval));
             });
         }
     }
@@ -64,38 +60,31 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
         });
     }
     let accurate = stepped(&axes.around, Accuracy::Accurate.stepping());
-    axes.variations.push(Variation {
-        axis: "pushed",
-        value: "1 um".into(),
-        is_pushed: true,
-        around: accurate.clone(),
-        reference: accurate,
-    });
+    axes.push("pushed", "1 um".into(), [accurate.clone(), accurate]);
 
     // The first of an axis is the reference.
-    let presses = match quick {
-        true => vec![[4, 8], [1, 0], [4, 0], [1, 4]],
-        false => vec![
-            [8, 16],
-            [1, 0],
-            [2, 0],
-            [4, 0],
-            [8, 0],
-            [1, 1],
-            [1, 4],
-            [4, 8],
+    let presses: &[(u8, u8)] = match quick {
+        true => &[(4, 8), (1, 0), (4, 0), (1, 4)],
+        false => &[
+            (8, 16),
+            (1, 0),
+            (2, 0),
+            (4, 0),
+            (8, 0),
+            (1, 1),
+            (1, 4),
+            (4, 8),
         ],
     };
-    for (k, [press, settle]) in presses.into_iter().enumerate() {
+    for (k, &(press, settle)) in presses.iter().enumerate() {
         let value = format!("{press} + {settle} frames");
         axes.model("press and settle", k, value, |(_, env)| {
             (env.press_s, env.settle_s) = (f64::from(press) / 60.0, f64::from(settle) / 60.0);
         });
     }
-    let spacings = [2.0, 4.0, 8.0];
-    for (k, spacing) in spacings.iter().enumerate() {
+    for (k, spacing) in [2.0, 4.0, 8.0].into_iter().enumerate() {
         axes.model("tool grid", k, format!("{spacing} mm"), |(scene, _)| {
-            scene.tool.grid.spacing_mm = *spacing;
+            scene.tool.grid.spacing_mm = spacing;
         });
     }
     for (k, vertices) in meshes(scene, quick).into_iter().enumerate() {
@@ -108,7 +97,7 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
             }
         });
     }
-    let features: [(&str, Change); 6] = [
+    let features: [(&str, fn(&mut PhysicsConfig)); 6] = [
         ("as configured", |_| ()),
         ("no friction", |p| p.friction = false),
         ("no shear", |p| p.shear = false),
@@ -124,9 +113,6 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
     axes.variations
 }
 
-/// What a feature changes.
-type Change = fn(&mut PhysicsConfig);
-
 struct Axes {
     around: Around,
     /// Of the scene as it is configured.
@@ -136,17 +122,20 @@ struct Axes {
 }
 
 impl Axes {
+    fn push(&mut self, axis: &'static str, value: String, [around, reference]: [Around; 2]) {
+        self.variations.push(Variation {
+            axis,
+            value,
+            around,
+            reference,
+        });
+    }
+
     /// Held against the converged solution.
     fn method(&mut self, axis: &'static str, value: String, change: impl Fn(&mut Around)) {
         let mut around = self.around.clone();
         change(&mut around);
-        self.variations.push(Variation {
-            axis,
-            value,
-            is_pushed: false,
-            around,
-            reference: self.converged.clone(),
-        });
+        self.push(axis, value, [around, self.converged.clone()]);
     }
 
     /// Number `k` of an axis of models, held against number 0.
@@ -158,13 +147,7 @@ impl Axes {
             0 => around.clone(),
             _ => self.variations[self.variations.len() - k].around.clone(),
         };
-        self.variations.push(Variation {
-            axis,
-            value,
-            is_pushed: false,
-            around,
-            reference,
-        });
+        self.push(axis, value, [around, reference]);
     }
 }
 
