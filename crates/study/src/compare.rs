@@ -6,11 +6,11 @@ pub mod picture;
 
 pub use figures::{Angles, Comparison, Inapplicable, Measures, Parts, Shear, Strain, Tooling};
 
-use drape_cloth::fabric::{Drape, Family};
+use drape_cloth::fabric::{Drape, Family, Tangents};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::mesh::compare::{
-    ContourDeviation, Foot, Sheet, SheetError, Spread, WrinkleFilter, contour_deviation, wrinkles,
+    Foot, Sheet, SheetError, Spread, WrinkleFilter, contour_deviation, wrinkles,
 };
 use drape_cloth::tool::Surface;
 
@@ -54,29 +54,21 @@ impl Surveyed {
         if mesh.area_vector().z < 0.0 {
             mesh.flip();
         }
-        let sheet = Sheet::new(&mesh)?;
         Ok(Self {
-            mesh,
+            sheet: Sheet::new(&mesh)?,
             drape: None,
-            sheet,
+            mesh,
         })
     }
 
     /// A draped blank.
     pub fn draped(drape: Drape) -> Result<Self, SheetError> {
         let mesh = drape.mesh();
-        let sheet = Sheet::new(&mesh)?;
         Ok(Self {
-            mesh,
+            sheet: Sheet::new(&mesh)?,
             drape: Some(drape),
-            sheet,
+            mesh,
         })
-    }
-
-    /// Signed distance of every vertex from `other`, positive on its upper side [m].
-    pub fn deviations(&self, other: &Self) -> Vec<f64> {
-        let feet = self.feet(other);
-        feet.iter().map(|foot| foot.deviation).collect()
     }
 
     fn feet(&self, other: &Self) -> Vec<Foot> {
@@ -85,23 +77,16 @@ impl Surveyed {
     }
 }
 
-/// The part of the blank that is looked at.
-#[derive(Clone, Copy, PartialEq)]
-enum Part {
-    All,
-    Inside([f64; 4]),
-    Outside([f64; 4]),
+/// The part of the blank that is looked at: inside of a region if true, or else outside of it; all
+/// without one.
+type Part = Option<([f64; 4], bool)>;
+
+fn is_inside([x0, y0, x1, y1]: [f64; 4], [x, y]: [f64; 2]) -> bool {
+    x0 <= x && x <= x1 && y0 <= y && y <= y1
 }
 
-impl Part {
-    fn has(self, [x, y]: [f64; 2]) -> bool {
-        let within = |[x0, y0, x1, y1]: [f64; 4]| x0 <= x && x <= x1 && y0 <= y && y <= y1;
-        match self {
-            Self::All => true,
-            Self::Inside(region) => within(region),
-            Self::Outside(region) => !within(region),
-        }
-    }
+fn has(part: Part, rest: [f64; 2]) -> bool {
+    part.is_none_or(|(region, inside)| is_inside(region, rest) == inside)
 }
 
 /// Compares `a` with the reference `b`.
@@ -128,12 +113,11 @@ pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
     if criteria.tool.is_none() {
         missing(&["tool"], "no tool: give a configuration, or a run");
     }
-    let contour = |a: &Surveyed, b: &Surveyed| contour_deviation(&a.mesh, &b.mesh);
-    let contours = [contour(a, b), contour(b, a)].map(|c| {
-        c.map(|c| ContourDeviation {
-            mean: MM * c.mean,
-            max: MM * c.max,
-        })
+    let contours = [(a, b), (b, a)].map(|(a, b)| {
+        let mut contour = contour_deviation(&a.mesh, &b.mesh)?;
+        contour.mean *= MM;
+        contour.max *= MM;
+        Some(contour)
     });
     if contours[0].is_none() {
         let metrics = ["contour_a_to_b_mm", "contour_b_to_a_mm"];
@@ -144,9 +128,9 @@ pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
     let parts = |part| parts(a, b, &feet, part);
     let split = criteria.region.filter(|_| scans.is_none());
     Comparison {
-        all: parts(Part::All),
-        inside: split.map(|region| parts(Part::Inside(region))),
-        outside: split.map(|region| parts(Part::Outside(region))),
+        all: parts(None),
+        inside: split.map(|region| parts(Some((region, true)))),
+        outside: split.map(|region| parts(Some((region, false)))),
         contour_a_to_b_mm: contours[0],
         contour_b_to_a_mm: contours[1],
         a: measures(a, criteria),
@@ -157,9 +141,9 @@ pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
 
 /// What is compared over a part of the blank.
 fn parts(a: &Surveyed, b: &Surveyed, feet: &[Vec<Foot>; 2], part: Part) -> Parts {
-    let has = |surface: &Surveyed, v: usize| {
+    let is_in_part = |surface: &Surveyed, v: usize| {
         let rest = surface.drape.as_ref().map(|drape| drape.rest[v]);
-        part == Part::All || rest.is_some_and(|rest| part.has(rest))
+        part.is_none() || rest.is_some_and(|rest| has(part, rest))
     };
     let mut hausdorff = 0.0f64;
     let mut beyond = [0.0; 2];
@@ -168,7 +152,8 @@ fn parts(a: &Surveyed, b: &Surveyed, feet: &[Vec<Foot>; 2], part: Part) -> Parts
         let areas = surface.mesh.vertex_areas();
         let chosen = || {
             let all = feet[k].iter().zip(&areas).enumerate();
-            all.filter(|(v, _)| has(surface, *v)).map(|(_, pair)| pair)
+            all.filter(|(v, _)| is_in_part(surface, *v))
+                .map(|(_, pair)| pair)
         };
         topology[k] = Spread::new(chosen().map(|(foot, &area)| (MM * foot.deviation, area)));
         hausdorff = chosen().fold(hausdorff, |most, (foot, _)| most.max(MM * foot.distance));
@@ -203,18 +188,15 @@ fn counterpart(flat: &Sheet, [x, y]: [f64; 2]) -> Option<Foot> {
 /// Distance [mm] between the places of the same material points, with their rest areas.
 fn point_distances(a: &Drape, b: &Drape, flat: &Sheet, part: Part) -> Vec<(f64, f64)> {
     let areas = a.flat().vertex_areas();
-    let vertices = (0..a.rest.len()).filter(|&v| part.has(a.rest[v]));
-    vertices
-        .filter_map(|v| {
-            let foot = counterpart(flat, a.rest[v])?;
-            let corners = b.triangles[foot.triangle].iter().zip(foot.weights);
-            let there: Vec3 = corners
-                .map(|(&w, weight)| Vec3::from(b.position[w as usize]) * weight)
-                .sum();
-            let distance = (Vec3::from(a.position[v]) - there).norm();
-            Some((MM * distance, areas[v]))
-        })
-        .collect()
+    let vertices = (0..a.rest.len()).filter(|&v| has(part, a.rest[v]));
+    let distances = vertices.filter_map(|v| {
+        let foot = counterpart(flat, a.rest[v])?;
+        let corners = b.triangles[foot.triangle].iter().zip(foot.weights);
+        let corners = corners.map(|(&w, weight)| Vec3::from(b.position[w as usize]) * weight);
+        let distance = (Vec3::from(a.position[v]) - corners.sum::<Vec3>()).norm();
+        Some((MM * distance, areas[v]))
+    });
+    distances.collect()
 }
 
 /// Angles between the yarns of both drapes in the middles of A's triangles.
@@ -222,7 +204,7 @@ fn fibre_angles(a: &Drape, b: &Drape, flat: &Sheet, part: Part) -> Option<[Angle
     let mut pairs = Vec::new();
     for t in 0..a.triangles.len() {
         let centre = a.rest_centre(t);
-        if let Some(foot) = counterpart(flat, centre).filter(|_| part.has(centre)) {
+        if let Some(foot) = counterpart(flat, centre).filter(|_| has(part, centre)) {
             let (here, there) = (a.tangents(t), b.tangents(foot.triangle));
             let angle = |family| here.angle(&there, family);
             let angles = [Family::Warp, Family::Weft].map(angle);
@@ -232,9 +214,8 @@ fn fibre_angles(a: &Drape, b: &Drape, flat: &Sheet, part: Part) -> Option<[Angle
     let of = |family: usize| {
         let angles = || pairs.iter().map(|(angles, area)| (angles[family], *area));
         let spread = Spread::new(angles().map(|(angle, area)| (angle.to_degrees(), area)))?;
-        let agree = Spread::new(
-            angles().map(|(angle, area)| (f64::from(u8::from(angle.to_degrees() < FIBRE)), area)),
-        )?;
+        let agrees = |angle: f64| f64::from(u8::from(angle.to_degrees() < FIBRE));
+        let agree = Spread::new(angles().map(|(angle, area)| (agrees(angle), area)))?;
         Some(Angles {
             share_below: agree.mean,
             mean: spread.mean,
@@ -255,13 +236,12 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
     });
     let (mut shear, mut strain) = (None, None);
     if let Some(drape) = &surface.drape {
-        let all: Vec<_> = (0..drape.triangles.len())
-            .map(|t| (drape.tangents(t), drape.rest_area(t)))
-            .collect();
+        let triangles = 0..drape.triangles.len();
+        let all = triangles.map(|t| (drape.tangents(t), drape.rest_area(t)));
+        let all: Vec<(Tangents, f64)> = all.collect();
         let angles = Spread::new(all.iter().map(|(t, area)| (t.shear().to_degrees(), *area)));
-        let locked = all
-            .iter()
-            .filter(|(t, _)| t.shear().abs().to_degrees() > LOCKING);
+        let is_locked = |t: &Tangents| t.shear().abs().to_degrees() > LOCKING;
+        let locked = all.iter().filter(|(t, _)| is_locked(t));
         shear = angles.map(|found| Shear {
             rms: found.rms,
             min: found.min,
@@ -269,9 +249,7 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
             locked_area_mm2: MM * MM * locked.fold(0.0, |sum, (_, area)| sum + area),
         });
         let of = |f: fn(f64) -> f64| {
-            let both = |(t, area): &(drape_cloth::fabric::Tangents, f64)| {
-                t.strain().map(|strain| (f(strain), *area))
-            };
+            let both = |(t, area): &(Tangents, f64)| t.strain().map(|strain| (f(strain), *area));
             Spread::new(all.iter().flat_map(both)).map(|found| [found.p95, found.max])
         };
         let parts = [of(f64::abs), of(|s| s.max(0.0)), of(|s| (-s).max(0.0))];
@@ -299,11 +277,8 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
 
 /// Gaps to the tool and penetration, by the exact distance.
 fn tooling(mesh: &TriMesh, tool: &Surface) -> Tooling {
-    let phi: Vec<f64> = mesh
-        .vertices
-        .iter()
-        .map(|&x| tool.signed_distance(x))
-        .collect();
+    let phi = mesh.vertices.iter().map(|&x| tool.signed_distance(x));
+    let phi: Vec<f64> = phi.collect();
     let areas = mesh.vertex_areas();
     let open = phi.iter().zip(&areas).filter(|(phi, _)| **phi > GAP);
     let bridged = open.fold(0.0, |sum, (_, area)| sum + area);

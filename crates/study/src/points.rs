@@ -1,20 +1,12 @@
 //! Material points: the same ones of two sheets, how far they are apart, and from the tool.
 
-use std::collections::HashMap;
-
 use drape_cloth::scene::SceneConfig;
 use drape_cloth::tool::Tool;
 
 /// Vertices of two flat blanks that lie within a micrometre, ascending in the first.
 pub fn same_points(a: &[[f64; 2]], b: &[[f64; 2]]) -> Vec<[usize; 2]> {
-    const SAME: f64 = 1e-6;
-    let key = |x: &[f64; 2]| x.map(|x| (x / SAME).floor() as i64);
-    let known: HashMap<[i64; 2], usize> = b.iter().enumerate().map(|(j, x)| (key(x), j)).collect();
-    let find = |x: &[f64; 2]| {
-        let [u, v] = key(x);
-        let around = (-1..=1).flat_map(|i| (-1..=1).map(move |j| [u + i, v + j]));
-        around.filter_map(|key| known.get(&key)).copied().next()
-    };
+    let same = |x: &[f64; 2], y: &[f64; 2]| (0..2).all(|k| (x[k] - y[k]).abs() < 1e-6);
+    let find = |x: &[f64; 2]| b.iter().position(|y| same(x, y));
     let pairs = a.iter().enumerate();
     pairs.filter_map(|(i, x)| Some([i, find(x)?])).collect()
 }

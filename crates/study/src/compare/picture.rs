@@ -1,10 +1,9 @@
 //! What the deviation of two drapes looks like.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
-use super::{Comparison, Surveyed};
+use super::{Comparison, Surveyed, is_inside};
 use drape_cloth::math::Vec3;
-use drape_cloth::mesh::TriMesh;
 use drape_cloth::tool::Tool;
 use drape_report::{CLOTH_BIAS, Camera, Color, ColorMap, Drawing, Image, PATH, TOOL, creased};
 
@@ -37,7 +36,8 @@ pub fn deviation(
     region: Option<[f64; 4]>,
     range: f64,
 ) -> Image {
-    let deviations: Vec<f64> = a.deviations(b).iter().map(|d| 1e3 * d).collect();
+    let feet = a.feet(b).into_iter();
+    let deviations: Vec<f64> = feet.map(|foot| 1e3 * foot.deviation).collect();
     let color = |d: &f64| ColorMap::Deviation.at(0.5 + 0.5 * d / range);
     let colors: Vec<Color> = deviations.iter().map(color).collect();
     let tool = tool.map(|tool| creased(&tool.mesh));
@@ -69,28 +69,20 @@ pub fn deviation(
 }
 
 /// Edges of the draped mesh between triangles inside and outside of the region.
-fn outline(a: &Surveyed, [x0, y0, x1, y1]: [f64; 4]) -> Vec<[Vec3; 2]> {
+fn outline(a: &Surveyed, region: [f64; 4]) -> Vec<[Vec3; 2]> {
     let Some(drape) = &a.drape else {
         return Vec::new();
     };
-    let mesh: &TriMesh = &a.mesh;
-    // Inside minus outside, for every edge without direction; sorted later, as drawing order
-    // must not depend on the map's.
-    let mut edges: HashMap<[u32; 2], [bool; 2]> = HashMap::new();
-    for (t, triangle) in mesh.triangles.iter().enumerate() {
-        let [x, y] = drape.rest_centre(t);
-        let is_inside = x0 <= x && x <= x1 && y0 <= y && y <= y1;
+    // Whether an edge, without direction, has a triangle outside and one inside.
+    let mut edges: BTreeMap<[u32; 2], [bool; 2]> = BTreeMap::new();
+    for (t, triangle) in a.mesh.triangles.iter().enumerate() {
+        let side = usize::from(is_inside(region, drape.rest_centre(t)));
         for k in 0..3 {
             let [v, w] = [triangle[k], triangle[(k + 1) % 3]];
-            edges.entry([v.min(w), v.max(w)]).or_default()[usize::from(is_inside)] = true;
+            edges.entry([v.min(w), v.max(w)]).or_default()[side] = true;
         }
     }
-    let mut border: Vec<[u32; 2]> = edges
-        .into_iter()
-        .filter(|(_, sides)| *sides == [true; 2])
-        .map(|(edge, _)| edge)
-        .collect();
-    border.sort_unstable();
-    let place = |v: u32| mesh.vertices[v as usize];
-    border.into_iter().map(|edge| edge.map(place)).collect()
+    let border = edges.iter().filter(|(_, sides)| **sides == [true; 2]);
+    let place = |v: u32| a.mesh.vertices[v as usize];
+    border.map(|(edge, _)| edge.map(place)).collect()
 }
