@@ -1,11 +1,8 @@
 //! Where the simulator converges, where it is stable but wrong, and where it diverges.
 //!
-//! A [`Sweep`] varies two quantities to their extremes and simulates one small piece of cloth
-//! for every pair of values, with both solvers and in both precisions. Each cell is judged
-//! against an answer that is known: a closed form, or a state that must not change. Nothing is
-//! compared with stored numbers.
-//!
-//! Outcomes, in the order in which they are decided:
+//! A [`Sweep`] varies two quantities to their extremes and simulates one small piece of cloth for
+//! every pair of values, with both solvers and in both precisions. Each cell is judged against a
+//! closed form, or a state that must not change. Outcomes, in the order in which they are decided:
 //!
 //! | Outcome | Means |
 //! | --- | --- |
@@ -16,8 +13,7 @@
 //! | converged | the error at the end is at most [`THRESHOLD`] |
 //! | wrong | it is larger |
 //!
-//! The error is a mean over vertices divided by the size of the sheet, so without unit; each
-//! trial names its norm. Work is bounded: a cell has a fixed number of frames and substeps.
+//! The error is a mean over vertices divided by the size of the sheet; each trial names its norm.
 
 mod free;
 mod hanging;
@@ -103,19 +99,17 @@ pub fn compute(sweeps: &[Sweep], context: &Context) -> Vec<SweepCell> {
 fn cell(sweep: &Sweep, at: [usize; 2], (solver, precision): (Solver, Precision)) -> SweepCell {
     let start = Instant::now();
     let knobs = sweep.knobs(at, solver);
-    let ended = catch_unwind(AssertUnwindSafe(|| match (sweep.trial)(&knobs) {
-        Ok(trial) => {
-            let (outcome, error) = trial.run(&knobs, precision);
-            (outcome, error, String::new())
+    let tried = || (sweep.trial)(&knobs).map(|trial| trial.run(&knobs, precision));
+    let ((outcome, error), note) = match catch_unwind(AssertUnwindSafe(tried)) {
+        Ok(Ok(found)) => (found, String::new()),
+        Ok(Err(refusal)) => ((Outcome::Refused, None), refusal.to_string()),
+        Err(cause) => {
+            let text = cause.downcast_ref::<String>().map(String::as_str);
+            let text = text.or_else(|| cause.downcast_ref::<&str>().copied());
+            let note = text.unwrap_or("unknown panic").to_owned();
+            ((Outcome::Panicked, None), note)
         }
-        Err(refusal) => (Outcome::Refused, None, refusal.to_string()),
-    }));
-    let (outcome, error, note) = ended.unwrap_or_else(|cause| {
-        let text = cause.downcast_ref::<String>().map(String::as_str);
-        let text = text.or_else(|| cause.downcast_ref::<&str>().copied());
-        let note = text.unwrap_or("unknown panic").to_owned();
-        (Outcome::Panicked, None, note)
-    });
+    };
     SweepCell {
         sweep: sweep.name,
         at,

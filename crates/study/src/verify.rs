@@ -1,10 +1,8 @@
 //! Closed forms: answers that nobody chose, and what each solver makes of them.
 //!
-//! A [`Subject`] is asked for every [`ClosedForm`]; what it finds becomes rows of a table, expected
-//! beside found. One file per physical group holds the simulations, each a function
-//! of whoever solves it, of the mesh and of what is varied, so that tests can ask the same with
-//! their own substep and mesh. All of it is f64 and runs on one thread a case: equal cases give
-//! equal rows.
+//! One file per physical group holds the simulations, each a function of whoever solves it, of the
+//! mesh and of what is varied, so that tests can ask the same with their own substep and mesh. All
+//! of it is f64 and runs on one thread a case: equal cases give equal rows.
 //!
 //! | Group | Held against |
 //! | --- | --- |

@@ -62,13 +62,15 @@ impl Knobs {
 /// A trial, unless it cannot be simulated at all: the error is what a user would be told.
 pub type Tried = Result<Trial, Box<dyn std::error::Error + Send + Sync>>;
 
+/// Error of a final state over the size of the sheet [-].
+type Judge = dyn Fn(&Lamina, &Snapshot) -> f64;
+
 /// A simulation with a known answer.
 pub struct Trial {
     piece: Piece,
     /// At least so long [s].
     seconds: f64,
-    /// Error of the final state over the size of the sheet [-].
-    judge: Box<dyn Fn(&Lamina, &Snapshot) -> f64>,
+    judge: Box<Judge>,
 }
 
 impl Trial {

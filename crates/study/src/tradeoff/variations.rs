@@ -97,7 +97,8 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
             }
         });
     }
-    let features: [(&str, fn(&mut PhysicsConfig)); 6] = [
+    type Change = fn(&mut PhysicsConfig);
+    let features: [(&str, Change); 6] = [
         ("as configured", |_| ()),
         ("no friction", |p| p.friction = false),
         ("no shear", |p| p.shear = false),

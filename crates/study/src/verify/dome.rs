@@ -9,8 +9,22 @@ use drape_cloth::math::Vec3;
 use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig};
 use drape_cloth::tool::{Hemisphere, Pose, Shape, Tool};
 
+/// Polar angle and shear [deg] on the bias line of a fishnet on a sphere: inextensible yarns of 400
+/// edges over the length of [`ARM`].
+pub const FISHNET: [[f64; 2]; 5] = [
+    [30.0, 7.520445268980763],
+    [45.0, 16.112878218306406],
+    [60.0, 26.9457071972607],
+    [70.0, 35.03861168551643],
+    [80.0, 43.592147832836964],
+];
+
 /// Radius of the hemisphere [m].
 const RADIUS: f64 = 0.1;
+
+/// Length of the sheet along its middle yarns, from the pole, over the radius: the bias then
+/// reaches a polar angle of 86 degrees.
+const ARM: f64 = 0.95;
 
 static DOME: LazyLock<Arc<Tool>> = LazyLock::new(|| {
     let dome = Hemisphere {
@@ -21,52 +35,6 @@ static DOME: LazyLock<Arc<Tool>> = LazyLock::new(|| {
     };
     tool(Shape::Hemisphere(dome), Pose::default(), 3.0).into()
 });
-
-/// Length of the sheet along its middle yarns, from the pole, over the radius: the bias then
-/// reaches a polar angle of 86 degrees.
-const ARM: f64 = 0.95;
-
-/// Shear on the bias line of a fishnet on a sphere, [polar angle, shear] [rad], from the pole on:
-/// inextensible yarns of `edges` edges over `arm` radii whose middle ones are geodesics.
-///
-/// Each node is where its two neighbours nearer to the middle yarns put it, at the length of an
-/// edge from both; the shear is that between the directions to its four neighbours.
-pub fn fishnet(arm: f64, edges: usize) -> Vec<[f64; 2]> {
-    let step = arm / edges as f64;
-    let cosine = step.cos();
-    let mut net = vec![vec![Vec3::zeros(); edges + 1]; edges + 1];
-    for (k, row) in net.iter_mut().enumerate() {
-        let (sin, cos) = (k as f64 * step).sin_cos();
-        row[0] = Vec3::new(sin, 0.0, cos);
-    }
-    for (k, node) in net[0].iter_mut().enumerate() {
-        let (sin, cos) = (k as f64 * step).sin_cos();
-        *node = Vec3::new(0.0, sin, cos);
-    }
-    for i in 1..=edges {
-        for j in 1..=edges {
-            let (a, b) = (net[i - 1][j], net[i][j - 1]);
-            let along = (a + b) * (cosine / (1.0 + a.dot(&b)));
-            let across = a.cross(&b).normalize() * (1.0 - along.norm_squared()).max(0.0).sqrt();
-            // Of both intersections the one farther from the node before.
-            let before = net[i - 1][j - 1];
-            let (p, q) = (along + across, along - across);
-            net[i][j] = if p.dot(&before) < q.dot(&before) {
-                p
-            } else {
-                q
-            };
-        }
-    }
-    let mut found = vec![[0.0, 0.0]];
-    for k in 1..edges {
-        let warp = (net[k + 1][k] - net[k - 1][k]).normalize();
-        let weft = (net[k][k + 1] - net[k][k - 1]).normalize();
-        let shear = std::f64::consts::FRAC_PI_2 - warp.dot(&weft).acos();
-        found.push([net[k][k].z.clamp(-1.0, 1.0).acos(), shear.abs()]);
-    }
-    found
-}
 
 /// Lays a sheet with arms of `edges` edges flat on the pole of a hemisphere without friction and
 /// lets it sink under ten times its weight, held at the pole.
@@ -112,9 +80,8 @@ pub fn wrap(solver: &dyn Solve, edges: usize) -> Vec<[f64; 2]> {
 
 /// The shear at a polar angle [rad], between the nodes of a bias line; NaN beyond its last.
 pub fn at_polar(line: &[[f64; 2]], polar: f64) -> f64 {
-    let pair = line
-        .windows(2)
-        .find(|p| p[0][0] <= polar && polar <= p[1][0]);
+    let mut pairs = line.windows(2);
+    let pair = pairs.find(|p| p[0][0] <= polar && polar <= p[1][0]);
     pair.map_or(f64::NAN, |p| {
         let part = (polar - p[0][0]) / (p[1][0] - p[0][0]);
         p[0][1] + part * (p[1][1] - p[0][1])

@@ -1,10 +1,8 @@
 //! Whoever is asked where a piece of cloth goes: the fast solver, and the finite-element twin.
 
 use crate::cloth::Piece;
-use drape_cloth::sim::{
-    Accuracy, Backend, Bending, BendingStiffness, Control, Cpu, PhysicsConfig, Precision, Snapshot,
-    Solver,
-};
+use drape_cloth::sim::{Accuracy, Backend, Bending, BendingStiffness, Control, Cpu};
+use drape_cloth::sim::{PhysicsConfig, Precision, Snapshot, Solver};
 use drape_cloth::twin::{Twin, TwinConfig};
 
 /// Who is asked.
@@ -75,16 +73,19 @@ pub trait Solve: Sync {
     /// later than after `seconds`.
     fn settle(&self, piece: &Piece, limits: [f64; 2]) -> Snapshot;
 
-    /// Force with which cloth at rest pulls at its fixed `vertices` [N]; none of a solver that
-    /// does not know it.
-    fn pull(&self, piece: &Piece, vertices: &[u32]) -> Option<[f64; 3]>;
+    /// Force with which cloth at rest pulls at its fixed `vertices` [N]. None of the fast solver,
+    /// which knows the tension of yarns, but not what else holds a vertex.
+    fn pull(&self, _: &Piece, _: &[u32]) -> Option<[f64; 3]> {
+        None
+    }
 
     /// The fast solver, where this is one.
-    fn fast(&self) -> Option<&Fast>;
+    fn fast(&self) -> Option<&Fast> {
+        None
+    }
 }
 
 /// The fast solver as it is asked: f64, one environment.
-#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fast {
     /// How lengths are kept.
     pub solver: Solver,
@@ -95,10 +96,6 @@ pub struct Fast {
 }
 
 impl Fast {
-    fn substeps(&self, seconds: f64) -> usize {
-        (seconds / self.substep).round().max(1.0) as usize
-    }
-
     /// Steps for `seconds`, and ends earlier if `is_over` says so, which is asked every `refresh`
     /// [s].
     fn advance(
@@ -109,8 +106,8 @@ impl Fast {
     ) -> Snapshot {
         let mut cloth = Cpu::new(&piece.world(self.solver), 1, Precision::F64);
         cloth.load(0, &piece.start);
-        let interval = self.substeps(refresh);
-        let mut left = self.substeps(seconds);
+        let substeps = |seconds: f64| (seconds / self.substep).round().max(1.0) as usize;
+        let [mut left, interval] = [seconds, refresh].map(substeps);
         loop {
             let mut until_asked = left.min(interval);
             left -= until_asked;
@@ -142,18 +139,12 @@ impl Solve for Fast {
         self.advance(piece, [seconds, 0.05], |state| state.v_rms() < speed)
     }
 
-    /// It knows the tension of yarns, but not what else holds a vertex.
-    fn pull(&self, _: &Piece, _: &[u32]) -> Option<[f64; 3]> {
-        None
-    }
-
     fn fast(&self) -> Option<&Fast> {
         Some(self)
     }
 }
 
 /// The twin with its default integration.
-#[derive(Clone, Copy, Debug, Default)]
 pub struct Reference;
 
 impl Reference {
@@ -212,16 +203,11 @@ impl Solve for Reference {
         // Under critical damping what is left to go shrinks to a tenth in about this time; a tenth
         // of a micrometre is less than any case can tell.
         let tolerance = (0.1 * speed).max(1e-7);
-        Self::end(piece, |twin| {
-            twin.relax(piece.tool.as_deref(), tolerance, seconds)
-        })
+        let tool = piece.tool.as_deref();
+        Self::end(piece, |twin| twin.relax(tool, tolerance, seconds))
     }
 
     fn pull(&self, piece: &Piece, vertices: &[u32]) -> Option<[f64; 3]> {
         Some(Self::twin(piece).pull(vertices))
-    }
-
-    fn fast(&self) -> Option<&Fast> {
-        None
     }
 }
