@@ -18,7 +18,6 @@ use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, ste
 use crate::table::Format::Hidden;
 use crate::table::Table;
 use crate::twin::fall::{fallen, twin_config};
-use crate::twin::set_up;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::{Scene, surplus};
@@ -106,7 +105,10 @@ impl Study for Transfer {
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let mut config = self.scene.read()?;
         self.scene.set_mesh(&mut config, Some(33))?;
-        let (scene, _) = set_up(&config, |share| (context.progress)(share, "falling"))?;
+        // Refused before the work.
+        twin_config(&config)?;
+        let fall = |share| (context.progress)(share, "falling");
+        let scene = Arc::new(Scene::new(&config, fall)?);
         let mut env = self.scene.env(Some(CORNER));
         env.stencil_mm = stencil_mm(&scene.lamina, env.stencil_mm);
         let paths = generate(&scene, &env, self.count.into(), self.seed)?;

@@ -8,6 +8,7 @@
 mod case;
 pub mod fall;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -62,38 +63,18 @@ pub struct TwinStudy {
     convergence: bool,
 }
 
-/// Sets up the fast solver's scene. Gives its CPU time [s] too, without that of the tool.
-///
-/// # Errors
-/// If the scene is not valid, or the twin has nothing for what it asks.
-pub fn set_up(
-    config: &SceneConfig,
-    progress: impl FnMut(f64),
-) -> Result<(Arc<Scene>, f64), SceneError> {
-    twin_config(config)?;
-    config.check()?;
-    let start = ProcessTime::now();
-    Tool::new(&config.tool)?;
-    let tool = start.elapsed();
-    let start = ProcessTime::now();
-    let scene = Scene::new(config, progress)?;
-    let cpu = start.elapsed().saturating_sub(tool);
-    Ok((Arc::new(scene), cpu.as_secs_f64()))
-}
-
 impl TwinStudy {
     /// What is pressed, and the scene that its vertices are counted in; a sweep if there are none.
     fn source(&self, context: &Context) -> Result<TrainedPath, StudyError> {
-        let path = match &self.path {
-            Some(path) if path.is_dir() => return (context.read_run)(path),
-            path => path,
-        };
+        if let Some(run) = self.path.as_ref().filter(|path| path.is_dir()) {
+            return (context.read_run)(run);
+        }
         let mut source = TrainedPath {
             scene: self.scene.read()?,
             env: EnvConfig::default(),
             vertices: Vec::new(),
         };
-        if let Some(path) = path {
+        if let Some(path) = &self.path {
             let points = read_json(path).map_err(|error| StudyError::Read(error.into()))?;
             source.vertices = points.iter().map(|point| point.vertex).collect();
             let count = lamina(&source.scene)?.vertex_count();
@@ -111,14 +92,10 @@ impl TwinStudy {
 
 /// The vertices of another mesh that are nearest on the flat blank to those of a path, each once.
 fn transferred(vertices: &[u32], own: &Lamina, other: &Lamina) -> Vec<u32> {
-    let mut pressed = Vec::new();
-    for &vertex in vertices {
-        let nearest = nearest(&other.rest, own.rest[vertex as usize]);
-        if !pressed.contains(&nearest) {
-            pressed.push(nearest);
-        }
-    }
-    pressed
+    let places = vertices.iter().map(|&v| own.rest[v as usize]);
+    let mut seen = BTreeSet::new();
+    let nearest = places.map(|at| nearest(&other.rest, at));
+    nearest.filter(|&v| seen.insert(v)).collect()
 }
 
 impl Study for TwinStudy {
@@ -138,19 +115,27 @@ impl Study for TwinStudy {
             None => source.scene.clone(),
         };
         self.scene.set_mesh(&mut config, Some(33))?;
-        let region = self.scene.region.or(source.env.region_mm);
-        let region = region.unwrap_or(CORNER);
+        let region_mm = self.scene.region.or(source.env.region_mm);
+        let region_mm = region_mm.unwrap_or(CORNER);
         let blank = lamina(&config)?;
         let env = EnvConfig {
-            region_mm: Some(region),
+            region_mm: Some(region_mm),
             crop: true,
             stencil_mm: stencil_mm(&blank, source.env.stencil_mm),
             ..source.env
         };
         // Refused before the work.
-        let in_region = env.region(&blank)?;
+        let region = env.region(&blank)?;
+        twin_config(&config)?;
+        config.check()?;
+        // The tool is made once more: its time is not that of the fall.
+        let start = ProcessTime::now();
+        Tool::new(&config.tool).map_err(SceneError::from)?;
+        let tool = start.elapsed();
+        let start = ProcessTime::now();
         let fall = |share| (context.progress)(share, "falling");
-        let (scene, fall_cpu_s) = set_up(&config, fall)?;
+        let scene = Arc::new(Scene::new(&config, fall)?);
+        let fall_cpu_s = start.elapsed().saturating_sub(tool).as_secs_f64();
         let sequence = match self.path {
             Some(_) => transferred(&source.vertices, &lamina(&source.scene)?, &scene.lamina),
             None => sequences(&scene, &env, Order::Sweep, 1, 0)?
@@ -161,26 +146,20 @@ impl Study for TwinStudy {
             scene,
             fall_cpu_s,
             env,
-            region: in_region,
+            region,
             sequence,
         };
         let runs = case.run(|share| (context.progress)(share, "pressing in the twin"))?;
-        let compared = compare_all(&case.scene, &runs, region.map(|x| 1e-3 * x))?;
-        let convergence = match self.convergence {
-            true => {
-                (context.progress)(0.5, "holding the twin against itself");
-                case.converge(&runs[1])?
-            }
-            false => Vec::new(),
-        };
+        let region = region_mm.map(|x| 1e-3 * x);
+        let compared = compare_all(&case.scene, &runs, region)?;
+        let mut convergence = Vec::new();
+        if self.convergence {
+            (context.progress)(0.5, "holding the twin against itself");
+            convergence = case.converge(&runs[1])?;
+        }
         let mut report = tables(&case, &runs, &compared, &convergence);
-        report.fact("region_mm", region);
-        pictures(
-            &mut report,
-            &case.scene,
-            &compared,
-            region.map(|x| 1e-3 * x),
-        );
+        report.fact("region_mm", region_mm);
+        pictures(&mut report, &case.scene, &compared, region);
         states(&mut report, case.scene, &runs);
         Ok(report)
     }
@@ -218,13 +197,13 @@ fn tables(
         .number("v_rms before [mm/s]", 3, |ran| 1e3 * ran.v_rms[0])
         .number("v_rms after [mm/s]", 3, |ran| 1e3 * ran.v_rms[1])
         .end();
-    let moments: Vec<(&str, &str, Energies)> = (runs.iter())
-        .flat_map(|ran| {
-            ran.energy
-                .map(|e| [("fall", e[0]), ("presses", e[1])].map(|(m, e)| (ran.name, m, e)))
-        })
-        .flatten()
-        .collect();
+    let mut moments: Vec<(&str, &str, Energies)> = Vec::new();
+    for ran in runs {
+        let energies = ["fall", "presses"]
+            .into_iter()
+            .zip(ran.energy.iter().flatten());
+        moments.extend(energies.map(|(moment, energies)| (ran.name, moment, *energies)));
+    }
     let energy = Table::of("energy", "Balance since the start of the fall", &moments)
         .text("model", |(name, ..)| *name)
         .text("after", |(_, moment, _)| *moment)
@@ -249,35 +228,30 @@ fn tables(
             .number("fall max [mm]", 3, |v| v.initial_mm[1])
             .number("sheet [m]", 3, |v| v.initial_m[0])
             .number("sheet of the twin [m]", 3, |v| v.initial_m[1])
-            .number("presses mean [mm]", 3, |v| v.draped_mm.map(|d| d[0]))
-            .number("presses max [mm]", 3, |v| v.draped_mm.map(|d| d[1]))
-            .number("left [m]", 4, |v| v.left_m.map(|m| m[0]))
-            .number("left of the twin [m]", 4, |v| v.left_m.map(|m| m[1]))
+            .number("presses mean [mm]", 3, |v| v.draped_mm[0])
+            .number("presses max [mm]", 3, |v| v.draped_mm[1])
+            .number("left [m]", 4, |v| v.left_m[0])
+            .number("left of the twin [m]", 4, |v| v.left_m[1])
             .end();
         tables.push(table);
     }
     let mut report = Report::new(tables);
     let [fast, twin, accelerated] = runs;
     let ratio = |a: f64, b: f64| a / b.max(1e-9);
-    let ratios = [
-        ratio(twin.cpu_s(), fast.cpu_s()),
-        ratio(twin.press_cpu_s, fast.press_cpu_s),
-        ratio(twin.cpu_s(), accelerated.cpu_s()),
-    ];
     report.notes.push(format!(
         "twin over fast {:.0} (presses alone {:.0}), twin over accelerated {:.1}; the paper's, of \
          8.15 h, 40.2 min and 19 s: 1544 and 12.2",
-        ratios[0], ratios[1], ratios[2]
+        ratio(twin.cpu_s(), fast.cpu_s()),
+        ratio(twin.press_cpu_s, fast.press_cpu_s),
+        ratio(twin.cpu_s(), accelerated.cpu_s())
     ));
     report.fact("sequence", &case.sequence);
     report
 }
 
-/// A drape next to the twin's.
+/// A drape, `initial` or `draped`, next to the twin's.
 struct Compared {
-    /// `initial` or `draped`.
     moment: &'static str,
-    /// What is compared with the twin.
     name: &'static str,
     surface: Surveyed,
     reference: Surveyed,
@@ -322,19 +296,13 @@ fn comparison_table(compared: &[Compared]) -> Table {
     type Row<'a> = (&'a Compared, &'static str, &'a Parts);
     let mut rows: Vec<Row> = Vec::new();
     for found in compared {
-        rows.extend(
-            found
-                .comparison
-                .parts()
-                .map(|(part, parts)| (found, part, parts)),
-        );
+        let parts = found.comparison.parts();
+        rows.extend(parts.map(|(part, parts)| (found, part, parts)));
     }
     let height = |row: &Row| row.2.topology_a_to_b_mm;
     let points = |row: &Row| row.2.material_points_mm;
-    let contour = |(found, part, _): &Row| {
-        let contour = found.comparison.contour_a_to_b_mm;
-        contour.filter(|_| *part == "all")
-    };
+    let contours = |found: &Compared| found.comparison.contour_a_to_b_mm;
+    let contour = |(found, part, _): &Row| contours(found).filter(|_| *part == "all");
     let fibres = |parts: &Parts, k: usize| parts.fibre_angle_deg.map(|a| 1e2 * a[k].share_below);
     Table::of("comparisons", "Against the twin", &rows)
         .text("moment", |(found, ..)| found.moment)
@@ -367,19 +335,16 @@ fn pictures(report: &mut Report, scene: &Scene, compared: &[Compared], region: [
 
 /// Every state as STL and state file.
 fn states(report: &mut Report, scene: Arc<Scene>, runs: &[Ran; 3]) {
-    let tool = scene.clone();
-    report.file("tool.stl", move |path| {
-        write_stl(path, &tool.tool.mesh, "tool")
-    });
+    let tool = scene.tool.clone();
+    report.file("tool.stl", move |path| write_stl(path, &tool.mesh, "tool"));
     for ran in runs {
         for (moment, position) in ["initial", "draped"].into_iter().zip(&ran.ends) {
             let name = format!("{moment}-{}", ran.name);
-            let drape = Arc::new(Drape::new(&scene.lamina, position));
-            let state = drape.clone();
-            report.file(format!("{name}.json"), move |path| state.write(path));
-            report.file(format!("{name}.stl"), move |path| {
-                write_stl(path, &drape.mesh(), &name)
-            });
+            let drape = Drape::new(&scene.lamina, position);
+            let mesh = drape.mesh();
+            report.file(format!("{name}.json"), move |path| drape.write(path));
+            let file = format!("{name}.stl");
+            report.file(file, move |path| write_stl(path, &mesh, &name));
         }
     }
 }

@@ -56,10 +56,8 @@ impl PaperCase {
     }
 
     /// Fast solver, twin and accelerated twin, in this order; the twins on a thread each.
-    /// `progress` is told the share of the twin's presses that are done, 0..=1.
-    ///
-    /// # Errors
-    /// If the scene has what the twin has nothing for, or one of them diverges.
+    /// `progress` is told the share of the twin's presses that are done, 0..=1. Fails if one of
+    /// them diverges.
     pub fn run(&self, progress: impl FnMut(f64)) -> Result<[Ran; 3], StudyError> {
         let baseline = twin_config(&self.scene.config)?;
         let accelerated = baseline.accelerated(ACCELERATION);
@@ -136,10 +134,7 @@ impl PaperCase {
 
     /// Holds variants against `twin`, this case's baseline, each on a thread: half the time step
     /// throughout; presses from a start pushed by a micrometre; and, for a plain rectangle with
-    /// even numbers of cells, the fall with cells twice as wide.
-    ///
-    /// # Errors
-    /// If a variant diverges.
+    /// even numbers of cells, the fall with cells twice as wide. Fails if one diverges.
     pub fn converge(&self, twin: &Ran) -> Result<Vec<SelfComparison>, StudyError> {
         let config = twin_config(&self.scene.config)?;
         let finer = TwinConfig {
@@ -161,8 +156,8 @@ impl PaperCase {
                     time_step_s: ran.time_step_s,
                     initial_mm: apart_mm(&ran.ends[0], &twin.ends[0], &all),
                     initial_m: [fallen(&ran), fallen(twin)],
-                    draped_mm: Some(apart_mm(&ran.ends[1], &twin.ends[1], &all)),
-                    left_m: Some([&ran, twin].map(|ran| self.distance_m(&ran.ends[1]))),
+                    draped_mm: apart_mm(&ran.ends[1], &twin.ends[1], &all),
+                    left_m: [&ran, twin].map(|ran| self.distance_m(&ran.ends[1])),
                 });
             }
             found.extend(coarse?);
@@ -191,8 +186,8 @@ impl PaperCase {
                 distance(tool, side(0), &x),
                 distance(tool, side(1), &twin.ends[0]),
             ],
-            draped_mm: None,
-            left_m: None,
+            draped_mm: [f64::NAN; 2],
+            left_m: [f64::NAN; 2],
         }))
     }
 }
@@ -202,16 +197,14 @@ pub struct SelfComparison {
     pub name: &'static str,
     /// Of the variant's mesh.
     pub vertices: usize,
-    /// The variant's largest stable time step before the presses, times its safety [s].
+    /// Its largest stable step before the presses, times its safety [s].
     pub time_step_s: f64,
     /// Mean and greatest distance after the fall [mm].
     pub initial_mm: [f64; 2],
-    /// Summed distance to the tool of the shared points after the fall: the variant's, the
-    /// twin's [m].
+    /// Summed distance of these points to the tool then: the variant's, the twin's [m].
     pub initial_m: [f64; 2],
-    /// Mean and greatest distance after the presses [mm]; none on another mesh, where the same
-    /// presses act on other patches.
-    pub draped_mm: Option<[f64; 2]>,
-    /// Summed distance of the region after them: the variant's, the twin's [m].
-    pub left_m: Option<[f64; 2]>,
+    /// Mean and greatest distance after the presses [mm], and the summed one of the region then;
+    /// NaN on another mesh, where the same presses act on other patches.
+    pub draped_mm: [f64; 2],
+    pub left_m: [f64; 2],
 }

@@ -23,7 +23,7 @@ pub fn config() -> SceneConfig {
 /// Clamps of the twin end where those of the fast solver do, and its energy is accounted for.
 #[test]
 fn clamps_of_both_end_in_the_same_places() {
-    let (scene, _) = set_up(&config(), |_| {}).unwrap();
+    let scene = Scene::new(&config(), |_| {}).unwrap();
     let twin = fallen(&scene, &twin_config(&scene.config).unwrap()).unwrap();
     assert!(scene.initial.fixed.count_ones(..) == 3);
     let positions = twin.positions();
