@@ -1,9 +1,7 @@
 //! How fast the simulation is.
 //!
-//! Measured on the standard sheet (65 x 65 vertices, 370 mm) lying settled on the built-in rib:
-//! every solver on every instruction set, what each feature of `[physics]` adds or saves, and what
-//! is left of it in training. Simulation is timed by the CPU time of its thread, throughput by
-//! wall time; all variants of a table take turns, so that noise which lasts hits all alike.
+//! Simulation is timed by the CPU time of its thread, throughput by wall time; all variants of a
+//! table take turns, so that noise which lasts hits all alike.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -268,12 +266,10 @@ impl Timed {
         self.step();
     }
 
-    /// One control step.
     pub fn step(&mut self) {
         self.0.step(&CONTROL, &[]);
     }
 
-    /// Number of environments.
     pub fn lanes(&self) -> usize {
         self.0.count()
     }

@@ -65,10 +65,7 @@ pub fn yarns_alone(damping: f64) -> PhysicsConfig {
     }
 }
 
-/// A tool of `shape`, its distance sampled every `spacing_mm`.
-///
-/// # Panics
-/// If the shape is none; those of the studies are.
+/// A tool of a valid `shape`, its distance sampled every `spacing_mm`.
 pub fn tool(shape: Shape, pose: Pose, spacing_mm: f64) -> Tool {
     let config = ToolConfig {
         source: Source::Shape(shape),
@@ -90,10 +87,7 @@ pub static NOWHERE: LazyLock<Arc<Tool>> = LazyLock::new(|| {
     tool(Shape::Plate(Plate::default()), pose, 100.0).into()
 });
 
-/// A rectangle of `size` [m] along its yarns.
-///
-/// # Panics
-/// If it cannot be cut; those of the studies can.
+/// A rectangle of `size` [m] along its yarns, which can be cut.
 pub fn sheet(size: [f64; 2], vertices: [usize; 2], material: Material) -> Lamina {
     let config = BlankConfig {
         size_mm: size.map(|s| 1e3 * s),
@@ -104,8 +98,8 @@ pub fn sheet(size: [f64; 2], vertices: [usize; 2], material: Material) -> Lamina
     Lamina::new(&config, material).expect("the blanks of the studies are valid")
 }
 
-/// A strip of one cell's width along the yarns of `family`, `edges` long. The yarns that are
-/// tested are its two borders, half a cell wide each.
+/// A strip of one cell's width along the yarns of `family`, `edges` long: its two borders are yarns
+/// of half a cell each.
 pub fn strip(family: Family, length: f64, edges: usize) -> Lamina {
     let width = length / edges as f64;
     let material = Material::interglas_92125();
@@ -128,8 +122,7 @@ pub fn evened(mut strip: Lamina) -> Lamina {
     strip
 }
 
-/// A piece whose yarns resist compression as tension: closed forms of inextensible yarns mean
-/// both.
+/// The same cloth, its yarns as stiff in compression as in tension.
 pub fn rigid(mut lamina: Lamina) -> Lamina {
     for law in [&mut lamina.material.warp, &mut lamina.material.weft] {
         law.compression = law.tension.clone();

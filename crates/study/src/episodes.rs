@@ -51,7 +51,6 @@ pub enum Order {
 }
 
 impl Order {
-    /// All orders.
     pub const ALL: [Self; 3] = [Self::Random, Self::Sweep, Self::Outwards];
 
     /// As in tables.

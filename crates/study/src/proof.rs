@@ -38,7 +38,6 @@ impl Physics {
 /// What paths of one origin leave in one physics.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// Where they were played.
     pub physics: Physics,
     /// `path` for those that are proved, else `random`, `sweep` or `outwards`.
     pub order: String,
@@ -47,7 +46,6 @@ pub struct Row {
     /// Paths in which the simulation diverged, here or where they were found; they count in no
     /// figure.
     pub diverged: usize,
-    /// What the others leave.
     #[serde(flatten)]
     pub figures: Figures,
 }
@@ -75,23 +73,19 @@ pub struct Figures {
     pub deviation_shear_deg: f64,
 }
 
-/// What [`prove`] has found.
+/// What [`prove`] has found, by physics and order; nothing is best if all paths have diverged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proof {
-    /// By physics and order.
     pub rows: Vec<Row>,
-    /// None if all paths have diverged.
     pub best: Option<Best>,
 }
 
-/// The best path in the last physics in which one came to its end.
+/// The best path, by its number among those given, in the last physics in which one came to its
+/// end, and its [`score`] there [-].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Best {
-    /// Its number among those given.
     pub index: usize,
-    /// Where it is the best.
     pub physics: Physics,
-    /// Its score there, see [`score`] [-].
     pub score: f64,
 }
 

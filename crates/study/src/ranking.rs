@@ -3,9 +3,6 @@
 
 use drape_cloth::math::{Purpose, Stream};
 
-/// Resamples of [`interval`].
-const RESAMPLES: usize = 1000;
-
 /// Least and greatest value; infinite without any.
 pub fn extremes(values: &[f64]) -> [f64; 2] {
     let range = [f64::INFINITY, f64::NEG_INFINITY];
@@ -65,6 +62,7 @@ pub fn pair_loss(pairs: &[[f64; 2]]) -> Option<f64> {
 /// (Efron's bootstrap, percentiles): how far the choice of the things lets it swing. The same
 /// resamples in every call. None where the statistic is not there for most of them.
 pub fn interval(count: usize, statistic: impl Fn(&[usize]) -> Option<f64>) -> Option<[f64; 2]> {
+    const RESAMPLES: usize = 1000;
     if count == 0 {
         return None;
     }

@@ -25,8 +25,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Instant;
 
 use crate::study::{Context, Report, Study, StudyError, only};
-use crate::table::Format::Hidden;
-use crate::table::Table;
+use crate::table::{Format::Hidden, Table};
 use crate::verify::{SOLVERS, precision_name, solver_name};
 use drape_cloth::sim::{Precision, Solver};
 use drape_report::{Color, HeatMap, Image, Tile};

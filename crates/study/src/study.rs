@@ -177,10 +177,8 @@ pub struct SceneOptions {
     pub region: Option<[f64; 4]>,
 }
 
-/// A region on the flat blank from the command line, in the unit that is written.
-///
-/// # Errors
-/// If it is not four numbers between commas, the lesser ones first.
+/// A region on the flat blank from the command line: four numbers between commas, the lesser ones
+/// first, in the unit that is written.
 pub fn region(text: &str) -> Result<[f64; 4], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse()).collect();
     let expected = "expected four numbers between commas, least x, least y, greatest x, greatest \
@@ -199,10 +197,7 @@ impl SceneOptions {
     }
 
     /// The scene of the file, or the built-in one.
-    ///
-    /// # Errors
-    /// If the file cannot be read.
-    pub fn read(&self) -> Result<SceneConfig, StudyError> {
+    pub(crate) fn read(&self) -> Result<SceneConfig, StudyError> {
         match &self.config {
             Some(path) => SceneConfig::read(path).map_err(|error| StudyError::Read(error.into())),
             None => Ok(SceneConfig::rib()),
@@ -210,11 +205,12 @@ impl SceneOptions {
     }
 
     /// Gives the blank as many vertices along its longer side as are asked for, or else `mesh` if
-    /// any. Blanks with a cell or an outline of their own keep their mesh.
-    ///
-    /// # Errors
-    /// If another mesh is asked for than such a blank can have.
-    pub fn set_mesh(&self, config: &mut SceneConfig, mesh: Option<u16>) -> Result<(), StudyError> {
+    /// any. Blanks with a cell or an outline of their own keep their mesh: none can be asked for.
+    pub(crate) fn set_mesh(
+        &self,
+        config: &mut SceneConfig,
+        mesh: Option<u16>,
+    ) -> Result<(), StudyError> {
         let blank = &mut config.blank;
         if blank.outline.is_some() || blank.cell_mm.is_some() {
             let message = "`--mesh` is for rectangular blanks without `blank.cell_mm`";
@@ -231,7 +227,7 @@ impl SceneOptions {
     }
 
     /// An environment on the region that is asked for, or else on `region`.
-    pub fn env(&self, region: Option<[f64; 4]>) -> EnvConfig {
+    pub(crate) fn env(&self, region: Option<[f64; 4]>) -> EnvConfig {
         EnvConfig {
             region_mm: self.region.or(region),
             crop: true,
@@ -252,10 +248,8 @@ pub(crate) fn stencil_mm(lamina: &Lamina, side_mm: f64) -> f64 {
     side_mm.max(3.0 * cell)
 }
 
-/// Chooses `cases` whose name is among `names`, in their own order; all if there are none.
-///
-/// # Errors
-/// If there is none of a name.
+/// Chooses `cases` whose name is among `names`, in their own order; all if there are no names.
+/// Fails if there is none of a name.
 pub fn only<C>(
     mut cases: Vec<C>,
     names: &[String],

@@ -6,7 +6,7 @@
 //! roller stops cloth by pressure where the fast solver's stencil has a place.
 
 mod case;
-pub mod fall;
+pub(crate) mod fall;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -25,7 +25,7 @@ use crate::table::Table;
 use case::{PaperCase, Ran, SelfComparison};
 use drape_cloth::fabric::{Drape, Lamina};
 use drape_cloth::mesh::write_stl;
-use drape_cloth::scene::{Scene, SceneConfig, SceneError, surplus};
+use drape_cloth::scene::{Scene, SceneError, surplus};
 use drape_cloth::tool::Tool;
 use drape_cloth::twin::Energies;
 use drape_task::env::EnvConfig;

@@ -23,8 +23,10 @@ mod shear;
 pub mod solve;
 
 use crate::study::{Context, Report, Study, StudyError, only};
-use crate::table::Format::{Digits, Hidden};
-use crate::table::Table;
+use crate::table::{
+    Format::{Digits, Hidden},
+    Table,
+};
 
 pub use cases::{Answer, ClosedForm, cases};
 pub use solve::{SOLVERS, Subject, precision_name, solver_name};

@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 
-use crate::table::Format::Digits;
-use crate::table::Table;
+use crate::table::{Format::Digits, Table};
 use drape_cloth::mesh::compare::{ContourDeviation, Spread, Wrinkles};
 
 /// How drape A differs from the reference B, and what each is like.
@@ -28,64 +27,62 @@ pub struct Comparison {
 type Alone = (&'static str, &'static str, fn(&Measures) -> Option<f64>);
 
 const ALONE: [Alone; 14] = [
-    ("wrinkles", "", |m| m.wrinkles_mm.map(|w| w.count as f64)),
-    ("their amplitude", "mm", |m| {
-        m.wrinkles_mm.map(|w| w.amplitude)
-    }),
-    ("their rms", "mm", |m| m.wrinkles_mm.map(|w| w.rms)),
-    ("shear, rms", "deg", |m| m.shear_deg.map(|s| s.rms)),
-    ("shear, min", "deg", |m| m.shear_deg.map(|s| s.min)),
-    ("shear, max", "deg", |m| m.shear_deg.map(|s| s.max)),
-    ("locked", "mm2", |m| m.shear_deg.map(|s| s.locked_area_mm2)),
-    ("yarn strain, p95", "%", |m| m.strain.map(|s| 1e2 * s.p95)),
-    ("yarn strain, max", "%", |m| m.strain.map(|s| 1e2 * s.max)),
+    ("wrinkles", "", |m| Some(m.wrinkles_mm?.count as f64)),
+    ("their amplitude", "mm", |m| Some(m.wrinkles_mm?.amplitude)),
+    ("their rms", "mm", |m| Some(m.wrinkles_mm?.rms)),
+    ("shear, rms", "deg", |m| Some(m.shear_deg?.rms)),
+    ("shear, min", "deg", |m| Some(m.shear_deg?.min)),
+    ("shear, max", "deg", |m| Some(m.shear_deg?.max)),
+    ("locked", "mm2", |m| Some(m.shear_deg?.locked_area_mm2)),
+    ("yarn strain, p95", "%", |m| Some(1e2 * m.strain?.p95)),
+    ("yarn strain, max", "%", |m| Some(1e2 * m.strain?.max)),
     ("yarn tension, p95", "%", |m| {
-        m.strain.map(|s| 1e2 * s.tension_p95)
+        Some(1e2 * m.strain?.tension_p95)
     }),
     ("yarn tension, max", "%", |m| {
-        m.strain.map(|s| 1e2 * s.tension_max)
+        Some(1e2 * m.strain?.tension_max)
     }),
-    ("bridged", "mm2", |m| m.tool.map(|t| t.bridged_area_mm2)),
-    ("bridged share", "%", |m| {
-        m.tool.map(|t| 1e2 * t.bridged_share)
-    }),
-    ("penetration", "mm", |m| m.tool.map(|t| t.penetration_mm)),
+    ("bridged", "mm2", |m| Some(m.tool?.bridged_area_mm2)),
+    ("bridged share", "%", |m| Some(1e2 * m.tool?.bridged_share)),
+    ("penetration", "mm", |m| Some(m.tool?.penetration_mm)),
 ];
 
 impl Comparison {
     /// For a reader: how far both deviate over each part, and what each is like.
     pub fn tables(&self) -> [Table; 2] {
-        let mut rows: Vec<(&str, &str, &str, [Option<f64>; 6])> = Vec::new();
+        let none = f64::NAN;
+        let mut rows: Vec<(&str, &str, &str, [f64; 6])> = Vec::new();
         for (part, found) in self.parts() {
-            let mut add = |figure, spread: Option<Spread>| {
-                rows.extend(spread.map(|s| {
-                    let all = [s.mean, s.rms, s.p95, s.min, s.max].map(Some);
-                    let [mean, rms, p95, min, max] = all;
-                    (part, figure, "mm", [mean, rms, p95, min, max, None])
-                }));
-            };
-            add("topology A to B", found.topology_a_to_b_mm);
-            add("topology B to A", found.topology_b_to_a_mm);
-            add("material points", found.material_points_mm);
-            let only_max = |max: f64| [None, None, None, None, Some(max), None];
-            rows.extend((found.hausdorff_mm).map(|max| (part, "Hausdorff", "mm", only_max(max))));
+            let mut add = |figure, unit, values| rows.push((part, figure, unit, values));
+            for (figure, spread) in [
+                ("topology A to B", found.topology_a_to_b_mm),
+                ("topology B to A", found.topology_b_to_a_mm),
+                ("material points", found.material_points_mm),
+            ] {
+                if let Some(s) = spread {
+                    let all = [s.mean, s.rms, s.p95, s.min, s.max, none];
+                    add(figure, "mm", all);
+                }
+            }
+            if let Some(max) = found.hausdorff_mm {
+                add("Hausdorff", "mm", [none, none, none, none, max, none]);
+            }
             for (k, figure) in ["warp angle", "weft angle"].into_iter().enumerate() {
-                rows.extend(found.fibre_angle_deg.map(|angles| {
-                    let a = angles[k];
-                    let [mean, p95, max, agree] =
-                        [a.mean, a.p95, a.max, 1e2 * a.share_below].map(Some);
-                    (part, figure, "deg", [mean, None, p95, None, max, agree])
-                }));
+                if let Some(a) = found.fibre_angle_deg.map(|angles| angles[k]) {
+                    let agrees = 1e2 * a.share_below;
+                    add(figure, "deg", [a.mean, none, a.p95, none, a.max, agrees]);
+                }
             }
         }
-        let contours = [
+        for (figure, found) in [
             ("contour A to B", self.contour_a_to_b_mm),
             ("contour B to A", self.contour_b_to_a_mm),
-        ];
-        rows.extend(contours.into_iter().filter_map(|(figure, found)| {
-            let [mean, max] = found.map(|c| [Some(c.mean), Some(c.max)])?;
-            Some(("all", figure, "mm", [mean, None, None, None, max, None]))
-        }));
+        ] {
+            rows.extend(found.map(|c| {
+                let all = [c.mean, none, none, none, c.max, none];
+                ("all", figure, "mm", all)
+            }));
+        }
         let mut deviations = Table::of("deviations", "A against the reference B", &rows)
             .text("part", |row| row.0)
             .text("figure", |row| row.1)

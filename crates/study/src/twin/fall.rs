@@ -11,10 +11,8 @@ use drape_task::env::EnvConfig;
 /// Inertia over mass of the paper's accelerated variant: 8.15 h become 40.2 min.
 pub const ACCELERATION: f64 = 148.0;
 
-/// The twin's configuration for the physics of a scene.
-///
-/// # Errors
-/// Names the first key whose value the twin has nothing for.
+/// The twin's configuration for the physics of a scene; the error names the first key whose value
+/// the twin has nothing for.
 pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
     let physics = &scene.physics;
     let refused = [
@@ -87,9 +85,6 @@ pub fn fallen(scene: &Scene, config: &TwinConfig) -> Result<Twin, StudyError> {
 }
 
 /// A scene before its fall, with the durations of the fall, for [`fallen`].
-///
-/// # Errors
-/// If the scene is not valid.
 pub fn unfallen(config: &SceneConfig) -> Result<Scene, SceneError> {
     let mut hung = config.clone();
     (hung.fall.fall_s, hung.fall.settle_s) = (0.0, 0.0);

@@ -1,7 +1,7 @@
 use super::fall::fallen;
 use super::*;
 use drape_cloth::fabric::BlankConfig;
-use drape_cloth::scene::Fall;
+use drape_cloth::scene::{Fall, SceneConfig};
 
 /// The rib with a coarse blank that falls for a short time.
 pub fn config() -> SceneConfig {
