@@ -9,7 +9,7 @@ use std::time::Instant;
 use cpu_time::ThreadTime;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
-use crate::ranking::extremes;
+use crate::ranking::{extremes, median};
 use crate::study::{CORNER, Context, Report, Study, StudyError};
 use crate::table::Table;
 use crate::verify::{SOLVERS, precision_name, solver_name};
@@ -106,7 +106,11 @@ impl Study for Bench {
             .into_iter()
             .chain(FEATURES.map(|key| changed(key, key)));
         let features = sample(repeats, cases, told(0.4, 0.8, "features"), time);
-        let default = &features[0].1;
+        // Turn by turn, so that what slows a whole turn down cancels out.
+        let over_default = |(_, times): &(&str, Vec<f64>)| {
+            let turns = times.iter().zip(&features[0].1).map(|(a, b)| a - b);
+            median(&turns.collect::<Vec<_>>())
+        };
 
         let mut players = Vec::new();
         for threads in THREADS {
@@ -125,49 +129,24 @@ impl Study for Bench {
             .text("isa", |((_, on), _)| format!("{:?}", on.isa).to_lowercase())
             .text("precision", |((_, on), _)| precision_name(on.precision))
             .text("lanes", |((_, on), _)| on.lanes)
-            .number("median [us]", 2, |(_, times)| times.median())
-            .number("min [us]", 2, |(_, times)| times.min())
+            .number("median [us]", 2, |(_, times)| median(times))
+            .number("min [us]", 2, |(_, times)| extremes(times)[0])
             .end();
         let title = "The same with one key of [physics] changed, on the widest lanes";
-        let features = Table::of("features", title, &features)
+        let changes = Table::of("features", title, &features)
             .text("physics", |(physics, _)| *physics)
-            .number("median [us]", 2, |(_, times)| times.median())
-            .number("min [us]", 2, |(_, times)| times.min())
-            .number("difference [us]", 2, |(_, t)| t.minus(default).median())
+            .number("median [us]", 2, |(_, times)| median(times))
+            .number("min [us]", 2, |(_, times)| extremes(times)[0])
+            .number("difference [us]", 2, over_default)
             .end();
         let title = format!("{ENVIRONMENTS} environments on a corner of the rib, random presses");
-        let alone = rates[0].1.median();
+        let alone = median(&rates[0].1);
         let throughput = Table::of("throughput", title, &rates)
             .text("threads", |(threads, _)| *threads)
-            .number("environment steps [1/s]", 0, |(_, rates)| rates.median())
-            .number("over one thread", 2, |(_, r)| r.median() / alone)
+            .number("environment steps [1/s]", 0, |(_, rates)| median(rates))
+            .number("over one thread", 2, |(_, rates)| median(rates) / alone)
             .end();
-        Ok(Report::new([core, features, throughput]))
-    }
-}
-
-/// What the repeats of one measurement gave.
-#[derive(Clone, Debug, Default)]
-struct Samples(Vec<f64>);
-
-impl Samples {
-    fn min(&self) -> f64 {
-        extremes(&self.0)[0]
-    }
-
-    fn median(&self) -> f64 {
-        let mut sorted = self.0.clone();
-        sorted.sort_by(f64::total_cmp);
-        let middle = sorted.len() / 2;
-        match sorted.len() % 2 {
-            1 => sorted[middle],
-            _ => 0.5 * (sorted[middle - 1] + sorted[middle]),
-        }
-    }
-
-    /// Turn by turn, so that what slows a whole turn down cancels out.
-    fn minus(&self, other: &Self) -> Self {
-        Self(self.0.iter().zip(&other.0).map(|(a, b)| a - b).collect())
+        Ok(Report::new([core, changes, throughput]))
     }
 }
 
@@ -177,12 +156,12 @@ fn sample<N, C>(
     cases: impl IntoIterator<Item = (N, C)>,
     progress: impl Fn(f64),
     measure: impl Fn(&mut C) -> f64,
-) -> Vec<(N, Samples)> {
+) -> Vec<(N, Vec<f64>)> {
     let (names, mut cases): (Vec<N>, Vec<C>) = cases.into_iter().unzip();
-    let mut samples = vec![Samples::default(); cases.len()];
+    let mut samples = vec![Vec::new(); cases.len()];
     for repeat in 0..repeats {
         for (case, samples) in cases.iter_mut().zip(&mut samples) {
-            samples.0.push(measure(case));
+            samples.push(measure(case));
         }
         progress((repeat + 1) as f64 / repeats as f64);
     }

@@ -148,17 +148,15 @@ pub fn prove(
     ] {
         groups.push((name, sequences(scene, env, order, count, 0)?, count));
     }
-    let accurate = |lists: &[&[u32]]| {
-        let mut draping = Draping::new(scene.clone(), &finely(env), lists.len())?;
-        let longest = lists.iter().map(|list| list.len()).max().unwrap_or(0);
-        let ends = replay(&mut draping, lists, |presses| {
-            let share = presses as f64 / longest as f64;
-            (context.progress)(share, "proving at accurate");
-        });
-        Ok(all_left(&scene.initial.position, ends))
-    };
-    let (mut rows, left) = played(Physics::Accurate, &groups, accurate)?;
-    let mut chosen = ranked(&left);
+    let mut draping = Draping::new(scene.clone(), &finely(env), listed(&groups).len())?;
+    let longest = listed(&groups).iter().map(|list| list.len()).max();
+    let ends = replay(&mut draping, &listed(&groups), |presses| {
+        let share = presses as f64 / longest.unwrap_or(0) as f64;
+        (context.progress)(share, "proving at accurate");
+    });
+    let left = all_left(&scene.initial.position, ends);
+    let mut rows = summed(Physics::Accurate, &groups, &left);
+    let mut chosen = ranked(&left[..paths.len()]);
     let best = |physics, &(index, score): &(usize, f64)| Best {
         index,
         physics,
@@ -171,35 +169,28 @@ pub fn prove(
         groups[0] = ("path", those.collect(), chosen.len());
         groups[1].1.truncate(quarter);
         groups[1].2 = quarter;
-        let in_twin = |lists: &[&[u32]]| {
-            (context.progress)(0.0, "the twin's fall");
-            let rest = fallen(scene, &twin_config(&scene.config)?)?.positions();
-            let (ends, _) = replay_in_twin(scene, env, &rest, lists, context)?;
-            Ok(all_left(&rest, ends))
-        };
-        let (more, left) = played(Physics::Twin, &groups, in_twin)?;
-        rows.extend(more);
-        if let Some(&(k, score)) = ranked(&left).first() {
+        (context.progress)(0.0, "the twin's fall");
+        let rest = fallen(scene, &twin_config(&scene.config)?)?.positions();
+        let (ends, _) = replay_in_twin(scene, env, &rest, &listed(&groups), context)?;
+        let left = all_left(&rest, ends);
+        rows.extend(summed(Physics::Twin, &groups, &left));
+        if let Some(&(k, score)) = ranked(&left[..chosen.len()]).first() {
             found = Some(best(Physics::Twin, &(chosen[k].0, score)));
         }
     }
     Ok(Proof { rows, best: found })
 }
 
-/// Plays all groups at once. Gives a row a group, and what the paths of the first have left.
-fn played(
-    physics: Physics,
-    groups: &[Group],
-    play: impl Fn(&[&[u32]]) -> Result<Vec<Option<Left>>, StudyError>,
-) -> Result<(Vec<Row>, Vec<Option<Left>>), StudyError> {
-    let lists: Vec<&[u32]> = (groups.iter())
-        .flat_map(|(_, paths, _)| paths.iter().map(|path| &**path))
-        .collect();
-    let all = play(&lists)?;
-    let mut rest = &all[..];
+fn listed<'a>(groups: &'a [Group]) -> Vec<&'a [u32]> {
+    let lists = groups.iter().flat_map(|(_, paths, _)| paths);
+    lists.map(|path| &**path).collect()
+}
+
+/// A row a group of what all paths have left.
+fn summed(physics: Physics, groups: &[Group], mut left: &[Option<Left>]) -> Vec<Row> {
     let rows = groups.iter().map(|(order, paths, count)| {
-        let (own, after) = rest.split_at(paths.len());
-        rest = after;
+        let (own, after) = left.split_at(paths.len());
+        left = after;
         let ended: Vec<Left> = own.iter().copied().flatten().collect();
         Row {
             physics,
@@ -209,8 +200,7 @@ fn played(
             figures: figures(&ended),
         }
     });
-    let rows = rows.collect();
-    Ok((rows, all[..groups[0].1.len()].to_vec()))
+    rows.collect()
 }
 
 fn figures(ended: &[Left]) -> Figures {

@@ -24,6 +24,7 @@ use cpu_time::ProcessTime;
 
 use crate::points::{apart_mm, distance, nearest, same_points};
 use crate::presses::{Pressed, pushed, replay};
+use crate::ranking::median;
 use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, lamina};
 use crate::table::{Format::Hidden, Table};
 use crate::verify::{SOLVERS, solver_name};
@@ -289,9 +290,8 @@ fn press(
         last = ProcessTime::now();
     });
     ends.truncate(sequences.len());
-    times.sort_by(f64::total_cmp);
     Ok(PressedSweeps {
-        microseconds: times.get(times.len() / 2).copied().unwrap_or(f64::NAN),
+        microseconds: median(&times),
         scene,
         ends,
     })

@@ -75,7 +75,7 @@ pub fn ask(cases: &[ClosedForm], subjects: &[Subject], context: &Context) -> Vec
         .flat_map(|case| subjects.iter().map(move |&subject| (case, subject)))
         .collect();
     let found = context.each(&pairs, |(case, subject)| {
-        let answers = (case.ask)(&*subject.solver()).into_iter();
+        let answers = (case.ask)(&*subject.solver()).into_iter().flatten();
         let row = |answer| Verified {
             group: case.group,
             subject: *subject,

@@ -74,9 +74,9 @@ fn what_diverged_counts_in_no_figure() {
         ("path", vec![vec![0], vec![1], vec![2]], 3),
         ("random", vec![vec![3]], 2),
     ];
-    let play = |_: &[&[u32]]| Ok(vec![left(0.25), None, left(0.75), None]);
-    let (rows, own) = played(Physics::Twin, &groups, play).unwrap();
-    assert_eq!(ranked(&own), [(2, 0.75), (0, 0.25)]);
+    let all = [left(0.25), None, left(0.75), None];
+    let rows = summed(Physics::Twin, &groups, &all);
+    assert_eq!(ranked(&all[..3]), [(2, 0.75), (0, 0.25)]);
     assert_eq!((rows[0].count, rows[0].diverged), (2, 1));
     let figures = &rows[0].figures;
     assert_eq!(

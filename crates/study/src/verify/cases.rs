@@ -10,7 +10,7 @@ use super::length::{
 };
 use super::motion::{flight, oscillation};
 use super::shear::{bias_extension, draw_out, frame_angle, picture_frame, specimen};
-use super::solve::{Fast, Solve};
+use super::solve::Solve;
 use drape_cloth::fabric::Family;
 use drape_cloth::sim::Solver;
 
@@ -35,7 +35,7 @@ fn answer(case: impl Into<String>, unit: &'static str, [expected, found]: [f64; 
 }
 
 /// What a solver finds; nothing where it cannot be asked.
-type Ask = dyn Fn(&dyn Solve) -> Vec<Answer> + Send + Sync;
+type Ask = dyn Fn(&dyn Solve) -> Option<Vec<Answer>> + Send + Sync;
 
 /// A question whose answer is known, one simulation or a few.
 pub struct ClosedForm {
@@ -66,19 +66,10 @@ impl Cases {
     fn add(
         &mut self,
         group: &'static str,
-        ask: impl Fn(&dyn Solve) -> Vec<Answer> + Send + Sync + 'static,
+        ask: impl Fn(&dyn Solve) -> Option<Vec<Answer>> + Send + Sync + 'static,
     ) {
         let ask = Box::new(ask);
         self.0.push(ClosedForm { group, ask });
-    }
-
-    /// One about the method of the fast solver.
-    fn add_fast(
-        &mut self,
-        group: &'static str,
-        ask: impl Fn(&Fast) -> Vec<Answer> + Send + Sync + 'static,
-    ) {
-        self.add(group, move |solver| solver.fast().map_or(Vec::new(), &ask));
     }
 
     fn bending(&mut self) {
@@ -88,10 +79,10 @@ impl Cases {
                 let edges = if gamma > 10.0 { 48 } else { 24 };
                 let tip = Cantilever::of(gamma, edges).sink(solver).tip;
                 let of = |what| format!("cantilever {gamma}: {what}");
-                vec![
+                Some(vec![
                     answer(of("drop"), "-", [drop, tip[0]]),
                     answer(of("reach"), "-", [reach, tip[1]]),
-                ]
+                ])
             });
         }
         for family in [Family::Warp, Family::Weft] {
@@ -101,7 +92,7 @@ impl Cases {
                 let [drop, _] = strip.sink(solver).tip;
                 let found = stiffness_shown(drop, strip.length);
                 let case = format!("bimodulus: stiffness of the {}", name(family));
-                vec![answer(case, "N m", [strip.stiffness, found])]
+                Some(vec![answer(case, "N m", [strip.stiffness, found])])
             });
         }
     }
@@ -111,27 +102,28 @@ impl Cases {
             self.add("length", move |solver| {
                 let case = format!("tension: {} at strain {strain}", name(family));
                 let found = force_at(solver, family, strain, force);
-                vec![answer(case, "N/m", [force, found])]
+                Some(vec![answer(case, "N/m", [force, found])])
             });
         }
         let elastic = elastic_stretch(Family::Warp);
         self.add("length", move |solver| {
             let found = hanging(solver, Family::Warp);
             let case = "hanging chain: elastic stretch";
-            vec![answer(case, "-", [elastic, found])]
+            Some(vec![answer(case, "-", [elastic, found])])
         });
-        self.add_fast("length", move |fast| {
+        self.add("length", move |solver| {
+            let fast = solver.fast()?;
             if fast.solver != Solver::GaussSeidel {
-                return Vec::new();
+                return None;
             }
             let expected = one_pass_stretch(fast.substep) + elastic;
             let found = hanging(fast, Family::Warp);
             let case = "hanging chain: stretch of one pass";
-            vec![answer(case, "-", [expected, found])]
+            Some(vec![answer(case, "-", [expected, found])])
         });
         self.add("length", |solver| {
             let found = catenary_sag(solver, 64);
-            vec![answer("catenary: sag", "m", [SAG, found])]
+            Some(vec![answer("catenary: sag", "m", [SAG, found])])
         });
     }
 
@@ -142,7 +134,7 @@ impl Cases {
                 let angles = [frame_angle(d), picture_frame(solver, d, 20)];
                 answer(case, "deg", angles.map(f64::to_degrees))
             };
-            [0.02, 0.04, 0.06].map(at).into()
+            Some([0.02, 0.04, 0.06].map(at).into())
         });
         let cells = if quick { 5 } else { 10 };
         // The diagonals of the mesh along the pull and across it.
@@ -161,7 +153,7 @@ impl Cases {
                         answer(of("force"), "N", [force, state.force]),
                     ]
                 });
-                answers.collect()
+                Some(answers.collect())
             });
         }
     }
@@ -170,7 +162,7 @@ impl Cases {
         let edges = if quick { 20 } else { 40 };
         self.add("drape", move |solver| {
             if quick && solver.fast().is_none() {
-                return Vec::new();
+                return None;
             }
             let line = wrap(solver, edges);
             let at = |[polar, shear]: [f64; 2]| {
@@ -178,7 +170,7 @@ impl Cases {
                 let case = format!("hemisphere: shear at {polar:.0} deg");
                 answer(case, "deg", [shear, found])
             };
-            FISHNET.map(at).into()
+            Some(FISHNET.map(at).into())
         });
     }
 
@@ -187,49 +179,51 @@ impl Cases {
             self.add("contact", move |solver| {
                 let case = format!("incline: slips with friction {mu} at");
                 let angles = [mu.atan(), slip_angle(solver, mu)];
-                vec![answer(case, "deg", angles.map(f64::to_degrees))]
+                Some(vec![answer(case, "deg", angles.map(f64::to_degrees))])
             });
         }
         for mu in [0.28f64, 0.25] {
             self.add("contact", move |solver| {
                 if quick && solver.fast().is_none() {
-                    return Vec::new();
+                    return None;
                 }
                 let (edges, load) = (32, 5.0);
                 let found = Rope { mu, edges, load }.slips_at(solver);
                 let case = format!("capstan: slips with friction {mu} at");
-                vec![answer(case, "-", [(mu * PI).exp(), found])]
+                Some(vec![answer(case, "-", [(mu * PI).exp(), found])])
             });
         }
         for (g_r, angle, tip) in LIFT_OFF {
             self.add("contact", move |solver| {
                 let lift = lift_off(solver, g_r, 48);
                 let of = |what| format!("strip on a cylinder, {g_r}: {what}");
-                vec![
+                Some(vec![
                     answer(of("lifts off at"), "deg", [angle, lift.angle]),
                     answer(of("tip beside the axis"), "-", [tip[0], lift.tip[0]]),
                     answer(of("tip above the axis"), "-", [tip[1], lift.tip[1]]),
-                ]
+                ])
             });
         }
     }
 
     fn motion(&mut self) {
-        self.add_fast("motion", |fast| {
+        self.add("motion", |solver| {
+            let fast = solver.fast()?;
             let flat = flight(fast, 10.0, 0.0, 0.0);
             let hard = flight(fast, 0.0, 0.064, 0.3);
             let euler = "flight: the same as implicit Euler keeps it";
             let stretched = "flight of stretched yarns: linear momentum kept";
-            vec![
+            Some(vec![
                 answer("flight: linear momentum kept", "-", [1.0, flat.linear]),
                 answer("flight: angular momentum kept", "-", [1.0, flat.angular]),
                 answer(euler, "-", [flat.angular_expected, flat.angular]),
                 answer(stretched, "-", [1.0, hard.linear]),
-            ]
+            ])
         });
-        self.add_fast("motion", |fast| {
+        self.add("motion", |solver| {
+            let fast = solver.fast()?;
             let case = "oscillation: amplitude kept in a substep";
-            vec![answer(case, "-", oscillation(fast, 0.5))]
+            Some(vec![answer(case, "-", oscillation(fast, 0.5))])
         });
     }
 }

@@ -51,7 +51,7 @@ pub fn shear_at(lamina: &Lamina, state: &Snapshot, vertex: u32) -> Option<f64> {
             place[axis] = k?;
             let [row, column] = place;
             let is_there = row < lamina.rows && column < lamina.columns;
-            let v = lamina.vertex_at(row, column).filter(|_| is_there)?;
+            let v = is_there.then(|| lamina.vertex_at(row, column))??;
             Some(Vec3::from(state.position[v as usize]))
         };
         let ends = [place[axis].checked_sub(1), Some(place[axis] + 1)].map(at);
