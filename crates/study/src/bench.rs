@@ -130,23 +130,20 @@ impl Study for Bench {
             .text("precision", |((_, on), _)| precision_name(on.precision))
             .text("lanes", |((_, on), _)| on.lanes)
             .number("median [us]", 2, |(_, times)| median(times))
-            .number("min [us]", 2, |(_, times)| extremes(times)[0])
-            .end();
+            .number("min [us]", 2, |(_, times)| extremes(times)[0]);
         let title = "The same with one key of [physics] changed, on the widest lanes";
         let changes = Table::of("features", title, &features)
             .text("physics", |(physics, _)| *physics)
             .number("median [us]", 2, |(_, times)| median(times))
             .number("min [us]", 2, |(_, times)| extremes(times)[0])
-            .number("difference [us]", 2, over_default)
-            .end();
+            .number("difference [us]", 2, over_default);
         let title = format!("{ENVIRONMENTS} environments on a corner of the rib, random presses");
         let alone = median(&rates[0].1);
         let throughput = Table::of("throughput", title, &rates)
             .text("threads", |(threads, _)| *threads)
             .number("environment steps [1/s]", 0, |(_, rates)| median(rates))
-            .number("over one thread", 2, |(_, rates)| median(rates) / alone)
-            .end();
-        Ok(Report::new([core, changes, throughput]))
+            .number("over one thread", 2, |(_, rates)| median(rates) / alone);
+        Ok(Report::new([core.end(), changes.end(), throughput.end()]))
     }
 }
 

@@ -127,9 +127,8 @@ impl Study for Episodes {
             .number("mean", 4, |row| mean_and_deviation(&row.values)[0])
             .number("deviation", 4, |row| mean_and_deviation(&row.values)[1])
             .number("min", 4, |row| extremes(&row.values)[0])
-            .number("max", 4, |row| extremes(&row.values)[1])
-            .end();
-        Ok(Report::new([table]))
+            .number("max", 4, |row| extremes(&row.values)[1]);
+        Ok(Report::new([table.end()]))
     }
 }
 

@@ -274,8 +274,7 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
         .text("diverged", diverged)
         .number("off the twin inside [mm]", 3, inside)
         .number("outside [mm]", 3, outside)
-        .number("CPU [s]", 2, |row| row.cpu_s)
-        .end();
+        .number("CPU [s]", 2, |row| row.cpu_s);
     let all: Vec<(&Row, usize)> = (rows.iter())
         .flat_map(|row| (0..paths.len()).map(move |path| (row, path)))
         .collect();
@@ -287,9 +286,8 @@ fn report(rows: &[Row], paths: &[Sequence], is_inside: impl Fn(usize) -> bool) -
         .text("presses", |(_, path)| paths[*path].1.len())
         .number("objective [m]", Hidden, left(0))
         .number("distance [m]", Hidden, left(1))
-        .number("surplus [m]", Hidden, left(2))
-        .end();
-    let mut report = Report::new([objective, distance, places, all]);
+        .number("surplus [m]", Hidden, left(2));
+    let mut report = Report::new([objective, distance, places.end(), all.end()]);
     report.notes.push(
         "rank: correlation with the twin, 90 % of it over resampled paths, and of how much it is \
          more than that of balanced; lost: left more in the twin by this setting's choice of two \

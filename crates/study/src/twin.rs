@@ -195,8 +195,7 @@ fn tables(
         })
         .number("step [us]", 2, |ran| 1e6 * ran.time_step_s)
         .number("v_rms before [mm/s]", 3, |ran| 1e3 * ran.v_rms[0])
-        .number("v_rms after [mm/s]", 3, |ran| 1e3 * ran.v_rms[1])
-        .end();
+        .number("v_rms after [mm/s]", 3, |ran| 1e3 * ran.v_rms[1]);
     let mut moments: Vec<(&str, &str, Energies)> = Vec::new();
     for ran in runs {
         let energies = ["fall", "presses"]
@@ -214,9 +213,8 @@ fn tables(
         .number("residual [mJ]", 4, |(.., e)| 1e3 * e.residual())
         .number("residual of the greatest amount [%]", 3, |(.., e)| {
             1e2 * e.residual().abs() / e.size().max(f64::MIN_POSITIVE)
-        })
-        .end();
-    let mut tables = vec![time, energy, comparison_table(compared)];
+        });
+    let mut tables = vec![time.end(), energy.end(), comparison_table(compared)];
     if !convergence.is_empty() {
         let title =
             "The twin against itself: between the same material points, and summed distances";
@@ -231,9 +229,8 @@ fn tables(
             .number("presses mean [mm]", 3, |v| v.draped_mm[0])
             .number("presses max [mm]", 3, |v| v.draped_mm[1])
             .number("left [m]", 4, |v| v.left_m[0])
-            .number("left of the twin [m]", 4, |v| v.left_m[1])
-            .end();
-        tables.push(table);
+            .number("left of the twin [m]", 4, |v| v.left_m[1]);
+        tables.push(table.end());
     }
     let mut report = Report::new(tables);
     let [fast, twin, accelerated] = runs;

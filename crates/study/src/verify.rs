@@ -132,8 +132,7 @@ impl Study for Verify {
             .text("met", |subject| {
                 let met = |row: &&Verified| row.relative_error().abs() <= TOLERANCE;
                 of(subject).filter(met).count()
-            })
-            .end();
+            });
         let all = Table::of("cases", "", &rows)
             .text("group", |row| row.group)
             .text("case", |row| row.answer.case.clone())
@@ -142,9 +141,8 @@ impl Study for Verify {
             .text("unit", |row| row.answer.unit)
             .number("expected", Hidden, |row| row.answer.expected)
             .number("found", Hidden, |row| row.answer.found)
-            .number("relative error", Hidden, Verified::relative_error)
-            .end();
-        Ok(Report::new([errors.end(), counts, all]))
+            .number("relative error", Hidden, Verified::relative_error);
+        Ok(Report::new([errors.end(), counts.end(), all.end()]))
     }
 }
 

@@ -90,14 +90,13 @@ impl Comparison {
         for (k, name) in ["mean", "rms", "p95", "min", "max"].into_iter().enumerate() {
             deviations = deviations.number(name, 3, move |row| row.3[k]);
         }
-        let deviations = deviations.number("agrees [%]", 1, |row| row.3[5]).end();
+        let deviations = deviations.number("agrees [%]", 1, |row| row.3[5]);
         let alone = Table::of("alone", "Each alone", &ALONE)
             .text("figure", |row| row.0)
             .text("unit", |row| row.1)
             .number("A", Digits(4), |row| (row.2)(&self.a))
-            .number("B", Digits(4), |row| (row.2)(&self.b))
-            .end();
-        [deviations, alone]
+            .number("B", Digits(4), |row| (row.2)(&self.b));
+        [deviations.end(), alone.end()]
     }
 
     /// What is compared over all, and inside and outside of the region if there is one.

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::bending::{Cantilever, ELASTICA, stiffness_shown};
-use super::contact::{LIFT_OFF, Rope, lift_off, slip_angle};
+use super::contact::{LIFT_OFF, lift_off, slip_angle, slip_ratio};
 use super::dome::{FISHNET, at_polar, wrap};
 use super::length::{
     SAG, UNIAXIAL, catenary_sag, elastic_stretch, force_at, hanging, one_pass_stretch,
@@ -187,8 +187,7 @@ impl Cases {
                 if quick && solver.fast().is_none() {
                     return None;
                 }
-                let (edges, load) = (32, 5.0);
-                let found = Rope { mu, edges, load }.slips_at(solver);
+                let found = slip_ratio(solver, mu);
                 let case = format!("capstan: slips with friction {mu} at");
                 Some(vec![answer(case, "-", [(mu * PI).exp(), found])])
             });

@@ -1,5 +1,6 @@
 //! Cloth on tools: slipping, ropes round a drum, lift-off.
 
+use std::f64::consts::PI;
 use std::sync::{Arc, LazyLock};
 
 use super::solve::Solve;
@@ -38,17 +39,10 @@ pub fn slip_angle(solver: &dyn Solve, mu: f64) -> f64 {
     })
 }
 
-/// A strip round a frictional half cylinder with a load on either end.
-pub struct Rope {
-    pub mu: f64,
-    /// Edges on the half cylinder.
-    pub edges: usize,
-    /// Load on the end that is drawn up, over the weight of the strip.
-    pub load: f64,
-}
-
-/// Radius of the drum [m].
+/// Radius of the drum [m], and edges of the rope on its half and that hang down on either side.
 const DRUM: f64 = 0.05;
+const WOUND: usize = 32;
+const HANGING: usize = 4;
 
 static DRUM_TOOL: LazyLock<Arc<Tool>> = LazyLock::new(|| cylinder(DRUM, 100.0));
 
@@ -63,63 +57,58 @@ fn cylinder(radius: f64, base_mm: f64) -> Arc<Tool> {
     tool(Shape::Cylinder(cylinder), Pose::default(), 2.0).into()
 }
 
-/// Edges of a rope that hang down on either side.
-const HANGING: usize = 4;
+/// Ratio of the tensions where a strip meets and leaves a half cylinder of friction `mu` at which
+/// it begins to slip, e^(mu pi) for one without weight.
+pub fn slip_ratio(solver: &dyn Solve, mu: f64) -> f64 {
+    let expected = (mu * PI).exp();
+    let holds = |ratio| creep(solver, mu, ratio) < 2e-5;
+    threshold([0.5 * expected, 1.5 * expected], holds)
+}
 
-impl Rope {
-    /// Ratio of the tensions where the strip meets and leaves the drum at which it begins to slip,
-    /// e^(mu pi) for one without weight.
-    pub fn slips_at(&self, solver: &dyn Solve) -> f64 {
-        let expected = (self.mu * std::f64::consts::PI).exp();
-        threshold([0.5 * expected, 1.5 * expected], |ratio| {
-            self.creep(solver, ratio) < 2e-5
-        })
-    }
-
-    /// Displacement of the strip [m] in half a second, after as long for it to find its tension.
-    ///
-    /// `ratio` is that of the tensions in units in which the strip has no weight: with the weight
-    /// W = w R, dT / dphi = mu (T + W cos phi) - W sin phi over the drum, so at the point of
-    /// slipping T1 - B = e^(mu pi) (T0 + B) with B = 2 mu W / (1 + mu^2).
-    pub fn creep(&self, solver: &dyn Solve, ratio: f64) -> f64 {
-        let edge = std::f64::consts::PI * DRUM / self.edges as f64;
-        let count = self.edges + 2 * HANGING;
-        let length = edge * count as f64;
-        let mut strip = evened(strip(Family::Weft, length, count));
-        strip.material = rubbing([self.mu; 2]);
-        let weight: f64 = strip.mass.iter().sum();
-        let (hangs, on_drum) = (HANGING as f64 * edge / length, DRUM / length);
-        let correction = 2.0 * self.mu * on_drum / (1.0 + self.mu * self.mu);
-        let upper = self.load + hangs;
-        let lower = ratio * (upper + correction) + correction;
-        // The end rows bear what their own weight is short of.
-        for (k, load) in [(0, upper - hangs), (count, lower - hangs)] {
-            for v in section(&strip, k) {
-                strip.mass[v] += 0.5 * load * weight;
-            }
+/// Displacement of the strip [m] in half a second, after as long for it to find its tension. The
+/// load on the end that is drawn up is five times its weight.
+///
+/// `ratio` is that of the tensions in units in which the strip has no weight: with the weight
+/// W = w R, dT / dphi = mu (T + W cos phi) - W sin phi over the drum, so at the point of
+/// slipping T1 - B = e^(mu pi) (T0 + B) with B = 2 mu W / (1 + mu^2).
+pub fn creep(solver: &dyn Solve, mu: f64, ratio: f64) -> f64 {
+    let edge = PI * DRUM / WOUND as f64;
+    let count = WOUND + 2 * HANGING;
+    let length = edge * count as f64;
+    let mut strip = evened(strip(Family::Weft, length, count));
+    strip.material = rubbing([mu; 2]);
+    let weight: f64 = strip.mass.iter().sum();
+    let (hangs, on_drum) = (HANGING as f64 * edge / length, DRUM / length);
+    let correction = 2.0 * mu * on_drum / (1.0 + mu * mu);
+    let upper = 5.0 + hangs;
+    let lower = ratio * (upper + correction) + correction;
+    // The end rows bear what their own weight is short of.
+    for (k, load) in [(0, upper - hangs), (count, lower - hangs)] {
+        for v in section(&strip, k) {
+            strip.mass[v] += 0.5 * load * weight;
         }
-        let start = placed(&strip, |s, t| {
-            let s = s - 0.5 * length;
-            let quarter = 0.5 * std::f64::consts::PI * DRUM;
-            if s.abs() < quarter {
-                let (sin, cos) = (s / DRUM).sin_cos();
-                [t, DRUM * sin, DRUM * cos]
-            } else {
-                [t, DRUM * s.signum(), quarter - s.abs()]
-            }
-        });
-        let physics = PhysicsConfig {
-            friction: true,
-            ..yarns_alone(20.0)
-        };
-        let mut piece = Piece::new(strip, physics, start).on(&DRUM_TOOL);
-        let mut crown = || {
-            piece.start = solver.run(&piece, 0.5);
-            mean_at(&piece.lamina, &piece.start, count / 2)
-        };
-        let taut = crown();
-        (crown() - taut).norm()
     }
+    let start = placed(&strip, |s, t| {
+        let s = s - 0.5 * length;
+        let quarter = 0.5 * PI * DRUM;
+        if s.abs() < quarter {
+            let (sin, cos) = (s / DRUM).sin_cos();
+            [t, DRUM * sin, DRUM * cos]
+        } else {
+            [t, DRUM * s.signum(), quarter - s.abs()]
+        }
+    });
+    let physics = PhysicsConfig {
+        friction: true,
+        ..yarns_alone(20.0)
+    };
+    let mut piece = Piece::new(strip, physics, start).on(&DRUM_TOOL);
+    let mut crown = || {
+        piece.start = solver.run(&piece, 0.5);
+        mean_at(&piece.lamina, &piece.start, count / 2)
+    };
+    let taut = crown();
+    (crown() - taut).norm()
 }
 
 /// A strip of length 2 R clamped at the crown of a frictionless cylinder: G_R = w R^3 / D, angle
@@ -152,7 +141,7 @@ pub fn lift_off(solver: &dyn Solve, g_r: f64, edges: usize) -> LiftOff {
     let stiffness = AREAL_MASS * GRAVITY * radius.powi(3) / g_r;
     let mut piece = clamped(strip, edge, stiffness, 8.0).on(&CYLINDER_TOOL);
     // Wound on and down beside, then let go: it comes to its place from the inner side.
-    let quarter = 0.5 * std::f64::consts::PI * radius;
+    let quarter = 0.5 * PI * radius;
     let wound = placed(&piece.lamina, |s, t| {
         let s = s - 0.5 * edge;
         if s < edge {

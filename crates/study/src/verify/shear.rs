@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
 
 use super::solve::Solve;
 use crate::cloth::{Piece, laid, shearing, sheet, yarns_alone};
-use drape_cloth::fabric::{BlankConfig, Family, Lamina, MassModel, Material};
+use drape_cloth::fabric::{BlankConfig, Curve, Family, Lamina, MassModel, Material};
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::{PhysicsConfig, Snapshot};
 
@@ -64,10 +64,9 @@ pub fn shear_at(lamina: &Lamina, state: &Snapshot, vertex: u32) -> Option<f64> {
 /// Mean absolute shear [rad] of the vertices whose places on the flat blank are `inside`.
 fn mean_shear(lamina: &Lamina, state: &Snapshot, inside: impl Fn([f64; 2]) -> bool) -> f64 {
     let chosen = (0..lamina.vertex_count()).filter(|&v| inside(lamina.rest[v]));
-    let angles: Vec<f64> = chosen
-        .filter_map(|v| shear_at(lamina, state, v as u32))
-        .collect();
-    angles.iter().map(|a| a.abs()).sum::<f64>() / angles.len() as f64
+    let angles = chosen.filter_map(|v| shear_at(lamina, state, v as u32));
+    let angles: Vec<f64> = angles.map(f64::abs).collect();
+    angles.iter().sum::<f64>() / angles.len() as f64
 }
 
 /// Side of the picture frame [m].
@@ -187,50 +186,41 @@ pub fn draw_out(solver: &dyn Solve, lamina: Lamina, extensions: &[f64]) -> Vec<E
 fn energy(lamina: &Lamina, state: &Snapshot) -> f64 {
     let material = &lamina.material;
     let thickness = material.thickness();
-    let branch = |c: f64, tension: f64, compression: f64| {
-        0.5 * c * c * if c < 0.0 { compression } else { tension }
+    let along = |family| {
+        let law = material.yarn(family);
+        [&law.tension, &law.compression].map(Curve::modulus)
     };
-    let length = |a: u32, b: u32| {
-        let [a, b] = [a, b].map(|v| Vec3::from(state.position[v as usize]));
-        (a - b).norm()
-    };
-    let mut of_lengths = 0.0;
+    let shear = [&material.shear.positive, &material.shear.negative].map(Curve::modulus);
+    let branch = |c: f64, [more, less]: [f64; 2]| 0.5 * c * c * if c < 0.0 { less } else { more };
+    let at = |v: u32| Vec3::from(state.position[v as usize]);
+    let length = |a: u32, b: u32| (at(a) - at(b)).norm();
+    let (mut of_lengths, mut of_shear) = (0.0, 0.0);
     for yarn in &lamina.yarns {
-        let law = material.yarn(yarn.family);
         let volume = thickness * yarn.width * yarn.rest_length;
         for pair in yarn.vertices.windows(2) {
             let c = length(pair[0], pair[1]) / yarn.rest_length - 1.0;
-            of_lengths += volume * branch(c, law.tension.modulus(), law.compression.modulus());
+            of_lengths += volume * branch(c, along(yarn.family));
         }
     }
-    let shear = [
-        material.shear.positive.modulus(),
-        material.shear.negative.modulus(),
-    ];
-    let mut of_shear = 0.0;
     let [a, b] = lamina.cell();
     for diagonal in &lamina.diagonals {
         let [from, to] = diagonal.vertices;
         let growth = length(from, to).powi(2) - diagonal.rest_length.powi(2);
         let gamma = (growth / (2.0 * a * b)).clamp(-1.0, 1.0).asin();
-        of_shear += thickness * a * b * branch(gamma, shear[0], shear[1]);
+        of_shear += thickness * a * b * branch(gamma, shear);
     }
     for membrane in &lamina.membranes {
         let volume = thickness * membrane.area;
         let f = [0, 1].map(|k| -> Vec3 {
             let corners = membrane.vertices.iter().zip(&membrane.gradient);
-            corners
-                .map(|(v, g)| Vec3::from(state.position[*v as usize]) * g[k])
-                .sum()
+            corners.map(|(v, g)| at(*v) * g[k]).sum()
         });
         let yarns = [Family::Warp, Family::Weft].into_iter();
         for (f, family) in f.iter().zip(yarns.filter(|_| !membrane.has_yarns)) {
-            let law = material.yarn(family);
-            let [tension, compression] = [law.tension.modulus(), law.compression.modulus()];
-            of_lengths += volume * branch(f.norm() - 1.0, tension, compression);
+            of_lengths += volume * branch(f.norm() - 1.0, along(family));
         }
         let sine = (f[0].dot(&f[1]) / (f[0].norm() * f[1].norm())).clamp(-1.0, 1.0);
-        of_shear += volume * branch(sine.asin(), shear[0], shear[1]);
+        of_shear += volume * branch(sine.asin(), shear);
     }
     of_lengths + of_shear
 }
