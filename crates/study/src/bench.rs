@@ -9,6 +9,7 @@ use std::time::Instant;
 use cpu_time::ThreadTime;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
+use crate::episodes::{Order, choose};
 use crate::ranking::{extremes, median};
 use crate::study::{CORNER, Context, Report, Study, StudyError};
 use crate::table::Table;
@@ -102,9 +103,8 @@ impl Study for Bench {
             changed("shear and bending off", UNLISTED),
             ("nothing there for them", absent(&scene, best)),
         ];
-        let cases = first
-            .into_iter()
-            .chain(FEATURES.map(|key| changed(key, key)));
+        let others = FEATURES.map(|key| changed(key, key));
+        let cases = first.into_iter().chain(others);
         let features = sample(repeats, cases, told(0.4, 0.8, "features"), time);
         // Turn by turn, so that what slows a whole turn down cancels out.
         let over_default = |(_, times): &(&str, Vec<f64>)| {
@@ -198,11 +198,8 @@ impl Device {
 
 /// Every solver on every device: the rows of the table `core`.
 pub fn variants() -> Vec<(Solver, Device)> {
-    let of = |solver| {
-        Device::all()
-            .into_iter()
-            .map(move |device| (solver, device))
-    };
+    let devices = Device::all();
+    let of = |solver| devices.iter().map(move |device| (solver, *device));
     SOLVERS.into_iter().flat_map(of).collect()
 }
 
@@ -289,13 +286,9 @@ impl Player {
 
     /// One allowed action in every environment: a press and the observation.
     pub fn step(&mut self) {
-        let actions: Vec<u32> = (0..self.env.count())
-            .map(|index| {
-                let mask = &self.env.observation(index).mask;
-                let chosen = self.stream.below(mask.count_ones(..));
-                mask.ones().nth(chosen).expect("a mask is never empty") as u32
-            })
-            .collect();
+        let (env, stream) = (&self.env, &mut self.stream);
+        let choose = |index| choose(env, index, Order::Random, 0.0, stream);
+        let actions: Vec<u32> = (0..env.count()).map(choose).collect();
         self.pool.install(|| self.env.step(&actions));
     }
 }

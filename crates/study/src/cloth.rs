@@ -203,10 +203,8 @@ pub fn on_slope(sheet: Lamina, physics: PhysicsConfig, angle: f64) -> Piece {
 /// How far cloth has slid down a slope of `angle` [rad] on average [m].
 pub fn slid(from: &Snapshot, to: &Snapshot, angle: f64) -> f64 {
     let (sin, cos) = angle.sin_cos();
-    let sum = |state: &Snapshot| -> f64 {
-        let along = state.position.iter().map(|x| x[0] * cos - x[2] * sin);
-        along.sum()
-    };
+    let sum =
+        |state: &Snapshot| -> f64 { state.position.iter().map(|x| x[0] * cos - x[2] * sin).sum() };
     (sum(to) - sum(from)) / from.position.len() as f64
 }
 

@@ -14,9 +14,6 @@ use drape_cloth::mesh::compare::{
 };
 use drape_cloth::tool::Surface;
 
-/// Farther from every material point of the other blank than this, a place has no
-/// counterpart [m].
-const OFF_BLANK: f64 = 1e-6;
 const MM: f64 = 1e3;
 
 /// One of the surfaces that are compared.
@@ -179,10 +176,10 @@ fn parts(a: &Surveyed, b: &Surveyed, feet: &[Vec<Foot>; 2], part: Part) -> Parts
     }
 }
 
-/// The foot of a place of the flat blank on the flat blank of the other drape.
+/// The foot of a place of the flat blank on that of the other drape; none a micrometre off it.
 fn counterpart(flat: &Sheet, [x, y]: [f64; 2]) -> Option<Foot> {
     let foot = flat.foot(Vec3::new(x, y, 0.0));
-    (foot.distance <= OFF_BLANK).then_some(foot)
+    (foot.distance <= 1e-6).then_some(foot)
 }
 
 /// Distance [mm] between the places of the same material points, with their rest areas.

@@ -2,9 +2,8 @@
 //! and how much the order matters.
 //!
 //! Three orders: masked random; straight sweeps, one direction an episode; and outwards from a
-//! place, one place of a 7 x 7 grid an episode (some twice where there are more episodes). All
-//! are played under the rules of the task, on the allowed vertex that comes first, by rows and
-//! columns.
+//! place, one place of a 7 x 7 grid an episode. All are played under the rules of the task, on the
+//! allowed vertex that comes first, by rows and columns.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -38,9 +37,6 @@ pub struct Episodes {
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
 }
-
-/// Time to come to rest after an episode [s].
-const REST: f64 = 0.25;
 
 /// An order in which an episode presses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +75,7 @@ pub struct Played {
 }
 
 /// What a state after an episode is like, and what it comes to.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Rested {
     /// Of the state as it is.
     pub summary: Summary,
@@ -166,9 +162,8 @@ const FIGURES: [Figure; 13] = [
 
 fn figures(scene: &Scene, env: &EnvConfig, order: Order, played: &[Played]) -> Vec<Row> {
     let finite = played.iter().filter(|played| !played.has_diverged);
-    let finite: Vec<(&Played, Rested)> = finite
-        .map(|played| (played, rest(scene, env, &played.state)))
-        .collect();
+    let finite = finite.map(|played| (played, rest(scene, env, &played.state)));
+    let finite: Vec<(&Played, Rested)> = finite.collect();
     let row = |(name, of): Figure| Row {
         order: order.name(),
         name,
@@ -188,9 +183,8 @@ pub fn play(
     mut progress: impl FnMut(usize),
 ) -> Result<Vec<Played>, ValueError> {
     let mut env = Draping::new(scene.clone(), config, count)?;
-    let mut streams: Vec<Stream> = (0..count)
-        .map(|index| Stream::new(seed, Purpose::Evaluation, index as u32))
-        .collect();
+    let stream = |index| Stream::new(seed, Purpose::Evaluation, index as u32);
+    let mut streams: Vec<Stream> = (0..count).map(stream).collect();
     let mut played: Vec<Option<Played>> = vec![None; count];
     let mut steps = 0;
     while played.iter().any(Option::is_none) {
@@ -220,8 +214,7 @@ pub fn play(
     Ok(played.into_iter().flatten().collect())
 }
 
-/// The vertices that `count` episodes in an order press, each in its order. Without those that
-/// diverge.
+/// The vertices that `count` episodes in an order press, without those that diverge.
 pub fn sequences(
     scene: &Arc<Scene>,
     config: &EnvConfig,
@@ -266,7 +259,7 @@ pub fn rest(scene: &Scene, config: &EnvConfig, state: &Snapshot) -> Rested {
     let world = World::new(scene.model.clone(), scene.tool.clone());
     let mut cloth = Cpu::new(&world, 1, Precision::F32);
     cloth.load(0, state);
-    cloth.step(&config.stepping().control(REST), &[]);
+    cloth.step(&config.stepping().control(0.25), &[]);
     let rested = cloth.snapshot(0);
     let tension = scene.lamina.yarn_strain(&rested.position).into_iter();
     Rested {

@@ -60,14 +60,13 @@ pub fn replay_in_twin(
             positions: twin.positions(),
             draped: ended.draped,
         });
-        let seconds = pressed
-            .as_ref()
-            .map_or(0.0, |_| began.elapsed().as_secs_f64());
-        Ok((pressed, seconds))
+        Ok((pressed, began.elapsed().as_secs_f64()))
     });
-    let played: Result<Vec<_>, StudyError> = played.into_iter().collect();
-    let (ends, seconds): (Vec<_>, Vec<f64>) = played?.into_iter().unzip();
-    Ok((ends, seconds.iter().sum()))
+    let played: Vec<_> = played.into_iter().collect::<Result<_, StudyError>>()?;
+    let ended = played.iter().filter(|(pressed, _)| pressed.is_some());
+    let seconds = ended.map(|(_, seconds)| seconds).sum();
+    let ends = played.into_iter().map(|(pressed, _)| pressed);
+    Ok((ends.collect(), seconds))
 }
 
 /// `positions` with every vertex that is not clamped pushed, normally distributed with a

@@ -133,21 +133,20 @@ impl Study for Stability {
             .flat_map(|sweep| SOLVERS.map(|solver| (sweep.name, solver_name(solver))))
             .collect();
         groups.push(("all", "both"));
-        let of = |(sweep, solver): &(&'static str, &'static str)| {
-            let (sweep, solver) = (*sweep, *solver);
-            let is_all = sweep == "all";
-            let cells = cells.iter();
-            cells.filter(move |c| is_all || (c.sweep, solver_name(c.solver)) == (sweep, solver))
+        let count = |group: &(&str, &str), counts: &dyn Fn(&SweepCell) -> bool| {
+            let name = |cell: &SweepCell| (cell.sweep, solver_name(cell.solver));
+            let own = cells
+                .iter()
+                .filter(|c| group.0 == "all" || name(c) == *group);
+            own.filter(|cell| counts(cell)).count()
         };
         let title = "Cells by their outcome, f64 and f32 together";
         let mut counts = Table::of("counts", title, &groups)
             .text("sweep", |group| group.0)
             .text("solver", |group| group.1)
-            .text("cells", |group| of(group).count());
+            .text("cells", |group| count(group, &|_| true));
         for (outcome, name) in Outcome::ALL {
-            counts = counts.text(name, |group| {
-                of(group).filter(|cell| cell.outcome == outcome).count()
-            });
+            counts = counts.text(name, |group| count(group, &|cell| cell.outcome == outcome));
         }
         let mut report = Report::new([counts.end(), cell_table(&sweeps, &cells)]);
         for sweep in &sweeps {
@@ -202,8 +201,6 @@ fn map<'a>(sweep: &Sweep, title: String, cells: impl Iterator<Item = &'a SweepCe
     }
 }
 
-const DIVERGED: Color = [110, 10, 20];
-const REFUSED: Color = [170, 170, 175];
 /// Numbers that are none, and panics: in no other colour, so that they are noticed.
 const FAULT: Color = [255, 0, 255];
 
@@ -223,8 +220,8 @@ fn tile(cell: &SweepCell) -> Tile {
     let error = cell.error.unwrap_or(f64::NAN);
     let (color, text) = match cell.outcome {
         Outcome::Converged | Outcome::Wrong => (ramp(error), percent(error)),
-        Outcome::Diverged => (DIVERGED, "div".into()),
-        Outcome::Refused => (REFUSED, "refused".into()),
+        Outcome::Diverged => ([110, 10, 20], "div".into()),
+        Outcome::Refused => ([170, 170, 175], "refused".into()),
         Outcome::NonFinite => (FAULT, "NaN".into()),
         Outcome::Panicked => (FAULT, "panic".into()),
     };

@@ -1,7 +1,6 @@
 //! What accuracy costs: CPU time of an environment step against the error that a setting makes.
 //!
-//! Settings lie on the rates of both solvers and on one axis at a time around the default. Each is
-//! measured three times over:
+//! Each setting, varied along one axis at a time, is measured three times over:
 //!
 //! | Measured | Held against |
 //! | --- | --- |
@@ -55,9 +54,6 @@ pub struct Tradeoff {
 
 /// The region of `--quick`, a part of the corner [mm].
 const QUICK_REGION: [f64; 4] = [-186.0, -186.0, -95.0, -95.0];
-
-/// Environments stepped together at least, as training does.
-const ENVIRONMENTS: usize = 16;
 
 impl Study for Tradeoff {
     const NAME: &'static str = "tradeoff";
@@ -146,7 +142,7 @@ struct Measuring {
     pressed: Known<(Around, bool), PressedSweeps>,
 }
 
-/// Positions that are compared.
+/// Positions of both that are compared.
 type Sides<'a> = [&'a [[f64; 3]]; 2];
 
 impl Measuring {
@@ -270,14 +266,13 @@ fn press(
     sequences: &[Vec<[f64; 2]>],
 ) -> Result<PressedSweeps, StudyError> {
     let count = match env.precision {
-        Precision::F32 => ENVIRONMENTS.max(Isa::best().lanes()),
+        // At least as many as training steps together.
+        Precision::F32 => Isa::best().lanes().max(16),
         Precision::F64 => sequences.len(),
     };
     let on_mesh = |at: &[f64; 2]| nearest(&scene.lamina.rest, *at);
-    let vertices = sequences
-        .iter()
-        .map(|places| places.iter().map(on_mesh).collect());
-    let vertices: Vec<Vec<u32>> = vertices.collect();
+    let lists = sequences.iter().map(|list| list.iter().map(on_mesh));
+    let vertices: Vec<Vec<u32>> = lists.map(Iterator::collect).collect();
     let lists = vertices.iter().map(|list| &**list).cycle();
     let lists: Vec<&[u32]> = lists.take(count).collect();
     let mut draping = Draping::new(scene.clone(), env, count)?;

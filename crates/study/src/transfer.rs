@@ -115,7 +115,15 @@ impl Study for Transfer {
             return Err(StudyError::FastDiverged);
         }
         let inside = env.region(&scene.lamina)?.vertices;
-        let rows = play_all(&scene, &env, &paths, context)?;
+        let lists: Vec<&[u32]> = paths.iter().map(|(_, vertices)| &**vertices).collect();
+        (context.progress)(0.0, "the twin's fall");
+        let rest = fallen(&scene, &twin_config(&config)?)?.positions();
+        let mut rows = Vec::new();
+        for (done, (name, player)) in players().into_iter().enumerate() {
+            (context.progress)(done as f64 / players().len() as f64, name);
+            let (ends, cpu_s) = play(&scene, &env, &rest, player, &lists)?;
+            rows.push(Row { name, ends, cpu_s });
+        }
         Ok(report(&rows, &paths, |v| inside.contains(v)))
     }
 }
@@ -164,25 +172,6 @@ impl Row {
         let found: Vec<f64> = own.filter_map(|(left, _)| left).collect();
         mean_and_deviation(&found)[0]
     }
-}
-
-/// Plays all sequences by all players.
-fn play_all(
-    scene: &Arc<Scene>,
-    env: &EnvConfig,
-    sequences: &[Sequence],
-    context: &Context,
-) -> Result<Vec<Row>, StudyError> {
-    let lists: Vec<&[u32]> = sequences.iter().map(|(_, vertices)| &**vertices).collect();
-    (context.progress)(0.0, "the twin's fall");
-    let rest = fallen(scene, &twin_config(&scene.config)?)?.positions();
-    let players = players();
-    let rows = players.iter().enumerate().map(|(done, &(name, player))| {
-        (context.progress)(done as f64 / players.len() as f64, name);
-        let (ends, cpu_s) = play(scene, env, &rest, player, &lists)?;
-        Ok(Row { name, ends, cpu_s })
-    });
-    rows.collect()
 }
 
 /// Plays lists of presses, side by side in the lanes or each on a thread; none where one diverges.

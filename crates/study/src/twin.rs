@@ -198,10 +198,8 @@ fn tables(
         .number("v_rms after [mm/s]", 3, |ran| 1e3 * ran.v_rms[1]);
     let mut moments: Vec<(&str, &str, Energies)> = Vec::new();
     for ran in runs {
-        let energies = ["fall", "presses"]
-            .into_iter()
-            .zip(ran.energy.iter().flatten());
-        moments.extend(energies.map(|(moment, energies)| (ran.name, moment, *energies)));
+        let energies = ran.energy.iter().flatten().zip(["fall", "presses"]);
+        moments.extend(energies.map(|(energies, moment)| (ran.name, moment, *energies)));
     }
     let energy = Table::of("energy", "Balance since the start of the fall", &moments)
         .text("model", |(name, ..)| *name)

@@ -120,19 +120,17 @@ impl Study for Verify {
                 own.map(|row| 1e2 * row.relative_error())
             });
         }
-        let of = |subject: &Subject| {
-            let subject = *subject;
-            rows.iter().filter(move |row| row.subject == subject)
+        let count = |subject: &Subject, counts: fn(&Verified) -> bool| {
+            let own = rows.iter().filter(|row| row.subject == *subject);
+            own.filter(|row| counts(row)).count()
         };
+        let is_met = |row: &Verified| row.relative_error().abs() <= TOLERANCE;
         let title = format!("Within {:.0} %", 1e2 * TOLERANCE);
         let counts = Table::of("counts", title, &subjects)
             .text("solver", |subject| subject.names()[0])
             .text("preset", |subject| subject.names()[1])
-            .text("cases", |subject| of(subject).count())
-            .text("met", |subject| {
-                let met = |row: &&Verified| row.relative_error().abs() <= TOLERANCE;
-                of(subject).filter(met).count()
-            });
+            .text("cases", |subject| count(subject, |_| true))
+            .text("met", |subject| count(subject, is_met));
         let all = Table::of("cases", "", &rows)
             .text("group", |row| row.group)
             .text("case", |row| row.answer.case.clone())

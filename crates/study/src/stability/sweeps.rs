@@ -67,19 +67,14 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
         let values: Vec<f64> = (0..labels.len()).map(|index| index as f64).collect();
         axis(name, &values, |index| labels[index as usize].into())
     };
-    let substeps = || {
-        let fine = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0];
-        list(SUBSTEPS_AXIS, &[1.0, 5.0, 20.0, 80.0], &fine)
-    };
+    let substeps = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0];
+    let substeps = list(SUBSTEPS_AXIS, &[1.0, 5.0, 20.0, 80.0], &substeps);
     // 1/60 s is what training and scenes use.
-    let frames = || {
-        let fine = [600.0, 300.0, 120.0, 60.0, 30.0, 15.0];
-        let mut rates = list(FRAME_AXIS, &[600.0, 120.0, 60.0, 15.0], &fine);
-        for tick in &mut rates.ticks {
-            (tick.label, tick.value) = (format!("1/{}", tick.value), 1.0 / tick.value);
-        }
-        rates
-    };
+    let rates = [600.0, 300.0, 120.0, 60.0, 30.0, 15.0];
+    let mut frames = list(FRAME_AXIS, &[600.0, 120.0, 60.0, 15.0], &rates);
+    for tick in &mut frames.ticks {
+        (tick.label, tick.value) = (format!("1/{}", tick.value), 1.0 / tick.value);
+    }
     let factors = [
         1.0, 1e1, 1e2, 1e3, 1e4, 1e6, 1e10, 1e20, 1e38, 1e40, 1e150, 1e300,
     ];
@@ -92,10 +87,8 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
     let borders = decades("mass of border over inside", -6, 6, 3);
     let gravities = [0.0, 0.1, 1.0, 3.0, 10.0, 30.0, 100.0];
     let gravities = list("gravity [g]", &[0.0, 1.0, 10.0, 100.0], &gravities);
-    let (along, long) = (
-        "vertices along it",
-        [3.0, 9.0, 17.0, 33.0, 65.0, 129.0, 257.0],
-    );
+    let along = "vertices along it";
+    let long = [3.0, 9.0, 17.0, 33.0, 65.0, 129.0, 257.0];
     let rows = list(along, &[9.0, 33.0, 129.0], &long[1..]);
     let needles = list(along, &[3.0, 17.0, 65.0, 257.0], &long);
     let widths = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0];
@@ -104,25 +97,21 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
     let depths = [0.01, 0.1, 1.0, 5.0, 20.0, 50.0, 90.0];
     let depths = list("depth at the start [mm]", &[0.1, 5.0, 90.0], &depths);
     let pressures = decades("pressure [N/mm²]", -6, 0, 2);
-    let speeds = || {
-        let fine = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0];
-        list("speed [m/s]", &[1.0, 10.0, 100.0], &fine)
-    };
+    let speeds = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0];
+    let speeds = list("speed [m/s]", &[1.0, 10.0, 100.0], &speeds);
     let sides = list("vertices a side", &[9.0, 33.0], &long[1..]);
     let facets = zero_and(decades("thickness of the facet [m]", -10, -2, 2));
     let slopes = [0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0];
     let slopes = list("slope [degrees]", &[0.0, 10.0, 25.0, 40.0, 60.0], &slopes);
-    let frictions = || {
-        let fine = [0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0];
-        list("friction", &[0.0, 0.2, 0.7, 2.0], &fine)
-    };
+    let frictions = [0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0];
+    let frictions = list("friction", &[0.0, 0.2, 0.7, 2.0], &frictions);
     let slivers = labels("facet", &lying::SLIVERS);
 
-    let by_substeps = |name, y, trial| sweep(name, substeps(), y, trial);
+    let by_substeps = |name, y, trial| sweep(name, substeps.clone(), y, trial);
     vec![
-        by_substeps("time_step", frames(), hanging::time_step),
-        by_substeps("catenary", frames(), hanging::catenary),
-        by_substeps("free_flight", frames(), free::flight),
+        by_substeps("time_step", frames.clone(), hanging::time_step),
+        by_substeps("catenary", frames.clone(), hanging::catenary),
+        by_substeps("free_flight", frames, free::flight),
         by_substeps("speed", factors, free::speed),
         by_substeps("compliance", compliances, hanging::compliance),
         by_substeps("warp_ratio", ratios, hanging::warp_ratio),
@@ -136,12 +125,12 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
         by_substeps("start", labels("start", &free::STARTS), free::start),
         by_substeps("overlap", depths, lying::overlap),
         by_substeps("pressure", pressures, lying::pressure),
-        by_substeps("impact", speeds(), lying::impact),
-        by_substeps("uncapped_impact", speeds(), lying::uncapped_impact),
+        by_substeps("impact", speeds.clone(), lying::impact),
+        by_substeps("uncapped_impact", speeds, lying::uncapped_impact),
         by_substeps("sheet_grid", sides, lying::sheet_grid),
         sweep("sliver", slivers, facets, lying::sliver),
-        sweep("friction", slopes, frictions(), lying::friction),
-        by_substeps("friction_step", frictions(), lying::friction_step),
+        sweep("friction", slopes, frictions.clone(), lying::friction),
+        by_substeps("friction_step", frictions, lying::friction_step),
     ]
 }
 

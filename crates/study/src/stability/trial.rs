@@ -41,7 +41,6 @@ impl Outcome {
 }
 
 /// What a cell sets: its place in the sweep, and what follows from it.
-#[derive(Clone, Copy, Debug)]
 pub struct Knobs {
     /// Values along the two axes.
     pub x: f64,
@@ -81,11 +80,10 @@ impl Trial {
         judge: impl Fn(&Lamina, &Snapshot) -> f64 + 'static,
     ) -> Tried {
         piece.physics.check()?;
-        let judge = Box::new(judge);
         Ok(Self {
             piece,
             seconds,
-            judge,
+            judge: Box::new(judge),
         })
     }
 

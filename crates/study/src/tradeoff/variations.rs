@@ -12,10 +12,6 @@ use drape_cloth::scene::SceneConfig;
 use drape_cloth::sim::{Accuracy, Bending, PhysicsConfig, Precision, Solver, Stepping};
 use drape_task::env::EnvConfig;
 
-/// Substeps a second of what counts as converged [1/s], and of them between two refreshes of the
-/// tool's planes: 2400 refreshes a second, more than any preset has.
-const CONVERGED: (f64, usize) = (48_000.0, 20);
-
 /// A scene and a task.
 pub type Around = (SceneConfig, EnvConfig);
 
@@ -170,10 +166,10 @@ fn stepped(around: &Around, stepping: Stepping) -> Around {
     around
 }
 
-/// The same model, converged.
+/// The same model, converged: 48 000 substeps a second, and 2400 refreshes of the tool's planes,
+/// more than any preset has.
 pub fn converged(around: &Around) -> Around {
-    let (rate, interval) = CONVERGED;
-    let (mut scene, mut env) = stepped(around, Stepping::every(rate, interval));
+    let (mut scene, mut env) = stepped(around, Stepping::every(48_000.0, 20));
     scene.physics.solver = Solver::Yarn;
     env.precision = Precision::F64;
     (scene, env)
@@ -191,12 +187,9 @@ fn meshes(scene: &SceneConfig, quick: bool) -> Vec<[usize; 2]> {
     meshes
 }
 
-/// Sequences, the same places in every one.
-const SEQUENCES: usize = 8;
-
-/// Places on the flat blank [m], in the order of pressing: every second row and column of the
-/// region. The first is a straight sweep along the rows, then follow sweeps the other way, along
-/// the columns, along a diagonal, from the middle and back, and two random orders.
+/// Places on the flat blank [m], the same in eight orders of pressing: every second row and column
+/// of the region. The first is a straight sweep along the rows, then follow sweeps the other way,
+/// along the columns, along a diagonal, from the middle and back, and two random orders.
 pub fn sequences(lamina: &Lamina, env: &EnvConfig) -> Result<Vec<Vec<[f64; 2]>>, ValueError> {
     let region = env.region(lamina)?;
     let mut vertices: Vec<usize> = region.vertices.ones().collect();
@@ -227,5 +220,5 @@ pub fn sequences(lamina: &Lamina, env: &EnvConfig) -> Result<Vec<Vec<[f64; 2]>>,
         }
         sorted.into_iter().map(|v| lamina.rest[v]).collect()
     };
-    Ok((0..SEQUENCES).map(order).collect())
+    Ok((0..8).map(order).collect())
 }

@@ -7,7 +7,6 @@ use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::sim::{Bending, PhysicsConfig, Snapshot};
 
 /// What is left of linear and of angular momentum, and what implicit Euler leaves of the latter.
-#[derive(Clone, Copy, Debug)]
 pub struct Flight {
     pub linear: f64,
     pub angular: f64,
@@ -23,13 +22,8 @@ pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
     let mut stream = Stream::new(1, Purpose::Evaluation, 0);
     let lamina = sheet([0.1, 0.08], [7, 6], Material::interglas_92125());
     let length = 0.157;
-    let mut start = laid(&lamina, |[x, y]| {
-        [
-            x,
-            y,
-            waves * length * (std::f64::consts::TAU * x / length).sin(),
-        ]
-    });
+    let wave = |x: f64| waves * length * (std::f64::consts::TAU * x / length).sin();
+    let mut start = laid(&lamina, |[x, y]| [x, y, wave(x)]);
     for (v, [x, y]) in lamina.rest.iter().enumerate() {
         let even = [0.5 - omega * y, omega * x - 0.4, 0.3];
         start.velocity[v] = even.map(|even| even + noise * stream.normal());
@@ -61,8 +55,8 @@ pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
     }
 }
 
-/// Share of the amplitude that an oscillation keeps in a substep, and 1 / sqrt(1 + omega^2 h^2):
-/// a single cell that breathes along its warps, so stiff that omega h is `pace`.
+/// 1 / sqrt(1 + omega^2 h^2), and the share of its amplitude that an oscillation keeps in a
+/// substep: a single cell that breathes along its warps, so stiff that omega h is `pace`.
 pub fn oscillation(fast: &Fast, pace: f64) -> [f64; 2] {
     let (a, h) = (0.01, fast.substep);
     let mut material = Material::interglas_92125();
@@ -92,5 +86,5 @@ pub fn oscillation(fast: &Fast, pace: f64) -> [f64; 2] {
         piece.start = fast.run(&piece, h);
     }
     let kept = (energy(&piece.start) / start).powf(0.5 / f64::from(steps));
-    [kept, (1.0 + pace * pace).powf(-0.5)]
+    [(1.0 + pace * pace).powf(-0.5), kept]
 }

@@ -136,9 +136,6 @@ pub struct Extension {
     pub force: f64,
 }
 
-/// Root mean square speed below which the specimen rests [m/s].
-const RESTS: f64 = 1e-3;
-
 /// Draws `lamina` out by each of `extensions` [m] in turn, ascending.
 pub fn draw_out(solver: &dyn Solve, lamina: Lamina, extensions: &[f64]) -> Vec<Extension> {
     let half = 0.5 * SPECIMEN[0];
@@ -171,7 +168,7 @@ pub fn draw_out(solver: &dyn Solve, lamina: Lamina, extensions: &[f64]) -> Vec<E
             let [low, high] = [&before, &after].map(|s| energy(lamina, s));
             (high - low) / (2.0 * step)
         };
-        let rests = [&before, &at, &after].iter().all(|s| s.v_rms() < RESTS);
+        let rests = [&before, &at, &after].iter().all(|s| s.v_rms() < 1e-3);
         let if_at_rest = |x: f64| if rests { x } else { f64::NAN };
         found.push(Extension {
             d,
