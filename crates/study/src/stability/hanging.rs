@@ -31,7 +31,7 @@ fn usual() -> Lamina {
     strip(WIDTH, LENGTH, EDGES)
 }
 
-/// Physics that only yarns, weight and so much damping decide.
+/// The default physics without bending, with one damping [1/s].
 fn slack(damping: f64) -> PhysicsConfig {
     damped(damping, Bending::Off)
 }

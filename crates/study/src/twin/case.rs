@@ -90,7 +90,7 @@ impl PaperCase {
         })
     }
 
-    /// Fall and presses of the twin; the latter from a start that [`is_pushed`](pushed) or not.
+    /// Fall and presses of the twin, the latter from a [`pushed`] start or not.
     fn twin(
         &self,
         name: &'static str,
