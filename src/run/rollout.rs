@@ -1,5 +1,5 @@
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
@@ -7,7 +7,7 @@ use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::scene::{Scene, sheared, surplus};
 use drape_cloth::sim::Snapshot;
-use drape_task::env::{Draping, End, EnvConfig, ReplayDiverged, Tasks};
+use drape_task::env::{Draping, End, EnvConfig, Played, ReplayDiverged, Tasks};
 use drape_task::path::{PressedPoint, strokes};
 
 /// How an episode went.
@@ -96,6 +96,19 @@ fn pressed(draping: &Draping, index: usize, vertex: u32) -> PressedPoint {
     }
 }
 
+/// Where on the tool allowed actions press, one an environment.
+fn all_pressed(draping: &Draping, actions: &[u32]) -> Vec<PressedPoint> {
+    let point = |(index, &action)| {
+        let vertex = draping.vertex(action);
+        pressed(
+            draping,
+            index,
+            vertex.expect("allowed actions have a vertex"),
+        )
+    };
+    actions.iter().enumerate().map(point).collect()
+}
+
 /// Plays one episode in the only environment of `draping`, from its start. `choose` gives the
 /// action for what is seen, `watch` is called before each press.
 pub fn play(
@@ -103,38 +116,27 @@ pub fn play(
     mut choose: impl FnMut(&Draping) -> u32,
     mut watch: impl FnMut(&Draping, &[PressedPoint]),
 ) -> Result<PlayedEpisode, RolloutError> {
-    let mut seconds = 0.0;
-    draping.reset(0);
+    let (start, mut watching) = (Instant::now(), Duration::ZERO);
     let mut points = Vec::new();
-    let mut vertices = Vec::new();
-    loop {
+    let all = draping.play(|draping| {
+        let before = Instant::now();
         watch(draping, &points);
-        let start = Instant::now();
-        let action = choose(draping);
-        let vertex = draping
-            .vertex(action)
-            .expect("allowed actions have a vertex");
-        points.push(pressed(draping, 0, vertex));
-        vertices.push(vertex);
-        let outcome = draping.step(&[action]).swap_remove(0);
-        seconds += start.elapsed().as_secs_f64();
-        match outcome.episode.map(|episode| episode.end) {
-            None => {}
-            Some(End::Terminated | End::Truncated) => break,
-            Some(End::Diverged) => {
-                let presses = points.len();
-                return Err(ReplayDiverged { presses }.into());
-            }
-        }
+        watching += before.elapsed();
+        let action = vec![choose(draping)];
+        points.extend(all_pressed(draping, &action));
+        action
+    });
+    let seconds = (start.elapsed() - watching).as_secs_f64();
+    let played = all.into_iter().next().expect("there is one environment");
+    if played.episode.end == End::Diverged {
+        let presses = points.len();
+        return Err(ReplayDiverged { presses }.into());
     }
-    let end = draping.finished(0).expect("the episode is over").clone();
-    let mut summary = summarise(draping, &end, &points);
-    summary.seconds = seconds;
     Ok(PlayedEpisode {
-        summary,
-        vertices,
+        summary: summarise(draping, &played.end, &points, seconds),
+        vertices: played.vertices,
         points,
-        end,
+        end: played.end,
     })
 }
 
@@ -187,10 +189,8 @@ pub fn replay(
         end?;
     }
     let end = draping.state(0);
-    let mut summary = summarise(draping, &end, &points);
-    summary.seconds = seconds;
     Ok(PlayedEpisode {
-        summary,
+        summary: summarise(draping, &end, &points, seconds),
         vertices: vertices.to_vec(),
         points,
         end,
@@ -245,40 +245,30 @@ pub fn parallel_episodes(
         .map(|index| Stream::new(SEED, Purpose::Evaluation, index as u32))
         .collect();
     let mut points: Vec<Vec<PressedPoint>> = vec![Vec::new(); count];
-    let mut summaries: Vec<Option<EpisodeSummary>> = vec![None; count];
-    let mut open = count;
-    let mut over = vec![false; count];
-    while open > 0 {
-        let actions = choose(&draping, &mut streams);
-        for (index, &action) in actions.iter().enumerate() {
-            let vertex = draping
-                .vertex(action)
-                .expect("allowed actions have a vertex");
-            points[index].push(pressed(&draping, index, vertex));
+    let all = draping.play(|draping| {
+        let actions = choose(draping, &mut streams);
+        for (points, point) in points.iter_mut().zip(all_pressed(draping, &actions)) {
+            points.push(point);
         }
-        let outcomes = draping.step(&actions);
-        for (index, outcome) in outcomes.into_iter().enumerate() {
-            let Some(episode) = outcome.episode else {
-                continue;
-            };
-            if !over[index] {
-                over[index] = true;
-                open -= 1;
-                if episode.end != End::Diverged {
-                    let end = draping.finished(index).expect("the episode is over");
-                    let mut summary = summarise(&draping, end, &points[index]);
-                    summary.seconds = start.elapsed().as_secs_f64() / count as f64;
-                    summaries[index] = Some(summary);
-                }
-            }
-            points[index].clear();
-        }
-    }
-    Ok(summaries.into_iter().flatten().collect())
+        actions
+    });
+    let seconds = start.elapsed().as_secs_f64() / count as f64;
+    let ended = all.iter().zip(&points);
+    let ended = ended.filter(|(played, _)| played.episode.end != End::Diverged);
+    let summary = |(played, points): (&Played, &Vec<PressedPoint>)| {
+        let points = &points[..played.vertices.len()];
+        summarise(&draping, &played.end, points, seconds)
+    };
+    Ok(ended.map(summary).collect())
 }
 
 /// Measures how presses have ended.
-fn summarise(draping: &Draping, end: &Snapshot, points: &[PressedPoint]) -> EpisodeSummary {
+fn summarise(
+    draping: &Draping,
+    end: &Snapshot,
+    points: &[PressedPoint],
+    seconds: f64,
+) -> EpisodeSummary {
     let scene = draping.scene();
     let at_start = scene.summary(&scene.initial);
     let at_end = scene.summary(end);
@@ -317,6 +307,6 @@ fn summarise(draping: &Draping, end: &Snapshot, points: &[PressedPoint]) -> Epis
         locked_share: locking.map(|_| sheared.share_beyond),
         self_intersections: at_end.self_intersections,
         v_rms_mm_s: at_end.v_rms_mm_s,
-        seconds: 0.0,
+        seconds,
     }
 }

@@ -202,14 +202,8 @@ impl Training {
     /// an episode that diverged has no score.
     fn evaluate(&mut self) -> Result<Option<f64>> {
         let agent = self.trainer.agent();
-        self.evaluation.reset(0);
-        let episode = loop {
-            let action = agent.act(&[self.evaluation.observation(0)], Sampling::Greedy);
-            let outcome = self.evaluation.step(&action).swap_remove(0);
-            if let Some(episode) = outcome.episode {
-                break episode;
-            }
-        };
+        let greedy = |draping: &Draping| agent.act(&[draping.observation(0)], Sampling::Greedy);
+        let episode = self.evaluation.play(greedy).swap_remove(0).episode;
         let Some(score) = episode.score else {
             return Ok(None);
         };

@@ -14,9 +14,9 @@ use crate::study::{Context, Report, SceneOptions, Study, StudyError, stencil_mm}
 use crate::table::Table;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream, mean_and_deviation};
-use drape_cloth::scene::{Scene, Summary};
+use drape_cloth::scene::{Scene, Summary, surplus};
 use drape_cloth::sim::{Backend, Cpu, Precision, Snapshot, World};
-use drape_task::env::{Draping, End, EnvConfig, Tasks};
+use drape_task::env::{Draping, End, EnvConfig, Played, Region, Tasks};
 
 /// Play whole episodes in fixed orders: strain, rest and penetration after them, and how much
 /// the order matters
@@ -59,26 +59,16 @@ impl Order {
     }
 }
 
-/// An episode that is over.
-#[derive(Clone, Debug)]
-pub struct Played {
-    pub has_diverged: bool,
-    /// Vertices in the order they were pressed.
-    pub pressed: Vec<u32>,
-    /// Summed distance of the region to the tool [m].
-    pub region_m: f64,
-    /// Mean surplus of its yarns [m].
-    pub surplus_m: f64,
-    /// Touched vertices which are not draped.
-    pub undraped: usize,
-    pub state: Snapshot,
-}
-
 /// What a state after an episode is like, and what it comes to.
 #[derive(Debug)]
 pub struct Rested {
     /// Of the state as it is.
     pub summary: Summary,
+    /// Summed distance of the region to the tool [m], and mean surplus of its yarns [m].
+    pub region_m: f64,
+    pub surplus_m: f64,
+    /// Touched vertices which are not draped.
+    pub undraped: usize,
     /// Share of the blank's yarn edges compressed by more than 5 %: crushed surplus.
     pub crushed_share: f64,
     /// Root mean square speed [mm/s] a quarter of a second later.
@@ -103,15 +93,15 @@ impl Study for Episodes {
         let mut env = self.scene.env(None);
         env.stencil_mm = stencil_mm(&scene.lamina, env.stencil_mm);
         // An episode takes about a step for each five vertices; progress need not be exact.
-        let region = env.region(&scene.lamina)?.vertices;
-        let expected = region.count_ones(..).div_ceil(5) as f64;
+        let region = env.region(&scene.lamina)?;
+        let expected = region.vertices.count_ones(..).div_ceil(5) as f64;
         let mut rows = Vec::new();
         for order in Order::ALL {
             let told = |steps| (context.progress)((steps as f64 / expected).min(1.0), order.name());
             let played = play(&scene, &env, order, self.count.into(), self.seed, told)?;
-            rows.extend(figures(&scene, &env, order, &played));
+            rows.extend(figures(&scene, (&env, &region), order, &played));
         }
-        let initial = distance(&scene.tool, region.ones(), &scene.initial.position);
+        let initial = distance(&scene.tool, region.vertices.ones(), &scene.initial.position);
         let title = format!(
             "{} episodes in each order from {initial:.3} m; those that diverge have no figures",
             self.count
@@ -137,38 +127,38 @@ struct Row {
     values: Vec<f64>,
 }
 
-/// A figure of an episode: its name, and how it is got from the end and from what it comes to.
-type Figure = (&'static str, fn(&Played, &Rested) -> f64);
+/// A figure of the end of an episode: its name, and how it is got.
+type Figure = (&'static str, fn(&Rested) -> f64);
 
 const FIGURES: [Figure; 13] = [
-    ("distance left [m]", |p, _| p.region_m),
-    ("surplus left [mm]", |p, _| 1e3 * p.surplus_m),
-    ("whole sheet [m]", |_, r| r.summary.distance_m),
-    ("undraped vertices", |p, _| p.undraped as f64),
-    ("tension p95 [%]", |_, r| 1e2 * r.summary.tension_p95),
-    ("tension max [%]", |_, r| 1e2 * r.summary.tension_max),
-    ("compression p95 [%]", |_, r| {
-        1e2 * r.summary.compression_p95
-    }),
-    ("compression max [%]", |_, r| {
-        1e2 * r.summary.compression_max
-    }),
-    ("edges crushed > 5 % [%]", |_, r| 1e2 * r.crushed_share),
-    ("penetration [mm]", |_, r| r.summary.penetration_mm),
-    ("v_rms at the end [mm/s]", |_, r| r.summary.v_rms_mm_s),
-    ("v_rms at rest [mm/s]", |_, r| r.v_rms_mm_s),
-    ("tension max at rest [%]", |_, r| 1e2 * r.tension_max),
+    ("distance left [m]", |r| r.region_m),
+    ("surplus left [mm]", |r| 1e3 * r.surplus_m),
+    ("whole sheet [m]", |r| r.summary.distance_m),
+    ("undraped vertices", |r| r.undraped as f64),
+    ("tension p95 [%]", |r| 1e2 * r.summary.tension_p95),
+    ("tension max [%]", |r| 1e2 * r.summary.tension_max),
+    ("compression p95 [%]", |r| 1e2 * r.summary.compression_p95),
+    ("compression max [%]", |r| 1e2 * r.summary.compression_max),
+    ("edges crushed > 5 % [%]", |r| 1e2 * r.crushed_share),
+    ("penetration [mm]", |r| r.summary.penetration_mm),
+    ("v_rms at the end [mm/s]", |r| r.summary.v_rms_mm_s),
+    ("v_rms at rest [mm/s]", |r| r.v_rms_mm_s),
+    ("tension max at rest [%]", |r| 1e2 * r.tension_max),
 ];
 
-fn figures(scene: &Scene, env: &EnvConfig, order: Order, played: &[Played]) -> Vec<Row> {
-    let finite = played.iter().filter(|played| !played.has_diverged);
-    let finite = finite.map(|played| (played, rest(scene, env, &played.state)));
-    let finite: Vec<(&Played, Rested)> = finite.collect();
+fn figures(
+    scene: &Scene,
+    (env, region): (&EnvConfig, &Region),
+    order: Order,
+    played: &[Played],
+) -> Vec<Row> {
+    let finite = played.iter().filter(|p| p.episode.end != End::Diverged);
+    let finite: Vec<Rested> = finite.map(|p| rest(scene, env, region, &p.end)).collect();
     let row = |(name, of): Figure| Row {
         order: order.name(),
         name,
         diverged: played.len() - finite.len(),
-        values: finite.iter().map(|(p, r)| of(p, r)).collect(),
+        values: finite.iter().map(of).collect(),
     };
     FIGURES.map(row).into()
 }
@@ -185,33 +175,17 @@ pub fn play(
     let mut env = Draping::new(scene.clone(), config, count)?;
     let stream = |index| Stream::new(seed, Purpose::Evaluation, index as u32);
     let mut streams: Vec<Stream> = (0..count).map(stream).collect();
-    let mut played: Vec<Option<Played>> = vec![None; count];
     let mut steps = 0;
-    while played.iter().any(Option::is_none) {
+    let played = env.play(|env| {
+        progress(steps);
+        steps += 1;
         let choose = |(index, stream): (usize, &mut Stream)| {
             let share = index as f64 / count as f64;
-            choose(&env, index, order, share, stream)
+            choose(env, index, order, share, stream)
         };
-        let actions: Vec<u32> = streams.iter_mut().enumerate().map(choose).collect();
-        for (index, outcome) in env.step(&actions).into_iter().enumerate() {
-            if let (Some(episode), None) = (outcome.episode, &played[index]) {
-                let finished = env.finished(index).expect("an episode has ended");
-                let vertices = episode.actions.iter().filter_map(|&a| env.vertex(a));
-                let pressed = &finished.pressed;
-                played[index] = Some(Played {
-                    has_diverged: episode.end == End::Diverged,
-                    pressed: vertices.collect(),
-                    region_m: env.region_distance(finished),
-                    surplus_m: env.region_surplus(finished),
-                    undraped: pressed.touched.difference(&pressed.draped).count(),
-                    state: finished.clone(),
-                });
-            }
-        }
-        steps += 1;
-        progress(steps);
-    }
-    Ok(played.into_iter().flatten().collect())
+        streams.iter_mut().enumerate().map(choose).collect()
+    });
+    Ok(played)
 }
 
 /// The vertices that `count` episodes in an order press, without those that diverge.
@@ -223,8 +197,8 @@ pub fn sequences(
     seed: u64,
 ) -> Result<Vec<Vec<u32>>, ValueError> {
     let mut played = play(scene, config, order, count, seed, |_| ())?;
-    played.retain(|played| !played.has_diverged && !played.pressed.is_empty());
-    Ok(played.into_iter().map(|played| played.pressed).collect())
+    played.retain(|p| p.episode.end != End::Diverged && !p.vertices.is_empty());
+    Ok(played.into_iter().map(|played| played.vertices).collect())
 }
 
 /// The allowed action of one environment that comes first in `order`; `share` 0..1 of the episodes
@@ -253,7 +227,12 @@ pub fn choose(env: &Draping, index: usize, order: Order, share: f64, stream: &mu
 }
 
 /// Measures a state and lets it come to rest.
-pub fn rest(scene: &Scene, config: &EnvConfig, state: &Snapshot) -> Rested {
+pub fn rest(
+    scene: &Scene,
+    config: &EnvConfig,
+    Region { vertices, .. }: &Region,
+    state: &Snapshot,
+) -> Rested {
     let strain = scene.lamina.yarn_strain(&state.position);
     let crushed = strain.iter().filter(|&&strain| strain < -0.05).count();
     let world = World::new(scene.model.clone(), scene.tool.clone());
@@ -262,7 +241,13 @@ pub fn rest(scene: &Scene, config: &EnvConfig, state: &Snapshot) -> Rested {
     cloth.step(&config.stepping().control(0.25), &[]);
     let rested = cloth.snapshot(0);
     let tension = scene.lamina.yarn_strain(&rested.position).into_iter();
+    let Snapshot {
+        position, pressed, ..
+    } = state;
     Rested {
+        region_m: distance(&scene.tool, vertices.ones(), position),
+        surplus_m: surplus(&scene.lamina, &scene.tool, position, vertices),
+        undraped: pressed.touched.difference(&pressed.draped).count(),
         summary: scene.summary(state),
         crushed_share: crushed as f64 / strain.len() as f64,
         v_rms_mm_s: 1e3 * rested.v_rms(),

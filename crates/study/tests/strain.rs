@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_study::episodes::{Order, play, rest};
-use drape_task::env::EnvConfig;
+use drape_task::env::{End, EnvConfig};
 
 fn corner() -> EnvConfig {
     EnvConfig {
@@ -21,11 +21,12 @@ fn corner() -> EnvConfig {
 fn random_episodes_stretch_single_edges_only() {
     let rib = Arc::new(Scene::new(&SceneConfig::rib(), |_| {}).unwrap());
     let env = corner();
+    let region = env.region(&rib.lamina).unwrap();
     let played = play(&rib, &env, Order::Random, 16, 5, |_| ()).unwrap();
     assert_eq!(played.len(), 16);
     for played in &played {
-        assert!(!played.has_diverged);
-        let rested = rest(&rib, &env, &played.state);
+        assert_ne!(played.episode.end, End::Diverged);
+        let rested = rest(&rib, &env, &region, &played.end);
         let summary = &rested.summary;
         assert!(summary.tension_p95 <= 0.002, "{rested:?}");
         assert!(summary.compression_p95 <= 0.01, "{rested:?}");

@@ -14,6 +14,6 @@ mod task;
 pub use config::{EnvConfig, Region};
 pub use draping::Draping;
 pub use objective::Objective;
-pub use replay::ReplayDiverged;
+pub use replay::{Played, ReplayDiverged};
 pub use reward::{Reward, Taken, Term, score};
 pub use task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};

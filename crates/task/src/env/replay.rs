@@ -1,5 +1,16 @@
 use super::draping::Draping;
-use super::task::Tasks;
+use super::task::{Episode, Tasks};
+use drape_cloth::sim::Snapshot;
+
+/// An episode that was played from its start to its end.
+#[derive(Clone, Debug)]
+pub struct Played {
+    pub episode: Episode,
+    /// Vertices in the order they were pressed.
+    pub vertices: Vec<u32>,
+    /// The cloth at the end.
+    pub end: Snapshot,
+}
 
 /// A list of presses that could not be pressed to its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -10,6 +21,27 @@ pub struct ReplayDiverged {
 }
 
 impl Draping {
+    /// Plays one episode in every environment, from the start. `choose` gives each an action; who
+    /// ends early plays on until all have ended, which counts no more.
+    pub fn play(&mut self, mut choose: impl FnMut(&Self) -> Vec<u32>) -> Vec<Played> {
+        (0..self.count()).for_each(|index| self.reset(index));
+        let mut played = vec![None; self.count()];
+        while played.iter().any(Option::is_none) {
+            let actions = choose(self);
+            for (index, outcome) in self.step(&actions).into_iter().enumerate() {
+                if let (Some(episode), None) = (outcome.episode, &played[index]) {
+                    let vertices = episode.actions.iter().filter_map(|&a| self.vertex(a));
+                    played[index] = Some(Played {
+                        vertices: vertices.collect(),
+                        end: self.finished(index).expect("it has ended").clone(),
+                        episode,
+                    });
+                }
+            }
+        }
+        played.into_iter().flatten().collect()
+    }
+
     /// Presses list `k` of vertices in environment `k`, each from the start, all at once in the
     /// SIMD lanes. Every press is made, whatever the masks allow; a list ends early only where
     /// its simulation diverges, which the result tells.
