@@ -324,6 +324,16 @@ impl Isa {
     }
 }
 
+/// The sum of c[k] x^k, by Horner.
+#[inline(always)]
+pub(crate) fn polynomial<V: Lanes, const N: usize>(c: [f64; N], x: V) -> V {
+    let mut sum = V::of(c[N - 1]);
+    for k in (0..N - 1).rev() {
+        sum = sum * x + V::of(c[k]);
+    }
+    sum
+}
+
 /// A vector in space in every lane.
 #[derive(Clone, Copy)]
 #[repr(C)]

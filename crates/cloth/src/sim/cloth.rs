@@ -54,9 +54,7 @@ impl<V: Lanes> Cloth<V> {
             tack: Vec::new(),
         }
     }
-}
 
-impl<V: Lanes> Cloth<V> {
     /// A line that lies in these arrays as it is.
     #[inline(always)]
     pub fn along<'a, C: Chain<V>>(&'a mut self, line: &'a C) -> Along<'a, V, C> {

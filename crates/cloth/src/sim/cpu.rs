@@ -71,7 +71,6 @@ impl Cpu {
         let lanes = first.lanes();
         let more = (1..count.div_ceil(lanes)).map(|_| make(model));
         let groups: Vec<_> = std::iter::once(first).chain(more).collect();
-        let vertices = model.vertex_count();
         let sheet = |(lamina, stencil): &(Arc<Lamina>, Stencil)| Sheet {
             areas: lamina.vertex_areas(),
             ties: ties(lamina, stencil.max_strain),
@@ -83,7 +82,6 @@ impl Cpu {
             pressed: vec![Pressed::default(); count],
             sheet: world.presses.as_ref().map(sheet).unwrap_or_default(),
         };
-        debug_assert_eq!(world.start.position.len(), vertices);
         // Lanes that nobody uses hold a state that can be stepped as well.
         for group in &mut cpu.groups {
             for lane in 0..lanes {

@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use super::line::{Chain, Line};
 use super::lines::Lines;
-use crate::math::Lanes;
+use crate::math::{Lanes, Vec3x};
 
 /// A line in every lane. Shorter ones are filled up with edges that are not there.
 pub(super) struct Bundle<V> {
@@ -92,8 +92,8 @@ impl<V: Lanes> Chain<V> for Bundle<V> {
         self.bending
     }
     #[inline(always)]
-    fn of_edge(&self, j: usize, x: V) -> V {
-        x * self.has_edge[j]
+    fn of_edge(&self, j: usize, x: Vec3x<V>) -> Vec3x<V> {
+        x.scale(self.has_edge[j])
     }
     #[inline(always)]
     fn has_edge(&self, j: usize) -> V {

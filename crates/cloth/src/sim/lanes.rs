@@ -98,12 +98,6 @@ impl<V: Lanes> Storage for InLanes<V> {
     }
 
     #[inline(always)]
-    fn put(&mut self, _: Direction, _: usize) {}
-
-    #[inline(always)]
-    fn warm_start_wefts(&mut self) {}
-
-    #[inline(always)]
     fn weft_pull(&self, lines: &Lines, place: usize) -> (Vec3x<V>, V) {
         let beside = &lines.beside[place];
         let (at, density) = (&self.cloth.predicted, &self.cloth.density);

@@ -115,9 +115,15 @@ pub(super) fn edge_classes(lamina: &Lamina, edges: &[Edge]) -> Vec<(Vec<u32>, Ed
     classes.map(with_edges).collect()
 }
 
-/// The members of each of `classes`.
-pub(super) fn in_colors<T: Copy>(all: &[T], classes: Vec<Vec<u32>>) -> Vec<Vec<T>> {
+/// Constraints on `vertices` in colours.
+pub(super) fn in_colors<T: Copy, const N: usize>(
+    lamina: &Lamina,
+    all: &[T],
+    vertices: impl Fn(&T) -> [u32; N],
+) -> Vec<Vec<T>> {
+    let vertices: Vec<[u32; N]> = all.iter().map(vertices).collect();
     let members = |class: Vec<u32>| class.iter().map(|&i| all[i as usize]).collect();
+    let classes = color(lamina.vertex_count(), &vertices);
     classes.into_iter().map(members).collect()
 }
 

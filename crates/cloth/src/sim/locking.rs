@@ -16,7 +16,7 @@ use super::line::{Along, Chain, Response, solve};
 use super::physics::PhysicsConfig;
 use super::shear::{MAX_SINE, POWERS, fit};
 use crate::fabric::Lamina;
-use crate::math::Lanes;
+use crate::math::{Lanes, polynomial};
 
 /// Compliance where nothing is locked [m/N]: no force comes of it and none goes through. A finite
 /// one would leave forces along a row that shrink until processors take long over them.
@@ -81,11 +81,7 @@ impl Locking {
     fn share<V: Lanes>(&self, sine: V) -> V {
         let size = sine.max(-sine).min(V::of(MAX_SINE)).max(V::of(self.sine));
         let part = (size - V::of(self.sine)) * V::of(self.per_sine);
-        let mut sum = V::of(self.share[POWERS - 1]);
-        for k in (0..POWERS - 1).rev() {
-            sum = sum * part + V::of(self.share[k]);
-        }
-        (sum * part + V::of(1.0)) * V::of(self.at_onset)
+        (polynomial(self.share, part) * part + V::of(1.0)) * V::of(self.at_onset)
     }
 
     /// How much longer a diagonal is than at locking, over its length at rest and negative where it
@@ -105,11 +101,10 @@ impl Locking {
         let twice = self.share(sine) * V::of(2.0);
         [beyond, twice / (stretch * (stretch + onset))]
     }
-}
 
-// What is rare is computed only where it happens: roots and divisions cost most. No lane may
-// depend on others, so that what decides about all of them also decides about each.
-impl Locking {
+    // What is rare is computed only where it happens: roots and divisions cost most. No lane may
+    // depend on others, so that what decides about all of them also decides about each.
+
     /// Where a diagonal is locked: more than 0. `square` is that of its length, with the inverse
     /// of its length at rest [1/m].
     #[inline(always)]
@@ -180,9 +175,6 @@ impl<V: Lanes> Response<V> for OneSided<'_> {
             V::select(is_locked, beyond * rest, V::zero()),
         ]
     }
-
-    #[inline(always)]
-    fn add<C: Chain<V>>(&mut self, _: &C, _: usize, _: V) {}
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use super::law::{Edge, EdgeClass, EdgeLaw, EdgeResponse, edge_classes};
 use super::line::{Along, Chain, Line, Response, solve};
 use super::physics::PhysicsConfig;
 use crate::fabric::Lamina;
-use crate::math::Lanes;
+use crate::math::{Lanes, polynomial};
 
 /// Sine of the shear angle up to which polynomials are fitted, that of 60 degrees: woven cloth
 /// locks before. Beyond it they keep their last value.
@@ -63,11 +63,7 @@ impl Trellis {
         let per_growth = V::of(self.per_growth);
         let sine = square * (inverse_rest * inverse_rest * per_growth) - per_growth;
         let sine = sine.min(V::of(MAX_SINE)).max(V::of(-MAX_SINE));
-        let mut sum = V::of(self.share[POWERS - 1]);
-        for k in (0..POWERS - 1).rev() {
-            sum = sum * sine + V::of(self.share[k]);
-        }
-        sum * sine + V::of(1.0)
+        polynomial(self.share, sine) * sine + V::of(1.0)
     }
 }
 
@@ -102,11 +98,7 @@ fn chord(sine: f64, per_growth: f64) -> f64 {
 #[inline(always)]
 pub(super) fn share_of_sine<V: Lanes>(sine: V) -> V {
     let square = (sine * sine).min(V::of(MAX_SINE * MAX_SINE));
-    let mut sum = V::of(-0.174_311_54);
-    for c in [-0.003_791_1, -0.680_531_98, 1.0] {
-        sum = sum * square + V::of(c);
-    }
-    sum
+    polynomial([1.0, -0.680_531_98, -0.003_791_1, -0.174_311_54], square)
 }
 
 /// The law of the diagonals: near rest a spring of 2 G h for square cells, as such a diagonal
@@ -195,9 +187,6 @@ impl<V: Lanes> Response<V> for Cold<'_> {
         let at_rest = V::select(c.lt(V::zero()), compression, tension);
         [at_rest * self.0.share(square, inverse_rest), c]
     }
-
-    #[inline(always)]
-    fn add<C: Chain<V>>(&mut self, _: &C, _: usize, _: V) {}
 }
 
 #[cfg(test)]

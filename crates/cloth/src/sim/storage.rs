@@ -61,21 +61,28 @@ pub(super) trait Storage: Send + Sync {
     ) -> Along<'a, Self::V, Self::Line>;
 
     /// Takes in where line `i`, which was taken last, has moved to.
-    fn put(&mut self, direction: Direction, i: usize);
+    #[inline(always)]
+    fn put(&mut self, _direction: Direction, _i: usize) {}
 
     /// Finds what [`Storage::weft_pull`] tells, where that is not at hand.
-    fn warm_start_wefts(&mut self);
+    #[inline(always)]
+    fn warm_start_wefts(&mut self) {}
 
     /// What its weft's forces of the last substep pull at a vertex where it is predicted [N], and
     /// the sum of their |force density| [N/m].
     fn weft_pull(&self, lines: &Lines, place: usize) -> (Vec3x<Self::V>, Self::V);
 
     /// Projects constraints that are no lines, one after the other.
-    fn project(&mut self, passes: &[Pass]);
+    #[inline(always)]
+    fn project(&mut self, _passes: &[Pass]) {}
 
     /// How high over the tool the cloth beneath a vertex of environment `lane` reaches [m].
-    fn beneath(&self, layers: &Layers, lane: usize, vertex: usize) -> f64;
+    #[inline(always)]
+    fn beneath(&self, _layers: &Layers, _lane: usize, _vertex: usize) -> f64 {
+        0.0
+    }
 
     /// Keeps the layers of the cloth apart.
-    fn separate(&mut self, layers: &Layers);
+    #[inline(always)]
+    fn separate(&mut self, _layers: &Layers) {}
 }
