@@ -40,6 +40,9 @@ pub trait Lanes:
     type Mask: Copy + Send + Sync;
     /// Number of lanes.
     const COUNT: usize;
+    /// Makes lane i of number j lane j of number i, of as many numbers as there are lanes; none
+    /// where copying them one by one is as fast.
+    const TRANSPOSE: Option<fn(&mut [Self])> = None;
 
     /// The same number in every lane.
     fn splat(x: Self::Scalar) -> Self;
@@ -56,18 +59,8 @@ pub trait Lanes:
     /// Whether the mask is set in any lane.
     fn any(mask: Self::Mask) -> bool;
     /// Runs a kernel compiled for this type's instruction set.
-    fn vectorize<K: Kernel>(kernel: K);
-
-    /// Makes lane i of number j lane j of number i, of as many numbers as there are lanes.
-    #[inline(always)]
-    fn transpose(block: &mut [Self]) {
-        for i in 0..Self::COUNT {
-            for j in 0..i {
-                let (a, b) = (block[i].as_slice()[j], block[j].as_slice()[i]);
-                block[i].as_mut_slice()[j] = b;
-                block[j].as_mut_slice()[i] = a;
-            }
-        }
+    fn vectorize<K: Kernel>(kernel: K) {
+        kernel.run();
     }
 
     /// Rounds numbers from 0 to 2^24 down; what is no number, or less, becomes 0.
@@ -197,9 +190,6 @@ macro_rules! scalar {
             fn any(mask: bool) -> bool {
                 mask
             }
-            fn vectorize<K: Kernel>(kernel: K) {
-                kernel.run();
-            }
         }
     };
 }
@@ -268,9 +258,6 @@ impl Lanes for Portable {
     #[inline(always)]
     fn any(mask: [bool; 8]) -> bool {
         mask.contains(&true)
-    }
-    fn vectorize<K: Kernel>(kernel: K) {
-        kernel.run();
     }
 }
 

@@ -118,12 +118,15 @@ enum Part {
 }
 
 impl Places {
-    fn new(slots: Vec<u32>, lanes: usize) -> Self {
+    fn new<V: Lanes>(slots: Vec<u32>) -> Self {
+        let lanes = V::COUNT;
         let count = slots.len() / lanes;
         let mut parts = Vec::new();
         let mut i = 0;
         while i < count {
-            if let Some(numbers) = square(&slots[i * lanes..], lanes) {
+            if V::TRANSPOSE.is_some()
+                && let Some(numbers) = square(&slots[i * lanes..], lanes)
+            {
                 parts.push(Part::Square(i, numbers));
                 i += lanes;
                 continue;
@@ -155,7 +158,8 @@ impl Places {
                                 false => state[K * *number as usize + k],
                             };
                         }
-                        V::transpose(&mut block[..V::COUNT]);
+                        let transpose = V::TRANSPOSE.expect("squares are for that");
+                        transpose(&mut block[..V::COUNT]);
                         for (j, (block, number)) in block.iter().zip(numbers).enumerate() {
                             match BACK {
                                 true => state[K * *number as usize + k] = *block,
@@ -288,7 +292,7 @@ impl<V: Lanes> Fold<V> {
         };
         let along = 0..lines[0].vertices.len();
         let slots = along.flat_map(|i| (0..V::COUNT).map(move |lane| (i, lane)));
-        Places::new(slots.map(|(i, lane)| slot(i, lane)).collect(), V::COUNT)
+        Places::new::<V>(slots.map(|(i, lane)| slot(i, lane)).collect())
     }
 }
 
