@@ -1,6 +1,6 @@
 use super::image::PX;
 use super::legend::{self, Entry, Key};
-use super::text::{self, Area};
+use super::text::{self, Area, rgb};
 use super::{Color, Image};
 use plotters::prelude::*;
 use plotters::style::Color as _;
@@ -187,10 +187,6 @@ impl Level {
     }
 }
 
-fn rgb([r, g, b]: Color) -> RGBColor {
-    RGBColor(r, g, b)
-}
-
 fn stroke(color: Color) -> ShapeStyle {
     rgb(color).stroke_width(2 * PX as u32)
 }
@@ -209,10 +205,8 @@ fn runs<const N: usize>(points: &[[f64; N]]) -> impl Iterator<Item = &[[f64; N]]
 /// (nearly) the same stand in the middle of a range that ticks can tell apart; without
 /// values it is 0 to 1.
 fn padded(values: impl Iterator<Item = f64>, share: f64) -> Range<f64> {
-    let ends = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-        (low.min(v), high.max(v))
-    });
-    let (low, high) = ends;
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    values.for_each(|v| (low, high) = (low.min(v), high.max(v)));
     if low > high {
         return 0.0..1.0;
     }

@@ -5,16 +5,15 @@
 //! then move on to the nearest point of the outline, and the nearest of them into its
 //! corners. Lengths are in cells throughout, so that quality does not depend on their size.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use super::blank::{CutFault, MAX_VERTICES};
 use super::grid::Grid;
 use super::outline::{Outline, Point, crossing, sides};
 use crate::mesh::{TriMesh, border, patches};
 
-/// A node outside the outline by less than this becomes a vertex. Around 0.35 the rows at a
-/// border in any direction end about as far inside the outline as outside, and triangles are
-/// squeezed no more than they are stretched.
+/// A node outside the outline by less than this becomes a vertex: around 0.35, triangles at a
+/// border are squeezed no more than they are stretched.
 const OVERHANG: f64 = 0.35;
 /// A node moves at most this far on to the outline, and into a corner of it.
 const REACH: f64 = 0.9;
@@ -229,9 +228,8 @@ impl Cutter {
             ..TriMesh::default()
         };
         let border = border(&mesh).expect("all cells are counter-clockwise");
-        let found = loop_count(&border)?;
-        if found != self.loops.len() {
-            let expected = self.loops.len();
+        let (found, expected) = (loop_count(&border)?, self.loops.len());
+        if found != expected {
             return Err(CutFault::Loops { found, expected });
         }
         let mut nodes: Vec<usize> = border.iter().map(|&[a, _]| a as usize).collect();
@@ -306,8 +304,8 @@ impl Cutter {
     }
 }
 
-/// Fills a cell: two triangles if it has all its corners, by the diagonal whose worse triangle
-/// is better (the rising one where both are alike), one if it has three.
+/// Fills a cell: one triangle of three corners, two of four, by the diagonal whose worse triangle
+/// is better (the rising one where both are alike).
 fn fill(corners: [Option<u32>; 4], quality: impl Fn(&[u32; 3]) -> f64) -> Vec<[u32; 3]> {
     match corners {
         [Some(a), Some(b), Some(d), Some(c)] => {
@@ -352,13 +350,10 @@ fn keep_parts(triangles: &mut [Vec<[u32; 3]>]) -> Result<(), CutFault> {
     if count > 1 {
         return Err(CutFault::Parts(count));
     }
-    let mut is_kept = vec![false; all.len()];
-    for &index in &parts[largest] {
-        is_kept[index] = true;
-    }
-    let mut is_kept = is_kept.into_iter();
+    let kept: HashSet<usize> = parts[largest].iter().copied().collect();
+    let mut index = 0..;
     for triangles in triangles {
-        triangles.retain(|_| is_kept.next() == Some(true));
+        triangles.retain(|_| index.next().is_some_and(|index| kept.contains(&index)));
     }
     Ok(())
 }

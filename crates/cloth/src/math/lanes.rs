@@ -1,9 +1,6 @@
-//! SIMD lanes: one lane, one environment.
-//!
-//! Every constraint of the solver is projected for all lanes at once with unit-stride
-//! loads, so the instruction set is a matter of which type implements [`Lanes`]. Nothing
-//! here fuses a multiplication with an addition: IEEE 754 then fixes every result, and a
-//! lane computes the same bits whichever instruction set carries it.
+//! SIMD lanes. The instruction set is a matter of which type implements [`Lanes`]. Nothing here
+//! fuses a multiplication with an addition: IEEE 754 then fixes every result, and a lane computes
+//! the same bits whichever instruction set carries it.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -49,9 +46,15 @@ pub trait Lanes:
     /// Square root.
     fn sqrt(self) -> Self;
     /// Smaller of two; `other` where one is NaN.
-    fn min(self, other: Self) -> Self;
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self::select(self.lt(other), self, other)
+    }
     /// Larger of two; `other` where one is NaN.
-    fn max(self, other: Self) -> Self;
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self::select(other.lt(self), self, other)
+    }
     /// Where `self` < `other`; false where one is NaN.
     fn lt(self, other: Self) -> Self::Mask;
     /// `yes` where the mask is set, else `no`.
@@ -171,14 +174,6 @@ macro_rules! scalar {
                 <$t>::sqrt(self)
             }
             #[inline(always)]
-            fn min(self, other: Self) -> Self {
-                if self < other { self } else { other }
-            }
-            #[inline(always)]
-            fn max(self, other: Self) -> Self {
-                if self > other { self } else { other }
-            }
-            #[inline(always)]
             fn lt(self, other: Self) -> bool {
                 self < other
             }
@@ -236,14 +231,6 @@ impl Lanes for Portable {
     #[inline(always)]
     fn sqrt(self) -> Self {
         Self(self.0.map(f32::sqrt))
-    }
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        Self(std::array::from_fn(|i| Lanes::min(self.0[i], other.0[i])))
-    }
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        Self(std::array::from_fn(|i| Lanes::max(self.0[i], other.0[i])))
     }
     #[inline(always)]
     fn lt(self, other: Self) -> [bool; 8] {

@@ -10,9 +10,8 @@ use crate::math::Vec3;
 const HEADER: usize = 84;
 /// Bytes of a binary facet: normal and three corners as f32, then two unused.
 const FACET: usize = 50;
-/// Corners closer than this share of the mesh's diagonal are the same vertex. Covers the
-/// f32 rounding of exporters (6e-8 of the coordinate); half a micrometre on a tool of half
-/// a metre, far below any feature that matters to fabric.
+/// Corners closer than this share of the mesh's diagonal are the same vertex. Covers the f32
+/// rounding of exporters (6e-8 of the coordinate); half a micrometre on a tool of half a metre.
 const WELD: f64 = 1e-6;
 /// Facets flatter than this (height over longest edge) have no usable normal.
 const FLAT: f64 = 1e-12;

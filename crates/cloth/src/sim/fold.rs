@@ -1,9 +1,8 @@
 //! One environment in many lanes: lines that share no vertex are solved side by side.
 //!
-//! Warps are bundled by length, and the state lies in the order of these bundles: along a warp
-//! from number to number, another warp in every lane. What runs along warps, or goes vertex by
-//! vertex, works on it as it is. Wefts and rows of diagonals are copied out, solved and copied
-//! back; where warps and wefts cross in a full square, that is a transposition.
+//! The state lies in the order of the warps, bundled by length: along a warp from number to number,
+//! another warp in every lane. Wefts and rows of diagonals are copied out, solved and copied back;
+//! where warps and wefts cross in a full square, that is a transposition.
 
 use std::ops::Range;
 

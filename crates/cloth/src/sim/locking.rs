@@ -4,12 +4,9 @@
 //! stores (stiffening - 1) G t a b (|gamma| - gamma_L)^2 / 2 more. That is a one-sided constraint
 //! of its own, solved from where the shear of [`super::shear`] has left the cloth: C is how much
 //! longer, or shorter, a diagonal is than at the locking angle. As one law with shear it would hold
-//! cloth far too early: the chord is taken where a substep's forces have drawn the diagonal, there
-//! many times as stiff as where it comes to rest. (A diagonal whose mobility times stiffness is
-//! 0.3 rests at 0.34 rad under a load for 0.765; split, at 0.751.)
-//!
-//! Rest errs by the splitting: shear without locking is that of the cell before it is pushed
-//! back, by mobility times force, which vanishes with the square of the substep.
+//! cloth far too early, at 0.34 rad under a load for 0.765: the chord is taken where a substep's
+//! forces have drawn the diagonal, many times as stiff as where it comes to rest. Split, it rests
+//! at 0.751: off by mobility times force, which vanishes with the square of the substep.
 
 use super::law::{EdgeClass, EdgeResponse};
 use super::line::{Along, Chain, Response, solve};

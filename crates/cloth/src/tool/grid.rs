@@ -10,10 +10,9 @@ const MAX_NODES: usize = 64 << 20;
 
 /// Signed distance to a tool on a regular grid [m], negative inside.
 ///
-/// Samples are exact at the nodes but for rounding to f32. Between them the trilinear
-/// interpolant errs by up to h²/8 times the sum of the surface's curvatures (0.04 mm beside a
-/// cylinder of radius 50 mm at spacing h = 4 mm), and by up to about h/2 at sharp edges and
-/// where two parts of the tool are equally near. [`super::Tool::grid_error`] measures it.
+/// Exact at the nodes but for rounding to f32. Between them the trilinear interpolant errs by up to
+/// h²/8 times the sum of the surface's curvatures (0.04 mm beside a cylinder of radius 50 mm at
+/// spacing h = 4 mm), and by about h/2 at sharp edges. [`super::Tool::grid_error`] measures it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DistanceGrid {
     /// Position of the first node [m].
