@@ -178,11 +178,8 @@ impl Chart {
 impl Level {
     /// Lower and upper end of the band; both are the level itself where there is none.
     fn range(&self) -> [f64; 2] {
-        let deviation = if drawable(&[self.deviation]) {
-            self.deviation.max(0.0)
-        } else {
-            0.0
-        };
+        let deviation = Some(self.deviation).filter(|&deviation| drawable(&[deviation]));
+        let deviation = deviation.map_or(0.0, |deviation| deviation.max(0.0));
         [self.value - deviation, self.value + deviation]
     }
 }

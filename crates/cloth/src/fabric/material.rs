@@ -205,10 +205,7 @@ impl Material {
 
     /// Law of a family of yarns.
     pub fn yarn(&self, family: Family) -> &YarnLaw {
-        match family {
-            Family::Warp => &self.warp,
-            Family::Weft => &self.weft,
-        }
+        [&self.warp, &self.weft][family as usize]
     }
 
     /// Bending stiffness per width of a family of yarns [N m], from the bimodulus of tension

@@ -17,7 +17,7 @@ mod state;
 
 pub use blank::{BlankConfig, BlankError, CutFault, MassModel};
 pub(crate) use colors::color;
-pub use lamina::{Diagonal, Hinge, Lamina, Yarn};
+pub use lamina::{Hinge, Lamina, Yarn};
 pub use material::{ArealMass, Curve, Family, Material, ShearLaw, ShearLocking, YarnLaw};
 pub use membrane::Membrane;
 pub use outline::Outline;

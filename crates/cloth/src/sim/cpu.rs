@@ -173,13 +173,13 @@ impl Backend for Cpu {
     fn press(&mut self, vertices: &[Option<u32>]) {
         assert_eq!(vertices.len(), self.count(), "one entry an environment");
         let (world, sheet) = (&self.world, &self.sheet);
-        let (_, stencil) = world.presses.as_ref().expect("a world with presses");
+        let presses = world.presses.as_ref().expect("a world with presses");
         self.groups
             .par_iter_mut()
             .zip(self.pressed.par_chunks_mut(self.lanes))
             .zip(vertices.par_chunks(self.lanes))
             .for_each(|((group, pressed), vertices)| {
-                press(&mut **group, world, stencil, sheet, vertices, pressed);
+                press(&mut **group, world, presses, sheet, vertices, pressed);
             });
     }
 
@@ -210,18 +210,12 @@ impl Backend for Cpu {
 fn press(
     group: &mut dyn Group,
     world: &World,
-    stencil: &Stencil,
+    (lamina, stencil): &(Arc<Lamina>, Stencil),
     Sheet { areas, ties }: &Sheet,
     vertices: &[Option<u32>],
     pressed: &mut [Pressed],
 ) {
-    let World {
-        model,
-        tool,
-        start,
-        presses,
-    } = world;
-    let (lamina, _) = presses.as_ref().expect("a world with presses");
+    let (model, tool) = (&world.model, &world.tool);
     let mut presses = Vec::with_capacity(vertices.len());
     for (lane, &vertex) in vertices.iter().enumerate() {
         let Some(vertex) = vertex else { continue };
@@ -244,7 +238,7 @@ fn press(
             let x = group.position(lane, v);
             let (phi, normal) = tool.distance(x);
             // Tangent planes are a few substeps old: what they let in goes out again.
-            if phi < 0.0 && !start.fixed.contains(v as usize) {
+            if phi < 0.0 && !world.start.fixed.contains(v as usize) {
                 let at = [0, 1, 2].map(|k| x[k] - phi * normal[k]);
                 group.place(lane, v, at);
             }

@@ -6,7 +6,7 @@ use super::state::Snapshot;
 use super::step::step;
 use super::stepping::Control;
 use super::storage::Storage;
-use crate::math::{Lanes, Real};
+use crate::math::{Lanes, Real, Vec3x};
 use crate::tool::Tool;
 
 /// Environments of the same model that move in lockstep on the CPU.
@@ -69,13 +69,10 @@ impl<S: Storage> Group for S {
         for (vertex, [place, lane]) in slots().enumerate() {
             fixed.set(vertex, cloth.inverse_mass[place].get(lane) == 0.0);
         }
+        let vectors = |all: &[Vec3x<S::V>]| slots().map(|[v, lane]| all[v].get(lane)).collect();
         Snapshot {
-            position: slots()
-                .map(|[v, lane]| cloth.position[v].get(lane))
-                .collect(),
-            velocity: slots()
-                .map(|[v, lane]| cloth.velocity[v].get(lane))
-                .collect(),
+            position: vectors(&cloth.position),
+            velocity: vectors(&cloth.velocity),
             fixed,
             force_density: edges.map(|[e, lane]| cloth.density[e].get(lane)).collect(),
             sides: self.sides(lane),

@@ -7,7 +7,7 @@
 //! moves within a substep answers to the law of its start. As a polynomial in the sine it costs
 //! neither roots nor divisions.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{SMatrix, SVector};
 
@@ -111,45 +111,30 @@ pub(super) fn trellis(lamina: &Lamina, physics: &PhysicsConfig) -> Option<Trelli
 
 /// Diagonals strung together from end to end.
 pub(super) fn rows(lamina: &Lamina, law: EdgeLaw) -> Vec<Line> {
-    let mut next: BTreeMap<u32, (u32, f64)> = BTreeMap::new();
-    let mut ends = Vec::new();
-    for diagonal in &lamina.diagonals {
-        let [from, to] = diagonal.vertices;
-        next.insert(from, (to, diagonal.rest_length));
-        ends.push(to);
-    }
-    ends.sort_unstable();
-    let starts: Vec<u32> = next
-        .keys()
-        .filter(|v| ends.binary_search(v).is_err())
-        .copied()
-        .collect();
-    let mut lines = Vec::new();
-    for start in starts {
+    let mut next: BTreeMap<u32, u32> = lamina.diagonals.iter().map(|&[a, b]| (a, b)).collect();
+    let ends: BTreeSet<u32> = next.values().copied().collect();
+    let starts: Vec<u32> = next.keys().filter(|v| !ends.contains(v)).copied().collect();
+    let row = |start| {
         let mut vertices = vec![start];
-        let mut rest_length = 0.0;
-        while let Some((to, length)) = next.remove(vertices.last().expect("not empty")) {
-            rest_length = length;
+        while let Some(to) = next.remove(vertices.last().expect("not empty")) {
             vertices.push(to);
         }
-        lines.push(Line {
+        Line {
             vertices,
             edges: 0..0,
-            rest_length,
+            rest_length: lamina.cell_diagonal(),
             law,
             limit: None,
             bending: 0.0,
-        });
-    }
-    lines
+        }
+    };
+    starts.into_iter().map(row).collect()
 }
 
 /// Diagonals in colours.
 pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<EdgeClass> {
-    let diagonals = lamina.diagonals.iter();
-    let edges: Vec<Edge> = diagonals
-        .map(|d| (d.vertices, d.rest_length, trellis.at_rest))
-        .collect();
+    let edge = |&ends| (ends, lamina.cell_diagonal(), trellis.at_rest);
+    let edges: Vec<Edge> = lamina.diagonals.iter().map(edge).collect();
     let classes = edge_classes(lamina, &edges).into_iter();
     classes.map(|(_, class)| class).collect()
 }
