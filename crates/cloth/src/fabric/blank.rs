@@ -114,13 +114,8 @@ impl BlankConfig {
             ValueError::unless(is_valid, "blank.cell_mm", cell, expected)?;
         }
         let angle = self.yarn_angle_deg;
-        let expected = "an angle within +-360 degrees";
-        ValueError::unless(
-            angle.abs() <= 360.0,
-            "blank.yarn_angle_deg",
-            angle,
-            expected,
-        )
+        let (is_valid, expected) = (angle.abs() <= 360.0, "an angle within +-360 degrees");
+        ValueError::unless(is_valid, "blank.yarn_angle_deg", angle, expected)
     }
 
     /// Sides of a cell along warp and weft [m].

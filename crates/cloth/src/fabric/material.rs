@@ -29,10 +29,8 @@ impl Curve {
     /// Stress [Pa] at a strain >= 0; beyond the last point its slope goes on.
     pub(crate) fn stress(&self, strain: f64) -> f64 {
         let last = self.0.len() - 2;
-        let segment = self.0[1..=last]
-            .iter()
-            .position(|p| strain < p[0])
-            .unwrap_or(last);
+        let mut inner = self.0[1..=last].iter();
+        let segment = inner.position(|p| strain < p[0]).unwrap_or(last);
         let [p, q] = [self.0[segment], self.0[segment + 1]];
         1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
     }
@@ -63,13 +61,11 @@ impl Curve {
     }
 
     fn is_valid(&self) -> bool {
+        let grows = |pair: &[[f64; 2]]| pair[1][0] > pair[0][0] && pair[1][1] > pair[0][1];
         self.0.len() >= 2
             && self.0[0] == [0.0, 0.0]
             && self.0.iter().flatten().all(|x| x.is_finite())
-            && self
-                .0
-                .windows(2)
-                .all(|w| w[1][0] > w[0][0] && w[1][1] > w[0][1])
+            && self.0.windows(2).all(grows)
     }
 }
 

@@ -145,10 +145,7 @@ impl<'a, V: Lanes, C: Chain<V>> BendRows<'a, V, C> {
         Self {
             line,
             stiffness,
-            x: [
-                x[line.vertices()[0] as usize],
-                x[line.vertices()[1] as usize],
-            ],
+            x: [0, 1].map(|k: usize| x[line.vertices()[k] as usize]),
             difference: [Vec3x::zero(); 2],
             first: [V::zero(); 2],
             second: [V::zero(); 2],

@@ -26,11 +26,8 @@ impl EdgeLaw {
     /// The compliance of the sign of `c`.
     #[inline(always)]
     pub fn branch<V: Lanes>(&self, c: V) -> V {
-        V::select(
-            c.lt(V::zero()),
-            V::of(self.compression),
-            V::of(self.tension),
-        )
+        let [tension, compression] = [self.tension, self.compression].map(V::of);
+        V::select(c.lt(V::zero()), compression, tension)
     }
 }
 

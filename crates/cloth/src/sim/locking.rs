@@ -146,13 +146,8 @@ pub(super) fn lock<V: Lanes, C: Chain<V>>(row: Along<V, C>, locking: &Locking) {
         excess = excess + locking.excess(d.dot(d), inverse_rest) * row.line.has_edge(j);
     }
     if V::any(V::zero().lt(excess)) {
-        solve(
-            row.line,
-            &mut OneSided(locking),
-            row.x,
-            row.mobility,
-            row.scratch,
-        );
+        let response = &mut OneSided(locking);
+        solve(row.line, response, row.x, row.mobility, row.scratch);
     }
 }
 

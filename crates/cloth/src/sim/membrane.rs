@@ -158,13 +158,8 @@ pub(super) fn project_locking<V: Lanes>(
         let (sine, gradient) = sine(&x, slopes);
         let [c, share] = locking.of_sine(sine);
         let c = V::select(is_locked, c, V::zero());
-        apply(
-            c,
-            gradient,
-            law.branch(c) * share,
-            &mut x,
-            &v.map(|v| mobility[v]),
-        );
+        let (alpha, w) = (law.branch(c) * share, v.map(|v| mobility[v]));
+        apply(c, gradient, alpha, &mut x, &w);
         for k in 0..3 {
             position[v[k]] = x[k];
         }

@@ -151,13 +151,8 @@ impl<V: Lanes> EdgeResponse<V> for Trellis {
 /// and size of its C. As for a yarn, but soft enough that its forces need not last.
 #[inline(always)]
 pub(super) fn shear<V: Lanes, C: Chain<V>>(row: Along<V, C>, trellis: &Trellis) {
-    solve(
-        row.line,
-        &mut Cold(trellis),
-        row.x,
-        row.mobility,
-        row.scratch,
-    );
+    let response = &mut Cold(trellis);
+    solve(row.line, response, row.x, row.mobility, row.scratch);
 }
 
 /// No forces from the last substep, and the law of a diagonal.

@@ -111,12 +111,8 @@ impl DistanceGrid {
         }
         let [row, layer] = [self.dims[0], self.dims[0] * self.dims[1]];
         // Edges of a cell along x, which runs fastest.
-        let v = V::look_up_pairs(
-            &self.samples,
-            cell,
-            [row, layer],
-            [0, row, layer, layer + row],
-        );
+        let edges = [0, row, layer, layer + row];
+        let v = V::look_up_pairs(&self.samples, cell, [row, layer], edges);
         let lerp = |a: V, b: V, t: V| a + (b - a) * t;
         // Along x on four edges, then along y on two faces, then along z.
         let mut d = [zero; 4];
@@ -144,11 +140,8 @@ impl DistanceGrid {
             let off = zero.lt(b * b);
             V::select(off, b * inverse, inside)
         };
-        let gradient = [
-            outwards(bx, gradient[0]),
-            outwards(by, gradient[1]),
-            outwards(bz, gradient[2]),
-        ];
+        let [gx, gy, gz] = gradient;
+        let gradient = [outwards(bx, gx), outwards(by, gy), outwards(bz, gz)];
         (inside + distance, gradient)
     }
 }

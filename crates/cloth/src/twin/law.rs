@@ -59,12 +59,16 @@ impl Law {
     #[inline(always)]
     pub fn stress<const N: usize>(&self, strain: &[f64; N]) -> [f64; N] {
         let mut stress = [0.0; N];
-        for (ramps, sign) in [(&self.positive, 1.0), (&self.negative, -1.0)] {
-            for &[start, gain] in &ramps.steps {
-                for l in 0..N {
-                    let over = sign * strain[l] - start;
-                    stress[l] += sign * gain * if over > 0.0 { over } else { 0.0 };
-                }
+        for &[start, gain] in &self.positive.steps {
+            for l in 0..N {
+                let over = strain[l] - start;
+                stress[l] += gain * if over > 0.0 { over } else { 0.0 };
+            }
+        }
+        for &[start, gain] in &self.negative.steps {
+            for l in 0..N {
+                let over = -strain[l] - start;
+                stress[l] -= gain * if over > 0.0 { over } else { 0.0 };
             }
         }
         stress

@@ -20,7 +20,7 @@ macro_rules! operator {
 
 macro_rules! vector {
     ($name:ident, $scalar:ty, $inner:ty, $count:literal, $feature:literal, $mask:ty,
-     $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident,
+     $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $min:ident, $max:ident,
      |$a:ident, $b:ident| $lt:expr, |$m:ident, $y:ident, $n:ident| $select:expr, |$k:ident| $any:expr, { $($special:item)* }) => {
         #[doc = concat!(stringify!($count), " ", stringify!($scalar), " lanes on ", $feature, ".")]
         #[derive(Clone, Copy)]
@@ -49,6 +49,14 @@ macro_rules! vector {
             #[inline(always)]
             fn sqrt(self) -> Self {
                 Self(unsafe { $sqrt(self.0) })
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                Self(unsafe { $min(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                Self(unsafe { $max(self.0, other.0) })
             }
             #[inline(always)]
             fn lt(self, other: Self) -> $mask {
@@ -94,6 +102,8 @@ vector!(
     _mm256_mul_ps,
     _mm256_div_ps,
     _mm256_sqrt_ps,
+    _mm256_min_ps,
+    _mm256_max_ps,
     |a, b| _mm256_cmp_ps::<_CMP_LT_OQ>(a, b),
     |m, y, n| _mm256_blendv_ps(n, y, m),
     |m| _mm256_movemask_ps(m) != 0,
@@ -155,6 +165,8 @@ vector!(
     _mm512_mul_ps,
     _mm512_div_ps,
     _mm512_sqrt_ps,
+    _mm512_min_ps,
+    _mm512_max_ps,
     |a, b| _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b),
     |m, y, n| _mm512_mask_blend_ps(m, n, y),
     |m| m != 0,
@@ -217,6 +229,8 @@ vector!(
     _mm256_mul_pd,
     _mm256_div_pd,
     _mm256_sqrt_pd,
+    _mm256_min_pd,
+    _mm256_max_pd,
     |a, b| _mm256_cmp_pd::<_CMP_LT_OQ>(a, b),
     |m, y, n| _mm256_blendv_pd(n, y, m),
     |m| _mm256_movemask_pd(m) != 0,
@@ -235,6 +249,8 @@ vector!(
     _mm512_mul_pd,
     _mm512_div_pd,
     _mm512_sqrt_pd,
+    _mm512_min_pd,
+    _mm512_max_pd,
     |a, b| _mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b),
     |m, y, n| _mm512_mask_blend_pd(m, n, y),
     |m| m != 0,

@@ -282,17 +282,14 @@ impl Collector<'_> {
         let key = key(kind, parts[0], parts[1]);
         let facing = before.aside <= 0.0;
         let remembered = if facing { self.remembered(key) } else { None };
-        let side = remembered
-            .or_else(|| {
-                // Too near to tell: it may have been pressed through just now.
-                let unclear = before.height.abs() < 0.5 * self.thickness;
-                let inherit = |()| match kind {
-                    Kind::VertexFace => self.side_beside(parts),
-                    Kind::EdgeEdge => self.side_of_ends(parts, before.normal),
-                };
-                unclear.then_some(()).and_then(inherit)
-            })
-            .unwrap_or(before.height.signum());
+        let inherited = || match kind {
+            // Too near to tell: it may have been pressed through just now.
+            _ if before.height.abs() >= 0.5 * self.thickness => None,
+            Kind::VertexFace => self.side_beside(parts),
+            Kind::EdgeEdge => self.side_of_ends(parts, before.normal),
+        };
+        let side = remembered.or_else(inherited);
+        let side = side.unwrap_or(before.height.signum());
         if facing {
             self.new.push(key | u64::from(side > 0.0));
         }
