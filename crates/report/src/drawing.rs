@@ -16,8 +16,8 @@ const CREASE: f64 = 0.82;
 /// Light that reaches every surface; the key light adds the rest up to 1.
 const AMBIENT: f32 = 0.3;
 
-/// Direction to the key light: right, up, towards the eye; unit length. It stands above the
-/// left shoulder, low enough that a wrinkle has a bright and a dark side.
+/// Direction to the key light: right, up, towards the eye; unit length. Low enough that a wrinkle
+/// has a bright and a dark side.
 const KEY_LIGHT: [f32; 3] = [-0.36, 0.48, 0.8];
 
 /// Width of the line along a stroke, and of that of a jump between two [px].

@@ -19,9 +19,8 @@ const OVERHANG: f64 = 0.35;
 const REACH: f64 = 0.9;
 /// The outline turns by at least this much at a corner: cosine of 30 degrees.
 const CORNER: f64 = 0.866;
-/// Least quality of a triangle, 4 sqrt 3 area / (sum of squared sides), which is 1 if all
-/// sides are equal and 0.87 for half a square. No angle is then below 13 degrees. Where it
-/// would be missed, vertices stay short of the outline.
+/// Least quality of a triangle, 4 sqrt 3 area / (sum of squared sides): 0.87 for half a square. No
+/// angle is then below 13 degrees. Where it would be missed, vertices stay short of the outline.
 pub(super) const MIN_QUALITY: f64 = 0.4;
 /// A vertex that moves less than this stays where it is.
 const STILL: f64 = 1e-6;

@@ -67,9 +67,8 @@ fn percentile_and_max(mut values: Vec<f64>) -> [f64; 2] {
     [values[(0.95 * last as f64).round() as usize], values[last]]
 }
 
-/// Number of separate patches that stand more than 15 mm off the tool and reach the border
-/// of the blank, each at least 0.4 % of its vertices. Patches over the inside of the blank
-/// bridge a hollow; a wrinkle carries surplus length, and that runs out over the border.
+/// Number of separate patches that stand more than 15 mm off the tool and reach the border of the
+/// blank, each at least 0.4 % of its vertices. Patches over the inside bridge a hollow.
 ///
 /// `phi` is the distance of each vertex to the tool [m].
 pub fn wrinkle_count(lamina: &Lamina, phi: &[f64]) -> usize {

@@ -1,10 +1,9 @@
 //! Lines of vertices that are solved as a whole, and the tridiagonal solve along one. Everything
 //! here is inlined into the substep, so that it is compiled for the instruction set in use.
 //!
-//! A projection that goes constraint by constraint sees, of all the inertia and stiffness
-//! around it, only its own vertices. Long waves then meet a fabric that is softer the longer
-//! the substep, and a wrinkle sinks by itself. Along a line the system is banded, and solving
-//! it as a whole costs hardly more. What is left is the splitting between lines that cross.
+//! Constraint by constraint, long waves meet a fabric that is softer the longer the substep, and a
+//! wrinkle sinks by itself. Along a line the system is banded, and solving it as a whole costs
+//! hardly more. What is left is the splitting between lines that cross.
 
 use std::ops::Range;
 

@@ -2,10 +2,9 @@
 //!
 //! A cell between yarns of lengths a and b that hardly stretch is a trellis. Its diagonal l
 //! knows its shear angle, sin gamma = (l^2 - l0^2) / (2 a b), and with the energy
-//! G t a b gamma^2 / 2 pulls with dE/dl = G t gamma l / cos gamma. A solve that wants a
-//! compliance gets that of the chord, (l - l0) / (dE/dl), at the length that it starts from: what
-//! moves within a substep answers to the law of its start. As a polynomial in the sine it costs
-//! neither roots nor divisions.
+//! G t a b gamma^2 / 2 pulls with dE/dl = G t gamma l / cos gamma. The compliance of a solve is that
+//! of the chord, (l - l0) / (dE/dl), at the length that it starts from, as a polynomial in the sine,
+//! which costs neither roots nor divisions.
 
 use std::collections::{BTreeMap, BTreeSet};
 
