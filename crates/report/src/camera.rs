@@ -49,8 +49,7 @@ impl Camera {
         // A box without extent is shown at any scale.
         let scale = if scale.is_finite() { scale } else { 1.0 };
         Projection {
-            axes: self.axes,
-            center: self.center,
+            camera: self.clone(),
             scale,
             middle: [size[0] / 2.0, size[1] / 2.0],
         }
@@ -59,8 +58,7 @@ impl Camera {
 
 /// A camera in front of a grid of samples.
 pub(super) struct Projection {
-    axes: [Vec3; 3],
-    center: Vec3,
+    camera: Camera,
     /// Samples per metre.
     scale: f64,
     /// Middle of the grid [samples].
@@ -70,7 +68,7 @@ pub(super) struct Projection {
 impl Projection {
     /// Samples from the left, samples from the top, and depth away from the eye [m].
     pub(super) fn project(&self, point: &Vec3) -> [f32; 3] {
-        let [right, up, back] = self.rotate(&(point - self.center));
+        let [right, up, back] = self.rotate(&(point - self.camera.center));
         [
             (self.middle[0] + self.scale * right) as f32,
             (self.middle[1] - self.scale * up) as f32,
@@ -80,7 +78,7 @@ impl Projection {
 
     /// Components of `v` to the right, up and towards the eye.
     pub(super) fn rotate(&self, v: &Vec3) -> [f64; 3] {
-        self.axes.map(|axis| axis.dot(v))
+        self.camera.axes.map(|axis| axis.dot(v))
     }
 }
 

@@ -1,6 +1,6 @@
 use super::image::PX;
 use super::legend::{self, Entry, Key};
-use super::text::{self, Area};
+use super::text::{self, Area, rgb};
 use super::{Color, Image};
 use plotters::prelude::*;
 use plotters::style::Color as _;
@@ -178,17 +178,10 @@ impl Chart {
 impl Level {
     /// Lower and upper end of the band; both are the level itself where there is none.
     fn range(&self) -> [f64; 2] {
-        let deviation = if drawable(&[self.deviation]) {
-            self.deviation.max(0.0)
-        } else {
-            0.0
-        };
+        let deviation = Some(self.deviation).filter(|&deviation| drawable(&[deviation]));
+        let deviation = deviation.map_or(0.0, |deviation| deviation.max(0.0));
         [self.value - deviation, self.value + deviation]
     }
-}
-
-fn rgb([r, g, b]: Color) -> RGBColor {
-    RGBColor(r, g, b)
 }
 
 fn stroke(color: Color) -> ShapeStyle {
@@ -209,10 +202,8 @@ fn runs<const N: usize>(points: &[[f64; N]]) -> impl Iterator<Item = &[[f64; N]]
 /// (nearly) the same stand in the middle of a range that ticks can tell apart; without
 /// values it is 0 to 1.
 fn padded(values: impl Iterator<Item = f64>, share: f64) -> Range<f64> {
-    let ends = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-        (low.min(v), high.max(v))
-    });
-    let (low, high) = ends;
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    values.for_each(|v| (low, high) = (low.min(v), high.max(v)));
     if low > high {
         return 0.0..1.0;
     }

@@ -31,8 +31,7 @@ const NOT_A_NUMBER: Color = [255, 0, 255];
 /// A colour for each number from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColorMap {
-    /// Distance to the tool: blue at 0, green half way, red at 1. Hue says what is flat and
-    /// what is a wrinkle at a glance; equal steps do not look equal.
+    /// Distance to the tool: blue at 0, green half way, red at 1.
     Distance,
     /// Deviation: blue at 0, white half way, red at 1. Hue says the side, saturation how far
     /// (ColorBrewer, RdBu; Brewer 2003); told apart by the colour-blind too.

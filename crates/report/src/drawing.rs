@@ -16,8 +16,8 @@ const CREASE: f64 = 0.82;
 /// Light that reaches every surface; the key light adds the rest up to 1.
 const AMBIENT: f32 = 0.3;
 
-/// Direction to the key light: right, up, towards the eye; unit length. It stands above the
-/// left shoulder, low enough that a wrinkle has a bright and a dark side.
+/// Direction to the key light: right, up, towards the eye; unit length. Low enough that a wrinkle
+/// has a bright and a dark side.
 const KEY_LIGHT: [f32; 3] = [-0.36, 0.48, 0.8];
 
 /// Width of the line along a stroke, and of that of a jump between two [px].
@@ -192,9 +192,10 @@ fn for_each_span(
     let (upper, lower) = (edge(top, middle), edge(middle, bottom));
     for y in centers(top[1], height)..centers(bottom[1], height) {
         let row = y as f32 + 0.5;
-        let short = match row < middle[1] {
-            true => upper(row),
-            false => lower(row),
+        let short = if row < middle[1] {
+            upper(row)
+        } else {
+            lower(row)
         };
         let (left, right) = (long(row).min(short), long(row).max(short));
         paint(y, centers(left, width)..centers(right, width));

@@ -1,7 +1,5 @@
 use super::image::PX;
 use super::{Color, Image, text};
-use plotters::prelude::*;
-use plotters::style::Color as _;
 use plotters::style::text_anchor::HPos;
 
 /// Width and height of a tile, in samples as all lengths here.
@@ -43,13 +41,10 @@ impl HeatMap {
     /// The map as a picture, as large as its tiles and texts need.
     pub fn image(&self) -> Image {
         let [columns, rows] = [self.x_ticks.len(), self.y_ticks.len()].map(|n| n as i32);
-        let tick_width = self
-            .y_ticks
-            .iter()
-            .map(|tick| text::width(tick, TEXT))
-            .max();
+        let ticks = self.y_ticks.iter();
+        let tick_width = ticks.map(|tick| text::width(tick, TEXT)).max().unwrap_or(0);
         // Tiles begin and end between pixels.
-        let left = (EDGE + tick_width.unwrap_or(0) + 10 * PX) / PX * PX;
+        let left = (EDGE + tick_width + 10 * PX) / PX * PX;
         let bottom = EDGE + 5 * LINE / 2 + rows * TILE[1];
         let right = [
             EDGE + text::width(&self.title, TITLE),
@@ -66,12 +61,8 @@ impl HeatMap {
         };
         write(&self.title, [EDGE, EDGE + LINE / 3], TITLE, HPos::Left);
         write(&self.y_label, [EDGE, EDGE + 5 * LINE / 3], TEXT, HPos::Left);
-        write(
-            &self.x_label,
-            [left, bottom + 5 * LINE / 3],
-            TEXT,
-            HPos::Left,
-        );
+        let below = bottom + 5 * LINE / 3;
+        write(&self.x_label, [left, below], TEXT, HPos::Left);
         let center = |column: i32, row: i32| {
             [
                 left + column * TILE[0] + TILE[0] / 2,
@@ -82,28 +73,16 @@ impl HeatMap {
             write(tick, [left - 8 * PX, center(0, row)[1]], TEXT, HPos::Right);
         }
         for (column, tick) in (0..).zip(&self.x_ticks) {
-            write(
-                tick,
-                [center(column, 0)[0], bottom + 2 * LINE / 3],
-                TEXT,
-                HPos::Center,
-            );
+            let at = [center(column, 0)[0], bottom + 2 * LINE / 3];
+            write(tick, at, TEXT, HPos::Center);
         }
         let cells = (0..rows).flat_map(|row| (0..columns).map(move |column| center(column, row)));
         for (tile, [x, y]) in self.tiles.iter().zip(cells) {
             let corner = (x - TILE[0] / 2, y - TILE[1] / 2);
             let opposite = (corner.0 + TILE[0] - PX, corner.1 + TILE[1] - PX);
-            let [r, g, b] = tile.color;
-            let rectangle = Rectangle::new([corner, opposite], RGBColor(r, g, b).filled());
-            area.draw(&rectangle).expect("memory takes all pixels");
-            text::draw(
-                &area,
-                &tile.text,
-                [x, y],
-                SMALL,
-                contrast(tile.color),
-                HPos::Center,
-            );
+            text::fill(&area, [corner, opposite], tile.color);
+            let ink = contrast(tile.color);
+            text::draw(&area, &tile.text, [x, y], SMALL, ink, HPos::Center);
         }
         drop(area);
         image.reduced(PX as usize)

@@ -41,8 +41,8 @@ impl Image {
     /// The images from left to right, their upper edges aligned, on the background of a
     /// scene. No images give an image without pixels.
     pub fn beside(images: &[Image]) -> Image {
-        let width = images.iter().map(|image| image.width).sum::<usize>()
-            + GAP * images.len().saturating_sub(1);
+        let gaps = GAP * images.len().saturating_sub(1);
+        let width = gaps + images.iter().map(|image| image.width).sum::<usize>();
         let height = images.iter().map(|image| image.height).max().unwrap_or(0);
         let mut all = Image::new(width, height, BACKGROUND);
         let mut left = 0;
@@ -81,10 +81,10 @@ impl Image {
     pub fn gradient(&mut self, [left, top]: [i32; 2], [width, height]: [i32; 2], map: ColorMap) {
         let area = self.area();
         for x in 0..width {
-            let [r, g, b] = map.at(f64::from(x) / f64::from((width - 1).max(1)));
+            let color = text::rgb(map.at(f64::from(x) / f64::from((width - 1).max(1))));
             let column = [(left + x, top), (left + x, top + height - 1)];
-            area.draw(&PathElement::new(column, RGBColor(r, g, b)))
-                .expect("memory takes all pixels");
+            let drawn = area.draw(&PathElement::new(column, color));
+            drawn.expect("memory takes all pixels");
         }
     }
 

@@ -1,8 +1,6 @@
 use super::Color;
 use super::image::PX;
 use super::text::{self, Area};
-use plotters::prelude::*;
-use plotters::style::Color as _;
 use plotters::style::text_anchor::HPos;
 
 /// Height of a row, size of the sample in front of an entry, gaps behind it and behind the
@@ -52,7 +50,6 @@ pub(super) fn places(entries: &[Entry], left: i32, right: i32) -> (Vec<[i32; 2]>
 
 /// Draws an entry with its upper left corner at `corner`.
 pub(super) fn draw(area: &Area, entry: &Entry, [x, y]: [i32; 2], ink: Color) {
-    let [r, g, b] = entry.color;
     let middle = y + ROW / 2;
     let bars: &[[i32; 3]] = match entry.key {
         Key::Line => &[[0, KEY, PX]],
@@ -60,8 +57,7 @@ pub(super) fn draw(area: &Area, entry: &Entry, [x, y]: [i32; 2], ink: Color) {
     };
     for [from, to, half] in bars {
         let corners = [(x + from, middle - half), (x + to, middle + half)];
-        area.draw(&Rectangle::new(corners, RGBColor(r, g, b).filled()))
-            .expect("memory takes all pixels");
+        text::fill(area, corners, entry.color);
     }
     let at = [x + KEY + SPACE, middle];
     text::draw(area, entry.text, at, EM, ink, HPos::Left);

@@ -5,9 +5,8 @@
 //! ([`save_gif`]). A [`Chart`] draws curves, a [`HeatMap`] a table of tiles. Files are written
 //! atomically: whoever looks sees the old file or the new one.
 //!
-//! The rasteriser knows opaque, diffusely lit triangles under an orthographic camera: no
-//! shadows, textures, transparency or perspective. Colours are 8-bit sRGB and are averaged
-//! as such.
+//! The rasteriser knows opaque, diffusely lit triangles under an orthographic camera: no shadows,
+//! textures, transparency or perspective. Colours are 8-bit sRGB and are averaged as such.
 
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
 #![allow(rustdoc::broken_intra_doc_links)]

@@ -16,6 +16,17 @@ const CAPITAL_PER_EM: f64 = 0.729;
 
 pub(super) type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
+/// A colour as plotters has it.
+pub(super) fn rgb([r, g, b]: Color) -> RGBColor {
+    RGBColor(r, g, b)
+}
+
+/// Fills a rectangle; what does not fit the area is cut off.
+pub(super) fn fill(area: &Area, corners: [(i32, i32); 2], color: Color) {
+    let drawn = area.draw(&Rectangle::new(corners, rgb(color).filled()));
+    drawn.expect("memory takes all pixels");
+}
+
 /// Text of em size `em` [px] whose anchor is `h_pos` and `v_pos` of the box that plotters
 /// thinks it fills: see [`middle`].
 pub(super) fn style(em: f64, color: Color, h_pos: HPos, v_pos: VPos) -> TextStyle<'static> {
@@ -24,9 +35,8 @@ pub(super) fn style(em: f64, color: Color, h_pos: HPos, v_pos: VPos) -> TextStyl
         let registered = register_font(FAMILY, FontStyle::Normal, BYTES).is_ok();
         assert!(registered, "plotters reads the vendored font");
     });
-    let [r, g, b] = color;
     let mut style = TextStyle::from((FAMILY, em * SIZE_PER_EM).into_font());
-    style.color = RGBColor(r, g, b).to_backend_color();
+    style.color = rgb(color).to_backend_color();
     style.pos(Pos::new(h_pos, v_pos))
 }
 

@@ -99,15 +99,13 @@ impl BlankConfig {
 
     /// Checks all values that do not depend on the outline.
     pub(super) fn check(&self) -> Result<(), ValueError> {
-        let Self {
-            size_mm, vertices, ..
-        } = self;
-        let is_countable = vertices.iter().all(|n| (2..=MAX_VERTICES).contains(n));
-        let found = format!("{vertices:?}");
+        let is_countable = |n| (2..=MAX_VERTICES).contains(n);
+        let is_valid = self.vertices.iter().all(is_countable);
+        let found = format!("{:?}", self.vertices);
         let expected = "two numbers from 2 to 1025";
-        ValueError::unless(is_countable, "blank.vertices", found, expected)?;
-        let is_long = size_mm.iter().all(|s| (1.0..=100_000.0).contains(s));
-        let found = format!("{size_mm:?}");
+        ValueError::unless(is_valid, "blank.vertices", found, expected)?;
+        let is_long = self.size_mm.iter().all(|s| (1.0..=100_000.0).contains(s));
+        let found = format!("{:?}", self.size_mm);
         let expected = "two lengths from 1 to 100000 mm";
         ValueError::unless(is_long, "blank.size_mm", found, expected)?;
         if let Some(cell) = self.cell_mm {
@@ -116,13 +114,8 @@ impl BlankConfig {
             ValueError::unless(is_valid, "blank.cell_mm", cell, expected)?;
         }
         let angle = self.yarn_angle_deg;
-        let expected = "an angle within +-360 degrees";
-        ValueError::unless(
-            angle.abs() <= 360.0,
-            "blank.yarn_angle_deg",
-            angle,
-            expected,
-        )
+        let (is_valid, expected) = (angle.abs() <= 360.0, "an angle within +-360 degrees");
+        ValueError::unless(is_valid, "blank.yarn_angle_deg", angle, expected)
     }
 
     /// Sides of a cell along warp and weft [m].

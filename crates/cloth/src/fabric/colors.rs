@@ -1,8 +1,5 @@
-/// Puts constraints into classes ("colours") within which no two share a vertex, so that
-/// a class may be solved in any order, or at once.
-///
-/// `constraints` are lists of vertices. Greedy: each constraint takes the first class that
-/// is free of its vertices, in the order given, so the result depends on nothing else.
+/// Puts constraints, lists of vertices, into classes ("colours") within which no two share a
+/// vertex, so that a class may be solved in any order, or at once. Greedy, in the order given.
 /// Returns the indices of the constraints of each class, ascending.
 pub fn color<const N: usize>(vertex_count: usize, constraints: &[[u32; N]]) -> Vec<Vec<u32>> {
     let mut taken = vec![0u64; vertex_count];

@@ -5,25 +5,22 @@
 //! then move on to the nearest point of the outline, and the nearest of them into its
 //! corners. Lengths are in cells throughout, so that quality does not depend on their size.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use super::blank::{CutFault, MAX_VERTICES};
 use super::grid::Grid;
-use crate::mesh::patches;
-
 use super::outline::{Outline, Point, crossing, sides};
+use crate::mesh::{TriMesh, border, patches};
 
-/// A node outside the outline by less than this becomes a vertex. Around 0.35 the rows at a
-/// border in any direction end about as far inside the outline as outside, and triangles are
-/// squeezed no more than they are stretched.
+/// A node outside the outline by less than this becomes a vertex: around 0.35, triangles at a
+/// border are squeezed no more than they are stretched.
 const OVERHANG: f64 = 0.35;
 /// A node moves at most this far on to the outline, and into a corner of it.
 const REACH: f64 = 0.9;
 /// The outline turns by at least this much at a corner: cosine of 30 degrees.
 const CORNER: f64 = 0.866;
-/// Least quality of a triangle, 4 sqrt 3 area / (sum of squared sides), which is 1 if all
-/// sides are equal and 0.87 for half a square. No angle is then below 13 degrees. Where it
-/// would be missed, vertices stay short of the outline.
+/// Least quality of a triangle, 4 sqrt 3 area / (sum of squared sides): 0.87 for half a square. No
+/// angle is then below 13 degrees. Where it would be missed, vertices stay short of the outline.
 pub(super) const MIN_QUALITY: f64 = 0.4;
 /// A vertex that moves less than this stays where it is.
 const STILL: f64 = 1e-6;
@@ -148,11 +145,11 @@ impl Cutter {
             loops,
             columns,
             rows,
-            nearest: Vec::new(),
+            nearest: vec![None; columns * rows],
             kept: vec![false; columns * rows],
         };
         cutter.find_inside();
-        cutter.nearest = cutter.nearest();
+        cutter.find_nearest();
         for node in 0..columns * rows {
             if let Some(near) = cutter.nearest[node] {
                 cutter.kept[node] |= distance(near, cutter.place(node)) < OVERHANG;
@@ -165,15 +162,12 @@ impl Cutter {
         [(node % self.columns) as f64, (node / self.columns) as f64]
     }
 
-    fn edges(&self) -> impl Iterator<Item = [Point; 2]> + '_ {
-        self.loops.iter().flat_map(|one| sides(one))
-    }
-
     /// Keeps the nodes between an odd and an even crossing of their row with the outline.
     fn find_inside(&mut self) {
         for row in 0..self.rows {
             let y = row as f64;
-            let crossings = self.edges().filter_map(|edge| crossing(edge, y));
+            let edges = self.loops.iter().flat_map(|one| sides(one));
+            let crossings = edges.filter_map(|edge| crossing(edge, y));
             let mut crossings: Vec<f64> = crossings.collect();
             crossings.sort_by(f64::total_cmp);
             for pair in crossings.chunks_exact(2) {
@@ -184,11 +178,9 @@ impl Cutter {
         }
     }
 
-    /// The nearest point of the outline within one cell of each node.
-    fn nearest(&self) -> Vec<Option<Point>> {
-        let mut nearest: Vec<Option<Point>> = vec![None; self.kept.len()];
+    fn find_nearest(&mut self) {
         let counts = [self.columns, self.rows];
-        for [a, b] in self.edges() {
+        for [a, b] in self.loops.iter().flat_map(|one| sides(one)) {
             let range = |k: usize| {
                 let first = (a[k].min(b[k]) - 1.0).ceil().max(0.0) as usize;
                 let last = (a[k].max(b[k]) + 1.0).floor().max(0.0) as usize;
@@ -197,16 +189,15 @@ impl Cutter {
             for row in range(1) {
                 for column in range(0) {
                     let node = row * self.columns + column;
-                    let place = self.place(node);
+                    let place = [column as f64, row as f64];
                     let point = nearest_on(a, b, place);
                     let is_nearer = |best| distance(point, place) < distance(best, place);
-                    if nearest[node].is_none_or(is_nearer) {
-                        nearest[node] = Some(point);
+                    if self.nearest[node].is_none_or(is_nearer) {
+                        self.nearest[node] = Some(point);
                     }
                 }
             }
         }
-        nearest
     }
 
     /// Nodes at the corners of a cell, counter-clockwise from the lowest row and column; none
@@ -231,13 +222,17 @@ impl Cutter {
         }
         self.kept = used;
 
-        let border = border(&triangles);
-        let found = loop_count(&border)?;
-        if found != self.loops.len() {
-            let expected = self.loops.len();
+        let mesh = TriMesh {
+            triangles: triangles.concat(),
+            ..TriMesh::default()
+        };
+        let border = border(&mesh).expect("all cells are counter-clockwise");
+        let (found, expected) = (loop_count(&border)?, self.loops.len());
+        if found != expected {
             return Err(CutFault::Loops { found, expected });
         }
-        let nodes: Vec<usize> = border.iter().map(|&[a, _]| a as usize).collect();
+        let mut nodes: Vec<usize> = border.iter().map(|&[a, _]| a as usize).collect();
+        nodes.sort_unstable();
         Ok(self.snap(triangles, &self.targets(&nodes)))
     }
 
@@ -308,8 +303,8 @@ impl Cutter {
     }
 }
 
-/// Fills a cell: two triangles if it has all its corners, by the diagonal whose worse triangle
-/// is better (the rising one where both are alike), one if it has three.
+/// Fills a cell: one triangle of three corners, two of four, by the diagonal whose worse triangle
+/// is better (the rising one where both are alike).
 fn fill(corners: [Option<u32>; 4], quality: impl Fn(&[u32; 3]) -> f64) -> Vec<[u32; 3]> {
     match corners {
         [Some(a), Some(b), Some(d), Some(c)] => {
@@ -333,7 +328,7 @@ fn keep_parts(triangles: &mut [Vec<[u32; 3]>]) -> Result<(), CutFault> {
     let mut beside: BTreeMap<[u32; 2], usize> = BTreeMap::new();
     let mut neighbors = vec![Vec::new(); all.len()];
     for (index, t) in all.iter().enumerate() {
-        for [a, b] in directed(t) {
+        for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
             match beside.remove(&[b, a]) {
                 Some(other) => {
                     neighbors[index].push(other);
@@ -354,30 +349,12 @@ fn keep_parts(triangles: &mut [Vec<[u32; 3]>]) -> Result<(), CutFault> {
     if count > 1 {
         return Err(CutFault::Parts(count));
     }
-    let mut is_kept = vec![false; all.len()];
-    for &index in &parts[largest] {
-        is_kept[index] = true;
-    }
-    let mut is_kept = is_kept.into_iter();
+    let kept: HashSet<usize> = parts[largest].iter().copied().collect();
+    let mut index = 0..;
     for triangles in triangles {
-        triangles.retain(|_| is_kept.next() == Some(true));
+        triangles.retain(|_| index.next().is_some_and(|index| kept.contains(&index)));
     }
     Ok(())
-}
-
-fn directed(t: &[u32; 3]) -> [[u32; 2]; 3] {
-    [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]
-}
-
-/// Sides that belong to one triangle only, by their first node.
-fn border(triangles: &[Vec<[u32; 3]>]) -> Vec<[u32; 2]> {
-    let mut open = std::collections::BTreeSet::new();
-    for [a, b] in triangles.iter().flatten().flat_map(directed) {
-        if !open.remove(&[b, a]) {
-            open.insert([a, b]);
-        }
-    }
-    open.into_iter().collect()
 }
 
 /// Number of closed loops of a border.

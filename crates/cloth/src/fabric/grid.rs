@@ -1,8 +1,7 @@
 /// Where the vertices of a lamina stand in the rows and columns of its grid.
 ///
-/// A node is a place of the grid, `row * columns + column`; a cut blank has no vertex at some
-/// of them. Vertices are counted in the order of their nodes, so that in an uncut rectangle
-/// both are the same number.
+/// A node is a place of the grid, `row * columns + column`; a cut blank has no vertex at some of
+/// them. Vertices are counted in the order of their nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Grid {
     pub columns: usize,

@@ -23,14 +23,6 @@ pub struct Yarn {
     pub width: f64,
 }
 
-/// The diagonal of a cell, which carries its shear.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Diagonal {
-    pub vertices: [u32; 2],
-    /// Length at rest [m].
-    pub rest_length: f64,
-}
-
 /// Two triangles that share an edge, for bending by their dihedral angle: the ends of the
 /// edge first, then the two opposite vertices.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,8 +54,8 @@ pub struct Lamina {
     /// All warp yarns, then all weft yarns: along the sides of whole cells. A yarn that the
     /// outline interrupts is several.
     pub yarns: Vec<Yarn>,
-    /// Those of whole cells.
-    pub diagonals: Vec<Diagonal>,
+    /// Those of whole cells, which carry their shear.
+    pub diagonals: Vec<[u32; 2]>,
     /// Triangles that are no part of whole cells.
     pub membranes: Vec<Membrane>,
     /// Unit vector along the warp on the flat blank; the weft is that turned to the left.
@@ -118,7 +110,6 @@ impl Lamina {
         let mut diagonals = Vec::new();
         let mut membranes = Vec::new();
         let (sin, cos) = angle.sin_cos();
-        let rest_length = grid.cell[0].hypot(grid.cell[1]);
         let areal_mass = 1e-3
             * match mass {
                 MassModel::Paper => material.areal_mass_g_m2.paper,
@@ -133,10 +124,7 @@ impl Lamina {
                     let [a, b] = [at(row, column), at(row, column + 1)];
                     let [c, d] = [at(row + 1, column), at(row + 1, column + 1)];
                     triangles.extend([[a, b, d], [a, d, c]]);
-                    diagonals.push(Diagonal {
-                        vertices: [a, d],
-                        rest_length,
-                    });
+                    diagonals.push([a, d]);
                     for v in [a, b, d, a, d, c] {
                         mass[v as usize] += third;
                     }

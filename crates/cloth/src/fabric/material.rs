@@ -2,7 +2,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::file::{ReadError, ValueError, parse_toml, read_toml};
+use crate::file::{ReadError, ValueError, read_toml};
 
 /// A piecewise linear law through [strain, stress] points; stress in MPa as in the file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,10 +29,8 @@ impl Curve {
     /// Stress [Pa] at a strain >= 0; beyond the last point its slope goes on.
     pub(crate) fn stress(&self, strain: f64) -> f64 {
         let last = self.0.len() - 2;
-        let segment = self.0[1..=last]
-            .iter()
-            .position(|p| strain < p[0])
-            .unwrap_or(last);
+        let mut inner = self.0[1..=last].iter();
+        let segment = inner.position(|p| strain < p[0]).unwrap_or(last);
         let [p, q] = [self.0[segment], self.0[segment + 1]];
         1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
     }
@@ -63,13 +61,11 @@ impl Curve {
     }
 
     fn is_valid(&self) -> bool {
+        let grows = |pair: &[[f64; 2]]| pair[1][0] > pair[0][0] && pair[1][1] > pair[0][1];
         self.0.len() >= 2
             && self.0[0] == [0.0, 0.0]
             && self.0.iter().flatten().all(|x| x.is_finite())
-            && self
-                .0
-                .windows(2)
-                .all(|w| w[1][0] > w[0][0] && w[1][1] > w[0][1])
+            && self.0.windows(2).all(grows)
     }
 }
 
@@ -144,29 +140,17 @@ const INTERGLAS_92125: &str = include_str!("../../../../configs/materials/interg
 impl Material {
     /// Reads and checks a material file.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
-        let material: Self = read_toml(path)?;
-        material.checked(path)
+        read_toml::<Self>(path)?.checked(path)
     }
 
     /// The fabric of the paper, Interglas 92125.
     pub fn interglas_92125() -> Self {
-        let path = Path::new(concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../../configs/materials/interglas-92125.toml"
-        ));
-        Self::parse(INTERGLAS_92125, path).expect("the built-in material is valid")
-    }
-
-    fn parse(text: &str, path: &Path) -> Result<Self, ReadError> {
-        let material: Self = parse_toml(text, path)?;
-        material.checked(path)
+        toml::from_str(INTERGLAS_92125).expect("the built-in material is valid")
     }
 
     fn checked(self, path: &Path) -> Result<Self, ReadError> {
-        match self.check() {
-            Ok(()) => Ok(self),
-            Err(fault) => Err(ReadError::fault(path, fault)),
-        }
+        let fault = |fault| ReadError::fault(path, fault);
+        self.check().map_err(fault).map(|()| self)
     }
 
     fn check(&self) -> Result<(), ValueError> {
@@ -217,10 +201,7 @@ impl Material {
 
     /// Law of a family of yarns.
     pub fn yarn(&self, family: Family) -> &YarnLaw {
-        match family {
-            Family::Warp => &self.warp,
-            Family::Weft => &self.weft,
-        }
+        [&self.warp, &self.weft][family as usize]
     }
 
     /// Bending stiffness per width of a family of yarns [N m], from the bimodulus of tension
@@ -253,6 +234,7 @@ pub enum Family {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::file::parse_toml;
 
     fn close(found: f64, expected: f64, tolerance: f64) {
         assert!(
@@ -340,15 +322,20 @@ mod tests {
 
     #[test]
     fn bad_values_are_located() {
+        let read = |text: &str| {
+            let path = Path::new("m.toml");
+            parse_toml::<Material>(text, path)?.checked(path)
+        };
+        assert_eq!(read(INTERGLAS_92125).unwrap(), Material::interglas_92125());
         let bad = INTERGLAS_92125.replace("[0.1, 0.0036]", "[0.1, -0.0036]");
-        let error = Material::parse(&bad, Path::new("m.toml")).unwrap_err();
+        let error = read(&bad).unwrap_err();
         assert!(
             error
                 .to_string()
                 .starts_with("m.toml: `shear.negative` is [[0.0")
         );
         let bad = INTERGLAS_92125.replace("thickness_mm = 0.35", "thickness_mm = nan");
-        let error = Material::parse(&bad, Path::new("m.toml")).unwrap_err();
+        let error = read(&bad).unwrap_err();
         assert_eq!(
             error.to_string(),
             "m.toml: `thickness_mm` is NaN, expected a number > 0"
@@ -366,7 +353,7 @@ mod tests {
             ),
         ] {
             let bad = INTERGLAS_92125.replace(good, bad);
-            let error = Material::parse(&bad, Path::new("m.toml")).unwrap_err();
+            let error = read(&bad).unwrap_err();
             assert_eq!(error.to_string(), format!("m.toml: {expected}"));
         }
     }

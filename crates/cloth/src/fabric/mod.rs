@@ -1,10 +1,9 @@
 //! The lamina: rest shape, masses, yarns and material law of a woven blank.
 //!
 //! A blank is cut into cells along its yarns, of two right triangles each, all diagonals in
-//! the same direction, as in the paper's mesh. The sides of cells are warp and weft yarns;
-//! the diagonals carry shear. Where the outline does not follow the yarns, border vertices
-//! move on to it, and triangles there become membranes, which have the same law without yarns
-//! along their sides. How any of this is solved is not known here.
+//! the same direction, as in the paper's mesh. The sides of cells are yarns, the diagonals carry
+//! shear. Where the outline does not follow the yarns, border vertices move on to it, and
+//! triangles there become membranes: the same law without yarns along their sides.
 
 mod blank;
 mod colors;
@@ -18,7 +17,7 @@ mod state;
 
 pub use blank::{BlankConfig, BlankError, CutFault, MassModel};
 pub(crate) use colors::color;
-pub use lamina::{Diagonal, Hinge, Lamina, Yarn};
+pub use lamina::{Hinge, Lamina, Yarn};
 pub use material::{ArealMass, Curve, Family, Material, ShearLaw, ShearLocking, YarnLaw};
 pub use membrane::Membrane;
 pub use outline::Outline;

@@ -89,10 +89,8 @@ impl Outline {
             }
             for (i, pair) in one.points.windows(2).enumerate() {
                 if pair[0] == pair[1] {
-                    let fault = format!(
-                        "point is that of line {} again, expected another",
-                        one.lines[i]
-                    );
+                    let line = one.lines[i];
+                    let fault = format!("point is that of line {line} again, expected another");
                     return Err((one.lines[i + 1], fault));
                 }
             }
@@ -106,10 +104,8 @@ impl Outline {
             }
             for (j, other) in holes.iter().enumerate() {
                 if i != j && encloses(&other.points, hole.points[0]) {
-                    let fault = format!(
-                        "hole lies in the hole of line {}, expected it apart",
-                        other.lines[0]
-                    );
+                    let line = other.lines[0];
+                    let fault = format!("hole lies in the hole of line {line}, expected it apart");
                     return Err((hole.lines[0], fault));
                 }
             }

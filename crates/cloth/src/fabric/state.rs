@@ -175,10 +175,7 @@ impl Tangents {
     /// tangent plane of the reference. A right angle where there is no such plane or direction:
     /// the yarns then have nothing to do with each other.
     pub fn angle(&self, reference: &Self, family: Family) -> f64 {
-        let pick = |tangents: &Self| match family {
-            Family::Warp => tangents.warp,
-            Family::Weft => tangents.weft,
-        };
+        let pick = |tangents: &Self| [tangents.warp, tangents.weft][family as usize];
         let normal = reference.warp.cross(&reference.weft).try_normalize(0.0);
         let normal = normal.unwrap_or_default();
         let there = pick(reference);

@@ -1,10 +1,5 @@
-//! Files that are written whole or not at all, and configuration files that say where they
-//! are wrong.
-//!
-//! Everything that replaces a file goes through [`write_atomic`], so that a crash, a full
-//! disk or a pulled plug leaves either the old content or the new, never half of it. Logs
-//! that grow line by line are not written here. Whatever reads TOML does so through
-//! [`read_toml`].
+//! Files that are written whole or not at all, by [`write_atomic`], and configuration files that
+//! say where they are wrong, by [`read_toml`]. Logs that grow line by line are not written here.
 
 mod read;
 mod toml;

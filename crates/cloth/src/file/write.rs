@@ -24,9 +24,8 @@ pub enum WriteError {
 ///
 /// The bytes go to a temporary file in the same folder, are flushed to the disk and renamed
 /// over `path`; then the folder is flushed, so that the rename survives a power failure.
-/// On failure, also of `write` itself, `path` keeps its old content and the temporary file
-/// is removed; only if that last flush of the folder fails is the new content already in
-/// place. A symbolic link at `path` is replaced, not followed, but no device, pipe or socket
+/// On failure, but of that last flush, `path` keeps its old content and nothing is left behind.
+/// A symbolic link at `path` is replaced, not followed, but no device, pipe or socket
 /// is, nor a link to one. The file's mode follows the process's umask.
 pub fn write_atomic(
     path: &Path,
@@ -65,17 +64,12 @@ fn folder_of(path: &Path) -> &Path {
 
 fn error(path: &Path, source: io::Error) -> WriteError {
     let folder = folder_of(path);
+    let path = path.into();
     if source.kind() == io::ErrorKind::NotFound && !folder.exists() {
-        WriteError::FolderMissing {
-            path: path.into(),
-            folder: folder.into(),
-        }
-    } else {
-        WriteError::Io {
-            path: path.into(),
-            source,
-        }
+        let folder = folder.into();
+        return WriteError::FolderMissing { path, folder };
     }
+    WriteError::Io { path, source }
 }
 
 fn replace(

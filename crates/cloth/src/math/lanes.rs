@@ -1,9 +1,6 @@
-//! SIMD lanes: one lane, one environment.
-//!
-//! Every constraint of the solver is projected for all lanes at once with unit-stride
-//! loads, so the instruction set is a matter of which type implements [`Lanes`]. Nothing
-//! here fuses a multiplication with an addition: IEEE 754 then fixes every result, and a
-//! lane computes the same bits whichever instruction set carries it.
+//! SIMD lanes. The instruction set is a matter of which type implements [`Lanes`]. Nothing here
+//! fuses a multiplication with an addition: IEEE 754 then fixes every result, and a lane computes
+//! the same bits whichever instruction set carries it.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -40,15 +37,24 @@ pub trait Lanes:
     type Mask: Copy + Send + Sync;
     /// Number of lanes.
     const COUNT: usize;
+    /// Makes lane i of number j lane j of number i, of as many numbers as there are lanes; none
+    /// where copying them one by one is as fast.
+    const TRANSPOSE: Option<fn(&mut [Self])> = None;
 
     /// The same number in every lane.
     fn splat(x: Self::Scalar) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
     /// Smaller of two; `other` where one is NaN.
-    fn min(self, other: Self) -> Self;
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self::select(self.lt(other), self, other)
+    }
     /// Larger of two; `other` where one is NaN.
-    fn max(self, other: Self) -> Self;
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self::select(other.lt(self), self, other)
+    }
     /// Where `self` < `other`; false where one is NaN.
     fn lt(self, other: Self) -> Self::Mask;
     /// `yes` where the mask is set, else `no`.
@@ -56,18 +62,8 @@ pub trait Lanes:
     /// Whether the mask is set in any lane.
     fn any(mask: Self::Mask) -> bool;
     /// Runs a kernel compiled for this type's instruction set.
-    fn vectorize<K: Kernel>(kernel: K);
-
-    /// Makes lane i of number j lane j of number i, of as many numbers as there are lanes.
-    #[inline(always)]
-    fn transpose(block: &mut [Self]) {
-        for i in 0..Self::COUNT {
-            for j in 0..i {
-                let (a, b) = (block[i].as_slice()[j], block[j].as_slice()[i]);
-                block[i].as_mut_slice()[j] = b;
-                block[j].as_mut_slice()[i] = a;
-            }
-        }
+    fn vectorize<K: Kernel>(kernel: K) {
+        kernel.run();
     }
 
     /// Rounds numbers from 0 to 2^24 down; what is no number, or less, becomes 0.
@@ -178,14 +174,6 @@ macro_rules! scalar {
                 <$t>::sqrt(self)
             }
             #[inline(always)]
-            fn min(self, other: Self) -> Self {
-                if self < other { self } else { other }
-            }
-            #[inline(always)]
-            fn max(self, other: Self) -> Self {
-                if self > other { self } else { other }
-            }
-            #[inline(always)]
             fn lt(self, other: Self) -> bool {
                 self < other
             }
@@ -196,9 +184,6 @@ macro_rules! scalar {
             #[inline(always)]
             fn any(mask: bool) -> bool {
                 mask
-            }
-            fn vectorize<K: Kernel>(kernel: K) {
-                kernel.run();
             }
         }
     };
@@ -248,14 +233,6 @@ impl Lanes for Portable {
         Self(self.0.map(f32::sqrt))
     }
     #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        Self(std::array::from_fn(|i| Lanes::min(self.0[i], other.0[i])))
-    }
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        Self(std::array::from_fn(|i| Lanes::max(self.0[i], other.0[i])))
-    }
-    #[inline(always)]
     fn lt(self, other: Self) -> [bool; 8] {
         std::array::from_fn(|i| self.0[i] < other.0[i])
     }
@@ -268,9 +245,6 @@ impl Lanes for Portable {
     #[inline(always)]
     fn any(mask: [bool; 8]) -> bool {
         mask.contains(&true)
-    }
-    fn vectorize<K: Kernel>(kernel: K) {
-        kernel.run();
     }
 }
 
@@ -322,6 +296,16 @@ impl Isa {
             Self::Avx512 => F32x16::COUNT,
         }
     }
+}
+
+/// The sum of c[k] x^k, by Horner.
+#[inline(always)]
+pub(crate) fn polynomial<V: Lanes, const N: usize>(c: [f64; N], x: V) -> V {
+    let mut sum = V::of(c[N - 1]);
+    for k in (0..N - 1).rev() {
+        sum = sum * x + V::of(c[k]);
+    }
+    sum
 }
 
 /// A vector in space in every lane.

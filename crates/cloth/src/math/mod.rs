@@ -5,6 +5,7 @@ mod lanes;
 mod statistics;
 mod stream;
 
+pub(crate) use lanes::polynomial;
 #[cfg(target_arch = "x86_64")]
 pub use lanes::{F32x8, F32x16, F64x4, F64x8};
 pub use lanes::{Isa, Kernel, Lanes, Portable, Real, Vec3x};

@@ -1,9 +1,8 @@
 //! How far one surface lies from another, and how smooth it is by itself.
 //!
-//! Surfaces are open triangle meshes with an upper side: laminae, scans of them. Everything
-//! is measured at vertices and weighed with their share of the area, so that the result does
-//! not depend on where a mesh is fine. Nothing is moved beforehand: both surfaces must be
-//! given in the same frame.
+//! Surfaces are open triangle meshes with an upper side, in the same frame. Everything is measured
+//! at vertices and weighed with their share of the area, so that it does not depend on where a
+//! mesh is fine.
 
 mod contour;
 mod sheet;

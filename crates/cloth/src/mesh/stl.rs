@@ -10,9 +10,8 @@ use crate::math::Vec3;
 const HEADER: usize = 84;
 /// Bytes of a binary facet: normal and three corners as f32, then two unused.
 const FACET: usize = 50;
-/// Corners closer than this share of the mesh's diagonal are the same vertex. Covers the
-/// f32 rounding of exporters (6e-8 of the coordinate); half a micrometre on a tool of half
-/// a metre, far below any feature that matters to fabric.
+/// Corners closer than this share of the mesh's diagonal are the same vertex. Covers the f32
+/// rounding of exporters (6e-8 of the coordinate); half a micrometre on a tool of half a metre.
 const WELD: f64 = 1e-6;
 /// Facets flatter than this (height over longest edge) have no usable normal.
 const FLAT: f64 = 1e-12;
@@ -205,12 +204,6 @@ struct Welder {
     vertices: Vec<Vec3>,
 }
 
-/// A cell and its neighbours, itself first: most corners agree to the last bit.
-const CELLS: [i64; 27] = [
-    13, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25,
-    26,
-];
-
 impl Welder {
     fn new(facets: &[Facet]) -> Self {
         let corners = || facets.iter().flatten();
@@ -227,7 +220,8 @@ impl Welder {
 
     fn index(&mut self, corner: Vec3) -> u32 {
         let cell = ((corner - self.origin) / self.tolerance).map(|c| c.floor() as i64);
-        for n in CELLS {
+        // The cell itself first: most corners agree to the last bit.
+        for n in [13].into_iter().chain(0..27) {
             let neighbour = [n % 3, n / 3 % 3, n / 9];
             let neighbour = std::array::from_fn(|a| cell[a] + neighbour[a] - 1);
             if let Some(&index) = self.cells.get(&neighbour)

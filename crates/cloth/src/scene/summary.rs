@@ -40,17 +40,15 @@ impl Summary {
     pub fn new(lamina: &Lamina, tool: &Tool, state: &Snapshot) -> Self {
         let phi: Vec<f64> = state.position.iter().map(|&x| tool.distance(x).0).collect();
         let strain = lamina.yarn_strain(&state.position);
-        let of = |f: fn(f64) -> f64| -> [f64; 2] {
-            let values: Vec<f64> = strain.iter().map(|&s| f(s)).collect();
-            percentile_and_max(values)
-        };
-        let ([p95, max], [tension_p95, tension_max], [compression_p95, compression_max]) =
-            (of(f64::abs), of(|s| s.max(0.0)), of(|s| (-s).max(0.0)));
+        let of = |f: fn(f64) -> f64| percentile_and_max(strain.iter().map(|&s| f(s)).collect());
+        let [strain_p95, strain_max] = of(f64::abs);
+        let [tension_p95, tension_max] = of(|s| s.max(0.0));
+        let [compression_p95, compression_max] = of(|s| (-s).max(0.0));
         Self {
             distance_m: phi.iter().map(|phi| phi.max(0.0)).sum(),
             wrinkles: wrinkle_count(lamina, &phi),
-            strain_p95: p95,
-            strain_max: max,
+            strain_p95,
+            strain_max,
             tension_p95,
             tension_max,
             compression_p95,
@@ -69,9 +67,8 @@ fn percentile_and_max(mut values: Vec<f64>) -> [f64; 2] {
     [values[(0.95 * last as f64).round() as usize], values[last]]
 }
 
-/// Number of separate patches that stand more than 15 mm off the tool and reach the border
-/// of the blank, each at least 0.4 % of its vertices. Patches over the inside of the blank
-/// bridge a hollow; a wrinkle carries surplus length, and that runs out over the border.
+/// Number of separate patches that stand more than 15 mm off the tool and reach the border of the
+/// blank, each at least 0.4 % of its vertices. Patches over the inside bridge a hollow.
 ///
 /// `phi` is the distance of each vertex to the tool [m].
 pub fn wrinkle_count(lamina: &Lamina, phi: &[f64]) -> usize {

@@ -7,14 +7,13 @@ use crate::math::Vec3;
 use crate::tool::Tool;
 
 /// The length by which a yarn that crosses `region` is longer there than its trace on the tool
-/// [m], on average over these yarns. On the part, it is yarn that has to go somewhere: what does
-/// not stand up as a wrinkle is pressed into the fabric as waviness of its fibres.
+/// [m], on average over these yarns: what does not stand up as a wrinkle is pressed into the
+/// fabric as waviness of its fibres.
 ///
 /// The trace joins the points of the tool nearest to the yarn's vertices, so surplus is seen
 /// whether it stands off the tool or is compressed on it. An edge counts with both ends in the
 /// region, and where its trace is shorter than its length at rest; it never makes up for another.
-/// The mean over yarns makes it independent of how many vertices stand for the fabric. 0 where no
-/// edge lies in the region.
+/// 0 where no edge lies in the region.
 pub fn surplus(lamina: &Lamina, tool: &Tool, positions: &[[f64; 3]], region: &FixedBitSet) -> f64 {
     let (sum, yarns) = summed_surplus(lamina, tool, positions, region);
     sum / yarns.max(1) as f64

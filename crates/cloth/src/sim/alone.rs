@@ -1,13 +1,11 @@
 use super::cloth::Cloth;
-use super::collision::Layers;
 use super::fold::{Bundle, Fold, Places};
 use super::length::warm_start;
 use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
-use super::model::{Model, Pass};
+use super::model::Model;
 use super::storage::Storage;
 use crate::math::{Lanes, Vec3x};
-use crate::tool::Tool;
 
 /// One environment by itself with the solve along yarns, its lines side by side in the lanes: a
 /// place is a number of the [`Fold`]. The same bits as one lane of a group of the same precision:
@@ -20,7 +18,7 @@ pub(super) struct Alone<V: Lanes> {
     crossing: Crossing<V>,
 }
 
-/// What the wefts of each vertex do to it when a substep starts.
+/// What wefts do to their vertices when a substep starts.
 struct Held<V> {
     /// [N]
     pull: Vec<Vec3x<V>>,
@@ -28,24 +26,29 @@ struct Held<V> {
     stress: Vec<V>,
 }
 
+impl<V: Lanes> Held<V> {
+    fn new(count: usize) -> Self {
+        Self {
+            pull: vec![Vec3x::zero(); count],
+            stress: vec![V::zero(); count],
+        }
+    }
+}
+
 struct Crossing<V> {
     position: Vec<Vec3x<V>>,
     mobility: Vec<V>,
-    pull: Vec<Vec3x<V>>,
-    stress: Vec<V>,
+    held: Held<V>,
 }
 
 impl<V: Lanes> Alone<V> {
-    /// For `model` with every vertex free and at rest in the origin; none if anything of it is not
-    /// solved along lines: edges by Gauss-Seidel, membranes, hinges, layers that touch.
+    /// For `model`, to be loaded; none if anything of it is not solved along lines: edges by
+    /// Gauss-Seidel, membranes, hinges, layers that touch.
     pub fn new(model: &Model) -> Option<Self> {
         let is_of_lines = model.layers.is_none() && model.passes.is_empty();
         let lines = model.lines.as_ref().filter(|_| is_of_lines)?;
         let fold = Fold::new(lines);
         let mut cloth = Cloth::<V>::new(fold.count, fold.edge_count, fold.longest);
-        for (&[number, lane], &w) in fold.vertices.iter().zip(&model.inverse_mass) {
-            cloth.inverse_mass[number as usize].set(lane as usize, w);
-        }
         if let Some(tack) = &model.tack {
             cloth.tack.resize(fold.count, V::zero());
             for (&[number, lane], &tack) in fold.vertices.iter().zip(tack) {
@@ -56,13 +59,9 @@ impl<V: Lanes> Alone<V> {
             crossing: Crossing {
                 position: vec![Vec3x::zero(); fold.longest],
                 mobility: vec![V::zero(); fold.longest],
-                pull: vec![Vec3x::zero(); fold.longest],
-                stress: vec![V::zero(); fold.longest],
+                held: Held::new(fold.longest),
             },
-            held: Held {
-                pull: vec![Vec3x::zero(); fold.count],
-                stress: vec![V::zero(); fold.count],
-            },
+            held: Held::new(fold.count),
             cloth,
             fold,
         })
@@ -113,16 +112,6 @@ impl<V: Lanes> Storage for Alone<V> {
         self.held.pull.fill(Vec3x::zero());
         self.held.stress.fill(V::zero());
         self.cloth.density.fill(V::zero());
-    }
-
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
-        let all: Vec<u32> = (0..self.fold.count as u32).collect();
-        let distances = self.cloth.distances(tool, &all);
-        let of = |&vertex: &u32| {
-            let [number, lane] = self.slot(0, vertex as usize);
-            distances[number * V::COUNT + lane]
-        };
-        vertices.iter().map(of).collect()
     }
 
     #[inline(always)]
@@ -184,29 +173,16 @@ impl<V: Lanes> Storage for Alone<V> {
             let x = Vec3x::components_mut(&mut crossing.position);
             places.copy::<V, 3, false>(Vec3x::components_mut(&mut cloth.predicted), x);
             let density = &cloth.density[weft.edges()];
-            let (pull, stress) = (&mut crossing.pull, &mut crossing.stress);
+            let Held { pull, stress } = &mut crossing.held;
             warm_start(weft, &crossing.position, density, pull, stress);
-            let pull = Vec3x::components_mut(&mut held.pull);
-            places.copy::<V, 3, true>(pull, Vec3x::components_mut(&mut crossing.pull));
-            places.copy::<V, 1, true>(&mut held.stress, &mut crossing.stress);
+            let all = Vec3x::components_mut(&mut held.pull);
+            places.copy::<V, 3, true>(all, Vec3x::components_mut(pull));
+            places.copy::<V, 1, true>(&mut held.stress, stress);
         }
     }
 
     #[inline(always)]
     fn weft_pull(&self, _: &Lines, place: usize) -> (Vec3x<V>, V) {
         (self.held.pull[place], self.held.stress[place])
-    }
-
-    #[inline(always)]
-    fn project(&mut self, _: &[Pass]) {}
-
-    #[inline(always)]
-    fn beneath(&self, _: &Layers, _: usize, _: usize) -> f64 {
-        unreachable!("layers that touch are computed in a group");
-    }
-
-    #[inline(always)]
-    fn separate(&mut self, _: &Layers) {
-        unreachable!("layers that touch are computed in a group");
     }
 }

@@ -1,9 +1,9 @@
 //! Bending of the yarns: solved along each yarn, or triple by triple.
 
 use super::law::in_colors;
-use super::line::{Along, Chain, Rows, Scratch};
+use super::line::{Along, Chain, Scratch};
 use super::physics::{Bending, BendingStiffness, PhysicsConfig};
-use crate::fabric::{Family, Lamina, Yarn, color};
+use crate::fabric::{Family, Lamina, Yarn};
 use crate::math::{Lanes, Vec3x};
 
 /// Three neighbours on a yarn. C = x0 - 2 x1 + x2 [m], energy = |C|^2 / (2 compliance).
@@ -36,22 +36,19 @@ pub(super) fn triples(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<BendT
     if physics.bending != Bending::Yarns {
         return Vec::new();
     }
-    let triples: Vec<BendTriple> = lamina
-        .yarns
-        .iter()
-        .flat_map(|yarn| {
-            let stiffness = bending_stiffness(lamina, physics, yarn.family) * yarn.width;
-            let compliance = yarn.rest_length.powi(3) / stiffness;
-            let triples = yarn.vertices.windows(3);
-            triples.map(move |v| BendTriple {
-                vertices: [v[0], v[1], v[2]],
+    let mut triples = Vec::new();
+    for yarn in &lamina.yarns {
+        let stiffness = bending_stiffness(lamina, physics, yarn.family) * yarn.width;
+        let compliance = yarn.rest_length.powi(3) / stiffness;
+        if compliance.is_finite() {
+            let vertices = yarn.vertices.windows(3).map(|v| [v[0], v[1], v[2]]);
+            triples.extend(vertices.map(|vertices| BendTriple {
+                vertices,
                 compliance,
-            })
-        })
-        .filter(|triple| triple.compliance.is_finite())
-        .collect();
-    let vertices: Vec<_> = triples.iter().map(|t| t.vertices).collect();
-    in_colors(&triples, color(lamina.vertex_count(), &vertices))
+            }));
+        }
+    }
+    in_colors(lamina, &triples, |triple| triple.vertices)
 }
 
 /// Projects three-node bending, one colour.
@@ -86,12 +83,9 @@ pub(super) fn bend<V: Lanes, C: Chain<V>>(yarn: Along<V, C>) {
         ..
     } = yarn;
     let count = line.vertices().len();
-    let Some(stiffness) = line.bending() else {
+    let Some(stiffness) = line.bending().filter(|_| count >= 3) else {
         return;
     };
-    if count < 3 {
-        return;
-    }
     let mut rows = BendRows::new(line, stiffness, x);
     let inner = 2..count.saturating_sub(2).max(2);
     for i in 0..2 {
@@ -104,12 +98,11 @@ pub(super) fn bend<V: Lanes, C: Chain<V>>(yarn: Along<V, C>) {
     for i in inner.end..count {
         rows.eliminate(i, i + 2 < count, ends(line, i), x, mobility, scratch);
     }
-    let Rows {
+    let Scratch {
         edge: z,
         upper: first,
-        right: second,
-        ..
-    } = scratch.rows(count);
+        second,
+    } = scratch;
     let (mut d1, mut d2) = (Vec3x::zero(), Vec3x::zero());
     for i in (0..count).rev() {
         let d = z[i] - d1.scale(first[i]) - d2.scale(second[i]);
@@ -152,10 +145,7 @@ impl<'a, V: Lanes, C: Chain<V>> BendRows<'a, V, C> {
         Self {
             line,
             stiffness,
-            x: [
-                x[line.vertices()[0] as usize],
-                x[line.vertices()[1] as usize],
-            ],
+            x: [0, 1].map(|k: usize| x[line.vertices()[k] as usize]),
             difference: [Vec3x::zero(); 2],
             first: [V::zero(); 2],
             second: [V::zero(); 2],
@@ -180,13 +170,7 @@ impl<'a, V: Lanes, C: Chain<V>> BendRows<'a, V, C> {
             let [x0, x1] = self.x;
             let x2 = x[self.line.vertices()[i + 2] as usize];
             self.x = [x1, x2];
-            let after = x0 + x2 - x1.scale(V::of(2.0));
-            let Vec3x([dx, dy, dz]) = after;
-            Vec3x([
-                self.line.of_edge(i + 1, dx),
-                self.line.of_edge(i + 1, dy),
-                self.line.of_edge(i + 1, dz),
-            ])
+            self.line.of_edge(i + 1, x0 + x2 - x1.scale(V::of(2.0)))
         } else {
             Vec3x::zero()
         };

@@ -1,19 +1,15 @@
 //! Contact of the cloth with itself.
 //!
-//! Vertices against triangles and edges against edges, as far as they are near and share no
-//! vertex, are kept one fabric thickness apart, with Coulomb friction. Each pair that faces
-//! each other remembers on which side it was before it met: a press that drives layers
-//! through each other within a substep does not decide which of them is on top.
+//! Vertices against triangles and edges against edges that share no vertex are kept one fabric
+//! thickness apart, with Coulomb friction. Each pair that faces each other remembers its side: a
+//! press that drives layers through each other does not decide which of them is on top.
 //!
-//! Pairs are found with boxes that cover the displacement of the last substep, so that nothing
-//! passes unseen between two refreshes; pairs are refreshed at the start of every control step and whenever a
-//! vertex has moved by `SLACK` thicknesses since the last one. Pairs are pushed apart one after
-//! the other until none overlaps by half the thickness, so under a press layers come nearer
-//! than the thickness. Everything is counted lane by lane in f64, so that a lane's bits depend on
-//! nothing but its own state.
+//! Pairs are refreshed at the start of every control step and whenever a vertex has moved by
+//! `SLACK` thicknesses, with boxes that cover the displacement of the last substep. They are pushed
+//! apart one after the other until none overlaps by half the thickness, lane by lane in f64, so
+//! that a lane's bits depend on nothing but its own state.
 //!
-//! Not modelled: adhesion, compaction of the fabric. Neighbours that share a vertex do not
-//! touch; a fold is as sharp as its cells allow.
+//! Not modelled: adhesion, compaction of the fabric, a fold sharper than its cells.
 
 mod geometry;
 mod search;

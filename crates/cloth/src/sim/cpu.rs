@@ -71,7 +71,6 @@ impl Cpu {
         let lanes = first.lanes();
         let more = (1..count.div_ceil(lanes)).map(|_| make(model));
         let groups: Vec<_> = std::iter::once(first).chain(more).collect();
-        let vertices = model.vertex_count();
         let sheet = |(lamina, stencil): &(Arc<Lamina>, Stencil)| Sheet {
             areas: lamina.vertex_areas(),
             ties: ties(lamina, stencil.max_strain),
@@ -83,7 +82,6 @@ impl Cpu {
             pressed: vec![Pressed::default(); count],
             sheet: world.presses.as_ref().map(sheet).unwrap_or_default(),
         };
-        debug_assert_eq!(world.start.position.len(), vertices);
         // Lanes that nobody uses hold a state that can be stepped as well.
         for group in &mut cpu.groups {
             for lane in 0..lanes {
@@ -175,13 +173,13 @@ impl Backend for Cpu {
     fn press(&mut self, vertices: &[Option<u32>]) {
         assert_eq!(vertices.len(), self.count(), "one entry an environment");
         let (world, sheet) = (&self.world, &self.sheet);
-        let (_, stencil) = world.presses.as_ref().expect("a world with presses");
+        let presses = world.presses.as_ref().expect("a world with presses");
         self.groups
             .par_iter_mut()
             .zip(self.pressed.par_chunks_mut(self.lanes))
             .zip(vertices.par_chunks(self.lanes))
             .for_each(|((group, pressed), vertices)| {
-                press(&mut **group, world, stencil, sheet, vertices, pressed);
+                press(&mut **group, world, presses, sheet, vertices, pressed);
             });
     }
 
@@ -193,17 +191,14 @@ impl Backend for Cpu {
     }
 
     fn distances(&self, vertices: &[u32]) -> Vec<f64> {
-        let groups = self.groups.par_iter();
-        let mut distances: Vec<f64> = groups
-            .flat_map_iter(|group| {
-                let all = group.distances(&self.world.tool, vertices);
-                let lanes = group.lanes();
-                let of = move |lane| (0..vertices.len()).map(move |k| k * lanes + lane);
-                (0..lanes).flat_map(of).map(move |at| all[at])
-            })
-            .collect();
-        distances.truncate(self.count() * vertices.len());
-        distances
+        let of_environment = |environment| {
+            let (group, lane) = self.place(environment);
+            let (group, tool) = (&self.groups[group], &self.world.tool);
+            let vertices = vertices.iter();
+            vertices.map(move |&vertex| group.distance(tool, lane, vertex))
+        };
+        let environments = (0..self.count()).into_par_iter();
+        environments.flat_map_iter(of_environment).collect()
     }
 
     fn pressed(&self) -> &[Pressed] {
@@ -215,18 +210,12 @@ impl Backend for Cpu {
 fn press(
     group: &mut dyn Group,
     world: &World,
-    stencil: &Stencil,
+    (lamina, stencil): &(Arc<Lamina>, Stencil),
     Sheet { areas, ties }: &Sheet,
     vertices: &[Option<u32>],
     pressed: &mut [Pressed],
 ) {
-    let World {
-        model,
-        tool,
-        start,
-        presses,
-    } = world;
-    let (lamina, _) = presses.as_ref().expect("a world with presses");
+    let (model, tool) = (&world.model, &world.tool);
     let mut presses = Vec::with_capacity(vertices.len());
     for (lane, &vertex) in vertices.iter().enumerate() {
         let Some(vertex) = vertex else { continue };
@@ -249,7 +238,7 @@ fn press(
             let x = group.position(lane, v);
             let (phi, normal) = tool.distance(x);
             // Tangent planes are a few substeps old: what they let in goes out again.
-            if phi < 0.0 && !start.fixed.contains(v as usize) {
+            if phi < 0.0 && !world.start.fixed.contains(v as usize) {
                 let at = [0, 1, 2].map(|k| x[k] - phi * normal[k]);
                 group.place(lane, v, at);
             }

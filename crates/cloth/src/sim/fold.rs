@@ -1,15 +1,14 @@
 //! One environment in many lanes: lines that share no vertex are solved side by side.
 //!
-//! Warps are bundled by length, and the state lies in the order of these bundles: along a warp
-//! from number to number, another warp in every lane. What runs along warps, or goes vertex by
-//! vertex, works on it as it is. Wefts and rows of diagonals are copied out, solved and copied
-//! back; where warps and wefts cross in a full square, that is a transposition.
+//! The state lies in the order of the warps, bundled by length: along a warp from number to number,
+//! another warp in every lane. Wefts and rows of diagonals are copied out, solved and copied back;
+//! where warps and wefts cross in a full square, that is a transposition.
 
 use std::ops::Range;
 
 use super::line::{Chain, Line};
 use super::lines::Lines;
-use crate::math::Lanes;
+use crate::math::{Lanes, Vec3x};
 
 /// A line in every lane. Shorter ones are filled up with edges that are not there.
 pub(super) struct Bundle<V> {
@@ -92,8 +91,8 @@ impl<V: Lanes> Chain<V> for Bundle<V> {
         self.bending
     }
     #[inline(always)]
-    fn of_edge(&self, j: usize, x: V) -> V {
-        x * self.has_edge[j]
+    fn of_edge(&self, j: usize, x: Vec3x<V>) -> Vec3x<V> {
+        x.scale(self.has_edge[j])
     }
     #[inline(always)]
     fn has_edge(&self, j: usize) -> V {
@@ -118,12 +117,15 @@ enum Part {
 }
 
 impl Places {
-    fn new(slots: Vec<u32>, lanes: usize) -> Self {
+    fn new<V: Lanes>(slots: Vec<u32>) -> Self {
+        let lanes = V::COUNT;
         let count = slots.len() / lanes;
         let mut parts = Vec::new();
         let mut i = 0;
         while i < count {
-            if let Some(numbers) = square(&slots[i * lanes..], lanes) {
+            if V::TRANSPOSE.is_some()
+                && let Some(numbers) = square(&slots[i * lanes..], lanes)
+            {
                 parts.push(Part::Square(i, numbers));
                 i += lanes;
                 continue;
@@ -155,7 +157,8 @@ impl Places {
                                 false => state[K * *number as usize + k],
                             };
                         }
-                        V::transpose(&mut block[..V::COUNT]);
+                        let transpose = V::TRANSPOSE.expect("squares are for that");
+                        transpose(&mut block[..V::COUNT]);
                         for (j, (block, number)) in block.iter().zip(numbers).enumerate() {
                             match BACK {
                                 true => state[K * *number as usize + k] = *block,
@@ -288,7 +291,7 @@ impl<V: Lanes> Fold<V> {
         };
         let along = 0..lines[0].vertices.len();
         let slots = along.flat_map(|i| (0..V::COUNT).map(move |lane| (i, lane)));
-        Places::new(slots.map(|(i, lane)| slot(i, lane)).collect(), V::COUNT)
+        Places::new::<V>(slots.map(|(i, lane)| slot(i, lane)).collect())
     }
 }
 

@@ -6,7 +6,7 @@ use super::state::Snapshot;
 use super::step::step;
 use super::stepping::Control;
 use super::storage::Storage;
-use crate::math::Lanes;
+use crate::math::{Lanes, Real, Vec3x};
 use crate::tool::Tool;
 
 /// Environments of the same model that move in lockstep on the CPU.
@@ -35,9 +35,8 @@ pub(super) trait Group: Send + Sync {
     /// Whether every position of a lane is a number within 100 m of the origin, lane by lane.
     fn finite(&self) -> Vec<bool>;
 
-    /// Distance of some vertices to the tool [m], negative inside, [vertex][lane]. A lane's are
-    /// the same bits in any company.
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64>;
+    /// Distance of a vertex to the tool [m], negative inside, in the precision of the group.
+    fn distance(&self, tool: &Tool, lane: usize, vertex: u32) -> f64;
 }
 
 impl<S: Storage> Group for S {
@@ -70,13 +69,10 @@ impl<S: Storage> Group for S {
         for (vertex, [place, lane]) in slots().enumerate() {
             fixed.set(vertex, cloth.inverse_mass[place].get(lane) == 0.0);
         }
+        let vectors = |all: &[Vec3x<S::V>]| slots().map(|[v, lane]| all[v].get(lane)).collect();
         Snapshot {
-            position: slots()
-                .map(|[v, lane]| cloth.position[v].get(lane))
-                .collect(),
-            velocity: slots()
-                .map(|[v, lane]| cloth.velocity[v].get(lane))
-                .collect(),
+            position: vectors(&cloth.position),
+            velocity: vectors(&cloth.velocity),
             fixed,
             force_density: edges.map(|[e, lane]| cloth.density[e].get(lane)).collect(),
             sides: self.sides(lane),
@@ -113,7 +109,9 @@ impl<S: Storage> Group for S {
         }
     }
 
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
-        Storage::distances(self, tool, vertices)
+    fn distance(&self, tool: &Tool, lane: usize, vertex: u32) -> f64 {
+        let [place, lane] = self.slot(lane, vertex as usize);
+        let x = self.cloth().position[place].0.map(|x| x.as_slice()[lane]);
+        tool.distance_in_lanes(x).0.to_f64()
     }
 }

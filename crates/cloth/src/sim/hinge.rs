@@ -3,8 +3,8 @@
 use super::bend::bending_stiffness;
 use super::law::in_colors;
 use super::physics::{Bending, PhysicsConfig};
-use crate::fabric::{Family, Hinge, Lamina, color};
-use crate::math::{Lanes, Vec3x};
+use crate::fabric::{Family, Hinge, Lamina};
+use crate::math::{Lanes, Vec3x, polynomial};
 
 /// A hinge between two triangles. C = dihedral angle [rad].
 #[derive(Clone, Copy, Debug)]
@@ -24,16 +24,12 @@ pub(super) fn hinges(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<BendHi
     };
     let of = |family| bending_stiffness(lamina, physics, family);
     let mean = 0.5 * (of(Family::Warp) + of(Family::Weft));
-    let hinges: Vec<BendHinge> = hinges
-        .iter()
-        .map(|hinge| BendHinge {
-            vertices: hinge.vertices,
-            compliance: 1.0 / (mean * hinge.weight),
-        })
-        .filter(|hinge| hinge.compliance.is_finite())
-        .collect();
-    let vertices: Vec<_> = hinges.iter().map(|h| h.vertices).collect();
-    in_colors(&hinges, color(lamina.vertex_count(), &vertices))
+    let with_compliance = hinges.iter().map(|hinge| BendHinge {
+        vertices: hinge.vertices,
+        compliance: 1.0 / (mean * hinge.weight),
+    });
+    let stiff = with_compliance.filter(|hinge| hinge.compliance.is_finite());
+    in_colors(lamina, &stiff.collect::<Vec<_>>(), |hinge| hinge.vertices)
 }
 
 /// Arc tangent of t >= 0 [rad], error below 2e-6 (least-squares polynomial in t^2 over
@@ -43,19 +39,15 @@ fn arc_tangent<V: Lanes>(t: V) -> V {
     let one = V::of(1.0);
     let large = one.lt(t);
     let u = V::select(large, one / t.max(V::of(1e-20)), t);
-    let s = u * u;
-    let mut sum = V::zero();
-    for c in [
-        -0.011_721_2,
-        0.052_653_32,
-        -0.116_432_87,
-        0.193_543_46,
-        -0.332_623_47,
+    let factors = [
         0.999_977_26,
-    ] {
-        sum = sum * s + V::of(c);
-    }
-    let angle = u * sum;
+        -0.332_623_47,
+        0.193_543_46,
+        -0.116_432_87,
+        0.052_653_32,
+        -0.011_721_2,
+    ];
+    let angle = u * polynomial(factors, u * u);
     V::select(large, V::of(std::f64::consts::FRAC_PI_2) - angle, angle)
 }
 

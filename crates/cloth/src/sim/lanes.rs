@@ -6,7 +6,6 @@ use super::lines::{Direction, Lines};
 use super::model::{Model, Pass};
 use super::storage::Storage;
 use crate::math::{Lanes, Vec3x};
-use crate::tool::Tool;
 
 /// A group of environments, one in every lane: a place is a vertex.
 pub(super) struct InLanes<V: Lanes> {
@@ -15,7 +14,7 @@ pub(super) struct InLanes<V: Lanes> {
 }
 
 impl<V: Lanes> InLanes<V> {
-    /// A group for `model` with every vertex free and at rest in the origin.
+    /// A group for `model`, every lane of which has to be loaded.
     pub fn new(model: &Model) -> Self {
         let count = model.vertex_count();
         let (edges, longest) = match &model.lines {
@@ -23,7 +22,6 @@ impl<V: Lanes> InLanes<V> {
             None => (0, 0),
         };
         let mut cloth = Cloth::new(count, edges, longest);
-        cloth.inverse_mass = model.inverse_mass.iter().map(|&w| V::of(w)).collect();
         cloth.tack = model.tack.iter().flatten().map(|&t| V::of(t)).collect();
         Self {
             cloth,
@@ -73,10 +71,6 @@ impl<V: Lanes> Storage for InLanes<V> {
         }
     }
 
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
-        self.cloth.distances(tool, vertices)
-    }
-
     #[inline(always)]
     fn count(&self, lines: &Lines, direction: Direction) -> usize {
         lines.of(direction).len()
@@ -96,12 +90,6 @@ impl<V: Lanes> Storage for InLanes<V> {
     ) -> Along<'a, V, Line> {
         self.cloth.along(&lines.of(direction)[i])
     }
-
-    #[inline(always)]
-    fn put(&mut self, _: Direction, _: usize) {}
-
-    #[inline(always)]
-    fn warm_start_wefts(&mut self) {}
 
     #[inline(always)]
     fn weft_pull(&self, lines: &Lines, place: usize) -> (Vec3x<V>, V) {

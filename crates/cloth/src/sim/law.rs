@@ -26,11 +26,8 @@ impl EdgeLaw {
     /// The compliance of the sign of `c`.
     #[inline(always)]
     pub fn branch<V: Lanes>(&self, c: V) -> V {
-        V::select(
-            c.lt(V::zero()),
-            V::of(self.compression),
-            V::of(self.tension),
-        )
+        let [tension, compression] = [self.tension, self.compression].map(V::of);
+        V::select(c.lt(V::zero()), compression, tension)
     }
 }
 
@@ -115,9 +112,15 @@ pub(super) fn edge_classes(lamina: &Lamina, edges: &[Edge]) -> Vec<(Vec<u32>, Ed
     classes.map(with_edges).collect()
 }
 
-/// The members of each of `classes`.
-pub(super) fn in_colors<T: Copy>(all: &[T], classes: Vec<Vec<u32>>) -> Vec<Vec<T>> {
+/// Constraints on `vertices` in colours.
+pub(super) fn in_colors<T: Copy, const N: usize>(
+    lamina: &Lamina,
+    all: &[T],
+    vertices: impl Fn(&T) -> [u32; N],
+) -> Vec<Vec<T>> {
+    let vertices: Vec<[u32; N]> = all.iter().map(vertices).collect();
     let members = |class: Vec<u32>| class.iter().map(|&i| all[i as usize]).collect();
+    let classes = color(lamina.vertex_count(), &vertices);
     classes.into_iter().map(members).collect()
 }
 

@@ -1,10 +1,9 @@
 //! Lines of vertices that are solved as a whole, and the tridiagonal solve along one. Everything
 //! here is inlined into the substep, so that it is compiled for the instruction set in use.
 //!
-//! A projection that goes constraint by constraint sees, of all the inertia and stiffness
-//! around it, only its own vertices. Long waves then meet a fabric that is softer the longer
-//! the substep, and a wrinkle sinks by itself. Along a line the system is banded, and solving
-//! it as a whole costs hardly more. What is left is the splitting between lines that cross.
+//! Constraint by constraint, long waves meet a fabric that is softer the longer the substep, and a
+//! wrinkle sinks by itself. Along a line the system is banded, and solving it as a whole costs
+//! hardly more. What is left is the splitting between lines that cross.
 
 use std::ops::Range;
 
@@ -51,7 +50,7 @@ pub(super) trait Chain<V: Lanes> {
     /// Bending stiffness [N/m]; none where no lane has any.
     fn bending(&self) -> Option<V>;
     /// `x` in the lanes whose line has edge `j`, else 0.
-    fn of_edge(&self, j: usize, x: V) -> V;
+    fn of_edge(&self, j: usize, x: Vec3x<V>) -> Vec3x<V>;
     /// 1 in the lanes whose line has edge `j`, which is one of the line's longest, else 0.
     fn has_edge(&self, j: usize) -> V;
 }
@@ -87,7 +86,7 @@ impl<V: Lanes> Chain<V> for Line {
         (self.bending != 0.0).then(|| V::of(self.bending))
     }
     #[inline(always)]
-    fn of_edge(&self, _: usize, x: V) -> V {
+    fn of_edge(&self, _: usize, x: Vec3x<V>) -> Vec3x<V> {
         x
     }
     #[inline(always)]
@@ -96,10 +95,12 @@ impl<V: Lanes> Chain<V> for Line {
     }
 }
 
-/// Scratch space of a line, one entry a vertex.
+/// Eliminated rows of the system of a line, one a vertex or edge.
 pub(super) struct Scratch<V> {
+    /// Edges from end to end; right sides of bending.
     pub edge: Vec<Vec3x<V>>,
     pub upper: Vec<V>,
+    /// Right sides; the second upper diagonal of bending.
     pub second: Vec<V>,
 }
 
@@ -109,25 +110,6 @@ impl<V: Lanes> Scratch<V> {
             edge: vec![Vec3x::zero(); longest],
             upper: vec![V::zero(); longest],
             second: vec![V::zero(); longest],
-        }
-    }
-}
-
-/// Eliminated rows of a system, one a vertex or edge.
-pub(super) struct Rows<'a, V> {
-    /// From end to end.
-    pub edge: &'a mut [Vec3x<V>],
-    pub upper: &'a mut [V],
-    pub right: &'a mut [V],
-}
-
-impl<V: Lanes> Scratch<V> {
-    #[inline(always)]
-    pub fn rows(&mut self, vertices: usize) -> Rows<'_, V> {
-        Rows {
-            edge: &mut self.edge[..vertices],
-            upper: &mut self.upper[..vertices],
-            right: &mut self.second[..vertices],
         }
     }
 }
@@ -163,8 +145,9 @@ impl<V: Lanes, C> Along<'_, V, C> {
 pub(super) trait Response<V: Lanes> {
     /// Compliance of edge `j` [m/N], and its residual: what its force leaves of its C [m].
     fn at<C: Chain<V>>(&self, line: &C, j: usize, square: V, length: V) -> [V; 2];
-    /// Takes in by how much the force density of edge `j` changes [N/m].
-    fn add<C: Chain<V>>(&mut self, line: &C, j: usize, change: V);
+    /// Takes in by how much the force density of edge `j` changes [N/m], where forces last.
+    #[inline(always)]
+    fn add<C: Chain<V>>(&mut self, _line: &C, _j: usize, _change: V) {}
 }
 
 /// Solves (J M J^T + compliance) d = residual for the changes d of the edges' forces, and moves
@@ -179,10 +162,8 @@ pub(super) fn solve<V: Lanes>(
     mobility: &[V],
     scratch: &mut Scratch<V>,
 ) {
-    let rows = scratch.rows(line.vertices().len());
-    eliminate(line, response, x, mobility, rows);
-    let rows = scratch.rows(line.vertices().len());
-    substitute(line, response, x, mobility, rows);
+    eliminate(line, response, x, mobility, scratch);
+    substitute(line, response, x, mobility, scratch);
 }
 
 /// Forward elimination of the tridiagonal system of a line's edges. Rows and unknowns are scaled
@@ -193,7 +174,7 @@ fn eliminate<V: Lanes>(
     response: &impl Response<V>,
     x: &[Vec3x<V>],
     mobility: &[V],
-    rows: Rows<V>,
+    rows: &mut Scratch<V>,
 ) {
     // A collapsed edge, or two pinned ends and no compliance, leave a zero diagonal; any finite
     // value does then.
@@ -207,12 +188,7 @@ fn eliminate<V: Lanes>(
     for j in 0..line.vertices().len() - 1 {
         let v1 = line.vertices()[j + 1] as usize;
         let (x1, w1) = (x[v1], mobility[v1]);
-        let Vec3x([dx, dy, dz]) = x1 - x0;
-        let d = Vec3x([
-            line.of_edge(j, dx),
-            line.of_edge(j, dy),
-            line.of_edge(j, dz),
-        ]);
+        let d = line.of_edge(j, x1 - x0);
         let square = d.dot(d);
         let length = square.sqrt();
         let [compliance, residual] = response.at(line, j, square, length);
@@ -226,7 +202,7 @@ fn eliminate<V: Lanes>(
             rows.upper[j - 1] = upper;
         }
         rows.edge[j] = d;
-        rows.right[j] = right;
+        rows.second[j] = right;
         (x0, w0, previous, previous_inverse, previous_right) = (x1, w1, d, inverse, right);
     }
     // Nothing comes after the last edge, and what a longer line left there may be no number.
@@ -240,12 +216,12 @@ fn substitute<V: Lanes>(
     response: &mut impl Response<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
-    rows: Rows<V>,
+    rows: &mut Scratch<V>,
 ) {
     let mut after = Vec3x::zero();
     let mut change_after = V::zero();
     for j in (0..line.vertices().len() - 1).rev() {
-        let change = rows.right[j] + rows.upper[j] * change_after;
+        let change = rows.second[j] + rows.upper[j] * change_after;
         response.add(line, j, change);
         let moved = rows.edge[j].scale(change);
         let v = line.vertices()[j + 1] as usize;

@@ -4,19 +4,16 @@
 //! stores (stiffening - 1) G t a b (|gamma| - gamma_L)^2 / 2 more. That is a one-sided constraint
 //! of its own, solved from where the shear of [`super::shear`] has left the cloth: C is how much
 //! longer, or shorter, a diagonal is than at the locking angle. As one law with shear it would hold
-//! cloth far too early: the chord is taken where a substep's forces have drawn the diagonal, there
-//! many times as stiff as where it comes to rest. (A diagonal whose mobility times stiffness is
-//! 0.3 rests at 0.34 rad under a load for 0.765; split, at 0.751.)
-//!
-//! Rest errs by the splitting: shear without locking is that of the cell before it is pushed
-//! back, by mobility times force, which vanishes with the square of the substep.
+//! cloth far too early, at 0.34 rad under a load for 0.765: the chord is taken where a substep's
+//! forces have drawn the diagonal, many times as stiff as where it comes to rest. Split, it rests
+//! at 0.751: off by mobility times force, which vanishes with the square of the substep.
 
 use super::law::{EdgeClass, EdgeResponse};
 use super::line::{Along, Chain, Response, solve};
 use super::physics::PhysicsConfig;
 use super::shear::{MAX_SINE, POWERS, fit};
 use crate::fabric::Lamina;
-use crate::math::Lanes;
+use crate::math::{Lanes, polynomial};
 
 /// Compliance where nothing is locked [m/N]: no force comes of it and none goes through. A finite
 /// one would leave forces along a row that shrink until processors take long over them.
@@ -81,11 +78,7 @@ impl Locking {
     fn share<V: Lanes>(&self, sine: V) -> V {
         let size = sine.max(-sine).min(V::of(MAX_SINE)).max(V::of(self.sine));
         let part = (size - V::of(self.sine)) * V::of(self.per_sine);
-        let mut sum = V::of(self.share[POWERS - 1]);
-        for k in (0..POWERS - 1).rev() {
-            sum = sum * part + V::of(self.share[k]);
-        }
-        (sum * part + V::of(1.0)) * V::of(self.at_onset)
+        (polynomial(self.share, part) * part + V::of(1.0)) * V::of(self.at_onset)
     }
 
     /// How much longer a diagonal is than at locking, over its length at rest and negative where it
@@ -105,11 +98,10 @@ impl Locking {
         let twice = self.share(sine) * V::of(2.0);
         [beyond, twice / (stretch * (stretch + onset))]
     }
-}
 
-// What is rare is computed only where it happens: roots and divisions cost most. No lane may
-// depend on others, so that what decides about all of them also decides about each.
-impl Locking {
+    // What is rare is computed only where it happens: roots and divisions cost most. No lane may
+    // depend on others, so that what decides about all of them also decides about each.
+
     /// Where a diagonal is locked: more than 0. `square` is that of its length, with the inverse
     /// of its length at rest [1/m].
     #[inline(always)]
@@ -154,13 +146,8 @@ pub(super) fn lock<V: Lanes, C: Chain<V>>(row: Along<V, C>, locking: &Locking) {
         excess = excess + locking.excess(d.dot(d), inverse_rest) * row.line.has_edge(j);
     }
     if V::any(V::zero().lt(excess)) {
-        solve(
-            row.line,
-            &mut OneSided(locking),
-            row.x,
-            row.mobility,
-            row.scratch,
-        );
+        let response = &mut OneSided(locking);
+        solve(row.line, response, row.x, row.mobility, row.scratch);
     }
 }
 
@@ -180,9 +167,6 @@ impl<V: Lanes> Response<V> for OneSided<'_> {
             V::select(is_locked, beyond * rest, V::zero()),
         ]
     }
-
-    #[inline(always)]
-    fn add<C: Chain<V>>(&mut self, _: &C, _: usize, _: V) {}
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use super::law::{EdgeLaw, in_colors};
 use super::locking::Locking;
 use super::physics::PhysicsConfig;
 use super::shear::share_of_sine;
-use crate::fabric::{Family, Lamina, color};
+use crate::fabric::{Family, Lamina};
 use crate::math::{Lanes, Vec3x};
 
 /// Below this squared stretch a direction is lost, and nothing acts along it.
@@ -66,8 +66,7 @@ pub(super) fn elements(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<Elem
             }
         })
         .collect();
-    let vertices: Vec<_> = all.iter().map(|element| element.vertices).collect();
-    in_colors(&all, color(lamina.vertex_count(), &vertices))
+    in_colors(lamina, &all, |element| element.vertices)
 }
 
 /// Moves the corners along `gradient` of C (that of the first corner is minus the sum of the
@@ -159,13 +158,8 @@ pub(super) fn project_locking<V: Lanes>(
         let (sine, gradient) = sine(&x, slopes);
         let [c, share] = locking.of_sine(sine);
         let c = V::select(is_locked, c, V::zero());
-        apply(
-            c,
-            gradient,
-            law.branch(c) * share,
-            &mut x,
-            &v.map(|v| mobility[v]),
-        );
+        let (alpha, w) = (law.branch(c) * share, v.map(|v| mobility[v]));
+        apply(c, gradient, alpha, &mut x, &w);
         for k in 0..3 {
             position[v[k]] = x[k];
         }

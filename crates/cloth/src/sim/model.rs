@@ -73,43 +73,35 @@ impl Model {
     pub fn new(lamina: &Lamina, physics: &PhysicsConfig) -> Self {
         let trellis = trellis(lamina, physics);
         let locking = locking(lamina, physics);
+        let by_edge = physics.solver == Solver::GaussSeidel;
+        let mut passes = Vec::new();
+        if by_edge {
+            let yarns = length::edges(lamina, physics);
+            passes.extend(yarns.map(|(class, limits)| Pass::Edges(class, limits)));
+        }
         let membranes = elements(lamina, physics);
-        let locked = (locking.iter()).flat_map(|locking| {
-            let lock = |class: &Vec<_>| Pass::LockingMembrane(class.clone(), locking.clone());
-            membranes.iter().map(lock)
-        });
-        let locked: Vec<Pass> = locked.collect();
-        let membranes = membranes.into_iter().map(Pass::Membrane).chain(locked);
-        let hinges = hinges(lamina, physics).into_iter().map(Pass::Hinges);
-        let (lines, passes) = match physics.solver {
-            Solver::Yarn => {
-                let lines = Lines::new(lamina, physics, trellis);
-                (Some(lines), membranes.chain(hinges).collect())
+        passes.extend(membranes.iter().cloned().map(Pass::Membrane));
+        if let Some(locking) = &locking {
+            let lock = |class| Pass::LockingMembrane(class, locking.clone());
+            passes.extend(membranes.into_iter().map(lock));
+        }
+        if by_edge {
+            if let Some(trellis) = &trellis {
+                let classes = shear::edges(lamina, trellis);
+                let sheared = classes.iter().cloned();
+                passes.extend(sheared.map(|class| Pass::Diagonals(class, trellis.clone())));
+                if let Some(locking) = &locking {
+                    let lock = |class| Pass::LockingDiagonals(class, locking.clone());
+                    passes.extend(classes.into_iter().map(lock));
+                }
             }
-            Solver::GaussSeidel => {
-                let yarns = length::edges(lamina, physics);
-                let yarns = yarns.map(|(class, limits)| Pass::Edges(class, limits));
-                let diagonals = trellis.iter().flat_map(|trellis| {
-                    let classes = shear::edges(lamina, trellis);
-                    let locked = (locking.iter()).flat_map(|locking| {
-                        let lock =
-                            |c: &EdgeClass| Pass::LockingDiagonals(c.clone(), locking.clone());
-                        classes.iter().map(lock)
-                    });
-                    let locked: Vec<Pass> = locked.collect();
-                    let sheared = classes.into_iter();
-                    let sheared = sheared.map(|class| Pass::Diagonals(class, trellis.clone()));
-                    sheared.chain(locked)
-                });
-                let triples = triples(lamina, physics).into_iter().map(Pass::Triples);
-                let passes = yarns.chain(membranes).chain(diagonals);
-                (None, passes.chain(triples).chain(hinges).collect())
-            }
-        };
+            passes.extend(triples(lamina, physics).into_iter().map(Pass::Triples));
+        }
+        passes.extend(hinges(lamina, physics).into_iter().map(Pass::Hinges));
         let friction = physics.friction.then(|| lamina.material.friction());
         Self {
             inverse_mass: lamina.mass.iter().map(|m| 1.0 / m).collect(),
-            lines,
+            lines: (!by_edge).then(|| Lines::new(lamina, physics, trellis)),
             passes,
             layers: Layers::new(lamina, physics.self_collision, friction),
             friction,

@@ -2,12 +2,11 @@
 //!
 //! A cell between yarns of lengths a and b that hardly stretch is a trellis. Its diagonal l
 //! knows its shear angle, sin gamma = (l^2 - l0^2) / (2 a b), and with the energy
-//! G t a b gamma^2 / 2 pulls with dE/dl = G t gamma l / cos gamma. A solve that wants a
-//! compliance gets that of the chord, (l - l0) / (dE/dl), at the length that it starts from: what
-//! moves within a substep answers to the law of its start. As a polynomial in the sine it costs
-//! neither roots nor divisions.
+//! G t a b gamma^2 / 2 pulls with dE/dl = G t gamma l / cos gamma. The compliance of a solve is that
+//! of the chord, (l - l0) / (dE/dl), at the length that it starts from, as a polynomial in the sine,
+//! which costs neither roots nor divisions.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{SMatrix, SVector};
 
@@ -15,7 +14,7 @@ use super::law::{Edge, EdgeClass, EdgeLaw, EdgeResponse, edge_classes};
 use super::line::{Along, Chain, Line, Response, solve};
 use super::physics::PhysicsConfig;
 use crate::fabric::Lamina;
-use crate::math::Lanes;
+use crate::math::{Lanes, polynomial};
 
 /// Sine of the shear angle up to which polynomials are fitted, that of 60 degrees: woven cloth
 /// locks before. Beyond it they keep their last value.
@@ -63,11 +62,7 @@ impl Trellis {
         let per_growth = V::of(self.per_growth);
         let sine = square * (inverse_rest * inverse_rest * per_growth) - per_growth;
         let sine = sine.min(V::of(MAX_SINE)).max(V::of(-MAX_SINE));
-        let mut sum = V::of(self.share[POWERS - 1]);
-        for k in (0..POWERS - 1).rev() {
-            sum = sum * sine + V::of(self.share[k]);
-        }
-        sum * sine + V::of(1.0)
+        polynomial(self.share, sine) * sine + V::of(1.0)
     }
 }
 
@@ -102,11 +97,7 @@ fn chord(sine: f64, per_growth: f64) -> f64 {
 #[inline(always)]
 pub(super) fn share_of_sine<V: Lanes>(sine: V) -> V {
     let square = (sine * sine).min(V::of(MAX_SINE * MAX_SINE));
-    let mut sum = V::of(-0.174_311_54);
-    for c in [-0.003_791_1, -0.680_531_98, 1.0] {
-        sum = sum * square + V::of(c);
-    }
-    sum
+    polynomial([1.0, -0.680_531_98, -0.003_791_1, -0.174_311_54], square)
 }
 
 /// The law of the diagonals: near rest a spring of 2 G h for square cells, as such a diagonal
@@ -119,45 +110,30 @@ pub(super) fn trellis(lamina: &Lamina, physics: &PhysicsConfig) -> Option<Trelli
 
 /// Diagonals strung together from end to end.
 pub(super) fn rows(lamina: &Lamina, law: EdgeLaw) -> Vec<Line> {
-    let mut next: BTreeMap<u32, (u32, f64)> = BTreeMap::new();
-    let mut ends = Vec::new();
-    for diagonal in &lamina.diagonals {
-        let [from, to] = diagonal.vertices;
-        next.insert(from, (to, diagonal.rest_length));
-        ends.push(to);
-    }
-    ends.sort_unstable();
-    let starts: Vec<u32> = next
-        .keys()
-        .filter(|v| ends.binary_search(v).is_err())
-        .copied()
-        .collect();
-    let mut lines = Vec::new();
-    for start in starts {
+    let mut next: BTreeMap<u32, u32> = lamina.diagonals.iter().map(|&[a, b]| (a, b)).collect();
+    let ends: BTreeSet<u32> = next.values().copied().collect();
+    let starts: Vec<u32> = next.keys().filter(|v| !ends.contains(v)).copied().collect();
+    let row = |start| {
         let mut vertices = vec![start];
-        let mut rest_length = 0.0;
-        while let Some((to, length)) = next.remove(vertices.last().expect("not empty")) {
-            rest_length = length;
+        while let Some(to) = next.remove(vertices.last().expect("not empty")) {
             vertices.push(to);
         }
-        lines.push(Line {
+        Line {
             vertices,
             edges: 0..0,
-            rest_length,
+            rest_length: lamina.cell_diagonal(),
             law,
             limit: None,
             bending: 0.0,
-        });
-    }
-    lines
+        }
+    };
+    starts.into_iter().map(row).collect()
 }
 
 /// Diagonals in colours.
 pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<EdgeClass> {
-    let diagonals = lamina.diagonals.iter();
-    let edges: Vec<Edge> = diagonals
-        .map(|d| (d.vertices, d.rest_length, trellis.at_rest))
-        .collect();
+    let edge = |&ends| (ends, lamina.cell_diagonal(), trellis.at_rest);
+    let edges: Vec<Edge> = lamina.diagonals.iter().map(edge).collect();
     let classes = edge_classes(lamina, &edges).into_iter();
     classes.map(|(_, class)| class).collect()
 }
@@ -174,13 +150,8 @@ impl<V: Lanes> EdgeResponse<V> for Trellis {
 /// and size of its C. As for a yarn, but soft enough that its forces need not last.
 #[inline(always)]
 pub(super) fn shear<V: Lanes, C: Chain<V>>(row: Along<V, C>, trellis: &Trellis) {
-    solve(
-        row.line,
-        &mut Cold(trellis),
-        row.x,
-        row.mobility,
-        row.scratch,
-    );
+    let response = &mut Cold(trellis);
+    solve(row.line, response, row.x, row.mobility, row.scratch);
 }
 
 /// No forces from the last substep, and the law of a diagonal.
@@ -195,9 +166,6 @@ impl<V: Lanes> Response<V> for Cold<'_> {
         let at_rest = V::select(c.lt(V::zero()), compression, tension);
         [at_rest * self.0.share(square, inverse_rest), c]
     }
-
-    #[inline(always)]
-    fn add<C: Chain<V>>(&mut self, _: &C, _: usize, _: V) {}
 }
 
 #[cfg(test)]

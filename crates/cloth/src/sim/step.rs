@@ -37,18 +37,15 @@ pub(super) fn step<S: Storage>(
     presses: &[Press],
     storage: &mut S,
 ) {
-    let mut first = 0;
-    while first < control.substeps {
-        let last = (first + control.contact_interval).min(control.substeps);
+    for first in (0..control.substeps).step_by(control.contact_interval) {
         S::V::vectorize(Substeps {
             model,
             tool,
             control,
             presses,
-            range: first..last,
+            range: first..(first + control.contact_interval).min(control.substeps),
             storage,
         });
-        first = last;
     }
 }
 

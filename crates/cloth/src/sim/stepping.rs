@@ -4,10 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::file::ValueError;
 
-/// How finely cloth is stepped, owned by whoever steps it.
-///
-/// It decides what the *method* does in a second and nothing of the scene: mesh, law and tool
-/// stay those that were asked for.
+/// How finely cloth is stepped, owned by whoever steps it. Mesh, law and tool stay as asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stepping {
     /// Substeps [1/s].
@@ -57,10 +54,7 @@ impl Stepping {
     }
 }
 
-/// A name for a point between speed and accuracy, from previews to what results are checked
-/// with.
-///
-/// `drape study verify` holds each against closed forms, `drape study tradeoff` against the
+/// A name for a point between speed and accuracy. `drape study verify` holds each against closed forms, `drape study tradeoff` against the
 /// converged solution, and `drape study transfer` against finite elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -4,7 +4,6 @@ use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
 use super::model::Pass;
 use crate::math::{Lanes, Vec3x};
-use crate::tool::Tool;
 
 /// Where the lanes of a [`Cloth`] come from: where an environment's numbers are, and what the loops
 /// of the stages run over.
@@ -38,9 +37,6 @@ pub(super) trait Storage: Send + Sync {
     /// Starts a control step.
     fn start(&mut self) {}
 
-    /// See [`super::group::Group::distances`].
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64>;
-
     /// How many lines run in a direction.
     fn count(&self, lines: &Lines, direction: Direction) -> usize;
 
@@ -61,21 +57,28 @@ pub(super) trait Storage: Send + Sync {
     ) -> Along<'a, Self::V, Self::Line>;
 
     /// Takes in where line `i`, which was taken last, has moved to.
-    fn put(&mut self, direction: Direction, i: usize);
+    #[inline(always)]
+    fn put(&mut self, _direction: Direction, _i: usize) {}
 
     /// Finds what [`Storage::weft_pull`] tells, where that is not at hand.
-    fn warm_start_wefts(&mut self);
+    #[inline(always)]
+    fn warm_start_wefts(&mut self) {}
 
     /// What its weft's forces of the last substep pull at a vertex where it is predicted [N], and
     /// the sum of their |force density| [N/m].
     fn weft_pull(&self, lines: &Lines, place: usize) -> (Vec3x<Self::V>, Self::V);
 
     /// Projects constraints that are no lines, one after the other.
-    fn project(&mut self, passes: &[Pass]);
+    #[inline(always)]
+    fn project(&mut self, _passes: &[Pass]) {}
 
     /// How high over the tool the cloth beneath a vertex of environment `lane` reaches [m].
-    fn beneath(&self, layers: &Layers, lane: usize, vertex: usize) -> f64;
+    #[inline(always)]
+    fn beneath(&self, _layers: &Layers, _lane: usize, _vertex: usize) -> f64 {
+        0.0
+    }
 
     /// Keeps the layers of the cloth apart.
-    fn separate(&mut self, layers: &Layers);
+    #[inline(always)]
+    fn separate(&mut self, _layers: &Layers) {}
 }

@@ -10,10 +10,9 @@ const MAX_NODES: usize = 64 << 20;
 
 /// Signed distance to a tool on a regular grid [m], negative inside.
 ///
-/// Samples are exact at the nodes but for rounding to f32. Between them the trilinear
-/// interpolant errs by up to h²/8 times the sum of the surface's curvatures (0.04 mm beside a
-/// cylinder of radius 50 mm at spacing h = 4 mm), and by up to about h/2 at sharp edges and
-/// where two parts of the tool are equally near. [`super::Tool::grid_error`] measures it.
+/// Exact at the nodes but for rounding to f32. Between them the trilinear interpolant errs by up to
+/// h²/8 times the sum of the surface's curvatures (0.04 mm beside a cylinder of radius 50 mm at
+/// spacing h = 4 mm), and by about h/2 at sharp edges. [`super::Tool::grid_error`] measures it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DistanceGrid {
     /// Position of the first node [m].
@@ -112,12 +111,8 @@ impl DistanceGrid {
         }
         let [row, layer] = [self.dims[0], self.dims[0] * self.dims[1]];
         // Edges of a cell along x, which runs fastest.
-        let v = V::look_up_pairs(
-            &self.samples,
-            cell,
-            [row, layer],
-            [0, row, layer, layer + row],
-        );
+        let edges = [0, row, layer, layer + row];
+        let v = V::look_up_pairs(&self.samples, cell, [row, layer], edges);
         let lerp = |a: V, b: V, t: V| a + (b - a) * t;
         // Along x on four edges, then along y on two faces, then along z.
         let mut d = [zero; 4];
@@ -145,11 +140,8 @@ impl DistanceGrid {
             let off = zero.lt(b * b);
             V::select(off, b * inverse, inside)
         };
-        let gradient = [
-            outwards(bx, gradient[0]),
-            outwards(by, gradient[1]),
-            outwards(bz, gradient[2]),
-        ];
+        let [gx, gy, gz] = gradient;
+        let gradient = [outwards(bx, gx), outwards(by, gy), outwards(bz, gz)];
         (inside + distance, gradient)
     }
 }

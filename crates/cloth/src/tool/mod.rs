@@ -1,9 +1,7 @@
 //! Rigid tools: parametric shapes, meshes from files, and the distance to them.
 //!
-//! Contact asks for the distance to the tool many million times a second. So the exact
-//! distance ([`Surface`]) is sampled once on a grid ([`DistanceGrid`]), and the solver
-//! interpolates. Both see the mesh as the boundary of a solid; an open mesh becomes one by
-//! extending its border downwards.
+//! Contact asks for the distance many million times a second, so the exact one ([`Surface`]) is
+//! sampled once on a grid ([`DistanceGrid`]), and the solver interpolates.
 
 mod accuracy;
 mod config;

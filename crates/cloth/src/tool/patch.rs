@@ -118,17 +118,12 @@ pub(super) fn mound(
     half_width: impl Fn(f64) -> f64,
 ) -> Patch {
     let [x, y] = half_size;
-    let corners = [[x, -y], [x, y], [-x, y], [-x, -y]];
+    let corners = [[x, -y], [x, y], [-x, y], [-x, -y]].map(|[x, y]| Vec3::new(x, y, 0.0));
     let plate_border: Vec<Vec3> = (0..4)
         .flat_map(|side| (0..segments_per_side).map(move |s| (side, s)))
         .map(|(side, s)| {
-            let t = s as f64 / segments_per_side as f64;
             let [from, to] = [corners[side], corners[(side + 1) % 4]];
-            Vec3::new(
-                from[0] + t * (to[0] - from[0]),
-                from[1] + t * (to[1] - from[1]),
-                0.0,
-            )
+            from + (to - from) * (s as f64 / segments_per_side as f64)
         })
         .collect();
     let outline: Vec<Vec3> = plate_border

@@ -231,12 +231,9 @@ impl Hemisphere {
         let radius = length("radius_mm", self.radius_mm)?;
         let room = half_size[0].min(half_size[1]) * 1e3;
         within("radius_mm", self.radius_mm, 0.0, room)?;
-        segments(self.segment_count)?;
-        count("ring_count", self.ring_count, 2)?;
-        let patch = mound(half_size, self.segment_count / 4, self.ring_count, |x| {
-            (radius.powi(2) - x.powi(2)).max(0.0).sqrt()
-        });
-        Ok(patch.into_body(-self.base_mm * 1e-3))
+        let half_width = |x: f64| (radius.powi(2) - x.powi(2)).max(0.0).sqrt();
+        let counts = [self.segment_count, self.ring_count];
+        Ok(dome(half_size, counts, half_width)?.into_body(-self.base_mm * 1e-3))
     }
 }
 
@@ -251,8 +248,6 @@ impl DoubleDome {
         // With a thinner waist the outline would no longer be star-shaped.
         let [min, max] = [0.5 * self.radius_mm, self.radius_mm];
         within("waist_radius_mm", self.waist_radius_mm, min, max)?;
-        segments(self.segment_count)?;
-        count("ring_count", self.ring_count, 2)?;
         let half_width = |x: f64| {
             let beyond = x.abs() - centre;
             if beyond < 0.0 {
@@ -261,9 +256,8 @@ impl DoubleDome {
                 (radius.powi(2) - beyond.powi(2)).max(0.0).sqrt()
             }
         };
-        let segments = self.segment_count / 4;
-        let patch = mound(half_size, segments, self.ring_count, half_width);
-        Ok(patch.into_body(-self.base_mm * 1e-3))
+        let counts = [self.segment_count, self.ring_count];
+        Ok(dome(half_size, counts, half_width)?.into_body(-self.base_mm * 1e-3))
     }
 }
 
@@ -326,10 +320,17 @@ fn count(key: &str, found: usize, min: usize) -> Result<(), ValueError> {
     ValueError::unless((min..=4096).contains(&found), key, found, expected)
 }
 
-fn segments(found: usize) -> Result<(), ValueError> {
-    count("segment_count", found, 8)?;
-    let expected = "a multiple of 4";
-    ValueError::unless(found.is_multiple_of(4), "segment_count", found, expected)
+/// A [`mound`] of so many segments and rings.
+fn dome(
+    half_size: [f64; 2],
+    [segments, rings]: [usize; 2],
+    half_width: impl Fn(f64) -> f64,
+) -> Result<Patch, ValueError> {
+    count("segment_count", segments, 8)?;
+    let (is_valid, expected) = (segments.is_multiple_of(4), "a multiple of 4");
+    ValueError::unless(is_valid, "segment_count", segments, expected)?;
+    count("ring_count", rings, 2)?;
+    Ok(mound(half_size, segments / 4, rings, half_width))
 }
 
 #[cfg(test)]

@@ -62,12 +62,8 @@ impl Tool {
         let surface = Surface::new(&mesh)?;
         let (low, high) = mesh.bounds();
         let margin = Vec3::repeat(grid.margin_mm * 1e-3);
-        let grid = DistanceGrid::new(
-            &surface,
-            low - margin,
-            high + margin,
-            grid.spacing_mm * 1e-3,
-        )?;
+        let (low, high) = (low - margin, high + margin);
+        let grid = DistanceGrid::new(&surface, low, high, grid.spacing_mm * 1e-3)?;
         Ok(Self {
             mesh,
             surface,

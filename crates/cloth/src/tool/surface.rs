@@ -15,17 +15,14 @@ const CLOSURE_DEFECT: f64 = 1e-3;
 /// Exact distances to a triangle mesh, seen as the boundary of a solid.
 ///
 /// A closed mesh is its own solid. An open mesh is the upper face of a block: its border is
-/// extended straight down without end, and what lies below is inside. So the distance stays
-/// continuous beyond the border, where a sign from the nearest facet's normal would jump on
-/// the surface's imagined continuation, just where cloth hangs over.
+/// extended straight down without end. So the distance stays continuous where cloth hangs over
+/// the border; a sign from the nearest facet's normal would jump there.
 ///
-/// A point is inside when the facets above it wind round it, counted along the vertical.
-/// Each edge votes the same way for both of its triangles, so no ray slips through a shared
-/// edge; bodies that touch or overlap are inside once. Inside an overlap the distance is
-/// that to the nearest facet, not to the boundary of the union.
+/// A point is inside when the facets above it wind round it. Each edge votes the same way for both
+/// of its triangles, so no ray slips through. Bodies that touch or overlap are inside once, and
+/// there the distance is that to the nearest facet, not to the boundary of the union.
 ///
-/// Does not model: an undercut open mesh whose border lies below other parts of itself (the
-/// extension then cuts through what is there).
+/// Does not model: an undercut open mesh whose border lies below other parts of itself.
 #[derive(Clone, Debug)]
 pub struct Surface {
     facets: shape::TriMesh,

@@ -1,10 +1,9 @@
 //! Contact with the tool: kinematic, with Coulomb friction, tack and pressure.
 //!
 //! A vertex that would be inside the tool at the end of the step gets just the force that
-//! leaves it on the surface there, as in Abaqus' kinematic contact. So contact has no
-//! stiffness to choose, no share in the time step and no depth; a resting vertex rests
-//! exactly. Friction takes back the tangential motion of the step, wholly as long as the force
-//! that this needs is below the static limit: what sticks does not creep.
+//! leaves it on the surface there, as in Abaqus' kinematic contact: no stiffness to choose, no
+//! share in the time step, no depth. Friction takes back the tangential motion of the step, wholly
+//! as long as the force that this needs is below the static limit: what sticks does not creep.
 
 use super::energy::Energies;
 use crate::math::Vec3;
@@ -22,8 +21,7 @@ const TACK_RANGE: f64 = 2e-4;
 const LIPSCHITZ: f64 = 0.9;
 
 /// Slip speed over which friction falls from its static to its dynamic coefficient [m/s], as
-/// exp(-v / this) (Abaqus' exponential decay). Far slower than sliding of any interest. With a
-/// jump, cloth that lands softly would be set sliding by what is left over of its last step.
+/// exp(-v / this) (Abaqus' exponential decay). A jump would set softly landing cloth sliding.
 const SLIP_SPEED: f64 = 2e-4;
 
 /// The tool's tangent plane near a vertex, while the vertex stays near where the plane was taken.

@@ -55,22 +55,10 @@ impl Energies {
 
     /// The greatest of the amounts that the balance consists of, to hold the residual against.
     pub fn size(&self) -> f64 {
-        [
-            self.kinetic,
-            self.stretch,
-            self.shear,
-            self.bending,
-            self.initial,
-            self.gravity,
-            self.external,
-            self.press,
-            self.adhesion,
-            self.contact,
-            self.friction,
-            self.damping,
-            self.viscosity,
-        ]
-        .into_iter()
-        .fold(0.0, |max, part| max.max(part.abs()))
+        let held = [self.kinetic, self.stretch, self.shear, self.bending];
+        let worked = [self.gravity, self.external, self.press, self.adhesion];
+        let lost = [self.contact, self.friction, self.damping, self.viscosity];
+        let parts = [held, worked, lost].into_iter().flatten();
+        parts.fold(self.initial.abs(), |max, part| max.max(part.abs()))
     }
 }

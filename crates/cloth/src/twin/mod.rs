@@ -1,13 +1,10 @@
 //! The finite-element digital twin: the same lamina by another method, slow and in f64.
 //!
-//! Triangles of constant strain with the law of a woven fabric (strain along warp and weft and
-//! the change of their angle), bending along yarns, lumped masses and explicit central
-//! differences, as the paper's Section 2 has it in Abaqus/Explicit. With the fast solver it
-//! shares material, mesh and what lies under the stencil, and no code of the solve: where both agree, neither is wrong by itself.
-//!
-//! The time step follows from a bound on the highest frequency, contact is kinematic, and a
-//! balance of energy says by how much the integration errs. The cloth does not touch itself, and
-//! has no thickness but in its stiffness. `docs/TWIN.md` has equations and figures.
+//! Triangles of constant strain with the law of a woven fabric, bending along yarns, lumped masses
+//! and explicit central differences, as the paper's Section 2 has it in Abaqus/Explicit. With the
+//! fast solver it shares material, mesh and what lies under the stencil, and no code of the solve:
+//! where both agree, neither is wrong by itself. The cloth does not touch itself, and has no
+//! thickness but in its stiffness. `docs/TWIN.md` has equations and figures.
 
 mod bending;
 mod config;

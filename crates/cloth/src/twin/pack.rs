@@ -2,10 +2,9 @@
 
 use crate::math::Vec3;
 
-/// Lanes of a block: two vectors of the widest instruction set. Loops over fewer are unrolled
-/// before the compiler gets to vectorise them (8: 300 us a step of the standard sheet instead
-/// of 185), more spill (32: 250 us). The same on every machine, so that sums come in the same
-/// order.
+/// Lanes of a block, the same on every machine, so that sums come in the same order. Loops over
+/// fewer are unrolled before the compiler gets to vectorise them (8: 300 us a step of the standard
+/// sheet instead of 185), more spill (32: 250 us).
 pub(super) const WIDTH: usize = 16;
 
 /// One number a lane.

@@ -200,9 +200,8 @@ fn energy(lamina: &Lamina, state: &Snapshot) -> f64 {
         }
     }
     let [a, b] = lamina.cell();
-    for diagonal in &lamina.diagonals {
-        let [from, to] = diagonal.vertices;
-        let growth = length(from, to).powi(2) - diagonal.rest_length.powi(2);
+    for &[from, to] in &lamina.diagonals {
+        let growth = length(from, to).powi(2) - lamina.cell_diagonal().powi(2);
         let gamma = (growth / (2.0 * a * b)).clamp(-1.0, 1.0).asin();
         of_shear += thickness * a * b * branch(gamma, shear);
     }

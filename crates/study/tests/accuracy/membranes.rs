@@ -317,9 +317,8 @@ fn energy(lamina: &Lamina, state: &Snapshot) -> f64 {
         material.shear.negative.modulus(),
     ];
     let [a, b] = lamina.cell();
-    for diagonal in &lamina.diagonals {
-        let [from, to] = diagonal.vertices;
-        let growth = length(from, to).powi(2) - diagonal.rest_length.powi(2);
+    for &[from, to] in &lamina.diagonals {
+        let growth = length(from, to).powi(2) - lamina.cell_diagonal().powi(2);
         let gamma = (growth / (2.0 * a * b)).asin();
         sum += THICKNESS * a * b * branch(gamma, shear[0], shear[1]);
     }

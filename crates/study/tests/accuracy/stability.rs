@@ -59,8 +59,8 @@ fn energy(sheet: &Lamina, state: &Snapshot) -> f64 {
     }
     let cell: f64 = sheet.cell().iter().product();
     for diagonal in &sheet.diagonals {
-        let [a, b] = diagonal.vertices.map(x);
-        let growth = (b - a).norm_squared() - diagonal.rest_length.powi(2);
+        let [a, b] = diagonal.map(x);
+        let growth = (b - a).norm_squared() - sheet.cell_diagonal().powi(2);
         let gamma = (0.5 * growth / cell).asin();
         let shear = &sheet.material.shear;
         let law = if gamma < 0.0 {

@@ -35,10 +35,8 @@ pub fn contour_deviation(a: &TriMesh, b: &TriMesh) -> Option<ContourDeviation> {
         (other.project_local_point(x, false).point - x).length()
     };
 
-    let edges: Vec<[Vec3; 2]> = border
-        .iter()
-        .map(|edge| edge.map(|v| a.vertices[v as usize]))
-        .collect();
+    let ends = |edge: &[u32; 2]| edge.map(|v| a.vertices[v as usize]);
+    let edges: Vec<[Vec3; 2]> = border.iter().map(ends).collect();
     let length: f64 = edges.iter().map(|[p, q]| (q - p).norm()).sum();
     if length.is_nan() || length <= 0.0 {
         return None;

@@ -1,4 +1,4 @@
-use std::collections::HashMap;
+use std::collections::HashSet;
 
 use parry3d_f64::query::PointQueryWithLocation;
 use parry3d_f64::shape;
@@ -21,16 +21,9 @@ pub struct Sheet {
     facets: shape::TriMesh,
     /// Their numbers in the mesh.
     numbers: Vec<usize>,
-    faces: Vec<Vec3>,
-    edges: HashMap<[u32; 2], Feature>,
-    corners: Vec<Feature>,
-}
-
-/// An edge or a corner: sum of the normals around it, and whether it is on the border.
-#[derive(Clone, Copy, Debug, Default)]
-struct Feature {
-    normal: Vec3,
-    on_border: bool,
+    /// Edges on the border, without direction, and their ends.
+    border: HashSet<[u32; 2]>,
+    border_ends: HashSet<u32>,
 }
 
 /// Where a point meets a sheet.
@@ -63,40 +56,20 @@ impl Sheet {
     /// Takes a mesh whose triangles run counter-clockwise when seen from its upper side.
     pub fn new(mesh: &TriMesh) -> Result<Self, SheetError> {
         let border = border(mesh)?;
-        let mut faces = Vec::new();
-        let mut numbers = Vec::new();
-        let mut edges: HashMap<[u32; 2], Feature> = HashMap::new();
-        let mut corners = vec![Feature::default(); mesh.vertices.len()];
-        for (t, triangle) in mesh.triangles.iter().enumerate() {
-            let x = mesh.corners(t);
-            let cross = (x[1] - x[0]).cross(&(x[2] - x[0]));
-            let Some(normal) = cross.try_normalize(0.0) else {
-                continue;
-            };
-            numbers.push(t);
-            faces.push(normal);
-            for k in 0..3 {
-                let [v, w] = [triangle[k], triangle[(k + 1) % 3]];
-                edges.entry(ends(v, w)).or_default().normal += normal;
-                // Weighed with the angle, the sum does not depend on how a fan is cut.
-                let (p, q) = (x[(k + 1) % 3] - x[k], x[(k + 2) % 3] - x[k]);
-                corners[v as usize].normal += normal * p.angle(&q);
-            }
-        }
-        for [v, w] in border {
-            edges.entry(ends(v, w)).or_default().on_border = true;
-            corners[v as usize].on_border = true;
-            corners[w as usize].on_border = true;
-        }
+        let has_area = |t: &usize| {
+            let [a, b, c] = mesh.corners(*t);
+            (b - a).cross(&(c - a)).norm() > 0.0
+        };
+        let numbers: Vec<usize> = (0..mesh.triangles.len()).filter(has_area).collect();
         let vertices = mesh.vertices.iter().map(to_parry).collect();
         let triangles = numbers.iter().map(|&t| mesh.triangles[t]).collect();
-        let facets = shape::TriMesh::new(vertices, triangles).map_err(|_| SheetError::Empty)?;
+        let oriented = shape::TriMeshFlags::ORIENTED;
+        let facets = shape::TriMesh::with_flags(vertices, triangles, oriented);
         Ok(Self {
-            facets,
+            facets: facets.map_err(|_| SheetError::Empty)?,
             numbers,
-            faces,
-            edges,
-            corners,
+            border: border.iter().map(|&[v, w]| ends(v, w)).collect(),
+            border_ends: border.into_iter().flatten().collect(),
         })
     }
 
@@ -108,7 +81,7 @@ impl Sheet {
         let position = from_parry(nearest.point);
         let weights = location.barycentric_coordinates().unwrap_or([1.0 / 3.0; 3]);
         let facet = facet as usize;
-        let Feature { normal, on_border } = self.feature(facet, weights);
+        let (normal, on_border) = self.feature(facet, weights);
         let offset = x - position;
         let (distance, along) = (offset.norm(), offset.dot(&normal));
         let sideways = (distance * distance - along * along).max(0.0).sqrt();
@@ -127,25 +100,26 @@ impl Sheet {
         }
     }
 
-    /// Unit normal where a triangle's corners have these shares.
-    fn feature(&self, facet: usize, weights: [f64; 3]) -> Feature {
+    /// Unit normal where a triangle's corners have these shares, and whether that is on the border.
+    fn feature(&self, facet: usize, weights: [f64; 3]) -> (Vec3, bool) {
         let corners = self.facets.indices()[facet];
-        let near: Vec<u32> = (0..3)
-            .filter(|&k| weights[k] > ON_FEATURE)
-            .map(|k| corners[k])
-            .collect();
-        let found = match near[..] {
-            [v] => self.corners[v as usize],
-            [v, w] => self.edges[&ends(v, w)],
-            _ => Feature::default(),
+        let around = self.facets.pseudo_normals().expect("of an oriented mesh");
+        let near: Vec<usize> = (0..3).filter(|&k| weights[k] > ON_FEATURE).collect();
+        let face = self.facets.triangle(facet as u32).scaled_normal();
+        let (normal, on_border) = match near[..] {
+            [k] => (
+                around.vertices_pseudo_normal[corners[k] as usize],
+                self.border_ends.contains(&corners[k]),
+            ),
+            [k, l] => (
+                // The edge from the last corner to the first is the last one.
+                around.edges_pseudo_normal[facet][if l == k + 1 { k } else { l }],
+                self.border.contains(&ends(corners[k], corners[l])),
+            ),
+            _ => (face, false),
         };
-        Feature {
-            normal: found
-                .normal
-                .try_normalize(1e-12)
-                .unwrap_or(self.faces[facet]),
-            on_border: found.on_border,
-        }
+        let normal = from_parry(normal).try_normalize(1e-12);
+        (normal.unwrap_or(from_parry(face).normalize()), on_border)
     }
 }
 

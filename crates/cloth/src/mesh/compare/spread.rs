@@ -22,11 +22,8 @@ impl Spread {
         }
         let sum = |f: fn(f64) -> f64| values.iter().map(|&(x, w)| w * f(x)).sum::<f64>() / total;
         let (mean, rms) = (sum(|x| x), sum(|x| x * x).sqrt());
-        let ends = values
-            .iter()
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
-                [low.min(v.0), high.max(v.0)]
-            });
+        let end = |of: fn(f64, f64) -> f64| values.iter().map(|v| v.0).reduce(of).unwrap_or(mean);
+        let (min, max) = (end(f64::min), end(f64::max));
         values.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
         let mut weight = 0.0;
         let reached = values.iter().find(|v| {
@@ -39,8 +36,8 @@ impl Spread {
             mean,
             rms,
             p95,
-            min: ends[0],
-            max: ends[1],
+            min,
+            max,
         })
     }
 }

@@ -57,11 +57,10 @@ pub fn wrinkles(mesh: &TriMesh, filter: WrinkleFilter) -> Option<Wrinkles> {
 
 /// Height of every vertex above the low-pass surface [m], along that surface's normal.
 ///
-/// The low-pass surface at a vertex is a paraboloid over the plane across the mean normal of
-/// its neighbourhood, fitted to the vertices that hang together with it, which are weighed
-/// with a Gaussian of their distance times their area. So anything curved evenly, such as a
-/// dome wider than `cutoff` [m], does not count, and neither does a border. Where fewer than
-/// six vertices are near enough for a fit, the height is 0.
+/// The low-pass surface at a vertex is a paraboloid over the plane across the mean normal of its
+/// neighbourhood, fitted to the vertices that hang together with it, weighed with a Gaussian of
+/// their distance times their area. So a dome wider than `cutoff` [m] does not count, nor does a
+/// border. Where fewer than six vertices are near enough for a fit, the height is 0.
 pub(super) fn high_pass(mesh: &TriMesh, cutoff: f64) -> Vec<f64> {
     let neighbors = neighbors_of(mesh);
     let areas = mesh.vertex_areas();

@@ -113,9 +113,8 @@ pub struct Overlap {
 }
 
 impl Overlap {
-    /// The overlap of two parts that face each other nearer than `thickness` [m], counted
-    /// towards `side`. The same as by [`Gap::new`], but what does not overlap, nearly all, is
-    /// found without a division.
+    /// The overlap of two parts that face each other nearer than `thickness` [m], counted towards
+    /// `side`, as by [`Gap::new`]; what does not overlap, nearly all, costs no division.
     #[inline(always)]
     pub fn new(kind: Kind, x: [Vec3; 4], side: f64, thickness: f64) -> Option<Self> {
         let [p, a, b, c] = x;

@@ -5,9 +5,11 @@
 
 use std::collections::BTreeMap;
 
+use parry3d_f64::bounding_volume::{Aabb, BoundingVolume};
+
 use super::geometry::{Gap, Kind, Pair};
-use super::tree::{Bounds, Fit, Tree, visible_from};
-use crate::math::Vec3;
+use super::tree::{Fit, Tree, visible_from};
+use crate::math::{Vec3, to_parry};
 
 /// Pairs of a lane at most, for each vertex. A fold of three layers has 20; where more are
 /// near, as in a random tangle, the rest is left out.
@@ -101,7 +103,7 @@ pub struct Scratch {
     /// Positions now [m].
     pub to: Vec<Vec3>,
     /// Around the displacement of each vertex.
-    bounds: Vec<Bounds>,
+    bounds: Vec<Aabb>,
     fit: Fit,
     sides: Vec<u64>,
 }
@@ -128,7 +130,10 @@ impl Scratch {
         let margin = slack + 0.5 * thickness;
         reach.clear();
         let ends = from.iter().zip(&*to);
-        reach.extend(ends.map(|(from, to)| Bounds::around(from, to, margin)));
+        reach.extend(ends.map(|(from, to)| {
+            let moved = Aabb::new(to_parry(&from.inf(to)), to_parry(&from.sup(to)));
+            moved.loosened(margin)
+        }));
         fit.bounds.clear();
         fit.visible.clear();
         for corners in &surface.triangles {
@@ -137,10 +142,10 @@ impl Scratch {
             // What has no area or has diverged touches nothing; else all would meet all there.
             if normal.dot(&normal) > 0.0 {
                 let [a, b, c] = corners.map(|v| reach[v as usize]);
-                fit.bounds.push(a.and(&b).and(&c));
+                fit.bounds.push(a.merged(&b).merged(&c));
                 fit.visible.push(visible_from(normal));
             } else {
-                fit.bounds.push(Bounds::EMPTY);
+                fit.bounds.push(Aabb::new_invalid());
                 fit.visible.push(!0);
             }
         }
@@ -181,8 +186,8 @@ struct Collector<'a> {
     surface: &'a Topology,
     from: &'a [Vec3],
     to: &'a [Vec3],
-    bounds: &'a [Bounds],
-    faces: &'a [Bounds],
+    bounds: &'a [Aabb],
+    faces: &'a [Aabb],
     thickness: f64,
     /// Parts further apart than this [m] cannot touch before the next refresh.
     reach: f64,
@@ -236,7 +241,7 @@ impl Collector<'_> {
         for [s, t] in [[s, t], [t, s]] {
             for &p in &surface.owned[s].vertices {
                 let [a, b, c] = surface.triangles[t];
-                let near = self.bounds[p as usize].overlaps(&self.faces[t]);
+                let near = self.bounds[p as usize].intersects(&self.faces[t]);
                 if p != a && p != b && p != c && near {
                     self.add(Kind::VertexFace, [p, t as u32], [p, a, b, c]);
                 }
@@ -244,12 +249,12 @@ impl Collector<'_> {
         }
         let around = |e: u32| {
             let [a, b] = surface.edges[e as usize].map(|v| self.bounds[v as usize]);
-            a.and(&b)
+            a.merged(&b)
         };
         for &e in &surface.owned[s].edges {
             let bounds = around(e);
             for &f in &surface.owned[t].edges {
-                if !bounds.overlaps(&around(f)) {
+                if !bounds.intersects(&around(f)) {
                     continue;
                 }
                 let (e, f) = (e.min(f), e.max(f));
@@ -277,17 +282,14 @@ impl Collector<'_> {
         let key = key(kind, parts[0], parts[1]);
         let facing = before.aside <= 0.0;
         let remembered = if facing { self.remembered(key) } else { None };
-        let side = remembered
-            .or_else(|| {
-                // Too near to tell: it may have been pressed through just now.
-                let unclear = before.height.abs() < 0.5 * self.thickness;
-                let inherit = |()| match kind {
-                    Kind::VertexFace => self.side_beside(parts),
-                    Kind::EdgeEdge => self.side_of_ends(parts, before.normal),
-                };
-                unclear.then_some(()).and_then(inherit)
-            })
-            .unwrap_or(before.height.signum());
+        let inherited = || match kind {
+            // Too near to tell: it may have been pressed through just now.
+            _ if before.height.abs() >= 0.5 * self.thickness => None,
+            Kind::VertexFace => self.side_beside(parts),
+            Kind::EdgeEdge => self.side_of_ends(parts, before.normal),
+        };
+        let side = remembered.or_else(inherited);
+        let side = side.unwrap_or(before.height.signum());
         if facing {
             self.new.push(key | u64::from(side > 0.0));
         }

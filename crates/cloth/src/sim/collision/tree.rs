@@ -1,3 +1,5 @@
+use parry3d_f64::bounding_volume::{Aabb, BoundingVolume};
+
 use crate::math::Vec3;
 
 /// Triangles in a leaf at most: the two of a cell.
@@ -19,41 +21,6 @@ const AXES: [[f64; 3]; DIRECTIONS] = [
 /// Smallest cosine between a normal and a direction that sees the triangle from its upper side:
 /// 80 degrees.
 const MIN_COSINE: f64 = 0.17;
-
-/// A box from its least to its greatest corner [m].
-#[derive(Clone, Copy, Debug)]
-pub struct Bounds {
-    low: Vec3,
-    high: Vec3,
-}
-
-impl Bounds {
-    /// A box around nothing; overlaps with no other.
-    pub const EMPTY: Self = Self {
-        low: Vec3::new(f64::INFINITY, f64::INFINITY, f64::INFINITY),
-        high: Vec3::new(f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY),
-    };
-
-    /// The box around two points, grown by `margin` [m] to each side.
-    pub fn around(a: &Vec3, b: &Vec3, margin: f64) -> Self {
-        Self {
-            low: a.inf(b).add_scalar(-margin),
-            high: a.sup(b).add_scalar(margin),
-        }
-    }
-
-    /// The box around two boxes.
-    pub fn and(&self, other: &Self) -> Self {
-        Self {
-            low: self.low.inf(&other.low),
-            high: self.high.sup(&other.high),
-        }
-    }
-
-    pub fn overlaps(&self, other: &Self) -> bool {
-        (0..3).all(|k| self.low[k] <= other.high[k] && other.low[k] <= self.high[k])
-    }
-}
 
 /// Directions from which a triangle with this `normal` (of any length) is seen from above.
 pub fn visible_from(normal: Vec3) -> u16 {
@@ -90,10 +57,10 @@ pub struct Tree {
 /// What of a tree follows the cloth, one entry a triangle and a node.
 #[derive(Default)]
 pub struct Fit {
-    pub bounds: Vec<Bounds>,
+    pub bounds: Vec<Aabb>,
     /// See [`visible_from`].
     pub visible: Vec<u16>,
-    node_bounds: Vec<Bounds>,
+    node_bounds: Vec<Aabb>,
     node_visible: Vec<u16>,
 }
 
@@ -148,20 +115,21 @@ impl Tree {
 
     /// Fits the boxes of the nodes to those of the triangles.
     pub fn refit(&self, fit: &mut Fit) {
-        fit.node_bounds.resize(self.nodes.len(), Bounds::EMPTY);
+        fit.node_bounds
+            .resize(self.nodes.len(), Aabb::new_invalid());
         fit.node_visible.resize(self.nodes.len(), 0);
         // Children follow their parents.
         for (index, node) in self.nodes.iter().enumerate().rev() {
             let (bounds, visible) = if node.right == 0 {
                 let below = &self.order[node.first as usize..node.last as usize];
-                below.iter().fold((Bounds::EMPTY, !0), |(b, m), &t| {
+                below.iter().fold((Aabb::new_invalid(), !0), |(b, m), &t| {
                     let t = t as usize;
-                    (b.and(&fit.bounds[t]), m & fit.visible[t])
+                    (b.merged(&fit.bounds[t]), m & fit.visible[t])
                 })
             } else {
                 let [l, r] = [index + 1, node.right as usize];
                 (
-                    fit.node_bounds[l].and(&fit.node_bounds[r]),
+                    fit.node_bounds[l].merged(&fit.node_bounds[r]),
                     fit.node_visible[l] & fit.node_visible[r],
                 )
             };
@@ -212,7 +180,7 @@ impl Tree {
         left: &mut usize,
         near: &mut impl FnMut(usize, usize),
     ) {
-        if *left == 0 || !fit.node_bounds[a].overlaps(&fit.node_bounds[b]) {
+        if *left == 0 || !fit.node_bounds[a].intersects(&fit.node_bounds[b]) {
             return;
         }
         let (p, q) = (&self.nodes[a], &self.nodes[b]);
@@ -239,7 +207,7 @@ impl Tree {
 
 fn meet(pair: [u32; 2], fit: &Fit, left: &mut usize, near: &mut impl FnMut(usize, usize)) {
     let [s, t] = pair.map(|t| t as usize);
-    if *left > 0 && fit.bounds[s].overlaps(&fit.bounds[t]) {
+    if *left > 0 && fit.bounds[s].intersects(&fit.bounds[t]) {
         *left -= 1;
         near(s, t);
     }
