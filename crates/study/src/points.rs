@@ -1,7 +1,6 @@
-//! Material points: the same ones of two sheets, how far they are apart, and from the tool.
+//! Material points: the same ones of two sheets, and how far they are apart.
 
 use drape_cloth::scene::SceneConfig;
-use drape_cloth::tool::Tool;
 
 /// Vertices of two flat blanks that lie within a micrometre, ascending in the first.
 pub fn same_points(a: &[[f64; 2]], b: &[[f64; 2]]) -> Vec<[usize; 2]> {
@@ -20,11 +19,6 @@ pub fn apart_mm(a: &[[f64; 3]], b: &[[f64; 3]], pairs: &[[usize; 2]]) -> [f64; 2
     let all: Vec<f64> = pairs.iter().map(apart).collect();
     let mean = all.iter().sum::<f64>() / all.len() as f64;
     [mean, all.iter().copied().fold(0.0, f64::max)]
-}
-
-/// Summed distance of some vertices to the tool [m].
-pub fn distance(tool: &Tool, vertices: impl Iterator<Item = usize>, x: &[[f64; 3]]) -> f64 {
-    vertices.map(|v| tool.distance(x[v]).0.max(0.0)).sum()
 }
 
 /// The vertex nearest to a place on the flat blank [m].

@@ -29,7 +29,7 @@ use crate::table::{
 };
 
 pub use cases::{Answer, ClosedForm, cases};
-pub use solve::{SOLVERS, Subject, precision_name, solver_name};
+pub use solve::Subject;
 
 /// Hold every solver against closed forms: what is expected, what is found
 ///

@@ -4,7 +4,6 @@ use std::f64::consts::TAU;
 
 use crate::points::coarser;
 use crate::study::stencil_mm;
-use crate::verify::{SOLVERS, precision_name, solver_name};
 use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
@@ -40,18 +39,17 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
         variations: Vec::new(),
     };
 
-    for solver in SOLVERS {
+    for solver in Solver::ALL {
         for rate in [60.0, 120.0, 300.0, 600.0, 1200.0, 2400.0, 6000.0, 12_000.0] {
             let interval = if rate < 1e4 { 5 } else { 10 };
-            axes.method(solver_name(solver), format!("{rate}/s"), |around| {
+            axes.method(solver.name(), format!("{rate}/s"), |around| {
                 around.0.physics.solver = solver;
                 step_at(around, Stepping::every(rate, interval));
             });
         }
     }
     for precision in [Precision::F32, Precision::F64] {
-        let value = precision_name(precision).into();
-        axes.method("precision", value, |(_, env)| {
+        axes.method("precision", precision.name().into(), |(_, env)| {
             env.precision = precision;
         });
     }

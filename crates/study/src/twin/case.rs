@@ -5,7 +5,7 @@ use std::sync::Arc;
 use cpu_time::{ProcessTime, ThreadTime};
 
 use super::fall::{ACCELERATION, fallen, press_config, twin_config, unfallen};
-use crate::points::{apart_mm, coarser, distance, same_points};
+use crate::points::{apart_mm, coarser, same_points};
 use crate::presses::{Positions, pushed};
 use crate::study::StudyError;
 use drape_cloth::scene::Scene;
@@ -52,7 +52,8 @@ impl Ran {
 impl PaperCase {
     /// Summed distance of the region to the tool [m].
     pub fn distance_m(&self, positions: &Positions) -> f64 {
-        distance(&self.scene.tool, self.region.vertices.ones(), positions)
+        let tool = &self.scene.tool;
+        tool.summed_distance(self.region.vertices.ones(), positions)
     }
 
     /// Fast solver, twin and accelerated twin, in this order; the twins on a thread each.
@@ -149,7 +150,8 @@ impl PaperCase {
             for ran in [half, pushed] {
                 let ran = ran.join().expect("the twin does not panic")?;
                 let all: Vec<[usize; 2]> = (0..ran.ends[0].len()).map(|v| [v, v]).collect();
-                let fallen = |ran: &Ran| distance(&self.scene.tool, 0..all.len(), &ran.ends[0]);
+                let tool = &self.scene.tool;
+                let fallen = |ran: &Ran| tool.summed_distance(0..all.len(), &ran.ends[0]);
                 found.push(SelfComparison {
                     name: ran.name,
                     vertices: all.len(),
@@ -183,8 +185,8 @@ impl PaperCase {
             time_step_s: settled.stable_time_step(),
             initial_mm: apart_mm(&x, &twin.ends[0], &pairs),
             initial_m: [
-                distance(tool, side(0), &x),
-                distance(tool, side(1), &twin.ends[0]),
+                tool.summed_distance(side(0), &x),
+                tool.summed_distance(side(1), &twin.ends[0]),
             ],
             draped_mm: [f64::NAN; 2],
             left_m: [f64::NAN; 2],
