@@ -136,7 +136,7 @@ impl Axes {
     /// Number `k` of an axis of models, held against number 0.
     fn model(&mut self, axis: &'static str, k: usize, value: String, change: impl Fn(&mut Around)) {
         let mut around = self.around.clone();
-        step_fall_at(&mut around.0, self.fall);
+        around.0.fall.set_stepping(self.fall);
         change(&mut around);
         let reference = match k {
             0 => around.clone(),
@@ -148,13 +148,8 @@ impl Axes {
 
 /// Steps the fall and the presses alike.
 fn step_at((scene, env): &mut Around, stepping: Stepping) {
-    step_fall_at(scene, stepping);
+    scene.fall.set_stepping(stepping);
     env.set_stepping(stepping);
-}
-
-fn step_fall_at(scene: &mut SceneConfig, stepping: Stepping) {
-    scene.fall.substep_rate = stepping.substep_rate;
-    scene.fall.contact_rate = stepping.contact_rate;
 }
 
 /// The same model stepped otherwise.
