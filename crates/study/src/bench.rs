@@ -265,11 +265,8 @@ impl Player {
         environments: usize,
         threads: usize,
     ) -> Result<Self, ThreadPoolBuildError> {
-        let config = EnvConfig {
-            region_mm: Some(CORNER),
-            crop: true,
-            ..EnvConfig::default()
-        };
+        let mut config = EnvConfig::compact();
+        config.region_mm = Some(CORNER);
         Ok(Self {
             pool: ThreadPoolBuilder::new().num_threads(threads).build()?,
             env: Draping::new(scene.clone(), &config, environments)

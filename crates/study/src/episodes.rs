@@ -242,9 +242,7 @@ pub fn rest(
     cloth.step(&config.stepping().control(0.25), &[]);
     let rested = cloth.snapshot(0);
     let tension = scene.lamina.yarn_strain(&rested.position).into_iter();
-    let Snapshot {
-        position, pressed, ..
-    } = state;
+    let (position, pressed) = (&state.position, &state.pressed);
     Rested {
         region_m: scene.tool.summed_distance(vertices.ones(), position),
         surplus_m: surplus(&scene.lamina, &scene.tool, position, vertices),

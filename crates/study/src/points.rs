@@ -1,6 +1,7 @@
-//! Material points: the same ones of two sheets, and how far they are apart.
+//! Material points: the same ones of two sheets, how far they are apart, and from the tool.
 
 use drape_cloth::scene::SceneConfig;
+use drape_cloth::tool::Tool;
 
 /// Vertices of two flat blanks that lie within a micrometre, ascending in the first.
 pub fn same_points(a: &[[f64; 2]], b: &[[f64; 2]]) -> Vec<[usize; 2]> {
@@ -19,6 +20,12 @@ pub fn apart_mm(a: &[[f64; 3]], b: &[[f64; 3]], pairs: &[[usize; 2]]) -> [f64; 2
     let all: Vec<f64> = pairs.iter().map(apart).collect();
     let mean = all.iter().sum::<f64>() / all.len() as f64;
     [mean, all.iter().copied().fold(0.0, f64::max)]
+}
+
+/// Summed distances to the tool of the same material points, of either sheet [m].
+pub fn summed_m(tool: &Tool, x: [&[[f64; 3]]; 2], pairs: &[[usize; 2]]) -> [f64; 2] {
+    let vertices = |side: usize| pairs.iter().map(move |pair| pair[side]);
+    [0, 1].map(|side| tool.summed_distance(vertices(side), x[side]))
 }
 
 /// The vertex nearest to a place on the flat blank [m].

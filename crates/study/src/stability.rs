@@ -134,9 +134,8 @@ impl Study for Stability {
         groups.push(("all", "both"));
         let count = |group: &(&str, &str), counts: &dyn Fn(&SweepCell) -> bool| {
             let name = |cell: &SweepCell| (cell.sweep, cell.solver.name());
-            let own = cells
-                .iter()
-                .filter(|c| group.0 == "all" || name(c) == *group);
+            let is_own = |cell: &&SweepCell| group.0 == "all" || name(cell) == *group;
+            let own = cells.iter().filter(is_own);
             own.filter(|cell| counts(cell)).count()
         };
         let title = "Cells by their outcome, f64 and f32 together";

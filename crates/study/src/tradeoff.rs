@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 use cpu_time::ProcessTime;
 
-use crate::points::{apart_mm, nearest, same_points};
+use crate::points::{apart_mm, nearest, same_points, summed_m};
 use crate::presses::{Pressed, pushed, replay};
 use crate::ranking::median;
 use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, lamina};
@@ -228,12 +228,7 @@ impl Measuring {
         shared.retain(|pair| region.contains(pair[0]));
         let scale = self.region_vertices as f64 / shared.len() as f64;
         // Summed distance to the tool of either side.
-        let left = |x: Sides| {
-            [0, 1].map(|side| {
-                let vertices = shared.iter().map(|pair| pair[side]);
-                scale * b.scene.tool.summed_distance(vertices, x[side])
-            })
-        };
+        let left = |x: Sides| summed_m(&b.scene.tool, x, &shared).map(|sum| scale * sum);
         let ends = a.ends.iter().zip(&b.ends);
         let ends = ends.map(|(a, b)| Some([&a.as_ref()?.positions[..], &b.as_ref()?.positions]));
         let ends: Vec<Sides> = ends.collect::<Option<_>>()?;

@@ -23,10 +23,8 @@ mod shear;
 pub mod solve;
 
 use crate::study::{Context, Report, Study, StudyError, only};
-use crate::table::{
-    Format::{Digits, Hidden},
-    Table,
-};
+use crate::table::Format::{Digits, Hidden};
+use crate::table::Table;
 
 pub use cases::{Answer, ClosedForm, cases};
 pub use solve::Subject;

@@ -56,21 +56,12 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
     let accurate = stepped(&axes.around, Accuracy::Accurate.stepping());
     axes.push("pushed", "1 um".into(), [accurate.clone(), accurate]);
 
-    // The first of an axis is the reference.
-    let presses: &[(u8, u8)] = match quick {
-        true => &[(4, 8), (1, 0), (4, 0), (1, 4)],
-        false => &[
-            (8, 16),
-            (1, 0),
-            (2, 0),
-            (4, 0),
-            (8, 0),
-            (1, 1),
-            (1, 4),
-            (4, 8),
-        ],
+    // Frames of both. The first of an axis is the reference.
+    let (presses, settles): (&[u8], &[u8]) = match quick {
+        true => (&[4, 1, 4, 1], &[8, 0, 0, 4]),
+        false => (&[8, 1, 2, 4, 8, 1, 1, 4], &[16, 0, 0, 0, 0, 1, 4, 8]),
     };
-    for (k, &(press, settle)) in presses.iter().enumerate() {
+    for (k, (&press, &settle)) in presses.iter().zip(settles).enumerate() {
         let value = format!("{press} + {settle} frames");
         axes.model("press and settle", k, value, |(_, env)| {
             (env.press_s, env.settle_s) = (f64::from(press) / 60.0, f64::from(settle) / 60.0);

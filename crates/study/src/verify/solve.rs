@@ -140,11 +140,8 @@ impl Reference {
     fn end<T, E>(piece: &Piece, advance: impl FnOnce(&mut Twin) -> Result<T, E>) -> Snapshot {
         let mut twin = Self::twin(piece);
         let ended = advance(&mut twin);
-        let mut state = Snapshot {
-            position: twin.positions(),
-            velocity: twin.velocities(),
-            ..piece.start.clone()
-        };
+        let mut state = piece.start.clone();
+        (state.position, state.velocity) = (twin.positions(), twin.velocities());
         if ended.is_err() {
             state.position.fill([f64::NAN; 3]);
             state.velocity.fill([f64::NAN; 3]);
