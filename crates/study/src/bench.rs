@@ -13,7 +13,6 @@ use crate::episodes::{Order, choose};
 use crate::ranking::{extremes, median};
 use crate::study::{CORNER, Context, Report, Study, StudyError};
 use crate::table::Table;
-use crate::verify::{SOLVERS, precision_name, solver_name};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
@@ -40,12 +39,7 @@ pub struct Bench {
 }
 
 /// A frame at 1200 substeps a second.
-pub const CONTROL: Control = Control {
-    dt: 1.0 / 60.0,
-    substeps: 20,
-    contact_interval: 5,
-    sweeps: 1,
-};
+pub const CONTROL: Control = Control::new(1.0 / 60.0, 20, 5);
 
 /// Environments stepped together, as the presets do.
 pub const ENVIRONMENTS: usize = 32;
@@ -125,9 +119,9 @@ impl Study for Bench {
 
         let title = "CPU time for an environment and substep of the standard sheet";
         let core = Table::of("core", title, &core)
-            .text("solver", |((solver, _), _)| solver_name(*solver))
+            .text("solver", |((solver, _), _)| solver.name())
             .text("isa", |((_, on), _)| format!("{:?}", on.isa).to_lowercase())
-            .text("precision", |((_, on), _)| precision_name(on.precision))
+            .text("precision", |((_, on), _)| on.precision.name())
             .text("lanes", |((_, on), _)| on.lanes)
             .number("median [us]", 2, |(_, times)| median(times))
             .number("min [us]", 2, |(_, times)| extremes(times)[0]);
@@ -200,7 +194,7 @@ impl Device {
 pub fn variants() -> Vec<(Solver, Device)> {
     let devices = Device::all();
     let of = |solver| devices.iter().map(move |device| (solver, *device));
-    SOLVERS.into_iter().flat_map(of).collect()
+    Solver::ALL.into_iter().flat_map(of).collect()
 }
 
 /// The default physics with the lines of a scene file's `[physics]` in `change`.
@@ -271,11 +265,8 @@ impl Player {
         environments: usize,
         threads: usize,
     ) -> Result<Self, ThreadPoolBuildError> {
-        let config = EnvConfig {
-            region_mm: Some(CORNER),
-            crop: true,
-            ..EnvConfig::default()
-        };
+        let mut config = EnvConfig::compact();
+        config.region_mm = Some(CORNER);
         Ok(Self {
             pool: ThreadPoolBuilder::new().num_threads(threads).build()?,
             env: Draping::new(scene.clone(), &config, environments)

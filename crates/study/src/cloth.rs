@@ -35,19 +35,15 @@ impl Piece {
     }
 
     /// The same on a tool.
-    pub fn on(self, tool: &Arc<Tool>) -> Self {
-        Self {
-            tool: Some(tool.clone()),
-            ..self
-        }
+    pub fn on(mut self, tool: &Arc<Tool>) -> Self {
+        self.tool = Some(tool.clone());
+        self
     }
 
     /// What the fast solver steps, with lengths kept by `solver`.
     pub fn world(&self, solver: Solver) -> World {
-        let physics = PhysicsConfig {
-            solver,
-            ..self.physics.clone()
-        };
+        let mut physics = self.physics.clone();
+        physics.solver = solver;
         let tool = self.tool.as_ref().unwrap_or(&NOWHERE);
         World::new(Model::new(&self.lamina, &physics), tool.clone())
     }
@@ -62,6 +58,15 @@ pub fn yarns_alone(damping: f64) -> PhysicsConfig {
         damping,
         speed_cap: 0.0,
         ..PhysicsConfig::default()
+    }
+}
+
+/// The same, and a bending `stiffness` along the yarns [N m].
+pub fn bending_yarns(damping: f64, stiffness: f64) -> PhysicsConfig {
+    PhysicsConfig {
+        bending: Bending::Yarns,
+        bending_stiffness: BendingStiffness::NewtonMetre(stiffness),
+        ..yarns_alone(damping)
     }
 }
 
@@ -178,12 +183,7 @@ pub fn clamped(strip: Lamina, edge: f64, stiffness: f64, damping: f64) -> Piece 
     let strip = rigid(strip);
     let mut start = placed(&strip, |s, t| [s - 0.5 * edge, t, 0.0]);
     fix(&strip, &mut start, &[0, 1]);
-    let physics = PhysicsConfig {
-        bending: Bending::Yarns,
-        bending_stiffness: BendingStiffness::NewtonMetre(stiffness),
-        ..yarns_alone(damping)
-    };
-    Piece::new(strip, physics, start)
+    Piece::new(strip, bending_yarns(damping, stiffness), start)
 }
 
 /// A sheet on a slope of `angle` [rad], up where x is less, so that it slides about the origin as

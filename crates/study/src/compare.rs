@@ -51,21 +51,17 @@ impl Surveyed {
         if mesh.area_vector().z < 0.0 {
             mesh.flip();
         }
-        Ok(Self {
-            sheet: Sheet::new(&mesh)?,
-            drape: None,
-            mesh,
-        })
+        Self::new(mesh, None)
     }
 
     /// A draped blank.
     pub fn draped(drape: Drape) -> Result<Self, SheetError> {
-        let mesh = drape.mesh();
-        Ok(Self {
-            sheet: Sheet::new(&mesh)?,
-            drape: Some(drape),
-            mesh,
-        })
+        Self::new(drape.mesh(), Some(drape))
+    }
+
+    fn new(mesh: TriMesh, drape: Option<Drape>) -> Result<Self, SheetError> {
+        let sheet = Sheet::new(&mesh)?;
+        Ok(Self { mesh, drape, sheet })
     }
 
     fn feet(&self, other: &Self) -> Vec<Foot> {

@@ -8,7 +8,6 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use crate::points::distance;
 use crate::ranking::extremes;
 use crate::study::{Context, Report, SceneOptions, Study, StudyError, stencil_mm};
 use crate::table::Table;
@@ -101,7 +100,9 @@ impl Study for Episodes {
             let played = play(&scene, &env, order, self.count.into(), self.seed, told)?;
             rows.extend(figures(&scene, (&env, &region), order, &played));
         }
-        let initial = distance(&scene.tool, region.vertices.ones(), &scene.initial.position);
+        let initial = scene
+            .tool
+            .summed_distance(region.vertices.ones(), &scene.initial.position);
         let title = format!(
             "{} episodes in each order from {initial:.3} m; those that diverge have no figures",
             self.count
@@ -241,11 +242,9 @@ pub fn rest(
     cloth.step(&config.stepping().control(0.25), &[]);
     let rested = cloth.snapshot(0);
     let tension = scene.lamina.yarn_strain(&rested.position).into_iter();
-    let Snapshot {
-        position, pressed, ..
-    } = state;
+    let (position, pressed) = (&state.position, &state.pressed);
     Rested {
-        region_m: distance(&scene.tool, vertices.ones(), position),
+        region_m: scene.tool.summed_distance(vertices.ones(), position),
         surplus_m: surplus(&scene.lamina, &scene.tool, position, vertices),
         undraped: pressed.touched.difference(&pressed.draped).count(),
         summary: scene.summary(state),

@@ -22,9 +22,10 @@ pub fn apart_mm(a: &[[f64; 3]], b: &[[f64; 3]], pairs: &[[usize; 2]]) -> [f64; 2
     [mean, all.iter().copied().fold(0.0, f64::max)]
 }
 
-/// Summed distance of some vertices to the tool [m].
-pub fn distance(tool: &Tool, vertices: impl Iterator<Item = usize>, x: &[[f64; 3]]) -> f64 {
-    vertices.map(|v| tool.distance(x[v]).0.max(0.0)).sum()
+/// Summed distances to the tool of the same material points, of either sheet [m].
+pub fn summed_m(tool: &Tool, x: [&[[f64; 3]]; 2], pairs: &[[usize; 2]]) -> [f64; 2] {
+    let vertices = |side: usize| pairs.iter().map(move |pair| pair[side]);
+    [0, 1].map(|side| tool.summed_distance(vertices(side), x[side]))
 }
 
 /// The vertex nearest to a place on the flat blank [m].

@@ -52,7 +52,7 @@ pub struct Row {
 
 /// Means over paths with their standard deviations, and the best of each; no numbers if there is
 /// no path.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Figures {
     /// Summed distance of the region to the tool [m].
     pub distance_m: f64,
@@ -208,25 +208,16 @@ fn figures(ended: &[Left]) -> Figures {
         let values: Vec<f64> = ended.iter().map(value).collect();
         (mean_and_deviation(&values), extremes(&values))
     };
-    let ([distance_m, deviation_distance_m], [least_distance_m, _]) = of(|left| left.distance_m);
-    let ([surplus_m, deviation_surplus_m], [least_surplus_m, _]) = of(|left| left.surplus_m);
-    let ([score, deviation_score], [_, best_score]) = of(|left| left.score);
-    let ([undraped, _], _) = of(|left| left.undraped as f64);
-    let ([shear_deg, deviation_shear_deg], _) = of(|left| left.shear_deg);
-    Figures {
-        distance_m,
-        deviation_distance_m,
-        least_distance_m,
-        surplus_m,
-        deviation_surplus_m,
-        least_surplus_m,
-        score,
-        deviation_score,
-        best_score,
-        undraped,
-        shear_deg,
-        deviation_shear_deg,
-    }
+    let mut f = Figures::default();
+    (
+        [f.distance_m, f.deviation_distance_m],
+        [f.least_distance_m, _],
+    ) = of(|left| left.distance_m);
+    ([f.surplus_m, f.deviation_surplus_m], [f.least_surplus_m, _]) = of(|left| left.surplus_m);
+    ([f.score, f.deviation_score], [_, f.best_score]) = of(|left| left.score);
+    ([f.undraped, _], _) = of(|left| left.undraped as f64);
+    ([f.shear_deg, f.deviation_shear_deg], _) = of(|left| left.shear_deg);
+    f
 }
 
 /// Index and score of those that have come to their end, best first.

@@ -26,7 +26,6 @@ use std::time::Instant;
 
 use crate::study::{Context, Report, Study, StudyError, only};
 use crate::table::{Format::Hidden, Table};
-use crate::verify::{SOLVERS, precision_name, solver_name};
 use drape_cloth::sim::{Precision, Solver};
 use drape_report::{Color, HeatMap, Image, Tile};
 use sweeps::Axis;
@@ -130,14 +129,13 @@ impl Study for Stability {
         let cells = compute(&sweeps, context);
 
         let mut groups: Vec<_> = (sweeps.iter())
-            .flat_map(|sweep| SOLVERS.map(|solver| (sweep.name, solver_name(solver))))
+            .flat_map(|sweep| Solver::ALL.map(|solver| (sweep.name, solver.name())))
             .collect();
         groups.push(("all", "both"));
         let count = |group: &(&str, &str), counts: &dyn Fn(&SweepCell) -> bool| {
-            let name = |cell: &SweepCell| (cell.sweep, solver_name(cell.solver));
-            let own = cells
-                .iter()
-                .filter(|c| group.0 == "all" || name(c) == *group);
+            let name = |cell: &SweepCell| (cell.sweep, cell.solver.name());
+            let is_own = |cell: &&SweepCell| group.0 == "all" || name(cell) == *group;
+            let own = cells.iter().filter(is_own);
             own.filter(|cell| counts(cell)).count()
         };
         let title = "Cells by their outcome, f64 and f32 together";
@@ -151,9 +149,9 @@ impl Study for Stability {
         let mut report = Report::new([counts.end(), cell_table(&sweeps, &cells)]);
         for sweep in &sweeps {
             for precision in [Precision::F64, Precision::F32] {
-                let digits = precision_name(precision);
-                let maps = SOLVERS.map(|solver| {
-                    let title = format!("{}: {}, {digits}", sweep.name, solver_name(solver));
+                let digits = precision.name();
+                let maps = Solver::ALL.map(|solver| {
+                    let title = format!("{}: {}, {digits}", sweep.name, solver.name());
                     let own = cells.iter().filter(|cell| {
                         (cell.sweep, cell.solver, cell.precision) == (sweep.name, solver, precision)
                     });
@@ -179,8 +177,8 @@ fn cell_table(sweeps: &[Sweep], cells: &[SweepCell]) -> Table {
         .text("x value", |cell| axis(cell, 0).1)
         .text("y", |cell| axis(cell, 1).0)
         .text("y value", |cell| axis(cell, 1).1)
-        .text("solver", |cell| solver_name(cell.solver))
-        .text("precision", |cell| precision_name(cell.precision))
+        .text("solver", |cell| cell.solver.name())
+        .text("precision", |cell| cell.precision.name())
         .text("outcome", |cell| cell.outcome.name())
         .number("error", Hidden, |cell| cell.error)
         .number("time [s]", Hidden, |cell| cell.seconds)

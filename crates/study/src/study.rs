@@ -228,11 +228,9 @@ impl SceneOptions {
 
     /// An environment on the region that is asked for, or else on `region`.
     pub(crate) fn env(&self, region: Option<[f64; 4]>) -> EnvConfig {
-        EnvConfig {
-            region_mm: self.region.or(region),
-            crop: true,
-            ..EnvConfig::default()
-        }
+        let mut env = EnvConfig::compact();
+        env.region_mm = self.region.or(region);
+        env
     }
 }
 

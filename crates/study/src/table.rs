@@ -90,10 +90,8 @@ impl Column {
         let words = self.head.replace("[%]", "percent").replace("[1/", "per ");
         let words = words.to_lowercase();
         let words = words.split(|c: char| !c.is_alphanumeric());
-        words
-            .filter(|word| !word.is_empty())
-            .collect::<Vec<_>>()
-            .join("_")
+        let words = words.filter(|word| !word.is_empty());
+        words.collect::<Vec<_>>().join("_")
     }
 
     fn is_text(&self) -> bool {

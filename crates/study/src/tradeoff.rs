@@ -21,15 +21,14 @@ use std::sync::Arc;
 
 use cpu_time::ProcessTime;
 
-use crate::points::{apart_mm, distance, nearest, same_points};
+use crate::points::{apart_mm, nearest, same_points, summed_m};
 use crate::presses::{Pressed, pushed, replay};
 use crate::ranking::median;
 use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, lamina};
 use crate::table::{Format::Hidden, Table};
-use crate::verify::{SOLVERS, solver_name};
 use drape_cloth::math::{Isa, mean_and_deviation};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
-use drape_cloth::sim::{Precision, Snapshot};
+use drape_cloth::sim::{Precision, Snapshot, Solver};
 use drape_cloth::tool::Tool;
 use drape_report::{Chart, SERIES, Scale, Series};
 use drape_task::env::{Draping, EnvConfig};
@@ -229,12 +228,7 @@ impl Measuring {
         shared.retain(|pair| region.contains(pair[0]));
         let scale = self.region_vertices as f64 / shared.len() as f64;
         // Summed distance to the tool of either side.
-        let left = |x: Sides| {
-            [0, 1].map(|side| {
-                let vertices = shared.iter().map(|pair| pair[side]);
-                scale * distance(&b.scene.tool, vertices, x[side])
-            })
-        };
+        let left = |x: Sides| summed_m(&b.scene.tool, x, &shared).map(|sum| scale * sum);
         let ends = a.ends.iter().zip(&b.ends);
         let ends = ends.map(|(a, b)| Some([&a.as_ref()?.positions[..], &b.as_ref()?.positions]));
         let ends: Vec<Sides> = ends.collect::<Option<_>>()?;
@@ -315,7 +309,7 @@ fn chart(rows: &[Row]) -> Chart {
         let place = [errors.microseconds, errors.eight_mm].map(f64::log10);
         place.iter().all(|x| x.is_finite()).then_some(place)
     };
-    let axes = SOLVERS.map(solver_name).into_iter().zip(SERIES);
+    let axes = Solver::ALL.map(Solver::name).into_iter().zip(SERIES);
     Chart {
         title: "Cost and error of the pressing sequences, 60 to 12 000 substeps a second".into(),
         x_label: "CPU time of an environment step [us]".into(),

@@ -319,6 +319,7 @@ fn agreements(name: &'static str, title: String, rows: &[Row], what: usize) -> T
         });
         found.map_or("-".into(), |[low, high]| format!("{low:.2} .. {high:.2}"))
     };
+    let over_balanced = |row: &Row| resampled(row, |[own, balanced]| Some(own? - balanced?));
     let by_chance = |row: &Row| {
         let pairs = pairs(row).into_iter();
         pair_loss(&pairs.map(|[_, twin]| [0.0, twin]).collect::<Vec<_>>())
@@ -335,9 +336,7 @@ fn agreements(name: &'static str, title: String, rows: &[Row], what: usize) -> T
         .number("deviation [m]", 4, |row| left(row).map(|left| left[1]))
         .number("rank twin", 3, |row| spearman(&pairs(row)))
         .text("rank twin 90 %", |row| resampled(row, |[own, _]| own))
-        .text("over balanced 90 %", |row| {
-            resampled(row, |[own, balanced]| Some(own? - balanced?))
-        })
+        .text("over balanced 90 %", over_balanced)
         .number("lost [m]", 4, |row| pair_loss(&pairs(row)))
         .number("by chance [m]", 4, by_chance)
         .number("best rank", 1, best_rank)

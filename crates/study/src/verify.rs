@@ -23,13 +23,11 @@ mod shear;
 pub mod solve;
 
 use crate::study::{Context, Report, Study, StudyError, only};
-use crate::table::{
-    Format::{Digits, Hidden},
-    Table,
-};
+use crate::table::Format::{Digits, Hidden};
+use crate::table::Table;
 
 pub use cases::{Answer, ClosedForm, cases};
-pub use solve::{SOLVERS, Subject, precision_name, solver_name};
+pub use solve::Subject;
 
 /// Hold every solver against closed forms: what is expected, what is found
 ///

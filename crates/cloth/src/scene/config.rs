@@ -105,6 +105,12 @@ impl Fall {
             contact_rate: self.contact_rate,
         }
     }
+
+    /// Steps it at other rates.
+    pub fn set_stepping(&mut self, stepping: Stepping) {
+        self.substep_rate = stepping.substep_rate;
+        self.contact_rate = stepping.contact_rate;
+    }
 }
 
 /// A scene: tool, blank, physics, and how the blank comes to lie on the tool.

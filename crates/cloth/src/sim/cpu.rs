@@ -30,6 +30,16 @@ pub enum Precision {
     F64,
 }
 
+impl Precision {
+    /// As in configurations and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+        }
+    }
+}
+
 /// The CPU: groups of environments in SIMD lanes, over rayon. An environment by itself has its
 /// lines in the lanes. Its bits are the same in any company, on any instruction set and for any
 /// number of threads.

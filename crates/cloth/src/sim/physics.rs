@@ -14,6 +14,19 @@ pub enum Solver {
     Yarn,
 }
 
+impl Solver {
+    /// All of them, the default first.
+    pub const ALL: [Self; 2] = [Self::Yarn, Self::GaussSeidel];
+
+    /// As in configurations and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::GaussSeidel => "gauss_seidel",
+            Self::Yarn => "yarn",
+        }
+    }
+}
+
 /// How bending is modelled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -27,6 +27,18 @@ pub struct Control {
     pub sweeps: usize,
 }
 
+impl Control {
+    /// A step of `dt` [s] in which every substep solves once.
+    pub const fn new(dt: f64, substeps: usize, contact_interval: usize) -> Self {
+        Self {
+            dt,
+            substeps,
+            contact_interval,
+            sweeps: 1,
+        }
+    }
+}
+
 impl Stepping {
     /// Substeps and refreshes from one of each in every `interval` substeps.
     pub fn every(substep_rate: f64, interval: usize) -> Self {
@@ -45,12 +57,8 @@ impl Stepping {
     /// A control step of `dt` [s]: the nearest numbers of substeps, at least one each.
     pub fn control(self, dt: f64) -> Control {
         let whole = |x: f64| (x.round() as usize).max(1);
-        Control {
-            dt,
-            substeps: whole(dt * self.substep_rate),
-            contact_interval: whole(self.substep_rate / self.contact_rate),
-            sweeps: 1,
-        }
+        let interval = whole(self.substep_rate / self.contact_rate);
+        Control::new(dt, whole(dt * self.substep_rate), interval)
     }
 }
 

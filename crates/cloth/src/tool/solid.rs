@@ -80,6 +80,11 @@ impl Tool {
         self.distance_in_lanes(x)
     }
 
+    /// Summed distance of some vertices of a sheet at `x` [m], those inside counted as on the tool.
+    pub fn summed_distance(&self, vertices: impl Iterator<Item = usize>, x: &[[f64; 3]]) -> f64 {
+        vertices.map(|v| self.distance(x[v]).0.max(0.0)).sum()
+    }
+
     /// [`Self::distance`] in every lane, inlined for the instruction set in use.
     #[inline(always)]
     pub(crate) fn distance_in_lanes<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {

@@ -52,37 +52,28 @@ impl Comparison {
     pub fn tables(&self) -> [Table; 2] {
         let none = f64::NAN;
         let mut rows: Vec<(&str, &str, &str, [f64; 6])> = Vec::new();
+        let mut add = |part, figure, unit, values: Option<[f64; 6]>| {
+            rows.extend(values.map(|values| (part, figure, unit, values)));
+        };
+        let spread = |s: Spread| [s.mean, s.rms, s.p95, s.min, s.max, none];
+        let angle = |a: Angles| [a.mean, none, a.p95, none, a.max, 1e2 * a.share_below];
+        let most = |max: f64| [none, none, none, none, max, none];
         for (part, found) in self.parts() {
-            let mut add = |figure, unit, values| rows.push((part, figure, unit, values));
-            for (figure, spread) in [
-                ("topology A to B", found.topology_a_to_b_mm),
-                ("topology B to A", found.topology_b_to_a_mm),
-                ("material points", found.material_points_mm),
-            ] {
-                if let Some(s) = spread {
-                    let all = [s.mean, s.rms, s.p95, s.min, s.max, none];
-                    add(figure, "mm", all);
-                }
-            }
-            if let Some(max) = found.hausdorff_mm {
-                add("Hausdorff", "mm", [none, none, none, none, max, none]);
-            }
-            for (k, figure) in ["warp angle", "weft angle"].into_iter().enumerate() {
-                if let Some(a) = found.fibre_angle_deg.map(|angles| angles[k]) {
-                    let agrees = 1e2 * a.share_below;
-                    add(figure, "deg", [a.mean, none, a.p95, none, a.max, agrees]);
-                }
-            }
+            let (a_to_b, b_to_a) = (found.topology_a_to_b_mm, found.topology_b_to_a_mm);
+            let (points, farthest) = (found.material_points_mm, found.hausdorff_mm);
+            let warp = found.fibre_angle_deg.map(|[warp, _]| angle(warp));
+            let weft = found.fibre_angle_deg.map(|[_, weft]| angle(weft));
+            add(part, "topology A to B", "mm", a_to_b.map(spread));
+            add(part, "topology B to A", "mm", b_to_a.map(spread));
+            add(part, "material points", "mm", points.map(spread));
+            add(part, "Hausdorff", "mm", farthest.map(most));
+            add(part, "warp angle", "deg", warp);
+            add(part, "weft angle", "deg", weft);
         }
-        for (figure, found) in [
-            ("contour A to B", self.contour_a_to_b_mm),
-            ("contour B to A", self.contour_b_to_a_mm),
-        ] {
-            rows.extend(found.map(|c| {
-                let all = [c.mean, none, none, none, c.max, none];
-                ("all", figure, "mm", all)
-            }));
-        }
+        let contour = |c: ContourDeviation| [c.mean, none, none, none, c.max, none];
+        let (a_to_b, b_to_a) = (self.contour_a_to_b_mm, self.contour_b_to_a_mm);
+        add("all", "contour A to B", "mm", a_to_b.map(contour));
+        add("all", "contour B to A", "mm", b_to_a.map(contour));
         let mut deviations = Table::of("deviations", "A against the reference B", &rows)
             .text("part", |row| row.0)
             .text("figure", |row| row.1)

@@ -5,13 +5,13 @@ use crate::cloth::{GRAVITY, Piece, laid, momenta};
 use crate::truth;
 use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::math::{Purpose, Stream};
-use drape_cloth::sim::{Bending, PhysicsConfig, Snapshot};
+use drape_cloth::sim::{Bending, Snapshot};
 
-/// A small sheet that starts flat in free space.
-fn sheet(physics: PhysicsConfig) -> Piece {
+/// A small sheet that starts flat in free space, with one damping [1/s].
+fn sheet(damping: f64) -> Piece {
     let lamina = crate::cloth::sheet([0.08; 2], [7; 2], Material::interglas_92125());
     let start = laid(&lamina, |[x, y]| [x, y, 0.0]);
-    Piece::new(lamina, physics, start)
+    Piece::new(lamina, damped(damping, Bending::Yarns), start)
 }
 
 /// y: frame [s]. A flat sheet whose vertices have random velocities flies without gravity or
@@ -28,11 +28,8 @@ pub fn speed(knobs: &Knobs) -> Tried {
 }
 
 fn fly(factor: f64) -> Tried {
-    let mut piece = sheet(PhysicsConfig {
-        gravity: 0.0,
-        speed_cap: 0.0,
-        ..damped(0.0, Bending::Yarns)
-    });
+    let mut piece = sheet(0.0);
+    (piece.physics.gravity, piece.physics.speed_cap) = (0.0, 0.0);
     let mut stream = Stream::new(3, Purpose::Evaluation, 0);
     for v in &mut piece.start.velocity {
         *v = [0.5, -0.4, 0.3].map(|mean| factor * (mean + 0.3 * stream.normal()));
@@ -53,7 +50,7 @@ fn fly(factor: f64) -> Tried {
 /// y: damping [1/s]. A sheet is thrown level and falls with drag.
 pub fn damping(knobs: &Knobs) -> Tried {
     const SECONDS: f64 = 0.1;
-    let mut piece = sheet(damped(knobs.y, Bending::Yarns));
+    let mut piece = sheet(knobs.y);
     piece.start.velocity.fill([1.0, 0.0, 0.0]);
     let seconds = knobs.frame * knobs.frames(SECONDS) as f64;
     let moved = |v0, g| truth::dragged(v0, g, knobs.y, seconds);
@@ -80,10 +77,8 @@ pub const STARTS: [&str; 8] = [
 /// y: the start. In free space the yarns have to find back their length: the error is the mean
 /// strain of the yarn edges.
 pub fn start(knobs: &Knobs) -> Tried {
-    let mut piece = sheet(PhysicsConfig {
-        gravity: 0.0,
-        ..damped(5.0, Bending::Yarns)
-    });
+    let mut piece = sheet(5.0);
+    piece.physics.gravity = 0.0;
     let cell = piece.lamina.yarns[0].rest_length;
     let mut stream = Stream::new(4, Purpose::Evaluation, 0);
     let mut off =

@@ -77,11 +77,9 @@ pub fn compliance(knobs: &Knobs) -> Tried {
         law.tension = Curve::line(modulus);
         law.compression = Curve::line(modulus);
     }
-    let physics = PhysicsConfig {
-        // Next to the softest yarns the diagonals would carry the weight.
-        shear: false,
-        ..slack(DAMPING)
-    };
+    let mut physics = slack(DAMPING);
+    // Next to the softest yarns the diagonals would carry the weight.
+    physics.shear = false;
     hang(strip, physics, SECONDS, 30.0)
 }
 
@@ -109,11 +107,8 @@ fn heavy(knobs: &Knobs, chosen: fn(usize) -> bool) -> Tried {
 pub fn gravity(knobs: &Knobs) -> Tried {
     // Swings are faster by the root of gravity, and so is their damping.
     let pace = if knobs.y > 0.0 { knobs.y.sqrt() } else { 1.0 };
-    let physics = PhysicsConfig {
-        gravity: GRAVITY * knobs.y,
-        speed_cap: 0.0,
-        ..slack(DAMPING * pace)
-    };
+    let mut physics = slack(DAMPING * pace);
+    (physics.gravity, physics.speed_cap) = (GRAVITY * knobs.y, 0.0);
     let seconds = SECONDS * pace.recip().max(1.0);
     hang(usual(), physics, seconds, 30.0)
 }

@@ -173,11 +173,8 @@ fn slide(knobs: &Knobs, degrees: f64) -> Tried {
     const SECONDS: f64 = 0.3;
     let angle = degrees.to_radians();
     let sheet = sheet([SIDE; 2], [5; 2], rubbing([knobs.y; 2]));
-    let physics = PhysicsConfig {
-        speed_cap: 0.0,
-        ..damped(0.0, Bending::Off)
-    };
-    let piece = on_slope(sheet, physics, angle);
+    let mut piece = on_slope(sheet, damped(0.0, Bending::Off), angle);
+    piece.physics.speed_cap = 0.0;
     let seconds = knobs.frame * knobs.frames(SECONDS) as f64;
     let expected = truth::slid(knobs.y, angle, GRAVITY, seconds);
     let start = piece.start.clone();

@@ -92,12 +92,7 @@ impl Trial {
         let piece = &self.piece;
         let mut cloth = Cpu::new(&piece.world(knobs.solver), 1, precision);
         cloth.load(0, &piece.start);
-        let control = Control {
-            dt: knobs.frame,
-            substeps: knobs.substeps,
-            contact_interval: 5,
-            sweeps: 1,
-        };
+        let control = Control::new(knobs.frame, knobs.substeps, 5);
         let mut state = piece.start.clone();
         for _ in 0..knobs.frames(self.seconds) {
             cloth.step(&control, &[]);

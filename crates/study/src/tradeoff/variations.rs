@@ -4,7 +4,6 @@ use std::f64::consts::TAU;
 
 use crate::points::coarser;
 use crate::study::stencil_mm;
-use crate::verify::{SOLVERS, precision_name, solver_name};
 use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
@@ -40,39 +39,29 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
         variations: Vec::new(),
     };
 
-    for solver in SOLVERS {
+    for solver in Solver::ALL {
         for rate in [60.0, 120.0, 300.0, 600.0, 1200.0, 2400.0, 6000.0, 12_000.0] {
             let interval = if rate < 1e4 { 5 } else { 10 };
-            axes.method(solver_name(solver), format!("{rate}/s"), |around| {
+            axes.method(solver.name(), format!("{rate}/s"), |around| {
                 around.0.physics.solver = solver;
                 step_at(around, Stepping::every(rate, interval));
             });
         }
     }
     for precision in [Precision::F32, Precision::F64] {
-        let value = precision_name(precision).into();
-        axes.method("precision", value, |(_, env)| {
+        axes.method("precision", precision.name().into(), |(_, env)| {
             env.precision = precision;
         });
     }
     let accurate = stepped(&axes.around, Accuracy::Accurate.stepping());
     axes.push("pushed", "1 um".into(), [accurate.clone(), accurate]);
 
-    // The first of an axis is the reference.
-    let presses: &[(u8, u8)] = match quick {
-        true => &[(4, 8), (1, 0), (4, 0), (1, 4)],
-        false => &[
-            (8, 16),
-            (1, 0),
-            (2, 0),
-            (4, 0),
-            (8, 0),
-            (1, 1),
-            (1, 4),
-            (4, 8),
-        ],
+    // Frames of both. The first of an axis is the reference.
+    let (presses, settles): (&[u8], &[u8]) = match quick {
+        true => (&[4, 1, 4, 1], &[8, 0, 0, 4]),
+        false => (&[8, 1, 2, 4, 8, 1, 1, 4], &[16, 0, 0, 0, 0, 1, 4, 8]),
     };
-    for (k, &(press, settle)) in presses.iter().enumerate() {
+    for (k, (&press, &settle)) in presses.iter().zip(settles).enumerate() {
         let value = format!("{press} + {settle} frames");
         axes.model("press and settle", k, value, |(_, env)| {
             (env.press_s, env.settle_s) = (f64::from(press) / 60.0, f64::from(settle) / 60.0);
@@ -138,7 +127,7 @@ impl Axes {
     /// Number `k` of an axis of models, held against number 0.
     fn model(&mut self, axis: &'static str, k: usize, value: String, change: impl Fn(&mut Around)) {
         let mut around = self.around.clone();
-        step_fall_at(&mut around.0, self.fall);
+        around.0.fall.set_stepping(self.fall);
         change(&mut around);
         let reference = match k {
             0 => around.clone(),
@@ -150,13 +139,8 @@ impl Axes {
 
 /// Steps the fall and the presses alike.
 fn step_at((scene, env): &mut Around, stepping: Stepping) {
-    step_fall_at(scene, stepping);
+    scene.fall.set_stepping(stepping);
     env.set_stepping(stepping);
-}
-
-fn step_fall_at(scene: &mut SceneConfig, stepping: Stepping) {
-    scene.fall.substep_rate = stepping.substep_rate;
-    scene.fall.contact_rate = stepping.contact_rate;
 }
 
 /// The same model stepped otherwise.

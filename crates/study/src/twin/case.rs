@@ -5,7 +5,7 @@ use std::sync::Arc;
 use cpu_time::{ProcessTime, ThreadTime};
 
 use super::fall::{ACCELERATION, fallen, press_config, twin_config, unfallen};
-use crate::points::{apart_mm, coarser, distance, same_points};
+use crate::points::{apart_mm, coarser, same_points, summed_m};
 use crate::presses::{Positions, pushed};
 use crate::study::StudyError;
 use drape_cloth::scene::Scene;
@@ -52,7 +52,8 @@ impl Ran {
 impl PaperCase {
     /// Summed distance of the region to the tool [m].
     pub fn distance_m(&self, positions: &Positions) -> f64 {
-        distance(&self.scene.tool, self.region.vertices.ones(), positions)
+        let tool = &self.scene.tool;
+        tool.summed_distance(self.region.vertices.ones(), positions)
     }
 
     /// Fast solver, twin and accelerated twin, in this order; the twins on a thread each.
@@ -137,25 +138,22 @@ impl PaperCase {
     /// even numbers of cells, the fall with cells twice as wide. Fails if one diverges.
     pub fn converge(&self, twin: &Ran) -> Result<Vec<SelfComparison>, StudyError> {
         let config = twin_config(&self.scene.config)?;
-        let finer = TwinConfig {
-            safety: 0.5 * config.safety,
-            ..config.clone()
-        };
+        let mut finer = config.clone();
+        finer.safety *= 0.5;
         std::thread::scope(|scope| {
             let half = scope.spawn(|| self.twin("half step", &finer, false, |_| ()));
             let pushed = scope.spawn(|| self.twin("pushed start", &config, true, |_| ()));
             let coarse = self.coarser_fall(twin);
-            let mut found = Vec::new();
+            let (tool, mut found) = (&self.scene.tool, Vec::new());
             for ran in [half, pushed] {
                 let ran = ran.join().expect("the twin does not panic")?;
                 let all: Vec<[usize; 2]> = (0..ran.ends[0].len()).map(|v| [v, v]).collect();
-                let fallen = |ran: &Ran| distance(&self.scene.tool, 0..all.len(), &ran.ends[0]);
                 found.push(SelfComparison {
                     name: ran.name,
                     vertices: all.len(),
                     time_step_s: ran.time_step_s,
                     initial_mm: apart_mm(&ran.ends[0], &twin.ends[0], &all),
-                    initial_m: [fallen(&ran), fallen(twin)],
+                    initial_m: summed_m(tool, [&ran.ends[0], &twin.ends[0]], &all),
                     draped_mm: apart_mm(&ran.ends[1], &twin.ends[1], &all),
                     left_m: [&ran, twin].map(|ran| self.distance_m(&ran.ends[1])),
                 });
@@ -175,17 +173,12 @@ impl PaperCase {
         let settled = fallen(&coarse, &twin_config(&config)?)?;
         let x = settled.positions();
         let pairs = same_points(&coarse.lamina.rest, &self.scene.lamina.rest);
-        let side = |side: usize| pairs.iter().map(move |pair| pair[side]);
-        let tool = &self.scene.tool;
         Ok(Some(SelfComparison {
             name: "twice the cell",
             vertices: x.len(),
             time_step_s: settled.stable_time_step(),
             initial_mm: apart_mm(&x, &twin.ends[0], &pairs),
-            initial_m: [
-                distance(tool, side(0), &x),
-                distance(tool, side(1), &twin.ends[0]),
-            ],
+            initial_m: summed_m(&self.scene.tool, [&x, &twin.ends[0]], &pairs),
             draped_mm: [f64::NAN; 2],
             left_m: [f64::NAN; 2],
         }))

@@ -15,35 +15,19 @@ pub const ACCELERATION: f64 = 148.0;
 /// the twin has nothing for.
 pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
     let physics = &scene.physics;
-    let refused = [
-        (
-            physics.self_collision != SelfCollision::Off,
-            "physics.self_collision",
-            format!("{:?}", physics.self_collision).to_lowercase(),
-            "off: the twin's cloth does not touch itself",
-        ),
-        (
-            physics.bending == Bending::Dihedral,
-            "physics.bending",
-            "dihedral".into(),
-            "yarns or off: the twin bends along its yarns",
-        ),
-        (
-            !physics.shear,
-            "physics.shear",
-            "false".into(),
-            "true: the twin's fabric resists shear",
-        ),
-        (
-            physics.strain_limit.is_some(),
-            "physics.strain_limit",
-            physics.strain_limit.unwrap_or_default().to_string(),
-            "none: the twin's yarns go on with their slope",
-        ),
-    ];
-    for (is_refused, key, found, expected) in refused {
-        ValueError::unless(!is_refused, key, found, expected)?;
-    }
+    let is_alone = physics.self_collision == SelfCollision::Off;
+    let found = format!("{:?}", physics.self_collision).to_lowercase();
+    let expected = "off: the twin's cloth does not touch itself";
+    ValueError::unless(is_alone, "physics.self_collision", found, expected)?;
+    let bends_along_yarns = physics.bending != Bending::Dihedral;
+    let expected = "yarns or off: the twin bends along its yarns";
+    ValueError::unless(bends_along_yarns, "physics.bending", "dihedral", expected)?;
+    let expected = "true: the twin's fabric resists shear";
+    ValueError::unless(physics.shear, "physics.shear", "false", expected)?;
+    let is_free = physics.strain_limit.is_none();
+    let found = physics.strain_limit.unwrap_or_default();
+    let expected = "none: the twin's yarns go on with their slope";
+    ValueError::unless(is_free, "physics.strain_limit", found, expected)?;
     let config = twin_physics(physics);
     config.check().map_err(|error| error.within("physics"))?;
     Ok(config)

@@ -10,7 +10,7 @@ use crate::cloth::{
 };
 use crate::truth::halved;
 use drape_cloth::fabric::Family;
-use drape_cloth::sim::{Bending, PhysicsConfig};
+use drape_cloth::sim::Bending;
 use drape_cloth::tool::{Cylinder, Pose, Shape, Tool};
 
 /// The largest value for which `holds` says yes, from a bracket whose lower end should hold and
@@ -26,12 +26,9 @@ fn threshold([low, high]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
 /// Angle of an incline at which a sheet with friction `mu` begins to slip [rad].
 pub fn slip_angle(solver: &dyn Solve, mu: f64) -> f64 {
     let expected = mu.atan();
-    let physics = PhysicsConfig {
-        friction: true,
-        shear: true,
-        bending: Bending::Yarns,
-        ..yarns_alone(0.0)
-    };
+    let mut physics = yarns_alone(0.0);
+    (physics.friction, physics.shear) = (true, true);
+    physics.bending = Bending::Yarns;
     threshold([0.9 * expected, 1.1 * expected], |angle| {
         let sheet = sheet([0.1, 0.08], [6, 5], rubbing([mu; 2]));
         let piece = on_slope(sheet, physics.clone(), angle);
@@ -98,11 +95,8 @@ pub fn creep(solver: &dyn Solve, mu: f64, ratio: f64) -> f64 {
             [t, DRUM * s.signum(), quarter - s.abs()]
         }
     });
-    let physics = PhysicsConfig {
-        friction: true,
-        ..yarns_alone(20.0)
-    };
-    let mut piece = Piece::new(strip, physics, start).on(&DRUM_TOOL);
+    let mut piece = Piece::new(strip, yarns_alone(20.0), start).on(&DRUM_TOOL);
+    piece.physics.friction = true;
     let mut crown = || {
         piece.start = solver.run(&piece, 0.5);
         mean_at(&piece.lamina, &piece.start, count / 2)

@@ -4,9 +4,8 @@ use std::sync::{Arc, LazyLock};
 
 use super::shear::shear_at;
 use super::solve::Solve;
-use crate::cloth::{GRAVITY, Piece, laid, shearing, sheet, tool, yarns_alone};
+use crate::cloth::{GRAVITY, Piece, bending_yarns, laid, shearing, sheet, tool};
 use drape_cloth::math::Vec3;
-use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig};
 use drape_cloth::tool::{Hemisphere, Pose, Shape, Tool};
 
 /// Polar angle and shear [deg] on the bias line of a fishnet on a sphere: inextensible yarns of 400
@@ -48,15 +47,10 @@ pub fn wrap(solver: &dyn Solve, edges: usize) -> Vec<[f64; 2]> {
     let mut start = laid(&lamina, |[x, y]| [x, y, RADIUS]);
     let pole = lamina.vertex_at(edges, edges).expect("inside the sheet");
     start.fixed.insert(pole as usize);
-    let physics = PhysicsConfig {
-        bending: Bending::Yarns,
-        bending_stiffness: BendingStiffness::NewtonMetre(1e-5),
-        shear: true,
-        // What touches the tool stays on it.
-        adhesion: 1.0,
-        gravity: 10.0 * GRAVITY,
-        ..yarns_alone(50.0)
-    };
+    let mut physics = bending_yarns(50.0, 1e-5);
+    (physics.shear, physics.gravity) = (true, 10.0 * GRAVITY);
+    // What touches the tool stays on it.
+    physics.adhesion = 1.0;
     let piece = Piece::new(lamina, physics, start).on(&DOME);
     let end = solver.settle(&piece, [1e-5, 2.5]);
     let lamina = &piece.lamina;

@@ -38,10 +38,8 @@ fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
     for v in section(&strip, edges) {
         strip.mass[v] = 0.5 * force * width / GRAVITY;
     }
-    let physics = PhysicsConfig {
-        tension: Tension::Material,
-        ..yarns_alone(200.0)
-    };
+    let mut physics = yarns_alone(200.0);
+    physics.tension = Tension::Material;
     hanging_strain(solver, strip, (edges, length), physics, 1e-8)
 }
 

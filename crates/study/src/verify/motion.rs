@@ -4,7 +4,7 @@ use super::solve::{Fast, Solve};
 use crate::cloth::{Piece, laid, momenta, placed, rigid, sheet, yarns_alone};
 use drape_cloth::fabric::{Curve, Material};
 use drape_cloth::math::{Purpose, Stream, Vec3};
-use drape_cloth::sim::{Bending, PhysicsConfig, Snapshot};
+use drape_cloth::sim::{Bending, Snapshot};
 
 /// What is left of linear and of angular momentum, and what implicit Euler leaves of the latter.
 pub struct Flight {
@@ -28,14 +28,10 @@ pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
         let even = [0.5 - omega * y, omega * x - 0.4, 0.3];
         start.velocity[v] = even.map(|even| even + noise * stream.normal());
     }
-    let physics = PhysicsConfig {
-        bending: Bending::Yarns,
-        shear: true,
-        gravity: 0.0,
-        ..yarns_alone(0.0)
-    };
+    let mut piece = Piece::new(lamina, yarns_alone(0.0), start);
+    (piece.physics.shear, piece.physics.gravity) = (true, 0.0);
+    piece.physics.bending = Bending::Yarns;
     let seconds = 0.5;
-    let piece = Piece::new(lamina, physics, start);
     let end = fast.run(&piece, seconds);
     // About the centre of mass, so that flight itself has none.
     let centred = |state: &Snapshot| {
@@ -69,12 +65,9 @@ pub fn oscillation(fast: &Fast, pace: f64) -> [f64; 2] {
     material.warp.tension = Curve::line(k / (0.5 * thickness));
     cell.material = material;
     let cell = rigid(cell);
-    let physics = PhysicsConfig {
-        gravity: 0.0,
-        ..yarns_alone(0.0)
-    };
     let start = placed(&cell, |s, t| [(1.0 + 1e-5) * s, t, 0.0]);
-    let mut piece = Piece::new(cell, physics, start);
+    let mut piece = Piece::new(cell, yarns_alone(0.0), start);
+    piece.physics.gravity = 0.0;
     let energy = |state: &Snapshot| {
         let c = state.position[1][0] - state.position[0][0] - a;
         let v = state.velocity[1][0] - state.velocity[0][0];

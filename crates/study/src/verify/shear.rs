@@ -18,11 +18,9 @@ fn fabric() -> Material {
 
 /// Weightless yarns that resist shear, with `damping` [1/s].
 fn sheared(damping: f64) -> PhysicsConfig {
-    PhysicsConfig {
-        shear: true,
-        gravity: 0.0,
-        ..yarns_alone(damping)
-    }
+    let mut physics = yarns_alone(damping);
+    (physics.shear, physics.gravity) = (true, 0.0);
+    physics
 }
 
 /// Moves the fixed vertices evenly to `target` within `seconds`, then waits until all is still.

@@ -14,29 +14,10 @@ pub enum Subject {
     Twin,
 }
 
-/// Every solver of the fast kind.
-pub const SOLVERS: [Solver; 2] = [Solver::Yarn, Solver::GaussSeidel];
-
-/// As in configurations and tables.
-pub fn solver_name(solver: Solver) -> &'static str {
-    match solver {
-        Solver::Yarn => "yarn",
-        Solver::GaussSeidel => "gauss_seidel",
-    }
-}
-
-/// As in configurations and tables.
-pub fn precision_name(precision: Precision) -> &'static str {
-    match precision {
-        Precision::F32 => "f32",
-        Precision::F64 => "f64",
-    }
-}
-
 impl Subject {
     /// Every one, the fastest first.
     pub fn all() -> Vec<Self> {
-        let fast = SOLVERS.into_iter().flat_map(|solver| {
+        let fast = Solver::ALL.into_iter().flat_map(|solver| {
             let presets = Accuracy::ALL.into_iter();
             presets.map(move |preset| Self::Fast { solver, preset })
         });
@@ -46,7 +27,7 @@ impl Subject {
     /// Solver and preset, as in tables.
     pub fn names(&self) -> [&'static str; 2] {
         match self {
-            Self::Fast { solver, preset } => [solver_name(*solver), preset.name()],
+            Self::Fast { solver, preset } => [solver.name(), preset.name()],
             Self::Twin => ["twin", "reference"],
         }
     }
@@ -113,13 +94,8 @@ impl Fast {
             left -= until_asked;
             while until_asked > 0 {
                 let substeps = until_asked.min(1000);
-                let control = Control {
-                    dt: substeps as f64 * self.substep,
-                    substeps,
-                    contact_interval: self.contact_interval,
-                    sweeps: 1,
-                };
-                cloth.step(&control, &[]);
+                let dt = substeps as f64 * self.substep;
+                cloth.step(&Control::new(dt, substeps, self.contact_interval), &[]);
                 until_asked -= substeps;
             }
             let state = cloth.snapshot(0);
@@ -164,11 +140,8 @@ impl Reference {
     fn end<T, E>(piece: &Piece, advance: impl FnOnce(&mut Twin) -> Result<T, E>) -> Snapshot {
         let mut twin = Self::twin(piece);
         let ended = advance(&mut twin);
-        let mut state = Snapshot {
-            position: twin.positions(),
-            velocity: twin.velocities(),
-            ..piece.start.clone()
-        };
+        let mut state = piece.start.clone();
+        (state.position, state.velocity) = (twin.positions(), twin.velocities());
         if ended.is_err() {
             state.position.fill([f64::NAN; 3]);
             state.velocity.fill([f64::NAN; 3]);

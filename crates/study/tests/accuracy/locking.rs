@@ -5,7 +5,7 @@ use drape_cloth::scene::{shear, sheared};
 use drape_cloth::sim::Stepping;
 use drape_cloth::tool::Hemisphere;
 use drape_study::cloth::{Piece, laid, shearing};
-use drape_study::verify::solve::{Reference, SOLVERS, Solve};
+use drape_study::verify::solve::{Reference, Solve};
 
 use super::*;
 
@@ -69,7 +69,7 @@ fn hanging_cell_has_the_shear_of_its_weight() {
         for gamma in [degrees.to_radians(), -degrees.to_radians()] {
             let piece = hanging(gamma, 200.0);
             let off = |end: &Snapshot| (shear_of(&piece, end) - gamma).to_degrees();
-            for solver in SOLVERS {
+            for solver in Solver::ALL {
                 for (rate, tolerance) in [(6000.0, 0.1), (48_000.0, 0.05)] {
                     let end = fast(solver, 1.0 / rate).settle(&piece, [1e-7, 2.0]);
                     let (off, speed) = (off(&end), end.v_rms());
@@ -103,7 +103,7 @@ fn locked_picture_frame_comes_to_rest() {
                 }
             }
         }
-        for solver in SOLVERS {
+        for solver in Solver::ALL {
             let physics = PhysicsConfig {
                 solver,
                 shear: true,
@@ -153,7 +153,7 @@ fn locking_holds_shear_on_a_hemisphere() {
     let sheet = sheet([1.9 * radius; 2], [21; 2], material);
     let mut start = laid(&sheet, |[x, y]| [x, y, radius]);
     start.fixed.insert(220);
-    for solver in SOLVERS {
+    for solver in Solver::ALL {
         let [free, held] = [false, true].map(|shear_locking| {
             let physics = PhysicsConfig {
                 bending: Bending::Yarns,

@@ -41,15 +41,7 @@ fn run(model: &Model, tool: &Arc<Tool>, state: &Snapshot, h: f64, seconds: f64) 
     while left > 0 {
         let substeps = left.min(1000);
         let dt = substeps as f64 * h;
-        batch.step(
-            &Control {
-                dt,
-                substeps,
-                contact_interval: 5,
-                sweeps: 1,
-            },
-            &[],
-        );
+        batch.step(&Control::new(dt, substeps, 5), &[]);
         left -= substeps;
     }
     batch.snapshot(0)

@@ -86,12 +86,7 @@ fn energy_of_a_sheet_that_is_let_go_never_exceeds_what_it_had() {
             let world = World::new(model.clone(), NOWHERE.clone());
             let mut batch = Cpu::new(&world, 1, Precision::F64);
             batch.load(0, &start);
-            let control = Control {
-                dt: h,
-                substeps: 1,
-                contact_interval: 5,
-                sweeps: 1,
-            };
+            let control = Control::new(h, 1, 5);
             let mut last = before;
             for substep in 0..400 {
                 batch.step(&control, &[]);
@@ -149,12 +144,7 @@ fn rest_shape_stays_after_any_rigid_motion() {
 fn absurd_states_are_reported_and_kept_from_the_neighbours() {
     let sheet = square();
     let good = noisy(&sheet, 0.02);
-    let control = Control {
-        dt: 1.0 / 60.0,
-        substeps: 20,
-        contact_interval: 5,
-        sweeps: 1,
-    };
+    let control = Control::new(1.0 / 60.0, 20, 5);
     for solver in [Solver::Yarn, Solver::GaussSeidel] {
         let model = Model::new(&sheet, &undriven(solver));
         let isa = Isa::best();

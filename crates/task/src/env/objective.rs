@@ -26,12 +26,8 @@ impl Objective {
         position: &[[f64; 3]],
     ) -> f64 {
         let Scene { lamina, tool, .. } = scene;
-        let distance = |vertices: &FixedBitSet, x: &[[f64; 3]]| -> f64 {
-            vertices
-                .ones()
-                .map(|v| tool.distance(x[v]).0.max(0.0))
-                .sum()
-        };
+        let distance =
+            |vertices: &FixedBitSet, x: &[[f64; 3]]| tool.summed_distance(vertices.ones(), x);
         if self == Self::Distance {
             return distance(region, position);
         }
