@@ -289,8 +289,8 @@ fn transfer_has_a_row_for_every_setting() {
         ["objective", "distance", "orders"].map(|table| rows(&report, table));
     let count = report["sequences"].as_array().unwrap().len();
     // Three presets, two rates, Gauss-Seidel, two twins.
-    assert_eq!([objective.len(), distance.len(), places.len()], [8; 3]);
-    assert_eq!(rows(&report, "paths").len(), 8 * count);
+    assert_eq!([objective.len(), distance.len(), places.len()], [9; 3]);
+    assert_eq!(rows(&report, "paths").len(), 9 * count);
     for row in objective.iter().chain(distance) {
         assert!(number(&row["left_m"]) >= 0.0 && number(&row["lost_m"]) >= 0.0);
         let rank = &row["rank_twin"];

@@ -1,4 +1,4 @@
-//! How fast the simulation is.
+//! How fast the simulation is, on the standard sheet as it lies settled on the built-in rib.
 //!
 //! Simulation is timed by the CPU time of its thread, throughput by wall time; all variants of a
 //! table take turns, so that noise which lasts hits all alike.

@@ -76,16 +76,17 @@ const BALANCED: &str = "balanced";
 /// What players are held against.
 const TWIN: &str = "twin";
 
-fn players() -> [(&'static str, Player); 8] {
+fn players() -> [(&'static str, Player); 9] {
     let fast = |solver, stepping| Player::Fast(solver, stepping, Precision::F32);
-    let yarn = |rate| fast(Solver::Yarn, Stepping::every(rate, 5));
+    let yarn = |rate, interval| fast(Solver::Yarn, Stepping::every(rate, interval));
     let [rough, balanced, accurate] = Accuracy::ALL.map(Accuracy::stepping);
     let accurate = Player::Fast(Solver::Yarn, accurate, Precision::F64);
     [
         ("fast", fast(Solver::Yarn, rough)),
         (BALANCED, fast(Solver::Yarn, balanced)),
-        ("yarn_1200", yarn(1200.0)),
-        ("yarn_2400", yarn(2400.0)),
+        ("yarn_1200", yarn(1200.0, 5)),
+        ("yarn_2400", yarn(2400.0, 5)),
+        ("yarn_4800", yarn(4800.0, 10)),
         ("accurate", accurate),
         ("gauss_seidel", fast(Solver::GaussSeidel, balanced)),
         (TWIN, Player::Twin),

@@ -38,7 +38,7 @@ pub trait Lanes:
     /// Number of lanes.
     const COUNT: usize;
     /// Makes lane i of number j lane j of number i, of as many numbers as there are lanes; none
-    /// where copying them one by one is as fast.
+    /// where that is not worth its code.
     const TRANSPOSE: Option<fn(&mut [Self])> = None;
 
     /// The same number in every lane.

@@ -2,7 +2,7 @@
 //!
 //! The state lies in the order of the warps, bundled by length: along a warp from number to number,
 //! another warp in every lane. Wefts and rows of diagonals are copied out, solved and copied back;
-//! where warps and wefts cross in a full square, that is a transposition.
+//! where warps and wefts cross in a full square, that is a transposition if the lanes have one.
 
 use std::ops::Range;
 

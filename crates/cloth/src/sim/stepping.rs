@@ -62,8 +62,9 @@ impl Stepping {
     }
 }
 
-/// A name for a point between speed and accuracy. `drape study verify` holds each against closed forms, `drape study tradeoff` against the
-/// converged solution, and `drape study transfer` against finite elements.
+/// A name for a point between speed and accuracy. `drape study verify` holds each against closed
+/// forms, `drape study tradeoff` against the converged solution, and `drape study transfer` against
+/// finite elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Accuracy {

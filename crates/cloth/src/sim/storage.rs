@@ -75,10 +75,12 @@ pub(super) trait Storage: Send + Sync {
     /// How high over the tool the cloth beneath a vertex of environment `lane` reaches [m].
     #[inline(always)]
     fn beneath(&self, _layers: &Layers, _lane: usize, _vertex: usize) -> f64 {
-        0.0
+        unreachable!("layers that touch are computed in a group");
     }
 
     /// Keeps the layers of the cloth apart.
     #[inline(always)]
-    fn separate(&mut self, _layers: &Layers) {}
+    fn separate(&mut self, _layers: &Layers) {
+        unreachable!("layers that touch are computed in a group");
+    }
 }

@@ -50,14 +50,14 @@ const ALONE: [Alone; 14] = [
 impl Comparison {
     /// For a reader: how far both deviate over each part, and what each is like.
     pub fn tables(&self) -> [Table; 2] {
-        let none = f64::NAN;
+        let nan = f64::NAN;
         let mut rows: Vec<(&str, &str, &str, [f64; 6])> = Vec::new();
         let mut add = |part, figure, unit, values: Option<[f64; 6]>| {
             rows.extend(values.map(|values| (part, figure, unit, values)));
         };
-        let spread = |s: Spread| [s.mean, s.rms, s.p95, s.min, s.max, none];
-        let angle = |a: Angles| [a.mean, none, a.p95, none, a.max, 1e2 * a.share_below];
-        let most = |max: f64| [none, none, none, none, max, none];
+        let spread = |s: Spread| [s.mean, s.rms, s.p95, s.min, s.max, nan];
+        let angle = |a: Angles| [a.mean, nan, a.p95, nan, a.max, 1e2 * a.share_below];
+        let most = |max: f64| [nan, nan, nan, nan, max, nan];
         for (part, found) in self.parts() {
             let (a_to_b, b_to_a) = (found.topology_a_to_b_mm, found.topology_b_to_a_mm);
             let (points, farthest) = (found.material_points_mm, found.hausdorff_mm);
@@ -70,7 +70,7 @@ impl Comparison {
             add(part, "warp angle", "deg", warp);
             add(part, "weft angle", "deg", weft);
         }
-        let contour = |c: ContourDeviation| [c.mean, none, none, none, c.max, none];
+        let contour = |c: ContourDeviation| [c.mean, nan, nan, nan, c.max, nan];
         let (a_to_b, b_to_a) = (self.contour_a_to_b_mm, self.contour_b_to_a_mm);
         add("all", "contour A to B", "mm", a_to_b.map(contour));
         add("all", "contour B to A", "mm", b_to_a.map(contour));
