@@ -288,7 +288,7 @@ fn transfer_has_a_row_for_every_setting() {
     let [objective, distance, places] =
         ["objective", "distance", "orders"].map(|table| rows(&report, table));
     let count = report["sequences"].as_array().unwrap().len();
-    // Three presets, two rates, Gauss-Seidel, two twins.
+    // Three presets, three rates, Gauss-Seidel, two twins.
     assert_eq!([objective.len(), distance.len(), places.len()], [9; 3]);
     assert_eq!(rows(&report, "paths").len(), 9 * count);
     for row in objective.iter().chain(distance) {
@@ -300,10 +300,10 @@ fn transfer_has_a_row_for_every_setting() {
         assert!(number(&row["outside_mm"]) >= 0.0 && number(&row["cpu_s"]) >= 0.0);
     }
     assert_eq!(
-        (&places[6]["setting"], number(&distance[6]["lost_m"])),
+        (&places[7]["setting"], number(&distance[7]["lost_m"])),
         (&"twin".into(), 0.0)
     );
-    assert_eq!(number(&places[6]["off_the_twin_inside_mm"]), 0.0);
+    assert_eq!(number(&places[7]["off_the_twin_inside_mm"]), 0.0);
     assert!(path.join("out/scatter.png").exists());
 }
 
