@@ -6,6 +6,7 @@ use super::lines::{Direction, Lines};
 use super::model::Model;
 use super::storage::Storage;
 use crate::math::{Lanes, Vec3x};
+use crate::tool::Tool;
 
 /// One environment by itself with the solve along yarns, its lines side by side in the lanes: a
 /// place is a number of the [`Fold`]. The same bits as one lane of a group of the same precision:
@@ -42,13 +43,16 @@ struct Crossing<V> {
 }
 
 impl<V: Lanes> Alone<V> {
-    /// For `model`, to be loaded; none if anything of it is not solved along lines: edges by
-    /// Gauss-Seidel, membranes, hinges, layers that touch.
+    /// For `model` with every vertex free and at rest in the origin; none if anything of it is not
+    /// solved along lines: edges by Gauss-Seidel, membranes, hinges, layers that touch.
     pub fn new(model: &Model) -> Option<Self> {
         let is_of_lines = model.layers.is_none() && model.passes.is_empty();
         let lines = model.lines.as_ref().filter(|_| is_of_lines)?;
         let fold = Fold::new(lines);
         let mut cloth = Cloth::<V>::new(fold.count, fold.edge_count, fold.longest);
+        for (&[number, lane], &w) in fold.vertices.iter().zip(&model.inverse_mass) {
+            cloth.inverse_mass[number as usize].set(lane as usize, w);
+        }
         if let Some(tack) = &model.tack {
             cloth.tack.resize(fold.count, V::zero());
             for (&[number, lane], &tack) in fold.vertices.iter().zip(tack) {
@@ -112,6 +116,16 @@ impl<V: Lanes> Storage for Alone<V> {
         self.held.pull.fill(Vec3x::zero());
         self.held.stress.fill(V::zero());
         self.cloth.density.fill(V::zero());
+    }
+
+    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
+        let all: Vec<u32> = (0..self.fold.count as u32).collect();
+        let distances = self.cloth.distances(tool, &all);
+        let of = |&vertex: &u32| {
+            let [number, lane] = self.slot(0, vertex as usize);
+            distances[number * V::COUNT + lane]
+        };
+        vertices.iter().map(of).collect()
     }
 
     #[inline(always)]

@@ -1,5 +1,6 @@
 use super::line::{Along, Chain, Scratch};
-use crate::math::{Lanes, Real, Vec3x};
+use crate::math::{Kernel, Lanes, Real, Vec3x};
+use crate::tool::Tool;
 
 /// n . x - offset is the distance to the tool [m].
 #[derive(Clone, Copy)]
@@ -68,12 +69,60 @@ impl<V: Lanes> Cloth<V> {
 
     /// Whether every position of a lane is a number within 100 m of the origin, lane by lane.
     pub fn finite(&self) -> Vec<bool> {
-        let mut finite = vec![true; V::COUNT];
-        for x in self.position.iter().flat_map(|x| &x.0) {
-            for (finite, x) in finite.iter_mut().zip(x.as_slice()) {
-                *finite &= x.to_f64().abs() < 100.0;
-            }
+        let mut diverged = V::zero();
+        V::vectorize(Diverged {
+            position: &self.position,
+            diverged: &mut diverged,
+        });
+        let is_zero = |diverged: &V::Scalar| diverged.to_f64() == 0.0;
+        diverged.as_slice().iter().map(is_zero).collect()
+    }
+
+    /// Distance of some places to the tool [m], negative inside, [place][lane].
+    pub fn distances(&self, tool: &Tool, places: &[u32]) -> Vec<f64> {
+        let mut distances = vec![V::zero(); places.len()];
+        V::vectorize(Distances {
+            tool,
+            position: &self.position,
+            places,
+            distances: &mut distances,
+        });
+        let lanes = distances.iter().flat_map(|phi| phi.as_slice());
+        lanes.map(|phi| phi.to_f64()).collect()
+    }
+}
+
+/// Marks the lanes in which a position is no number or out of reach by 1.
+struct Diverged<'a, V> {
+    position: &'a [Vec3x<V>],
+    diverged: &'a mut V,
+}
+
+impl<V: Lanes> Kernel for Diverged<'_, V> {
+    #[inline(always)]
+    fn run(self) {
+        let mut diverged = V::zero();
+        for &x in self.position.iter().flat_map(|x| &x.0) {
+            let inside = x.max(-x).lt(V::of(100.0));
+            diverged = V::select(inside, diverged, V::of(1.0));
         }
-        finite
+        *self.diverged = diverged;
+    }
+}
+
+/// Looks up the distance of places to the tool.
+struct Distances<'a, V> {
+    tool: &'a Tool,
+    position: &'a [Vec3x<V>],
+    places: &'a [u32],
+    distances: &'a mut [V],
+}
+
+impl<V: Lanes> Kernel for Distances<'_, V> {
+    #[inline(always)]
+    fn run(self) {
+        for (&v, distance) in self.places.iter().zip(self.distances) {
+            *distance = self.tool.distance_in_lanes(self.position[v as usize].0).0;
+        }
     }
 }

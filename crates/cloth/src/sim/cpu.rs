@@ -201,14 +201,17 @@ impl Backend for Cpu {
     }
 
     fn distances(&self, vertices: &[u32]) -> Vec<f64> {
-        let of_environment = |environment| {
-            let (group, lane) = self.place(environment);
-            let (group, tool) = (&self.groups[group], &self.world.tool);
-            let vertices = vertices.iter();
-            vertices.map(move |&vertex| group.distance(tool, lane, vertex))
-        };
-        let environments = (0..self.count()).into_par_iter();
-        environments.flat_map_iter(of_environment).collect()
+        let groups = self.groups.par_iter();
+        let mut distances: Vec<f64> = groups
+            .flat_map_iter(|group| {
+                let all = group.distances(&self.world.tool, vertices);
+                let lanes = group.lanes();
+                let of = move |lane| (0..vertices.len()).map(move |k| k * lanes + lane);
+                (0..lanes).flat_map(of).map(move |at| all[at])
+            })
+            .collect();
+        distances.truncate(self.count() * vertices.len());
+        distances
     }
 
     fn pressed(&self) -> &[Pressed] {

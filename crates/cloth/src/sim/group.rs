@@ -6,7 +6,7 @@ use super::state::Snapshot;
 use super::step::step;
 use super::stepping::Control;
 use super::storage::Storage;
-use crate::math::{Lanes, Real, Vec3x};
+use crate::math::{Lanes, Vec3x};
 use crate::tool::Tool;
 
 /// Environments of the same model that move in lockstep on the CPU.
@@ -35,8 +35,9 @@ pub(super) trait Group: Send + Sync {
     /// Whether every position of a lane is a number within 100 m of the origin, lane by lane.
     fn finite(&self) -> Vec<bool>;
 
-    /// Distance of a vertex to the tool [m], negative inside, in the precision of the group.
-    fn distance(&self, tool: &Tool, lane: usize, vertex: u32) -> f64;
+    /// Distance of some vertices to the tool [m], negative inside, [vertex][lane]. A lane's are
+    /// the same bits in any company.
+    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64>;
 }
 
 impl<S: Storage> Group for S {
@@ -109,9 +110,7 @@ impl<S: Storage> Group for S {
         }
     }
 
-    fn distance(&self, tool: &Tool, lane: usize, vertex: u32) -> f64 {
-        let [place, lane] = self.slot(lane, vertex as usize);
-        let x = self.cloth().position[place].0.map(|x| x.as_slice()[lane]);
-        tool.distance_in_lanes(x).0.to_f64()
+    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
+        Storage::distances(self, tool, vertices)
     }
 }

@@ -6,6 +6,7 @@ use super::lines::{Direction, Lines};
 use super::model::{Model, Pass};
 use super::storage::Storage;
 use crate::math::{Lanes, Vec3x};
+use crate::tool::Tool;
 
 /// A group of environments, one in every lane: a place is a vertex.
 pub(super) struct InLanes<V: Lanes> {
@@ -14,7 +15,7 @@ pub(super) struct InLanes<V: Lanes> {
 }
 
 impl<V: Lanes> InLanes<V> {
-    /// A group for `model`, every lane of which has to be loaded.
+    /// A group for `model` with every vertex free and at rest in the origin.
     pub fn new(model: &Model) -> Self {
         let count = model.vertex_count();
         let (edges, longest) = match &model.lines {
@@ -22,6 +23,7 @@ impl<V: Lanes> InLanes<V> {
             None => (0, 0),
         };
         let mut cloth = Cloth::new(count, edges, longest);
+        cloth.inverse_mass = model.inverse_mass.iter().map(|&w| V::of(w)).collect();
         cloth.tack = model.tack.iter().flatten().map(|&t| V::of(t)).collect();
         Self {
             cloth,
@@ -69,6 +71,10 @@ impl<V: Lanes> Storage for InLanes<V> {
         if let Some(contact) = &mut self.self_contact {
             contact.start();
         }
+    }
+
+    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
+        self.cloth.distances(tool, vertices)
     }
 
     #[inline(always)]

@@ -4,6 +4,7 @@ use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
 use super::model::Pass;
 use crate::math::{Lanes, Vec3x};
+use crate::tool::Tool;
 
 /// Where the lanes of a [`Cloth`] come from: where an environment's numbers are, and what the loops
 /// of the stages run over.
@@ -36,6 +37,9 @@ pub(super) trait Storage: Send + Sync {
 
     /// Starts a control step.
     fn start(&mut self) {}
+
+    /// See [`super::group::Group::distances`].
+    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64>;
 
     /// How many lines run in a direction.
     fn count(&self, lines: &Lines, direction: Direction) -> usize;
