@@ -26,7 +26,7 @@ impl EdgeLaw {
     /// The compliance of the sign of `c`.
     #[inline(always)]
     pub fn branch<V: Lanes>(&self, c: V) -> V {
-        let [tension, compression] = [self.tension, self.compression].map(V::of);
+        let (tension, compression) = (V::of(self.tension), V::of(self.compression));
         V::select(c.lt(V::zero()), compression, tension)
     }
 }
