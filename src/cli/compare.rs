@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use serde::Serialize;
 
 use super::Failure;
@@ -8,7 +8,7 @@ use super::eval::Loaded;
 use super::failure::OrInvalid;
 use super::output::{print, print_json};
 use super::setup::{absurd, extent};
-use crate::run::RunConfig;
+use crate::run::{RunConfig, read_text};
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
 use drape_cloth::mesh::read_stl;
@@ -106,9 +106,7 @@ enum Kind {
 
 /// Runs `drape compare`.
 pub fn run(args: CompareArgs) -> Result<(), Failure> {
-    if let Some(file) = &args.out {
-        check_writable(file)?;
-    }
+    args.out.as_deref().map(check_writable).transpose()?;
     if args.scale.is_some() && !is_stl(&args.a) && !is_stl(&args.b) {
         let error = anyhow!("--scale is for STL files, found none, expected A or B to be one");
         return Err(Failure::invalid(error));
@@ -172,14 +170,10 @@ fn text(report: &Report) -> String {
         format!("B  {} (reference)", report.b_source.path.display()),
     ];
     lines.extend((report.tool_source.iter()).map(|tool| format!("tool of {}", tool.display())));
-    lines.extend(
-        report
-            .comparison
-            .tables()
-            .map(|table| format!("\n{}", table.text())),
-    );
+    let comparison = &report.comparison;
+    lines.extend((comparison.tables().iter()).map(|table| format!("\n{}", table.text())));
     lines.push(String::new());
-    for missing in &report.comparison.not_applicable {
+    for missing in &comparison.not_applicable {
         let metrics = missing.metrics.join(", ");
         lines.push(format!("not applicable: {metrics} ({})", missing.why));
     }
@@ -188,8 +182,8 @@ fn text(report: &Report) -> String {
 }
 
 fn is_stl(path: &Path) -> bool {
-    let extension = path.extension();
-    extension.is_some_and(|extension| extension.eq_ignore_ascii_case("stl"))
+    path.extension()
+        .is_some_and(|end| end.eq_ignore_ascii_case("stl"))
 }
 
 /// The drape at `path`, with its scene if it is a run.
@@ -246,9 +240,7 @@ fn on_the_blank(region: [f64; 4], surface: &Surveyed, path: &Path) -> Result<(),
 
 /// The tool of a scene file or of a run configuration.
 fn tool(path: &Path) -> Result<Tool, Failure> {
-    let text =
-        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()));
-    let table: Option<toml::Table> = text.or_invalid()?.parse().ok();
+    let table: Option<toml::Table> = read_text(path).or_invalid()?.parse().ok();
     // A scene cannot do without a tool, a run configuration has it in its scene.
     let is_run = table.is_some_and(|table| !table.contains_key("tool"));
     let scene = if is_run {

@@ -115,30 +115,22 @@ struct Report {
 /// Runs `drape eval`.
 pub fn run(args: EvalArgs) -> Result<(), Failure> {
     let out = args.out.as_deref().map(OutFolder::make).transpose()?;
-    if let Some(file) = &args.state {
-        check_writable(file)?;
-    }
+    args.state.as_deref().map(check_writable).transpose()?;
     let mut loaded = Loaded::open(&args.run, args.json)?;
     let pictures = match out {
         Some(folder) => folder,
-        None => OutFolder::make(&loaded.folder.pictures().join("eval"))?,
+        None => OutFolder::make(&loaded.folder.pictures.join("eval"))?,
     };
     if let Some(accuracy) = args.accuracy {
-        loaded.change_accuracy(accuracy);
+        loaded.env.set_accuracy(accuracy);
     }
-    let best = match args.prove {
-        true => {
-            check_writable(&loaded.folder.proof())?;
-            Some(loaded.best_sequence()?)
-        }
-        false => None,
-    };
-    let source = if args.sequence {
-        EpisodeSource::Sequence
-    } else {
-        EpisodeSource::Checkpoint(&args.checkpoint)
-    };
-    let (played, agent, recorder, draping) = loaded.play(source)?;
+    let mut best = None;
+    if args.prove {
+        check_writable(&loaded.folder.proof)?;
+        best = Some(loaded.best_sequence()?);
+    }
+    let checkpoint = (!args.sequence).then_some(&*args.checkpoint);
+    let (played, agent, recorder, draping) = loaded.play(checkpoint)?;
     let Loaded { env, scene, .. } = &loaded;
     if let Some(file) = &args.state {
         Drape::new(&scene.lamina, &played.end.position).write(file)?;
@@ -150,25 +142,19 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         (Some(agent), true) => Some(sampled(agent, scene, env, args.episodes)?),
         _ => None,
     };
-    let proof = match best {
-        Some(best) => {
-            // In the run's own steps, whatever the episode was played in.
-            let (task, orders) = ((scene, &loaded.config.env), (args.episodes, args.twin));
-            Some(proof::proved(&loaded.folder, task, best, orders, args.json)?.0)
-        }
-        None => None,
-    };
-    let title = if args.sequence { "sequence" } else { "policy" };
+    let mut proof = None;
+    if let Some(best) = best {
+        // In the run's own steps, whatever the episode was played in.
+        let (task, orders) = ((scene, &loaded.config.env), (args.episodes, args.twin));
+        proof = Some(proof::proved(&loaded.folder, task, best, orders, args.json)?.0);
+    }
+    let title = checkpoint.map_or("sequence", |_| "policy");
     recorder.write(&pictures.path, &draping, &played, title)?;
 
     let above = played.summary.score - random.mean_score;
     let report = Report {
         run: args.run.clone(),
-        played: if args.sequence {
-            "sequence".into()
-        } else {
-            args.checkpoint.clone()
-        },
+        played: checkpoint.unwrap_or("sequence").into(),
         accuracy: args.accuracy,
         deviations_above_random: (random.deviation > 0.0).then(|| above / random.deviation),
         episode: played.summary,
@@ -183,13 +169,6 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     super::output::print(&text(&report))
 }
 
-/// What an episode is played from.
-pub(super) enum EpisodeSource<'a> {
-    /// `best`, `last` or a file.
-    Checkpoint(&'a str),
-    Sequence,
-}
-
 /// A run folder, read and ready to be played.
 pub(super) struct Loaded {
     pub folder: RunFolder,
@@ -197,59 +176,50 @@ pub(super) struct Loaded {
     pub scene: Arc<Scene>,
     /// What episodes are played with: the run's own, unless that was changed.
     pub env: EnvConfig,
-    /// Steps are not the run's own.
-    changed: bool,
 }
 
 impl Loaded {
     /// Reads the configuration of a run and sets up its scene.
     pub fn open(run: &Path, json: bool) -> Result<Self, Failure> {
         let folder = RunFolder::open(run).or_invalid()?;
-        let config = RunConfig::read(&folder.config()).or_invalid()?;
-        let place = folder.config().display().to_string();
+        let config = RunConfig::read(&folder.config).or_invalid()?;
+        let place = folder.config.display().to_string();
         let scene = Arc::new(set_up(&config.scene, &place, json)?);
         Ok(Self {
             folder,
             env: config.env.clone(),
             config,
             scene,
-            changed: false,
         })
     }
 
-    /// Steps episodes as finely as a preset does.
-    fn change_accuracy(&mut self, accuracy: Accuracy) {
-        self.env.set_accuracy(accuracy);
-        self.changed |= self.env != self.config.env;
-    }
-
-    /// Plays one episode, greedily if by a policy. Gives the agent too, if there is one, the
-    /// frames, and the environment as the episode has left it.
+    /// Plays one episode, greedily by the policy of a checkpoint, `best`, `last` or a file, or the
+    /// best sequence without one. Gives the agent too, if there is one, the frames, and the
+    /// environment as the episode has left it.
     pub fn play(
         &self,
-        source: EpisodeSource,
+        checkpoint: Option<&str>,
     ) -> Result<(PlayedEpisode, Option<Agent>, Recorder, Draping), Failure> {
         let mut draping = Draping::new(self.scene.clone(), &self.env, 1).or_invalid()?;
         let mut recorder = Recorder::default();
         let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);
-        let place = match source {
-            EpisodeSource::Sequence => self.folder.best_sequence(),
-            EpisodeSource::Checkpoint(name) => self.checkpoint_path(name),
-        };
-        let (played, agent) = match source {
-            EpisodeSource::Sequence => {
+        let (played, agent, place) = match checkpoint {
+            None => {
                 let best = self.best_sequence()?;
-                let rules = match self.changed {
-                    true => Rules::Robot,
-                    false => Rules::Episode,
+                // In other steps than the run's own the masks would differ too.
+                let rules = match self.env == self.config.env {
+                    true => Rules::Episode,
+                    false => Rules::Robot,
                 };
-                (replay(&mut draping, &best.vertices, rules, watch), None)
+                let played = replay(&mut draping, &best.vertices, rules, watch);
+                (played, None, self.folder.best_sequence.clone())
             }
-            EpisodeSource::Checkpoint(name) => {
+            Some(name) => {
                 let agent = self.agent(name, &draping)?;
                 let choose =
                     |draping: &Draping| agent.act(&[draping.observation(0)], Sampling::Greedy)[0];
-                (play(&mut draping, choose, watch), Some(agent))
+                let played = play(&mut draping, choose, watch);
+                (played, Some(agent), self.checkpoint_path(name))
             }
         };
         let played = played.map_err(|error| rollout_failure(error, &place))?;
@@ -258,16 +228,16 @@ impl Loaded {
 
     /// The best sequences of the run, found in its configuration.
     fn best_sequence(&self) -> Result<BestSequence, Failure> {
-        let place = self.folder.best_sequence();
+        let place = &self.folder.best_sequence;
         if !place.exists() {
             return Err(Failure::invalid(anyhow!(
                 "{} has no best sequence, as every episode has diverged or none has ended: resume \
                  the run, or train a new one",
-                self.folder.path().display()
+                self.folder.path.display()
             )));
         }
         let best = self.folder.read_best_sequence()?;
-        self.check(&best, &place)?;
+        self.check(&best, place)?;
         Ok(best)
     }
 
@@ -276,8 +246,8 @@ impl Loaded {
     pub fn play_path(&self) -> Result<(PlayedEpisode, Option<Proved>), Failure> {
         let proof = self.proof()?;
         let played = match &proof {
-            Some(proved) => proof::play(proved, &self.scene, &self.env, &self.folder.proof())?.0,
-            None => self.play(EpisodeSource::Sequence)?.0,
+            Some(proved) => proof::play(proved, &self.scene, &self.env, &self.folder.proof)?.0,
+            None => self.play(None)?.0,
         };
         Ok((played, proof))
     }
@@ -286,7 +256,7 @@ impl Loaded {
     fn proof(&self) -> Result<Option<Proved>, Failure> {
         let proved = self.folder.read_proof()?;
         if let Some(proved) = &proved {
-            self.check(&proved.path, &self.folder.proof())?;
+            self.check(&proved.path, &self.folder.proof)?;
         }
         Ok(proved)
     }
@@ -299,18 +269,15 @@ impl Loaded {
         let count = self.scene.lamina.vertex_count();
         let others = sequence.others.iter().flat_map(|other| &other.vertices);
         let mut vertices = sequence.vertices.iter().chain(others);
-        match vertices.find(|&&v| v as usize >= count) {
-            Some(v) => Err(invalid(format!(
-                "presses vertex {v}, expected one below {count}"
-            ))),
-            None => Ok(()),
-        }
+        let outside = vertices.find(|&&v| v as usize >= count);
+        let fault = outside.map(|v| format!("presses vertex {v}, expected one below {count}"));
+        fault.map_or(Ok(()), |fault| Err(invalid(fault)))
     }
 
     fn checkpoint_path(&self, name: &str) -> PathBuf {
         match name {
-            "best" => self.folder.best_checkpoint(),
-            "last" => self.folder.last_checkpoint(),
+            "best" => self.folder.best_checkpoint.clone(),
+            "last" => self.folder.last_checkpoint.clone(),
             file => file.into(),
         }
     }
@@ -320,24 +287,21 @@ impl Loaded {
         let path = self.checkpoint_path(name);
         let given = !matches!(name, "best" | "last");
         if given && !path.exists() {
-            return Err(Failure::invalid(anyhow!(
-                "there is no checkpoint {}",
-                path.display()
-            )));
+            let error = anyhow!("there is no checkpoint {}", path.display());
+            return Err(Failure::invalid(error));
         }
-        if name == "best" && !path.exists() && self.folder.last_checkpoint().exists() {
+        if name == "best" && !path.exists() && self.folder.last_checkpoint.exists() {
             return Err(Failure::invalid(anyhow!(
                 "{} has no best checkpoint yet, as no greedy episode has been played: use \
                  --checkpoint last, or resume the run",
-                self.folder.path().display()
+                self.folder.path.display()
             )));
         }
-        let loaded = Checkpoint::of_run(&path, &self.config, &self.folder);
-        let checkpoint = loaded.map_err(|error| match error.is::<OtherConfig>() {
-            true => Failure::invalid(error),
-            false => error.into(),
-        })?;
         let config = &self.config;
+        let checkpoint = Checkpoint::of_run(&path, config, &self.folder).map_err(|error| {
+            let is_input = error.is::<OtherConfig>();
+            Failure::new(error, is_input)
+        })?;
         let mut agent =
             Agent::new(&config.policy, draping.shape(), config.seed, config.device).or_invalid()?;
         read_section(&checkpoint.sections, NETWORK, |bytes| agent.load(bytes))

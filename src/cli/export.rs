@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::Failure;
-use super::eval::{EpisodeSource, Loaded};
+use super::eval::Loaded;
 use super::failure::OrInvalid;
 use super::result::path;
 use drape_cloth::fabric::{Curve, Drape, Family};
@@ -65,7 +65,7 @@ struct Report {
 pub fn run(args: ExportArgs) -> Result<(), Failure> {
     let loaded = Loaded::open(&args.run, args.json)?;
     let file = args.out.unwrap_or_else(|| {
-        let json = loaded.folder.trajectory();
+        let json = loaded.folder.trajectory.clone();
         match args.format {
             Format::Json => json,
             Format::Csv => json.with_extension("csv"),
@@ -74,7 +74,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
     });
     check_writable(&file)?;
     let (played, proof) = match &args.checkpoint {
-        Some(name) => (loaded.play(EpisodeSource::Checkpoint(name))?.0, None),
+        Some(name) => (loaded.play(Some(name))?.0, None),
         None => loaded.play_path()?,
     };
     let points = path(&played, &loaded.config.env)?;
@@ -87,10 +87,9 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
     let report = Report {
         points: points.len(),
         strokes: points.iter().filter(|point| point.starts_stroke).count(),
-        score: match &proof {
-            Some(proved) => proved.path.score,
-            None => played.summary.score,
-        },
+        score: proof
+            .as_ref()
+            .map_or(played.summary.score, |proved| proved.path.score),
         proved: proof.map(|proved| proved.physics),
         file,
     };
@@ -127,17 +126,13 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
         .collect();
     let half = 0.5e-3 * loaded.config.env.stencil_mm;
     let centres: Vec<[f64; 2]> = (0..count).map(|t| drape.rest_centre(t)).collect();
-    let presses: Vec<Vec<u32>> = points
-        .iter()
-        .map(|point| {
-            let at = drape.rest[point.vertex as usize];
-            let is_under = |t: &u32| {
-                let centre = centres[*t as usize];
-                (0..2).all(|k| (centre[k] - at[k]).abs() <= half)
-            };
-            (0..count as u32).filter(is_under).collect()
-        })
-        .collect();
+    let pressed = |point: &DrapingPoint| {
+        let at = drape.rest[point.vertex as usize];
+        let is_near = |centre: [f64; 2]| (0..2).all(|k| (centre[k] - at[k]).abs() <= half);
+        let is_under = |t: &u32| is_near(centres[*t as usize]);
+        (0..count as u32).filter(is_under).collect()
+    };
+    let presses: Vec<Vec<u32>> = points.iter().map(pressed).collect();
     let points = |curve: &Curve| curve.points().to_vec();
     let physics = scene.model.physics();
     let shear = material.shear.curves(physics.shear_locking);
@@ -154,10 +149,9 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
                 (_, BendingStiffness::NewtonMetre(stiffness)) => stiffness,
             }
         }),
-        friction: if physics.friction {
-            material.friction()
-        } else {
-            [0.0; 2]
+        friction: match physics.friction {
+            true => material.friction(),
+            false => [0.0; 2],
         },
     };
     if dialect == Dialect::Calculix && !fabric.elastic_thickness().is_normal() {
@@ -166,7 +160,7 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
             _ => ("physics.bending_stiffness", fabric.bending[0].to_string()),
         };
         let expected = "bending that gives the elastic shell of CalculiX a thickness";
-        let place = loaded.folder.config().display().to_string();
+        let place = loaded.folder.config.display().to_string();
         return Err(ValueError::new(key, found, expected)).or_invalid_in(place);
     }
     let clamped: Vec<u32> = scene.initial.fixed.ones().map(|v| v as u32).collect();

@@ -16,12 +16,15 @@ pub struct Failure {
 }
 
 impl Failure {
+    /// Wrong usage or configuration where it `is_input`, or else a failure at work.
+    pub(super) fn new(error: impl Into<Error>, is_input: bool) -> Self {
+        let error = error.into();
+        Self { error, is_input }
+    }
+
     /// Wrong usage or configuration.
     pub(super) fn invalid(error: impl Into<Error>) -> Self {
-        Self {
-            error: error.into(),
-            is_input: true,
-        }
+        Self::new(error, true)
     }
 
     /// Prints the chain of causes as one line on stderr and gives the exit code.
@@ -41,10 +44,7 @@ impl Failure {
 
 impl<E: Into<Error>> From<E> for Failure {
     fn from(error: E) -> Self {
-        Self {
-            error: error.into(),
-            is_input: false,
-        }
+        Self::new(error, false)
     }
 }
 
@@ -71,10 +71,7 @@ impl<T, E: Into<Error>> OrInvalid<T> for Result<T, E> {
 /// Sorts what can go wrong with a scene whose file, or other origin, is `place`.
 pub(super) fn scene_failure(error: SceneError, place: &str) -> Failure {
     let is_input = !matches!(error, SceneError::Diverged { .. });
-    Failure {
-        error: Error::new(error).context(place.to_string()),
-        is_input,
-    }
+    Failure::new(Error::new(error).context(place.to_string()), is_input)
 }
 
 #[cfg(test)]

@@ -30,14 +30,8 @@ const TEXT_COLOR: Color = [232, 232, 228];
 const DELAY: u16 = 6;
 const HOLD: u16 = 200;
 
-/// From where a scene is seen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum View {
-    /// From above: x to the right, y up.
-    Top,
-    /// From above the front left corner.
-    Isometric,
-}
+/// The camera that shows all of a box from somewhere, such as [`Camera::top`].
+pub type View = fn((Vec3, Vec3)) -> Camera;
 
 /// A moment of an episode.
 #[derive(Clone, Debug)]
@@ -65,15 +59,10 @@ impl<'a> Studio<'a> {
     pub fn new(scene: &'a Scene, view: View, [width, height]: [usize; 2]) -> Self {
         let (low, high) = scene.lamina.mesh(&scene.initial.position).bounds();
         let margin = Vec3::new(1.0, 1.0, 0.0) * (MARGIN * (high - low).max());
-        let bounds = (low - margin, high + margin);
-        let camera = match view {
-            View::Top => Camera::top(bounds),
-            View::Isometric => Camera::isometric(bounds),
-        };
         Self {
             scene,
             tool: creased(&scene.tool.mesh),
-            camera,
+            camera: view((low - margin, high + margin)),
             width,
             height,
         }
@@ -236,7 +225,7 @@ mod tests {
     #[test]
     fn far_cloth_is_red_and_near_cloth_is_blue() {
         let scene = scene();
-        let studio = Studio::new(&scene, View::Top, [320, 240]);
+        let studio = Studio::new(&scene, Camera::top, [320, 240]);
         let mut state = Snapshot::clone(&scene.initial);
         let far = studio.distance(&state, "");
         // Half of the picture is cloth; little of that is a crest 20 mm below.
@@ -255,7 +244,7 @@ mod tests {
     #[test]
     fn crushed_cloth_is_red() {
         let scene = scene();
-        let studio = Studio::new(&scene, View::Top, [320, 240]);
+        let studio = Studio::new(&scene, Camera::top, [320, 240]);
         let mut state = Snapshot::clone(&scene.initial);
         let red = |state: &Snapshot| count(&studio.crushed(state), 0);
         for x in &mut state.position {
@@ -273,7 +262,7 @@ mod tests {
     fn progress_shows_every_state_and_the_path() {
         let scene = scene();
         let all: Vec<usize> = (0..81).collect();
-        let studio = Studio::new(&scene, View::Isometric, [320, 240]);
+        let studio = Studio::new(&scene, Camera::isometric, [320, 240]);
         let image = |frame: FilmFrame| studio.progress(&frame);
         let free = image(frame(&scene, &[], &[], &[]));
         assert_eq!(count(&free, 2), 0);
@@ -305,7 +294,7 @@ mod tests {
     fn tiny_pictures_have_the_size_asked_for() {
         let scene = scene();
         for size in [[1, 1], [64, 20], [7, 300]] {
-            let studio = Studio::new(&scene, View::Top, size);
+            let studio = Studio::new(&scene, Camera::top, size);
             let image = studio.distance(&scene.initial, "long caption that cannot fit");
             assert_eq!([image.width, image.height], size);
             assert_eq!(image.pixels.len(), size[0] * size[1]);

@@ -24,10 +24,8 @@ pub(super) fn proved(
     (count, twin): (usize, bool),
     json: bool,
 ) -> Result<(Vec<Row>, Option<Proved>), Failure> {
-    let others = best.others.iter().map(|other| other.vertices.clone());
-    let paths: Vec<Vec<u32>> = std::iter::once(best.vertices.clone())
-        .chain(others)
-        .collect();
+    let mut paths = vec![best.vertices.clone()];
+    paths.extend(best.others.iter().map(|other| other.vertices.clone()));
     let progress = Progress::new("proof", json);
     let context = Context {
         progress: &|share, doing| progress.tell(share, doing),
@@ -35,7 +33,7 @@ pub(super) fn proved(
     };
     let found = prove(scene, env, &paths, (count, twin), &context);
     drop(progress);
-    let place = folder.config().display().to_string();
+    let place = folder.config.display().to_string();
     let found = found.map_err(|error| failure(error, Some(place)))?;
     let Some(chosen) = found.best else {
         eprintln!("warning: all of the best paths diverge where they are to be proved");
@@ -47,23 +45,22 @@ pub(super) fn proved(
             && old.path.config_digest == best.config_digest
             && paths.contains(&old.path.vertices)
     });
-    let is_new = old.is_none();
-    let proved = old.unwrap_or_else(|| Proved {
-        physics: chosen.physics,
-        path: BestSequence {
-            vertices: paths[chosen.index].clone(),
-            score: chosen.score,
-            others: Vec::new(),
-            ..best
-        },
-        proof: found.rows.clone(),
-    });
-    if is_new {
-        folder.write_proof(&proved)?;
-    }
-    let (played, recorder, draping) = play(&proved, scene, env, &folder.proof())?;
-    write_json(&folder.trajectory(), &path(&played, env)?)?;
-    recorder.write(&folder.pictures(), &draping, &played, "proved path")?;
+    let proved = match old {
+        Some(old) => old,
+        None => folder.write_proof(Proved {
+            physics: chosen.physics,
+            path: BestSequence {
+                vertices: paths[chosen.index].clone(),
+                score: chosen.score,
+                others: Vec::new(),
+                ..best
+            },
+            proof: found.rows.clone(),
+        })?,
+    };
+    let (played, recorder, draping) = play(&proved, scene, env, &folder.proof)?;
+    write_json(&folder.trajectory, &path(&played, env)?)?;
+    recorder.write(&folder.pictures, &draping, &played, "proved path")?;
     Ok((found.rows, Some(proved)))
 }
 

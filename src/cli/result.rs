@@ -5,14 +5,14 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::Failure;
-use super::picture::{FilmFrame, Studio, View};
+use super::picture::{FilmFrame, Studio};
 use crate::run::{
     EpisodeSummary, PlayedEpisode, RolloutError, RunFolder, Training, curve, random_episodes,
     read_metrics,
 };
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::sim::Snapshot;
-use drape_report::{Chart, Level, SERIES, Series};
+use drape_report::{Camera, Chart, Level, SERIES, Series};
 use drape_task::env::{Draping, EnvConfig};
 use drape_task::path::{DrapingPoint, PressedPoint, stroke_points, strokes};
 
@@ -72,7 +72,7 @@ pub(super) fn baseline(training: &Training, json: bool) -> Result<EpisodeStatist
     if !json {
         eprintln!("playing {BASELINE_EPISODES} random episodes for comparison");
     }
-    let (scene, config) = (training.scene(), &training.config().env);
+    let (scene, config) = (training.scene(), &training.config.env);
     let episodes = random_episodes(scene, config, BASELINE_EPISODES)?;
     EpisodeStatistics::new("random", BASELINE_EPISODES, episodes)
 }
@@ -90,7 +90,7 @@ pub(super) fn reward_curve(
     folder: &RunFolder,
     baseline: &EpisodeStatistics,
 ) -> Result<(), Failure> {
-    let metrics = read_metrics(&folder.metrics())?;
+    let metrics = read_metrics(&folder.metrics)?;
     let series = |label: &str, name: &str, color| Series {
         label: label.into(),
         points: curve(&metrics, name)
@@ -118,20 +118,18 @@ pub(super) fn reward_curve(
     };
     Ok(chart
         .image()
-        .save_png(&folder.pictures().join("reward.png"))?)
+        .save_png(&folder.pictures.join("reward.png"))?)
 }
 
 /// Keeps the states of an episode that its film shows.
 #[derive(Default)]
-pub(super) struct Recorder {
-    frames: Vec<FilmFrame>,
-}
+pub(super) struct Recorder(Vec<FilmFrame>);
 
 impl Recorder {
     /// Remembers the episode as it is now.
     pub fn watch(&mut self, draping: &Draping, points: &[PressedPoint]) {
         let state = draping.state(0);
-        self.frames.push(FilmFrame {
+        self.0.push(FilmFrame {
             path: path_of(points, draping.config()),
             caption: caption(points.len(), draping, &state),
             state,
@@ -140,7 +138,7 @@ impl Recorder {
 
     /// Writes the pictures and the film into a folder.
     pub fn write(
-        mut self,
+        self,
         folder: &Path,
         draping: &Draping,
         played: &PlayedEpisode,
@@ -152,24 +150,20 @@ impl Recorder {
             path: path_of(&played.points, draping.config()),
             caption: caption(played.vertices.len(), draping, &played.end),
         };
-        let stride = self.frames.len().div_ceil(FRAMES).max(1);
-        let mut number = 0;
-        self.frames.retain(|_| {
-            number += 1;
-            (number - 1) % stride == 0
-        });
-        self.frames.push(end.clone());
+        let stride = self.0.len().div_ceil(FRAMES).max(1);
+        let chosen = self.0.into_iter().step_by(stride);
+        let frames: Vec<FilmFrame> = chosen.chain([end.clone()]).collect();
 
-        let studio = Studio::new(scene, View::Isometric, PICTURE_SIZE);
+        let studio = Studio::new(scene, Camera::isometric, PICTURE_SIZE);
         let shot = |state: &Snapshot, text: &str| studio.distance(state, text);
         shot(&scene.initial, "before").save_png(&folder.join("before.png"))?;
         shot(&played.end, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
         let crushed = studio.crushed(&played.end);
         crushed.save_png(&folder.join("crushed.png"))?;
-        let top = Studio::new(scene, View::Top, PICTURE_SIZE);
+        let top = Studio::new(scene, Camera::top, PICTURE_SIZE);
         top.progress(&end).save_png(&folder.join("path.png"))?;
-        Studio::new(scene, View::Isometric, FILM_SIZE)
-            .film(&self.frames, &folder.join("rollout.gif"))
+        let film = Studio::new(scene, Camera::isometric, FILM_SIZE);
+        film.film(&frames, &folder.join("rollout.gif"))
     }
 }
 
@@ -192,11 +186,7 @@ fn caption(steps: usize, draping: &Draping, state: &Snapshot) -> String {
 
 /// A sequence that cannot be replayed belongs to the user's folder, a diverged one to us.
 pub(super) fn rollout_failure(error: RolloutError, place: &Path) -> Failure {
-    let diverged = matches!(error, RolloutError::Diverged(_));
+    let is_input = !matches!(error, RolloutError::Diverged(_));
     let error = anyhow::Error::new(error).context(place.display().to_string());
-    if diverged {
-        error.into()
-    } else {
-        Failure::invalid(error)
-    }
+    Failure::new(error, is_input)
 }

@@ -14,6 +14,7 @@ use drape_cloth::fabric::Drape;
 use drape_cloth::file::{check_writable, write_atomic};
 use drape_cloth::mesh::write_stl;
 use drape_cloth::scene::{Scene, SceneConfig, Summary};
+use drape_report::Camera;
 
 /// Width and height of the pictures [px].
 const SIZE: [usize; 2] = [960, 720];
@@ -64,9 +65,7 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
     };
     let out = OutFolder::make(&args.out)?;
     let folder = &out.path;
-    if let Some(file) = &args.state {
-        check_writable(file)?;
-    }
+    args.state.as_deref().map(check_writable).transpose()?;
 
     let start = Instant::now();
     let scene = set_up(&config, &place, args.json)?;
@@ -92,14 +91,15 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
 
 fn write_files(scene: &Scene, summary: &Summary, folder: &Path) -> Result<(), Failure> {
     let state = &scene.initial;
-    write_stl(
-        folder.join("lamina.stl"),
-        &scene.lamina.mesh(&state.position),
-        "lamina",
-    )?;
+    let lamina = scene.lamina.mesh(&state.position);
+    write_stl(folder.join("lamina.stl"), &lamina, "lamina")?;
     write_stl(folder.join("tool.stl"), &scene.tool.mesh, "tool")?;
     let caption = caption(summary);
-    for (name, view) in [("top.png", View::Top), ("isometric.png", View::Isometric)] {
+    let views: [(&str, View); 2] = [
+        ("top.png", Camera::top),
+        ("isometric.png", Camera::isometric),
+    ];
+    for (name, view) in views {
         let image = Studio::new(scene, view, SIZE).distance(state, &caption);
         image.save_png(&folder.join(name))?;
     }

@@ -2,14 +2,14 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};
 
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use clap::Subcommand;
 use serde_json::{Value, json};
 
 use super::Failure;
 use super::failure::OrInvalid;
 use super::output::{OutFolder, Progress, print, print_json};
-use crate::run::{RunConfig, RunFolder, dated_folder};
+use crate::run::{RunConfig, RunFolder, dated_folder, read_text};
 use drape_cloth::file::{check_writable, write_atomic};
 use drape_study::episodes::Episodes;
 use drape_study::stability::Stability;
@@ -103,14 +103,10 @@ impl<S: clap::Args + Study> Measure<S> {
         let report = found.map_err(|error| failure(error, place))?;
         let seconds = start.elapsed().as_secs_f64();
 
-        let all = object(
-            S::NAME,
-            &report,
-            seconds,
-            out.as_ref().map(|out| &*out.path),
-        );
-        if let Some(out) = &out {
-            write(&report, S::NAME, &all, &out.path)?;
+        let folder = out.as_ref().map(|out| &*out.path);
+        let all = object(S::NAME, &report, seconds, folder);
+        if let Some(folder) = folder {
+            write(&report, S::NAME, &all, folder)?;
         }
         if let Some(path) = &self.into {
             let text = replaced::<S>(path, |name, columns| {
@@ -145,13 +141,9 @@ pub(super) fn failure(error: StudyError, place: Option<String>) -> Failure {
             StudyError::Invalid(_) | StudyError::Read(_) | StudyError::Damaged(_)
         )
     });
-    let error = match place {
-        Some(place) => anyhow::Error::new(error).context(place),
-        None => error.into(),
-    };
-    match is_input {
-        true => Failure::invalid(error),
-        false => error.into(),
+    match place {
+        Some(place) => Failure::new(anyhow::Error::new(error).context(place), is_input),
+        None => Failure::new(error, is_input),
     }
 }
 
@@ -182,14 +174,10 @@ fn write(report: &Report, name: &str, all: &Value, folder: &Path) -> Result<(), 
             markdown += &format!("{}\n\n{text}\n\n", table.title);
         }
     }
-    text(
-        format!("{name}.md"),
-        markdown + &report.notes.join("\n") + "\n",
-    )?;
-    text(
-        format!("{name}.json"),
-        serde_json::to_string_pretty(all)? + "\n",
-    )?;
+    markdown += &(report.notes.join("\n") + "\n");
+    text(format!("{name}.md"), markdown)?;
+    let json = serde_json::to_string_pretty(all)? + "\n";
+    text(format!("{name}.json"), json)?;
     for (name, write) in &report.files {
         write(&folder.join(name)).map_err(|error| anyhow!(error))?;
     }
@@ -201,9 +189,7 @@ fn replaced<S: Study>(
     path: &Path,
     content: impl Fn(&str, &[&str]) -> Result<String, String>,
 ) -> Result<String, Failure> {
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("cannot read {}", path.display()))
-        .or_invalid()?;
+    let text = read_text(path).or_invalid()?;
     let new = replace_tables(&text, S::NAME, S::TABLES, content);
     new.map_err(|message| Failure::invalid(anyhow!("{}: {message}", path.display())))
 }
@@ -214,12 +200,12 @@ fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
     let unread = |error: anyhow::Error| StudyError::Read(error.into());
     let damaged = |error: anyhow::Error| StudyError::Damaged(error.into());
     let folder = RunFolder::open(path).map_err(|error| StudyError::Read(error.into()))?;
-    let config = RunConfig::read(&folder.config()).map_err(unread)?;
+    let config = RunConfig::read(&folder.config).map_err(unread)?;
     let (best, place) = match folder.read_proof().map_err(damaged)? {
-        Some(proved) => (proved.path, folder.proof()),
+        Some(proved) => (proved.path, &folder.proof),
         None => {
             let best = folder.read_best_sequence().map_err(damaged)?;
-            (best, folder.best_sequence())
+            (best, &folder.best_sequence)
         }
     };
     let text = folder.config_text().map_err(unread)?;

@@ -109,7 +109,7 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
     let baseline = result::baseline(&training, args.json)?;
 
     let template = "{bar:24} {pos}/{len} steps, {per_sec:.0}, {eta} left; {msg}";
-    let bar = bar(training.config().steps, template, args.json).with_position(training.env_steps());
+    let bar = bar(training.config.steps, template, args.json).with_position(training.env_steps());
     let start = Instant::now();
     let first = training.env_steps();
     let mut seconds = [0.0; 3];
@@ -129,12 +129,8 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
         let ends = report.iteration.episodes.iter().map(|episode| episode.end);
         diverged_episodes += ends.filter(|&end| end == End::Diverged).count();
         let spent = &report.iteration.seconds;
-        for (sum, part) in seconds
-            .iter_mut()
-            .zip([spent.simulation, spent.inference, spent.update])
-        {
-            *sum += part;
-        }
+        let spent = [spent.simulation, spent.inference, spent.update];
+        seconds = std::array::from_fn(|k| seconds[k] + spent[k]);
         if report.iteration.number.is_multiple_of(CHECKPOINT_INTERVAL) {
             training.checkpoint().map_err(failure)?;
         }
@@ -151,7 +147,7 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
 
     let taken = (training.env_steps() - first) as f64;
     let outcome = Outcome {
-        run: training.folder().path().into(),
+        run: training.folder.path.clone(),
         complete,
         env_steps: training.env_steps(),
         seconds: elapsed,
@@ -173,8 +169,8 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
 fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     if let Some(path) = &args.resume {
         let folder = RunFolder::open(path).or_invalid()?;
-        let config = RunConfig::read(&folder.config()).or_invalid()?;
-        let place = folder.config().display().to_string();
+        let config = RunConfig::read(&folder.config).or_invalid()?;
+        let place = folder.config.display().to_string();
         let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
         return Training::resume(config, scene, folder).map_err(failure);
     }
@@ -215,7 +211,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     let folder = RunFolder::create(&args.runs, args.name.as_deref(), &text, &info);
     let folder = folder.map_err(failure)?;
     if !args.json {
-        eprintln!("writing {}", folder.path().display());
+        eprintln!("writing {}", folder.path.display());
     }
     let mut training = Training::new(config, scene, folder).map_err(failure)?;
     // Whatever happens from now on, the run can be gone on with.
@@ -229,7 +225,7 @@ fn finish(
     baseline: &EpisodeStatistics,
     json: bool,
 ) -> Result<Vec<Row>, Failure> {
-    let (folder, config) = (training.folder(), training.config());
+    let (folder, config) = (&training.folder, &training.config);
     result::reward_curve(folder, baseline)?;
     if training.best_score().is_none() {
         eprintln!(
@@ -249,10 +245,8 @@ fn finish(
 /// What the user can mend is not at work: a name that is taken, another configuration, an
 /// environment that cannot be. A full disk is.
 fn failure(error: anyhow::Error) -> Failure {
-    match error.is::<NameError>() || error.is::<OtherConfig>() || error.is::<ValueError>() {
-        true => Failure::invalid(error),
-        false => error.into(),
-    }
+    let is_input = error.is::<NameError>() || error.is::<OtherConfig>() || error.is::<ValueError>();
+    Failure::new(error, is_input)
 }
 
 /// Set by the first Ctrl-C or termination signal; the second one ends the program at once.

@@ -75,7 +75,7 @@ impl Checkpoint {
         if !config.is_read_from(&checkpoint.config) {
             bail!(OtherConfig {
                 path: path.into(),
-                config: folder.config(),
+                config: folder.config.clone(),
             });
         }
         Ok(checkpoint)

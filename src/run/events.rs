@@ -4,7 +4,8 @@ use anyhow::Result;
 
 use super::log::Log;
 
-/// Writes scalars for TensorBoard into one event file.
+/// Starts a file of scalars for TensorBoard at `wall_time`, in seconds since 1970. TensorBoard
+/// finds it if `tfevents` is in its name. Fails if `path` exists.
 ///
 /// A file is a chain of TFRecords: length (u64), masked CRC-32C of the length, data, masked
 /// CRC-32C of the data, all little-endian. Each record is an `Event` protocol buffer; the
@@ -13,34 +14,21 @@ use super::log::Log;
 /// Checked once against TensorBoard 2.21: its `EventAccumulator` read a file of two tags
 /// and six steps and gave back every tag, step, wall
 /// time and value, NaN included. Its `RecordWriter` made the golden bytes of the tests.
-#[derive(Debug)]
-pub struct EventWriter(Log);
+pub(super) fn create_events(path: &Path, wall_time: f64) -> Result<Log> {
+    let mut log = Log::create(path)?;
+    log.append(&framed(&version_event(wall_time)))?;
+    Ok(log)
+}
 
-impl EventWriter {
-    /// Starts a file at `wall_time`, in seconds since 1970. TensorBoard finds it if `tfevents` is
-    /// in its name. Fails if `path` exists.
-    pub fn create(path: &Path, wall_time: f64) -> Result<Self> {
-        let mut log = Log::create(path)?;
-        log.append(&framed(&version_event(wall_time)))?;
-        Ok(Self(log))
-    }
-
-    /// Appends one event: the `values` (tag, value) of `step`.
-    pub fn append(&mut self, wall_time: f64, step: u64, values: &[(&str, f64)]) -> Result<()> {
-        self.0
-            .append(&framed(&scalar_event(wall_time, step, values)))
-    }
-
-    /// Makes the file survive a power failure.
-    pub fn sync(&self) -> Result<()> {
-        self.0.sync()
-    }
+/// One event of such a file: the `values` (tag, value) of `step`.
+pub(super) fn scalar_record(wall_time: f64, step: u64, values: &[(&str, f64)]) -> Vec<u8> {
+    framed(&scalar_event(wall_time, step, values))
 }
 
 /// `Event { wall_time = 1, file_version = 3 }`.
 fn version_event(wall_time: f64) -> Vec<u8> {
     let mut event = Vec::new();
-    put_double(&mut event, 1, wall_time);
+    put(&mut event, 1, WIRE_64_BIT, &wall_time.to_le_bytes());
     put_bytes(&mut event, 3, b"brain.Event:2");
     event
 }
@@ -52,12 +40,12 @@ fn scalar_event(wall_time: f64, step: u64, values: &[(&str, f64)]) -> Vec<u8> {
     for (tag, value) in values {
         let mut message = Vec::new();
         put_bytes(&mut message, 1, tag.as_bytes());
-        put_float(&mut message, 2, *value as f32);
+        put(&mut message, 2, WIRE_32_BIT, &(*value as f32).to_le_bytes());
         put_bytes(&mut summary, 1, &message);
     }
     let mut event = Vec::new();
-    put_double(&mut event, 1, wall_time);
-    put_key(&mut event, 2, WIRE_VARINT);
+    put(&mut event, 1, WIRE_64_BIT, &wall_time.to_le_bytes());
+    put(&mut event, 2, WIRE_VARINT, &[]);
     put_varint(&mut event, step);
     put_bytes(&mut event, 5, &summary);
     event
@@ -69,8 +57,10 @@ const WIRE_64_BIT: u64 = 1;
 const WIRE_LENGTH: u64 = 2;
 const WIRE_32_BIT: u64 = 5;
 
-fn put_key(out: &mut Vec<u8>, field: u64, wire_type: u64) {
+/// The key of a field, and its value where that has one length always.
+fn put(out: &mut Vec<u8>, field: u64, wire_type: u64, value: &[u8]) {
     put_varint(out, field << 3 | wire_type);
+    out.extend(value);
 }
 
 /// Seven bits a byte, lowest first; the top bit says that more follow.
@@ -82,18 +72,8 @@ fn put_varint(out: &mut Vec<u8>, mut value: u64) {
     out.push(value as u8);
 }
 
-fn put_double(out: &mut Vec<u8>, field: u64, value: f64) {
-    put_key(out, field, WIRE_64_BIT);
-    out.extend(value.to_le_bytes());
-}
-
-fn put_float(out: &mut Vec<u8>, field: u64, value: f32) {
-    put_key(out, field, WIRE_32_BIT);
-    out.extend(value.to_le_bytes());
-}
-
 fn put_bytes(out: &mut Vec<u8>, field: u64, bytes: &[u8]) {
-    put_key(out, field, WIRE_LENGTH);
+    put(out, field, WIRE_LENGTH, &[]);
     put_varint(out, bytes.len() as u64);
     out.extend(bytes);
 }
@@ -101,12 +81,8 @@ fn put_bytes(out: &mut Vec<u8>, field: u64, bytes: &[u8]) {
 /// `data` as one TFRecord.
 fn framed(data: &[u8]) -> Vec<u8> {
     let length = (data.len() as u64).to_le_bytes();
-    let mut record = Vec::with_capacity(data.len() + 16);
-    record.extend(length);
-    record.extend(masked_crc(&length).to_le_bytes());
-    record.extend(data);
-    record.extend(masked_crc(data).to_le_bytes());
-    record
+    let [of_length, of_data] = [&length[..], data].map(|bytes| masked_crc(bytes).to_le_bytes());
+    [&length[..], &of_length, data, &of_data].concat()
 }
 
 /// TFRecord stores checksums rotated and shifted, so that a record holding its own
@@ -167,10 +143,9 @@ mod tests {
     fn file_is_a_chain_of_valid_records() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("events.out.tfevents.drape");
-        let mut events = EventWriter::create(&path, 1.0).unwrap();
-        events
-            .append(2.0, 5, &[("a", 1.0), ("b", f64::NAN)])
-            .unwrap();
+        let mut events = create_events(&path, 1.0).unwrap();
+        let record = scalar_record(2.0, 5, &[("a", 1.0), ("b", f64::NAN)]);
+        events.append(&record).unwrap();
         events.sync().unwrap();
         let bytes = fs::read(&path).unwrap();
         assert_eq!(

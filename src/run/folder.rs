@@ -14,7 +14,27 @@ use drape_task::env::ImageShape;
 /// The folder of one run: `ROOT/NAME/`. Its layout is described in `runs/README.md`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunFolder {
-    path: PathBuf,
+    /// The folder itself.
+    pub path: PathBuf,
+    /// Resolved configuration.
+    pub config: PathBuf,
+    /// Where the run came from ([`RunInfo`]).
+    pub info: PathBuf,
+    /// One JSON object a line.
+    pub metrics: PathBuf,
+    /// The TensorBoard file.
+    pub events: PathBuf,
+    /// The checkpoint to resume from, and the one that evaluated best.
+    pub last_checkpoint: PathBuf,
+    pub best_checkpoint: PathBuf,
+    /// The best action sequence seen ([`BestSequence`]).
+    pub best_sequence: PathBuf,
+    /// What [`Proved`] says.
+    pub proof: PathBuf,
+    /// Draping points of the proved path ([`drape_task::path`]).
+    pub trajectory: PathBuf,
+    /// Folder of pictures and films.
+    pub pictures: PathBuf,
 }
 
 /// `run.json`: where a run came from.
@@ -159,11 +179,27 @@ fn new_folder(root: &Path, name: &str) -> Result<Option<PathBuf>> {
 }
 
 /// What stands in a file.
-pub(super) fn read_text(path: &Path) -> Result<String> {
+pub(crate) fn read_text(path: &Path) -> Result<String> {
     fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
 impl RunFolder {
+    fn at(path: PathBuf) -> Self {
+        Self {
+            config: path.join("config.toml"),
+            info: path.join("run.json"),
+            metrics: path.join("metrics.jsonl"),
+            events: path.join("events/events.out.tfevents.drape"),
+            last_checkpoint: path.join("checkpoints/last.drape"),
+            best_checkpoint: path.join("checkpoints/best.drape"),
+            best_sequence: path.join("best_sequence.json"),
+            proof: path.join("proof.json"),
+            trajectory: path.join("trajectory.json"),
+            pictures: path.join("pictures"),
+            path,
+        }
+    }
+
     /// Makes the folder of a new run, `root/name` or [`dated_folder`] without a name, and writes
     /// `config` (TOML, resolved) and `info` into it. Never touches an existing one; if it fails
     /// in the middle, what it made is removed.
@@ -179,7 +215,7 @@ impl RunFolder {
                 new_folder(root, name)?.ok_or_else(|| NameError::Taken(root.join(name)))?
             }
         };
-        let run = Self { path };
+        let run = Self::at(path);
         run.fill(config, info).inspect_err(|_| {
             // The first failure is the one worth reporting.
             let _ = fs::remove_dir_all(&run.path);
@@ -189,133 +225,65 @@ impl RunFolder {
 
     /// `run.json` comes last: a folder that has it is complete.
     fn fill(&self, config: &str, info: &RunInfo) -> Result<()> {
-        for path in [
-            self.event_folder(),
-            self.checkpoint_folder(),
-            self.pictures(),
-        ] {
+        for name in ["events", "checkpoints", "pictures"] {
+            let path = self.path.join(name);
             let cannot = || format!("cannot create {}", path.display());
             fs::create_dir(&path).with_context(cannot)?;
         }
-        write_atomic(&self.config(), |file| file.write_all(config.as_bytes()))?;
-        write_json(&self.info(), info)
+        write_atomic(&self.config, |file| file.write_all(config.as_bytes()))?;
+        write_json(&self.info, info)
     }
 
     /// The existing run folder at `path`.
     pub fn open(path: &Path) -> Result<Self> {
         let shown = path.display();
-        if !path
-            .try_exists()
-            .with_context(|| format!("cannot read {shown}"))?
-        {
+        let exists = path.try_exists();
+        if !exists.with_context(|| format!("cannot read {shown}"))? {
             bail!("there is no run {shown}");
         }
         if path.is_file() {
             bail!("{shown} is not a run folder: it is a file; give the folder that holds run.json");
         }
-        let run = Self { path: path.into() };
-        if !run.info().is_file() {
+        let run = Self::at(path.into());
+        if !run.info.is_file() {
             bail!("{shown} is not a run folder: it has no run.json");
         }
         Ok(run)
     }
 
-    /// The folder itself.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Resolved configuration.
-    pub fn config(&self) -> PathBuf {
-        self.path.join("config.toml")
-    }
-
     /// What stands in [`RunFolder::config`].
     pub fn config_text(&self) -> Result<String> {
-        read_text(&self.config())
-    }
-
-    /// Where the run came from ([`RunInfo`]).
-    pub fn info(&self) -> PathBuf {
-        self.path.join("run.json")
-    }
-
-    /// One JSON object a line.
-    pub fn metrics(&self) -> PathBuf {
-        self.path.join("metrics.jsonl")
-    }
-
-    /// The TensorBoard file.
-    pub fn events(&self) -> PathBuf {
-        self.event_folder().join("events.out.tfevents.drape")
-    }
-
-    /// The checkpoint to resume from.
-    pub fn last_checkpoint(&self) -> PathBuf {
-        self.checkpoint_folder().join("last.drape")
-    }
-
-    /// The checkpoint that evaluated best.
-    pub fn best_checkpoint(&self) -> PathBuf {
-        self.checkpoint_folder().join("best.drape")
-    }
-
-    /// The best action sequence seen (`BestSequence`).
-    pub fn best_sequence(&self) -> PathBuf {
-        self.path.join("best_sequence.json")
-    }
-
-    /// What [`Proved`] says.
-    pub fn proof(&self) -> PathBuf {
-        self.path.join("proof.json")
-    }
-
-    /// Draping points of the proved path ([`drape_task::path`]).
-    pub fn trajectory(&self) -> PathBuf {
-        self.path.join("trajectory.json")
-    }
-
-    /// Folder of pictures and films.
-    pub fn pictures(&self) -> PathBuf {
-        self.path.join("pictures")
-    }
-
-    fn event_folder(&self) -> PathBuf {
-        self.path.join("events")
-    }
-
-    fn checkpoint_folder(&self) -> PathBuf {
-        self.path.join("checkpoints")
+        read_text(&self.config)
     }
 
     /// Replaces the best sequence.
     pub fn write_best_sequence(&self, sequence: &BestSequence) -> Result<()> {
-        write_json(&self.best_sequence(), sequence)
+        write_json(&self.best_sequence, sequence)
     }
 
     /// Reads the best sequence and checks that it and the others have vertices and that they are
     /// on its grid.
     pub fn read_best_sequence(&self) -> Result<BestSequence> {
-        let path = self.best_sequence();
-        let sequence: BestSequence = read_json(&path)?;
-        sequence.check_vertices(&path)?;
+        let path = &self.best_sequence;
+        let sequence: BestSequence = read_json(path)?;
+        sequence.check_vertices(path)?;
         Ok(sequence)
     }
 
-    /// Replaces the proof.
-    pub fn write_proof(&self, proved: &Proved) -> Result<()> {
-        write_json(&self.proof(), proved)
+    /// Replaces the proof, which it gives back.
+    pub fn write_proof(&self, proved: Proved) -> Result<Proved> {
+        write_json(&self.proof, &proved).map(|()| proved)
     }
 
     /// Reads the proof, if there is one, and checks its path as the best sequence is checked.
     pub fn read_proof(&self) -> Result<Option<Proved>> {
-        let path = self.proof();
+        let path = &self.proof;
         let cannot = || format!("cannot read {}", path.display());
         if !path.try_exists().with_context(cannot)? {
             return Ok(None);
         }
-        let proved: Proved = read_json(&path)?;
-        proved.path.check_vertices(&path)?;
+        let proved: Proved = read_json(path)?;
+        proved.path.check_vertices(path)?;
         Ok(Some(proved))
     }
 }
@@ -370,14 +338,14 @@ mod tests {
         let created = RunFolder::create(&root, Some("a"), CONFIG, &info()).unwrap();
         let run = RunFolder::open(&root.join("a")).unwrap();
         assert_eq!(run, created);
-        assert_eq!(fs::read_to_string(run.config()).unwrap(), CONFIG);
-        let text = fs::read_to_string(run.info()).unwrap();
+        assert_eq!(fs::read_to_string(&run.config).unwrap(), CONFIG);
+        let text = fs::read_to_string(&run.info).unwrap();
         assert_eq!(serde_json::from_str::<RunInfo>(&text).unwrap(), info());
         assert_eq!(info().created, "2026-11-21T04:12:09Z");
-        for file in [run.events(), run.last_checkpoint(), run.best_checkpoint()] {
+        for file in [run.events, run.last_checkpoint, run.best_checkpoint] {
             assert!(file.parent().unwrap().is_dir(), "{}", file.display());
         }
-        assert!(run.pictures().is_dir());
+        assert!(run.pictures.is_dir());
     }
 
     #[test]
@@ -387,7 +355,7 @@ mod tests {
         let error = RunFolder::create(root.path(), Some("a"), "", &info()).unwrap_err();
         assert!(error.to_string().contains("choose another name"), "{error}");
         let run = RunFolder::open(&root.path().join("a")).unwrap();
-        assert_eq!(fs::read_to_string(run.config()).unwrap(), CONFIG);
+        assert_eq!(fs::read_to_string(&run.config).unwrap(), CONFIG);
     }
 
     #[test]
@@ -427,15 +395,15 @@ mod tests {
         run.write_best_sequence(&sequence()).unwrap();
         assert_eq!(run.read_best_sequence().unwrap(), sequence());
 
-        let text = fs::read_to_string(run.best_sequence()).unwrap();
-        fs::write(run.best_sequence(), text.replace("5", "6")).unwrap();
+        let text = fs::read_to_string(&run.best_sequence).unwrap();
+        fs::write(&run.best_sequence, text.replace("5", "6")).unwrap();
         let error = run.read_best_sequence().unwrap_err();
         assert!(
             error
                 .to_string()
                 .ends_with("presses vertex 6, expected one below 6")
         );
-        fs::write(run.best_sequence(), &text[..text.len() / 2]).unwrap();
+        fs::write(&run.best_sequence, &text[..text.len() / 2]).unwrap();
         let error = run.read_best_sequence().unwrap_err();
         assert!(error.to_string().ends_with("is damaged"), "{error}");
     }

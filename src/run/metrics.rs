@@ -5,42 +5,15 @@ use anyhow::{Context, Result};
 use serde_json::Value;
 
 use super::folder::read_text;
-use super::log::Log;
 
-/// Appends to `metrics.jsonl`: one JSON object a line, `step` first.
-///
-/// A run that is resumed leaves the same file as one that was never interrupted, provided
-/// the values themselves repeat; times do not.
-#[derive(Debug)]
-pub struct MetricsWriter(Log);
-
-impl MetricsWriter {
-    /// Starts a file. Fails if `path` exists.
-    pub fn create(path: &Path) -> Result<Self> {
-        Ok(Self(Log::create(path)?))
+/// A line of `metrics.jsonl`: one JSON object of the `values` (name, value) in the given order,
+/// `step` first. Numbers that are not finite become `null`.
+pub fn metrics_line(step: u64, values: &[(&str, f64)]) -> String {
+    let mut line = format!("{{\"step\":{step}");
+    for &(name, value) in values {
+        line += &format!(",\"{name}\":{}", Value::from(value));
     }
-
-    /// Goes on with the file at `path` after its first `length` bytes; what came later is
-    /// dropped.
-    pub fn resume(path: &Path, length: u64) -> Result<Self> {
-        Ok(Self(Log::resume(path, length)?))
-    }
-
-    /// Appends the `values` (name, value) of `step` in the given order. Numbers that are
-    /// not finite become `null`.
-    pub fn append(&mut self, step: u64, values: &[(&str, f64)]) -> Result<()> {
-        let mut line = format!("{{\"step\":{step}");
-        for &(name, value) in values {
-            line += &format!(",\"{name}\":{}", Value::from(value));
-        }
-        line += "}\n";
-        self.0.append(line.as_bytes())
-    }
-
-    /// Makes the file survive a power failure.
-    pub fn sync(&self) -> Result<()> {
-        self.0.sync()
-    }
+    line + "}\n"
 }
 
 /// One line of a metrics file.
@@ -76,21 +49,22 @@ pub fn curve(metrics: &[MetricsLine], name: &str) -> Vec<(u64, f64)> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::log::Log;
     use super::*;
     use std::fs;
+
+    fn append(log: &mut Log, step: u64, values: &[(&str, f64)]) {
+        log.append(metrics_line(step, values).as_bytes()).unwrap();
+    }
 
     #[test]
     fn lines_keep_their_order_and_lose_what_is_not_finite() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("metrics.jsonl");
-        let mut metrics = MetricsWriter::create(&path).unwrap();
-        metrics
-            .append(10, &[("score", 0.1), ("kl", f64::NAN)])
-            .unwrap();
-        metrics
-            .append(20, &[("score", -2.5e-9), ("kl", 3.0)])
-            .unwrap();
-        metrics.append(30, &[("kl", f64::INFINITY)]).unwrap();
+        let mut metrics = Log::create(&path).unwrap();
+        append(&mut metrics, 10, &[("score", 0.1), ("kl", f64::NAN)]);
+        append(&mut metrics, 20, &[("score", -2.5e-9), ("kl", 3.0)]);
+        append(&mut metrics, 30, &[("kl", f64::INFINITY)]);
         assert_eq!(
             fs::read_to_string(&path).unwrap(),
             "{\"step\":10,\"score\":0.1,\"kl\":null}\n\
@@ -108,21 +82,21 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let [whole, broken] = ["whole", "broken"].map(|name| folder.path().join(name));
         let value = |step: u64| 1.0 / (1.0 + step as f64);
-        let mut metrics = MetricsWriter::create(&whole).unwrap();
+        let mut metrics = Log::create(&whole).unwrap();
         for step in 0..9 {
-            metrics.append(step, &[("a", value(step))]).unwrap();
+            append(&mut metrics, step, &[("a", value(step))]);
         }
 
-        let mut metrics = MetricsWriter::create(&broken).unwrap();
+        let mut metrics = Log::create(&broken).unwrap();
         for step in 0..4 {
-            metrics.append(step, &[("a", value(step))]).unwrap();
+            append(&mut metrics, step, &[("a", value(step))]);
         }
         metrics.sync().unwrap();
         let known = fs::metadata(&broken).unwrap().len();
-        metrics.append(4, &[("a", 99.0)]).unwrap();
-        let mut metrics = MetricsWriter::resume(&broken, known).unwrap();
+        append(&mut metrics, 4, &[("a", 99.0)]);
+        let mut metrics = Log::resume(&broken, known).unwrap();
         for step in 4..9 {
-            metrics.append(step, &[("a", value(step))]).unwrap();
+            append(&mut metrics, step, &[("a", value(step))]);
         }
         assert_eq!(fs::read(&broken).unwrap(), fs::read(&whole).unwrap());
     }

@@ -16,6 +16,7 @@ mod training;
 
 pub use checkpoint::{Checkpoint, OtherConfig};
 pub use config::RunConfig;
+pub(crate) use folder::read_text;
 pub use folder::{
     BestSequence, NameError, Proved, RunFolder, RunInfo, config_digest, dated_folder,
 };

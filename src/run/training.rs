@@ -7,9 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use super::checkpoint::Checkpoint;
 use super::config::RunConfig;
-use super::events::EventWriter;
+use super::events::{create_events, scalar_record};
 use super::folder::{BestSequence, RunFolder, Scored, config_digest};
-use super::metrics::{MetricsWriter, read_metrics};
+use super::log::Log;
+use super::metrics::{metrics_line, read_metrics};
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{Iteration, Sampling, Trainer, decode, encode, read_section};
@@ -21,16 +22,18 @@ const RUN: &str = "run";
 
 /// A training that writes into its run folder.
 pub struct Training {
-    config: RunConfig,
+    /// The configuration of the run.
+    pub config: RunConfig,
     /// What stands in the file, also where it lacks keys that are newer.
     config_text: String,
-    folder: RunFolder,
+    /// The folder that the run writes into.
+    pub folder: RunFolder,
     trainer: Trainer<Draping>,
     /// One environment for the greedy episodes.
     evaluation: Draping,
     memory: Memory,
-    metrics: MetricsWriter,
-    events: EventWriter,
+    metrics: Log,
+    events: Log,
 }
 
 /// What a run remembers beside its learner.
@@ -80,8 +83,8 @@ impl Training {
         let (mut trainer, evaluation) = learner(&config, scene, reward)?;
         let shown = trainer.show(beginners_order);
         let mut training = Self {
-            metrics: MetricsWriter::create(&folder.metrics())?,
-            events: EventWriter::create(&folder.events(), wall_time())?,
+            metrics: Log::create(&folder.metrics)?,
+            events: create_events(&folder.events, wall_time())?,
             config_text: folder.config_text()?,
             config,
             folder,
@@ -100,7 +103,7 @@ impl Training {
     /// The training in `folder` as its last checkpoint left it. Metrics that were written
     /// after that checkpoint are cut off: their steps are taken again.
     pub fn resume(config: RunConfig, scene: Arc<Scene>, folder: RunFolder) -> Result<Self> {
-        let path = folder.last_checkpoint();
+        let path = folder.last_checkpoint.clone();
         let name = || path.display().to_string();
         let Checkpoint { sections, .. } = Checkpoint::of_run(&path, &config, &folder)?;
         let (mut trainer, evaluation) = learner(&config, scene, Reward::default())?;
@@ -117,16 +120,6 @@ impl Training {
             metrics,
             events,
         })
-    }
-
-    /// The configuration of the run.
-    pub fn config(&self) -> &RunConfig {
-        &self.config
-    }
-
-    /// The folder that the run writes into.
-    pub fn folder(&self) -> &RunFolder {
-        &self.folder
     }
 
     /// The scene of the run.
@@ -187,7 +180,7 @@ impl Training {
     pub fn checkpoint(&mut self) -> Result<()> {
         self.metrics.sync()?;
         self.events.sync()?;
-        self.save(&self.folder.last_checkpoint())
+        self.save(&self.folder.last_checkpoint)
     }
 
     fn save(&self, path: &Path) -> Result<()> {
@@ -210,7 +203,7 @@ impl Training {
         self.remember(score, &episode.actions)?;
         if self.memory.best_greedy.is_none_or(|best| score > best) {
             self.memory.best_greedy = Some(score);
-            self.save(&self.folder.best_checkpoint())?;
+            self.save(&self.folder.best_checkpoint)?;
         }
         Ok(Some(score))
     }
@@ -284,10 +277,10 @@ impl Training {
         ];
         values.extend(optional.iter().filter_map(|&(name, v)| Some((name, v?))));
         self.memory.lines += 1;
-        self.metrics.append(iteration.env_steps, &values)?;
-        self.events
-            .append(wall_time, iteration.env_steps, &values)?;
-        Ok(())
+        let line = metrics_line(iteration.env_steps, &values);
+        self.metrics.append(line.as_bytes())?;
+        let record = scalar_record(wall_time, iteration.env_steps, &values);
+        self.events.append(&record)
     }
 }
 
@@ -312,13 +305,8 @@ fn learner(
 ) -> Result<(Trainer<Draping>, Draping)> {
     let tasks = Draping::new(scene.clone(), &config.env, config.environments)?.with_reward(reward);
     let evaluation = Draping::new(scene, &config.env, 1)?;
-    let trainer = Trainer::new(
-        config.ppo.clone(),
-        &config.policy,
-        tasks,
-        config.seed,
-        config.device,
-    )?;
+    let (ppo, policy) = (config.ppo.clone(), &config.policy);
+    let trainer = Trainer::new(ppo, policy, tasks, config.seed, config.device)?;
     Ok((trainer, evaluation))
 }
 
@@ -329,29 +317,28 @@ fn wall_time() -> f64 {
 }
 
 /// Cuts the metrics back to their first `lines` and writes the events anew from them.
-fn reopen_logs(folder: &RunFolder, lines: u64) -> Result<(MetricsWriter, EventWriter)> {
-    let path = folder.metrics();
-    let mut kept = read_metrics(&path)?;
-    if (kept.len() as u64) < lines {
-        let found = kept.len();
-        bail!(
-            "{} has {found} lines, expected {lines} at least",
-            path.display()
-        );
+fn reopen_logs(folder: &RunFolder, lines: u64) -> Result<(Log, Log)> {
+    let path = &folder.metrics;
+    let mut kept = read_metrics(path)?;
+    let found = kept.len();
+    if (found as u64) < lines {
+        let place = path.display();
+        bail!("{place} has {found} lines, expected {lines} at least");
     }
     kept.truncate(lines as usize);
-    let text = std::fs::read_to_string(&path).unwrap_or_default();
+    let text = std::fs::read_to_string(path).unwrap_or_default();
     let lengths = text.split_inclusive('\n').map(str::len);
     let length: usize = lengths.take(kept.len()).sum();
-    let metrics = MetricsWriter::resume(&path, length as u64)?;
-    let _ = std::fs::remove_file(folder.events());
-    let mut events = EventWriter::create(&folder.events(), wall_time())?;
+    let metrics = Log::resume(path, length as u64)?;
+    let _ = std::fs::remove_file(&folder.events);
+    let mut events = create_events(&folder.events, wall_time())?;
     for line in &kept {
         let number = |v: Option<f64>| v.unwrap_or(f64::NAN);
         let values = line.values.iter();
         let values: Vec<(&str, f64)> = values.map(|(k, &v)| (k.as_str(), number(v))).collect();
         let wall_time = line.values.get("wall_time").copied().flatten();
-        events.append(wall_time.unwrap_or_default(), line.step, &values)?;
+        let record = scalar_record(wall_time.unwrap_or_default(), line.step, &values);
+        events.append(&record)?;
     }
     Ok((metrics, events))
 }

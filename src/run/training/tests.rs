@@ -38,7 +38,7 @@ fn trained(reward: Reward) -> ([String; 3], Vec<f32>) {
     }
     assert!(rewards.len() > 3);
     let scores = ["mean_score", "greedy_score", "best_score"].map(|name| {
-        let curve = curve(&read_metrics(&training.folder.metrics()).unwrap(), name);
+        let curve = curve(&read_metrics(&training.folder.metrics).unwrap(), name);
         assert!(curve.len() == 2 && curve.iter().all(|(_, score)| *score < 1.0));
         curve
     });
