@@ -83,10 +83,8 @@ impl Cells {
         let counts = [columns, rows];
         let origin = [0, 1].map(|k| low[k] + 0.5 * extent[k] - 0.5 * (counts[k] - 1) as f64);
         let shift = |p: &Point| [p[0] - origin[0], p[1] - origin[1]];
-        let loops: Vec<Vec<Point>> = turned
-            .iter()
-            .map(|one| one.iter().map(shift).collect())
-            .collect();
+        let shifted = |one: &Vec<Point>| one.iter().map(shift).collect();
+        let loops: Vec<Vec<Point>> = turned.iter().map(shifted).collect();
 
         let snapped = Cutter::new(loops, columns, rows).cut()?;
         let place = |[s, t]: Point| {

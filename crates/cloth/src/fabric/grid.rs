@@ -30,6 +30,12 @@ impl Grid {
         }
     }
 
+    /// Nodes at the corners of a cell: the lower two from left to right, then the upper two.
+    pub fn corners(&self, cell: usize) -> [usize; 4] {
+        let first = cell / (self.columns - 1) * self.columns + cell % (self.columns - 1);
+        [0, 1, self.columns, self.columns + 1].map(|step| first + step)
+    }
+
     /// The vertex at a place; none where the blank has been cut away.
     pub fn vertex_at(&self, row: usize, column: usize) -> Option<u32> {
         self.vertices[row * self.columns + column]

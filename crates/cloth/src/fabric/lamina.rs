@@ -88,10 +88,8 @@ impl Lamina {
         config.check()?;
         let size = config.size_mm.map(|s| s * 1e-3);
         let mut cells = Cells::rectangle(size, config.vertices, config.cell());
-        let columns = cells.grid.columns;
         for (index, cell) in cells.cells.iter_mut().enumerate() {
-            let first = index / (columns - 1) * columns + index % (columns - 1);
-            let [a, b, c, d] = [0, 1, columns, columns + 1].map(|step| (first + step) as u32);
+            let [a, b, c, d] = cells.grid.corners(index).map(|node| node as u32);
             *cell = Cell::Cut(vec![[a, b, d], [a, d, c]]);
         }
         let angle = config.yarn_angle_deg.to_radians();
@@ -118,11 +116,10 @@ impl Lamina {
         let third = areal_mass * grid.cell[0] * grid.cell[1] / 6.0;
         let mut mass = vec![0.0; rest.len()];
         for (index, cell) in cells.iter().enumerate() {
-            let (row, column) = (index / (columns - 1), index % (columns - 1));
             let cut = match cell {
                 Cell::Whole => {
-                    let [a, b] = [at(row, column), at(row, column + 1)];
-                    let [c, d] = [at(row + 1, column), at(row + 1, column + 1)];
+                    let corners = grid.corners(index);
+                    let [a, b, c, d] = corners.map(|node| at(node / columns, node % columns));
                     triangles.extend([[a, b, d], [a, d, c]]);
                     diagonals.push([a, d]);
                     for v in [a, b, d, a, d, c] {
@@ -151,8 +148,8 @@ impl Lamina {
         // and row (weft) from each node.
         let mut beside = [vec![0; columns * rows], vec![0; columns * rows]];
         for (index, cell) in cells.iter().enumerate() {
-            let first = index / (columns - 1) * columns + index % (columns - 1);
-            for (family, from) in [(0, first), (0, first + columns), (1, first), (1, first + 1)] {
+            let [first, right, above, _] = grid.corners(index);
+            for (family, from) in [(0, first), (0, above), (1, first), (1, right)] {
                 let ends = [from, from + [1, columns][family]];
                 let is_in = |half: &[u32; 3]| {
                     let ends = ends.map(|node| grid.vertex_at(node / columns, node % columns));

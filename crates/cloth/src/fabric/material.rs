@@ -182,13 +182,10 @@ impl Material {
             let is_valid = value >= 0.0 && value.is_finite();
             ValueError::unless(is_valid, key, value, "a number >= 0")?;
         }
-        if let Some(ShearLocking {
-            angle_rad,
-            stiffening,
-        }) = self.shear.locking
-        {
+        if let Some(locking) = self.shear.locking {
+            let (angle, stiffening) = (locking.angle_rad, locking.stiffening);
             // The fast solver's laws of shear are fitted up to 60 degrees.
-            ValueError::unless_within("shear.locking.angle_rad", angle_rad, [0.1, 1.0])?;
+            ValueError::unless_within("shear.locking.angle_rad", angle, [0.1, 1.0])?;
             ValueError::unless_within("shear.locking.stiffening", stiffening, [1.01, 1e4])?;
         }
         Ok(())
@@ -216,9 +213,10 @@ impl Material {
     /// Static and dynamic friction against the tool: the mean of both families, since the
     /// contact does not know along which yarn it slides (they differ by 4 %).
     pub fn friction(&self) -> [f64; 2] {
+        let mean = |of: fn(&YarnLaw) -> f64| 0.5 * (of(&self.warp) + of(&self.weft));
         [
-            0.5 * (self.warp.static_friction + self.weft.static_friction),
-            0.5 * (self.warp.dynamic_friction + self.weft.dynamic_friction),
+            mean(|law| law.static_friction),
+            mean(|law| law.dynamic_friction),
         ]
     }
 }

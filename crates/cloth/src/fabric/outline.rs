@@ -20,20 +20,11 @@ pub struct Outline {
     loops: Vec<Vec<Point>>,
 }
 
-/// A loop as it was read.
-#[derive(Default)]
-struct Loop {
-    points: Vec<Point>,
-    /// Line of each point.
-    lines: Vec<usize>,
-}
+/// Points of a loop as they were read, and the line of each.
+type Loop = (Vec<Point>, Vec<usize>);
 
-/// An edge of a loop, and where it comes from.
-struct Edge {
-    ends: [Point; 2],
-    from: usize,
-    index: usize,
-}
+/// An edge of a loop, which loop that is, and the number of its first point there.
+type Edge = ([Point; 2], usize, usize);
 
 impl Outline {
     /// A rectangle of `size` [m] around the origin.
@@ -57,63 +48,55 @@ impl Outline {
 
     /// Reads an outline from the text of its file; the error is the line that is wrong, and why.
     pub(super) fn parse(text: &str) -> Result<Self, (usize, String)> {
-        let mut loops = vec![Loop::default()];
-        for (index, line) in text.lines().enumerate() {
+        let lines: Vec<(usize, &str)> = (1..).zip(text.lines()).collect();
+        let read = |&(number, line): &(usize, &str)| {
             let content = line.split('#').next().unwrap_or_default().trim();
-            let last = loops.last_mut().expect("begins with one");
-            if !content.is_empty() {
-                last.points.push(point(content).ok_or_else(|| {
-                    let found: String = content.chars().take(40).collect();
-                    let expected = "two numbers within +-100000: x, y [mm]";
-                    (index + 1, format!("found {found:?}, expected {expected}"))
-                })?);
-                last.lines.push(index + 1);
-            } else if line.trim().is_empty() && !last.points.is_empty() {
-                loops.push(Loop::default());
+            let point = point(content).ok_or_else(|| {
+                let found: String = content.chars().take(40).collect();
+                let expected = "two numbers within +-100000: x, y [mm]";
+                (number, format!("found {found:?}, expected {expected}"))
+            });
+            (!content.is_empty()).then(|| Ok((point?, number)))
+        };
+        let parts = lines.split(|(_, line)| line.trim().is_empty());
+        let loops = parts.map(|part| part.iter().filter_map(read).collect());
+        let mut loops: Vec<Loop> = loops.collect::<Result<_, _>>()?;
+        loops.retain(|(points, _)| !points.is_empty());
+        for (points, lines) in &mut loops {
+            if points.len() > 1 && points.first() == points.last() {
+                points.pop();
             }
-        }
-        if loops.last().is_some_and(|last| last.points.is_empty()) {
-            loops.pop();
-        }
-        if loops.is_empty() {
-            return Err((1, "no points, expected a closed loop of at least 3".into()));
-        }
-        for one in &mut loops {
-            if one.points.len() > 1 && one.points.first() == one.points.last() {
-                one.points.pop();
-            }
-            if one.points.len() < 3 {
-                let count = one.points.len();
+            if points.len() < 3 {
+                let count = points.len();
                 let fault = format!("loop of {count} points, expected at least 3");
-                return Err((one.lines[0], fault));
+                return Err((lines[0], fault));
             }
-            for (i, pair) in one.points.windows(2).enumerate() {
-                if pair[0] == pair[1] {
-                    let line = one.lines[i];
-                    let fault = format!("point is that of line {line} again, expected another");
-                    return Err((one.lines[i + 1], fault));
-                }
+            if let Some(i) = points.windows(2).position(|pair| pair[0] == pair[1]) {
+                let line = lines[i];
+                let fault = format!("point is that of line {line} again, expected another");
+                return Err((lines[i + 1], fault));
             }
         }
         check_crossings(&loops)?;
-        let (outer, holes) = loops.split_first().expect("not empty");
-        for (i, hole) in holes.iter().enumerate() {
-            if !encloses(&outer.points, hole.points[0]) {
+        let Some(((outer, _), holes)) = loops.split_first() else {
+            return Err((1, "no points, expected a closed loop of at least 3".into()));
+        };
+        for (i, (hole, lines)) in holes.iter().enumerate() {
+            if !encloses(outer, hole[0]) {
                 let fault = "hole lies outside the outer loop, expected it inside";
-                return Err((hole.lines[0], fault.into()));
+                return Err((lines[0], fault.into()));
             }
-            for (j, other) in holes.iter().enumerate() {
-                if i != j && encloses(&other.points, hole.points[0]) {
-                    let line = other.lines[0];
-                    let fault = format!("hole lies in the hole of line {line}, expected it apart");
-                    return Err((hole.lines[0], fault));
-                }
+            let mut others = holes.iter().enumerate().filter(|(j, _)| *j != i);
+            if let Some((_, (_, around))) = others.find(|(_, (other, _))| encloses(other, hole[0]))
+            {
+                let line = around[0];
+                let fault = format!("hole lies in the hole of line {line}, expected it apart");
+                return Err((lines[0], fault));
             }
         }
-        let metres = |one: Loop| one.points.iter().map(|p| p.map(|c| 1e-3 * c)).collect();
-        Ok(Self {
-            loops: loops.into_iter().map(metres).collect(),
-        })
+        let metres = |(points, _): &Loop| points.iter().map(|p| p.map(|c| 1e-3 * c)).collect();
+        let loops = loops.iter().map(metres).collect();
+        Ok(Self { loops })
     }
 
     /// Every loop with its points mapped by `to`.
@@ -138,12 +121,12 @@ fn point(content: &str) -> Option<Point> {
 /// Edges are swept in the order of their smallest x.
 fn check_crossings(loops: &[Loop]) -> Result<(), (usize, String)> {
     let mut edges: Vec<Edge> = Vec::new();
-    for (from, Loop { points, .. }) in loops.iter().enumerate() {
-        let edge = |(index, ends)| Edge { ends, from, index };
-        edges.extend(sides(points).enumerate().map(edge));
+    for (from, (points, _)) in loops.iter().enumerate() {
+        let sides = sides(points).enumerate();
+        edges.extend(sides.map(|(index, ends)| (ends, from, index)));
     }
-    let range = |edge: &Edge, k: usize| {
-        let [a, b] = edge.ends.map(|p| p[k]);
+    let range = |(ends, ..): &Edge, k: usize| {
+        let [a, b] = ends.map(|p| p[k]);
         [a.min(b), a.max(b)]
     };
     edges.sort_by(|a, b| range(a, 0)[0].total_cmp(&range(b, 0)[0]));
@@ -154,12 +137,12 @@ fn check_crossings(loops: &[Loop]) -> Result<(), (usize, String)> {
             .filter(|b| range(b, 1)[0] <= range(a, 1)[1] && range(a, 1)[0] <= range(b, 1)[1]);
         for b in near {
             if meet(a, b, loops) {
-                let line = |edge: &Edge| loops[edge.from].lines[edge.index];
-                let [first, second] = [line(a).min(line(b)), line(a).max(line(b))];
-                let fault = format!(
-                    "edge from this point meets that from line {first}, expected loops that do not cross"
-                );
-                return Err((second, fault));
+                let [a, b] = [a, b].map(|&(_, from, index)| loops[from].1[index]);
+                let first = a.min(b);
+                let expected = "expected loops that do not cross";
+                let fault =
+                    format!("edge from this point meets that from line {first}, {expected}");
+                return Err((a.max(b), fault));
             }
         }
     }
@@ -167,20 +150,15 @@ fn check_crossings(loops: &[Loop]) -> Result<(), (usize, String)> {
 }
 
 fn meet(a: &Edge, b: &Edge, loops: &[Loop]) -> bool {
-    let count = loops[a.from].points.len();
-    let follows = |a: &Edge, b: &Edge| a.from == b.from && (a.index + 1) % count == b.index;
-    for (first, second) in [(a, b), (b, a)] {
-        if follows(first, second) {
+    for ((first, from, index), (second, other, next)) in [(a, b), (b, a)] {
+        if from == other && (index + 1) % loops[*from].0.len() == *next {
             // Neighbours share a point, and no more unless the second runs back.
-            let [p, q, r] = [first.ends[0], first.ends[1], second.ends[1]];
+            let ([p, q], [_, r]) = (*first, *second);
             let forward = (q[0] - p[0]) * (r[0] - q[0]) + (q[1] - p[1]) * (r[1] - q[1]);
             return turn(p, q, r) == 0.0 && forward < 0.0;
         }
     }
-    let turns = |edge: &Edge, of: &Edge| {
-        let [p, q] = edge.ends;
-        of.ends.map(|r| turn(p, q, r))
-    };
+    let turns = |([p, q], ..): &Edge, (of, ..): &Edge| of.map(|r| turn(*p, *q, r));
     let apart = |[s, t]: [f64; 2]| (s > 0.0 && t > 0.0) || (s < 0.0 && t < 0.0);
     // On one line they meet because their ranges do.
     !apart(turns(a, b)) && !apart(turns(b, a))

@@ -116,12 +116,9 @@ impl Drape {
             }
         }
         // Without an area it would weigh nothing in means, and yet be the farthest of all.
-        match is_used.iter().position(|used| !used) {
-            Some(loose) => Err(format!(
-                "vertex {loose} is in no triangle, expected it in one at least"
-            )),
-            None => Ok(()),
-        }
+        let loose = is_used.iter().position(|used| !used);
+        let fault = |v| format!("vertex {v} is in no triangle, expected it in one at least");
+        loose.map_or(Ok(()), |v| Err(fault(v)))
     }
 
     /// The draped blank.

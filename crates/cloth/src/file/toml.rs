@@ -13,10 +13,8 @@ const QUOTE: usize = 60;
 /// Reads the TOML file at `path`.
 pub fn read_toml<T: DeserializeOwned>(path: &Path) -> Result<T, ReadError> {
     let text = String::from_utf8(read_bytes(path)?);
-    parse_toml(
-        &text.map_err(|_| ReadError::fault(path, "not text in UTF-8"))?,
-        path,
-    )
+    let text = text.map_err(|_| ReadError::fault(path, "not text in UTF-8"))?;
+    parse_toml(&text, path)
 }
 
 /// Reads TOML from `text`; errors name `path` as its origin, line, column [characters] and key, and
@@ -86,18 +84,11 @@ fn names_instead(message: &str, nameless: &str, found: &str) -> Option<String> {
     let (_, names) = nameless.split_once("unknown variant ``, expected ")?;
     let names = plain(names);
     // Where that is comes after it in some messages, and is in `message` too.
-    let names = names
-        .rsplit_once(" in `")
-        .map_or(&*names, |(names, _)| names);
-    let known = message.contains(NAMELESS);
+    let names = names.rsplit_once(" in `").map_or(&*names, |parts| parts.0);
     let found = found.lines().next().unwrap_or_default();
     let found: String = found.chars().take(QUOTE).collect();
-    known.then(|| {
-        message.replace(
-            NAMELESS,
-            &format!("invalid type: `{found}`, expected {names}"),
-        )
-    })
+    let named = format!("invalid type: `{found}`, expected {names}");
+    (message.contains(NAMELESS)).then(|| message.replace(NAMELESS, &named))
 }
 
 /// A message of the parser, which may have several lines and names Rust's types, in one line

@@ -101,11 +101,9 @@ fn parse(bytes: &[u8], scale: f64) -> Result<Stl, String> {
 /// file that is not empty never passes: its facet count has a byte below 9, or says 150 million.
 fn is_text(bytes: &[u8], word: &[u8]) -> bool {
     let start = bytes.trim_ascii_start().get(..word.len());
+    let is_shown = |b: &u8| *b >= b' ' || b.is_ascii_whitespace();
     start.is_some_and(|start| start.eq_ignore_ascii_case(word))
-        && bytes
-            .iter()
-            .take(1024)
-            .all(|b| *b >= b' ' || b.is_ascii_whitespace())
+        && bytes.iter().take(1024).all(is_shown)
 }
 
 fn binary_facets(bytes: &[u8], declared: usize) -> Result<Vec<Facet>, String> {
@@ -116,11 +114,9 @@ fn binary_facets(bytes: &[u8], declared: usize) -> Result<Vec<Facet>, String> {
     }
     let float = |b: &[u8]| f64::from(f32::from_le_bytes(b.try_into().expect("four bytes")));
     let corner = |b: &[u8]| Vec3::new(float(&b[..4]), float(&b[4..8]), float(&b[8..12]));
-    Ok(body
-        .chunks_exact(FACET)
-        .take(declared)
-        .map(|b| [corner(&b[12..]), corner(&b[24..]), corner(&b[36..])])
-        .collect())
+    let facets = body.chunks_exact(FACET).take(declared);
+    let facet = |b: &[u8]| [12, 24, 36].map(|at| corner(&b[at..]));
+    Ok(facets.map(facet).collect())
 }
 
 /// A keyword leads every line; what is left of the lines of `solid`, `facet` and `outer` says nothing
@@ -150,20 +146,18 @@ fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
                 facets.push(facet.map_err(|_| fault("three vertices before", word))?);
             }
             _ => {
-                return Err(fault(
-                    "facet, outer, vertex, endloop, endfacet or endsolid",
-                    word,
-                ));
+                let expected = "facet, outer, vertex, endloop, endfacet or endsolid";
+                return Err(fault(expected, word));
             }
         }
     }
-    match is_complete {
-        true => Ok(facets),
-        false => Err(format!(
-            "truncated after facet {}, endsolid is missing",
-            facets.len()
-        )),
+    if !is_complete {
+        let count = facets.len();
+        return Err(format!(
+            "truncated after facet {count}, endsolid is missing"
+        ));
     }
+    Ok(facets)
 }
 
 /// Joins corners within [`WELD`] of one another into shared vertices, in the order in which

@@ -1,7 +1,6 @@
 use std::sync::Arc;
 
 use super::config::{FRAME, SceneConfig, SceneError};
-use super::summary::Summary;
 use crate::fabric::Lamina;
 use crate::sim::{Backend, Cpu, Model, PhysicsConfig, Precision, Snapshot, World};
 use crate::tool::Tool;
@@ -97,11 +96,6 @@ impl Scene {
         let distances = self.initial.position.iter();
         let distances = distances.map(|&x| self.tool.distance(x).0);
         distances.fold(f64::INFINITY, f64::min)
-    }
-
-    /// Key figures of a state of this scene.
-    pub fn summary(&self, state: &Snapshot) -> Summary {
-        Summary::new(&self.lamina, &self.tool, state)
     }
 }
 

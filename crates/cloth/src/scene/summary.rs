@@ -1,9 +1,9 @@
 use serde::Serialize;
 
+use super::fall::Scene;
 use crate::fabric::Lamina;
 use crate::mesh::patches;
 use crate::sim::Snapshot;
-use crate::tool::Tool;
 
 /// A vertex this far from the tool belongs to a wrinkle [m].
 const WRINKLE_HEIGHT: f64 = 0.015;
@@ -35,16 +35,17 @@ pub struct Summary {
     pub v_rms_mm_s: f64,
 }
 
-impl Summary {
-    /// Measures `state`.
-    pub fn new(lamina: &Lamina, tool: &Tool, state: &Snapshot) -> Self {
+impl Scene {
+    /// Key figures of a state of this scene.
+    pub fn summary(&self, state: &Snapshot) -> Summary {
+        let Self { lamina, tool, .. } = self;
         let phi: Vec<f64> = state.position.iter().map(|&x| tool.distance(x).0).collect();
         let strain = lamina.yarn_strain(&state.position);
         let of = |f: fn(f64) -> f64| percentile_and_max(strain.iter().map(|&s| f(s)).collect());
         let [strain_p95, strain_max] = of(f64::abs);
         let [tension_p95, tension_max] = of(|s| s.max(0.0));
         let [compression_p95, compression_max] = of(|s| (-s).max(0.0));
-        Self {
+        Summary {
             distance_m: phi.iter().map(|phi| phi.max(0.0)).sum(),
             wrinkles: wrinkle_count(lamina, &phi),
             strain_p95,
