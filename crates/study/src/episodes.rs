@@ -98,7 +98,16 @@ impl Study for Episodes {
         for order in Order::ALL {
             let told = |steps| (context.progress)((steps as f64 / expected).min(1.0), order.name());
             let played = play(&scene, &env, order, self.count.into(), self.seed, told)?;
-            rows.extend(figures(&scene, (&env, &region), order, &played));
+            let finite = played.iter().filter(|p| p.episode.end != End::Diverged);
+            let ends: Vec<Rested> = finite
+                .map(|p| rest(&scene, &env, &region, &p.end))
+                .collect();
+            let diverged = played.len() - ends.len();
+            rows.extend(FIGURES.map(|(name, of)| {
+                let values: Vec<f64> = ends.iter().map(of).collect();
+                let (means, range) = (mean_and_deviation(&values), extremes(&values));
+                (order.name(), name, diverged, means, range)
+            }));
         }
         let initial = scene
             .tool
@@ -108,24 +117,15 @@ impl Study for Episodes {
             self.count
         );
         let table = Table::of("ends", title, &rows)
-            .text("order", |row| row.order)
-            .text("figure", |row| row.name)
-            .text("diverged", |row| row.diverged)
-            .number("mean", 4, |row| mean_and_deviation(&row.values)[0])
-            .number("deviation", 4, |row| mean_and_deviation(&row.values)[1])
-            .number("min", 4, |row| extremes(&row.values)[0])
-            .number("max", 4, |row| extremes(&row.values)[1]);
+            .text("order", |(order, ..)| *order)
+            .text("figure", |(_, name, ..)| *name)
+            .text("diverged", |(_, _, diverged, ..)| *diverged)
+            .number("mean", 4, |(.., means, _)| means[0])
+            .number("deviation", 4, |(.., means, _)| means[1])
+            .number("min", 4, |(.., range)| range[0])
+            .number("max", 4, |(.., range)| range[1]);
         Ok(Report::new([table.end()]))
     }
-}
-
-/// A figure over the episodes of an order.
-struct Row {
-    order: &'static str,
-    name: &'static str,
-    diverged: usize,
-    /// Of those that have not.
-    values: Vec<f64>,
 }
 
 /// A figure of the end of an episode: its name, and how it is got.
@@ -146,23 +146,6 @@ const FIGURES: [Figure; 13] = [
     ("v_rms at rest [mm/s]", |r| r.v_rms_mm_s),
     ("tension max at rest [%]", |r| 1e2 * r.tension_max),
 ];
-
-fn figures(
-    scene: &Scene,
-    (env, region): (&EnvConfig, &Region),
-    order: Order,
-    played: &[Played],
-) -> Vec<Row> {
-    let finite = played.iter().filter(|p| p.episode.end != End::Diverged);
-    let finite: Vec<Rested> = finite.map(|p| rest(scene, env, region, &p.end)).collect();
-    let row = |(name, of): Figure| Row {
-        order: order.name(),
-        name,
-        diverged: played.len() - finite.len(),
-        values: finite.iter().map(of).collect(),
-    };
-    FIGURES.map(row).into()
-}
 
 /// Plays `count` episodes in an order. `progress` is told the number of steps taken.
 pub fn play(

@@ -169,7 +169,7 @@ fn cell_table(sweeps: &[Sweep], cells: &[SweepCell]) -> Table {
     let axis = |cell: &SweepCell, axis: usize| {
         let sweep = sweeps.iter().find(|sweep| sweep.name == cell.sweep);
         let axis_of = &sweep.expect("cells are of these sweeps").axes[axis];
-        (axis_of.name, axis_of.ticks[cell.at[axis]].label.clone())
+        (axis_of.name, axis_of.ticks[cell.at[axis]].1.clone())
     };
     Table::of("cells", "", cells)
         .text("sweep", |cell| cell.sweep)
@@ -188,7 +188,7 @@ fn cell_table(sweeps: &[Sweep], cells: &[SweepCell]) -> Table {
 
 fn map<'a>(sweep: &Sweep, title: String, cells: impl Iterator<Item = &'a SweepCell>) -> HeatMap {
     let [x, y] = &sweep.axes;
-    let ticks = |axis: &Axis| axis.ticks.iter().map(|tick| tick.label.clone()).collect();
+    let ticks = |axis: &Axis| axis.ticks.iter().map(|(_, label)| label.clone()).collect();
     HeatMap {
         title,
         x_label: x.name.into(),

@@ -148,11 +148,10 @@ impl Table {
         title: impl Into<String>,
         rows: &'a [R],
     ) -> TableOf<'a, R> {
-        let (title, columns) = (title.into(), Vec::new());
         let table = Self {
             name,
-            title,
-            columns,
+            title: title.into(),
+            columns: Vec::new(),
         };
         TableOf { rows, table }
     }

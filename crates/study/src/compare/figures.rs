@@ -94,7 +94,8 @@ impl Comparison {
     pub fn parts(&self) -> impl Iterator<Item = (&'static str, &Parts)> {
         let inside = self.inside.iter().map(|parts| ("inside", parts));
         let outside = self.outside.iter().map(|parts| ("outside", parts));
-        std::iter::once(("all", &self.all))
+        [("all", &self.all)]
+            .into_iter()
             .chain(inside)
             .chain(outside)
     }

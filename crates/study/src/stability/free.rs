@@ -14,20 +14,11 @@ fn sheet(damping: f64) -> Piece {
     Piece::new(lamina, damped(damping, Bending::Yarns), start)
 }
 
-/// y: frame [s]. A flat sheet whose vertices have random velocities flies without gravity or
+/// A flat sheet whose vertices have random velocities times a `factor` flies without gravity or
 /// damping. The error is that of its momentum over its momentum, or what its kinetic energy has
-/// gained over what it had, whichever is larger.
-pub fn flight(_: &Knobs) -> Tried {
-    fly(1.0)
-}
-
-/// y: factor on these velocities. Beyond some hundred metres a second the sheet leaves the space
-/// that the simulator takes for finite, which it has to say.
-pub fn speed(knobs: &Knobs) -> Tried {
-    fly(knobs.y)
-}
-
-fn fly(factor: f64) -> Tried {
+/// gained over what it had, whichever is larger. Beyond some hundred metres a second the sheet
+/// leaves the space that the simulator takes for finite, which it has to say.
+pub fn fly(factor: f64) -> Tried {
     let mut piece = sheet(0.0);
     (piece.physics.gravity, piece.physics.speed_cap) = (0.0, 0.0);
     let mut stream = Stream::new(3, Purpose::Evaluation, 0);

@@ -18,7 +18,7 @@ const SECONDS: f64 = 1.0;
 /// The strip that most of these trials hang [m], and its edges.
 const LENGTH: f64 = 0.16;
 const WIDTH: f64 = 0.01;
-const EDGES: usize = 16;
+pub const EDGES: usize = 16;
 
 /// A strip of the built-in fabric along y with two vertices across.
 fn strip(width: f64, length: f64, edges: usize) -> Lamina {
@@ -29,11 +29,6 @@ fn strip(width: f64, length: f64, edges: usize) -> Lamina {
 /// The strip that most of these trials hang.
 fn usual() -> Lamina {
     strip(WIDTH, LENGTH, EDGES)
-}
-
-/// The default physics without bending, with one damping [1/s].
-fn slack(damping: f64) -> PhysicsConfig {
-    damped(damping, Bending::Off)
 }
 
 /// A strip that starts `tilt` degrees off the vertical, held against the weight that each edge
@@ -64,7 +59,7 @@ fn arrive(piece: Piece, seconds: f64, expected: Vec<[f64; 3]>) -> Tried {
 
 /// y: frame [s].
 pub fn time_step(_: &Knobs) -> Tried {
-    hang(usual(), slack(DAMPING), SECONDS, 30.0)
+    hang(usual(), damped(DAMPING, Bending::Off), SECONDS, 30.0)
 }
 
 /// y: compliance of an edge [m/N].
@@ -77,37 +72,28 @@ pub fn compliance(knobs: &Knobs) -> Tried {
         law.tension = Curve::line(modulus);
         law.compression = Curve::line(modulus);
     }
-    let mut physics = slack(DAMPING);
+    let mut physics = damped(DAMPING, Bending::Off);
     // Next to the softest yarns the diagonals would carry the weight.
     physics.shear = false;
     hang(strip, physics, SECONDS, 30.0)
 }
 
-/// y: mass of every other row over that of its neighbours.
-pub fn neighbour_mass(knobs: &Knobs) -> Tried {
-    heavy(knobs, |row| row % 2 == 1)
-}
-
-/// y: mass of the lower border over that of the inside.
-pub fn border_mass(knobs: &Knobs) -> Tried {
-    heavy(knobs, |row| row == EDGES)
-}
-
-fn heavy(knobs: &Knobs, chosen: fn(usize) -> bool) -> Tried {
+/// y: mass of the rows that are `chosen`, the last of which is [`EDGES`], over that of the others.
+pub fn heavy(knobs: &Knobs, chosen: fn(usize) -> bool) -> Tried {
     let mut strip = usual();
     for (v, mass) in strip.mass.iter_mut().enumerate() {
         if chosen(v / 2) {
             *mass *= knobs.y;
         }
     }
-    hang(strip, slack(DAMPING), SECONDS, 30.0)
+    hang(strip, damped(DAMPING, Bending::Off), SECONDS, 30.0)
 }
 
 /// y: gravity over that of the earth.
 pub fn gravity(knobs: &Knobs) -> Tried {
     // Swings are faster by the root of gravity, and so is their damping.
     let pace = if knobs.y > 0.0 { knobs.y.sqrt() } else { 1.0 };
-    let mut physics = slack(DAMPING * pace);
+    let mut physics = damped(DAMPING * pace, Bending::Off);
     (physics.gravity, physics.speed_cap) = (GRAVITY * knobs.y, 0.0);
     let seconds = SECONDS * pace.recip().max(1.0);
     hang(usual(), physics, seconds, 30.0)
@@ -116,13 +102,13 @@ pub fn gravity(knobs: &Knobs) -> Tried {
 /// y: vertices along the strip.
 pub fn strip_grid(knobs: &Knobs) -> Tried {
     let strip = strip(WIDTH, 0.37, knobs.y as usize - 1);
-    hang(strip, slack(12.0), 1.2, 20.0)
+    hang(strip, damped(12.0, Bending::Off), 1.2, 20.0)
 }
 
 /// x: vertices along a strip of 1 m, y: its width [mm].
 pub fn needle(knobs: &Knobs) -> Tried {
     let strip = strip(1e-3 * knobs.y, 1.0, knobs.x as usize - 1);
-    hang(strip, slack(6.0), 2.0, 10.0)
+    hang(strip, damped(6.0, Bending::Off), 2.0, 10.0)
 }
 
 /// y: stiffness of warps over that of the built-in fabric. A sheet hangs on its upper border from
@@ -187,6 +173,6 @@ pub fn catenary(_: &Knobs) -> Tried {
         [x, along, up - sag]
     });
     let expected = expected.collect();
-    let piece = Piece::new(strip, slack(12.0), start);
+    let piece = Piece::new(strip, damped(12.0, Bending::Off), start);
     arrive(piece, 3.0, expected)
 }

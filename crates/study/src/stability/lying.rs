@@ -8,7 +8,7 @@ use crate::truth;
 use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::mesh::{TriMesh, write_stl};
-use drape_cloth::sim::{Bending, PhysicsConfig, Snapshot};
+use drape_cloth::sim::{Bending, Snapshot};
 use drape_cloth::tool::{GridConfig, Plate, Pose, Shape, Source, StlSource, Tool, ToolConfig};
 
 /// The sheet that most of these trials drop [m].
@@ -76,24 +76,18 @@ pub fn overlap(knobs: &Knobs) -> Tried {
     Trial::new(piece, 1.0, flatness_error)
 }
 
-/// y: speed towards the plate [m/s], from 5 mm above it and tilted by 10 degrees.
-pub fn impact(knobs: &Knobs) -> Tried {
-    hit(knobs, PhysicsConfig::default().speed_cap)
-}
-
-/// The same without a limit of speed.
-pub fn uncapped_impact(knobs: &Knobs) -> Tried {
-    hit(knobs, 0.0)
-}
-
-fn hit(knobs: &Knobs, speed_cap: f64) -> Tried {
+/// y: speed towards the plate [m/s], from 5 mm above it and tilted by 10 degrees, with the usual
+/// limit of speed or without.
+pub fn hit(knobs: &Knobs, is_capped: bool) -> Tried {
     let (sin, cos) = 10f64.to_radians().sin_cos();
     let mut piece = over(SIDE, 9, 5e-3 + 0.5 * SIDE * sin);
     for x in &mut piece.start.position {
         *x = [cos * x[0], x[1], x[2] + sin * x[0]];
     }
     piece.start.velocity.fill([0.0, 0.0, -knobs.y]);
-    piece.physics.speed_cap = speed_cap;
+    if !is_capped {
+        piece.physics.speed_cap = 0.0;
+    }
     Trial::new(piece, 0.5, flatness_error)
 }
 
@@ -157,19 +151,10 @@ fn slivered(kind: usize, thin: f64) -> TriMesh {
     }
 }
 
-/// x: angle of the slope [degrees], y: coefficient of friction, static as dynamic.
-pub fn friction(knobs: &Knobs) -> Tried {
-    slide(knobs, knobs.x)
-}
-
-/// The same on a slope of 25 degrees.
-pub fn friction_step(knobs: &Knobs) -> Tried {
-    slide(knobs, 25.0)
-}
-
-/// A sheet on a slope, held against Coulomb's law: its mean displacement, over the larger of that
-/// one and the size of the sheet.
-fn slide(knobs: &Knobs, degrees: f64) -> Tried {
+/// y: coefficient of friction, static as dynamic. A sheet on a slope of so many `degrees`, held
+/// against Coulomb's law: its mean displacement, over the larger of that one and the size of the
+/// sheet.
+pub fn slide(knobs: &Knobs, degrees: f64) -> Tried {
     const SECONDS: f64 = 0.3;
     let angle = degrees.to_radians();
     let sheet = sheet([SIDE; 2], [5; 2], rubbing([knobs.y; 2]));

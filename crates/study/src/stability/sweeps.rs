@@ -1,22 +1,17 @@
 //! The list of sweeps.
 
+use super::hanging::{EDGES, heavy};
 use super::trial::{FRAME, Knobs, Tried};
 use super::{free, hanging, lying};
 use drape_cloth::sim::Solver;
-
-/// A value on an axis and how it is written.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Tick {
-    pub value: f64,
-    pub label: String,
-}
 
 /// What is varied along a side of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// With its unit.
     pub name: &'static str,
-    pub ticks: Vec<Tick>,
+    /// Values, and how they are written.
+    pub ticks: Vec<(f64, String)>,
 }
 
 /// Two quantities that are varied together.
@@ -35,7 +30,7 @@ const FRAME_AXIS: &str = "frame [s]";
 impl Sweep {
     /// What the cell at these ticks sets.
     pub fn knobs(&self, at: [usize; 2], solver: Solver) -> Knobs {
-        let [x, y] = [0, 1].map(|k| self.axes[k].ticks[at[k]].value);
+        let [x, y] = [0, 1].map(|k| self.axes[k].ticks[at[k]].0);
         let by_substeps = self.axes[0].name == SUBSTEPS_AXIS;
         let by_frame = self.axes[1].name == FRAME_AXIS;
         Knobs {
@@ -72,8 +67,8 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
     // 1/60 s is what training and scenes use.
     let rates = [600.0, 300.0, 120.0, 60.0, 30.0, 15.0];
     let mut frames = list(FRAME_AXIS, &[600.0, 120.0, 60.0, 15.0], &rates);
-    for tick in &mut frames.ticks {
-        (tick.label, tick.value) = (format!("1/{}", tick.value), 1.0 / tick.value);
+    for (value, label) in &mut frames.ticks {
+        (*label, *value) = (format!("1/{value}"), 1.0 / *value);
     }
     let factors = [
         1.0, 1e1, 1e2, 1e3, 1e4, 1e6, 1e10, 1e20, 1e38, 1e40, 1e150, 1e300,
@@ -111,13 +106,15 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
     vec![
         by_substeps("time_step", frames.clone(), hanging::time_step),
         by_substeps("catenary", frames.clone(), hanging::catenary),
-        by_substeps("free_flight", frames, free::flight),
-        by_substeps("speed", factors, free::speed),
+        by_substeps("free_flight", frames, |_| free::fly(1.0)),
+        by_substeps("speed", factors, |k| free::fly(k.y)),
         by_substeps("compliance", compliances, hanging::compliance),
         by_substeps("warp_ratio", ratios, hanging::warp_ratio),
         by_substeps("bending", stiffnesses, hanging::bending),
-        by_substeps("neighbour_mass", neighbours, hanging::neighbour_mass),
-        by_substeps("border_mass", borders, hanging::border_mass),
+        by_substeps("neighbour_mass", neighbours, |k| {
+            heavy(k, |row| row % 2 == 1)
+        }),
+        by_substeps("border_mass", borders, |k| heavy(k, |row| row == EDGES)),
         by_substeps("gravity", gravities, hanging::gravity),
         by_substeps("strip_grid", rows, hanging::strip_grid),
         sweep("needle", needles, widths, hanging::needle),
@@ -125,12 +122,14 @@ pub fn sweeps(quick: bool) -> Vec<Sweep> {
         by_substeps("start", labels("start", &free::STARTS), free::start),
         by_substeps("overlap", depths, lying::overlap),
         by_substeps("pressure", pressures, lying::pressure),
-        by_substeps("impact", speeds.clone(), lying::impact),
-        by_substeps("uncapped_impact", speeds, lying::uncapped_impact),
+        by_substeps("impact", speeds.clone(), |k| lying::hit(k, true)),
+        by_substeps("uncapped_impact", speeds, |k| lying::hit(k, false)),
         by_substeps("sheet_grid", sides, lying::sheet_grid),
         sweep("sliver", slivers, facets, lying::sliver),
-        sweep("friction", slopes, frictions.clone(), lying::friction),
-        by_substeps("friction_step", frictions, lying::friction_step),
+        sweep("friction", slopes, frictions.clone(), |k| {
+            lying::slide(k, k.x)
+        }),
+        by_substeps("friction_step", frictions, |k| lying::slide(k, 25.0)),
     ]
 }
 
@@ -140,11 +139,7 @@ fn sweep(name: &'static str, x: Axis, y: Axis, trial: fn(&Knobs) -> Tried) -> Sw
 }
 
 fn axis(name: &'static str, values: &[f64], label: impl Fn(f64) -> String) -> Axis {
-    let tick = |&value: &f64| Tick {
-        value,
-        label: label(value),
-    };
-    let ticks = values.iter().map(tick).collect();
+    let ticks = values.iter().map(|&value| (value, label(value))).collect();
     Axis { name, ticks }
 }
 

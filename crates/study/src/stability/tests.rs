@@ -32,7 +32,7 @@ fn error_is_that_of_the_integrator() {
     // Six frames of 1/60 s.
     let seconds = 0.1;
     for cell in cells.iter().step_by(4) {
-        let h = seconds / 6.0 / sweep.axes[0].ticks[cell.at[0]].value;
+        let h = seconds / 6.0 / sweep.axes[0].ticks[cell.at[0]].0;
         let expected = 0.5 * 9.81 * seconds * h / 0.08;
         let found = cell.error.unwrap();
         assert!(
@@ -45,7 +45,7 @@ fn error_is_that_of_the_integrator() {
 #[test]
 fn refusals_and_panics_cost_one_cell_each() {
     let mut refused = cut("damping", &[0], &[0]);
-    refused.axes[1].ticks[0].value = -1.0;
+    refused.axes[1].ticks[0].0 = -1.0;
     let mut broken = cut("damping", &[0], &[0]);
     broken.trial = |_| panic!("on purpose");
     let cells = compute(&[refused, broken], &Context::quiet());

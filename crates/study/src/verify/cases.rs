@@ -141,16 +141,16 @@ impl Cases {
         for (turn, diagonals) in [(45.0, "across"), (-45.0, "along")] {
             self.add("shear", move |solver| {
                 let drawn = draw_out(solver, specimen(cells, turn), &[0.01, 0.02, 0.03]);
-                let answers = drawn.iter().flat_map(|state| {
-                    let [gamma, force] = bias_extension(state.d);
-                    let d = 1e3 * state.d;
+                let answers = drawn.iter().flat_map(|&[d, shear, pull]| {
+                    let [gamma, force] = bias_extension(d);
+                    let d = 1e3 * d;
                     let of = |what: &str| {
                         format!("bias extension, diagonals {diagonals}: {what} at {d:.0} mm")
                     };
-                    let angles = [gamma, state.shear].map(f64::to_degrees);
+                    let angles = [gamma, shear].map(f64::to_degrees);
                     [
                         answer(of("shear"), "deg", angles),
-                        answer(of("force"), "N", [force, state.force]),
+                        answer(of("force"), "N", [force, pull]),
                     ]
                 });
                 Some(answers.collect())

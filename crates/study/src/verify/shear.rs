@@ -124,18 +124,10 @@ pub fn specimen(cells: usize, turn: f64) -> Lamina {
     Lamina::new(&config, fabric()).expect("the specimen can be cut")
 }
 
-/// One state of a bias extension.
-pub struct Extension {
-    /// By how much the specimen is drawn out [m].
-    pub d: f64,
-    /// Mean shear of its middle zone [rad]; NaN where it does not come to rest.
-    pub shear: f64,
-    /// Pull at a clamp, or else the slope of the elastic energy by `d` [N]; likewise.
-    pub force: f64,
-}
-
-/// Draws `lamina` out by each of `extensions` [m] in turn, ascending.
-pub fn draw_out(solver: &dyn Solve, lamina: Lamina, extensions: &[f64]) -> Vec<Extension> {
+/// Draws `lamina` out by each of `extensions` [m] in turn, ascending. Gives each, the mean shear of
+/// the middle zone [rad], and the pull at a clamp, or else the slope of the elastic energy [N]; NaN
+/// where the specimen does not come to rest.
+pub fn draw_out(solver: &dyn Solve, lamina: Lamina, extensions: &[f64]) -> Vec<[f64; 3]> {
     let half = 0.5 * SPECIMEN[0];
     let mut start = laid(&lamina, |[x, y]| [x, y, 0.0]);
     for (v, [x, _]) in lamina.rest.iter().enumerate() {
@@ -168,11 +160,9 @@ pub fn draw_out(solver: &dyn Solve, lamina: Lamina, extensions: &[f64]) -> Vec<E
         };
         let rests = [&before, &at, &after].iter().all(|s| s.v_rms() < 1e-3);
         let if_at_rest = |x: f64| if rests { x } else { f64::NAN };
-        found.push(Extension {
-            d,
-            shear: if_at_rest(mean_shear(lamina, &at, |[x, y]| x.abs() + y.abs() < middle)),
-            force: if_at_rest(pull.map_or_else(slope, |[x, ..]| x)),
-        });
+        let shear = mean_shear(lamina, &at, |[x, y]| x.abs() + y.abs() < middle);
+        let force = pull.map_or_else(slope, |[x, ..]| x);
+        found.push([d, if_at_rest(shear), if_at_rest(force)]);
     }
     found
 }

@@ -276,7 +276,7 @@ fn extremes_are_converged_wrong_or_diverged_and_nothing_else() {
     let axes = |name| &chosen.iter().find(|sweep| sweep.name == name).unwrap().axes;
     let exact = |cell: &&SweepCell| (cell.solver, cell.precision) == (Solver::Yarn, Precision::F64);
     for cell in of("time_step").filter(exact) {
-        let enough = axes("time_step")[0].ticks[cell.at[0]].value >= 20.0;
+        let enough = axes("time_step")[0].ticks[cell.at[0]].0 >= 20.0;
         assert!(!enough || cell.outcome == Outcome::Converged, "{cell:?}");
     }
     for cell in of("pressure") {
