@@ -6,11 +6,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, Region};
+use super::objective::Objective;
 use super::reward::{Reward, Taken, score};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
 use drape_cloth::file::ValueError;
-use drape_cloth::scene::Scene;
+use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::sim::{Backend, Snapshot};
 
 /// N draping tasks on one scene, stepped together on one [`Backend`].
@@ -64,7 +65,7 @@ impl Draping {
 
     /// Summed distance to the tool of the region [m].
     pub fn region_distance(&self, state: &Snapshot) -> f64 {
-        self.task.distance(state)
+        self.task.left(Objective::Distance, state)
     }
 
     /// How well presses that have ended in `state` were done, see [`score`].
@@ -72,14 +73,15 @@ impl Draping {
         score(self.task.initial, self.task.objective(state))
     }
 
-    /// Surplus of the region, see [`drape_cloth::scene::surplus`] [m].
+    /// Surplus of the region, see [`surplus`] [m].
     pub fn region_surplus(&self, state: &Snapshot) -> f64 {
-        self.task.surplus(state)
+        let Scene { lamina, tool, .. } = &*self.task.scene;
+        surplus(lamina, tool, &state.position, &self.task.region.vertices)
     }
 
     /// Vertices of the region, ascending.
     pub fn region_vertices(&self) -> impl Iterator<Item = u32> + '_ {
-        self.task.vertices()
+        self.task.region.vertices.ones().map(|v| v as u32)
     }
 
     /// The cloth of one environment as it is now.

@@ -1,6 +1,7 @@
 //! What is the same for all environments of a draping task: where it presses, what it sees, when
 //! a vertex is draped.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use fixedbitset::FixedBitSet;
@@ -10,7 +11,7 @@ use super::objective::Objective;
 use super::reward::Reward;
 use super::task::{ImageShape, Observation};
 use drape_cloth::file::ValueError;
-use drape_cloth::scene::{Scene, surplus};
+use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Backend, Control, Cpu, Pressed, Snapshot, Stencil, World};
 
 /// Solves of the yarns' lengths in a substep under the roller, which pulls on all that it presses
@@ -22,6 +23,8 @@ pub(super) struct Task {
     pub scene: Arc<Scene>,
     pub config: EnvConfig,
     pub region: Region,
+    /// Rows and columns of the lamina that the image shows.
+    image: [Range<usize>; 2],
     /// The pixels that the agent sees something at, ascending, and the vertex of each.
     pub pixels: Vec<usize>,
     pub seen: Vec<u32>,
@@ -49,6 +52,10 @@ pub(super) struct Slot {
 impl Task {
     pub fn new(scene: Arc<Scene>, config: &EnvConfig) -> Result<Self, ValueError> {
         let region = config.region(&scene.lamina)?;
+        let image = match config.crop {
+            true => [region.rows.clone(), region.columns.clone()],
+            false => [0..scene.lamina.rows, 0..scene.lamina.columns],
+        };
         let stepping = config.stepping();
         let stencil = Stencil {
             side: 1e-3 * config.stencil_mm,
@@ -85,6 +92,7 @@ impl Task {
             scene,
             config: config.clone(),
             region,
+            image,
             pixels: Vec::new(),
             seen: Vec::new(),
         };
@@ -109,59 +117,23 @@ impl Task {
     }
 
     pub fn shape(&self) -> ImageShape {
-        let Region { rows, columns, .. } = &self.region;
-        if self.config.crop {
-            ImageShape {
-                rows: rows.len(),
-                columns: columns.len(),
-            }
-        } else {
-            ImageShape {
-                rows: self.scene.lamina.rows,
-                columns: self.scene.lamina.columns,
-            }
-        }
-    }
-
-    /// First row and column of the image.
-    pub fn corner(&self) -> [usize; 2] {
-        if self.config.crop {
-            [self.region.rows.start, self.region.columns.start]
-        } else {
-            [0, 0]
-        }
+        let [rows, columns] = self.image.each_ref().map(Range::len);
+        ImageShape { rows, columns }
     }
 
     /// The vertex at a pixel of the image.
     pub fn vertex(&self, pixel: u32) -> Option<u32> {
-        let width = self.shape().columns;
-        let [row, column] = self.corner();
-        let (down, right) = (pixel as usize / width, pixel as usize % width);
-        self.scene.lamina.vertex_at(row + down, column + right)
+        let (pixel, [rows, columns]) = (pixel as usize, &self.image);
+        let [down, right] = [pixel / columns.len(), pixel % columns.len()];
+        let lamina = &self.scene.lamina;
+        lamina.vertex_at(rows.start + down, columns.start + right)
     }
 
     /// The pixel of a vertex; none outside the image.
     pub fn pixel(&self, vertex: u32) -> Option<u32> {
-        let ImageShape { rows, columns } = self.shape();
-        let (place, corner) = (self.scene.lamina.place(vertex), self.corner());
-        let down = place[0].checked_sub(corner[0]).filter(|&d| d < rows)?;
-        let right = place[1].checked_sub(corner[1]).filter(|&r| r < columns)?;
-        Some((down * columns + right) as u32)
-    }
-
-    pub fn vertices(&self) -> impl Iterator<Item = u32> + '_ {
-        self.region.vertices.ones().map(|v| v as u32)
-    }
-
-    /// Summed distance of the region to the tool [m].
-    pub fn distance(&self, state: &Snapshot) -> f64 {
-        self.left(Objective::Distance, state)
-    }
-
-    /// Surplus of the region, see [`surplus`] [m].
-    pub fn surplus(&self, state: &Snapshot) -> f64 {
-        let Scene { lamina, tool, .. } = &*self.scene;
-        surplus(lamina, tool, &state.position, &self.region.vertices)
+        let ([row, column], [rows, columns]) = (self.scene.lamina.place(vertex), &self.image);
+        let is_seen = rows.contains(&row) && columns.contains(&column);
+        is_seen.then(|| ((row - rows.start) * columns.len() + column - columns.start) as u32)
     }
 
     /// What episodes are judged by [m].
@@ -169,7 +141,8 @@ impl Task {
         self.left(self.config.objective, state)
     }
 
-    fn left(&self, objective: Objective, state: &Snapshot) -> f64 {
+    /// What a state leaves of any objective in the region [m].
+    pub fn left(&self, objective: Objective, state: &Snapshot) -> f64 {
         let before = &self.scene.initial.position;
         objective.of(&self.scene, &self.region.vertices, before, &state.position)
     }
@@ -186,11 +159,9 @@ impl Task {
         };
         for (k, &pixel) in self.pixels.iter().enumerate() {
             let vertex = self.seen[k] as usize;
-            let touched = pressed.touched.contains(vertex);
-            observation.touched.set(pixel, touched);
-            observation
-                .draped
-                .set(pixel, pressed.draped.contains(vertex));
+            let of = |set: &FixedBitSet| set.contains(vertex);
+            observation.touched.set(pixel, of(&pressed.touched));
+            observation.draped.set(pixel, of(&pressed.draped));
             observation.distance[pixel] = distance[k].max(0.0) as f32;
         }
         observation
@@ -209,11 +180,8 @@ impl Task {
             vertices.filter(|&(_, v)| !pressed.touched.contains(v))
         };
         let mut mask = FixedBitSet::with_capacity(self.shape().pixel_count());
-        mask.extend(
-            untouched()
-                .filter(|&(_, v)| near.contains(v))
-                .map(|(pixel, _)| pixel),
-        );
+        let next = untouched().filter(|&(_, v)| near.contains(v));
+        mask.extend(next.map(|(pixel, _)| pixel));
         if mask.is_clear() {
             // The stroke is at its end: any untouched vertex of the region may begin a new one.
             mask.extend(untouched().map(|(pixel, _)| pixel));

@@ -27,12 +27,9 @@ impl Deck {
     /// A deck that begins with a title of one line.
     pub fn new(title: &str) -> Self {
         let mut deck = Self::default();
-        let title: String = title
-            .chars()
-            .map(|c| if c == '\n' { ' ' } else { c })
-            .collect();
         // A title may not begin like a card.
-        deck.card("HEADING").line(&format!(" {title}"));
+        let title = format!(" {}", title.replace('\n', " "));
+        deck.card("HEADING").line(&title);
         deck
     }
 

@@ -79,12 +79,8 @@ pub fn read_json(path: &Path) -> Result<Vec<DrapingPoint>, ReadError> {
 
 /// Refuses a point that contradicts the conventions.
 fn check(index: usize, point: &DrapingPoint) -> Result<(), ValueError> {
-    ValueError::unless(
-        point.index == index,
-        "index",
-        point.index,
-        index.to_string(),
-    )?;
+    let (found, expected) = (point.index, index.to_string());
+    ValueError::unless(found == index, "index", found, expected)?;
     let is_unit = |v: &Vec3| (v.norm() - 1.0).abs() <= DIRECTION_TOLERANCE;
     let shown = |v: &Vec3| format!("{:?}", v.as_slice());
     let normal = &point.normal;

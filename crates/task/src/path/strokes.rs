@@ -76,10 +76,9 @@ pub fn strokes(
         let travels: Vec<_> = (0..members.len())
             .map(|i| travel(members, i, normals[i]))
             .collect();
-        let kind = if travels.iter().any(Option::is_some) {
-            PressKind::Stroke
-        } else {
-            PressKind::Press
+        let kind = match travels.iter().any(Option::is_some) {
+            true => PressKind::Stroke,
+            false => PressKind::Press,
         };
         for (i, point) in members.iter().enumerate() {
             path.push(DrapingPoint {

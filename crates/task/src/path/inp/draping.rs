@@ -117,17 +117,12 @@ impl DrapingDeck<'_> {
     /// Labels of the triangles that each press meets first; none of a press are left out.
     fn new_triangles(&self) -> Vec<Vec<usize>> {
         let mut is_pressed = vec![false; self.lamina.triangles.len()];
-        let fresh = self.presses.iter().map(|triangles| {
+        let fresh = self.presses.iter().map(|triangles| -> Vec<usize> {
             let first = |t: &&u32| !std::mem::replace(&mut is_pressed[**t as usize], true);
-            triangles
-                .iter()
-                .filter(first)
-                .map(|&t| 1 + t as usize)
-                .collect()
+            let first = triangles.iter().filter(first);
+            first.map(|&t| 1 + t as usize).collect()
         });
-        fresh
-            .filter(|triangles: &Vec<usize>| !triangles.is_empty())
-            .collect()
+        fresh.filter(|triangles| !triangles.is_empty()).collect()
     }
 
     /// A local frame in every element, the first axis along the warp.
