@@ -1,5 +1,5 @@
 use super::image::PX;
-use super::legend::{self, Entry, Key};
+use super::legend::{self, Entry};
 use super::text::{self, Area, rgb};
 use super::{Color, Image};
 use plotters::prelude::*;
@@ -149,12 +149,10 @@ impl Chart {
     /// Draws the legend below the title and returns where it ends [samples]. It stands above
     /// the curves: inside it would hide some.
     fn draw_legend(&self, root: &Area) -> i32 {
-        let series = self.series.iter().map(|s| (&s.label, s.color, Key::Line));
-        let levels = self.levels.iter().map(|l| (&l.label, l.color, Key::Dashes));
+        let series = self.series.iter().map(|s| (&*s.label, s.color, false));
+        let levels = self.levels.iter().map(|l| (&*l.label, l.color, true));
         let named = series.chain(levels).filter(|(text, ..)| !text.is_empty());
-        let entries: Vec<_> = named
-            .map(|(text, color, key)| Entry { text, color, key })
-            .collect();
+        let entries: Vec<Entry> = named.collect();
         let right = SIZE[0] as i32 * PX - EDGE;
         let (places, height) = legend::places(&entries, EDGE, right);
         for (entry, [x, y]) in entries.iter().zip(places) {

@@ -192,10 +192,9 @@ fn for_each_span(
     let (upper, lower) = (edge(top, middle), edge(middle, bottom));
     for y in centers(top[1], height)..centers(bottom[1], height) {
         let row = y as f32 + 0.5;
-        let short = if row < middle[1] {
-            upper(row)
-        } else {
-            lower(row)
+        let short = match row < middle[1] {
+            true => upper(row),
+            false => lower(row),
         };
         let (left, right) = (long(row).min(short), long(row).max(short));
         paint(y, centers(left, width)..centers(right, width));

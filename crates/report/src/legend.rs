@@ -11,36 +11,20 @@ const SPACE: i32 = 8 * PX;
 const GAP: i32 = 26 * PX;
 const EM: f64 = (14 * PX) as f64;
 
-/// How the sample in front of an entry looks.
-#[derive(Clone, Copy)]
-pub(super) enum Key {
-    Line,
-    Dashes,
-}
-
-/// What the colours of a chart mean.
-pub(super) struct Entry<'a> {
-    pub text: &'a str,
-    pub color: Color,
-    pub key: Key,
-}
-
-impl Entry<'_> {
-    pub fn width(&self) -> i32 {
-        KEY + SPACE + text::width(self.text, EM)
-    }
-}
+/// What a colour of a chart means, and whether its line is dashed.
+pub(super) type Entry<'a> = (&'a str, Color, bool);
 
 /// Left end and top of each of the `entries`, which stand in rows between `left` and `right`
 /// from y = 0, and where the last row ends [samples].
 pub(super) fn places(entries: &[Entry], left: i32, right: i32) -> (Vec<[i32; 2]>, i32) {
     let (mut x, mut y) = (left, 0);
-    let place = |entry: &Entry| {
-        if x > left && x + entry.width() > right {
+    let place = |(text, ..): &Entry| {
+        let width = KEY + SPACE + text::width(text, EM);
+        if x > left && x + width > right {
             (x, y) = (left, y + ROW);
         }
         let at = [x, y];
-        x += entry.width() + GAP;
+        x += width + GAP;
         at
     };
     let places: Vec<_> = entries.iter().map(place).collect();
@@ -49,16 +33,15 @@ pub(super) fn places(entries: &[Entry], left: i32, right: i32) -> (Vec<[i32; 2]>
 }
 
 /// Draws an entry with its upper left corner at `corner`.
-pub(super) fn draw(area: &Area, entry: &Entry, [x, y]: [i32; 2], ink: Color) {
+pub(super) fn draw(area: &Area, &(text, color, is_dashed): &Entry, [x, y]: [i32; 2], ink: Color) {
     let middle = y + ROW / 2;
-    let bars: &[[i32; 3]] = match entry.key {
-        Key::Line => &[[0, KEY, PX]],
-        Key::Dashes => &[[0, KEY / 2 - 3 * PX, PX], [KEY / 2 + 3 * PX, KEY, PX]],
+    let bars: &[[i32; 2]] = match is_dashed {
+        false => &[[0, KEY]],
+        true => &[[0, KEY / 2 - 3 * PX], [KEY / 2 + 3 * PX, KEY]],
     };
-    for [from, to, half] in bars {
-        let corners = [(x + from, middle - half), (x + to, middle + half)];
-        text::fill(area, corners, entry.color);
+    for [from, to] in bars {
+        let corners = [(x + from, middle - PX), (x + to, middle + PX)];
+        text::fill(area, corners, color);
     }
-    let at = [x + KEY + SPACE, middle];
-    text::draw(area, entry.text, at, EM, ink, HPos::Left);
+    text::draw(area, text, [x + KEY + SPACE, middle], EM, ink, HPos::Left);
 }

@@ -116,18 +116,14 @@ impl Block {
     /// `x` `[batch, tokens, channels]`, and so is what comes back.
     fn forward(&self, x: Tensor<3>) -> Tensor<3> {
         let [batch, tokens, channels] = x.dims();
-        let across = x
-            .clone()
-            .swap_dims(1, 2)
-            .reshape([batch * channels, tokens]);
-        let across = self.places.forward(across);
+        let across = x.clone().swap_dims(1, 2);
+        let across = self
+            .places
+            .forward(across.reshape([batch * channels, tokens]));
         let across = across.reshape([batch, channels, tokens]).swap_dims(1, 2);
         let within = x.clone().reshape([batch * tokens, channels]);
-        let within = self
-            .channels
-            .forward(within)
-            .reshape([batch, tokens, channels]);
-        x + relu(across + within)
+        let within = self.channels.forward(within);
+        x + relu(across + within.reshape([batch, tokens, channels]))
     }
 }
 

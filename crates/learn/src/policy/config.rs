@@ -77,12 +77,8 @@ impl PolicyConfig {
     pub fn validate(&self, rows: usize, columns: usize) -> Result<(), ValueError> {
         let scale = self.distance_scale_mm;
         let is_valid = scale.is_finite() && scale > 0.0;
-        ValueError::unless(
-            is_valid,
-            "distance_scale_mm",
-            scale,
-            "a finite number above 0",
-        )?;
+        let expected = "a finite number above 0";
+        ValueError::unless(is_valid, "distance_scale_mm", scale, expected)?;
         match &self.network {
             NetworkConfig::Paper(paper) => paper.validate(rows, columns),
             NetworkConfig::Compact(compact) => compact.validate(),
@@ -95,12 +91,9 @@ impl PaperConfig {
         positive("network.paper.channels", &self.channels)?;
         positive("network.paper.hidden", &self.hidden)?;
         let blocks = self.channels.len();
-        ValueError::unless(
-            rows.min(columns) >> blocks > 0,
-            "network.paper.channels",
-            format!("{blocks} blocks"),
-            "few enough to leave a pixel after halving the image in each block",
-        )
+        let (is_valid, found) = (rows.min(columns) >> blocks > 0, format!("{blocks} blocks"));
+        let expected = "few enough to leave a pixel after halving the image in each block";
+        ValueError::unless(is_valid, "network.paper.channels", found, expected)
     }
 }
 

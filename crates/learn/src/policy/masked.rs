@@ -60,12 +60,9 @@ pub fn draw(log_probs: &[f32], mask: &FixedBitSet, uniform: f64) -> u32 {
 ///
 /// If `mask` is empty.
 pub fn most_probable(log_probs: &[f32], mask: &FixedBitSet) -> u32 {
-    let better = |best: usize, i: usize| {
-        if log_probs[i] > log_probs[best] {
-            i
-        } else {
-            best
-        }
+    let better = |best: usize, i: usize| match log_probs[i] > log_probs[best] {
+        true => i,
+        false => best,
     };
     let best = mask.ones().reduce(better);
     best.expect("an observation allows an action") as u32

@@ -20,11 +20,8 @@ pub struct Adam {
     moments: Vec<Moments>,
 }
 
-#[derive(Clone, Debug)]
-struct Moments {
-    first: Tensor<1>,
-    second: Tensor<1>,
-}
+/// The first and the second moment.
+type Moments = [Tensor<1>; 2];
 
 /// [`Adam`] as numbers.
 #[derive(Serialize, Deserialize)]
@@ -70,35 +67,29 @@ impl Adam {
     /// All moments and the number of steps.
     pub fn save(&self) -> Vec<u8> {
         let numbers = |x: &Tensor<1>| x.to_data().try_into_vec().expect("moments are f32");
-        let pair = |m: &Moments| [numbers(&m.first), numbers(&m.second)];
-        let stored = Stored {
+        let pairs = self.moments.iter();
+        encode(&Stored {
             step_count: self.step_count,
-            moments: self.moments.iter().map(pair).collect(),
-        };
-        encode(&stored)
+            moments: pairs.map(|pair| pair.each_ref().map(numbers)).collect(),
+        })
     }
 
     /// These moments replaced by those that [`Adam::save`] wrote; fails with a reason if they
     /// are of another network.
     pub fn loaded(&self, bytes: &[u8]) -> Result<Self, String> {
         let stored: Stored = decode(bytes)?;
-        let fits = |(m, [first, second]): (&Moments, &[Vec<f32>; 2])| {
-            let length = m.first.dims()[0];
-            first.len() == length && second.len() == length
+        let fits = |(own, stored): (&Moments, &[Vec<f32>; 2])| {
+            stored.iter().all(|x| x.len() == own[0].dims()[0])
         };
         let mut pairs = self.moments.iter().zip(&stored.moments);
         if self.moments.len() != stored.moments.len() || !pairs.all(fits) {
             return Err("moments are of another network".to_owned());
         }
-        let restore = |(old, [first, second]): (&Moments, [Vec<f32>; 2])| {
-            let upload = |numbers: Vec<f32>| {
+        let restore = |(own, stored): (&Moments, [Vec<f32>; 2])| {
+            stored.map(|numbers| {
                 let shape = [numbers.len()];
-                Tensor::from_data(TensorData::new(numbers, shape), &old.first.device())
-            };
-            Moments {
-                first: upload(first),
-                second: upload(second),
-            }
+                Tensor::from_data(TensorData::new(numbers, shape), &own[0].device())
+            })
         };
         let pairs = self.moments.iter().zip(stored.moments);
         Ok(Self {
@@ -126,10 +117,7 @@ impl ModuleVisitor for Zeros {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let value = param.val().inner();
         let zeros = Tensor::zeros([value.dims().iter().product::<usize>()], &value.device());
-        self.0.push(Moments {
-            first: zeros.clone(),
-            second: zeros,
-        });
+        self.0.push([zeros.clone(), zeros]);
     }
 }
 
@@ -158,18 +146,15 @@ struct Step<'a> {
 
 impl ModuleMapper for Step<'_> {
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
-        let moments = self
-            .moments
-            .next()
-            .expect("one pair of moments a parameter");
+        let moments = self.moments.next();
+        let [first, second] = moments.expect("one pair of moments a parameter");
         let Some(gradient) = self.gradients.remove::<D>(param.id) else {
             return param;
         };
         let g = gradient.reshape([-1]) * self.scale;
-        let m = moments.first.clone() * BETA_1 + g.clone() * (1.0 - BETA_1);
-        let v = moments.second.clone() * BETA_2 + g.square() * (1.0 - BETA_2);
-        moments.first = m.clone();
-        moments.second = v.clone();
+        let m = first.clone() * BETA_1 + g.clone() * (1.0 - BETA_1);
+        let v = second.clone() * BETA_2 + g.square() * (1.0 - BETA_2);
+        (*first, *second) = (m.clone(), v.clone());
         let deviation = (v / self.second_correction).sqrt() + self.epsilon;
         let delta = m * (self.learning_rate / self.first_correction) / deviation;
         param.map(|old| {

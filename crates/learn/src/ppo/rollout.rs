@@ -101,7 +101,10 @@ pub fn collect<T: Tasks>(
             rollout.rewards.push(reward * reward_factor);
             rollout.next.push(match &episode {
                 None => Next::Step,
-                Some(episode) => follows(agent, episode),
+                Some(episode) if episode.end == End::Terminated => Next::Terminated,
+                Some(episode) => Next::Truncated {
+                    value: agent.value(&[&episode.last])[0],
+                },
             });
             rollout.episodes.extend(episode.map(EpisodeRecord::from));
         }
@@ -121,14 +124,4 @@ pub fn collect<T: Tasks>(
 pub fn observations<T: Tasks>(tasks: &T) -> Vec<Observation> {
     let seen = |i| tasks.observation(i).clone();
     (0..tasks.count()).map(seen).collect()
-}
-
-/// What follows the last step of `episode`.
-fn follows(agent: &Agent, episode: &Episode) -> Next {
-    match episode.end {
-        End::Terminated => Next::Terminated,
-        End::Truncated | End::Diverged => Next::Truncated {
-            value: agent.value(&[&episode.last])[0],
-        },
-    }
 }

@@ -5,7 +5,7 @@ use super::error::TrainError;
 use super::imitation::{Memory, Move};
 use super::rollout::{EpisodeRecord, Seconds, collect, observations};
 use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
-use super::update::{Streams, UpdateMetrics, update};
+use super::update::{UpdateMetrics, update};
 use crate::policy::{ActorCritic, DeviceKind, PolicyConfig};
 use drape_cloth::math::{Purpose, Stream};
 use drape_task::env::Tasks;
@@ -29,7 +29,8 @@ struct Progress {
     env_steps: u64,
     /// `[task]`.
     actions: Vec<Stream>,
-    update: Streams,
+    /// Of the updates.
+    update: [Stream; 2],
 }
 
 /// What one rollout and its update gave.
@@ -69,10 +70,7 @@ impl<T: Tasks> Trainer<T> {
                 actions: (0..count as u32)
                     .map(|task| Stream::new(seed, Purpose::Actions, task))
                     .collect(),
-                update: Streams {
-                    shuffle: Stream::new(seed, Purpose::Shuffle, 0),
-                    imitation: Stream::new(seed, Purpose::Shuffle, 1),
-                },
+                update: [0, 1].map(|k| Stream::new(seed, Purpose::Shuffle, k)),
             },
             config,
             tasks,
@@ -169,18 +167,14 @@ impl<T: Tasks> Trainer<T> {
     /// Everything needed to go on later exactly from here, by name: parameters, moments,
     /// counters and random streams, the tasks, and the episodes to be imitated.
     pub fn save(&self) -> Sections {
-        let mut sections = vec![
+        let sections = [
             (NETWORK, self.actor_critic.save()),
             (ADAM, self.adam.save()),
             (TASKS, self.tasks.save()),
             (PROGRESS, encode(&self.progress)),
         ];
-        sections.extend(
-            self.memory
-                .as_ref()
-                .map(|memory| (IMITATION, encode(memory))),
-        );
-        let named = sections.into_iter();
+        let memory = self.memory.iter().map(|memory| (IMITATION, encode(memory)));
+        let named = sections.into_iter().chain(memory);
         named.map(|(name, bytes)| (name.into(), bytes)).collect()
     }
 

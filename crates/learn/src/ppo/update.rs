@@ -30,42 +30,23 @@ pub struct UpdateMetrics {
     pub explained_variance: f32,
 }
 
-/// Random streams of an update.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Streams {
-    /// Order of the samples.
-    pub shuffle: Stream,
-    /// Choice among the moves to be imitated.
-    pub imitation: Stream,
-}
-
 /// Improves `actor_critic` on `rollout` for some epochs and says how it went.
 ///
 /// Each epoch takes every sample once, in a new random order, in minibatches of nearly equal
-/// size. Stops at the first loss or gradient that is not finite, before it does harm.
+/// size. Stops at the first loss or gradient that is not finite, before it does harm. Of the random
+/// streams the first orders the samples, the second chooses among the moves to be imitated.
 pub fn update(
     config: &PpoConfig,
     actor_critic: &mut ActorCritic,
     adam: &mut Adam,
     rollout: &Rollout,
     memory: Option<&Memory>,
-    streams: &mut Streams,
+    [shuffle, imitation]: &mut [Stream; 2],
 ) -> Result<UpdateMetrics, NotFinite> {
-    let Rollout {
-        rewards,
-        values,
-        next,
-        last_values,
-        ..
-    } = rollout;
-    let mut advantages = gae(
-        rewards,
-        values,
-        next,
-        last_values,
-        config.gamma,
-        config.gae_lambda,
-    );
+    let (rewards, values) = (&rollout.rewards, &rollout.values);
+    let (next, last_values) = (&rollout.next, &rollout.last_values);
+    let (gamma, lambda) = (config.gamma, config.gae_lambda);
+    let mut advantages = gae(rewards, values, next, last_values, gamma, lambda);
     let returns: Vec<f32> = advantages.iter().zip(values).map(|(a, v)| a + v).collect();
     if config.advantage_norm == AdvantageNorm::Batch {
         advantages = loss::normalised(&advantages, config.advantage_floor);
@@ -75,11 +56,11 @@ pub fn update(
     let pieces = order.len().div_ceil(config.minibatch_size);
     let mut sum = [0.0; 7];
     for _ in 0..config.epochs {
-        streams.shuffle.shuffle(&mut order);
+        shuffle.shuffle(&mut order);
         for piece in 0..pieces {
             let indices = &order[piece * order.len() / pieces..(piece + 1) * order.len() / pieces];
             let imitated = match (&config.imitation, memory) {
-                (Some(c), Some(memory)) => memory.draw(c.samples, &mut streams.imitation),
+                (Some(c), Some(memory)) => memory.draw(c.samples, imitation),
                 _ => Vec::new(),
             };
             let minibatch = Minibatch::new(config, rollout, &advantages, &returns, indices);
@@ -133,12 +114,8 @@ impl<'a> Minibatch<'a> {
     }
 }
 
-/// The loss and its terms, each of one number.
-struct Terms {
-    total: Tensor<1>,
-    /// Policy loss, value loss, entropy, imitation loss, KL, clip fraction.
-    parts: Vec<Tensor<1>>,
-}
+/// The loss, and its parts: policy loss, value loss, entropy, imitation loss, KL, clip fraction.
+type Terms = (Tensor<1>, Vec<Tensor<1>>);
 
 /// The loss of a minibatch and of some moves to be imitated:
 /// c₁ policy + c₂ value - c₃ entropy + c₄ imitation.
@@ -184,10 +161,8 @@ fn evaluate(
     };
     let kl = loss::approx_kl(new.clone(), old.clone());
     let clipped = loss::clip_fraction(new, old, config.clip_range);
-    Terms {
-        total,
-        parts: vec![policy, value, entropy, imitation, kl, clipped],
-    }
+    let parts = vec![policy, value, entropy, imitation, kl, clipped];
+    (total, parts)
 }
 
 /// Takes one step against the gradient of the loss, limited to the largest norm allowed. Gives
@@ -196,10 +171,10 @@ fn descend(
     config: &PpoConfig,
     actor_critic: &mut ActorCritic,
     adam: &mut Adam,
-    terms: Terms,
+    (total, parts): Terms,
 ) -> Result<[f32; 7], NotFinite> {
     // All terms in one transfer.
-    let parts = Tensor::cat(terms.parts, 0).into_data();
+    let parts = Tensor::cat(parts, 0).into_data();
     let parts: Vec<f32> = parts.try_into_vec().expect("terms are f32");
     let finite = |quantity, number: f32| match number.is_finite() {
         true => Ok(()),
@@ -210,7 +185,7 @@ fn descend(
         finite(quantity, number)?;
     }
     let network = &actor_critic.network;
-    let gradients = GradientsParams::from_grads(terms.total.backward(), network);
+    let gradients = GradientsParams::from_grads(total.backward(), network);
     let norm = global_norm(network, &gradients);
     finite("gradient norm", norm)?;
     let scale = match config.max_grad_norm {
