@@ -32,14 +32,8 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
         Source::Stl(_) => "the unit of its file",
         Source::Shape(_) => in_mm,
     };
-    for (what, key, size) in [
-        (
-            "tool",
-            of_tool,
-            extent(scene.tool.mesh.vertices.iter().copied()),
-        ),
-        ("blank", in_mm, extent(flat)),
-    ] {
+    let tool = extent(scene.tool.mesh.vertices.iter().copied());
+    for (what, key, size) in [("tool", of_tool, tool), ("blank", in_mm, extent(flat))] {
         if let Some(size) = absurd(size) {
             eprintln!("warning: {place}: the {what} measures {size}: check {key}");
         }
@@ -63,10 +57,8 @@ pub(super) fn set_up_over_tool(
     let scene = set_up(config, place, json)?;
     let clearance = scene.clearance();
     if clearance > MISSED {
-        return Err(Failure::invalid(anyhow::anyhow!(
-            "{place}: {}",
-            missed(clearance)
-        )));
+        let error = anyhow::anyhow!("{place}: {}", missed(clearance));
+        return Err(Failure::invalid(error));
     }
     Ok(scene)
 }
