@@ -44,20 +44,19 @@ impl EpisodeStatistics {
         if episodes.is_empty() {
             return Err(anyhow::anyhow!("all {policy} episodes diverged").into());
         }
-        let of = |value: fn(&EpisodeSummary) -> f64| -> Vec<f64> {
-            episodes.iter().map(value).collect()
+        let of = |value: fn(&EpisodeSummary) -> f64| {
+            mean_and_deviation(&episodes.iter().map(value).collect::<Vec<_>>())
         };
-        let scores = of(|episode| episode.score);
-        let [mean_score, deviation] = mean_and_deviation(&scores);
-        let [mean_region_final_m, deviation_region_final_m] =
-            mean_and_deviation(&of(|episode| episode.region_final_m));
+        let [mean_score, deviation] = of(|episode| episode.score);
+        let [mean_region_final_m, deviation_region_final_m] = of(|episode| episode.region_final_m);
         let [mean_surplus_final_m, deviation_surplus_final_m] =
-            mean_and_deviation(&of(|episode| episode.surplus_final_m));
+            of(|episode| episode.surplus_final_m);
+        let scores = episodes.iter().map(|episode| episode.score);
         Ok(Self {
             mean_score,
             deviation,
             diverged: count - episodes.len(),
-            best_score: scores.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            best_score: scores.fold(f64::NEG_INFINITY, f64::max),
             mean_region_final_m,
             deviation_region_final_m,
             mean_surplus_final_m,

@@ -32,7 +32,7 @@ pub(super) fn places(entries: &[Entry], left: i32, right: i32) -> (Vec<[i32; 2]>
     (places, end)
 }
 
-/// Draws an entry with its upper left corner at `corner`.
+/// Draws an entry with its upper left corner at `x` and `y`.
 pub(super) fn draw(area: &Area, &(text, color, is_dashed): &Entry, [x, y]: [i32; 2], ink: Color) {
     let middle = y + ROW / 2;
     let bars: &[[i32; 2]] = match is_dashed {

@@ -81,14 +81,13 @@ impl Outline {
         let Some(((outer, _), holes)) = loops.split_first() else {
             return Err((1, "no points, expected a closed loop of at least 3".into()));
         };
-        for (i, (hole, lines)) in holes.iter().enumerate() {
+        for (hole, lines) in holes {
             if !encloses(outer, hole[0]) {
                 let fault = "hole lies outside the outer loop, expected it inside";
                 return Err((lines[0], fault.into()));
             }
-            let mut others = holes.iter().enumerate().filter(|(j, _)| *j != i);
-            if let Some((_, (_, around))) = others.find(|(_, (other, _))| encloses(other, hole[0]))
-            {
+            let is_around = |(other, _): &&Loop| other != hole && encloses(other, hole[0]);
+            if let Some((_, around)) = holes.iter().find(is_around) {
                 let line = around[0];
                 let fault = format!("hole lies in the hole of line {line}, expected it apart");
                 return Err((lines[0], fault));
