@@ -298,9 +298,10 @@ impl Isa {
     }
 }
 
-/// The sum of c[k] x^k, by Horner.
+/// The sum of c[k] x^k, by Horner. Where many are computed, `c` is narrowed to the lanes' precision
+/// once: it is borrowed, as a copy would be narrowed each time.
 #[inline(always)]
-pub(crate) fn polynomial<V: Lanes, const N: usize>(c: [f64; N], x: V) -> V {
+pub(crate) fn polynomial<V: Lanes, const N: usize>(c: &[f64; N], x: V) -> V {
     let mut sum = V::of(c[N - 1]);
     for k in (0..N - 1).rev() {
         sum = sum * x + V::of(c[k]);

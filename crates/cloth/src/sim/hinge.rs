@@ -47,7 +47,7 @@ fn arc_tangent<V: Lanes>(t: V) -> V {
         0.052_653_32,
         -0.011_721_2,
     ];
-    let angle = u * polynomial(factors, u * u);
+    let angle = u * polynomial(&factors, u * u);
     V::select(large, V::of(std::f64::consts::FRAC_PI_2) - angle, angle)
 }
 

@@ -78,7 +78,7 @@ impl Locking {
     fn share<V: Lanes>(&self, sine: V) -> V {
         let size = sine.max(-sine).min(V::of(MAX_SINE)).max(V::of(self.sine));
         let part = (size - V::of(self.sine)) * V::of(self.per_sine);
-        (polynomial(self.share, part) * part + V::of(1.0)) * V::of(self.at_onset)
+        (polynomial(&self.share, part) * part + V::of(1.0)) * V::of(self.at_onset)
     }
 
     /// How much longer a diagonal is than at locking, over its length at rest and negative where it

@@ -62,7 +62,7 @@ impl Trellis {
         let per_growth = V::of(self.per_growth);
         let sine = square * (inverse_rest * inverse_rest * per_growth) - per_growth;
         let sine = sine.min(V::of(MAX_SINE)).max(V::of(-MAX_SINE));
-        polynomial(self.share, sine) * sine + V::of(1.0)
+        polynomial(&self.share, sine) * sine + V::of(1.0)
     }
 }
 
@@ -97,7 +97,7 @@ fn chord(sine: f64, per_growth: f64) -> f64 {
 #[inline(always)]
 pub(super) fn share_of_sine<V: Lanes>(sine: V) -> V {
     let square = (sine * sine).min(V::of(MAX_SINE * MAX_SINE));
-    polynomial([1.0, -0.680_531_98, -0.003_791_1, -0.174_311_54], square)
+    polynomial(&[1.0, -0.680_531_98, -0.003_791_1, -0.174_311_54], square)
 }
 
 /// The law of the diagonals: near rest a spring of 2 G h for square cells, as such a diagonal
