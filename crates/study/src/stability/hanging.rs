@@ -78,7 +78,7 @@ pub fn compliance(knobs: &Knobs) -> Tried {
     hang(strip, physics, SECONDS, 30.0)
 }
 
-/// y: mass of the rows that are `chosen`, the last of which is [`EDGES`], over that of the others.
+/// y: mass of the rows, 0 to [`EDGES`], that are `chosen`, over that of the others.
 pub fn heavy(knobs: &Knobs, chosen: fn(usize) -> bool) -> Tried {
     let mut strip = usual();
     for (v, mass) in strip.mass.iter_mut().enumerate() {
