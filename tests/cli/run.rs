@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use super::*;
 
 /// A coarse rib and a short fall. An iteration takes 80 environment steps and some 30 ms, an
-/// episode about 50 presses.
+/// episode about 25 presses.
 pub const CONFIG: &str = r#"
 seed = 3
 steps = 240
@@ -18,7 +18,7 @@ proof_paths = 4
 
 [env]
 objective = "distance"
-region_mm = [-186.0, -186.0, -30.0, -30.0]
+region_mm = [-186.0, -186.0, -80.0, -80.0]
 
 [ppo]
 rollout_steps = 20

@@ -16,6 +16,3 @@ pub use fall::{Scene, hung};
 pub use shear::{Sheared, shear, sheared};
 pub use summary::{Summary, wrinkle_count};
 pub use surplus::{crushed, summed_surplus, surplus};
-
-#[cfg(test)]
-mod tests;

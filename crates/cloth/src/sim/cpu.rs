@@ -2,9 +2,11 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(not(test))]
+use crate::math::Portable;
+#[cfg(all(target_arch = "x86_64", not(test)))]
 use crate::math::{F32x8, F32x16, F64x4, F64x8};
-use crate::math::{Isa, Lanes, Portable, Vec3};
+use crate::math::{Isa, Lanes, Vec3};
 
 use crate::fabric::Lamina;
 
@@ -71,10 +73,14 @@ impl Cpu {
     pub fn on(world: &World, count: usize, precision: Precision, isa: Isa) -> Self {
         let model = &world.model;
         let make = match isa {
+            // Lanes take long to compile and give the same bits: `tests/` has them.
+            #[cfg(test)]
+            _ => maker::<f32, f64>(precision, count),
+            #[cfg(not(test))]
             Isa::Portable => maker::<Portable, f64>(precision, count),
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(all(target_arch = "x86_64", not(test)))]
             Isa::Avx2 => maker::<F32x8, F64x4>(precision, count),
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(all(target_arch = "x86_64", not(test)))]
             Isa::Avx512 => maker::<F32x16, F64x8>(precision, count),
         };
         let first = make(model);

@@ -1,6 +1,8 @@
+//! Scenes from their files to where the blank has come to rest.
+
 use std::sync::LazyLock;
 
-use super::*;
+use drape_cloth::scene::{Placement, Scene, SceneConfig, wrinkle_count};
 
 /// The built-in scene, set up as users get it.
 static RIB: LazyLock<Scene> = LazyLock::new(|| Scene::new(&SceneConfig::rib(), |_| {}).unwrap());
