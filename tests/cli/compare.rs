@@ -127,8 +127,15 @@ fn run_is_the_state_of_its_path() {
     assert!(number(&report["material_points_mm"]["max"]) < 1e-9);
     fs::write(&best, own).unwrap();
     fs::remove_file(&proof).unwrap();
-    json(path, &[&args[..], &["--state", "a.json"]].concat());
+    let played = json(path, &[&args[..], &["--state", "a.json"]].concat());
     let report = json(path, &["compare", "runs/a", "a.json", "--json"]);
+    // The one by the tool itself, the other by its grid of 12 mm.
+    let surplus = 1e-3 * number(&report["a"]["tool"]["surplus_mm"]);
+    let expected = number(&played["episode"]["sheet_surplus_final_m"]);
+    assert!(
+        (surplus / expected - 1.0).abs() < 0.1,
+        "{surplus}, {expected}"
+    );
     assert_eq!(report["a_source"]["kind"], "run");
     assert_eq!(report["tool_source"], "runs/a");
     assert!(number(&report["material_points_mm"]["max"]) < 1e-9);

@@ -6,6 +6,8 @@ pub mod picture;
 
 pub use figures::{Angles, Comparison, Inapplicable, Measures, Parts, Shear, Strain, Tooling};
 
+use std::collections::BTreeSet;
+
 use drape_cloth::fabric::{Drape, Family, Tangents};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
@@ -264,8 +266,46 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
         wrinkles_mm: wrinkles,
         shear_deg: shear,
         strain,
-        tool: criteria.tool.map(|tool| tooling(mesh, tool)),
+        tool: criteria.tool.map(|tool| Tooling {
+            surplus_mm: (surface.drape.as_ref())
+                .map(|drape| surplus_mm(drape, tool, criteria.region)),
+            ..tooling(mesh, tool)
+        }),
     }
+}
+
+/// What [`drape_cloth::scene::surplus`] is, of the edges that run along a yarn on the flat blank
+/// and by the exact nearest points of the tool [mm]; in the region if there is one.
+fn surplus_mm(drape: &Drape, tool: &Surface, region: Option<[f64; 4]>) -> f64 {
+    let [c, s] = drape.warp;
+    let mut families = [BTreeSet::new(), BTreeSet::new()];
+    for [a, b] in drape
+        .triangles
+        .iter()
+        .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
+    {
+        let [p, q] = [a, b].map(|v| drape.rest[v as usize]);
+        let [x, y] = [q[0] - p[0], q[1] - p[1]];
+        for (edges, across) in families.iter_mut().zip([c * y - s * x, c * x + s * y]) {
+            let is_inside = region.is_none_or(|r| is_inside(r, p) && is_inside(r, q));
+            if is_inside && across.abs() < 1e-6 * x.hypot(y) {
+                edges.insert([a.min(b), a.max(b)]);
+            }
+        }
+    }
+    let foot = |v: u32| tool.project(drape.position[v as usize].into()).position;
+    let (mut sum, mut yarns) = (0.0, 0);
+    for edges in &families {
+        // A chain has one vertex more than edges.
+        let vertices: BTreeSet<u32> = edges.iter().flatten().copied().collect();
+        yarns += vertices.len() - edges.len();
+        for &[a, b] in edges {
+            let [p, q] = [a, b].map(|v| drape.rest[v as usize]);
+            let rest = (q[0] - p[0]).hypot(q[1] - p[1]);
+            sum += (rest - (foot(b) - foot(a)).norm()).max(0.0);
+        }
+    }
+    MM * sum / yarns.max(1) as f64
 }
 
 /// Gaps to the tool and penetration, by the exact distance.
@@ -279,6 +319,7 @@ fn tooling(mesh: &TriMesh, tool: &Surface) -> Tooling {
     Tooling {
         bridged_area_mm2: MM * MM * bridged,
         bridged_share: bridged / total.max(f64::MIN_POSITIVE),
+        surplus_mm: None,
         penetration_mm: MM * phi.iter().fold(0.0f64, |deepest, phi| deepest.max(-phi)),
     }
 }

@@ -26,7 +26,7 @@ pub struct Comparison {
 /// A figure of one drape for a reader: its name, its unit, and how it is got.
 type Alone = (&'static str, &'static str, fn(&Measures) -> Option<f64>);
 
-const ALONE: [Alone; 14] = [
+const ALONE: [Alone; 15] = [
     ("wrinkles", "", |m| Some(m.wrinkles_mm?.count as f64)),
     ("their amplitude", "mm", |m| Some(m.wrinkles_mm?.amplitude)),
     ("their rms", "mm", |m| Some(m.wrinkles_mm?.rms)),
@@ -45,6 +45,7 @@ const ALONE: [Alone; 14] = [
     ("bridged", "mm2", |m| Some(m.tool?.bridged_area_mm2)),
     ("bridged share", "%", |m| Some(1e2 * m.tool?.bridged_share)),
     ("penetration", "mm", |m| Some(m.tool?.penetration_mm)),
+    ("surplus", "mm", |m| m.tool?.surplus_mm),
 ];
 
 impl Comparison {
@@ -178,6 +179,9 @@ pub struct Tooling {
     pub bridged_share: f64,
     /// Deepest vertex inside the tool, by the exact distance [mm].
     pub penetration_mm: f64,
+    /// Length that yarns have too much, in the mean over those of the region if there is one [mm]; none for a
+    /// scan.
+    pub surplus_mm: Option<f64>,
 }
 
 /// Figures that could not be found.

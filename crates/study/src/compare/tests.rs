@@ -16,6 +16,17 @@ fn draped(vertices: [usize; 2], place: impl Fn(f64, f64) -> [f64; 3]) -> Surveye
     Surveyed::draped(Drape::new(&lamina, &position)).unwrap()
 }
 
+/// z = 0.
+fn plate() -> Surface {
+    let plate = TriMesh {
+        vertices: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[x, y]| Vec3::new(x, y, 0.0))
+            .to_vec(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+    };
+    Surface::new(&plate).unwrap()
+}
+
 fn close(found: f64, expected: f64) {
     assert!((found - expected).abs() < 1e-9, "{found} is not {expected}");
 }
@@ -94,13 +105,7 @@ fn locked_area_strain_and_bridging_are_those_made() {
         let up = y.max(0.0);
         [1.02 * x + sin * up, y.min(0.0) + cos * up, 0.0003]
     });
-    let plate = TriMesh {
-        vertices: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
-            .map(|[x, y]| Vec3::new(x, y, 0.0))
-            .to_vec(),
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-    };
-    let tool = Surface::new(&plate).unwrap();
+    let tool = plate();
     let criteria = Criteria {
         tool: Some(&tool),
         ..Criteria::default()
@@ -123,6 +128,38 @@ fn locked_area_strain_and_bridging_are_those_made() {
     let tooling = compare(&lower, &sheared, &criteria).a.tool.unwrap();
     close(tooling.penetration_mm, 2.0);
     assert!((tooling.bridged_share - 0.5).abs() < 0.06);
+}
+
+/// A sheet crushed by a tenth along its warps on one side: 10 mm of each of 11 of 22 yarns, and of
+/// 11 of 17 in a region around that side.
+#[test]
+fn surplus_is_of_the_yarns_in_the_region() {
+    let tool = plate();
+    let crushed = draped([11, 11], |x, y| [if x < 0.0 { 0.9 * x } else { x }, y, 0.0]);
+    for (region, exact) in [
+        (None, 10.0 * 11.0 / 22.0),
+        (Some([-0.11, -0.11, 0.001, 0.11]), 10.0 * 11.0 / 17.0),
+    ] {
+        let criteria = Criteria {
+            tool: Some(&tool),
+            region,
+        };
+        let found = compare(&crushed, &crushed, &criteria).a.tool.unwrap();
+        close(found.surplus_mm.unwrap(), exact);
+    }
+    let scan = Surveyed::scan(crushed.mesh.clone()).unwrap();
+    let criteria = Criteria {
+        tool: Some(&tool),
+        ..Criteria::default()
+    };
+    assert!(
+        compare(&scan, &scan, &criteria)
+            .a
+            .tool
+            .unwrap()
+            .surplus_mm
+            .is_none()
+    );
 }
 
 /// A mesh alone has no yarns: its figures are none, and the reason is given.
