@@ -172,6 +172,7 @@ static WORLDS: LazyLock<Vec<World>> = LazyLock::new(|| {
         ..BlankConfig::default()
     };
     let holed = Lamina::new(&holed, Material::interglas_92125()).unwrap();
+    assert!(!holed.membranes.is_empty());
     worlds.push(world(&holed, physics()));
     // Sheared beyond locking soon, along rows, edge by edge, and in membranes.
     for solver in [Solver::Yarn, Solver::GaussSeidel] {

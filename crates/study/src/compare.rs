@@ -76,8 +76,10 @@ impl Surveyed {
 /// without one.
 type Part = Option<([f64; 4], bool)>;
 
+/// With the slack of a nanometre that a training's region has.
 fn is_inside([x0, y0, x1, y1]: [f64; 4], [x, y]: [f64; 2]) -> bool {
-    x0 <= x && x <= x1 && y0 <= y && y <= y1
+    let inside = |low: f64, at: f64, high: f64| low - 1e-9 <= at && at <= high + 1e-9;
+    inside(x0, x, x1) && inside(y0, y, y1)
 }
 
 fn has(part: Part, rest: [f64; 2]) -> bool {
@@ -119,6 +121,15 @@ pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
         missing(&metrics, "a surface has no border");
     }
 
+    let [a_alone, b_alone] = [a, b].map(|surface| measures(surface, criteria));
+    let tools = [&a_alone, &b_alone].map(|alone| alone.tool.as_ref());
+    if tools.iter().flatten().any(|tool| tool.surplus_mm.is_none()) {
+        missing(
+            &["surplus_mm"],
+            "no edges along yarns: a mesh only, or none in the region",
+        );
+    }
+
     let feet = [a.feet(b), b.feet(a)];
     let parts = |part| parts(a, b, &feet, part);
     let split = criteria.region.filter(|_| scans.is_none());
@@ -128,8 +139,8 @@ pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
         outside: split.map(|region| parts(Some((region, false)))),
         contour_a_to_b_mm: contours[0],
         contour_b_to_a_mm: contours[1],
-        a: measures(a, criteria),
-        b: measures(b, criteria),
+        a: a_alone,
+        b: b_alone,
         not_applicable,
     }
 }
@@ -268,44 +279,47 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
         strain,
         tool: criteria.tool.map(|tool| Tooling {
             surplus_mm: (surface.drape.as_ref())
-                .map(|drape| surplus_mm(drape, tool, criteria.region)),
+                .and_then(|drape| surplus_mm(drape, tool, criteria.region)),
             ..tooling(mesh, tool)
         }),
     }
 }
 
-/// What [`drape_cloth::scene::surplus`] is, of the edges that run along a yarn on the flat blank
-/// and by the exact nearest points of the tool [mm]; in the region if there is one.
-fn surplus_mm(drape: &Drape, tool: &Surface, region: Option<[f64; 4]>) -> f64 {
+/// What [`drape_cloth::scene::surplus`] is, by the exact nearest points of the tool [mm], of the
+/// edges that run along a yarn on the flat blank, those of cut cells as well; in the region if
+/// there is one. None without such an edge.
+fn surplus_mm(drape: &Drape, tool: &Surface, region: Option<[f64; 4]>) -> Option<f64> {
+    // Files may round: a thousandth is far from any other direction of a mesh along its yarns.
+    const ALONG: f64 = 1e-3;
     let [c, s] = drape.warp;
-    let mut families = [BTreeSet::new(), BTreeSet::new()];
-    for [a, b] in drape
-        .triangles
-        .iter()
-        .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
-    {
-        let [p, q] = [a, b].map(|v| drape.rest[v as usize]);
+    let along = |v: u32, w: u32| {
+        let [p, q] = [v, w].map(|v| drape.rest[v as usize]);
         let [x, y] = [q[0] - p[0], q[1] - p[1]];
-        for (edges, across) in families.iter_mut().zip([c * y - s * x, c * x + s * y]) {
-            let is_inside = region.is_none_or(|r| is_inside(r, p) && is_inside(r, q));
-            if is_inside && across.abs() < 1e-6 * x.hypot(y) {
-                edges.insert([a.min(b), a.max(b)]);
+        (p, q, x.hypot(y), [c * y - s * x, c * x + s * y])
+    };
+    let mut families = [BTreeSet::new(), BTreeSet::new()];
+    let sides = |&[a, b, c]: &[u32; 3]| [[a, b], [b, c], [c, a]];
+    for [v, w] in drape.triangles.iter().flat_map(sides) {
+        let (p, q, length, across) = along(v, w);
+        if region.is_none_or(|r| is_inside(r, p) && is_inside(r, q)) {
+            for (edges, across) in families.iter_mut().zip(across) {
+                if across.abs() < ALONG * length {
+                    edges.insert([v.min(w), v.max(w)]);
+                }
             }
         }
     }
-    let foot = |v: u32| tool.project(drape.position[v as usize].into()).position;
+    let foot = |v: u32| tool.nearest(drape.position[v as usize].into(), f64::MAX).1;
     let (mut sum, mut yarns) = (0.0, 0);
     for edges in &families {
         // A chain has one vertex more than edges.
         let vertices: BTreeSet<u32> = edges.iter().flatten().copied().collect();
         yarns += vertices.len() - edges.len();
-        for &[a, b] in edges {
-            let [p, q] = [a, b].map(|v| drape.rest[v as usize]);
-            let rest = (q[0] - p[0]).hypot(q[1] - p[1]);
-            sum += (rest - (foot(b) - foot(a)).norm()).max(0.0);
+        for &[v, w] in edges {
+            sum += (along(v, w).2 - (foot(w) - foot(v)).norm()).max(0.0);
         }
     }
-    MM * sum / yarns.max(1) as f64
+    (yarns > 0).then(|| MM * sum / yarns as f64)
 }
 
 /// Gaps to the tool and penetration, by the exact distance.

@@ -77,7 +77,7 @@ impl Surface {
 
     /// The nearest point of the solid's boundary and its distance [m], which is expected to
     /// be less than `bound` [m]. A bound that does not hold costs time, nothing else.
-    pub(super) fn nearest(&self, x: Vec3, bound: f64) -> (f64, Vec3) {
+    pub fn nearest(&self, x: Vec3, bound: f64) -> (f64, Vec3) {
         let target = to_parry(&x);
         let within = |mesh: &shape::TriMesh, bound: f64| {
             mesh.project_local_point_and_get_location_with_max_dist(target, false, bound)

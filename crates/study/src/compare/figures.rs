@@ -179,8 +179,8 @@ pub struct Tooling {
     pub bridged_share: f64,
     /// Deepest vertex inside the tool, by the exact distance [mm].
     pub penetration_mm: f64,
-    /// Length that yarns have too much, in the mean over those of the region if there is one [mm]; none for a
-    /// scan.
+    /// Length that yarns have too much, in the mean over those of the region if there is one
+    /// [mm]; none for a scan.
     pub surplus_mm: Option<f64>,
 }
 

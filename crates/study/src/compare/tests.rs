@@ -148,18 +148,18 @@ fn surplus_is_of_the_yarns_in_the_region() {
         close(found.surplus_mm.unwrap(), exact);
     }
     let scan = Surveyed::scan(crushed.mesh.clone()).unwrap();
-    let criteria = Criteria {
+    let criteria = |region| Criteria {
         tool: Some(&tool),
-        ..Criteria::default()
+        region,
     };
-    assert!(
-        compare(&scan, &scan, &criteria)
-            .a
-            .tool
-            .unwrap()
-            .surplus_mm
-            .is_none()
-    );
+    // Between the vertices there is no edge.
+    let between = criteria(Some([0.001, 0.001, 0.019, 0.019]));
+    for (surface, criteria) in [(&scan, criteria(None)), (&crushed, between)] {
+        let found = compare(surface, surface, &criteria);
+        assert_eq!(found.a.tool.unwrap().surplus_mm, None);
+        let last = found.not_applicable.last().unwrap();
+        assert_eq!(last.metrics, ["surplus_mm"]);
+    }
 }
 
 /// A mesh alone has no yarns: its figures are none, and the reason is given.
