@@ -312,9 +312,9 @@ fn surplus_mm(drape: &Drape, tool: &Surface, region: Option<[f64; 4]>) -> Option
     let foot = |v: u32| tool.nearest(drape.position[v as usize].into(), f64::MAX).1;
     let (mut sum, mut yarns) = (0.0, 0);
     for edges in &families {
-        // A chain has one vertex more than edges.
+        // A chain has one vertex more than edges; a file may have meshes that are none.
         let vertices: BTreeSet<u32> = edges.iter().flatten().copied().collect();
-        yarns += vertices.len() - edges.len();
+        yarns += vertices.len().saturating_sub(edges.len());
         for &[v, w] in edges {
             sum += (along(v, w).2 - (foot(w) - foot(v)).norm()).max(0.0);
         }
