@@ -292,7 +292,7 @@ fn surplus_mm(drape: &Drape, tool: &Surface, region: Option<[f64; 4]>) -> Option
     // Files may round: a thousandth is far from any other direction of a mesh along its yarns.
     const ALONG: f64 = 1e-3;
     let [c, s] = drape.warp;
-    let along = |v: u32, w: u32| {
+    let edge = |v: u32, w: u32| {
         let [p, q] = [v, w].map(|v| drape.rest[v as usize]);
         let [x, y] = [q[0] - p[0], q[1] - p[1]];
         (p, q, x.hypot(y), [c * y - s * x, c * x + s * y])
@@ -300,7 +300,7 @@ fn surplus_mm(drape: &Drape, tool: &Surface, region: Option<[f64; 4]>) -> Option
     let mut families = [BTreeSet::new(), BTreeSet::new()];
     let sides = |&[a, b, c]: &[u32; 3]| [[a, b], [b, c], [c, a]];
     for [v, w] in drape.triangles.iter().flat_map(sides) {
-        let (p, q, length, across) = along(v, w);
+        let (p, q, length, across) = edge(v, w);
         if region.is_none_or(|r| is_inside(r, p) && is_inside(r, q)) {
             for (edges, across) in families.iter_mut().zip(across) {
                 if across.abs() < ALONG * length {
@@ -316,7 +316,7 @@ fn surplus_mm(drape: &Drape, tool: &Surface, region: Option<[f64; 4]>) -> Option
         let vertices: BTreeSet<u32> = edges.iter().flatten().copied().collect();
         yarns += vertices.len().saturating_sub(edges.len());
         for &[v, w] in edges {
-            sum += (along(v, w).2 - (foot(w) - foot(v)).norm()).max(0.0);
+            sum += (edge(v, w).2 - (foot(w) - foot(v)).norm()).max(0.0);
         }
     }
     (yarns > 0).then(|| MM * sum / yarns as f64)
