@@ -55,7 +55,7 @@ impl Default for EnvConfig {
             objective: Objective::default(),
             stencil_mm: 18.0,
             drape_threshold_mm: 1.0,
-            drape_strain: 0.03,
+            drape_strain: 0.1,
             press_s: 1.0 / 60.0,
             press_mpa: 1.0,
             press_speed: 4.0,
