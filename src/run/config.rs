@@ -308,6 +308,10 @@ mod tests {
             let config = RunConfig::read(&file(name)).unwrap();
             assert_eq!(config.scene, SceneConfig::rib());
         }
+        for task in std::fs::read_dir(file("tasks")).unwrap() {
+            let config = RunConfig::read(&task.unwrap().path()).unwrap();
+            assert_eq!(config.env.substep_rate, RunConfig::quickstart().env.substep_rate);
+        }
         let hemisphere = SceneConfig::read(&file("scenes/hemisphere.toml")).unwrap();
         assert_eq!(RunConfig::quickstart().scene, hemisphere);
     }
