@@ -245,6 +245,7 @@ fn merge<'i>(base: &mut DeTable<'i>, over: DeTable<'i>, section: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use drape_cloth::fabric::{Lamina, Material};
 
     fn parse(text: &str) -> Result<RunConfig, String> {
         RunConfig::parse(text, Path::new("c.toml")).map_err(|e| format!("{e:#}"))
@@ -295,8 +296,8 @@ mod tests {
         assert_eq!(parse(&text).unwrap().policy, paper.policy);
     }
 
-    /// The quickstart has the scene of a file that other commands can be given; the others are on
-    /// the built-in rib.
+    /// The quickstart has the scene of a file that other commands can be given, two are on the
+    /// built-in rib, and tasks are stepped as the quickstart is.
     #[test]
     fn shipped_configurations_are_what_they_say() {
         let file = |name| {
@@ -308,9 +309,18 @@ mod tests {
             let config = RunConfig::read(&file(name)).unwrap();
             assert_eq!(config.scene, SceneConfig::rib());
         }
-        for task in std::fs::read_dir(file("tasks")).unwrap() {
-            let config = RunConfig::read(&task.unwrap().path()).unwrap();
-            assert_eq!(config.env.substep_rate, RunConfig::quickstart().env.substep_rate);
+        let tasks = std::fs::read_dir(file("tasks")).unwrap();
+        let tasks: Vec<RunConfig> = tasks
+            .map(|task| RunConfig::read(&task.unwrap().path()).unwrap())
+            .collect();
+        assert!(tasks.len() >= 8);
+        for config in tasks {
+            assert_eq!(
+                config.env.stepping(),
+                RunConfig::quickstart().env.stepping()
+            );
+            let lamina = Lamina::new(&config.scene.blank, Material::interglas_92125()).unwrap();
+            assert!(config.env.region(&lamina).is_ok());
         }
         let hemisphere = SceneConfig::read(&file("scenes/hemisphere.toml")).unwrap();
         assert_eq!(RunConfig::quickstart().scene, hemisphere);
