@@ -124,8 +124,9 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     if let Some(accuracy) = args.accuracy {
         loaded.env.set_accuracy(accuracy);
     }
-    let mut best = None;
+    let (mut best, mut _lock) = (None, None);
     if args.prove {
+        _lock = Some(loaded.folder.lock().map_err(super::train::failure)?);
         check_writable(&loaded.folder.proof)?;
         best = Some(loaded.best_sequence()?);
     }

@@ -13,7 +13,7 @@ use super::output::{bar, print, print_json};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::set_up_over_tool;
-use crate::run::{NameError, OtherConfig, RunConfig, RunFolder, RunInfo, Training};
+use crate::run::{RunError, OtherConfig, RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::file::ValueError;
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
@@ -244,8 +244,8 @@ fn finish(
 
 /// What the user can mend is not at work: a name that is taken, another configuration, an
 /// environment that cannot be. A full disk is.
-fn failure(error: anyhow::Error) -> Failure {
-    let is_input = error.is::<NameError>() || error.is::<OtherConfig>() || error.is::<ValueError>();
+pub(super) fn failure(error: anyhow::Error) -> Failure {
+    let is_input = error.is::<RunError>() || error.is::<OtherConfig>() || error.is::<ValueError>();
     Failure::new(error, is_input)
 }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::RunConfig;
 use super::folder::RunFolder;
-use drape_cloth::file::{WriteError, write_atomic};
+use drape_cloth::file::{WriteError, read_bytes, write_atomic};
 use drape_learn::ppo::Sections;
 
 /// Binary at a glance, and broken by transfers that rewrite line ends.
@@ -91,8 +91,7 @@ impl Checkpoint {
     /// the file's size whatever lengths it claims.
     pub fn load(path: &Path) -> Result<Self> {
         let place = || path.display().to_string();
-        let bytes = fs::read(path).with_context(|| format!("cannot read {}", place()))?;
-        Self::decode(&bytes).with_context(place)
+        Self::decode(&read_bytes(path)?).with_context(place)
     }
 
     fn encode(&self) -> Vec<u8> {

@@ -1,13 +1,13 @@
-use std::fs;
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 use anyhow::{Context, Result, bail};
 use humantime::format_rfc3339_seconds;
 use serde::{Deserialize, Serialize};
 
-use drape_cloth::file::write_atomic;
+use drape_cloth::file::{read_bytes, remove_temporaries, write_atomic};
 use drape_study::proof::{Physics, Row};
 use drape_task::env::ImageShape;
 
@@ -140,11 +140,13 @@ pub fn config_digest(config: &str) -> String {
     format!("crc32:{:08x}", crc32fast::hash(config.as_bytes()))
 }
 
-/// A name that no new run can have.
+/// A run that cannot be made, or not be written to.
 #[derive(Debug, thiserror::Error)]
-pub enum NameError {
+pub enum RunError {
     #[error("{0:?} cannot name a run: expected one name of a folder")]
-    Invalid(String),
+    Name(String),
+    #[error("{} is in use: another drape writes into it", .0.display())]
+    InUse(PathBuf),
     #[error(
         "run {} already exists: choose another name, resume it, or remove the folder",
         .0.display()
@@ -152,35 +154,87 @@ pub enum NameError {
     Taken(PathBuf),
 }
 
-/// Makes an empty folder in `root` that is named after `prefix` and the minute of `now` (UTC),
-/// as in `2026-11-21-0412`, or with `-2`, `-3`, ... where that is taken.
-pub fn dated_folder(root: &Path, prefix: &str, now: SystemTime) -> Result<PathBuf> {
+/// `prefix` and the minute of `now` (UTC), as in `2026-11-21-0412`, then with `-2`, `-3`, ...
+fn dated_names(prefix: &str, now: SystemTime) -> impl Iterator<Item = String> {
     // To the minute, without colons, which no file name may have everywhere.
     let minute = &format_rfc3339_seconds(now).to_string()[..16];
     let base = prefix.to_owned() + &minute.replace('T', "-").replace(':', "");
-    let numbered = (2..).map(|number| format!("{base}-{number}"));
-    for name in std::iter::once(base.clone()).chain(numbered) {
-        if let Some(path) = new_folder(root, &name)? {
-            return Ok(path);
+    let numbered = (2..).map({
+        let base = base.clone();
+        move |number| format!("{base}-{number}")
+    });
+    std::iter::once(base).chain(numbered)
+}
+
+/// Makes an empty folder in `root` that is named after `prefix` and the minute of `now`, with a
+/// number where that is taken.
+pub fn dated_folder(root: &Path, prefix: &str, now: SystemTime) -> Result<PathBuf> {
+    fs::create_dir_all(root).with_context(|| cannot_create(root))?;
+    for name in dated_names(prefix, now) {
+        let path = root.join(name);
+        match fs::create_dir(&path) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            made => {
+                made.with_context(|| cannot_create(&path))?;
+                return Ok(path);
+            }
         }
     }
     unreachable!("names do not run out")
 }
 
-/// The new folder `root/name`; none where it exists.
-fn new_folder(root: &Path, name: &str) -> Result<Option<PathBuf>> {
-    let path = root.join(name);
-    let cannot = || format!("cannot create {}", path.display());
-    fs::create_dir_all(root).with_context(cannot)?;
-    match fs::create_dir(&path) {
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(None),
-        made => made.with_context(cannot).map(|()| Some(path.clone())),
+fn cannot_create(path: &Path) -> String {
+    format!("cannot create {}", path.display())
+}
+
+/// A run that is being made has a name of its own that ends with this, and is moved when it is
+/// whole.
+const UNFINISHED: &str = ".new";
+
+/// An unfinished run this old was left by a drape that was killed: making one takes no second.
+const STALE: Duration = Duration::from_secs(3600);
+
+/// Removes what is left of unfinished runs in `root`, as far as that is possible.
+fn remove_stale(root: &Path) {
+    for entry in fs::read_dir(root).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let modified = entry.metadata().and_then(|found| found.modified()).ok();
+        let age = modified.and_then(|then| then.elapsed().ok());
+        if name.starts_with('.') && name.ends_with(UNFINISHED) && age > Some(STALE) {
+            let _ = fs::remove_dir_all(entry.path());
+        }
+    }
+}
+
+/// Moves a folder to a name that nothing has; false where something has it.
+fn moved(from: &Path, to: &Path) -> io::Result<bool> {
+    use io::ErrorKind::{AlreadyExists, DirectoryNotEmpty, NotADirectory};
+    if fs::symlink_metadata(to).is_ok() {
+        return Ok(false);
+    }
+    match fs::rename(from, to) {
+        // Made by another since.
+        Err(error) if [AlreadyExists, DirectoryNotEmpty, NotADirectory].contains(&error.kind()) => {
+            Ok(false)
+        }
+        moved => moved.map(|()| true),
     }
 }
 
 /// What stands in a file.
 pub(crate) fn read_text(path: &Path) -> Result<String> {
-    fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
+    let text = String::from_utf8(read_bytes(path)?);
+    text.with_context(|| format!("{} is damaged", path.display()))
+}
+
+/// Folders in that of a run.
+const FOLDERS: [&str; 3] = ["events", "checkpoints", "pictures"];
+
+/// What [`RunFolder::lock`] gives.
+#[derive(Debug)]
+pub struct RunLock {
+    _file: File,
 }
 
 impl RunFolder {
@@ -200,38 +254,80 @@ impl RunFolder {
         }
     }
 
-    /// Makes the folder of a new run, `root/name` or [`dated_folder`] without a name, and writes
-    /// `config` (TOML, resolved) and `info` into it. Never touches an existing one; if it fails
-    /// in the middle, what it made is removed.
+    /// Makes the folder of a new run, `root/name`, or named by the minute without a name, with
+    /// `config` (TOML, resolved) and `info` in it. It appears whole or not at all, and never in
+    /// place of another.
     pub fn create(root: &Path, name: Option<&str>, config: &str, info: &RunInfo) -> Result<Self> {
-        let path = match name {
-            None => dated_folder(root, "", SystemTime::now())?,
+        let names: Box<dyn Iterator<Item = String>> = match name {
+            None => Box::new(dated_names("", SystemTime::now())),
             Some(name) => {
                 let mut parts = Path::new(name).components();
                 match (parts.next(), parts.next()) {
                     (Some(Component::Normal(part)), None) if part == name => {}
-                    _ => bail!(NameError::Invalid(name.into())),
+                    _ => bail!(RunError::Name(name.into())),
                 }
-                new_folder(root, name)?.ok_or_else(|| NameError::Taken(root.join(name)))?
+                Box::new(std::iter::once(name.into()))
             }
         };
-        let run = Self::at(path);
-        run.fill(config, info).inspect_err(|_| {
-            // The first failure is the one worth reporting.
-            let _ = fs::remove_dir_all(&run.path);
-        })?;
-        Ok(run)
+        fs::create_dir_all(root).with_context(|| cannot_create(root))?;
+        remove_stale(root);
+        let mut unfinished = tempfile::Builder::new();
+        unfinished.prefix(".").suffix(UNFINISHED);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            // Without this the folder would stay its owner's alone.
+            unfinished.permissions(fs::Permissions::from_mode(0o777));
+        }
+        let unfinished = unfinished.tempdir_in(root);
+        let unfinished = unfinished.with_context(|| cannot_create(root))?;
+        Self::at(unfinished.path().into()).fill(config, info)?;
+        let mut last = root.into();
+        for name in names {
+            let path = root.join(name);
+            if moved(unfinished.path(), &path).with_context(|| cannot_create(&path))? {
+                let _ = unfinished.keep();
+                return Ok(Self::at(path));
+            }
+            last = path;
+        }
+        bail!(RunError::Taken(last))
     }
 
-    /// `run.json` comes last: a folder that has it is complete.
     fn fill(&self, config: &str, info: &RunInfo) -> Result<()> {
-        for name in ["events", "checkpoints", "pictures"] {
-            let path = self.path.join(name);
-            let cannot = || format!("cannot create {}", path.display());
-            fs::create_dir(&path).with_context(cannot)?;
-        }
+        self.make_folders()?;
         write_atomic(&self.config, |file| file.write_all(config.as_bytes()))?;
         write_json(&self.info, info)
+    }
+
+    /// Makes the folders in it that are missing.
+    fn make_folders(&self) -> Result<()> {
+        for name in FOLDERS {
+            let path = self.path.join(name);
+            fs::create_dir_all(&path).with_context(|| cannot_create(&path))?;
+        }
+        Ok(())
+    }
+
+    /// Keeps other processes from writing into the run until the lock is dropped or this process
+    /// ends, however it ends. What a killed one left behind goes, and folders that are missing
+    /// are made.
+    pub fn lock(&self) -> Result<RunLock> {
+        let path = self.path.join(".lock");
+        let mut options = OpenOptions::new();
+        let file = options.create(true).truncate(false).write(true).open(&path);
+        let file = file.with_context(|| cannot_create(&path))?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => bail!(RunError::InUse(self.path.clone())),
+            // Where the file system has no locks, as on some network drives.
+            Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => {}
+            locked => locked.with_context(|| format!("cannot lock {}", path.display()))?,
+        }
+        self.make_folders()?;
+        for folder in std::iter::once("").chain(FOLDERS) {
+            remove_temporaries(&self.path.join(folder));
+        }
+        Ok(RunLock { _file: file })
     }
 
     /// The existing run folder at `path`.
@@ -348,6 +444,33 @@ mod tests {
         assert!(run.pictures.is_dir());
     }
 
+    /// A run is written to by one process, and what killed ones left behind goes.
+    #[test]
+    fn lock_is_held_by_one_and_tidies_up() {
+        let root = tempfile::tempdir().unwrap();
+        let root = root.path();
+        let [old, new] = [".a.new", ".b.new"].map(|name| root.join(name));
+        for folder in [&old, &new] {
+            fs::create_dir(folder).unwrap();
+            fs::write(folder.join("config.toml"), "").unwrap();
+        }
+        let before = SystemTime::now() - 2 * STALE;
+        File::open(&old).unwrap().set_modified(before).unwrap();
+        let run = RunFolder::create(root, Some("a"), CONFIG, &info()).unwrap();
+        assert!(!old.exists() && new.exists());
+
+        let temporary = run.path.join("checkpoints/.drape-a.tmp");
+        fs::write(&temporary, "").unwrap();
+        fs::write(&run.last_checkpoint, "").unwrap();
+        fs::remove_dir(&run.pictures).unwrap();
+        let lock = run.lock().unwrap();
+        assert!(!temporary.exists() && run.last_checkpoint.exists() && run.pictures.is_dir());
+        let error = run.lock().unwrap_err();
+        assert!(matches!(error.downcast_ref(), Some(RunError::InUse(_))), "{error}");
+        drop(lock);
+        run.lock().unwrap();
+    }
+
     #[test]
     fn existing_run_is_refused_and_untouched() {
         let root = tempfile::tempdir().unwrap();
@@ -372,7 +495,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         for name in ["", ".", "..", "a/b", "a/", "./a", "/a"] {
             let error = RunFolder::create(root.path(), Some(name), CONFIG, &info()).unwrap_err();
-            assert!(error.is::<NameError>(), "{name}: {error}");
+            assert!(error.is::<RunError>(), "{name}: {error}");
         }
         assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0);
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use serde_json::Value;
 
-use super::folder::read_text;
+use drape_cloth::file::read_bytes;
 
 /// A line of `metrics.jsonl`: one JSON object of the `values` (name, value) in the given order,
 /// `step` first. Numbers that are not finite become `null`.
@@ -25,18 +25,24 @@ pub struct MetricsLine {
     pub values: BTreeMap<String, Option<f64>>,
 }
 
-/// All lines of the metrics file at `path`, in order. A last line without its line break is
-/// still being written and is left out.
-pub fn read_metrics(path: &Path) -> Result<Vec<MetricsLine>> {
-    let text = read_text(path)?;
-    let whole = text
-        .split_inclusive('\n')
-        .filter(|line| line.ends_with('\n'));
-    let parse = |(i, line)| {
+/// The first lines of the metrics file at `path`, `most` of them, in order, each with its length
+/// [bytes]. A last line without its line break is still being written and is left out.
+pub(super) fn read_lines(path: &Path, most: usize) -> Result<Vec<(MetricsLine, u64)>> {
+    let bytes = read_bytes(path)?;
+    let lines = bytes.split_inclusive(|&byte| byte == b'\n');
+    let whole = lines.filter(|line| line.ends_with(b"\n")).take(most);
+    let parse = |(i, line): (usize, &[u8])| {
         let place = || format!("{}, line {}: not a line of metrics", path.display(), i + 1);
-        serde_json::from_str(line).with_context(place)
+        let parsed = serde_json::from_slice(line).with_context(place)?;
+        Ok((parsed, line.len() as u64))
     };
     whole.enumerate().map(parse).collect()
+}
+
+/// All whole lines of the metrics file at `path`, in order.
+pub fn read_metrics(path: &Path) -> Result<Vec<MetricsLine>> {
+    let lines = read_lines(path, usize::MAX)?;
+    Ok(lines.into_iter().map(|(line, _)| line).collect())
 }
 
 /// The finite values called `name`, as (step, value): one curve.

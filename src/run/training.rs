@@ -1,3 +1,4 @@
+use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -8,9 +9,9 @@ use serde::{Deserialize, Serialize};
 use super::checkpoint::Checkpoint;
 use super::config::RunConfig;
 use super::events::{create_events, scalar_record};
-use super::folder::{BestSequence, RunFolder, Scored, config_digest};
+use super::folder::{BestSequence, RunFolder, RunLock, Scored, config_digest};
 use super::log::Log;
-use super::metrics::{metrics_line, read_metrics};
+use super::metrics::{metrics_line, read_lines};
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{Iteration, Sampling, Trainer, decode, encode, read_section};
@@ -34,6 +35,7 @@ pub struct Training {
     memory: Memory,
     metrics: Log,
     events: Log,
+    _lock: RunLock,
 }
 
 /// What a run remembers beside its learner.
@@ -71,13 +73,14 @@ pub struct TrainingReport {
 impl Training {
     /// A new training in a new run folder.
     pub fn new(config: RunConfig, scene: Arc<Scene>, folder: RunFolder) -> Result<Self> {
-        Self::with_reward(config, scene, folder, Reward::default())
+        let lock = folder.lock()?;
+        Self::begin(config, scene, (folder, lock), Reward::default())
     }
 
-    fn with_reward(
+    fn begin(
         config: RunConfig,
         scene: Arc<Scene>,
-        folder: RunFolder,
+        (folder, lock): (RunFolder, RunLock),
         reward: Reward,
     ) -> Result<Self> {
         let (mut trainer, evaluation) = learner(&config, scene, reward)?;
@@ -91,6 +94,7 @@ impl Training {
             trainer,
             evaluation,
             memory: Memory::default(),
+            _lock: lock,
         };
         for episode in shown {
             if let Some(score) = episode.score {
@@ -101,9 +105,19 @@ impl Training {
     }
 
     /// The training in `folder` as its last checkpoint left it. Metrics that were written
-    /// after that checkpoint are cut off: their steps are taken again.
+    /// after that checkpoint are cut off: their steps are taken again. A run that was killed before
+    /// its first checkpoint begins anew.
     pub fn resume(config: RunConfig, scene: Arc<Scene>, folder: RunFolder) -> Result<Self> {
+        let lock = folder.lock()?;
         let path = folder.last_checkpoint.clone();
+        // The first checkpoint comes before the first line.
+        let has_begun = path.exists() || fs::metadata(&folder.metrics).is_ok_and(|m| m.len() > 0);
+        if !has_begun {
+            for log in [&folder.metrics, &folder.events] {
+                let _ = fs::remove_file(log);
+            }
+            return Self::begin(config, scene, (folder, lock), Reward::default());
+        }
         let name = || path.display().to_string();
         let Checkpoint { sections, .. } = Checkpoint::of_run(&path, &config, &folder)?;
         let (mut trainer, evaluation) = learner(&config, scene, Reward::default())?;
@@ -119,6 +133,7 @@ impl Training {
             memory,
             metrics,
             events,
+            _lock: lock,
         })
     }
 
@@ -319,20 +334,16 @@ fn wall_time() -> f64 {
 /// Cuts the metrics back to their first `lines` and writes the events anew from them.
 fn reopen_logs(folder: &RunFolder, lines: u64) -> Result<(Log, Log)> {
     let path = &folder.metrics;
-    let mut kept = read_metrics(path)?;
+    let kept = read_lines(path, lines as usize)?;
     let found = kept.len();
     if (found as u64) < lines {
         let place = path.display();
         bail!("{place} has {found} lines, expected {lines} at least");
     }
-    kept.truncate(lines as usize);
-    let text = std::fs::read_to_string(path).unwrap_or_default();
-    let lengths = text.split_inclusive('\n').map(str::len);
-    let length: usize = lengths.take(kept.len()).sum();
-    let metrics = Log::resume(path, length as u64)?;
-    let _ = std::fs::remove_file(&folder.events);
+    let metrics = Log::resume(path, kept.iter().map(|(_, length)| length).sum())?;
+    let _ = fs::remove_file(&folder.events);
     let mut events = create_events(&folder.events, wall_time())?;
-    for line in &kept {
+    for (line, _) in &kept {
         let number = |v: Option<f64>| v.unwrap_or(f64::NAN);
         let values = line.values.iter();
         let values: Vec<(&str, f64)> = values.map(|(k, &v)| (k.as_str(), number(v))).collect();

@@ -48,7 +48,8 @@ spacing_mm = 12
 "#;
 
 /// What a complete run leaves, sorted.
-pub const FILES: [&str; 15] = [
+pub const FILES: [&str; 16] = [
+    ".lock",
     "best_sequence.json",
     "checkpoints/best.drape",
     "checkpoints/last.drape",

@@ -350,13 +350,54 @@ fn interrupted_training_goes_on_exactly() {
             .append(true)
             .open(run.join("metrics.jsonl"))
             .unwrap();
-        std::io::Write::write_all(&mut log, b"{\"step\":").unwrap();
+        std::io::Write::write_all(&mut log, b"{\"step\":\n\xff").unwrap();
         json(
             path,
             &["train", "--resume", &format!("runs/{name}"), "--json"],
         );
         check(&run);
     }
+}
+
+/// Killed before its first checkpoint, a run has little more than its configuration.
+#[test]
+fn run_without_a_checkpoint_begins_anew() {
+    let folder = trained();
+    let path = folder.path();
+    let run = path.join("runs/a");
+    let expected = files(&run);
+    for name in names(&run) {
+        let file = run.join(&name);
+        if file.is_dir() {
+            fs::remove_dir_all(&file).unwrap();
+        } else if !matches!(&*name, "config.toml" | "run.json") {
+            fs::remove_file(&file).unwrap();
+        }
+    }
+    fs::write(run.join("metrics.jsonl"), "").unwrap();
+    json(path, &["train", "--resume", "runs/a", "--json"]);
+    let found = files(&run);
+    assert!(found.keys().eq(expected.keys()));
+    for name in LEARNT {
+        assert!(found[name] == expected[name], "{name}");
+    }
+}
+
+#[test]
+fn run_in_use_is_refused() {
+    let folder = trained();
+    let path = folder.path();
+    let before = files(path);
+    let lock = fs::File::create(path.join("runs/a/.lock")).unwrap();
+    lock.lock().unwrap();
+    for args in [
+        &["train", "--resume", "runs/a", "--json"][..],
+        &["eval", "runs/a", "--prove", "--episodes", "1"],
+    ] {
+        assert_failure(&drape(path, args), 2, &["runs/a is in use"]);
+    }
+    let after = files(path);
+    assert!(before.iter().all(|(name, bytes)| after[name] == *bytes));
 }
 
 /// The file that does not fit is left out, the one before it stays, and the run goes on once

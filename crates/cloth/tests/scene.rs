@@ -134,7 +134,7 @@ fn impossible_scenes_are_refused_with_key_found_and_expected() {
     );
     refuse(
         |c| c.placement.tilt_deg = 90.0,
-        "`placement.tilt_deg` is 90, expected an angle within +-90 degrees",
+        "`placement.tilt_deg` is 90, expected an angle between -90 and 90 degrees, without these",
     );
     refuse(
         |c| c.placement.height_mm = f64::INFINITY,

@@ -1,5 +1,5 @@
 use super::*;
-use crate::run::{RunInfo, curve};
+use crate::run::{RunInfo, curve, read_metrics};
 use drape_cloth::scene::SceneConfig;
 use drape_task::env::{EnvConfig, Taken};
 
@@ -25,7 +25,8 @@ fn trained(reward: Reward) -> ([String; 3], Vec<f32>) {
     let root = tempfile::tempdir().unwrap();
     let info = RunInfo::new(config.seed, SystemTime::now());
     let folder = RunFolder::create(root.path(), Some("a"), &config.to_toml(), &info).unwrap();
-    let mut training = Training::with_reward(config, scene, folder, reward).unwrap();
+    let lock = folder.lock().unwrap();
+    let mut training = Training::begin(config, scene, (folder, lock), reward).unwrap();
     let mut rewards = Vec::new();
     for _ in 0..2 {
         let episodes = training.advance().unwrap().iteration.episodes;

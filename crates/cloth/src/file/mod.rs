@@ -9,4 +9,4 @@ mod write;
 pub use read::{ReadError, read_bytes};
 pub use toml::{parse_toml, parse_toml_with, read_toml, refuse_lists};
 pub use value::ValueError;
-pub use write::{WriteError, check_writable, write_atomic};
+pub use write::{WriteError, check_writable, remove_temporaries, write_atomic};

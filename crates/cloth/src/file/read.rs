@@ -28,10 +28,16 @@ impl ReadError {
     }
 }
 
-/// The bytes of the file at `path`.
+/// The bytes of the file at `path`, which is none that may never end: no pipe, device or socket.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
-    fs::read(path).map_err(|source| ReadError::Io {
+    let io = |source| ReadError::Io {
         path: path.into(),
         source,
-    })
+    };
+    let found = fs::metadata(path).map_err(io)?;
+    // What a folder is, the system says.
+    if !found.is_file() && !found.is_dir() {
+        return Err(ReadError::fault(path, "not a regular file"));
+    }
+    fs::read(path).map_err(io)
 }

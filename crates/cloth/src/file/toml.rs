@@ -94,7 +94,11 @@ fn names_instead(message: &str, nameless: &str, found: &str) -> Option<String> {
 /// A message of the parser, which may have several lines and names Rust's types, in one line
 /// and in words for whoever wrote the file.
 fn plain(message: &str) -> String {
-    const WORDS: [(&str, &str); 15] = [
+    const WORDS: [(&str, &str); 16] = [
+        (
+            "wanted exactly 1 element, more than 1 element",
+            "several kinds of what can be one only",
+        ),
         ("expected f64", "expected a number"),
         ("expected f32", "expected a number"),
         ("expected usize", "expected a whole number >= 0"),

@@ -2,6 +2,10 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+/// Of the names of temporary files.
+const PREFIX: &str = ".drape-";
+const SUFFIX: &str = ".tmp";
+
 /// Why a file could not be written. The previous file, if any, is as it was.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
@@ -47,6 +51,19 @@ pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     begun.map(drop).map_err(|source| error(path, source))
 }
 
+/// Removes temporary files of [`write_atomic`] that a killed process has left in `folder`, as far
+/// as that is possible. Nobody may be writing there.
+pub fn remove_temporaries(folder: &Path) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if name.starts_with(PREFIX) && name.ends_with(SUFFIX) {
+            // A folder stays.
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
 /// Folders are left to the rename, which says what they are.
 fn check_kind(path: &Path) -> Result<(), WriteError> {
     if std::fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
@@ -90,7 +107,7 @@ fn replace(
 
 fn create_temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".").suffix(".tmp");
+    builder.prefix(PREFIX).suffix(SUFFIX);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;

@@ -226,7 +226,7 @@ impl SceneConfig {
         let stepping = fall.stepping().check();
         stepping.map_err(|error| error.within("fall"))?;
         let tilt = placement.tilt_deg;
-        let expected = "an angle within +-90 degrees";
+        let expected = "an angle between -90 and 90 degrees, without these";
         ValueError::unless(tilt.abs() < 90.0, "placement.tilt_deg", tilt, expected)?;
         for (index, clamp) in self.clamps.iter().enumerate() {
             let half = self.blank.size_mm.map(|s| 0.5 * s);
