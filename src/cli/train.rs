@@ -13,7 +13,7 @@ use super::output::{bar, print, print_json};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::set_up_over_tool;
-use crate::run::{RunError, OtherConfig, RunConfig, RunFolder, RunInfo, Training};
+use crate::run::{OtherConfig, RunConfig, RunError, RunFolder, RunInfo, Training};
 use drape_cloth::file::ValueError;
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;

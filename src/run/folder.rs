@@ -466,7 +466,10 @@ mod tests {
         let lock = run.lock().unwrap();
         assert!(!temporary.exists() && run.last_checkpoint.exists() && run.pictures.is_dir());
         let error = run.lock().unwrap_err();
-        assert!(matches!(error.downcast_ref(), Some(RunError::InUse(_))), "{error}");
+        assert!(
+            matches!(error.downcast_ref(), Some(RunError::InUse(_))),
+            "{error}"
+        );
         drop(lock);
         run.lock().unwrap();
     }
