@@ -126,7 +126,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     }
     let (mut best, mut _lock) = (None, None);
     if args.prove {
-        _lock = Some(loaded.folder.lock().map_err(super::train::failure)?);
+        _lock = Some(loaded.folder.lock().map_err(Failure::of_run)?);
         check_writable(&loaded.folder.proof)?;
         best = Some(loaded.best_sequence()?);
     }

@@ -3,6 +3,8 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Error};
 
+use crate::run::{OtherConfig, RunError};
+use drape_cloth::file::ValueError;
 use drape_cloth::scene::SceneError;
 
 /// Why a command ended early, and whose turn it is.
@@ -20,6 +22,14 @@ impl Failure {
     pub(super) fn new(error: impl Into<Error>, is_input: bool) -> Self {
         let error = error.into();
         Self { error, is_input }
+    }
+
+    /// What a run says. What the user can mend is not at work: a name that is taken, a run in use,
+    /// another configuration, an environment that cannot be. A full disk is.
+    pub(super) fn of_run(error: Error) -> Self {
+        let is_input =
+            error.is::<RunError>() || error.is::<OtherConfig>() || error.is::<ValueError>();
+        Self::new(error, is_input)
     }
 
     /// Wrong usage or configuration.

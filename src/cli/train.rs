@@ -13,8 +13,7 @@ use super::output::{bar, print, print_json};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::set_up_over_tool;
-use crate::run::{OtherConfig, RunConfig, RunError, RunFolder, RunInfo, Training};
-use drape_cloth::file::ValueError;
+use crate::run::{RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
 use drape_study::proof::Row;
@@ -115,7 +114,7 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
     let mut seconds = [0.0; 3];
     let mut diverged_episodes = 0;
     while !training.is_complete() && !stop.load(Ordering::Relaxed) {
-        let report = training.advance().map_err(failure)?;
+        let report = training.advance().map_err(Failure::of_run)?;
         bar.set_position(training.env_steps());
         let percent = |score: Option<f64>| {
             score.map_or("-".into(), |score| format!("{:.2} %", 100.0 * score))
@@ -132,10 +131,10 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
         let spent = [spent.simulation, spent.inference, spent.update];
         seconds = std::array::from_fn(|k| seconds[k] + spent[k]);
         if report.iteration.number.is_multiple_of(CHECKPOINT_INTERVAL) {
-            training.checkpoint().map_err(failure)?;
+            training.checkpoint().map_err(Failure::of_run)?;
         }
     }
-    training.checkpoint().map_err(failure)?;
+    training.checkpoint().map_err(Failure::of_run)?;
     bar.finish_and_clear();
     let elapsed = start.elapsed().as_secs_f64();
     // Who has asked to stop need not wait for a proof: resuming makes it.
@@ -172,7 +171,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
         let config = RunConfig::read(&folder.config).or_invalid()?;
         let place = folder.config.display().to_string();
         let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
-        return Training::resume(config, scene, folder).map_err(failure);
+        return Training::resume(config, scene, folder).map_err(Failure::of_run);
     }
     let (mut config, place) = match &args.config {
         Some(path) => (
@@ -209,13 +208,13 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     let info = RunInfo::new(config.seed, SystemTime::now());
     let text = config.to_toml();
     let folder = RunFolder::create(&args.runs, args.name.as_deref(), &text, &info);
-    let folder = folder.map_err(failure)?;
+    let folder = folder.map_err(Failure::of_run)?;
     if !args.json {
         eprintln!("writing {}", folder.path.display());
     }
-    let mut training = Training::new(config, scene, folder).map_err(failure)?;
+    let mut training = Training::new(config, scene, folder).map_err(Failure::of_run)?;
     // Whatever happens from now on, the run can be gone on with.
-    training.checkpoint().map_err(failure)?;
+    training.checkpoint().map_err(Failure::of_run)?;
     Ok(training)
 }
 
@@ -240,13 +239,6 @@ fn finish(
     let best = folder.read_best_sequence()?;
     let (task, orders) = ((training.scene(), &config.env), (config.proof_paths, false));
     Ok(proof::proved(folder, task, best, orders, json)?.0)
-}
-
-/// What the user can mend is not at work: a name that is taken, another configuration, an
-/// environment that cannot be. A full disk is.
-pub(super) fn failure(error: anyhow::Error) -> Failure {
-    let is_input = error.is::<RunError>() || error.is::<OtherConfig>() || error.is::<ValueError>();
-    Failure::new(error, is_input)
 }
 
 /// Set by the first Ctrl-C or termination signal; the second one ends the program at once.
