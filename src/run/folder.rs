@@ -159,11 +159,8 @@ fn dated_names(prefix: &str, now: SystemTime) -> impl Iterator<Item = String> {
     // To the minute, without colons, which no file name may have everywhere.
     let minute = &format_rfc3339_seconds(now).to_string()[..16];
     let base = prefix.to_owned() + &minute.replace('T', "-").replace(':', "");
-    let numbered = (2..).map({
-        let base = base.clone();
-        move |number| format!("{base}-{number}")
-    });
-    std::iter::once(base).chain(numbered)
+    let first = std::iter::once(base.clone());
+    first.chain((2..).map(move |number| format!("{base}-{number}")))
 }
 
 /// Makes an empty folder in `root` that is named after `prefix` and the minute of `now`, with a
@@ -187,9 +184,8 @@ fn cannot_create(path: &Path) -> String {
     format!("cannot create {}", path.display())
 }
 
-/// A run that is being made has a name of its own that ends with this, and is moved when it is
-/// whole.
-const UNFINISHED: &str = ".new";
+/// Begin and end of the name of a run that is being made. It is moved when it is whole.
+const UNFINISHED: [&str; 2] = [".drape-", ".new"];
 
 /// An unfinished run this old was left by a drape that was killed: making one takes no second.
 const STALE: Duration = Duration::from_secs(3600);
@@ -201,7 +197,8 @@ fn remove_stale(root: &Path) {
         let name = name.to_string_lossy();
         let modified = entry.metadata().and_then(|found| found.modified()).ok();
         let age = modified.and_then(|then| then.elapsed().ok());
-        if name.starts_with('.') && name.ends_with(UNFINISHED) && age > Some(STALE) {
+        let [begin, end] = UNFINISHED;
+        if name.starts_with(begin) && name.ends_with(end) && age > Some(STALE) {
             let _ = fs::remove_dir_all(entry.path());
         }
     }
@@ -272,7 +269,7 @@ impl RunFolder {
         fs::create_dir_all(root).with_context(|| cannot_create(root))?;
         remove_stale(root);
         let mut unfinished = tempfile::Builder::new();
-        unfinished.prefix(".").suffix(UNFINISHED);
+        unfinished.prefix(UNFINISHED[0]).suffix(UNFINISHED[1]);
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
@@ -449,7 +446,7 @@ mod tests {
     fn lock_is_held_by_one_and_tidies_up() {
         let root = tempfile::tempdir().unwrap();
         let root = root.path();
-        let [old, new] = [".a.new", ".b.new"].map(|name| root.join(name));
+        let [old, new] = [".drape-a.new", ".drape-b.new"].map(|name| root.join(name));
         for folder in [&old, &new] {
             fs::create_dir(folder).unwrap();
             fs::write(folder.join("config.toml"), "").unwrap();
