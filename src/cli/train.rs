@@ -212,10 +212,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     if !args.json {
         eprintln!("writing {}", folder.path.display());
     }
-    let mut training = Training::new(config, scene, folder).map_err(Failure::of_run)?;
-    // Whatever happens from now on, the run can be gone on with.
-    training.checkpoint().map_err(Failure::of_run)?;
-    Ok(training)
+    Training::new(config, scene, folder).map_err(Failure::of_run)
 }
 
 /// Draws the curve of a training that is complete and proves its best paths. Gives the proof.

@@ -101,6 +101,8 @@ impl Training {
                 training.remember(score, &episode.actions)?;
             }
         }
+        // Whatever happens from now on, the run can be gone on with.
+        training.checkpoint()?;
         Ok(training)
     }
 
