@@ -28,7 +28,7 @@ use drape_task::env::{Draping, EnvConfig, Objective};
 /// which path is the better one?
 ///
 /// Paths are found under the preset `balanced`, which trains. The settings are the presets,
-/// `accurate` in f64, the rates 1200 and 2400, and Gauss-Seidel at the rate of `balanced`. The
+/// `accurate` in f64, the rates 1200, 2400 and 4800, and Gauss-Seidel at the rate of `balanced`. The
 /// blank has 33 vertices along its longer side where `--mesh` does not say otherwise, the region
 /// is the front left corner. Writes scatter.png too, the distance and the surplus that each path
 /// leaves in the fast solver against those in the twin.

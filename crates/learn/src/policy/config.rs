@@ -79,14 +79,49 @@ impl PolicyConfig {
         let is_valid = scale.is_finite() && scale > 0.0;
         let expected = "a finite number above 0";
         ValueError::unless(is_valid, "distance_scale_mm", scale, expected)?;
-        match &self.network {
-            NetworkConfig::Paper(paper) => paper.validate(rows, columns),
-            NetworkConfig::Compact(compact) => compact.validate(),
-        }
+        let [parameters, seen] = match &self.network {
+            NetworkConfig::Paper(paper) => {
+                paper.validate(rows, columns)?;
+                paper.size(rows, columns)
+            }
+            NetworkConfig::Compact(compact) => {
+                compact.validate()?;
+                compact.size(rows, columns)
+            }
+        };
+        let unless = |size: f64, of, most: f64| {
+            let (found, expected) = (format!("{size:.0} {of}"), format!("at most {most:.0}"));
+            ValueError::unless(size <= most, "network", found, expected)
+        };
+        unless(parameters, "parameters", MOST_PARAMETERS)?;
+        unless(seen, "numbers that it sees of an image", MOST_SEEN)
     }
 }
 
+/// Most parameters: 0.5 GB, and as much for gradients and each moment of Adam.
+const MOST_PARAMETERS: f64 = 134_217_728.0;
+/// Most numbers that a network sees of an image: a rollout keeps thousands of images.
+const MOST_SEEN: f64 = 524_288.0;
+
 impl PaperConfig {
+    /// Parameters, but for biases, and numbers that are seen of an image.
+    fn size(&self, rows: usize, columns: usize) -> [f64; 2] {
+        let pixels = (rows * columns) as f64;
+        let (mut inputs, mut shared) = (3.0, 0.0);
+        for &channels in &self.channels {
+            let channels = channels as f64;
+            shared += 9.0 * (inputs + channels) * channels;
+            inputs = channels;
+        }
+        let blocks = self.channels.len();
+        inputs *= ((rows >> blocks) * (columns >> blocks)) as f64;
+        for &hidden in &self.hidden {
+            shared += inputs * hidden as f64;
+            inputs = hidden as f64;
+        }
+        [2.0 * shared + inputs * (pixels + 1.0), 3.0 * pixels]
+    }
+
     fn validate(&self, rows: usize, columns: usize) -> Result<(), ValueError> {
         positive("network.paper.channels", &self.channels)?;
         positive("network.paper.hidden", &self.hidden)?;
@@ -98,6 +133,23 @@ impl PaperConfig {
 }
 
 impl CompactConfig {
+    /// Parameters, but for biases, and numbers that are seen of an image.
+    fn size(&self, rows: usize, columns: usize) -> [f64; 2] {
+        let [patch, border, channels, blocks, hidden] = [
+            self.patch,
+            self.border,
+            self.channels,
+            self.blocks,
+            self.value_hidden,
+        ]
+        .map(|size| size as f64);
+        let tokens = (rows.div_ceil(self.patch) * columns.div_ceil(self.patch)) as f64;
+        let width = 3.0 * (patch + 2.0 * border).powi(2);
+        let mixed = blocks * (tokens.powi(2) + channels.powi(2));
+        let heads = channels * patch.powi(2) + 4.0 * tokens * hidden;
+        [(width + tokens) * channels + mixed + heads, tokens * width]
+    }
+
     fn validate(&self) -> Result<(), ValueError> {
         positive("network.compact.patch", &[self.patch])?;
         positive("network.compact.channels", &[self.channels])?;
@@ -127,6 +179,26 @@ mod tests {
             let text = toml::to_string(&config).unwrap();
             assert_eq!(toml::from_str::<PolicyConfig>(&text).unwrap(), config);
         }
+    }
+
+    /// The last sizes that fit, and what would abort or swap for minutes.
+    #[test]
+    fn networks_that_exhaust_the_memory_are_refused_with_their_size() {
+        PolicyConfig::compact().validate(257, 257).unwrap();
+        PolicyConfig::paper().validate(257, 257).unwrap();
+        let refused = |change: fn(&mut CompactConfig), place| {
+            let mut config = PolicyConfig::compact();
+            let NetworkConfig::Compact(compact) = &mut config.network else {
+                unreachable!("the preset is compact")
+            };
+            change(compact);
+            let error = config.validate(33, 33).unwrap_err().to_string();
+            assert!(error.contains(place), "{error}");
+        };
+        refused(|c| c.border = 500, "numbers that it sees");
+        refused(|c| c.border = 4095, "parameters");
+        refused(|c| (c.channels, c.blocks) = (4096, 4095), "parameters");
+        refused(|c| c.patch = 4096, "parameters");
     }
 
     #[test]
