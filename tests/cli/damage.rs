@@ -55,6 +55,22 @@ fn mistakes_in_the_configuration_are_located_and_nothing_is_made() {
             &["config.toml: policy: `network.compact.patch` is [0], expected"],
         ),
         (
+            "[scene.tool.source]\nshape.kind = \"rib\"\nstl.path = \"a.stl\"",
+            &["config.toml:", "several kinds of what can be one only"],
+        ),
+        (
+            "[policy.network.compact]\nborder = 4095",
+            &[
+                "config.toml: policy: `network` is ",
+                " parameters, expected at most 134217728",
+            ],
+        ),
+        #[cfg(unix)]
+        (
+            "scene_file = \"/dev/zero\"",
+            &["/dev/zero: not a regular file"],
+        ),
+        (
             "scene_file = \"no.toml\"",
             &["cannot read no.toml: No such file"],
         ),
