@@ -60,7 +60,7 @@ fn mistakes_in_the_configuration_are_located_and_nothing_is_made() {
         ),
         (
             "[policy.network.compact]\nborder = 4095",
-            &["config.toml: policy: `network` is 4834447290 parameters, expected at most"],
+            &["config.toml: policy: `network` is 4834207578 parameters, expected at most"],
         ),
         #[cfg(unix)]
         (
