@@ -1,9 +1,9 @@
 use super::cloth::Cloth;
 use super::fold::{Bundle, Fold, Places};
-use super::length::warm_start;
+use super::length::{Held, warm_start};
 use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
-use super::model::Model;
+use super::model::{Model, Pass};
 use super::storage::Storage;
 use crate::math::{Lanes, Vec3x};
 use crate::tool::Tool;
@@ -19,23 +19,6 @@ pub(super) struct Alone<V: Lanes> {
     crossing: Crossing<V>,
 }
 
-/// What wefts do to their vertices when a substep starts.
-struct Held<V> {
-    /// [N]
-    pull: Vec<Vec3x<V>>,
-    /// [N/m]
-    stress: Vec<V>,
-}
-
-impl<V: Lanes> Held<V> {
-    fn new(count: usize) -> Self {
-        Self {
-            pull: vec![Vec3x::zero(); count],
-            stress: vec![V::zero(); count],
-        }
-    }
-}
-
 struct Crossing<V> {
     position: Vec<Vec3x<V>>,
     mobility: Vec<V>,
@@ -46,7 +29,8 @@ impl<V: Lanes> Alone<V> {
     /// For `model` with every vertex free and at rest in the origin; none if anything of it is not
     /// solved along lines: edges by Gauss-Seidel, membranes, hinges, layers that touch.
     pub fn new(model: &Model) -> Option<Self> {
-        let is_of_lines = model.layers.is_none() && model.passes.is_empty();
+        let by_itself = model.passes.is_empty() && model.membranes.is_empty();
+        let is_of_lines = model.layers.is_none() && by_itself;
         let lines = model.lines.as_ref().filter(|_| is_of_lines)?;
         let fold = Fold::new(lines);
         let mut cloth = Cloth::<V>::new(fold.count, fold.edge_count, fold.longest);
@@ -175,7 +159,7 @@ impl<V: Lanes> Storage for Alone<V> {
     }
 
     #[inline(always)]
-    fn warm_start_wefts(&mut self) {
+    fn warm_start(&mut self, _: &[Pass]) {
         let Self {
             cloth,
             crossing,

@@ -3,7 +3,7 @@
 use super::law::in_colors;
 use super::line::{Along, Chain, Scratch};
 use super::physics::{Bending, BendingStiffness, PhysicsConfig};
-use crate::fabric::{Family, Lamina, Yarn};
+use crate::fabric::{Family, Lamina};
 use crate::math::{Lanes, Vec3x};
 
 /// Three neighbours on a yarn. C = x0 - 2 x1 + x2 [m], energy = |C|^2 / (2 compliance).
@@ -22,13 +22,19 @@ pub(super) fn bending_stiffness(lamina: &Lamina, physics: &PhysicsConfig, family
     }
 }
 
-/// Bending stiffness D b / l^3 of a yarn that is bent along its line [N/m]; 0 where it is not.
-pub(super) fn along_yarn(lamina: &Lamina, physics: &PhysicsConfig, yarn: &Yarn) -> f64 {
+/// Bending stiffness D b / l^3 of a yarn of width b and edges of length l that is bent along its
+/// line [N/m]; 0 where it is not.
+pub(super) fn along_yarn(
+    lamina: &Lamina,
+    physics: &PhysicsConfig,
+    family: Family,
+    [width, length]: [f64; 2],
+) -> f64 {
     let stiffness = match physics.bending {
-        Bending::Yarns => bending_stiffness(lamina, physics, yarn.family),
+        Bending::Yarns => bending_stiffness(lamina, physics, family),
         Bending::Dihedral | Bending::Off => 0.0,
     };
-    stiffness * yarn.width / yarn.rest_length.powi(3)
+    stiffness * width / length.powi(3)
 }
 
 /// Curvature is C / l^2, a vertex stands for the length l: energy = D b |C|^2 / 2 l^3.

@@ -17,7 +17,7 @@ use super::lanes::InLanes;
 use super::model::Model;
 use super::press::Press;
 use super::state::{Pressed, Snapshot};
-use super::stencil::{Stencil, ties, under_stencil};
+use super::stencil::{Stencil, Tie, ties, under_stencil};
 use super::stepping::Control;
 use serde::{Deserialize, Serialize};
 
@@ -60,7 +60,7 @@ struct Sheet {
     /// [m^2]
     areas: Vec<f64>,
     /// See [`ties`].
-    ties: Vec<Vec<(u32, f64)>>,
+    ties: Vec<Vec<Tie>>,
 }
 
 impl Cpu {
@@ -264,8 +264,8 @@ fn press(
         }
         for v in under {
             let x = group.position(lane, v);
-            let beside = ties[v as usize].iter().map(|&(w, _)| w);
-            let held = beside.chain([v]).all(|v| is_slack(group, ties, lane, v));
+            let beside = ties[v as usize].iter().flat_map(|tie| tie.terms);
+            let held = beside.map(|(w, _)| w).chain([v]).all(|v| is_slack(group, ties, lane, v));
             if held && tool.distance(x).0 <= stencil.threshold {
                 draped.insert(v as usize);
                 group.fix(lane, v);
@@ -278,9 +278,8 @@ fn press(
 }
 
 /// No yarn of a vertex is stretched so much that it would pull it off the tool.
-fn is_slack(group: &dyn Group, ties: &[Vec<(u32, f64)>], lane: usize, vertex: u32) -> bool {
-    let position = |v| Vec3::from(group.position(lane, v));
-    let x = position(vertex);
+fn is_slack(group: &dyn Group, ties: &[Vec<Tie>], lane: usize, vertex: u32) -> bool {
+    let term = |(v, weight)| Vec3::from(group.position(lane, v)) * weight;
     let mut ties = ties[vertex as usize].iter();
-    ties.all(|&(w, length)| (x - position(w)).norm() <= length)
+    ties.all(|tie| tie.terms.map(term).iter().sum::<Vec3>().norm() <= tie.most)
 }

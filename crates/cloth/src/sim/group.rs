@@ -55,7 +55,7 @@ impl<S: Storage> Group for S {
             cloth.velocity[place].set(lane, snapshot.velocity[vertex]);
             cloth.inverse_mass[place].set(lane, if is_fixed { 0.0 } else { free });
         }
-        for edge in 0..model.edge_count() {
+        for edge in 0..model.edge_count {
             let [place, lane] = self.edge_slot(lane, edge);
             let density = snapshot.force_density.get(edge).copied().unwrap_or(0.0);
             self.cloth_mut().density[place].set(lane, density);
@@ -65,7 +65,7 @@ impl<S: Storage> Group for S {
     fn save(&self, model: &Model, lane: usize) -> Snapshot {
         let (cloth, count) = (self.cloth(), model.vertex_count());
         let slots = || (0..count).map(|vertex| self.slot(lane, vertex));
-        let edges = (0..model.edge_count()).map(|edge| self.edge_slot(lane, edge));
+        let edges = (0..model.edge_count).map(|edge| self.edge_slot(lane, edge));
         let mut fixed = FixedBitSet::with_capacity(count);
         for (vertex, [place, lane]) in slots().enumerate() {
             fixed.set(vertex, cloth.inverse_mass[place].get(lane) == 0.0);

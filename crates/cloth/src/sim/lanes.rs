@@ -1,8 +1,9 @@
 use super::cloth::Cloth;
 use super::collision::{Around, Layers, SelfContact};
-use super::length::pull_of;
+use super::length::{Held, pull_of};
 use super::line::{Along, Line};
 use super::lines::{Direction, Lines};
+use super::membrane::warm_start_elements;
 use super::model::{Model, Pass};
 use super::storage::Storage;
 use crate::math::{Lanes, Vec3x};
@@ -12,22 +13,23 @@ use crate::tool::Tool;
 pub(super) struct InLanes<V: Lanes> {
     cloth: Cloth<V>,
     self_contact: Option<Box<SelfContact<V>>>,
+    /// What membranes do to their corners; empty without any whose forces last.
+    held: Held<V>,
 }
 
 impl<V: Lanes> InLanes<V> {
     /// A group for `model` with every vertex free and at rest in the origin.
     pub fn new(model: &Model) -> Self {
         let count = model.vertex_count();
-        let (edges, longest) = match &model.lines {
-            Some(lines) => (lines.edge_count, lines.longest),
-            None => (0, 0),
-        };
-        let mut cloth = Cloth::new(count, edges, longest);
+        let yarn_edges = model.lines.as_ref().map_or(0, |lines| lines.edge_count);
+        let longest = model.lines.as_ref().map_or(0, |lines| lines.longest);
+        let mut cloth = Cloth::new(count, model.edge_count, longest);
         cloth.inverse_mass = model.inverse_mass.iter().map(|&w| V::of(w)).collect();
         cloth.tack = model.tack.iter().flatten().map(|&t| V::of(t)).collect();
         Self {
             cloth,
             self_contact: (model.layers.is_some()).then(|| Box::new(SelfContact::new(count))),
+            held: Held::new(if model.edge_count > yarn_edges { count } else { 0 }),
         }
     }
 }
@@ -118,13 +120,33 @@ impl<V: Lanes> Storage for InLanes<V> {
             }
             None => none,
         };
-        (after.0 - before.0, before.1 + after.1)
+        let (pull, stress) = (after.0 - before.0, before.1 + after.1);
+        if self.held.stress.is_empty() {
+            return (pull, stress);
+        }
+        (pull + self.held.pull[place], stress + self.held.stress[place])
+    }
+
+    #[inline(always)]
+    fn warm_start(&mut self, membranes: &[Pass]) {
+        let Held { pull, stress } = &mut self.held;
+        if stress.is_empty() {
+            return;
+        }
+        pull.fill(Vec3x::zero());
+        stress.fill(V::zero());
+        for pass in membranes {
+            if let Pass::Membrane(elements) = pass {
+                let (x, density) = (&self.cloth.predicted, &self.cloth.density);
+                warm_start_elements(elements, x, density, pull, stress);
+            }
+        }
     }
 
     #[inline(always)]
     fn project(&mut self, passes: &[Pass]) {
         for pass in passes {
-            pass.project(&mut self.cloth.position, &self.cloth.mobility);
+            pass.project(&mut self.cloth);
         }
     }
 

@@ -201,6 +201,23 @@ pub(super) fn warm_start<V: Lanes>(
     }
 }
 
+/// What lasting forces do to vertices when a substep starts.
+pub(super) struct Held<V> {
+    /// [N]
+    pub pull: Vec<Vec3x<V>>,
+    /// [N/m]
+    pub stress: Vec<V>,
+}
+
+impl<V: Lanes> Held<V> {
+    pub fn new(count: usize) -> Self {
+        Self {
+            pull: vec![Vec3x::zero(); count],
+            stress: vec![V::zero(); count],
+        }
+    }
+}
+
 /// How far a vertex gives way in this substep [m/N], and where it goes under its weight and the
 /// `pull` [N] of its yarns from where its velocity has taken it; `from` is where it was. Under
 /// hard `stress` [N/m] it has the inertia and the drag that [`CROSSING`] and [`DRAG`] say.

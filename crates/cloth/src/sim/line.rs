@@ -26,12 +26,12 @@ pub(super) struct Line {
     pub bending: f64,
 }
 
-/// Compression that the next substep starts with, in units of that at which a yarn's bending gives
-/// way (4 k l: a zigzag of amplitude y costs 8 k y^2 of bending a vertex and shortens an edge by
+/// Compression that the next substep starts with, as a force density over the bending k of a yarn: so
+/// many times that at which it gives way (4 k: a zigzag of amplitude y costs 8 k y^2 of bending a vertex and shortens an edge by
 /// 2 y^2 / l). Surplus between draped vertices holds much more than that, and without it the
-/// tension beside it is wrong: after random episodes the worst edge is strained by 11 % at 1, 3.3 %
-/// at 10, 2.6 % at 25. A yarn without bending must start with none: let go, it would throw itself to and fro.
-pub(super) const WARM_COMPRESSION: f64 = 25.0;
+/// tension beside it is wrong: after random episodes the worst edge is strained by 11 % at once that,
+/// 3.3 % at 10 times, 2.6 % at 25. A yarn without bending must start with none: let go, it would throw itself to and fro.
+pub(super) const MAX_WARM: f64 = 4.0 * 25.0;
 
 /// A line as the solves see it, for all lanes: the same line in every lane, or another in each.
 pub(super) trait Chain<V: Lanes> {
@@ -74,7 +74,7 @@ impl<V: Lanes> Chain<V> for Line {
     }
     #[inline(always)]
     fn min_warm(&self) -> V {
-        V::of(-4.0 * WARM_COMPRESSION * self.bending)
+        V::of(-MAX_WARM * self.bending)
     }
     #[inline(always)]
     fn limit(&self) -> Option<[V; 3]> {

@@ -75,7 +75,7 @@ impl Lines {
                 rest_length: yarn.rest_length,
                 law,
                 limit: Limit::of_yarn(law, lamina, physics, yarn),
-                bending: along_yarn(lamina, physics, yarn),
+                bending: along_yarn(lamina, physics, yarn.family, [yarn.width, yarn.rest_length]),
             };
             yarns.push((yarn.family, line));
         }

@@ -1,6 +1,7 @@
 //! All that is fixed between resets: masses, and the stages which a scene asks for.
 
 use super::bend::{BendTriple, project_triples, triples};
+use super::cloth::Cloth;
 use super::collision::Layers;
 use super::hinge::{BendHinge, hinges, project_hinges};
 use super::law::{EdgeClass, Limit, project_edges};
@@ -12,7 +13,7 @@ use super::physics::{PhysicsConfig, Solver};
 use super::shear::{self, Trellis, trellis};
 use super::state::Snapshot;
 use crate::fabric::Lamina;
-use crate::math::{Lanes, Vec3x};
+use crate::math::Lanes;
 
 /// Constraints that are projected one after the other.
 #[derive(Clone, Debug)]
@@ -36,7 +37,8 @@ pub(super) enum Pass {
 impl Pass {
     /// Projects its constraints, one after the other.
     #[inline(always)]
-    pub fn project<V: Lanes>(&self, x: &mut [Vec3x<V>], w: &[V]) {
+    pub fn project<V: Lanes>(&self, cloth: &mut Cloth<V>) {
+        let (x, w) = (&mut cloth.position[..], &cloth.mobility[..]);
         match self {
             Self::Edges(class, limits) if limits.is_empty() => project_edges(class, &Plain, x, w),
             Self::Edges(class, limits) => project_edges(class, &Limited(limits), x, w),
@@ -44,7 +46,7 @@ impl Pass {
             Self::LockingDiagonals(class, locking) => project_edges(class, locking, x, w),
             Self::Triples(triples) => project_triples(triples, x, w),
             Self::Hinges(hinges) => project_hinges(hinges, x, w),
-            Self::Membrane(elements) => project_elements(elements, x, w),
+            Self::Membrane(elements) => project_elements(elements, x, w, &mut cloth.density),
             Self::LockingMembrane(elements, locking) => project_locking(elements, locking, x, w),
         }
     }
@@ -57,8 +59,13 @@ pub struct Model {
     pub inverse_mass: Vec<f64>,
     /// What is solved along whole lines; none under Gauss-Seidel.
     pub(super) lines: Option<Lines>,
+    /// Number of force densities that last; 0 without the solve along yarns.
+    pub(super) edge_count: usize,
     /// What is projected constraint by constraint, in this order.
     pub(super) passes: Vec<Pass>,
+    /// The same of membranes beside lines, which follows the yarns: their forces last like those
+    /// of yarns.
+    pub(super) membranes: Vec<Pass>,
     /// Static and dynamic coefficient.
     pub(super) friction: Option<[f64; 2]>,
     /// Greatest pull of the tool's tack on each vertex [N].
@@ -79,13 +86,16 @@ impl Model {
             let yarns = length::edges(lamina, physics);
             passes.extend(yarns.map(|(class, limits)| Pass::Edges(class, limits)));
         }
-        let membranes = elements(lamina, physics);
-        passes.extend(membranes.iter().cloned().map(Pass::Membrane));
+        let lines = (!by_edge).then(|| Lines::new(lamina, physics, trellis.clone()));
+        let yarn_edges = lines.as_ref().map(|lines| lines.edge_count);
+        let classes = elements(lamina, physics, yarn_edges);
+        let mut membranes: Vec<Pass> = classes.iter().cloned().map(Pass::Membrane).collect();
         if let Some(locking) = &locking {
             let lock = |class| Pass::LockingMembrane(class, locking.clone());
-            passes.extend(membranes.into_iter().map(lock));
+            membranes.extend(classes.into_iter().map(lock));
         }
         if by_edge {
+            passes.append(&mut membranes);
             if let Some(trellis) = &trellis {
                 let classes = shear::edges(lamina, trellis);
                 let sheared = classes.iter().cloned();
@@ -101,8 +111,12 @@ impl Model {
         let friction = physics.friction.then(|| lamina.material.friction());
         Self {
             inverse_mass: lamina.mass.iter().map(|m| 1.0 / m).collect(),
-            lines: (!by_edge).then(|| Lines::new(lamina, physics, trellis)),
+            edge_count: yarn_edges.map_or(0, |count| {
+                count + 2 * lamina.membranes.iter().filter(|m| !m.has_yarns).count()
+            }),
+            lines,
             passes,
+            membranes,
             layers: Layers::new(lamina, physics.self_collision, friction),
             friction,
             tack: tack(lamina, physics),
@@ -117,7 +131,7 @@ impl Model {
         [state.position.len(), state.velocity.len()] == [count; 2]
             && [pressed.touched.len(), pressed.draped.len()] == [count; 2]
             && state.fixed.len() <= count
-            && state.force_density.len() <= 2 * count
+            && state.force_density.len() <= self.edge_count
             && pressed.stencil.iter().all(|&v| (v as usize) < count)
             && state.is_finite()
             && self.layers.as_ref().map_or(state.sides.is_empty(), know)
@@ -126,11 +140,6 @@ impl Model {
     /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
         self.inverse_mass.len()
-    }
-
-    /// Number of yarn edges whose forces last; 0 without the solve along yarns.
-    pub(super) fn edge_count(&self) -> usize {
-        self.lines.as_ref().map_or(0, |lines| lines.edge_count)
     }
 
     /// The physics this was built from.

@@ -29,15 +29,34 @@ pub struct Stencil {
     pub settle: Option<Control>,
 }
 
-/// The next vertices on the yarns of each vertex, and the length between them [m] beyond which
-/// the yarn is stretched by more than `max_strain`.
-pub(super) fn ties(lamina: &Lamina, max_strain: f64) -> Vec<Vec<(u32, f64)>> {
+/// What a stretched yarn pulls at: a sum of places [m], and its size where the strain is too great.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tie {
+    /// Vertices and their weights in the sum.
+    pub terms: [(u32, f64); 3],
+    /// [m], or [-] where the weights are slopes of a membrane [1/m].
+    pub most: f64,
+}
+
+/// The yarn edges and the families of membranes at each vertex, with what they are where they are
+/// stretched by `max_strain`.
+pub(super) fn ties(lamina: &Lamina, max_strain: f64) -> Vec<Vec<Tie>> {
     let mut ties = vec![Vec::new(); lamina.vertex_count()];
+    let mut tie = |terms: [(u32, f64); 3], ends: &[u32], length: f64| {
+        let most = length * (1.0 + max_strain);
+        ends.iter()
+            .for_each(|&v| ties[v as usize].push(Tie { terms, most }));
+    };
     for yarn in &lamina.yarns {
-        let length = yarn.rest_length * (1.0 + max_strain);
         for pair in yarn.vertices.windows(2) {
-            ties[pair[0] as usize].push((pair[1], length));
-            ties[pair[1] as usize].push((pair[0], length));
+            let terms = [(pair[0], 1.0), (pair[1], -1.0), (pair[1], 0.0)];
+            tie(terms, pair, yarn.rest_length);
+        }
+    }
+    for membrane in lamina.membranes.iter().filter(|m| !m.has_yarns) {
+        for family in [0, 1] {
+            let term = |k: usize| (membrane.vertices[k], membrane.gradient[k][family]);
+            tie([0, 1, 2].map(term), &membrane.vertices, 1.0);
         }
     }
     ties

@@ -62,26 +62,30 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
         } = self;
         let frame = frame(model, control);
         let end = range.end;
+        let warps_are_last = model.layers.is_none() && model.membranes.is_empty();
         refresh(tool, storage.cloth_mut());
         predict(&frame, storage);
         for substep in range {
             let goes_on = substep + 1 < end;
             match &model.lines {
-                // Yarns have the last word before the tool: their stiffness is greatest, so what
-                // comes after them shows as strain.
+                // Yarns have the last word before the tool, and membranes that stand for them: their
+                // stiffness is greatest, so what comes after them shows as strain.
                 Some(lines) => {
-                    warm_start_and_bend_warps(lines, &frame, storage);
+                    warm_start_and_bend_warps(model, lines, &frame, storage);
                     grip(model, presses, storage);
                     shear_along_diagonals(lines, storage);
                     storage.project(&model.passes);
                     for sweep in 1..=control.sweeps {
                         push(model, &frame, presses, storage);
                         stretch_wefts(lines, sweep == 1, storage);
-                        let is_last = sweep == control.sweeps && model.layers.is_none();
+                        let is_last = sweep == control.sweeps && warps_are_last;
                         stretch_warps(lines, is_last.then_some(&frame), goes_on, storage);
+                        storage.project(&model.membranes);
                     }
                     if let Some(layers) = &model.layers {
                         storage.separate(layers);
+                    }
+                    if !warps_are_last {
                         finish_all(&frame, goes_on, storage);
                     }
                 }
@@ -137,8 +141,13 @@ fn fall<S: Storage>(frame: &Frame, storage: &mut S) {
 
 /// What the yarns' forces of the last substep and weight do, and the warps' bending.
 #[inline(always)]
-fn warm_start_and_bend_warps<S: Storage>(lines: &Lines, frame: &Frame, storage: &mut S) {
-    storage.warm_start_wefts();
+fn warm_start_and_bend_warps<S: Storage>(
+    model: &Model,
+    lines: &Lines,
+    frame: &Frame,
+    storage: &mut S,
+) {
+    storage.warm_start(&model.membranes);
     for i in 0..storage.count(lines, Direction::Warp) {
         let mut before = (Vec3x::zero(), S::V::zero());
         for k in 0..storage.warp(lines, i).0.vertices().len() {

@@ -2,7 +2,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::super::dense::{Case, PINNED, cases, random_vector, solved};
 use super::super::law::project_edges;
-use super::super::line::{Line, WARM_COMPRESSION};
+use super::super::line::{Line, MAX_WARM};
 use super::*;
 use crate::math::Vec3;
 
@@ -69,7 +69,7 @@ fn warm_start_gives_pull_and_stress() {
 #[test]
 fn only_compression_that_bending_holds_lasts() {
     cases(9, PINNED, |case, _| {
-        let most = 4.0 * WARM_COMPRESSION * case.line.bending;
+        let most = MAX_WARM * case.line.bending;
         for (force, expected) in [(3.0, 3.0), (-0.5 * most, -0.5 * most), (-2.0 * most, -most)] {
             assert_eq!(warm(&case.line, force), expected);
         }
