@@ -230,10 +230,6 @@ impl SceneOptions {
     pub(crate) fn env(&self, region: Option<[f64; 4]>) -> EnvConfig {
         let mut env = EnvConfig::compact();
         env.region_mm = self.region.or(region);
-        let rate = drape_cloth::sim::lab("RATE", 0.0);
-        if rate > 0.0 { env.substep_rate = Some(rate); env.contact_rate = Some(rate.min(1200.0)); }
-        let strain = drape_cloth::sim::lab("STRAIN", 0.0);
-        if strain > 0.0 { env.drape_strain = strain; }
         env
     }
 }

@@ -265,7 +265,10 @@ fn press(
         for v in under {
             let x = group.position(lane, v);
             let beside = ties[v as usize].iter().flat_map(|tie| tie.terms);
-            let held = beside.map(|(w, _)| w).chain([v]).all(|v| is_slack(group, ties, lane, v));
+            let held = beside
+                .map(|(w, _)| w)
+                .chain([v])
+                .all(|v| is_slack(group, ties, lane, v));
             if held && tool.distance(x).0 <= stencil.threshold {
                 draped.insert(v as usize);
                 group.fix(lane, v);

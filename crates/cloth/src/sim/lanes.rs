@@ -29,7 +29,11 @@ impl<V: Lanes> InLanes<V> {
         Self {
             cloth,
             self_contact: (model.layers.is_some()).then(|| Box::new(SelfContact::new(count))),
-            held: Held::new(if model.edge_count > yarn_edges { count } else { 0 }),
+            held: Held::new(if model.edge_count > yarn_edges {
+                count
+            } else {
+                0
+            }),
         }
     }
 }
@@ -124,7 +128,10 @@ impl<V: Lanes> Storage for InLanes<V> {
         if self.held.stress.is_empty() {
             return (pull, stress);
         }
-        (pull + self.held.pull[place], stress + self.held.stress[place])
+        (
+            pull + self.held.pull[place],
+            stress + self.held.stress[place],
+        )
     }
 
     #[inline(always)]

@@ -47,10 +47,3 @@ pub use press::{Press, Roller};
 pub use state::{Pressed, Snapshot};
 pub use stencil::{Stencil, under_stencil};
 pub use stepping::{Accuracy, Control, Stepping};
-
-pub fn lab(name: &'static str, default: f64) -> f64 {
-    use std::sync::OnceLock;
-    static ALL: OnceLock<std::collections::HashMap<String, f64>> = OnceLock::new();
-    let all = ALL.get_or_init(|| std::env::vars().filter_map(|(k, v)| Some((k, v.parse().ok()?))).collect());
-    all.get(name).copied().unwrap_or(default)
-}
