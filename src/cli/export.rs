@@ -5,11 +5,12 @@ use serde::Serialize;
 
 use super::Failure;
 use super::eval::Loaded;
-use super::failure::OrInvalid;
+use super::failure::{OrInvalid, scene_failure};
 use super::result::path;
 use drape_cloth::fabric::{Curve, Drape, Family};
 use drape_cloth::file::{ValueError, check_writable};
 use drape_cloth::math::Vec3;
+use drape_cloth::scene::hung;
 use drape_cloth::sim::{Bending, BendingStiffness};
 use drape_study::proof::Physics;
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
@@ -109,16 +110,21 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
     ))
 }
 
-/// Pressure under the stencil [Pa]: 1 N/mm^2 (paper, Section 2.2).
-const PRESSURE: f64 = 1e6;
-
-/// The lamina as it lies before the first press, with the presses of `points`. Under the
-/// stencil are the triangles whose middle is, on the flat blank, within half of its side of the
+/// The lamina with the presses of `points`: for CalculiX before the fall, for Abaqus, which takes it
+/// for free of stress as well, after it. Under the stencil are the triangles whose middle is, on the flat blank, within half of its side of the
 /// pressed vertex.
 fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<Deck, Failure> {
     let scene = &loaded.scene;
     let (lamina, material) = (&scene.lamina, &scene.lamina.material);
-    let drape = Drape::new(lamina, &scene.initial.position);
+    let hung = match dialect {
+        // In a fall of a second velocities are displacements.
+        Dialect::Calculix => {
+            let place = loaded.folder.config.display().to_string();
+            &hung(&scene.config, lamina, 1.0).map_err(|error| scene_failure(error, &place))?
+        }
+        Dialect::Abaqus => &*scene.initial,
+    };
+    let drape = Drape::new(lamina, &hung.position);
     let count = drape.triangles.len();
     let yarns: Vec<[Vec3; 2]> = (0..count)
         .map(|t| drape.tangents(t))
@@ -163,17 +169,20 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
         let place = loaded.folder.config.display().to_string();
         return Err(ValueError::new(key, found, expected)).or_invalid_in(place);
     }
-    let clamped: Vec<u32> = scene.initial.fixed.ones().map(|v| v as u32).collect();
+    let clamped = hung
+        .fixed
+        .ones()
+        .map(|v| (v as u32, hung.velocity[v].into()));
     Ok(DrapingDeck {
         title: "woven lamina on a tool, pressed along a draping path",
         lamina: &drape.mesh(),
         yarns: &yarns,
-        clamped: &clamped,
+        clamped: &clamped.collect::<Vec<_>>(),
         tool: &scene.tool.mesh,
         fabric: &fabric,
         presses: &presses,
         press_s: loaded.config.env.press_s,
-        pressure: PRESSURE,
+        pressure: loaded.config.env.roller().pressure,
         gravity: physics.gravity,
     }
     .deck(dialect))
