@@ -94,7 +94,7 @@ fn cantilever_has_the_drop_and_reach_of_the_elastica() {
 
     let mut deck = Deck::new("heavy elastica");
     deck.nodes("ALL", 1, &nodes)
-        .elements("S8R", "STRIP", 1, 1, &shells)
+        .elements("S8R", "STRIP", 1.., 1, &shells)
         .card("NSET, NSET=CLAMP")
         .labels(&row(1))
         .card("NSET, NSET=TIP")
@@ -160,9 +160,9 @@ fn strip_over_a_cylinder_has_its_tip_where_the_closed_form_has_it() {
 
     let mut deck = Deck::new("strip over a cylinder");
     deck.nodes("ALL", 1, &nodes)
-        .elements("S8R", "STRIP", 1, 1, &shells)
+        .elements("S8R", "STRIP", 1.., 1, &shells)
         .nodes("RING", first, &ring)
-        .elements("C3D8", "CYLINDER", 1 + shells.len(), first, &solids)
+        .elements("C3D8", "CYLINDER", 1 + shells.len().., first, &solids)
         .card("NSET, NSET=CLAMP")
         .labels(&row(1))
         .card("NSET, NSET=TIP")
@@ -347,6 +347,7 @@ fn sheet_pressed_on_a_rib_lies_where_the_twin_has_it() {
         ..PressConfig::default()
     };
     let mut presses = Vec::new();
+    let mut under_stencils = Vec::new();
     for at in [[3, 6], [3, 3], [9, 9]] {
         let vertex = lamina.vertex_at(at[0], at[1]).unwrap();
         let pressed = under_stencil(&lamina, &tool, vertex, side, |v| twin.position(v));
@@ -356,6 +357,7 @@ fn sheet_pressed_on_a_rib_lies_where_the_twin_has_it() {
         let count = lamina.triangles.len() as u32;
         let under = (0..count).filter(|t| is_under(&lamina.triangles[*t as usize]));
         presses.push(under.collect());
+        under_stencils.push(pressed);
         states.push(rest(&mut twin));
     }
 
@@ -408,6 +410,24 @@ fn sheet_pressed_on_a_rib_lies_where_the_twin_has_it() {
         };
         let [all, last] = [moved(&start.position), moved(&states[k.saturating_sub(1)])];
         println!("{k}: off by {mean:.3} mm, {greatest:.3} at most; moved {all:.1}, {last:.1}");
-        assert!(mean < 0.5 && greatest < 2.0, "{mean} {greatest}");
+        assert!(mean < 0.35 && greatest < 1.0, "{mean} {greatest}");
+        // What is pressed comes to lie on the tool, as in the twin, but for the depth of contact
+        // and the difference of facets and distance grid; what is still to be pressed stands off.
+        for (j, vertices) in under_stencils.iter().enumerate() {
+            let gap = |v: &u32| {
+                let (start, by) = (&start.position[*v as usize], found[*v as usize]);
+                let place = Vec3::from(*start) + 1e-3 * Vec3::from(by);
+                1e3 * tool.distance(place.into()).0
+            };
+            let gap = vertices
+                .iter()
+                .map(gap)
+                .fold(0.0, |most, gap| gap.abs().max(most));
+            println!("   gap under press {j}: {gap:.3} mm");
+            assert!(
+                if j < k { gap < 0.2 } else { gap > 0.3 },
+                "press {j}: {gap}"
+            );
+        }
     }
 }
