@@ -110,21 +110,22 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
     ))
 }
 
-/// The lamina with the presses of `points`: for CalculiX before the fall, for Abaqus, which takes it
-/// for free of stress as well, after it. Under the stencil are the triangles whose middle is, on the flat blank, within half of its side of the
-/// pressed vertex.
+/// The lamina with the presses of `points`: for CalculiX before the fall, for Abaqus after it.
+/// Under the stencil are the triangles whose middle is, on the flat blank, within half of its side
+/// of the pressed vertex.
 fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<Deck, Failure> {
     let scene = &loaded.scene;
     let (lamina, material) = (&scene.lamina, &scene.lamina.material);
-    let hung = match dialect {
+    let place = loaded.folder.config.display().to_string();
+    let start = match dialect {
         // In a fall of a second velocities are displacements.
         Dialect::Calculix => {
-            let place = loaded.folder.config.display().to_string();
-            &hung(&scene.config, lamina, 1.0).map_err(|error| scene_failure(error, &place))?
+            let hung = hung(&scene.config, lamina, 1.0);
+            hung.map_err(|error| scene_failure(error, &place))?
         }
-        Dialect::Abaqus => &*scene.initial,
+        Dialect::Abaqus => (*scene.initial).clone(),
     };
-    let drape = Drape::new(lamina, &hung.position);
+    let drape = Drape::new(lamina, &start.position);
     let count = drape.triangles.len();
     let yarns: Vec<[Vec3; 2]> = (0..count)
         .map(|t| drape.tangents(t))
@@ -166,18 +167,15 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
             _ => ("physics.bending_stiffness", fabric.bending[0].to_string()),
         };
         let expected = "bending that gives the elastic shell of CalculiX a thickness";
-        let place = loaded.folder.config.display().to_string();
         return Err(ValueError::new(key, found, expected)).or_invalid_in(place);
     }
-    let clamped = hung
-        .fixed
-        .ones()
-        .map(|v| (v as u32, hung.velocity[v].into()));
+    let held = start.fixed.ones();
+    let clamped: Vec<(u32, Vec3)> = held.map(|v| (v as u32, start.velocity[v].into())).collect();
     Ok(DrapingDeck {
         title: "woven lamina on a tool, pressed along a draping path",
         lamina: &drape.mesh(),
         yarns: &yarns,
-        clamped: &clamped.collect::<Vec<_>>(),
+        clamped: &clamped,
         tool: &scene.tool.mesh,
         fabric: &fabric,
         presses: &presses,
