@@ -309,7 +309,7 @@ fn draping_deck_is_read() {
 /// is pressed on to it at three places, one after the other, in CalculiX and in the twin.
 /// Both have straight laws and no friction, and press until they rest.
 #[test]
-#[ignore = "needs ccx and a minute of CPU time"]
+#[ignore = "needs ccx and 35 s of CPU time"]
 fn sheet_pressed_on_a_rib_lies_where_the_twin_has_it() {
     let scene = concat!(
         env!("CARGO_MANIFEST_DIR"),
