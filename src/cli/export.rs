@@ -5,11 +5,12 @@ use serde::Serialize;
 
 use super::Failure;
 use super::eval::Loaded;
-use super::failure::OrInvalid;
+use super::failure::{OrInvalid, scene_failure};
 use super::result::path;
 use drape_cloth::fabric::{Curve, Drape, Family};
 use drape_cloth::file::{ValueError, check_writable};
 use drape_cloth::math::Vec3;
+use drape_cloth::scene::hung;
 use drape_cloth::sim::{Bending, BendingStiffness};
 use drape_study::proof::Physics;
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
@@ -109,16 +110,22 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
     ))
 }
 
-/// Pressure under the stencil [Pa]: 1 N/mm^2 (paper, Section 2.2).
-const PRESSURE: f64 = 1e6;
-
-/// The lamina as it lies before the first press, with the presses of `points`. Under the
-/// stencil are the triangles whose middle is, on the flat blank, within half of its side of the
-/// pressed vertex.
+/// The lamina with the presses of `points`: for CalculiX before the fall, for Abaqus after it.
+/// Under the stencil are the triangles whose middle is, on the flat blank, within half of its side
+/// of the pressed vertex.
 fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<Deck, Failure> {
     let scene = &loaded.scene;
     let (lamina, material) = (&scene.lamina, &scene.lamina.material);
-    let drape = Drape::new(lamina, &scene.initial.position);
+    let place = loaded.folder.config.display().to_string();
+    let start = match dialect {
+        // In a fall of a second velocities are displacements.
+        Dialect::Calculix => {
+            let hung = hung(&scene.config, lamina, 1.0);
+            hung.map_err(|error| scene_failure(error, &place))?
+        }
+        Dialect::Abaqus => (*scene.initial).clone(),
+    };
+    let drape = Drape::new(lamina, &start.position);
     let count = drape.triangles.len();
     let yarns: Vec<[Vec3; 2]> = (0..count)
         .map(|t| drape.tangents(t))
@@ -160,10 +167,10 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
             _ => ("physics.bending_stiffness", fabric.bending[0].to_string()),
         };
         let expected = "bending that gives the elastic shell of CalculiX a thickness";
-        let place = loaded.folder.config.display().to_string();
         return Err(ValueError::new(key, found, expected)).or_invalid_in(place);
     }
-    let clamped: Vec<u32> = scene.initial.fixed.ones().map(|v| v as u32).collect();
+    let held = start.fixed.ones();
+    let clamped: Vec<(u32, Vec3)> = held.map(|v| (v as u32, start.velocity[v].into())).collect();
     Ok(DrapingDeck {
         title: "woven lamina on a tool, pressed along a draping path",
         lamina: &drape.mesh(),
@@ -173,7 +180,7 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
         fabric: &fabric,
         presses: &presses,
         press_s: loaded.config.env.press_s,
-        pressure: PRESSURE,
+        pressure: loaded.config.env.roller().pressure,
         gravity: physics.gravity,
     }
     .deck(dialect))

@@ -66,19 +66,19 @@ impl Deck {
         self
     }
 
-    /// Elements of `kind`, counted from `first`, as the set `name`; corners count from 0 at
-    /// the node `first_node`.
+    /// Elements of `kind` with their labels as the set `name`; corners count from 0 at the node
+    /// `first_node`.
     pub fn elements<const N: usize>(
         &mut self,
         kind: &str,
         name: &str,
-        first: usize,
+        labels: impl IntoIterator<Item = usize>,
         first_node: usize,
         corners: &[[u32; N]],
     ) -> &mut Self {
         self.card(&format!("ELEMENT, TYPE={kind}, ELSET={name}"));
-        for (i, corners) in corners.iter().enumerate() {
-            let _ = write!(self.text, "{}", first + i);
+        for (label, corners) in labels.into_iter().zip(corners) {
+            let _ = write!(self.text, "{label}");
             for corner in corners {
                 let _ = write!(self.text, ", {}", first_node + *corner as usize);
             }
@@ -121,7 +121,7 @@ mod tests {
         let mut deck = Deck::new("a\n*b");
         deck.comment("c")
             .nodes("N", 5, &[Vec3::new(0.001, -0.25, 0.0)])
-            .elements("S3", "E", 7, 5, &[[0, 1, 2]])
+            .elements("S3", "E", 7.., 5, &[[0, 1, 2]])
             .card("NSET, NSET=S")
             .labels(&(1..=12).collect::<Vec<_>>())
             .card("BOUNDARY")

@@ -1,16 +1,21 @@
+use std::collections::BTreeMap;
+
 use super::{Deck, MM, number};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 
 /// Transverse shear stiffness of the fabric, warp and weft [N/mm] (paper, Table 2).
 const TRANSVERSE_SHEAR: f64 = 27.2;
-/// Thickness of the tool's shell in CalculiX [mm]; nothing moves in it.
-const TOOL_THICKNESS: f64 = 1.0;
-/// Contact stiffness in CalculiX [MPa/mm]: the press of 1 MPa goes 0.01 mm deep.
-const CONTACT: f64 = 100.0;
-/// Stiffness against sticking slip in CalculiX [MPa/mm].
-const STICK: f64 = 10.0;
-/// Time in which the cloth settles before the first press [s].
+/// Height of the tool's wedges in CalculiX [m]; nothing moves in them.
+const TOOL_HEIGHT: f64 = 5e-3;
+/// How deep the pressure of a press goes into the tool in CalculiX [mm].
+const DEPTH: f64 = 0.05;
+/// Tension at which contact in CalculiX gives way [MPa]: a thirtieth of a light fabric's weight. What it
+/// takes by default holds cloth to the tool.
+const TENSION: f64 = 1e-7;
+/// Stiffness against sticking slip over that of contact in CalculiX [-].
+const STICK: f64 = 0.1;
+/// Time in which the cloth settles before the first press in Abaqus [s].
 const SETTLING: f64 = 0.5;
 /// Label of the tool's reference node in Abaqus.
 const REFERENCE: usize = 9_000_000;
@@ -18,7 +23,8 @@ const REFERENCE: usize = 9_000_000;
 /// Which programme shall read the deck.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dialect {
-    /// Elastic orthotropic fabric, tool of fixed shells, static steps.
+    /// Elastic orthotropic fabric on a fixed tool, weight and presses one after the other in one
+    /// static step. In a step of its own each, contact is built up anew and the second fails.
     Calculix,
     /// Fabric by test data, rigid tool, explicit steps: the paper's model.
     Abaqus,
@@ -43,7 +49,7 @@ pub struct FabricCard {
     pub friction: [f64; 2],
 }
 
-/// A lamina as it lies, the tool below, and presses in their order.
+/// A lamina above or on the tool, and presses in their order.
 #[derive(Clone, Debug)]
 pub struct DrapingDeck<'a> {
     pub title: &'a str,
@@ -51,13 +57,14 @@ pub struct DrapingDeck<'a> {
     pub lamina: &'a TriMesh,
     /// Directions of warp and weft in every triangle, of any length.
     pub yarns: &'a [[Vec3; 2]],
-    /// Vertices that do not move.
-    pub clamped: &'a [u32],
+    /// Vertices that are held, and how far they move before the first press [m]; in Abaqus they
+    /// do not.
+    pub clamped: &'a [(u32, Vec3)],
     pub tool: &'a TriMesh,
     pub fabric: &'a FabricCard,
     /// Triangles under the stencil, press by press.
     pub presses: &'a [Vec<u32>],
-    /// Duration of a press [s].
+    /// Duration of a press in Abaqus [s].
     pub press_s: f64,
     /// Pressure on a triangle from its first press on [Pa].
     pub pressure: f64,
@@ -71,62 +78,115 @@ impl DrapingDeck<'_> {
         let mut deck = Deck::new(self.title);
         deck.comment("written by drape; mm, N, s, t, MPa; frame of the tool's mesh, z up")
             .comment("LAMINA: nodes and elements in the order of drape's vertices and triangles")
-            .nodes("LAMINA_NODES", 1, &self.lamina.vertices)
-            .elements("S3", "LAMINA", 1, 1, &self.lamina.triangles);
+            .nodes("LAMINA_NODES", 1, &self.lamina.vertices);
         let first_node = 1 + self.lamina.vertices.len();
         let first = 1 + self.lamina.triangles.len();
-        let tool_kind = match dialect {
-            Dialect::Calculix => "S3",
-            Dialect::Abaqus => "R3D3",
-        };
-        deck.nodes("TOOL_NODES", first_node, &self.tool.vertices)
-            .elements(tool_kind, "TOOL", first, first_node, &self.tool.triangles);
-        if !self.clamped.is_empty() {
-            let clamped: Vec<usize> = self.clamped.iter().map(|&v| 1 + v as usize).collect();
-            deck.card("NSET, NSET=CLAMPS").labels(&clamped);
+        let cells = self.cells(dialect);
+        match dialect {
+            Dialect::Calculix => {
+                let shells = Shells::new(self.lamina, &cells);
+                let first_tool = first_node + shells.middles.len();
+                let thickness = self.fabric.elastic_thickness() / MM;
+                let (nodes, wedges) = wedges(self.tool, 0.5 * thickness);
+                deck.nodes("MIDDLE_NODES", first_node, &shells.middles);
+                let (labels, corners) = &shells.of_cells;
+                deck.elements("S8R", "LAMINA", labels.iter().copied(), 1, corners);
+                let (labels, corners) = &shells.of_triangles;
+                if !labels.is_empty() {
+                    deck.elements("S6", "LAMINA", labels.iter().copied(), 1, corners);
+                }
+                deck.nodes("TOOL_NODES", first_tool, &nodes).elements(
+                    "C3D6",
+                    "TOOL",
+                    first..,
+                    first_tool,
+                    &wedges,
+                );
+            }
+            Dialect::Abaqus => {
+                deck.elements("S3", "LAMINA", 1.., 1, &self.lamina.triangles)
+                    .nodes("TOOL_NODES", first_node, &self.tool.vertices)
+                    .elements("R3D3", "TOOL", first.., first_node, &self.tool.triangles);
+            }
         }
-        let presses = self.new_triangles();
+        if !self.clamped.is_empty() {
+            let clamped = self.clamped.iter().map(|(v, _)| 1 + *v as usize);
+            deck.card("NSET, NSET=CLAMPS")
+                .labels(&clamped.collect::<Vec<_>>());
+        }
+        let presses = self.new_elements(&cells);
         for (k, triangles) in presses.iter().enumerate() {
             deck.card(&format!("ELSET, ELSET=PRESS_{}", k + 1))
                 .labels(triangles);
         }
-        self.orientation(&mut deck, dialect);
+        self.orientation(&mut deck, dialect, &cells);
         self.section(&mut deck, dialect);
         self.contact(&mut deck, dialect);
 
         deck.card("BOUNDARY");
         match dialect {
-            Dialect::Calculix => deck.line("TOOL_NODES, 1, 6"),
+            Dialect::Calculix => deck.line("TOOL_NODES, 1, 3"),
             Dialect::Abaqus => deck.line(&format!("{REFERENCE}, 1, 6")),
         };
         if !self.clamped.is_empty() {
             deck.line("CLAMPS, 1, 3");
         }
-        let gravity = format!("LAMINA, GRAV, {}, 0., 0., -1.", number(MM * self.gravity));
-        step(&mut deck, dialect, SETTLING, &gravity);
         // Both programmes count pressure on a shell along its normal, which points away from the
         // tool.
-        let pressure = -1e-6 * self.pressure;
-        for k in 0..presses.len() {
-            let load = format!("PRESS_{}, P, {}", k + 1, number(pressure));
-            step(&mut deck, dialect, self.press_s, &load);
+        let pressure = number(-1e-6 * self.pressure);
+        let press = |k| format!("PRESS_{}, P, {pressure}", k + 1);
+        let gravity = format!("LAMINA, GRAV, {}, 0., 0., -1.", number(MM * self.gravity));
+        let loads: Vec<String> = std::iter::once(gravity)
+            .chain((0..presses.len()).map(press))
+            .collect();
+        match dialect {
+            Dialect::Calculix => self.static_step(&mut deck, &loads),
+            Dialect::Abaqus => {
+                for (k, load) in loads.iter().enumerate() {
+                    let seconds = if k == 0 { SETTLING } else { self.press_s };
+                    explicit_step(&mut deck, seconds, load);
+                }
+            }
         }
         deck
     }
 
-    /// Labels of the triangles that each press meets first; none of a press are left out.
-    fn new_triangles(&self) -> Vec<Vec<usize>> {
-        let mut is_pressed = vec![false; self.lamina.triangles.len()];
+    /// The triangle by which the element of each is called: the first of two that are a
+    /// parallelogram, which CalculiX has as one, or else itself.
+    fn cells(&self, dialect: Dialect) -> Vec<usize> {
+        let TriMesh {
+            vertices,
+            triangles,
+        } = self.lamina;
+        let mut cells: Vec<usize> = (0..triangles.len()).collect();
+        if dialect == Dialect::Abaqus {
+            return cells;
+        }
+        for t in 1..triangles.len() {
+            let ([a, b, c], [p, q, d]) = (triangles[t - 1], triangles[t]);
+            let at = |v: u32| vertices[v as usize];
+            let off = (at(a) - at(b) + at(c) - at(d)).norm();
+            let is_even = off < 1e-6 * (at(a) - at(c)).norm();
+            if [p, q] == [a, c] && is_even && cells[t - 1] == t - 1 {
+                cells[t] = t - 1;
+            }
+        }
+        cells
+    }
+
+    /// Labels of the elements that each press meets first; none of a press are left out.
+    fn new_elements(&self, cells: &[usize]) -> Vec<Vec<usize>> {
+        let mut is_pressed = vec![false; cells.len()];
         let fresh = self.presses.iter().map(|triangles| -> Vec<usize> {
-            let first = |t: &&u32| !std::mem::replace(&mut is_pressed[**t as usize], true);
-            let first = triangles.iter().filter(first);
-            first.map(|&t| 1 + t as usize).collect()
+            let elements = triangles.iter().map(|&t| cells[t as usize]);
+            let first = |&element: &usize| !std::mem::replace(&mut is_pressed[element], true);
+            elements.filter(first).map(|element| 1 + element).collect()
         });
-        fresh.filter(|triangles| !triangles.is_empty()).collect()
+        fresh.filter(|elements| !elements.is_empty()).collect()
     }
 
     /// A local frame in every element, the first axis along the warp.
-    fn orientation(&self, deck: &mut Deck, dialect: Dialect) {
+    fn orientation(&self, deck: &mut Deck, dialect: Dialect, cells: &[usize]) {
         match dialect {
             Dialect::Calculix => deck.card("DISTRIBUTION, NAME=YARN_DIRECTIONS"),
             Dialect::Abaqus => deck
@@ -135,7 +195,12 @@ impl DrapingDeck<'_> {
                 .card("DISTRIBUTION, NAME=YARN_DIRECTIONS, LOCATION=ELEMENT, TABLE=YARN_TABLE"),
         };
         deck.line(", 1., 0., 0., 0., 1., 0.");
-        for (t, [warp, weft]) in self.yarns.iter().enumerate() {
+        let elements = self
+            .yarns
+            .iter()
+            .enumerate()
+            .filter(|(t, _)| cells[*t] == *t);
+        for (t, [warp, weft]) in elements {
             let unit = |v: &Vec3, other: Vec3| v.try_normalize(0.0).unwrap_or(other);
             let (a, b) = (unit(warp, Vec3::x()), unit(weft, Vec3::y()));
             let numbers: Vec<String> = a.iter().chain(&b).map(|x| format!("{x:.6}")).collect();
@@ -146,6 +211,38 @@ impl DrapingDeck<'_> {
         if dialect == Dialect::Abaqus {
             deck.line("3, 0.");
         }
+    }
+
+    /// One step for CalculiX in which load k grows evenly from time k to k + 1 and then stays.
+    fn static_step(&self, deck: &mut Deck, loads: &[String]) {
+        deck.card("TIME POINTS, NAME=ENDS, GENERATE");
+        deck.line(&format!("1., {}., 1.", loads.len()));
+        for k in 0..loads.len() {
+            deck.card(&format!("AMPLITUDE, NAME=LOAD_{k}"))
+                .line(&format!("{k}., 0., {}., 1.", k + 1));
+        }
+        deck.card("STEP, NLGEOM, INC=1000000").card("STATIC").row(&[
+            0.01,
+            loads.len() as f64,
+            1e-9,
+            0.2,
+        ]);
+        let moved = self.clamped.iter().filter(|(_, by)| *by != Vec3::zeros());
+        for (v, by) in moved {
+            deck.card("BOUNDARY, AMPLITUDE=LOAD_0");
+            for (axis, by) in by.iter().enumerate() {
+                let (node, axis) = (1 + v, axis + 1);
+                deck.line(&format!("{node}, {axis}, {axis}, {}", number(MM * by)));
+            }
+        }
+        for (k, load) in loads.iter().enumerate() {
+            deck.card(&format!("DLOAD, AMPLITUDE=LOAD_{k}")).line(load);
+        }
+        deck.card("NODE FILE, TIME POINTS=ENDS")
+            .line("U")
+            .card("NODE PRINT, NSET=LAMINA_NODES, TIME POINTS=ENDS")
+            .line("U")
+            .card("END STEP");
     }
 
     /// Materials and sections of lamina and tool.
@@ -174,8 +271,7 @@ impl DrapingDeck<'_> {
                     .row(&[7.85e-9])
                     .card(section)
                     .row(&[thickness])
-                    .card("SHELL SECTION, ELSET=TOOL, MATERIAL=TOOL")
-                    .row(&[TOOL_THICKNESS]);
+                    .card("SOLID SECTION, ELSET=TOOL, MATERIAL=TOOL");
             }
             Dialect::Abaqus => {
                 let thickness = MM * fabric.thickness;
@@ -214,16 +310,25 @@ impl DrapingDeck<'_> {
         deck.card("SURFACE, NAME=LAMINA_BELOW")
             .line("LAMINA, SNEG")
             .card("SURFACE, NAME=TOOL_ABOVE")
-            .line("TOOL, SPOS")
+            .line(match dialect {
+                Dialect::Calculix => "TOOL, S2",
+                Dialect::Abaqus => "TOOL, SPOS",
+            })
             .card("SURFACE INTERACTION, NAME=CONTACT");
         match dialect {
-            Dialect::Calculix => deck
-                .card("SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR")
-                .row(&[CONTACT])
-                .card("FRICTION")
-                .row(&[0.5 * (statics + dynamic), STICK])
-                .card("CONTACT PAIR, INTERACTION=CONTACT, TYPE=SURFACE TO SURFACE")
-                .line("LAMINA_BELOW, TOOL_ABOVE"),
+            Dialect::Calculix => {
+                let stiffness = 1e-6 * self.pressure / DEPTH;
+                deck.card("SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR")
+                    .row(&[stiffness, TENSION]);
+                if statics + dynamic > 0.0 {
+                    deck.card("FRICTION")
+                        .row(&[0.5 * (statics + dynamic), STICK * stiffness]);
+                }
+                // Surface to surface takes everything for touching that is nearer than
+                // 1 / stiffness, and so glues the sheet to the tool at first.
+                deck.card("CONTACT PAIR, INTERACTION=CONTACT, TYPE=NODE TO SURFACE")
+                    .line("LAMINA_BELOW, TOOL_ABOVE")
+            }
             Dialect::Abaqus => deck
                 .card("FRICTION, EXPONENTIAL DECAY")
                 .row(&[statics, dynamic, 1.0])
@@ -254,28 +359,79 @@ fn slope(curve: &[[f64; 2]]) -> f64 {
     curve.get(1).map_or(0.0, |[strain, stress]| stress / strain)
 }
 
-/// One step with one load, which later steps keep.
-fn step(deck: &mut Deck, dialect: Dialect, seconds: f64, load: &str) {
-    match dialect {
-        Dialect::Calculix => deck
-            .card("STEP, NLGEOM, INC=1000")
-            .card("STATIC")
-            .row(&[0.1 * seconds, seconds])
-            .card("DLOAD")
-            .line(load)
-            .card("NODE FILE")
-            .line("U"),
-        Dialect::Abaqus => deck
-            .card("STEP, NLGEOM=YES")
-            .card("DYNAMIC, EXPLICIT")
-            .line(&format!(", {}", number(seconds)))
-            .card("DLOAD, OP=MOD")
-            .line(load)
-            .card("OUTPUT, FIELD, NUMBER INTERVAL=1")
-            .card("NODE OUTPUT")
-            .line("U"),
+/// Quadratic shells for CalculiX, with their labels: of eight nodes where two triangles make a
+/// cell, of six where not. Those of six are too stiff for a cell: with them the pressed sheet of
+/// `tests/calculix.rs` is off by half as much again.
+#[derive(Default)]
+struct Shells {
+    /// Middles of sides, whose nodes count on from the vertices.
+    middles: Vec<Vec3>,
+    of_cells: (Vec<usize>, Vec<[u32; 8]>),
+    of_triangles: (Vec<usize>, Vec<[u32; 6]>),
+}
+
+impl Shells {
+    fn new(mesh: &TriMesh, cells: &[usize]) -> Self {
+        let mut shells = Self::default();
+        let mut known = BTreeMap::new();
+        let mut middle = |p: u32, q: u32| {
+            *known.entry([p.min(q), p.max(q)]).or_insert_with(|| {
+                let [p, q] = [p, q].map(|v| mesh.vertices[v as usize]);
+                shells.middles.push((p + q) * 0.5);
+                (mesh.vertices.len() + shells.middles.len() - 1) as u32
+            })
+        };
+        for (t, &[a, b, c]) in mesh.triangles.iter().enumerate() {
+            if cells[t] != t {
+                continue;
+            }
+            let [ab, bc] = [middle(a, b), middle(b, c)];
+            if cells.get(t + 1) == Some(&t) {
+                let d = mesh.triangles[t + 1][2];
+                let [cd, da] = [middle(c, d), middle(d, a)];
+                shells.of_cells.0.push(1 + t);
+                shells.of_cells.1.push([a, b, c, d, ab, bc, cd, da]);
+            } else {
+                shells.of_triangles.0.push(1 + t);
+                shells.of_triangles.1.push([a, b, c, ab, bc, middle(c, a)]);
+            }
+        }
+        shells
+    }
+}
+
+/// Nodes and wedges below what of the tool faces up. Their upper side lies `depth` [m] inside the
+/// tool, so that the middle of a shell twice as thick lies on it.
+fn wedges(tool: &TriMesh, depth: f64) -> (Vec<Vec3>, Vec<[u32; 6]>) {
+    let upper = tool.vertices.iter().zip(tool.vertex_normals());
+    let mut nodes: Vec<Vec3> = upper.map(|(x, normal)| x - normal * depth).collect();
+    let count = nodes.len() as u32;
+    let faces_up = |[a, b, c]: &&[u32; 3]| {
+        let [a, b, c] = [a, b, c].map(|v| tool.vertices[*v as usize]);
+        let normal = (b - a).cross(&(c - a));
+        normal.z > 1e-3 * normal.norm()
     };
-    deck.card("END STEP");
+    let upwards = tool.triangles.iter().filter(faces_up);
+    let wedges = upwards.map(|&[a, b, c]| [count + a, count + b, count + c, a, b, c]);
+    let wedges = wedges.collect();
+    nodes.extend_from_within(..);
+    for node in &mut nodes[count as usize..] {
+        node.z -= TOOL_HEIGHT;
+    }
+    (nodes, wedges)
+}
+
+/// One step for Abaqus with one load, which later steps keep.
+fn explicit_step(deck: &mut Deck, seconds: f64, load: &str) {
+    deck.card("STEP, NLGEOM=YES")
+        .card("DYNAMIC, EXPLICIT")
+        .line(&format!(", {}", number(seconds)))
+        .card("DLOAD, OP=MOD")
+        .line(load)
+        .card("OUTPUT, FIELD, NUMBER INTERVAL=1")
+        .card("NODE OUTPUT")
+        .line("U")
+        .card("END STEP");
 }
 
 #[cfg(test)]
@@ -318,7 +474,7 @@ mod tests {
             title: "test",
             lamina: &lamina,
             yarns: &[[Vec3::x(), Vec3::y()]; 2],
-            clamped: &[3],
+            clamped: &[(3, Vec3::new(0.0, 0.002, 0.0))],
             tool: &tool,
             fabric: &fabric(),
             presses,
@@ -345,18 +501,27 @@ mod tests {
 
     #[test]
     fn triangles_are_pressed_once_and_stay_pressed() {
-        let text = text(Dialect::Calculix, &[vec![1], vec![1], vec![0, 1], vec![]]);
-        assert!(text.contains("*ELSET, ELSET=PRESS_1\n2\n*ELSET, ELSET=PRESS_2\n1\n"));
-        assert_eq!(text.matches("*STEP").count(), 3);
-        assert_eq!(text.matches("*END STEP").count(), 3);
-        assert!(text.contains("\nPRESS_2, P, -1.00000000e0\n"));
+        let presses = [vec![1], vec![1], vec![0, 1], vec![]];
+        let abaqus = text(Dialect::Abaqus, &presses);
+        assert!(abaqus.contains("*ELSET, ELSET=PRESS_1\n2\n*ELSET, ELSET=PRESS_2\n1\n"));
+        assert_eq!(abaqus.matches("*STEP").count(), 3);
+        assert_eq!(abaqus.matches("*END STEP").count(), 3);
+        // Both triangles are one cell.
+        let text = text(Dialect::Calculix, &presses);
+        assert!(text.contains("*ELSET, ELSET=PRESS_1\n1\n") && !text.contains("PRESS_2"));
+        assert_eq!(text.matches("*STEP").count(), 1);
+        assert!(text.contains("*AMPLITUDE, NAME=LOAD_1\n1., 0., 2., 1.\n"));
+        assert!(text.contains("*DLOAD, AMPLITUDE=LOAD_1\nPRESS_1, P, -1.00000000e0\n"));
+        let clamp = "*BOUNDARY, AMPLITUDE=LOAD_0\n4, 1, 1, 0.00000000e0\n4, 2, 2, 2.00000000e0\n";
+        assert!(text.contains(clamp), "{text}");
         assert!(text.contains("*NSET, NSET=CLAMPS\n4\n"));
         assert!(
             text.contains("\nLAMINA, GRAV, 1.50000000e3, 0., 0., -1.\n"),
             "{text}"
         );
-        // Tool after lamina.
-        assert!(text.contains("ELSET=TOOL\n3, 5, 6, 7\n"));
+        // Tool after lamina: four vertices and four sides, then four nodes above and below.
+        assert!(text.contains("TYPE=S8R, ELSET=LAMINA\n1, 1, 2, 3, 4, 5, 6, 7, 8\n"));
+        assert!(text.contains("ELSET=TOOL\n3, 13, 14, 15, 9, 10, 11\n"));
     }
 
     #[test]
