@@ -186,11 +186,11 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     if let Some(accuracy) = args.accuracy {
         config.env.set_accuracy(accuracy);
     }
-    config
-        .make_paths_absolute()
-        .context("cannot find the current folder")?;
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
+    // Before the scene is set up from them: what the run keeps is what it was trained with.
+    let mut kept = config.clone();
+    let inputs = kept.keep_inputs().or_invalid_in(&place)?;
     let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
     let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
     // Below a micrometre there is nothing to win, and scores divide by it.
@@ -206,8 +206,8 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     policy.or_invalid_in(&place)?;
 
     let info = RunInfo::new(config.seed, SystemTime::now());
-    let text = config.to_toml();
-    let folder = RunFolder::create(&args.runs, args.name.as_deref(), &text, &info);
+    let kept = (&*kept.to_toml(), &*inputs);
+    let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info);
     let folder = folder.map_err(Failure::of_run)?;
     if !args.json {
         eprintln!("writing {}", folder.path.display());

@@ -18,7 +18,7 @@ pub use checkpoint::{Checkpoint, OtherConfig};
 pub use config::RunConfig;
 pub(crate) use folder::read_text;
 pub use folder::{
-    BestSequence, Proved, RunError, RunFolder, RunInfo, RunLock, config_digest, dated_folder,
+    BestSequence, Input, Proved, RunError, RunFolder, RunInfo, RunLock, config_digest, dated_folder,
 };
 pub use metrics::{curve, read_metrics};
 pub use rollout::{

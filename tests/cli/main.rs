@@ -6,6 +6,7 @@ mod compare;
 mod damage;
 mod eval;
 mod inp;
+mod inputs;
 mod run;
 mod scene;
 mod study;

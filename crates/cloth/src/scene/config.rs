@@ -186,16 +186,20 @@ impl SceneConfig {
         Ok(scene)
     }
 
+    /// The paths of all files that the scene is read from.
+    pub fn files_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        let tool = match &mut self.tool.source {
+            Source::Stl(stl) => Some(&mut stl.path),
+            Source::Shape(_) => None,
+        };
+        let files = [self.material.as_mut(), tool, self.blank.outline.as_mut()];
+        files.into_iter().flatten()
+    }
+
     /// Makes the paths in the scene count from `folder`.
     pub fn resolve(&mut self, folder: &Path) {
-        if let Some(material) = &mut self.material {
-            *material = folder.join(&material);
-        }
-        if let Source::Stl(stl) = &mut self.tool.source {
-            stl.path = folder.join(&stl.path);
-        }
-        if let Some(outline) = &mut self.blank.outline {
-            *outline = folder.join(&outline);
+        for path in self.files_mut() {
+            *path = folder.join(&path);
         }
     }
 
