@@ -1,3 +1,4 @@
+use std::fs;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
@@ -6,6 +7,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use super::Failure;
+use drape_cloth::file::check_writable;
 
 /// Prints `text` and a line break on stdout. A reader that has left early is no failure.
 pub(super) fn print(text: &str) -> Result<(), Failure> {
@@ -52,6 +54,31 @@ impl Drop for OutFolder {
             let _ = std::fs::remove_dir(folder);
         }
     }
+}
+
+/// Lets `write` write files into an empty folder, and moves them to `folder` when it has: what is
+/// there stays whole until all of them are.
+pub(super) fn write_together(
+    folder: &Path,
+    write: impl FnOnce(&Path) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let cannot = || format!("cannot write to {}", folder.display());
+    let mut staged = tempfile::Builder::new();
+    let staged = staged.prefix(".drape-").suffix(".tmp").tempdir_in(folder);
+    let staged = staged.with_context(cannot)?;
+    write(staged.path()).map_err(|failure| failure.moved_to(folder))?;
+    let names = fs::read_dir(staged.path()).with_context(cannot)?;
+    let names = names.map(|entry| entry.map(|entry| entry.file_name()));
+    let names = names.collect::<Result<Vec<_>, _>>().with_context(cannot)?;
+    for name in &names {
+        check_writable(&folder.join(name))?;
+    }
+    for name in &names {
+        let to = folder.join(name);
+        let moved = fs::rename(staged.path().join(name), &to);
+        moved.with_context(|| format!("cannot write {}", to.display()))?;
+    }
+    Ok(())
 }
 
 /// A bar on stderr for so many things, in the words of `template`. With `--json` it is hidden, so that

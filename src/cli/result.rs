@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::Failure;
+use super::output::write_together;
 use super::picture::{FilmFrame, Studio};
 use crate::run::{
     EpisodeSummary, PlayedEpisode, RolloutError, RunFolder, Training, curve, random_episodes,
@@ -155,14 +156,16 @@ impl Recorder {
 
         let studio = Studio::new(scene, Camera::isometric, PICTURE_SIZE);
         let shot = |state: &Snapshot, text: &str| studio.distance(state, text);
-        shot(&scene.initial, "before").save_png(&folder.join("before.png"))?;
-        shot(&played.end, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
-        let crushed = studio.crushed(&played.end);
-        crushed.save_png(&folder.join("crushed.png"))?;
         let top = Studio::new(scene, Camera::top, PICTURE_SIZE);
-        top.progress(&end).save_png(&folder.join("path.png"))?;
         let film = Studio::new(scene, Camera::isometric, FILM_SIZE);
-        film.film(&frames, &folder.join("rollout.gif"))
+        write_together(folder, |folder| {
+            shot(&scene.initial, "before").save_png(&folder.join("before.png"))?;
+            shot(&played.end, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
+            let crushed = studio.crushed(&played.end);
+            crushed.save_png(&folder.join("crushed.png"))?;
+            top.progress(&end).save_png(&folder.join("path.png"))?;
+            film.film(&frames, &folder.join("rollout.gif"))
+        })
     }
 }
 

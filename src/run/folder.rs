@@ -477,10 +477,14 @@ mod tests {
 
         let temporary = run.path.join("checkpoints/.drape-a.tmp");
         fs::write(&temporary, "").unwrap();
+        let staged = run.pictures.join(".drape-b.tmp");
+        fs::create_dir(&staged).unwrap();
+        fs::write(staged.join("before.png"), "").unwrap();
         fs::write(&run.last_checkpoint, "").unwrap();
-        fs::remove_dir(&run.pictures).unwrap();
+        fs::remove_dir(run.events.parent().unwrap()).unwrap();
         let lock = run.lock().unwrap();
-        assert!(!temporary.exists() && run.last_checkpoint.exists() && run.pictures.is_dir());
+        assert!(!temporary.exists() && run.last_checkpoint.exists());
+        assert!(!staged.exists() && run.events.parent().unwrap().is_dir());
         let error = run.lock().unwrap_err();
         assert!(
             matches!(error.downcast_ref(), Some(RunError::InUse(_))),
