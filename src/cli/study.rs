@@ -8,9 +8,9 @@ use serde_json::{Value, json};
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::output::{OutFolder, Progress, print, print_json};
+use super::output::{OutFolder, Progress, print, print_json, write_together};
 use crate::run::{RunConfig, RunFolder, dated_folder, read_text};
-use drape_cloth::file::{check_writable, write_atomic};
+use drape_cloth::file::{WriteError, check_writable, write_atomic};
 use drape_study::episodes::Episodes;
 use drape_study::stability::Stability;
 use drape_study::study::{Context, Report, Study, StudyError, TrainedPath};
@@ -106,7 +106,7 @@ impl<S: clap::Args + Study> Measure<S> {
         let folder = out.as_ref().map(|out| &*out.path);
         let all = object(S::NAME, &report, seconds, folder);
         if let Some(folder) = folder {
-            write(&report, S::NAME, &all, folder)?;
+            write_together(folder, |folder| write(&report, S::NAME, &all, folder))?;
         }
         if let Some(path) = &self.into {
             let text = replaced::<S>(path, |name, columns| {
@@ -179,7 +179,10 @@ fn write(report: &Report, name: &str, all: &Value, folder: &Path) -> Result<(), 
     let json = serde_json::to_string_pretty(all)? + "\n";
     text(format!("{name}.json"), json)?;
     for (name, write) in &report.files {
-        write(&folder.join(name)).map_err(|error| anyhow!(error))?;
+        write(&folder.join(name)).map_err(|error| match error.downcast::<WriteError>() {
+            Ok(error) => anyhow::Error::new(*error),
+            Err(error) => anyhow!(error),
+        })?;
     }
     Ok(())
 }

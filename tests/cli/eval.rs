@@ -221,7 +221,7 @@ fn full_disk_replaces_nothing() {
     let path = folder.path();
     fs::create_dir(path.join("out")).unwrap();
     fs::write(path.join("out/before.png"), "old").unwrap();
-    fs::write(path.join("page.md"), "<!-- table verify.cases -->\n<!-- end -->\n").unwrap();
+    fs::write(path.join("page.md"), "<!-- table stability.counts -->\n<!-- end -->\n").unwrap();
     let before = files(path);
     let eval = ["eval", "runs/a", "--sequence", "--episodes", "1"];
     let to_out = [&eval[..], &["--out", "out"]].concat();
@@ -240,8 +240,8 @@ fn full_disk_replaces_nothing() {
         (&["compare", "runs/a", "runs/a", "--out", "d.png"], "d.png"),
         (&["tool", "rib", "--out", "a.stl"], "a.stl"),
         (
-            &["study", "verify", "--quick", "--into", "page.md", "--out", "study"],
-            "study/",
+            &["study", "stability", "--quick", "--sweep", "friction", "--into", "page.md"],
+            "runs/study-stability-",
         ),
     ] {
         let output = drape_with_limit(0, path, args);
