@@ -65,7 +65,7 @@ fn training_counts_diverged_episodes_and_goes_on() {
 fn diverged_episodes_are_left_out_of_the_baseline() {
     let scene = lost();
     assert!(
-        random_episodes(&scene, &small_region(), 3)
+        random_episodes(&scene, &small_region(), 3, |_| ())
             .unwrap()
             .is_empty()
     );

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::output::OutFolder;
+use super::output::{OutFolder, Progress};
 use super::proof;
 use super::result::{EpisodeStatistics, Recorder, rollout_failure};
 use super::setup::set_up;
@@ -137,10 +137,16 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         Drape::new(&scene.lamina, &played.end.position).write(file)?;
     }
 
-    let random = random_episodes(scene, env, args.episodes)?;
+    let progress = Progress::new("random episodes", args.json);
+    let random = random_episodes(scene, env, args.episodes, |share| progress.set(share))?;
+    drop(progress);
     let random = EpisodeStatistics::new("random", args.episodes, random)?;
     let sampled = match (&agent, args.sample) {
-        (Some(agent), true) => Some(sampled(agent, scene, env, args.episodes)?),
+        (Some(agent), true) => {
+            let progress = Progress::new("sampled episodes", args.json);
+            let told = |share| progress.set(share);
+            Some(sampled(agent, (scene, env), args.episodes, told)?)
+        }
         _ => None,
     };
     let mut proof = None;
@@ -313,9 +319,9 @@ impl Loaded {
 
 fn sampled(
     agent: &Agent,
-    scene: &Arc<Scene>,
-    env: &EnvConfig,
+    (scene, env): (&Arc<Scene>, &EnvConfig),
     count: usize,
+    progress: impl FnMut(f64),
 ) -> Result<EpisodeStatistics, Failure> {
     let choose = |draping: &Draping, streams: &mut [_]| -> Vec<u32> {
         let act = |(index, stream)| {
@@ -324,7 +330,7 @@ fn sampled(
         };
         streams.iter_mut().enumerate().map(act).collect()
     };
-    let episodes = parallel_episodes(scene, env, count, choose)?;
+    let episodes = parallel_episodes(scene, env, count, choose, progress)?;
     EpisodeStatistics::new("sampled", count, episodes)
 }
 

@@ -1,9 +1,12 @@
 use std::fs;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::thread::JoinHandle;
+use std::time::Duration;
 
 use anyhow::Context;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use super::Failure;
@@ -81,46 +84,117 @@ pub(super) fn write_together(
     Ok(())
 }
 
-/// A bar on stderr for so many things, in the words of `template`. With `--json` it is hidden, so that
-/// a program sees no control codes; indicatif hides it where nobody watches.
-pub(super) fn bar(total: u64, template: &str, json: bool) -> ProgressBar {
-    let style = ProgressStyle::with_template(template).expect("the template is valid");
-    let target = if json {
-        ProgressDrawTarget::hidden()
-    } else {
-        ProgressDrawTarget::stderr()
-    };
-    ProgressBar::with_draw_target(Some(total), target).with_style(style)
+/// Time between two lines about work that no terminal shows.
+const INTERVAL: Duration = Duration::from_secs(10);
+
+/// How far work is, on stderr: a bar on a terminal, and elsewhere a plain line every ten seconds.
+/// With `--json` it is silent.
+pub(super) struct Progress {
+    bar: ProgressBar,
+    /// Writes the lines until the sender is dropped.
+    lines: Option<(Sender<()>, JoinHandle<()>)>,
 }
 
-/// A bar on stderr that `0..=1` fills; hidden where nobody watches, and on demand.
-pub(super) struct Progress(ProgressBar);
-
-/// Steps of the bar: finer than a terminal is wide.
+/// Steps of a bar that `0..=1` fills: finer than a terminal is wide.
 const STEPS: u64 = 1000;
 
 impl Progress {
-    /// Starts a bar. With `--json` it is hidden, so that a program sees no control codes.
+    /// Starts with nothing done of what is called `title`.
     pub fn new(title: &'static str, json: bool) -> Self {
-        let template = "{msg} [{bar:40}] {percent:>3} % {eta}";
-        let bar = bar(STEPS, template, json || !io::stderr().is_terminal());
-        Self(bar.with_message(title))
+        let bar = ProgressBar::hidden().with_message(title).with_prefix(title);
+        bar.set_length(STEPS);
+        Self::start(bar, "{msg} [{bar:40}] {percent:>3} % {eta}", share_line, json)
+    }
+
+    /// Starts with `done` of `total` steps.
+    pub fn of_steps(done: u64, total: u64, json: bool) -> Self {
+        let bar = ProgressBar::hidden().with_position(done);
+        bar.set_length(total);
+        // What is done already tells no rate.
+        bar.tick();
+        bar.reset_eta();
+        let template = "{bar:24} {pos}/{len} steps, {per_sec:.0}, {eta} left; {msg}";
+        Self::start(bar, template, step_line, json)
+    }
+
+    fn start(
+        bar: ProgressBar,
+        template: &str,
+        line: fn(&ProgressBar) -> String,
+        json: bool,
+    ) -> Self {
+        let style = ProgressStyle::with_template(template).expect("the template is valid");
+        bar.set_style(style);
+        let mut lines = None;
+        if io::stderr().is_terminal() && !json {
+            bar.set_draw_target(ProgressDrawTarget::stderr());
+        } else if !json {
+            let (sender, stopped) = mpsc::channel();
+            let bar = bar.clone();
+            let writer = std::thread::spawn(move || {
+                while stopped.recv_timeout(INTERVAL) == Err(RecvTimeoutError::Timeout) {
+                    let _ = writeln!(io::stderr(), "{}", line(&bar));
+                }
+            });
+            lines = Some((sender, writer));
+        }
+        Self { bar, lines }
     }
 
     /// Shows the share that is done, 0 to 1.
     pub fn set(&self, share: f64) {
-        self.0.set_position((share * STEPS as f64) as u64);
+        self.bar.set_position((share * STEPS as f64) as u64);
     }
 
     /// Shows the share that is done, and what is being done.
     pub fn tell(&self, share: f64, doing: &str) {
         self.set(share);
-        self.0.set_message(doing.to_owned());
+        self.bar.set_message(doing.to_owned());
+    }
+
+    /// Shows the steps that are done, and what they have brought.
+    pub fn step(&self, done: u64, brought: String) {
+        self.bar.set_position(done);
+        self.bar.set_message(brought);
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        self.0.finish_and_clear();
+        self.bar.finish_and_clear();
+        if let Some((sender, writer)) = self.lines.take() {
+            drop(sender);
+            let _ = writer.join();
+        }
+    }
+}
+
+/// As in `proof, proving at accurate: 35 %, 40 seconds left`.
+fn share_line(bar: &ProgressBar) -> String {
+    let (title, doing) = (bar.prefix(), bar.message());
+    let doing = match title == doing {
+        true => String::new(),
+        false => format!(", {doing}"),
+    };
+    let percent = 100 * bar.position() / STEPS;
+    format!("{title}{doing}: {percent} %{}", left(bar))
+}
+
+/// As in `12800/200000 steps, 1623 a second, 2 minutes left; score: ...`.
+fn step_line(bar: &ProgressBar) -> String {
+    let (done, total) = (bar.position(), bar.length().unwrap_or(0));
+    let mut line = format!("{done}/{total} steps, {:.0} a second{}", bar.per_sec(), left(bar));
+    if !bar.message().is_empty() {
+        line += &format!("; {}", bar.message());
+    }
+    line
+}
+
+/// The time that is left, where it is known.
+fn left(bar: &ProgressBar) -> String {
+    let eta = bar.eta();
+    match eta.is_zero() || bar.position() == 0 {
+        true => String::new(),
+        false => format!(", {} left", HumanDuration(eta)),
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::Failure;
-use super::output::write_together;
+use super::output::{Progress, write_together};
 use super::picture::{FilmFrame, Studio};
 use crate::run::{
     EpisodeSummary, PlayedEpisode, RolloutError, RunFolder, Training, curve, random_episodes,
@@ -73,7 +73,9 @@ pub(super) fn baseline(training: &Training, json: bool) -> Result<EpisodeStatist
         eprintln!("playing {BASELINE_EPISODES} random episodes for comparison");
     }
     let (scene, config) = (training.scene(), &training.config.env);
-    let episodes = random_episodes(scene, config, BASELINE_EPISODES)?;
+    let progress = Progress::new("random episodes", json);
+    let told = |share| progress.set(share);
+    let episodes = random_episodes(scene, config, BASELINE_EPISODES, told)?;
     EpisodeStatistics::new("random", BASELINE_EPISODES, episodes)
 }
 

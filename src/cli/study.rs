@@ -11,6 +11,7 @@ use super::failure::OrInvalid;
 use super::output::{OutFolder, Progress, print, print_json, write_together};
 use crate::run::{RunConfig, RunFolder, dated_folder, read_text};
 use drape_cloth::file::{WriteError, check_writable, write_atomic};
+use drape_cloth::scene::SceneConfig;
 use drape_study::episodes::Episodes;
 use drape_study::stability::Stability;
 use drape_study::study::{Context, Report, Study, StudyError, TrainedPath};
@@ -19,6 +20,7 @@ use drape_study::tradeoff::Tradeoff;
 use drape_study::transfer::Transfer;
 use drape_study::twin::TwinStudy;
 use drape_study::verify::Verify;
+use drape_task::env::EnvConfig;
 
 /// Measure the simulator itself
 #[derive(Debug, clap::Args)]
@@ -92,10 +94,17 @@ impl<S: clap::Args + Study> Measure<S> {
             }
             (None, None) => None,
         };
+        if let Some(run) = self.study.scene().and_then(|scene| scene.run())
+            && !self.json
+        {
+            let run = run.display();
+            eprintln!("using the scene and the focus region of {run}, not what it has learnt");
+        }
         let start = Instant::now();
         let progress = Progress::new(S::NAME, self.json);
         let found = self.study.run(&Context {
             progress: &|share, doing| progress.tell(share, doing),
+            read_task: &|path| Ok(read_task(path)?.1),
             read_run: &read_run,
         });
         drop(progress);
@@ -197,13 +206,20 @@ fn replaced<S: Study>(
     new.map_err(|message| Failure::invalid(anyhow!("{}: {message}", path.display())))
 }
 
+/// A run folder with its scene and task.
+fn read_task(path: &Path) -> Result<(RunFolder, (SceneConfig, EnvConfig)), StudyError> {
+    let unread = |error: anyhow::Error| StudyError::Read(error.into());
+    let folder = RunFolder::open(path).map_err(unread)?;
+    let config = RunConfig::read(&folder.config).map_err(unread)?;
+    Ok((folder, (config.scene, config.env)))
+}
+
 /// The path of a run folder, proved or before that its best sequence, which is refused where its
 /// configuration has changed.
 fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
     let unread = |error: anyhow::Error| StudyError::Read(error.into());
     let damaged = |error: anyhow::Error| StudyError::Damaged(error.into());
-    let folder = RunFolder::open(path).map_err(|error| StudyError::Read(error.into()))?;
-    let config = RunConfig::read(&folder.config).map_err(unread)?;
+    let (folder, (scene, env)) = read_task(path)?;
     let (best, place) = match folder.read_proof().map_err(damaged)? {
         Some(proved) => (proved.path, &folder.proof),
         None => {
@@ -215,8 +231,8 @@ fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
     let fault = |fault| StudyError::Invalid(format!("{}: {fault}", place.display()));
     best.check_config(&text).map_err(fault)?;
     Ok(TrainedPath {
-        scene: config.scene,
-        env: config.env,
+        scene,
+        env,
         vertices: best.vertices,
     })
 }

@@ -69,9 +69,13 @@ impl TwinStudy {
         if let Some(run) = self.path.as_ref().filter(|path| path.is_dir()) {
             return (context.read_run)(run);
         }
+        let (scene, region_mm) = self.scene.read(context)?;
         let mut source = TrainedPath {
-            scene: self.scene.read()?,
-            env: EnvConfig::default(),
+            scene,
+            env: EnvConfig {
+                region_mm,
+                ..EnvConfig::default()
+            },
             vertices: Vec::new(),
         };
         if let Some(path) = &self.path {
@@ -111,7 +115,7 @@ impl Study for TwinStudy {
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let source = self.source(context)?;
         let mut config = match self.scene.config {
-            Some(_) => self.scene.read()?,
+            Some(_) => self.scene.read(context)?.0,
             None => source.scene.clone(),
         };
         self.scene.set_mesh(&mut config, Some(33))?;
