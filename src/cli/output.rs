@@ -103,7 +103,12 @@ impl Progress {
     pub fn new(title: &'static str, json: bool) -> Self {
         let bar = ProgressBar::hidden().with_message(title).with_prefix(title);
         bar.set_length(STEPS);
-        Self::start(bar, "{msg} [{bar:40}] {percent:>3} % {eta}", share_line, json)
+        Self::start(
+            bar,
+            "{msg} [{bar:40}] {percent:>3} % {eta}",
+            share_line,
+            json,
+        )
     }
 
     /// Starts with `done` of `total` steps.
@@ -129,14 +134,10 @@ impl Progress {
         if io::stderr().is_terminal() && !json {
             bar.set_draw_target(ProgressDrawTarget::stderr());
         } else if !json {
-            let (sender, stopped) = mpsc::channel();
             let bar = bar.clone();
-            let writer = std::thread::spawn(move || {
-                while stopped.recv_timeout(INTERVAL) == Err(RecvTimeoutError::Timeout) {
-                    let _ = writeln!(io::stderr(), "{}", line(&bar));
-                }
-            });
-            lines = Some((sender, writer));
+            lines = Some(every(INTERVAL, move || {
+                let _ = writeln!(io::stderr(), "{}", line(&bar));
+            }));
         }
         Self { bar, lines }
     }
@@ -169,6 +170,20 @@ impl Drop for Progress {
     }
 }
 
+/// Calls `say` again and again, first after the `interval`, until the sender is dropped.
+fn every(
+    interval: Duration,
+    mut say: impl FnMut() + Send + 'static,
+) -> (Sender<()>, JoinHandle<()>) {
+    let (sender, stopped) = mpsc::channel();
+    let thread = std::thread::spawn(move || {
+        while stopped.recv_timeout(interval) == Err(RecvTimeoutError::Timeout) {
+            say();
+        }
+    });
+    (sender, thread)
+}
+
 /// As in `proof, proving at accurate: 35 %, 40 seconds left`.
 fn share_line(bar: &ProgressBar) -> String {
     let (title, doing) = (bar.prefix(), bar.message());
@@ -183,7 +198,11 @@ fn share_line(bar: &ProgressBar) -> String {
 /// As in `12800/200000 steps, 1623 a second, 2 minutes left; score: ...`.
 fn step_line(bar: &ProgressBar) -> String {
     let (done, total) = (bar.position(), bar.length().unwrap_or(0));
-    let mut line = format!("{done}/{total} steps, {:.0} a second{}", bar.per_sec(), left(bar));
+    let mut line = format!(
+        "{done}/{total} steps, {:.0} a second{}",
+        bar.per_sec(),
+        left(bar)
+    );
     if !bar.message().is_empty() {
         line += &format!("; {}", bar.message());
     }
@@ -196,5 +215,44 @@ fn left(bar: &ProgressBar) -> String {
     match eta.is_zero() || bar.position() == 0 {
         true => String::new(),
         false => format!(", {} left", HumanDuration(eta)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_come_until_the_work_ends() {
+        let (said, heard) = mpsc::channel();
+        let (sender, thread) = every(Duration::from_millis(1), move || {
+            let _ = said.send(());
+        });
+        for _ in 0..3 {
+            heard.recv().unwrap();
+        }
+        drop(sender);
+        thread.join().unwrap();
+        // Its end of the channel is gone.
+        heard.iter().for_each(drop);
+    }
+
+    #[test]
+    fn lines_say_how_far_the_work_is() {
+        let proof = Progress::new("proof", true);
+        proof.set(0.0);
+        assert_eq!(share_line(&proof.bar), "proof: 0 %");
+        proof.tell(0.35, "the twin's fall");
+        let line = share_line(&proof.bar);
+        assert!(line.starts_with("proof, the twin's fall: 35 %"), "{line}");
+        let training = Progress::of_steps(100, 400, true);
+        training.step(200, "score: 5 %".into());
+        let line = step_line(&training.bar);
+        assert!(line.starts_with("200/400 steps, "), "{line}");
+        assert!(
+            line.contains(" a second") && line.ends_with("; score: 5 %"),
+            "{line}"
+        );
+        assert!(training.lines.is_none());
     }
 }

@@ -221,7 +221,11 @@ fn full_disk_replaces_nothing() {
     let path = folder.path();
     fs::create_dir(path.join("out")).unwrap();
     fs::write(path.join("out/before.png"), "old").unwrap();
-    fs::write(path.join("page.md"), "<!-- table stability.counts -->\n<!-- end -->\n").unwrap();
+    fs::write(
+        path.join("page.md"),
+        "<!-- table stability.counts -->\n<!-- end -->\n",
+    )
+    .unwrap();
     let before = files(path);
     let eval = ["eval", "runs/a", "--sequence", "--episodes", "1"];
     let to_out = [&eval[..], &["--out", "out"]].concat();
@@ -233,14 +237,31 @@ fn full_disk_replaces_nothing() {
 
     for (args, file) in [
         (&to_out[..], "out/before.png"),
-        (&["eval", "runs/a", "--prove", "--episodes", "1"], "runs/a/proof.json"),
+        (
+            &["eval", "runs/a", "--prove", "--episodes", "1"],
+            "runs/a/proof.json",
+        ),
         (&["export", "runs/a"], "runs/a/trajectory.json"),
-        (&["export", "runs/a", "--format", "csv"], "runs/a/trajectory.csv"),
-        (&["export", "runs/a", "--format", "abaqus"], "runs/a/draping.inp"),
+        (
+            &["export", "runs/a", "--format", "csv"],
+            "runs/a/trajectory.csv",
+        ),
+        (
+            &["export", "runs/a", "--format", "abaqus"],
+            "runs/a/draping.inp",
+        ),
         (&["compare", "runs/a", "runs/a", "--out", "d.png"], "d.png"),
         (&["tool", "rib", "--out", "a.stl"], "a.stl"),
         (
-            &["study", "stability", "--quick", "--sweep", "friction", "--into", "page.md"],
+            &[
+                "study",
+                "stability",
+                "--quick",
+                "--sweep",
+                "friction",
+                "--into",
+                "page.md",
+            ],
             "runs/study-stability-",
         ),
     ] {

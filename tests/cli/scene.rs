@@ -422,6 +422,25 @@ fn a_blank_that_still_moves_is_noticed() {
     assert_eq!(stderr(&scene(RIB)), "");
 }
 
+/// Where the blank is not over the tool, and where clamps hold it over it.
+#[test]
+fn misplaced_blanks_are_told() {
+    let folder = folder();
+    let path = folder.path();
+    let output = set_up(path, &(scene(RIB) + "[placement]\ncentre_mm = [500, 0]\n"));
+    let words = [
+        "scene.toml: `placement.centre_mm` is [500.0, 0.0], expected one at which the blank is over \
+         the tool, whose middle is at [",
+    ];
+    assert_failure(&output, 2, &words);
+    let warning = "warning: scene.toml: `clamps[0]` holds the blank 158.4 mm off the tool, expected at most 15";
+    let text = scene(RIB).replace("at_mm = [0, -185]", "at_mm = [0, 185]");
+    let output = set_up(path, &text);
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{stderr}");
+    assert!(stderr.starts_with(warning), "{stderr}");
+}
+
 /// Training refuses what a scene warns of.
 #[test]
 fn a_blank_that_misses_the_tool_is_noticed() {

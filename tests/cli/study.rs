@@ -341,7 +341,9 @@ fn a_run_stands_for_its_scene() {
     })
     .unwrap();
     let run = |scene: &[&str]| {
-        let args = ["study", "episodes", "--count", "2", "--out", "out", "--json"];
+        let args = [
+            "study", "episodes", "--count", "2", "--out", "out", "--json",
+        ];
         let mut report = json(path, &[&args[..], scene].concat());
         report.as_object_mut().unwrap().remove("seconds");
         report
@@ -351,8 +353,10 @@ fn a_run_stands_for_its_scene() {
     let other = ["runs/a", "--region=80,-186,186,-80"];
     assert_ne!(of_run, run(&other));
 
-    let args = ["study", "episodes", "runs/a", "--count", "1", "--out", "out"];
-    let stderr = String::from_utf8(drape(path, &args).stderr).unwrap();
+    let args = [
+        "study", "episodes", "runs/a", "--count", "1", "--out", "out",
+    ];
+    let stderr = said(drape(path, &args).stderr);
     let line = "using the scene and the focus region of runs/a, not what it has learnt\n";
     assert_eq!(stderr, line);
     let args = ["study", "episodes", "runs", "--out", "out"];

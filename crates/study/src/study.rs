@@ -215,7 +215,9 @@ impl SceneOptions {
             return Ok((scene, env.region_mm));
         }
         let scene = match &self.config {
-            Some(path) => SceneConfig::read(path).map_err(|error| StudyError::Read(error.into()))?,
+            Some(path) => {
+                SceneConfig::read(path).map_err(|error| StudyError::Read(error.into()))?
+            }
             None => SceneConfig::rib(),
         };
         Ok((scene, None))
