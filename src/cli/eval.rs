@@ -183,6 +183,8 @@ pub(super) struct Loaded {
     pub scene: Arc<Scene>,
     /// What episodes are played with: the run's own, unless that was changed.
     pub env: EnvConfig,
+    /// Nobody is told how far work is.
+    json: bool,
 }
 
 impl Loaded {
@@ -197,6 +199,7 @@ impl Loaded {
             env: config.env.clone(),
             config,
             scene,
+            json,
         })
     }
 
@@ -209,7 +212,7 @@ impl Loaded {
     ) -> Result<(PlayedEpisode, Option<Agent>, Recorder, Draping), Failure> {
         let mut draping = Draping::new(self.scene.clone(), &self.env, 1).or_invalid()?;
         let mut recorder = Recorder::default();
-        let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);
+        let watch = recorder.watch(&draping, self.json);
         let (played, agent, place) = match checkpoint {
             None => {
                 let best = self.best_sequence()?;
@@ -253,7 +256,10 @@ impl Loaded {
     pub fn play_path(&self) -> Result<(PlayedEpisode, Option<Proved>), Failure> {
         let proof = self.proof()?;
         let played = match &proof {
-            Some(proved) => proof::play(proved, &self.scene, &self.env, &self.folder.proof)?.0,
+            Some(proved) => {
+                let place = &self.folder.proof;
+                proof::play(proved, &self.scene, &self.env, place, self.json)?.0
+            }
             None => self.play(None)?.0,
         };
         Ok((played, proof))

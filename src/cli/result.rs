@@ -128,14 +128,24 @@ pub(super) fn reward_curve(
 pub(super) struct Recorder(Vec<FilmFrame>);
 
 impl Recorder {
-    /// Remembers the episode as it is now.
-    pub fn watch(&mut self, draping: &Draping, points: &[PressedPoint]) {
-        let state = draping.state(0);
-        self.0.push(FilmFrame {
-            path: path_of(points, draping.config()),
-            caption: caption(points.len(), draping, &state),
-            state,
-        });
+    /// What remembers an episode of `draping` before each press, and tells how far it is.
+    pub fn watch<'a>(
+        &'a mut self,
+        draping: &Draping,
+        json: bool,
+    ) -> impl FnMut(&Draping, &[PressedPoint]) + use<'a> {
+        let progress = Progress::new("episode", json);
+        // About a press for each five vertices.
+        let expected = draping.region_vertices().count().div_ceil(5) as f64;
+        move |draping, points| {
+            progress.set((points.len() as f64 / expected).min(1.0));
+            let state = draping.state(0);
+            self.0.push(FilmFrame {
+                path: path_of(points, draping.config()),
+                caption: caption(points.len(), draping, &state),
+                state,
+            });
+        }
     }
 
     /// Writes the pictures and the film into a folder.

@@ -94,17 +94,20 @@ impl<S: clap::Args + Study> Measure<S> {
             }
             (None, None) => None,
         };
-        if let Some(run) = self.study.scene().and_then(|scene| scene.run())
-            && !self.json
-        {
-            let run = run.display();
-            eprintln!("using the scene and the focus region of {run}, not what it has learnt");
-        }
         let start = Instant::now();
         let progress = Progress::new(S::NAME, self.json);
         let found = self.study.run(&Context {
             progress: &|share, doing| progress.tell(share, doing),
-            read_task: &|path| Ok(read_task(path)?.1),
+            read_task: &|path| {
+                let (_, task) = read_task(path)?;
+                if !self.json {
+                    let run = path.display();
+                    eprintln!(
+                        "using the scene and the focus region of {run}, not what it has learnt"
+                    );
+                }
+                Ok(task)
+            },
             read_run: &read_run,
         });
         drop(progress);

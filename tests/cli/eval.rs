@@ -227,18 +227,18 @@ fn full_disk_replaces_nothing() {
     )
     .unwrap();
     let before = files(path);
-    let eval = ["eval", "runs/a", "--sequence", "--episodes", "1"];
+    let eval = ["eval", "runs/a", "--sequence", "--episodes", "1", "--json"];
     let to_out = [&eval[..], &["--out", "out"]].concat();
-    // Some of the pictures are smaller.
-    let output = drape_on_full_disk(path, &to_out);
-    let words = ["error: cannot write out/rollout.gif: File too large"];
+    // Two pictures are smaller.
+    let output = drape_with_limit(110, path, &to_out);
+    let words = ["error: cannot write out/crushed.png: File too large"];
     assert_failure(&output, 1, &words);
     assert!(files(path) == before);
 
     for (args, file) in [
         (&to_out[..], "out/before.png"),
         (
-            &["eval", "runs/a", "--prove", "--episodes", "1"],
+            &["eval", "runs/a", "--prove", "--episodes", "1", "--json"],
             "runs/a/proof.json",
         ),
         (&["export", "runs/a"], "runs/a/trajectory.json"),
@@ -261,6 +261,7 @@ fn full_disk_replaces_nothing() {
                 "friction",
                 "--into",
                 "page.md",
+                "--json",
             ],
             "runs/study-stability-",
         ),

@@ -200,17 +200,12 @@ impl SceneOptions {
         path.map_or("the built-in scene".into(), |p| p.display().to_string())
     }
 
-    /// The run folder that the scene is read from, if it is.
-    pub fn run(&self) -> Option<&Path> {
-        self.config.as_deref().filter(|path| path.is_dir())
-    }
-
     /// The scene of the file, that of the run with its focus region, or the built-in one.
     pub(crate) fn read(
         &self,
         context: &Context,
     ) -> Result<(SceneConfig, Option<[f64; 4]>), StudyError> {
-        if let Some(run) = self.run() {
+        if let Some(run) = self.config.as_ref().filter(|path| path.is_dir()) {
             let (scene, env) = (context.read_task)(run)?;
             return Ok((scene, env.region_mm));
         }
