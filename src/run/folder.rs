@@ -291,7 +291,8 @@ impl RunFolder {
         }
         let unfinished = unfinished.tempdir_in(root);
         let unfinished = unfinished.with_context(|| cannot_create(root))?;
-        Self::at(unfinished.path().into()).fill(config, info)?;
+        let filled = Self::at(unfinished.path().into()).fill(config, info);
+        filled.with_context(|| cannot_create(&root.join(name.unwrap_or_default())))?;
         let mut last = root.into();
         for name in names {
             let path = root.join(name);
