@@ -42,7 +42,9 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
             eprintln!("warning: {place}: the {what} measures {size}: check {key}");
         }
     }
+    let lies = scene.clearance() <= MISSED;
     if let Some((index, distance)) = scene.farthest_clamp()
+        && lies
         && 1e3 * distance > IN_THE_AIR
     {
         eprintln!(
@@ -52,7 +54,7 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
         );
     }
     let v_rms = 1e3 * scene.initial.v_rms();
-    if v_rms > RESTLESS && scene.clearance() <= MISSED {
+    if v_rms > RESTLESS && lies {
         eprintln!(
             "warning: {place}: after the fall the blank still moves at {v_rms:.1} mm/s, expected \
              at most {RESTLESS}: raise `fall.substep_rate` or `fall.settle_s`"
