@@ -178,12 +178,16 @@ pub fn hung(
 }
 
 /// How far vertices at `x` have to be lifted, let down where negative, to just touch the tool from
-/// above [m]; none if they are not over it. They come down by what is free about all of them.
+/// above [m]; none if they are not over its box. They come down by what is free about all of them.
 fn lift(tool: &Tool, x: &[[f64; 3]]) -> Option<f64> {
     let (low, high) = tool.mesh.bounds();
-    let heights = || x.iter().map(|x| x[2]);
-    let highest = heights().fold(f64::NEG_INFINITY, f64::max);
-    let mut lift = high.z + TOUCHING - heights().fold(f64::INFINITY, f64::min);
+    let max = |k: usize| x.iter().map(|x| x[k]).fold(f64::NEG_INFINITY, f64::max);
+    let min = |k: usize| x.iter().map(|x| x[k]).fold(f64::INFINITY, f64::min);
+    if (0..2).any(|k| max(k) < low[k] || min(k) > high[k]) {
+        return None;
+    }
+    let (highest, top) = (max(2), high.z + TOUCHING - min(2));
+    let mut lift = top;
     while highest + lift > low.z {
         let free = x.iter().map(|&[x, y, z]| tool.distance([x, y, z + lift]).0);
         let free = free.fold(f64::INFINITY, f64::min);
@@ -192,7 +196,8 @@ fn lift(tool: &Tool, x: &[[f64; 3]]) -> Option<f64> {
         }
         lift -= free;
     }
-    None
+    // The tool slips between the vertices.
+    Some(top)
 }
 
 /// Where the vertices of the flat blank are over the origin [m].
