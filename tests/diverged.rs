@@ -41,7 +41,8 @@ fn training_counts_diverged_episodes_and_goes_on() {
     config.ppo.epochs = 1;
     let root = tempfile::tempdir().unwrap();
     let info = RunInfo::new(config.seed, SystemTime::now());
-    let folder = RunFolder::create(root.path(), Some("a"), &config.to_toml(), &info).unwrap();
+    let folder =
+        RunFolder::create(root.path(), Some("a"), (&config.to_toml(), &[]), &info).unwrap();
     let metrics = folder.metrics.clone();
     let mut training = Training::new(config, lost(), folder).unwrap();
     for _ in 0..2 {
@@ -64,7 +65,7 @@ fn training_counts_diverged_episodes_and_goes_on() {
 fn diverged_episodes_are_left_out_of_the_baseline() {
     let scene = lost();
     assert!(
-        random_episodes(&scene, &small_region(), 3)
+        random_episodes(&scene, &small_region(), 3, |_| ())
             .unwrap()
             .is_empty()
     );

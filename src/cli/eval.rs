@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::output::OutFolder;
+use super::output::{OutFolder, Progress};
 use super::proof;
 use super::result::{EpisodeStatistics, Recorder, rollout_failure};
 use super::setup::set_up;
@@ -137,10 +137,16 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         Drape::new(&scene.lamina, &played.end.position).write(file)?;
     }
 
-    let random = random_episodes(scene, env, args.episodes)?;
+    let progress = Progress::new("random episodes", args.json);
+    let random = random_episodes(scene, env, args.episodes, |share| progress.set(share))?;
+    drop(progress);
     let random = EpisodeStatistics::new("random", args.episodes, random)?;
     let sampled = match (&agent, args.sample) {
-        (Some(agent), true) => Some(sampled(agent, scene, env, args.episodes)?),
+        (Some(agent), true) => {
+            let progress = Progress::new("sampled episodes", args.json);
+            let told = |share| progress.set(share);
+            Some(sampled(agent, (scene, env), args.episodes, told)?)
+        }
         _ => None,
     };
     let mut proof = None;
@@ -177,6 +183,8 @@ pub(super) struct Loaded {
     pub scene: Arc<Scene>,
     /// What episodes are played with: the run's own, unless that was changed.
     pub env: EnvConfig,
+    /// Nobody is told how far work is.
+    json: bool,
 }
 
 impl Loaded {
@@ -191,6 +199,7 @@ impl Loaded {
             env: config.env.clone(),
             config,
             scene,
+            json,
         })
     }
 
@@ -203,7 +212,7 @@ impl Loaded {
     ) -> Result<(PlayedEpisode, Option<Agent>, Recorder, Draping), Failure> {
         let mut draping = Draping::new(self.scene.clone(), &self.env, 1).or_invalid()?;
         let mut recorder = Recorder::default();
-        let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);
+        let watch = recorder.watch(&draping, self.json);
         let (played, agent, place) = match checkpoint {
             None => {
                 let best = self.best_sequence()?;
@@ -247,7 +256,10 @@ impl Loaded {
     pub fn play_path(&self) -> Result<(PlayedEpisode, Option<Proved>), Failure> {
         let proof = self.proof()?;
         let played = match &proof {
-            Some(proved) => proof::play(proved, &self.scene, &self.env, &self.folder.proof)?.0,
+            Some(proved) => {
+                let place = &self.folder.proof;
+                proof::play(proved, &self.scene, &self.env, place, self.json)?.0
+            }
             None => self.play(None)?.0,
         };
         Ok((played, proof))
@@ -313,9 +325,9 @@ impl Loaded {
 
 fn sampled(
     agent: &Agent,
-    scene: &Arc<Scene>,
-    env: &EnvConfig,
+    (scene, env): (&Arc<Scene>, &EnvConfig),
     count: usize,
+    progress: impl FnMut(f64),
 ) -> Result<EpisodeStatistics, Failure> {
     let choose = |draping: &Draping, streams: &mut [_]| -> Vec<u32> {
         let act = |(index, stream)| {
@@ -324,7 +336,7 @@ fn sampled(
         };
         streams.iter_mut().enumerate().map(act).collect()
     };
-    let episodes = parallel_episodes(scene, env, count, choose)?;
+    let episodes = parallel_episodes(scene, env, count, choose, progress)?;
     EpisodeStatistics::new("sampled", count, episodes)
 }
 

@@ -1,10 +1,11 @@
 use std::io::{self, Write};
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Error};
 
 use crate::run::{OtherConfig, RunError};
-use drape_cloth::file::ValueError;
+use drape_cloth::file::{ValueError, WriteError};
 use drape_cloth::scene::SceneError;
 
 /// Why a command ended early, and whose turn it is.
@@ -35,6 +36,19 @@ impl Failure {
     /// Wrong usage or configuration.
     pub(super) fn invalid(error: impl Into<Error>) -> Self {
         Self::new(error, true)
+    }
+
+    /// The same, a file that could not be written being meant for `folder`.
+    pub(super) fn moved_to(self, folder: &Path) -> Self {
+        let error = self.error.downcast().map(|error| match error {
+            WriteError::Io { path, source } => {
+                let path = folder.join(path.file_name().unwrap_or_default());
+                WriteError::Io { path, source }
+            }
+            other => other,
+        });
+        let error = error.map_or_else(|error| error, Error::new);
+        Self { error, ..self }
     }
 
     /// Prints the chain of causes as one line on stderr and gives the exit code.

@@ -1,11 +1,16 @@
+use std::fs;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::thread::JoinHandle;
+use std::time::Duration;
 
 use anyhow::Context;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use super::Failure;
+use drape_cloth::file::check_writable;
 
 /// Prints `text` and a line break on stdout. A reader that has left early is no failure.
 pub(super) fn print(text: &str) -> Result<(), Failure> {
@@ -54,46 +59,200 @@ impl Drop for OutFolder {
     }
 }
 
-/// A bar on stderr for so many things, in the words of `template`. With `--json` it is hidden, so that
-/// a program sees no control codes; indicatif hides it where nobody watches.
-pub(super) fn bar(total: u64, template: &str, json: bool) -> ProgressBar {
-    let style = ProgressStyle::with_template(template).expect("the template is valid");
-    let target = if json {
-        ProgressDrawTarget::hidden()
-    } else {
-        ProgressDrawTarget::stderr()
-    };
-    ProgressBar::with_draw_target(Some(total), target).with_style(style)
+/// Lets `write` write files into an empty folder, and moves them to `folder` when it has: what is
+/// there stays whole until all of them are.
+pub(super) fn write_together(
+    folder: &Path,
+    write: impl FnOnce(&Path) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let cannot = || format!("cannot write to {}", folder.display());
+    let mut staged = tempfile::Builder::new();
+    let staged = staged.prefix(".drape-").suffix(".tmp").tempdir_in(folder);
+    let staged = staged.with_context(cannot)?;
+    write(staged.path()).map_err(|failure| failure.moved_to(folder))?;
+    let names = fs::read_dir(staged.path()).with_context(cannot)?;
+    let names = names.map(|entry| entry.map(|entry| entry.file_name()));
+    let names = names.collect::<Result<Vec<_>, _>>().with_context(cannot)?;
+    for name in &names {
+        check_writable(&folder.join(name))?;
+    }
+    for name in &names {
+        let to = folder.join(name);
+        let moved = fs::rename(staged.path().join(name), &to);
+        moved.with_context(|| format!("cannot write {}", to.display()))?;
+    }
+    Ok(())
 }
 
-/// A bar on stderr that `0..=1` fills; hidden where nobody watches, and on demand.
-pub(super) struct Progress(ProgressBar);
+/// Time between two lines about work that no terminal shows.
+const INTERVAL: Duration = Duration::from_secs(10);
 
-/// Steps of the bar: finer than a terminal is wide.
+/// How far work is, on stderr: a bar on a terminal, and elsewhere a plain line every ten seconds.
+/// With `--json` it is silent.
+pub(super) struct Progress {
+    bar: ProgressBar,
+    /// Writes the lines until the sender is dropped.
+    lines: Option<(Sender<()>, JoinHandle<()>)>,
+}
+
+/// Steps of a bar that `0..=1` fills: finer than a terminal is wide.
 const STEPS: u64 = 1000;
 
 impl Progress {
-    /// Starts a bar. With `--json` it is hidden, so that a program sees no control codes.
+    /// Starts with nothing done of what is called `title`.
     pub fn new(title: &'static str, json: bool) -> Self {
-        let template = "{msg} [{bar:40}] {percent:>3} % {eta}";
-        let bar = bar(STEPS, template, json || !io::stderr().is_terminal());
-        Self(bar.with_message(title))
+        let bar = ProgressBar::hidden().with_message(title).with_prefix(title);
+        bar.set_length(STEPS);
+        Self::start(
+            bar,
+            "{msg} [{bar:40}] {percent:>3} % {eta}",
+            share_line,
+            json,
+        )
+    }
+
+    /// Starts with `done` of `total` steps.
+    pub fn of_steps(done: u64, total: u64, json: bool) -> Self {
+        let bar = ProgressBar::hidden().with_position(done);
+        bar.set_length(total);
+        // What is done already tells no rate.
+        bar.tick();
+        bar.reset_eta();
+        let template = "{bar:24} {pos}/{len} steps, {per_sec:.0}, {eta} left; {msg}";
+        Self::start(bar, template, step_line, json)
+    }
+
+    fn start(
+        bar: ProgressBar,
+        template: &str,
+        line: fn(&ProgressBar) -> String,
+        json: bool,
+    ) -> Self {
+        let style = ProgressStyle::with_template(template).expect("the template is valid");
+        bar.set_style(style);
+        let mut lines = None;
+        if io::stderr().is_terminal() && !json {
+            bar.set_draw_target(ProgressDrawTarget::stderr());
+        } else if !json {
+            let bar = bar.clone();
+            lines = Some(every(INTERVAL, move || {
+                let _ = writeln!(io::stderr(), "{}", line(&bar));
+            }));
+        }
+        Self { bar, lines }
     }
 
     /// Shows the share that is done, 0 to 1.
     pub fn set(&self, share: f64) {
-        self.0.set_position((share * STEPS as f64) as u64);
+        self.bar.set_position((share * STEPS as f64) as u64);
     }
 
     /// Shows the share that is done, and what is being done.
     pub fn tell(&self, share: f64, doing: &str) {
         self.set(share);
-        self.0.set_message(doing.to_owned());
+        self.bar.set_message(doing.to_owned());
+    }
+
+    /// Shows the steps that are done, and what they have brought.
+    pub fn step(&self, done: u64, brought: String) {
+        self.bar.set_position(done);
+        self.bar.set_message(brought);
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        self.0.finish_and_clear();
+        self.bar.finish_and_clear();
+        if let Some((sender, writer)) = self.lines.take() {
+            drop(sender);
+            let _ = writer.join();
+        }
+    }
+}
+
+/// Calls `say` again and again, first after the `interval`, until the sender is dropped.
+fn every(
+    interval: Duration,
+    mut say: impl FnMut() + Send + 'static,
+) -> (Sender<()>, JoinHandle<()>) {
+    let (sender, stopped) = mpsc::channel();
+    let thread = std::thread::spawn(move || {
+        while stopped.recv_timeout(interval) == Err(RecvTimeoutError::Timeout) {
+            say();
+        }
+    });
+    (sender, thread)
+}
+
+/// As in `proof, proving at accurate: 35 %, 40 seconds left`.
+fn share_line(bar: &ProgressBar) -> String {
+    let (title, doing) = (bar.prefix(), bar.message());
+    let doing = match title == doing {
+        true => String::new(),
+        false => format!(", {doing}"),
+    };
+    let percent = 100 * bar.position() / STEPS;
+    format!("{title}{doing}: {percent} %{}", left(bar))
+}
+
+/// As in `12800/200000 steps, 1623 a second, 2 minutes left; score: ...`.
+fn step_line(bar: &ProgressBar) -> String {
+    let (done, total) = (bar.position(), bar.length().unwrap_or(0));
+    let mut line = format!(
+        "{done}/{total} steps, {:.0} a second{}",
+        bar.per_sec(),
+        left(bar)
+    );
+    if !bar.message().is_empty() {
+        line += &format!("; {}", bar.message());
+    }
+    line
+}
+
+/// The time that is left, where it is known.
+fn left(bar: &ProgressBar) -> String {
+    let eta = bar.eta();
+    match eta.is_zero() || bar.position() == 0 {
+        true => String::new(),
+        false => format!(", {} left", HumanDuration(eta)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_come_until_the_work_ends() {
+        let (said, heard) = mpsc::channel();
+        let (sender, thread) = every(Duration::from_millis(1), move || {
+            let _ = said.send(());
+        });
+        for _ in 0..3 {
+            heard.recv().unwrap();
+        }
+        drop(sender);
+        thread.join().unwrap();
+        // Its end of the channel is gone.
+        heard.iter().for_each(drop);
+    }
+
+    #[test]
+    fn lines_say_how_far_the_work_is() {
+        let proof = Progress::new("proof", true);
+        proof.set(0.0);
+        assert_eq!(share_line(&proof.bar), "proof: 0 %");
+        proof.tell(0.35, "the twin's fall");
+        let line = share_line(&proof.bar);
+        assert!(line.starts_with("proof, the twin's fall: 35 %"), "{line}");
+        let training = Progress::of_steps(100, 400, true);
+        training.step(200, "score: 5 %".into());
+        let line = step_line(&training.bar);
+        assert!(line.starts_with("200/400 steps, "), "{line}");
+        assert!(
+            line.contains(" a second") && line.ends_with("; score: 5 %"),
+            "{line}"
+        );
+        assert!(training.lines.is_none());
     }
 }

@@ -58,7 +58,7 @@ pub(super) fn proved(
             proof: found.rows.clone(),
         })?,
     };
-    let (played, recorder, draping) = play(&proved, scene, env, &folder.proof)?;
+    let (played, recorder, draping) = play(&proved, scene, env, &folder.proof, json)?;
     write_json(&folder.trajectory, &path(&played, env)?)?;
     recorder.write(&folder.pictures, &draping, &played, "proved path")?;
     Ok((found.rows, Some(proved)))
@@ -71,10 +71,11 @@ pub(super) fn play(
     scene: &Arc<Scene>,
     env: &EnvConfig,
     place: &Path,
+    json: bool,
 ) -> Result<(PlayedEpisode, Recorder, Draping), Failure> {
     let mut draping = Draping::new(scene.clone(), &finely(env), 1)?;
     let mut recorder = Recorder::default();
-    let watch = |draping: &Draping, points: &[_]| recorder.watch(draping, points);
+    let watch = recorder.watch(&draping, json);
     let played = replay(&mut draping, &proved.path.vertices, Rules::Robot, watch)
         .map_err(|error| rollout_failure(error, place))?;
     Ok((played, recorder, draping))

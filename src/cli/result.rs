@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::Failure;
+use super::output::{Progress, write_together};
 use super::picture::{FilmFrame, Studio};
 use crate::run::{
     EpisodeSummary, PlayedEpisode, RolloutError, RunFolder, Training, curve, random_episodes,
@@ -72,7 +73,9 @@ pub(super) fn baseline(training: &Training, json: bool) -> Result<EpisodeStatist
         eprintln!("playing {BASELINE_EPISODES} random episodes for comparison");
     }
     let (scene, config) = (training.scene(), &training.config.env);
-    let episodes = random_episodes(scene, config, BASELINE_EPISODES)?;
+    let progress = Progress::new("random episodes", json);
+    let told = |share| progress.set(share);
+    let episodes = random_episodes(scene, config, BASELINE_EPISODES, told)?;
     EpisodeStatistics::new("random", BASELINE_EPISODES, episodes)
 }
 
@@ -125,14 +128,24 @@ pub(super) fn reward_curve(
 pub(super) struct Recorder(Vec<FilmFrame>);
 
 impl Recorder {
-    /// Remembers the episode as it is now.
-    pub fn watch(&mut self, draping: &Draping, points: &[PressedPoint]) {
-        let state = draping.state(0);
-        self.0.push(FilmFrame {
-            path: path_of(points, draping.config()),
-            caption: caption(points.len(), draping, &state),
-            state,
-        });
+    /// What remembers an episode of `draping` before each press, and tells how far it is.
+    pub fn watch<'a>(
+        &'a mut self,
+        draping: &Draping,
+        json: bool,
+    ) -> impl FnMut(&Draping, &[PressedPoint]) + use<'a> {
+        let progress = Progress::new("episode", json);
+        // About a press for each five vertices.
+        let expected = draping.region_vertices().count().div_ceil(5) as f64;
+        move |draping, points| {
+            progress.set((points.len() as f64 / expected).min(1.0));
+            let state = draping.state(0);
+            self.0.push(FilmFrame {
+                path: path_of(points, draping.config()),
+                caption: caption(points.len(), draping, &state),
+                state,
+            });
+        }
     }
 
     /// Writes the pictures and the film into a folder.
@@ -155,14 +168,16 @@ impl Recorder {
 
         let studio = Studio::new(scene, Camera::isometric, PICTURE_SIZE);
         let shot = |state: &Snapshot, text: &str| studio.distance(state, text);
-        shot(&scene.initial, "before").save_png(&folder.join("before.png"))?;
-        shot(&played.end, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
-        let crushed = studio.crushed(&played.end);
-        crushed.save_png(&folder.join("crushed.png"))?;
         let top = Studio::new(scene, Camera::top, PICTURE_SIZE);
-        top.progress(&end).save_png(&folder.join("path.png"))?;
         let film = Studio::new(scene, Camera::isometric, FILM_SIZE);
-        film.film(&frames, &folder.join("rollout.gif"))
+        write_together(folder, |folder| {
+            shot(&scene.initial, "before").save_png(&folder.join("before.png"))?;
+            shot(&played.end, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
+            let crushed = studio.crushed(&played.end);
+            crushed.save_png(&folder.join("crushed.png"))?;
+            top.progress(&end).save_png(&folder.join("path.png"))?;
+            film.film(&frames, &folder.join("rollout.gif"))
+        })
     }
 }
 

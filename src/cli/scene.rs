@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::output::{OutFolder, print, print_json};
+use super::output::{OutFolder, print, print_json, write_together};
 use super::picture::{Studio, View};
 use super::setup::{MISSED, missed, set_up};
 use drape_cloth::fabric::Drape;
@@ -75,7 +75,7 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
     }
     let seconds = start.elapsed().as_secs_f64();
     let summary = scene.summary(&scene.initial);
-    write_files(&scene, &summary, folder)?;
+    write_together(folder, |folder| write_files(&scene, &summary, folder))?;
     if let Some(file) = &args.state {
         Drape::new(&scene.lamina, &scene.initial.position).write(file)?;
     }

@@ -11,6 +11,10 @@ pub(super) const MISSED: f64 = 0.05;
 /// Root mean square speed after the fall above which a blank does not lie yet [mm/s].
 const RESTLESS: f64 = 2.0;
 
+/// Distance to the tool from which on clamps leave a part of the blank in the air [mm]: what stands
+/// farther off counts as a wrinkle.
+const IN_THE_AIR: f64 = 15.0;
+
 /// What is wrong with a blank that has missed the tool by `clearance` [m].
 pub(super) fn missed(clearance: f64) -> String {
     format!(
@@ -38,8 +42,19 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
             eprintln!("warning: {place}: the {what} measures {size}: check {key}");
         }
     }
+    let lies = scene.clearance() <= MISSED;
+    if let Some((index, distance)) = scene.farthest_clamp()
+        && lies
+        && 1e3 * distance > IN_THE_AIR
+    {
+        eprintln!(
+            "warning: {place}: `clamps[{index}]` holds the blank {:.1} mm off the tool, expected at \
+             most {IN_THE_AIR}: bring it down by `move_mm` or `placement`",
+            1e3 * distance
+        );
+    }
     let v_rms = 1e3 * scene.initial.v_rms();
-    if v_rms > RESTLESS && scene.clearance() <= MISSED {
+    if v_rms > RESTLESS && lies {
         eprintln!(
             "warning: {place}: after the fall the blank still moves at {v_rms:.1} mm/s, expected \
              at most {RESTLESS}: raise `fall.substep_rate` or `fall.settle_s`"

@@ -8,9 +8,10 @@ use serde_json::{Value, json};
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::output::{OutFolder, Progress, print, print_json};
+use super::output::{OutFolder, Progress, print, print_json, write_together};
 use crate::run::{RunConfig, RunFolder, dated_folder, read_text};
-use drape_cloth::file::{check_writable, write_atomic};
+use drape_cloth::file::{WriteError, check_writable, write_atomic};
+use drape_cloth::scene::SceneConfig;
 use drape_study::episodes::Episodes;
 use drape_study::stability::Stability;
 use drape_study::study::{Context, Report, Study, StudyError, TrainedPath};
@@ -19,6 +20,7 @@ use drape_study::tradeoff::Tradeoff;
 use drape_study::transfer::Transfer;
 use drape_study::twin::TwinStudy;
 use drape_study::verify::Verify;
+use drape_task::env::EnvConfig;
 
 /// Measure the simulator itself
 #[derive(Debug, clap::Args)]
@@ -96,6 +98,16 @@ impl<S: clap::Args + Study> Measure<S> {
         let progress = Progress::new(S::NAME, self.json);
         let found = self.study.run(&Context {
             progress: &|share, doing| progress.tell(share, doing),
+            read_task: &|path| {
+                let (_, task) = read_task(path)?;
+                if !self.json {
+                    let run = path.display();
+                    eprintln!(
+                        "using the scene and the focus region of {run}, not what it has learnt"
+                    );
+                }
+                Ok(task)
+            },
             read_run: &read_run,
         });
         drop(progress);
@@ -106,7 +118,7 @@ impl<S: clap::Args + Study> Measure<S> {
         let folder = out.as_ref().map(|out| &*out.path);
         let all = object(S::NAME, &report, seconds, folder);
         if let Some(folder) = folder {
-            write(&report, S::NAME, &all, folder)?;
+            write_together(folder, |folder| write(&report, S::NAME, &all, folder))?;
         }
         if let Some(path) = &self.into {
             let text = replaced::<S>(path, |name, columns| {
@@ -179,7 +191,10 @@ fn write(report: &Report, name: &str, all: &Value, folder: &Path) -> Result<(), 
     let json = serde_json::to_string_pretty(all)? + "\n";
     text(format!("{name}.json"), json)?;
     for (name, write) in &report.files {
-        write(&folder.join(name)).map_err(|error| anyhow!(error))?;
+        write(&folder.join(name)).map_err(|error| match error.downcast::<WriteError>() {
+            Ok(error) => anyhow::Error::new(*error),
+            Err(error) => anyhow!(error),
+        })?;
     }
     Ok(())
 }
@@ -194,13 +209,20 @@ fn replaced<S: Study>(
     new.map_err(|message| Failure::invalid(anyhow!("{}: {message}", path.display())))
 }
 
+/// A run folder with its scene and task.
+fn read_task(path: &Path) -> Result<(RunFolder, (SceneConfig, EnvConfig)), StudyError> {
+    let unread = |error: anyhow::Error| StudyError::Read(error.into());
+    let folder = RunFolder::open(path).map_err(unread)?;
+    let config = RunConfig::read(&folder.config).map_err(unread)?;
+    Ok((folder, (config.scene, config.env)))
+}
+
 /// The path of a run folder, proved or before that its best sequence, which is refused where its
 /// configuration has changed.
 fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
     let unread = |error: anyhow::Error| StudyError::Read(error.into());
     let damaged = |error: anyhow::Error| StudyError::Damaged(error.into());
-    let folder = RunFolder::open(path).map_err(|error| StudyError::Read(error.into()))?;
-    let config = RunConfig::read(&folder.config).map_err(unread)?;
+    let (folder, (scene, env)) = read_task(path)?;
     let (best, place) = match folder.read_proof().map_err(damaged)? {
         Some(proved) => (proved.path, &folder.proof),
         None => {
@@ -212,8 +234,8 @@ fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
     let fault = |fault| StudyError::Invalid(format!("{}: {fault}", place.display()));
     best.check_config(&text).map_err(fault)?;
     Ok(TrainedPath {
-        scene: config.scene,
-        env: config.env,
+        scene,
+        env,
         vertices: best.vertices,
     })
 }

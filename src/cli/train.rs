@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::Failure;
 use super::eval::accuracy;
 use super::failure::OrInvalid;
-use super::output::{bar, print, print_json};
+use super::output::{Progress, print, print_json};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::set_up_over_tool;
@@ -107,24 +107,23 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
     let stop = stop_on_signal()?;
     let baseline = result::baseline(&training, args.json)?;
 
-    let template = "{bar:24} {pos}/{len} steps, {per_sec:.0}, {eta} left; {msg}";
-    let bar = bar(training.config.steps, template, args.json).with_position(training.env_steps());
+    let progress = Progress::of_steps(training.env_steps(), training.config.steps, args.json);
     let start = Instant::now();
     let first = training.env_steps();
     let mut seconds = [0.0; 3];
     let mut diverged_episodes = 0;
     while !training.is_complete() && !stop.load(Ordering::Relaxed) {
         let report = training.advance().map_err(Failure::of_run)?;
-        bar.set_position(training.env_steps());
         let percent = |score: Option<f64>| {
             score.map_or("-".into(), |score| format!("{:.2} %", 100.0 * score))
         };
-        bar.set_message(format!(
+        let brought = format!(
             "score: mean {}, best {} (random {:.2} %)",
             percent(report.mean_score),
             percent(report.best_score),
             100.0 * baseline.mean_score,
-        ));
+        );
+        progress.step(training.env_steps(), brought);
         let ends = report.iteration.episodes.iter().map(|episode| episode.end);
         diverged_episodes += ends.filter(|&end| end == End::Diverged).count();
         let spent = &report.iteration.seconds;
@@ -135,7 +134,7 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
         }
     }
     training.checkpoint().map_err(Failure::of_run)?;
-    bar.finish_and_clear();
+    drop(progress);
     let elapsed = start.elapsed().as_secs_f64();
     // Who has asked to stop need not wait for a proof: resuming makes it.
     let complete = training.is_complete() && !stop.load(Ordering::Relaxed);
@@ -186,11 +185,11 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     if let Some(accuracy) = args.accuracy {
         config.env.set_accuracy(accuracy);
     }
-    config
-        .make_paths_absolute()
-        .context("cannot find the current folder")?;
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
+    // Before the scene is set up from them: what the run keeps is what it was trained with.
+    let mut kept = config.clone();
+    let inputs = kept.keep_inputs().or_invalid_in(&place)?;
     let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
     let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
     // Below a micrometre there is nothing to win, and scores divide by it.
@@ -206,8 +205,8 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     policy.or_invalid_in(&place)?;
 
     let info = RunInfo::new(config.seed, SystemTime::now());
-    let text = config.to_toml();
-    let folder = RunFolder::create(&args.runs, args.name.as_deref(), &text, &info);
+    let kept = (&*kept.to_toml(), &*inputs);
+    let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info);
     let folder = folder.map_err(Failure::of_run)?;
     if !args.json {
         eprintln!("writing {}", folder.path.display());

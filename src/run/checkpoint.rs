@@ -71,7 +71,7 @@ impl Checkpoint {
     /// The checkpoint of the run in `folder`, whose configuration is `config`.
     pub fn of_run(path: &Path, config: &RunConfig, folder: &RunFolder) -> Result<Self> {
         let checkpoint = Self::load(path)?;
-        if !config.is_read_from(&checkpoint.config) {
+        if !config.is_read_from(&checkpoint.config, &folder.config) {
             bail!(OtherConfig {
                 path: path.into(),
                 config: folder.config.clone(),

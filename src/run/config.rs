@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -6,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, Deserializer, ValueDeserializer};
 use toml::{Spanned, Table, Value};
 
-use super::folder::read_text;
-use drape_cloth::file::{ValueError, parse_toml_with, refuse_lists};
+use super::folder::{Input, digest, read_text};
+use drape_cloth::file::{ReadError, ValueError, parse_toml_with, read_bytes, refuse_lists};
 use drape_cloth::scene::SceneConfig;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
@@ -46,6 +47,10 @@ pub struct RunConfig {
     pub ppo: PpoConfig,
     #[serde(default = "SceneConfig::rib")]
     pub scene: SceneConfig,
+    /// What a run keeps of its scene's files, see [`RunConfig::keep_inputs`]: their digests by
+    /// their paths. A file that has changed is refused.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    inputs: BTreeMap<PathBuf, String>,
     /// Where the scene is read from; not kept once it is.
     #[serde(default, skip_serializing)]
     scene_file: Option<PathBuf>,
@@ -75,10 +80,10 @@ impl RunConfig {
         Self::parse(&read_text(path)?, path)
     }
 
-    /// Whether `text`, as [`RunConfig::to_toml`] once wrote it, means this configuration: keys
-    /// that have come since count as their defaults.
-    pub fn is_read_from(&self, text: &str) -> bool {
-        Self::parse(text, Path::new("")).is_ok_and(|config| config == *self)
+    /// Whether `text`, as [`RunConfig::to_toml`] once wrote it, means this configuration, which
+    /// stands at `path`: keys that have come since count as their defaults.
+    pub fn is_read_from(&self, text: &str, path: &Path) -> bool {
+        Self::parse(text, path).is_ok_and(|config| config == *self)
     }
 
     /// The defaults of a preset, on the built-in scene.
@@ -100,18 +105,29 @@ impl RunConfig {
             policy,
             ppo,
             scene: SceneConfig::rib(),
+            inputs: BTreeMap::new(),
             scene_file: None,
         }
     }
 
-    /// Makes the paths in it independent of the current folder, so that a run can be gone on
-    /// with from anywhere.
-    ///
-    /// # Errors
-    /// The current folder is not known.
-    pub fn make_paths_absolute(&mut self) -> std::io::Result<()> {
-        self.scene.resolve(&std::env::current_dir()?);
-        Ok(())
+    /// Lets the scene be read from copies of its files in the folder of a run, so that it stays
+    /// as it is wherever that goes. Gives these copies, whose paths count from there.
+    pub fn keep_inputs(&mut self) -> Result<Vec<Input>, ReadError> {
+        self.inputs.clear();
+        let mut inputs = Vec::new();
+        for path in self.scene.files_mut() {
+            let content = read_bytes(path)?;
+            let name = path.file_name().unwrap_or_default();
+            let mut name = name.to_string_lossy().into_owned();
+            let copy = |name: &str| PathBuf::from(format!("inputs/{name}"));
+            while self.inputs.contains_key(&copy(&name)) {
+                name.insert(0, '_');
+            }
+            *path = copy(&name);
+            self.inputs.insert(path.clone(), digest(&content));
+            inputs.push((path.clone(), content));
+        }
+        Ok(inputs)
     }
 
     /// The configuration as TOML, complete: reading it gives the same again. A key that the
@@ -138,6 +154,16 @@ impl RunConfig {
     fn parse(text: &str, path: &Path) -> Result<Self> {
         let mut config = parse_toml_with(text, path, Self::over_preset)?;
         let folder = path.parent().unwrap_or(Path::new(""));
+        for (input, expected) in &config.inputs {
+            let input = folder.join(input);
+            let found = digest(&read_bytes(&input)?);
+            if found != *expected {
+                let fault = format!(
+                    "digest is {found}, expected {expected}: it has changed since the run began"
+                );
+                return Err(ReadError::fault(&input, fault).into());
+            }
+        }
         match config.scene_file.take() {
             None => config.scene.resolve(folder),
             Some(file) => {
@@ -339,11 +365,11 @@ mod tests {
     #[test]
     fn text_without_keys_that_have_come_since_means_the_same() {
         let config = RunConfig::quickstart();
-        let text = config.to_toml();
-        assert!(config.is_read_from(&text));
+        let (text, here) = (config.to_toml(), Path::new(""));
+        assert!(config.is_read_from(&text, here));
         let older = text.replace("evaluation_interval = 2\n", "");
-        assert!(older != text && config.is_read_from(&older));
-        assert!(!config.is_read_from(&text.replace("seed = 1", "seed = 2")));
+        assert!(older != text && config.is_read_from(&older, here));
+        assert!(!config.is_read_from(&text.replace("seed = 1", "seed = 2"), here));
     }
 
     #[test]

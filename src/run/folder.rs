@@ -137,8 +137,16 @@ impl BestSequence {
 /// A short name for a configuration text: `crc32:` and eight hexadecimal digits. Tells
 /// different configurations apart; it is no protection against forgery.
 pub fn config_digest(config: &str) -> String {
-    format!("crc32:{:08x}", crc32fast::hash(config.as_bytes()))
+    digest(config.as_bytes())
 }
+
+/// The same for any file.
+pub(super) fn digest(content: &[u8]) -> String {
+    format!("crc32:{:08x}", crc32fast::hash(content))
+}
+
+/// A file that a run is made from: path in the folder of the run, and content.
+pub type Input = (PathBuf, Vec<u8>);
 
 /// A run that cannot be made, or not be written to.
 #[derive(Debug, thiserror::Error)]
@@ -252,9 +260,14 @@ impl RunFolder {
     }
 
     /// Makes the folder of a new run, `root/name`, or named by the minute without a name, with
-    /// `config` (TOML, resolved) and `info` in it. It appears whole or not at all, and never in
-    /// place of another.
-    pub fn create(root: &Path, name: Option<&str>, config: &str, info: &RunInfo) -> Result<Self> {
+    /// `config` (TOML, resolved), the files it is read with and `info` in it. It appears whole or
+    /// not at all, and never in place of another.
+    pub fn create(
+        root: &Path,
+        name: Option<&str>,
+        config: (&str, &[Input]),
+        info: &RunInfo,
+    ) -> Result<Self> {
         let names: Box<dyn Iterator<Item = String>> = match name {
             None => Box::new(dated_names("", SystemTime::now())),
             Some(name) => {
@@ -278,7 +291,8 @@ impl RunFolder {
         }
         let unfinished = unfinished.tempdir_in(root);
         let unfinished = unfinished.with_context(|| cannot_create(root))?;
-        Self::at(unfinished.path().into()).fill(config, info)?;
+        let filled = Self::at(unfinished.path().into()).fill(config, info);
+        filled.with_context(|| cannot_create(&root.join(name.unwrap_or_default())))?;
         let mut last = root.into();
         for name in names {
             let path = root.join(name);
@@ -291,8 +305,14 @@ impl RunFolder {
         bail!(RunError::Taken(last))
     }
 
-    fn fill(&self, config: &str, info: &RunInfo) -> Result<()> {
+    fn fill(&self, (config, inputs): (&str, &[Input]), info: &RunInfo) -> Result<()> {
         self.make_folders()?;
+        for (path, content) in inputs {
+            let path = self.path.join(path);
+            let folder = path.parent().expect("an input stands in a folder");
+            fs::create_dir_all(folder).with_context(|| cannot_create(folder))?;
+            write_atomic(&path, |file| file.write_all(content))?;
+        }
         write_atomic(&self.config, |file| file.write_all(config.as_bytes()))?;
         write_json(&self.info, info)
     }
@@ -428,7 +448,7 @@ mod tests {
     fn created_folder_opens_and_gives_back_what_went_in() {
         let root = tempfile::tempdir().unwrap();
         let root = root.path().join("runs");
-        let created = RunFolder::create(&root, Some("a"), CONFIG, &info()).unwrap();
+        let created = RunFolder::create(&root, Some("a"), (CONFIG, &[]), &info()).unwrap();
         let run = RunFolder::open(&root.join("a")).unwrap();
         assert_eq!(run, created);
         assert_eq!(fs::read_to_string(&run.config).unwrap(), CONFIG);
@@ -453,15 +473,19 @@ mod tests {
         }
         let before = SystemTime::now() - 2 * STALE;
         File::open(&old).unwrap().set_modified(before).unwrap();
-        let run = RunFolder::create(root, Some("a"), CONFIG, &info()).unwrap();
+        let run = RunFolder::create(root, Some("a"), (CONFIG, &[]), &info()).unwrap();
         assert!(!old.exists() && new.exists());
 
         let temporary = run.path.join("checkpoints/.drape-a.tmp");
         fs::write(&temporary, "").unwrap();
+        let staged = run.pictures.join(".drape-b.tmp");
+        fs::create_dir(&staged).unwrap();
+        fs::write(staged.join("before.png"), "").unwrap();
         fs::write(&run.last_checkpoint, "").unwrap();
-        fs::remove_dir(&run.pictures).unwrap();
+        fs::remove_dir(run.events.parent().unwrap()).unwrap();
         let lock = run.lock().unwrap();
-        assert!(!temporary.exists() && run.last_checkpoint.exists() && run.pictures.is_dir());
+        assert!(!temporary.exists() && run.last_checkpoint.exists());
+        assert!(!staged.exists() && run.events.parent().unwrap().is_dir());
         let error = run.lock().unwrap_err();
         assert!(
             matches!(error.downcast_ref(), Some(RunError::InUse(_))),
@@ -474,8 +498,8 @@ mod tests {
     #[test]
     fn existing_run_is_refused_and_untouched() {
         let root = tempfile::tempdir().unwrap();
-        RunFolder::create(root.path(), Some("a"), CONFIG, &info()).unwrap();
-        let error = RunFolder::create(root.path(), Some("a"), "", &info()).unwrap_err();
+        RunFolder::create(root.path(), Some("a"), (CONFIG, &[]), &info()).unwrap();
+        let error = RunFolder::create(root.path(), Some("a"), ("", &[]), &info()).unwrap_err();
         assert!(error.to_string().contains("choose another name"), "{error}");
         let run = RunFolder::open(&root.path().join("a")).unwrap();
         assert_eq!(fs::read_to_string(&run.config).unwrap(), CONFIG);
@@ -494,7 +518,8 @@ mod tests {
     fn names_that_leave_the_root_are_refused() {
         let root = tempfile::tempdir().unwrap();
         for name in ["", ".", "..", "a/b", "a/", "./a", "/a"] {
-            let error = RunFolder::create(root.path(), Some(name), CONFIG, &info()).unwrap_err();
+            let error =
+                RunFolder::create(root.path(), Some(name), (CONFIG, &[]), &info()).unwrap_err();
             assert!(error.is::<RunError>(), "{name}: {error}");
         }
         assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0);
@@ -514,7 +539,7 @@ mod tests {
     #[test]
     fn best_sequence_round_trips_and_damage_is_located() {
         let root = tempfile::tempdir().unwrap();
-        let run = RunFolder::create(root.path(), Some("a"), CONFIG, &info()).unwrap();
+        let run = RunFolder::create(root.path(), Some("a"), (CONFIG, &[]), &info()).unwrap();
         run.write_best_sequence(&sequence()).unwrap();
         assert_eq!(run.read_best_sequence().unwrap(), sequence());
 

@@ -1,9 +1,10 @@
 //! What a training run leaves on disk, and how it goes on from there.
 //!
-//! A [`RunFolder`] holds the resolved configuration, the metrics (as JSON lines and for
-//! TensorBoard), the [`Checkpoint`]s and the best action sequence seen. Files that are
-//! replaced are written atomically; files that grow are cut back on a resume to the length
-//! the checkpoint knew, so that an interruption leaves no trace in them.
+//! A [`RunFolder`] holds the resolved configuration with copies of the files that its scene is
+//! read from, the metrics (as JSON lines and for TensorBoard), the [`Checkpoint`]s and the best
+//! action sequence seen. Files that are replaced are written atomically; files that grow are cut
+//! back on a resume to the length the checkpoint knew, so that an interruption leaves no trace in
+//! them.
 
 mod checkpoint;
 mod config;
@@ -18,7 +19,7 @@ pub use checkpoint::{Checkpoint, OtherConfig};
 pub use config::RunConfig;
 pub(crate) use folder::read_text;
 pub use folder::{
-    BestSequence, Proved, RunError, RunFolder, RunInfo, RunLock, config_digest, dated_folder,
+    BestSequence, Input, Proved, RunError, RunFolder, RunInfo, RunLock, config_digest, dated_folder,
 };
 pub use metrics::{curve, read_metrics};
 pub use rollout::{

@@ -211,11 +211,13 @@ fn fault(draping: &Draping, vertices: &[u32], step: usize, limit: usize) -> Opti
     }
 }
 
-/// `count` episodes of the masked random policy: what learning has to beat.
+/// `count` episodes of the masked random policy: what learning has to beat. `progress` is told
+/// about what share 0..1 is done.
 pub fn random_episodes(
     scene: &Arc<Scene>,
     config: &EnvConfig,
     count: usize,
+    progress: impl FnMut(f64),
 ) -> Result<Vec<EpisodeSummary>, RolloutError> {
     let choose = |draping: &Draping, streams: &mut [Stream]| -> Vec<u32> {
         let draw = |(index, stream): (usize, &mut Stream)| {
@@ -225,16 +227,17 @@ pub fn random_episodes(
         };
         streams.iter_mut().enumerate().map(draw).collect()
     };
-    parallel_episodes(scene, config, count, choose)
+    parallel_episodes(scene, config, count, choose, progress)
 }
 
 /// `count` episodes at once, each with a random stream of its own. `choose` gives one action
-/// an environment. Diverged episodes are left out.
+/// an environment, `progress` is told about what share 0..1 is done. Diverged episodes are left out.
 pub fn parallel_episodes(
     scene: &Arc<Scene>,
     config: &EnvConfig,
     count: usize,
     mut choose: impl FnMut(&Draping, &mut [Stream]) -> Vec<u32>,
+    mut progress: impl FnMut(f64),
 ) -> Result<Vec<EpisodeSummary>, RolloutError> {
     if count == 0 {
         return Ok(Vec::new());
@@ -245,7 +248,10 @@ pub fn parallel_episodes(
         .map(|index| Stream::new(SEED, Purpose::Evaluation, index as u32))
         .collect();
     let mut points: Vec<Vec<PressedPoint>> = vec![Vec::new(); count];
+    // About a step for each five vertices.
+    let expected = draping.region_vertices().count().div_ceil(5) as f64;
     let all = draping.play(|draping| {
+        progress((points[0].len() as f64 / expected).min(1.0));
         let actions = choose(draping, &mut streams);
         for (points, point) in points.iter_mut().zip(all_pressed(draping, &actions)) {
             points.push(point);

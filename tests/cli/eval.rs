@@ -213,6 +213,65 @@ fn pictures_of_the_run_stay() {
     assert!(path.join("b/c/a.json").is_file());
 }
 
+/// Where a file does not fit, what was there before stays, all of it.
+#[cfg(unix)]
+#[test]
+fn full_disk_replaces_nothing() {
+    let folder = trained();
+    let path = folder.path();
+    fs::create_dir(path.join("out")).unwrap();
+    fs::write(path.join("out/before.png"), "old").unwrap();
+    fs::write(
+        path.join("page.md"),
+        "<!-- table stability.counts -->\n<!-- end -->\n",
+    )
+    .unwrap();
+    let before = files(path);
+    let eval = ["eval", "runs/a", "--sequence", "--episodes", "1", "--json"];
+    let to_out = [&eval[..], &["--out", "out"]].concat();
+    // Two pictures are smaller.
+    let output = drape_with_limit(110, path, &to_out);
+    let words = ["error: cannot write out/crushed.png: File too large"];
+    assert_failure(&output, 1, &words);
+    assert!(files(path) == before);
+
+    for (args, file) in [
+        (&to_out[..], "out/before.png"),
+        (
+            &["eval", "runs/a", "--prove", "--episodes", "1", "--json"],
+            "runs/a/proof.json",
+        ),
+        (&["export", "runs/a"], "runs/a/trajectory.json"),
+        (
+            &["export", "runs/a", "--format", "csv"],
+            "runs/a/trajectory.csv",
+        ),
+        (
+            &["export", "runs/a", "--format", "abaqus"],
+            "runs/a/draping.inp",
+        ),
+        (&["compare", "runs/a", "runs/a", "--out", "d.png"], "d.png"),
+        (&["tool", "rib", "--out", "a.stl"], "a.stl"),
+        (
+            &[
+                "study",
+                "stability",
+                "--quick",
+                "--sweep",
+                "friction",
+                "--into",
+                "page.md",
+                "--json",
+            ],
+            "runs/study-stability-",
+        ),
+    ] {
+        let output = drape_with_limit(0, path, args);
+        assert_failure(&output, 1, &[&format!("error: cannot write {file}")]);
+        assert!(files(path) == before, "{args:?}");
+    }
+}
+
 #[test]
 fn sampled_episodes_are_told_apart_and_repeat() {
     let folder = trained();

@@ -402,10 +402,7 @@ fn output_folders_that_cannot_be_used_are_named() {
     fs::create_dir_all(path.join("out/top.png")).unwrap();
     let output = drape(path, &["scene", "scene.toml", "--out", "out"]);
     assert_failure(&output, 1, &["cannot write out/top.png"]);
-    assert_eq!(
-        names(&path.join("out")),
-        ["lamina.stl", "tool.stl", "top.png"]
-    );
+    assert_eq!(names(&path.join("out")), ["top.png"]);
 }
 
 /// A state that is not at rest is told, not taken for a drape.
@@ -423,6 +420,25 @@ fn a_blank_that_still_moves_is_noticed() {
     assert!(moving.starts_with(start), "{moving}");
     assert!(moving.contains("`fall.settle_s`"), "{moving}");
     assert_eq!(stderr(&scene(RIB)), "");
+}
+
+/// Where the blank is not over the tool, and where clamps hold it over it.
+#[test]
+fn misplaced_blanks_are_told() {
+    let folder = folder();
+    let path = folder.path();
+    let output = set_up(path, &(scene(RIB) + "[placement]\ncentre_mm = [500, 0]\n"));
+    let words = [
+        "scene.toml: `placement.centre_mm` is [500.0, 0.0], expected one at which the blank is over \
+         the tool, whose middle is at [",
+    ];
+    assert_failure(&output, 2, &words);
+    let warning = "warning: scene.toml: `clamps[0]` holds the blank 158.4 mm off the tool, expected at most 15";
+    let text = scene(RIB).replace("at_mm = [0, -185]", "at_mm = [0, 185]");
+    let output = set_up(path, &text);
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{stderr}");
+    assert!(stderr.starts_with(warning), "{stderr}");
 }
 
 /// Training refuses what a scene warns of.

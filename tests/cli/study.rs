@@ -328,3 +328,38 @@ fn studies_with_a_twin_refuse_what_it_cannot_do() {
     let args = ["study", "twin", "tiny.toml", "--region=900,900,990,990"];
     assert_failure(&drape(path, &args), 2, &["`--region`"]);
 }
+
+/// Scene, mesh and focus region are those of the run.
+#[test]
+fn a_run_stands_for_its_scene() {
+    let folder = super::run::trained();
+    let path = folder.path();
+    fs::write(path.join("scene.toml"), {
+        let text = super::run::CONFIG;
+        let scene = &text[text.find("[scene.").unwrap()..];
+        scene.replace("scene.", "")
+    })
+    .unwrap();
+    let run = |scene: &[&str]| {
+        let args = [
+            "study", "episodes", "--count", "2", "--out", "out", "--json",
+        ];
+        let mut report = json(path, &[&args[..], scene].concat());
+        report.as_object_mut().unwrap().remove("seconds");
+        report
+    };
+    let of_run = run(&["runs/a"]);
+    assert_eq!(of_run, run(&["scene.toml", "--region=-186,-186,-80,-80"]));
+    let other = ["runs/a", "--region=80,-186,186,-80"];
+    assert_ne!(of_run, run(&other));
+
+    let args = [
+        "study", "episodes", "runs/a", "--count", "1", "--out", "out",
+    ];
+    let stderr = said(drape(path, &args).stderr);
+    let line = "using the scene and the focus region of runs/a, not what it has learnt\n";
+    assert_eq!(stderr, line);
+    let args = ["study", "episodes", "runs", "--out", "out"];
+    let words = ["runs is not a run folder: it has no run.json"];
+    assert_failure(&drape(path, &args), 2, &words);
+}

@@ -170,7 +170,10 @@ fn text_has_no_control_codes_where_nobody_watches() {
     let path = folder.path();
     fs::write(path.join("config.toml"), CONFIG).unwrap();
     let output = drape(path, &["train", "config.toml", "--name", "a"]);
-    let [stdout, stderr] = [output.stdout, output.stderr].map(|b| String::from_utf8(b).unwrap());
+    let (stdout, stderr) = (
+        String::from_utf8(output.stdout).unwrap(),
+        said(output.stderr),
+    );
     assert!(output.status.success(), "{stderr}");
     assert_eq!(
         stderr,

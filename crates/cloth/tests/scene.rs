@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use drape_cloth::scene::{Placement, Scene, SceneConfig, wrinkle_count};
+use drape_cloth::scene::{Placement, Scene, SceneConfig, SceneError, wrinkle_count};
 
 /// The built-in scene, set up as users get it.
 static RIB: LazyLock<Scene> = LazyLock::new(|| Scene::new(&SceneConfig::rib(), |_| {}).unwrap());
@@ -80,6 +80,7 @@ fn placement_tilts_about_the_lowest_edge() {
         centre_mm: [10.0, 20.0],
         height_mm: 30.0,
         tilt_deg: -30.0,
+        ..Placement::default()
     };
     let scene = Scene::new(&config, |_| {}).unwrap();
     // (u, v) lies at (10 + u, 20 + v), and the edge at the highest y, v = 185, stays low.
@@ -95,6 +96,142 @@ fn placement_tilts_about_the_lowest_edge() {
         }
     }
     assert_eq!(scene.initial.v_rms(), 0.0);
+}
+
+/// Without fall and settling, on a coarse hemisphere of 75 mm at `at_mm`.
+fn hanging(at_mm: [f64; 3], placement: &str) -> SceneConfig {
+    let text = format!(
+        "blank = {{ size_mm = [200, 100], vertices = [21, 11] }}\nfall = {{ fall_s = 0, settle_s = 0 }}\n\
+         placement = {{ {placement} }}\n[tool]\nsource.shape.kind = \"hemisphere\"\n\
+         pose.translation_mm = {at_mm:?}\ngrid.spacing_mm = 5"
+    );
+    toml::from_str(&text).unwrap()
+}
+
+/// The axis of the tilt turns the blank's rise, not its yarns: on a round tool a square that is
+/// tilted about y is one that is tilted about x, seen from the side.
+#[test]
+fn placement_tilts_about_any_axis() {
+    let positions = |tilt: &str| {
+        let mut config = hanging([0.0; 3], &format!("height_mm = 90, {tilt}"));
+        config.blank.size_mm = [100.0, 100.0];
+        config.blank.vertices = [11, 11];
+        let scene = Scene::new(&config, |_| {}).unwrap();
+        scene.initial.position.clone()
+    };
+    let near = |x: [f64; 3], y: [f64; 3]| (0..3).all(|k| (x[k] - y[k]).abs() < 1e-12);
+    let about_x = positions("tilt_deg = 20");
+    // Vertices count by rows along x.
+    for (axis, turned) in [(0, 0), (90, 1), (180, 2), (-90, 3)] {
+        let found = positions(&format!("tilt_deg = 20, tilt_axis_deg = {axis}"));
+        for (v, x) in about_x.iter().enumerate() {
+            let (mut at, mut x) = ([v % 11, v / 11], *x);
+            for _ in 0..turned {
+                at = [10 - at[1], at[0]];
+                x = [-x[1], x[0], x[2]];
+            }
+            let y = found[at[0] + 11 * at[1]];
+            assert!(near(x, y), "{axis}: {x:?} is not {y:?}");
+        }
+    }
+    // About one diagonal: the corners on the other are the highest and the lowest.
+    let heights = positions("tilt_deg = 20, tilt_axis_deg = 135");
+    let [high, a, b, low] = [0, 10, 110, 120].map(|v| heights[v][2]);
+    assert!((a - b).abs() < 1e-12 && high > a + 0.02 && a > low + 0.02);
+    assert!((low - 0.09).abs() < 1e-12, "{low}");
+}
+
+/// Wherever the tool stands, the blank hangs the same over it.
+#[test]
+fn placement_counts_from_the_tool() {
+    let over = "over = \"tool\", centre_mm = [10, 0], height_mm = 3, tilt_deg";
+    for (tilt, touching) in [(0.0f64, 75.0), (20.0, 0.0)] {
+        let scenes = [[0.0; 3], [2000.0, -300.0, 500.0]].map(|at| {
+            let config = hanging(at, &format!("{over} = {tilt}"));
+            (at, Scene::new(&config, |_| {}).unwrap())
+        });
+        let x = |(at, scene): &([f64; 3], Scene), v: usize| -> [f64; 3] {
+            std::array::from_fn(|k| 1e3 * scene.initial.position[v][k] - at[k])
+        };
+        for v in 0..231 {
+            let [a, b] = [x(&scenes[0], v), x(&scenes[1], v)];
+            assert!(
+                (0..3).all(|k| (a[k] - b[k]).abs() < 0.1),
+                "{a:?} is not {b:?}"
+            );
+        }
+        // The plane of the blank is its height above where it touches the sphere, or the plate.
+        let [_, y, z] = x(&scenes[0], 10);
+        let (sin, cos) = tilt.to_radians().sin_cos();
+        let sphere = 75.0 / cos + y * sin / cos;
+        let expected = if tilt == 0.0 {
+            touching
+        } else {
+            sphere.max(touching)
+        };
+        assert!(
+            (z - expected - 3.0).abs() < 0.5,
+            "{z} is not 3 over {expected}"
+        );
+        assert!((x(&scenes[0], 115)[0] - 10.0).abs() < 1e-9);
+        assert!(scenes[1].1.clearance() > 2e-3);
+    }
+}
+
+/// What is refused says what would not be.
+#[test]
+fn impossible_placements_name_one_that_is_not() {
+    let refused =
+        |placement: &str| match Scene::new(&hanging([500.0, 0.0, 100.0], placement), |_| {}) {
+            Err(error) => error,
+            Ok(_) => panic!("{placement}"),
+        };
+    for (height, base, min) in [
+        (100.0, "centre_mm = [500, 0]", 175.0),
+        (-20.0, "over = \"tool\"", 0.0),
+    ] {
+        let error = refused(&format!("height_mm = {height}, tilt_deg = 0, {base}"));
+        let SceneError::InTool {
+            height_mm,
+            min_mm,
+            depth_mm,
+        } = error
+        else {
+            panic!("{error}");
+        };
+        assert_eq!(height_mm, height);
+        assert!((min_mm - min).abs() < 0.5 && depth_mm > 15.0, "{error}");
+        let config = hanging(
+            [500.0, 0.0, 100.0],
+            &format!("height_mm = {min_mm}, tilt_deg = 0, {base}"),
+        );
+        assert!(Scene::new(&config, |_| {}).is_ok());
+    }
+    let beside = refused("height_mm = 200, centre_mm = [100, 0]").to_string();
+    let words = "`placement.centre_mm` is [100.0, 0.0], expected one at which the blank is over the tool, \
+                 whose middle is at [500.0, 0.0]";
+    assert_eq!(beside, words);
+    let beside = refused("over = \"tool\", centre_mm = [0, 400]").to_string();
+    assert!(
+        beside.ends_with("whose middle is at [0.0, 0.0]"),
+        "{beside}"
+    );
+}
+
+/// A clamp up on the slope of the blank holds it there.
+#[test]
+fn clamps_that_hold_the_blank_in_the_air_are_told() {
+    let mut config = coarse();
+    let held = |config: &SceneConfig| Scene::new(config, |_| {}).unwrap().farthest_clamp();
+    assert!(held(&config).is_some_and(|(_, distance)| distance < 1e-3));
+    config.clamps[1].at_mm = [0.0, 185.0];
+    let (index, distance) = held(&config).unwrap();
+    assert!(
+        index == 1 && (0.1..0.16).contains(&distance),
+        "{index}: {distance}"
+    );
+    config.clamps.clear();
+    assert_eq!(held(&config), None);
 }
 
 #[test]

@@ -85,11 +85,11 @@ impl Study for Episodes {
     }
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
-        let mut config = self.scene.read()?;
+        let (mut config, region) = self.scene.read(context)?;
         self.scene.set_mesh(&mut config, None)?;
         let fall = |share| (context.progress)(share, "falling");
         let scene = Arc::new(Scene::new(&config, fall)?);
-        let mut env = self.scene.env(None);
+        let mut env = self.scene.env(region);
         env.stencil_mm = stencil_mm(&scene.lamina, env.stencil_mm);
         // An episode takes about a step for each five vertices; progress need not be exact.
         let region = env.region(&scene.lamina)?;

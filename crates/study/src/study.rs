@@ -36,7 +36,9 @@ pub trait Study {
 pub struct Context<'a> {
     /// Is told the share that is done, 0 to 1, and what is being done.
     pub progress: &'a (dyn Fn(f64, &str) + Sync),
-    /// Reads a run folder, which this crate knows nothing of.
+    /// Reads scene and task of a run folder, which this crate knows nothing of.
+    pub read_task: &'a dyn Fn(&Path) -> Result<(SceneConfig, EnvConfig), StudyError>,
+    /// Reads its best path, too.
     pub read_run: &'a dyn Fn(&Path) -> Result<TrainedPath, StudyError>,
 }
 
@@ -55,6 +57,7 @@ impl Context<'_> {
     pub fn quiet() -> Context<'static> {
         Context {
             progress: &|_, _| (),
+            read_task: &|_| Err(StudyError::Invalid("there are no runs".into())),
             read_run: &|_| Err(StudyError::Invalid("there are no runs".into())),
         }
     }
@@ -165,7 +168,8 @@ pub const CORNER: [f64; 4] = [-186.0, -186.0, -60.0, -60.0];
 /// Options of studies of a scene.
 #[derive(Clone, Debug, clap::Args)]
 pub struct SceneOptions {
-    /// Scene file; the built-in rib with two wrinkles if not given
+    /// Scene file, or run folder, of which scene and focus region are used; the built-in rib with
+    /// two wrinkles if not given
     pub config: Option<PathBuf>,
 
     /// Vertices along the blank's longer side
@@ -196,12 +200,22 @@ impl SceneOptions {
         path.map_or("the built-in scene".into(), |p| p.display().to_string())
     }
 
-    /// The scene of the file, or the built-in one.
-    pub(crate) fn read(&self) -> Result<SceneConfig, StudyError> {
-        match &self.config {
-            Some(path) => SceneConfig::read(path).map_err(|error| StudyError::Read(error.into())),
-            None => Ok(SceneConfig::rib()),
+    /// The scene of the file, that of the run with its focus region, or the built-in one.
+    pub(crate) fn read(
+        &self,
+        context: &Context,
+    ) -> Result<(SceneConfig, Option<[f64; 4]>), StudyError> {
+        if let Some(run) = self.config.as_ref().filter(|path| path.is_dir()) {
+            let (scene, env) = (context.read_task)(run)?;
+            return Ok((scene, env.region_mm));
         }
+        let scene = match &self.config {
+            Some(path) => {
+                SceneConfig::read(path).map_err(|error| StudyError::Read(error.into()))?
+            }
+            None => SceneConfig::rib(),
+        };
+        Ok((scene, None))
     }
 
     /// Gives the blank as many vertices along its longer side as are asked for, or else `mesh` if

@@ -63,11 +63,11 @@ impl Study for Tradeoff {
     }
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
-        let mut scene = self.scene.read()?;
+        let (mut scene, region) = self.scene.read(context)?;
         self.scene.set_mesh(&mut scene, None)?;
         let corner = if self.quick { QUICK_REGION } else { CORNER };
         let corner = self.scene.config.is_none().then_some(corner);
-        let env = self.scene.env(corner);
+        let env = self.scene.env(region.or(corner));
         let variations = variations(&scene, &env, self.quick);
         let mut measuring = Measuring::new(&scene, &env)?;
         let mut rows = Vec::with_capacity(variations.len());

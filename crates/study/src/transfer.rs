@@ -103,13 +103,13 @@ impl Study for Transfer {
     }
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
-        let mut config = self.scene.read()?;
+        let (mut config, region) = self.scene.read(context)?;
         self.scene.set_mesh(&mut config, Some(33))?;
         // Refused before the work.
         twin_config(&config)?;
         let fall = |share| (context.progress)(share, "falling");
         let scene = Arc::new(Scene::new(&config, fall)?);
-        let mut env = self.scene.env(Some(CORNER));
+        let mut env = self.scene.env(region.or(Some(CORNER)));
         env.stencil_mm = stencil_mm(&scene.lamina, env.stencil_mm);
         let paths = generate(&scene, &env, self.count.into(), self.seed)?;
         if paths.len() < 2 {

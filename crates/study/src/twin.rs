@@ -64,14 +64,22 @@ pub struct TwinStudy {
 }
 
 impl TwinStudy {
+    fn presses_a_run(&self) -> bool {
+        self.path.as_ref().is_some_and(|path| path.is_dir())
+    }
+
     /// What is pressed, and the scene that its vertices are counted in; a sweep if there are none.
     fn source(&self, context: &Context) -> Result<TrainedPath, StudyError> {
         if let Some(run) = self.path.as_ref().filter(|path| path.is_dir()) {
             return (context.read_run)(run);
         }
+        let (scene, region_mm) = self.scene.read(context)?;
         let mut source = TrainedPath {
-            scene: self.scene.read()?,
-            env: EnvConfig::default(),
+            scene,
+            env: EnvConfig {
+                region_mm,
+                ..EnvConfig::default()
+            },
             vertices: Vec::new(),
         };
         if let Some(path) = &self.path {
@@ -104,15 +112,14 @@ impl Study for TwinStudy {
 
     fn scene(&self) -> Option<&SceneOptions> {
         // That of a run has been valid.
-        let is_run = self.path.as_ref().is_some_and(|path| path.is_dir());
-        (!is_run || self.scene.config.is_some()).then_some(&self.scene)
+        (!self.presses_a_run() || self.scene.config.is_some()).then_some(&self.scene)
     }
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let source = self.source(context)?;
         let mut config = match self.scene.config {
-            Some(_) => self.scene.read()?,
-            None => source.scene.clone(),
+            Some(_) if self.presses_a_run() => self.scene.read(context)?.0,
+            _ => source.scene.clone(),
         };
         self.scene.set_mesh(&mut config, Some(33))?;
         let region_mm = self.scene.region.or(source.env.region_mm);

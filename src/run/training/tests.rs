@@ -24,7 +24,8 @@ fn trained(reward: Reward) -> ([String; 3], Vec<f32>) {
     let scene = Arc::new(Scene::new(&scene, |_| {}).unwrap());
     let root = tempfile::tempdir().unwrap();
     let info = RunInfo::new(config.seed, SystemTime::now());
-    let folder = RunFolder::create(root.path(), Some("a"), &config.to_toml(), &info).unwrap();
+    let folder =
+        RunFolder::create(root.path(), Some("a"), (&config.to_toml(), &[]), &info).unwrap();
     let lock = folder.lock().unwrap();
     let mut training = Training::begin(config, scene, (folder, lock), reward).unwrap();
     // Before any line of the metrics: a run without it begins anew.

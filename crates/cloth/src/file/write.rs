@@ -51,15 +51,15 @@ pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     begun.map(drop).map_err(|source| error(path, source))
 }
 
-/// Removes temporary files of [`write_atomic`] that a killed process has left in `folder`, as far
-/// as that is possible. Nobody may be writing there.
+/// Removes temporary files of [`write_atomic`], and folders named alike, that a killed process has
+/// left in `folder`, as far as that is possible. Nobody may be writing there.
 pub fn remove_temporaries(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();
         let name = name.to_string_lossy();
         if name.starts_with(PREFIX) && name.ends_with(SUFFIX) {
-            // A folder stays.
-            let _ = std::fs::remove_file(entry.path());
+            let path = entry.path();
+            let _ = std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir_all(&path));
         }
     }
 }

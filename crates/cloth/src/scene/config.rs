@@ -14,24 +14,52 @@ pub(super) const FRAME: f64 = 1.0 / 60.0;
 /// as diverged.
 const FAR_MM: [f64; 2] = [-10_000.0, 10_000.0];
 
+/// What a blank is placed over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Over {
+    /// The origin: lengths are coordinates.
+    #[default]
+    Origin,
+    /// The tool, wherever it stands: from the middle of its box in x and y, and from the height
+    /// at which the blank would touch it if it was let down.
+    Tool,
+}
+
+/// Directions of an axis [degrees].
+const TURN_DEG: [f64; 2] = [-360.0, 360.0];
+
 /// Where the flat blank hangs before it falls.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Placement {
+    #[serde(skip_serializing_if = "is_default")]
+    pub over: Over,
     /// Centre of the untilted blank, or origin of its outline, in x and y [mm].
     pub centre_mm: [f64; 2],
-    /// Height of its lowest edge [mm].
+    /// Height of its lowest edge over z = 0, or of the blank over the tool [mm].
     pub height_mm: f64,
-    /// Rotation about x: the edge at the lowest y stays low, that at the highest y rises.
+    /// Rotation about an axis through the lowest edge: about x the edge at the lowest y stays low,
+    /// that at the highest y rises.
     pub tilt_deg: f64,
+    /// Direction of that axis, counter-clockwise from x.
+    #[serde(skip_serializing_if = "is_default")]
+    pub tilt_axis_deg: f64,
+}
+
+/// Resolved configurations without such keys read as they always did.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 impl Default for Placement {
     fn default() -> Self {
         Self {
+            over: Over::Origin,
             centre_mm: [0.0, 0.0],
             height_mm: 2.0,
             tilt_deg: 25.0,
+            tilt_axis_deg: 0.0,
         }
     }
 }
@@ -144,10 +172,23 @@ pub enum SceneError {
     Blank(#[from] BlankError),
     #[error(transparent)]
     Tool(#[from] ToolError),
+    /// `min_mm` is the height at which it would be above the tool.
     #[error(
-        "`placement.height_mm` is {height_mm}, expected one at which the blank is above the tool: it starts {depth_mm:.1} mm inside"
+        "`placement.height_mm` is {height_mm}, expected at least {min_mm:.1}: the blank starts {depth_mm:.1} mm inside the tool"
     )]
-    InTool { height_mm: f64, depth_mm: f64 },
+    InTool {
+        height_mm: f64,
+        min_mm: f64,
+        depth_mm: f64,
+    },
+    /// No height brings it on to the tool.
+    #[error(
+        "`placement.centre_mm` is {centre_mm:?}, expected one at which the blank is over the tool, whose middle is at {middle_mm:.1?}"
+    )]
+    Beside {
+        centre_mm: [f64; 2],
+        middle_mm: [f64; 2],
+    },
     #[error(
         "the fall diverged after {time_s:.3} s: raise `fall.substep_rate`, or reduce `physics.speed_cap`, `physics.gravity` or `physics.bending_stiffness` if one of them is larger than a fabric's"
     )]
@@ -186,16 +227,20 @@ impl SceneConfig {
         Ok(scene)
     }
 
+    /// The paths of all files that the scene is read from.
+    pub fn files_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        let tool = match &mut self.tool.source {
+            Source::Stl(stl) => Some(&mut stl.path),
+            Source::Shape(_) => None,
+        };
+        let files = [self.material.as_mut(), tool, self.blank.outline.as_mut()];
+        files.into_iter().flatten()
+    }
+
     /// Makes the paths in the scene count from `folder`.
     pub fn resolve(&mut self, folder: &Path) {
-        if let Some(material) = &mut self.material {
-            *material = folder.join(&material);
-        }
-        if let Source::Stl(stl) = &mut self.tool.source {
-            stl.path = folder.join(&stl.path);
-        }
-        if let Some(outline) = &mut self.blank.outline {
-            *outline = folder.join(&outline);
+        for path in self.files_mut() {
+            *path = folder.join(&path);
         }
     }
 
@@ -217,6 +262,7 @@ impl SceneConfig {
             ("placement.centre_mm", placement.centre_mm[0], FAR_MM),
             ("placement.centre_mm", placement.centre_mm[1], FAR_MM),
             ("placement.height_mm", placement.height_mm, FAR_MM),
+            ("placement.tilt_axis_deg", placement.tilt_axis_deg, TURN_DEG),
         ] {
             ValueError::unless_within(key, value, range)?;
         }

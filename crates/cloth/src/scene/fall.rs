@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use super::config::{FRAME, SceneConfig, SceneError};
+use super::config::{Clamp, FRAME, Over, Placement, SceneConfig, SceneError};
 use crate::fabric::Lamina;
 use crate::sim::{Backend, Cpu, Model, PhysicsConfig, Precision, Snapshot, World};
 use crate::tool::Tool;
@@ -8,6 +8,9 @@ use crate::tool::Tool;
 /// Depth in the tool that a blank may start at, in spacings of the tool's grid: what that errs by
 /// at an edge. Deeper, contact would throw it out.
 const IN_TOOL: f64 = 0.5;
+
+/// Nearer to the tool than this a blank touches it [m].
+const TOUCHING: f64 = 1e-5;
 
 /// A scene that is set up: the lamina lies on the tool as the fall has left it.
 #[derive(Clone)]
@@ -37,15 +40,7 @@ impl Scene {
         let control = fall.stepping().control(FRAME);
         let [falling, settling] = fall.frames();
 
-        let start = hung(config, &lamina, falling as f64 * FRAME)?;
-        let depths = start.position.iter().map(|&x| -tool.distance(x).0);
-        let deepest = depths.fold(f64::NEG_INFINITY, f64::max);
-        if deepest > IN_TOOL * 1e-3 * config.tool.grid.spacing_mm {
-            return Err(SceneError::InTool {
-                height_mm: config.placement.height_mm,
-                depth_mm: 1e3 * deepest,
-            });
-        }
+        let start = hung(config, &lamina, &tool, falling as f64 * FRAME)?;
         let tool = Arc::new(tool);
         let model = Arc::new(Model::new(&lamina, &config.physics));
         let mut quiet = config.physics.clone();
@@ -97,38 +92,78 @@ impl Scene {
         let distances = distances.map(|&x| self.tool.distance(x).0);
         distances.fold(f64::INFINITY, f64::min)
     }
+
+    /// The clamp that holds the blank farthest off the tool after the fall, by its number, and how
+    /// far that is [m]; none if there are no clamps.
+    pub fn farthest_clamp(&self) -> Option<(usize, f64)> {
+        let held = self.config.clamps.iter().map(|clamp| {
+            let vertex = nearest(clamp, &self.lamina).0;
+            self.tool.distance(self.initial.position[vertex]).0
+        });
+        held.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// The vertex nearest to a clamp, and its distance from there on the flat blank, squared [m²].
+fn nearest(clamp: &Clamp, lamina: &Lamina) -> (usize, f64) {
+    let at = clamp.at_mm.map(|c| c * 1e-3);
+    let square = |[u, w]: &[f64; 2]| (u - at[0]).powi(2) + (w - at[1]).powi(2);
+    let squares = lamina.rest.iter().map(square).enumerate();
+    let nearest = squares.min_by(|a, b| a.1.total_cmp(&b.1));
+    nearest.expect("a blank has vertices")
 }
 
 /// The flat blank before the fall; clamps already have the velocity of their displacement, which
-/// takes `fall_s` seconds. Fails if one is further from the blank than a cell is long.
-pub fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Result<Snapshot, SceneError> {
-    let placement = &config.placement;
-    let (tilt_sin, tilt_cos) = placement.tilt_deg.to_radians().sin_cos();
-    let [cx, cy] = placement.centre_mm.map(|c| c * 1e-3);
-    let heights = lamina.rest.iter().map(|[_, v]| cy + v);
-    // With a negative tilt the edge at the highest y is the low one.
-    let hinge = match tilt_sin < 0.0 {
-        true => heights.fold(f64::NEG_INFINITY, f64::max),
-        false => heights.fold(f64::INFINITY, f64::min),
+/// takes `fall_s` seconds. Fails if the blank is not over the tool or inside it, or if a clamp is
+/// further from the blank than a cell is long.
+pub fn hung(
+    config: &SceneConfig,
+    lamina: &Lamina,
+    tool: &Tool,
+    fall_s: f64,
+) -> Result<Snapshot, SceneError> {
+    let mut placement = config.placement.clone();
+    let Placement {
+        centre_mm,
+        height_mm,
+        ..
+    } = config.placement;
+    let (low, high) = tool.mesh.bounds();
+    let middle_mm = [0, 1].map(|k| 500.0 * (low[k] + high[k]));
+    let from_mm = match placement.over {
+        Over::Origin => [0.0; 2],
+        Over::Tool => middle_mm,
     };
-    let place = |[u, v]: &[f64; 2]| {
-        let along = cy + v - hinge;
-        let z = 1e-3 * placement.height_mm + along * tilt_sin;
-        [cx + u, hinge + along * tilt_cos, z]
+    placement.centre_mm = [0, 1].map(|k| from_mm[k] + centre_mm[k]);
+    let mut position = placed(&placement, lamina);
+    let Some(lift) = lift(tool, &position) else {
+        let middle_mm = [0, 1].map(|k| middle_mm[k] - from_mm[k]);
+        return Err(SceneError::Beside {
+            centre_mm,
+            middle_mm,
+        });
     };
-
-    let mut snapshot = Snapshot::at_rest(lamina.rest.iter().map(place).collect());
+    let mut touching_mm = height_mm + 1e3 * lift;
+    if placement.over == Over::Tool {
+        placement.height_mm += touching_mm;
+        position = placed(&placement, lamina);
+        touching_mm = 0.0;
+    }
+    let depths = position.iter().map(|&x| -tool.distance(x).0);
+    let deepest = depths.fold(f64::NEG_INFINITY, f64::max);
+    if deepest > IN_TOOL * 1e-3 * config.tool.grid.spacing_mm {
+        return Err(SceneError::InTool {
+            height_mm,
+            // To the next tenth.
+            min_mm: (10.0 * touching_mm).ceil() / 10.0,
+            depth_mm: 1e3 * deepest,
+        });
+    }
+    let mut snapshot = Snapshot::at_rest(position);
     for (index, clamp) in config.clamps.iter().enumerate() {
-        let at = clamp.at_mm.map(|c| c * 1e-3);
-        let square = |v: usize| {
-            let [u, w] = lamina.rest[v];
-            (u - at[0]).powi(2) + (w - at[1]).powi(2)
-        };
-        let nearest = (0..lamina.vertex_count())
-            .min_by(|&a, &b| square(a).total_cmp(&square(b)))
-            .expect("a blank has vertices");
+        let (nearest, square) = nearest(clamp, lamina);
         // NaN is no place either.
-        let is_near = square(nearest) <= lamina.cell_diagonal().powi(2);
+        let is_near = square <= lamina.cell_diagonal().powi(2);
         if config.blank.outline.is_some() && !is_near {
             return Err(clamp.off_the_blank(index));
         }
@@ -140,4 +175,53 @@ pub fn hung(config: &SceneConfig, lamina: &Lamina, fall_s: f64) -> Result<Snapsh
         }
     }
     Ok(snapshot)
+}
+
+/// How far vertices at `x` have to be lifted, let down where negative, to just touch the tool from
+/// above [m]; none if they are not over its box. They come down by what is free about all of them.
+fn lift(tool: &Tool, x: &[[f64; 3]]) -> Option<f64> {
+    let (low, high) = tool.mesh.bounds();
+    let max = |k: usize| x.iter().map(|x| x[k]).fold(f64::NEG_INFINITY, f64::max);
+    let min = |k: usize| x.iter().map(|x| x[k]).fold(f64::INFINITY, f64::min);
+    if (0..2).any(|k| max(k) < low[k] || min(k) > high[k]) {
+        return None;
+    }
+    let (highest, top) = (max(2), high.z + TOUCHING - min(2));
+    let mut lift = top;
+    while highest + lift > low.z {
+        let free = x.iter().map(|&[x, y, z]| tool.distance([x, y, z + lift]).0);
+        let free = free.fold(f64::INFINITY, f64::min);
+        if free < TOUCHING {
+            return Some(lift);
+        }
+        lift -= free;
+    }
+    // The tool slips between the vertices.
+    Some(top)
+}
+
+/// Where the vertices of the flat blank are over the origin [m].
+fn placed(placement: &Placement, lamina: &Lamina) -> Vec<[f64; 3]> {
+    let (tilt_sin, tilt_cos) = placement.tilt_deg.to_radians().sin_cos();
+    let (sin, cos) = placement.tilt_axis_deg.to_radians().sin_cos();
+    let [cx, cy] = placement.centre_mm.map(|c| c * 1e-3);
+    // Along the axis of the tilt and across it.
+    let turned = |[u, v]: &[f64; 2]| {
+        let (x, y) = (cx + u, cy + v);
+        [cos * x + sin * y, cos * y - sin * x]
+    };
+    let across = lamina.rest.iter().map(|at| turned(at)[1]);
+    // With a negative tilt the edge farthest across is the low one.
+    let hinge = match tilt_sin < 0.0 {
+        true => across.fold(f64::NEG_INFINITY, f64::max),
+        false => across.fold(f64::INFINITY, f64::min),
+    };
+    let place = |at: &[f64; 2]| {
+        let [along, across] = turned(at);
+        let rising = across - hinge;
+        let across = hinge + rising * tilt_cos;
+        let z = 1e-3 * placement.height_mm + rising * tilt_sin;
+        [cos * along - sin * across, cos * across + sin * along, z]
+    };
+    lamina.rest.iter().map(place).collect()
 }

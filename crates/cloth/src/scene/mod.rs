@@ -2,7 +2,7 @@
 //! tool and settles (paper, Section 3.3).
 //!
 //! Frame: z up, gravity along -z, the tool where its own configuration puts it. The blank
-//! starts flat, its centre over `placement.centre_mm`, turned about the x axis
+//! starts flat, its centre over `placement.centre_mm`, turned about an axis
 //! through its lowest edge by `tilt_deg`.
 
 mod config;
@@ -11,7 +11,7 @@ mod shear;
 mod summary;
 mod surplus;
 
-pub use config::{Clamp, Fall, Placement, SceneConfig, SceneError};
+pub use config::{Clamp, Fall, Over, Placement, SceneConfig, SceneError};
 pub use fall::{Scene, hung};
 pub use shear::{Sheared, shear, sheared};
 pub use summary::{Summary, wrinkle_count};

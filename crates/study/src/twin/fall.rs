@@ -48,7 +48,7 @@ pub fn press_config(env: &EnvConfig, hold: Hold) -> PressConfig {
 /// settling has the scene's own damping unless the twin has none at all.
 pub fn fallen(scene: &Scene, config: &TwinConfig) -> Result<Twin, StudyError> {
     let [fall_s, settle_s] = scene.config.fall.durations();
-    let start = hung(&scene.config, &scene.lamina, fall_s)?;
+    let start = hung(&scene.config, &scene.lamina, &scene.tool, fall_s)?;
     let mut twin = Twin::new(&scene.lamina, config)?;
     twin.set_positions(&start.position);
     for v in start.fixed.ones() {
