@@ -191,6 +191,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
         .context("cannot find the current folder")?;
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
+    config.check_memory().or_invalid_in(&place)?;
     let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
     let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
     // Below a micrometre there is nothing to win, and scores divide by it.

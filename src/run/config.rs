@@ -4,14 +4,14 @@ use anyhow::{Context, Result};
 use serde::de::Error as _;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, Deserializer, ValueDeserializer};
-use toml::{Spanned, Table, Value};
+use toml::{Spanned, Table};
 
-use super::folder::read_text;
-use drape_cloth::file::{ValueError, parse_toml_with, refuse_lists};
+use drape_cloth::fabric::Lamina;
+use drape_cloth::file::{ValueError, parse_toml_with, read_text};
 use drape_cloth::scene::SceneConfig;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
-use drape_task::env::EnvConfig;
+use drape_task::env::{EnvConfig, MOST_MIB, check_memory};
 
 /// A set of defaults for task, network and learner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -135,6 +135,32 @@ impl RunConfig {
         }
     }
 
+    /// Refuses environments and rollouts that exhaust the memory, by the blank alone: before its
+    /// fall, which takes long where it is large.
+    ///
+    /// # Errors
+    /// Those of a blank that cannot be cut and of a region off it, too.
+    pub fn check_memory(&self) -> Result<()> {
+        self.scene.check()?;
+        let lamina = Lamina::new(&self.scene.blank, self.scene.read_material()?)?;
+        check_memory(self.environments, lamina.vertex_count())?;
+        let region = self.env.region(&lamina)?;
+        let pixels = match self.env.crop {
+            true => region.rows.len() * region.columns.len(),
+            false => lamina.rows * lamina.columns,
+        };
+        let samples = self.environments * self.ppo.rollout_steps;
+        let mib = samples as f64 * pixels as f64 * PIXEL_BYTES / f64::from(1 << 20);
+        let found = format!("{samples} samples of {pixels} pixels, {mib:.0} MiB");
+        let expected = format!("at most {MOST_MIB} MiB");
+        Ok(ValueError::unless(
+            mib <= MOST_MIB,
+            "ppo.rollout_steps",
+            found,
+            expected,
+        )?)
+    }
+
     fn parse(text: &str, path: &Path) -> Result<Self> {
         let mut config = parse_toml_with(text, path, Self::over_preset)?;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -154,12 +180,7 @@ impl RunConfig {
     /// What `text` gives, and for the rest its preset.
     fn over_preset(text: &str) -> Result<Self, toml::de::Error> {
         // Numbers that TOML does not have are refused, though some would fit.
-        let all = Value::Table(toml::from_str(text)?);
-        refuse_lists(&all, "", &TABLES).map_err(toml::de::Error::custom)?;
-        if let Some(scene) = all.get("scene") {
-            let lists = refuse_lists(scene, "", &SceneConfig::TABLES);
-            lists.map_err(toml::de::Error::custom)?;
-        }
+        toml::from_str::<Table>(text)?;
         let given = DeTable::parse(text)?;
         let span = given.span();
         let given = given.into_inner();
@@ -197,6 +218,9 @@ impl RunConfig {
     }
 }
 
+/// What a rollout keeps of a pixel of each sample, once more where episodes are imitated [bytes].
+const PIXEL_BYTES: f64 = 9.0;
+
 /// Sections, and keys in them that may be absent and so be switched off.
 const OPTIONAL: [(&str, &str); 6] = [
     ("env", "region_mm"),
@@ -205,17 +229,6 @@ const OPTIONAL: [(&str, &str); 6] = [
     ("env", "max_steps"),
     ("ppo", "max_grad_norm"),
     ("ppo", "imitation"),
-];
-
-/// Where a configuration has tables, beside those of its scene.
-const TABLES: [&str; 7] = [
-    "env",
-    "policy",
-    "policy.network.compact",
-    "policy.network.paper",
-    "ppo",
-    "ppo.imitation",
-    "scene",
 ];
 
 /// Puts `over` on top of `base`, the table `section`, table by table. `"off"` removes an optional
@@ -245,7 +258,7 @@ fn merge<'i>(base: &mut DeTable<'i>, over: DeTable<'i>, section: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use drape_cloth::fabric::{Lamina, Material};
+    use drape_cloth::fabric::Material;
 
     fn parse(text: &str) -> Result<RunConfig, String> {
         RunConfig::parse(text, Path::new("c.toml")).map_err(|e| format!("{e:#}"))
@@ -363,7 +376,7 @@ mod tests {
             ),
             (
                 "[env]\naccuracy = \"acurate\"",
-                "c.toml:2:12: unknown variant `acurate`, expected one of `fast`, \
+                "c.toml:2:12: unknown name `acurate`, expected one of `fast`, \
                  `balanced`, `accurate`",
             ),
             (
@@ -377,19 +390,19 @@ mod tests {
             ),
             (
                 "preset = \"paper\"\n[[ppo.imitation]]\nsamples = 1",
-                "c.toml:1:1: `ppo.imitation` is a list, expected a table",
+                "c.toml:2:1: `ppo.imitation` is a list, expected a table",
             ),
             (
                 "[scene]\nfall = [1.0]",
-                "c.toml:1:1: `fall` is a list, expected a table",
+                "c.toml:2:8: `scene.fall` is a list, expected a table",
             ),
             (
                 "[scene.tool]\ngrid = [4.0, nan]",
-                "c.toml:1:1: `tool.grid` is a list, expected a table",
+                "c.toml:2:8: `scene.tool.grid` is a list, expected a table",
             ),
             (
                 "[policy.network]\npaper = [[8, 16, 32], [256, 256]]",
-                "c.toml:1:1: `policy.network.paper` is a list, expected a table",
+                "c.toml:2:9: `policy.network.paper` is a list, expected a table",
             ),
             (
                 "imitation = \"off\"",

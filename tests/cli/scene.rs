@@ -164,11 +164,11 @@ fn invalid_scenes_are_refused_before_anything_is_written() {
         ),
         (
             "[tool]\n[[physics]]\nsolver = \"yarn\"",
-            &["scene.toml: `physics` is a list, expected a table"],
+            &["scene.toml:2:", "`physics` is a list, expected a table"],
         ),
         (
             "clamps = [[[0, 0], 1.0, [0, 0, 1e9]]]\n[tool]",
-            &["scene.toml: `clamps[]` is a list, expected a table"],
+            &["scene.toml:1:11: `clamps[0]` is a list, expected a table"],
         ),
         (
             "[tool.source.shape]\nkind = \"hemisphere\"\n[placement]\nheight_mm = 10\ntilt_deg = 0",
