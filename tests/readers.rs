@@ -52,12 +52,15 @@ fn run_configurations() {
     corpus.extend([TINY, values, samples].map(Into::into));
     survives("run.toml", &corpus, 3000, |path| {
         let config = RunConfig::read(path).map_err(line)?;
-        let text = config.to_toml();
-        assert!(config.is_read_from(&text), "{text}");
-        if config.scene.blank.vertices.iter().all(|&n| n <= 65) && config.scene.blank.is_plain() {
+        config.policy.validate(17, 17).map_err(line)?;
+        let blank = &config.scene.blank;
+        if blank.vertices.iter().all(|&n| n <= 65) && blank.is_plain() {
             config.check_memory().map_err(line)?;
+            // What is left is no NaN.
+            let text = config.to_toml();
+            assert!(config.is_read_from(&text), "{text}");
         }
-        config.policy.validate(17, 17).map_err(line)
+        Ok(())
     });
 }
 
@@ -89,7 +92,7 @@ fn checkpoints() {
     // And behind a checksum that fits.
     let metrics = fs::read(&run.metrics).unwrap();
     let content = whole[20..whole.len() - 4].to_vec();
-    survives("content.drape", &[content], 300, |path| {
+    survives("content.drape", &[content], 150, |path| {
         let content = fs::read(path).unwrap();
         let length = (content.len() as u64).to_le_bytes();
         let mut bytes = [&whole[..12], &length, &content].concat();
@@ -110,7 +113,7 @@ fn metrics() {
     let (config, scene, run) = begun("of-metrics");
     let whole = fs::read(&run.metrics).unwrap();
     let extreme = "{\"step\":4,\"wall_time\":1e300,\"score\":-1e39}\n".repeat(2);
-    survives("metrics.jsonl", &[whole, extreme.into()], 1500, |path| {
+    survives("metrics.jsonl", &[whole, extreme.into()], 300, |path| {
         let lines = read_metrics(path).map_err(line)?;
         assert!(curve(&lines, "score").len() <= lines.len());
         fs::copy(path, &run.metrics).unwrap();
@@ -133,13 +136,13 @@ fn sequences_and_proofs() {
     let check = |vertices: &[u32], count: usize| {
         assert!(!vertices.is_empty() && vertices.iter().all(|&v| (v as usize) < count));
     };
-    survives("best_sequence.json", &[sequence.into()], 3000, |path| {
+    survives("best_sequence.json", &[sequence.into()], 2000, |path| {
         fs::copy(path, &run.best_sequence).unwrap();
         let best = run.read_best_sequence().map_err(line)?;
         check(&best.vertices, best.grid.pixel_count());
         best.check_config(&run.config_text().map_err(line)?)
     });
-    survives("proof.json", &[proof.into()], 1500, |path| {
+    survives("proof.json", &[proof.into()], 1000, |path| {
         fs::copy(path, &run.proof).unwrap();
         let proved = run.read_proof().map_err(line)?.expect("a file is there");
         check(&proved.path.vertices, proved.path.grid.pixel_count());
@@ -161,14 +164,14 @@ fn states_and_scans() {
         \"position\":[[0,0,0.1],[0.1,0,0.1],[0,0.1,0.1],[0.1,0.1,0.2]],\
         \"triangles\":[[0,1,3],[0,3,2]]}\n";
     let long = state.replace("[0.1,0]", "[0.1,0,7]");
-    survives("state.json", &[state.into(), long.into()], 3000, |path| {
+    survives("state.json", &[state.into(), long.into()], 1500, |path| {
         let drape = Drape::read(path).map_err(line)?;
         compared(Surveyed::draped(drape).map_err(line)?);
         Ok(())
     });
     let sheet = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 10 0 0\nvertex 0 10 0\n\
         endloop\nendfacet\nendsolid\n";
-    survives("scan.stl", &[sheet.into()], 2000, |path| {
+    survives("scan.stl", &[sheet.into()], 1000, |path| {
         let mesh = read_stl(path, 1e-3).map_err(line)?.mesh;
         compared(Surveyed::scan(mesh).map_err(line)?);
         Ok(())
@@ -186,7 +189,7 @@ fn draping_paths() {
     let file: PathBuf = folder().join("points.json");
     let points = strokes(&[point(5, 0.0), point(6, 0.5), point(9, 8.0)], 1.0).unwrap();
     write_json(&file, &points).unwrap();
-    survives("path.json", &[fs::read(&file).unwrap()], 2000, |path| {
+    survives("path.json", &[fs::read(&file).unwrap()], 1500, |path| {
         read_json(path).map(drop).map_err(line)
     });
 }

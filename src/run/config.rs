@@ -4,10 +4,10 @@ use anyhow::{Context, Result};
 use serde::de::Error as _;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, Deserializer, ValueDeserializer};
-use toml::{Spanned, Table};
+use toml::{Spanned, Table, Value};
 
 use drape_cloth::fabric::Lamina;
-use drape_cloth::file::{ValueError, parse_toml_with, read_text};
+use drape_cloth::file::{ValueError, parse_toml_with, read_text, refuse_lists};
 use drape_cloth::scene::SceneConfig;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
@@ -180,7 +180,12 @@ impl RunConfig {
     /// What `text` gives, and for the rest its preset.
     fn over_preset(text: &str) -> Result<Self, toml::de::Error> {
         // Numbers that TOML does not have are refused, though some would fit.
-        toml::from_str::<Table>(text)?;
+        let all = Value::Table(toml::from_str(text)?);
+        refuse_lists(&all, "", &TABLES).map_err(toml::de::Error::custom)?;
+        if let Some(scene) = all.get("scene") {
+            let lists = refuse_lists(scene, "", &SceneConfig::TABLES);
+            lists.map_err(toml::de::Error::custom)?;
+        }
         let given = DeTable::parse(text)?;
         let span = given.span();
         let given = given.into_inner();
@@ -229,6 +234,17 @@ const OPTIONAL: [(&str, &str); 6] = [
     ("env", "max_steps"),
     ("ppo", "max_grad_norm"),
     ("ppo", "imitation"),
+];
+
+/// Where a configuration has tables, beside those of its scene.
+const TABLES: [&str; 7] = [
+    "env",
+    "policy",
+    "policy.network.compact",
+    "policy.network.paper",
+    "ppo",
+    "ppo.imitation",
+    "scene",
 ];
 
 /// Puts `over` on top of `base`, the table `section`, table by table. `"off"` removes an optional
@@ -390,19 +406,19 @@ mod tests {
             ),
             (
                 "preset = \"paper\"\n[[ppo.imitation]]\nsamples = 1",
-                "c.toml:2:1: `ppo.imitation` is a list, expected a table",
+                "c.toml:1:1: `ppo.imitation` is a list, expected a table",
             ),
             (
                 "[scene]\nfall = [1.0]",
-                "c.toml:2:8: `scene.fall` is a list, expected a table",
+                "c.toml:1:1: `fall` is a list, expected a table",
             ),
             (
                 "[scene.tool]\ngrid = [4.0, nan]",
-                "c.toml:2:8: `scene.tool.grid` is a list, expected a table",
+                "c.toml:1:1: `tool.grid` is a list, expected a table",
             ),
             (
                 "[policy.network]\npaper = [[8, 16, 32], [256, 256]]",
-                "c.toml:2:9: `policy.network.paper` is a list, expected a table",
+                "c.toml:1:1: `policy.network.paper` is a list, expected a table",
             ),
             (
                 "imitation = \"off\"",

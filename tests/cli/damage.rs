@@ -59,13 +59,13 @@ fn mistakes_in_the_configuration_are_located_and_nothing_is_made() {
             &["config.toml:1:1: several kinds of what can be one only"],
         ),
         (
-            "environments = 4096\nppo.rollout_steps = 1\n[scene.blank]\nvertices = [1025, 1025]",
+            "environments = 4096\nppo.rollout_steps = 1\n[scene.tool]\n[scene.blank]\nvertices = [1025, 1025]",
             &[
                 "config.toml: `environments` is 4096 of 1050625 vertices, 1231201 MiB, expected at most",
             ],
         ),
         (
-            "environments = 64\n[env]\ncrop = false\n[scene.blank]\nvertices = [1025, 1025]",
+            "environments = 64\n[env]\ncrop = false\n[scene.tool]\n[scene.blank]\nvertices = [1025, 1025]",
             &[
                 "config.toml: `ppo.rollout_steps` is 6400 samples of 1050625 pixels, 57711 MiB, expected",
             ],

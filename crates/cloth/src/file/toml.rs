@@ -48,8 +48,7 @@ pub fn parse_toml_with<T: Serialize>(
             message,
         )
     })?;
-    // The parser takes a list for the values of a table in their order, and of one that is longer
-    // than it wants it drops the rest.
+    // Of a list that is longer than it wants the parser drops the rest.
     let kept = Value::try_from(&value).expect("what was read is representable");
     let given = DeTable::parse(text).expect("it has been read").into_inner();
     match changed_in_table(&given, &kept, "") {
@@ -73,6 +72,23 @@ fn located(text: &str, path: &Path, start: usize, mut message: String) -> ReadEr
         path: path.into(),
         place: format!(":{line}:{column}"),
         fault: message,
+    }
+}
+
+/// Refuses a list at `path` or below where `tables` has a table: the parser would take it for the
+/// values of the table, in their order. `a[]` are the elements of the list `a`.
+pub fn refuse_lists(value: &Value, path: &str, tables: &[&str]) -> Result<(), String> {
+    let below = |value, path: String| refuse_lists(value, &path, tables);
+    match value {
+        Value::Array(_) if tables.contains(&path) => {
+            Err(format!("`{path}` is a list, expected a table"))
+        }
+        Value::Array(list) => (list.iter()).try_for_each(|value| below(value, format!("{path}[]"))),
+        Value::Table(table) => (table.iter()).try_for_each(|(key, value)| match path {
+            "" => below(value, key.clone()),
+            _ => below(value, format!("{path}.{key}")),
+        }),
+        _ => Ok(()),
     }
 }
 

@@ -436,7 +436,7 @@ mod tests {
             (
                 "endloop\n endfacet",
                 "endloop",
-                "line 9: expected endfacet first, found \"facet\"",
+                "line 8: expected endfacet first, found \"facet\"",
             ),
             (
                 "0e0 0 0",

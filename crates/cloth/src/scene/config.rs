@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::fabric::{BlankConfig, BlankError, Material};
-use crate::file::{ReadError, ValueError, read_toml};
+use crate::file::{ReadError, ValueError, read_toml, refuse_lists};
 use crate::sim::{PhysicsConfig, Stepping};
 use crate::tool::{Source, ToolConfig, ToolError};
 
@@ -158,6 +158,20 @@ pub enum SceneError {
 const RIB: &str = include_str!("../../../../configs/scenes/rib.toml");
 
 impl SceneConfig {
+    /// Where a scene file has tables, for [`refuse_lists`].
+    pub const TABLES: [&str; 10] = [
+        "tool",
+        "tool.source.shape",
+        "tool.source.stl",
+        "tool.pose",
+        "tool.grid",
+        "blank",
+        "placement",
+        "fall",
+        "clamps[]",
+        "physics",
+    ];
+
     /// The built-in scene: the paper's rib with two wrinkles.
     pub fn rib() -> Self {
         toml::from_str(RIB).expect("the built-in scene is valid")
@@ -165,6 +179,8 @@ impl SceneConfig {
 
     /// Reads a scene file. Paths in it count from the folder of the file.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
+        refuse_lists(&read_toml(path)?, "", &Self::TABLES)
+            .map_err(|fault| ReadError::fault(path, fault))?;
         let mut scene: Self = read_toml(path)?;
         scene.resolve(path.parent().unwrap_or(Path::new("")));
         Ok(scene)

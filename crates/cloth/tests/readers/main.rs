@@ -74,7 +74,7 @@ fn stl() {
             .replace("10", "1e-200")
             .into(),
     );
-    survives("a.stl", &corpus, 6000, |path| {
+    survives("a.stl", &corpus, 4000, |path| {
         tool(read_stl(path, 1e-3).map_err(line)?.mesh)
     });
 }
@@ -85,7 +85,7 @@ fn outlines() {
     let plate = include_bytes!("../../../../assets/outlines/plate-with-hole.csv");
     let square = "0,0\n400;0 # corner\n400 400\n0,400\n0,0\n\n100,100\n300\t100\n300,300\n";
     let corpus = [plate.to_vec(), square.into()];
-    survives("a.csv", &corpus, 3000, |path| {
+    survives("a.csv", &corpus, 2000, |path| {
         let config = BlankConfig {
             outline: Some(path.into()),
             cell_mm: Some(50.0),
@@ -151,7 +151,7 @@ fn scenes() {
         .into_iter()
         .chain(shapes.iter().map(|s| &**s));
     let corpus: Vec<Vec<u8>> = texts.map(|text: &str| text.into()).collect();
-    survives("scene.toml", &corpus, 4000, |path| {
+    survives("scene.toml", &corpus, 1500, |path| {
         set_up(SceneConfig::read(path).map_err(line)?)
     });
 }
@@ -169,7 +169,7 @@ fn materials() {
     let config = folder().join("of-material.toml");
     fs::write(&config, scene).unwrap();
     let config = SceneConfig::read(&config).unwrap();
-    survives("material.toml", &corpus, 2000, |path: &Path| {
+    survives("material.toml", &corpus, 500, |path: &Path| {
         Material::read(path).map_err(line)?;
         set_up(config.clone())
     });
