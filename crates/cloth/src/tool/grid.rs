@@ -52,7 +52,7 @@ impl DistanceGrid {
                 dims: nodes.into(),
                 spacing_mm: spacing * 1e3,
                 mib: nodes.product() * size_of::<f32>() as f64 / f64::from(1 << 20),
-                limit_mib: MAX_NODES * size_of::<f32>() >> 20,
+                limit_mib: (MAX_NODES * size_of::<f32>()) >> 20,
                 advice: fitting.map_or(size.into(), |mm| {
                     format!("set `tool.grid.spacing_mm` to {mm} or more, or {size}")
                 }),
