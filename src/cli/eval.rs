@@ -280,11 +280,21 @@ impl Loaded {
         let text = self.folder.config_text()?;
         sequence.check_config(&text).map_err(invalid)?;
         let count = self.scene.lamina.vertex_count();
-        let others = sequence.others.iter().flat_map(|other| &other.vertices);
-        let mut vertices = sequence.vertices.iter().chain(others);
-        let outside = vertices.find(|&&v| v as usize >= count);
-        let fault = outside.map(|v| format!("presses vertex {v}, expected one below {count}"));
-        fault.map_or(Ok(()), |fault| Err(invalid(fault)))
+        let others = sequence.others.iter().map(|other| &other.vertices);
+        for vertices in std::iter::once(&sequence.vertices).chain(others) {
+            if let Some(v) = vertices.iter().find(|&&v| v as usize >= count) {
+                return Err(invalid(format!(
+                    "presses vertex {v}, expected one below {count}"
+                )));
+            }
+            let found = vertices.len();
+            if found > count {
+                return Err(invalid(format!(
+                    "has {found} presses, expected at most {count}"
+                )));
+            }
+        }
+        Ok(())
     }
 
     fn checkpoint_path(&self, name: &str) -> PathBuf {

@@ -90,7 +90,7 @@ impl Checkpoint {
     /// the file's size whatever lengths it claims.
     pub fn load(path: &Path) -> Result<Self> {
         let place = || path.display().to_string();
-        Self::decode(&read_bytes(path)?).with_context(place)
+        Self::decode(&read_bytes(path, 8192)?).with_context(place)
     }
 
     fn encode(&self) -> Vec<u8> {

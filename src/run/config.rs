@@ -7,12 +7,13 @@ use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, Deserializer, ValueDeserializer};
 use toml::{Spanned, Table, Value};
 
-use super::folder::{Input, digest, read_text};
-use drape_cloth::file::{ReadError, ValueError, parse_toml_with, read_bytes, refuse_lists};
+use super::folder::{Input, digest};
+use drape_cloth::fabric::Lamina;
+use drape_cloth::file::{ReadError, ValueError, parse_toml_with, read_bytes, read_text, refuse_lists};
 use drape_cloth::scene::SceneConfig;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
-use drape_task::env::EnvConfig;
+use drape_task::env::{EnvConfig, MOST_MIB, check_memory};
 
 /// A set of defaults for task, network and learner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -151,6 +152,32 @@ impl RunConfig {
         }
     }
 
+    /// Refuses environments and rollouts that exhaust the memory, by the blank alone: before its
+    /// fall, which takes long where it is large.
+    ///
+    /// # Errors
+    /// Those of a blank that cannot be cut and of a region off it, too.
+    pub fn check_memory(&self) -> Result<()> {
+        self.scene.check()?;
+        let lamina = Lamina::new(&self.scene.blank, self.scene.read_material()?)?;
+        check_memory(self.environments, lamina.vertex_count())?;
+        let region = self.env.region(&lamina)?;
+        let pixels = match self.env.crop {
+            true => region.rows.len() * region.columns.len(),
+            false => lamina.rows * lamina.columns,
+        };
+        let samples = self.environments * self.ppo.rollout_steps;
+        let mib = samples as f64 * pixels as f64 * PIXEL_BYTES / f64::from(1 << 20);
+        let found = format!("{samples} samples of {pixels} pixels, {mib:.0} MiB");
+        let expected = format!("at most {MOST_MIB} MiB");
+        Ok(ValueError::unless(
+            mib <= MOST_MIB,
+            "ppo.rollout_steps",
+            found,
+            expected,
+        )?)
+    }
+
     fn parse(text: &str, path: &Path) -> Result<Self> {
         let mut config = parse_toml_with(text, path, Self::over_preset)?;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -223,6 +250,9 @@ impl RunConfig {
     }
 }
 
+/// What a rollout keeps of a pixel of each sample, once more where episodes are imitated [bytes].
+const PIXEL_BYTES: f64 = 9.0;
+
 /// Sections, and keys in them that may be absent and so be switched off.
 const OPTIONAL: [(&str, &str); 6] = [
     ("env", "region_mm"),
@@ -271,7 +301,7 @@ fn merge<'i>(base: &mut DeTable<'i>, over: DeTable<'i>, section: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use drape_cloth::fabric::{Lamina, Material};
+    use drape_cloth::fabric::Material;
 
     fn parse(text: &str) -> Result<RunConfig, String> {
         RunConfig::parse(text, Path::new("c.toml")).map_err(|e| format!("{e:#}"))
@@ -389,7 +419,7 @@ mod tests {
             ),
             (
                 "[env]\naccuracy = \"acurate\"",
-                "c.toml:2:12: unknown variant `acurate`, expected one of `fast`, \
+                "c.toml:2:12: unknown name `acurate`, expected one of `fast`, \
                  `balanced`, `accurate`",
             ),
             (

@@ -3,11 +3,11 @@ use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use humantime::format_rfc3339_seconds;
 use serde::{Deserialize, Serialize};
 
-use drape_cloth::file::{read_bytes, remove_temporaries, write_atomic};
+use drape_cloth::file::{in_words, read_bytes, read_text, remove_temporaries, write_atomic};
 use drape_study::proof::{Physics, Row};
 use drape_task::env::ImageShape;
 
@@ -128,7 +128,7 @@ impl BestSequence {
         match *found == expected {
             true => Ok(()),
             false => Err(format!(
-                "found in the configuration with digest {found}, this one has {expected}"
+                "found in the configuration with digest {found:.40}, this one has {expected}"
             )),
         }
     }
@@ -225,12 +225,6 @@ fn moved(from: &Path, to: &Path) -> io::Result<bool> {
         }
         moved => moved.map(|()| true),
     }
-}
-
-/// What stands in a file.
-pub(crate) fn read_text(path: &Path) -> Result<String> {
-    let text = String::from_utf8(read_bytes(path)?);
-    text.with_context(|| format!("{} is damaged", path.display()))
 }
 
 /// Folders in that of a run.
@@ -366,7 +360,7 @@ impl RunFolder {
 
     /// What stands in [`RunFolder::config`].
     pub fn config_text(&self) -> Result<String> {
-        read_text(&self.config)
+        Ok(read_text(&self.config)?)
     }
 
     /// Replaces the best sequence.
@@ -402,8 +396,9 @@ impl RunFolder {
 }
 
 fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    let read = serde_json::from_str(&read_text(path)?);
-    read.with_context(|| format!("{} is damaged", path.display()))
+    let bytes = read_bytes(path, 1024)?;
+    serde_json::from_slice(&bytes)
+        .map_err(|error| anyhow!("{} is damaged: {}", path.display(), in_words(error)))
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
@@ -553,6 +548,6 @@ mod tests {
         );
         fs::write(&run.best_sequence, &text[..text.len() / 2]).unwrap();
         let error = run.read_best_sequence().unwrap_err();
-        assert!(error.to_string().ends_with("is damaged"), "{error}");
+        assert!(error.to_string().contains("is damaged: EOF"), "{error}");
     }
 }

@@ -1,10 +1,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Result, anyhow};
 use serde_json::Value;
 
-use drape_cloth::file::read_bytes;
+use drape_cloth::file::{in_words, read_bytes};
 
 /// A line of `metrics.jsonl`: one JSON object of the `values` (name, value) in the given order,
 /// `step` first. Numbers that are not finite become `null`.
@@ -28,12 +28,14 @@ pub struct MetricsLine {
 /// The first lines of the metrics file at `path`, `most` of them, in order, each with its length
 /// [bytes]. A last line without its line break is still being written and is left out.
 pub(super) fn read_lines(path: &Path, most: usize) -> Result<Vec<(MetricsLine, u64)>> {
-    let bytes = read_bytes(path)?;
+    let bytes = read_bytes(path, 1024)?;
     let lines = bytes.split_inclusive(|&byte| byte == b'\n');
     let whole = lines.filter(|line| line.ends_with(b"\n")).take(most);
     let parse = |(i, line): (usize, &[u8])| {
-        let place = || format!("{}, line {}: not a line of metrics", path.display(), i + 1);
-        let parsed = serde_json::from_slice(line).with_context(place)?;
+        let parsed = serde_json::from_slice(line).map_err(|error| {
+            let (place, line, why) = (path.display(), i + 1, in_words(error));
+            anyhow!("{place}, line {line}: not a line of metrics: {why}")
+        })?;
         Ok((parsed, line.len() as u64))
     };
     whole.enumerate().map(parse).collect()
@@ -116,7 +118,7 @@ mod tests {
         fs::write(&path, "{\"step\":1,\"a\":1.0}\n{\"step\":2,\"a\":\n").unwrap();
         let error = read_metrics(&path).unwrap_err().to_string();
         assert!(
-            error.ends_with("metrics.jsonl, line 2: not a line of metrics"),
+            error.contains("metrics.jsonl, line 2: not a line of metrics: "),
             "{error}"
         );
     }

@@ -17,7 +17,6 @@ mod training;
 
 pub use checkpoint::{Checkpoint, OtherConfig};
 pub use config::RunConfig;
-pub(crate) use folder::read_text;
 pub use folder::{
     BestSequence, Input, Proved, RunError, RunFolder, RunInfo, RunLock, config_digest, dated_folder,
 };

@@ -59,6 +59,18 @@ fn mistakes_in_the_configuration_are_located_and_nothing_is_made() {
             &["config.toml:1:1: several kinds of what can be one only"],
         ),
         (
+            "environments = 4096\nppo.rollout_steps = 1\n[scene.tool]\n[scene.blank]\nvertices = [1025, 1025]",
+            &[
+                "config.toml: `environments` is 4096 of 1050625 vertices, 1231201 MiB, expected at most",
+            ],
+        ),
+        (
+            "environments = 64\n[env]\ncrop = false\n[scene.tool]\n[scene.blank]\nvertices = [1025, 1025]",
+            &[
+                "config.toml: `ppo.rollout_steps` is 6400 samples of 1050625 pixels, 57711 MiB, expected",
+            ],
+        ),
+        (
             "[policy.network.compact]\nborder = 4095",
             &["config.toml: policy: `network` is 4834207578 parameters, expected at most"],
         ),
@@ -289,6 +301,28 @@ fn damaged_sequences_and_metrics_are_located() {
     let args = ["eval", "runs/a", "--prove"];
     let words = "best_sequence.json: presses vertex 999, expected one below 289";
     assert_failure(&drape(path, &args), 2, &[words]);
+    large["grid"] = serde_json::json!({"rows": 900, "columns": 900});
+    for (vertices, words) in [
+        (
+            vec![5000],
+            "best_sequence.json: presses vertex 5000, expected one below 289",
+        ),
+        (
+            vec![7; 290],
+            "best_sequence.json: has 290 presses, expected at most 289",
+        ),
+    ] {
+        large["vertices"] = vertices.into();
+        fs::write(&file, large.to_string()).unwrap();
+        for args in [
+            &["eval", "runs/a", "--sequence"][..],
+            &["eval", "runs/a", "--sequence", "--accuracy", "fast"],
+            &["export", "runs/a"],
+            &["compare", "runs/a", "runs/a"],
+        ] {
+            assert_failure(&drape(path, args), 2, &[words]);
+        }
+    }
     for (content, code, words) in [
         (
             text[..text.len() / 2].into(),
@@ -354,7 +388,12 @@ fn damaged_sequences_and_metrics_are_located() {
     );
     assert!(files(path) == before);
 
+    // A time beyond any clock is a time, and the run goes on.
     let first = text.lines().next().unwrap();
+    let mut late: Value = serde_json::from_str(first).unwrap();
+    late["wall_time"] = 1e300.into();
+    fs::write(&metrics, text.replacen(first, &late.to_string(), 1)).unwrap();
+    json(path, &args);
     fs::write(&metrics, format!("{first}\n")).unwrap();
     assert_failure(
         &drape(path, &args),

@@ -167,6 +167,20 @@ fn invalid_scenes_are_refused_before_anything_is_written() {
             &["scene.toml: `physics` is a list, expected a table"],
         ),
         (
+            "[tool]\npose.rotation_deg = [1, 2, 3, 4, 5]",
+            &["scene.toml:2:21: `tool.pose.rotation_deg` is a list of 5, expected 3"],
+        ),
+        (
+            "[tool]\n[blank]\nsize_mm = [-370, 370]\n[[clamps]]\nat_mm = [0, -185]",
+            &["scene.toml: `blank.size_mm` is [-370.0, 370.0], expected two lengths"],
+        ),
+        (
+            "[tool]\nsource.shape = { kind = \"rib\", vertex_counts = [4096, 4096] }",
+            &[
+                "`tool.source.shape.vertex_counts` is 4096 x 4096 = 16777216 vertices, expected at most",
+            ],
+        ),
+        (
             "clamps = [[[0, 0], 1.0, [0, 0, 1e9]]]\n[tool]",
             &["scene.toml: `clamps[]` is a list, expected a table"],
         ),
@@ -245,7 +259,7 @@ fn values_out_of_range_are_located() {
         ),
         (
             "[tool.grid]\nspacing_mm = 0.01",
-            &["grid of", "increase `tool.grid.spacing_mm`"],
+            &["grid of", " MiB", "set `tool.grid.spacing_mm` to 1 or more"],
         ),
         (
             "[tool.source.shape]\nkind = \"plate\"\nbase_mm = inf",
@@ -360,7 +374,7 @@ fn broken_stl_files_are_refused() {
             &["neither a binary nor an ASCII STL file"],
         ),
         (&whole[..5000], &["truncated after facet 98 of 9146"]),
-        (&infinite, &["facet 1 has a non-finite coordinate"]),
+        (&infinite, &["corner 1 of facet 1 is at [inf, "]),
         (b"solid\nendsolid\n", &["no facets"]),
         (flat.as_bytes(), &["all 1 facets have zero area"]),
         (cut.as_bytes(), &["truncated after facet 1", "endsolid"]),

@@ -98,7 +98,7 @@ impl BlankConfig {
     }
 
     /// Checks all values that do not depend on the outline.
-    pub(super) fn check(&self) -> Result<(), ValueError> {
+    pub(crate) fn check(&self) -> Result<(), ValueError> {
         let is_countable = |n| (2..=MAX_VERTICES).contains(n);
         let is_valid = self.vertices.iter().all(is_countable);
         let found = format!("{:?}", self.vertices);

@@ -5,6 +5,9 @@ use crate::file::{ReadError, read_bytes};
 /// Coordinates of an outline are at most this large [mm].
 const MAX_MM: f64 = 1e5;
 
+/// Most points: each edge may have to be held against every other.
+const MOST_POINTS: usize = 32_768;
+
 /// A point of the plane.
 pub(super) type Point = [f64; 2];
 
@@ -38,7 +41,7 @@ impl Outline {
     /// Reads an outline; the error names file, line, found and expected.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         // What is not text is quoted as the line that cannot be understood.
-        let text = String::from_utf8_lossy(&read_bytes(path)?).into_owned();
+        let text = String::from_utf8_lossy(&read_bytes(path, 16)?).into_owned();
         Self::parse(&text).map_err(|(line, fault)| ReadError::Fault {
             path: path.into(),
             place: format!(":{line}"),
@@ -76,6 +79,12 @@ impl Outline {
                 let fault = format!("point is that of line {line} again, expected another");
                 return Err((lines[i + 1], fault));
             }
+        }
+        let counts = loops.iter().map(|(points, _)| points.len());
+        let found: usize = counts.sum();
+        if found > MOST_POINTS {
+            let fault = format!("{found} points, expected at most {MOST_POINTS}");
+            return Err((1, fault));
         }
         check_crossings(&loops)?;
         let Some(((outer, _), holes)) = loops.split_first() else {

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::lamina::Lamina;
 use super::material::Family;
 use super::membrane::Membrane;
-use crate::file::{ReadError, WriteError, read_bytes, write_atomic};
+use crate::file::{ReadError, WriteError, in_words, read_bytes, write_atomic};
 use crate::math::Vec3;
 use crate::mesh::TriMesh;
 
@@ -63,8 +63,8 @@ impl Drape {
     /// Reads and checks what [`Drape::write`] wrote.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let fault = |fault: String| ReadError::fault(path, fault);
-        let drape: Self = serde_json::from_slice(&read_bytes(path)?)
-            .map_err(|error| fault(format!("not a state file: {error}")))?;
+        let drape: Self = serde_json::from_slice(&read_bytes(path, 1024)?)
+            .map_err(|error| fault(format!("not a state file: {}", in_words(error))))?;
         drape.check().map_err(fault)?;
         Ok(drape)
     }
@@ -72,7 +72,7 @@ impl Drape {
     /// Says what is wrong. Vertices and triangles count from 0.
     fn check(&self) -> Result<(), String> {
         if self.format != FORMAT {
-            let found = &self.format;
+            let found: String = self.format.chars().take(40).collect();
             return Err(format!("`format` is {found:?}, expected {FORMAT:?}"));
         }
         let warp = self.warp;

@@ -4,9 +4,11 @@
 mod read;
 mod toml;
 mod value;
+mod words;
 mod write;
 
-pub use read::{ReadError, read_bytes};
+pub use read::{ReadError, read_bytes, read_text};
 pub use toml::{parse_toml, parse_toml_with, read_toml, refuse_lists};
 pub use value::ValueError;
+pub use words::in_words;
 pub use write::{WriteError, check_writable, remove_temporaries, write_atomic};

@@ -1,40 +1,38 @@
 use std::path::Path;
 
+use serde::Serialize;
 use serde::de::DeserializeOwned;
-use toml::Value;
+use toml::de::{DeTable, DeValue};
+use toml::{Spanned, Value};
 
-use super::read::{ReadError, read_bytes};
+use super::read::{ReadError, read_text};
+use super::words::{NAMELESS, in_words};
 
-/// End of the message about a whole number beyond those that TOML has.
-const LARGE: &str = "`, expected at most 9223372036854775807";
 /// Longest part of a line that a message quotes [characters].
 const QUOTE: usize = 60;
 
 /// Reads the TOML file at `path`.
-pub fn read_toml<T: DeserializeOwned>(path: &Path) -> Result<T, ReadError> {
-    let text = String::from_utf8(read_bytes(path)?);
-    let text = text.map_err(|_| ReadError::fault(path, "not text in UTF-8"))?;
-    parse_toml(&text, path)
+pub fn read_toml<T: DeserializeOwned + Serialize>(path: &Path) -> Result<T, ReadError> {
+    parse_toml(&read_text(path)?, path)
 }
 
 /// Reads TOML from `text`; errors name `path` as its origin, line, column [characters] and key, and
 /// what was expected there, in one line.
-pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ReadError> {
+pub fn parse_toml<T: DeserializeOwned + Serialize>(
+    text: &str,
+    path: &Path,
+) -> Result<T, ReadError> {
     parse_toml_with(text, path, |text| toml::from_str(text))
 }
 
 /// As [`parse_toml`] by another parser than the plain one, whose errors are put into the same words.
-pub fn parse_toml_with<T>(
+pub fn parse_toml_with<T: Serialize>(
     text: &str,
     path: &Path,
     parse: impl Fn(&str) -> Result<T, toml::de::Error>,
 ) -> Result<T, ReadError> {
-    parse(text).map_err(|error| {
-        let start = error.span().map_or(0, |span| span.start);
-        let before = text.get(..start).unwrap_or(text);
-        let line_start = before.rfind('\n').map_or(0, |end| end + 1);
-        let line = text[line_start..].lines().next().unwrap_or_default().trim();
-        let mut message = plain(error.message());
+    let value = parse(text).map_err(|error| {
+        let mut message = in_words(error.message());
         if let Some(names) = error.span().and_then(|span| {
             let (before, after) = (text.get(..span.start)?, text.get(span.end..)?);
             let found = text.get(span)?;
@@ -43,19 +41,38 @@ pub fn parse_toml_with<T>(
         }) {
             message = names;
         }
-        let key = line.split('=').next().unwrap_or_default().trim();
-        if !key.is_empty() && !message.contains(&format!("`{key}`")) {
-            let quote: String = line.chars().take(QUOTE).collect();
-            message += &format!(" in `{quote}`");
-        }
-        let line = before.matches('\n').count() + 1;
-        let column = before[line_start..].chars().count() + 1;
-        ReadError::Fault {
-            path: path.into(),
-            place: format!(":{line}:{column}"),
-            fault: message,
-        }
-    })
+        located(
+            text,
+            path,
+            error.span().map_or(0, |span| span.start),
+            message,
+        )
+    })?;
+    // Of a list that is longer than it wants the parser drops the rest.
+    let kept = Value::try_from(&value).expect("what was read is representable");
+    let given = DeTable::parse(text).expect("it has been read").into_inner();
+    match changed_in_table(&given, &kept, "") {
+        Some((start, message)) => Err(located(text, path, start, message)),
+        None => Ok(value),
+    }
+}
+
+/// The error at the byte `start` of `text`.
+fn located(text: &str, path: &Path, start: usize, mut message: String) -> ReadError {
+    let before = text.get(..start).unwrap_or(text);
+    let line_start = before.rfind('\n').map_or(0, |end| end + 1);
+    let line = text[line_start..].lines().next().unwrap_or_default().trim();
+    let key = line.split('=').next().unwrap_or_default().trim();
+    if !key.is_empty() && !message.contains(&format!("`{key}`")) {
+        message += &format!(" in `{}`", quote(line));
+    }
+    let line = before.matches('\n').count() + 1;
+    let column = before[line_start..].chars().count() + 1;
+    ReadError::Fault {
+        path: path.into(),
+        place: format!(":{line}:{column}"),
+        fault: message,
+    }
 }
 
 /// Refuses a list at `path` or below where `tables` has a table: the parser would take it for the
@@ -75,75 +92,61 @@ pub fn refuse_lists(value: &Value, path: &str, tables: &[&str]) -> Result<(), St
     }
 }
 
-/// What stands for a value of the wrong type where the parser says that it wants a name.
-const NAMELESS: &str = "invalid type, expected a name in quotes or a table";
+/// The beginning of a line, without what a terminal would obey.
+fn quote(line: &str) -> String {
+    let shown = |c: char| if c.is_control() { '\u{fffd}' } else { c };
+    line.chars().take(QUOTE).map(shown).collect()
+}
+
+/// The first list below `given`, at its byte, of which a table or a shorter list was `kept`.
+fn changed(given: &Spanned<DeValue>, kept: &Value, key: &str) -> Option<(usize, String)> {
+    let fault = |fault: String| Some((given.span().start, format!("`{key}` is {fault}")));
+    match (given.get_ref(), kept) {
+        (DeValue::Array(_), Value::Table(_)) => fault("a list, expected a table".into()),
+        (DeValue::Array(given), Value::Array(kept)) if given.len() != kept.len() => {
+            let (found, expected) = (given.len(), kept.len());
+            fault(format!("a list of {found}, expected {expected}"))
+        }
+        (DeValue::Array(given), Value::Array(kept)) => (given.iter().zip(kept).enumerate())
+            .find_map(|(index, (given, kept))| changed(given, kept, &format!("{key}[{index}]"))),
+        (DeValue::Table(given), kept) => changed_in_table(given, kept, &format!("{key}.")),
+        _ => None,
+    }
+}
+
+fn changed_in_table(given: &DeTable, kept: &Value, before: &str) -> Option<(usize, String)> {
+    given.iter().find_map(|(key, given)| {
+        let key = key.get_ref();
+        changed(given, kept.get(&**key)?, &format!("{before}{key}"))
+    })
+}
 
 /// `message` with what was `found` and the names that may stand there, if it wants a name: those that
 /// the parser lists in `nameless`, its message about an empty name there.
 fn names_instead(message: &str, nameless: &str, found: &str) -> Option<String> {
     let (_, names) = nameless.split_once("unknown variant ``, expected ")?;
-    let names = plain(names);
+    let names = in_words(names);
     // Where that is comes after it in some messages, and is in `message` too.
     let names = names.rsplit_once(" in `").map_or(&*names, |parts| parts.0);
     let found = found.lines().next().unwrap_or_default();
-    let found: String = found.chars().take(QUOTE).collect();
+    let found = quote(found);
     let named = format!("invalid type: `{found}`, expected {names}");
     (message.contains(NAMELESS)).then(|| message.replace(NAMELESS, &named))
-}
-
-/// A message of the parser, which may have several lines and names Rust's types, in one line
-/// and in words for whoever wrote the file.
-fn plain(message: &str) -> String {
-    const WORDS: [(&str, &str); 16] = [
-        (
-            "wanted exactly 1 element, more than 1 element",
-            "several kinds of what can be one only",
-        ),
-        ("expected f64", "expected a number"),
-        ("expected f32", "expected a number"),
-        ("expected usize", "expected a whole number >= 0"),
-        ("expected u64", "expected a whole number >= 0"),
-        ("expected u32", "expected a whole number >= 0"),
-        ("expected a sequence", "expected a list"),
-        ("expected path string", "expected a path in quotes"),
-        ("expected internally tagged enum", "expected a table for"),
-        ("expected struct", "expected a table for"),
-        ("expected an array of length", "expected a list of length"),
-        ("invalid type: unit variant, expected string only", NAMELESS),
-        ("wanted string or table", NAMELESS),
-        ("` as i128, expected any valid TOML value", LARGE),
-        ("` as i128", "`"),
-        (
-            "u64 value was too large",
-            "invalid value, expected at most 9223372036854775807",
-        ),
-    ];
-    let line = message.split_whitespace().collect::<Vec<_>>().join(" ");
-    let plain = |line: String, (rust, words): &(&str, &str)| line.replace(rust, words);
-    let line = WORDS.iter().fold(line, plain);
-    // What a table is for is a name of Rust's, too.
-    match line.split_once(" for ") {
-        Some((before, after)) if before.ends_with("expected a table") => {
-            let rest = after.split_once(' ').map(|(_, rest)| format!(" {rest}"));
-            before.to_owned() + &rest.unwrap_or_default()
-        }
-        _ => line,
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde::Deserialize;
+    use serde::{Deserialize, Serialize};
 
-    #[derive(Debug, Deserialize)]
+    #[derive(Debug, Deserialize, Serialize)]
     #[serde(deny_unknown_fields)]
     struct Plan {
         #[serde(rename = "part")]
         _part: Part,
     }
 
-    #[derive(Debug, Deserialize)]
+    #[derive(Debug, Deserialize, Serialize)]
     #[serde(deny_unknown_fields)]
     struct Part {
         #[serde(rename = "length_mm")]
@@ -209,14 +212,14 @@ mod tests {
     /// The names that a value of the wrong type could have been.
     #[test]
     fn names_are_listed() {
-        #[derive(Debug, Deserialize)]
+        #[derive(Debug, Deserialize, Serialize)]
         #[serde(rename_all = "snake_case")]
         enum Colour {
             Red,
             Green,
             Mixed { _share: f64 },
         }
-        #[derive(Debug, Deserialize)]
+        #[derive(Debug, Deserialize, Serialize)]
         struct Paint {
             #[serde(rename = "colour")]
             _colour: Colour,
@@ -225,7 +228,7 @@ mod tests {
         for (value, start) in [
             ("3", "invalid type: `3`, "),
             ("true # red", "invalid type: `true`, "),
-            ("\"blue\"", "unknown variant `blue`, "),
+            ("\"blue\"", "unknown name `blue`, "),
         ] {
             let text = format!("colour = {value}\n");
             let error = parse_toml::<Paint>(&text, Path::new("a.toml")).unwrap_err();

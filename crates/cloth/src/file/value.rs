@@ -11,9 +11,12 @@ pub struct ValueError {
 impl ValueError {
     /// Names what stands at `key`, and what was expected there.
     pub fn new(key: &str, found: impl ToString, expected: impl Into<String>) -> Self {
+        // Hundreds of digits say less than an exponent.
+        let found = found.to_string();
+        let long = found.parse().ok().filter(|_| found.len() > 24);
         Self {
             key: key.into(),
-            found: found.to_string(),
+            found: long.map_or(found, |number: f64| format!("{number:e}")),
             expected: expected.into(),
         }
     }

@@ -16,6 +16,19 @@ use std::ops::AddAssign;
 
 use crate::math::Vec3;
 
+/// Most facets of a mesh that is read or made: with what a tool keeps of them, 2 GiB.
+pub(crate) const MOST_FACETS: usize = 1 << 22;
+
+/// Refuses more facets than [`MOST_FACETS`].
+fn check_facet_count(found: usize) -> Result<(), String> {
+    match found <= MOST_FACETS {
+        true => Ok(()),
+        false => Err(format!(
+            "{found} facets or more, expected at most {MOST_FACETS}"
+        )),
+    }
+}
+
 /// A triangle mesh with shared vertices.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriMesh {

@@ -2,7 +2,7 @@ use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
 
-use super::TriMesh;
+use super::{TriMesh, check_facet_count};
 use crate::file::{ReadError, WriteError, read_bytes, write_atomic};
 use crate::math::Vec3;
 
@@ -17,6 +17,22 @@ const WELD: f64 = 1e-6;
 const FLAT: f64 = 1e-12;
 /// Units of a written file per metre: STL knows no units, but readers expect millimetres.
 const MM_PER_M: f64 = 1e3;
+/// Farthest that a coordinate lies from the origin [m]: a single one beyond belief would weld all
+/// others together.
+const FAR: f64 = 1e3;
+/// What is given for an STL file by mistake, by its first bytes.
+const KINDS: [(&[u8], &str); 10] = [
+    (b"\x89PNG", "a PNG picture"),
+    (b"\xff\xd8\xff", "a JPEG picture"),
+    (b"PK\x03\x04", "a ZIP archive, such as 3MF"),
+    (b"\x1f\x8b", "a gzip archive"),
+    (b"%PDF", "a PDF document"),
+    (b"ply", "a PLY mesh"),
+    (b"glTF", "a glTF mesh"),
+    (b"ISO-10303-21", "a STEP model"),
+    (b"<?xml", "an XML file"),
+    (b"{", "a JSON file"),
+];
 
 /// A mesh as read from an STL file.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,13 +49,13 @@ type Facet = [Vec3; 3];
 /// Reads a binary or ASCII STL file whose unit is `scale` metres (0.001 for millimetres).
 ///
 /// Binary files are known by their length, so that one whose header begins with `solid` is
-/// read as well; bytes after the last facet are ignored. Memory grows with the file, not
-/// with the facet count it declares. Several solids in one ASCII file become one mesh.
+/// read as well. Memory grows with the file, not with the facet count it declares. Several solids
+/// in one ASCII file become one mesh.
 ///
 /// # Errors
 /// Says which file, and which facet or line; both count from 1.
 pub fn read_stl(path: &Path, scale: f64) -> Result<Stl, ReadError> {
-    parse(&read_bytes(path)?, scale).map_err(|fault| ReadError::fault(path, fault))
+    parse(&read_bytes(path, 2048)?, scale).map_err(|fault| ReadError::fault(path, fault))
 }
 
 /// The mesh as a binary STL file in millimetres; the same bytes for the same mesh.
@@ -83,18 +99,38 @@ fn parse(bytes: &[u8], scale: f64) -> Result<Stl, String> {
     let mut facets = match declared {
         Some(declared) if fits(declared) => binary_facets(bytes, declared)?,
         _ if is_text(bytes, b"solid") => text_facets(bytes)?,
+        _ if let Some(kind) = kind(bytes) => {
+            return Err(format!("looks like {kind}, expected an STL file"));
+        }
         Some(declared) if !is_text(bytes, b"") => binary_facets(bytes, declared)?,
         _ => return Err("neither a binary nor an ASCII STL file".into()),
     };
     for (i, facet) in facets.iter_mut().enumerate() {
-        for corner in facet {
+        for (k, corner) in facet.iter_mut().enumerate() {
+            let found = *corner;
             *corner *= scale;
-            if !corner.iter().all(|c| c.is_finite()) {
-                return Err(format!("facet {} has a non-finite coordinate", i + 1));
+            if !corner.iter().all(|c| c.abs() <= FAR) {
+                let (corner, facet, found) = (k + 1, i + 1, found.as_slice());
+                let expected = format!("within +-{FAR} m, {} in units of the file", FAR / scale);
+                return Err(format!(
+                    "corner {corner} of facet {facet} is at {found:?}, expected coordinates {expected}"
+                ));
             }
         }
     }
     weld(&facets)
+}
+
+/// What a file is that is given by mistake, if it is known.
+fn kind(bytes: &[u8]) -> Option<&'static str> {
+    let is_known = |(start, _): &&(&[u8], _)| bytes.starts_with(start);
+    if let Some((_, kind)) = KINDS.iter().find(is_known) {
+        return Some(kind);
+    }
+    // Its lines are in any order.
+    let mut lines = bytes.split(|&b| b == b'\n').take(100);
+    let is_vertex = |line: &[u8]| line.starts_with(b"v ");
+    (is_text(bytes, b"") && lines.any(is_vertex)).then_some("an OBJ mesh")
 }
 
 /// Begins with `word` and holds no control characters (at first) but white space. A binary
@@ -112,6 +148,13 @@ fn binary_facets(bytes: &[u8], declared: usize) -> Result<Vec<Facet>, String> {
     if complete < declared {
         return Err(format!("truncated after facet {complete} of {declared}"));
     }
+    check_facet_count(declared)?;
+    let rest = body.len() - declared * FACET;
+    if rest > 0 {
+        return Err(format!(
+            "{rest} bytes after the last of {declared} facets, expected none"
+        ));
+    }
     let float = |b: &[u8]| f64::from(f32::from_le_bytes(b.try_into().expect("four bytes")));
     let corner = |b: &[u8]| Vec3::new(float(&b[..4]), float(&b[4..8]), float(&b[8..12]));
     let facets = body.chunks_exact(FACET).take(declared);
@@ -122,28 +165,39 @@ fn binary_facets(bytes: &[u8], declared: usize) -> Result<Vec<Facet>, String> {
 /// A keyword leads every line; what is left of the lines of `solid`, `facet` and `outer` says nothing
 /// (some exporters write nan for a normal, which follows from the corners anyway).
 fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
-    let (mut facets, mut corners, mut is_complete) = (Vec::new(), Vec::new(), false);
+    let (mut facets, mut corners, mut is_complete) = (Vec::new(), Vec::new(), true);
     for (i, line) in String::from_utf8_lossy(bytes).lines().enumerate() {
         let mut words = line.split_ascii_whitespace();
         let Some(word) = words.next() else { continue };
-        let fault =
-            |expected, found| format!("line {}: expected {expected}, found {found:?}", i + 1);
+        let fault = |expected, found: &str| {
+            let found: String = found.chars().take(40).collect();
+            format!("line {}: expected {expected}, found {found:?}", i + 1)
+        };
         match word.to_ascii_lowercase().as_str() {
-            "solid" => is_complete = false,
-            "endsolid" => is_complete = true,
+            "solid" if is_complete => is_complete = false,
+            "solid" => return Err(fault("endsolid first", word)),
             _ if is_complete => return Err(fault("solid", word)),
+            "facet" | "endsolid" if !corners.is_empty() => {
+                return Err(fault("endfacet first", word));
+            }
+            "endsolid" => is_complete = true,
             "facet" | "outer" | "endloop" => {}
+            "vertex" if corners.len() == 3 => return Err(fault("endfacet first", word)),
             "vertex" => {
                 let mut corner = Vec3::zeros();
                 for coordinate in corner.iter_mut() {
                     let number = words.next().unwrap_or_default();
                     *coordinate = number.parse().map_err(|_| fault("a number", number))?;
                 }
+                if let Some(word) = words.next() {
+                    return Err(fault("three numbers only", word));
+                }
                 corners.push(corner);
             }
             "endfacet" => {
                 let facet = Facet::try_from(std::mem::take(&mut corners));
                 facets.push(facet.map_err(|_| fault("three vertices before", word))?);
+                check_facet_count(facets.len())?;
             }
             _ => {
                 let expected = "facet, outer, vertex, endloop, endfacet or endsolid";
@@ -217,7 +271,7 @@ impl Welder {
         // The cell itself first: most corners agree to the last bit.
         for n in [13].into_iter().chain(0..27) {
             let neighbour = [n % 3, n / 3 % 3, n / 9];
-            let neighbour = std::array::from_fn(|a| cell[a] + neighbour[a] - 1);
+            let neighbour = std::array::from_fn(|a| cell[a].saturating_add(neighbour[a] - 1));
             if let Some(&index) = self.cells.get(&neighbour)
                 && (self.vertices[index as usize] - corner).amax() <= self.tolerance
             {
@@ -294,8 +348,12 @@ mod tests {
         // A header that pretends to be text, and bytes after the end.
         binary[..6].copy_from_slice(b"solid ");
         welded(&binary);
-        binary.extend(b"colour table");
-        welded(&binary);
+        // Two solids in one file, here the same.
+        let twice = parse(text(&mesh).repeat(2).as_bytes(), 1e-3).unwrap();
+        assert_eq!(
+            (twice.mesh.vertices.len(), twice.mesh.triangles.len()),
+            (4, 8)
+        );
     }
 
     #[test]
@@ -343,12 +401,17 @@ mod tests {
         // The x of the second corner of facet 3.
         let at = HEADER + 2 * FACET + 24;
         binary[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
-        assert_eq!(fault(&binary), "facet 3 has a non-finite coordinate");
+        assert!(fault(&binary).starts_with("corner 2 of facet 3 is at [NaN, "));
         // A count of 4 billion neither allocates nor passes.
         binary[80..84].fill(0xff);
         assert_eq!(fault(&binary), "truncated after facet 4 of 4294967295");
         binary[80..84].fill(0);
         assert_eq!(fault(&binary[..HEADER]), "no facets");
+        // Neither is what stands behind the facets dropped, be it facets or text.
+        assert_eq!(
+            fault(&binary),
+            "200 bytes after the last of 0 facets, expected none"
+        );
 
         let text = text(&mesh);
         assert_eq!(
@@ -360,11 +423,47 @@ mod tests {
             "line 4: expected a number, found \"0,0\""
         );
         assert_eq!(
-            fault(text.replacen("0e0", "inf", 1).as_bytes()),
-            "facet 1 has a non-finite coordinate"
+            parse(text.replacen("0e0", "1e10", 1).as_bytes(), 1e-3).unwrap_err(),
+            "corner 1 of facet 1 is at [10000000000.0, 0.0, 0.0], expected coordinates within \
+             +-1000 m, 1000000 in units of the file"
         );
+        for (from, to, expected) in [
+            (
+                "endsolid",
+                "solid",
+                "line 30: expected endsolid first, found \"solid\"",
+            ),
+            (
+                "endloop\n endfacet",
+                "endloop",
+                "line 8: expected endfacet first, found \"facet\"",
+            ),
+            (
+                "0e0 0 0",
+                "0e0 0 0 0",
+                "line 4: expected three numbers only, found \"0\"",
+            ),
+        ] {
+            assert_eq!(fault(text.replacen(from, to, 1).as_bytes()), expected);
+        }
+        let facet = text[..text.rfind("endsolid").unwrap()].lines().skip(1);
+        let facets: String = facet.map(|line| format!("{line}\n")).collect();
+        let endless = format!("solid\n{}endsolid", facets.replace("endfacet", ""));
+        assert!(fault(endless.as_bytes()).contains("expected endfacet first"));
         assert_eq!(fault(b"solid nothing\nendsolid nothing"), "no facets");
         assert_eq!(fault(b""), "file is empty");
+        for (bytes, kind) in [
+            (&b"\x89PNG\r\n\x1a\n"[..], "a PNG picture"),
+            (b"PK\x03\x04", "a ZIP archive, such as 3MF"),
+            (b"ply\nformat ascii 1.0\n", "a PLY mesh"),
+            (b"# a cube\nv 0 0 0\nv 1 0 0\n", "an OBJ mesh"),
+        ] {
+            let bytes = [bytes, &[b' '; 100]].concat();
+            assert_eq!(
+                fault(&bytes),
+                format!("looks like {kind}, expected an STL file")
+            );
+        }
         let prose = "It was a dark and stormy night. ".repeat(20);
         for bytes in [prose.as_bytes(), b"x", &[0; 40]] {
             assert_eq!(fault(bytes), "neither a binary nor an ASCII STL file");

@@ -255,6 +255,7 @@ impl SceneConfig {
     /// Checks all values that are not checked by the parts they belong to.
     pub fn check(&self) -> Result<(), SceneError> {
         self.physics.check()?;
+        self.blank.check()?;
         let (fall, placement) = (&self.fall, &self.placement);
         for (key, value, range) in [
             ("fall.fall_s", fall.fall_s, [0.0, 600.0]),

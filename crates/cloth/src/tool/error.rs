@@ -13,13 +13,16 @@ pub enum ToolError {
     #[error("the tool cannot be told from its outside, repair the mesh: {0}")]
     Orientation(#[from] OrientationFault),
     #[error(
-        "a grid of {} x {} x {} nodes at spacing {spacing_mm} mm is too large, expected at most \
-         {limit} nodes: increase `tool.grid.spacing_mm`, or check the size of the tool",
+        "a grid of {} x {} x {} nodes at spacing {spacing_mm} mm takes {mib:.0} MiB, expected at most \
+         {limit_mib}: {advice}",
         dims[0], dims[1], dims[2]
     )]
     GridTooLarge {
         dims: [f64; 3],
         spacing_mm: f64,
-        limit: usize,
+        mib: f64,
+        limit_mib: usize,
+        /// A spacing that would fit, if there is one.
+        advice: String,
     },
 }

@@ -38,14 +38,24 @@ impl DistanceGrid {
         high: Vec3,
         spacing: f64,
     ) -> Result<Self, ToolError> {
-        let cells = (high - low).map(|extent| (extent / spacing - 1e-9).ceil().max(1.0));
-        let nodes = cells.map(|c| c + 1.0);
+        let nodes_at = |spacing: f64| {
+            (high - low).map(|extent| (extent / spacing - 1e-9).ceil().max(1.0) + 1.0)
+        };
+        let nodes = nodes_at(spacing);
         // The product is taken in f64, which cannot wrap; NaN fails the comparison.
-        if !(spacing > 0.0 && nodes.product() <= MAX_NODES as f64) {
+        let fits = |nodes: Vec3| nodes.product() <= MAX_NODES as f64;
+        if !(spacing > 0.0 && fits(nodes)) {
+            // In whole millimetres, up to the coarsest spacing that there is.
+            let fitting = (1..=1000).find(|&mm| fits(nodes_at(1e-3 * f64::from(mm))));
+            let size = "check the size of the tool";
             return Err(ToolError::GridTooLarge {
                 dims: nodes.into(),
                 spacing_mm: spacing * 1e3,
-                limit: MAX_NODES,
+                mib: nodes.product() * size_of::<f32>() as f64 / f64::from(1 << 20),
+                limit_mib: (MAX_NODES * size_of::<f32>()) >> 20,
+                advice: fitting.map_or(size.into(), |mm| {
+                    format!("set `tool.grid.spacing_mm` to {mm} or more, or {size}")
+                }),
             });
         }
         let dims = [nodes.x as usize, nodes.y as usize, nodes.z as usize];
@@ -339,8 +349,8 @@ mod tests {
         };
         assert_eq!(
             error(0.5).unwrap().to_string(),
-            "a grid of 1081 x 1001 x 281 nodes at spacing 0.5 mm is too large, expected at most \
-             67108864 nodes: increase `tool.grid.spacing_mm`, or check the size of the tool"
+            "a grid of 1081 x 1001 x 281 nodes at spacing 0.5 mm takes 1160 MiB, expected at \
+             most 256: set `tool.grid.spacing_mm` to 1 or more, or check the size of the tool"
         );
         for spacing_mm in [1e-300, 0.0, -1.0, f64::NAN] {
             assert!(matches!(

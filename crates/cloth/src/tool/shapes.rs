@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::file::ValueError;
 use crate::math::Vec3;
-use crate::mesh::TriMesh;
+use crate::mesh::{MOST_FACETS, TriMesh};
 
 use super::patch::{Patch, mound};
 
@@ -205,7 +205,7 @@ impl Shape {
 impl Rib {
     fn mesh(&self) -> Result<TriMesh, ValueError> {
         let [half_x, half_y] = plate(self.plate_mm, self.base_mm)?;
-        let height = length("height_mm", self.height_mm)?;
+        let height = height("height_mm", self.height_mm)?;
         let half_width = length("half_width_mm", self.half_width_mm)?;
         within("half_width_mm", self.half_width_mm, 0.0, half_y * 1e3)?;
         let drop = self.crest_drop;
@@ -214,6 +214,7 @@ impl Rib {
         for found in self.vertex_counts {
             count("vertex_counts", found, 2)?;
         }
+        product("vertex_counts", self.vertex_counts)?;
         let [columns, rows] = self.vertex_counts;
         let patch = Patch::grid(columns, rows, |u, v| {
             let (x, y) = (u * half_x, v * half_y);
@@ -228,7 +229,7 @@ impl Rib {
 impl Hemisphere {
     fn mesh(&self) -> Result<TriMesh, ValueError> {
         let half_size = plate(self.plate_mm, self.base_mm)?;
-        let radius = length("radius_mm", self.radius_mm)?;
+        let radius = height("radius_mm", self.radius_mm)?;
         let room = half_size[0].min(half_size[1]) * 1e3;
         within("radius_mm", self.radius_mm, 0.0, room)?;
         let half_width = |x: f64| (radius.powi(2) - x.powi(2)).max(0.0).sqrt();
@@ -240,7 +241,7 @@ impl Hemisphere {
 impl DoubleDome {
     fn mesh(&self) -> Result<TriMesh, ValueError> {
         let half_size = plate(self.plate_mm, self.base_mm)?;
-        let radius = length("radius_mm", self.radius_mm)?;
+        let radius = height("radius_mm", self.radius_mm)?;
         let centre = 0.5 * length("centre_distance_mm", self.centre_distance_mm)?;
         let waist = length("waist_radius_mm", self.waist_radius_mm)?;
         let room = (half_size[0] - centre).min(half_size[1]) * 1e3;
@@ -271,7 +272,7 @@ impl Plate {
 
 impl Cylinder {
     fn mesh(&self) -> Result<TriMesh, ValueError> {
-        let radius = length("radius_mm", self.radius_mm)?;
+        let radius = height("radius_mm", self.radius_mm)?;
         let half_length = 0.5 * length("length_mm", self.length_mm)?;
         let base = length("base_mm", self.base_mm)?;
         count("segment_count", self.segment_count, 3)?;
@@ -304,8 +305,17 @@ fn plate([x, y]: [f64; 2], base_mm: f64) -> Result<[f64; 2], ValueError> {
 /// Checks a length [mm] and converts it to [m]. Aircraft wings fit, metres mistaken for
 /// micrometres do not.
 fn length(key: &str, mm: f64) -> Result<f64, ValueError> {
-    let is_valid = mm > 0.0 && mm <= 1e5;
-    ValueError::unless(is_valid, key, mm, "above 0 and at most 100000")?;
+    positive(key, mm, 1e5)
+}
+
+/// The same of a height: no blank hangs higher.
+fn height(key: &str, mm: f64) -> Result<f64, ValueError> {
+    positive(key, mm, 1e4)
+}
+
+fn positive(key: &str, mm: f64, max: f64) -> Result<f64, ValueError> {
+    let expected = format!("above 0 and at most {max}");
+    ValueError::unless(mm > 0.0 && mm <= max, key, mm, expected)?;
     Ok(mm * 1e-3)
 }
 
@@ -314,7 +324,13 @@ fn within(key: &str, found: f64, min: f64, max: f64) -> Result<(), ValueError> {
     ValueError::unless((min..=max).contains(&found), key, found, expected)
 }
 
-/// 16 million vertices at most.
+/// Refuses more vertices of the upper face, each with two facets, than a mesh may have.
+fn product(key: &str, counts: [usize; 2]) -> Result<(), ValueError> {
+    let [found, most] = [counts[0] * counts[1], MOST_FACETS / 2];
+    let shown = format!("{} x {} = {found} vertices", counts[0], counts[1]);
+    ValueError::unless(found <= most, key, shown, format!("at most {most}"))
+}
+
 fn count(key: &str, found: usize, min: usize) -> Result<(), ValueError> {
     let expected = format!("between {min} and 4096");
     ValueError::unless((min..=4096).contains(&found), key, found, expected)
@@ -330,6 +346,7 @@ fn dome(
     let (is_valid, expected) = (segments.is_multiple_of(4), "a multiple of 4");
     ValueError::unless(is_valid, "segment_count", segments, expected)?;
     count("ring_count", rings, 2)?;
+    product("segment_count", [segments, rings])?;
     Ok(mound(half_size, segments / 4, rings, half_width))
 }
 
@@ -449,7 +466,7 @@ mod tests {
         };
         assert_eq!(
             Shape::Rib(rib).mesh().unwrap_err().to_string(),
-            "`height_mm` is NaN, expected above 0 and at most 100000"
+            "`height_mm` is NaN, expected above 0 and at most 10000"
         );
         let dome = Hemisphere {
             segment_count: 30,

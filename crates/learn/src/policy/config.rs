@@ -153,19 +153,25 @@ impl CompactConfig {
     fn validate(&self) -> Result<(), ValueError> {
         positive("network.compact.patch", &[self.patch])?;
         positive("network.compact.channels", &[self.channels])?;
-        // None is allowed of these two.
-        positive("network.compact.border", &[self.border.saturating_add(1)])?;
-        positive("network.compact.blocks", &[self.blocks.saturating_add(1)])?;
+        within("network.compact.border", &[self.border], 0)?;
+        within("network.compact.blocks", &[self.blocks], 0)?;
         positive("network.compact.value_hidden", &[self.value_hidden])
     }
 }
 
-/// Checks that there are `sizes` and that each is from 1 to 4096: greater ones only exhaust the
-/// memory.
 fn positive(key: &str, sizes: &[usize]) -> Result<(), ValueError> {
-    let is_valid = !sizes.is_empty() && sizes.iter().all(|size| (1..=4096).contains(size));
-    let found = format!("{sizes:?}");
-    ValueError::unless(is_valid, key, found, "whole numbers from 1 to 4096")
+    within(key, sizes, 1)
+}
+
+/// Checks that there are `sizes` and that each is from `min` to 4096: greater ones only exhaust the
+/// memory.
+fn within(key: &str, sizes: &[usize], min: usize) -> Result<(), ValueError> {
+    let is_valid = !sizes.is_empty() && sizes.iter().all(|size| (min..=4096).contains(size));
+    let (found, expected) = (
+        format!("{sizes:?}"),
+        format!("whole numbers from {min} to 4096"),
+    );
+    ValueError::unless(is_valid, key, found, expected)
 }
 
 #[cfg(test)]

@@ -123,13 +123,18 @@ impl PpoConfig {
             ValueError::unless((0.0..=1.0).contains(&x), key, x, "a number from 0 to 1")
         };
         let count = |key: &str, n: usize| ValueError::unless(n >= 1, key, n, "1 or more");
+        // Greater ones only exhaust memory or time.
+        let few = |key: &str, n: usize| {
+            let expected = "a number from 1 to 4096";
+            ValueError::unless((1..=4096).contains(&n), key, n, expected)
+        };
         positive("learning_rate", self.learning_rate)?;
         positive("adam_epsilon", self.adam_epsilon)?;
         share("gamma", self.gamma)?;
         share("gae_lambda", self.gae_lambda)?;
         count("rollout_steps", self.rollout_steps)?;
         count("minibatch_size", self.minibatch_size)?;
-        count("epochs", self.epochs)?;
+        few("epochs", self.epochs)?;
         positive("clip_range", self.clip_range.into())?;
         weight("policy_coefficient", self.policy_coefficient)?;
         weight("value_coefficient", self.value_coefficient)?;
@@ -139,8 +144,8 @@ impl PpoConfig {
             positive("max_grad_norm", norm.into())?;
         }
         if let Some(imitation) = &self.imitation {
-            count("imitation.episodes", imitation.episodes)?;
-            count("imitation.samples", imitation.samples)?;
+            few("imitation.episodes", imitation.episodes)?;
+            few("imitation.samples", imitation.samples)?;
             weight("imitation.coefficient", imitation.coefficient)?;
         }
         Ok(())
@@ -177,7 +182,15 @@ mod tests {
         );
         assert!(error(|c| c.learning_rate = 1e39).starts_with("`learning_rate` is 1e39"));
         assert!(error(|c| c.adam_epsilon = 1e-300).starts_with("`adam_epsilon` is 1e-300"));
-        assert_eq!(error(|c| c.epochs = 0), "`epochs` is 0, expected 1 or more");
+        assert_eq!(
+            error(|c| c.epochs = 0),
+            "`epochs` is 0, expected a number from 1 to 4096"
+        );
+        // What no memory holds.
+        assert_eq!(
+            error(|c| c.imitation.as_mut().unwrap().samples = usize::MAX),
+            "`imitation.samples` is 18446744073709551615, expected a number from 1 to 4096"
+        );
         assert_eq!(
             error(|c| c.imitation.as_mut().unwrap().coefficient = -1.0),
             "`imitation.coefficient` is -1, expected a finite number, 0 or above"

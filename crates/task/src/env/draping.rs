@@ -14,6 +14,20 @@ use drape_cloth::file::ValueError;
 use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::sim::{Backend, Snapshot};
 
+/// What an environment keeps of a vertex: its state, the last observation, the end of the last
+/// episode, and all of that again where a checkpoint is written [bytes].
+const VERTEX_BYTES: f64 = 300.0;
+/// Most memory of environments, and as much again for rollouts [MiB].
+pub const MOST_MIB: f64 = 16_384.0;
+
+/// Refuses more environments than [`MOST_MIB`] hold, each with a blank of `vertex_count`.
+pub fn check_memory(count: usize, vertex_count: usize) -> Result<(), ValueError> {
+    let mib = count as f64 * vertex_count as f64 * VERTEX_BYTES / f64::from(1 << 20);
+    let found = format!("{count} of {vertex_count} vertices, {mib:.0} MiB");
+    let expected = format!("at most {MOST_MIB} MiB");
+    ValueError::unless(mib <= MOST_MIB, "environments", found, expected)
+}
+
 /// N draping tasks on one scene, stepped together on one [`Backend`].
 pub struct Draping {
     task: Task,
@@ -24,6 +38,7 @@ pub struct Draping {
 impl Draping {
     /// `count` environments on `scene`, each at its start.
     pub fn new(scene: Arc<Scene>, config: &EnvConfig, count: usize) -> Result<Self, ValueError> {
+        check_memory(count, scene.lamina.vertex_count())?;
         let task = Task::new(scene, config)?;
         Ok(Self {
             cloth: task.cloth(count),

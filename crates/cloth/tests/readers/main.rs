@@ -1,0 +1,186 @@
+//! Files that are damaged, hostile or unlucky are refused in a line, or used whole. For hours by hand:
+//! `DRAPE_DAMAGED=1000000 DRAPE_SEED=2 cargo test --release --test readers`.
+
+mod damage;
+
+use std::fs;
+use std::path::Path;
+use std::sync::{Mutex, MutexGuard};
+
+use damage::{folder, survives};
+use drape_cloth::fabric::{BlankConfig, Lamina, Material};
+use drape_cloth::file::in_words;
+use drape_cloth::mesh::{TriMesh, read_stl};
+use drape_cloth::scene::{Scene, SceneConfig};
+use drape_cloth::tool::{GridConfig, Tool};
+
+/// Memory is counted for the whole process: one at a time.
+fn alone() -> MutexGuard<'static, ()> {
+    static LOCK: Mutex<()> = Mutex::new(());
+    LOCK.lock().unwrap_or_else(|error| error.into_inner())
+}
+
+/// An error and its causes, as the command line puts them.
+fn line(error: impl std::error::Error) -> String {
+    let mut line = error.to_string();
+    let mut source = error.source();
+    while let Some(error) = source {
+        line += &format!(": {error}");
+        source = error.source();
+    }
+    line
+}
+
+/// A tool whose grid is coarse, whatever its size.
+fn tool(mesh: TriMesh) -> Result<(), String> {
+    let (low, high) = mesh.bounds();
+    let spacing_mm = (1e2 * (high - low).max()).max(1e-6);
+    let grid = GridConfig {
+        spacing_mm,
+        margin_mm: spacing_mm,
+    };
+    let tool = Tool::from_mesh(mesh, &grid).map_err(line)?;
+    assert!(tool.distance([0.0, 0.0, 0.1]).0.is_finite());
+    Ok(())
+}
+
+const ASCII: &str = "solid a\n facet normal 0 0 nan\n  outer loop\n   vertex 0 0 0\n   \
+    vertex 0 10 0\n   vertex 1e1 0 0\n  endloop\n endfacet\n facet normal 0 0 1\n  outer loop\n   \
+    vertex 0 0 0\n   vertex 10 0 0\n   vertex 0 0 10\n  endloop\n endfacet\nendsolid a\n";
+
+fn binary() -> Vec<u8> {
+    let corners = [
+        [[0, 0, 0], [0, 10, 0], [10, 0, 0]],
+        [[0, 0, 0], [10, 0, 0], [0, 0, 10]],
+    ];
+    let facet = |corners: &[[i32; 3]; 3]| {
+        let numbers = [0; 3].into_iter().chain(corners.iter().flatten().copied());
+        let floats = numbers.flat_map(|x| (x as f32).to_le_bytes());
+        floats.chain([0; 2]).collect::<Vec<u8>>()
+    };
+    let facets: Vec<u8> = corners.iter().flat_map(facet).collect();
+    [&[b' '; 80][..], &2u32.to_le_bytes(), &facets].concat()
+}
+
+#[test]
+fn stl() {
+    let _alone = alone();
+    let mut corpus = vec![binary(), ASCII.into(), ASCII.repeat(2).into()];
+    // Findings: a single coordinate beyond belief, and all of them too small to square.
+    corpus.push(ASCII.replace("1e1", "1e10").into());
+    corpus.push(
+        ASCII
+            .replace("1e1", "1e-200")
+            .replace("10", "1e-200")
+            .into(),
+    );
+    survives("a.stl", &corpus, 4000, |path| {
+        tool(read_stl(path, 1e-3).map_err(line)?.mesh)
+    });
+}
+
+#[test]
+fn outlines() {
+    let _alone = alone();
+    let plate = include_bytes!("../../../../assets/outlines/plate-with-hole.csv");
+    let square = "0,0\n400;0 # corner\n400 400\n0,400\n0,0\n\n100,100\n300\t100\n300,300\n";
+    let corpus = [plate.to_vec(), square.into()];
+    survives("a.csv", &corpus, 2000, |path| {
+        let config = BlankConfig {
+            outline: Some(path.into()),
+            cell_mm: Some(50.0),
+            ..BlankConfig::default()
+        };
+        let lamina = Lamina::new(&config, Material::interglas_92125()).map_err(line)?;
+        assert!(lamina.area() > 0.0 && lamina.mass.iter().all(|m| *m > 0.0));
+        Ok(())
+    });
+}
+
+/// Sets a scene up with a fall of one frame, on few vertices and a coarse grid: what is asked is
+/// that values of any size are simulated or refused, not for how long.
+fn set_up(mut config: SceneConfig) -> Result<(), String> {
+    config.check().map_err(line)?;
+    let is_small = config.blank.vertices.iter().all(|&n| n <= 65) && config.blank.cell_mm.is_none();
+    config.fall.fall_s = config.fall.fall_s.min(1.0 / 60.0);
+    config.fall.settle_s = config.fall.settle_s.min(1.0 / 60.0);
+    config.fall.substep_rate = config.fall.substep_rate.min(120.0);
+    config.fall.contact_rate = config.fall.contact_rate.min(120.0);
+    let grid = &mut config.tool.grid;
+    (grid.spacing_mm, grid.margin_mm) = (grid.spacing_mm.max(50.0), grid.margin_mm.min(100.0));
+    if !is_small {
+        return Ok(());
+    }
+    let scene = Scene::new(&config, |_| ()).map_err(line)?;
+    assert!(scene.initial.is_finite());
+    let summary = scene.summary(&scene.initial);
+    assert!(summary.distance_m.is_finite());
+    Ok(())
+}
+
+#[test]
+fn scenes() {
+    let _alone = alone();
+    let rib = include_str!("../../../../configs/scenes/rib.toml").replace("[65, 65]", "[9, 9]");
+    let fold = include_str!("../../../../configs/scenes/fold.toml").replace("[65, 65]", "[9, 9]");
+    let hole = include_str!("../../../../configs/scenes/outline-with-hole.toml");
+    let keys = "material = \"m.toml\"\ntool.source.stl = { path = \"b.stl\", scale = 1e-3 }\n\
+        tool.pose = { rotation_deg = [0, 0, 90], translation_mm = [0, 0, 1] }\n\
+        blank = { size_mm = [100, 90], vertices = [9, 8], mass = \"datasheet\", yarn_angle_deg = 5 }\n\
+        physics = { bending = \"dihedral\", tension = \"material\", strain_limit = 0.1, adhesion = 1, \
+        shear_locking = true, self_collision = { thickness_mm = 0.5 }, solver = \"gauss_seidel\" }\n";
+    let shapes = [
+        "rib",
+        "hemisphere",
+        "double-dome",
+        "plate",
+        "cylinder",
+        "incline",
+    ];
+    let shapes = shapes.map(|kind| {
+        format!(
+            "[blank]\nvertices = [9, 9]\n[tool.source.shape]\nkind = \"{kind}\"\nbase_mm = 20\n"
+        )
+    });
+    // Findings: tables given as lists of their values, and lists that are too long.
+    let lists = "clamps = [[[0, 0], 1.0, [0, 0, 1e9]]]\n[tool]\ngrid = [4.0, 40.0]\n\
+        pose.rotation_deg = [1, 2, 3, 4, 5]\n";
+    fs::write(folder().join("b.stl"), binary()).unwrap();
+    fs::write(folder().join("m.toml"), MATERIAL).unwrap();
+    let texts = [&rib, &fold, hole, keys, lists]
+        .into_iter()
+        .chain(shapes.iter().map(|s| &**s));
+    let corpus: Vec<Vec<u8>> = texts.map(|text: &str| text.into()).collect();
+    survives("scene.toml", &corpus, 1500, |path| {
+        set_up(SceneConfig::read(path).map_err(line)?)
+    });
+}
+
+const MATERIAL: &str = include_str!("../../../../configs/materials/interglas-92125.toml");
+
+#[test]
+fn materials() {
+    let _alone = alone();
+    let listed = MATERIAL.replace("[0.0, 0.0]", "[0, 0, 0]");
+    let corpus = [MATERIAL.into(), listed.into()];
+    let scene = "material = \"material.toml\"\n[blank]\nvertices = [5, 5]\n[tool.source.shape]\n\
+        kind = \"plate\"\n[physics]\ntension = \"material\"\nbending_stiffness = \"material\"\n\
+        shear_locking = true\n";
+    let config = folder().join("of-material.toml");
+    fs::write(&config, scene).unwrap();
+    let config = SceneConfig::read(&config).unwrap();
+    survives("material.toml", &corpus, 500, |path: &Path| {
+        Material::read(path).map_err(line)?;
+        set_up(config.clone())
+    });
+}
+
+/// The words of parsers themselves are tested where they are turned into ours.
+#[test]
+fn words_are_those_of_users() {
+    let words = in_words("invalid type: map, expected struct Part with 2 elements");
+    assert_eq!(
+        words,
+        "invalid type: a table, expected a table with 2 elements"
+    );
+}
