@@ -3,7 +3,7 @@ use std::io::Write;
 use std::path::Path;
 
 use super::TriMesh;
-use crate::file::{ReadError, WriteError, read_bytes, write_atomic};
+use crate::file::{WriteError, write_atomic};
 use crate::math::Vec3;
 
 /// Bytes before the first facet of a binary file: 80 free ones, then the facet count.
@@ -18,9 +18,9 @@ const FLAT: f64 = 1e-12;
 /// Units of a written file per metre: STL knows no units, but readers expect millimetres.
 const MM_PER_M: f64 = 1e3;
 
-/// A mesh as read from an STL file.
+/// A mesh as read from a file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stl {
+pub struct MeshFile {
     /// Equal corners are welded; the normals in the file are ignored.
     pub mesh: TriMesh,
     /// Facets without area, left out of the mesh.
@@ -29,18 +29,6 @@ pub struct Stl {
 
 /// Corners of a facet [m].
 type Facet = [Vec3; 3];
-
-/// Reads a binary or ASCII STL file whose unit is `scale` metres (0.001 for millimetres).
-///
-/// Binary files are known by their length, so that one whose header begins with `solid` is
-/// read as well; bytes after the last facet are ignored. Memory grows with the file, not
-/// with the facet count it declares. Several solids in one ASCII file become one mesh.
-///
-/// # Errors
-/// Says which file, and which facet or line; both count from 1.
-pub fn read_stl(path: &Path, scale: f64) -> Result<Stl, ReadError> {
-    parse(&read_bytes(path)?, scale).map_err(|fault| ReadError::fault(path, fault))
-}
 
 /// The mesh as a binary STL file in millimetres; the same bytes for the same mesh.
 ///
@@ -72,20 +60,38 @@ pub fn write_stl(path: impl AsRef<Path>, mesh: &TriMesh, name: &str) -> Result<(
     })
 }
 
-fn parse(bytes: &[u8], scale: f64) -> Result<Stl, String> {
+/// Reads a binary or ASCII STL file whose unit is `scale` metres.
+///
+/// Binary files are known by their length, so that one whose header begins with `solid` is
+/// read as well; bytes after the last facet are ignored. Memory grows with the file, not
+/// with the facet count it declares. Several solids in one ASCII file become one mesh.
+pub(super) fn parse(bytes: &[u8], scale: f64) -> Result<MeshFile, String> {
     if bytes.is_empty() {
         return Err("file is empty".into());
     }
-    let declared = bytes
-        .get(HEADER - 4..HEADER)
-        .map(|count| u32::from_le_bytes(count.try_into().expect("four bytes")) as usize);
-    let fits = |declared: usize| declared.checked_mul(FACET) == Some(bytes.len() - HEADER);
-    let mut facets = match declared {
-        Some(declared) if fits(declared) => binary_facets(bytes, declared)?,
+    let facets = match declared(bytes) {
+        Some(declared) if is_binary(bytes) => binary_facets(bytes, declared)?,
         _ if is_text(bytes, b"solid") => text_facets(bytes)?,
         Some(declared) if !is_text(bytes, b"") => binary_facets(bytes, declared)?,
         _ => return Err("neither a binary nor an ASCII STL file".into()),
     };
+    weld_scaled(facets, scale)
+}
+
+/// The facet count in the header of a binary file.
+fn declared(bytes: &[u8]) -> Option<usize> {
+    let count = bytes.get(HEADER - 4..HEADER)?;
+    Some(u32::from_le_bytes(count.try_into().expect("four bytes")) as usize)
+}
+
+/// Whether a file has just the length that a binary file declares.
+pub(super) fn is_binary(bytes: &[u8]) -> bool {
+    let length = declared(bytes).and_then(|count| count.checked_mul(FACET)?.checked_add(HEADER));
+    length == Some(bytes.len())
+}
+
+/// The mesh of facets in units of `scale` metres.
+pub(super) fn weld_scaled(mut facets: Vec<Facet>, scale: f64) -> Result<MeshFile, String> {
     for (i, facet) in facets.iter_mut().enumerate() {
         for corner in facet {
             *corner *= scale;
@@ -162,7 +168,7 @@ fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
 
 /// Joins corners within [`WELD`] of one another into shared vertices, in the order in which
 /// the file names them, and drops facets without area.
-fn weld(facets: &[Facet]) -> Result<Stl, String> {
+fn weld(facets: &[Facet]) -> Result<MeshFile, String> {
     if facets.is_empty() {
         return Err("no facets".into());
     }
@@ -180,7 +186,7 @@ fn weld(facets: &[Facet]) -> Result<Stl, String> {
         let count = facets.len();
         return Err(format!("all {count} facets have zero area"));
     }
-    Ok(Stl {
+    Ok(MeshFile {
         dropped_facet_count: facets.len() - triangles.len(),
         mesh: TriMesh {
             vertices: welder.vertices,
@@ -236,6 +242,7 @@ mod tests {
     use std::fs;
 
     use super::*;
+    use crate::mesh::read_mesh;
 
     /// A tetrahedron with legs of 1 mm.
     fn tetrahedron() -> TriMesh {
@@ -403,17 +410,17 @@ mod tests {
         let mesh = tetrahedron();
         write_stl(&path, &mesh, "punch").unwrap();
         assert_eq!(fs::read(&path).unwrap(), to_stl_bytes(&mesh, "punch"));
-        assert_eq!(read_stl(&path, 1e-3).unwrap().mesh.vertices.len(), 4);
+        assert_eq!(read_mesh(&path, 1e-3).unwrap().mesh.vertices.len(), 4);
         // Nothing else is left behind.
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
 
         let missing = folder.path().join("missing/punch.stl");
-        let error = read_stl(&missing, 1.0).unwrap_err().to_string();
+        let error = read_mesh(&missing, 1.0).unwrap_err().to_string();
         assert_eq!(error, format!("cannot read {}", missing.display()));
         let error = write_stl(&missing, &mesh, "").unwrap_err();
         assert!(matches!(error, WriteError::FolderMissing { .. }), "{error}");
         fs::write(&path, "").unwrap();
-        let error = read_stl(&path, 1.0).unwrap_err().to_string();
+        let error = read_mesh(&path, 1.0).unwrap_err().to_string();
         assert_eq!(error, format!("{}: file is empty", path.display()));
     }
 }

@@ -159,9 +159,10 @@ const RIB: &str = include_str!("../../../../configs/scenes/rib.toml");
 
 impl SceneConfig {
     /// Where a scene file has tables, for [`refuse_lists`].
-    pub const TABLES: [&str; 10] = [
+    pub const TABLES: [&str; 11] = [
         "tool",
         "tool.source.shape",
+        "tool.source.mesh",
         "tool.source.stl",
         "tool.pose",
         "tool.grid",
@@ -191,8 +192,8 @@ impl SceneConfig {
         if let Some(material) = &mut self.material {
             *material = folder.join(&material);
         }
-        if let Source::Stl(stl) = &mut self.tool.source {
-            stl.path = folder.join(&stl.path);
+        if let Source::Mesh(file) = &mut self.tool.source {
+            file.path = folder.join(&file.path);
         }
         if let Some(outline) = &mut self.blank.outline {
             *outline = folder.join(&outline);

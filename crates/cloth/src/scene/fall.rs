@@ -40,7 +40,7 @@ impl Scene {
         let start = hung(config, &lamina, falling as f64 * FRAME)?;
         let depths = start.position.iter().map(|&x| -tool.distance(x).0);
         let deepest = depths.fold(f64::NEG_INFINITY, f64::max);
-        if deepest > IN_TOOL * 1e-3 * config.tool.grid.spacing_mm {
+        if deepest > IN_TOOL * tool.grid.spacing() {
             return Err(SceneError::InTool {
                 height_mm: config.placement.height_mm,
                 depth_mm: 1e3 * deepest,
