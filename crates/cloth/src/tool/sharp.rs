@@ -9,7 +9,7 @@ pub(super) const NEAR: f64 = 2e-3;
 
 /// What interpolated distances near the surface may err by at the places where a cell is probed [m]:
 /// less than the 0.1 mm that are to be kept, as the worst place may lie between them.
-const TOLERANCE: f64 = 6e-5;
+const TOLERANCE: f64 = 5e-5;
 
 /// Cosines of the angles between facets near a cell up to which its interpolation needs no probing
 /// (2.5 degrees: a kink costs at most 0.04 of the spacing), and from which on nothing helps (26).
@@ -148,6 +148,7 @@ fn probe(surface: &Surface, grid: &DistanceGrid, low: Vec3, reach: f64) -> bool 
         let x = low + Vec3::from(halves.map(f64::from)) * (0.5 * grid.spacing);
         let interpolated = grid.sample::<f64>(x.into()).0;
         let exact = surface.contact(x, interpolated.abs() + reach).0;
-        exact.abs() <= NEAR && (interpolated - exact).abs() > TOLERANCE
+        // The next of these points may be near the surface and see as much.
+        exact.abs() <= NEAR + 0.5 * grid.spacing && (interpolated - exact).abs() > TOLERANCE
     })
 }
