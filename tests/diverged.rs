@@ -24,7 +24,7 @@ fn small_region() -> EnvConfig {
 fn lost() -> Arc<Scene> {
     let mut config = SceneConfig::rib();
     config.blank.vertices = [33; 2];
-    config.tool.grid.spacing_mm = 8.0;
+    config.tool.grid.spacing_mm = Some(8.0);
     config.fall.fall_s = 0.05;
     config.fall.settle_s = 0.0;
     let mut scene = Scene::new(&config, |_| {}).unwrap();

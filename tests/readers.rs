@@ -14,7 +14,7 @@ use drape::run::{
     Checkpoint, RunConfig, RunFolder, RunInfo, Training, config_digest, curve, read_metrics,
 };
 use drape_cloth::fabric::Drape;
-use drape_cloth::mesh::read_stl;
+use drape_cloth::mesh::read_mesh;
 use drape_cloth::scene::Scene;
 use drape_study::compare::{Criteria, Surveyed, compare};
 use drape_task::path::{PressedPoint, read_json, strokes, write_json};
@@ -172,7 +172,7 @@ fn states_and_scans() {
     let sheet = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 10 0 0\nvertex 0 10 0\n\
         endloop\nendfacet\nendsolid\n";
     survives("scan.stl", &[sheet.into()], 1000, |path| {
-        let mesh = read_stl(path, 1e-3).map_err(line)?.mesh;
+        let mesh = read_mesh(path, 1e-3).map_err(line)?.mesh;
         compared(Surveyed::scan(mesh).map_err(line)?);
         Ok(())
     });

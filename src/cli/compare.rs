@@ -11,7 +11,7 @@ use super::setup::{absurd, extent};
 use crate::run::RunConfig;
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::{check_writable, read_text};
-use drape_cloth::mesh::read_stl;
+use drape_cloth::mesh::read_mesh;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::Tool;
 use drape_study::compare::{Comparison, Criteria, Surveyed, compare, picture};
@@ -60,7 +60,7 @@ pub struct CompareArgs {
     json: bool,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub(super) fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(number) if number > 0.0 && number <= 1e6 => Ok(number),
         _ => Err("expected a number > 0 and at most 1000000".into()),
@@ -68,7 +68,7 @@ fn positive(text: &str) -> Result<f64, String> {
 }
 
 /// A picture must not replace what is compared.
-fn png(text: &str) -> Result<PathBuf, String> {
+pub(super) fn png(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match path.extension() {
         Some(end) if end.eq_ignore_ascii_case("png") => Ok(path),
@@ -182,8 +182,11 @@ fn text(report: &Report) -> String {
 }
 
 fn is_stl(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|end| end.eq_ignore_ascii_case("stl"))
+    path.extension().is_some_and(|end| {
+        ["stl", "ply"]
+            .iter()
+            .any(|kind| end.eq_ignore_ascii_case(kind))
+    })
 }
 
 /// The drape at `path`, with its scene if it is a run.
@@ -195,7 +198,7 @@ fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, K
         let scene = (*loaded.scene).clone();
         (Surveyed::draped(drape), Some(scene), Kind::Run)
     } else if is_stl(path) {
-        let stl = read_stl(path, args.scale.unwrap_or(1e-3)).or_invalid()?;
+        let stl = read_mesh(path, args.scale.unwrap_or(1e-3)).or_invalid()?;
         if let Some(size) = absurd(extent(stl.mesh.vertices.iter().copied())) {
             eprintln!("warning: {} measures {size}: check --scale", path.display());
         }

@@ -191,7 +191,7 @@ mod tests {
         config.placement.tilt_deg = 0.0;
         config.placement.height_mm = 80.0;
         config.clamps.clear();
-        config.tool.grid.spacing_mm = 20.0;
+        config.tool.grid.spacing_mm = Some(20.0);
         config.fall = Fall {
             fall_s: 0.0,
             settle_s: 0.0,

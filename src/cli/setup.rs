@@ -1,3 +1,5 @@
+use std::ops::RangeInclusive;
+
 use super::Failure;
 use super::failure::scene_failure;
 use super::output::Progress;
@@ -14,6 +16,8 @@ const RESTLESS: f64 = 2.0;
 /// Distance to the tool from which on clamps leave a part of the blank in the air [mm]: what stands
 /// farther off counts as a wrinkle.
 const IN_THE_AIR: f64 = 15.0;
+/// Depth in the tool that the distance grid may not see [m].
+const UNSEEN: f64 = 1e-4;
 
 /// What is wrong with a blank that has missed the tool by `clearance` [m].
 pub(super) fn missed(clearance: f64) -> String {
@@ -33,7 +37,7 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
     let flat = scene.lamina.rest.iter().map(|&[x, y]| Vec3::new(x, y, 0.0));
     let in_mm = "that its lengths are in mm";
     let of_tool = match config.tool.source {
-        Source::Stl(_) => "the unit of its file",
+        Source::Mesh(_) => "the unit of its file",
         Source::Shape(_) => in_mm,
     };
     let tool = extent(scene.tool.mesh.vertices.iter().copied());
@@ -53,6 +57,17 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
             1e3 * distance
         );
     }
+    let blank = extent(scene.lamina.rest.iter().map(|&[x, y]| Vec3::new(x, y, 0.0)));
+    if let Source::Mesh(file) = &config.tool.source
+        && absurd(tool).is_none()
+        && let Some(advice) = unit_advice(tool, file.scale, 0.2 * blank..=20.0 * blank)
+    {
+        let blank = 1e3 * blank;
+        eprintln!(
+            "warning: {place}: beside a blank of {blank:.0} mm the tool has an odd size: {advice}"
+        );
+    }
+    warn_of_what_the_grid_does_not_see(&scene, place);
     let v_rms = 1e3 * scene.initial.v_rms();
     if v_rms > RESTLESS && lies {
         eprintln!(
@@ -61,6 +76,26 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
         );
     }
     Ok(scene)
+}
+
+/// A grid of a given spacing swallows what is thinner.
+fn warn_of_what_the_grid_does_not_see(scene: &Scene, place: &str) {
+    let Some(spacing) = scene.config.tool.grid.spacing_mm else {
+        return;
+    };
+    let (depth, vertex) = scene.tool.deepest(&scene.initial.position);
+    let x = scene.initial.position[vertex];
+    let unseen = depth + scene.tool.distance(x).0;
+    if unseen > UNSEEN {
+        let [x, y, z] = x.map(|x| 1e3 * x);
+        eprintln!(
+            "warning: {place}: at ({x:.1}, {y:.1}, {z:.1}) mm the blank is {:.2} mm inside the tool, \
+             {:.2} mm more than a distance grid of {spacing} mm sees: leave out \
+             `tool.grid.spacing_mm`, and distances at edges and thin walls are exact",
+            1e3 * depth,
+            1e3 * unseen
+        );
+    }
 }
 
 /// Sets a scene up, and refuses one whose blank has missed its tool.
@@ -79,7 +114,39 @@ pub(super) fn set_up_over_tool(
 }
 
 /// Sizes of tools and blanks that need no second look [m].
-const USUAL: std::ops::RangeInclusive<f64> = 1e-3..=50.0;
+const USUAL: RangeInclusive<f64> = 1e-3..=50.0;
+
+/// Units of files, in metres.
+const UNITS: [(&str, f64); 5] = [
+    ("millimetres", 1e-3),
+    ("centimetres", 1e-2),
+    ("inches", 0.0254),
+    ("feet", 0.3048),
+    ("metres", 1.0),
+];
+
+/// For a mesh of `size` [m], read with `scale` metres a unit, that is out of the `usual` range [m]:
+/// the units that would bring it in.
+pub(super) fn unit_advice(size: f64, scale: f64, usual: RangeInclusive<f64>) -> Option<String> {
+    if usual.contains(&size) {
+        return None;
+    }
+    let in_unit = |unit: f64| size / scale * unit;
+    let fits = UNITS
+        .iter()
+        .filter(|(_, unit)| usual.contains(&in_unit(*unit)));
+    let fits: Vec<String> = fits
+        .map(|(name, unit)| format!("{unit} ({name}) makes it {:.0} mm", 1e3 * in_unit(*unit)))
+        .collect();
+    let advice = match fits.is_empty() {
+        true => "no usual unit fits".into(),
+        false => fits.join(", "),
+    };
+    let size = 1e3 * size;
+    Some(format!(
+        "its longest side is {size:.2} mm; as `tool.source.mesh.scale` {advice}"
+    ))
+}
 
 /// Longest side of the box that holds the points [m].
 pub(super) fn extent(points: impl Iterator<Item = Vec3>) -> f64 {

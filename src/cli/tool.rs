@@ -5,36 +5,67 @@ use anyhow::{Context, Error, anyhow, ensure};
 use serde::Serialize;
 
 use super::Failure;
+use super::compare::{png, positive};
 use super::failure::OrInvalid;
 use super::output::{print, print_json};
-use drape_cloth::file::{ReadError, parse_toml};
-use drape_cloth::mesh::write_stl;
-use drape_cloth::tool::{GridConfig, GridError, Shape, Tool};
+use super::setup::unit_advice;
+use drape_cloth::file::{ReadError, check_writable, parse_toml};
+use drape_cloth::mesh::{TriMesh, read_mesh, write_stl};
+use drape_cloth::tool::{GridConfig, GridError, Shape, Thinnest, Tool};
+use drape_report::{Camera, Drawing, TOOL, creased};
 
 /// Points at which the distance grid is compared.
 const GRID_SAMPLES: usize = 20_000;
 
-/// Write a parametric tool as STL file (binary, millimetres)
+/// Names of the shapes.
+const SHAPES: [&str; 6] = [
+    "rib",
+    "hemisphere",
+    "double-dome",
+    "plate",
+    "cylinder",
+    "incline",
+];
+
+/// What the distance may err by near the surface [mm].
+const GRID_ERROR: &str = "0.1";
+
+/// Width and height of the picture [px].
+const SIZE: [usize; 2] = [960, 720];
+
+/// Write a parametric tool as STL file (binary, millimetres), or examine one of yours
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape tool rib --out rib.stl
   drape tool hemisphere --set radius_mm=90 --set 'plate_mm=[420, 420]' --out dome.stl
-  drape tool incline --set angle_deg=30 --out incline.stl --grid-error --json")]
+  drape tool punch.ply --scale 0.0254 --picture punch.png --grid-error")]
 pub struct ToolArgs {
-    /// Shape of the tool: rib, hemisphere, double-dome, plate, cylinder or incline
-    shape: String,
+    /// Shape of the tool: rib, hemisphere, double-dome, plate, cylinder or incline; or an STL or
+    /// PLY file
+    #[arg(value_name = "SHAPE|FILE")]
+    tool: PathBuf,
 
     /// Replaces a value of the shape, in TOML; an unknown KEY lists the valid ones
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
 
-    /// STL file to write; its folder must exist
-    #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    /// Metres per unit of the file; 0.001 if not given
+    #[arg(long, value_name = "METRES", value_parser = positive)]
+    scale: Option<f64>,
 
-    /// Also compare the distance grid with the exact distance
-    #[arg(long)]
-    grid_error: bool,
+    /// STL file to write, which a shape needs; its folder must exist
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+
+    /// PNG to draw
+    #[arg(long, value_name = "FILE.png", value_parser = png)]
+    picture: Option<PathBuf>,
+
+    /// Compare the distance that the solver sees with the exact one, and fail where it errs by more
+    /// than this [mm]
+    #[arg(long, value_name = "MM", num_args = 0..=1, require_equals = true,
+          default_missing_value = GRID_ERROR, value_parser = positive)]
+    grid_error: Option<f64>,
 
     /// Print one JSON object instead of text
     #[arg(long)]
@@ -45,40 +76,111 @@ pub struct ToolArgs {
 #[derive(Debug, Serialize)]
 struct Report {
     file: PathBuf,
-    shape: Shape,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shape: Option<Shape>,
     vertices: usize,
     triangles: usize,
     /// Least and greatest coordinates.
     bounds_mm: [[f64; 3]; 2],
+    #[serde(flatten)]
+    body: Option<Body>,
+    /// Error of the distance that the solver sees.
     #[serde(skip_serializing_if = "Option::is_none")]
-    /// Error of the distance grid.
     grid_error_mm: Option<GridError>,
+}
+
+/// What a file holds.
+#[derive(Debug, Serialize)]
+struct Body {
+    /// The upper face of a block rather than a closed body.
+    open: bool,
+    /// None if open.
+    volume_cm3: Option<f64>,
+    /// The mesh as given faced inwards or downwards.
+    turned_over: bool,
+    facets_without_area: usize,
+    thinnest_mm: Option<Thinnest>,
+    /// What points to another unit.
+    unit: Option<String>,
 }
 
 /// Runs `drape tool`.
 pub fn run(args: ToolArgs) -> Result<(), Failure> {
-    let shape = shape(&args.shape, &args.set).or_invalid()?;
-    let mesh = shape.mesh().or_invalid_in("--set")?;
-    write_stl(&args.out, &mesh, &args.shape)?;
+    args.picture.as_deref().map(check_writable).transpose()?;
+    let name = args.tool.to_string_lossy();
+    let is_file = !SHAPES.contains(&&*name) && (args.tool.is_file() || name.contains('.'));
+    let scale = args.scale.unwrap_or(1e-3);
+    let (shape, mesh, dropped) = if is_file {
+        if let Some(set) = args.set.first() {
+            let error = anyhow!("--set {set} is for shapes, found the file {name}");
+            return Err(Failure::invalid(error));
+        }
+        let file = read_mesh(&args.tool, scale).or_invalid()?;
+        (None, file.mesh, file.dropped_facet_count)
+    } else {
+        let shape = shape(&name, &args.set).or_invalid()?;
+        if args.out.is_none() || args.scale.is_some() {
+            let error = anyhow!("the shape {name} needs --out FILE, and has no --scale");
+            return Err(Failure::invalid(error));
+        }
+        (Some(shape.clone()), shape.mesh().or_invalid_in("--set")?, 0)
+    };
+    if let Some(out) = &args.out {
+        write_stl(out, &mesh, &name)?;
+    }
+    if let Some(file) = &args.picture {
+        picture(&mesh, file)?;
+    }
 
     let (low, high) = mesh.bounds();
+    let written = args.out.as_ref().filter(|_| !is_file);
     let mut report = Report {
-        file: args.out,
+        file: written.unwrap_or(&args.tool).clone(),
         shape,
         vertices: mesh.vertices.len(),
         triangles: mesh.triangles.len(),
         bounds_mm: [low, high].map(|corner| (corner * 1e3).into()),
+        body: None,
         grid_error_mm: None,
     };
-    if args.grid_error {
-        let tool = Tool::from_mesh(mesh, &GridConfig::default()).or_invalid()?;
+    if is_file || args.grid_error.is_some() {
+        let tool = Tool::from_mesh(mesh, &GridConfig::default());
+        let tool = tool.or_invalid_in(report.file.display())?;
         report.grid_error_mm = Some(tool.grid_error(GRID_SAMPLES));
+        let open = tool.surface.is_open();
+        report.body = is_file.then(|| Body {
+            open,
+            volume_cm3: (!open).then(|| 1e6 * tool.mesh.signed_volume()),
+            turned_over: tool.flipped,
+            facets_without_area: dropped,
+            thinnest_mm: tool.thinnest(GRID_SAMPLES),
+            unit: unit_advice((high - low).max(), scale, 0.1..=5.0),
+        });
     }
     if args.json {
-        print_json(&report)
+        print_json(&report)?;
     } else {
-        print(&report.text())
+        print(&report.text())?;
     }
+    match (args.grid_error, report.grid_error_mm) {
+        (Some(bound), Some(error)) if error.max > bound => Err(Failure::from(anyhow!(
+            "{}: the distance errs by {:.3} mm at ({:.1}, {:.1}, {:.1}) mm, expected at most \
+             {bound} mm",
+            report.file.display(),
+            error.max,
+            error.place[0],
+            error.place[1],
+            error.place[2]
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Draws the mesh from the front, left and above.
+fn picture(mesh: &TriMesh, file: &Path) -> Result<(), Failure> {
+    let mut drawing = Drawing::new(&Camera::isometric(mesh.bounds()), SIZE);
+    drawing.mesh(&creased(mesh), |_| TOOL, 0.0);
+    Ok(drawing.image().save_png(file)?)
 }
 
 /// A shape with the values of `set` in place of its own.
@@ -112,8 +214,30 @@ impl Report {
         for (axis, (low, high)) in ["x", "y", "z"].iter().zip(low.iter().zip(high)) {
             let _ = write!(text, "\n{axis} {low:8.1} to {high:8.1} mm");
         }
+        if let Some(body) = &self.body {
+            text += &match body.volume_cm3 {
+                Some(volume) => format!("\nclosed, {volume:.1} cm3"),
+                None => "\nopen: the upper face of a block".to_owned(),
+            };
+            if body.turned_over {
+                text += ", turned over";
+            }
+            if body.facets_without_area > 0 {
+                let _ = write!(text, ", {} facets without area", body.facets_without_area);
+            }
+            if let Some(Thinnest { thickness, place }) = body.thinnest_mm {
+                let [x, y, z] = place;
+                let _ = write!(
+                    text,
+                    "\nthinnest wall {thickness:.2} mm at ({x:.1}, {y:.1}, {z:.1}) mm"
+                );
+            }
+            if let Some(unit) = &body.unit {
+                let _ = write!(text, "\n{unit}");
+            }
+        }
         if let Some(error) = &self.grid_error_mm {
-            let _ = write!(text, "\nerror of the distance grid within 2 mm: {error}");
+            let _ = write!(text, "\nerror of the distance within 2 mm: {error}");
         }
         text
     }

@@ -9,7 +9,9 @@ use toml::{Spanned, Table, Value};
 
 use super::folder::{Input, digest};
 use drape_cloth::fabric::Lamina;
-use drape_cloth::file::{ReadError, ValueError, parse_toml_with, read_bytes, read_text, refuse_lists};
+use drape_cloth::file::{
+    ReadError, ValueError, parse_toml_with, read_bytes, read_text, refuse_lists,
+};
 use drape_cloth::scene::SceneConfig;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;

@@ -266,8 +266,8 @@ fn values_out_of_range_are_located() {
             &["`tool.source.shape.base_mm` is inf"],
         ),
         (
-            "[tool.source.stl]\npath = \"a.stl\"\nscale = -1",
-            &["`tool.source.stl.scale` is -1"],
+            "[tool.source.mesh]\npath = \"a.stl\"\nscale = -1",
+            &["`tool.source.mesh.scale` is -1"],
         ),
     ] {
         let output = set_up(folder.path(), text);

@@ -1,3 +1,5 @@
+use std::fmt::Write as _;
+
 use super::*;
 
 #[test]
@@ -112,4 +114,124 @@ fn tool_files_that_cannot_be_written_are_named() {
         assert_failure(&output, 1, words);
     }
     assert_eq!(names(folder.path()), ["file", "taken"]);
+}
+
+#[test]
+fn grid_error_above_its_bound_is_a_failure() {
+    let folder = folder();
+    let path = folder.path();
+    let judged = |bound| drape(path, &["tool", "hemisphere", "--out", "a.stl", bound]);
+    assert!(judged("--grid-error").status.success());
+    let output = judged("--grid-error=0.001");
+    assert_eq!(output.status.code(), Some(1));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        stderr.starts_with("error: a.stl: the distance errs by 0.0"),
+        "{stderr}"
+    );
+    assert!(
+        stderr.ends_with("mm, expected at most 0.001 mm\n"),
+        "{stderr}"
+    );
+}
+
+/// A cube from 0 to `side` as ASCII PLY with quads, without its lid or with it.
+fn cube(side: f64, lid: bool) -> String {
+    let faces = [
+        "0 2 3 1", "0 1 5 4", "2 6 7 3", "0 4 6 2", "1 3 7 5", "4 5 7 6",
+    ];
+    let faces = &faces[..5 + usize::from(lid)];
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\n\
+         property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        faces.len()
+    );
+    for i in 0..8 {
+        let at = |bit: usize| side * f64::from(u8::from(i >> bit & 1 == 1));
+        let _ = writeln!(text, "{} {} {}", at(0), at(1), at(2));
+    }
+    for face in faces {
+        let _ = writeln!(text, "4 {face}");
+    }
+    text
+}
+
+#[test]
+fn files_are_examined() {
+    let folder = folder();
+    let path = folder.path();
+    // The suffix says nothing.
+    fs::write(path.join("cube.stl"), cube(8.0, true)).unwrap();
+    let args = ["tool", "cube.stl", "--picture", "cube.png", "--json"];
+    let report = json(path, &args);
+    assert_eq!(report["triangles"], 12);
+    assert_eq!(report["open"], false);
+    let close = |key: &Value, exact: f64| (key.as_f64().unwrap() - exact).abs() < 1e-6;
+    assert!(close(&report["volume_cm3"], 0.512), "{report}");
+    assert!(close(&report["thinnest_mm"]["thickness"], 8.0), "{report}");
+    assert!(report["grid_error_mm"]["max"].as_f64().unwrap() < 1e-3);
+    let unit = report["unit"].as_str().unwrap();
+    assert!(unit.contains("0.0254 (inches) makes it 203 mm"), "{unit}");
+    assert!(
+        fs::read(path.join("cube.png"))
+            .unwrap()
+            .starts_with(b"\x89PNG")
+    );
+    let text = stdout(path, &["tool", "cube.stl", "--scale", "0.0254"]);
+    assert!(text.contains("\nclosed, 8390.2 cm3\n"), "{text}");
+    assert!(!text.contains("longest side"), "{text}");
+
+    for (file, bytes, words) in [
+        (
+            "a.stl",
+            &b"\x89PNG\r\n\x1a\n"[..],
+            "a.stl: a PNG picture, expected an STL or PLY file",
+        ),
+        (
+            "a.obj",
+            b"v 0 0 0\nv 1 0 0\n",
+            "a.obj: an OBJ file, expected",
+        ),
+        (
+            "lid.ply",
+            cube(100.0, false).as_bytes(),
+            "of its 10 facets have none behind them",
+        ),
+    ] {
+        fs::write(path.join(file), bytes).unwrap();
+        assert_failure(&drape(path, &["tool", file]), 2, &[words]);
+    }
+    assert_failure(&drape(path, &["tool", "none.stl"]), 2, &["none.stl"]);
+    let args = ["tool", "cube.stl", "--set", "a=1"];
+    assert_failure(&drape(path, &args), 2, &["--set a=1 is for shapes"]);
+}
+
+#[test]
+fn thin_walls_are_seen_unless_a_spacing_is_given() {
+    let folder = folder();
+    let path = folder.path();
+    let args = ["--set", "base_mm=3", "--set", "plate_mm=[300, 300]"];
+    let args = [&["tool", "plate", "--out", "a.stl"][..], &args].concat();
+    stdout(path, &args);
+    let scene = |grid: &str| {
+        format!(
+            "[blank]\nsize_mm = [200, 200]\nvertices = [17, 17]\n[placement]\ntilt_deg = 0\n\
+             height_mm = 3\n[fall]\nfall_s = 0.2\nsettle_s = 0.3\nsubstep_rate = 1200\n{grid}\
+             [tool.pose]\ntranslation_mm = [0, 0, 1.7]\n[tool.source.mesh]\npath = \"a.stl\"\n"
+        )
+    };
+    let penetration = |grid| {
+        let output = set_up(path, &scene(grid));
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        (report["penetration_mm"].as_f64().unwrap(), stderr)
+    };
+    let (depth, stderr) = penetration("");
+    assert!(depth < 0.01 && stderr.is_empty(), "{depth} {stderr}");
+    let (depth, stderr) = penetration("[tool.grid]\nspacing_mm = 4\n");
+    assert!(depth > 0.2, "{depth}");
+    assert!(
+        stderr.contains("leave out `tool.grid.spacing_mm`"),
+        "{stderr}"
+    );
 }

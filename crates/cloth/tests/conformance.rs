@@ -64,7 +64,7 @@ static TOOL: LazyLock<Tool> = LazyLock::new(|| {
     Tool::new(&ToolConfig {
         source: Source::Shape(Shape::Hemisphere(dome)),
         grid: GridConfig {
-            spacing_mm: 8.0,
+            spacing_mm: Some(8.0),
             ..GridConfig::default()
         },
         ..ToolConfig::default()

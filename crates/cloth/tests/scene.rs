@@ -11,7 +11,7 @@ static RIB: LazyLock<Scene> = LazyLock::new(|| Scene::new(&SceneConfig::rib(), |
 fn coarse() -> SceneConfig {
     let mut config = SceneConfig::rib();
     config.blank.vertices = [17, 17];
-    config.tool.grid.spacing_mm = 10.0;
+    config.tool.grid.spacing_mm = Some(10.0);
     config.fall.substep_rate = 1200.0;
     config
 }

@@ -76,7 +76,7 @@ pub fn tool(shape: Shape, pose: Pose, spacing_mm: f64) -> Tool {
         source: Source::Shape(shape),
         pose,
         grid: GridConfig {
-            spacing_mm,
+            spacing_mm: Some(spacing_mm),
             ..GridConfig::default()
         },
     };

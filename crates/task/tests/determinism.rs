@@ -13,7 +13,7 @@ static SCENE: LazyLock<Arc<Scene>> = LazyLock::new(|| Arc::new(rib()));
 fn rib() -> Scene {
     let mut config = SceneConfig::rib();
     config.blank.vertices = [33, 33];
-    config.tool.grid.spacing_mm = 8.0;
+    config.tool.grid.spacing_mm = Some(8.0);
     config.fall.fall_s = 0.5;
     config.fall.settle_s = 0.2;
     config.fall.substep_rate = 2400.0;

@@ -19,7 +19,7 @@ fn trained(reward: Reward) -> ([String; 3], Vec<f32>) {
     config.ppo.learning_rate = 1e-37;
     let mut scene = SceneConfig::rib();
     scene.blank.vertices = [33; 2];
-    scene.tool.grid.spacing_mm = 8.0;
+    scene.tool.grid.spacing_mm = Some(8.0);
     (scene.fall.fall_s, scene.fall.settle_s) = (0.5, 0.0);
     let scene = Arc::new(Scene::new(&scene, |_| {}).unwrap());
     let root = tempfile::tempdir().unwrap();

@@ -4,13 +4,16 @@ mod border;
 pub mod compare;
 mod crossing;
 mod patches;
+mod ply;
+mod read;
 mod stl;
 
 pub use border::{OrientationFault, border};
 pub(crate) use patches::patches;
+pub use read::read_mesh;
 #[cfg(test)]
 pub(crate) use stl::to_stl_bytes;
-pub use stl::{read_stl, write_stl};
+pub use stl::{MeshFile, write_stl};
 
 use std::ops::AddAssign;
 
@@ -82,7 +85,7 @@ impl TriMesh {
 
     /// Enclosed volume [m³], positive when the triangles face outwards. Meaningful for
     /// closed meshes only.
-    pub(crate) fn signed_volume(&self) -> f64 {
+    pub fn signed_volume(&self) -> f64 {
         // Measured from a point of the mesh: far from the origin the terms would cancel.
         let Some(&origin) = self.vertices.first() else {
             return 0.0;

@@ -3,7 +3,7 @@ use std::io::Write;
 use std::path::Path;
 
 use super::{TriMesh, check_facet_count};
-use crate::file::{ReadError, WriteError, read_bytes, write_atomic};
+use crate::file::{WriteError, write_atomic};
 use crate::math::Vec3;
 
 /// Bytes before the first facet of a binary file: 80 free ones, then the facet count.
@@ -20,23 +20,9 @@ const MM_PER_M: f64 = 1e3;
 /// Farthest that a coordinate lies from the origin [m]: a single one beyond belief would weld all
 /// others together.
 const FAR: f64 = 1e3;
-/// What is given for an STL file by mistake, by its first bytes.
-const KINDS: [(&[u8], &str); 10] = [
-    (b"\x89PNG", "a PNG picture"),
-    (b"\xff\xd8\xff", "a JPEG picture"),
-    (b"PK\x03\x04", "a ZIP archive, such as 3MF"),
-    (b"\x1f\x8b", "a gzip archive"),
-    (b"%PDF", "a PDF document"),
-    (b"ply", "a PLY mesh"),
-    (b"glTF", "a glTF mesh"),
-    (b"ISO-10303-21", "a STEP model"),
-    (b"<?xml", "an XML file"),
-    (b"{", "a JSON file"),
-];
-
-/// A mesh as read from an STL file.
+/// A mesh as read from a file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stl {
+pub struct MeshFile {
     /// Equal corners are welded; the normals in the file are ignored.
     pub mesh: TriMesh,
     /// Facets without area, left out of the mesh.
@@ -45,18 +31,6 @@ pub struct Stl {
 
 /// Corners of a facet [m].
 type Facet = [Vec3; 3];
-
-/// Reads a binary or ASCII STL file whose unit is `scale` metres (0.001 for millimetres).
-///
-/// Binary files are known by their length, so that one whose header begins with `solid` is
-/// read as well. Memory grows with the file, not with the facet count it declares. Several solids
-/// in one ASCII file become one mesh.
-///
-/// # Errors
-/// Says which file, and which facet or line; both count from 1.
-pub fn read_stl(path: &Path, scale: f64) -> Result<Stl, ReadError> {
-    parse(&read_bytes(path, 2048)?, scale).map_err(|fault| ReadError::fault(path, fault))
-}
 
 /// The mesh as a binary STL file in millimetres; the same bytes for the same mesh.
 ///
@@ -88,23 +62,38 @@ pub fn write_stl(path: impl AsRef<Path>, mesh: &TriMesh, name: &str) -> Result<(
     })
 }
 
-fn parse(bytes: &[u8], scale: f64) -> Result<Stl, String> {
+/// Reads a binary or ASCII STL file whose unit is `scale` metres.
+///
+/// Binary files are known by their length, so that one whose header begins with `solid` is
+/// read as well. Memory grows with the file, not
+/// with the facet count it declares. Several solids in one ASCII file become one mesh.
+pub(super) fn parse(bytes: &[u8], scale: f64) -> Result<MeshFile, String> {
     if bytes.is_empty() {
         return Err("file is empty".into());
     }
-    let declared = bytes
-        .get(HEADER - 4..HEADER)
-        .map(|count| u32::from_le_bytes(count.try_into().expect("four bytes")) as usize);
-    let fits = |declared: usize| declared.checked_mul(FACET) == Some(bytes.len() - HEADER);
-    let mut facets = match declared {
-        Some(declared) if fits(declared) => binary_facets(bytes, declared)?,
+    let facets = match declared(bytes) {
+        Some(declared) if is_binary(bytes) => binary_facets(bytes, declared)?,
         _ if is_text(bytes, b"solid") => text_facets(bytes)?,
-        _ if let Some(kind) = kind(bytes) => {
-            return Err(format!("looks like {kind}, expected an STL file"));
-        }
         Some(declared) if !is_text(bytes, b"") => binary_facets(bytes, declared)?,
         _ => return Err("neither a binary nor an ASCII STL file".into()),
     };
+    weld_scaled(facets, scale)
+}
+
+/// The facet count in the header of a binary file.
+fn declared(bytes: &[u8]) -> Option<usize> {
+    let count = bytes.get(HEADER - 4..HEADER)?;
+    Some(u32::from_le_bytes(count.try_into().expect("four bytes")) as usize)
+}
+
+/// Whether a file has just the length that a binary file declares.
+pub(super) fn is_binary(bytes: &[u8]) -> bool {
+    let length = declared(bytes).and_then(|count| count.checked_mul(FACET)?.checked_add(HEADER));
+    length == Some(bytes.len())
+}
+
+/// The mesh of facets in units of `scale` metres.
+pub(super) fn weld_scaled(mut facets: Vec<Facet>, scale: f64) -> Result<MeshFile, String> {
     for (i, facet) in facets.iter_mut().enumerate() {
         for (k, corner) in facet.iter_mut().enumerate() {
             let found = *corner;
@@ -119,18 +108,6 @@ fn parse(bytes: &[u8], scale: f64) -> Result<Stl, String> {
         }
     }
     weld(&facets)
-}
-
-/// What a file is that is given by mistake, if it is known.
-fn kind(bytes: &[u8]) -> Option<&'static str> {
-    let is_known = |(start, _): &&(&[u8], _)| bytes.starts_with(start);
-    if let Some((_, kind)) = KINDS.iter().find(is_known) {
-        return Some(kind);
-    }
-    // Its lines are in any order.
-    let mut lines = bytes.split(|&b| b == b'\n').take(100);
-    let is_vertex = |line: &[u8]| line.starts_with(b"v ");
-    (is_text(bytes, b"") && lines.any(is_vertex)).then_some("an OBJ mesh")
 }
 
 /// Begins with `word` and holds no control characters (at first) but white space. A binary
@@ -216,7 +193,7 @@ fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
 
 /// Joins corners within [`WELD`] of one another into shared vertices, in the order in which
 /// the file names them, and drops facets without area.
-fn weld(facets: &[Facet]) -> Result<Stl, String> {
+fn weld(facets: &[Facet]) -> Result<MeshFile, String> {
     if facets.is_empty() {
         return Err("no facets".into());
     }
@@ -234,7 +211,7 @@ fn weld(facets: &[Facet]) -> Result<Stl, String> {
         let count = facets.len();
         return Err(format!("all {count} facets have zero area"));
     }
-    Ok(Stl {
+    Ok(MeshFile {
         dropped_facet_count: facets.len() - triangles.len(),
         mesh: TriMesh {
             vertices: welder.vertices,
@@ -290,6 +267,7 @@ mod tests {
     use std::fs;
 
     use super::*;
+    use crate::mesh::read_mesh;
 
     /// A tetrahedron with legs of 1 mm.
     fn tetrahedron() -> TriMesh {
@@ -452,18 +430,6 @@ mod tests {
         assert!(fault(endless.as_bytes()).contains("expected endfacet first"));
         assert_eq!(fault(b"solid nothing\nendsolid nothing"), "no facets");
         assert_eq!(fault(b""), "file is empty");
-        for (bytes, kind) in [
-            (&b"\x89PNG\r\n\x1a\n"[..], "a PNG picture"),
-            (b"PK\x03\x04", "a ZIP archive, such as 3MF"),
-            (b"ply\nformat ascii 1.0\n", "a PLY mesh"),
-            (b"# a cube\nv 0 0 0\nv 1 0 0\n", "an OBJ mesh"),
-        ] {
-            let bytes = [bytes, &[b' '; 100]].concat();
-            assert_eq!(
-                fault(&bytes),
-                format!("looks like {kind}, expected an STL file")
-            );
-        }
         let prose = "It was a dark and stormy night. ".repeat(20);
         for bytes in [prose.as_bytes(), b"x", &[0; 40]] {
             assert_eq!(fault(bytes), "neither a binary nor an ASCII STL file");
@@ -502,17 +468,17 @@ mod tests {
         let mesh = tetrahedron();
         write_stl(&path, &mesh, "punch").unwrap();
         assert_eq!(fs::read(&path).unwrap(), to_stl_bytes(&mesh, "punch"));
-        assert_eq!(read_stl(&path, 1e-3).unwrap().mesh.vertices.len(), 4);
+        assert_eq!(read_mesh(&path, 1e-3).unwrap().mesh.vertices.len(), 4);
         // Nothing else is left behind.
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
 
         let missing = folder.path().join("missing/punch.stl");
-        let error = read_stl(&missing, 1.0).unwrap_err().to_string();
+        let error = read_mesh(&missing, 1.0).unwrap_err().to_string();
         assert_eq!(error, format!("cannot read {}", missing.display()));
         let error = write_stl(&missing, &mesh, "").unwrap_err();
         assert!(matches!(error, WriteError::FolderMissing { .. }), "{error}");
         fs::write(&path, "").unwrap();
-        let error = read_stl(&path, 1.0).unwrap_err().to_string();
+        let error = read_mesh(&path, 1.0).unwrap_err().to_string();
         assert_eq!(error, format!("{}: file is empty", path.display()));
     }
 }

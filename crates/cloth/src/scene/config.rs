@@ -200,9 +200,10 @@ const RIB: &str = include_str!("../../../../configs/scenes/rib.toml");
 
 impl SceneConfig {
     /// Where a scene file has tables, for [`refuse_lists`].
-    pub const TABLES: [&str; 10] = [
+    pub const TABLES: [&str; 11] = [
         "tool",
         "tool.source.shape",
+        "tool.source.mesh",
         "tool.source.stl",
         "tool.pose",
         "tool.grid",
@@ -230,7 +231,7 @@ impl SceneConfig {
     /// The paths of all files that the scene is read from.
     pub fn files_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
         let tool = match &mut self.tool.source {
-            Source::Stl(stl) => Some(&mut stl.path),
+            Source::Mesh(file) => Some(&mut file.path),
             Source::Shape(_) => None,
         };
         let files = [self.material.as_mut(), tool, self.blank.outline.as_mut()];

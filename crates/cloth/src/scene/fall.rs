@@ -151,7 +151,7 @@ pub fn hung(
     }
     let depths = position.iter().map(|&x| -tool.distance(x).0);
     let deepest = depths.fold(f64::NEG_INFINITY, f64::max);
-    if deepest > IN_TOOL * 1e-3 * config.tool.grid.spacing_mm {
+    if deepest > IN_TOOL * tool.grid.spacing() {
         return Err(SceneError::InTool {
             height_mm,
             // To the next tenth.

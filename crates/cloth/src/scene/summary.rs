@@ -27,7 +27,7 @@ pub struct Summary {
     /// the mesh cannot fold it away.
     pub compression_p95: f64,
     pub compression_max: f64,
-    /// Deepest vertex inside the tool [mm].
+    /// Deepest vertex inside the tool, by the exact distance [mm].
     pub penetration_mm: f64,
     /// Places where an edge of the lamina passes through one of its triangles.
     pub self_intersections: usize,
@@ -54,7 +54,7 @@ impl Scene {
             tension_max,
             compression_p95,
             compression_max,
-            penetration_mm: 1e3 * phi.iter().fold(0.0f64, |deepest, phi| deepest.max(-phi)),
+            penetration_mm: 1e3 * tool.deepest(&state.position).0,
             self_intersections: lamina.mesh(&state.position).self_intersection_count(),
             v_rms_mm_s: 1e3 * state.v_rms(),
         }

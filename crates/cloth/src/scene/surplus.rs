@@ -87,7 +87,7 @@ mod tests {
             source: Source::Shape(Shape::Plate(Plate::default())),
             pose: Pose::default(),
             grid: GridConfig {
-                spacing_mm: 10.0,
+                spacing_mm: Some(10.0),
                 ..GridConfig::default()
             },
         })

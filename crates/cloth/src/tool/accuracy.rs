@@ -3,10 +3,9 @@ use std::fmt;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::sharp::NEAR;
 use super::solid::Tool;
-
-/// What counts as near the surface [m]: the range in which cloth touches the tool.
-const NEAR: f64 = 2e-3;
+use crate::math::Vec3;
 
 /// Absolute difference between the interpolated and the exact distance [mm], at points spread evenly
 /// over the surface, up to 2 mm above or below it.
@@ -17,12 +16,59 @@ pub struct GridError {
     pub mean: f64,
     pub p95: f64,
     pub max: f64,
+    /// Where it is greatest.
+    pub place: [f64; 3],
+}
+
+/// Where the walls of a tool are thinnest, straight through between faces that are parallel to 25
+/// degrees [mm]. Edges, where faces meet, are no walls.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Thinnest {
+    pub thickness: f64,
+    pub place: [f64; 3],
 }
 
 impl Tool {
     /// Compares the grid with the exact distance at `count` > 0 points near the surface. Always the
     /// same points (Halton sequences).
     pub fn grid_error(&self, count: usize) -> GridError {
+        let at = self.on_surface();
+        let error = |i: usize| {
+            let (on_surface, normal) = at(i);
+            let x = on_surface + normal * (NEAR * (2.0 * halton(i, 7) - 1.0));
+            let error = (self.distance(x.into()).0 - self.surface.signed_distance(x)).abs();
+            (error, x)
+        };
+        let mut found: Vec<(f64, Vec3)> = (1..=count).into_par_iter().map(error).collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let errors: Vec<f64> = found.iter().map(|found| found.0).collect();
+        GridError {
+            // To the nanometre, so that it reads as it was given.
+            spacing: (1e9 * self.grid.spacing).round() / 1e6,
+            mean: 1e3 * (errors.iter().sum::<f64>() / count as f64),
+            p95: 1e3 * errors[(count * 95).div_ceil(100) - 1],
+            max: 1e3 * errors[count - 1],
+            place: (found[count - 1].1 * 1e3).into(),
+        }
+    }
+
+    /// The thinnest wall that is found from `count` points of the surface, if there is any.
+    pub fn thinnest(&self, count: usize) -> Option<Thinnest> {
+        let at = self.on_surface();
+        let thickness = |i: usize| {
+            let (x, normal) = at(i);
+            Some((self.surface.thickness(x, normal)?, x))
+        };
+        let found: Vec<_> = (1..=count).into_par_iter().filter_map(thickness).collect();
+        let (thickness, x) = found.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Thinnest {
+            thickness: 1e3 * thickness,
+            place: (x * 1e3).into(),
+        })
+    }
+
+    /// The `i`-th of points spread evenly over the surface [m], and its normal (Halton sequences).
+    fn on_surface(&self) -> impl Fn(usize) -> (Vec3, Vec3) {
         let mut area_up_to = Vec::with_capacity(self.mesh.triangles.len());
         let mut area = 0.0;
         for t in 0..self.mesh.triangles.len() {
@@ -30,7 +76,7 @@ impl Tool {
             area += (b - a).cross(&(c - a)).norm();
             area_up_to.push(area);
         }
-        let near_surface = |i: usize| {
+        move |i: usize| {
             let chosen = area * halton(i, 2);
             let t = area_up_to.partition_point(|&up_to| up_to <= chosen);
             // Areas too small for f64 add up to nothing.
@@ -40,20 +86,7 @@ impl Tool {
             let (r, s) = (halton(i, 3).sqrt(), halton(i, 5));
             let on_surface = a * (1.0 - r) + b * (r * (1.0 - s)) + c * (r * s);
             let normal = (b - a).cross(&(c - a)).normalize();
-            on_surface + normal * (NEAR * (2.0 * halton(i, 7) - 1.0))
-        };
-        let error = |i: usize| {
-            let x = near_surface(i);
-            (self.grid.sample(x.into()).0 - self.surface.signed_distance(x)).abs()
-        };
-        let mut errors: Vec<f64> = (1..=count).into_par_iter().map(error).collect();
-        errors.sort_unstable_by(f64::total_cmp);
-        GridError {
-            // To the nanometre, so that it reads as it was given.
-            spacing: (1e9 * self.grid.spacing).round() / 1e6,
-            mean: 1e3 * (errors.iter().sum::<f64>() / count as f64),
-            p95: 1e3 * errors[(count * 95).div_ceil(100) - 1],
-            max: 1e3 * errors[count - 1],
+            (on_surface, normal)
         }
     }
 }
@@ -61,7 +94,11 @@ impl Tool {
 impl fmt::Display for GridError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { mean, p95, max, .. } = self;
-        write!(f, "mean {mean:.4} mm, p95 {p95:.4} mm, max {max:.4} mm")
+        let [x, y, z] = self.place;
+        write!(
+            f,
+            "mean {mean:.4} mm, p95 {p95:.4} mm, max {max:.4} mm at ({x:.1}, {y:.1}, {z:.1}) mm"
+        )
     }
 }
 
@@ -79,12 +116,11 @@ fn halton(mut i: usize, base: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Vec3;
-    use crate::tool::{GridConfig, Shape};
+    use crate::tool::{Cylinder, DoubleDome, GridConfig, Hemisphere, Incline, Plate, Rib, Shape};
 
     fn rib(spacing_mm: f64) -> Tool {
         let grid = GridConfig {
-            spacing_mm,
+            spacing_mm: Some(spacing_mm),
             ..GridConfig::default()
         };
         Tool::from_mesh(Shape::default().mesh().unwrap(), &grid).unwrap()
@@ -119,6 +155,54 @@ mod tests {
             fine < 0.5 * coarse && fine < 1.5e-4,
             "{fine} after {coarse}"
         );
+    }
+
+    /// A plate of 3 mm, which a grid of 4 mm does not see.
+    fn thin_plate(spacing_mm: Option<f64>) -> Tool {
+        let plate = Shape::Plate(Plate {
+            plate_mm: [60.0, 50.0],
+            base_mm: 3.0,
+        });
+        let mut mesh = plate.mesh().unwrap();
+        for vertex in &mut mesh.vertices {
+            // Off the nodes.
+            *vertex += Vec3::new(0.0011, 0.0007, 0.0013);
+        }
+        let grid = GridConfig {
+            spacing_mm,
+            ..GridConfig::default()
+        };
+        Tool::from_mesh(mesh, &grid).unwrap()
+    }
+
+    #[test]
+    fn without_a_spacing_edges_and_thin_walls_are_exact() {
+        assert!(thin_plate(Some(4.0)).grid_error(20_000).max > 1.0);
+        let tool = thin_plate(None);
+        let error = tool.grid_error(20_000);
+        assert!(error.max < 1e-4, "{error}");
+        let thinnest = tool.thinnest(2000).unwrap();
+        assert!((thinnest.thickness - 3.0).abs() < 1e-6, "{thinnest:?}");
+        // Below the middle the normal points down, in both precisions.
+        let (phi, n) = tool.distance([0.01, 0.01, 0.0013 - 0.002]);
+        assert!((phi + 0.001).abs() < 1e-9 && n[2] < -0.999, "{phi} {n:?}");
+        let (phi, n) = tool.distance_in_lanes([0.01f32, 0.01, 0.0013 - 0.001]);
+        assert!((phi + 0.001).abs() < 1e-7 && n[2] > 0.999, "{phi} {n:?}");
+    }
+
+    #[test]
+    fn every_shape_keeps_a_tenth_of_a_millimetre() {
+        for shape in [
+            Shape::Rib(Rib::default()),
+            Shape::Hemisphere(Hemisphere::default()),
+            Shape::DoubleDome(DoubleDome::default()),
+            Shape::Cylinder(Cylinder::default()),
+            Shape::Incline(Incline::default()),
+        ] {
+            let tool = Tool::from_mesh(shape.mesh().unwrap(), &GridConfig::default()).unwrap();
+            let error = tool.grid_error(20_000);
+            assert!(error.max < 0.1, "{shape:?}: {error}");
+        }
     }
 
     #[test]

@@ -21,13 +21,14 @@ pub struct ToolConfig {
 #[serde(rename_all = "lowercase")]
 pub enum Source {
     Shape(Shape),
-    Stl(StlSource),
+    #[serde(alias = "stl")]
+    Mesh(MeshSource),
 }
 
-/// A mesh from an STL file.
+/// A mesh from an STL or PLY file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct StlSource {
+pub struct MeshSource {
     /// Taken as it is: whoever reads the config resolves it against the config's folder.
     pub path: PathBuf,
     /// Metres per unit of the file. The default takes the file to be in millimetres.
@@ -49,7 +50,10 @@ pub struct Pose {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GridConfig {
-    pub spacing_mm: f64,
+    /// Distances are interpolated at this spacing everywhere. Not given: at 4 mm, or as fine as a
+    /// large tool allows, and exact wherever that errs too much near the surface.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spacing_mm: Option<f64>,
     /// Width of the band round the tool's bounding box that the grid covers too.
     pub margin_mm: f64,
 }
@@ -63,7 +67,7 @@ impl Default for Source {
 impl Default for GridConfig {
     fn default() -> Self {
         Self {
-            spacing_mm: 4.0,
+            spacing_mm: None,
             margin_mm: 40.0,
         }
     }
@@ -85,8 +89,9 @@ impl ToolConfig {
     pub fn check(&self) -> Result<(), ValueError> {
         for (key, found) in [
             ("grid.spacing_mm", self.grid.spacing_mm),
-            ("grid.margin_mm", self.grid.margin_mm),
+            ("grid.margin_mm", Some(self.grid.margin_mm)),
         ] {
+            let Some(found) = found else { continue };
             let is_valid = found > 0.0 && found <= MAX_MM;
             ValueError::unless(is_valid, key, found, "a positive number up to 1000 mm")?;
         }
@@ -98,9 +103,9 @@ impl ToolConfig {
                 ValueError::unless(found.abs() <= 1e5, key, found, "numbers within +-100000")?;
             }
         }
-        if let Source::Stl(StlSource { scale, .. }) = self.source {
+        if let Source::Mesh(MeshSource { scale, .. }) = self.source {
             let is_valid = scale > 0.0 && scale.is_finite();
-            ValueError::unless(is_valid, "source.stl.scale", scale, "a positive number")?;
+            ValueError::unless(is_valid, "source.mesh.scale", scale, "a positive number")?;
         }
         Ok(())
     }

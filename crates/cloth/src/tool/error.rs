@@ -13,6 +13,28 @@ pub enum ToolError {
     #[error("the tool cannot be told from its outside, repair the mesh: {0}")]
     Orientation(#[from] OrientationFault),
     #[error(
+        "the tool is no solid: {count} of its {facets} facets have none behind them, the largest is \
+         facet {facet} at ({:.1}, {:.1}, {:.1}) mm: close the holes that show its back, or turn it \
+         over",
+        place_mm[0], place_mm[1], place_mm[2]
+    )]
+    NoSolid {
+        count: usize,
+        facets: usize,
+        facet: usize,
+        place_mm: [f64; 3],
+    },
+    #[error(
+        "the open tool has an undercut: {count} of the {edges} edges of its border hang over other \
+         parts of it, the first at ({:.1}, {:.1}, {:.1}) mm: close the mesh",
+        place_mm[0], place_mm[1], place_mm[2]
+    )]
+    Hanging {
+        count: usize,
+        edges: usize,
+        place_mm: [f64; 3],
+    },
+    #[error(
         "a grid of {} x {} x {} nodes at spacing {spacing_mm} mm takes {mib:.0} MiB, expected at most \
          {limit_mib}: {advice}",
         dims[0], dims[1], dims[2]

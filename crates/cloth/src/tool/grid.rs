@@ -7,6 +7,9 @@ use super::surface::{Surface, winding};
 
 /// Most nodes of a grid: 256 MiB of samples.
 const MAX_NODES: usize = 64 << 20;
+/// Spacing if none is given [mm], and most nodes of such a grid.
+const USUAL_MM: f64 = 4.0;
+const USUAL_NODES: f64 = 16e6;
 
 /// Signed distance to a tool on a regular grid [m], negative inside.
 ///
@@ -26,6 +29,26 @@ pub struct DistanceGrid {
 }
 
 impl DistanceGrid {
+    /// Nodes along x, y and z of a grid over a box, as whole numbers.
+    pub(super) fn nodes(extent: Vec3, spacing: f64) -> Vec3 {
+        extent.map(|extent| (extent / spacing - 1e-9).ceil().max(1.0) + 1.0)
+    }
+
+    /// Spacing for a box of this extent [m] if nobody gives one [mm]: doubled for large tools, whose
+    /// grids would take minutes.
+    pub(super) fn usual_spacing_mm(extent: Vec3) -> f64 {
+        let mut mm = USUAL_MM;
+        while Self::nodes(extent, 1e-3 * mm).product() > USUAL_NODES {
+            mm *= 2.0;
+        }
+        mm
+    }
+
+    /// Distance between neighbouring nodes [m].
+    pub fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
     /// Samples the distance to `surface` over the box from `low` to `high` [m], rounded up
     /// to whole cells of size `spacing` [m]. In parallel; the result does not depend on the
     /// number of threads.
@@ -38,9 +61,7 @@ impl DistanceGrid {
         high: Vec3,
         spacing: f64,
     ) -> Result<Self, ToolError> {
-        let nodes_at = |spacing: f64| {
-            (high - low).map(|extent| (extent / spacing - 1e-9).ceil().max(1.0) + 1.0)
-        };
+        let nodes_at = |spacing: f64| Self::nodes(high - low, spacing);
         let nodes = nodes_at(spacing);
         // The product is taken in f64, which cannot wrap; NaN fails the comparison.
         let fits = |nodes: Vec3| nodes.product() <= MAX_NODES as f64;
@@ -91,6 +112,19 @@ impl DistanceGrid {
                 }
             });
         Ok(grid)
+    }
+
+    /// Position of a node [m], by its number.
+    pub(super) fn position(&self, node: usize) -> Vec3 {
+        let [x, y, _] = self.dims;
+        let [i, j, k] = [node % x, node / x % y, node / (x * y)].map(|n| n as f64);
+        self.origin + Vec3::new(i, j, k) * self.spacing
+    }
+
+    /// Numbers of the corners of the cell with this first node.
+    pub(super) fn corners(&self, first: usize) -> [usize; 8] {
+        let [x, y, _] = self.dims;
+        std::array::from_fn(|n| first + (n & 1) + (n >> 1 & 1) * x + (n >> 2) * x * y)
     }
 
     /// Signed distance [m] at `x` [m] and its gradient, by trilinear interpolation, in every
@@ -166,7 +200,7 @@ mod tests {
 
     fn tool(shape: Shape, spacing_mm: f64) -> Tool {
         let grid = GridConfig {
-            spacing_mm,
+            spacing_mm: Some(spacing_mm),
             margin_mm: 30.0,
         };
         Tool::from_mesh(shape.mesh().unwrap(), &grid).unwrap()
@@ -342,7 +376,7 @@ mod tests {
     fn too_fine_a_grid_is_refused() {
         let error = |spacing_mm| {
             let grid = GridConfig {
-                spacing_mm,
+                spacing_mm: Some(spacing_mm),
                 margin_mm: 30.0,
             };
             Tool::from_mesh(Shape::default().mesh().unwrap(), &grid).err()

@@ -9,11 +9,13 @@ mod error;
 mod grid;
 mod patch;
 mod shapes;
+mod sharp;
 mod solid;
+mod solidity;
 mod surface;
 
-pub use accuracy::GridError;
-pub use config::{GridConfig, Pose, Source, StlSource, ToolConfig};
+pub use accuracy::{GridError, Thinnest};
+pub use config::{GridConfig, MeshSource, Pose, Source, ToolConfig};
 pub use error::ToolError;
 pub use grid::DistanceGrid;
 pub use shapes::{Cylinder, DoubleDome, Hemisphere, Incline, Plate, Rib, Shape};

@@ -1,9 +1,11 @@
 use super::config::{GridConfig, Source, ToolConfig};
 use super::error::ToolError;
 use super::grid::DistanceGrid;
+use super::sharp::SharpCells;
+use super::solidity::bounded;
 use super::surface::{Surface, is_open};
 use crate::math::{Lanes, Vec3};
-use crate::mesh::{TriMesh, read_stl};
+use crate::mesh::{TriMesh, read_mesh};
 
 /// A rigid tool at its place, with everything that contact and export ask of it.
 #[derive(Clone, Debug)]
@@ -14,6 +16,9 @@ pub struct Tool {
     pub surface: Surface,
     /// Interpolated distance; fast.
     pub grid: DistanceGrid,
+    /// Where that errs too much, so that the exact distance replaces it; nowhere if its spacing
+    /// was given.
+    pub(super) sharp: Option<SharpCells>,
     /// The mesh as given faced inwards (downwards if open) and was turned over.
     pub flipped: bool,
     /// Facets without area that were dropped from the file.
@@ -32,9 +37,9 @@ impl Tool {
                 let mesh = shape.mesh();
                 (mesh.map_err(|e| e.within("tool.source.shape"))?, 0)
             }
-            Source::Stl(stl) => {
-                let stl = read_stl(&stl.path, stl.scale)?;
-                (stl.mesh, stl.dropped_facet_count)
+            Source::Mesh(file) => {
+                let file = read_mesh(&file.path, file.scale)?;
+                (file.mesh, file.dropped_facet_count)
             }
         };
         for vertex in &mut mesh.vertices {
@@ -51,33 +56,55 @@ impl Tool {
     /// # Errors
     /// As for [`Tool::new`].
     pub fn from_mesh(mut mesh: TriMesh, grid: &GridConfig) -> Result<Self, ToolError> {
-        let flipped = if is_open(&mesh) {
-            mesh.area_vector().z < 0.0
-        } else {
-            mesh.signed_volume() < 0.0
-        };
+        let mut flipped = !is_open(&mesh) && mesh.signed_volume() < 0.0;
         if flipped {
             mesh.flip();
         }
-        let surface = Surface::new(&mesh)?;
+        let surface = match bounded(&mesh) {
+            // An open mesh that faces down: its solid shall be below it.
+            Err(error @ ToolError::NoSolid { .. }) => {
+                flipped = !flipped;
+                mesh.flip();
+                // What is wrong either way is told of the mesh as it was.
+                bounded(&mesh).map_err(|_| error)?
+            }
+            surface => surface?,
+        };
         let (low, high) = mesh.bounds();
         let margin = Vec3::repeat(grid.margin_mm * 1e-3);
         let (low, high) = (low - margin, high + margin);
-        let grid = DistanceGrid::new(&surface, low, high, grid.spacing_mm * 1e-3)?;
+        let spacing = |mm| DistanceGrid::new(&surface, low, high, mm * 1e-3);
+        let (grid, sharp) = match grid.spacing_mm {
+            Some(mm) => (spacing(mm)?, None),
+            None => {
+                let grid = spacing(DistanceGrid::usual_spacing_mm(high - low))?;
+                let sharp = SharpCells::new(&surface, &grid);
+                (grid, sharp)
+            }
+        };
         Ok(Self {
             mesh,
             surface,
             grid,
+            sharp,
             flipped,
             dropped_facet_count: 0,
         })
     }
 
-    /// Distance to the tool [m], negative inside, and its outward unit normal, both
-    /// interpolated: what contact, presses and observations work with.
+    /// Distance to the tool [m], negative inside, and its outward unit normal: what contact,
+    /// presses and observations work with. Interpolated, but for exact places: see [`GridConfig`].
     #[inline]
     pub fn distance(&self, x: [f64; 3]) -> (f64, [f64; 3]) {
         self.distance_in_lanes(x)
+    }
+
+    /// How deep the deepest of some points [m] is inside, by the exact distance [m], and which it is;
+    /// 0 where none is inside.
+    pub fn deepest(&self, x: &[[f64; 3]]) -> (f64, usize) {
+        let depths =
+            (x.iter().enumerate()).map(|(i, &x)| (-self.surface.signed_distance(x.into()), i));
+        depths.fold((0.0, 0), |a, b| if b.0 > a.0 { b } else { a })
     }
 
     /// Summed distance of some vertices of a sheet at `x` [m], those inside counted as on the tool.
@@ -93,7 +120,45 @@ impl Tool {
         let flat = norm.lt(V::of(1e-9));
         let inverse = V::of(1.0) / V::select(flat, V::of(1.0), norm);
         let unit = |g: V, up: f64| V::select(flat, V::of(up), g * inverse);
-        (phi, [unit(a, 0.0), unit(b, 0.0), unit(c, 1.0)])
+        let normal = [unit(a, 0.0), unit(b, 0.0), unit(c, 1.0)];
+        match &self.sharp {
+            Some(sharp) if V::any(phi.max(-phi).lt(V::of(sharp.reach))) => {
+                self.exact_in_lanes(sharp, x, phi, normal)
+            }
+            _ => (phi, normal),
+        }
+    }
+
+    /// The exact distance and normal of the lanes in sharp cells, and what was interpolated in the
+    /// others.
+    #[inline(never)]
+    fn exact_in_lanes<V: Lanes>(
+        &self,
+        sharp: &SharpCells,
+        x: [V; 3],
+        mut phi: V,
+        mut normal: [V; 3],
+    ) -> (V, [V; 3]) {
+        for lane in 0..V::COUNT {
+            let near = phi.get(lane).abs();
+            let x = x.map(|x| x.get(lane));
+            // NaN is nowhere near.
+            if !(near < sharp.reach) {
+                continue;
+            }
+            let facets = sharp.facets(&self.grid, x);
+            if !facets.is_empty() {
+                let (exact, n) = match facets {
+                    [SharpCells::MANY] => self.surface.contact(x.into(), near + sharp.off),
+                    few => self.surface.contact_among(few, x.into()),
+                };
+                phi.set(lane, exact);
+                for (component, n) in normal.iter_mut().zip(&n) {
+                    component.set(lane, *n);
+                }
+            }
+        }
+        (phi, normal)
     }
 }
 
@@ -101,7 +166,7 @@ impl Tool {
 mod tests {
     use super::*;
     use crate::mesh::write_stl;
-    use crate::tool::{Plate, Pose, Shape, StlSource};
+    use crate::tool::{MeshSource, Plate, Pose, Shape};
 
     #[test]
     fn config_reads_as_documented() {
@@ -119,7 +184,7 @@ mod tests {
         assert_eq!(
             config,
             ToolConfig {
-                source: Source::Stl(StlSource {
+                source: Source::Mesh(MeshSource {
                     path: "punch.stl".into(),
                     scale: 1e-3,
                 }),
@@ -128,7 +193,7 @@ mod tests {
                     rotation_deg: [0.0, 0.0, 90.0],
                 },
                 grid: GridConfig {
-                    spacing_mm: 3.0,
+                    spacing_mm: Some(3.0),
                     margin_mm: 40.0,
                 },
             }
@@ -150,14 +215,14 @@ mod tests {
             "`pose.rotation_deg` is inf, expected numbers within +-100000"
         );
         config = ToolConfig::default();
-        config.grid.spacing_mm = 0.0;
+        config.grid.spacing_mm = Some(0.0);
         assert_eq!(config.check().unwrap_err().key, "grid.spacing_mm");
         config = ToolConfig::default();
-        config.source = Source::Stl(StlSource {
+        config.source = Source::Mesh(MeshSource {
             path: "punch.stl".into(),
             scale: -1.0,
         });
-        assert_eq!(config.check().unwrap_err().key, "source.stl.scale");
+        assert_eq!(config.check().unwrap_err().key, "source.mesh.scale");
     }
 
     #[test]
@@ -204,12 +269,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rib.stl");
         let grid = GridConfig {
-            spacing_mm: 10.0,
+            spacing_mm: Some(10.0),
             ..GridConfig::default()
         };
         let rib = Tool::from_mesh(Shape::default().mesh().unwrap(), &grid).unwrap();
         write_stl(&path, &rib.mesh, "rib").unwrap();
-        let source = Source::Stl(StlSource { path, scale: 1e-3 });
+        let source = Source::Mesh(MeshSource { path, scale: 1e-3 });
         let read = Tool::new(&ToolConfig {
             source,
             grid,
@@ -227,7 +292,7 @@ mod tests {
     #[test]
     fn tools_turned_inside_out_are_flipped() {
         let grid = GridConfig {
-            spacing_mm: 20.0,
+            spacing_mm: Some(20.0),
             ..GridConfig::default()
         };
         let mut closed = Shape::default().mesh().unwrap();

@@ -1,7 +1,8 @@
 use parry3d_f64::math::Vector;
 use parry3d_f64::partitioning::BvhNode;
-use parry3d_f64::query::PointQueryWithLocation;
+use parry3d_f64::query::{PointQuery, PointQueryWithLocation, Ray, RayCast};
 use parry3d_f64::shape;
+use rayon::prelude::*;
 
 use crate::math::{Vec3, from_parry, to_parry};
 use crate::mesh::{TriMesh, border};
@@ -10,24 +11,35 @@ use super::error::ToolError;
 
 /// Below this share of the surface area, the sum of the area vectors counts as zero: the
 /// mesh encloses a volume but for cracks between facets that were not welded.
-const CLOSURE_DEFECT: f64 = 1e-3;
+pub(super) const CLOSURE_DEFECT: f64 = 1e-3;
+
+/// Where a ray starts behind a facet [m].
+const ON_THE_WAY: f64 = 1e-9;
+
+/// Share of the mesh's diagonal that counts as a step off its surface: more than rounding and welding.
+const STEP: f64 = 3e-6;
+
+/// Nearer to the surface than this [m] the direction to the nearest point is rounding.
+const ON_SURFACE: f64 = 1e-12;
 
 /// Exact distances to a triangle mesh, seen as the boundary of a solid.
 ///
-/// A closed mesh is its own solid. An open mesh is the upper face of a block: its border is
-/// extended straight down without end. So the distance stays continuous where cloth hangs over
+/// A closed mesh is its own solid. An open mesh is the upper face of a block: its border, but for
+/// cracks, is extended straight down without end. So the distance stays continuous where cloth hangs over
 /// the border; a sign from the nearest facet's normal would jump there.
 ///
 /// A point is inside when the facets above it wind round it. Each edge votes the same way for both
 /// of its triangles, so no ray slips through. Bodies that touch or overlap are inside once, and
 /// there the distance is that to the nearest facet, not to the boundary of the union.
 ///
-/// Does not model: an undercut open mesh whose border lies below other parts of itself.
+/// Takes for granted that the mesh bounds a solid: see [`super::solidity`].
 #[derive(Clone, Debug)]
 pub struct Surface {
     facets: shape::TriMesh,
     /// Downward extension of the border; absent for a closed mesh.
     walls: Option<shape::TriMesh>,
+    /// Whether a facet may lie inside another body.
+    pub(super) is_overlapping: bool,
 }
 
 /// The point of a surface that is nearest to a query point.
@@ -49,15 +61,47 @@ impl Surface {
         let vertices: Vec<Vector> = mesh.vertices.iter().map(to_parry).collect();
         let facets =
             shape::TriMesh::new(vertices, mesh.triangles.clone()).map_err(|_| ToolError::Empty)?;
-        let walls = is_open(mesh).then(|| walls(mesh, &border));
-        Ok(Self { facets, walls })
+        let mut surface = Self {
+            facets,
+            walls: None,
+            is_overlapping: true,
+        };
+        let gaps = surface.gaps(mesh, border);
+        surface.walls = (!gaps.is_empty()).then(|| walls(mesh, &gaps));
+        Ok(surface)
+    }
+
+    /// The edges of a `border` that are no cracks between facets that were not welded: these have
+    /// another facet at hand.
+    pub(super) fn gaps(&self, mesh: &TriMesh, border: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
+        let crack = 10.0 * step(mesh);
+        let is_gap = |[a, b]: &[u32; 2]| {
+            let middle = 0.5 * (mesh.vertices[*a as usize] + mesh.vertices[*b as usize]);
+            let near = self.near(middle, crack);
+            near.iter().filter(|(facet, ..)| facet.is_some()).count() < 2
+        };
+        border.into_par_iter().filter(is_gap).collect()
     }
 
     /// Signed distance [m], negative inside the solid, at the point `x` [m].
     pub fn signed_distance(&self, x: Vec3) -> f64 {
-        let (distance, _) = self.nearest(x, f64::MAX);
-        let inside = winding(&self.crossings(x.x, x.y), x.z) > 0;
-        if inside { -distance } else { distance }
+        self.contact(x, f64::MAX).0
+    }
+
+    /// Signed distance [m] at the point `x` [m], expected to be less than `bound` [m], and the
+    /// outward unit normal there: away from the nearest point or, on the surface, that of a facet.
+    pub(super) fn contact(&self, x: Vec3, bound: f64) -> (f64, Vec3) {
+        let (distance, point, facet) = self.closest(x, bound);
+        let phi = if self.is_inside(x) {
+            -distance
+        } else {
+            distance
+        };
+        let normal = match facet {
+            Some(facet) if distance < ON_SURFACE => from_parry(facet.scaled_normal()),
+            _ => (x - point) / phi,
+        };
+        (phi, normal.try_normalize(0.0).unwrap_or_else(Vec3::z))
     }
 
     /// The nearest point of the mesh itself (not of its downward extension). On an edge,
@@ -78,20 +122,119 @@ impl Surface {
     /// The nearest point of the solid's boundary and its distance [m], which is expected to
     /// be less than `bound` [m]. A bound that does not hold costs time, nothing else.
     pub fn nearest(&self, x: Vec3, bound: f64) -> (f64, Vec3) {
+        let (distance, point, _) = self.closest(x, bound);
+        (distance, point)
+    }
+
+    /// The same with the facet or wall on which the point lies.
+    fn closest(&self, x: Vec3, bound: f64) -> (f64, Vec3, Option<shape::Triangle>) {
         let target = to_parry(&x);
         let within = |mesh: &shape::TriMesh, bound: f64| {
-            mesh.project_local_point_and_get_location_with_max_dist(target, false, bound)
-                .map(|(nearest, _)| ((nearest.point - target).length(), nearest.point))
+            let found =
+                mesh.project_local_point_and_get_location_with_max_dist(target, false, bound);
+            found.map(|(nearest, (facet, _))| {
+                let distance = (nearest.point - target).length();
+                (distance, nearest.point, mesh.triangle(facet))
+            })
         };
         let facet = within(&self.facets, bound);
-        let closer = facet.map_or(bound, |(distance, _)| distance);
+        let closer = facet.as_ref().map_or(bound, |(distance, ..)| *distance);
         let wall = self.walls.as_ref().and_then(|walls| within(walls, closer));
         match wall.or(facet) {
-            Some((distance, point)) => (distance, from_parry(point)),
-            None if bound < f64::MAX => self.nearest(x, f64::MAX),
+            Some((distance, point, facet)) => (distance, from_parry(point), Some(facet)),
+            None if bound < f64::MAX => self.closest(x, f64::MAX),
             // Only for coordinates that are not finite.
-            None => (f64::INFINITY, x),
+            None => (f64::INFINITY, x, None),
         }
+    }
+
+    /// The facets within `reach` [m] of `x` [m], with their numbers, and walls, without; and how far
+    /// they are [m].
+    pub(super) fn near(&self, x: Vec3, reach: f64) -> Vec<(Option<u32>, f64, [Vec3; 3])> {
+        let target = to_parry(&x);
+        let mut found = Vec::new();
+        for (mesh, is_numbered) in [(Some(&self.facets), true), (self.walls.as_ref(), false)] {
+            let Some(mesh) = mesh else { continue };
+            let leaves = (mesh.bvh())
+                .leaves(|node| node.aabb().distance_to_local_point(target, true) <= reach);
+            for leaf in leaves {
+                let facet = mesh.triangle(leaf);
+                let distance = facet.distance_to_local_point(target, true);
+                if distance <= reach {
+                    let corners = [facet.a, facet.b, facet.c].map(from_parry);
+                    found.push((is_numbered.then_some(leaf), distance, corners));
+                }
+            }
+        }
+        found.sort_unstable_by_key(|(number, ..)| *number);
+        found
+    }
+
+    /// [`Surface::contact`] with the nearest of some facets. In the middle of one its side tells
+    /// whether the point is inside, as long as no facet lies inside another body.
+    pub(super) fn contact_among(&self, facets: &[u32], x: Vec3) -> (f64, Vec3) {
+        let target = to_parry(&x);
+        let mut nearest = (f64::INFINITY, Vector::ZERO, 0, false);
+        for &number in facets {
+            let facet = self.facets.triangle(number);
+            let (found, location) = facet.project_local_point_and_get_location(target, false);
+            let distance = (found.point - target).length();
+            if distance < nearest.0 {
+                let is_face = matches!(location, shape::TrianglePointLocation::OnFace(..));
+                nearest = (distance, found.point, number, is_face);
+            }
+        }
+        let (distance, point, number, is_face) = nearest;
+        let away = target - point;
+        let normal = || self.facets.triangle(number).scaled_normal();
+        let inside = match is_face && !self.is_overlapping {
+            true => normal().dot(away) < 0.0,
+            false => self.is_inside(x),
+        };
+        let phi = if inside { -distance } else { distance };
+        let normal = if distance < ON_SURFACE {
+            normal()
+        } else {
+            away / phi
+        };
+        (
+            phi,
+            from_parry(normal)
+                .try_normalize(0.0)
+                .unwrap_or_else(Vec3::z),
+        )
+    }
+
+    /// Whether the facets above a point wind round it: what [`winding`] tells from all crossings.
+    pub(super) fn is_inside(&self, x: Vec3) -> bool {
+        let above = |node: &BvhNode| {
+            let (low, high) = (node.mins(), node.maxs());
+            low.x <= x.x && x.x <= high.x && low.y <= x.y && x.y <= high.y && x.z < high.z
+        };
+        let sign = |leaf| {
+            let triangle = self.facets.triangle(leaf);
+            match crossing([triangle.a, triangle.b, triangle.c], x.x, x.y) {
+                Some((z, sign)) if z > x.z => sign,
+                _ => 0,
+            }
+        };
+        self.facets.bvh().leaves(above).map(sign).sum::<i32>() > 0
+    }
+
+    /// Whether this is the upper face of a block rather than a closed body.
+    pub fn is_open(&self) -> bool {
+        self.walls.is_some()
+    }
+
+    /// How thick the body is behind a point of its surface [m], if the face there is parallel to this
+    /// one to 25 degrees.
+    pub(super) fn thickness(&self, x: Vec3, normal: Vec3) -> Option<f64> {
+        let ray = Ray::new(to_parry(&(x - normal * ON_THE_WAY)), to_parry(&-normal));
+        let hit = self
+            .facets
+            .cast_local_ray_and_get_normal(&ray, f64::MAX, false)?;
+        let is_parallel = hit.normal.dot(ray.dir).abs() > 0.9;
+        is_parallel.then_some(hit.time_of_impact + ON_THE_WAY)
     }
 
     /// Where the vertical line through (`x`, `y`) meets the facets: heights [m], ascending,
@@ -110,6 +253,12 @@ impl Surface {
         crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         crossings
     }
+}
+
+/// A step off the surface of a mesh that is more than rounding and welding [m].
+pub(super) fn step(mesh: &TriMesh) -> f64 {
+    let (low, high) = mesh.bounds();
+    STEP * (high - low).norm()
 }
 
 /// How often the facets above height `z` wind round the point: sum of their signs.

@@ -10,7 +10,7 @@ use std::sync::{Mutex, MutexGuard};
 use damage::{folder, survives};
 use drape_cloth::fabric::{BlankConfig, Lamina, Material};
 use drape_cloth::file::in_words;
-use drape_cloth::mesh::{TriMesh, read_stl};
+use drape_cloth::mesh::{TriMesh, read_mesh};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::{GridConfig, Tool};
 
@@ -74,8 +74,35 @@ fn stl() {
             .replace("10", "1e-200")
             .into(),
     );
-    survives("a.stl", &corpus, 4000, |path| {
-        tool(read_stl(path, 1e-3).map_err(line)?.mesh)
+    survives("a.stl", &corpus, 3000, |path| {
+        tool(read_mesh(path, 1e-3).map_err(line)?.mesh)
+    });
+}
+
+#[test]
+fn ply() {
+    let _alone = alone();
+    let head = |format: &str| {
+        format!(
+            "ply\nformat {format} 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty \
+             float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n"
+        )
+    };
+    let text = head("ascii") + "0 0 0\n10 0 0\n10 10 0\n0 10 0\n3 0 1 2\n3 0 2 3\n";
+    let corners = [
+        [0f32, 0.0, 0.0],
+        [10.0, 0.0, 0.0],
+        [10.0, 10.0, 0.0],
+        [0.0, 10.0, 0.0],
+    ];
+    let mut bytes = head("binary_little_endian").into_bytes();
+    bytes.extend(corners.iter().flatten().flat_map(|c| c.to_le_bytes()));
+    for face in [[0i32, 1, 2], [0, 2, 3]] {
+        bytes.push(3);
+        bytes.extend(face.iter().flat_map(|v| v.to_le_bytes()));
+    }
+    survives("a.ply", &[text.into(), bytes], 3000, |path| {
+        tool(read_mesh(path, 1e-3).map_err(line)?.mesh)
     });
 }
 

@@ -18,7 +18,7 @@ fn tool(shape: Shape, spacing_mm: f64) -> Tool {
         source: Source::Shape(shape),
         pose: Pose::default(),
         grid: GridConfig {
-            spacing_mm,
+            spacing_mm: Some(spacing_mm),
             ..GridConfig::default()
         },
     })

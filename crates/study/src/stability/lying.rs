@@ -9,7 +9,7 @@ use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::mesh::{TriMesh, write_stl};
 use drape_cloth::sim::{Bending, Snapshot};
-use drape_cloth::tool::{GridConfig, Plate, Pose, Shape, Source, StlSource, Tool, ToolConfig};
+use drape_cloth::tool::{GridConfig, MeshSource, Plate, Pose, Shape, Source, Tool, ToolConfig};
 
 /// The sheet that most of these trials drop [m].
 const SIDE: f64 = 0.08;
@@ -101,10 +101,10 @@ pub fn sliver(knobs: &Knobs) -> Tried {
     let path = folder.path().join("plate.stl");
     write_stl(&path, &slivered(knobs.x as usize, knobs.y), "plate")?;
     let tool = Tool::new(&ToolConfig {
-        source: Source::Stl(StlSource { path, scale: 1e-3 }),
+        source: Source::Mesh(MeshSource { path, scale: 1e-3 }),
         pose: Pose::default(),
         grid: GridConfig {
-            spacing_mm: 20.0,
+            spacing_mm: Some(20.0),
             ..GridConfig::default()
         },
     })?;

@@ -4,7 +4,7 @@ use super::*;
 fn small() -> (SceneConfig, EnvConfig) {
     let mut scene = SceneConfig::rib();
     scene.blank.vertices = [17, 17];
-    scene.tool.grid.spacing_mm = 10.0;
+    scene.tool.grid.spacing_mm = Some(10.0);
     (scene.fall.fall_s, scene.fall.settle_s) = (0.2, 0.2);
     let env = EnvConfig {
         region_mm: Some([-186.0, -186.0, -90.0, -90.0]),

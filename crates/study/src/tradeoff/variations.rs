@@ -69,7 +69,7 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
     }
     for (k, spacing) in [2.0, 4.0, 8.0].into_iter().enumerate() {
         axes.model("tool grid", k, format!("{spacing} mm"), |(scene, _)| {
-            scene.tool.grid.spacing_mm = spacing;
+            scene.tool.grid.spacing_mm = Some(spacing);
         });
     }
     for (k, vertices) in meshes(scene, quick).into_iter().enumerate() {

@@ -10,7 +10,7 @@ pub fn config() -> SceneConfig {
         vertices: [13, 13],
         ..config.blank
     };
-    config.tool.grid.spacing_mm = 12.0;
+    config.tool.grid.spacing_mm = Some(12.0);
     config.fall = Fall {
         fall_s: 0.2,
         settle_s: 0.1,

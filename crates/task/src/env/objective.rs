@@ -62,7 +62,7 @@ mod tests {
         config.tool.source = drape_cloth::tool::Source::Shape(drape_cloth::tool::Shape::Plate(
             drape_cloth::tool::Plate::default(),
         ));
-        config.tool.grid.spacing_mm = 20.0;
+        config.tool.grid.spacing_mm = Some(20.0);
         config.clamps.clear();
         (config.fall.fall_s, config.fall.settle_s) = (0.0, 0.0);
         let scene = Scene::new(&config, |_| ()).unwrap();

@@ -30,7 +30,7 @@ static GAUSS_SEIDEL: LazyLock<Arc<Scene>> =
 fn rib(vertices: usize, solver: Solver) -> Scene {
     let mut config = SceneConfig::rib();
     config.blank.vertices = [vertices; 2];
-    config.tool.grid.spacing_mm = 8.0;
+    config.tool.grid.spacing_mm = Some(8.0);
     config.fall.fall_s = 0.5;
     config.fall.settle_s = 0.2;
     config.fall.substep_rate = 2400.0;

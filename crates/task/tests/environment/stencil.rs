@@ -8,7 +8,7 @@ use super::*;
 fn flat(vertices: usize) -> Arc<Scene> {
     let mut config = SceneConfig::rib();
     config.tool.source = Source::Shape(Shape::Plate(Plate::default()));
-    config.tool.grid.spacing_mm = 20.0;
+    config.tool.grid.spacing_mm = Some(20.0);
     config.blank.vertices = [vertices; 2];
     config.placement.tilt_deg = 0.0;
     config.placement.height_mm = 0.0;

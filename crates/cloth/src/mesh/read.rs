@@ -1,0 +1,94 @@
+use std::path::Path;
+
+use super::ply;
+use super::stl::{self, MeshFile};
+use crate::file::{ReadError, read_bytes};
+
+/// How files begin that are no meshes we read, and what they are.
+const OTHERS: [(&[u8], &str); 11] = [
+    (b"\x89PNG", "a PNG picture"),
+    (b"\xff\xd8\xff", "a JPEG picture"),
+    (b"PK\x03\x04", "a zip archive, such as 3MF"),
+    (b"\x1f\x8b", "a gzip archive"),
+    (b"ISO-10303-21", "a STEP file"),
+    (b"glTF", "a glTF file"),
+    (b"%PDF", "a PDF file"),
+    (b"\x7fELF", "a program"),
+    (b"OFF", "an OFF file"),
+    (b"<", "an XML or HTML file"),
+    (b"{", "a JSON file"),
+];
+
+/// First words of the lines of an OBJ file, but for comments.
+const OBJ: [&str; 8] = ["v", "vn", "vt", "f", "o", "g", "mtllib", "usemtl"];
+
+/// Reads an STL or PLY file whose unit is `scale` metres (0.001 for millimetres). What it is, its
+/// content tells.
+///
+/// # Errors
+/// Says which file, and which facet, vertex or line; all count from 1. A file of another kind is
+/// called by its kind.
+pub fn read_mesh(path: &Path, scale: f64) -> Result<MeshFile, ReadError> {
+    parse(&read_bytes(path, 2048)?, scale).map_err(|fault| ReadError::fault(path, fault))
+}
+
+fn parse(bytes: &[u8], scale: f64) -> Result<MeshFile, String> {
+    if ply::is_ply(bytes) {
+        return stl::weld_scaled(ply::facets(bytes)?, scale);
+    }
+    match other(bytes).filter(|_| !stl::is_binary(bytes)) {
+        Some(kind) => Err(format!("{kind}, expected an STL or PLY file")),
+        None => stl::parse(bytes, scale),
+    }
+}
+
+/// What a file is that is known to be neither STL nor PLY.
+fn other(bytes: &[u8]) -> Option<&'static str> {
+    let start = bytes.trim_ascii_start();
+    if let Some((_, kind)) = OTHERS.iter().find(|(magic, _)| start.starts_with(magic)) {
+        return Some(kind);
+    }
+    let text = String::from_utf8_lossy(&start[..start.len().min(4096)]);
+    let is_said = |line: &&str| !line.trim().is_empty() && !line.starts_with('#');
+    let first = text.lines().find(is_said)?.split_ascii_whitespace().next();
+    if OBJ.contains(&first?) {
+        return Some("an OBJ file");
+    }
+    // The first section of an IGES file has an S in column 73.
+    (bytes.is_ascii() && bytes.get(72) == Some(&b'S')).then_some("an IGES file")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_other_kinds_are_called_by_their_kind() {
+        let obj = b"# Blender\nmtllib a.mtl\no Cube\nv 1 1 1\n";
+        let iges = format!("{:72}S      1\n", "");
+        for (bytes, kind) in [
+            (&b"\x89PNG\r\n\x1a\n"[..], "a PNG picture"),
+            (b"PK\x03\x04....", "a zip archive, such as 3MF"),
+            (b"\x1f\x8b\x08", "a gzip archive"),
+            (b"ISO-10303-21;\nHEADER;\n", "a STEP file"),
+            (obj, "an OBJ file"),
+            (b"v 0 0 0\nv 1 0 0\n", "an OBJ file"),
+            (iges.as_bytes(), "an IGES file"),
+        ] {
+            let fault = parse(bytes, 1.0).unwrap_err();
+            assert_eq!(fault, format!("{kind}, expected an STL or PLY file"));
+        }
+        assert_eq!(parse(b"", 1.0).unwrap_err(), "file is empty");
+    }
+
+    #[test]
+    fn a_binary_stl_may_begin_with_anything() {
+        let mut bytes = vec![0; 84 + 50];
+        bytes[..4].copy_from_slice(b"PK\x03\x04");
+        bytes[80] = 1;
+        for (k, at) in [(1.0f32, 96 + 12), (1.0, 96 + 28)] {
+            bytes[at..at + 4].copy_from_slice(&k.to_le_bytes());
+        }
+        assert_eq!(parse(&bytes, 1.0).unwrap().mesh.triangles.len(), 1);
+    }
+}
