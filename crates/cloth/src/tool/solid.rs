@@ -142,8 +142,7 @@ impl Tool {
         for lane in 0..V::COUNT {
             let near = phi.get(lane).abs();
             let x = x.map(|x| x.get(lane));
-            // NaN is nowhere near.
-            if !(near < sharp.reach) {
+            if near.is_nan() || near >= sharp.reach {
                 continue;
             }
             let facets = sharp.facets(&self.grid, x);
