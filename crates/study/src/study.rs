@@ -37,10 +37,13 @@ pub struct Context<'a> {
     /// Is told the share that is done, 0 to 1, and what is being done.
     pub progress: &'a (dyn Fn(f64, &str) + Sync),
     /// Reads scene and task of a run folder, which this crate knows nothing of.
-    pub read_task: &'a dyn Fn(&Path) -> Result<(SceneConfig, EnvConfig), StudyError>,
+    pub read_task: &'a Reader<(SceneConfig, EnvConfig)>,
     /// Reads its best path, too.
-    pub read_run: &'a dyn Fn(&Path) -> Result<TrainedPath, StudyError>,
+    pub read_run: &'a Reader<TrainedPath>,
 }
+
+/// Reads something of a folder.
+pub type Reader<T> = dyn Fn(&Path) -> Result<T, StudyError>;
 
 /// An error of another crate.
 pub type Failed = Box<dyn std::error::Error + Send + Sync>;
