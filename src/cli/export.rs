@@ -120,7 +120,7 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
     let start = match dialect {
         // In a fall of a second velocities are displacements.
         Dialect::Calculix => {
-            let hung = hung(&scene.config, lamina, 1.0);
+            let hung = hung(&scene.config, lamina, &scene.tool, 1.0);
             hung.map_err(|error| scene_failure(error, &place))?
         }
         Dialect::Abaqus => (*scene.initial).clone(),

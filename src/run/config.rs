@@ -17,6 +17,9 @@ use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
 use drape_task::env::{EnvConfig, MOST_MIB, check_memory};
 
+/// Most that a file which a run keeps may hold [MiB]: as much as a mesh.
+const MAX_INPUT_MIB: u64 = 2048;
+
 /// A set of defaults for task, network and learner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -119,7 +122,7 @@ impl RunConfig {
         self.inputs.clear();
         let mut inputs = Vec::new();
         for path in self.scene.files_mut() {
-            let content = read_bytes(path)?;
+            let content = read_bytes(path, MAX_INPUT_MIB)?;
             let name = path.file_name().unwrap_or_default();
             let mut name = name.to_string_lossy().into_owned();
             let copy = |name: &str| PathBuf::from(format!("inputs/{name}"));
@@ -185,7 +188,7 @@ impl RunConfig {
         let folder = path.parent().unwrap_or(Path::new(""));
         for (input, expected) in &config.inputs {
             let input = folder.join(input);
-            let found = digest(&read_bytes(&input)?);
+            let found = digest(&read_bytes(&input, MAX_INPUT_MIB)?);
             if found != *expected {
                 let fault = format!(
                     "digest is {found}, expected {expected}: it has changed since the run began"

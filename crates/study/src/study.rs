@@ -37,13 +37,13 @@ pub struct Context<'a> {
     /// Is told the share that is done, 0 to 1, and what is being done.
     pub progress: &'a (dyn Fn(f64, &str) + Sync),
     /// Reads scene and task of a run folder, which this crate knows nothing of.
-    pub read_task: &'a Reader<(SceneConfig, EnvConfig)>,
+    pub read_task: Reader<'a, (SceneConfig, EnvConfig)>,
     /// Reads its best path, too.
-    pub read_run: &'a Reader<TrainedPath>,
+    pub read_run: Reader<'a, TrainedPath>,
 }
 
 /// Reads something of a folder.
-pub type Reader<T> = dyn Fn(&Path) -> Result<T, StudyError>;
+pub type Reader<'a, T> = &'a dyn Fn(&Path) -> Result<T, StudyError>;
 
 /// An error of another crate.
 pub type Failed = Box<dyn std::error::Error + Send + Sync>;

@@ -36,7 +36,7 @@ fn tool(mesh: TriMesh) -> Result<(), String> {
     let (low, high) = mesh.bounds();
     let spacing_mm = (1e2 * (high - low).max()).max(1e-6);
     let grid = GridConfig {
-        spacing_mm,
+        spacing_mm: Some(spacing_mm),
         margin_mm: spacing_mm,
     };
     let tool = Tool::from_mesh(mesh, &grid).map_err(line)?;
@@ -134,7 +134,8 @@ fn set_up(mut config: SceneConfig) -> Result<(), String> {
     config.fall.substep_rate = config.fall.substep_rate.min(120.0);
     config.fall.contact_rate = config.fall.contact_rate.min(120.0);
     let grid = &mut config.tool.grid;
-    (grid.spacing_mm, grid.margin_mm) = (grid.spacing_mm.max(50.0), grid.margin_mm.min(100.0));
+    grid.spacing_mm = Some(grid.spacing_mm.unwrap_or(0.0).max(50.0));
+    grid.margin_mm = grid.margin_mm.min(100.0);
     if !is_small {
         return Ok(());
     }
