@@ -58,7 +58,7 @@ fn run_configurations() {
             config.check_memory().map_err(line)?;
             // What is left is no NaN.
             let text = config.to_toml();
-            assert!(config.is_read_from(&text), "{text}");
+            assert!(config.is_read_from(&text, path), "{text}");
         }
         Ok(())
     });
@@ -72,7 +72,7 @@ fn begun(name: &str) -> (RunConfig, Arc<Scene>, RunFolder) {
     fs::write(&file, TINY).unwrap();
     let config = RunConfig::read(&file).unwrap();
     let info = RunInfo::new(1, SystemTime::now());
-    let run = RunFolder::create(&root, Some(name), &config.to_toml(), &info).unwrap();
+    let run = RunFolder::create(&root, Some(name), (&config.to_toml(), &[]), &info).unwrap();
     let scene = Arc::new(Scene::new(&config.scene, |_| ()).unwrap());
     let mut training = Training::new(config.clone(), scene.clone(), run.clone()).unwrap();
     training.advance().unwrap();
