@@ -319,7 +319,7 @@ fn sheet_pressed_on_a_rib_lies_where_the_twin_has_it() {
     let material = scene.read_material().unwrap();
     let lamina = Lamina::new(&scene.blank, material.clone()).unwrap();
     let tool = Tool::new(&scene.tool).unwrap();
-    let start = hung(&scene, &lamina, 0.0).unwrap();
+    let start = hung(&scene, &lamina, &tool, 0.0).unwrap();
     // Pressure [Pa], 400 times the weight, side of the stencil [m], bending stiffness [N m].
     let (pressure, side, bending) = (1e3, 0.04, 2e-4);
 
