@@ -86,7 +86,7 @@ fn warn_of_what_the_grid_does_not_see(scene: &Scene, place: &str) {
     let (depth, vertex) = scene.tool.deepest(&scene.initial.position);
     let x = scene.initial.position[vertex];
     let unseen = depth + scene.tool.distance(x).0;
-    if unseen > UNSEEN {
+    if unseen.min(depth) > UNSEEN {
         let [x, y, z] = x.map(|x| 1e3 * x);
         eprintln!(
             "warning: {place}: at ({x:.1}, {y:.1}, {z:.1}) mm the blank is {:.2} mm inside the tool, \

@@ -3,7 +3,7 @@
 use super::*;
 
 /// A blank from `outline.csv` that lies above the rib for a moment.
-const SCENE: &str = "[tool.source.shape]\nkind = \"rib\"\n[tool.grid]\nspacing_mm = 12\n\
+const SCENE: &str = "[tool.source.shape]\nkind = \"rib\"\n\
                      [fall]\nfall_s = 0.05\nsettle_s = 0\nsubstep_rate = 600\n\
                      [placement]\nheight_mm = 70\ntilt_deg = 0\n[blank]\n";
 

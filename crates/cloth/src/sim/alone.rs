@@ -3,7 +3,8 @@ use super::fold::{Bundle, Fold, Places};
 use super::length::{Held, warm_start};
 use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
-use super::model::{Model, Pass};
+use super::membrane::Element;
+use super::model::Model;
 use super::storage::Storage;
 use crate::math::{Lanes, Vec3x};
 use crate::tool::Tool;
@@ -159,7 +160,7 @@ impl<V: Lanes> Storage for Alone<V> {
     }
 
     #[inline(always)]
-    fn warm_start(&mut self, _: &[Pass]) {
+    fn warm_start(&mut self, _: &[Vec<Element>]) {
         let Self {
             cloth,
             crossing,

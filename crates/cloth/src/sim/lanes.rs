@@ -3,7 +3,7 @@ use super::collision::{Around, Layers, SelfContact};
 use super::length::{Held, pull_of};
 use super::line::{Along, Line};
 use super::lines::{Direction, Lines};
-use super::membrane::warm_start_elements;
+use super::membrane::{Element, project_elements, warm_start_elements};
 use super::model::{Model, Pass};
 use super::storage::Storage;
 use crate::math::{Lanes, Vec3x};
@@ -135,18 +135,16 @@ impl<V: Lanes> Storage for InLanes<V> {
     }
 
     #[inline(always)]
-    fn warm_start(&mut self, membranes: &[Pass]) {
+    fn warm_start(&mut self, membranes: &[Vec<Element>]) {
         let Held { pull, stress } = &mut self.held;
         if stress.is_empty() {
             return;
         }
         pull.fill(Vec3x::zero());
         stress.fill(V::zero());
-        for pass in membranes {
-            if let Pass::Membrane(elements) = pass {
-                let (x, density) = (&self.cloth.predicted, &self.cloth.density);
-                warm_start_elements(elements, x, density, pull, stress);
-            }
+        for class in membranes {
+            let (x, density) = (&self.cloth.predicted, &self.cloth.density);
+            warm_start_elements(class, x, density, pull, stress);
         }
     }
 
@@ -154,6 +152,19 @@ impl<V: Lanes> Storage for InLanes<V> {
     fn project(&mut self, passes: &[Pass]) {
         for pass in passes {
             pass.project(&mut self.cloth);
+        }
+    }
+
+    #[inline(always)]
+    fn stretch_membranes(&mut self, membranes: &[Vec<Element>]) {
+        for class in membranes {
+            let cloth = &mut self.cloth;
+            project_elements(
+                class,
+                &mut cloth.position,
+                &cloth.mobility,
+                &mut cloth.density,
+            );
         }
     }
 

@@ -108,6 +108,28 @@ pub(super) fn elements(
     in_colors(lamina, &all, |element| element.vertices)
 }
 
+/// The elements without C3, and without C1 and C2, where lines are solved: like the shear of whole cells
+/// it comes before the yarns.
+pub(super) fn split(classes: &[Vec<Element>]) -> [Vec<Vec<Element>>; 2] {
+    let yarns = |element: &Element| Element {
+        shear: None,
+        ..*element
+    };
+    let shear = |element: &Element| Element {
+        yarns: None,
+        lasting: None,
+        ..*element
+    };
+    let has_yarns = |element: &&Element| element.yarns.is_some();
+    let of = |class: &Vec<Element>| class.iter().filter(has_yarns).map(yarns).collect();
+    let mut along: Vec<Vec<Element>> = classes.iter().map(of).collect();
+    along.retain(|class| !class.is_empty());
+    let sheared = classes
+        .iter()
+        .map(|class| class.iter().map(shear).collect());
+    [along, sheared.collect()]
+}
+
 /// Moves the corners along `gradient` of C (that of the first corner is minus the sum of the
 /// others', so that no force is left over) by the XPBD step with lambda = 0 before it.
 #[inline(always)]

@@ -8,7 +8,7 @@ use super::law::{EdgeClass, Limit, project_edges};
 use super::length::{self, Limited, Plain};
 use super::lines::Lines;
 use super::locking::{Locking, locking};
-use super::membrane::{Element, elements, project_elements, project_locking};
+use super::membrane::{Element, elements, project_elements, project_locking, split};
 use super::physics::{PhysicsConfig, Solver};
 use super::shear::{self, Trellis, trellis};
 use super::state::Snapshot;
@@ -63,9 +63,9 @@ pub struct Model {
     pub(super) edge_count: usize,
     /// What is projected constraint by constraint, in this order.
     pub(super) passes: Vec<Pass>,
-    /// The same of membranes beside lines, which follows the yarns: their forces last like those
-    /// of yarns.
-    pub(super) membranes: Vec<Pass>,
+    /// Membranes along yarns, in colours, beside lines: they follow the yarns, and their forces last
+    /// like those of yarns.
+    pub(super) membranes: Vec<Vec<Element>>,
     /// Static and dynamic coefficient.
     pub(super) friction: Option<[f64; 2]>,
     /// Greatest pull of the tool's tack on each vertex [N].
@@ -89,13 +89,19 @@ impl Model {
         let lines = (!by_edge).then(|| Lines::new(lamina, physics, trellis.clone()));
         let yarn_edges = lines.as_ref().map(|lines| lines.edge_count);
         let classes = elements(lamina, physics, yarn_edges);
-        let mut membranes: Vec<Pass> = classes.iter().cloned().map(Pass::Membrane).collect();
+        let (membranes, classes) = match by_edge {
+            true => (Vec::new(), classes),
+            false => {
+                let [membranes, sheared] = split(&classes);
+                (membranes, sheared)
+            }
+        };
+        passes.extend(classes.iter().cloned().map(Pass::Membrane));
         if let Some(locking) = &locking {
             let lock = |class| Pass::LockingMembrane(class, locking.clone());
-            membranes.extend(classes.into_iter().map(lock));
+            passes.extend(classes.into_iter().map(lock));
         }
         if by_edge {
-            passes.append(&mut membranes);
             if let Some(trellis) = &trellis {
                 let classes = shear::edges(lamina, trellis);
                 let sheared = classes.iter().cloned();

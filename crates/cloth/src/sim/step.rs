@@ -80,7 +80,7 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
                         stretch_wefts(lines, sweep == 1, storage);
                         let is_last = sweep == control.sweeps && warps_are_last;
                         stretch_warps(lines, is_last.then_some(&frame), goes_on, storage);
-                        storage.project(&model.membranes);
+                        storage.stretch_membranes(&model.membranes);
                     }
                     if let Some(layers) = &model.layers {
                         storage.separate(layers);

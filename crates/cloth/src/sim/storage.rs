@@ -2,6 +2,7 @@ use super::cloth::Cloth;
 use super::collision::Layers;
 use super::line::{Along, Chain};
 use super::lines::{Direction, Lines};
+use super::membrane::Element;
 use super::model::Pass;
 use crate::math::{Lanes, Vec3x};
 use crate::tool::Tool;
@@ -66,7 +67,7 @@ pub(super) trait Storage: Send + Sync {
 
     /// Finds what [`Storage::weft_pull`] tells, as far as that is not at hand.
     #[inline(always)]
-    fn warm_start(&mut self, _membranes: &[Pass]) {}
+    fn warm_start(&mut self, _membranes: &[Vec<Element>]) {}
 
     /// What the forces of its weft and its membranes in the last substep pull at a vertex where it is
     /// predicted [N], and their stress, of edges the sum of |force density| [N/m].
@@ -75,6 +76,10 @@ pub(super) trait Storage: Send + Sync {
     /// Projects constraints that are no lines, one after the other.
     #[inline(always)]
     fn project(&mut self, _passes: &[Pass]) {}
+
+    /// Projects membranes along their yarns.
+    #[inline(always)]
+    fn stretch_membranes(&mut self, _membranes: &[Vec<Element>]) {}
 
     /// How high over the tool the cloth beneath a vertex of environment `lane` reaches [m].
     #[inline(always)]

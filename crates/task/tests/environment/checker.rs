@@ -1,5 +1,6 @@
 //! Everything a step must do, recomputed from states before and after it.
 
+use drape_cloth::fabric::Membrane;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::summed_surplus;
 use drape_cloth::sim::Precision;
@@ -161,26 +162,39 @@ fn stencil(env: &Draping, config: &EnvConfig, before: &View, pressed: u32) -> Fi
         .collect()
 }
 
-/// Whether the yarns beside `v` are stretched by at most the strain at which it may be draped.
+/// Whether the yarns beside `v`, and the membranes that stand for some, are stretched by at most the
+/// strain at which it may be draped.
 fn slack(env: &Draping, config: &EnvConfig, state: &Snapshot, v: usize) -> bool {
     let x = |v: u32| Vec3::from(state.position[v as usize]);
     let yarns = env.scene().lamina.yarns.iter();
-    yarns
-        .flat_map(|yarn| yarn.vertices.windows(2).map(move |pair| (yarn, pair)))
-        .filter(|(_, pair)| pair.contains(&(v as u32)))
-        .all(|(yarn, pair)| {
-            let most = yarn.rest_length * (1.0 + config.drape_strain);
-            (x(pair[0]) - x(pair[1])).norm() <= most
-        })
+    let most = 1.0 + config.drape_strain;
+    let mut cut = cut(env).filter(|membrane| membrane.vertices.contains(&(v as u32)));
+    let is_slack = |columns: [Vec3; 2]| columns.iter().all(|column| column.norm() <= most);
+    let by_membranes = cut.all(|membrane| is_slack(membrane.columns(&state.position)));
+    by_membranes
+        && yarns
+            .flat_map(|yarn| yarn.vertices.windows(2).map(move |pair| (yarn, pair)))
+            .filter(|(_, pair)| pair.contains(&(v as u32)))
+            .all(|(yarn, pair)| {
+                let most = yarn.rest_length * (1.0 + config.drape_strain);
+                (x(pair[0]) - x(pair[1])).norm() <= most
+            })
 }
 
-/// The same for `v` and its neighbours on yarns.
+/// Membranes that stand for yarns.
+fn cut(env: &Draping) -> impl Iterator<Item = &Membrane> {
+    let membranes = env.scene().lamina.membranes.iter();
+    membranes.filter(|membrane| !membrane.has_yarns)
+}
+
+/// The same for `v` and its neighbours on them.
 fn slack_around(env: &Draping, config: &EnvConfig, state: &Snapshot, v: usize) -> bool {
     let yarns = env.scene().lamina.yarns.iter();
-    let mut pairs = yarns.flat_map(|yarn| yarn.vertices.windows(2));
-    pairs.all(|pair| {
-        let of = |w: u32| slack(env, config, state, w as usize);
-        !pair.contains(&(v as u32)) || (of(pair[0]) && of(pair[1]))
+    let pairs = yarns.flat_map(|yarn| yarn.vertices.windows(2));
+    let mut parts = pairs.chain(cut(env).map(|membrane| &membrane.vertices[..]));
+    parts.all(|part| {
+        let mut all = part.iter().map(|&w| slack(env, config, state, w as usize));
+        !part.contains(&(v as u32)) || all.all(|is_slack| is_slack)
     })
 }
 
