@@ -65,9 +65,9 @@ fn mistakes_in_the_configuration_are_located_and_nothing_is_made() {
             ],
         ),
         (
-            "environments = 64\n[env]\ncrop = false\n[scene.tool]\n[scene.blank]\nvertices = [1025, 1025]",
+            "[env]\ncrop = false\n[scene.tool]\n[scene.blank]\nvertices = [1025, 1025]",
             &[
-                "config.toml: `ppo.rollout_steps` is 6400 samples of 1050625 pixels, 57711 MiB, expected",
+                "config.toml: `ppo.rollout_steps` is 3200 samples of 1050625 pixels, 28856 MiB, expected",
             ],
         ),
         (

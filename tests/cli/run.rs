@@ -42,6 +42,9 @@ at_mm = [0.0, -185.0]
 
 [scene.tool.source.shape]
 kind = "rib"
+
+[scene.tool.grid]
+spacing_mm = 4
 "#;
 
 /// What a complete run leaves, sorted.

@@ -216,8 +216,8 @@ fn thin_walls_are_seen_unless_a_spacing_is_given() {
     let scene = |grid: &str| {
         format!(
             "[blank]\nsize_mm = [200, 200]\nvertices = [17, 17]\n[placement]\ntilt_deg = 0\n\
-             height_mm = 3\n[fall]\nfall_s = 0.2\nsettle_s = 0.3\nsubstep_rate = 1200\n{grid}\
-             [tool.pose]\ntranslation_mm = [0, 0, 1.7]\n[tool.source.mesh]\npath = \"a.stl\"\n"
+             height_mm = 16\n[fall]\nfall_s = 0.2\nsettle_s = 0.3\nsubstep_rate = 1200\n{grid}\
+             [tool.pose]\nrotation_deg = [0, 8, 0]\n[tool.source.mesh]\npath = \"a.stl\"\n"
         )
     };
     let penetration = |grid| {

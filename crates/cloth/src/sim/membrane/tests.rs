@@ -173,10 +173,10 @@ fn compliances_carry_modulus_thickness_and_area() {
 }
 
 /// A load that would stretch what one pass a substep bears by thousands of percent comes to rest
-/// where the law says, in tension and in compression up to what may last. Momentum is kept.
+/// where the law says. Momentum is kept.
 #[test]
 fn lasting_forces_bear_a_load() {
-    for (load, law) in [(20.0, 1e-3), (-20.0, 4e-3)] {
+    for load in [2.0, 20.0] {
         let mut element = element(45.0, [None; 3]);
         element.yarns = Some([LAW; 2]);
         element.shear = None;
@@ -201,7 +201,7 @@ fn lasting_forces_bear_a_load() {
             project_elements(&[element], &mut x, &w, &mut density);
         }
         let [strain, ..] = constraints(&element, &x.map(|x| Vec3::from(x.0)));
-        let off = strain / (law * load) - 1.0;
+        let off = strain / (LAW.tension * load) - 1.0;
         assert!(off.abs() < 0.02, "{strain} under {load}");
     }
 }
