@@ -461,7 +461,7 @@ mod tests {
                 "c.toml:2:1: unknown field `acuracy`, expected one of `region_mm`, `crop`, \
                  `objective`, `stencil_mm`, `drape_threshold_mm`, `drape_strain`, `press_s`, \
                  `press_mpa`, `press_speed`, `settle_s`, `accuracy`, `substep_rate`, \
-                 `contact_rate`, `max_steps`, `precision`",
+                 `contact_rate`, `max_steps`, `max_tension`, `max_depth_mm`, `precision`",
             ),
             (
                 "[scene.tool]\n[scene.physics]\nself_collision = 3",

@@ -44,6 +44,10 @@ pub struct EnvConfig {
     /// Steps after which an episode is truncated; none if not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_steps: Option<usize>,
+    /// An episode that leaves a yarn stretched by more than this [-] has diverged,
+    pub max_tension: f64,
+    /// and one that leaves a vertex deeper in the tool [mm].
+    pub max_depth_mm: f64,
     pub precision: Precision,
 }
 
@@ -64,6 +68,8 @@ impl Default for EnvConfig {
             substep_rate: None,
             contact_rate: None,
             max_steps: None,
+            max_tension: 0.5,
+            max_depth_mm: 2.0,
             precision: Precision::F32,
         }
     }
@@ -138,6 +144,8 @@ impl EnvConfig {
             ("drape_strain", self.drape_strain, [1e-9, 1e5]),
             ("press_mpa", self.press_mpa, [1e-6, 1e3]),
             ("press_speed", self.press_speed, [1e-3, 100.0]),
+            ("max_tension", self.max_tension, [1e-3, 1e5]),
+            ("max_depth_mm", self.max_depth_mm, [1e-3, 1e5]),
         ] {
             ValueError::unless_within(key, value, range)?;
         }

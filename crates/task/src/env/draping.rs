@@ -131,6 +131,12 @@ impl Draping {
         mask.contains(action as usize)
     }
 
+    /// Whether the cloth of one environment can be that of an episode's end, see
+    /// [`EnvConfig::max_tension`].
+    pub fn is_believable(&self, index: usize) -> bool {
+        self.task.is_believable(&self.state(index))
+    }
+
     /// Every vertex of the region has been under the stencil in one environment.
     pub fn is_over(&self, index: usize) -> bool {
         self.task.is_over(&self.cloth.pressed()[index])
@@ -182,6 +188,8 @@ impl Draping {
         };
         let state = OnceCell::new();
         let state = || state.get_or_init(|| self.cloth.snapshot(index));
+        let finite = finite && (end.is_none() || task.is_believable(state()));
+        let end = end.map(|end| if finite { end } else { End::Diverged });
         let left = || task.objective(state());
         let reward = task.reward.of(&Taken {
             config: &task.config,

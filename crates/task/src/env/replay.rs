@@ -72,7 +72,9 @@ impl Draping {
             let finite = self.press(&vertices);
             let presses = press + 1;
             for (index, vertex) in vertices.iter().enumerate() {
-                match (vertex, finite[index]) {
+                let is_last = presses == lists[index].len();
+                let can_be = finite[index] && (!is_last || self.is_believable(index));
+                match (vertex, can_be) {
                     (None, _) => {}
                     (Some(_), true) => observe(self, index, presses),
                     (Some(_), false) => ends[index] = Err(ReplayDiverged { presses }),

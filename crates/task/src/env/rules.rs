@@ -147,6 +147,18 @@ impl Task {
         objective.of(&self.scene, &self.region.vertices, before, &state.position)
     }
 
+    /// Whether the state at the end of an episode can be that of a fabric: no yarn stretched and no vertex
+    /// sunk into the tool beyond belief, by the bounds of the configuration.
+    pub fn is_believable(&self, state: &Snapshot) -> bool {
+        let Scene { lamina, tool, .. } = &*self.scene;
+        let strain = lamina.yarn_strain(&state.position);
+        let deepest = -1e-3 * self.config.max_depth_mm;
+        strain
+            .iter()
+            .all(|&strain| strain <= self.config.max_tension)
+            && (state.position.iter()).all(|&x| tool.distance(x).0 >= deepest)
+    }
+
     /// The agent's view: zero outside the focus region and where the blank has been cut away.
     /// `distance` is that to the tool [m] of `self.seen[k]`.
     pub fn observe(&self, pressed: &Pressed, distance: &[f64]) -> Observation {

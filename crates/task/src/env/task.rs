@@ -40,7 +40,8 @@ pub enum End {
     Terminated,
     /// Cut off by the step limit: the value of the last observation counts.
     Truncated,
-    /// Cut off because the simulation diverged: the value of the last finite observation counts.
+    /// The simulation diverged: positions are no numbers, or the end is beyond belief. The value of
+    /// the last finite observation counts.
     Diverged,
 }
 

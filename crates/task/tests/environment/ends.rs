@@ -174,6 +174,34 @@ fn diverged_environment_ends_alone() {
     ends_alone(|cloth, vertex| cloth.velocity[vertex] = [0.0, 1e12, 0.0]);
 }
 
+/// An end beyond belief is no score and earns nothing, played or replayed.
+#[test]
+fn ends_beyond_belief_have_diverged() {
+    let ends = |config: &EnvConfig| {
+        let mut env = Draping::new(COARSE.clone(), config, 2).unwrap();
+        let outcomes = play(&mut env, &mut Player::new(8, 2), 60);
+        let rewards = outcomes.iter().flatten().map(|o| o.reward);
+        let reward: f32 = rewards.map(f32::abs).sum();
+        let mut episodes = outcomes.iter().flatten().filter_map(|o| o.episode.clone());
+        let first = episodes.next().expect("an episode ends");
+        assert!(episodes.all(|episode| episode.end == first.end));
+        assert_eq!(first.score.is_none(), first.end == End::Diverged);
+        let vertices = first.actions.iter().filter_map(|&a| env.vertex(a));
+        let list: Vec<u32> = vertices.collect();
+        let mut again = Draping::new(COARSE.clone(), config, 1).unwrap();
+        let replayed = again.replay(&[&list], |_, _, _| ());
+        assert_eq!(replayed[0].is_err(), first.end == End::Diverged);
+        (first.end, reward > 0.0)
+    };
+    let config = small_region();
+    assert_eq!(ends(&config), (End::Terminated, true));
+    let taut = EnvConfig {
+        max_tension: 1e-3,
+        ..config
+    };
+    assert_eq!(ends(&taut), (End::Diverged, false));
+}
+
 /// Spoils one of four environments, and steps them beside four that are whole.
 fn ends_alone(spoil: impl Fn(&mut Snapshot, usize)) {
     let mut env = small(&COARSE, 4);
