@@ -32,7 +32,7 @@ const ON_SURFACE: f64 = 1e-12;
 /// of its triangles, so no ray slips through. Bodies that touch or overlap are inside once, and
 /// there the distance is that to the nearest facet, not to the boundary of the union.
 ///
-/// Takes for granted that the mesh bounds a solid: see [`super::solidity`].
+/// Takes for granted that the mesh bounds a solid: see `solidity.rs`.
 #[derive(Clone, Debug)]
 pub struct Surface {
     facets: shape::TriMesh,

@@ -179,7 +179,7 @@ fn diverged_environment_ends_alone() {
 fn ends_beyond_belief_have_diverged() {
     let ends = |config: &EnvConfig| {
         let mut env = Draping::new(COARSE.clone(), config, 2).unwrap();
-        let outcomes = play(&mut env, &mut Player::new(8, 2), 60);
+        let outcomes = play(&mut env, &mut Player::new(8, 2), 120);
         let rewards = outcomes.iter().flatten().map(|o| o.reward);
         let reward: f32 = rewards.map(f32::abs).sum();
         let mut episodes = outcomes.iter().flatten().filter_map(|o| o.episode.clone());
