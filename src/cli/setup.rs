@@ -6,6 +6,7 @@ use super::output::Progress;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::Source;
+use drape_task::env::EnvConfig;
 
 /// A blank that is nowhere as near to the tool as this has missed it [m].
 pub(super) const MISSED: f64 = 0.05;
@@ -16,8 +17,6 @@ const RESTLESS: f64 = 2.0;
 /// Distance to the tool from which on clamps leave a part of the blank in the air [mm]: what stands
 /// farther off counts as a wrinkle.
 const IN_THE_AIR: f64 = 15.0;
-/// Strain of a yarn beyond which no fall can be believed [-].
-const BELIEVABLE: f64 = 0.5;
 /// Depth in the tool that the distance grid may not see [m].
 const UNSEEN: f64 = 1e-4;
 
@@ -72,12 +71,13 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
     warn_of_what_the_grid_does_not_see(&scene, place);
     let strain = scene.lamina.yarn_strain(&scene.initial.position);
     let tension = strain.into_iter().fold(0.0, f64::max);
-    if tension > BELIEVABLE {
+    let believable = EnvConfig::default().max_tension;
+    if tension > believable {
         eprintln!(
             "warning: {place}: after the fall a yarn is stretched by {:.0} %, expected at most {:.0}: \
              raise `fall.substep_rate`, or check `[physics]`",
             1e2 * tension,
-            1e2 * BELIEVABLE
+            1e2 * believable
         );
     }
     let v_rms = 1e3 * scene.initial.v_rms();

@@ -188,7 +188,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
     config.check_memory().or_invalid_in(&place)?;
-    // Before the scene is set up from them: what the run keeps is what it was trained with.
+    // Just before the scene is set up from them, so that the run keeps what it is trained with.
     let mut kept = config.clone();
     let inputs = kept.keep_inputs().or_invalid_in(&place)?;
     let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);

@@ -21,6 +21,7 @@ const WORDS: [(&str, &str); 27] = [
     ("expected u32", "expected a whole number >= 0"),
     ("expected a boolean", "expected true or false"),
     ("expected a sequence", "expected a list"),
+    ("expected a map", "expected a table"),
     ("expected a string", "expected text in quotes"),
     ("expected path string", "expected a path in quotes"),
     ("expected internally tagged enum", "expected a table for"),

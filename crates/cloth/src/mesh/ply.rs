@@ -95,7 +95,10 @@ pub(super) fn facets(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, String> {
             }
         }
     }
-    Ok(facets)
+    match body.is_at_its_end() {
+        true => Ok(facets),
+        false => Err("more than the header declares".into()),
+    }
 }
 
 /// Format, elements and what follows.
@@ -148,6 +151,14 @@ fn header(bytes: &[u8]) -> Result<(&str, Vec<Element<'_>>, &[u8]), String> {
 }
 
 impl Body<'_> {
+    /// Whether nothing but white space follows.
+    fn is_at_its_end(&self) -> bool {
+        match self {
+            Self::Ascii(words) => words.clone().next().is_none(),
+            Self::Binary { rest, .. } => rest.trim_ascii().is_empty(),
+        }
+    }
+
     /// The next number.
     fn number(&mut self, kind: Kind) -> Result<f64, String> {
         match self {

@@ -124,10 +124,11 @@ pub(super) fn split(classes: &[Vec<Element>]) -> [Vec<Vec<Element>>; 2] {
     let of = |class: &Vec<Element>| class.iter().filter(has_yarns).map(yarns).collect();
     let mut along: Vec<Vec<Element>> = classes.iter().map(of).collect();
     along.retain(|class| !class.is_empty());
-    let sheared = classes
-        .iter()
-        .map(|class| class.iter().map(shear).collect());
-    [along, sheared.collect()]
+    let has_shear = |element: &&Element| element.shear.is_some();
+    let of = |class: &Vec<Element>| class.iter().filter(has_shear).map(shear).collect();
+    let mut sheared: Vec<Vec<Element>> = classes.iter().map(of).collect();
+    sheared.retain(|class| !class.is_empty());
+    [along, sheared]
 }
 
 /// Moves the corners along `gradient` of C (that of the first corner is minus the sum of the

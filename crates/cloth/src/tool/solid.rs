@@ -1,7 +1,7 @@
 use super::config::{GridConfig, Source, ToolConfig};
 use super::error::ToolError;
 use super::grid::DistanceGrid;
-use super::sharp::SharpCells;
+use super::sharp::{NEAR, SharpCells};
 use super::solidity::bounded;
 use super::surface::{Surface, is_open};
 use crate::math::{Lanes, Vec3};
@@ -150,6 +150,11 @@ impl Tool {
                 let (exact, n) = match facets {
                     [SharpCells::MANY] => self.surface.contact(x.into(), near + sharp.off),
                     few => self.surface.contact_among(few, x.into()),
+                };
+                // Farther off, the nearest facet need not be among them.
+                let (exact, n) = match exact.abs() > NEAR {
+                    true => self.surface.contact(x.into(), near + sharp.off),
+                    false => (exact, n),
                 };
                 phi.set(lane, exact);
                 for (component, n) in normal.iter_mut().zip(&n) {

@@ -101,10 +101,11 @@ pub fn collect<T: Tasks>(
             rollout.rewards.push(reward * reward_factor);
             rollout.next.push(match &episode {
                 None => Next::Step,
-                Some(episode) if episode.end == End::Terminated => Next::Terminated,
-                Some(episode) => Next::Truncated {
+                Some(episode) if episode.end == End::Truncated => Next::Truncated {
                     value: agent.value(&[&episode.last])[0],
                 },
+                // What has diverged earns nothing, not even what could have followed.
+                Some(_) => Next::Terminated,
             });
             rollout.episodes.extend(episode.map(EpisodeRecord::from));
         }

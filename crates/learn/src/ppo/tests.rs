@@ -243,8 +243,8 @@ fn rollout_notes_ends_scaled_rewards_and_the_values_behind_truncations() {
         }
         let value = agent.value(&[&last])[0];
         let expected = match end {
-            End::Terminated => Next::Terminated,
-            End::Truncated | End::Diverged => Next::Truncated { value },
+            End::Terminated | End::Diverged => Next::Terminated,
+            End::Truncated => Next::Truncated { value },
         };
         assert!(rollout.next[..5].iter().all(|next| *next == Next::Step));
         assert_eq!(rollout.next[5], expected);

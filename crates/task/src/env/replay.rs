@@ -14,7 +14,10 @@ pub struct Played {
 
 /// A list of presses that could not be pressed to its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the simulation diverged after {presses} presses")]
+#[error(
+    "the simulation diverged after {presses} presses: positions are no numbers, or the end is beyond \
+     `env.max_tension` or `env.max_depth_mm`"
+)]
 pub struct ReplayDiverged {
     /// Presses until then, the one included in which it happened.
     pub presses: usize,

@@ -40,8 +40,8 @@ pub enum End {
     Terminated,
     /// Cut off by the step limit: the value of the last observation counts.
     Truncated,
-    /// The simulation diverged: positions are no numbers, or the end is beyond belief. The value of
-    /// the last finite observation counts.
+    /// The simulation diverged: positions are no numbers, or the end is beyond belief. Nothing
+    /// counts that could have followed.
     Diverged,
 }
 
