@@ -5,7 +5,7 @@ pub(super) const NAMELESS: &str = "invalid type, expected a name in quotes or a 
 const LARGE: &str = "`, expected at most 9223372036854775807";
 
 /// What parsers say, and what they mean for whoever wrote the file.
-const WORDS: [(&str, &str); 27] = [
+const WORDS: [(&str, &str); 28] = [
     (
         "wanted exactly 1 element, more than 1 element",
         "several kinds of what can be one only",
