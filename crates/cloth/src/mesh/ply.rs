@@ -316,4 +316,14 @@ mod tests {
         assert!(found.ends_with("of 4000000000: truncated"), "{found}");
         assert_eq!(fault("ascii", "ebcdic"), "unknown format \"ebcdic\"");
     }
+
+    #[test]
+    fn what_follows_the_last_element_is_refused() {
+        for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
+            let followed = |by: &str| facets(&[&file(format)[..], by.as_bytes()].concat());
+            assert!(followed("\n").is_ok());
+            let fault = "more than the header declares";
+            assert_eq!(followed("\n9").unwrap_err(), fault);
+        }
+    }
 }

@@ -197,9 +197,15 @@ fn ends_beyond_belief_have_diverged() {
     assert_eq!(ends(&config), (End::Terminated, true));
     let taut = EnvConfig {
         max_tension: 1e-3,
+        ..config.clone()
+    };
+    let sunk = EnvConfig {
+        max_depth_mm: 1e-3,
         ..config
     };
-    assert_eq!(ends(&taut), (End::Diverged, false));
+    for config in [taut, sunk] {
+        assert_eq!(ends(&config), (End::Diverged, false));
+    }
 }
 
 /// Spoils one of four environments, and steps them beside four that are whole.
