@@ -174,11 +174,12 @@ fn diverged_environment_ends_alone() {
     ends_alone(|cloth, vertex| cloth.velocity[vertex] = [0.0, 1e12, 0.0]);
 }
 
-/// An end beyond belief is no score and earns nothing, played or replayed.
+/// An end beyond belief is no score and earns nothing, played or replayed: yarns are too long, or a
+/// vertex is held 3 mm deep in the tool.
 #[test]
 fn ends_beyond_belief_have_diverged() {
-    let ends = |config: &EnvConfig| {
-        let mut env = Draping::new(COARSE.clone(), config, 2).unwrap();
+    let ends = |scene: &Arc<Scene>, config: &EnvConfig| {
+        let mut env = Draping::new(scene.clone(), config, 2).unwrap();
         let outcomes = play(&mut env, &mut Player::new(8, 2), 120);
         let rewards = outcomes.iter().flatten().map(|o| o.reward);
         let reward: f32 = rewards.map(f32::abs).sum();
@@ -188,24 +189,37 @@ fn ends_beyond_belief_have_diverged() {
         assert_eq!(first.score.is_none(), first.end == End::Diverged);
         let vertices = first.actions.iter().filter_map(|&a| env.vertex(a));
         let list: Vec<u32> = vertices.collect();
-        let mut again = Draping::new(COARSE.clone(), config, 1).unwrap();
+        let mut again = Draping::new(scene.clone(), config, 1).unwrap();
         let replayed = again.replay(&[&list], |_, _, _| ());
         assert_eq!(replayed[0].is_err(), first.end == End::Diverged);
         (first.end, reward > 0.0)
     };
     let config = small_region();
-    assert_eq!(ends(&config), (End::Terminated, true));
+    assert_eq!(ends(&COARSE, &config), (End::Terminated, true));
     let taut = EnvConfig {
         max_tension: 1e-3,
         ..config.clone()
     };
-    let sunk = EnvConfig {
-        max_depth_mm: 1e-3,
+    assert_eq!(ends(&COARSE, &taut), (End::Diverged, false));
+
+    let mut sunk = Scene::clone(&COARSE);
+    let region = config.region(&sunk.lamina).unwrap().vertices;
+    let off = |v: &usize| sunk.tool.distance(sunk.initial.position[*v]).0.abs();
+    let outside = (0..sunk.lamina.vertex_count()).filter(|&v| !region.contains(v));
+    let nearest = outside.min_by(|v, w| off(v).total_cmp(&off(w))).unwrap();
+    let initial = Arc::make_mut(&mut sunk.initial);
+    let (phi, normal) = sunk.tool.distance(initial.position[nearest]);
+    for (x, n) in initial.position[nearest].iter_mut().zip(normal) {
+        *x -= (phi + 3e-3) * n;
+    }
+    initial.fixed.insert(nearest);
+    let sunk = Arc::new(sunk);
+    assert_eq!(ends(&sunk, &config), (End::Diverged, false));
+    let bold = EnvConfig {
+        max_depth_mm: 4.0,
         ..config
     };
-    for config in [taut, sunk] {
-        assert_eq!(ends(&config), (End::Diverged, false));
-    }
+    assert_eq!(ends(&sunk, &bold), (End::Terminated, true));
 }
 
 /// Spoils one of four environments, and steps them beside four that are whole.
