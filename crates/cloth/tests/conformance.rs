@@ -567,6 +567,8 @@ fn every_instruction_set_of_this_processor_gives_the_same_bits() {
 #[test]
 fn f32_follows_f64_in_the_air() {
     for world in WORLDS.iter() {
+        let (lamina, _) = world.presses.as_ref().unwrap();
+        let is_cut = lamina.membranes.iter().any(|m| !m.has_yarns);
         for index in 0..CASES {
             let mut state = case(world, index);
             for x in &mut state.position {
@@ -580,7 +582,9 @@ fn f32_follows_f64_in_the_air() {
             };
             let off = furthest(&flown(Precision::F32), &flown(Precision::F64));
             let physics = world.model.physics();
-            assert!(off <= 5e-5, "case {index}: {off:e} m, {physics:?}");
+            // At a cut border stiff membranes are solved one after the other, which magnifies rounding.
+            let most = if is_cut { 5e-5 } else { 2e-5 };
+            assert!(off <= most, "case {index}: {off:e} m, {physics:?}");
         }
     }
 }

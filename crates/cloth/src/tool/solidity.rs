@@ -99,17 +99,8 @@ fn check_walls(surface: &Surface, mesh: &TriMesh, gaps: &[[u32; 2]]) -> Result<(
 
 #[cfg(test)]
 mod tests {
+    use super::super::surface::tests::sheet;
     use super::*;
-
-    /// The square [-1, 1]^2 at height 0, facing up.
-    fn sheet() -> TriMesh {
-        TriMesh {
-            vertices: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
-                .map(|[x, y]| Vec3::new(x, y, 0.0))
-                .to_vec(),
-            triangles: vec![[0, 1, 2], [0, 2, 3]],
-        }
-    }
 
     /// A body of revolution about z through points of radius and height [m], outwards.
     fn turned(profile: &[[f64; 2]]) -> TriMesh {

@@ -316,7 +316,7 @@ fn walls(mesh: &TriMesh, border: &[[u32; 2]]) -> shape::TriMesh {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use parry3d_f64::query::PointQuery;
 
     use super::*;
@@ -329,7 +329,7 @@ mod tests {
     }
 
     /// The square [−1, 1]² at height 0, facing up.
-    fn sheet() -> TriMesh {
+    pub fn sheet() -> TriMesh {
         TriMesh {
             vertices: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
                 .map(|[x, y]| Vec3::new(x, y, 0.0))
