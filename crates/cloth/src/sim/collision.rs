@@ -6,8 +6,10 @@
 //!
 //! Pairs are refreshed at the start of every control step and whenever a vertex has moved by
 //! `SLACK` thicknesses, with boxes that cover the displacement of the last substep. They are pushed
-//! apart one after the other until none overlaps by half the thickness, lane by lane in f64, so
-//! that a lane's bits depend on nothing but its own state.
+//! apart one after the other until none overlaps by half the thickness more than it may, lane by
+//! lane in f64, so that a lane's bits depend on nothing but its own state. What overlapped before
+//! the substep comes apart slowly: all at once, layers that a press has driven through each other
+//! would be thrown about.
 //!
 //! Not modelled: adhesion, compaction of the fabric, a fold sharper than its cells.
 
@@ -30,6 +32,9 @@ const SLACK: f64 = 1.0;
 /// other, and the overlap in thicknesses with which it is enough.
 const PASSES: usize = 30;
 const TOLERANCE: f64 = 0.5;
+/// How far layers come apart in a substep that overlapped at its start, in thicknesses: those in
+/// their order, and those pressed through each other.
+const RECOVERY: [f64; 2] = [0.3, 0.1];
 /// Projections of a substep at most, for each vertex: bounds the time that a tangle costs.
 const WORK: usize = 120;
 
@@ -225,12 +230,14 @@ fn count_beneath(pairs: &[Pair], x: &[Vec3], beneath: &mut [u8], normal: impl Fn
     }
 }
 
-/// Projects one pair: C = side height - thickness >= 0 [m], rigid; then takes back what it slid
-/// in this substep, as far as friction holds (wholly while below the static coefficient times
-/// the push, else by the dynamic coefficient times the push).
+/// Projects one pair: C = side height - wanted height >= 0 [m], rigid, where wanted is the
+/// thickness or what [`RECOVERY`] allows; then takes back what it slid in this substep, as far as
+/// friction holds (wholly while below the static coefficient times the push, else by the dynamic
+/// coefficient times the push). Returns what was missing [m].
 ///
 /// Shares add up to zero and the push is along the line between the nearest points, so neither
-/// changes the momentum of free vertices.
+/// changes the momentum of free vertices. No vertex moves by more than is missing: where the only
+/// free one is far from the nearest points, it would by a hundred times as much.
 #[inline(always)]
 fn project<V: Lanes>(
     layers: &Layers,
@@ -249,19 +256,21 @@ fn project<V: Lanes>(
     let Some(gap) = Overlap::new(pair.kind, at, pair.side, layers.thickness) else {
         return 0.0;
     };
-    let depth = gap.depth;
+    let between = |x: [Vec3; 4]| -> Vec3 { (0..4).map(|i| x[i] * gap.weight[i]).sum() };
+    let before = between(index.map(|v| previous[v].get(lane).into()));
+    let height = pair.side * before.dot(&gap.normal) / layers.thickness;
+    let recovered = height + RECOVERY[usize::from(height < 0.0)];
+    let depth = gap.depth - layers.thickness * (1.0 - recovered).max(0.0);
     let w = index.map(|v| w[v].get(lane));
-    let sum: f64 = (0..4).map(|i| w[i] * gap.weight[i] * gap.weight[i]).sum();
+    let by_weight = |power: i32| (0..4).map(move |i| w[i] * gap.weight[i].abs().powi(power));
+    let sum = by_weight(2).sum::<f64>().max(by_weight(1).fold(0.0, f64::max));
     let movable = sum > 0.0;
-    if !movable {
+    if depth <= 0.0 || !movable {
         return 0.0;
     }
     let mut push = gap.normal.map(|n| n * pair.side * depth);
     if let Some([stick, slide]) = layers.friction {
-        let mut slid = Vec3::zeros();
-        for i in 0..4 {
-            slid += (at[i] - Vec3::from(previous[index[i]].get(lane))) * gap.weight[i];
-        }
+        let slid = between(at) - before;
         let slid = slid - gap.normal * slid.dot(&gap.normal);
         let length = slid.norm();
         let share = if length < stick * depth {
@@ -284,4 +293,72 @@ fn project<V: Lanes>(
         x[index[i]].set(lane, to.into());
     }
     depth
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fabric::{BlankConfig, Material};
+    use crate::math::Vec3x;
+
+    const THICKNESS: f64 = 0.35e-3;
+
+    /// Projects a vertex at `height` thicknesses over the triangle (0, 0), (1, 0), (0, 1) m, from
+    /// `before` thicknesses at the start of the substep, and returns where all four end up.
+    fn projected(at: [f64; 2], before: f64, height: f64, free: [bool; 4]) -> [[f64; 3]; 4] {
+        let lamina = Lamina::new(&BlankConfig::default(), Material::interglas_92125()).unwrap();
+        let layers = Layers::new(&lamina, SelfCollision::ThicknessMm(1e3 * THICKNESS), None);
+        let mut x = [
+            [at[0], at[1], height * THICKNESS],
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+        ]
+        .map(Vec3x);
+        let mut previous = x;
+        previous[0].0[2] = before * THICKNESS;
+        let far_below = Plane {
+            normal: Vec3x([0.0, 0.0, 1.0]),
+            offset: -1.0,
+        };
+        let around = Around {
+            previous: &previous,
+            w: &free.map(|free| if free { 1.0 } else { 0.0 }),
+            planes: &[far_below; 4],
+        };
+        let pair = Pair {
+            kind: Kind::VertexFace,
+            vertices: [0, 1, 2, 3],
+            side: 1.0,
+        };
+        project::<f64>(&layers.unwrap(), &pair, 0, &mut x, &around);
+        x.map(|x| x.0.map(|x| x / THICKNESS))
+    }
+
+    /// What a substep does is taken back whole; what overlapped before comes apart slowly, even more
+    /// so where the layers have passed through each other.
+    #[test]
+    fn only_what_overlapped_before_comes_apart_slowly() {
+        let height = |before: f64, now: f64| {
+            let [p, a, ..] = projected([0.0, 0.0], before, now, [true; 4]);
+            p[2] - a[2]
+        };
+        let close = |found: f64, expected: f64| {
+            assert!((found - expected).abs() < 1e-9, "{found}, {expected}");
+        };
+        close(height(2.0, -8.0), 1.0);
+        close(height(0.5, -3.0), 0.5 + RECOVERY[0]);
+        close(height(0.9, 0.2), 1.0);
+        close(height(-4.0, -6.0), -4.0 + RECOVERY[1]);
+        close(height(0.2, 0.7), 0.7);
+    }
+
+    /// A free corner far from the nearest point has a short lever there and would have to go a
+    /// hundred times as far as the layers overlap.
+    #[test]
+    fn no_vertex_moves_by_more_than_the_layers_overlap() {
+        let [p, _, b, _] = projected([0.01, 0.3], 2.0, 0.0, [false, false, true, false]);
+        assert_eq!(p[2], 0.0);
+        assert!((b[2] + 1.0).abs() < 1e-9, "{b:?}");
+    }
 }
