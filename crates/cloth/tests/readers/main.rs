@@ -101,7 +101,25 @@ fn ply() {
         bytes.push(3);
         bytes.extend(face.iter().flat_map(|v| v.to_le_bytes()));
     }
-    survives("a.ply", &[text.into(), bytes], 3000, |path| {
+    // Whatever a scanner adds, in every type, the other byte order and faces of four corners.
+    let rich = |format: &str| {
+        format!(
+            "ply\r\nformat {format} 1.0\ncomment by hand\nobj_info 1\nelement vertex 4\nproperty short x\n\
+             property double y\nproperty int z\nproperty uchar red\nelement edge 1\nproperty char a\n\
+             element face 1\nproperty list ushort uint vertex_index\nend_header\n"
+        )
+    };
+    let rich_text = rich("ascii") + "0 0 0 9\n10 0 0 9\n10 10 0 9\n0 10 0 9\n-7\n4 0 1 2 3\n";
+    let mut big = rich("binary_big_endian").into_bytes();
+    for [x, y] in [[0i16, 0], [10, 0], [10, 10], [0, 10]] {
+        big.extend(x.to_be_bytes());
+        big.extend(f64::from(y).to_be_bytes());
+        big.extend([0, 0, 0, 0, 9]);
+    }
+    big.extend([0xf9, 0, 4]);
+    big.extend([0u32, 1, 2, 3].iter().flat_map(|v| v.to_be_bytes()));
+    let corpus = [text.into(), bytes, rich_text.into(), big];
+    survives("a.ply", &corpus, 3000, |path| {
         tool(read_mesh(path, 1e-3).map_err(line)?.mesh)
     });
 }
