@@ -31,4 +31,19 @@ fn bench_prints_rows_of_one_shape() {
     let threads: Vec<_> = throughput.iter().map(|row| &row["threads"]).collect();
     assert_eq!(threads, [1, 2]);
     assert_eq!(throughput[0]["over_one_thread"], 1.0);
+    let mut learners = Vec::new();
+    for row in rows("learner") {
+        assert_eq!(
+            (&row["network"], &row["batch"]),
+            (&"benchmark".into(), &400.into())
+        );
+        assert!(row["seconds"].as_f64().unwrap() > 0.0);
+        let by = row["implementation"].as_str().unwrap().to_owned();
+        learners.push((row["side"].clone(), row["threads"].clone(), by));
+    }
+    let expected = [65, 33].map(|side| {
+        [1, 2]
+            .map(|threads| ["ours", "flex"].map(|by| (side.into(), threads.into(), by.to_owned())))
+    });
+    assert_eq!(learners, expected.as_flattened().as_flattened());
 }

@@ -1,7 +1,8 @@
-//! How fast the simulation is, on the standard sheet as it lies settled on the built-in rib.
+//! How fast the simulation is, on the standard sheet as it lies settled on the built-in rib, and
+//! how fast networks learn.
 //!
-//! Simulation is timed by the CPU time of its thread, throughput by wall time; all variants of a
-//! table take turns, so that noise which lasts hits all alike.
+//! Simulation is timed by the CPU time of its thread, throughput and learning by wall time; all
+//! variants of a table take turns, so that noise which lasts hits all alike.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -18,18 +19,20 @@ use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::{Backend as _, Control, Cpu, Model, PhysicsConfig};
 use drape_cloth::sim::{Precision, Solver, World};
+use drape_learn::benchmark::{Benchmark, Implementation};
 use drape_task::env::{Draping, EnvConfig, Tasks};
 
-/// Measure the speed of the simulation on this machine
+/// Measure the speed of simulation and learner on this machine
 ///
 /// The standard sheet on the built-in rib: time of a substep for every solver, instruction set
-/// and feature, and environment steps a second. Leave the machine alone meanwhile.
+/// and feature, and environment steps a second. Then a training step of a network of convolutions.
+/// Leave the machine alone meanwhile.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape bench --quick
   drape bench --json > bench.json")]
 pub struct Bench {
-    /// Few repeats: some ten seconds instead of about a minute
+    /// Few repeats: some twenty seconds instead of about two minutes
     #[arg(long)]
     quick: bool,
 
@@ -46,6 +49,9 @@ pub const ENVIRONMENTS: usize = 32;
 
 /// Numbers of threads that are compared.
 pub const THREADS: [usize; 2] = [1, 2];
+
+/// Images that the learner takes a step for.
+const BATCH: usize = 400;
 
 /// The features of `[physics]`, each as a scene file would change it.
 pub const FEATURES: [&str; 10] = [
@@ -68,12 +74,14 @@ const ABSENT: &str = "bending_stiffness = { newton_metre = 0.0 }";
 
 impl Study for Bench {
     const NAME: &'static str = "bench";
-    const TABLES: &'static [&'static str] = &["core", "features", "throughput"];
+    const TABLES: &'static [&'static str] = &["core", "features", "throughput", "learner"];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         // Turns of every variant, control steps of a turn, actions of a turn of the throughput.
         let (repeats, steps, actions) = if self.quick { (9, 2, 8) } else { (31, 6, 20) };
         let repeats = self.repeats.map_or(repeats, usize::from);
+        // Steps of training take long.
+        let trainings = repeats.div_ceil(3);
         let told = |from: f64, to: f64, doing: &'static str| {
             move |share: f64| (context.progress)(from + share * (to - from), doing)
         };
@@ -99,7 +107,7 @@ impl Study for Bench {
         ];
         let others = FEATURES.map(|key| changed(key, key));
         let cases = first.into_iter().chain(others);
-        let features = sample(repeats, cases, told(0.4, 0.8, "features"), time);
+        let features = sample(repeats, cases, told(0.4, 0.6, "features"), time);
         // Turn by turn, so that what slows a whole turn down cancels out.
         let over_default = |(_, times): &(&str, Vec<f64>)| {
             let turns = times.iter().zip(&features[0].1).map(|(a, b)| a - b);
@@ -110,11 +118,26 @@ impl Study for Bench {
         for threads in THREADS {
             players.push((threads, Player::new(&scene, ENVIRONMENTS, threads)?));
         }
-        let told_rates = told(0.8, 1.0, "environments");
+        let told_rates = told(0.6, 0.7, "environments");
         let rates = sample(repeats, players, told_rates, |player| {
             let start = Instant::now();
             (0..actions).for_each(|_| player.step());
             (actions * ENVIRONMENTS) as f64 / start.elapsed().as_secs_f64()
+        });
+
+        let mut cases = Vec::new();
+        for (side, implementation, threads) in learners() {
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
+            // The first step is not timed: it makes the memory that the others use.
+            let mut learner = Benchmark::new(side, BATCH, implementation);
+            pool.install(|| learner.step());
+            cases.push(((side, implementation, threads), (pool, learner)));
+        }
+        let told_learning = told(0.7, 1.0, "learner");
+        let learning = sample(trainings, cases, told_learning, |(pool, learner)| {
+            let start = Instant::now();
+            pool.install(|| learner.step());
+            start.elapsed().as_secs_f64()
         });
 
         let title = "CPU time for an environment and substep of the standard sheet";
@@ -137,7 +160,21 @@ impl Study for Bench {
             .text("threads", |(threads, _)| *threads)
             .number("environment steps [1/s]", 0, |(_, rates)| median(rates))
             .number("over one thread", 2, |(_, rates)| median(rates) / alone);
-        Ok(Report::new([core.end(), changes.end(), throughput.end()]))
+        let title =
+            "One step of training (forward, backward, Adam) by our convolutions and by burn's";
+        let learner = Table::of("learner", title, &learning)
+            .text("network", |_| "benchmark")
+            .text("implementation", |((_, by, _), _)| by.name())
+            .text("side", |((side, _, _), _)| *side)
+            .text("batch", |_| BATCH)
+            .text("threads", |((_, _, threads), _)| *threads)
+            .number("seconds", 4, |(_, seconds)| median(seconds));
+        Ok(Report::new([
+            core.end(),
+            changes.end(),
+            throughput.end(),
+            learner.end(),
+        ]))
     }
 }
 
@@ -195,6 +232,18 @@ pub fn variants() -> Vec<(Solver, Device)> {
     let devices = Device::all();
     let of = |solver| devices.iter().map(move |device| (solver, *device));
     Solver::ALL.into_iter().flat_map(of).collect()
+}
+
+/// The rows of the table `learner`: side of the image, whose convolutions, threads.
+fn learners() -> Vec<(usize, Implementation, usize)> {
+    let mut all = Vec::new();
+    for side in [65, 33] {
+        for threads in THREADS {
+            let by = Implementation::ALL.into_iter();
+            all.extend(by.map(|by| (side, by, threads)));
+        }
+    }
+    all
 }
 
 /// The default physics with the lines of a scene file's `[physics]` in `change`.

@@ -1,6 +1,6 @@
-//! SIMD lanes. The instruction set is a matter of which type implements [`Lanes`]. Nothing here
-//! fuses a multiplication with an addition: IEEE 754 then fixes every result, and a lane computes
-//! the same bits whichever instruction set carries it.
+//! SIMD lanes. The instruction set is a matter of which type implements [`Lanes`]. Nothing fuses a
+//! multiplication with an addition but [`Lanes::mul_add`], which always does: IEEE 754 then fixes
+//! every result, and a lane computes the same bits whichever instruction set carries it.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -43,6 +43,8 @@ pub trait Lanes:
 
     /// The same number in every lane.
     fn splat(x: Self::Scalar) -> Self;
+    /// `self` times `factor` plus `addend`, rounded once. Slow where the processor cannot fuse them.
+    fn mul_add(self, factor: Self, addend: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
     /// Smaller of two; `other` where one is NaN.
@@ -170,6 +172,10 @@ macro_rules! scalar {
                 x
             }
             #[inline(always)]
+            fn mul_add(self, factor: Self, addend: Self) -> Self {
+                <$t>::mul_add(self, factor, addend)
+            }
+            #[inline(always)]
             fn sqrt(self) -> Self {
                 <$t>::sqrt(self)
             }
@@ -229,6 +235,12 @@ impl Lanes for Portable {
         Self([x; 8])
     }
     #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        Self(std::array::from_fn(|i| {
+            self.0[i].mul_add(factor.0[i], addend.0[i])
+        }))
+    }
+    #[inline(always)]
     fn sqrt(self) -> Self {
         Self(self.0.map(f32::sqrt))
     }
@@ -271,7 +283,7 @@ impl Isa {
         let mut sets = vec![Self::Portable];
         #[cfg(target_arch = "x86_64")]
         {
-            if is_x86_feature_detected!("avx2") {
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
                 sets.push(Self::Avx2);
             }
             if is_x86_feature_detected!("avx512f") {

@@ -96,8 +96,8 @@ impl Dense {
 /// A 3x3 convolution with stride 1 and padding 1.
 #[derive(Module, Debug)]
 pub struct Conv {
-    weight: Param<Tensor<4>>,
-    bias: Param<Tensor<1>>,
+    pub(super) weight: Param<Tensor<4>>,
+    pub(super) bias: Param<Tensor<1>>,
 }
 
 impl Conv {

@@ -12,7 +12,9 @@
 
 mod compact;
 mod config;
+mod conv;
 mod device;
+mod features;
 mod layer;
 pub mod masked;
 mod network;
@@ -20,8 +22,15 @@ mod paper;
 mod parameters;
 mod pixels;
 mod prediction;
+mod stages;
 
 pub use config::{CompactConfig, NetworkConfig, PaperConfig, PolicyConfig};
 pub use device::{DeviceError, DeviceKind};
 pub use network::{ActorCritic, Network};
 pub use prediction::Prediction;
+
+/// What other networks can be built of.
+pub(crate) mod convolutions {
+    pub use super::features::{Layer, burn_features, features};
+    pub use super::layer::{Conv, Dense, Initializer};
+}

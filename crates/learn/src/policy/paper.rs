@@ -1,11 +1,10 @@
 use super::config::PaperConfig;
+use super::features::{Layer, features};
 use super::layer::{Conv, Dense, Initializer, POLICY_GAIN, RELU_GAIN, VALUE_GAIN};
 use super::prediction::Prediction;
 use burn::module::Module;
 use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
-use burn::tensor::module::max_pool2d;
-use burn::tensor::ops::MaxPoolOptions;
 
 /// The paper's networks (Section 4.3): the policy's and the value's share nothing.
 #[derive(Module, Debug)]
@@ -82,12 +81,12 @@ impl Vgg {
     }
 
     /// `[batch, 3, rows, columns]` to `[batch, outputs]`.
-    fn forward(&self, mut x: Tensor<4>) -> Tensor<2> {
-        for [first, second] in &self.blocks {
-            x = relu(second.forward(relu(first.forward(x))));
-            x = max_pool2d(x, MaxPoolOptions::new([2, 2]));
-        }
-        let mut x: Tensor<2> = x.flatten(1, 3);
+    fn forward(&self, image: Tensor<4>) -> Tensor<2> {
+        let layers = self.blocks.iter().flat_map(|[first, second]| {
+            let layer = |conv, pool| Layer { conv, pool };
+            [layer(first, false), layer(second, true)]
+        });
+        let mut x = features(image, &layers.collect::<Vec<_>>());
         for dense in &self.dense {
             x = relu(dense.forward(x));
         }

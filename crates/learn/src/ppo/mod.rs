@@ -19,6 +19,7 @@ mod tests;
 mod trainer;
 mod update;
 
+pub(crate) use adam::Adam;
 pub use agent::{Agent, Sampling};
 pub use config::{AdvantageNorm, ImitationConfig, PpoConfig};
 pub use error::{NotFinite, TrainError};

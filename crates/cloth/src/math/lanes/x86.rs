@@ -20,7 +20,7 @@ macro_rules! operator {
 
 macro_rules! vector {
     ($name:ident, $scalar:ty, $inner:ty, $count:literal, $feature:literal, $mask:ty,
-     $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $min:ident, $max:ident,
+     $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $mul_add:ident, $sqrt:ident, $min:ident, $max:ident,
      |$a:ident, $b:ident| $lt:expr, |$m:ident, $y:ident, $n:ident| $select:expr, |$k:ident| $any:expr, { $($special:item)* }) => {
         #[doc = concat!(stringify!($count), " ", stringify!($scalar), " lanes on ", $feature, ".")]
         #[derive(Clone, Copy)]
@@ -45,6 +45,10 @@ macro_rules! vector {
             #[inline(always)]
             fn splat(x: $scalar) -> Self {
                 Self(unsafe { $splat(x) })
+            }
+            #[inline(always)]
+            fn mul_add(self, factor: Self, addend: Self) -> Self {
+                Self(unsafe { $mul_add(self.0, factor.0, addend.0) })
             }
             #[inline(always)]
             fn sqrt(self) -> Self {
@@ -94,13 +98,14 @@ vector!(
     f32,
     __m256,
     8,
-    "avx2",
+    "avx2,fma",
     __m256,
     _mm256_set1_ps,
     _mm256_add_ps,
     _mm256_sub_ps,
     _mm256_mul_ps,
     _mm256_div_ps,
+    _mm256_fmadd_ps,
     _mm256_sqrt_ps,
     _mm256_min_ps,
     _mm256_max_ps,
@@ -164,6 +169,7 @@ vector!(
     _mm512_sub_ps,
     _mm512_mul_ps,
     _mm512_div_ps,
+    _mm512_fmadd_ps,
     _mm512_sqrt_ps,
     _mm512_min_ps,
     _mm512_max_ps,
@@ -221,13 +227,14 @@ vector!(
     f64,
     __m256d,
     4,
-    "avx2",
+    "avx2,fma",
     __m256d,
     _mm256_set1_pd,
     _mm256_add_pd,
     _mm256_sub_pd,
     _mm256_mul_pd,
     _mm256_div_pd,
+    _mm256_fmadd_pd,
     _mm256_sqrt_pd,
     _mm256_min_pd,
     _mm256_max_pd,
@@ -250,6 +257,7 @@ vector!(
     _mm512_sub_pd,
     _mm512_mul_pd,
     _mm512_div_pd,
+    _mm512_fmadd_pd,
     _mm512_sqrt_pd,
     _mm512_min_pd,
     _mm512_max_pd,

@@ -1,0 +1,245 @@
+//! Convolutions as one operation of burn's: on a CPU ours ([`Stages`]), elsewhere burn's own.
+
+use super::layer::Conv;
+use super::stages::{Pullback, Stage, Stages};
+use burn::backend::autodiff::checkpoint::base::Checkpointer;
+use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
+use burn::backend::autodiff::grads::Gradients;
+use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Autodiff, Backend, DispatchKindConversion, DispatchTensor, Flex};
+use burn::tensor::activation::relu;
+use burn::tensor::module::max_pool2d;
+use burn::tensor::ops::MaxPoolOptions;
+use burn::tensor::{Device, Tensor, TensorData};
+use drape_cloth::math::Isa;
+
+/// A convolution with ReLU.
+pub struct Layer<'a> {
+    pub conv: &'a Conv,
+    /// Whether 2x2 max-pooling follows.
+    pub pool: bool,
+}
+
+/// Features `[batch, channel * row * column]` of images `[batch, channel, row, column]`. There is
+/// no gradient for the images.
+pub fn features(images: Tensor<4>, layers: &[Layer]) -> Tensor<2> {
+    // Without vectors that fuse multiplication and addition burn's operations are faster.
+    match Isa::best() {
+        Isa::Portable => None,
+        isa => own_features(&images, layers, isa),
+    }
+    .unwrap_or_else(|| burn_features(images, layers))
+}
+
+/// Features by burn's own operations.
+pub fn burn_features(images: Tensor<4>, layers: &[Layer]) -> Tensor<2> {
+    let convolved = layers.iter().fold(images, |x, layer| {
+        let x = relu(layer.conv.forward(x));
+        match layer.pool {
+            true => max_pool2d(x, MaxPoolOptions::new([2, 2])),
+            false => x,
+        }
+    });
+    convolved.flatten(1, 3)
+}
+
+/// Features by ours; none unless `images` are on the CPU, in burn's `flex`.
+fn own_features(images: &Tensor<4>, layers: &[Layer], isa: Isa) -> Option<Tensor<2>> {
+    let tracked = images.clone().try_into_primitive::<Autodiff<Flex>>();
+    let inner = match &tracked {
+        Ok(tracked) => tracked.primitive().clone(),
+        Err(_) => images.clone().try_into_primitive::<Flex>().ok()?,
+    };
+    let inner = inner.to_contiguous();
+    let numbers = inner.as_slice().expect("contiguous numbers are f32");
+    let [batch, _, rows, columns] = images.dims();
+
+    let stages = layers.iter().map(|layer| {
+        let [outputs, inputs, ..] = layer.conv.weight.dims();
+        let pool = layer.pool;
+        Stage {
+            inputs,
+            outputs,
+            pool,
+        }
+    });
+    let stages = Stages::new(stages.collect(), rows, columns);
+    let parameters = layers.iter().flat_map(|layer| {
+        let (weight, bias) = (layer.conv.weight.val(), layer.conv.bias.val());
+        [weight.reshape([-1]), bias]
+    });
+    let parameters = Tensor::cat(parameters.collect::<Vec<Tensor<1>>>(), 0);
+    let values = parameters.to_data().try_into_vec::<f32>();
+    let values = values.expect("parameters are f32");
+    let (features, pullback) = stages.forward(&values, numbers, isa);
+
+    let shape = [batch, features.len() / batch];
+    let features = Tensor::from_data(TensorData::new(features, shape), &Device::flex());
+    if tracked.is_err() {
+        return Some(features);
+    }
+    let features = primitive::<Flex, 2>(features);
+    let parameters = primitive::<Autodiff<Flex>, 1>(parameters);
+    let node = Gradient.prepare::<NoCheckpointing>([parameters.node()]);
+    let features = match node.compute_bound().stateful() {
+        OpsKind::Tracked(node) => node.finish(Kept(pullback), features),
+        OpsKind::UnTracked(node) => node.finish(features),
+    };
+    Some(Tensor::from_primitive::<Autodiff<Flex>>(features))
+}
+
+fn primitive<B: Backend, const D: usize>(tensor: Tensor<D>) -> FloatTensor<B>
+where
+    DispatchTensor: DispatchKindConversion<B>,
+{
+    let primitive = tensor.try_into_primitive::<B>();
+    primitive.expect("parameters are where images are")
+}
+
+/// The node of the features in the graph of gradients.
+#[derive(Debug)]
+struct Gradient;
+
+#[derive(Clone)]
+struct Kept(Pullback);
+
+impl std::fmt::Debug for Kept {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str("Kept")
+    }
+}
+
+impl Backward<Flex, 1> for Gradient {
+    type State = Kept;
+
+    fn backward(self, ops: Ops<Kept, 1>, gradients: &mut Gradients, _: &mut Checkpointer) {
+        let gradient = gradients.consume::<Flex>(&ops.node).to_contiguous();
+        let numbers = gradient.as_slice().expect("contiguous numbers are f32");
+        let [Some(parameters)] = ops.parents else {
+            return;
+        };
+        let found = (ops.state.0)(numbers);
+        let shape = [found.len()];
+        let found = Tensor::<1>::from_data(TensorData::new(found, shape), &Device::flex());
+        gradients.register::<Flex>(parameters.id, primitive::<Flex, 1>(found));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::layer::Initializer;
+    use super::*;
+    use burn::module::{Module, Param};
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Convolutions with biases, so that some outputs are above 0 and some are not.
+    fn convolutions(channels: &[usize], device: &Device) -> Vec<Conv> {
+        let mut initializer = Initializer::new(3, device);
+        let pairs = channels.windows(2);
+        let conv = |pair: &[usize]| {
+            let mut conv = initializer.conv(pair[0], pair[1], 1.5);
+            let bias: Vec<f32> = (0..pair[1]).map(|k| 0.1 - 0.02 * k as f32).collect();
+            let bias = Tensor::from_data(TensorData::new(bias, [pair[1]]), device);
+            conv.bias = Param::from_tensor(bias);
+            conv
+        };
+        pairs.map(conv).collect()
+    }
+
+    fn noise(shape: [usize; 4], device: &Device) -> Tensor<4> {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let numbers = (0..shape.iter().product()).map(|_| rng.random::<f32>() - 0.5);
+        let numbers: Vec<f32> = numbers.collect();
+        Tensor::from_data(TensorData::new(numbers, shape), device)
+    }
+
+    /// Features, then the gradients of all weights and biases of a loss.
+    fn run(
+        convolutions: &[Conv],
+        images: Tensor<4>,
+        is_pooled: fn(usize) -> bool,
+        features: fn(Tensor<4>, &[Layer]) -> Tensor<2>,
+    ) -> Vec<Vec<f32>> {
+        let layers = convolutions.iter().enumerate();
+        let layers = layers.map(|(k, conv)| Layer {
+            conv,
+            pool: is_pooled(k),
+        });
+        let features = features(images, &layers.collect::<Vec<_>>());
+        let gradients = (features.clone().square().sum() + features.clone().sum()).backward();
+        let mut all: Vec<Vec<f32>> = vec![features.into_data().try_into_vec().unwrap()];
+        for conv in convolutions {
+            let weight = conv.weight.val().grad(&gradients).unwrap();
+            let bias = conv.bias.val().grad(&gradients).unwrap();
+            all.push(weight.into_data().try_into_vec().unwrap());
+            all.push(bias.into_data().try_into_vec().unwrap());
+        }
+        all
+    }
+
+    fn assert_close(found: &[Vec<f32>], expected: &[Vec<f32>], place: &str) {
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(expected) {
+            assert_eq!(found.len(), expected.len(), "{place}");
+            let scale = expected.iter().fold(1e-3f32, |max, x| max.max(x.abs()));
+            for (a, b) in found.iter().zip(expected) {
+                assert!((a - b).abs() < 2e-5 * scale, "{place}: {a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn features_and_gradients_are_those_of_burn() {
+        let device = Device::flex().autodiff();
+        for (side, pools) in [(65, 3), (33, 3), (17, 2), (9, 1), (3, 1), (1, 0)] {
+            for channels in [&[3, 16, 32, 32][..], &[1, 1, 1], &[2, 7, 3, 5]] {
+                let convolutions = convolutions(channels, &device);
+                let images = noise([5, channels[0], side, side], &device);
+                let is_pooled: fn(usize) -> bool = match pools {
+                    0 => |_| false,
+                    1 => |k| k == 0,
+                    2 => |k| k < 2,
+                    _ => |_| true,
+                };
+                let ours = |images: Tensor<4>, layers: &[Layer]| {
+                    own_features(&images, layers, Isa::best()).expect("flex has ours")
+                };
+                let found = run(&convolutions, images.clone(), is_pooled, ours);
+                let expected = run(&convolutions, images, is_pooled, burn_features);
+                assert_close(&found, &expected, &format!("{side} {channels:?}"));
+            }
+        }
+    }
+
+    #[test]
+    fn inference_gives_the_bits_of_training() {
+        let device = Device::flex().autodiff();
+        let convolutions = convolutions(&[3, 8, 8], &device);
+        let images = noise([3, 3, 9, 9], &device);
+        let numbers = |convolutions: &[Conv], images| {
+            let layer = |conv| Layer { conv, pool: true };
+            let layers: Vec<Layer> = convolutions.iter().map(layer).collect();
+            let features = features(images, &layers).into_data();
+            features.try_into_vec::<f32>().unwrap()
+        };
+        let valid: Vec<Conv> = convolutions.iter().map(|conv| conv.valid()).collect();
+        let expected = numbers(&convolutions, images.clone());
+        assert_eq!(numbers(&valid, images.inner()), expected);
+    }
+
+    /// Other devices have burn's operations.
+    #[cfg(feature = "ndarray")]
+    #[test]
+    #[allow(deprecated)]
+    fn another_device_agrees() {
+        let [expected, found] = [Device::flex(), Device::ndarray()].map(|device| {
+            let device = device.autodiff();
+            let convolutions = convolutions(&[3, 4, 5], &device);
+            let images = noise([2, 3, 9, 9], &device);
+            run(&convolutions, images, |_| true, features)
+        });
+        assert_close(&found, &expected, "ndarray");
+    }
+}

@@ -1,0 +1,400 @@
+//! Convolutions one after the other and their gradients, group of images by group: what one
+//! convolution writes the next one reads from the cache. Threads share the groups.
+
+// No closure of `map` on arrays computes with lanes: it would be compiled without their instructions.
+
+use super::conv::{Plane, Weights, at_weight, convolve, correlate, sum_count};
+#[cfg(target_arch = "x86_64")]
+use drape_cloth::math::{F32x8, F32x16};
+use drape_cloth::math::{Isa, Kernel, Lanes, Portable};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// One 3x3 convolution with stride 1, padding 1, bias and ReLU.
+#[derive(Clone, Copy, Debug)]
+pub struct Stage {
+    pub inputs: usize,
+    pub outputs: usize,
+    /// Whether 2x2 max-pooling follows.
+    pub pool: bool,
+}
+
+impl Stage {
+    fn weight_count(self) -> usize {
+        9 * self.inputs * self.outputs
+    }
+}
+
+/// From the gradient of the features to that of the parameters.
+pub type Pullback = Arc<dyn Fn(&[f32]) -> Vec<f32> + Send + Sync>;
+
+/// Some stages for images of one size.
+#[derive(Debug)]
+pub struct Stages {
+    stages: Vec<Stage>,
+    /// Of what each stage is given, and of the features.
+    planes: Vec<Plane>,
+}
+
+/// Images whose gradients are added up before those of others: as many as the widest lanes.
+const UNIT: usize = 16;
+
+impl Stages {
+    /// `stages`, the first of which is given images of `rows` x `columns` pixels.
+    pub fn new(stages: Vec<Stage>, rows: usize, columns: usize) -> Self {
+        let mut planes = vec![Plane { rows, columns }];
+        for stage in &stages {
+            let plane = planes[planes.len() - 1];
+            planes.push(if stage.pool { plane.pooled() } else { plane });
+        }
+        Self { stages, planes }
+    }
+
+    /// Features `[image, output, row, column]` of `images` `[image, input, row, column]`, and how
+    /// their gradient becomes that of `parameters`, which are, stage after stage, the weights
+    /// `[output, input, tap]` and the biases.
+    pub fn forward(self, parameters: &[f32], images: &[f32], isa: Isa) -> (Vec<f32>, Pullback) {
+        match isa {
+            Isa::Portable => self.run::<Portable, 2>(parameters, images),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => self.run::<F32x8, 2>(parameters, images),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => self.run::<F32x16, 4>(parameters, images),
+        }
+    }
+
+    /// `N` outputs at once, each with four pixels, are what the registers hold.
+    fn run<V: Lanes<Scalar = f32>, const N: usize>(
+        self,
+        parameters: &[f32],
+        images: &[f32],
+    ) -> (Vec<f32>, Pullback) {
+        let net = Net::<N>::new(self, parameters);
+        let [seen, wide] = [net.input_width(), net.feature_width()];
+        let count = parameters.len();
+        let mut features = vec![0.0; images.len() / seen * wide];
+        let groups = images.par_chunks(V::COUNT * seen);
+        let groups = groups.zip(features.par_chunks_mut(V::COUNT * wide));
+        let kept: Vec<Kept<V>> = groups
+            .with_max_len(1)
+            .map(|(images, features)| {
+                let mut kept = Kept {
+                    planes: Vec::new(),
+                    winners: Vec::new(),
+                };
+                V::vectorize(Forward {
+                    net: &net,
+                    images,
+                    features,
+                    kept: &mut kept,
+                });
+                kept
+            })
+            .collect();
+        let pullback = move |gradient: &[f32]| {
+            let units = kept.par_chunks(UNIT / V::COUNT);
+            let units = units.zip(gradient.par_chunks(UNIT * wide));
+            let sums: Vec<Vec<f32>> = units
+                .with_max_len(1)
+                .map(|(kept, gradient)| {
+                    let mut sums = vec![0.0; count];
+                    for (kept, gradient) in kept.iter().zip(gradient.chunks(V::COUNT * wide)) {
+                        V::vectorize(Backward {
+                            net: &net,
+                            gradient,
+                            kept,
+                            sums: &mut sums,
+                        });
+                    }
+                    sums
+                })
+                .collect();
+            // In the order of the images, whichever thread had them.
+            let mut total = vec![0.0; count];
+            for sums in sums {
+                total.iter_mut().zip(sums).for_each(|(t, sum)| *t += sum);
+            }
+            total
+        };
+        (features, Arc::new(pullback))
+    }
+}
+
+/// Stages with the weights of both directions.
+struct Net<const N: usize> {
+    stages: Vec<Stage>,
+    planes: Vec<Plane>,
+    forward: Vec<Weights<N>>,
+    backward: Vec<Weights<N>>,
+}
+
+impl<const N: usize> Net<N> {
+    fn new(Stages { stages, planes }: Stages, mut parameters: &[f32]) -> Self {
+        let (mut forward, mut backward) = (Vec::new(), Vec::new());
+        for stage in &stages {
+            let (inputs, outputs) = (stage.inputs, stage.outputs);
+            let (weight, rest) = parameters.split_at(stage.weight_count());
+            let (bias, rest) = rest.split_at(outputs);
+            parameters = rest;
+            let weight = |o: usize, i: usize, tap: usize| weight[(o * inputs + i) * 9 + tap];
+            forward.push(Weights::new(outputs, inputs, weight, bias));
+            let mirrored = |i, o, tap| weight(o, i, 8 - tap);
+            backward.push(Weights::new(inputs, outputs, mirrored, &[]));
+        }
+        Self {
+            stages,
+            planes,
+            forward,
+            backward,
+        }
+    }
+
+    fn input_width(&self) -> usize {
+        self.stages[0].inputs * self.planes[0].pixels()
+    }
+
+    fn feature_plane(&self) -> (usize, Plane) {
+        let last = self.stages.len();
+        (self.stages[last - 1].outputs, self.planes[last])
+    }
+
+    fn feature_width(&self) -> usize {
+        let (channels, plane) = self.feature_plane();
+        channels * plane.pixels()
+    }
+}
+
+/// What a group's gradients need.
+struct Kept<V> {
+    /// Planes that each stage was given, and the features.
+    planes: Vec<Vec<V>>,
+    /// Of each pooled pixel the one of its four that it is, or -1 where none is above 0.
+    winners: Vec<Vec<V>>,
+}
+
+struct Forward<'a, V, const N: usize> {
+    net: &'a Net<N>,
+    images: &'a [f32],
+    features: &'a mut [f32],
+    kept: &'a mut Kept<V>,
+}
+
+impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Forward<'_, V, N> {
+    #[inline(always)]
+    fn run(self) {
+        let net = self.net;
+        let mut x = planes(net.planes[0], net.stages[0].inputs, self.images);
+        for (k, stage) in net.stages.iter().enumerate() {
+            let (plane, next) = (net.planes[k], net.planes[k + 1]);
+            let mut y = vec![V::zero(); stage.outputs * next.len()];
+            let mut winners = Vec::new();
+            if stage.pool {
+                winners = vec![V::zero(); stage.outputs * next.pixels()];
+                let size = [2 * next.rows, 2 * next.columns];
+                convolve(
+                    &x,
+                    plane,
+                    size,
+                    &net.forward[k],
+                    |output, row, column, sum| {
+                        let (row, column) = (row / 2, column / 2);
+                        let pixel =
+                            &mut winners[output * next.pixels() + row * next.columns + column];
+                        (y[next.at(output, row, column)], *pixel) = max(sum);
+                    },
+                );
+            } else {
+                let size = [next.rows, next.columns];
+                convolve(
+                    &x,
+                    plane,
+                    size,
+                    &net.forward[k],
+                    |output, row, column, mut sum| {
+                        for x in &mut sum {
+                            *x = V::zero().max(*x);
+                        }
+                        put(&mut y, next, [output, row, column], sum);
+                    },
+                );
+                clear_extension(&mut y, next);
+            }
+            self.kept.planes.push(std::mem::replace(&mut x, y));
+            self.kept.winners.push(winners);
+        }
+        let (channels, plane) = net.feature_plane();
+        for (lane, features) in self
+            .features
+            .chunks_exact_mut(net.feature_width())
+            .enumerate()
+        {
+            let rows = features.chunks_exact_mut(plane.columns).enumerate();
+            for (row, features) in rows.take(channels * plane.rows) {
+                let from = &x[plane.at(row / plane.rows, row % plane.rows, 0)..];
+                for (feature, from) in features.iter_mut().zip(from) {
+                    *feature = from.as_slice()[lane];
+                }
+            }
+        }
+        self.kept.planes.push(x);
+    }
+}
+
+struct Backward<'a, V, const N: usize> {
+    net: &'a Net<N>,
+    gradient: &'a [f32],
+    kept: &'a Kept<V>,
+    /// Gradients of the parameters, to which those of this group are added.
+    sums: &'a mut [f32],
+}
+
+impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
+    #[inline(always)]
+    fn run(self) {
+        let (net, mut sums) = (self.net, self.sums);
+        let (channels, plane) = net.feature_plane();
+        // Of what a stage gives.
+        let mut gradient = planes(plane, channels, self.gradient);
+        for (k, stage) in net.stages.iter().enumerate().rev() {
+            let (plane, next) = (net.planes[k], net.planes[k + 1]);
+            let x = &self.kept.planes[k];
+            // Of what its convolution gives.
+            let mut own = vec![V::zero(); stage.outputs * plane.len()];
+            if stage.pool {
+                unpool(&gradient, next, &self.kept.winners[k], &mut own, plane);
+            } else {
+                let pairs = gradient.iter().zip(&self.kept.planes[k + 1]);
+                for (own, (gradient, y)) in own.iter_mut().zip(pairs) {
+                    *own = V::select(V::zero().lt(*y), *gradient, V::zero());
+                }
+            }
+            let (rest, biases) = sums.split_at_mut(sums.len() - stage.outputs);
+            for (bias, own) in biases.iter_mut().zip(own.chunks_exact(plane.len())) {
+                let sum = own.iter().fold(V::zero(), |sum, x| sum + *x);
+                sum.as_slice().iter().for_each(|x| *bias += x);
+            }
+            let (rest, weights) = rest.split_at_mut(rest.len() - stage.weight_count());
+            sums = rest;
+            // Four inputs fill the registers, and images have three.
+            match stage.inputs % 4 {
+                0 => add_weights::<V, 4, N>(x, &own, plane, *stage, weights),
+                _ => add_weights::<V, 3, N>(x, &own, plane, *stage, weights),
+            }
+            if k > 0 {
+                gradient = vec![V::zero(); stage.inputs * plane.len()];
+                let size = [plane.rows, plane.columns];
+                convolve(
+                    &own,
+                    plane,
+                    size,
+                    &net.backward[k],
+                    |input, row, column, sum| {
+                        put(&mut gradient, plane, [input, row, column], sum);
+                    },
+                );
+            }
+        }
+    }
+}
+
+/// Images `[image, channel, row, column]` as planes; lanes without an image have zeros.
+#[inline(always)]
+fn planes<V: Lanes<Scalar = f32>>(plane: Plane, channels: usize, images: &[f32]) -> Vec<V> {
+    let mut planes = vec![V::zero(); channels * plane.len()];
+    for (lane, image) in images.chunks_exact(channels * plane.pixels()).enumerate() {
+        for (row, image) in image.chunks_exact(plane.columns).enumerate() {
+            let to = &mut planes[plane.at(row / plane.rows, row % plane.rows, 0)..];
+            for (to, from) in to.iter_mut().zip(image) {
+                to.as_mut_slice()[lane] = *from;
+            }
+        }
+    }
+    planes
+}
+
+/// The greatest of four numbers above 0, and which it is: the first of equals, -1 for none.
+#[inline(always)]
+fn max<V: Lanes<Scalar = f32>>(numbers: [V; 4]) -> (V, V) {
+    let mut best = (V::zero(), V::splat(-1.0));
+    for (x, index) in numbers.into_iter().zip([0.0, 1.0, 2.0, 3.0]) {
+        let is_above = best.0.lt(x);
+        best.0 = V::select(is_above, x, best.0);
+        best.1 = V::select(is_above, V::splat(index), best.1);
+    }
+    best
+}
+
+/// Gives the gradient of pooled pixels to their winners.
+#[inline(always)]
+fn unpool<V: Lanes<Scalar = f32>>(
+    gradient: &[V],
+    pooled: Plane,
+    winners: &[V],
+    own: &mut [V],
+    plane: Plane,
+) {
+    for (row, winners) in winners.chunks_exact(pooled.columns).enumerate() {
+        let (channel, row) = (row / pooled.rows, row % pooled.rows);
+        let gradient = &gradient[pooled.at(channel, row, 0)..];
+        for (column, (winner, gradient)) in winners.iter().zip(gradient).enumerate() {
+            // Nobody wins below 0; what the first to win has taken is not left to the others.
+            let mut rest = V::select(winner.lt(V::zero()), V::zero(), *gradient);
+            let mut square = [V::zero(); 4];
+            for (share, bound) in square.iter_mut().zip([0.5, 1.5, 2.5, 3.5]) {
+                let has_won = winner.lt(V::splat(bound));
+                *share = V::select(has_won, rest, V::zero());
+                rest = V::select(has_won, V::zero(), rest);
+            }
+            put(own, plane, [channel, 2 * row, 2 * column], square);
+        }
+    }
+}
+
+/// Writes a square of 2 x 2 pixels.
+#[inline(always)]
+fn put<V: Copy>(
+    planes: &mut [V],
+    plane: Plane,
+    [channel, row, column]: [usize; 3],
+    [a, b, c, d]: [V; 4],
+) {
+    let start = plane.at(channel, row, column);
+    let square = &mut planes[start..start + plane.stride() + 2];
+    (square[0], square[1]) = (a, b);
+    (square[plane.stride()], square[plane.stride() + 1]) = (c, d);
+}
+
+/// Puts zeros again where images of odd sides have been extended.
+#[inline(always)]
+fn clear_extension<V: Lanes<Scalar = f32>>(planes: &mut [V], plane: Plane) {
+    for planes in planes.chunks_exact_mut(plane.len()) {
+        if plane.columns % 2 == 1 {
+            let column = planes.iter_mut().skip(plane.columns + 1);
+            column.step_by(plane.stride()).for_each(|x| *x = V::zero());
+        }
+        planes[plane.at(0, plane.rows, 0) - 1..].fill(V::zero());
+    }
+}
+
+/// Adds the gradients of the weights of a stage, image after image.
+#[inline(always)]
+fn add_weights<V: Lanes<Scalar = f32>, const I: usize, const O: usize>(
+    x: &[V],
+    gradient: &[V],
+    plane: Plane,
+    Stage {
+        inputs, outputs, ..
+    }: Stage,
+    weights: &mut [f32],
+) {
+    let mut sums = vec![V::zero(); sum_count::<I, O>(inputs, outputs)];
+    correlate::<V, I, O>(x, gradient, plane, &mut sums);
+    for (index, weight) in weights.iter_mut().enumerate() {
+        let place = [index / 9 / inputs, index / 9 % inputs, index % 9];
+        let sum = &sums[at_weight::<I, O>(inputs, place)];
+        sum.as_slice().iter().for_each(|x| *weight += x);
+    }
+}
+
+#[cfg(test)]
+mod tests;
