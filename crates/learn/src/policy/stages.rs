@@ -8,7 +8,7 @@ use super::conv::{Plane, Weights, at_weight, convolve, correlate, sum_count};
 use drape_cloth::math::{F32x8, F32x16};
 use drape_cloth::math::{Isa, Kernel, Lanes, Portable};
 use rayon::prelude::*;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// One 3x3 convolution with stride 1, padding 1, bias and ReLU.
 #[derive(Clone, Copy, Debug)]
@@ -92,20 +92,26 @@ impl Stages {
             })
             .collect();
         let pullback = move |gradient: &[f32]| {
+            // New memory for every group would cost as much time as a tenth of the work.
+            let scratches = Mutex::new(Vec::<[Vec<V>; 2]>::new());
+            let scratches = || scratches.lock().expect("no thread panics with the lock");
             let units = kept.par_chunks(UNIT / V::COUNT);
             let units = units.zip(gradient.par_chunks(UNIT * wide));
             let sums: Vec<Vec<f32>> = units
                 .with_max_len(1)
                 .map(|(kept, gradient)| {
                     let mut sums = vec![0.0; count];
+                    let mut scratch = scratches().pop().unwrap_or_default();
                     for (kept, gradient) in kept.iter().zip(gradient.chunks(V::COUNT * wide)) {
                         V::vectorize(Backward {
                             net: &net,
                             gradient,
                             kept,
                             sums: &mut sums,
+                            scratch: &mut scratch,
                         });
                     }
+                    scratches().push(scratch);
                     sums
                 })
                 .collect();
@@ -246,6 +252,8 @@ struct Backward<'a, V, const N: usize> {
     kept: &'a Kept<V>,
     /// Gradients of the parameters, to which those of this group are added.
     sums: &'a mut [f32],
+    /// Memory to work in; what is in it does not matter.
+    scratch: &'a mut [Vec<V>; 2],
 }
 
 impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
@@ -254,14 +262,15 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
         let (net, mut sums) = (self.net, self.sums);
         let (channels, plane) = net.feature_plane();
         // Of what a stage gives.
-        let mut gradient = planes(plane, channels, self.gradient);
+        let [gradient, own] = self.scratch;
+        *gradient = planes(plane, channels, self.gradient);
         for (k, stage) in net.stages.iter().enumerate().rev() {
             let (plane, next) = (net.planes[k], net.planes[k + 1]);
             let x = &self.kept.planes[k];
             // Of what its convolution gives.
-            let mut own = vec![V::zero(); stage.outputs * plane.len()];
+            clear(own, stage.outputs * plane.len());
             if stage.pool {
-                unpool(&gradient, next, &self.kept.winners[k], &mut own, plane);
+                unpool(gradient, next, &self.kept.winners[k], own, plane);
             } else {
                 let pairs = gradient.iter().zip(&self.kept.planes[k + 1]);
                 for (own, (gradient, y)) in own.iter_mut().zip(pairs) {
@@ -277,24 +286,31 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
             sums = rest;
             // Four inputs fill the registers, and images have three.
             match stage.inputs % 4 {
-                0 => add_weights::<V, 4, N>(x, &own, plane, *stage, weights),
-                _ => add_weights::<V, 3, N>(x, &own, plane, *stage, weights),
+                0 => add_weights::<V, 4, N>(x, own, plane, *stage, weights),
+                _ => add_weights::<V, 3, N>(x, own, plane, *stage, weights),
             }
             if k > 0 {
-                gradient = vec![V::zero(); stage.inputs * plane.len()];
+                clear(gradient, stage.inputs * plane.len());
                 let size = [plane.rows, plane.columns];
                 convolve(
-                    &own,
+                    own,
                     plane,
                     size,
                     &net.backward[k],
                     |input, row, column, sum| {
-                        put(&mut gradient, plane, [input, row, column], sum);
+                        put(gradient, plane, [input, row, column], sum);
                     },
                 );
             }
         }
     }
+}
+
+/// Makes `numbers` so many zeros.
+#[inline(always)]
+fn clear<V: Lanes<Scalar = f32>>(numbers: &mut Vec<V>, count: usize) {
+    numbers.clear();
+    numbers.resize(count, V::zero());
 }
 
 /// Images `[image, channel, row, column]` as planes; lanes without an image have zeros.
