@@ -268,8 +268,9 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
             let (plane, next) = (net.planes[k], net.planes[k + 1]);
             let x = &self.kept.planes[k];
             // Of what its convolution gives.
-            clear(own, stage.outputs * plane.len());
+            let own = part(own, stage.outputs * plane.len());
             if stage.pool {
+                clear_border(own, plane, next);
                 unpool(gradient, next, &self.kept.winners[k], own, plane);
             } else {
                 let pairs = gradient.iter().zip(&self.kept.planes[k + 1]);
@@ -290,7 +291,7 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
                 _ => add_weights::<V, 3, N>(x, own, plane, *stage, weights),
             }
             if k > 0 {
-                clear(gradient, stage.inputs * plane.len());
+                let gradient = part(gradient, stage.inputs * plane.len());
                 let size = [plane.rows, plane.columns];
                 convolve(
                     own,
@@ -306,11 +307,28 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
     }
 }
 
-/// Makes `numbers` so many zeros.
+/// The first `count` of some numbers, of which there may have to be more.
 #[inline(always)]
-fn clear<V: Lanes<Scalar = f32>>(numbers: &mut Vec<V>, count: usize) {
-    numbers.clear();
-    numbers.resize(count, V::zero());
+fn part<V: Lanes<Scalar = f32>>(numbers: &mut Vec<V>, count: usize) -> &mut [V] {
+    if numbers.len() < count {
+        numbers.resize(count, V::zero());
+    }
+    &mut numbers[..count]
+}
+
+/// Puts zeros wherever the squares of `pooled` pixels do not reach.
+#[inline(always)]
+fn clear_border<V: Lanes<Scalar = f32>>(planes: &mut [V], plane: Plane, pooled: Plane) {
+    for planes in planes.chunks_exact_mut(plane.len()) {
+        for (row, numbers) in planes.chunks_exact_mut(plane.stride()).enumerate() {
+            if (1..=2 * pooled.rows).contains(&row) {
+                numbers[0] = V::zero();
+                numbers[2 * pooled.columns + 1..].fill(V::zero());
+            } else {
+                numbers.fill(V::zero());
+            }
+        }
+    }
 }
 
 /// Images `[image, channel, row, column]` as planes; lanes without an image have zeros.
