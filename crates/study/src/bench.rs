@@ -32,7 +32,7 @@ use drape_task::env::{Draping, EnvConfig, Tasks};
   drape bench --quick
   drape bench --json > bench.json")]
 pub struct Bench {
-    /// Few repeats: some twenty seconds instead of about two minutes
+    /// Few repeats: half a minute instead of about two
     #[arg(long)]
     quick: bool,
 
