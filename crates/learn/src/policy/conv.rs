@@ -150,6 +150,10 @@ const RUN: usize = 64;
 /// Adds to `sums` `[block of O outputs][block of I inputs][tap][input][output]` what each lane
 /// says about the weights: the sum, over pixels, of the input under a tap times the gradient of
 /// the output. [`at_weight`] finds a weight's sum.
+#[allow(
+    clippy::needless_range_loop,
+    reason = "two indices show what the registers hold"
+)]
 #[inline(always)]
 pub fn correlate<V: Lanes<Scalar = f32>, const I: usize, const O: usize>(
     input: &[V],
