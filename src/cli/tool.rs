@@ -1,7 +1,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Error, anyhow, ensure};
+use anyhow::{Error, anyhow, ensure};
 use serde::Serialize;
 
 use super::Failure;
@@ -186,7 +186,11 @@ fn picture(mesh: &TriMesh, file: &Path) -> Result<(), Failure> {
 /// A shape with the values of `set` in place of its own.
 fn shape(name: &str, set: &[String]) -> Result<Shape, Error> {
     let kind = toml::Table::from_iter([("kind".to_owned(), name.into())]);
-    let _: Shape = kind.clone().try_into().context("SHAPE")?;
+    ensure!(
+        SHAPES.contains(&name),
+        "there is no shape or file {name}, expected a file or one of {}",
+        SHAPES.join(", ")
+    );
     let parse = |pairs: &[String]| {
         // The line of an error without a place is the first: it must not be quoted.
         let text = format!("\n{kind}\n{}", pairs.join("\n"));

@@ -86,6 +86,9 @@ fn impossible_values_are_refused_and_the_old_file_stays() {
         let args = ["tool", "rib", "--out", "a.stl", "--json", "--set", set];
         assert_failure(&drape(folder.path(), &args), 2, words);
     }
+    let args = ["tool", "cube", "--out", "a.stl"];
+    let words = ["there is no shape or file cube, expected a file or one of rib, hemisphere"];
+    assert_failure(&drape(folder.path(), &args), 2, &words);
     let twice = ["--set", "base_mm=1", "--set", "base_mm=2"];
     let args = [&["tool", "rib", "--out", "a.stl"][..], &twice].concat();
     assert_failure(

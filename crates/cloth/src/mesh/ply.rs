@@ -76,8 +76,9 @@ pub(super) fn facets(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, String> {
                         place[axis] = number;
                     }
                     if is_face {
-                        // A negative index becomes 0 by the cast.
-                        let corner = vertices.get(number as usize).filter(|_| number >= 0.0);
+                        // The cast makes 0 of a negative number and cuts fractions.
+                        let is_index = number >= 0.0 && number.fract() == 0.0;
+                        let corner = vertices.get(number as usize).filter(|_| is_index);
                         let fault = || {
                             let count = vertices.len();
                             at(format!(
@@ -302,6 +303,10 @@ mod tests {
         assert_eq!(
             fault("3  0  1  2", "3 0 1 -1"),
             "face 1 of 2: vertex -1, expected one of the 4 before it"
+        );
+        assert_eq!(
+            fault("3  0  1  2", "3 0 1 2.5"),
+            "face 1 of 2: vertex 2.5, expected one of the 4 before it"
         );
         assert_eq!(
             fault("vertex 4", "vertex x"),

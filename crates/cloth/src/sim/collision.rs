@@ -263,7 +263,9 @@ fn project<V: Lanes>(
     let depth = gap.depth - layers.thickness * (1.0 - recovered).max(0.0);
     let w = index.map(|v| w[v].get(lane));
     let by_weight = |power: i32| (0..4).map(move |i| w[i] * gap.weight[i].abs().powi(power));
-    let sum = by_weight(2).sum::<f64>().max(by_weight(1).fold(0.0, f64::max));
+    let sum = by_weight(2)
+        .sum::<f64>()
+        .max(by_weight(1).fold(0.0, f64::max));
     let movable = sum > 0.0;
     if depth <= 0.0 || !movable {
         return 0.0;
