@@ -236,7 +236,7 @@ fn count_beneath(pairs: &[Pair], x: &[Vec3], beneath: &mut [u8], normal: impl Fn
 /// coefficient times the push). Returns what was missing [m].
 ///
 /// Shares add up to zero and the push is along the line between the nearest points, so neither
-/// changes the momentum of free vertices. No vertex moves by more than is missing: where the only
+/// changes the momentum of free vertices. No vertex is pushed by more than is missing: where the only
 /// free one is far from the nearest points, it would by a hundred times as much.
 #[inline(always)]
 fn project<V: Lanes>(
@@ -305,20 +305,25 @@ mod tests {
 
     const THICKNESS: f64 = 0.35e-3;
 
-    /// Projects a vertex at `height` thicknesses over the triangle (0, 0), (1, 0), (0, 1) m, from
-    /// `before` thicknesses at the start of the substep, and returns where all four end up.
-    fn projected(at: [f64; 2], before: f64, height: f64, free: [bool; 4]) -> [[f64; 3]; 4] {
+    /// Projects a vertex at `height` thicknesses on one side of the triangle (0, 0), (1, 0), (0, 1) m,
+    /// from `before` thicknesses at the start of the substep, and returns where all four end up.
+    fn projected(
+        side: f64,
+        at: [f64; 2],
+        [before, height]: [f64; 2],
+        free: [bool; 4],
+    ) -> [[f64; 3]; 4] {
         let lamina = Lamina::new(&BlankConfig::default(), Material::interglas_92125()).unwrap();
         let layers = Layers::new(&lamina, SelfCollision::ThicknessMm(1e3 * THICKNESS), None);
         let mut x = [
-            [at[0], at[1], height * THICKNESS],
+            [at[0], at[1], side * height * THICKNESS],
             [0.0, 0.0, 0.0],
             [1.0, 0.0, 0.0],
             [0.0, 1.0, 0.0],
         ]
         .map(Vec3x);
         let mut previous = x;
-        previous[0].0[2] = before * THICKNESS;
+        previous[0].0[2] = side * before * THICKNESS;
         let far_below = Plane {
             normal: Vec3x([0.0, 0.0, 1.0]),
             offset: -1.0,
@@ -331,10 +336,10 @@ mod tests {
         let pair = Pair {
             kind: Kind::VertexFace,
             vertices: [0, 1, 2, 3],
-            side: 1.0,
+            side,
         };
         project::<f64>(&layers.unwrap(), &pair, 0, &mut x, &around);
-        x.map(|x| x.0.map(|x| x / THICKNESS))
+        x.map(|x| x.0.map(|x| side * x / THICKNESS))
     }
 
     /// What a substep does is taken back whole; what overlapped before comes apart slowly, even more
@@ -342,8 +347,12 @@ mod tests {
     #[test]
     fn only_what_overlapped_before_comes_apart_slowly() {
         let height = |before: f64, now: f64| {
-            let [p, a, ..] = projected([0.0, 0.0], before, now, [true; 4]);
-            p[2] - a[2]
+            let [up, down] = [1.0, -1.0].map(|side| {
+                let [p, a, ..] = projected(side, [0.0, 0.0], [before, now], [true; 4]);
+                p[2] - a[2]
+            });
+            assert_eq!(up, down);
+            up
         };
         let close = |found: f64, expected: f64| {
             assert!((found - expected).abs() < 1e-9, "{found}, {expected}");
@@ -359,7 +368,7 @@ mod tests {
     /// hundred times as far as the layers overlap.
     #[test]
     fn no_vertex_moves_by_more_than_the_layers_overlap() {
-        let [p, _, b, _] = projected([0.01, 0.3], 2.0, 0.0, [false, false, true, false]);
+        let [p, _, b, _] = projected(1.0, [0.01, 0.3], [2.0, 0.0], [false, false, true, false]);
         assert_eq!(p[2], 0.0);
         assert!((b[2] + 1.0).abs() < 1e-9, "{b:?}");
     }

@@ -54,6 +54,9 @@ fn own_features(images: &Tensor<4>, layers: &[Layer], isa: Isa) -> Option<Tensor
     let inner = inner.to_contiguous();
     let numbers = inner.as_slice().expect("contiguous numbers are f32");
     let [batch, _, rows, columns] = images.dims();
+    if batch == 0 {
+        return None;
+    }
 
     let stages = layers.iter().map(|layer| {
         let [outputs, inputs, ..] = layer.conv.weight.dims();
@@ -148,9 +151,15 @@ mod tests {
         pairs.map(conv).collect()
     }
 
+    /// The last image is of zeros and ones, as most are: equal numbers compete for the maximum.
     fn noise(shape: [usize; 4], device: &Device) -> Tensor<4> {
         let mut rng = ChaCha8Rng::seed_from_u64(5);
-        let numbers = (0..shape.iter().product()).map(|_| rng.random::<f32>() - 0.5);
+        let count: usize = shape.iter().product();
+        let flat = count - count / shape[0];
+        let numbers = (0..count).map(|k| match k < flat {
+            true => rng.random::<f32>() - 0.5,
+            false => f32::from(u8::from(k % shape[3] > shape[3] / 2)),
+        });
         let numbers: Vec<f32> = numbers.collect();
         Tensor::from_data(TensorData::new(numbers, shape), device)
     }
@@ -213,6 +222,28 @@ mod tests {
         }
     }
 
+    /// As with burn's operations: the trainer stops at the first loss that is not finite.
+    #[test]
+    fn what_is_not_finite_shows() {
+        let device = Device::flex().autodiff();
+        let convolutions = convolutions(&[1, 2, 2], &device);
+        for number in [f32::NAN, f32::INFINITY] {
+            for pool in [false, true] {
+                let mut numbers = vec![0.0; 64];
+                numbers[27] = number;
+                let images = TensorData::new(numbers, [1, 1, 8, 8]);
+                let images = Tensor::from_data(images, &device);
+                let layers: Vec<Layer> = convolutions
+                    .iter()
+                    .map(|conv| Layer { conv, pool })
+                    .collect();
+                let found = own_features(&images, &layers, Isa::best()).unwrap();
+                let found = found.into_data().try_into_vec::<f32>().unwrap();
+                assert!(found.iter().any(|x| !x.is_finite()), "{number} {pool}");
+            }
+        }
+    }
+
     #[test]
     fn inference_gives_the_bits_of_training() {
         let device = Device::flex().autodiff();
@@ -221,7 +252,9 @@ mod tests {
         let numbers = |convolutions: &[Conv], images| {
             let layer = |conv| Layer { conv, pool: true };
             let layers: Vec<Layer> = convolutions.iter().map(layer).collect();
-            let features = features(images, &layers).into_data();
+            let features = own_features(&images, &layers, Isa::best())
+                .unwrap()
+                .into_data();
             features.try_into_vec::<f32>().unwrap()
         };
         let valid: Vec<Conv> = convolutions.iter().map(|conv| conv.valid()).collect();

@@ -1,8 +1,6 @@
 //! Convolutions one after the other and their gradients, group of images by group: what one
 //! convolution writes the next one reads from the cache. Threads share the groups.
 
-// No closure of `map` on arrays computes with lanes: it would be compiled without their instructions.
-
 use super::conv::{Plane, Weights, at_weight, convolve, correlate, sum_count};
 #[cfg(target_arch = "x86_64")]
 use drape_cloth::math::{F32x8, F32x16};
@@ -69,6 +67,7 @@ impl Stages {
         parameters: &[f32],
         images: &[f32],
     ) -> (Vec<f32>, Pullback) {
+        const { assert!(UNIT.is_multiple_of(V::COUNT)) };
         let net = Net::<N>::new(self, parameters);
         let [seen, wide] = [net.input_width(), net.feature_width()];
         let count = parameters.len();
@@ -189,7 +188,9 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Forward<'_, V, N> {
     #[inline(always)]
     fn run(self) {
         let net = self.net;
-        let mut x = planes(net.planes[0], net.stages[0].inputs, self.images);
+        let (inputs, plane) = (net.stages[0].inputs, net.planes[0]);
+        let mut x = vec![V::zero(); inputs * plane.len()];
+        fill(&mut x, plane, inputs, self.images);
         for (k, stage) in net.stages.iter().enumerate() {
             let (plane, next) = (net.planes[k], net.planes[k + 1]);
             let mut y = vec![V::zero(); stage.outputs * next.len()];
@@ -228,14 +229,14 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Forward<'_, V, N> {
             self.kept.planes.push(std::mem::replace(&mut x, y));
             self.kept.winners.push(winners);
         }
-        let (channels, plane) = net.feature_plane();
+        let (_, plane) = net.feature_plane();
         for (lane, features) in self
             .features
             .chunks_exact_mut(net.feature_width())
             .enumerate()
         {
             let rows = features.chunks_exact_mut(plane.columns).enumerate();
-            for (row, features) in rows.take(channels * plane.rows) {
+            for (row, features) in rows {
                 let from = &x[plane.at(row / plane.rows, row % plane.rows, 0)..];
                 for (feature, from) in features.iter_mut().zip(from) {
                     *feature = from.as_slice()[lane];
@@ -263,7 +264,9 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
         let (channels, plane) = net.feature_plane();
         // Of what a stage gives.
         let [gradient, own] = self.scratch;
-        *gradient = planes(plane, channels, self.gradient);
+        let planes = part(gradient, channels * plane.len());
+        planes.fill(V::zero());
+        fill(planes, plane, channels, self.gradient);
         for (k, stage) in net.stages.iter().enumerate().rev() {
             let (plane, next) = (net.planes[k], net.planes[k + 1]);
             let x = &self.kept.planes[k];
@@ -331,10 +334,9 @@ fn clear_border<V: Lanes<Scalar = f32>>(planes: &mut [V], plane: Plane, pooled: 
     }
 }
 
-/// Images `[image, channel, row, column]` as planes; lanes without an image have zeros.
+/// Puts images `[image, channel, row, column]` into planes of zeros.
 #[inline(always)]
-fn planes<V: Lanes<Scalar = f32>>(plane: Plane, channels: usize, images: &[f32]) -> Vec<V> {
-    let mut planes = vec![V::zero(); channels * plane.len()];
+fn fill<V: Lanes<Scalar = f32>>(planes: &mut [V], plane: Plane, channels: usize, images: &[f32]) {
     for (lane, image) in images.chunks_exact(channels * plane.pixels()).enumerate() {
         for (row, image) in image.chunks_exact(plane.columns).enumerate() {
             let to = &mut planes[plane.at(row / plane.rows, row % plane.rows, 0)..];
@@ -343,18 +345,21 @@ fn planes<V: Lanes<Scalar = f32>>(plane: Plane, channels: usize, images: &[f32])
             }
         }
     }
-    planes
 }
 
-/// The greatest of four numbers above 0, and which it is: the first of equals, -1 for none.
+/// The greatest of four numbers above 0, and which it is: the first of equals, -1 for none. What is not
+/// finite gives NaN, so that nobody takes a network that has diverged for one that is sure.
 #[inline(always)]
 fn max<V: Lanes<Scalar = f32>>(numbers: [V; 4]) -> (V, V) {
+    let [a, b, c, d] = numbers;
+    let sum = (a + b) + (c + d);
     let mut best = (V::zero(), V::splat(-1.0));
     for (x, index) in numbers.into_iter().zip([0.0, 1.0, 2.0, 3.0]) {
         let is_above = best.0.lt(x);
         best.0 = V::select(is_above, x, best.0);
         best.1 = V::select(is_above, V::splat(index), best.1);
     }
+    best.0 = best.0 + (sum - sum);
     best
 }
 
