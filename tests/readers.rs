@@ -46,10 +46,12 @@ fn run_configurations() {
         .iter()
         .map(|name| fs::read(configs.join(name)).unwrap())
         .collect();
-    // Findings: a table as a list of its values, and samples that no memory holds.
+    // Findings: a table as a list of its values, samples that no memory holds, and a spacing that is
+    // looked at only when the tool is made.
     let values = "preset = \"paper\"\nppo.imitation = [4, 128, 0.3]\n";
     let samples = "ppo.imitation.samples = 9223372036854775807\n";
-    corpus.extend([TINY, values, samples].map(Into::into));
+    let spacing = format!("{TINY}grid.margin_mm = nan\n");
+    corpus.extend([TINY, values, samples, &spacing].map(Into::into));
     survives("run.toml", &corpus, 3000, |path| {
         let config = RunConfig::read(path).map_err(line)?;
         config.policy.validate(17, 17).map_err(line)?;
@@ -92,7 +94,9 @@ fn checkpoints() {
     // And behind a checksum that fits.
     let metrics = fs::read(&run.metrics).unwrap();
     let content = whole[20..whole.len() - 4].to_vec();
-    survives("content.drape", &[content], 150, |path| {
+    // A finding: a number that does not end.
+    let endless = vec![0xff; 20];
+    survives("content.drape", &[content, endless], 150, |path| {
         let content = fs::read(path).unwrap();
         let length = (content.len() as u64).to_le_bytes();
         let mut bytes = [&whole[..12], &length, &content].concat();

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::RunConfig;
 use super::folder::RunFolder;
-use drape_cloth::file::{WriteError, read_bytes, write_atomic};
+use drape_cloth::file::{WriteError, in_words, read_bytes, write_atomic};
 use drape_learn::ppo::Sections;
 
 /// Binary at a glance, and broken by transfers that rewrite line ends.
@@ -55,7 +55,7 @@ pub enum Fault {
     Length { found: u64, expected: u64 },
     #[error("checksum is {found:08x}, expected {expected:08x}: it is damaged")]
     Checksum { found: u32, expected: u32 },
-    #[error("content is none of a checkpoint: {0}")]
+    #[error("content is none of a checkpoint: {}", in_words(.0))]
     Content(postcard::Error),
 }
 

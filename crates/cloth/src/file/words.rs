@@ -5,7 +5,7 @@ pub(super) const NAMELESS: &str = "invalid type, expected a name in quotes or a 
 const LARGE: &str = "`, expected at most 9223372036854775807";
 
 /// What parsers say, and what they mean for whoever wrote the file.
-const WORDS: [(&str, &str); 28] = [
+const WORDS: [(&str, &str); 30] = [
     (
         "wanted exactly 1 element, more than 1 element",
         "several kinds of what can be one only",
@@ -43,6 +43,11 @@ const WORDS: [(&str, &str); 28] = [
         "invalid value, expected at most 9223372036854775807",
     ),
     ("trailing characters", "more than was expected"),
+    (
+        "Found a varint that didn't terminate. Is the usize too big for this platform?",
+        "a number that does not end",
+    ),
+    ("that was > u32::max_value()", "that is too large"),
 ];
 
 /// A message of a parser, which may have several lines and names Rust's types, in one line and in

@@ -255,6 +255,7 @@ impl SceneConfig {
 
     /// Checks all values that are not checked by the parts they belong to.
     pub fn check(&self) -> Result<(), SceneError> {
+        self.tool.check().map_err(|error| error.within("tool"))?;
         self.physics.check()?;
         self.blank.check()?;
         let (fall, placement) = (&self.fall, &self.placement);

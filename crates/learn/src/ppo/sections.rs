@@ -1,3 +1,4 @@
+use drape_cloth::file::in_words;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
@@ -24,7 +25,10 @@ pub fn read_section<V>(
 ) -> Result<V, SectionError> {
     let bytes = sections.get(section).ok_or("missing".to_owned());
     let read = bytes.and_then(|bytes| read(bytes));
-    read.map_err(|reason| SectionError { section, reason })
+    read.map_err(|reason| SectionError {
+        section,
+        reason: in_words(reason),
+    })
 }
 
 /// Plain data as bytes.
