@@ -359,7 +359,7 @@ fn max<V: Lanes<Scalar = f32>>(numbers: [V; 4]) -> (V, V) {
         best.0 = V::select(is_above, x, best.0);
         best.1 = V::select(is_above, V::splat(index), best.1);
     }
-    best.0 = best.0 + (sum - sum);
+    best.0 = sum.mul_add(V::zero(), best.0);
     best
 }
 
