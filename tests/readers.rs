@@ -46,12 +46,12 @@ fn run_configurations() {
         .iter()
         .map(|name| fs::read(configs.join(name)).unwrap())
         .collect();
-    // Findings: a table as a list of its values, samples that no memory holds, and a spacing that is
-    // looked at only when the tool is made.
+    // Findings: a table as a list of its values, samples that no memory holds, and a number of the
+    // grid's that was looked at only when the tool was made.
     let values = "preset = \"paper\"\nppo.imitation = [4, 128, 0.3]\n";
     let samples = "ppo.imitation.samples = 9223372036854775807\n";
-    let spacing = format!("{TINY}grid.margin_mm = nan\n");
-    corpus.extend([TINY, values, samples, &spacing].map(Into::into));
+    let margin = format!("{TINY}grid.margin_mm = nan\n");
+    corpus.extend([TINY, values, samples, &margin].map(Into::into));
     survives("run.toml", &corpus, 3000, |path| {
         let config = RunConfig::read(path).map_err(line)?;
         config.policy.validate(17, 17).map_err(line)?;

@@ -414,6 +414,40 @@ mod tests {
         }
     }
 
+    struct Fuse<V>(V);
+
+    impl<V: Lanes> Kernel for &mut Fuse<V> {
+        #[inline(always)]
+        fn run(self) {
+            let [one, small] = [V::of(1.0), self.0];
+            self.0 = (one + small).mul_add(one - small, V::zero() - one);
+        }
+    }
+
+    /// (1 + x) (1 - x) - 1 = -x^2, of which nothing is left where the product is rounded.
+    #[test]
+    fn fused_products_are_rounded_once() {
+        fn fused<V: Lanes>(x: f64) -> bool {
+            let mut fuse = Fuse(V::of(x));
+            V::vectorize(&mut fuse);
+            fuse.0
+                .as_slice()
+                .iter()
+                .all(|found| found.to_f64() == -x * x)
+        }
+        let [x32, x64] = [20, 40].map(|bits| 0.5f64.powi(bits));
+        for isa in Isa::available() {
+            let all_are = match isa {
+                Isa::Portable => fused::<Portable>(x32) && fused::<f32>(x32) && fused::<f64>(x64),
+                #[cfg(target_arch = "x86_64")]
+                Isa::Avx2 => fused::<F32x8>(x32) && fused::<F64x4>(x64),
+                #[cfg(target_arch = "x86_64")]
+                Isa::Avx512 => fused::<F32x16>(x32) && fused::<F64x8>(x64),
+            };
+            assert!(all_are, "{isa:?}");
+        }
+    }
+
     type Pairs = [[f64; 2]; 4];
 
     /// What the first lane finds at the start of a table.

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DeviceKind {
-    /// burn's `flex` backend on the CPU: always there, the same bits for any thread count.
+    /// burn's `flex` backend on the CPU, with convolutions of ours: always there, the same bits for any
+    /// thread count.
     #[default]
     Flex,
     /// burn's deprecated `ndarray` backend on the CPU; cargo feature `ndarray`.

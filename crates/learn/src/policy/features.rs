@@ -1,7 +1,8 @@
-//! Convolutions as one operation of burn's: on a CPU ours ([`Stages`]), elsewhere burn's own.
+//! Convolutions as one operation of burn's: on a CPU ours ([`super::stages`]), elsewhere burn's own.
 
+use super::conv::Plane;
 use super::layer::Conv;
-use super::stages::{Pullback, Stage, Stages};
+use super::stages::{Pullback, Stage, forward};
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
 use burn::backend::autodiff::grads::Gradients;
@@ -67,7 +68,6 @@ fn own_features(images: &Tensor<4>, layers: &[Layer], isa: Isa) -> Option<Tensor
             pool,
         }
     });
-    let stages = Stages::new(stages.collect(), rows, columns);
     let parameters = layers.iter().flat_map(|layer| {
         let (weight, bias) = (layer.conv.weight.val(), layer.conv.bias.val());
         [weight.reshape([-1]), bias]
@@ -75,7 +75,8 @@ fn own_features(images: &Tensor<4>, layers: &[Layer], isa: Isa) -> Option<Tensor
     let parameters = Tensor::cat(parameters.collect::<Vec<Tensor<1>>>(), 0);
     let values = parameters.to_data().try_into_vec::<f32>();
     let values = values.expect("parameters are f32");
-    let (features, pullback) = stages.forward(&values, numbers, isa);
+    let plane = Plane { rows, columns };
+    let (features, pullback) = forward(stages.collect(), plane, &values, numbers, isa);
 
     let shape = [batch, features.len() / batch];
     let features = Tensor::from_data(TensorData::new(features, shape), &Device::flex());

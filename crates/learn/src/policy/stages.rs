@@ -26,117 +26,109 @@ impl Stage {
 /// From the gradient of the features to that of the parameters.
 pub type Pullback = Arc<dyn Fn(&[f32]) -> Vec<f32> + Send + Sync>;
 
-/// Some stages for images of one size.
-#[derive(Debug)]
-pub struct Stages {
-    stages: Vec<Stage>,
-    /// Of what each stage is given, and of the features.
-    planes: Vec<Plane>,
-}
-
 /// Images whose gradients are added up before those of others: as many as the widest lanes.
 const UNIT: usize = 16;
 
-impl Stages {
-    /// `stages`, the first of which is given images of `rows` x `columns` pixels.
-    pub fn new(stages: Vec<Stage>, rows: usize, columns: usize) -> Self {
-        let mut planes = vec![Plane { rows, columns }];
-        for stage in &stages {
-            let plane = planes[planes.len() - 1];
-            planes.push(if stage.pool { plane.pooled() } else { plane });
-        }
-        Self { stages, planes }
+/// Features `[image, output, row, column]` of `images` `[image, input, row, column]` through
+/// `stages`, at least one, and how their gradient becomes that of `parameters`, which are, stage
+/// after stage, the weights `[output, input, tap]` and the biases. `plane` is that of the images;
+/// no stage may leave it without pixels.
+pub fn forward(
+    stages: Vec<Stage>,
+    plane: Plane,
+    parameters: &[f32],
+    images: &[f32],
+    isa: Isa,
+) -> (Vec<f32>, Pullback) {
+    // So many outputs at once, each with four pixels, are what the registers hold.
+    match isa {
+        Isa::Portable => run::<Portable, 2>(stages, plane, parameters, images),
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => run::<F32x8, 2>(stages, plane, parameters, images),
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx512 => run::<F32x16, 4>(stages, plane, parameters, images),
     }
+}
 
-    /// Features `[image, output, row, column]` of `images` `[image, input, row, column]`, and how
-    /// their gradient becomes that of `parameters`, which are, stage after stage, the weights
-    /// `[output, input, tap]` and the biases.
-    pub fn forward(self, parameters: &[f32], images: &[f32], isa: Isa) -> (Vec<f32>, Pullback) {
-        match isa {
-            Isa::Portable => self.run::<Portable, 2>(parameters, images),
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => self.run::<F32x8, 2>(parameters, images),
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => self.run::<F32x16, 4>(parameters, images),
-        }
-    }
-
-    /// `N` outputs at once, each with four pixels, are what the registers hold.
-    fn run<V: Lanes<Scalar = f32>, const N: usize>(
-        self,
-        parameters: &[f32],
-        images: &[f32],
-    ) -> (Vec<f32>, Pullback) {
-        const { assert!(UNIT.is_multiple_of(V::COUNT)) };
-        let net = Net::<N>::new(self, parameters);
-        let [seen, wide] = [net.input_width(), net.feature_width()];
-        let count = parameters.len();
-        let mut features = vec![0.0; images.len() / seen * wide];
-        let groups = images.par_chunks(V::COUNT * seen);
-        let groups = groups.zip(features.par_chunks_mut(V::COUNT * wide));
-        let kept: Vec<Kept<V>> = groups
+fn run<V: Lanes<Scalar = f32>, const N: usize>(
+    stages: Vec<Stage>,
+    plane: Plane,
+    parameters: &[f32],
+    images: &[f32],
+) -> (Vec<f32>, Pullback) {
+    const { assert!(UNIT.is_multiple_of(V::COUNT)) };
+    let net = Net::<N>::new(stages, plane, parameters);
+    let [seen, wide] = [net.input_width(), net.feature_width()];
+    let count = parameters.len();
+    let mut features = vec![0.0; images.len() / seen * wide];
+    let groups = images.par_chunks(V::COUNT * seen);
+    let groups = groups.zip(features.par_chunks_mut(V::COUNT * wide));
+    let kept: Vec<Kept<V>> = groups
+        .with_max_len(1)
+        .map(|(images, features)| {
+            let mut kept = Kept {
+                planes: Vec::new(),
+                winners: Vec::new(),
+            };
+            V::vectorize(Forward {
+                net: &net,
+                images,
+                features,
+                kept: &mut kept,
+            });
+            kept
+        })
+        .collect();
+    let pullback = move |gradient: &[f32]| {
+        // New memory for every group would cost as much time as a tenth of the work.
+        let scratches = Mutex::new(Vec::<[Vec<V>; 2]>::new());
+        let scratches = || scratches.lock().expect("no thread panics with the lock");
+        let units = kept.par_chunks(UNIT / V::COUNT);
+        let units = units.zip(gradient.par_chunks(UNIT * wide));
+        let sums: Vec<Vec<f32>> = units
             .with_max_len(1)
-            .map(|(images, features)| {
-                let mut kept = Kept {
-                    planes: Vec::new(),
-                    winners: Vec::new(),
-                };
-                V::vectorize(Forward {
-                    net: &net,
-                    images,
-                    features,
-                    kept: &mut kept,
-                });
-                kept
+            .map(|(kept, gradient)| {
+                let mut sums = vec![0.0; count];
+                let mut scratch = scratches().pop().unwrap_or_default();
+                for (kept, gradient) in kept.iter().zip(gradient.chunks(V::COUNT * wide)) {
+                    V::vectorize(Backward {
+                        net: &net,
+                        gradient,
+                        kept,
+                        sums: &mut sums,
+                        scratch: &mut scratch,
+                    });
+                }
+                scratches().push(scratch);
+                sums
             })
             .collect();
-        let pullback = move |gradient: &[f32]| {
-            // New memory for every group would cost as much time as a tenth of the work.
-            let scratches = Mutex::new(Vec::<[Vec<V>; 2]>::new());
-            let scratches = || scratches.lock().expect("no thread panics with the lock");
-            let units = kept.par_chunks(UNIT / V::COUNT);
-            let units = units.zip(gradient.par_chunks(UNIT * wide));
-            let sums: Vec<Vec<f32>> = units
-                .with_max_len(1)
-                .map(|(kept, gradient)| {
-                    let mut sums = vec![0.0; count];
-                    let mut scratch = scratches().pop().unwrap_or_default();
-                    for (kept, gradient) in kept.iter().zip(gradient.chunks(V::COUNT * wide)) {
-                        V::vectorize(Backward {
-                            net: &net,
-                            gradient,
-                            kept,
-                            sums: &mut sums,
-                            scratch: &mut scratch,
-                        });
-                    }
-                    scratches().push(scratch);
-                    sums
-                })
-                .collect();
-            // In the order of the images, whichever thread had them.
-            let mut total = vec![0.0; count];
-            for sums in sums {
-                total.iter_mut().zip(sums).for_each(|(t, sum)| *t += sum);
-            }
-            total
-        };
-        (features, Arc::new(pullback))
-    }
+        // In the order of the images, whichever thread had them.
+        let mut total = vec![0.0; count];
+        for sums in sums {
+            total.iter_mut().zip(sums).for_each(|(t, sum)| *t += sum);
+        }
+        total
+    };
+    (features, Arc::new(pullback))
 }
 
 /// Stages with the weights of both directions.
 struct Net<const N: usize> {
     stages: Vec<Stage>,
+    /// Of what each stage is given, and of the features.
     planes: Vec<Plane>,
     forward: Vec<Weights<N>>,
     backward: Vec<Weights<N>>,
 }
 
 impl<const N: usize> Net<N> {
-    fn new(Stages { stages, planes }: Stages, mut parameters: &[f32]) -> Self {
+    fn new(stages: Vec<Stage>, plane: Plane, mut parameters: &[f32]) -> Self {
+        let mut planes = vec![plane];
         let (mut forward, mut backward) = (Vec::new(), Vec::new());
         for stage in &stages {
+            let plane = planes[planes.len() - 1];
+            planes.push(if stage.pool { plane.pooled() } else { plane });
             let (inputs, outputs) = (stage.inputs, stage.outputs);
             let (weight, rest) = parameters.split_at(stage.weight_count());
             let (bias, rest) = rest.split_at(outputs);

@@ -79,8 +79,9 @@ impl Case {
 
     fn run(&self, isa: Isa) -> [Vec<f32>; 2] {
         let [parameters, images, gradient] = self.numbers();
-        let stages = Stages::new(self.stages(), self.size[0], self.size[1]);
-        let (features, pullback) = stages.forward(&parameters, &images, isa);
+        let [rows, columns] = self.size;
+        let plane = Plane { rows, columns };
+        let (features, pullback) = forward(self.stages(), plane, &parameters, &images, isa);
         [features, pullback(&gradient)]
     }
 }
@@ -127,6 +128,15 @@ fn plain(case: &Case, parameters: &[f64], images: &[f32]) -> Vec<f64> {
     all
 }
 
+/// Compares with f64, up to rounding relative to numbers of order one.
+fn assert_close(found: f32, expected: f64, tolerance: f64, place: &str) {
+    let error = (f64::from(found) - expected).abs();
+    assert!(
+        error < tolerance * (1.0 + expected.abs()),
+        "{place}: {error}"
+    );
+}
+
 #[test]
 fn features_are_those_of_the_definition() {
     for (index, case) in CASES.iter().enumerate() {
@@ -136,11 +146,7 @@ fn features_are_those_of_the_definition() {
         let [found, _] = case.run(Isa::best());
         assert_eq!(found.len(), expected.len());
         for (found, expected) in found.iter().zip(expected) {
-            let error = (f64::from(*found) - expected).abs();
-            assert!(
-                error < 1e-5 * (1.0 + expected.abs()),
-                "case {index}: {error}"
-            );
+            assert_close(*found, expected, 1e-5, &format!("case {index}"));
         }
     }
 }
@@ -162,11 +168,7 @@ fn gradients_are_those_of_finite_differences() {
             });
             parameters[k] = at;
             let expected = (above - below) / (2.0 * h);
-            let error = (f64::from(*found) - expected).abs();
-            assert!(
-                error < 1e-4 * (1.0 + expected.abs()),
-                "case {index}, {k}: {error}"
-            );
+            assert_close(*found, expected, 1e-4, &format!("case {index}, {k}"));
         }
     }
 }
