@@ -36,11 +36,19 @@ impl Plane {
         channel * self.len() + (row + 1) * self.stride() + column + 1
     }
 
-    /// The image of half the sides.
+    /// The image of half the sides, without an odd last row and column.
     pub fn pooled(self) -> Self {
         Self {
             rows: self.rows / 2,
             columns: self.columns / 2,
+        }
+    }
+
+    /// The image of half the sides, with them.
+    pub fn halved(self) -> Self {
+        Self {
+            rows: self.rows.div_ceil(2),
+            columns: self.columns.div_ceil(2),
         }
     }
 }

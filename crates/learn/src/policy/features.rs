@@ -2,6 +2,7 @@
 
 use super::conv::Plane;
 use super::layer::Conv;
+pub use super::stages::Kind;
 use super::stages::{Pullback, Stage, forward};
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
@@ -15,11 +16,10 @@ use burn::tensor::ops::MaxPoolOptions;
 use burn::tensor::{Device, Tensor, TensorData};
 use drape_cloth::math::Isa;
 
-/// A convolution with ReLU.
+/// A convolution with what comes before and after it.
 pub struct Layer<'a> {
     pub conv: &'a Conv,
-    /// Whether 2x2 max-pooling follows.
-    pub pool: bool,
+    pub kind: Kind,
 }
 
 /// Features `[batch, channel * row * column]` of images `[batch, channel, row, column]`. There is
@@ -35,14 +35,40 @@ pub fn features(images: Tensor<4>, layers: &[Layer]) -> Tensor<2> {
 
 /// Features by burn's own operations.
 pub fn burn_features(images: Tensor<4>, layers: &[Layer]) -> Tensor<2> {
-    let convolved = layers.iter().fold(images, |x, layer| {
-        let x = relu(layer.conv.forward(x));
-        match layer.pool {
-            true => max_pool2d(x, MaxPoolOptions::new([2, 2])),
-            false => x,
+    let mut kept: Vec<Tensor<4>> = Vec::new();
+    let convolved = layers.iter().fold(images, |mut x, layer| {
+        if layer.kind == Kind::Up {
+            let finer = kept.pop().expect("every Up has its Down");
+            let [_, _, rows, columns] = finer.dims();
+            x = squares(x).narrow(2, 0, rows).narrow(3, 0, columns) + finer;
+        }
+        let x = layer.conv.forward(x);
+        match layer.kind {
+            Kind::Linear => x,
+            Kind::Plain | Kind::Up => relu(x),
+            Kind::Pool => max_pool2d(relu(x), MaxPoolOptions::new([2, 2])),
+            Kind::Down => {
+                let x = relu(x);
+                kept.push(x.clone());
+                max_pool2d(even(x), MaxPoolOptions::new([2, 2]))
+            }
         }
     });
     convolved.flatten(1, 3)
+}
+
+/// Images with a row and a column of zeros more where they have an odd number.
+fn even(x: Tensor<4>) -> Tensor<4> {
+    let [_, _, rows, columns] = x.dims();
+    x.pad((0, columns % 2, 0, rows % 2), 0.0)
+}
+
+/// Images with a square of 2 x 2 pixels for each.
+fn squares(x: Tensor<4>) -> Tensor<4> {
+    let [batch, channels, rows, columns] = x.dims();
+    x.reshape([batch * channels, rows, 1, columns, 1])
+        .repeat(&[1, 1, 2, 1, 2])
+        .reshape([batch, channels, 2 * rows, 2 * columns])
 }
 
 /// Features by ours; none unless `images` are on the CPU, in burn's `flex`.
@@ -61,11 +87,11 @@ fn own_features(images: &Tensor<4>, layers: &[Layer], isa: Isa) -> Option<Tensor
 
     let stages = layers.iter().map(|layer| {
         let [outputs, inputs, ..] = layer.conv.weight.dims();
-        let pool = layer.pool;
+        let kind = layer.kind;
         Stage {
             inputs,
             outputs,
-            pool,
+            kind,
         }
     });
     let parameters = layers.iter().flat_map(|layer| {
@@ -169,14 +195,11 @@ mod tests {
     fn run(
         convolutions: &[Conv],
         images: Tensor<4>,
-        is_pooled: fn(usize) -> bool,
+        kinds: &[Kind],
         features: fn(Tensor<4>, &[Layer]) -> Tensor<2>,
     ) -> Vec<Vec<f32>> {
-        let layers = convolutions.iter().enumerate();
-        let layers = layers.map(|(k, conv)| Layer {
-            conv,
-            pool: is_pooled(k),
-        });
+        let layers = convolutions.iter().zip(kinds);
+        let layers = layers.map(|(conv, &kind)| Layer { conv, kind });
         let features = features(images, &layers.collect::<Vec<_>>());
         let gradients = (features.clone().square().sum() + features.clone().sum()).backward();
         let mut all: Vec<Vec<f32>> = vec![features.into_data().try_into_vec().unwrap()];
@@ -203,21 +226,30 @@ mod tests {
     #[test]
     fn features_and_gradients_are_those_of_burn() {
         let device = Device::flex().autodiff();
-        for (side, pools) in [(65, 3), (33, 3), (17, 2), (9, 1), (3, 1), (1, 0)] {
-            for channels in [&[3, 16, 32, 32][..], &[1, 1, 1], &[2, 7, 3, 5]] {
-                let convolutions = convolutions(channels, &device);
+        use Kind::{Down, Linear, Plain, Pool, Up};
+        let ours = |images: Tensor<4>, layers: &[Layer]| {
+            own_features(&images, layers, Isa::best()).expect("flex has ours")
+        };
+        for (side, kinds) in [
+            (65, &[Pool, Pool, Pool][..]),
+            (33, &[Pool, Pool, Pool]),
+            (17, &[Pool, Pool, Plain]),
+            (9, &[Pool, Plain, Plain]),
+            (3, &[Pool, Plain, Plain]),
+            (1, &[Plain, Plain, Plain]),
+            (33, &[Down, Up, Linear]),
+            (9, &[Down, Down, Plain, Up, Up, Linear]),
+        ] {
+            for channels in [&[3, 16, 32, 32][..], &[1, 1, 1, 1], &[2, 7, 3, 5]] {
+                let mut channels = channels.to_vec();
+                if kinds.contains(&Up) {
+                    // What is added to each other has equally many.
+                    channels = vec![channels[1]; kinds.len() + 1];
+                }
+                let convolutions = convolutions(&channels, &device);
                 let images = noise([5, channels[0], side, side], &device);
-                let is_pooled: fn(usize) -> bool = match pools {
-                    0 => |_| false,
-                    1 => |k| k == 0,
-                    2 => |k| k < 2,
-                    _ => |_| true,
-                };
-                let ours = |images: Tensor<4>, layers: &[Layer]| {
-                    own_features(&images, layers, Isa::best()).expect("flex has ours")
-                };
-                let found = run(&convolutions, images.clone(), is_pooled, ours);
-                let expected = run(&convolutions, images, is_pooled, burn_features);
+                let found = run(&convolutions, images.clone(), kinds, ours);
+                let expected = run(&convolutions, images, kinds, burn_features);
                 assert_close(&found, &expected, &format!("{side} {channels:?}"));
             }
         }
@@ -229,18 +261,18 @@ mod tests {
         let device = Device::flex().autodiff();
         let convolutions = convolutions(&[1, 2, 2], &device);
         for number in [f32::NAN, f32::INFINITY] {
-            for pool in [false, true] {
+            for kind in [Kind::Plain, Kind::Pool, Kind::Down] {
                 let mut numbers = vec![0.0; 64];
                 numbers[27] = number;
                 let images = TensorData::new(numbers, [1, 1, 8, 8]);
                 let images = Tensor::from_data(images, &device);
                 let layers: Vec<Layer> = convolutions
                     .iter()
-                    .map(|conv| Layer { conv, pool })
+                    .map(|conv| Layer { conv, kind })
                     .collect();
                 let found = own_features(&images, &layers, Isa::best()).unwrap();
                 let found = found.into_data().try_into_vec::<f32>().unwrap();
-                assert!(found.iter().any(|x| !x.is_finite()), "{number} {pool}");
+                assert!(found.iter().any(|x| !x.is_finite()), "{number} {kind:?}");
             }
         }
     }
@@ -251,7 +283,10 @@ mod tests {
         let convolutions = convolutions(&[3, 8, 8], &device);
         let images = noise([3, 3, 9, 9], &device);
         let numbers = |convolutions: &[Conv], images| {
-            let layer = |conv| Layer { conv, pool: true };
+            let layer = |conv| Layer {
+                conv,
+                kind: Kind::Pool,
+            };
             let layers: Vec<Layer> = convolutions.iter().map(layer).collect();
             let features = own_features(&images, &layers, Isa::best())
                 .unwrap()
@@ -272,7 +307,7 @@ mod tests {
             let device = device.autodiff();
             let convolutions = convolutions(&[3, 4, 5], &device);
             let images = noise([2, 3, 9, 9], &device);
-            run(&convolutions, images, |_| true, features)
+            run(&convolutions, images, &[Kind::Pool; 2], features)
         });
         assert_close(&found, &expected, "ndarray");
     }

@@ -31,6 +31,6 @@ pub use prediction::Prediction;
 
 /// What other networks can be built of.
 pub(crate) mod convolutions {
-    pub use super::features::{Layer, burn_features, features};
+    pub use super::features::{Kind, Layer, burn_features, features};
     pub use super::layer::{Conv, Dense, Initializer};
 }

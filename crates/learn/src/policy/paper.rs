@@ -1,5 +1,5 @@
 use super::config::PaperConfig;
-use super::features::{Layer, features};
+use super::features::{Kind, Layer, features};
 use super::layer::{Conv, Dense, Initializer, POLICY_GAIN, RELU_GAIN, VALUE_GAIN};
 use super::prediction::Prediction;
 use burn::module::Module;
@@ -83,8 +83,8 @@ impl Vgg {
     /// `[batch, 3, rows, columns]` to `[batch, outputs]`.
     fn forward(&self, image: Tensor<4>) -> Tensor<2> {
         let layers = self.blocks.iter().flat_map(|[first, second]| {
-            let layer = |conv, pool| Layer { conv, pool };
-            [layer(first, false), layer(second, true)]
+            let layer = |conv, kind| Layer { conv, kind };
+            [layer(first, Kind::Plain), layer(second, Kind::Pool)]
         });
         let mut x = features(image, &layers.collect::<Vec<_>>());
         for dense in &self.dense {

@@ -8,13 +8,28 @@ use drape_cloth::math::{Isa, Kernel, Lanes, Portable};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
-/// One 3x3 convolution with stride 1, padding 1, bias and ReLU.
+/// One 3x3 convolution with stride 1, padding 1 and bias.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage {
     pub inputs: usize,
     pub outputs: usize,
-    /// Whether 2x2 max-pooling follows.
-    pub pool: bool,
+    pub kind: Kind,
+}
+
+/// What comes before and after a convolution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// ReLU.
+    Plain,
+    /// No ReLU; the last stage only.
+    Linear,
+    /// ReLU and 2x2 max-pooling, which leaves out an odd last row and column.
+    Pool,
+    /// ReLU, which an [`Kind::Up`] takes later, and 2x2 max-pooling of all rows and columns.
+    Down,
+    /// Pixels become squares of 2 x 2, to which what the last [`Kind::Down`] without an `Up` has
+    /// kept is added. ReLU after the convolution.
+    Up,
 }
 
 impl Stage {
@@ -68,7 +83,7 @@ fn run<V: Lanes<Scalar = f32>, const N: usize>(
         .map(|(images, features)| {
             let mut kept = Kept {
                 planes: Vec::new(),
-                winners: Vec::new(),
+                stages: Vec::new(),
             };
             V::vectorize(Forward {
                 net: &net,
@@ -81,7 +96,7 @@ fn run<V: Lanes<Scalar = f32>, const N: usize>(
         .collect();
     let pullback = move |gradient: &[f32]| {
         // New memory for every group would cost as much time as a tenth of the work.
-        let scratches = Mutex::new(Vec::<[Vec<V>; 2]>::new());
+        let scratches = Mutex::new(Vec::<Scratch<V>>::new());
         let scratches = || scratches.lock().expect("no thread panics with the lock");
         let units = kept.par_chunks(UNIT / V::COUNT);
         let units = units.zip(gradient.par_chunks(UNIT * wide));
@@ -89,7 +104,11 @@ fn run<V: Lanes<Scalar = f32>, const N: usize>(
             .with_max_len(1)
             .map(|(kept, gradient)| {
                 let mut sums = vec![0.0; count];
-                let mut scratch = scratches().pop().unwrap_or_default();
+                let mut scratch = scratches().pop().unwrap_or_else(|| Scratch {
+                    gradient: Vec::new(),
+                    own: Vec::new(),
+                    skipped: Vec::new(),
+                });
                 for (kept, gradient) in kept.iter().zip(gradient.chunks(V::COUNT * wide)) {
                     V::vectorize(Backward {
                         net: &net,
@@ -116,19 +135,30 @@ fn run<V: Lanes<Scalar = f32>, const N: usize>(
 /// Stages with the weights of both directions.
 struct Net<const N: usize> {
     stages: Vec<Stage>,
-    /// Of what each stage is given, and of the features.
-    planes: Vec<Plane>,
+    /// Of what each stage convolves, and of what it gives.
+    planes: Vec<[Plane; 2]>,
     forward: Vec<Weights<N>>,
     backward: Vec<Weights<N>>,
 }
 
 impl<const N: usize> Net<N> {
-    fn new(stages: Vec<Stage>, plane: Plane, mut parameters: &[f32]) -> Self {
-        let mut planes = vec![plane];
+    fn new(stages: Vec<Stage>, mut plane: Plane, mut parameters: &[f32]) -> Self {
+        let (mut planes, mut skipped) = (Vec::new(), Vec::new());
         let (mut forward, mut backward) = (Vec::new(), Vec::new());
         for stage in &stages {
-            let plane = planes[planes.len() - 1];
-            planes.push(if stage.pool { plane.pooled() } else { plane });
+            if stage.kind == Kind::Up {
+                plane = skipped.pop().expect("every Up has its Down");
+            }
+            let next = match stage.kind {
+                Kind::Plain | Kind::Linear | Kind::Up => plane,
+                Kind::Pool => plane.pooled(),
+                Kind::Down => {
+                    skipped.push(plane);
+                    plane.halved()
+                }
+            };
+            planes.push([plane, next]);
+            plane = next;
             let (inputs, outputs) = (stage.inputs, stage.outputs);
             let (weight, rest) = parameters.split_at(stage.weight_count());
             let (bias, rest) = rest.split_at(outputs);
@@ -147,12 +177,12 @@ impl<const N: usize> Net<N> {
     }
 
     fn input_width(&self) -> usize {
-        self.stages[0].inputs * self.planes[0].pixels()
+        self.stages[0].inputs * self.planes[0][0].pixels()
     }
 
     fn feature_plane(&self) -> (usize, Plane) {
-        let last = self.stages.len();
-        (self.stages[last - 1].outputs, self.planes[last])
+        let last = self.stages.len() - 1;
+        (self.stages[last].outputs, self.planes[last][1])
     }
 
     fn feature_width(&self) -> usize {
@@ -163,10 +193,19 @@ impl<const N: usize> Net<N> {
 
 /// What a group's gradients need.
 struct Kept<V> {
-    /// Planes that each stage was given, and the features.
+    /// Planes that were convolved and those that came of it.
     planes: Vec<Vec<V>>,
+    stages: Vec<KeptStage<V>>,
+}
+
+/// What the gradients of a stage need.
+struct KeptStage<V> {
+    /// What it has convolved, by its number among the planes.
+    input: usize,
+    /// What came of it before pooling, likewise; none if only the maxima count or there is no ReLU.
+    output: Option<usize>,
     /// Of each pooled pixel the one of its four that it is, or -1 where none is above 0.
-    winners: Vec<Vec<V>>,
+    winners: Vec<V>,
 }
 
 struct Forward<'a, V, const N: usize> {
@@ -179,54 +218,89 @@ struct Forward<'a, V, const N: usize> {
 impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Forward<'_, V, N> {
     #[inline(always)]
     fn run(self) {
-        let net = self.net;
-        let (inputs, plane) = (net.stages[0].inputs, net.planes[0]);
+        let (net, Kept { planes, stages }) = (self.net, self.kept);
+        let (inputs, plane) = (net.stages[0].inputs, net.planes[0][0]);
         let mut x = vec![V::zero(); inputs * plane.len()];
         fill(&mut x, plane, inputs, self.images);
+        planes.push(x);
+        let mut skipped: Vec<usize> = Vec::new();
         for (k, stage) in net.stages.iter().enumerate() {
-            let (plane, next) = (net.planes[k], net.planes[k + 1]);
-            let mut y = vec![V::zero(); stage.outputs * next.len()];
-            let mut winners = Vec::new();
-            if stage.pool {
-                winners = vec![V::zero(); stage.outputs * next.pixels()];
-                let size = [2 * next.rows, 2 * next.columns];
-                convolve(
-                    &x,
-                    plane,
-                    size,
-                    &net.forward[k],
-                    |output, row, column, sum| {
-                        let (row, column) = (row / 2, column / 2);
-                        let pixel =
-                            &mut winners[output * next.pixels() + row * next.columns + column];
-                        (y[next.at(output, row, column)], *pixel) = max(sum);
-                    },
-                );
-            } else {
-                let size = [next.rows, next.columns];
-                convolve(
-                    &x,
-                    plane,
-                    size,
-                    &net.forward[k],
-                    |output, row, column, mut sum| {
-                        for x in &mut sum {
-                            *x = V::zero().max(*x);
-                        }
-                        put(&mut y, next, [output, row, column], sum);
-                    },
-                );
-                clear_extension(&mut y, next);
+            let [plane, next] = net.planes[k];
+            if stage.kind == Kind::Up {
+                let kept = skipped.pop().expect("every Up has its Down");
+                let coarse = (&*planes[planes.len() - 1], net.planes[k - 1][1]);
+                planes.push(spread(coarse, &planes[kept], plane));
             }
-            self.kept.planes.push(std::mem::replace(&mut x, y));
-            self.kept.winners.push(winners);
+            let input = planes.len() - 1;
+            let x = &*planes[input];
+            let zeros = |plane: Plane| vec![V::zero(); stage.outputs * plane.len()];
+            let (mut y, mut winners) = (zeros(next), Vec::new());
+            let mut whole = Vec::new();
+            let weights = &net.forward[k];
+            match stage.kind {
+                Kind::Pool | Kind::Down => {
+                    winners = vec![V::zero(); stage.outputs * next.pixels()];
+                    if stage.kind == Kind::Down {
+                        whole = zeros(plane);
+                    }
+                    let size = [2 * next.rows, 2 * next.columns];
+                    convolve(
+                        x,
+                        plane,
+                        size,
+                        weights,
+                        |output, row, column, mut square| {
+                            if stage.kind == Kind::Down {
+                                square = square.map(|x| V::zero().max(x));
+                                if column + 1 == plane.columns {
+                                    (square[1], square[3]) = (V::zero(), V::zero());
+                                }
+                                if row + 1 == plane.rows {
+                                    (square[2], square[3]) = (V::zero(), V::zero());
+                                }
+                                put(&mut whole, plane, [output, row, column], square);
+                            }
+                            let (row, column) = (row / 2, column / 2);
+                            let pixel = output * next.pixels() + row * next.columns + column;
+                            (y[next.at(output, row, column)], winners[pixel]) = max(square);
+                        },
+                    );
+                }
+                Kind::Plain | Kind::Up | Kind::Linear => {
+                    let size = [next.rows, next.columns];
+                    convolve(
+                        x,
+                        plane,
+                        size,
+                        weights,
+                        |output, row, column, mut square| {
+                            if stage.kind != Kind::Linear {
+                                square = square.map(|x| V::zero().max(x));
+                            }
+                            put(&mut y, next, [output, row, column], square);
+                        },
+                    );
+                    clear_extension(&mut y, next);
+                }
+            }
+            let output = match stage.kind {
+                Kind::Linear | Kind::Pool => None,
+                _ => Some(planes.len()),
+            };
+            if stage.kind == Kind::Down {
+                skipped.push(planes.len());
+                planes.push(whole);
+            }
+            planes.push(y);
+            stages.push(KeptStage {
+                input,
+                output,
+                winners,
+            });
         }
-        let (_, plane) = net.feature_plane();
-        for (lane, features) in self
-            .features
-            .chunks_exact_mut(net.feature_width())
-            .enumerate()
-        {
+        let (x, (_, plane)) = (&planes[planes.len() - 1], net.feature_plane());
+        let images = self.features.chunks_exact_mut(net.feature_width());
+        for (lane, features) in images.enumerate() {
             let rows = features.chunks_exact_mut(plane.columns).enumerate();
             for (row, features) in rows {
                 let from = &x[plane.at(row / plane.rows, row % plane.rows, 0)..];
@@ -235,7 +309,6 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Forward<'_, V, N> {
                 }
             }
         }
-        self.kept.planes.push(x);
     }
 }
 
@@ -246,7 +319,15 @@ struct Backward<'a, V, const N: usize> {
     /// Gradients of the parameters, to which those of this group are added.
     sums: &'a mut [f32],
     /// Memory to work in; what is in it does not matter.
-    scratch: &'a mut [Vec<V>; 2],
+    scratch: &'a mut Scratch<V>,
+}
+
+/// Gradients of what a stage gives, of what its convolution gives, and of what was kept for
+/// stages further up.
+struct Scratch<V> {
+    gradient: Vec<V>,
+    own: Vec<V>,
+    skipped: Vec<Vec<V>>,
 }
 
 impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
@@ -254,24 +335,41 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
     fn run(self) {
         let (net, mut sums) = (self.net, self.sums);
         let (channels, plane) = net.feature_plane();
-        // Of what a stage gives.
-        let [gradient, own] = self.scratch;
+        let Scratch {
+            gradient,
+            own,
+            skipped,
+        } = self.scratch;
         let planes = part(gradient, channels * plane.len());
         planes.fill(V::zero());
         fill(planes, plane, channels, self.gradient);
+        let mut skips = 0;
         for (k, stage) in net.stages.iter().enumerate().rev() {
-            let (plane, next) = (net.planes[k], net.planes[k + 1]);
-            let x = &self.kept.planes[k];
-            // Of what its convolution gives.
+            let ([plane, next], kept) = (net.planes[k], &self.kept.stages[k]);
+            let x = &self.kept.planes[kept.input];
             let own = part(own, stage.outputs * plane.len());
-            if stage.pool {
-                clear_border(own, plane, next);
-                unpool(gradient, next, &self.kept.winners[k], own, plane);
-            } else {
-                let pairs = gradient.iter().zip(&self.kept.planes[k + 1]);
-                for (own, (gradient, y)) in own.iter_mut().zip(pairs) {
-                    *own = V::select(V::zero().lt(*y), *gradient, V::zero());
+            let output = kept.output.map(|output| &*self.kept.planes[output]);
+            let below = |gradient: V, y: V| V::select(V::zero().lt(y), gradient, V::zero());
+            match (stage.kind, output) {
+                (Kind::Plain | Kind::Up, Some(y)) => {
+                    let pairs = gradient.iter().zip(y);
+                    for (own, (gradient, y)) in own.iter_mut().zip(pairs) {
+                        *own = below(*gradient, *y);
+                    }
                 }
+                (Kind::Down, Some(y)) => {
+                    clear_border(own, plane, next);
+                    unpool(gradient, next, &kept.winners, own, plane);
+                    skips -= 1;
+                    for (own, (gradient, y)) in own.iter_mut().zip(skipped[skips].iter().zip(y)) {
+                        *own = *own + below(*gradient, *y);
+                    }
+                }
+                (Kind::Pool, _) => {
+                    clear_border(own, plane, next);
+                    unpool(gradient, next, &kept.winners, own, plane);
+                }
+                _ => own.copy_from_slice(&gradient[..own.len()]),
             }
             let (rest, biases) = sums.split_at_mut(sums.len() - stage.outputs);
             for (bias, own) in biases.iter_mut().zip(own.chunks_exact(plane.len())) {
@@ -285,18 +383,30 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
                 0 => add_weights::<V, 4, N>(x, own, plane, *stage, weights),
                 _ => add_weights::<V, 3, N>(x, own, plane, *stage, weights),
             }
-            if k > 0 {
-                let gradient = part(gradient, stage.inputs * plane.len());
-                let size = [plane.rows, plane.columns];
-                convolve(
-                    own,
-                    plane,
-                    size,
-                    &net.backward[k],
-                    |input, row, column, sum| {
-                        put(gradient, plane, [input, row, column], sum);
-                    },
-                );
+            if k == 0 {
+                break;
+            }
+            let planes = part(gradient, stage.inputs * plane.len());
+            let size = [plane.rows, plane.columns];
+            convolve(
+                own,
+                plane,
+                size,
+                &net.backward[k],
+                |input, row, column, square| {
+                    put(planes, plane, [input, row, column], square);
+                },
+            );
+            if stage.kind == Kind::Up {
+                clear_extension(planes, plane);
+                if skipped.len() == skips {
+                    skipped.push(Vec::new());
+                }
+                part(&mut skipped[skips], planes.len()).copy_from_slice(planes);
+                let coarse = net.planes[k - 1][1];
+                let planes = part(gradient, stage.inputs * coarse.len());
+                gather(&skipped[skips], plane, planes, coarse);
+                skips += 1;
             }
         }
     }
@@ -321,6 +431,44 @@ fn clear_border<V: Lanes<Scalar = f32>>(planes: &mut [V], plane: Plane, pooled: 
                 numbers[2 * pooled.columns + 1..].fill(V::zero());
             } else {
                 numbers.fill(V::zero());
+            }
+        }
+    }
+}
+
+/// Planes whose pixels are those of `kept` and of the `coarse` squares around them.
+#[inline(always)]
+fn spread<V: Lanes<Scalar = f32>>(
+    (coarse, coarse_plane): (&[V], Plane),
+    kept: &[V],
+    plane: Plane,
+) -> Vec<V> {
+    let mut all = kept.to_vec();
+    for channel in 0..kept.len() / plane.len() {
+        for row in 0..plane.rows {
+            let from = &coarse[coarse_plane.at(channel, row / 2, 0)..];
+            let to = &mut all[plane.at(channel, row, 0)..][..plane.columns];
+            for (column, to) in to.iter_mut().enumerate() {
+                *to = *to + from[column / 2];
+            }
+        }
+    }
+    all
+}
+
+/// Sums the gradients of the pixels that [`spread`] has added a coarse one to.
+#[inline(always)]
+fn gather<V: Lanes<Scalar = f32>>(fine: &[V], plane: Plane, coarse: &mut [V], coarse_plane: Plane) {
+    for channel in 0..coarse.len() / coarse_plane.len() {
+        for row in 0..coarse_plane.rows {
+            let [upper, lower] =
+                [0, 1].map(|k| &fine[plane.at(channel, 2 * row + k, 0)..][..plane.stride() - 2]);
+            let to = &mut coarse[coarse_plane.at(channel, row, 0)..][..coarse_plane.columns];
+            for (column, to) in to.iter_mut().enumerate() {
+                let pair = 2 * column..2 * column + 2;
+                let [[a, b], [c, d]] =
+                    [upper, lower].map(|fine| [fine[pair.start], fine[pair.end - 1]]);
+                *to = (a + b) + (c + d);
             }
         }
     }

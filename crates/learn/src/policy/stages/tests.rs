@@ -2,61 +2,73 @@ use super::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Images of `rows` x `columns` pixels through convolutions `(outputs, pool)`.
+/// Images of `rows` x `columns` pixels through convolutions `(outputs, kind)`.
 struct Case {
     images: usize,
     size: [usize; 2],
     inputs: usize,
-    layers: &'static [(usize, bool)],
+    layers: &'static [(usize, Kind)],
 }
 
 /// Odd sides, single pixels, channels that fill no vector, images that fill none.
-const CASES: [Case; 6] = [
-    Case {
-        images: 1,
-        size: [1, 1],
-        inputs: 1,
-        layers: &[(1, false)],
-    },
-    Case {
-        images: 3,
-        size: [1, 6],
-        inputs: 2,
-        layers: &[(3, false), (1, false)],
-    },
-    Case {
-        images: 17,
-        size: [5, 3],
-        inputs: 3,
-        layers: &[(5, true)],
-    },
-    Case {
-        images: 2,
-        size: [9, 7],
-        inputs: 3,
-        layers: &[(8, false), (8, true), (3, false), (5, true)],
-    },
-    Case {
-        images: 33,
-        size: [2, 3],
-        inputs: 1,
-        layers: &[(2, true), (4, false)],
-    },
-    Case {
-        images: 2,
-        size: [5, 66],
-        inputs: 4,
-        layers: &[(1, true), (6, true)],
-    },
-];
+const CASES: [Case; 9] = {
+    use Kind::*;
+    const fn case(
+        images: usize,
+        size: [usize; 2],
+        inputs: usize,
+        layers: &'static [(usize, Kind)],
+    ) -> Case {
+        Case {
+            images,
+            size,
+            inputs,
+            layers,
+        }
+    }
+    [
+        case(1, [1, 1], 1, &[(1, Plain)]),
+        case(3, [1, 6], 2, &[(3, Plain), (1, Plain)]),
+        case(17, [5, 3], 3, &[(5, Pool)]),
+        case(
+            2,
+            [9, 7],
+            3,
+            &[(8, Plain), (8, Pool), (3, Plain), (5, Pool)],
+        ),
+        case(33, [2, 3], 1, &[(2, Pool), (4, Plain)]),
+        case(2, [5, 66], 4, &[(1, Pool), (6, Pool)]),
+        case(1, [1, 1], 2, &[(4, Down), (4, Up), (3, Linear)]),
+        case(
+            17,
+            [5, 6],
+            3,
+            &[(4, Down), (4, Plain), (5, Up), (1, Linear)],
+        ),
+        case(
+            2,
+            [9, 7],
+            8,
+            &[
+                (5, Plain),
+                (3, Down),
+                (3, Down),
+                (3, Plain),
+                (3, Up),
+                (6, Up),
+                (2, Linear),
+            ],
+        ),
+    ]
+};
 
 impl Case {
     fn stages(&self) -> Vec<Stage> {
         let mut inputs = self.inputs;
-        let stage = |&(outputs, pool): &(usize, bool)| Stage {
+        let stage = |&(outputs, kind): &(usize, Kind)| Stage {
             inputs: std::mem::replace(&mut inputs, outputs),
             outputs,
-            pool,
+            kind,
         };
         self.layers.iter().map(stage).collect()
     }
@@ -68,7 +80,9 @@ impl Case {
             |count: usize| -> Vec<f32> { (0..count).map(|_| rng.random::<f32>() - 0.4).collect() };
         let stages = self.stages();
         let count = stages.iter().map(|s| s.weight_count() + s.outputs);
-        let pools = stages.iter().filter(|stage| stage.pool).count();
+        // Every Up has its Down, so only pools make images smaller here.
+        let pools = stages.iter().filter(|stage| stage.kind == Kind::Pool);
+        let pools = pools.count();
         let features = stages[stages.len() - 1].outputs * (self.size[0] >> pools);
         [
             draw(count.sum()),
@@ -92,7 +106,17 @@ fn plain(case: &Case, parameters: &[f64], images: &[f32]) -> Vec<f64> {
     for image in images.chunks(images.len() / case.images) {
         let mut x: Vec<f64> = image.iter().map(|&x| x.into()).collect();
         let ([mut rows, mut columns], mut at) = (case.size, 0);
+        let mut kept = Vec::new();
         for stage in case.stages() {
+            if stage.kind == Kind::Up {
+                let (finer, [down, right]): (Vec<f64>, [usize; 2]) = kept.pop().unwrap();
+                let sum = finer.iter().enumerate().map(|(k, kept)| {
+                    let (row, column) = (k / right, k % right);
+                    let (channel, row) = (row / down, row % down);
+                    kept + x[(channel * rows + row / 2) * columns + column / 2]
+                });
+                (x, [rows, columns]) = (sum.collect(), [down, right]);
+            }
             let weight = &parameters[at..];
             let bias = &weight[stage.weight_count()..];
             at += stage.weight_count() + stage.outputs;
@@ -107,21 +131,39 @@ fn plain(case: &Case, parameters: &[f64], images: &[f32]) -> Vec<f64> {
                         }
                     }
                 }
-                sum.max(0.0)
+                match stage.kind {
+                    Kind::Linear => sum,
+                    _ => sum.max(0.0),
+                }
             };
-            let step = if stage.pool { 2 } else { 1 };
-            let mut y = Vec::new();
+            let mut whole = Vec::new();
             for output in 0..stage.outputs {
-                for row in 0..rows / step {
-                    for column in 0..columns / step {
-                        let square = (0..step * step).map(|k| {
-                            pixel(output, row * step + k / step, column * step + k % step)
-                        });
-                        y.push(square.fold(0.0, f64::max));
-                    }
+                for row in 0..rows {
+                    whole.extend((0..columns).map(|column| pixel(output, row, column)));
                 }
             }
-            (rows, columns, x) = (rows / step, columns / step, y);
+            let halved = match stage.kind {
+                Kind::Pool => [rows / 2, columns / 2],
+                Kind::Down => [rows.div_ceil(2), columns.div_ceil(2)],
+                _ => {
+                    x = whole;
+                    continue;
+                }
+            };
+            let [down, right] = halved;
+            x = vec![0.0; stage.outputs * down * right];
+            for (k, &number) in whole.iter().enumerate() {
+                let (row, column) = (k / columns, k % columns);
+                let (output, row, column) = (row / rows, row % rows / 2, column / 2);
+                if row < down && column < right {
+                    let best = &mut x[(output * down + row) * right + column];
+                    *best = number.max(*best);
+                }
+            }
+            if stage.kind == Kind::Down {
+                kept.push((whole, [rows, columns]));
+            }
+            [rows, columns] = halved;
         }
         all.extend(x);
     }
