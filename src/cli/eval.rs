@@ -325,8 +325,13 @@ impl Loaded {
             let is_input = error.is::<OtherConfig>();
             Failure::new(error, is_input)
         })?;
-        let mut agent =
-            Agent::new(&config.policy, draping.shape(), config.seed, config.device).or_invalid()?;
+        let mut agent = Agent::new(
+            &config.policy,
+            (draping.shape(), draping.terrain()),
+            config.seed,
+            config.device,
+        )
+        .or_invalid()?;
         read_section(&checkpoint.sections, NETWORK, |bytes| agent.load(bytes))
             .with_context(|| path.display().to_string())?;
         Ok(agent)

@@ -269,11 +269,12 @@ const OPTIONAL: [(&str, &str); 6] = [
 ];
 
 /// Where a configuration has tables, beside those of its scene.
-const TABLES: [&str; 7] = [
+const TABLES: [&str; 8] = [
     "env",
     "policy",
     "policy.network.compact",
     "policy.network.paper",
+    "policy.network.unet",
     "ppo",
     "ppo.imitation",
     "scene",

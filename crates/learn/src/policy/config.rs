@@ -16,6 +16,7 @@ pub struct PolicyConfig {
 pub enum NetworkConfig {
     Paper(PaperConfig),
     Compact(CompactConfig),
+    Unet(UnetConfig),
 }
 
 /// The paper's network (Section 4.3): separate policy and value networks of VGG blocks
@@ -44,6 +45,18 @@ pub struct CompactConfig {
     /// Mixing blocks.
     pub blocks: usize,
     /// Units of the value head's dense layer.
+    pub value_hidden: usize,
+}
+
+/// A convolutional network with a logit a pixel (see `unet.rs`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UnetConfig {
+    /// Channels of each convolution.
+    pub channels: usize,
+    /// How often the image is halved.
+    pub levels: usize,
+    /// Units of the value's dense layer.
     pub value_hidden: usize,
 }
 
@@ -87,6 +100,10 @@ impl PolicyConfig {
             NetworkConfig::Compact(compact) => {
                 compact.validate()?;
                 compact.size(rows, columns)
+            }
+            NetworkConfig::Unet(unet) => {
+                unet.validate()?;
+                unet.size(rows, columns)
             }
         };
         let unless = |size: f64, of, most: f64| {
@@ -156,6 +173,25 @@ impl CompactConfig {
         within("network.compact.border", &[self.border], 0)?;
         within("network.compact.blocks", &[self.blocks], 0)?;
         positive("network.compact.value_hidden", &[self.value_hidden])
+    }
+}
+
+impl UnetConfig {
+    /// Parameters, but for biases, and numbers that are seen of an image.
+    fn size(&self, rows: usize, columns: usize) -> [f64; 2] {
+        let [channels, levels, hidden] =
+            [self.channels, self.levels, self.value_hidden].map(|size| size as f64);
+        let convolutions = 2.0 * levels * channels + 2.0 * 8.0;
+        let seen = 8.0 * (rows * columns) as f64;
+        [9.0 * channels * convolutions + 8.0 * hidden, seen]
+    }
+
+    fn validate(&self) -> Result<(), ValueError> {
+        positive("network.unet.channels", &[self.channels])?;
+        positive("network.unet.value_hidden", &[self.value_hidden])?;
+        let expected = "a number from 1 to 8";
+        let is_valid = (1..=8).contains(&self.levels);
+        ValueError::unless(is_valid, "network.unet.levels", self.levels, expected)
     }
 }
 

@@ -42,10 +42,19 @@ impl Initializer {
 
     /// A 3x3 convolution with stride 1, padding 1 and zero bias.
     pub fn conv(&mut self, inputs: usize, outputs: usize, gain: f64) -> Conv {
-        let weight = self.orthogonal(outputs, inputs * 9, gain);
+        self.conv_with_gains(inputs, &vec![gain; outputs])
+    }
+
+    /// The same with a gain for each output.
+    pub fn conv_with_gains(&mut self, inputs: usize, gains: &[f64]) -> Conv {
+        let (outputs, width) = (gains.len(), 9 * inputs);
+        let mut weight = self.orthogonal(outputs, width, 1.0);
+        for (weight, &gain) in weight.chunks_exact_mut(width).zip(gains) {
+            weight.iter_mut().for_each(|x| *x *= gain as f32);
+        }
         Conv {
             weight: Param::from_tensor(self.upload(weight, [outputs, inputs, 3, 3])),
-            bias: Param::from_tensor(Tensor::zeros([outputs], &self.device)),
+            bias: self.zeros([outputs]),
         }
     }
 

@@ -23,8 +23,9 @@ mod parameters;
 mod pixels;
 mod prediction;
 mod stages;
+mod unet;
 
-pub use config::{CompactConfig, NetworkConfig, PaperConfig, PolicyConfig};
+pub use config::{CompactConfig, NetworkConfig, PaperConfig, PolicyConfig, UnetConfig};
 pub use device::{DeviceError, DeviceKind};
 pub use network::{ActorCritic, Network};
 pub use prediction::Prediction;

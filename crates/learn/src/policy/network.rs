@@ -4,13 +4,15 @@ use super::layer::Initializer;
 use super::masked;
 use super::paper::PaperNetwork;
 use super::parameters;
-use super::pixels::{Patches, write_planes};
+use super::pixels::{PLANES, Patches, terrain_planes, write_all, write_planes};
 use super::prediction::Prediction;
+use super::unet::UnetNetwork;
 use burn::module::Module;
 use burn::tensor::{Bool, Device, Tensor, TensorData};
 use drape_cloth::file::ValueError;
-use drape_task::env::Observation;
+use drape_task::env::{ImageShape, Observation, Terrain};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// The parameters of a policy and a value.
 #[derive(Module, Debug)]
@@ -21,6 +23,7 @@ use rayon::prelude::*;
 pub enum Network {
     Paper(PaperNetwork),
     Compact(CompactNetwork),
+    Unet(UnetNetwork),
 }
 
 /// How an observation becomes the numbers that the network takes.
@@ -30,6 +33,8 @@ enum Encoding {
     Planes,
     /// Draped, distance, touched, allowed, cut into patches.
     Patches(Patches),
+    /// Draped, distance, touched, allowed, and the terrain's four planes.
+    All { terrain: Arc<[f32]> },
 }
 
 /// A policy and its value function, with all that is needed to ask them.
@@ -46,10 +51,11 @@ pub struct ActorCritic {
 
 impl ActorCritic {
     /// A network with initial weights under `seed`, able to learn, for images of `rows` x
-    /// `columns` pixels. The weights are drawn on the host: the same on every device.
+    /// `columns` pixels on `terrain`. The weights are drawn on the host: the same on every device.
     pub fn new(
         config: &PolicyConfig,
-        [rows, columns]: [usize; 2],
+        ImageShape { rows, columns }: ImageShape,
+        terrain: &Terrain,
         seed: u64,
         device: &Device,
     ) -> Result<Self, ValueError> {
@@ -63,6 +69,12 @@ impl ActorCritic {
             NetworkConfig::Compact(compact) => (
                 Network::Compact(CompactNetwork::new(compact, rows, columns, initializer)),
                 Encoding::Patches(Patches::new(rows, columns, compact.patch, compact.border)),
+            ),
+            NetworkConfig::Unet(unet) => (
+                Network::Unet(UnetNetwork::new(unet, rows, columns, initializer)),
+                Encoding::All {
+                    terrain: terrain_planes(terrain).into(),
+                },
             ),
         };
         Ok(Self {
@@ -102,6 +114,13 @@ impl ActorCritic {
         match &self.network {
             Network::Paper(network) => network.forward(input),
             Network::Compact(network) => network.forward(input),
+            Network::Unet(network) => {
+                let inside = input
+                    .clone()
+                    .narrow(1, 4 * self.pixel_count, self.pixel_count);
+                let share = inside.clone() / inside.sum_dim(1);
+                network.forward(input, share.unsqueeze_dim(1))
+            }
         }
     }
 
@@ -154,12 +173,14 @@ impl ActorCritic {
         let width = match &self.encoding {
             Encoding::Planes => 3 * self.pixel_count,
             Encoding::Patches(patches) => patches.count() * patches.width(),
+            Encoding::All { .. } => PLANES * self.pixel_count,
         };
         let mut numbers = vec![0.0; batch.len() * width];
         let rows = numbers.par_chunks_exact_mut(width).zip(batch);
         rows.for_each(|(row, seen)| match &self.encoding {
             Encoding::Planes => write_planes(seen, scale, row),
             Encoding::Patches(patches) => patches.write(seen, scale, row),
+            Encoding::All { terrain } => write_all(seen, terrain, scale, row),
         });
         let data = TensorData::new(numbers, [batch.len(), width]);
         Tensor::from_data(data, &self.device())

@@ -1,4 +1,4 @@
-use drape_task::env::Observation;
+use drape_task::env::{Observation, Terrain};
 
 /// Draped, distance, touched as three planes `[3, rows, columns]`; `scale` is 1 / m.
 pub fn write_planes(seen: &Observation, scale: f32, out: &mut [f32]) {
@@ -12,6 +12,35 @@ pub fn write_planes(seen: &Observation, scale: f32, out: &mut [f32]) {
     for (out, &d) in distance.iter_mut().zip(&seen.distance) {
         *out = d * scale;
     }
+}
+
+/// Planes of [`write_all`].
+pub const PLANES: usize = 8;
+/// Height of the tool that is seen as 1 [m].
+const HEIGHT: f32 = 0.1;
+
+/// The last four of the planes that [`write_all`] writes: inside, height, slopes.
+pub fn terrain_planes(terrain: &Terrain) -> Vec<f32> {
+    let count = terrain.height.len();
+    let inside = (0..count).map(|i| f32::from(u8::from(terrain.inside.contains(i))));
+    let height = terrain.height.iter().map(|z| z / HEIGHT);
+    let slope = [0, 1].map(|k| terrain.slope.iter().map(move |slope| slope[k]));
+    inside
+        .chain(height)
+        .chain(slope.into_iter().flatten())
+        .collect()
+}
+
+/// Draped, distance, touched, allowed and the `terrain`'s planes `[PLANES, rows, columns]`; `scale`
+/// is 1 / m.
+pub fn write_all(seen: &Observation, terrain: &[f32], scale: f32, out: &mut [f32]) {
+    let count = seen.distance.len();
+    let (three, rest) = out.split_at_mut(3 * count);
+    write_planes(seen, scale, three);
+    let (allowed, fixed) = rest.split_at_mut(count);
+    allowed.fill(0.0);
+    seen.mask.ones().for_each(|i| allowed[i] = 1.0);
+    fixed.copy_from_slice(terrain);
 }
 
 /// Cuts an image into square patches with a border, so that a convolution whose stride is the

@@ -1,7 +1,7 @@
 use super::error::TrainError;
 use crate::policy::{ActorCritic, DeviceKind, PolicyConfig, masked};
 use drape_cloth::math::Stream;
-use drape_task::env::{ImageShape, Observation};
+use drape_task::env::{ImageShape, Observation, Terrain};
 
 /// How an action is chosen.
 #[derive(Debug)]
@@ -15,12 +15,11 @@ pub enum Sampling<'a> {
 /// A network with initial weights, able to learn.
 pub(super) fn actor_critic(
     config: &PolicyConfig,
-    shape: ImageShape,
+    (shape, terrain): (ImageShape, &Terrain),
     seed: u64,
     device: DeviceKind,
 ) -> Result<ActorCritic, TrainError> {
-    let size = [shape.rows, shape.columns];
-    ActorCritic::new(config, size, seed, &device.open()?).map_err(TrainError::Policy)
+    ActorCritic::new(config, shape, terrain, seed, &device.open()?).map_err(TrainError::Policy)
 }
 
 /// A policy to be evaluated; it does not learn.
@@ -31,11 +30,11 @@ impl Agent {
     /// An agent whose initial weights come from `seed`.
     pub fn new(
         config: &PolicyConfig,
-        shape: ImageShape,
+        seen: (ImageShape, &Terrain),
         seed: u64,
         device: DeviceKind,
     ) -> Result<Self, TrainError> {
-        Ok(Self::of(&actor_critic(config, shape, seed, device)?))
+        Ok(Self::of(&actor_critic(config, seen, seed, device)?))
     }
 
     /// The agent that `actor_critic` is now.

@@ -4,7 +4,7 @@ use super::rollout::collect;
 use super::*;
 use crate::policy::{DeviceKind, NetworkConfig, PolicyConfig};
 use drape_cloth::math::{Purpose, Stream};
-use drape_task::env::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
+use drape_task::env::{End, Episode, ImageShape, Observation, StepOutcome, Tasks, Terrain};
 use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +17,19 @@ struct Order {
     reward: f32,
     /// How episodes end.
     end: End,
+    #[serde(skip, default = "flat")]
+    terrain: Terrain,
+}
+
+fn flat() -> Terrain {
+    let count = SHAPE.pixel_count();
+    let mut inside = FixedBitSet::with_capacity(count);
+    inside.insert_range(..);
+    Terrain {
+        inside,
+        height: vec![0.0; count],
+        slope: vec![[0.0; 2]; count],
+    }
 }
 
 const SHAPE: ImageShape = ImageShape {
@@ -31,6 +44,7 @@ impl Order {
             states: vec![Self::start(); count],
             reward: 10.0,
             end: End::Terminated,
+            terrain: flat(),
         }
     }
 
@@ -59,6 +73,10 @@ impl Tasks for Order {
 
     fn reward_scale(&self) -> f32 {
         10.0 * ORDER.len() as f32
+    }
+
+    fn terrain(&self) -> &Terrain {
+        &self.terrain
     }
 
     fn observation(&self, index: usize) -> &Observation {
@@ -335,12 +353,12 @@ fn papers_network_learns_and_survives_its_file() {
     assert_eq!(iteration.episodes.len(), 2 * (100 / ORDER.len()));
     assert!(trainer.agent().save() != before);
 
-    let mut agent = Agent::new(&policy, SHAPE, 77, DeviceKind::Flex).unwrap();
+    let mut agent = Agent::new(&policy, (SHAPE, &flat()), 77, DeviceKind::Flex).unwrap();
     let task = Order::new(1);
     agent.load(&trainer.agent().save()).unwrap();
     let seen = [task.observation(0)];
     assert_eq!(agent.value(&seen), trainer.agent().value(&seen));
-    let other = Agent::new(&self::policy(), SHAPE, 0, DeviceKind::Flex).unwrap();
+    let other = Agent::new(&self::policy(), (SHAPE, &flat()), 0, DeviceKind::Flex).unwrap();
     assert!(agent.load(&other.save()).is_err());
 }
 

@@ -58,7 +58,7 @@ impl<T: Tasks> Trainer<T> {
     ) -> Result<Self, TrainError> {
         config.validate().map_err(TrainError::Ppo)?;
         let weights = Stream::new(seed, Purpose::Weights, 0).bits();
-        let actor_critic = actor_critic(policy, tasks.shape(), weights, device)?;
+        let actor_critic = actor_critic(policy, (tasks.shape(), tasks.terrain()), weights, device)?;
         let count = tasks.count();
         let memory = |c: &ImitationConfig| Memory::new(c.episodes, count);
         Ok(Self {

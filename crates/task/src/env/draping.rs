@@ -10,6 +10,7 @@ use super::objective::Objective;
 use super::reward::{Reward, Taken, score};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
+use super::terrain::Terrain;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::sim::{Backend, Snapshot};
@@ -233,6 +234,10 @@ impl Tasks for Draping {
 
     fn reward_scale(&self) -> f32 {
         self.task.initial as f32
+    }
+
+    fn terrain(&self) -> &Terrain {
+        &self.task.terrain
     }
 
     fn observation(&self, index: usize) -> &Observation {

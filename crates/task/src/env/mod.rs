@@ -10,6 +10,7 @@ mod replay;
 mod reward;
 mod rules;
 mod task;
+mod terrain;
 
 pub use config::{EnvConfig, Region};
 pub use draping::{Draping, MOST_MIB, check_memory};
@@ -17,3 +18,4 @@ pub use objective::Objective;
 pub use replay::{Played, ReplayDiverged};
 pub use reward::{Reward, Taken, Term, score};
 pub use task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
+pub use terrain::Terrain;

@@ -10,6 +10,7 @@ use super::config::{EnvConfig, Region};
 use super::objective::Objective;
 use super::reward::Reward;
 use super::task::{ImageShape, Observation};
+use super::terrain::Terrain;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Backend, Control, Cpu, Pressed, Snapshot, Stencil, World};
@@ -31,6 +32,7 @@ pub(super) struct Task {
     /// What the backend is given.
     pub world: World,
     pub reward: Reward,
+    pub terrain: Terrain,
     /// The state after a reset.
     pub start: Slot,
     /// The objective at the start [m].
@@ -88,6 +90,7 @@ impl Task {
                 finished: None,
             },
             reward: Reward::default(),
+            terrain: Terrain::new(&scene, 0, [].into_iter()),
             initial: 0.0,
             scene,
             config: config.clone(),
@@ -103,6 +106,8 @@ impl Task {
                 task.seen.push(v);
             }
         }
+        let seen = task.pixels.iter().copied().zip(task.seen.iter().copied());
+        task.terrain = Terrain::new(&task.scene, task.shape().pixel_count(), seen);
         // As the environments hold it.
         let cloth = task.cloth(1);
         let distances = cloth.distances(&task.seen);

@@ -1,3 +1,4 @@
+use super::terrain::Terrain;
 use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
@@ -86,6 +87,9 @@ pub trait Tasks {
 
     /// Return of a perfect episode, in the unit of the rewards: learners divide by it.
     fn reward_scale(&self) -> f32;
+
+    /// What never changes of what a task shows.
+    fn terrain(&self) -> &Terrain;
 
     /// What task `index` shows now.
     fn observation(&self, index: usize) -> &Observation;
