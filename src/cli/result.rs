@@ -142,7 +142,7 @@ impl Recorder {
             let state = draping.state(0);
             self.0.push(FilmFrame {
                 path: path_of(points, draping.config()),
-                caption: caption(points.len(), draping, &state),
+                caption: caption(points, draping, &state),
                 state,
             });
         }
@@ -160,7 +160,7 @@ impl Recorder {
         let end = FilmFrame {
             state: played.end.clone(),
             path: path_of(&played.points, draping.config()),
-            caption: caption(played.vertices.len(), draping, &played.end),
+            caption: caption(&played.points, draping, &played.end),
         };
         let stride = self.0.len().div_ceil(FRAMES).max(1);
         let chosen = self.0.into_iter().step_by(stride);
@@ -189,12 +189,14 @@ fn path_of(points: &[PressedPoint], config: &EnvConfig) -> Vec<Vec<u32>> {
         .collect()
 }
 
-fn caption(steps: usize, draping: &Draping, state: &Snapshot) -> String {
+fn caption(points: &[PressedPoint], draping: &Draping, state: &Snapshot) -> String {
+    let vertices: Vec<u32> = points.iter().map(|point| point.vertex).collect();
     format!(
-        "press {steps}   D = {:.3} m   surplus {:.2} mm a yarn   score {:.1} %",
+        "press {}   D = {:.3} m   surplus {:.2} mm a yarn   score {:.1} %",
+        points.len(),
         draping.region_distance(state),
         1e3 * draping.region_surplus(state),
-        100.0 * draping.score(state)
+        100.0 * draping.score(&vertices, state)
     )
 }
 

@@ -295,7 +295,7 @@ fn summarise(
     let strokes =
         strokes(points, join).map_or(0, |path| path.iter().filter(|p| p.starts_stroke).count());
     EpisodeSummary {
-        score: draping.score(end),
+        score: draping.score(&points.iter().map(|p| p.vertex).collect::<Vec<_>>(), end),
         region_initial_m: draping.region_distance(&scene.initial),
         region_final_m: draping.region_distance(end),
         surplus_initial_m: draping.region_surplus(&scene.initial),

@@ -29,7 +29,7 @@ fn paths_are_held_against_orders_in_the_same_physics() {
 
     let mut draping = Draping::new(scene.clone(), &finely(&env), 1).unwrap();
     draping.replay(&[&random[best]], |_, _, _| ())[0].unwrap();
-    assert!((draping.score(&draping.state(0)) - score).abs() < 1e-12);
+    assert!((draping.score(&random[best], &draping.state(0)) - score).abs() < 1e-12);
     // The steps of the task end elsewhere.
     let own = play(&scene, &env, Order::Random, 5, 0, |_| ()).unwrap();
     let region = env.region(&scene.lamina).unwrap().vertices;

@@ -2,6 +2,7 @@ use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
 use super::objective::Objective;
+use super::reward::Earned;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::sim::{Accuracy, Precision, Roller, Stepping};
@@ -18,6 +19,14 @@ pub struct EnvConfig {
     pub crop: bool,
     /// What episodes are judged by and rewarded for.
     pub objective: Objective,
+    /// When what is brought down is rewarded.
+    pub earned: Earned,
+    /// What each stroke costs, as a share of the score,
+    pub stroke_cost: f64,
+    /// each turn by more than 90 degrees within one,
+    pub turn_cost: f64,
+    /// and each metre of the way from press to press.
+    pub metre_cost: f64,
     /// Side of the square stencil [mm].
     pub stencil_mm: f64,
     /// A touched vertex nearer to the tool than this is draped [mm].
@@ -57,6 +66,10 @@ impl Default for EnvConfig {
             region_mm: None,
             crop: false,
             objective: Objective::default(),
+            earned: Earned::default(),
+            stroke_cost: 0.0,
+            turn_cost: 0.0,
+            metre_cost: 0.0,
             stencil_mm: 18.0,
             drape_threshold_mm: 1.0,
             drape_strain: 0.1,
@@ -139,6 +152,9 @@ impl EnvConfig {
 
     fn checked_region(&self, lamina: &Lamina) -> Result<Region, ValueError> {
         for (key, value, range) in [
+            ("stroke_cost", self.stroke_cost, [0.0, 1.0]),
+            ("turn_cost", self.turn_cost, [0.0, 1.0]),
+            ("metre_cost", self.metre_cost, [0.0, 1.0]),
             ("stencil_mm", self.stencil_mm, [1e-3, 1e5]),
             ("drape_threshold_mm", self.drape_threshold_mm, [1e-6, 1e5]),
             ("drape_strain", self.drape_strain, [1e-9, 1e5]),

@@ -6,8 +6,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, Region};
+use super::effort::Effort;
 use super::objective::Objective;
-use super::reward::{Reward, Taken, score};
+use super::reward::{Earned, Reward, Taken, score};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
 use super::terrain::Terrain;
@@ -84,9 +85,12 @@ impl Draping {
         self.task.left(Objective::Distance, state)
     }
 
-    /// How well presses that have ended in `state` were done, see [`score`].
-    pub fn score(&self, state: &Snapshot) -> f64 {
-        score(self.task.initial, self.task.objective(state))
+    /// How well presses on `vertices` that have ended in `state` were done: see [`score`], less their
+    /// [`Effort`].
+    pub fn score(&self, vertices: &[u32], state: &Snapshot) -> f64 {
+        let task = &self.task;
+        let effort = Effort::new(&task.scene.lamina, &task.config);
+        score(task.initial, task.objective(state)) - effort.of_path(vertices)
     }
 
     /// Surplus of the region, see [`surplus`] [m].
@@ -191,20 +195,36 @@ impl Draping {
         let state = || state.get_or_init(|| self.cloth.snapshot(index));
         let finite = finite && (end.is_none() || task.is_believable(state()));
         let end = end.map(|end| if finite { end } else { End::Diverged });
-        let left = || task.objective(state());
-        let reward = task.reward.of(&Taken {
-            config: &task.config,
-            end,
-            steps: slot.actions.len(),
-            initial: task.initial,
-            left: &left,
-        });
+        let left = OnceCell::new();
+        let left = || *left.get_or_init(|| task.objective(state()));
+        let vertices = slot
+            .actions
+            .iter()
+            .filter_map(|&action| task.vertex(action));
+        let vertices: Vec<u32> = vertices.collect();
+        let effort = Effort::new(&task.scene.lamina, &task.config);
+        // A step in which the simulation diverges takes back what was earned.
+        let reward = match end {
+            Some(End::Diverged) => 0.0 - slot.total_reward,
+            _ => task.reward.of(&Taken {
+                config: &task.config,
+                end,
+                steps: slot.actions.len(),
+                initial: task.initial,
+                before: slot.left,
+                effort: effort.of_last(&vertices[vertices.len().saturating_sub(3)..]),
+                left: &left,
+            }),
+        };
         slot.total_reward += reward;
+        if finite && task.config.earned == Earned::Stepwise {
+            slot.left = left();
+        }
         let episode = end.map(|end| Episode {
             end,
             actions: slot.actions.clone(),
             total_reward: slot.total_reward,
-            score: finite.then(|| score(task.initial, left())),
+            score: finite.then(|| score(task.initial, left()) - effort.of_path(&vertices)),
             last: slot.observation.clone(),
         });
         if episode.is_some() {
@@ -290,6 +310,10 @@ impl Tasks for Draping {
         for (index, saved) in saved.into_iter().enumerate() {
             self.cloth.load(index, &saved.cloth);
             self.slots[index] = Slot {
+                left: match self.task.config.earned {
+                    Earned::Finally => self.task.initial,
+                    Earned::Stepwise => self.task.objective(&saved.cloth),
+                },
                 actions: saved.actions,
                 total_reward: saved.total_reward,
                 ..self.task.start.clone()

@@ -5,6 +5,7 @@
 
 mod config;
 mod draping;
+mod effort;
 mod objective;
 mod replay;
 mod reward;
@@ -14,8 +15,9 @@ mod terrain;
 
 pub use config::{EnvConfig, Region};
 pub use draping::{Draping, MOST_MIB, check_memory};
+pub use effort::Effort;
 pub use objective::Objective;
 pub use replay::{Played, ReplayDiverged};
-pub use reward::{Reward, Taken, Term, score};
+pub use reward::{Earned, Reward, Taken, Term, score};
 pub use task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
 pub use terrain::Terrain;

@@ -5,6 +5,19 @@
 
 use super::config::EnvConfig;
 use super::task::End;
+use serde::{Deserialize, Serialize};
+
+/// When what an episode removes of the objective is rewarded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Earned {
+    /// When it is over, as in the paper.
+    #[default]
+    Finally,
+    /// Step by step. All steps together earn the same: this shapes rewards by a potential (Ng et al.
+    /// 1999), what is left of the objective.
+    Stepwise,
+}
 
 /// A step that has been taken, as the terms of the reward see it.
 pub struct Taken<'a> {
@@ -16,6 +29,10 @@ pub struct Taken<'a> {
     pub steps: usize,
     /// The objective at the start [m].
     pub initial: f64,
+    /// The objective before the step [m]; only where it is earned step by step.
+    pub before: f64,
+    /// What the way to this press costs, see [`super::effort::Effort`], as a share of the score.
+    pub effort: f64,
     pub(super) left: &'a dyn Fn() -> f64,
 }
 
@@ -29,13 +46,13 @@ impl Taken<'_> {
 /// One term of the reward, in the unit of the objective [m].
 pub type Term = fn(&Taken) -> f64;
 
-/// The terms of the reward. A step in which the simulation diverges earns nothing.
+/// The terms of the reward.
 #[derive(Clone, Debug)]
 pub struct Reward(Vec<Term>);
 
 impl Default for Reward {
     fn default() -> Self {
-        Self(vec![removed_in_the_end])
+        Self(vec![removed, effort])
     }
 }
 
@@ -48,22 +65,25 @@ impl Reward {
 
     /// What a step earns [m].
     pub(super) fn of(&self, step: &Taken) -> f32 {
-        match step.end {
-            Some(End::Diverged) => 0.0,
-            _ => self.0.iter().map(|term| term(step)).sum::<f64>() as f32,
-        }
+        self.0.iter().map(|term| term(step)).sum::<f64>() as f32
     }
 }
 
-/// What an episode has removed of the objective, when it is over.
-fn removed_in_the_end(step: &Taken) -> f64 {
-    match step.end {
-        Some(End::Terminated) => step.initial - step.left(),
-        _ => 0.0,
+/// What is removed of the objective.
+fn removed(step: &Taken) -> f64 {
+    match (step.config.earned, step.end) {
+        (Earned::Finally, Some(End::Terminated)) => step.initial - step.left(),
+        (Earned::Finally, _) => 0.0,
+        (Earned::Stepwise, _) => step.before - step.left(),
     }
 }
 
-/// The share of the objective that is removed, at most 1; below 0 where there is more than at the
+/// What the robot's way costs.
+fn effort(step: &Taken) -> f64 {
+    -step.effort * step.initial
+}
+
+/// The share of the objective that is removed, at most 1, before the effort is taken off; below 0 where there is more than at the
 /// start.
 pub fn score(initial: f64, left: f64) -> f64 {
     1.0 - left / initial

@@ -46,6 +46,8 @@ pub(super) struct Slot {
     pub actions: Vec<u32>,
     /// Sum of their rewards.
     pub total_reward: f32,
+    /// The objective now [m], where it is earned step by step.
+    pub left: f64,
     pub observation: Observation,
     /// How the last episode ended, before the reset.
     pub finished: Option<Snapshot>,
@@ -86,6 +88,7 @@ impl Task {
             start: Slot {
                 actions: Vec::new(),
                 total_reward: 0.0,
+                left: 0.0,
                 observation: nothing,
                 finished: None,
             },
@@ -113,6 +116,7 @@ impl Task {
         let distances = cloth.distances(&task.seen);
         task.start.observation = task.observe(&cloth.pressed()[0], &distances);
         task.initial = task.objective(&task.scene.initial);
+        task.start.left = task.initial;
         Ok(task)
     }
 
