@@ -311,8 +311,10 @@ impl Tasks for Draping {
             self.cloth.load(index, &saved.cloth);
             self.slots[index] = Slot {
                 left: match self.task.config.earned {
-                    Earned::Finally => self.task.initial,
-                    Earned::Stepwise => self.task.objective(&saved.cloth),
+                    Earned::Stepwise if !saved.actions.is_empty() => {
+                        self.task.objective(&saved.cloth)
+                    }
+                    _ => self.task.initial,
                 },
                 actions: saved.actions,
                 total_reward: saved.total_reward,

@@ -1,6 +1,7 @@
 //! The draping task, checked step by step against its definition under random allowed actions.
 
 mod checker;
+mod earned;
 mod ends;
 mod replay;
 mod rest;
