@@ -13,7 +13,7 @@ use crate::twin::fall::{fallen, twin_config};
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::{Scene, sheared, surplus};
 use drape_cloth::sim::{Accuracy, Stepping};
-use drape_task::env::{Draping, EnvConfig, Objective, Region, score};
+use drape_task::env::{Draping, EnvConfig, Goal, Region, score};
 
 /// Where a path is proved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -133,11 +133,17 @@ pub fn prove(
         // Refused before the work.
         twin_config(&scene.config)?;
     }
-    let task = (env.objective, env.region(&scene.lamina)?);
+    let region = env.region(&scene.lamina)?;
     let all_left = |before: &[[f64; 3]], ends: Vec<Option<Pressed>>| -> Vec<Option<Left>> {
-        let ends = ends.into_iter();
-        ends.map(|end| Some(left(scene, &task, before, &end?)))
-            .collect()
+        let goal = Goal::new(
+            env.objective,
+            scene.clone(),
+            region.vertices.clone(),
+            before,
+        );
+        let initial = goal.left(before);
+        let left = |end: Option<Pressed>| Some(left(scene, &region, (&goal, initial), &end?));
+        ends.into_iter().map(left).collect()
     };
     let quarter = count.div_ceil(4);
     let mut groups: Vec<Group> = vec![("path", paths.to_vec(), paths.len())];
@@ -229,23 +235,21 @@ fn ranked(left: &[Option<Left>]) -> Vec<(usize, f64)> {
     ended
 }
 
-/// Measures what presses leave on vertices that have come from `before`.
+/// Measures what presses leave, where the goal was `initial` [m] at first.
 fn left(
     scene: &Scene,
-    (objective, region): &(Objective, Region),
-    before: &[[f64; 3]],
+    Region { vertices, .. }: &Region,
+    (goal, initial): (&Goal, f64),
     end: &Pressed,
 ) -> Left {
-    let Region { vertices, .. } = region;
     let Scene { lamina, tool, .. } = scene;
     let at = &end.positions;
-    let of = |objective: Objective, x| objective.of(scene, vertices, before, x);
     let is_draped = |v: &usize| end.draped.binary_search(&(*v as u32)).is_ok();
     let sheared = sheared(lamina, at, vertices, f64::INFINITY);
     Left {
-        distance_m: of(Objective::Distance, at),
+        distance_m: tool.summed_distance(vertices.ones(), at),
         surplus_m: surplus(lamina, tool, at, vertices),
-        score: score(of(*objective, before), of(*objective, at)),
+        score: score(initial, goal.left(at)),
         undraped: vertices.ones().filter(|v| !is_draped(v)).count(),
         shear_deg: sheared.max.to_degrees(),
     }

@@ -22,7 +22,7 @@ use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::sim::{Accuracy, Precision, Solver, Stepping};
 use drape_report::{Chart, Image, SERIES, Series};
-use drape_task::env::{Draping, EnvConfig, Objective};
+use drape_task::env::{Draping, EnvConfig, Goal, Objective};
 
 /// Play the same presses under several settings and in the finite-element twin: do they agree
 /// which path is the better one?
@@ -189,11 +189,12 @@ fn play(
         Player::Twin => rest,
         _ => &scene.initial.position[..],
     };
+    let goal = Goal::new(Objective::Surplus, scene.clone(), region.clone(), start);
     let end = |Pressed { positions, .. }| {
-        let of = |objective: Objective| objective.of(scene, &region, start, &positions);
         let surplus = surplus(&scene.lamina, &scene.tool, &positions, &region);
+        let distance = scene.tool.summed_distance(region.ones(), &positions);
         End {
-            left_m: [of(Objective::Surplus), of(Objective::Distance), surplus],
+            left_m: [goal.left(&positions), distance, surplus],
             positions,
         }
     };

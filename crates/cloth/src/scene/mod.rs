@@ -15,4 +15,4 @@ pub use config::{Clamp, Fall, Over, Placement, SceneConfig, SceneError};
 pub use fall::{Scene, hung};
 pub use shear::{Sheared, shear, sheared};
 pub use summary::{Summary, wrinkle_count};
-pub use surplus::{crushed, summed_surplus, surplus};
+pub use surplus::{crushed, feet, foot, summed_surplus, surplus};

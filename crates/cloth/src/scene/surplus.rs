@@ -15,18 +15,13 @@ use crate::tool::Tool;
 /// region, and where its trace is shorter than its length at rest; it never makes up for another.
 /// 0 where no edge lies in the region.
 pub fn surplus(lamina: &Lamina, tool: &Tool, positions: &[[f64; 3]], region: &FixedBitSet) -> f64 {
-    let (sum, yarns) = summed_surplus(lamina, tool, positions, region);
+    let (sum, yarns) = summed_surplus(lamina, &feet(tool, positions), region);
     sum / yarns.max(1) as f64
 }
 
-/// The same summed over the yarns [m], and how many they are.
-pub fn summed_surplus(
-    lamina: &Lamina,
-    tool: &Tool,
-    positions: &[[f64; 3]],
-    region: &FixedBitSet,
-) -> (f64, usize) {
-    let foot = feet(tool, positions);
+/// The same summed over the yarns [m], and how many they are, for vertices with these [`feet`].
+pub fn summed_surplus(lamina: &Lamina, feet: &[Vec3], region: &FixedBitSet) -> (f64, usize) {
+    let foot = |v: u32| feet[v as usize];
     let (mut sum, mut yarns) = (0.0, 0);
     for yarn in &lamina.yarns {
         let mut inside = yarn.vertices.windows(2).filter(|pair| {
@@ -45,7 +40,8 @@ pub fn summed_surplus(
 
 /// The greatest share of its length that an edge of a yarn at each vertex has too much [-].
 pub fn crushed(lamina: &Lamina, tool: &Tool, positions: &[[f64; 3]]) -> Vec<f64> {
-    let foot = feet(tool, positions);
+    let feet = feet(tool, positions);
+    let foot = |v: u32| feet[v as usize];
     let mut greatest = vec![0.0f64; positions.len()];
     for yarn in &lamina.yarns {
         for pair in yarn.vertices.windows(2) {
@@ -59,12 +55,15 @@ pub fn crushed(lamina: &Lamina, tool: &Tool, positions: &[[f64; 3]]) -> Vec<f64>
     greatest
 }
 
-/// The point of the tool that is nearest to a vertex.
-fn feet<'a>(tool: &'a Tool, positions: &'a [[f64; 3]]) -> impl Fn(u32) -> Vec3 + 'a {
-    |v| {
-        let (phi, normal) = tool.distance(positions[v as usize]);
-        Vec3::from(positions[v as usize]) - Vec3::from(normal) * phi
-    }
+/// The points of the tool that are nearest to vertices.
+pub fn feet(tool: &Tool, positions: &[[f64; 3]]) -> Vec<Vec3> {
+    let foot = |x: &[f64; 3]| foot(*x, tool.distance(*x));
+    positions.iter().map(foot).collect()
+}
+
+/// The point of the tool that is nearest to `x`, from its distance and the normal there.
+pub fn foot(x: [f64; 3], (phi, normal): (f64, [f64; 3])) -> Vec3 {
+    Vec3::from(x) - Vec3::from(normal) * phi
 }
 
 /// How much longer an edge is than its trace [m].

@@ -80,6 +80,10 @@ impl Memory {
             let sets = [&seen.draped, &seen.touched, &seen.mask];
             sets.iter().all(|set| set.len() == pixel_count)
                 && seen.distance.len() == pixel_count
+                && seen
+                    .presses
+                    .iter()
+                    .all(|&pixel| (pixel as usize) < pixel_count)
                 && seen.mask.contains(m.action as usize)
         };
         let moves = self.best.iter().map(|k| &k.moves).chain(&self.open);
@@ -100,6 +104,7 @@ mod tests {
             draped: Default::default(),
             distance: vec![],
             touched: Default::default(),
+            presses: Vec::new(),
             mask: Default::default(),
         };
         let episode = Episode {

@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, Region};
 use super::effort::Effort;
-use super::objective::Objective;
 use super::reward::{Earned, Reward, Taken, score};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
@@ -82,7 +81,8 @@ impl Draping {
 
     /// Summed distance to the tool of the region [m].
     pub fn region_distance(&self, state: &Snapshot) -> f64 {
-        self.task.left(Objective::Distance, state)
+        let (region, position) = (&self.task.region.vertices, &state.position);
+        self.scene().tool.summed_distance(region.ones(), position)
     }
 
     /// How well presses on `vertices` that have ended in `state` were done: see [`score`], less their
@@ -176,7 +176,7 @@ impl Draping {
         all.zip(finite)
             .for_each(|(((slot, distance), pressed), finite)| {
                 if *finite {
-                    slot.observation = task.observe(pressed, distance);
+                    slot.observation = task.observe(pressed, distance, &slot.actions);
                 }
             });
     }

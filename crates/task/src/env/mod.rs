@@ -16,7 +16,7 @@ mod terrain;
 pub use config::{EnvConfig, Region};
 pub use draping::{Draping, MOST_MIB, check_memory};
 pub use effort::Effort;
-pub use objective::Objective;
+pub use objective::{Goal, Objective};
 pub use replay::{Played, ReplayDiverged};
 pub use reward::{Earned, Reward, Taken, Term, score};
 pub use task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};

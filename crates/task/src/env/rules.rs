@@ -7,7 +7,7 @@ use std::sync::Arc;
 use fixedbitset::FixedBitSet;
 
 use super::config::{EnvConfig, Region};
-use super::objective::Objective;
+use super::objective::Goal;
 use super::reward::Reward;
 use super::task::{ImageShape, Observation};
 use super::terrain::Terrain;
@@ -24,6 +24,7 @@ pub(super) struct Task {
     pub scene: Arc<Scene>,
     pub config: EnvConfig,
     pub region: Region,
+    pub goal: Goal,
     /// Rows and columns of the lamina that the image shows.
     image: [Range<usize>; 2],
     /// The pixels that the agent sees something at, ascending, and the vertex of each.
@@ -76,6 +77,7 @@ impl Task {
             draped: FixedBitSet::new(),
             distance: Vec::new(),
             touched: FixedBitSet::new(),
+            presses: Vec::new(),
             mask: FixedBitSet::new(),
         };
         let mut task = Self {
@@ -95,6 +97,12 @@ impl Task {
             reward: Reward::default(),
             terrain: Terrain::new(&scene, 0, [].into_iter()),
             initial: 0.0,
+            goal: Goal::new(
+                config.objective,
+                scene.clone(),
+                region.vertices.clone(),
+                &scene.initial.position,
+            ),
             scene,
             config: config.clone(),
             region,
@@ -114,7 +122,7 @@ impl Task {
         // As the environments hold it.
         let cloth = task.cloth(1);
         let distances = cloth.distances(&task.seen);
-        task.start.observation = task.observe(&cloth.pressed()[0], &distances);
+        task.start.observation = task.observe(&cloth.pressed()[0], &distances, &[]);
         task.initial = task.objective(&task.scene.initial);
         task.start.left = task.initial;
         Ok(task)
@@ -147,13 +155,7 @@ impl Task {
 
     /// What episodes are judged by [m].
     pub fn objective(&self, state: &Snapshot) -> f64 {
-        self.left(self.config.objective, state)
-    }
-
-    /// What a state leaves of any objective in the region [m].
-    pub fn left(&self, objective: Objective, state: &Snapshot) -> f64 {
-        let before = &self.scene.initial.position;
-        objective.of(&self.scene, &self.region.vertices, before, &state.position)
+        self.goal.left(&state.position)
     }
 
     /// Whether the state at the end of an episode can be that of a fabric: no yarn stretched and no vertex
@@ -169,13 +171,14 @@ impl Task {
     }
 
     /// The agent's view: zero outside the focus region and where the blank has been cut away.
-    /// `distance` is that to the tool [m] of `self.seen[k]`.
-    pub fn observe(&self, pressed: &Pressed, distance: &[f64]) -> Observation {
+    /// `distance` is that to the tool [m] of `self.seen[k]`, `actions` are those of the episode so far.
+    pub fn observe(&self, pressed: &Pressed, distance: &[f64], actions: &[u32]) -> Observation {
         let count = self.shape().pixel_count();
         let mut observation = Observation {
             draped: FixedBitSet::with_capacity(count),
             distance: vec![0.0; count],
             touched: FixedBitSet::with_capacity(count),
+            presses: actions.iter().rev().take(2).copied().collect(),
             mask: self.mask(pressed),
         };
         for (k, &pixel) in self.pixels.iter().enumerate() {

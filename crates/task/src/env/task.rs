@@ -29,6 +29,8 @@ pub struct Observation {
     /// Vertex has been under the stencil.
     #[serde(with = "drape_cloth::math::bits")]
     pub touched: FixedBitSet,
+    /// Pixels of the last two presses, the last one first: which way the robot goes.
+    pub presses: Vec<u32>,
     /// Actions allowed in this state; never empty.
     #[serde(with = "drape_cloth::math::bits")]
     pub mask: FixedBitSet,
@@ -120,6 +122,7 @@ mod tests {
             draped: set(70, &[0, 63, 64, 69]),
             distance: vec![0.5],
             touched: set(64, &[63]),
+            presses: vec![63],
             mask: set(0, &[]),
         };
         let bytes = postcard::to_allocvec(&observation).unwrap();

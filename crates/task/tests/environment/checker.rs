@@ -2,7 +2,7 @@
 
 use drape_cloth::fabric::Membrane;
 use drape_cloth::math::Vec3;
-use drape_cloth::scene::summed_surplus;
+use drape_cloth::scene::{feet, summed_surplus};
 use drape_cloth::sim::Precision;
 use drape_cloth::sim::Snapshot;
 use drape_task::env::{End, Objective};
@@ -97,7 +97,7 @@ fn objective(env: &Draping, state: &Snapshot) -> f64 {
         Objective::Surplus => {
             let region = &env.region().vertices;
             let (surplus, yarns) =
-                summed_surplus(&scene.lamina, &scene.tool, &state.position, region);
+                summed_surplus(&scene.lamina, &feet(&scene.tool, &state.position), region);
             let [surplus_out, distance_out] = pushed_out(env, state);
             (sum + distance_out) / region.count_ones(..) as f64
                 + (surplus + surplus_out) / yarns as f64
