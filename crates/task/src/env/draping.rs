@@ -151,6 +151,39 @@ impl Draping {
         slot.finished = finished;
     }
 
+    /// Scores of all environments as they are now, see [`Draping::score`].
+    pub fn scores(&self) -> Vec<f64> {
+        let all = (0..self.count()).into_par_iter();
+        all.map(|index| self.score(&self.state(index))).collect()
+    }
+
+    /// One environment in the middle of its episode.
+    pub fn branch(&self, index: usize) -> Branch {
+        let Slot {
+            actions,
+            total_reward,
+            observation,
+            finished: _,
+        } = &self.slots[index];
+        Branch {
+            slot: Slot {
+                actions: actions.clone(),
+                total_reward: *total_reward,
+                observation: observation.clone(),
+                finished: None,
+            },
+            cloth: self.state(index),
+        }
+    }
+
+    /// Lets one environment go on exactly from where any environment of the same task was.
+    pub fn go_on(&mut self, index: usize, from: &Branch) {
+        self.cloth.load(index, &from.cloth);
+        let finished = self.slots[index].finished.take();
+        self.slots[index] = from.slot.clone();
+        self.slots[index].finished = finished;
+    }
+
     /// Presses on a vertex in every environment, whatever the masks allow; where there is none,
     /// time passes all the same. No episode begins or ends by it, and observations stay as they
     /// were: it is for lists of presses that were made elsewhere. Tells which are finite.
@@ -211,6 +244,20 @@ impl Draping {
             self.reset(index);
         }
         StepOutcome { reward, episode }
+    }
+}
+
+/// Where an episode has come to: what [`Draping::branch`] takes and [`Draping::go_on`] puts back.
+#[derive(Clone)]
+pub struct Branch {
+    slot: Slot,
+    cloth: Snapshot,
+}
+
+impl Branch {
+    /// What the environment showed.
+    pub fn observation(&self) -> &Observation {
+        &self.slot.observation
     }
 }
 

@@ -12,7 +12,7 @@ mod rules;
 mod task;
 
 pub use config::{EnvConfig, Region};
-pub use draping::{Draping, MOST_MIB, check_memory};
+pub use draping::{Branch, Draping, MOST_MIB, check_memory};
 pub use objective::Objective;
 pub use replay::{Played, ReplayDiverged};
 pub use reward::{Reward, Taken, Term, score};
