@@ -10,7 +10,9 @@ use super::objective::Objective;
 use super::reward::{Reward, Taken, score};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
+use crate::path::PressedPoint;
 use drape_cloth::file::ValueError;
+use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::sim::{Backend, Snapshot};
 
@@ -149,6 +151,17 @@ impl Draping {
         let finished = slot.finished.take();
         *slot = self.task.start.clone();
         slot.finished = finished;
+    }
+
+    /// Where on the tool a press on `vertex` would land in one environment now.
+    pub fn pressed_point(&self, index: usize, vertex: u32) -> PressedPoint {
+        let x = Vec3::from(self.state(index).position[vertex as usize]);
+        let surface = self.task.scene.tool.surface.project(x);
+        PressedPoint {
+            vertex,
+            position: surface.position,
+            normal: surface.normal,
+        }
     }
 
     /// Scores of all environments as they are now, see [`Draping::score`].
