@@ -307,6 +307,7 @@ impl Loaded {
 
     /// The policy of a checkpoint of this run.
     fn agent(&self, name: &str, draping: &Draping) -> Result<Agent, Failure> {
+        self.folder.check_trained().map_err(Failure::of_run)?;
         let path = self.checkpoint_path(name);
         let given = !matches!(name, "best" | "last");
         if given && !path.exists() {
@@ -386,10 +387,9 @@ fn text(report: &Report) -> String {
             episode.self_intersections
         ),
         format!(
-            "  undraped inner vertices {}, steps {}, jumps {}; {:.2} ms a step",
+            "  undraped inner vertices {}; {}; {:.2} ms a step",
             episode.undraped_inner,
-            episode.steps,
-            episode.jumps,
+            episode.path.text(),
             1e3 * episode.seconds / episode.steps as f64
         ),
         format!(

@@ -14,7 +14,7 @@ use drape_cloth::scene::hung;
 use drape_cloth::sim::{Bending, BendingStiffness};
 use drape_study::proof::Physics;
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
-use drape_task::path::{DrapingPoint, write_csv, write_json};
+use drape_task::path::{DrapingPoint, PathFigures, write_csv, write_json};
 
 /// Write the ordered draping points for the robot, or the whole case for finite elements
 #[derive(Debug, clap::Args)]
@@ -55,7 +55,8 @@ enum Format {
 struct Report {
     file: PathBuf,
     points: usize,
-    strokes: usize,
+    #[serde(flatten)]
+    path: PathFigures,
     /// In the physics in which the path was proved, or else in the task's own steps.
     score: f64,
     /// The physics in which the path was proved; none if it was not.
@@ -87,7 +88,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
     }
     let report = Report {
         points: points.len(),
-        strokes: points.iter().filter(|point| point.starts_stroke).count(),
+        path: played.summary.path,
         score: proof
             .as_ref()
             .map_or(played.summary.score, |proved| proved.path.score),
@@ -98,10 +99,9 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         return super::output::print_json(&report);
     }
     super::output::print(&format!(
-        "{}: {} points in {} strokes and presses, score {:.2} %, {}",
+        "{}: {}, score {:.2} %, {}",
         report.file.display(),
-        report.points,
-        report.strokes,
+        report.path.text(),
         100.0 * report.score,
         match report.proved {
             Some(physics) => format!("proved: {}", physics.name()),

@@ -4,6 +4,7 @@
 //! a command is that file and one variant of `Command`. Results go to stdout, as text or,
 //! with `--json`, as exactly one JSON object; progress and errors go to stderr.
 
+mod baseline;
 mod compare;
 mod eval;
 mod export;
@@ -36,6 +37,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed at work (disk full, simul
 #[derive(Debug, Subcommand)]
 enum Command {
     Train(train::TrainArgs),
+    Baseline(baseline::BaselineArgs),
     Eval(eval::EvalArgs),
     Export(export::ExportArgs),
     Tool(tool::ToolArgs),
@@ -50,6 +52,7 @@ impl Cli {
     pub fn run(self) -> Result<(), Failure> {
         match self.command {
             Command::Train(args) => train::run(args),
+            Command::Baseline(args) => baseline::run(args),
             Command::Eval(args) => eval::run(args),
             Command::Export(args) => export::run(args),
             Command::Tool(args) => tool::run(args),

@@ -105,6 +105,10 @@ pub(super) fn text(rows: &[Row]) -> String {
             (_, 0) => left,
             (_, diverged) => format!("{left}; {diverged} more diverged"),
         };
+        let left = match row.count {
+            0 => left,
+            _ => format!("{left}; best path {}", f.best_path.text()),
+        };
         let name = row.physics.name();
         format!("proof, {name}: {:>3} {:<8} {left}", row.count, row.order)
     };

@@ -84,7 +84,7 @@ pub(super) fn path(
     played: &PlayedEpisode,
     config: &EnvConfig,
 ) -> Result<Vec<DrapingPoint>, Failure> {
-    Ok(strokes(&played.points, config.stencil_mm * 1e-3)?)
+    Ok(strokes(&played.points, config.join_distance())?)
 }
 
 /// Scores over environment steps, with the random policy as a band.
@@ -184,7 +184,7 @@ impl Recorder {
 /// The vertices of each stroke.
 fn path_of(points: &[PressedPoint], config: &EnvConfig) -> Vec<Vec<u32>> {
     let vertices = |stroke: &[PressedPoint]| stroke.iter().map(|point| point.vertex).collect();
-    stroke_points(points, config.stencil_mm * 1e-3)
+    stroke_points(points, config.join_distance())
         .map(vertices)
         .collect()
 }

@@ -1,12 +1,15 @@
 use std::ops::RangeInclusive;
+use std::path::Path;
+use std::sync::Arc;
 
 use super::Failure;
-use super::failure::scene_failure;
+use super::failure::{OrInvalid, scene_failure};
 use super::output::Progress;
+use crate::run::{Input, RunConfig};
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::Source;
-use drape_task::env::EnvConfig;
+use drape_task::env::{Draping, EnvConfig, ImageShape, Tasks};
 
 /// A blank that is nowhere as near to the tool as this has missed it [m].
 pub(super) const MISSED: f64 = 0.05;
@@ -123,6 +126,41 @@ pub(super) fn set_up_over_tool(
         return Err(Failure::invalid(error));
     }
     Ok(scene)
+}
+
+/// The configuration of a new run, the built-in quickstart without a file, and what to call it.
+pub(super) fn read_config(path: Option<&Path>) -> Result<(RunConfig, String), Failure> {
+    Ok(match path {
+        Some(path) => (
+            RunConfig::read(path).or_invalid()?,
+            path.display().to_string(),
+        ),
+        None => (RunConfig::quickstart(), "built-in quickstart".into()),
+    })
+}
+
+/// Checks the task of a new run and sets up its scene. Gives what the run keeps of its configuration
+/// too, as text and files, and the shape of its image.
+pub(super) fn set_up_run(
+    config: &RunConfig,
+    place: &str,
+    json: bool,
+) -> Result<(Arc<Scene>, (String, Vec<Input>), ImageShape), Failure> {
+    config.check_memory().or_invalid_in(place)?;
+    // Just before the scene is set up from them, so that the run keeps what it is made with.
+    let mut kept = config.clone();
+    let inputs = kept.keep_inputs().or_invalid_in(place)?;
+    let scene = Arc::new(set_up_over_tool(&config.scene, place, json)?);
+    let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(place)?;
+    // Below a micrometre there is nothing to win, and scores divide by it.
+    let initial = draping.initial_objective();
+    if initial < 1e-6 {
+        return Err(Failure::invalid(anyhow::anyhow!(
+            "{place}: `env.region_mm` has {initial} m to bring down, expected a region of cloth that \
+             does not lie on the tool yet"
+        )));
+    }
+    Ok((scene, (kept.to_toml(), inputs), draping.shape()))
 }
 
 /// Sizes of tools and blanks that need no second look [m].

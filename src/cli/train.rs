@@ -12,12 +12,12 @@ use super::failure::OrInvalid;
 use super::output::{Progress, print, print_json};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
-use super::setup::set_up_over_tool;
+use super::setup::{read_config, set_up_over_tool, set_up_run};
 use crate::run::{RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
 use drape_study::proof::Row;
-use drape_task::env::{Draping, End, ImageShape, Tasks};
+use drape_task::env::{End, ImageShape};
 
 /// Iterations between two checkpoints.
 const CHECKPOINT_INTERVAL: u64 = 10;
@@ -167,18 +167,13 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
 fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     if let Some(path) = &args.resume {
         let folder = RunFolder::open(path).or_invalid()?;
+        folder.check_trained().map_err(Failure::of_run)?;
         let config = RunConfig::read(&folder.config).or_invalid()?;
         let place = folder.config.display().to_string();
         let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
         return Training::resume(config, scene, folder).map_err(Failure::of_run);
     }
-    let (mut config, place) = match &args.config {
-        Some(path) => (
-            RunConfig::read(path).or_invalid()?,
-            path.display().to_string(),
-        ),
-        None => (RunConfig::quickstart(), "built-in quickstart".into()),
-    };
+    let (mut config, place) = read_config(args.config.as_deref())?;
     config.seed = args.seed.unwrap_or(config.seed);
     config.steps = args.steps.unwrap_or(config.steps);
     config.device = args.device.unwrap_or(config.device);
@@ -187,26 +182,12 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     }
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
-    config.check_memory().or_invalid_in(&place)?;
-    // Just before the scene is set up from them, so that the run keeps what it is trained with.
-    let mut kept = config.clone();
-    let inputs = kept.keep_inputs().or_invalid_in(&place)?;
-    let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
-    let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
-    // Below a micrometre there is nothing to win, and scores divide by it.
-    let initial = draping.initial_objective();
-    if initial < 1e-6 {
-        return Err(Failure::invalid(anyhow::anyhow!(
-            "{place}: `env.region_mm` has {initial} m to bring down, expected a region of cloth that \
-             does not lie on the tool yet"
-        )));
-    }
-    let ImageShape { rows, columns } = draping.shape();
+    let (scene, kept, ImageShape { rows, columns }) = set_up_run(&config, &place, args.json)?;
     let policy = config.policy.validate(rows, columns).context("policy");
     policy.or_invalid_in(&place)?;
 
     let info = RunInfo::new(config.seed, SystemTime::now());
-    let kept = (&*kept.to_toml(), &*inputs);
+    let kept = (&*kept.0, &*kept.1);
     let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info);
     let folder = folder.map_err(Failure::of_run)?;
     if !args.json {
@@ -239,7 +220,7 @@ fn finish(
 }
 
 /// Set by the first Ctrl-C or termination signal; the second one ends the program at once.
-fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
+pub(super) fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let seen = stop.clone();
     ctrlc::set_handler(move || {

@@ -50,6 +50,9 @@ pub struct RunInfo {
     pub platform: String,
     /// UTC, ISO 8601.
     pub created: String,
+    /// What `drape baseline` searched with; a training has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search: Option<String>,
 }
 
 impl RunInfo {
@@ -62,6 +65,7 @@ impl RunInfo {
             commit: option_env!("DRAPE_COMMIT").map(Into::into),
             platform: format!("{ARCH}-{OS}"),
             created: format_rfc3339_seconds(now).to_string(),
+            search: None,
         }
     }
 }
@@ -160,6 +164,12 @@ pub enum RunError {
         .0.display()
     )]
     Taken(PathBuf),
+    #[error(
+        "{} has no policy, as `drape baseline --policy {_1}` made it: `eval --sequence` replays \
+         its best path",
+        .0.display()
+    )]
+    Searched(PathBuf, String),
 }
 
 /// `prefix` and the minute of `now` (UTC), as in `2026-11-21-0412`, then with `-2`, `-3`, ...
@@ -356,6 +366,16 @@ impl RunFolder {
             bail!("{shown} is not a run folder: it has no run.json");
         }
         Ok(run)
+    }
+
+    /// Refuses a run that was never trained, but searched.
+    pub fn check_trained(&self) -> Result<()> {
+        // Nothing else of it counts here, damaged or not.
+        let info = read_json::<RunInfo>(&self.info).ok();
+        match info.and_then(|info| info.search) {
+            None => Ok(()),
+            Some(name) => bail!(RunError::Searched(self.path.clone(), name)),
+        }
     }
 
     /// What stands in [`RunFolder::config`].

@@ -6,6 +6,7 @@
 //! back on a resume to the length the checkpoint knew, so that an interruption leaves no trace in
 //! them.
 
+mod best;
 mod checkpoint;
 mod config;
 mod events;
@@ -15,6 +16,7 @@ mod metrics;
 mod rollout;
 mod training;
 
+pub use best::Best;
 pub use checkpoint::{Checkpoint, OtherConfig};
 pub use config::RunConfig;
 pub use folder::{

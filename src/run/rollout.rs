@@ -4,11 +4,11 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use drape_cloth::file::ValueError;
-use drape_cloth::math::{Purpose, Stream, Vec3};
+use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::{Scene, sheared, surplus};
 use drape_cloth::sim::Snapshot;
 use drape_task::env::{Draping, End, EnvConfig, Played, ReplayDiverged, Tasks};
-use drape_task::path::{PressedPoint, strokes};
+use drape_task::path::{PathFigures, PressedPoint};
 
 /// How an episode went.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -34,6 +34,9 @@ pub struct EpisodeSummary {
     pub steps: usize,
     /// Presses that the stencil did not reach in contact.
     pub jumps: usize,
+    /// Of its path.
+    #[serde(flatten)]
+    pub path: PathFigures,
     /// 95th percentile and maximum of the absolute yarn strain of the whole sheet [-].
     pub strain_p95: f64,
     pub strain_max: f64,
@@ -82,29 +85,11 @@ pub enum RolloutError {
 /// Of [`parallel_episodes`]: every run is compared with the same random episodes.
 const SEED: u64 = 0;
 
-/// Presses farther apart than this many stencils are joined by a jump.
-const JUMP: f64 = 1.0;
-
-/// Where on the tool a press on `vertex` lands.
-fn pressed(draping: &Draping, index: usize, vertex: u32) -> PressedPoint {
-    let x = Vec3::from(draping.state(index).position[vertex as usize]);
-    let surface = draping.scene().tool.surface.project(x);
-    PressedPoint {
-        vertex,
-        position: surface.position,
-        normal: surface.normal,
-    }
-}
-
 /// Where on the tool allowed actions press, one an environment.
 fn all_pressed(draping: &Draping, actions: &[u32]) -> Vec<PressedPoint> {
     let point = |(index, &action)| {
         let vertex = draping.vertex(action);
-        pressed(
-            draping,
-            index,
-            vertex.expect("allowed actions have a vertex"),
-        )
+        draping.pressed_point(index, vertex.expect("allowed actions have a vertex"))
     };
     actions.iter().enumerate().map(point).collect()
 }
@@ -178,7 +163,7 @@ pub fn replay(
         }
         if let Some(&vertex) = vertices.get(step) {
             watch(draping, &points);
-            points.push(pressed(draping, 0, vertex));
+            points.push(draping.pressed_point(0, vertex));
         }
         start = Instant::now();
     });
@@ -291,9 +276,7 @@ fn summarise(
     let locking = scene.lamina.material.shear.locking;
     let limit = locking.map_or(f64::INFINITY, |locking| locking.angle_rad);
     let sheared = sheared(&scene.lamina, &end.position, &sheet, limit);
-    let join = JUMP * draping.config().stencil_mm * 1e-3;
-    let strokes =
-        strokes(points, join).map_or(0, |path| path.iter().filter(|p| p.starts_stroke).count());
+    let path = PathFigures::new(points, draping.config().join_distance());
     EpisodeSummary {
         score: draping.score(&points.iter().map(|p| p.vertex).collect::<Vec<_>>(), end),
         region_initial_m: draping.region_distance(&scene.initial),
@@ -306,7 +289,8 @@ fn summarise(
         sheet_surplus_final_m: sheet_surplus(end),
         undraped_inner: region.iter().filter(|v| undraped(v) && inner(v)).count(),
         steps: points.len(),
-        jumps: strokes.saturating_sub(1),
+        jumps: (path.strokes as usize).saturating_sub(1),
+        path,
         strain_p95: at_end.strain_p95,
         strain_max: at_end.strain_max,
         shear_max_deg: sheared.max.to_degrees(),

@@ -6,17 +6,18 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 
+use super::best::Best;
 use super::checkpoint::Checkpoint;
 use super::config::RunConfig;
 use super::events::{create_events, scalar_record};
-use super::folder::{BestSequence, RunFolder, RunLock, Scored, config_digest};
+use super::folder::{RunFolder, RunLock, config_digest};
 use super::log::Log;
 use super::metrics::{metrics_line, read_lines};
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{Iteration, Sampling, Trainer, decode, encode, read_section};
-use drape_study::episodes::{Order, choose};
-use drape_task::env::{Draping, End, ImageShape, Reward, Tasks};
+use drape_task::env::{Draping, End, Reward, Tasks};
+use drape_task::search::{Order, choose};
 
 /// Checkpoint section of what the run itself remembers.
 const RUN: &str = "run";
@@ -44,16 +45,12 @@ struct Memory {
     /// Score of the best greedy episode so far.
     best_greedy: Option<f64>,
     /// The best episode of each iteration and the greedy ones, best first, each path once.
-    best: Vec<Scored>,
+    best: Best,
     /// Scores of the last episodes of the training, oldest first.
     recent: Vec<f64>,
     /// Lines of the metrics.
     lines: u64,
 }
-
-/// Best episodes that are kept. A score in the task's own steps may not hold in finer physics, and
-/// what one policy plays holds or falls together: so there are many, of as many policies.
-const BEST: usize = 64;
 
 /// Episodes that the mean score of a report is taken over.
 const RECENT: usize = 50;
@@ -163,7 +160,7 @@ impl Training {
 
     /// Best score of any episode so far.
     pub fn best_score(&self) -> Option<f64> {
-        self.memory.best.first().map(|best| best.score)
+        self.memory.best.score()
     }
 
     /// One iteration of the learner, with its metrics written. Checkpoints are up to the
@@ -228,30 +225,16 @@ impl Training {
     /// Keeps the sequence of an episode if it is among the best so far.
     fn remember(&mut self, score: f64, actions: &[u32]) -> Result<()> {
         let best = &mut self.memory.best;
-        // Behind those that were as good before.
-        let place = best.partition_point(|other| other.score >= score);
-        if place >= BEST {
-            return Ok(());
+        match best.remember(score, actions, &self.evaluation) {
+            true => self.write_best(),
+            false => Ok(()),
         }
-        let vertex = |&action| self.evaluation.vertex(action);
-        let vertices: Option<Vec<u32>> = actions.iter().map(vertex).collect();
-        let vertices = vertices.expect("allowed actions have a vertex");
-        if best.iter().any(|other| other.vertices == vertices) {
-            return Ok(());
-        }
-        best.insert(place, Scored { vertices, score });
-        best.truncate(BEST);
-        let lamina = &self.evaluation.scene().lamina;
-        self.folder.write_best_sequence(&BestSequence {
-            vertices: best[0].vertices.clone(),
-            score: best[0].score,
-            grid: ImageShape {
-                rows: lamina.rows,
-                columns: lamina.columns,
-            },
-            config_digest: config_digest(&self.config_text),
-            others: best[1..].to_vec(),
-        })
+    }
+
+    fn write_best(&self) -> Result<()> {
+        let digest = config_digest(&self.config_text);
+        let sequence = self.memory.best.sequence(&self.evaluation, digest);
+        sequence.map_or(Ok(()), |best| self.folder.write_best_sequence(&best))
     }
 
     fn log(&mut self, report: &TrainingReport) -> Result<()> {

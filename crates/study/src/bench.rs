@@ -10,7 +10,6 @@ use std::time::Instant;
 use cpu_time::ThreadTime;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
-use crate::episodes::{Order, choose};
 use crate::ranking::{extremes, median};
 use crate::study::{CORNER, Context, Report, Study, StudyError};
 use crate::table::Table;
@@ -21,6 +20,7 @@ use drape_cloth::sim::{Backend as _, Control, Cpu, Model, PhysicsConfig};
 use drape_cloth::sim::{Precision, Solver, World};
 use drape_learn::benchmark::{Benchmark, Implementation};
 use drape_task::env::{Draping, EnvConfig, Tasks};
+use drape_task::search::{Order, choose};
 
 /// Measure the speed of simulation and learner on this machine
 ///

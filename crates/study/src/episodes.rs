@@ -5,7 +5,6 @@
 //! place, one place of a 7 x 7 grid an episode. All are played under the rules of the task, on the
 //! allowed vertex that comes first, by rows and columns.
 
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use crate::ranking::extremes;
@@ -15,7 +14,8 @@ use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream, mean_and_deviation};
 use drape_cloth::scene::{Scene, Summary, surplus};
 use drape_cloth::sim::{Backend, Cpu, Precision, Snapshot, World};
-use drape_task::env::{Draping, End, EnvConfig, Played, Region, Tasks};
+use drape_task::env::{Draping, End, EnvConfig, Played, Region};
+use drape_task::search::{Order, choose};
 
 /// Play whole episodes in fixed orders: strain, rest and penetration after them, and how much
 /// the order matters
@@ -35,27 +35,6 @@ pub struct Episodes {
     /// Seed of the random order
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
-}
-
-/// An order in which an episode presses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
-    Random,
-    Sweep,
-    Outwards,
-}
-
-impl Order {
-    pub const ALL: [Self; 3] = [Self::Random, Self::Sweep, Self::Outwards];
-
-    /// As in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Random => "random",
-            Self::Sweep => "sweeps",
-            Self::Outwards => "outwards",
-        }
-    }
 }
 
 /// What a state after an episode is like, and what it comes to.
@@ -183,31 +162,6 @@ pub fn sequences(
     let mut played = play(scene, config, order, count, seed, |_| ())?;
     played.retain(|p| p.episode.end != End::Diverged && !p.vertices.is_empty());
     Ok(played.into_iter().map(|played| played.vertices).collect())
-}
-
-/// The allowed action of one environment that comes first in `order`; `share` 0..1 of the episodes
-/// came before.
-pub fn choose(env: &Draping, index: usize, order: Order, share: f64, stream: &mut Stream) -> u32 {
-    let mask = &env.observation(index).mask;
-    let shape = env.shape();
-    let (columns, rows) = (shape.columns as f64, shape.rows as f64);
-    let first = |rank: &dyn Fn(f64, f64) -> f64| {
-        let rank = |p: usize| rank((p % shape.columns) as f64, (p / shape.columns) as f64);
-        mask.ones().min_by(|&a, &b| rank(a).total_cmp(&rank(b)))
-    };
-    let chosen = match order {
-        Order::Random => mask.ones().nth(stream.below(mask.count_ones(..))),
-        Order::Sweep => {
-            let (sin, cos) = (TAU * share).sin_cos();
-            first(&|x, y| cos * x + sin * y)
-        }
-        Order::Outwards => {
-            let place = 49.0 * share;
-            let (across, along) = ((place % 7.0).floor() / 6.0, (place / 7.0).floor() / 6.0);
-            first(&|x, y| (x - across * (columns - 1.0)).hypot(y - along * (rows - 1.0)))
-        }
-    };
-    chosen.expect("a mask is never empty") as u32
 }
 
 /// Measures a state and lets it come to rest.

@@ -8,6 +8,7 @@ use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_cloth::twin::Hold;
 use drape_task::env::{Draping, EnvConfig};
+use drape_task::path::{PathFigures, PressedPoint};
 
 /// Where every vertex is [m].
 pub type Positions = Vec<[f64; 3]>;
@@ -18,6 +19,8 @@ pub struct Pressed {
     pub positions: Positions,
     /// Vertices that are held on the tool, ascending.
     pub draped: Vec<u32>,
+    /// Of the path over the tool; the twin does not tell them.
+    pub path: PathFigures,
 }
 
 /// Plays lists of presses in the fast solver, side by side in the lanes; none where it diverges.
@@ -28,13 +31,19 @@ pub fn replay(
     mut observe: impl FnMut(usize),
 ) -> Vec<Option<Pressed>> {
     let mut ends = vec![None; lists.len()];
+    let mut points: Vec<Vec<PressedPoint>> = vec![Vec::new(); lists.len()];
+    let join = draping.config().join_distance();
     draping.replay(lists, |draping, index, presses| {
         observe(presses);
-        if presses == lists[index].len() {
-            ends[index] = Some(Pressed {
-                positions: draping.state(index).position,
-                draped: draping.draped(index).ones().map(|v| v as u32).collect(),
-            });
+        match lists[index].get(presses) {
+            Some(&next) => points[index].push(draping.pressed_point(index, next)),
+            None => {
+                ends[index] = Some(Pressed {
+                    positions: draping.state(index).position,
+                    draped: draping.draped(index).ones().map(|v| v as u32).collect(),
+                    path: PathFigures::new(&points[index], join),
+                });
+            }
         }
     });
     ends
@@ -59,6 +68,7 @@ pub fn replay_in_twin(
         let pressed = ended.diverged.is_none().then(|| Pressed {
             positions: twin.positions(),
             draped: ended.draped,
+            path: PathFigures::default(),
         });
         Ok((pressed, began.elapsed().as_secs_f64()))
     });

@@ -1,11 +1,12 @@
 //! Whether paths are as good as their training has it: played in a finer physics, beside orders
 //! that anybody could think of.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::episodes::{Order, sequences};
+use crate::episodes::sequences;
 use crate::presses::{Pressed, replay, replay_in_twin};
 use crate::ranking::extremes;
 use crate::study::{Context, StudyError};
@@ -14,6 +15,8 @@ use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::{Scene, sheared, surplus};
 use drape_cloth::sim::{Accuracy, Stepping};
 use drape_task::env::{Draping, EnvConfig, Goal, Region, score};
+use drape_task::path::PathFigures;
+use drape_task::search::Order;
 
 /// Where a path is proved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,6 +74,10 @@ pub struct Figures {
     /// Greatest shear angle in the region [deg].
     pub shear_deg: f64,
     pub deviation_shear_deg: f64,
+    /// Of the paths over the tool, as at `accurate`: means, and those of the best score.
+    #[serde(flatten)]
+    pub path: PathFigures,
+    pub best_path: PathFigures,
 }
 
 /// What [`prove`] has found, by physics and order; nothing is best if all paths have diverged.
@@ -97,6 +104,7 @@ struct Left {
     score: f64,
     undraped: usize,
     shear_deg: f64,
+    path: PathFigures,
 }
 
 /// Paths taken on to the twin, where one costs minutes.
@@ -162,6 +170,11 @@ pub fn prove(
     });
     let left = all_left(&scene.initial.position, ends);
     let mut rows = summed(Physics::Accurate, &groups, &left);
+    let ways: HashMap<Vec<u32>, PathFigures> = listed(&groups)
+        .into_iter()
+        .zip(&left)
+        .filter_map(|(path, left)| Some((path.to_vec(), left.as_ref()?.path)))
+        .collect();
     let mut chosen = ranked(&left[..paths.len()]);
     let best = |physics, &(index, score): &(usize, f64)| Best {
         index,
@@ -178,7 +191,12 @@ pub fn prove(
         (context.progress)(0.0, "the twin's fall");
         let rest = fallen(scene, &twin_config(&scene.config)?)?.positions();
         let (ends, _) = replay_in_twin(scene, env, &rest, &listed(&groups), context)?;
-        let left = all_left(&rest, ends);
+        let mut left = all_left(&rest, ends);
+        for (left, path) in left.iter_mut().zip(listed(&groups)) {
+            if let (Some(left), Some(path)) = (left, ways.get(path)) {
+                left.path = *path;
+            }
+        }
         rows.extend(summed(Physics::Twin, &groups, &left));
         if let Some(&(k, score)) = ranked(&left[..chosen.len()]).first() {
             found = Some(best(Physics::Twin, &(chosen[k].0, score)));
@@ -221,6 +239,10 @@ fn figures(ended: &[Left]) -> Figures {
     ) = of(|left| left.distance_m);
     ([f.surplus_m, f.deviation_surplus_m], [f.least_surplus_m, _]) = of(|left| left.surplus_m);
     ([f.score, f.deviation_score], [_, f.best_score]) = of(|left| left.score);
+    let paths: Vec<PathFigures> = ended.iter().map(|left| left.path).collect();
+    f.path = PathFigures::mean(&paths);
+    let best = ended.iter().max_by(|a, b| a.score.total_cmp(&b.score));
+    f.best_path = best.map_or(PathFigures::default(), |best| best.path);
     ([f.undraped, _], _) = of(|left| left.undraped as f64);
     ([f.shear_deg, f.deviation_shear_deg], _) = of(|left| left.shear_deg);
     f
@@ -252,6 +274,7 @@ fn left(
         score: score(initial, goal.left(at)),
         undraped: vertices.ones().filter(|v| !is_draped(v)).count(),
         shear_deg: sheared.max.to_degrees(),
+        path: end.path,
     }
 }
 

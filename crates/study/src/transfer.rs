@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use cpu_time::ProcessTime;
 
-use crate::episodes::{Order, sequences};
+use crate::episodes::sequences;
 use crate::points::apart_mm;
 use crate::presses::{Positions, Pressed, replay, replay_in_twin};
 use crate::ranking::{interval, pair_loss, ranks, spearman};
@@ -23,6 +23,7 @@ use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::sim::{Accuracy, Precision, Solver, Stepping};
 use drape_report::{Chart, Image, SERIES, Series};
 use drape_task::env::{Draping, EnvConfig, Goal, Objective};
+use drape_task::search::Order;
 
 /// Play the same presses under several settings and in the finite-element twin: do they agree
 /// which path is the better one?

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use cpu_time::ProcessTime;
 
 use crate::compare::{Comparison, Criteria, Parts, Surveyed, compare, picture};
-use crate::episodes::{Order, sequences};
+use crate::episodes::sequences;
 use crate::points::nearest;
 use crate::presses::Positions;
 use crate::study::{
@@ -30,6 +30,7 @@ use drape_cloth::tool::Tool;
 use drape_cloth::twin::Energies;
 use drape_task::env::EnvConfig;
 use drape_task::path::read_json;
+use drape_task::search::Order;
 use fall::twin_config;
 
 /// Solve the paper's test case in the finite-element twin and compare the fast solver with it

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use drape_cloth::scene::{Scene, SceneConfig};
-use drape_study::episodes::{Order, play, rest};
+use drape_study::episodes::{play, rest};
 use drape_task::env::{End, EnvConfig};
+use drape_task::search::Order;
 
 fn corner() -> EnvConfig {
     EnvConfig {

@@ -1,8 +1,9 @@
-//! Draping as a Markov decision process ([`mod@env`]), and what a robot is given of a sequence of
-//! presses ([`path`]).
+//! Draping as a Markov decision process ([`mod@env`]), what a robot is given of a sequence of
+//! presses ([`path`]), and search among them ([`search`]).
 
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
 #![allow(rustdoc::broken_intra_doc_links)]
 
 pub mod env;
 pub mod path;
+pub mod search;

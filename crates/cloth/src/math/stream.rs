@@ -14,6 +14,8 @@ pub enum Purpose {
     Shuffle,
     /// Actions drawn during an evaluation, and by the random baseline.
     Evaluation,
+    /// Actions drawn in a search.
+    Search,
 }
 
 /// A seeded random stream whose position can be stored and restored exactly.

@@ -143,6 +143,11 @@ impl EnvConfig {
         }
     }
 
+    /// Presses nearer to each other than this are of one stroke [m], see [`crate::path::strokes`].
+    pub fn join_distance(&self) -> f64 {
+        1e-3 * self.stencil_mm
+    }
+
     /// Checks every value and finds the region on the blank; the error names key, found and
     /// expected.
     pub fn region(&self, lamina: &Lamina) -> Result<Region, ValueError> {

@@ -11,7 +11,9 @@ use super::reward::{Earned, Reward, Taken, score};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
 use super::terrain::Terrain;
+use crate::path::PressedPoint;
 use drape_cloth::file::ValueError;
+use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, surplus};
 use drape_cloth::sim::{Backend, Snapshot};
 
@@ -156,6 +158,57 @@ impl Draping {
         slot.finished = finished;
     }
 
+    /// Where on the tool a press on `vertex` would land in one environment now.
+    pub fn pressed_point(&self, index: usize, vertex: u32) -> PressedPoint {
+        let x = Vec3::from(self.state(index).position[vertex as usize]);
+        let surface = self.task.scene.tool.surface.project(x);
+        PressedPoint {
+            vertex,
+            position: surface.position,
+            normal: surface.normal,
+        }
+    }
+
+    /// Scores of all environments as they are now, see [`Draping::score`].
+    pub fn scores(&self) -> Vec<f64> {
+        let all = (0..self.count()).into_par_iter();
+        all.map(|index| {
+            let actions = self.slots[index].actions.iter();
+            let vertices = actions.filter_map(|&action| self.vertex(action));
+            self.score(&vertices.collect::<Vec<_>>(), &self.state(index))
+        })
+        .collect()
+    }
+
+    /// One environment in the middle of its episode.
+    pub fn branch(&self, index: usize) -> Branch {
+        let Slot {
+            actions,
+            total_reward,
+            left,
+            observation,
+            finished: _,
+        } = &self.slots[index];
+        Branch {
+            slot: Slot {
+                actions: actions.clone(),
+                total_reward: *total_reward,
+                left: *left,
+                observation: observation.clone(),
+                finished: None,
+            },
+            cloth: self.state(index),
+        }
+    }
+
+    /// Lets one environment go on exactly from where any environment of the same task was.
+    pub fn go_on(&mut self, index: usize, from: &Branch) {
+        self.cloth.load(index, &from.cloth);
+        let finished = self.slots[index].finished.take();
+        self.slots[index] = from.slot.clone();
+        self.slots[index].finished = finished;
+    }
+
     /// Presses on a vertex in every environment, whatever the masks allow; where there is none,
     /// time passes all the same. No episode begins or ends by it, and observations stay as they
     /// were: it is for lists of presses that were made elsewhere. Tells which are finite.
@@ -232,6 +285,20 @@ impl Draping {
             self.reset(index);
         }
         StepOutcome { reward, episode }
+    }
+}
+
+/// Where an episode has come to: what [`Draping::branch`] takes and [`Draping::go_on`] puts back.
+#[derive(Clone)]
+pub struct Branch {
+    slot: Slot,
+    cloth: Snapshot,
+}
+
+impl Branch {
+    /// What the environment showed.
+    pub fn observation(&self) -> &Observation {
+        &self.slot.observation
     }
 }
 

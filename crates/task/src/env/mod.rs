@@ -14,7 +14,7 @@ mod task;
 mod terrain;
 
 pub use config::{EnvConfig, Region};
-pub use draping::{Draping, MOST_MIB, check_memory};
+pub use draping::{Branch, Draping, MOST_MIB, check_memory};
 pub use effort::Effort;
 pub use objective::{Goal, Objective};
 pub use replay::{Played, ReplayDiverged};

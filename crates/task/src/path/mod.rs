@@ -11,10 +11,12 @@
 //! y = z × x, along the axis of the roller; its origin is on the roller's line of contact.
 
 mod csv;
+mod figures;
 pub mod inp;
 mod json;
 mod strokes;
 
 pub use csv::write_csv;
+pub use figures::PathFigures;
 pub use json::{read_json, write_json};
 pub use strokes::{DrapingPoint, PressKind, PressedPoint, UnusablePoint, stroke_points, strokes};

@@ -1,5 +1,6 @@
 //! The draping task, checked step by step against its definition under random allowed actions.
 
+mod branch;
 mod checker;
 mod earned;
 mod ends;

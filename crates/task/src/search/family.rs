@@ -1,0 +1,243 @@
+//! Families of orders that follow from the region alone, one an episode. An order is a rank for each
+//! pixel of the image: under the rules of the task the allowed one of least rank comes first, so that
+//! a stroke ends only where nothing beside it is untouched.
+
+use std::collections::HashSet;
+use std::f64::consts::{FRAC_PI_4, TAU};
+
+use fixedbitset::FixedBitSet;
+
+use super::arena::Arena;
+use crate::env::{Draping, Tasks};
+
+/// A rank for each pixel.
+pub(super) type Ranks = Vec<f64>;
+
+/// Plays an episode in every order, in one environment each, until there is none left or the steps
+/// are spent. Orders that rank the region as one before them are left out. True if all were played.
+pub fn in_order(arena: &mut Arena, orders: impl IntoIterator<Item = Ranks>) -> bool {
+    let pixels = region(arena.env).pixels;
+    let mut seen = HashSet::new();
+    let mut orders = orders.into_iter().filter(|ranks| {
+        let mut sorted = pixels.clone();
+        sorted.sort_by(|&a, &b| ranks[a].total_cmp(&ranks[b]));
+        seen.insert(sorted)
+    });
+    let mut own: Vec<Option<Ranks>> = (0..arena.env.count()).map(|_| orders.next()).collect();
+    while own.iter().any(Option::is_some) {
+        let env = &*arena.env;
+        let next = |(index, ranks): (usize, &Option<Ranks>)| {
+            Some(first(&env.observation(index).mask, ranks.as_ref()?))
+        };
+        let actions: Vec<Option<u32>> = own.iter().enumerate().map(next).collect();
+        let Some(ended) = arena.step(&actions) else {
+            return false;
+        };
+        for (own, _) in own.iter_mut().zip(ended).filter(|(_, end)| end.is_some()) {
+            *own = orders.next();
+        }
+    }
+    true
+}
+
+/// The allowed action of least rank, the lowest of equals.
+pub(super) fn first(mask: &FixedBitSet, ranks: &[f64]) -> u32 {
+    let least = mask.ones().min_by(|&a, &b| ranks[a].total_cmp(&ranks[b]));
+    least.expect("a mask is never empty") as u32
+}
+
+/// The pixels of the focus region in their image.
+struct Region {
+    columns: usize,
+    rows: usize,
+    /// Ascending.
+    pixels: Vec<usize>,
+    /// Vertices of a row under the stencil on the flat blank.
+    span: usize,
+}
+
+impl Region {
+    /// Column and row of a pixel.
+    fn at(&self, pixel: usize) -> [f64; 2] {
+        [pixel % self.columns, pixel / self.columns].map(|x| x as f64)
+    }
+
+    fn ranks(&self, rank: impl Fn([f64; 2]) -> f64) -> Ranks {
+        let count = self.columns * self.rows;
+        (0..count).map(|pixel| rank(self.at(pixel))).collect()
+    }
+
+    /// Half a pixel, seen from across the region [rad]: directions nearer to each other order it
+    /// alike.
+    fn angle(&self) -> f64 {
+        0.5 / (self.columns as f64).hypot(self.rows as f64)
+    }
+}
+
+fn region(env: &Draping) -> Region {
+    let shape = env.shape();
+    let pixels = env.region_vertices().filter_map(|v| env.action(v));
+    let mut pixels: Vec<usize> = pixels.map(|pixel| pixel as usize).collect();
+    pixels.sort_unstable();
+    let lamina = &env.scene().lamina;
+    let half = 0.5e-3 * env.config().stencil_mm;
+    let row = |v: u32| lamina.place(v)[0];
+    let under = |v: u32| lamina.within(v, half).filter(|&w| row(w) == row(v)).count();
+    Region {
+        columns: shape.columns,
+        rows: shape.rows,
+        pixels,
+        span: env.region_vertices().map(under).max().unwrap_or(1),
+    }
+}
+
+/// 0, 1/2, 1/4, 3/4, 1/8, ...: every new one lies in the middle of a greatest gap. As many as
+/// refine to `least`, at most 2^16.
+fn refined(least: f64) -> impl Iterator<Item = f64> {
+    let levels = (1.0 / least).log2().ceil().clamp(0.0, 16.0) as u32;
+    (0..1u32 << levels).map(|k| f64::from(k.reverse_bits()) / 2f64.powi(32))
+}
+
+/// Straight sweeps, a direction an episode.
+pub fn sweeps(env: &Draping) -> impl Iterator<Item = Ranks> + use<> {
+    let region = region(env);
+    refined(region.angle() / TAU).map(move |share| {
+        let (sin, cos) = (TAU * share).sin_cos();
+        region.ranks(|[x, y]| cos * x + sin * y)
+    })
+}
+
+/// Outwards from a place, which comes from finer and finer grids over the image, down to half a
+/// pixel.
+pub fn outwards(env: &Draping) -> impl Iterator<Item = Ranks> + use<> {
+    let region = region(env);
+    let longest = region.columns.max(region.rows) as f64;
+    let levels = (2.0 * longest).log2().ceil() as u32;
+    let places = (0..=levels).flat_map(|level| {
+        let cells = 1u32 << level;
+        let places = (0..=cells).flat_map(move |j| (0..=cells).map(move |i| [i, j]));
+        let is_new = move |[i, j]: &[u32; 2]| level == 0 || i % 2 == 1 || j % 2 == 1;
+        let share = move |place: [u32; 2]| place.map(|k| f64::from(k) / f64::from(cells));
+        places.filter(is_new).map(share)
+    });
+    places.map(move |[across, along]| {
+        let (right, down) = (region.columns as f64 - 1.0, region.rows as f64 - 1.0);
+        region.ranks(|[x, y]| (x - across * right).hypot(y - along * down))
+    })
+}
+
+/// Rows or columns one after the other, back and forth or all one way as far as the rules allow, from
+/// each corner; as narrow as the vertices stand, and as the stencil.
+pub fn rasters(env: &Draping) -> impl Iterator<Item = Ranks> + use<> {
+    let region = region(env);
+    let last = [region.columns, region.rows].map(|n| n as f64 - 1.0);
+    (0..32).map(move |k: usize| {
+        let is = |bit: usize| k >> bit & 1 == 1;
+        let width = if is(0) { region.span } else { 1 } as f64;
+        region.ranks(|mut at| {
+            for (axis, x) in at.iter_mut().enumerate() {
+                *x = if is(1 + axis) { last[axis] - *x } else { *x };
+            }
+            let [along, across, length] = match is(3) {
+                false => [at[0], at[1], last[0]],
+                true => [at[1], at[0], last[1]],
+            };
+            let lane = (across / width).floor();
+            let back = !is(4) && lane % 2.0 == 1.0;
+            let along = if back { length - along } else { along };
+            // Within a lane its middle comes first.
+            let off = (across - (lane + 0.5) * width + 0.5).abs();
+            (lane * (length + 1.0) + along) * (width + 1.0) + off
+        })
+    })
+}
+
+/// Along the rings of the region, inwards and outwards, in both senses and from eight directions; as
+/// narrow as the vertices stand, and as the stencil.
+pub fn spirals(env: &Draping) -> impl Iterator<Item = Ranks> + use<> {
+    let region = region(env);
+    let rings = rings(&region);
+    let count = region.pixels.len() as f64;
+    let middle = [0, 1].map(|axis| {
+        let sum: f64 = region.pixels.iter().map(|&p| region.at(p)[axis]).sum();
+        sum / count
+    });
+    (0..64).map(move |k: usize| {
+        let is = |bit: usize| k >> bit & 1 == 1;
+        let width = if is(5) { region.span } else { 1 };
+        let start = FRAC_PI_4 * (k >> 2 & 7) as f64;
+        let mut ranks = region.ranks(|[x, y]| {
+            let angle = (y - middle[1]).atan2(x - middle[0]);
+            let angle = if is(1) { -angle } else { angle };
+            (angle - start).rem_euclid(TAU) / TAU
+        });
+        for (rank, &ring) in ranks.iter_mut().zip(&rings) {
+            let ring = (ring / width) as f64;
+            *rank += if is(0) { -ring } else { ring };
+        }
+        ranks
+    })
+}
+
+/// How many rings of the region lie outside each of its pixels.
+fn rings(region: &Region) -> Vec<usize> {
+    let [columns, rows] = [region.columns, region.rows];
+    let mut left = FixedBitSet::with_capacity(columns * rows);
+    left.extend(region.pixels.iter().copied());
+    let mut rings = vec![0; columns * rows];
+    for ring in 0.. {
+        if left.is_clear() {
+            break;
+        }
+        let is_inner = |&p: &usize| {
+            let (x, y) = (p % columns, p / columns);
+            let beside = [(x > 0, 1), (y > 0, columns)];
+            let beyond = [(x + 1 < columns, 1), (y + 1 < rows, columns)];
+            beside.iter().all(|&(is, by)| is && left.contains(p - by))
+                && beyond.iter().all(|&(is, by)| is && left.contains(p + by))
+        };
+        let mut inner = FixedBitSet::with_capacity(columns * rows);
+        inner.extend(left.ones().filter(is_inner));
+        left.ones().for_each(|p| rings[p] = ring);
+        left = inner;
+    }
+    rings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(side: usize) -> Region {
+        Region {
+            columns: side,
+            rows: side,
+            pixels: (0..side * side).collect(),
+            span: 1,
+        }
+    }
+
+    #[test]
+    fn rings_are_counted_from_the_border_of_any_outline() {
+        let rings_of = |region: &Region| rings(region);
+        #[rustfmt::skip]
+        assert_eq!(rings_of(&square(5)), [
+            0, 0, 0, 0, 0,
+            0, 1, 1, 1, 0,
+            0, 1, 2, 1, 0,
+            0, 1, 1, 1, 0,
+            0, 0, 0, 0, 0,
+        ]);
+        let mut holed = square(5);
+        holed.pixels.retain(|&p| p != 12);
+        assert!(rings_of(&holed).iter().all(|&ring| ring <= 1));
+        assert_eq!(rings_of(&holed)[7], 0);
+    }
+
+    #[test]
+    fn refinement_halves_the_gaps() {
+        let found: Vec<f64> = refined(0.2).collect();
+        assert_eq!(found, [0.0, 0.5, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875]);
+        assert_eq!(refined(1.0).count(), 1);
+    }
+}

@@ -1,0 +1,277 @@
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::{Instant, SystemTime};
+
+use clap::ValueEnum;
+use serde::Serialize;
+
+use super::Failure;
+use super::failure::OrInvalid;
+use super::output::{Progress, print, print_json};
+use super::proof;
+use super::result::rollout_failure;
+use super::setup::{read_config, set_up_run};
+use super::train::stop_on_signal;
+use crate::run::{Best, Rules, RunConfig, RunFolder, RunInfo, config_digest, replay};
+use drape_study::proof::Row;
+use drape_task::env::{Draping, Episode};
+use drape_task::path::PathFigures;
+use drape_task::search::{
+    Annealing, Arena, CrossEntropy, Lookahead, anneal, cross_entropy, drawn, in_order, lookahead,
+    outwards, rasters, spirals, sweeps, uniform,
+};
+
+/// Search the best path of a task without learning: what a trained policy has to beat
+///
+/// Leaves a run folder as `train` does, without metrics and checkpoints.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape baseline --policy anneal
+  drape baseline task.toml --policy raster --json
+  drape baseline task.toml --policy cem --steps 50000 --seed 2 --name cem-2")]
+pub struct BaselineArgs {
+    /// Configuration file, as for `train`; the built-in quickstart if not given
+    config: Option<PathBuf>,
+
+    /// How to search
+    #[arg(long, value_enum)]
+    policy: Policy,
+
+    /// Most environment steps, simulated ones of all environments, instead of the configuration's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=RunConfig::MAX_STEPS))]
+    steps: Option<u64>,
+
+    /// Seed of all random streams, instead of the configuration's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=RunConfig::MAX_SEED))]
+    seed: Option<u64>,
+
+    /// Name of the run; date and minute (UTC) if not given
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+
+    /// Folder that holds the runs
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    runs: PathBuf,
+
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Policy {
+    /// Any allowed press
+    Random,
+    /// Straight sweeps, finer and finer directions
+    Sweep,
+    /// Outwards from places of finer and finer grids
+    Outwards,
+    /// Rows or columns one after the other, from each corner
+    Raster,
+    /// Along the rings of the region, inwards and outwards
+    Spiral,
+    /// The press that scores most at once
+    Greedy,
+    /// The same, with the best few prefixes kept
+    Beam,
+    /// Cross-entropy method over a priority of each vertex
+    Cem,
+    /// Simulated annealing over sequences that are cut and go on differently
+    Anneal,
+}
+
+impl Policy {
+    /// Searches; false if it has nothing left to try before the steps are spent.
+    fn search(self, arena: &mut Arena, start: &Draping, seed: u64) -> bool {
+        match self {
+            Self::Random => drawn(arena, &mut uniform, seed),
+            Self::Sweep => return !in_order(arena, sweeps(start)),
+            Self::Outwards => return !in_order(arena, outwards(start)),
+            Self::Raster => return !in_order(arena, rasters(start)),
+            Self::Spiral => return !in_order(arena, spirals(start)),
+            Self::Greedy => lookahead(arena, Lookahead::greedy(), &mut uniform, seed),
+            Self::Beam => lookahead(arena, Lookahead::beam(), &mut uniform, seed),
+            Self::Cem => cross_entropy(arena, CrossEntropy::default(), seed),
+            Self::Anneal => anneal(arena, Annealing::default(), &[], &mut uniform, seed),
+        }
+        true
+    }
+
+    /// As on the command line.
+    fn name(self) -> String {
+        let value = self.to_possible_value().expect("no policy is hidden");
+        value.get_name().into()
+    }
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Outcome {
+    run: PathBuf,
+    policy: Policy,
+    /// Neither interrupted nor out of orders before the steps were spent.
+    complete: bool,
+    env_steps: u64,
+    seconds: f64,
+    #[serde(flatten)]
+    found: Found,
+    best_score: Option<f64>,
+    /// Of the best path, in the task's own steps.
+    path: Option<PathFigures>,
+    /// The best paths in finer steps, beside other orders.
+    proof: Vec<Row>,
+}
+
+/// Episodes of a search.
+#[derive(Default, Serialize)]
+struct Found {
+    episodes: usize,
+    /// Those of them in which the simulation diverged; they have no score.
+    diverged: usize,
+    mean_score: Option<f64>,
+}
+
+impl Found {
+    fn count(&mut self, episode: &Episode) {
+        self.episodes += 1;
+        match episode.score {
+            None => self.diverged += 1,
+            Some(score) => {
+                let mean = self.mean_score.unwrap_or(0.0);
+                let scored = (self.episodes - self.diverged) as f64;
+                self.mean_score = Some(mean + (score - mean) / scored);
+            }
+        }
+    }
+}
+
+/// Runs `drape baseline`.
+pub fn run(args: BaselineArgs) -> Result<(), Failure> {
+    let (mut config, place) = read_config(args.config.as_deref())?;
+    config.seed = args.seed.unwrap_or(config.seed);
+    config.steps = args.steps.unwrap_or(config.steps);
+    let (scene, kept, _) = set_up_run(&config, &place, args.json)?;
+    let draping = Draping::new(scene.clone(), &config.env, config.environments);
+    let mut draping = draping.or_invalid_in(&place)?;
+    let mut start = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
+    let info = RunInfo {
+        search: Some(args.policy.name()),
+        ..RunInfo::new(config.seed, SystemTime::now())
+    };
+    let kept = (&*kept.0, &*kept.1);
+    let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info);
+    let folder = folder.map_err(Failure::of_run)?;
+    let _lock = folder.lock().map_err(Failure::of_run)?;
+    if !args.json {
+        eprintln!("writing {}", folder.path.display());
+    }
+
+    let stop = stop_on_signal()?;
+    let progress = Progress::of_steps(0, config.steps, args.json);
+    let began = Instant::now();
+    let digest = config_digest(&folder.config_text()?);
+    let (mut best, mut found) = (Best::default(), Found::default());
+    let (mut env_steps, mut written) = (0, Ok(()));
+    let mut watch = |spent: u64, ended: &[Episode]| {
+        env_steps = spent;
+        let before = best.score();
+        for episode in ended {
+            found.count(episode);
+            if let Some(score) = episode.score {
+                best.remember(score, &episode.actions, &start);
+            }
+        }
+        if best.score() > before
+            && let Some(sequence) = best.sequence(&start, digest.clone())
+        {
+            written = folder.write_best_sequence(&sequence);
+        }
+        let percent = |score: Option<f64>| {
+            score.map_or("-".into(), |score| format!("{:.2} %", 100.0 * score))
+        };
+        let scores = [found.mean_score, best.score()].map(percent);
+        progress.step(
+            spent,
+            format!("score: mean {}, best {}", scores[0], scores[1]),
+        );
+        written.is_ok() && !stop.load(Ordering::Relaxed)
+    };
+    let mut arena = Arena::new(&mut draping, config.steps, &mut watch);
+    let is_spent = args.policy.search(&mut arena, &start, config.seed);
+    written?;
+    let seconds = began.elapsed().as_secs_f64();
+    drop(progress);
+    let was_stopped = stop.load(Ordering::Relaxed);
+
+    let (mut path, mut rows) = (None, Vec::new());
+    match best.sequence(&start, digest) {
+        None => eprintln!(
+            "warning: every episode has diverged or none has ended, so there is no best sequence: raise \
+             --steps or `env.substep_rate`"
+        ),
+        Some(sequence) => {
+            folder.write_best_sequence(&sequence)?;
+            let played = replay(&mut start, &sequence.vertices, Rules::Robot, |_, _| ())
+                .map_err(|error| rollout_failure(error, &folder.best_sequence))?;
+            path = Some(played.summary.path);
+            if !was_stopped {
+                if !args.json {
+                    eprintln!("proving the best paths");
+                }
+                let (task, orders) = ((&scene, &config.env), (config.proof_paths, false));
+                rows = proof::proved(&folder, task, sequence, orders, args.json)?.0;
+            }
+        }
+    }
+    let outcome = Outcome {
+        run: folder.path.clone(),
+        policy: args.policy,
+        complete: !was_stopped,
+        env_steps,
+        seconds,
+        found,
+        best_score: best.score(),
+        path,
+        proof: rows,
+    };
+    report(&outcome, is_spent, args.json)
+}
+
+fn report(outcome: &Outcome, is_spent: bool, json: bool) -> Result<(), Failure> {
+    if json {
+        return print_json(outcome);
+    }
+    let (run, found) = (outcome.run.display(), &outcome.found);
+    let percent = |score: Option<f64>| score.map_or("-".into(), |s| format!("{:.2} %", 100.0 * s));
+    let mut lines = vec![format!(
+        "{run}: {} environment steps in {:.0} s, {} episodes ({} diverged){}",
+        outcome.env_steps,
+        outcome.seconds,
+        found.episodes,
+        found.diverged,
+        if is_spent {
+            ""
+        } else {
+            "; no order is left to try"
+        },
+    )];
+    lines.push(format!(
+        "score: mean {}, best {}",
+        percent(found.mean_score),
+        percent(outcome.best_score)
+    ));
+    lines.extend(
+        outcome
+            .path
+            .map(|path| format!("best path: {}", path.text())),
+    );
+    lines.push(match (outcome.complete, outcome.best_score) {
+        (false, Some(_)) => {
+            format!("interrupted; prove what is found with: drape eval {run} --sequence --prove")
+        }
+        (true, Some(_)) => format!("{}\nnext: drape export {run}", proof::text(&outcome.proof)),
+        (_, None) => "no best sequence".into(),
+    });
+    print(&lines.join("\n"))
+}

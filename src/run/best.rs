@@ -1,0 +1,66 @@
+use serde::{Deserialize, Serialize};
+
+use super::folder::{BestSequence, Scored};
+use drape_task::env::{Draping, ImageShape};
+
+/// The best sequences of a run, best first, each once.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Best(Vec<Scored>);
+
+/// Best episodes that are kept. A score in the task's own steps may not hold in finer physics, and
+/// what one policy plays holds or falls together: so there are many, of as many policies.
+const MOST: usize = 64;
+
+impl Best {
+    /// Score of the best; none before the first.
+    pub fn score(&self) -> Option<f64> {
+        self.0.first().map(|best| best.score)
+    }
+
+    /// Keeps the sequence of an episode if it is among the best so far; whether it is.
+    ///
+    /// # Panics
+    /// If an action has no vertex.
+    pub fn remember(&mut self, score: f64, actions: &[u32], draping: &Draping) -> bool {
+        // Behind those that were as good before.
+        let place = self.0.partition_point(|other| other.score >= score);
+        if place >= MOST {
+            return false;
+        }
+        let vertices = actions.iter().map(|&action| draping.vertex(action));
+        let vertices: Option<Vec<u32>> = vertices.collect();
+        let vertices = vertices.expect("allowed actions have a vertex");
+        if self.0.iter().any(|other| other.vertices == vertices) {
+            return false;
+        }
+        self.0.insert(place, Scored { vertices, score });
+        self.0.truncate(MOST);
+        true
+    }
+
+    /// What is written of them, for a blank of `grid` and a configuration; none without any.
+    pub fn sequence(&self, draping: &Draping, config_digest: String) -> Option<BestSequence> {
+        let (best, others) = self.0.split_first()?;
+        let lamina = &draping.scene().lamina;
+        Some(BestSequence {
+            vertices: best.vertices.clone(),
+            score: best.score,
+            grid: ImageShape {
+                rows: lamina.rows,
+                columns: lamina.columns,
+            },
+            config_digest,
+            others: others.to_vec(),
+        })
+    }
+
+    /// All of them, as actions.
+    pub fn actions(&self, draping: &Draping) -> Vec<Vec<u32>> {
+        let action = |&vertex: &u32| draping.action(vertex);
+        let actions = self
+            .0
+            .iter()
+            .map(|best| best.vertices.iter().filter_map(action));
+        actions.map(Iterator::collect).collect()
+    }
+}
