@@ -1,12 +1,17 @@
 use std::ops::RangeInclusive;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Context;
 
 use super::Failure;
-use super::failure::scene_failure;
+use super::failure::{OrInvalid, scene_failure};
 use super::output::Progress;
+use crate::run::RunConfig;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::Source;
-use drape_task::env::EnvConfig;
+use drape_task::env::{Draping, EnvConfig, ImageShape, Tasks};
 
 /// A blank that is nowhere as near to the tool as this has missed it [m].
 pub(super) const MISSED: f64 = 0.05;
@@ -123,6 +128,44 @@ pub(super) fn set_up_over_tool(
         return Err(Failure::invalid(error));
     }
     Ok(scene)
+}
+
+/// The configuration of a file, or else the built-in quickstart, and what messages call it.
+pub fn read_config(path: Option<&Path>) -> Result<(RunConfig, String), Failure> {
+    let Some(path) = path else {
+        return Ok((RunConfig::quickstart(), "built-in quickstart".into()));
+    };
+    let config = RunConfig::read(path).or_invalid()?;
+    Ok((config, path.display().to_string()))
+}
+
+/// Sets up `count` tasks of a configuration that was read from `place`, each at its start. `quiet`
+/// shows no progress.
+///
+/// # Errors
+/// If the memory is exhausted, the scene or the task cannot be, the blank has missed its tool, nothing is left to be brought
+/// down, or the network does not fit the image.
+pub fn set_up_tasks(
+    config: &RunConfig,
+    count: usize,
+    place: &str,
+    quiet: bool,
+) -> Result<Draping, Failure> {
+    config.check_memory().or_invalid_in(place)?;
+    let scene = Arc::new(set_up_over_tool(&config.scene, place, quiet)?);
+    let draping = Draping::new(scene, &config.env, count).or_invalid_in(place)?;
+    // Below a micrometre there is nothing to win, and scores divide by it.
+    let initial = draping.initial_objective();
+    if initial < 1e-6 {
+        return Err(Failure::invalid(anyhow::anyhow!(
+            "{place}: `env.region_mm` has {initial} m to bring down, expected a region of cloth that \
+             does not lie on the tool yet"
+        )));
+    }
+    let ImageShape { rows, columns } = draping.shape();
+    let policy = config.policy.validate(rows, columns).context("policy");
+    policy.or_invalid_in(place)?;
+    Ok(draping)
 }
 
 /// Sizes of tools and blanks that need no second look [m].

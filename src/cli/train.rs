@@ -3,7 +3,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Instant, SystemTime};
 
-use anyhow::Context;
 use serde::Serialize;
 
 use super::Failure;
@@ -12,12 +11,12 @@ use super::failure::OrInvalid;
 use super::output::{Progress, print, print_json};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
-use super::setup::set_up_over_tool;
+use super::setup::{read_config, set_up_over_tool, set_up_tasks};
 use crate::run::{RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
 use drape_study::proof::Row;
-use drape_task::env::{Draping, End, ImageShape, Tasks};
+use drape_task::env::End;
 
 /// Iterations between two checkpoints.
 const CHECKPOINT_INTERVAL: u64 = 10;
@@ -172,13 +171,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
         let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
         return Training::resume(config, scene, folder).map_err(Failure::of_run);
     }
-    let (mut config, place) = match &args.config {
-        Some(path) => (
-            RunConfig::read(path).or_invalid()?,
-            path.display().to_string(),
-        ),
-        None => (RunConfig::quickstart(), "built-in quickstart".into()),
-    };
+    let (mut config, place) = read_config(args.config.as_deref())?;
     config.seed = args.seed.unwrap_or(config.seed);
     config.steps = args.steps.unwrap_or(config.steps);
     config.device = args.device.unwrap_or(config.device);
@@ -187,23 +180,10 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     }
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
-    config.check_memory().or_invalid_in(&place)?;
     // Just before the scene is set up from them, so that the run keeps what it is trained with.
     let mut kept = config.clone();
     let inputs = kept.keep_inputs().or_invalid_in(&place)?;
-    let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
-    let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
-    // Below a micrometre there is nothing to win, and scores divide by it.
-    let initial = draping.initial_objective();
-    if initial < 1e-6 {
-        return Err(Failure::invalid(anyhow::anyhow!(
-            "{place}: `env.region_mm` has {initial} m to bring down, expected a region of cloth that \
-             does not lie on the tool yet"
-        )));
-    }
-    let ImageShape { rows, columns } = draping.shape();
-    let policy = config.policy.validate(rows, columns).context("policy");
-    policy.or_invalid_in(&place)?;
+    let draping = set_up_tasks(&config, 1, &place, args.json)?;
 
     let info = RunInfo::new(config.seed, SystemTime::now());
     let kept = (&*kept.to_toml(), &*inputs);
@@ -212,7 +192,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     if !args.json {
         eprintln!("writing {}", folder.path.display());
     }
-    Training::new(config, scene, folder).map_err(Failure::of_run)
+    Training::new(config, draping.scene().clone(), folder).map_err(Failure::of_run)
 }
 
 /// Draws the curve of a training that is complete and proves its best paths. Gives the proof.
