@@ -151,7 +151,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
     let (mut config, place) = read_config(args.config.as_deref())?;
     config.seed = args.seed.unwrap_or(config.seed);
     config.steps = args.steps.unwrap_or(config.steps);
-    let (scene, kept, _) = set_up_run(&config, &place, args.json)?;
+    let (scene, kept) = set_up_run(&config, &place, args.json)?;
     let draping = Draping::new(scene.clone(), &config.env, config.environments);
     let mut draping = draping.or_invalid_in(&place)?;
     let mut start = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;

@@ -34,7 +34,7 @@ impl Failure {
     }
 
     /// Wrong usage or configuration.
-    pub(super) fn invalid(error: impl Into<Error>) -> Self {
+    pub fn invalid(error: impl Into<Error>) -> Self {
         Self::new(error, true)
     }
 
@@ -58,8 +58,13 @@ impl Failure {
         ExitCode::from(if self.is_input { 2 } else { 1 })
     }
 
+    /// Whether the user can mend it.
+    pub fn is_input(&self) -> bool {
+        self.is_input
+    }
+
     /// The chain of causes, outermost first, as one line.
-    fn line(&self) -> String {
+    pub fn line(&self) -> String {
         let chain = format!("{:#}", self.error);
         let lines = chain.lines().map(str::trim).filter(|line| !line.is_empty());
         lines.collect::<Vec<_>>().join(" ")

@@ -22,6 +22,7 @@ mod train;
 use clap::{Parser, Subcommand};
 
 pub use failure::Failure;
+pub use setup::{read_config, set_up_tasks};
 
 /// Finds the order in which a robot presses woven fabric on to a curved tool.
 #[derive(Debug, Parser)]

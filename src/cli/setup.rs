@@ -2,6 +2,8 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
 
+use anyhow::Context;
+
 use super::Failure;
 use super::failure::{OrInvalid, scene_failure};
 use super::output::Progress;
@@ -128,30 +130,44 @@ pub(super) fn set_up_over_tool(
     Ok(scene)
 }
 
-/// The configuration of a new run, the built-in quickstart without a file, and what to call it.
-pub(super) fn read_config(path: Option<&Path>) -> Result<(RunConfig, String), Failure> {
-    Ok(match path {
-        Some(path) => (
-            RunConfig::read(path).or_invalid()?,
-            path.display().to_string(),
-        ),
-        None => (RunConfig::quickstart(), "built-in quickstart".into()),
-    })
+/// The configuration of a file, or else the built-in quickstart, and what messages call it.
+pub fn read_config(path: Option<&Path>) -> Result<(RunConfig, String), Failure> {
+    let Some(path) = path else {
+        return Ok((RunConfig::quickstart(), "built-in quickstart".into()));
+    };
+    let config = RunConfig::read(path).or_invalid()?;
+    Ok((config, path.display().to_string()))
 }
 
 /// Checks the task of a new run and sets up its scene. Gives what the run keeps of its configuration
-/// too, as text and files, and the shape of its image.
+/// too, as text and files.
 pub(super) fn set_up_run(
     config: &RunConfig,
     place: &str,
-    json: bool,
-) -> Result<(Arc<Scene>, (String, Vec<Input>), ImageShape), Failure> {
-    config.check_memory().or_invalid_in(place)?;
+    quiet: bool,
+) -> Result<(Arc<Scene>, (String, Vec<Input>)), Failure> {
     // Just before the scene is set up from them, so that the run keeps what it is made with.
     let mut kept = config.clone();
     let inputs = kept.keep_inputs().or_invalid_in(place)?;
-    let scene = Arc::new(set_up_over_tool(&config.scene, place, json)?);
-    let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(place)?;
+    let draping = set_up_tasks(config, 1, place, quiet)?;
+    Ok((draping.scene().clone(), (kept.to_toml(), inputs)))
+}
+
+/// Sets up `count` tasks of a configuration that was read from `place`, each at its start. `quiet`
+/// shows no progress.
+///
+/// # Errors
+/// If the memory is exhausted, the scene or the task cannot be, the blank has missed its tool, nothing is left to be brought
+/// down, or the network does not fit the image.
+pub fn set_up_tasks(
+    config: &RunConfig,
+    count: usize,
+    place: &str,
+    quiet: bool,
+) -> Result<Draping, Failure> {
+    config.check_memory().or_invalid_in(place)?;
+    let scene = Arc::new(set_up_over_tool(&config.scene, place, quiet)?);
+    let draping = Draping::new(scene, &config.env, count).or_invalid_in(place)?;
     // Below a micrometre there is nothing to win, and scores divide by it.
     let initial = draping.initial_objective();
     if initial < 1e-6 {
@@ -160,7 +176,10 @@ pub(super) fn set_up_run(
              does not lie on the tool yet"
         )));
     }
-    Ok((scene, (kept.to_toml(), inputs), draping.shape()))
+    let ImageShape { rows, columns } = draping.shape();
+    let policy = config.policy.validate(rows, columns).context("policy");
+    policy.or_invalid_in(place)?;
+    Ok(draping)
 }
 
 /// Sizes of tools and blanks that need no second look [m].

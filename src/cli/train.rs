@@ -3,7 +3,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Instant, SystemTime};
 
-use anyhow::Context;
 use serde::Serialize;
 
 use super::Failure;
@@ -17,7 +16,7 @@ use crate::run::{RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
 use drape_study::proof::Row;
-use drape_task::env::{End, ImageShape};
+use drape_task::env::End;
 
 /// Iterations between two checkpoints.
 const CHECKPOINT_INTERVAL: u64 = 10;
@@ -182,9 +181,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     }
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
-    let (scene, kept, ImageShape { rows, columns }) = set_up_run(&config, &place, args.json)?;
-    let policy = config.policy.validate(rows, columns).context("policy");
-    policy.or_invalid_in(&place)?;
+    let (scene, kept) = set_up_run(&config, &place, args.json)?;
 
     let info = RunInfo::new(config.seed, SystemTime::now());
     let kept = (&*kept.0, &*kept.1);

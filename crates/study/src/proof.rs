@@ -14,7 +14,7 @@ use crate::twin::fall::{fallen, twin_config};
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::{Scene, sheared, surplus};
 use drape_cloth::sim::{Accuracy, Stepping};
-use drape_task::env::{Draping, EnvConfig, Goal, Region, score};
+use drape_task::env::{Draping, Effort, EnvConfig, Goal, Region, score};
 use drape_task::path::PathFigures;
 use drape_task::search::Order;
 
@@ -142,7 +142,8 @@ pub fn prove(
         twin_config(&scene.config)?;
     }
     let region = env.region(&scene.lamina)?;
-    let all_left = |before: &[[f64; 3]], ends: Vec<Option<Pressed>>| -> Vec<Option<Left>> {
+    let effort = Effort::new(&scene.lamina, env);
+    let all_left = |before: &[[f64; 3]], paths: Vec<&[u32]>, ends: Vec<Option<Pressed>>| {
         let goal = Goal::new(
             env.objective,
             scene.clone(),
@@ -150,8 +151,13 @@ pub fn prove(
             before,
         );
         let initial = goal.left(before);
-        let left = |end: Option<Pressed>| Some(left(scene, &region, (&goal, initial), &end?));
-        ends.into_iter().map(left).collect()
+        let left = |(end, path): (Option<Pressed>, &[u32])| {
+            let mut left = left(scene, &region, (&goal, initial), &end?);
+            left.score -= effort.of_path(path);
+            Some(left)
+        };
+        let ends = ends.into_iter().zip(paths);
+        ends.map(left).collect::<Vec<Option<Left>>>()
     };
     let quarter = count.div_ceil(4);
     let mut groups: Vec<Group> = vec![("path", paths.to_vec(), paths.len())];
@@ -168,7 +174,7 @@ pub fn prove(
         let share = presses as f64 / longest.unwrap_or(0) as f64;
         (context.progress)(share, "proving at accurate");
     });
-    let left = all_left(&scene.initial.position, ends);
+    let left = all_left(&scene.initial.position, listed(&groups), ends);
     let mut rows = summed(Physics::Accurate, &groups, &left);
     let ways: HashMap<Vec<u32>, PathFigures> = listed(&groups)
         .into_iter()
@@ -191,7 +197,7 @@ pub fn prove(
         (context.progress)(0.0, "the twin's fall");
         let rest = fallen(scene, &twin_config(&scene.config)?)?.positions();
         let (ends, _) = replay_in_twin(scene, env, &rest, &listed(&groups), context)?;
-        let mut left = all_left(&rest, ends);
+        let mut left = all_left(&rest, listed(&groups), ends);
         for (left, path) in left.iter_mut().zip(listed(&groups)) {
             if let (Some(left), Some(path)) = (left, ways.get(path)) {
                 left.path = *path;

@@ -1,0 +1,216 @@
+//! The tasks that `drape train` learns on, for Python. Arrays cross the border as bytes; the spaces
+//! and customs of Gymnasium stand on its other side (`drape/__init__.py`).
+
+use std::path::PathBuf;
+
+use drape::cli::{Failure, read_config, set_up_tasks};
+use drape_cloth::file::ValueError;
+use drape_task::env::{Draping, End, Observation, StepOutcome, Tasks};
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+/// Channels of an observation: draped, distance, touched, allowed.
+const CHANNELS: usize = 4;
+
+/// N draping tasks, stepped together; each is reset in the step that ends its episode.
+#[pyclass(module = "drape._drape")]
+struct Environments {
+    draping: Draping,
+    /// 1 / distance that is seen as 1 [1/m].
+    distance_factor: f32,
+    reward_factor: f32,
+}
+
+/// A finished episode.
+#[pyclass(frozen, get_all, module = "drape._drape")]
+struct Episode {
+    /// Environment that it was played in.
+    index: usize,
+    truncated: bool,
+    diverged: bool,
+    /// The share of the objective that was removed; none if the simulation diverged.
+    score: Option<f64>,
+    /// Sum of the rewards, scaled as they are.
+    total_reward: f32,
+    /// Vertices of the blank in the order they were pressed.
+    vertices: Vec<u32>,
+    /// The observation after the last press, before the reset.
+    last: Py<PyBytes>,
+}
+
+fn value_error(error: impl std::fmt::Display) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// What the user can mend is a `ValueError`.
+fn failed(failure: Failure) -> PyErr {
+    match failure.is_input() {
+        true => PyValueError::new_err(failure.line()),
+        false => PyRuntimeError::new_err(failure.line()),
+    }
+}
+
+fn set_up(
+    path: Option<PathBuf>,
+    count: Option<usize>,
+    scale_rewards: bool,
+) -> Result<Environments, Failure> {
+    let (mut config, place) = read_config(path.as_deref())?;
+    config.environments = count.unwrap_or(config.environments);
+    let (found, expected) = (config.environments, "a number from 1 to 4096");
+    ValueError::unless((1..=4096).contains(&found), "num_envs", found, expected)
+        .map_err(Failure::invalid)?;
+    let draping = set_up_tasks(&config, config.environments, &place, true)?;
+    Ok(Environments {
+        distance_factor: 1000.0 / config.policy.distance_scale_mm,
+        reward_factor: match scale_rewards {
+            true => 1.0 / draping.reward_scale(),
+            false => 1.0,
+        },
+        draping,
+    })
+}
+
+impl Environments {
+    /// Writes an observation as `[CHANNELS, rows, columns]`, single precision in native order.
+    fn write(&self, seen: &Observation, out: &mut [u8]) {
+        let plane = out.len() / CHANNELS;
+        let mut set = |channel: usize, pixel: usize, value: f32| {
+            let start = channel * plane + size_of::<f32>() * pixel;
+            out[start..][..size_of::<f32>()].copy_from_slice(&value.to_ne_bytes());
+        };
+        for (channel, bits) in [(0, &seen.draped), (2, &seen.touched), (3, &seen.mask)] {
+            bits.ones().for_each(|pixel| set(channel, pixel, 1.0));
+        }
+        for (pixel, distance) in seen.distance.iter().enumerate() {
+            set(1, pixel, distance * self.distance_factor);
+        }
+    }
+
+    /// Bytes of an observation.
+    fn size(&self) -> usize {
+        CHANNELS * self.draping.shape().pixel_count() * size_of::<f32>()
+    }
+}
+
+#[pymethods]
+impl Environments {
+    #[new]
+    #[pyo3(signature = (config, num_envs, scale_rewards))]
+    fn new(
+        py: Python<'_>,
+        config: Option<PathBuf>,
+        num_envs: Option<usize>,
+        scale_rewards: bool,
+    ) -> PyResult<Self> {
+        py.detach(|| set_up(config, num_envs, scale_rewards))
+            .map_err(failed)
+    }
+
+    #[getter]
+    fn num_envs(&self) -> usize {
+        self.draping.count()
+    }
+
+    /// Channels, rows, columns.
+    #[getter]
+    fn shape(&self) -> [usize; 3] {
+        let shape = self.draping.shape();
+        [CHANNELS, shape.rows, shape.columns]
+    }
+
+    /// Return of a perfect episode [m]: what rewards are divided by.
+    #[getter]
+    fn reward_scale(&self) -> f32 {
+        self.draping.reward_scale()
+    }
+
+    /// The vertex of the blank that an action presses; none where the blank has been cut away.
+    fn vertex(&self, action: u32) -> PyResult<Option<u32>> {
+        let pixels = self.draping.shape().pixel_count();
+        let expected = format!("a number below {pixels}");
+        ValueError::unless((action as usize) < pixels, "action", action, expected)
+            .map_err(value_error)?;
+        Ok(self.draping.vertex(action))
+    }
+
+    /// All observations, `[num_envs, channels, rows, columns]` in single precision.
+    fn observations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let size = self.size();
+        PyBytes::new_with(py, self.draping.count() * size, |out| {
+            for (index, out) in out.chunks_exact_mut(size).enumerate() {
+                self.write(self.draping.observation(index), out);
+            }
+            Ok(())
+        })
+    }
+
+    /// The allowed actions, `[num_envs, rows * columns]`, one byte each.
+    fn masks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let pixels = self.draping.shape().pixel_count();
+        PyBytes::new_with(py, self.draping.count() * pixels, |out| {
+            for (index, out) in out.chunks_exact_mut(pixels).enumerate() {
+                let mask = &self.draping.observation(index).mask;
+                mask.ones().for_each(|pixel| out[pixel] = 1);
+            }
+            Ok(())
+        })
+    }
+
+    /// Puts one environment back to its start.
+    fn reset(&mut self, index: usize) -> PyResult<()> {
+        let expected = format!("a number below {}", self.draping.count());
+        ValueError::unless(index < self.draping.count(), "index", index, expected)
+            .map_err(value_error)?;
+        self.draping.reset(index);
+        Ok(())
+    }
+
+    /// Takes one action in every environment: gives the rewards, and the episodes that have ended.
+    /// Nothing has happened where an action is refused.
+    fn step(&mut self, py: Python<'_>, actions: Vec<i64>) -> PyResult<(Vec<f32>, Vec<Episode>)> {
+        let (count, found) = (self.draping.count(), actions.len());
+        ValueError::unless(found == count, "actions", found, format!("{count} of them"))
+            .map_err(value_error)?;
+        let mut allowed = Vec::with_capacity(count);
+        for (index, action) in actions.into_iter().enumerate() {
+            let mask = &self.draping.observation(index).mask;
+            let valid = usize::try_from(action).ok().filter(|&a| mask.contains(a));
+            let key = format!("actions[{index}]");
+            ValueError::unless(valid.is_some(), &key, action, "one that the mask allows")
+                .map_err(value_error)?;
+            allowed.push(action as u32);
+        }
+        let outcomes = py.detach(|| self.draping.step(&allowed));
+        let (mut rewards, mut episodes) = (Vec::with_capacity(count), Vec::new());
+        for (index, StepOutcome { reward, episode }) in outcomes.into_iter().enumerate() {
+            rewards.push(reward * self.reward_factor);
+            let Some(episode) = episode else { continue };
+            let last = PyBytes::new_with(py, self.size(), |out| {
+                self.write(&episode.last, out);
+                Ok(())
+            })?;
+            let vertices = episode
+                .actions
+                .iter()
+                .filter_map(|&a| self.draping.vertex(a));
+            episodes.push(Episode {
+                index,
+                truncated: episode.end == End::Truncated,
+                diverged: episode.end == End::Diverged,
+                score: episode.score,
+                total_reward: episode.total_reward * self.reward_factor,
+                vertices: vertices.collect(),
+                last: last.unbind(),
+            });
+        }
+        Ok((rewards, episodes))
+    }
+}
+
+#[pymodule]
+fn _drape(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Environments>()?;
+    module.add_class::<Episode>()
+}
