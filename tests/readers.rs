@@ -76,7 +76,7 @@ fn begun(name: &str) -> (RunConfig, Arc<Scene>, RunFolder) {
     let info = RunInfo::new(1, SystemTime::now());
     let run = RunFolder::create(&root, Some(name), (&config.to_toml(), &[]), &info).unwrap();
     let scene = Arc::new(Scene::new(&config.scene, |_| ()).unwrap());
-    let mut training = Training::new(config.clone(), scene.clone(), run.clone()).unwrap();
+    let mut training = Training::new(config.clone(), vec![scene.clone()], run.clone()).unwrap();
     training.advance().unwrap();
     training.checkpoint().unwrap();
     (config, scene, run)
@@ -103,7 +103,7 @@ fn checkpoints() {
         bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
         fs::write(&run.last_checkpoint, bytes).unwrap();
         fs::write(&run.metrics, &metrics).unwrap();
-        let resumed = Training::resume(config.clone(), scene.clone(), run.clone());
+        let resumed = Training::resume(config.clone(), vec![scene.clone()], run.clone());
         resumed
             .and_then(|mut training| training.advance())
             .map(drop)
@@ -121,7 +121,7 @@ fn metrics() {
         let lines = read_metrics(path).map_err(line)?;
         assert!(curve(&lines, "score").len() <= lines.len());
         fs::copy(path, &run.metrics).unwrap();
-        let resumed = Training::resume(config.clone(), scene.clone(), run.clone());
+        let resumed = Training::resume(config.clone(), vec![scene.clone()], run.clone());
         resumed.map(drop).map_err(line)
     });
 }

@@ -328,7 +328,7 @@ impl Loaded {
         })?;
         let mut agent = Agent::new(
             &config.policy,
-            (draping.shape(), draping.terrain()),
+            (draping.shape(), &draping.terrains()),
             config.seed,
             config.device,
         )

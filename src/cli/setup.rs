@@ -7,11 +7,11 @@ use anyhow::Context;
 use super::Failure;
 use super::failure::{OrInvalid, scene_failure};
 use super::output::Progress;
-use crate::run::{Input, RunConfig};
+use crate::run::{Input, RunConfig, Scenes};
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::Source;
-use drape_task::env::{Draping, EnvConfig, ImageShape, Tasks};
+use drape_task::env::{Draping, EnvConfig, Family, ImageShape, Tasks};
 
 /// A blank that is nowhere as near to the tool as this has missed it [m].
 pub(super) const MISSED: f64 = 0.05;
@@ -153,6 +153,28 @@ pub(super) fn set_up_run(
     Ok((draping.scene().clone(), (kept.to_toml(), inputs)))
 }
 
+/// Sets up the scenes that a policy learns on beside its own, `first`.
+pub(super) fn set_up_scenes(
+    config: &RunConfig,
+    first: Arc<Scene>,
+    place: &str,
+    quiet: bool,
+) -> Result<Scenes, Failure> {
+    let mut all = vec![Draping::new(first, &config.env, 1).or_invalid_in(place)?];
+    for member in &config.members().or_invalid_in(place)?[1..] {
+        all.push(set_up_member(
+            (&member.scene, &member.env),
+            1,
+            place,
+            quiet,
+        )?);
+    }
+    let scenes = all.iter().map(|draping| draping.scene().clone()).collect();
+    // Only to see whether they look alike.
+    Family::new(all).or_invalid_in(place)?;
+    Ok(scenes)
+}
+
 /// Sets up `count` tasks of a configuration that was read from `place`, each at its start. `quiet`
 /// shows no progress.
 ///
@@ -166,8 +188,21 @@ pub fn set_up_tasks(
     quiet: bool,
 ) -> Result<Draping, Failure> {
     config.check_memory().or_invalid_in(place)?;
-    let scene = Arc::new(set_up_over_tool(&config.scene, place, quiet)?);
-    let draping = Draping::new(scene, &config.env, count).or_invalid_in(place)?;
+    let draping = set_up_member((&config.scene, &config.env), count, place, quiet)?;
+    let ImageShape { rows, columns } = draping.shape();
+    let policy = config.policy.validate(rows, columns).context("policy");
+    policy.or_invalid_in(place)?;
+    Ok(draping)
+}
+
+fn set_up_member(
+    (scene, env): (&SceneConfig, &EnvConfig),
+    count: usize,
+    place: &str,
+    quiet: bool,
+) -> Result<Draping, Failure> {
+    let scene = Arc::new(set_up_over_tool(scene, place, quiet)?);
+    let draping = Draping::new(scene, env, count).or_invalid_in(place)?;
     // Below a micrometre there is nothing to win, and scores divide by it.
     let initial = draping.initial_objective();
     if initial < 1e-6 {
@@ -176,9 +211,6 @@ pub fn set_up_tasks(
              does not lie on the tool yet"
         )));
     }
-    let ImageShape { rows, columns } = draping.shape();
-    let policy = config.policy.validate(rows, columns).context("policy");
-    policy.or_invalid_in(place)?;
     Ok(draping)
 }
 

@@ -11,7 +11,7 @@ use super::failure::OrInvalid;
 use super::output::{Progress, print, print_json};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
-use super::setup::{read_config, set_up_over_tool, set_up_run};
+use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
 use crate::run::{RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
@@ -170,7 +170,8 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
         let config = RunConfig::read(&folder.config).or_invalid()?;
         let place = folder.config.display().to_string();
         let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
-        return Training::resume(config, scene, folder).map_err(Failure::of_run);
+        let scenes = set_up_scenes(&config, scene, &place, args.json)?;
+        return Training::resume(config, scenes, folder).map_err(Failure::of_run);
     }
     let (mut config, place) = read_config(args.config.as_deref())?;
     config.seed = args.seed.unwrap_or(config.seed);
@@ -182,6 +183,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
     let (scene, kept) = set_up_run(&config, &place, args.json)?;
+    let scenes = set_up_scenes(&config, scene, &place, args.json)?;
 
     let info = RunInfo::new(config.seed, SystemTime::now());
     let kept = (&*kept.0, &*kept.1);
@@ -190,7 +192,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     if !args.json {
         eprintln!("writing {}", folder.path.display());
     }
-    Training::new(config, scene, folder).map_err(Failure::of_run)
+    Training::new(config, scenes, folder).map_err(Failure::of_run)
 }
 
 /// Draws the curve of a training that is complete and proves its best paths. Gives the proof.

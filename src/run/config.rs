@@ -8,6 +8,7 @@ use toml::de::{DeTable, DeValue, Deserializer, ValueDeserializer};
 use toml::{Spanned, Table, Value};
 
 use super::folder::{Input, digest};
+use super::scenes::SceneRange;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::{
     ReadError, ValueError, parse_toml_with, read_bytes, read_text, refuse_lists,
@@ -53,6 +54,9 @@ pub struct RunConfig {
     pub ppo: PpoConfig,
     #[serde(default = "SceneConfig::rib")]
     pub scene: SceneConfig,
+    /// Further scenes that the policy learns on beside it; what is proved are paths on the first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub scenes: Vec<SceneRange>,
     /// What a run keeps of its scene's files, see [`RunConfig::keep_inputs`]: their digests by
     /// their paths. A file that has changed is refused.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -60,6 +64,15 @@ pub struct RunConfig {
     /// Where the scene is read from; not kept once it is.
     #[serde(default, skip_serializing)]
     scene_file: Option<PathBuf>,
+}
+
+/// One of the scenes that a policy learns on.
+#[derive(Clone, Debug)]
+pub struct Member {
+    pub scene: SceneConfig,
+    pub env: EnvConfig,
+    /// Environments on it.
+    pub environments: usize,
 }
 
 /// The configuration that is used when none is given.
@@ -111,6 +124,7 @@ impl RunConfig {
             policy,
             ppo,
             scene: SceneConfig::rib(),
+            scenes: Vec::new(),
             inputs: BTreeMap::new(),
             scene_file: None,
         }
@@ -121,7 +135,14 @@ impl RunConfig {
     pub fn keep_inputs(&mut self) -> Result<Vec<Input>, ReadError> {
         self.inputs.clear();
         let mut inputs = Vec::new();
-        for path in self.scene.files_mut() {
+        let further = self
+            .scenes
+            .iter_mut()
+            .filter_map(|range| range.scene.as_mut());
+        for path in std::iter::once(&mut self.scene)
+            .chain(further)
+            .flat_map(SceneConfig::files_mut)
+        {
             let content = read_bytes(path, MAX_INPUT_MIB)?;
             let name = path.file_name().unwrap_or_default();
             let mut name = name.to_string_lossy().into_owned();
@@ -205,6 +226,13 @@ impl RunConfig {
                 checked.with_context(|| path.display().to_string())?;
             }
         }
+        for range in &mut config.scenes {
+            match (range.scene_file.take(), &mut range.scene) {
+                (Some(file), _) => range.scene = Some(SceneConfig::read(&folder.join(file))?),
+                (None, Some(scene)) => scene.resolve(folder),
+                (None, None) => {}
+            }
+        }
         config.check().with_context(|| path.display().to_string())?;
         Ok(config)
     }
@@ -238,6 +266,32 @@ impl RunConfig {
         Self::deserialize(Deserializer::from(Spanned::new(span, base)))
     }
 
+    /// All scenes that are learned on, the run's own first, each with the focus region on it and its
+    /// number of environments.
+    ///
+    /// # Errors
+    /// If a scene cannot be drawn, or there are fewer environments than scenes.
+    pub fn members(&self) -> Result<Vec<Member>, ValueError> {
+        let mut scenes = vec![(self.scene.clone(), self.env.clone())];
+        for (number, range) in self.scenes.iter().enumerate() {
+            let env = EnvConfig {
+                region_mm: range.region_mm.or(self.env.region_mm),
+                ..self.env.clone()
+            };
+            let drawn = range.draw(&self.scene, (self.seed, number))?;
+            scenes.extend(drawn.into_iter().map(|scene| (scene, env.clone())));
+        }
+        let (all, count) = (self.environments, scenes.len());
+        let expected = format!("one at least for each of {count} scenes");
+        ValueError::unless(all >= count, "environments", all, expected)?;
+        let member = |(k, (scene, env)): (usize, (SceneConfig, EnvConfig))| Member {
+            scene,
+            env,
+            environments: all * (k + 1) / count - all * k / count,
+        };
+        Ok(scenes.into_iter().enumerate().map(member).collect())
+    }
+
     /// Checks what can be checked without setting up the scene.
     fn check(&self) -> Result<()> {
         let range = |key: &str, value: u64, max: u64| {
@@ -251,6 +305,9 @@ impl RunConfig {
         // A rollout is held in memory: 17 kB a sample on the whole standard blank.
         let max = (Self::MAX_SAMPLES / self.environments) as u64;
         range("ppo.rollout_steps", self.ppo.rollout_steps as u64, max)?;
+        for member in &self.members()?[1..] {
+            member.scene.check()?;
+        }
         self.ppo.validate().context("ppo")
     }
 }

@@ -14,11 +14,12 @@ mod folder;
 mod log;
 mod metrics;
 mod rollout;
+mod scenes;
 mod training;
 
 pub use best::Best;
 pub use checkpoint::{Checkpoint, OtherConfig};
-pub use config::RunConfig;
+pub use config::{Member, RunConfig};
 pub use folder::{
     BestSequence, Input, Proved, RunError, RunFolder, RunInfo, RunLock, config_digest, dated_folder,
 };
@@ -27,4 +28,5 @@ pub use rollout::{
     EpisodeSummary, PlayedEpisode, RolloutError, Rules, parallel_episodes, play, random_episodes,
     replay,
 };
-pub use training::Training;
+pub use scenes::SceneRange;
+pub use training::{Scenes, Training};

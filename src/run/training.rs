@@ -13,14 +13,18 @@ use super::events::{create_events, scalar_record};
 use super::folder::{RunFolder, RunLock, config_digest};
 use super::log::Log;
 use super::metrics::{metrics_line, read_lines};
+use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
-use drape_learn::ppo::{Iteration, Sampling, Trainer, decode, encode, read_section};
-use drape_task::env::{Draping, End, Reward, Tasks};
+use drape_learn::ppo::{EpisodeRecord, Iteration, Sampling, Trainer, decode, encode, read_section};
+use drape_task::env::{Draping, End, Family, Reward, Tasks};
 use drape_task::search::{Order, choose};
 
 /// Checkpoint section of what the run itself remembers.
 const RUN: &str = "run";
+
+/// Those that a policy learns on, in the order of [`RunConfig::members`]: the run's own first.
+pub type Scenes = Vec<Arc<Scene>>;
 
 /// A training that writes into its run folder.
 pub struct Training {
@@ -30,9 +34,11 @@ pub struct Training {
     config_text: String,
     /// The folder that the run writes into.
     pub folder: RunFolder,
-    trainer: Trainer<Draping>,
+    trainer: Trainer<Family>,
     /// One environment for the greedy episodes.
     evaluation: Draping,
+    /// So many tasks, the first, are on the run's own scene.
+    own_tasks: usize,
     memory: Memory,
     metrics: Log,
     events: Log,
@@ -69,23 +75,24 @@ pub struct TrainingReport {
 
 impl Training {
     /// A new training in a new run folder.
-    pub fn new(config: RunConfig, scene: Arc<Scene>, folder: RunFolder) -> Result<Self> {
+    pub fn new(config: RunConfig, scenes: Scenes, folder: RunFolder) -> Result<Self> {
         let lock = folder.lock()?;
-        Self::begin(config, scene, (folder, lock), Reward::default())
+        Self::begin(config, scenes, (folder, lock), Reward::default())
     }
 
     fn begin(
         config: RunConfig,
-        scene: Arc<Scene>,
+        scenes: Scenes,
         (folder, lock): (RunFolder, RunLock),
         reward: Reward,
     ) -> Result<Self> {
-        let (mut trainer, evaluation) = learner(&config, scene, reward)?;
+        let (mut trainer, evaluation) = learner(&config, scenes, reward)?;
         let shown = trainer.show(beginners_order);
         let mut training = Self {
             metrics: Log::create(&folder.metrics)?,
             events: create_events(&folder.events, wall_time())?,
             config_text: folder.config_text()?,
+            own_tasks: config.members()?[0].environments,
             config,
             folder,
             trainer,
@@ -94,9 +101,7 @@ impl Training {
             _lock: lock,
         };
         for episode in shown {
-            if let Some(score) = episode.score {
-                training.remember(score, &episode.actions)?;
-            }
+            training.remember_episode(&episode)?;
         }
         // Whatever happens from now on, the run can be gone on with.
         training.checkpoint()?;
@@ -106,7 +111,7 @@ impl Training {
     /// The training in `folder` as its last checkpoint left it. Metrics that were written
     /// after that checkpoint are cut off: their steps are taken again. A run that was killed before
     /// its first checkpoint begins anew.
-    pub fn resume(config: RunConfig, scene: Arc<Scene>, folder: RunFolder) -> Result<Self> {
+    pub fn resume(config: RunConfig, scenes: Scenes, folder: RunFolder) -> Result<Self> {
         let lock = folder.lock()?;
         let path = folder.last_checkpoint.clone();
         // The first checkpoint comes before the first line.
@@ -115,15 +120,16 @@ impl Training {
             for log in [&folder.metrics, &folder.events] {
                 let _ = fs::remove_file(log);
             }
-            return Self::begin(config, scene, (folder, lock), Reward::default());
+            return Self::begin(config, scenes, (folder, lock), Reward::default());
         }
         let name = || path.display().to_string();
         let Checkpoint { sections, .. } = Checkpoint::of_run(&path, &config, &folder)?;
-        let (mut trainer, evaluation) = learner(&config, scene, Reward::default())?;
+        let (mut trainer, evaluation) = learner(&config, scenes, Reward::default())?;
         trainer.load(&sections).with_context(name)?;
         let memory: Memory = read_section(&sections, RUN, decode).with_context(name)?;
         let (metrics, events) = reopen_logs(&folder, memory.lines)?;
         Ok(Self {
+            own_tasks: config.members()?[0].environments,
             config,
             config_text: folder.config_text()?,
             folder,
@@ -170,10 +176,10 @@ impl Training {
         for episode in &iteration.episodes {
             self.memory.recent.extend(episode.score);
         }
-        let scored = iteration.episodes.iter();
-        let scored = scored.filter_map(|episode| Some((episode.score?, &episode.actions)));
-        if let Some((score, actions)) = scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
-            self.remember(score, actions)?;
+        let own = iteration.episodes.iter().filter(|e| self.is_own(e));
+        let score = |episode: &&EpisodeRecord| episode.score.unwrap_or(f64::NEG_INFINITY);
+        if let Some(best) = own.max_by(|a, b| score(a).total_cmp(&score(b))) {
+            self.remember_episode(best)?;
         }
         let surplus = self.memory.recent.len().saturating_sub(RECENT);
         self.memory.recent.drain(..surplus);
@@ -220,6 +226,18 @@ impl Training {
             self.save(&self.folder.best_checkpoint)?;
         }
         Ok(Some(score))
+    }
+
+    /// Whether an episode was played on the run's own scene.
+    fn is_own(&self, episode: &EpisodeRecord) -> bool {
+        episode.task < self.own_tasks
+    }
+
+    fn remember_episode(&mut self, episode: &EpisodeRecord) -> Result<()> {
+        match episode.score {
+            Some(score) if self.is_own(episode) => self.remember(score, &episode.actions),
+            _ => Ok(()),
+        }
     }
 
     /// Keeps the sequence of an episode if it is among the best so far.
@@ -286,7 +304,8 @@ impl Training {
 
 /// What a learner that imitates is shown first: orders outwards from places in half of the
 /// environments, sweeps in all directions in the others.
-fn beginners_order(tasks: &Draping, task: usize) -> u32 {
+fn beginners_order(tasks: &Family, task: usize) -> u32 {
+    let (tasks, task) = tasks.place(task);
     let half = tasks.count().div_ceil(2);
     let (order, index, count) = match task.checked_sub(half) {
         None => (Order::Outwards, task, half),
@@ -300,11 +319,16 @@ fn beginners_order(tasks: &Draping, task: usize) -> u32 {
 
 fn learner(
     config: &RunConfig,
-    scene: Arc<Scene>,
+    scenes: Scenes,
     reward: Reward,
-) -> Result<(Trainer<Draping>, Draping)> {
-    let tasks = Draping::new(scene.clone(), &config.env, config.environments)?.with_reward(reward);
-    let evaluation = Draping::new(scene, &config.env, 1)?;
+) -> Result<(Trainer<Family>, Draping)> {
+    let evaluation = Draping::new(scenes[0].clone(), &config.env, 1)?;
+    let members = config.members()?.into_iter().zip(scenes);
+    let members = members.map(|(member, scene)| {
+        let tasks = Draping::new(scene, &member.env, member.environments)?;
+        Ok(tasks.with_reward(reward.clone()))
+    });
+    let tasks = Family::new(members.collect::<Result<_, ValueError>>()?)?;
     let (ppo, policy) = (config.ppo.clone(), &config.policy);
     let trainer = Trainer::new(ppo, policy, tasks, config.seed, config.device)?;
     Ok((trainer, evaluation))

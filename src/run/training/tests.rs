@@ -27,7 +27,7 @@ fn trained(reward: Reward) -> ([String; 3], Vec<f32>) {
     let folder =
         RunFolder::create(root.path(), Some("a"), (&config.to_toml(), &[]), &info).unwrap();
     let lock = folder.lock().unwrap();
-    let mut training = Training::begin(config, scene, (folder, lock), reward).unwrap();
+    let mut training = Training::begin(config, vec![scene], (folder, lock), reward).unwrap();
     // Before any line of the metrics: a run without it begins anew.
     assert!(training.folder.last_checkpoint.is_file());
     let mut rewards = Vec::new();

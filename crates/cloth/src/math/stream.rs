@@ -16,6 +16,8 @@ pub enum Purpose {
     Evaluation,
     /// Actions drawn in a search.
     Search,
+    /// Numbers of scenes that are learned on together.
+    Scenes,
 }
 
 /// A seeded random stream whose position can be stored and restored exactly.

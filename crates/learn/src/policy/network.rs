@@ -34,7 +34,7 @@ enum Encoding {
     /// Draped, distance, touched, allowed, cut into patches.
     Patches(Patches),
     /// Draped, distance, touched, allowed, and the terrain's four planes.
-    All { terrain: Arc<[f32]> },
+    All { terrains: Arc<[Vec<f32>]> },
 }
 
 /// A policy and its value function, with all that is needed to ask them.
@@ -51,11 +51,11 @@ pub struct ActorCritic {
 
 impl ActorCritic {
     /// A network with initial weights under `seed`, able to learn, for images of `rows` x
-    /// `columns` pixels on `terrain`. The weights are drawn on the host: the same on every device.
+    /// `columns` pixels on `terrains`. The weights are drawn on the host: the same on every device.
     pub fn new(
         config: &PolicyConfig,
         ImageShape { rows, columns }: ImageShape,
-        terrain: &Terrain,
+        terrains: &[&Terrain],
         seed: u64,
         device: &Device,
     ) -> Result<Self, ValueError> {
@@ -73,7 +73,7 @@ impl ActorCritic {
             NetworkConfig::Unet(unet) => (
                 Network::Unet(UnetNetwork::new(unet, rows, columns, initializer)),
                 Encoding::All {
-                    terrain: terrain_planes(terrain).into(),
+                    terrains: terrains.iter().map(|t| terrain_planes(t)).collect(),
                 },
             ),
         };
@@ -180,7 +180,9 @@ impl ActorCritic {
         rows.for_each(|(row, seen)| match &self.encoding {
             Encoding::Planes => write_planes(seen, scale, row),
             Encoding::Patches(patches) => patches.write(seen, scale, row),
-            Encoding::All { terrain } => write_all(seen, terrain, scale, row),
+            Encoding::All { terrains } => {
+                write_all(seen, &terrains[usize::from(seen.scene)], scale, row);
+            }
         });
         let data = TensorData::new(numbers, [batch.len(), width]);
         Tensor::from_data(data, &self.device())

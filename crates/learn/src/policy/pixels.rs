@@ -138,6 +138,7 @@ mod tests {
     #[test]
     fn planes_are_draped_distance_touched() {
         let seen = Observation {
+            scene: 0,
             draped: bits(2, &[0]),
             distance: vec![0.5, 1.0],
             touched: bits(2, &[1]),
@@ -155,6 +156,7 @@ mod tests {
         let distance: Vec<f32> = (1..=15).map(|i| i as f32).collect();
         let [draped, touched, mask] = [bits(15, &[0]), bits(15, &[7]), bits(15, &[14])];
         let seen = Observation {
+            scene: 0,
             draped: draped.clone(),
             distance: distance.clone(),
             touched: touched.clone(),

@@ -15,11 +15,11 @@ pub enum Sampling<'a> {
 /// A network with initial weights, able to learn.
 pub(super) fn actor_critic(
     config: &PolicyConfig,
-    (shape, terrain): (ImageShape, &Terrain),
+    (shape, terrains): (ImageShape, &[&Terrain]),
     seed: u64,
     device: DeviceKind,
 ) -> Result<ActorCritic, TrainError> {
-    ActorCritic::new(config, shape, terrain, seed, &device.open()?).map_err(TrainError::Policy)
+    ActorCritic::new(config, shape, terrains, seed, &device.open()?).map_err(TrainError::Policy)
 }
 
 /// A policy to be evaluated; it does not learn.
@@ -30,7 +30,7 @@ impl Agent {
     /// An agent whose initial weights come from `seed`.
     pub fn new(
         config: &PolicyConfig,
-        seen: (ImageShape, &Terrain),
+        seen: (ImageShape, &[&Terrain]),
         seed: u64,
         device: DeviceKind,
     ) -> Result<Self, TrainError> {

@@ -17,8 +17,8 @@ pub struct Move {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Memory {
     capacity: usize,
-    /// Best first; the older of equals first.
-    best: Vec<Kept>,
+    /// `[scene]`: best first; the older of equals first.
+    best: Vec<Vec<Kept>>,
     /// `[task]`: the moves of the episode going on.
     open: Vec<Vec<Move>>,
 }
@@ -30,29 +30,31 @@ struct Kept {
 }
 
 impl Memory {
-    /// Room for the `capacity` best episodes of `task_count` tasks.
-    pub fn new(capacity: usize, task_count: usize) -> Self {
+    /// Room for the `capacity` best episodes of each scene of `task_count` tasks.
+    pub fn new(capacity: usize, scene_count: usize, task_count: usize) -> Self {
         Self {
             capacity,
-            best: Vec::new(),
+            best: vec![Vec::new(); scene_count],
             open: vec![Vec::new(); task_count],
         }
     }
 
     /// Notes what `task` did and, if that ended its episode, keeps it if it is among the best.
     pub fn record(&mut self, task: usize, step: Move, episode: Option<&Episode>) {
+        let scene = usize::from(step.observation.scene);
         self.open[task].push(step);
         let Some(episode) = episode else { return };
         let moves = std::mem::take(&mut self.open[task]);
         let Some(score) = episode.score.filter(|score| score.is_finite()) else {
             return;
         };
-        let rank = self.best.partition_point(|k| k.score >= score);
+        let best = &mut self.best[scene];
+        let rank = best.partition_point(|k| k.score >= score);
         let same = |k: &Kept| k.moves.iter().map(|m| &m.action).eq(&episode.actions);
-        let known = self.best.iter().any(same);
+        let known = best.iter().any(same);
         if episode.end == End::Terminated && rank < self.capacity && !known {
-            self.best.truncate(self.capacity - 1);
-            self.best.insert(rank, Kept { score, moves });
+            best.truncate(self.capacity - 1);
+            best.insert(rank, Kept { score, moves });
         }
     }
 
@@ -63,13 +65,17 @@ impl Memory {
 
     /// `count` moves of the best episodes, each uniformly among all; none if there are none.
     pub fn draw(&self, count: usize, stream: &mut Stream) -> Vec<&Move> {
-        let moves: Vec<&Move> = self.best.iter().flat_map(|k| &k.moves).collect();
+        let moves: Vec<&Move> = self.kept().flat_map(|k| &k.moves).collect();
         if moves.is_empty() {
             return Vec::new();
         }
         (0..count)
             .map(|_| moves[stream.below(moves.len())])
             .collect()
+    }
+
+    fn kept(&self) -> impl Iterator<Item = &Kept> {
+        self.best.iter().flatten()
     }
 
     /// Whether this memory, read from a file, can replace `other`: as much room, and only
@@ -85,11 +91,13 @@ impl Memory {
                     .iter()
                     .all(|&pixel| (pixel as usize) < pixel_count)
                 && seen.mask.contains(m.action as usize)
+                && usize::from(seen.scene) < self.best.len()
         };
-        let moves = self.best.iter().map(|k| &k.moves).chain(&self.open);
+        let moves = self.kept().map(|k| &k.moves).chain(&self.open);
         self.capacity == other.capacity
             && self.open.len() == other.open.len()
-            && self.best.len() <= self.capacity
+            && self.best.len() == other.best.len()
+            && self.best.iter().all(|best| best.len() <= self.capacity)
             && moves.flatten().all(fits)
     }
 }
@@ -101,6 +109,7 @@ mod tests {
 
     fn play(memory: &mut Memory, actions: &[u32], score: f64, end: End) {
         let observation = Observation {
+            scene: 0,
             draped: Default::default(),
             distance: vec![],
             touched: Default::default(),
@@ -127,7 +136,7 @@ mod tests {
 
     #[test]
     fn keeps_the_best_different_terminated_episodes() {
-        let mut memory = Memory::new(2, 1);
+        let mut memory = Memory::new(2, 1, 1);
         play(&mut memory, &[1, 2], 1.0, End::Terminated);
         play(&mut memory, &[1, 2], 1.0, End::Terminated);
         play(&mut memory, &[3], 0.5, End::Terminated);
@@ -135,7 +144,7 @@ mod tests {
         play(&mut memory, &[5], f64::NAN, End::Terminated);
         play(&mut memory, &[6], 0.7, End::Terminated);
         play(&mut memory, &[7], 0.1, End::Terminated);
-        let scores: Vec<f64> = memory.best.iter().map(|k| k.score).collect();
+        let scores: Vec<f64> = memory.kept().map(|k| k.score).collect();
         assert_eq!(scores, [1.0, 0.7]);
         let mut stream = Stream::new(0, Purpose::Shuffle, 0);
         let mut drawn: Vec<u32> = memory

@@ -10,6 +10,8 @@ use std::time::Instant;
 /// A finished episode, without its last observation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EpisodeRecord {
+    /// Number of the task.
+    pub task: usize,
     pub end: End,
     /// Sum of the rewards in the task's own unit.
     pub total_reward: f32,
@@ -19,9 +21,10 @@ pub struct EpisodeRecord {
     pub actions: Vec<u32>,
 }
 
-impl From<Episode> for EpisodeRecord {
-    fn from(episode: Episode) -> Self {
+impl EpisodeRecord {
+    pub(super) fn new(task: usize, episode: Episode) -> Self {
         Self {
+            task,
             end: episode.end,
             total_reward: episode.total_reward,
             score: episode.score,
@@ -59,14 +62,14 @@ pub struct Rollout {
 }
 
 /// Plays `step_count` steps of every task, drawing the actions of a task from its own stream,
-/// and notes them in `memory`. Rewards are multiplied by `reward_factor`.
+/// and notes them in `memory`. Rewards are multiplied by the task's factor.
 pub fn collect<T: Tasks>(
     agent: &Agent,
     tasks: &mut T,
     streams: &mut [Stream],
     mut memory: Option<&mut Memory>,
     step_count: usize,
-    reward_factor: f32,
+    reward_factors: &[f32],
 ) -> Rollout {
     let pixel_count = tasks.shape().pixel_count();
     let mut rollout = Rollout::default();
@@ -96,9 +99,9 @@ pub fn collect<T: Tasks>(
                 memory.record(task, step, outcome.episode.as_ref());
             }
         }
-        for outcome in outcomes {
+        for (task, outcome) in outcomes.into_iter().enumerate() {
             let StepOutcome { reward, episode } = outcome;
-            rollout.rewards.push(reward * reward_factor);
+            rollout.rewards.push(reward * reward_factors[task]);
             rollout.next.push(match &episode {
                 None => Next::Step,
                 Some(episode) if episode.end == End::Truncated => Next::Truncated {
@@ -107,7 +110,8 @@ pub fn collect<T: Tasks>(
                 // What has diverged earns nothing, not even what could have followed.
                 Some(_) => Next::Terminated,
             });
-            rollout.episodes.extend(episode.map(EpisodeRecord::from));
+            let record = |episode| EpisodeRecord::new(task, episode);
+            rollout.episodes.extend(episode.map(record));
         }
         rollout.observations.extend(seen);
         rollout.actions.extend(actions);

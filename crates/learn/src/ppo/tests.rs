@@ -53,6 +53,7 @@ impl Order {
         let mut mask = none.clone();
         ORDER.iter().for_each(|&i| mask.insert(i as usize));
         let observation = Observation {
+            scene: 0,
             draped: none.clone(),
             distance: (0..SHAPE.pixel_count()).map(|i| i as f32 * 1e-3).collect(),
             touched: none,
@@ -72,12 +73,12 @@ impl Tasks for Order {
         self.states.len()
     }
 
-    fn reward_scale(&self) -> f32 {
+    fn reward_scale(&self, _: usize) -> f32 {
         10.0 * ORDER.len() as f32
     }
 
-    fn terrain(&self) -> &Terrain {
-        &self.terrain
+    fn terrains(&self) -> Vec<&Terrain> {
+        vec![&self.terrain]
     }
 
     fn observation(&self, index: usize) -> &Observation {
@@ -354,12 +355,12 @@ fn papers_network_learns_and_survives_its_file() {
     assert_eq!(iteration.episodes.len(), 2 * (100 / ORDER.len()));
     assert!(trainer.agent().save() != before);
 
-    let mut agent = Agent::new(&policy, (SHAPE, &flat()), 77, DeviceKind::Flex).unwrap();
+    let mut agent = Agent::new(&policy, (SHAPE, &[&flat()]), 77, DeviceKind::Flex).unwrap();
     let task = Order::new(1);
     agent.load(&trainer.agent().save()).unwrap();
     let seen = [task.observation(0)];
     assert_eq!(agent.value(&seen), trainer.agent().value(&seen));
-    let other = Agent::new(&self::policy(), (SHAPE, &flat()), 0, DeviceKind::Flex).unwrap();
+    let other = Agent::new(&self::policy(), (SHAPE, &[&flat()]), 0, DeviceKind::Flex).unwrap();
     assert!(agent.load(&other.save()).is_err());
 }
 

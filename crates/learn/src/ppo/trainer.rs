@@ -58,9 +58,11 @@ impl<T: Tasks> Trainer<T> {
     ) -> Result<Self, TrainError> {
         config.validate().map_err(TrainError::Ppo)?;
         let weights = Stream::new(seed, Purpose::Weights, 0).bits();
-        let actor_critic = actor_critic(policy, (tasks.shape(), tasks.terrain()), weights, device)?;
+        let actor_critic =
+            actor_critic(policy, (tasks.shape(), &tasks.terrains()), weights, device)?;
         let count = tasks.count();
-        let memory = |c: &ImitationConfig| Memory::new(c.episodes, count);
+        let scenes = tasks.terrains().len();
+        let memory = |c: &ImitationConfig| Memory::new(c.episodes, scenes, count);
         Ok(Self {
             adam: Adam::new(&actor_critic.network, config.adam_epsilon),
             memory: config.imitation.as_ref().map(memory),
@@ -99,8 +101,8 @@ impl<T: Tasks> Trainer<T> {
                     action,
                 };
                 memory.record(task, step, outcome.episode.as_ref());
-                let record = outcome.episode.map(EpisodeRecord::from);
-                shown[task] = shown[task].take().or(record);
+                let record = |episode| EpisodeRecord::new(task, episode);
+                shown[task] = shown[task].take().or(outcome.episode.map(record));
             }
         }
         memory.interrupt();
@@ -113,17 +115,18 @@ impl<T: Tasks> Trainer<T> {
     /// the last checkpoint.
     pub fn iterate(&mut self) -> Result<Iteration, TrainError> {
         let progress = &mut self.progress;
-        let reward_factor = match self.config.scale_rewards {
-            true => 1.0 / self.tasks.reward_scale(),
+        let factor = |task| match self.config.scale_rewards {
+            true => 1.0 / self.tasks.reward_scale(task),
             false => 1.0,
         };
+        let reward_factors: Vec<f32> = (0..self.tasks.count()).map(factor).collect();
         let rollout = collect(
             &Agent::of(&self.actor_critic),
             &mut self.tasks,
             &mut progress.actions,
             self.memory.as_mut(),
             self.config.rollout_steps,
-            reward_factor,
+            &reward_factors,
         );
         progress.iteration += 1;
         progress.env_steps += rollout.actions.len() as u64;

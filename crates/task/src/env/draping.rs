@@ -56,6 +56,15 @@ impl Draping {
         self
     }
 
+    /// Numbers its scene among several.
+    pub(super) fn set_scene_index(&mut self, index: u16) {
+        self.task.scene_index = index;
+        self.task.start.observation.scene = index;
+        for slot in &mut self.slots {
+            slot.observation.scene = index;
+        }
+    }
+
     /// The vertex of the blank that an action presses; none where the blank has been cut away.
     pub fn vertex(&self, action: u32) -> Option<u32> {
         self.task.vertex(action)
@@ -319,12 +328,12 @@ impl Tasks for Draping {
         self.slots.len()
     }
 
-    fn reward_scale(&self) -> f32 {
+    fn reward_scale(&self, _: usize) -> f32 {
         self.task.initial as f32
     }
 
-    fn terrain(&self) -> &Terrain {
-        &self.task.terrain
+    fn terrains(&self) -> Vec<&Terrain> {
+        vec![&self.task.terrain]
     }
 
     fn observation(&self, index: usize) -> &Observation {

@@ -6,6 +6,7 @@
 mod config;
 mod draping;
 mod effort;
+mod family;
 mod objective;
 mod replay;
 mod reward;
@@ -16,6 +17,7 @@ mod terrain;
 pub use config::{EnvConfig, Region};
 pub use draping::{Branch, Draping, MOST_MIB, check_memory};
 pub use effort::Effort;
+pub use family::Family;
 pub use objective::{Goal, Objective};
 pub use replay::{Played, ReplayDiverged};
 pub use reward::{Earned, Reward, Taken, Term, score};

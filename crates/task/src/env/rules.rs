@@ -34,6 +34,8 @@ pub(super) struct Task {
     pub world: World,
     pub reward: Reward,
     pub terrain: Terrain,
+    /// Number of the scene among those that are learned on together.
+    pub scene_index: u16,
     /// The state after a reset.
     pub start: Slot,
     /// The objective at the start [m].
@@ -74,6 +76,7 @@ impl Task {
             settle: (config.settle_s > 0.0).then(|| stepping.control(config.settle_s)),
         };
         let nothing = Observation {
+            scene: 0,
             draped: FixedBitSet::new(),
             distance: Vec::new(),
             touched: FixedBitSet::new(),
@@ -97,6 +100,7 @@ impl Task {
             reward: Reward::default(),
             terrain: Terrain::new(&scene, 0, [].into_iter()),
             initial: 0.0,
+            scene_index: 0,
             goal: Goal::new(
                 config.objective,
                 scene.clone(),
@@ -175,6 +179,7 @@ impl Task {
     pub fn observe(&self, pressed: &Pressed, distance: &[f64], actions: &[u32]) -> Observation {
         let count = self.shape().pixel_count();
         let mut observation = Observation {
+            scene: self.scene_index,
             draped: FixedBitSet::with_capacity(count),
             distance: vec![0.0; count],
             touched: FixedBitSet::with_capacity(count),

@@ -21,6 +21,8 @@ impl ImageShape {
 /// 4.2.1). All fields have one entry a pixel, row by row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Observation {
+    /// Which of [`Tasks::terrains`] the vertices lie on.
+    pub scene: u16,
     /// Vertex is fixed to the tool.
     #[serde(with = "drape_cloth::math::bits")]
     pub draped: FixedBitSet,
@@ -87,11 +89,11 @@ pub trait Tasks {
     /// Number of tasks.
     fn count(&self) -> usize;
 
-    /// Return of a perfect episode, in the unit of the rewards: learners divide by it.
-    fn reward_scale(&self) -> f32;
+    /// Return of a perfect episode of task `index`, in the unit of the rewards: learners divide by it.
+    fn reward_scale(&self, index: usize) -> f32;
 
-    /// What never changes of what a task shows.
-    fn terrain(&self) -> &Terrain;
+    /// What never changes of what tasks show, a scene each.
+    fn terrains(&self) -> Vec<&Terrain>;
 
     /// What task `index` shows now.
     fn observation(&self, index: usize) -> &Observation;
@@ -119,6 +121,7 @@ mod tests {
             set
         };
         let observation = Observation {
+            scene: 0,
             draped: set(70, &[0, 63, 64, 69]),
             distance: vec![0.5],
             touched: set(64, &[63]),
