@@ -9,18 +9,20 @@ use super::failure::OrInvalid;
 use super::output::{OutFolder, Progress};
 use super::proof;
 use super::result::{EpisodeStatistics, Recorder, rollout_failure};
-use super::setup::set_up;
+use super::setup::{set_up, set_up_over_tool};
 use crate::run::{
     BestSequence, Checkpoint, EpisodeSummary, OtherConfig, PlayedEpisode, Proved, Rules, RunConfig,
     RunFolder, parallel_episodes, play, random_episodes, replay,
 };
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
-use drape_cloth::scene::Scene;
+use drape_cloth::math::{Purpose, Stream};
+use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Accuracy;
 use drape_learn::ppo::{Agent, NETWORK, Sampling, read_section};
 use drape_study::proof::Row;
-use drape_task::env::{Draping, EnvConfig, Tasks};
+use drape_study::study::region;
+use drape_task::env::{Draping, End, EnvConfig, Tasks};
 
 /// Roll out a trained policy and compare it with the random one
 ///
@@ -31,7 +33,8 @@ use drape_task::env::{Draping, EnvConfig, Tasks};
   drape eval runs/a
   drape eval runs/a --sequence --accuracy accurate --out checked
   drape eval runs/a --checkpoint last --sample --json
-  drape eval runs/a --prove --twin")]
+  drape eval runs/a --prove --twin
+  drape eval runs/a --scene other.toml --prove --out elsewhere")]
 pub struct EvalArgs {
     /// Run folder
     run: PathBuf,
@@ -52,6 +55,18 @@ pub struct EvalArgs {
     /// Replay the best action sequence of the run; needs no checkpoint
     #[arg(long, conflicts_with = "checkpoint")]
     sequence: bool,
+
+    /// Play on this scene instead of the run's own, with the same task: a policy of a convolutional
+    /// network plays on any. With --prove its greedy path and K drawn ones are proved; the run keeps
+    /// nothing of it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["sequence", "twin"])]
+    scene: Option<PathBuf>,
+
+    /// Focus region on the scene's blank [mm]: least x, least y, greatest x, greatest y; the run's
+    /// if not given
+    #[arg(long, requires = "scene", value_name = "X,Y,X,Y", value_parser = region,
+          allow_hyphen_values = true)]
+    region: Option<[f64; 4]>,
 
     /// Step the episodes as finely as this, fast, balanced or accurate, from the initial state of
     /// the run, instead of as in training. A sequence is pressed as a robot would: all of it,
@@ -116,7 +131,11 @@ struct Report {
 pub fn run(args: EvalArgs) -> Result<(), Failure> {
     let out = args.out.as_deref().map(OutFolder::make).transpose()?;
     args.state.as_deref().map(check_writable).transpose()?;
-    let mut loaded = Loaded::open(&args.run, args.json)?;
+    let mut loaded = match &args.scene {
+        None => Loaded::open(&args.run, args.json)?,
+        Some(scene) => Loaded::open_on(scene, &args.run, args.json)?,
+    };
+    loaded.env.region_mm = args.region.or(loaded.env.region_mm);
     let pictures = match out {
         Some(folder) => folder,
         None => OutFolder::make(&loaded.folder.pictures.join("eval"))?,
@@ -125,7 +144,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         loaded.env.set_accuracy(accuracy);
     }
     let (mut best, mut _lock) = (None, None);
-    if args.prove {
+    if args.prove && args.scene.is_none() {
         _lock = Some(loaded.folder.lock().map_err(Failure::of_run)?);
         check_writable(&loaded.folder.proof)?;
         best = Some(loaded.best_sequence()?);
@@ -155,6 +174,10 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         let (task, orders) = ((scene, &loaded.config.env), (args.episodes, args.twin));
         proof = Some(proof::proved(&loaded.folder, task, best, orders, args.json)?.0);
     }
+    if let (Some(agent), Some(_), true) = (&agent, &args.scene, args.prove) {
+        let greedy = played.vertices.clone();
+        proof = Some(proved_elsewhere(agent, greedy, &loaded, args.episodes)?);
+    }
     let title = checkpoint.map_or("sequence", |_| "policy");
     recorder.write(&pictures.path, &draping, &played, title)?;
 
@@ -176,6 +199,30 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     super::output::print(&text(&report))
 }
 
+/// Proves the `greedy` path of an agent and `count` drawn ones on a scene that the run does not
+/// know.
+fn proved_elsewhere(
+    agent: &Agent,
+    greedy: Vec<u32>,
+    Loaded {
+        scene, env, json, ..
+    }: &Loaded,
+    count: usize,
+) -> Result<Vec<Row>, Failure> {
+    let mut draping = Draping::new(scene.clone(), env, count).or_invalid()?;
+    let mut stream = Stream::new(0, Purpose::Evaluation, 0);
+    let played = draping.play(|draping| {
+        let seen: Vec<_> = (0..count).map(|k| draping.observation(k)).collect();
+        agent.act(&seen, Sampling::Drawn(&mut stream))
+    });
+    let mut paths = vec![greedy];
+    let ended = played
+        .into_iter()
+        .filter(|p| p.episode.end != End::Diverged);
+    paths.extend(ended.map(|played| played.vertices));
+    proof::rows((scene, env), &paths, (count, false), *json)
+}
+
 /// A run folder, read and ready to be played.
 pub(super) struct Loaded {
     pub folder: RunFolder,
@@ -194,13 +241,26 @@ impl Loaded {
         let config = RunConfig::read(&folder.config).or_invalid()?;
         let place = folder.config.display().to_string();
         let scene = Arc::new(set_up(&config.scene, &place, json)?);
-        Ok(Self {
+        Ok(Self::with(folder, config, scene, json))
+    }
+
+    /// The same on the scene of a file instead of the run's own.
+    fn open_on(file: &Path, run: &Path, json: bool) -> Result<Self, Failure> {
+        let folder = RunFolder::open(run).or_invalid()?;
+        let config = RunConfig::read(&folder.config).or_invalid()?;
+        let other = SceneConfig::read(file).or_invalid()?;
+        let scene = set_up_over_tool(&other, &file.display().to_string(), json)?;
+        Ok(Self::with(folder, config, Arc::new(scene), json))
+    }
+
+    fn with(folder: RunFolder, config: RunConfig, scene: Arc<Scene>, json: bool) -> Self {
+        Self {
             folder,
             env: config.env.clone(),
             config,
             scene,
             json,
-        })
+        }
     }
 
     /// Plays one episode, greedily by the policy of a checkpoint, `best`, `last` or a file, or the

@@ -9,8 +9,8 @@ use super::result::{Recorder, path, rollout_failure};
 use super::study::failure;
 use crate::run::{BestSequence, PlayedEpisode, Proved, Rules, RunFolder, replay};
 use drape_cloth::scene::Scene;
-use drape_study::proof::{Physics, Row, finely, prove};
-use drape_study::study::Context;
+use drape_study::proof::{Physics, Proof, Row, finely, prove};
+use drape_study::study::{Context, StudyError};
 use drape_task::env::{Draping, EnvConfig};
 use drape_task::path::write_json;
 
@@ -26,13 +26,7 @@ pub(super) fn proved(
 ) -> Result<(Vec<Row>, Option<Proved>), Failure> {
     let mut paths = vec![best.vertices.clone()];
     paths.extend(best.others.iter().map(|other| other.vertices.clone()));
-    let progress = Progress::new("proof", json);
-    let context = Context {
-        progress: &|share, doing| progress.tell(share, doing),
-        ..Context::quiet()
-    };
-    let found = prove(scene, env, &paths, (count, twin), &context);
-    drop(progress);
+    let found = found((scene, env), &paths, (count, twin), json);
     let place = folder.config.display().to_string();
     let found = found.map_err(|error| failure(error, Some(place)))?;
     let Some(chosen) = found.best else {
@@ -62,6 +56,31 @@ pub(super) fn proved(
     write_json(&folder.trajectory, &path(&played, env)?)?;
     recorder.write(&folder.pictures, &draping, &played, "proved path")?;
     Ok((found.rows, Some(proved)))
+}
+
+fn found(
+    (scene, env): (&Arc<Scene>, &EnvConfig),
+    paths: &[Vec<u32>],
+    orders: (usize, bool),
+    json: bool,
+) -> Result<Proof, StudyError> {
+    let progress = Progress::new("proof", json);
+    let context = Context {
+        progress: &|share, doing| progress.tell(share, doing),
+        ..Context::quiet()
+    };
+    prove(scene, env, paths, orders, &context)
+}
+
+/// What a proof of `paths` against some random orders says, see [`prove`]; nothing is kept.
+pub(super) fn rows(
+    task: (&Arc<Scene>, &EnvConfig),
+    paths: &[Vec<u32>],
+    orders: (usize, bool),
+    json: bool,
+) -> Result<Vec<Row>, Failure> {
+    let found = found(task, paths, orders, json).map_err(|error| failure(error, None))?;
+    Ok(found.rows)
 }
 
 /// Plays a proved path as a robot presses it, in the fast solver, whether or not the twin has
