@@ -52,7 +52,7 @@ fn check(scene: &Arc<Scene>, config: &EnvConfig, count: usize, seed: u64) {
             // Rewards are in single precision.
             let rounding = 1e-6 * initial;
             assert!((reward - (initial - last)).abs() < rounding);
-            assert!((f64::from(env.reward_scale()) - initial).abs() < rounding);
+            assert!((f64::from(env.reward_scale(0)) - initial).abs() < rounding);
             // The new episode starts as all do.
             assert_eq!(*env.observation(index), fresh);
             assert!(env.touched(index).is_clear() && env.draped(index).is_clear());

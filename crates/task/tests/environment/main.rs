@@ -4,6 +4,7 @@ mod branch;
 mod checker;
 mod earned;
 mod ends;
+mod family;
 mod replay;
 mod rest;
 mod stencil;
