@@ -258,7 +258,7 @@ fn rollout_notes_ends_scaled_rewards_and_the_values_behind_truncations() {
         let mut tasks = Order::new(1);
         tasks.end = end;
         let streams = &mut [Stream::new(5, Purpose::Actions, 0)];
-        let rollout = collect(&agent, &mut tasks, streams, None, 6, 0.5);
+        let rollout = collect(&agent, &mut tasks, streams, None, 6, &[0.5]);
         let (mut last, _) = Order::start();
         for action in ORDER.map(|a| a as usize) {
             last.mask.remove(action);

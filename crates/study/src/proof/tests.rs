@@ -70,6 +70,7 @@ fn what_diverged_counts_in_no_figure() {
             score,
             undraped: 2,
             shear_deg: 10.0,
+            path: PathFigures::default(),
         })
     };
     let groups = [
