@@ -161,11 +161,13 @@ pub(super) fn set_up_scenes(
     quiet: bool,
 ) -> Result<Scenes, Failure> {
     let mut all = vec![Draping::new(first, &config.env, 1).or_invalid_in(place)?];
-    for member in &config.members().or_invalid_in(place)?[1..] {
+    let members = config.members().or_invalid_in(place)?;
+    for (k, member) in members.iter().enumerate().skip(1) {
+        let place = format!("{place}, member {k} of `scenes`");
         all.push(set_up_member(
             (&member.scene, &member.env),
             1,
-            place,
+            &place,
             quiet,
         )?);
     }

@@ -12,6 +12,7 @@ mod scene;
 mod study;
 mod tool;
 mod train;
+mod unseen;
 
 use std::fs;
 use std::path::Path;
