@@ -42,6 +42,12 @@ pub struct TrainArgs {
           conflicts_with = "resume")]
     steps: Option<u64>,
 
+    /// Environment steps of search after the training, which starts from its best paths and goes on
+    /// by its policy, instead of the configuration's
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..=RunConfig::MAX_STEPS),
+          conflicts_with = "resume")]
+    polish: Option<u64>,
+
     /// Go on with a run that was interrupted
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,
@@ -135,6 +141,9 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
     training.checkpoint().map_err(Failure::of_run)?;
     drop(progress);
     let elapsed = start.elapsed().as_secs_f64();
+    if training.is_complete() && training.config.polish > 0 && !stop.load(Ordering::Relaxed) {
+        polish(&mut training, &stop, args.json)?;
+    }
     // Who has asked to stop need not wait for a proof: resuming makes it.
     let complete = training.is_complete() && !stop.load(Ordering::Relaxed);
     let proof = match complete {
@@ -176,6 +185,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     let (mut config, place) = read_config(args.config.as_deref())?;
     config.seed = args.seed.unwrap_or(config.seed);
     config.steps = args.steps.unwrap_or(config.steps);
+    config.polish = args.polish.unwrap_or(config.polish);
     config.device = args.device.unwrap_or(config.device);
     if let Some(accuracy) = args.accuracy {
         config.env.set_accuracy(accuracy);
@@ -193,6 +203,21 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
         eprintln!("writing {}", folder.path.display());
     }
     Training::new(config, scenes, folder).map_err(Failure::of_run)
+}
+
+/// Searches on from the best paths of a training that is complete.
+fn polish(training: &mut Training, stop: &AtomicBool, json: bool) -> Result<(), Failure> {
+    let steps = training.config.polish;
+    if !json {
+        eprintln!("polishing the best paths");
+    }
+    let progress = Progress::of_steps(0, steps, json);
+    let polished = training.polish(|spent, best| {
+        let best = best.map_or("-".into(), |score| format!("{:.2} %", 100.0 * score));
+        progress.step(spent, format!("score: best {best}"));
+        !stop.load(Ordering::Relaxed)
+    });
+    polished.map_err(Failure::of_run)
 }
 
 /// Draws the curve of a training that is complete and proves its best paths. Gives the proof.

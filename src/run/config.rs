@@ -41,6 +41,8 @@ pub struct RunConfig {
     pub seed: u64,
     /// Environment steps of the whole training, all environments counted.
     pub steps: u64,
+    /// Environment steps of search after the training, from its best sequences and by its policy.
+    pub polish: u64,
     /// Environments stepped together.
     pub environments: usize,
     pub device: DeviceKind,
@@ -116,6 +118,7 @@ impl RunConfig {
             preset,
             seed: 1,
             steps: 200_000,
+            polish: 0,
             environments: 32,
             device: DeviceKind::Flex,
             evaluation_interval: 2,
@@ -299,6 +302,9 @@ impl RunConfig {
             ValueError::unless((1..=max).contains(&value), key, value, expected)
         };
         range("steps", self.steps, Self::MAX_STEPS)?;
+        let expected = format!("a number from 0 to {}", Self::MAX_STEPS);
+        let is_valid = self.polish <= Self::MAX_STEPS;
+        ValueError::unless(is_valid, "polish", self.polish, expected)?;
         range("environments", self.environments as u64, 4096)?;
         range("evaluation_interval", self.evaluation_interval, 1 << 32)?;
         range("proof_paths", self.proof_paths as u64, 4096)?;
@@ -533,6 +539,10 @@ mod tests {
             (
                 "steps = 0",
                 "c.toml: `steps` is 0, expected a number from 1 to",
+            ),
+            (
+                "polish = 1099511627777",
+                "c.toml: `polish` is 1099511627777, expected a number from 0 to",
             ),
             (
                 "steps = -3",

@@ -17,8 +17,8 @@ use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{EpisodeRecord, Iteration, Sampling, Trainer, decode, encode, read_section};
-use drape_task::env::{Draping, End, Family, Reward, Tasks};
-use drape_task::search::{Order, choose};
+use drape_task::env::{Draping, End, Episode, Family, Observation, Reward, Tasks};
+use drape_task::search::{Annealing, Arena, Order, anneal, choose};
 
 /// Checkpoint section of what the run itself remembers.
 const RUN: &str = "run";
@@ -194,6 +194,36 @@ impl Training {
         };
         self.log(&report)?;
         Ok(report)
+    }
+
+    /// Searches for as many steps as the configuration says from the best sequences on, by the policy
+    /// as it is now, and remembers what is better. `go_on` is told the steps spent and the best
+    /// score. No checkpoint is to follow: a run that is resumed polishes again, to the same end.
+    pub fn polish(&mut self, mut go_on: impl FnMut(u64, Option<f64>) -> bool) -> Result<()> {
+        let config = &self.config;
+        let mut draping = Draping::new(self.scene().clone(), &config.env, config.environments)?;
+        let agent = self.trainer.agent();
+        let mut policy = |seen: &[&Observation]| agent.log_probs(seen);
+        let (evaluation, mut best) = (&self.evaluation, self.memory.best.clone());
+        let starts = best.actions(evaluation);
+        let mut watch = |spent: u64, ended: &[Episode]| {
+            for episode in ended {
+                if let Some(score) = episode.score {
+                    best.remember(score, &episode.actions, evaluation);
+                }
+            }
+            go_on(spent, best.score())
+        };
+        let mut arena = Arena::new(&mut draping, config.polish, &mut watch);
+        anneal(
+            &mut arena,
+            Annealing::polish(),
+            &starts,
+            &mut policy,
+            config.seed,
+        );
+        self.memory.best = best;
+        self.write_best()
     }
 
     /// Writes everything needed to go on exactly from here.

@@ -347,7 +347,7 @@ fn exported_points_are_the_sequence_in_metres_and_millimetres() {
         assert_eq!(*row.last().unwrap(), if starts { "1" } else { "0" });
         strokes += u64::from(starts);
     }
-    assert_eq!(report["strokes"], strokes);
+    assert_eq!(number(&report["strokes"]), strokes as f64);
 }
 
 /// Rows of the proof agree with each other and with the path that is kept for the robot.

@@ -1,5 +1,6 @@
 //! Runs the binary in temporary folders: what it prints and writes, and how it fails.
 
+mod baseline;
 mod bench;
 mod blank;
 mod compare;

@@ -298,6 +298,37 @@ fn complete_run_is_not_trained_further() {
     }
 }
 
+/// Killed or asked to stop while it polishes, a run polishes again to the same end, and so does one
+/// that has come to its end. What is found is no worse than without.
+#[cfg(unix)]
+#[test]
+fn interrupted_polish_begins_again() {
+    let folder = folder();
+    let path = folder.path();
+    let plain = train(path, CONFIG, "plain");
+    let config = CONFIG.replace("steps = 240", "steps = 240\npolish = 3000");
+    let whole = train(path, &config, "whole");
+    assert!(number(&whole["best_score"]) > number(&plain["best_score"]));
+    let expected = files(&path.join("runs/whole"));
+    for signal in ["KILL", "INT"] {
+        let (run, output) = interrupted(path, &config, signal, signal, 3);
+        assert_eq!(names(&run.join("pictures")), [""; 0]);
+        if signal == "INT" {
+            let outcome: Value = serde_json::from_slice(&output.stdout).unwrap();
+            assert_eq!(outcome["complete"], false);
+        }
+        for _ in 0..2 {
+            let run = run.to_str().unwrap();
+            let resumed = json(path, &["train", "--resume", run, "--json"]);
+            assert_eq!(resumed["best_score"], whole["best_score"]);
+        }
+        let found = files(&run);
+        for name in LEARNT {
+            assert!(found[name] == expected[name], "{signal}: {name}");
+        }
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn interrupted_training_goes_on_exactly() {

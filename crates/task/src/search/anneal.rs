@@ -9,8 +9,6 @@ use drape_cloth::math::Stream;
 /// the new one replaces it if it is better, or by the chance of Metropolis.
 #[derive(Clone, Copy, Debug)]
 pub struct Annealing {
-    /// Sequences that are changed; environments take turns with them.
-    pub chains: usize,
     /// How much worse a score may be, by a chance of 1 in e, in the beginning and at the end [-].
     pub hot: f64,
     pub cold: f64,
@@ -22,10 +20,20 @@ pub struct Annealing {
 impl Default for Annealing {
     fn default() -> Self {
         Self {
-            chains: 8,
             hot: 0.03,
             cold: 0.001,
             drawn: 2.0,
+        }
+    }
+}
+
+impl Annealing {
+    /// From good sequences on, by the policy that has found them.
+    pub fn polish() -> Self {
+        Self {
+            hot: 0.003,
+            cold: 0.0003,
+            drawn: f64::INFINITY,
         }
     }
 }
@@ -34,17 +42,17 @@ impl Default for Annealing {
 const MOST_BYTES: usize = 512 << 20;
 
 /// A sequence that ended, with states on the way: state `k` is that before press `k * stride`.
-#[derive(Clone, Default)]
+#[derive(Default)]
 struct Chain {
     actions: Vec<u32>,
     score: Option<f64>,
     states: Vec<Arc<Branch>>,
 }
 
-/// What an environment plays: a changed sequence of a chain.
+/// What an environment plays: a changed sequence of its chain.
 struct Player {
-    chain: usize,
-    /// Its states so far.
+    chain: Chain,
+    /// Of what is played, so far.
     states: Vec<Arc<Branch>>,
     /// Presses so far, and how many of them are drawn before it follows `old` again.
     presses: usize,
@@ -64,7 +72,7 @@ impl Player {
     }
 }
 
-/// Searches until the steps are spent. Chains begin with the sequences `starts`, of actions, and
+/// Searches until the steps are spent, with a chain an environment. They begin with the sequences `starts`, of actions, and
 /// without one for them with one drawn from `policy`, as what comes after a cut is.
 pub fn anneal(
     arena: &mut Arena,
@@ -74,14 +82,12 @@ pub fn anneal(
     seed: u64,
 ) {
     let count = arena.env.count();
-    let chain_count = method.chains.clamp(1, count);
-    let stride = stride(arena.env, count + chain_count);
-    let mut chains = vec![Chain::default(); chain_count];
+    let stride = stride(arena.env, 2 * count);
     let streams = arena.streams(seed).into_iter().enumerate();
     let players = streams.map(|(index, stream)| {
         let old = starts.get(index).cloned().unwrap_or_default();
         Player {
-            chain: index % chain_count,
+            chain: Chain::default(),
             states: Vec::new(),
             presses: 0,
             drawn_until: 0,
@@ -119,20 +125,19 @@ pub fn anneal(
             let player = &mut players[index];
             player.presses += 1;
             let Some(episode) = episode else { continue };
-            let chain = &mut chains[player.chain];
             let chance = player.stream.uniform();
-            let is_taken = match (episode.score, chain.score) {
+            let is_taken = match (episode.score, player.chain.score) {
                 (Some(new), Some(old)) => new >= old || chance < ((new - old) / heat).exp(),
                 (new, old) => new.is_some() || old.is_none(),
             };
             if is_taken {
-                *chain = Chain {
+                player.chain = Chain {
                     actions: episode.actions,
                     score: episode.score,
                     states: std::mem::take(&mut player.states),
                 };
             }
-            cut(player, chain, method.drawn, stride);
+            cut(player, method.drawn, stride);
             arena
                 .env
                 .go_on(index, player.states.last().expect("the cut"));
@@ -140,8 +145,9 @@ pub fn anneal(
     }
 }
 
-/// Lets a player go on from one of the states of a chain.
-fn cut(player: &mut Player, chain: &Chain, drawn: f64, stride: usize) {
+/// Lets a player go on from one of the states of its chain.
+fn cut(player: &mut Player, drawn: f64, stride: usize) {
+    let chain = &player.chain;
     let at = player.stream.below(chain.states.len());
     player.states = chain.states[..=at].to_vec();
     player.presses = at * stride;

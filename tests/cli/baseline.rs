@@ -1,0 +1,117 @@
+//! `drape baseline`: searches without learning, kept as runs are.
+
+use super::run::*;
+use super::*;
+
+const POLICIES: [&str; 9] = [
+    "random", "sweep", "outwards", "raster", "spiral", "greedy", "beam", "cem", "anneal",
+];
+
+/// What a search leaves, sorted.
+const FILES: [&str; 11] = [
+    ".lock",
+    "best_sequence.json",
+    "config.toml",
+    "pictures/after.png",
+    "pictures/before.png",
+    "pictures/crushed.png",
+    "pictures/path.png",
+    "pictures/rollout.gif",
+    "proof.json",
+    "run.json",
+    "trajectory.json",
+];
+
+/// Searches by a policy on so many threads, in `runs/POLICY-THREADS`.
+fn search(folder: &Path, policy: &str, threads: &str, args: &[&str]) -> Value {
+    fs::write(folder.join("config.toml"), CONFIG).unwrap();
+    let name = format!("{policy}-{threads}");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_drape"));
+    command.args(["baseline", "config.toml", "--json", "--policy", policy]);
+    command.args(["--name", &name]).args(args);
+    command
+        .env("RAYON_NUM_THREADS", threads)
+        .current_dir(folder);
+    let output = command.output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && stderr.is_empty(), "{stderr}");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Every policy keeps within its steps, ranks what it has found, and finds the same on any number of
+/// threads. The best score is that of the path when it is played again.
+#[test]
+fn searches_keep_to_their_steps_and_leave_what_they_have_found() {
+    let folder = folder();
+    let path = folder.path();
+    for policy in POLICIES {
+        let outcome = search(path, policy, "1", &["--steps", "600"]);
+        assert_eq!(outcome["policy"], policy);
+        let steps = outcome["env_steps"].as_u64().unwrap();
+        // Rounded down to whole steps of the four environments.
+        assert!(steps <= 600 && steps % 4 == 0, "{policy}: {steps}");
+        assert!(outcome["episodes"].as_u64().unwrap() > 0);
+        let run = path.join("runs").join(format!("{policy}-1"));
+        assert_eq!(files(&run).into_keys().collect::<Vec<_>>(), FILES);
+        let best = read_json(&run.join("best_sequence.json"));
+        assert_eq!(best["score"], outcome["best_score"]);
+        assert!(number(&outcome["mean_score"]) <= number(&best["score"]));
+        let presses = best["vertices"].as_array().unwrap().len();
+        assert_eq!(number(&outcome["path"]["presses"]), presses as f64);
+        let others = best["others"].as_array().map_or(&[][..], Vec::as_slice);
+        let scores = others.iter().map(|other| number(&other["score"]));
+        let scores: Vec<f64> = [number(&best["score"])].into_iter().chain(scores).collect();
+        assert!(scores.is_sorted_by(|a, b| a >= b), "{policy}: {scores:?}");
+        assert_eq!(outcome["proof"][0]["order"], "path");
+        let [count, diverged] = ["count", "diverged"].map(|key| &outcome["proof"][0][key]);
+        let proved = number(count) + number(diverged);
+        assert_eq!(proved, scores.len() as f64, "{policy}");
+        let run = run.to_str().unwrap();
+        let played = json(
+            path,
+            &["eval", run, "--sequence", "--episodes", "1", "--json"],
+        );
+        assert_eq!(played["episode"]["score"], best["score"]);
+        let exported = json(path, &["export", run, "--json"]);
+        assert_eq!(exported["proved"], "accurate");
+        search(path, policy, "3", &["--steps", "600"]);
+        let other = path.join("runs").join(format!("{policy}-3"));
+        let [one, three] = [&path.join(run), &other].map(|run| files(run));
+        for name in ["best_sequence.json", "proof.json", "trajectory.json"] {
+            assert!(one[name] == three[name], "{policy}: {name}");
+        }
+    }
+}
+
+/// Two seeds draw other episodes; a family that is exhausted spends no more.
+#[test]
+fn seeds_differ_and_families_end() {
+    let folder = folder();
+    let path = folder.path();
+    let best = |name: &str| fs::read(path.join("runs").join(name).join("best_sequence.json"));
+    search(path, "random", "1", &["--steps", "200", "--seed", "1"]);
+    search(path, "random", "2", &["--steps", "200", "--seed", "2"]);
+    assert!(best("random-1").unwrap() != best("random-2").unwrap());
+    let outcome = search(path, "raster", "1", &["--steps", "100000"]);
+    assert!(outcome["env_steps"].as_u64().unwrap() < 10_000);
+    assert!(outcome["episodes"].as_u64().unwrap() <= 32);
+}
+
+#[test]
+fn what_needs_a_policy_says_that_there_is_none() {
+    let folder = folder();
+    let path = folder.path();
+    search(path, "spiral", "1", &["--steps", "400"]);
+    for args in [
+        &["eval", "runs/spiral-1"][..],
+        &["export", "runs/spiral-1", "--checkpoint", "last"],
+        &["train", "--resume", "runs/spiral-1"],
+    ] {
+        let words = ["runs/spiral-1 has no policy, as `drape baseline --policy spiral` made it"];
+        assert_failure(&drape(path, args), 2, &words);
+    }
+    let args = ["baseline", "config.toml", "--policy", "best"];
+    assert_eq!(drape(path, &args).status.code(), Some(2));
+    let args = ["baseline", "none.toml", "--policy", "random"];
+    assert_failure(&drape(path, &args), 2, &["none.toml"]);
+}
