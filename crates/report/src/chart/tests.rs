@@ -105,6 +105,32 @@ fn everything_drawn_lies_within_the_axes() {
         color: SERIES[1],
     });
     assert_eq!(chart.ranges()[1], 0.8..5.2);
+    chart.bands.push(Band {
+        points: vec![[0.0, 0.0, 1.0], [20.0, 5.0, 10.0], [30.0, NAN, 99.0]],
+        color: SERIES[0],
+    });
+    assert_eq!(chart.ranges(), [0.0..20.0, -0.5..10.5]);
+}
+
+#[test]
+fn band_tints_what_lies_between_its_ends() {
+    let image = |points: &[[f64; 3]]| {
+        let mut chart = chart(&[[0.0, 0.0], [1.0, 1.0]]);
+        chart.bands.push(Band {
+            points: points.to_vec(),
+            color: [0, 0, 0],
+        });
+        chart.image()
+    };
+    let tint = [(255.0 * 0.82_f64) as u8; 3];
+    let whole = count(&image(&[[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]), tint);
+    let half = count(&image(&[[0.0, 0.0, 0.0], [1.0, 0.0, 1.0]]), tint);
+    assert!(whole > 200_000, "{whole} pixels");
+    assert!(
+        (0.9..1.1).contains(&(2.0 * half as f64 / whole as f64)),
+        "{half} of {whole}"
+    );
+    assert_eq!(count(&image(&[[0.0, 0.0, 1.0], [1.0, NAN, 1.0]]), tint), 0);
 }
 
 #[test]
