@@ -1,7 +1,7 @@
 use super::run::*;
 use super::*;
 
-const STUDY: [&str; 6] = ["study", "learning", "a.toml", "b.toml", "--steps", "160"];
+const STUDY: [&str; 6] = ["study", "learning", "a.toml", "b.toml", "--steps", "240"];
 
 #[test]
 fn seeds_are_trained_compared_and_gone_on_with() {
@@ -49,7 +49,7 @@ fn seeds_are_trained_compared_and_gone_on_with() {
 
     // As `drape train` trains it.
     let train = [
-        "train", "a.toml", "--seed", "2", "--steps", "160", "--name", "x",
+        "train", "a.toml", "--seed", "2", "--steps", "240", "--name", "x",
     ];
     assert!(drape(path, &train).status.success());
     for file in ["best_sequence.json", "proof.json"] {
@@ -85,8 +85,14 @@ fn what_cannot_be_studied_is_refused_before_the_first_training() {
     fs::write(path.join("b.toml"), "seed = -1").unwrap();
     for (args, words) in [
         (&["a.toml", "b.toml"][..], "b.toml:1:8: invalid value"),
-        (&["a.toml", "./a.toml"], "two configurations are called `a`"),
-        (&["a.toml", "--resume", "none"], "there is no folder none"),
+        (
+            &["a.toml", "./a.toml"][..],
+            "two configurations are called `a`",
+        ),
+        (
+            &["a.toml", "--resume", "none"][..],
+            "there is no folder none",
+        ),
     ] {
         let output = drape(path, &[&["study", "learning"], args].concat());
         assert_failure(&output, 2, &[words]);
