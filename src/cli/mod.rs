@@ -9,6 +9,7 @@ mod compare;
 mod eval;
 mod export;
 mod failure;
+mod learning;
 mod output;
 mod picture;
 mod proof;

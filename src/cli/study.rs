@@ -8,11 +8,13 @@ use serde_json::{Value, json};
 
 use super::Failure;
 use super::failure::OrInvalid;
+use super::learning;
 use super::output::{OutFolder, Progress, print, print_json, write_together};
 use crate::run::{RunConfig, RunFolder, dated_folder};
 use drape_cloth::file::{WriteError, check_writable, read_text, write_atomic};
 use drape_cloth::scene::SceneConfig;
 use drape_study::episodes::Episodes;
+use drape_study::learning::Learning;
 use drape_study::stability::Stability;
 use drape_study::study::{Context, Report, Study, StudyError, TrainedPath};
 use drape_study::table::replace_tables;
@@ -32,6 +34,7 @@ pub struct StudyArgs {
 #[derive(Debug, Subcommand)]
 enum Name {
     Episodes(Measure<Episodes>),
+    Learning(Measure<Learning>),
     Stability(Measure<Stability>),
     Tradeoff(Measure<Tradeoff>),
     Verify(Measure<Verify>),
@@ -44,6 +47,7 @@ pub fn run(args: StudyArgs) -> Result<(), Failure> {
     let prefix = Some("study-");
     match args.study {
         Name::Episodes(study) => study.run(prefix),
+        Name::Learning(study) => study.run(prefix),
         Name::Stability(study) => study.run(prefix),
         Name::Tradeoff(study) => study.run(prefix),
         Name::Verify(study) => study.run(prefix),
@@ -83,7 +87,13 @@ impl<S: clap::Args + Study> Measure<S> {
             replaced::<S>(path, |_, _| Ok(String::new()))?;
             check_writable(path)?;
         }
-        let out = match (&self.out, prefix) {
+        if let Some(path) = self.study.resumed().filter(|path| !path.is_dir()) {
+            return Err(Failure::invalid(anyhow!(
+                "there is no folder {}",
+                path.display()
+            )));
+        }
+        let out = match (self.study.resumed().or(self.out.as_deref()), prefix) {
             (Some(path), _) => Some(OutFolder::make(path)?),
             (None, Some(prefix)) => {
                 let runs = Path::new("runs");
@@ -96,8 +106,9 @@ impl<S: clap::Args + Study> Measure<S> {
         };
         let start = Instant::now();
         let progress = Progress::new(S::NAME, self.json);
+        let tell = |share: f64, doing: &str| progress.tell(share, doing);
         let found = self.study.run(&Context {
-            progress: &|share, doing| progress.tell(share, doing),
+            progress: &tell,
             read_task: &|path| {
                 let (_, task) = read_task(path)?;
                 if !self.json {
@@ -109,6 +120,10 @@ impl<S: clap::Args + Study> Measure<S> {
                 Ok(task)
             },
             read_run: &read_run,
+            train: &|options| {
+                let out = out.as_ref().expect("a study of the command has a folder");
+                learning::train(options, &out.path, &tell)
+            },
         });
         drop(progress);
         let place = self.study.scene().map(|scene| scene.place());

@@ -8,6 +8,7 @@ mod damage;
 mod eval;
 mod inp;
 mod inputs;
+mod learning;
 mod run;
 mod scene;
 mod study;

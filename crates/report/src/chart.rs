@@ -49,6 +49,15 @@ pub struct Level {
     pub color: Color,
 }
 
+/// A faint area between two curves, such as an interval around a mean.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Band {
+    /// (x, lower y, upper y) from left to right. One that is not finite interrupts the band.
+    pub points: Vec<[f64; 3]>,
+    /// Colour that it is a tint of.
+    pub color: Color,
+}
+
 /// What the numbers of a chart stand for on both axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Scale {
@@ -70,6 +79,8 @@ pub struct Chart {
     pub y_label: String,
     /// Curves, the last one on top.
     pub series: Vec<Series>,
+    /// Bands, below all curves.
+    pub bands: Vec<Band>,
     /// Levels, below all curves.
     pub levels: Vec<Level>,
     /// Of both axes.
@@ -125,12 +136,21 @@ impl Chart {
         for level in self.levels.iter().filter(|level| drawable(&[level.value])) {
             let [low, high] = level.range();
             if low < high {
-                let band = rgb(level.color).mix(0.18).filled();
-                chart.draw_series([Rectangle::new([(x.start, low), (x.end, high)], band)])?;
+                let corners = [(x.start, low), (x.end, high)];
+                chart.draw_series([Rectangle::new(corners, tint(level.color))])?;
             }
             let line = [(x.start, level.value), (x.end, level.value)];
             let dashes = DashedLineSeries::new(line, 7 * PX, 5 * PX, stroke(level.color));
             chart.draw_series(dashes)?;
+        }
+        for band in &self.bands {
+            for run in runs(&band.points) {
+                let lower = run.iter().map(|&[x, low, _]| (x, low));
+                let upper = run.iter().rev().map(|&[x, _, high]| (x, high));
+                let outline: Vec<_> = lower.chain(upper).collect();
+                let area = Polygon::new(outline, tint(band.color));
+                chart.draw_series([area])?;
+            }
         }
         for series in &self.series {
             for run in runs(&series.points) {
@@ -166,8 +186,11 @@ impl Chart {
         let series = self.series.iter().flat_map(|s| runs(&s.points).flatten());
         let levels = self.levels.iter().filter(|l| drawable(&[l.value]));
         let levels = levels.flat_map(|level| level.range());
+        let bands = self.bands.iter().flat_map(|b| runs(&b.points).flatten());
         let xs = series.clone().map(|p| p[0]);
+        let xs = xs.chain(bands.clone().map(|p| p[0]));
         let ys = series.map(|p| p[1]).chain(levels);
+        let ys = ys.chain(bands.flat_map(|p| [p[1], p[2]]));
         // The ends of x are data, such as the first update; y gets some air.
         [padded(xs, 0.0), padded(ys, 0.05)]
     }
@@ -180,6 +203,10 @@ impl Level {
         let deviation = deviation.map_or(0.0, |deviation| deviation.max(0.0));
         [self.value - deviation, self.value + deviation]
     }
+}
+
+fn tint(color: Color) -> ShapeStyle {
+    rgb(color).mix(0.18).filled()
 }
 
 fn stroke(color: Color) -> ShapeStyle {

@@ -22,7 +22,7 @@ mod legend;
 mod text;
 
 pub use camera::Camera;
-pub use chart::{Chart, Level, Scale, Series};
+pub use chart::{Band, Chart, Level, Scale, Series};
 pub use color::{BACKGROUND, CLOTH, Color, ColorMap, DRAPED, PATH, SERIES, TOOL, TOUCHED};
 pub use drawing::{CLOTH_BIAS, Drawing, creased};
 pub use film::save_gif;

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use crate::table::Table;
+use crate::trainings::{Arm, Trainings};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::{SceneConfig, SceneError};
@@ -26,6 +27,11 @@ pub trait Study {
     /// If the options ask for what cannot be, or a simulation diverges that all depends on.
     fn run(&self, context: &Context) -> Result<Report, StudyError>;
 
+    /// The folder of an earlier study that this one goes on with.
+    fn resumed(&self) -> Option<&Path> {
+        None
+    }
+
     /// The scene, where the study has one; errors name it.
     fn scene(&self) -> Option<&SceneOptions> {
         None
@@ -40,6 +46,8 @@ pub struct Context<'a> {
     pub read_task: Reader<'a, (SceneConfig, EnvConfig)>,
     /// Reads its best path, too.
     pub read_run: Reader<'a, TrainedPath>,
+    /// Trains in the folder of the study, and reads what the runs have left.
+    pub train: &'a dyn Fn(&Trainings) -> Result<Vec<Arm>, StudyError>,
 }
 
 /// Reads something of a folder.
@@ -62,6 +70,7 @@ impl Context<'_> {
             progress: &|_, _| (),
             read_task: &|_| Err(StudyError::Invalid("there are no runs".into())),
             read_run: &|_| Err(StudyError::Invalid("there are no runs".into())),
+            train: &|_| Err(StudyError::Invalid("there are no runs".into())),
         }
     }
 

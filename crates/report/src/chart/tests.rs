@@ -105,6 +105,34 @@ fn everything_drawn_lies_within_the_axes() {
         color: SERIES[1],
     });
     assert_eq!(chart.ranges()[1], 0.8..5.2);
+    chart.bands.push(Band {
+        points: vec![[0.0, 0.0, 1.0], [20.0, 5.0, 10.0], [30.0, NAN, 99.0]],
+        color: SERIES[0],
+    });
+    assert_eq!(chart.ranges(), [0.0..20.0, -0.5..10.5]);
+}
+
+#[test]
+fn band_tints_what_lies_between_its_ends() {
+    let image = |points: &[[f64; 3]]| {
+        let mut chart = chart(&[[0.0, 0.0], [1.0, 1.0]]);
+        chart.bands.push(Band {
+            points: points.to_vec(),
+            color: SERIES[1],
+        });
+        chart.image()
+    };
+    let none = image(&[]);
+    let tinted = |points: &[[f64; 3]]| {
+        let image = image(points);
+        let pairs = image.pixels.iter().zip(&none.pixels);
+        pairs.filter(|(tinted, plain)| tinted != plain).count() as f64
+    };
+    let whole = tinted(&[[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]);
+    let half = tinted(&[[0.0, 0.0, 0.0], [1.0, 0.0, 1.0]]);
+    assert!(whole > 200_000.0, "{whole} pixels");
+    let share = half / whole;
+    assert!((0.45..0.55).contains(&share), "{half} of {whole}");
 }
 
 #[test]

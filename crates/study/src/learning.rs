@@ -1,0 +1,284 @@
+//! How well trainings learn over several seeds, and whether one configuration learns better than
+//! another. Reads what runs have left; whoever runs the study trains them.
+
+mod statistics;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::ranking::extremes;
+use crate::study::{Context, Report, Study, StudyError};
+use crate::table::{Format::Digits, Table};
+use crate::trainings::{Arm, Curve, LearnedRun, Trainings};
+use drape_report::{Band, Chart, SERIES, Series};
+use statistics::{bootstrap, interquartile_mean, probability_of_improvement};
+
+/// Train with several seeds and tell how well it is learned: interquartile means of scores with 95 %
+/// bootstrap intervals, by configuration, and the probability that one learns better than the first
+///
+/// Runs stand in the folder of the study, CONFIG/seed-K. A 95 % interval of few runs is too narrow:
+/// take ten or more before you believe it.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape study learning --seeds 5
+  drape study learning a.toml b.toml --seeds 10 --steps 50000 --jobs 2
+  drape study learning a.toml b.toml --seeds 20 --resume runs/study-learning-DATE")]
+pub struct Learning {
+    #[command(flatten)]
+    trainings: Trainings,
+
+    /// Go on with the study in this folder: runs that are complete are kept
+    #[arg(long, value_name = "DIR", conflicts_with = "out")]
+    resume: Option<PathBuf>,
+}
+
+/// Mean explained variance of a third of a training, 0 to 2; none where it has less than three
+/// iterations.
+fn explained(run: &LearnedRun, third: usize) -> Option<f64> {
+    let curve = &run.explained_variance;
+    let length = curve.len() / 3;
+    let end = match third {
+        2 => curve.len(),
+        _ => (third + 1) * length,
+    };
+    let values = curve[third * length..end].iter().map(|(_, value)| value);
+    (length > 0).then(|| values.clone().sum::<f64>() / values.count() as f64)
+}
+
+fn last(curve: &Curve) -> Option<f64> {
+    Some(curve.last()?.1)
+}
+
+/// A figure of a run: its name with its unit, and how it is got.
+type Figure = (&'static str, fn(&LearnedRun) -> Option<f64>);
+
+/// How many of [`FIGURES`] are scores.
+const SCORES: usize = 4;
+
+const FIGURES: [Figure; 9] = [
+    ("last 50 episodes [%]", |run| Some(1e2 * last(&run.mean)?)),
+    ("greedy [%]", |run| Some(1e2 * last(&run.greedy)?)),
+    ("best [%]", |run| Some(1e2 * last(&run.best)?)),
+    ("proved [%]", |run| Some(1e2 * run.proved?)),
+    ("undraped", |run| run.undraped),
+    ("seconds", |run| run.seconds),
+    ("explained variance, first third", |run| explained(run, 0)),
+    ("middle third", |run| explained(run, 1)),
+    ("last third", |run| explained(run, 2)),
+];
+
+/// A figure of those runs of an arm that have it.
+fn values(arm: &Arm, (_, of): Figure) -> Vec<f64> {
+    arm.runs.iter().filter_map(of).collect()
+}
+
+fn mean_of([values]: [&[f64]; 1]) -> f64 {
+    interquartile_mean(values)
+}
+
+impl Study for Learning {
+    const NAME: &'static str = "learning";
+    const TABLES: &'static [&'static str] = &["figures", "improvement", "runs"];
+
+    fn resumed(&self) -> Option<&Path> {
+        self.resume.as_deref()
+    }
+
+    fn run(&self, context: &Context) -> Result<Report, StudyError> {
+        let arms = (context.train)(&self.trainings)?;
+        let mut report = Report::new([figures(&arms), runs(&arms)]);
+        if arms.len() > 1 {
+            report.tables.push(improvement(&arms));
+        }
+        for (name, title, of) in CURVES {
+            report.image(name, chart(&arms, title, of).image());
+        }
+        Ok(report)
+    }
+}
+
+fn figures(arms: &[Arm]) -> Table {
+    let mut rows = Vec::new();
+    for arm in arms {
+        for figure in FIGURES {
+            let values = values(arm, figure);
+            let interval = bootstrap([&values], mean_of);
+            rows.push((arm, figure.0, values, interval));
+        }
+    }
+    let title = "Interquartile means over runs with their 95 % intervals (bootstrap)";
+    Table::of("figures", title, &rows)
+        .text("configuration", |(arm, ..)| &*arm.name)
+        .text("figure", |(_, name, ..)| *name)
+        .text("runs", |(.., values, _)| values.len())
+        .number("mean", Digits(4), |(.., values, _)| {
+            interquartile_mean(values)
+        })
+        .number("low", Digits(4), |(.., interval)| interval[0])
+        .number("high", Digits(4), |(.., interval)| interval[1])
+        .number("min", Digits(4), |(.., values, _)| extremes(values)[0])
+        .number("max", Digits(4), |(.., values, _)| extremes(values)[1])
+        .end()
+}
+
+/// Every run, for files.
+fn runs(arms: &[Arm]) -> Table {
+    let mut rows = Vec::new();
+    for arm in arms {
+        rows.extend(arm.runs.iter().map(|run| (&*arm.name, run)));
+    }
+    let mut table = Table::of("runs", "", &rows)
+        .text("configuration", |(name, _)| *name)
+        .text("seed", |(_, run)| run.seed);
+    for (name, of) in FIGURES {
+        table = table.number(name, 2, |(_, run)| of(run));
+    }
+    table.end()
+}
+
+fn improvement(arms: &[Arm]) -> Table {
+    let mut rows = Vec::new();
+    for arm in &arms[1..] {
+        for figure in &FIGURES[..SCORES] {
+            let values = [arm, &arms[0]].map(|arm| values(arm, *figure));
+            let values = values.each_ref().map(Vec::as_slice);
+            let found = probability_of_improvement(values);
+            let interval = bootstrap(values, probability_of_improvement);
+            rows.push((arm, figure.0, found, interval));
+        }
+    }
+    let title = format!(
+        "Probability that a run scores more than one of {}, with its 95 % interval",
+        arms[0].name
+    );
+    Table::of("improvement", title, &rows)
+        .text("configuration", |(arm, ..)| &*arm.name)
+        .text("figure", |(_, name, ..)| *name)
+        .number("probability", 2, |(_, _, found, _)| *found)
+        .number("low", 2, |(.., interval)| interval[0])
+        .number("high", 2, |(.., interval)| interval[1])
+        .end()
+}
+
+/// Names of pictures, their titles, and whose curves they show.
+const CURVES: [(&str, &str, fn(&LearnedRun) -> &Curve); 3] = [
+    ("mean.png", "Mean score of the last 50 episodes", |run| {
+        &run.mean
+    }),
+    ("greedy.png", "Score of the greedy policy", |run| {
+        &run.greedy
+    }),
+    ("best.png", "Best score so far", |run| &run.best),
+];
+
+/// Interquartile means over the runs of each arm with their intervals, at the steps that all of
+/// them have.
+fn chart(arms: &[Arm], title: &str, of: fn(&LearnedRun) -> &Curve) -> Chart {
+    let mut chart = Chart {
+        title: format!("{title}: interquartile means and 95 % intervals"),
+        x_label: "environment steps".into(),
+        y_label: "score [%]".into(),
+        ..Chart::default()
+    };
+    for (arm, color) in arms.iter().zip(SERIES.into_iter().cycle()) {
+        let mut steps = BTreeMap::<u64, Vec<f64>>::new();
+        for &(step, score) in arm.runs.iter().flat_map(of) {
+            steps.entry(step).or_default().push(1e2 * score);
+        }
+        steps.retain(|_, scores| scores.len() == arm.runs.len());
+        let at = |(&step, scores): (&u64, &Vec<f64>)| [step as f64, interquartile_mean(scores)];
+        chart.series.push(Series {
+            label: arm.name.clone(),
+            points: steps.iter().map(at).collect(),
+            color,
+        });
+        let around = |(&step, scores): (&u64, &Vec<f64>)| {
+            let [low, high] = bootstrap([scores], mean_of);
+            [step as f64, low, high]
+        };
+        let points = steps.iter().map(around).collect();
+        chart.bands.push(Band { points, color });
+    }
+    chart
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(seed: u64, mean: f64) -> LearnedRun {
+        LearnedRun {
+            seed,
+            mean: vec![(10, 0.1), (20, mean)],
+            explained_variance: (0..7).map(|k| (k, k as f64)).collect(),
+            ..LearnedRun::default()
+        }
+    }
+
+    fn arm(name: &str, scores: &[f64]) -> Arm {
+        let runs = scores
+            .iter()
+            .zip(1..)
+            .map(|(&score, seed)| run(seed, score));
+        Arm {
+            name: name.into(),
+            runs: runs.collect(),
+        }
+    }
+
+    #[test]
+    fn figures_are_means_and_what_runs_lack_is_none() {
+        let arms = [arm("a", &[0.25, 0.5, 0.75]), arm("b", &[1.0, 1.0])];
+        let rows = figures(&arms).json();
+        let rows = rows.as_array().unwrap();
+        assert_eq!(rows.len(), 2 * FIGURES.len());
+        assert_eq!(
+            (&rows[0]["mean"], &rows[0]["runs"]),
+            (&50.0.into(), &3.into())
+        );
+        assert_eq!(
+            (&rows[0]["low"], &rows[0]["high"]),
+            (&25.0.into(), &75.0.into())
+        );
+        // No greedy episode, no proof.
+        for row in &rows[1..SCORES] {
+            assert!(
+                row["mean"].is_null() && row["low"].is_null() && row["min"].is_null(),
+                "{row}"
+            );
+            assert_eq!(row["runs"], 0);
+        }
+        // The last third has what is left.
+        let thirds: Vec<_> = rows[6..9].iter().map(|row| &row["mean"]).collect();
+        assert_eq!(thirds, [0.5, 2.5, 5.0]);
+        assert_eq!(explained(&LearnedRun::default(), 0), None);
+
+        let text = figures(&arms).text();
+        let line = text.lines().find(|line| line.contains("greedy")).unwrap();
+        assert!(line.split_whitespace().last() == Some("-"), "{line}");
+    }
+
+    #[test]
+    fn arms_are_held_against_the_first() {
+        let arms = [arm("a", &[0.25, 0.5]), arm("b", &[0.5, 0.75])];
+        let rows = improvement(&arms).json();
+        assert_eq!(rows[0]["probability"], 0.875);
+        assert_eq!(
+            (&rows[0]["low"], &rows[0]["high"]),
+            (&0.5.into(), &1.0.into())
+        );
+        assert!(rows[1]["probability"].is_null());
+    }
+
+    #[test]
+    fn curves_have_the_steps_that_all_runs_have() {
+        let mut arms = [arm("a", &[0.25, 0.75])];
+        arms[0].runs[1].mean.push((30, 1.0));
+        let chart = chart(&arms, "", |run| &run.mean);
+        assert_eq!(chart.series[0].points, [[10.0, 10.0], [20.0, 50.0]]);
+        assert_eq!(
+            chart.bands[0].points,
+            [[10.0, 10.0, 10.0], [20.0, 25.0, 75.0]]
+        );
+    }
+}
