@@ -17,6 +17,7 @@ use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{EpisodeRecord, Iteration, Sampling, Trainer, decode, encode, read_section};
+use drape_study::proof::finely;
 use drape_task::env::{Draping, End, Episode, Family, Observation, Reward, Tasks};
 use drape_task::search::{Annealing, Arena, Order, anneal, choose};
 
@@ -197,15 +198,17 @@ impl Training {
     }
 
     /// Searches for as many steps as the configuration says from the best sequences on, by the policy
-    /// as it is now, and remembers what is better. `go_on` is told the steps spent and the best
+    /// as it is now, in the fine steps of a proof: what is best in the task's own may not hold there. What
+    /// is found replaces them, with scores of these steps. `go_on` is told the steps spent and the best
     /// score. No checkpoint is to follow: a run that is resumed polishes again, to the same end.
     pub fn polish(&mut self, mut go_on: impl FnMut(u64, Option<f64>) -> bool) -> Result<()> {
         let config = &self.config;
-        let mut draping = Draping::new(self.scene().clone(), &config.env, config.environments)?;
+        let fine = finely(&config.env);
+        let mut draping = Draping::new(self.scene().clone(), &fine, config.environments)?;
         let agent = self.trainer.agent();
         let mut policy = |seen: &[&Observation]| agent.log_probs(seen);
-        let (evaluation, mut best) = (&self.evaluation, self.memory.best.clone());
-        let starts = best.actions(evaluation);
+        let evaluation = &self.evaluation;
+        let (starts, mut best) = (self.memory.best.actions(evaluation), Best::default());
         let mut watch = |spent: u64, ended: &[Episode]| {
             for episode in ended {
                 if let Some(score) = episode.score {
@@ -222,7 +225,9 @@ impl Training {
             &mut policy,
             config.seed,
         );
-        self.memory.best = best;
+        if best.score().is_some() {
+            self.memory.best = best;
+        }
         self.write_best()
     }
 
