@@ -276,8 +276,8 @@ impl Loaded {
         let (played, agent, place) = match checkpoint {
             None => {
                 let best = self.best_sequence()?;
-                // In other steps than the run's own the masks would differ too.
-                let rules = match self.env == self.config.env {
+                // In other steps than it was found in the masks would differ too.
+                let rules = match self.env == self.config.env && self.config.polish == 0 {
                     true => Rules::Episode,
                     false => Rules::Robot,
                 };

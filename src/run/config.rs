@@ -523,7 +523,7 @@ mod tests {
             (
                 "[env]\nacuracy = \"fast\"",
                 "c.toml:2:1: unknown field `acuracy`, expected one of `region_mm`, `crop`, \
-                 `objective`, `stencil_mm`, `drape_threshold_mm`, `drape_strain`, `press_s`, \
+                 `objective`, `stroke_cost`, `turn_cost`, `metre_cost`, `stencil_mm`, `drape_threshold_mm`, `drape_strain`, `press_s`, \
                  `press_mpa`, `press_speed`, `settle_s`, `accuracy`, `substep_rate`, \
                  `contact_rate`, `max_steps`, `max_tension`, `max_depth_mm`, `precision`",
             ),

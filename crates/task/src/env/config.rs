@@ -2,7 +2,6 @@ use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
 use super::objective::Objective;
-use super::reward::Earned;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::sim::{Accuracy, Precision, Roller, Stepping};
@@ -19,8 +18,6 @@ pub struct EnvConfig {
     pub crop: bool,
     /// What episodes are judged by and rewarded for.
     pub objective: Objective,
-    /// When what is brought down is rewarded.
-    pub earned: Earned,
     /// What each stroke costs, as a share of the score,
     pub stroke_cost: f64,
     /// each turn by more than 90 degrees within one,
@@ -66,7 +63,6 @@ impl Default for EnvConfig {
             region_mm: None,
             crop: false,
             objective: Objective::default(),
-            earned: Earned::default(),
             stroke_cost: 0.0,
             turn_cost: 0.0,
             metre_cost: 0.0,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, Region};
 use super::effort::Effort;
-use super::reward::{Earned, Reward, Taken, score};
+use super::reward::{Reward, Taken, score};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
 use super::terrain::Terrain;
@@ -194,7 +194,6 @@ impl Draping {
         let Slot {
             actions,
             total_reward,
-            left,
             observation,
             finished: _,
         } = &self.slots[index];
@@ -202,7 +201,6 @@ impl Draping {
             slot: Slot {
                 actions: actions.clone(),
                 total_reward: *total_reward,
-                left: *left,
                 observation: observation.clone(),
                 finished: None,
             },
@@ -273,15 +271,11 @@ impl Draping {
                 end,
                 steps: slot.actions.len(),
                 initial: task.initial,
-                before: slot.left,
                 effort: effort.of_last(&vertices[vertices.len().saturating_sub(3)..]),
                 left: &left,
             }),
         };
         slot.total_reward += reward;
-        if finite && task.config.earned == Earned::Stepwise {
-            slot.left = left();
-        }
         let episode = end.map(|end| Episode {
             end,
             actions: slot.actions.clone(),
@@ -386,12 +380,6 @@ impl Tasks for Draping {
         for (index, saved) in saved.into_iter().enumerate() {
             self.cloth.load(index, &saved.cloth);
             self.slots[index] = Slot {
-                left: match self.task.config.earned {
-                    Earned::Stepwise if !saved.actions.is_empty() => {
-                        self.task.objective(&saved.cloth)
-                    }
-                    _ => self.task.initial,
-                },
                 actions: saved.actions,
                 total_reward: saved.total_reward,
                 ..self.task.start.clone()

@@ -20,6 +20,6 @@ pub use effort::Effort;
 pub use family::Family;
 pub use objective::{Goal, Objective};
 pub use replay::{Played, ReplayDiverged};
-pub use reward::{Earned, Reward, Taken, Term, score};
+pub use reward::{Reward, Taken, Term, score};
 pub use task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
 pub use terrain::Terrain;

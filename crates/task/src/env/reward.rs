@@ -5,19 +5,6 @@
 
 use super::config::EnvConfig;
 use super::task::End;
-use serde::{Deserialize, Serialize};
-
-/// When what an episode removes of the objective is rewarded.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Earned {
-    /// When it is over, as in the paper.
-    #[default]
-    Finally,
-    /// Step by step. All steps together earn the same: this shapes rewards by a potential (Ng et al.
-    /// 1999), what is left of the objective.
-    Stepwise,
-}
 
 /// A step that has been taken, as the terms of the reward see it.
 pub struct Taken<'a> {
@@ -29,8 +16,6 @@ pub struct Taken<'a> {
     pub steps: usize,
     /// The objective at the start [m].
     pub initial: f64,
-    /// The objective before the step [m]; only where it is earned step by step.
-    pub before: f64,
     /// What the way to this press costs, see [`super::effort::Effort`], as a share of the score.
     pub effort: f64,
     pub(super) left: &'a dyn Fn() -> f64,
@@ -52,7 +37,7 @@ pub struct Reward(Vec<Term>);
 
 impl Default for Reward {
     fn default() -> Self {
-        Self(vec![removed, effort])
+        Self(vec![removed_in_the_end, effort])
     }
 }
 
@@ -69,12 +54,11 @@ impl Reward {
     }
 }
 
-/// What is removed of the objective.
-fn removed(step: &Taken) -> f64 {
-    match (step.config.earned, step.end) {
-        (Earned::Finally, Some(End::Terminated)) => step.initial - step.left(),
-        (Earned::Finally, _) => 0.0,
-        (Earned::Stepwise, _) => step.before - step.left(),
+/// What an episode has removed of the objective, when it is over.
+fn removed_in_the_end(step: &Taken) -> f64 {
+    match step.end {
+        Some(End::Terminated) => step.initial - step.left(),
+        _ => 0.0,
     }
 }
 

@@ -49,8 +49,6 @@ pub(super) struct Slot {
     pub actions: Vec<u32>,
     /// Sum of their rewards.
     pub total_reward: f32,
-    /// The objective now [m], where it is earned step by step.
-    pub left: f64,
     pub observation: Observation,
     /// How the last episode ended, before the reset.
     pub finished: Option<Snapshot>,
@@ -93,7 +91,6 @@ impl Task {
             start: Slot {
                 actions: Vec::new(),
                 total_reward: 0.0,
-                left: 0.0,
                 observation: nothing,
                 finished: None,
             },
@@ -128,7 +125,6 @@ impl Task {
         let distances = cloth.distances(&task.seen);
         task.start.observation = task.observe(&cloth.pressed()[0], &distances, &[]);
         task.initial = task.objective(&task.scene.initial);
-        task.start.left = task.initial;
         Ok(task)
     }
 
@@ -183,7 +179,10 @@ impl Task {
             draped: FixedBitSet::with_capacity(count),
             distance: vec![0.0; count],
             touched: FixedBitSet::with_capacity(count),
-            presses: actions.iter().rev().take(2).copied().collect(),
+            presses: match self.config.turn_cost > 0.0 {
+                true => actions.iter().rev().take(2).copied().collect(),
+                false => Vec::new(),
+            },
             mask: self.mask(pressed),
         };
         for (k, &pixel) in self.pixels.iter().enumerate() {

@@ -31,7 +31,8 @@ pub struct Observation {
     /// Vertex has been under the stencil.
     #[serde(with = "drape_cloth::math::bits")]
     pub touched: FixedBitSet,
-    /// Pixels of the last two presses, the last one first: which way the robot goes.
+    /// Pixels of the last two presses, the last one first, where turns cost something: which way the
+    /// robot goes.
     pub presses: Vec<u32>,
     /// Actions allowed in this state; never empty.
     #[serde(with = "drape_cloth::math::bits")]

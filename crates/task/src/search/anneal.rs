@@ -13,8 +13,10 @@ pub struct Annealing {
     pub hot: f64,
     pub cold: f64,
     /// Presses that are drawn after a cut, 1 and on average so many more, before the rest follows the
-    /// old order again where that is allowed; to the end if infinite.
+    /// old order again where that is allowed.
     pub drawn: f64,
+    /// Whether a chain goes on from that of another, drawn at random, where this one is better.
+    pub adopts: bool,
 }
 
 impl Default for Annealing {
@@ -23,6 +25,7 @@ impl Default for Annealing {
             hot: 0.03,
             cold: 0.001,
             drawn: 2.0,
+            adopts: false,
         }
     }
 }
@@ -33,7 +36,8 @@ impl Annealing {
         Self {
             hot: 0.003,
             cold: 0.0003,
-            drawn: f64::INFINITY,
+            drawn: 2.0,
+            adopts: true,
         }
     }
 }
@@ -42,7 +46,7 @@ impl Annealing {
 const MOST_BYTES: usize = 512 << 20;
 
 /// A sequence that ended, with states on the way: state `k` is that before press `k * stride`.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Chain {
     actions: Vec<u32>,
     score: Option<f64>,
@@ -137,6 +141,14 @@ pub fn anneal(
                     states: std::mem::take(&mut player.states),
                 };
             }
+            if method.adopts {
+                let other = player.stream.below(count);
+                let other = &players[other].chain;
+                if other.score > players[index].chain.score {
+                    players[index].chain = other.clone();
+                }
+            }
+            let player = &mut players[index];
             cut(player, method.drawn, stride);
             arena
                 .env

@@ -2,7 +2,7 @@
 
 mod branch;
 mod checker;
-mod earned;
+mod effort;
 mod ends;
 mod family;
 mod replay;

@@ -1,21 +1,20 @@
-use drape_task::env::{Earned, Effort};
+use drape_task::env::Effort;
 
 use super::*;
 
-/// Step by step the same is earned as at the end, less what the way costs, and going on from a saved
-/// state changes no bit of it.
+/// What the way costs is taken off press by press, and off the score; going on from a saved state
+/// changes no bit of it.
 #[test]
-fn rewards_of_all_steps_are_that_of_the_end_less_the_effort() {
+fn effort_is_taken_off_rewards_and_score() {
     let finally = small_region();
-    let stepwise = EnvConfig {
-        earned: Earned::Stepwise,
+    let dear = EnvConfig {
         stroke_cost: 0.01,
         turn_cost: 0.02,
         metre_cost: 0.03,
         ..finally.clone()
     };
     let [mut plain, mut costly, mut resumed] =
-        [&finally, &stepwise, &stepwise].map(|c| Draping::new(COARSE.clone(), c, 2).unwrap());
+        [&finally, &dear, &dear].map(|c| Draping::new(COARSE.clone(), c, 2).unwrap());
     let mut player = Player::new(3, 2);
     let mut rewards = [0.0; 2];
     let mut ended = 0;
@@ -35,7 +34,7 @@ fn rewards_of_all_steps_are_that_of_the_end_less_the_effort() {
             assert_eq!(episode.total_reward, std::mem::take(&mut rewards[index]));
             let vertices = expected.actions.iter().filter_map(|&a| plain.vertex(a));
             let vertices: Vec<u32> = vertices.collect();
-            let effort = Effort::new(&COARSE.lamina, &stepwise).of_path(&vertices);
+            let effort = Effort::new(&COARSE.lamina, &dear).of_path(&vertices);
             assert!(effort > 0.05);
             let score = expected.score.unwrap() - effort;
             assert!((episode.score.unwrap() - score).abs() < 1e-12);
