@@ -8,7 +8,7 @@ check:
 
 # Tests only, all or those whose names contain the arguments.
 test *names:
-    cargo test --release --workspace -- {{ names }}
+    cargo test --release -- {{ names }}
 
 # Train an agent: `just train --help` shows the options.
 train *options:

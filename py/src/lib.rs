@@ -65,7 +65,7 @@ fn set_up(
     Ok(Environments {
         distance_factor: 1000.0 / config.policy.distance_scale_mm,
         reward_factor: match scale_rewards {
-            true => 1.0 / draping.reward_scale(),
+            true => 1.0 / draping.reward_scale(0),
             false => 1.0,
         },
         draping,
@@ -123,7 +123,7 @@ impl Environments {
     /// Return of a perfect episode [m]: what rewards are divided by.
     #[getter]
     fn reward_scale(&self) -> f32 {
-        self.draping.reward_scale()
+        self.draping.reward_scale(0)
     }
 
     /// The vertex of the blank that an action presses; none where the blank has been cut away.

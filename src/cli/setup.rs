@@ -139,13 +139,15 @@ pub fn read_config(path: Option<&Path>) -> Result<(RunConfig, String), Failure> 
     Ok((config, path.display().to_string()))
 }
 
-/// Checks the task of a new run and sets up its scene. Gives what the run keeps of its configuration
-/// too, as text and files.
+/// What a run keeps of its configuration: as text, and files.
+type Kept = (String, Vec<Input>);
+
+/// Checks the task of a new run and sets up its scene. Gives what the run keeps, too.
 pub(super) fn set_up_run(
     config: &RunConfig,
     place: &str,
     quiet: bool,
-) -> Result<(Arc<Scene>, (String, Vec<Input>)), Failure> {
+) -> Result<(Arc<Scene>, Kept), Failure> {
     // Just before the scene is set up from them, so that the run keeps what it is made with.
     let mut kept = config.clone();
     let inputs = kept.keep_inputs().or_invalid_in(place)?;

@@ -38,6 +38,18 @@ impl Best {
         true
     }
 
+    /// The better half of these, then of `others` those that are not among them.
+    pub fn before(mut self, others: &Self) -> Self {
+        self.0.truncate(MOST / 2);
+        for other in &others.0 {
+            let is_new = self.0.iter().all(|own| own.vertices != other.vertices);
+            if is_new && self.0.len() < MOST {
+                self.0.push(other.clone());
+            }
+        }
+        self
+    }
+
     /// What is written of them, for a blank of `grid` and a configuration; none without any.
     pub fn sequence(&self, draping: &Draping, config_digest: String) -> Option<BestSequence> {
         let (best, others) = self.0.split_first()?;

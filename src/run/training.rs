@@ -199,7 +199,7 @@ impl Training {
 
     /// Searches for as many steps as the configuration says from the best sequences on, by the policy
     /// as it is now, in the fine steps of a proof: what is best in the task's own may not hold there. What
-    /// is found replaces them, with scores of these steps. `go_on` is told the steps spent and the best
+    /// is found comes before them, with scores of these steps. `go_on` is told the steps spent and the best
     /// score. No checkpoint is to follow: a run that is resumed polishes again, to the same end.
     pub fn polish(&mut self, mut go_on: impl FnMut(u64, Option<f64>) -> bool) -> Result<()> {
         let config = &self.config;
@@ -230,9 +230,7 @@ impl Training {
             &mut policy,
             config.seed,
         );
-        if best.score().is_some() {
-            self.memory.best = best;
-        }
+        self.memory.best = best.before(&self.memory.best);
         self.write_best()
     }
 

@@ -49,7 +49,7 @@ fn searches_keep_to_their_steps_and_leave_what_they_have_found() {
         assert_eq!(outcome["policy"], policy);
         let steps = outcome["env_steps"].as_u64().unwrap();
         // Rounded down to whole steps of the four environments.
-        assert!(steps <= 600 && steps % 4 == 0, "{policy}: {steps}");
+        assert!(steps <= 600 && steps.is_multiple_of(4), "{policy}: {steps}");
         assert!(outcome["episodes"].as_u64().unwrap() > 0);
         let run = path.join("runs").join(format!("{policy}-1"));
         assert_eq!(files(&run).into_keys().collect::<Vec<_>>(), FILES);

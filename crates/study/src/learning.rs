@@ -160,8 +160,11 @@ fn improvement(arms: &[Arm]) -> Table {
         .end()
 }
 
+/// One of the curves of a run.
+type OfRun = fn(&LearnedRun) -> &Curve;
+
 /// Names of pictures, their titles, and whose curves they show.
-const CURVES: [(&str, &str, fn(&LearnedRun) -> &Curve); 3] = [
+const CURVES: [(&str, &str, OfRun); 3] = [
     ("mean.png", "Mean score of the last 50 episodes", |run| {
         &run.mean
     }),
@@ -173,7 +176,7 @@ const CURVES: [(&str, &str, fn(&LearnedRun) -> &Curve); 3] = [
 
 /// Interquartile means over the runs of each arm with their intervals, at the steps that all of
 /// them have.
-fn chart(arms: &[Arm], title: &str, of: fn(&LearnedRun) -> &Curve) -> Chart {
+fn chart(arms: &[Arm], title: &str, of: OfRun) -> Chart {
     let mut chart = Chart {
         title: format!("{title}: interquartile means and 95 % intervals"),
         x_label: "environment steps".into(),

@@ -104,8 +104,8 @@ impl Tasks for Family {
         }
         // All or nothing.
         let before: Vec<Vec<u8>> = self.0.iter().map(Draping::save).collect();
-        for k in 0..saved.len() {
-            if let Err(error) = self.0[k].load(&saved[k]) {
+        for (k, saved) in saved.iter().enumerate() {
+            if let Err(error) = self.0[k].load(saved) {
                 for (member, before) in self.0.iter_mut().zip(&before) {
                     let restored = member.load(before);
                     restored.expect("tasks take back what they have saved");

@@ -63,7 +63,7 @@ mod tests {
         let mut mask = FixedBitSet::with_capacity(4);
         mask.extend([0, 2, 3]);
         let mut stream = Stream::new(1, Purpose::Search, 0);
-        let mut counts = [0.0; 4];
+        let mut counts = [0.0f64; 4];
         for _ in 0..12_000 {
             let drawn = draw(&logits, &mask, 2, &mut stream);
             assert!(drawn.len() == 2 && drawn[0] != drawn[1]);
@@ -72,7 +72,7 @@ mod tests {
         }
         // Four standard errors.
         for (found, expected) in counts.iter().zip([0.5, 0.0, 1.0 / 3.0, 1.0 / 6.0]) {
-            assert!((found - expected as f64).abs() < 0.019, "{counts:?}");
+            assert!((found - expected).abs() < 0.019, "{counts:?}");
         }
         assert_eq!(draw(&logits, &mask, 9, &mut stream).len(), 3);
     }
