@@ -206,12 +206,7 @@ impl Training {
         let fine = finely(&config.env);
         let mut draping = Draping::new(self.scene().clone(), &fine, config.environments)?;
         let agent = self.trainer.agent();
-        // Flatter than it is: what it is sure of it has tried.
-        let t: f32 = std::env::var("POLISH_T").map_or(1.0, |t| t.parse().unwrap());
-        let mut policy = |seen: &[&Observation]| -> Vec<f32> {
-            let log_probs = agent.log_probs(seen).into_iter();
-            log_probs.map(|x| x / t).collect()
-        };
+        let mut policy = |seen: &[&Observation]| agent.log_probs(seen);
         let evaluation = &self.evaluation;
         let (starts, mut best) = (self.memory.best.actions(evaluation), Best::default());
         let mut watch = |spent: u64, ended: &[Episode]| {
