@@ -71,7 +71,7 @@ enum Policy {
     Raster,
     /// Along the rings of the region, inwards and outwards
     Spiral,
-    /// The press that scores most at once
+    /// The press that scores most at once, of a few that are drawn
     Greedy,
     /// The same, with the best few prefixes kept
     Beam,
@@ -110,7 +110,7 @@ impl Policy {
 struct Outcome {
     run: PathBuf,
     policy: Policy,
-    /// Neither interrupted nor out of orders before the steps were spent.
+    /// Not interrupted. It may have run out of orders before the steps were spent.
     complete: bool,
     env_steps: u64,
     seconds: f64,

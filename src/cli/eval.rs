@@ -9,7 +9,7 @@ use super::failure::OrInvalid;
 use super::output::{OutFolder, Progress};
 use super::proof;
 use super::result::{EpisodeStatistics, Recorder, rollout_failure};
-use super::setup::{set_up, set_up_over_tool};
+use super::setup::{set_up, set_up_member};
 use crate::run::{
     BestSequence, Checkpoint, EpisodeSummary, OtherConfig, PlayedEpisode, Proved, Rules, RunConfig,
     RunFolder, parallel_episodes, play, random_episodes, replay,
@@ -19,6 +19,7 @@ use drape_cloth::file::check_writable;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Accuracy;
+use drape_learn::policy::NetworkConfig;
 use drape_learn::ppo::{Agent, NETWORK, Sampling, read_section};
 use drape_study::proof::Row;
 use drape_study::study::region;
@@ -56,10 +57,9 @@ pub struct EvalArgs {
     #[arg(long, conflicts_with = "checkpoint")]
     sequence: bool,
 
-    /// Play on this scene instead of the run's own, with the same task: a policy of a convolutional
-    /// network plays on any. With --prove its greedy path and K drawn ones are proved; the run keeps
-    /// nothing of it
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["sequence", "twin"])]
+    /// Play on this scene instead of the run's own, with the same task: the policy of a `unet` plays
+    /// on any. With --prove its greedy path and K drawn ones are proved; the run keeps nothing of it
+    #[arg(long, value_name = "FILE", requires = "out", conflicts_with_all = ["sequence", "twin"])]
     scene: Option<PathBuf>,
 
     /// Focus region on the scene's blank [mm]: least x, least y, greatest x, greatest y; the run's
@@ -133,9 +133,8 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     args.state.as_deref().map(check_writable).transpose()?;
     let mut loaded = match &args.scene {
         None => Loaded::open(&args.run, args.json)?,
-        Some(scene) => Loaded::open_on(scene, &args.run, args.json)?,
+        Some(scene) => Loaded::open_on((scene, args.region), &args.run, args.json)?,
     };
-    loaded.env.region_mm = args.region.or(loaded.env.region_mm);
     let pictures = match out {
         Some(folder) => folder,
         None => OutFolder::make(&loaded.folder.pictures.join("eval"))?,
@@ -245,12 +244,29 @@ impl Loaded {
     }
 
     /// The same on the scene of a file instead of the run's own.
-    fn open_on(file: &Path, run: &Path, json: bool) -> Result<Self, Failure> {
+    fn open_on(
+        (file, region): (&Path, Option<[f64; 4]>),
+        run: &Path,
+        json: bool,
+    ) -> Result<Self, Failure> {
         let folder = RunFolder::open(run).or_invalid()?;
         let config = RunConfig::read(&folder.config).or_invalid()?;
+        if !matches!(config.policy.network, NetworkConfig::Unet(_)) {
+            let place = folder.config.display();
+            return Err(Failure::invalid(anyhow!(
+                "{place}: `policy.network` plays on the run's own scene only, expected `unet`"
+            )));
+        }
+        let mut env = config.env.clone();
+        env.region_mm = region.or(env.region_mm);
         let other = SceneConfig::read(file).or_invalid()?;
-        let scene = set_up_over_tool(&other, &file.display().to_string(), json)?;
-        Ok(Self::with(folder, config, Arc::new(scene), json))
+        let place = file.display().to_string();
+        let draping = set_up_member((&other, &env), 1, &place, json)?;
+        let scene = draping.scene().clone();
+        Ok(Self {
+            env,
+            ..Self::with(folder, config, scene, json)
+        })
     }
 
     fn with(folder: RunFolder, config: RunConfig, scene: Arc<Scene>, json: bool) -> Self {

@@ -44,7 +44,7 @@ fn learnt(
     out: &Path,
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Result<Vec<Arm>, Failure> {
-    // All that can be refused is refused before the first training.
+    // What configurations say wrong is refused before the first training.
     let configs: Vec<Option<&Path>> = match &*options.configs {
         [] => vec![None],
         configs => configs.iter().map(|path| Some(&**path)).collect(),

@@ -164,6 +164,11 @@ pub(super) fn set_up_scenes(
 ) -> Result<Scenes, Failure> {
     let mut all = vec![Draping::new(first, &config.env, 1).or_invalid_in(place)?];
     let members = config.members().or_invalid_in(place)?;
+    for member in &members {
+        member
+            .check_memory(config.environments)
+            .or_invalid_in(place)?;
+    }
     for (k, member) in members.iter().enumerate().skip(1) {
         let place = format!("{place}, member {k} of `scenes`");
         all.push(set_up_member(
@@ -199,7 +204,7 @@ pub fn set_up_tasks(
     Ok(draping)
 }
 
-fn set_up_member(
+pub(super) fn set_up_member(
     (scene, env): (&SceneConfig, &EnvConfig),
     count: usize,
     place: &str,

@@ -16,8 +16,9 @@ const MAGIC: [u8; 8] = *b"\x89drape\r\n";
 /// 2: states of the simulation hold the forces of their yarns;
 /// 3: force densities in place of forces;
 /// 4: episodes hold what they have earned; one checksum over everything;
-/// 5: a run remembers several best sequences.
-const FORMAT: u32 = 5;
+/// 5: a run remembers several best sequences;
+/// 6: tasks are on several scenes.
+const FORMAT: u32 = 6;
 /// Bytes before the content.
 const PREAMBLE: usize = 20;
 

@@ -77,6 +77,14 @@ pub struct Member {
     pub environments: usize,
 }
 
+impl Member {
+    /// Refuses blanks of which `count` environments exhaust the memory, before their fall.
+    pub fn check_memory(&self, count: usize) -> Result<()> {
+        let lamina = Lamina::new(&self.scene.blank, self.scene.read_material()?)?;
+        Ok(check_memory(count, lamina.vertex_count())?)
+    }
+}
+
 /// The configuration that is used when none is given.
 const QUICKSTART: &str = include_str!("../../configs/quickstart.toml");
 
@@ -229,8 +237,14 @@ impl RunConfig {
                 checked.with_context(|| path.display().to_string())?;
             }
         }
-        for range in &mut config.scenes {
+        for (k, range) in config.scenes.iter_mut().enumerate() {
             match (range.scene_file.take(), &mut range.scene) {
+                (Some(_), Some(_)) => {
+                    let key = format!("scenes.{k}");
+                    let found = "`scene_file` and `scene`";
+                    let error = ValueError::new(&key, found, "one of them");
+                    return Err(error).with_context(|| path.display().to_string());
+                }
                 (Some(file), _) => range.scene = Some(SceneConfig::read(&folder.join(file))?),
                 (None, Some(scene)) => scene.resolve(folder),
                 (None, None) => {}

@@ -77,13 +77,14 @@ impl RunInfo {
 pub struct BestSequence {
     /// Vertices in the order they were pressed, as the lamina counts them.
     pub vertices: Vec<u32>,
-    /// Score of the episode; higher is better.
+    /// Score of the episode in the task's own steps; where the run has been polished, in those of
+    /// its proof.
     pub score: f64,
     /// Rows and columns of the fabric's vertices.
     pub grid: ImageShape,
     /// [`config_digest`] of the configuration in which the sequence was found.
     pub config_digest: String,
-    /// The next best episodes, best first.
+    /// The next best episodes, best first: what polish has found before what training has.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<Scored>,
 }
@@ -94,7 +95,7 @@ pub struct BestSequence {
 pub struct Scored {
     /// As the lamina counts them.
     pub vertices: Vec<u32>,
-    /// In the task's own steps [-].
+    /// As that of [`BestSequence`] [-].
     pub score: f64,
 }
 

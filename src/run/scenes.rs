@@ -64,7 +64,8 @@ impl SceneRange {
             for (name, &[least, greatest]) in &self.vary {
                 let value = least + (greatest - least) * stream.uniform();
                 let place = place(&mut scene, name).ok_or_else(|| {
-                    let expected = "the key of a number in the scene, with dots";
+                    let expected =
+                        "the key of a number in the scene that need not be whole, with dots";
                     ValueError::new(&key("vary"), name, expected)
                 })?;
                 *place = Value::Float(value);
@@ -83,7 +84,7 @@ fn place<'a>(value: &'a mut Value, key: &str) -> Option<&'a mut Value> {
         Value::Array(list) => list.get_mut(part.parse::<usize>().ok()?),
         _ => None,
     })?;
-    matches!(place, Value::Float(_) | Value::Integer(_)).then_some(place)
+    place.is_float().then_some(place)
 }
 
 #[cfg(test)]
@@ -130,7 +131,13 @@ mod tests {
         let error = |key: &str, values| range(key, values).draw(&base, (1, 2)).unwrap_err();
         assert_eq!(
             error("placement.tilt", [0.0, 1.0]).to_string(),
-            "`scenes.2.vary` is placement.tilt, expected the key of a number in the scene, with dots"
+            "`scenes.2.vary` is placement.tilt, expected the key of a number in the scene that need not \
+             be whole, with dots"
+        );
+        assert!(
+            error("blank.vertices.0", [9.0, 11.0])
+                .to_string()
+                .contains("whole")
         );
         let reversed = error("placement.tilt_deg", [2.0, 1.0]);
         assert_eq!(reversed.key, "scenes.2.vary.placement.tilt_deg");

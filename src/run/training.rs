@@ -174,9 +174,9 @@ impl Training {
     /// caller, except that of a policy which plays better than every one before.
     pub fn advance(&mut self) -> Result<TrainingReport> {
         let iteration = self.trainer.iterate()?;
-        for episode in &iteration.episodes {
-            self.memory.recent.extend(episode.score);
-        }
+        let own = |episode: &&EpisodeRecord| episode.task < self.own_tasks;
+        let scores = iteration.episodes.iter().filter(own);
+        self.memory.recent.extend(scores.filter_map(|e| e.score));
         let own = iteration.episodes.iter().filter(|e| self.is_own(e));
         let score = |episode: &&EpisodeRecord| episode.score.unwrap_or(f64::NEG_INFINITY);
         if let Some(best) = own.max_by(|a, b| score(a).total_cmp(&score(b))) {

@@ -44,9 +44,22 @@ fn a_policy_of_a_family_plays_on_a_scene_of_another_size() {
     assert_eq!(files(&folder.path().join("runs/family")), before);
 
     let output = drape(folder.path(), &eval("runs/single"));
-    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(output.status.code(), Some(2));
     let message = String::from_utf8(output.stderr).unwrap();
-    assert!(message.contains("last.drape"), "{message}");
+    assert!(message.contains("expected `unet`"), "{message}");
+    // Nothing is left to be brought down on the part of the sheet that lies on the tool.
+    let elsewhere = [
+        "--scene",
+        "other.toml",
+        "--region=500,500,600,600",
+        "--out",
+        "x",
+    ];
+    let output = drape(
+        folder.path(),
+        &[&["eval", "runs/family"], &elsewhere[..]].concat(),
+    );
+    assert_eq!(output.status.code(), Some(2));
 
     // What varies is part of the run, so that it goes on with the same scenes.
     let config = fs::read_to_string(folder.path().join("runs/family/config.toml")).unwrap();

@@ -187,7 +187,10 @@ impl UnetConfig {
     }
 
     fn validate(&self) -> Result<(), ValueError> {
-        positive("network.unet.channels", &[self.channels])?;
+        // What gradients need of 500 images of 65 x 65 pixels is then at most 20 GB.
+        let expected = "a number from 1 to 128";
+        let (key, is_valid) = ("network.unet.channels", (1..=128).contains(&self.channels));
+        ValueError::unless(is_valid, key, self.channels, expected)?;
         positive("network.unet.value_hidden", &[self.value_hidden])?;
         let expected = "a number from 1 to 8";
         let is_valid = (1..=8).contains(&self.levels);

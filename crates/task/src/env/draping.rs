@@ -257,11 +257,10 @@ impl Draping {
         let end = end.map(|end| if finite { end } else { End::Diverged });
         let left = OnceCell::new();
         let left = || *left.get_or_init(|| task.objective(state()));
-        let vertices = slot
-            .actions
-            .iter()
-            .filter_map(|&action| task.vertex(action));
-        let vertices: Vec<u32> = vertices.collect();
+        let vertices = |from: usize| -> Vec<u32> {
+            let actions = slot.actions[from..].iter();
+            actions.filter_map(|&action| task.vertex(action)).collect()
+        };
         let effort = Effort::new(&task.scene.lamina, &task.config);
         // A step in which the simulation diverges takes back what was earned.
         let reward = match end {
@@ -271,7 +270,7 @@ impl Draping {
                 end,
                 steps: slot.actions.len(),
                 initial: task.initial,
-                effort: effort.of_last(&vertices[vertices.len().saturating_sub(3)..]),
+                effort: effort.of_last(&vertices(slot.actions.len().saturating_sub(3))),
                 left: &left,
             }),
         };
@@ -280,7 +279,7 @@ impl Draping {
             end,
             actions: slot.actions.clone(),
             total_reward: slot.total_reward,
-            score: finite.then(|| score(task.initial, left()) - effort.of_path(&vertices)),
+            score: finite.then(|| score(task.initial, left()) - effort.of_path(&vertices(0))),
             last: slot.observation.clone(),
         });
         if episode.is_some() {

@@ -17,9 +17,6 @@ impl<'a> Effort<'a> {
 
     /// Of a whole path.
     pub fn of_path(self, vertices: &[u32]) -> f64 {
-        if self.is_free() {
-            return 0.0;
-        }
         let ends = 1..=vertices.len();
         ends.map(|end| self.of_last(&vertices[end.saturating_sub(3)..end]))
             .sum()
@@ -37,7 +34,7 @@ impl<'a> Effort<'a> {
             let [from, to] = [pair[0], pair[1]].map(|v| self.lamina.rest[v as usize]);
             [to[0] - from[0], to[1] - from[1]]
         };
-        let is_jump = |[x, y]: [f64; 2]| x.hypot(y) >= 1e-3 * self.config.stencil_mm;
+        let is_jump = |[x, y]: [f64; 2]| x.hypot(y) >= self.config.join_distance();
         let mut ways = vertices.windows(2).rev().map(way);
         let Some([x, y]) = ways.next() else {
             return stroke_cost;
@@ -52,16 +49,6 @@ impl<'a> Effort<'a> {
             cost += turn_cost;
         }
         cost
-    }
-
-    fn is_free(self) -> bool {
-        let EnvConfig {
-            stroke_cost,
-            turn_cost,
-            metre_cost,
-            ..
-        } = *self.config;
-        [stroke_cost, turn_cost, metre_cost] == [0.0; 3]
     }
 }
 

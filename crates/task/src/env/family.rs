@@ -30,16 +30,6 @@ impl Family {
         Ok(family)
     }
 
-    /// The tasks on one scene.
-    pub fn member(&self, index: usize) -> &Draping {
-        &self.0[index]
-    }
-
-    /// Number of scenes.
-    pub fn member_count(&self) -> usize {
-        self.0.len()
-    }
-
     /// The scene's tasks that task `index` is one of, and its number among them.
     pub fn place(&self, mut index: usize) -> (&Draping, usize) {
         for member in &self.0 {

@@ -95,7 +95,7 @@ impl Task {
                 finished: None,
             },
             reward: Reward::default(),
-            terrain: Terrain::new(&scene, 0, [].into_iter()),
+            terrain: Terrain::default(),
             initial: 0.0,
             scene_index: 0,
             goal: Goal::new(

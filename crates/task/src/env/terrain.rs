@@ -4,7 +4,7 @@ use fixedbitset::FixedBitSet;
 
 /// What a task shows that never changes: the tool below the fabric as it lies at the start. One
 /// entry a pixel, row by row; nothing where the agent sees no vertex.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Terrain {
     /// There is a vertex of the focus region.
     pub inside: FixedBitSet,
