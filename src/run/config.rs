@@ -8,7 +8,7 @@ use toml::de::{DeTable, DeValue, Deserializer, ValueDeserializer};
 use toml::{Spanned, Table, Value};
 
 use super::folder::{Input, digest};
-use super::scenes::SceneRange;
+use super::scenes::{Member, SceneRange};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::{
     ReadError, ValueError, parse_toml_with, read_bytes, read_text, refuse_lists,
@@ -66,23 +66,6 @@ pub struct RunConfig {
     /// Where the scene is read from; not kept once it is.
     #[serde(default, skip_serializing)]
     scene_file: Option<PathBuf>,
-}
-
-/// One of the scenes that a policy learns on.
-#[derive(Clone, Debug)]
-pub struct Member {
-    pub scene: SceneConfig,
-    pub env: EnvConfig,
-    /// Environments on it.
-    pub environments: usize,
-}
-
-impl Member {
-    /// Refuses blanks of which `count` environments exhaust the memory, before their fall.
-    pub fn check_memory(&self, count: usize) -> Result<()> {
-        let lamina = Lamina::new(&self.scene.blank, self.scene.read_material()?)?;
-        Ok(check_memory(count, lamina.vertex_count())?)
-    }
 }
 
 /// The configuration that is used when none is given.

@@ -19,7 +19,7 @@ mod training;
 
 pub use best::Best;
 pub use checkpoint::{Checkpoint, OtherConfig};
-pub use config::{Member, RunConfig};
+pub use config::RunConfig;
 pub use folder::{
     BestSequence, Input, Proved, RunError, RunFolder, RunInfo, RunLock, config_digest, dated_folder,
 };
@@ -28,5 +28,5 @@ pub use rollout::{
     EpisodeSummary, PlayedEpisode, RolloutError, Rules, parallel_episodes, play, random_episodes,
     replay,
 };
-pub use scenes::SceneRange;
+pub use scenes::{Member, SceneRange};
 pub use training::{Scenes, Training};

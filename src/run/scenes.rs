@@ -4,9 +4,11 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
+use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::SceneConfig;
+use drape_task::env::{EnvConfig, check_memory};
 
 /// Further scenes to be learned on: one with other numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -74,6 +76,23 @@ impl SceneRange {
             read.map_err(|error| ValueError::new(&key("vary"), error.message(), "a scene"))
         };
         (0..self.members).map(|_| draw()).collect()
+    }
+}
+
+/// One of the scenes that a policy learns on.
+#[derive(Clone, Debug)]
+pub struct Member {
+    pub scene: SceneConfig,
+    pub env: EnvConfig,
+    /// Environments on it.
+    pub environments: usize,
+}
+
+impl Member {
+    /// Refuses blanks of which `count` environments exhaust the memory, before their fall.
+    pub fn check_memory(&self, count: usize) -> anyhow::Result<()> {
+        let lamina = Lamina::new(&self.scene.blank, self.scene.read_material()?)?;
+        Ok(check_memory(count, lamina.vertex_count())?)
     }
 }
 
