@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::output::{Progress, print, print_json};
+use super::output::{Progress, percent, print, print_json};
 use super::proof;
 use super::result::rollout_failure;
 use super::setup::{read_config, set_up_run};
@@ -187,9 +187,6 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         {
             written = folder.write_best_sequence(&sequence);
         }
-        let percent = |score: Option<f64>| {
-            score.map_or("-".into(), |score| format!("{:.2} %", 100.0 * score))
-        };
         let scores = [found.mean_score, best.score()].map(percent);
         progress.step(
             spent,
@@ -243,7 +240,6 @@ fn report(outcome: &Outcome, is_spent: bool, json: bool) -> Result<(), Failure> 
         return print_json(outcome);
     }
     let (run, found) = (outcome.run.display(), &outcome.found);
-    let percent = |score: Option<f64>| score.map_or("-".into(), |s| format!("{:.2} %", 100.0 * s));
     let mut lines = vec![format!(
         "{run}: {} environment steps in {:.0} s, {} episodes ({} diverged){}",
         outcome.env_steps,

@@ -12,6 +12,11 @@ use serde::Serialize;
 use super::Failure;
 use drape_cloth::file::check_writable;
 
+/// A score, or a dash for none.
+pub(super) fn percent(score: Option<f64>) -> String {
+    score.map_or("-".into(), |score| format!("{:.2} %", 100.0 * score))
+}
+
 /// Prints `text` and a line break on stdout. A reader that has left early is no failure.
 pub(super) fn print(text: &str) -> Result<(), Failure> {
     let mut stdout = io::stdout().lock();

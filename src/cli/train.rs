@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Failure;
 use super::eval::accuracy;
 use super::failure::OrInvalid;
-use super::output::{Progress, print, print_json};
+use super::output::{Progress, percent, print, print_json};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
@@ -119,9 +119,6 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
     let mut diverged_episodes = 0;
     while !training.is_complete() && !stop.load(Ordering::Relaxed) {
         let report = training.advance().map_err(Failure::of_run)?;
-        let percent = |score: Option<f64>| {
-            score.map_or("-".into(), |score| format!("{:.2} %", 100.0 * score))
-        };
         let brought = format!(
             "score: mean {}, best {} (random {:.2} %)",
             percent(report.mean_score),
@@ -213,8 +210,7 @@ fn polish(training: &mut Training, stop: &AtomicBool, json: bool) -> Result<(), 
     }
     let progress = Progress::of_steps(0, steps, json);
     let polished = training.polish(|spent, best| {
-        let best = best.map_or("-".into(), |score| format!("{:.2} %", 100.0 * score));
-        progress.step(spent, format!("score: best {best}"));
+        progress.step(spent, format!("score: best {}", percent(best)));
         !stop.load(Ordering::Relaxed)
     });
     polished.map_err(Failure::of_run)
@@ -261,8 +257,7 @@ fn report(outcome: &Outcome, args: &TrainArgs) -> Result<(), Failure> {
         return print_json(outcome);
     }
     let run = outcome.run.display();
-    let percent = |share: f64| 100.0 * share;
-    let score = |score: Option<f64>| score.map_or("-".into(), |s| format!("{:.2} %", percent(s)));
+    let share = |share: f64| 100.0 * share;
     let diverged = match outcome.diverged_episodes {
         0 => String::new(),
         count => format!("episodes cut off because they diverged: {count}\n"),
@@ -279,12 +274,12 @@ fn report(outcome: &Outcome, args: &TrainArgs) -> Result<(), Failure> {
         outcome.env_steps,
         outcome.seconds,
         outcome.env_steps_per_second,
-        percent(outcome.simulation_share),
-        percent(outcome.inference_share),
-        percent(outcome.update_share),
-        score(outcome.mean_score),
-        score(outcome.best_score),
-        percent(outcome.random_mean_score),
-        percent(outcome.random_deviation),
+        share(outcome.simulation_share),
+        share(outcome.inference_share),
+        share(outcome.update_share),
+        percent(outcome.mean_score),
+        percent(outcome.best_score),
+        share(outcome.random_mean_score),
+        share(outcome.random_deviation),
     ))
 }

@@ -47,7 +47,7 @@ fn a_policy_of_a_family_plays_on_a_scene_of_another_size() {
     assert_eq!(output.status.code(), Some(2));
     let message = String::from_utf8(output.stderr).unwrap();
     assert!(message.contains("expected `unet`"), "{message}");
-    // Nothing is left to be brought down on the part of the sheet that lies on the tool.
+    // A region off the blank.
     let elsewhere = [
         "--scene",
         "other.toml",

@@ -1,9 +1,9 @@
 //! The agent's networks: from an image of the fabric to a choice among its vertices.
 //!
 //! [`ActorCritic`] turns observations into one logit a pixel and a value;
-//! [`masked`] turns logits and a mask into a categorical distribution. Two networks are
-//! offered: the paper's ([`NetworkConfig::Paper`]) and one made for training on a CPU
-//! ([`NetworkConfig::Compact`]). Everything random comes from a seed passed in, computed on
+//! [`masked`] turns logits and a mask into a categorical distribution. Three networks are
+//! offered: the paper's ([`NetworkConfig::Paper`]), one that learns a single task in little CPU time
+//! ([`NetworkConfig::Compact`]), and one whose weights belong to no place ([`NetworkConfig::Unet`]). Everything random comes from a seed passed in, computed on
 //! the host, so that a network is the same on every device and never depends on burn's
 //! process-wide generator.
 //!

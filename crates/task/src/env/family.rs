@@ -19,9 +19,9 @@ impl Family {
         let expected = members[0].shape();
         let size = |ImageShape { rows, columns }| format!("{rows} x {columns} pixels");
         for (k, member) in members.iter().enumerate() {
-            let (found, key) = (member.shape(), format!("scenes, member {k}"));
-            let is_valid = found == expected;
-            ValueError::unless(is_valid, &key, size(found), size(expected))?;
+            let shape = member.shape();
+            let found = format!("{} in member {k}", size(shape));
+            ValueError::unless(shape == expected, "scenes", found, size(expected))?;
         }
         let mut family = Self(members);
         for (k, member) in family.0.iter_mut().enumerate() {

@@ -8,7 +8,7 @@ use std::f64::consts::{FRAC_PI_4, TAU};
 use fixedbitset::FixedBitSet;
 
 use super::arena::Arena;
-use crate::env::{Draping, Tasks};
+use crate::env::{Draping, ImageShape, Tasks};
 
 /// A rank for each pixel.
 pub(super) type Ranks = Vec<f64>;
@@ -27,7 +27,8 @@ pub fn in_order(arena: &mut Arena, orders: impl IntoIterator<Item = Ranks>) -> b
     while own.iter().any(Option::is_some) {
         let env = &*arena.env;
         let next = |(index, ranks): (usize, &Option<Ranks>)| {
-            Some(first(&env.observation(index).mask, ranks.as_ref()?))
+            let ranks = ranks.as_ref()?;
+            Some(first(&env.observation(index).mask, |pixel| ranks[pixel]))
         };
         let actions: Vec<Option<u32>> = own.iter().enumerate().map(next).collect();
         let Some(ended) = arena.step(&actions) else {
@@ -41,8 +42,8 @@ pub fn in_order(arena: &mut Arena, orders: impl IntoIterator<Item = Ranks>) -> b
 }
 
 /// The allowed action of least rank, the lowest of equals.
-pub(super) fn first(mask: &FixedBitSet, ranks: &[f64]) -> u32 {
-    let least = mask.ones().min_by(|&a, &b| ranks[a].total_cmp(&ranks[b]));
+pub(super) fn first(mask: &FixedBitSet, rank: impl Fn(usize) -> f64) -> u32 {
+    let least = mask.ones().min_by(|&a, &b| rank(a).total_cmp(&rank(b)));
     least.expect("a mask is never empty") as u32
 }
 
@@ -98,13 +99,23 @@ fn refined(least: f64) -> impl Iterator<Item = f64> {
     (0..1u32 << levels).map(|k| f64::from(k.reverse_bits()) / 2f64.powi(32))
 }
 
+/// Ranks of pixels at `[column, row]` swept over straight, in a direction that is a share of a turn.
+pub(super) fn sweep(share: f64) -> impl Fn([f64; 2]) -> f64 {
+    let (sin, cos) = (TAU * share).sin_cos();
+    move |[x, y]| cos * x + sin * y
+}
+
+/// Ranks of pixels at `[column, row]` outwards from a place, given as shares of the way across the
+/// image and down.
+pub(super) fn outward(shape: ImageShape, [across, down]: [f64; 2]) -> impl Fn([f64; 2]) -> f64 {
+    let [right, bottom] = [shape.columns, shape.rows].map(|count| count as f64 - 1.0);
+    move |[x, y]| (x - across * right).hypot(y - down * bottom)
+}
+
 /// Straight sweeps, a direction an episode.
 pub fn sweeps(env: &Draping) -> impl Iterator<Item = Ranks> + use<> {
     let region = region(env);
-    refined(region.angle() / TAU).map(move |share| {
-        let (sin, cos) = (TAU * share).sin_cos();
-        region.ranks(|[x, y]| cos * x + sin * y)
-    })
+    refined(region.angle() / TAU).map(move |share| region.ranks(sweep(share)))
 }
 
 /// Outwards from a place, which comes from finer and finer grids over the image, down to half a
@@ -120,10 +131,8 @@ pub fn outwards(env: &Draping) -> impl Iterator<Item = Ranks> + use<> {
         let share = move |place: [u32; 2]| place.map(|k| f64::from(k) / f64::from(cells));
         places.filter(is_new).map(share)
     });
-    places.map(move |[across, along]| {
-        let (right, down) = (region.columns as f64 - 1.0, region.rows as f64 - 1.0);
-        region.ranks(|[x, y]| (x - across * right).hypot(y - along * down))
-    })
+    let shape = env.shape();
+    places.map(move |place| region.ranks(outward(shape, place)))
 }
 
 /// Rows or columns one after the other, back and forth or all one way as far as the rules allow, from

@@ -1,5 +1,4 @@
-use std::f64::consts::TAU;
-
+use super::family::{first, outward, sweep};
 use crate::env::{Draping, Tasks};
 use drape_cloth::math::Stream;
 
@@ -27,24 +26,21 @@ impl Order {
 /// The allowed action of one environment that comes first in `order`; `share` 0..1 of the episodes
 /// came before.
 pub fn choose(env: &Draping, index: usize, order: Order, share: f64, stream: &mut Stream) -> u32 {
-    let mask = &env.observation(index).mask;
-    let shape = env.shape();
-    let (columns, rows) = (shape.columns as f64, shape.rows as f64);
-    let first = |rank: &dyn Fn(f64, f64) -> f64| {
-        let rank = |p: usize| rank((p % shape.columns) as f64, (p / shape.columns) as f64);
-        mask.ones().min_by(|&a, &b| rank(a).total_cmp(&rank(b)))
-    };
-    let chosen = match order {
-        Order::Random => mask.ones().nth(stream.below(mask.count_ones(..))),
+    let (mask, shape) = (&env.observation(index).mask, env.shape());
+    let at = |pixel: usize| [pixel % shape.columns, pixel / shape.columns].map(|x| x as f64);
+    match order {
+        Order::Random => {
+            let drawn = mask.ones().nth(stream.below(mask.count_ones(..)));
+            drawn.expect("a mask is never empty") as u32
+        }
         Order::Sweep => {
-            let (sin, cos) = (TAU * share).sin_cos();
-            first(&|x, y| cos * x + sin * y)
+            let rank = sweep(share);
+            first(mask, |pixel| rank(at(pixel)))
         }
         Order::Outwards => {
             let place = 49.0 * share;
-            let (across, along) = ((place % 7.0).floor() / 6.0, (place / 7.0).floor() / 6.0);
-            first(&|x, y| (x - across * (columns - 1.0)).hypot(y - along * (rows - 1.0)))
+            let rank = outward(shape, [place % 7.0, place / 7.0].map(|x| x.floor() / 6.0));
+            first(mask, |pixel| rank(at(pixel)))
         }
-    };
-    chosen.expect("a mask is never empty") as u32
+    }
 }
