@@ -1,3 +1,4 @@
+use std::fmt;
 use std::fs;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -6,7 +7,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Context;
-use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
 use super::Failure;
@@ -108,12 +109,8 @@ impl Progress {
     pub fn new(title: &'static str, json: bool) -> Self {
         let bar = ProgressBar::hidden().with_message(title).with_prefix(title);
         bar.set_length(STEPS);
-        Self::start(
-            bar,
-            "{msg} [{bar:40}] {percent:>3} % {eta}",
-            share_line,
-            json,
-        )
+        let template = "{msg} [{bar:40}] {percent:>3} %{rest}";
+        Self::start(bar, template, share_line, json)
     }
 
     /// Starts with `done` of `total` steps.
@@ -134,6 +131,9 @@ impl Progress {
         json: bool,
     ) -> Self {
         let style = ProgressStyle::with_template(template).expect("the template is valid");
+        let style = style.with_key("rest", |state: &ProgressState, out: &mut dyn fmt::Write| {
+            let _ = out.write_str(&share_left(state.pos(), state.elapsed()));
+        });
         bar.set_style(style);
         let mut lines = None;
         if io::stderr().is_terminal() && !json {
@@ -197,7 +197,20 @@ fn share_line(bar: &ProgressBar) -> String {
         false => format!(", {doing}"),
     };
     let percent = 100 * bar.position() / STEPS;
-    format!("{title}{doing}: {percent} %{}", left(bar))
+    let left = share_left(bar.position(), bar.elapsed());
+    format!("{title}{doing}: {percent} %{left}")
+}
+
+/// What is left of a share, by the rate from the start on: it comes in a few large parts, between which
+/// the bar's own estimate grows without end.
+fn share_left(done: u64, elapsed: Duration) -> String {
+    match done == 0 || done >= STEPS {
+        true => String::new(),
+        false => {
+            let rest = elapsed.mul_f64((STEPS - done) as f64 / done as f64);
+            format!(", {} left", HumanDuration(rest))
+        }
+    }
 }
 
 /// As in `12800/200000 steps, 1623 a second, 2 minutes left; score: ...`.
@@ -214,7 +227,7 @@ fn step_line(bar: &ProgressBar) -> String {
     line
 }
 
-/// The time that is left, where it is known.
+/// The time that is left for steps, where it is known.
 fn left(bar: &ProgressBar) -> String {
     let eta = bar.eta();
     match eta.is_zero() || bar.position() == 0 {
@@ -226,6 +239,13 @@ fn left(bar: &ProgressBar) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_left_of_a_share_follows_from_what_is_done() {
+        let left = |done| share_left(done, Duration::from_secs(600));
+        assert_eq!(left(800), ", 3 minutes left");
+        assert_eq!([left(0), left(STEPS)], ["", ""]);
+    }
 
     #[test]
     fn lines_come_until_the_work_ends() {

@@ -106,7 +106,7 @@ pub(super) fn text(rows: &[Row]) -> String {
         let f = &row.figures;
         let left = format!(
             "{:.4} +- {:.4} m off the tool (least {:.4}), {:.2} +- {:.2} mm surplus a yarn (least \
-             {:.2}), score {:.2} +- {:.2} % (best {:.2}), {:.1} undraped, shear at most {:.0} degrees",
+             {:.2}), score {:.2} +- {:.2} % (best {:.2}), {:.1} inner vertices undraped, shear at most {:.0} degrees",
             f.distance_m,
             f.deviation_distance_m,
             f.least_distance_m,
@@ -126,7 +126,11 @@ pub(super) fn text(rows: &[Row]) -> String {
         };
         let left = match row.count {
             0 => left,
-            _ => format!("{left}; best path {}", f.best_path.text()),
+            _ => format!(
+                "{left}; best path {} undraped, {}",
+                f.best_undraped,
+                f.best_path.text()
+            ),
         };
         let name = row.physics.name();
         format!("proof, {name}: {:>3} {:<8} {left}", row.count, row.order)

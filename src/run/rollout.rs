@@ -28,7 +28,7 @@ pub struct EpisodeSummary {
     pub sheet_final_m: f64,
     pub sheet_surplus_initial_m: f64,
     pub sheet_surplus_final_m: f64,
-    /// Vertices of the region, all eight neighbours within it, that are not draped.
+    /// Inner vertices of the region farther than `env.drape_threshold_mm` from the tool.
     pub undraped_inner: usize,
     /// Presses.
     pub steps: usize,
@@ -263,12 +263,8 @@ fn summarise(
     let scene = draping.scene();
     let at_start = scene.summary(&scene.initial);
     let at_end = scene.summary(end);
-    let region: std::collections::BTreeSet<u32> = draping.region_vertices().collect();
-    let inner = |&v: &u32| {
-        let mut near = scene.lamina.neighbors(v);
-        scene.lamina.neighbors(v).count() == 8 && near.all(|n| region.contains(&n))
-    };
-    let undraped = |v: &u32| !end.pressed.draped.contains(*v as usize);
+    let reach = 1e-3 * draping.config().drape_threshold_mm;
+    let region = draping.region();
     let mut sheet = draping.region().vertices.clone();
     sheet.insert_range(..);
     let sheet_surplus =
@@ -287,7 +283,7 @@ fn summarise(
         sheet_final_m: at_end.distance_m,
         sheet_surplus_initial_m: sheet_surplus(&scene.initial),
         sheet_surplus_final_m: sheet_surplus(end),
-        undraped_inner: region.iter().filter(|v| undraped(v) && inner(v)).count(),
+        undraped_inner: region.undraped_inner(scene, reach, &end.position),
         steps: points.len(),
         jumps: (path.strokes as usize).saturating_sub(1),
         path,

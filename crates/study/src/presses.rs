@@ -17,8 +17,6 @@ pub type Positions = Vec<[f64; 3]>;
 #[derive(Clone)]
 pub struct Pressed {
     pub positions: Positions,
-    /// Vertices that are held on the tool, ascending.
-    pub draped: Vec<u32>,
     /// Of the path over the tool; the twin does not tell them.
     pub path: PathFigures,
 }
@@ -40,7 +38,6 @@ pub fn replay(
             None => {
                 ends[index] = Some(Pressed {
                     positions: draping.state(index).position,
-                    draped: draping.draped(index).ones().map(|v| v as u32).collect(),
                     path: PathFigures::new(&points[index], join),
                 });
             }
@@ -67,7 +64,6 @@ pub fn replay_in_twin(
         let ended = twin.replay(&scene.lamina, &scene.tool, &press, presses, |_| ());
         let pressed = ended.diverged.is_none().then(|| Pressed {
             positions: twin.positions(),
-            draped: ended.draped,
             path: PathFigures::default(),
         });
         Ok((pressed, began.elapsed().as_secs_f64()))

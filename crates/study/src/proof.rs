@@ -69,7 +69,7 @@ pub struct Figures {
     pub score: f64,
     pub deviation_score: f64,
     pub best_score: f64,
-    /// Vertices of the region that are not draped.
+    /// Inner vertices of the region farther than `env.drape_threshold_mm` from the tool.
     pub undraped: f64,
     /// Greatest shear angle in the region [deg].
     pub shear_deg: f64,
@@ -78,6 +78,8 @@ pub struct Figures {
     #[serde(flatten)]
     pub path: PathFigures,
     pub best_path: PathFigures,
+    /// Inner vertices that the path of the best score leaves undraped.
+    pub best_undraped: usize,
 }
 
 /// What [`prove`] has found, by physics and order; nothing is best if all paths have diverged.
@@ -143,6 +145,7 @@ pub fn prove(
     }
     let region = env.region(&scene.lamina)?;
     let effort = Effort::new(&scene.lamina, env);
+    let reach = 1e-3 * env.drape_threshold_mm;
     let all_left = |before: &[[f64; 3]], paths: Vec<&[u32]>, ends: Vec<Option<Pressed>>| {
         let goal = Goal::new(
             env.objective,
@@ -152,7 +155,7 @@ pub fn prove(
         );
         let initial = goal.left(before);
         let left = |(end, path): (Option<Pressed>, &[u32])| {
-            let mut left = left(scene, &region, (&goal, initial), &end?);
+            let mut left = left(scene, (&region, reach), (&goal, initial), &end?);
             left.score -= effort.of_path(path);
             Some(left)
         };
@@ -248,7 +251,9 @@ fn figures(ended: &[Left]) -> Figures {
     let paths: Vec<PathFigures> = ended.iter().map(|left| left.path).collect();
     f.path = PathFigures::mean(&paths);
     let best = ended.iter().max_by(|a, b| a.score.total_cmp(&b.score));
-    f.best_path = best.map_or(PathFigures::default(), |best| best.path);
+    if let Some(best) = best {
+        (f.best_path, f.best_undraped) = (best.path, best.undraped);
+    }
     ([f.undraped, _], _) = of(|left| left.undraped as f64);
     ([f.shear_deg, f.deviation_shear_deg], _) = of(|left| left.shear_deg);
     f
@@ -266,19 +271,18 @@ fn ranked(left: &[Option<Left>]) -> Vec<(usize, f64)> {
 /// Measures what presses leave, where the goal was `initial` [m] at first.
 fn left(
     scene: &Scene,
-    Region { vertices, .. }: &Region,
+    (region, reach): (&Region, f64),
     (goal, initial): (&Goal, f64),
     end: &Pressed,
 ) -> Left {
     let Scene { lamina, tool, .. } = scene;
-    let at = &end.positions;
-    let is_draped = |v: &usize| end.draped.binary_search(&(*v as u32)).is_ok();
+    let (at, vertices) = (&end.positions, &region.vertices);
     let sheared = sheared(lamina, at, vertices, f64::INFINITY);
     Left {
         distance_m: tool.summed_distance(vertices.ones(), at),
         surplus_m: surplus(lamina, tool, at, vertices),
         score: score(initial, goal.left(at)),
-        undraped: vertices.ones().filter(|v| !is_draped(v)).count(),
+        undraped: region.undraped_inner(scene, reach, at),
         shear_deg: sheared.max.to_degrees(),
         path: end.path,
     }

@@ -42,7 +42,7 @@ pub struct LearnedRun {
     pub explained_variance: Curve,
     /// Score of the proved path [-].
     pub proved: Option<f64>,
-    /// Vertices of the region that the paths of the proof leave undraped, on average.
+    /// Inner vertices of the region that the proved path leaves undraped.
     pub undraped: Option<f64>,
     /// Of simulation, inference and update [s].
     pub seconds: Option<f64>,

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use super::objective::Objective;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
+use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Accuracy, Precision, Roller, Stepping};
 
 /// The draping task.
@@ -92,6 +93,22 @@ pub struct Region {
     /// One bit a vertex of the blank. In rows and columns that run obliquely to the region, or
     /// over a hole, not every place has one.
     pub vertices: FixedBitSet,
+}
+
+impl Region {
+    /// Inner vertices, all eight neighbours within the region, that are farther than `reach` [m] from
+    /// the tool of `scene`: the paper counts these, as the border hangs on cloth that nobody presses.
+    pub fn undraped_inner(&self, scene: &Scene, reach: f64, at: &[[f64; 3]]) -> usize {
+        let has = |v: u32| self.vertices.contains(v as usize);
+        let is_inner = |v: &usize| {
+            let near = || scene.lamina.neighbors(*v as u32);
+            near().count() == 8 && near().all(has)
+        };
+        let inner = self.vertices.ones().filter(is_inner);
+        inner
+            .filter(|&v| scene.tool.distance(at[v]).0 > reach)
+            .count()
+    }
 }
 
 impl EnvConfig {
