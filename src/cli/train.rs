@@ -112,6 +112,8 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
     let stop = stop_on_signal()?;
     let baseline = result::baseline(&training, args.json)?;
 
+    warm_up(&mut training, &stop, args.json)?;
+
     let progress = Progress::of_steps(training.env_steps(), training.config.steps, args.json);
     let start = Instant::now();
     let first = training.env_steps();
@@ -200,6 +202,20 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
         eprintln!("writing {}", folder.path.display());
     }
     Training::new(config, scenes, folder).map_err(Failure::of_run)
+}
+
+/// What comes before the first rollout.
+fn warm_up(training: &mut Training, stop: &AtomicBool, json: bool) -> Result<(), Failure> {
+    let progress = Progress::new("before learning", json);
+    let warm = training.warm_up(|doing, share, how_well| {
+        let told = match doing {
+            "searching" => format!("searching, best {:.2} %", 1e2 * how_well),
+            _ => format!("{doing}, {how_well:.3} nat"),
+        };
+        progress.tell(share, &told);
+        !stop.load(Ordering::Relaxed)
+    });
+    warm.map_err(Failure::of_run)
 }
 
 /// Searches on from the best paths of a training that is complete.

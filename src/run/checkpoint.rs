@@ -18,7 +18,7 @@ const MAGIC: [u8; 8] = *b"\x89drape\r\n";
 /// 4: episodes hold what they have earned; one checksum over everything;
 /// 5: a run remembers several best sequences;
 /// 6: tasks are on several scenes.
-const FORMAT: u32 = 6;
+const FORMAT: u32 = 7;
 /// Bytes before the content.
 const PREAMBLE: usize = 20;
 

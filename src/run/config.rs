@@ -41,6 +41,9 @@ pub struct RunConfig {
     pub seed: u64,
     /// Environment steps of the whole training, all environments counted.
     pub steps: u64,
+    /// Environment steps of search before the training, by the cross-entropy method: its best sequences are
+    /// the first to be imitated.
+    pub search: u64,
     /// Environment steps of search after the training, from its best sequences and by its policy.
     pub polish: u64,
     /// Environments stepped together.
@@ -109,6 +112,7 @@ impl RunConfig {
             preset,
             seed: 1,
             steps: 200_000,
+            search: 0,
             polish: 0,
             environments: 32,
             device: DeviceKind::Flex,
@@ -300,8 +304,17 @@ impl RunConfig {
         };
         range("steps", self.steps, Self::MAX_STEPS)?;
         let expected = format!("a number from 0 to {}", Self::MAX_STEPS);
-        let is_valid = self.polish <= Self::MAX_STEPS;
-        ValueError::unless(is_valid, "polish", self.polish, expected)?;
+        for (key, steps) in [("search", self.search), ("polish", self.polish)] {
+            let is_valid = steps <= Self::MAX_STEPS;
+            ValueError::unless(is_valid, key, steps, &expected)?;
+        }
+        let is_valid = self.search == 0 || self.ppo.imitation.is_some();
+        ValueError::unless(
+            is_valid,
+            "search",
+            self.search,
+            "0 where nothing is imitated",
+        )?;
         range("environments", self.environments as u64, 4096)?;
         range("evaluation_interval", self.evaluation_interval, 1 << 32)?;
         range("proof_paths", self.proof_paths as u64, 4096)?;

@@ -19,7 +19,7 @@ use drape_cloth::scene::Scene;
 use drape_learn::ppo::{EpisodeRecord, Iteration, Sampling, Trainer, decode, encode, read_section};
 use drape_study::proof::finely;
 use drape_task::env::{Draping, End, Episode, Family, Observation, Reward, Tasks};
-use drape_task::search::{Annealing, Arena, Order, anneal, choose};
+use drape_task::search::{Annealing, Arena, CrossEntropy, Order, anneal, choose, cross_entropy};
 
 /// Checkpoint section of what the run itself remembers.
 const RUN: &str = "run";
@@ -55,6 +55,8 @@ struct Memory {
     best: Best,
     /// Scores of the last episodes of the training, oldest first.
     recent: Vec<f64>,
+    /// What comes before the first rollout is done.
+    is_warm: bool,
     /// Lines of the metrics.
     lines: u64,
 }
@@ -87,8 +89,7 @@ impl Training {
         (folder, lock): (RunFolder, RunLock),
         reward: Reward,
     ) -> Result<Self> {
-        let (mut trainer, evaluation) = learner(&config, scenes, reward)?;
-        let shown = trainer.show(beginners_order);
+        let (trainer, evaluation) = learner(&config, scenes, reward)?;
         let mut training = Self {
             metrics: Log::create(&folder.metrics)?,
             events: create_events(&folder.events, wall_time())?,
@@ -101,9 +102,6 @@ impl Training {
             memory: Memory::default(),
             _lock: lock,
         };
-        for episode in shown {
-            training.remember_episode(&episode)?;
-        }
         // Whatever happens from now on, the run can be gone on with.
         training.checkpoint()?;
         Ok(training)
@@ -168,6 +166,78 @@ impl Training {
     /// Best score of any episode so far.
     pub fn best_score(&self) -> Option<f64> {
         self.memory.best.score()
+    }
+
+    /// What comes before the first rollout: searches for as many steps as the configuration says, lets the
+    /// learner see the best that was found, and orders that anybody could think of, and imitate them. Nothing
+    /// where it has been done. `go_on` is told what is done, the share of that and how well it goes; when it
+    /// says no, all begins again when the run is resumed.
+    pub fn warm_up(&mut self, mut go_on: impl FnMut(&str, f64, f64) -> bool) -> Result<()> {
+        if self.memory.is_warm {
+            return Ok(());
+        }
+        let Some(found) = self.search(|share, best| go_on("searching", share, best))? else {
+            return Ok(());
+        };
+        let before = self.trainer.save();
+        let mut presses = vec![0; self.trainer.tasks().count()];
+        let shown = self.trainer.show(|tasks, task| {
+            let (own, number) = tasks.place(task);
+            let scene = usize::from(tasks.observation(task).scene);
+            let next = found[scene].get(number);
+            let next = next.and_then(|actions| actions.get(presses[task]));
+            presses[task] += 1;
+            next.copied()
+                .unwrap_or_else(|| beginners_order((own, number)))
+        });
+        let mut is_whole = true;
+        self.trainer.warm_up(|share, loss| {
+            is_whole = go_on("imitating", share, loss.into());
+            is_whole
+        })?;
+        if !is_whole {
+            return Ok(self.trainer.load(&before)?);
+        }
+        for episode in shown {
+            self.remember_episode(&episode)?;
+        }
+        self.memory.is_warm = true;
+        self.checkpoint()
+    }
+
+    /// The best action sequences of a search on each scene, best first; none when `go_on`, told the share of the steps
+    /// and the best score, has said no.
+    fn search(
+        &self,
+        mut go_on: impl FnMut(f64, f64) -> bool,
+    ) -> Result<Option<Vec<Vec<Vec<u32>>>>> {
+        let tasks = self.trainer.tasks();
+        let (mut found, mut is_whole, mut before) = (Vec::new(), true, 0);
+        for member in tasks.members() {
+            let share = member.count() as f64 / tasks.count() as f64;
+            let steps = (self.config.search as f64 * share) as u64;
+            let mut draping =
+                Draping::new(member.scene().clone(), member.config(), member.count())?;
+            let mut best = Best::default();
+            let mut watch = |spent: u64, ended: &[Episode]| {
+                for episode in ended {
+                    if let Some(score) = episode.score {
+                        best.remember(score, &episode.actions, member);
+                    }
+                }
+                let done = (before + spent) as f64 / self.config.search as f64;
+                is_whole = go_on(done, best.score().unwrap_or(f64::NAN));
+                is_whole
+            };
+            let mut arena = Arena::new(&mut draping, steps, &mut watch);
+            cross_entropy(&mut arena, CrossEntropy::default(), self.config.seed);
+            if !is_whole {
+                return Ok(None);
+            }
+            before += steps;
+            found.push(best.actions(member));
+        }
+        Ok(Some(found))
     }
 
     /// One iteration of the learner, with its metrics written. Checkpoints are up to the
@@ -337,8 +407,7 @@ impl Training {
 
 /// What a learner that imitates is shown first: orders outwards from places in half of the
 /// environments, sweeps in all directions in the others.
-fn beginners_order(tasks: &Family, task: usize) -> u32 {
-    let (tasks, task) = tasks.place(task);
+fn beginners_order((tasks, task): (&Draping, usize)) -> u32 {
     let half = tasks.count().div_ceil(2);
     let (order, index, count) = match task.checked_sub(half) {
         None => (Order::Outwards, task, half),

@@ -166,7 +166,8 @@ pub fn interrupted(
     let mut child = child.spawn().unwrap();
     let start = Instant::now();
     let written = || fs::read(run.join("metrics.jsonl")).unwrap_or_default();
-    while written().iter().filter(|&&byte| byte == b'\n').count() < count {
+    let has_begun = || run.join("metrics.jsonl").exists();
+    while !has_begun() || written().iter().filter(|&&byte| byte == b'\n').count() < count {
         assert_eq!(child.try_wait().unwrap(), None, "ended by itself");
         assert!(start.elapsed() < Duration::from_secs(60));
         std::thread::sleep(Duration::from_millis(2));

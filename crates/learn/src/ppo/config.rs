@@ -27,6 +27,8 @@ pub struct PpoConfig {
     /// Divide the entropy of a state by ln(valid actions), so that all states weigh alike.
     pub normalise_entropy: bool,
     pub advantage_norm: AdvantageNorm,
+    /// What returns are compared with.
+    pub baseline: Baseline,
     /// Least deviation that advantages are divided by.
     pub advantage_floor: f32,
     /// Limit of the gradient's norm over all parameters; none: no limit.
@@ -48,6 +50,17 @@ pub enum AdvantageNorm {
     Batch,
 }
 
+/// What tells a good return from a bad one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Baseline {
+    /// The value of the observation, as the network has learned it.
+    Value,
+    /// The mean return of the episodes of the same scene that have ended in the rollout: for rewards at
+    /// the end alone, of which there are too few to learn a value from. After Kool et al. 2019.
+    Group,
+}
+
 /// Imitation of the best episodes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -58,7 +71,13 @@ pub struct ImitationConfig {
     pub samples: usize,
     /// Weight of the cross-entropy.
     pub coefficient: f32,
+    /// Updates of [`WARM_UP_SAMPLES`] that imitate what has been shown, and nothing else, before the first
+    /// rollout.
+    pub warm_up: usize,
 }
+
+/// Samples of an update of the warm-up.
+pub const WARM_UP_SAMPLES: usize = 256;
 
 impl PpoConfig {
     /// The paper's Table 1; the rest as in its framework, Maze 0.2.
@@ -77,6 +96,7 @@ impl PpoConfig {
             entropy_coefficient: 2.5e-4,
             normalise_entropy: false,
             advantage_norm: AdvantageNorm::Minibatch,
+            baseline: Baseline::Value,
             advantage_floor: 1e-8,
             max_grad_norm: None,
             scale_rewards: false,
@@ -102,6 +122,7 @@ impl PpoConfig {
                 episodes: 4,
                 samples: 128,
                 coefficient: 0.3,
+                warm_up: 0,
             }),
             ..Self::paper()
         }
@@ -147,6 +168,9 @@ impl PpoConfig {
             few("imitation.episodes", imitation.episodes)?;
             few("imitation.samples", imitation.samples)?;
             weight("imitation.coefficient", imitation.coefficient)?;
+            let (warm_up, expected) = (imitation.warm_up, "a number from 0 to 1048576");
+            let is_valid = warm_up <= 1 << 20;
+            ValueError::unless(is_valid, "imitation.warm_up", warm_up, expected)?;
         }
         Ok(())
     }

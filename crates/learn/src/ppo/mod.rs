@@ -21,7 +21,7 @@ mod update;
 
 pub(crate) use adam::Adam;
 pub use agent::{Agent, Sampling};
-pub use config::{AdvantageNorm, ImitationConfig, PpoConfig};
+pub use config::{AdvantageNorm, Baseline, ImitationConfig, PpoConfig};
 pub use error::{NotFinite, TrainError};
 pub use gae::{Next, gae};
 pub use rollout::{EpisodeRecord, Seconds};

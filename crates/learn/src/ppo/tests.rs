@@ -184,10 +184,13 @@ fn iterations_to_solve(config: &PpoConfig, seed: u64, iterations: u64) -> Option
 
 #[test]
 fn ppo_solves_the_order_from_three_seeds() {
-    for seed in 0..3 {
-        let needed = iterations_to_solve(&ppo(), seed, 300);
-        eprintln!("seed {seed}: {needed:?} iterations");
-        assert!(needed.is_some(), "seed {seed} did not learn");
+    for baseline in [Baseline::Value, Baseline::Group] {
+        let config = PpoConfig { baseline, ..ppo() };
+        for seed in 0..3 {
+            let needed = iterations_to_solve(&config, seed, 300);
+            eprintln!("{baseline:?}, seed {seed}: {needed:?} iterations");
+            assert!(needed.is_some(), "{baseline:?}, seed {seed} did not learn");
+        }
     }
 }
 
@@ -199,6 +202,7 @@ fn imitation_alone_solves_the_order() {
             episodes: 4,
             samples: 32,
             coefficient: 0.3,
+            warm_up: 0,
         }),
         ..ppo()
     };
@@ -233,6 +237,26 @@ fn what_is_shown_is_imitated() {
         assert!(solved, "seed {seed}");
     }
     assert!(trainer(ppo(), 0).show(solution).is_empty());
+}
+
+/// What a warm-up imitates is played before anything else has been learned.
+#[test]
+fn warm_up_plays_what_was_shown() {
+    let mut config = everything();
+    let imitation = config.imitation.as_mut().unwrap();
+    (imitation.episodes, imitation.warm_up) = (1, 200);
+    let mut learner = trainer(config, 0);
+    learner.show(|tasks, task| ORDER[tasks.states[task].1.len()]);
+    let mut told = Vec::new();
+    let watch = |share, loss| {
+        told.push((share, loss));
+        true
+    };
+    learner.warm_up(watch).unwrap();
+    assert_eq!((told.len(), told[199].0), (200, 1.0));
+    assert!(told[199].1 < 0.05 * told[0].1, "{:?}", (told[0], told[199]));
+    assert_eq!(greedy_score(&learner.agent()), 1.0);
+    assert_eq!(learner.env_steps(), 0);
 }
 
 /// A short training with everything on: imitation, limits.

@@ -1,11 +1,11 @@
 use super::adam::Adam;
 use super::agent::{Agent, actor_critic};
-use super::config::{ImitationConfig, PpoConfig};
+use super::config::{ImitationConfig, PpoConfig, WARM_UP_SAMPLES};
 use super::error::TrainError;
 use super::imitation::{Memory, Move};
 use super::rollout::{EpisodeRecord, Seconds, collect, observations};
 use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
-use super::update::{UpdateMetrics, update};
+use super::update::{UpdateMetrics, imitate, update};
 use crate::policy::{ActorCritic, DeviceKind, PolicyConfig};
 use drape_cloth::math::{Purpose, Stream};
 use drape_task::env::Tasks;
@@ -111,6 +111,31 @@ impl<T: Tasks> Trainer<T> {
         shown.into_iter().flatten().collect()
     }
 
+    /// Learns what has been shown by imitation alone, if there is anything to be imitated. `go_on` is told
+    /// the share that is done and the cross-entropy [nat]; when it says no, this ends.
+    pub fn warm_up(&mut self, mut go_on: impl FnMut(f64, f32) -> bool) -> Result<(), TrainError> {
+        let (Some(imitation), Some(memory)) = (&self.config.imitation, &self.memory) else {
+            return Ok(());
+        };
+        let stream = &mut self.progress.update[1];
+        for step in 0..imitation.warm_up {
+            let moves = memory.draw(WARM_UP_SAMPLES, stream);
+            if moves.is_empty() {
+                break;
+            }
+            let (actor_critic, adam) = (&mut self.actor_critic, &mut self.adam);
+            let loss = imitate(&self.config, actor_critic, adam, &moves);
+            let loss = loss.map_err(|source| TrainError::NotFinite {
+                iteration: 0,
+                source,
+            })?;
+            if !go_on((step + 1) as f64 / imitation.warm_up as f64, loss) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
     /// Plays one rollout and learns from it. After an error the training cannot go on; load
     /// the last checkpoint.
     pub fn iterate(&mut self) -> Result<Iteration, TrainError> {
@@ -155,6 +180,11 @@ impl<T: Tasks> Trainer<T> {
             episodes: rollout.episodes,
             seconds,
         })
+    }
+
+    /// What it learns on.
+    pub fn tasks(&self) -> &T {
+        &self.tasks
     }
 
     /// The policy as it is now, for evaluation.

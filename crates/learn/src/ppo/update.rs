@@ -1,7 +1,7 @@
 use super::adam::{Adam, global_norm};
-use super::config::{AdvantageNorm, PpoConfig};
+use super::config::{AdvantageNorm, Baseline, PpoConfig};
 use super::error::NotFinite;
-use super::gae::gae;
+use super::gae::{Next, gae};
 use super::imitation::{Memory, Move};
 use super::loss;
 use super::rollout::Rollout;
@@ -11,6 +11,7 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use drape_cloth::math::Stream;
 use drape_task::env::Observation;
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 
 /// What an update did: means over its minibatches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -46,8 +47,14 @@ pub fn update(
     let (rewards, values) = (&rollout.rewards, &rollout.values);
     let (next, last_values) = (&rollout.next, &rollout.last_values);
     let (gamma, lambda) = (config.gamma, config.gae_lambda);
-    let mut advantages = gae(rewards, values, next, last_values, gamma, lambda);
+    let estimate = |values, last_values| gae(rewards, values, next, last_values, gamma, lambda);
+    let mut advantages = estimate(values, last_values);
     let returns: Vec<f32> = advantages.iter().zip(values).map(|(a, v)| a + v).collect();
+    if config.baseline == Baseline::Group {
+        let means = group_means(rollout);
+        let last = &means[means.len() - last_values.len()..];
+        advantages = estimate(&means, &last.to_vec());
+    }
     if config.advantage_norm == AdvantageNorm::Batch {
         advantages = loss::normalised(&advantages, config.advantage_floor);
     }
@@ -80,6 +87,44 @@ pub fn update(
         gradient_norm: mean[6],
         explained_variance: loss::explained_variance(values, &returns),
     })
+}
+
+/// For each sample, the mean of the last rewards of the episodes on its scene that have ended in the
+/// rollout; 0 where none has.
+fn group_means(rollout: &Rollout) -> Vec<f32> {
+    let mut groups: HashMap<u16, (f32, f32)> = HashMap::new();
+    let scene = |sample: usize| rollout.observations[sample].scene;
+    for (sample, next) in rollout.next.iter().enumerate() {
+        if *next == Next::Terminated {
+            let (sum, count) = groups.entry(scene(sample)).or_default();
+            (*sum, *count) = (*sum + rollout.rewards[sample], *count + 1.0);
+        }
+    }
+    let mean = |sample| {
+        groups
+            .get(&scene(sample))
+            .map_or(0.0, |(sum, count)| sum / count)
+    };
+    (0..rollout.rewards.len()).map(mean).collect()
+}
+
+/// Takes a step towards moves that are to be imitated, and nothing else. Gives the cross-entropy before it
+/// [nat].
+pub fn imitate(
+    config: &PpoConfig,
+    actor_critic: &mut ActorCritic,
+    adam: &mut Adam,
+    moves: &[&Move],
+) -> Result<f32, NotFinite> {
+    let device = actor_critic.device();
+    let seen: Vec<&Observation> = moves.iter().map(|m| &m.observation).collect();
+    let logits = actor_critic.predict(&seen).logits;
+    let log_probs = masked::log_softmax(logits, actor_critic.invalid(&seen));
+    let actions = int_tensor(moves.iter().map(|m| m.action), &device);
+    let loss = -masked::log_prob(log_probs, actions).mean();
+    let none = Tensor::zeros([3], &device);
+    let found = descend(config, actor_critic, adam, (loss.clone(), vec![none, loss]))?;
+    Ok(found[3])
 }
 
 /// Samples of one gradient step, on the host.
@@ -216,4 +261,31 @@ fn int_tensor(numbers: impl Iterator<Item = u32>, device: &Device) -> Tensor<1, 
     let numbers: Vec<i32> = numbers.map(|x| x as i32).collect();
     let shape = [numbers.len()];
     Tensor::from_data(TensorData::new(numbers, shape), device)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two tasks on scene 0, one on scene 1: only ends count, each for its own scene.
+    #[test]
+    fn groups_are_the_ends_of_a_scene() {
+        let seen = |scene| Observation {
+            scene,
+            draped: Default::default(),
+            distance: Vec::new(),
+            touched: Default::default(),
+            presses: Vec::new(),
+            mask: Default::default(),
+        };
+        let rollout = Rollout {
+            observations: [0, 0, 1, 0, 0, 1].map(seen).into(),
+            rewards: vec![3.0, 0.0, 0.0, 0.0, 5.0, 0.0],
+            next: [true, false, false, false, true, false]
+                .map(|ends| if ends { Next::Terminated } else { Next::Step })
+                .into(),
+            ..Rollout::default()
+        };
+        assert_eq!(group_means(&rollout), [4.0, 4.0, 0.0, 4.0, 4.0, 0.0]);
+    }
 }

@@ -30,6 +30,11 @@ impl Family {
         Ok(family)
     }
 
+    /// The tasks of each scene.
+    pub fn members(&self) -> &[Draping] {
+        &self.0
+    }
+
     /// The scene's tasks that task `index` is one of, and its number among them.
     pub fn place(&self, mut index: usize) -> (&Draping, usize) {
         for member in &self.0 {
