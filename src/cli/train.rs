@@ -12,7 +12,7 @@ use super::output::{Progress, percent, print, print_json};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
-use crate::run::{RunConfig, RunFolder, RunInfo, Training};
+use crate::run::{RunConfig, RunFolder, RunInfo, Training, WarmUp};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
 use drape_study::proof::Row;
@@ -207,12 +207,12 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
 /// What comes before the first rollout.
 fn warm_up(training: &mut Training, stop: &AtomicBool, json: bool) -> Result<(), Failure> {
     let progress = Progress::new("before learning", json);
-    let warm = training.warm_up(|doing, share, how_well| {
-        let told = match doing {
-            "searching" => format!("searching, best {:.2} %", 1e2 * how_well),
-            _ => format!("{doing}, {how_well:.3} nat"),
+    let warm = training.warm_up(|share, doing| {
+        let doing = match doing {
+            WarmUp::Searching { best } => format!("searching, best {}", percent(best)),
+            WarmUp::Imitating { loss } => format!("imitating, {loss:.3} nat off"),
         };
-        progress.tell(share, &told);
+        progress.tell(share, &doing);
         !stop.load(Ordering::Relaxed)
     });
     warm.map_err(Failure::of_run)

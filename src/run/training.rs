@@ -76,6 +76,15 @@ pub struct TrainingReport {
     pub best_score: Option<f64>,
 }
 
+/// What is done before the first rollout, and how well it goes.
+#[derive(Clone, Copy, Debug)]
+pub enum WarmUp {
+    /// With the best score so far.
+    Searching { best: Option<f64> },
+    /// With the cross-entropy of what is imitated [nat].
+    Imitating { loss: f32 },
+}
+
 impl Training {
     /// A new training in a new run folder.
     pub fn new(config: RunConfig, scenes: Scenes, folder: RunFolder) -> Result<Self> {
@@ -170,13 +179,14 @@ impl Training {
 
     /// What comes before the first rollout: searches for as many steps as the configuration says, lets the
     /// learner see the best that was found, and orders that anybody could think of, and imitate them. Nothing
-    /// where it has been done. `go_on` is told what is done, the share of that and how well it goes; when it
-    /// says no, all begins again when the run is resumed.
-    pub fn warm_up(&mut self, mut go_on: impl FnMut(&str, f64, f64) -> bool) -> Result<()> {
+    /// where it has been done. `go_on` is told the share of it that is done; when it says no, all begins again when
+    /// the run is resumed.
+    pub fn warm_up(&mut self, mut go_on: impl FnMut(f64, WarmUp) -> bool) -> Result<()> {
         if self.memory.is_warm {
             return Ok(());
         }
-        let Some(found) = self.search(|share, best| go_on("searching", share, best))? else {
+        let searching = |share, best| go_on(share, WarmUp::Searching { best });
+        let Some(found) = self.search(searching)? else {
             return Ok(());
         };
         let before = self.trainer.save();
@@ -192,7 +202,7 @@ impl Training {
         });
         let mut is_whole = true;
         self.trainer.warm_up(|share, loss| {
-            is_whole = go_on("imitating", share, loss.into());
+            is_whole = go_on(share, WarmUp::Imitating { loss });
             is_whole
         })?;
         if !is_whole {
@@ -209,7 +219,7 @@ impl Training {
     /// and the best score, has said no.
     fn search(
         &self,
-        mut go_on: impl FnMut(f64, f64) -> bool,
+        mut go_on: impl FnMut(f64, Option<f64>) -> bool,
     ) -> Result<Option<Vec<Vec<Vec<u32>>>>> {
         let tasks = self.trainer.tasks();
         let (mut found, mut is_whole, mut before) = (Vec::new(), true, 0);
@@ -226,7 +236,7 @@ impl Training {
                     }
                 }
                 let done = (before + spent) as f64 / self.config.search as f64;
-                is_whole = go_on(done, best.score().unwrap_or(f64::NAN));
+                is_whole = go_on(done, best.score());
                 is_whole
             };
             let mut arena = Arena::new(&mut draping, steps, &mut watch);
