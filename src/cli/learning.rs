@@ -213,14 +213,14 @@ fn read(training: &Training) -> Result<LearnedRun, Failure> {
         .map(|(_, seconds)| seconds)
         .collect();
     let proved = folder.read_proof()?;
-    let undraped = match &proved {
+    let undraped_inner = match &proved {
         None => None,
         Some(proved) => {
             let all: Value = serde_json::from_str(&read_text(&folder.proof)?)?;
             let rows = all["proof"].as_array();
             let of_paths =
                 |row: &&Value| row["order"] == "path" && row["physics"] == proved.physics.name();
-            rows.and_then(|rows| rows.iter().find(of_paths)?["best_undraped"].as_f64())
+            rows.and_then(|rows| rows.iter().find(of_paths)?["best_undraped_inner"].as_f64())
         }
     };
     Ok(LearnedRun {
@@ -230,7 +230,7 @@ fn read(training: &Training) -> Result<LearnedRun, Failure> {
         best: curve(&metrics, "best_score"),
         explained_variance: curve(&metrics, "explained_variance"),
         proved: proved.map(|proved| proved.path.score),
-        undraped,
+        undraped_inner,
         seconds: (!seconds.is_empty()).then(|| seconds.iter().sum()),
     })
 }

@@ -116,7 +116,7 @@ pub(super) fn text(rows: &[Row]) -> String {
             100.0 * f.score,
             100.0 * f.deviation_score,
             100.0 * f.best_score,
-            f.undraped,
+            f.undraped_inner,
             f.shear_deg
         );
         let left = match (row.count, row.diverged) {
@@ -128,7 +128,7 @@ pub(super) fn text(rows: &[Row]) -> String {
             0 => left,
             _ => format!(
                 "{left}; best path {} undraped, {}",
-                f.best_undraped,
+                f.best_undraped_inner,
                 f.best_path.text()
             ),
         };

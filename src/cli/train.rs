@@ -12,7 +12,7 @@ use super::output::{Progress, percent, print, print_json};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
-use crate::run::{RunConfig, RunFolder, RunInfo, Training, WarmUp};
+use crate::run::{Preparation, RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
 use drape_study::proof::Row;
@@ -112,7 +112,7 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
     let stop = stop_on_signal()?;
     let baseline = result::baseline(&training, args.json)?;
 
-    warm_up(&mut training, &stop, args.json)?;
+    prepare(&mut training, &stop, args.json)?;
 
     let progress = Progress::of_steps(training.env_steps(), training.config.steps, args.json);
     let start = Instant::now();
@@ -205,17 +205,21 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
 }
 
 /// What comes before the first rollout.
-fn warm_up(training: &mut Training, stop: &AtomicBool, json: bool) -> Result<(), Failure> {
-    let progress = Progress::new("before learning", json);
-    let warm = training.warm_up(|share, doing| {
-        let doing = match doing {
-            WarmUp::Searching { best } => format!("searching, best {}", percent(best)),
-            WarmUp::Imitating { loss } => format!("imitating, {loss:.3} nat off"),
+fn prepare(training: &mut Training, stop: &AtomicBool, json: bool) -> Result<(), Failure> {
+    let mut bar = ("", None);
+    let prepared = training.prepare(|doing, share| {
+        let (title, told) = match doing {
+            Preparation::Searching { best } => ("searching", format!("best {}", percent(best))),
+            Preparation::Imitating { loss } => ("imitating", format!("{loss:.3} nat off")),
         };
-        progress.tell(share, &doing);
+        if bar.0 != title {
+            bar = (title, Some(Progress::new(title, json)));
+        }
+        let progress = bar.1.as_ref().expect("it has been started");
+        progress.tell(share, &format!("{title}, {told}"));
         !stop.load(Ordering::Relaxed)
     });
-    warm.map_err(Failure::of_run)
+    prepared.map_err(Failure::of_run)
 }
 
 /// Searches on from the best paths of a training that is complete.
@@ -263,7 +267,7 @@ pub(super) fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
         if seen.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        eprintln!("stopping after this iteration, or the proof; again to stop at once");
+        eprintln!("stopping after this iteration, search or proof; again to stop at once");
     })?;
     Ok(stop)
 }

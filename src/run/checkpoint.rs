@@ -17,7 +17,8 @@ const MAGIC: [u8; 8] = *b"\x89drape\r\n";
 /// 3: force densities in place of forces;
 /// 4: episodes hold what they have earned; one checksum over everything;
 /// 5: a run remembers several best sequences;
-/// 6: tasks are on several scenes.
+/// 6: tasks are on several scenes;
+/// 7: a run remembers whether its learner has been prepared.
 const FORMAT: u32 = 7;
 /// Bytes before the content.
 const PREAMBLE: usize = 20;

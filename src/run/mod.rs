@@ -29,4 +29,4 @@ pub use rollout::{
     replay,
 };
 pub use scenes::{Member, SceneRange};
-pub use training::{Scenes, Training, WarmUp};
+pub use training::{Preparation, Scenes, Training};

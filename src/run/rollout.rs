@@ -263,7 +263,7 @@ fn summarise(
     let scene = draping.scene();
     let at_start = scene.summary(&scene.initial);
     let at_end = scene.summary(end);
-    let reach = 1e-3 * draping.config().drape_threshold_mm;
+    let threshold = draping.config().drape_threshold();
     let region = draping.region();
     let mut sheet = draping.region().vertices.clone();
     sheet.insert_range(..);
@@ -283,7 +283,7 @@ fn summarise(
         sheet_final_m: at_end.distance_m,
         sheet_surplus_initial_m: sheet_surplus(&scene.initial),
         sheet_surplus_final_m: sheet_surplus(end),
-        undraped_inner: region.undraped_inner(scene, reach, &end.position),
+        undraped_inner: region.undraped_inner(scene, threshold, &end.position),
         steps: points.len(),
         jumps: (path.strokes as usize).saturating_sub(1),
         path,

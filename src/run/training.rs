@@ -51,12 +51,12 @@ pub struct Training {
 struct Memory {
     /// Score of the best greedy episode so far.
     best_greedy: Option<f64>,
-    /// The best episode of each iteration and the greedy ones, best first, each path once.
+    /// The best episode of each iteration, the greedy ones and those shown, best first, each path once.
     best: Best,
     /// Scores of the last episodes of the training, oldest first.
     recent: Vec<f64>,
     /// What comes before the first rollout is done.
-    is_warm: bool,
+    is_prepared: bool,
     /// Lines of the metrics.
     lines: u64,
 }
@@ -78,7 +78,7 @@ pub struct TrainingReport {
 
 /// What is done before the first rollout, and how well it goes.
 #[derive(Clone, Copy, Debug)]
-pub enum WarmUp {
+pub enum Preparation {
     /// With the best score so far.
     Searching { best: Option<f64> },
     /// With the cross-entropy of what is imitated [nat].
@@ -177,19 +177,22 @@ impl Training {
         self.memory.best.score()
     }
 
-    /// What comes before the first rollout: searches for as many steps as the configuration says, lets the
-    /// learner see the best that was found, and orders that anybody could think of, and imitate them. Nothing
-    /// where it has been done. `go_on` is told the share of it that is done; when it says no, all begins again when
-    /// the run is resumed.
-    pub fn warm_up(&mut self, mut go_on: impl FnMut(f64, WarmUp) -> bool) -> Result<()> {
-        if self.memory.is_warm {
+    /// What comes before the first rollout, once: searches for as many steps as the configuration says, lets
+    /// the learner see the best that was found, and in the environments that are left orders that anybody could
+    /// think of, and imitate them. `go_on` is told what is done and the share of it; when it says no, nothing
+    /// has changed.
+    pub fn prepare(&mut self, mut go_on: impl FnMut(Preparation, f64) -> bool) -> Result<()> {
+        let Some(imitation) = &self.config.ppo.imitation else {
+            return Ok(());
+        };
+        if self.memory.is_prepared || self.env_steps() > 0 {
             return Ok(());
         }
-        let searching = |share, best| go_on(share, WarmUp::Searching { best });
+        let before = (imitation.pretraining > 0).then(|| self.trainer.save());
+        let searching = |best, share| go_on(Preparation::Searching { best }, share);
         let Some(found) = self.search(searching)? else {
             return Ok(());
         };
-        let before = self.trainer.save();
         let mut presses = vec![0; self.trainer.tasks().count()];
         let shown = self.trainer.show(|tasks, task| {
             let (own, number) = tasks.place(task);
@@ -201,48 +204,51 @@ impl Training {
                 .unwrap_or_else(|| beginners_order((own, number)))
         });
         let mut is_whole = true;
-        self.trainer.warm_up(|share, loss| {
-            is_whole = go_on(share, WarmUp::Imitating { loss });
+        self.trainer.pretrain(|share, loss| {
+            is_whole = go_on(Preparation::Imitating { loss }, share);
             is_whole
         })?;
-        if !is_whole {
+        if let (false, Some(before)) = (is_whole, before) {
             return Ok(self.trainer.load(&before)?);
         }
         for episode in shown {
             self.remember_episode(&episode)?;
         }
-        self.memory.is_warm = true;
+        self.memory.is_prepared = true;
         self.checkpoint()
     }
 
-    /// The best action sequences of a search on each scene, best first; none when `go_on`, told the share of the steps
-    /// and the best score, has said no.
+    /// The best action sequences of a search on each scene, best first; none when `go_on`, told the best score
+    /// and the share of the steps, has said no.
     fn search(
         &self,
-        mut go_on: impl FnMut(f64, Option<f64>) -> bool,
+        mut go_on: impl FnMut(Option<f64>, f64) -> bool,
     ) -> Result<Option<Vec<Vec<Vec<u32>>>>> {
-        let tasks = self.trainer.tasks();
+        let (tasks, all) = (self.trainer.tasks(), self.config.search);
+        if all == 0 {
+            return Ok(Some(vec![Vec::new(); tasks.members().len()]));
+        }
         let (mut found, mut is_whole, mut before) = (Vec::new(), true, 0);
-        for member in tasks.members() {
-            let share = member.count() as f64 / tasks.count() as f64;
-            let steps = (self.config.search as f64 * share) as u64;
-            let mut draping =
-                Draping::new(member.scene().clone(), member.config(), member.count())?;
+        for (number, member) in tasks.members().iter().enumerate() {
+            let (scene, count) = (member.scene().clone(), member.count());
+            let steps = all * count as u64 / tasks.count() as u64;
+            let mut draping = Draping::new(scene, member.config(), count)?;
             let mut best = Best::default();
             let mut watch = |spent: u64, ended: &[Episode]| {
-                for episode in ended {
-                    if let Some(score) = episode.score {
-                        best.remember(score, &episode.actions, member);
-                    }
+                let whole = ended.iter().filter(|e| e.end == End::Terminated);
+                for (score, episode) in whole.filter_map(|e| Some((e.score?, e))) {
+                    best.remember(score, &episode.actions, member);
                 }
-                let done = (before + spent) as f64 / self.config.search as f64;
-                is_whole = go_on(done, best.score());
+                is_whole = go_on(best.score(), (before + spent) as f64 / all as f64);
                 is_whole
             };
             let mut arena = Arena::new(&mut draping, steps, &mut watch);
             cross_entropy(&mut arena, CrossEntropy::default(), self.config.seed);
             if !is_whole {
                 return Ok(None);
+            }
+            if best.score().is_none() {
+                bail!("`search` is {all}, too few steps for an episode to end on scene {number}");
             }
             before += steps;
             found.push(best.actions(member));

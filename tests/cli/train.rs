@@ -339,7 +339,7 @@ fn interrupted_polish_begins_again() {
 fn interrupted_search_begins_again() {
     let folder = folder();
     let path = folder.path();
-    let imitation = "[ppo.imitation]\nwarm_up = 20\n";
+    let imitation = "[ppo.imitation]\npretraining = 20\n";
     let config = CONFIG.replace("steps = 240", "steps = 240\nsearch = 8000") + imitation;
     let whole = train(path, &config, "whole");
     let found = train(path, &config.replace("search = 8000", "search = 0"), "none");
@@ -398,7 +398,7 @@ fn interrupted_training_goes_on_exactly() {
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert_eq!(
         stderr,
-        "stopping after this iteration, or the proof; again to stop at once\n"
+        "stopping after this iteration, search or proof; again to stop at once\n"
     );
     let outcome: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(outcome["complete"], false);

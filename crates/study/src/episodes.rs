@@ -114,7 +114,7 @@ const FIGURES: [Figure; 13] = [
     ("distance left [m]", |r| r.region_m),
     ("surplus left [mm]", |r| 1e3 * r.surplus_m),
     ("whole sheet [m]", |r| r.summary.distance_m),
-    ("undraped vertices", |r| r.undraped as f64),
+    ("touched, not held", |r| r.undraped as f64),
     ("tension p95 [%]", |r| 1e2 * r.summary.tension_p95),
     ("tension max [%]", |r| 1e2 * r.summary.tension_max),
     ("compression p95 [%]", |r| 1e2 * r.summary.compression_p95),

@@ -60,7 +60,7 @@ const FIGURES: [Figure; 9] = [
     ("greedy [%]", |run| Some(1e2 * last(&run.greedy)?)),
     ("best [%]", |run| Some(1e2 * last(&run.best)?)),
     ("proved [%]", |run| Some(1e2 * run.proved?)),
-    ("undraped", |run| run.undraped),
+    ("undraped inner, proved", |run| run.undraped_inner),
     ("seconds", |run| run.seconds),
     ("explained variance, first third", |run| explained(run, 0)),
     ("middle third", |run| explained(run, 1)),

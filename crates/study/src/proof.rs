@@ -70,7 +70,7 @@ pub struct Figures {
     pub deviation_score: f64,
     pub best_score: f64,
     /// Inner vertices of the region farther than `env.drape_threshold_mm` from the tool.
-    pub undraped: f64,
+    pub undraped_inner: f64,
     /// Greatest shear angle in the region [deg].
     pub shear_deg: f64,
     pub deviation_shear_deg: f64,
@@ -79,7 +79,7 @@ pub struct Figures {
     pub path: PathFigures,
     pub best_path: PathFigures,
     /// Inner vertices that the path of the best score leaves undraped.
-    pub best_undraped: usize,
+    pub best_undraped_inner: usize,
 }
 
 /// What [`prove`] has found, by physics and order; nothing is best if all paths have diverged.
@@ -104,7 +104,7 @@ struct Left {
     distance_m: f64,
     surplus_m: f64,
     score: f64,
-    undraped: usize,
+    undraped_inner: usize,
     shear_deg: f64,
     path: PathFigures,
 }
@@ -145,7 +145,7 @@ pub fn prove(
     }
     let region = env.region(&scene.lamina)?;
     let effort = Effort::new(&scene.lamina, env);
-    let reach = 1e-3 * env.drape_threshold_mm;
+    let threshold = env.drape_threshold();
     let all_left = |before: &[[f64; 3]], paths: Vec<&[u32]>, ends: Vec<Option<Pressed>>| {
         let goal = Goal::new(
             env.objective,
@@ -155,7 +155,7 @@ pub fn prove(
         );
         let initial = goal.left(before);
         let left = |(end, path): (Option<Pressed>, &[u32])| {
-            let mut left = left(scene, (&region, reach), (&goal, initial), &end?);
+            let mut left = left(scene, (&region, threshold), (&goal, initial), &end?);
             left.score -= effort.of_path(path);
             Some(left)
         };
@@ -252,9 +252,9 @@ fn figures(ended: &[Left]) -> Figures {
     f.path = PathFigures::mean(&paths);
     let best = ended.iter().max_by(|a, b| a.score.total_cmp(&b.score));
     if let Some(best) = best {
-        (f.best_path, f.best_undraped) = (best.path, best.undraped);
+        (f.best_path, f.best_undraped_inner) = (best.path, best.undraped_inner);
     }
-    ([f.undraped, _], _) = of(|left| left.undraped as f64);
+    ([f.undraped_inner, _], _) = of(|left| left.undraped_inner as f64);
     ([f.shear_deg, f.deviation_shear_deg], _) = of(|left| left.shear_deg);
     f
 }
@@ -271,7 +271,7 @@ fn ranked(left: &[Option<Left>]) -> Vec<(usize, f64)> {
 /// Measures what presses leave, where the goal was `initial` [m] at first.
 fn left(
     scene: &Scene,
-    (region, reach): (&Region, f64),
+    (region, threshold): (&Region, f64),
     (goal, initial): (&Goal, f64),
     end: &Pressed,
 ) -> Left {
@@ -282,7 +282,7 @@ fn left(
         distance_m: tool.summed_distance(vertices.ones(), at),
         surplus_m: surplus(lamina, tool, at, vertices),
         score: score(initial, goal.left(at)),
-        undraped: region.undraped_inner(scene, reach, at),
+        undraped_inner: region.undraped_inner(scene, threshold, at),
         shear_deg: sheared.max.to_degrees(),
         path: end.path,
     }

@@ -43,7 +43,7 @@ pub struct LearnedRun {
     /// Score of the proved path [-].
     pub proved: Option<f64>,
     /// Inner vertices of the region that the proved path leaves undraped.
-    pub undraped: Option<f64>,
+    pub undraped_inner: Option<f64>,
     /// Of simulation, inference and update [s].
     pub seconds: Option<f64>,
 }

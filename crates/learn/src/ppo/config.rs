@@ -56,8 +56,9 @@ pub enum AdvantageNorm {
 pub enum Baseline {
     /// The value of the observation, as the network has learned it.
     Value,
-    /// The mean return of the episodes of the same scene that have ended in the rollout: for rewards at
-    /// the end alone, of which there are too few to learn a value from. After Kool et al. 2019.
+    /// The mean return of the episodes of the same scene that have ended in the rollout, for whole episodes
+    /// without discount: where rewards come at the end alone, there are too few to learn a value from. What
+    /// has not ended teaches nothing. After Kool et al. 2019.
     Group,
 }
 
@@ -71,13 +72,10 @@ pub struct ImitationConfig {
     pub samples: usize,
     /// Weight of the cross-entropy.
     pub coefficient: f32,
-    /// Updates of [`WARM_UP_SAMPLES`] that imitate what has been shown, and nothing else, before the first
-    /// rollout.
-    pub warm_up: usize,
+    /// Updates of so many samples that only imitate what has been shown, before the first rollout.
+    #[serde(default)]
+    pub pretraining: usize,
 }
-
-/// Samples of an update of the warm-up.
-pub const WARM_UP_SAMPLES: usize = 256;
 
 impl PpoConfig {
     /// The paper's Table 1; the rest as in its framework, Maze 0.2.
@@ -122,7 +120,7 @@ impl PpoConfig {
                 episodes: 4,
                 samples: 128,
                 coefficient: 0.3,
-                warm_up: 0,
+                pretraining: 0,
             }),
             ..Self::paper()
         }
@@ -168,9 +166,8 @@ impl PpoConfig {
             few("imitation.episodes", imitation.episodes)?;
             few("imitation.samples", imitation.samples)?;
             weight("imitation.coefficient", imitation.coefficient)?;
-            let (warm_up, expected) = (imitation.warm_up, "a number from 0 to 1048576");
-            let is_valid = warm_up <= 1 << 20;
-            ValueError::unless(is_valid, "imitation.warm_up", warm_up, expected)?;
+            let (found, expected) = (imitation.pretraining, "a number from 0 to 1048576");
+            ValueError::unless(found <= 1 << 20, "imitation.pretraining", found, expected)?;
         }
         Ok(())
     }
@@ -218,6 +215,10 @@ mod tests {
         assert_eq!(
             error(|c| c.imitation.as_mut().unwrap().coefficient = -1.0),
             "`imitation.coefficient` is -1, expected a finite number, 0 or above"
+        );
+        assert_eq!(
+            error(|c| c.imitation.as_mut().unwrap().pretraining = 1 << 21),
+            "`imitation.pretraining` is 2097152, expected a number from 0 to 1048576"
         );
         let unknown = toml::from_str::<PpoConfig>("gama = 1.0").unwrap_err();
         assert!(unknown.to_string().contains("gama"), "{unknown}");

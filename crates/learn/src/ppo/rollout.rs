@@ -57,6 +57,8 @@ pub struct Rollout {
     pub last_values: Vec<f32>,
     /// Episodes that ended, in order.
     pub episodes: Vec<EpisodeRecord>,
+    /// `[episode]`: sums of their rewards, scaled like these.
+    pub returns: Vec<f32>,
     /// What it has taken.
     pub seconds: Seconds,
 }
@@ -110,6 +112,9 @@ pub fn collect<T: Tasks>(
                 // What has diverged earns nothing, not even what could have followed.
                 Some(_) => Next::Terminated,
             });
+            let earned = episode.as_ref().map(|episode| episode.total_reward);
+            let scaled = earned.map(|earned| earned * reward_factors[task]);
+            rollout.returns.extend(scaled);
             let record = |episode| EpisodeRecord::new(task, episode);
             rollout.episodes.extend(episode.map(record));
         }

@@ -202,7 +202,7 @@ fn imitation_alone_solves_the_order() {
             episodes: 4,
             samples: 32,
             coefficient: 0.3,
-            warm_up: 0,
+            pretraining: 0,
         }),
         ..ppo()
     };
@@ -239,12 +239,12 @@ fn what_is_shown_is_imitated() {
     assert!(trainer(ppo(), 0).show(solution).is_empty());
 }
 
-/// What a warm-up imitates is played before anything else has been learned.
+/// What is imitated at first is played before anything else has been learned.
 #[test]
-fn warm_up_plays_what_was_shown() {
+fn pretraining_plays_what_was_shown() {
     let mut config = everything();
     let imitation = config.imitation.as_mut().unwrap();
-    (imitation.episodes, imitation.warm_up) = (1, 200);
+    (imitation.episodes, imitation.pretraining) = (1, 200);
     let mut learner = trainer(config, 0);
     learner.show(|tasks, task| ORDER[tasks.states[task].1.len()]);
     let mut told = Vec::new();
@@ -252,7 +252,7 @@ fn warm_up_plays_what_was_shown() {
         told.push((share, loss));
         true
     };
-    learner.warm_up(watch).unwrap();
+    learner.pretrain(watch).unwrap();
     assert_eq!((told.len(), told[199].0), (200, 1.0));
     assert!(told[199].1 < 0.05 * told[0].1, "{:?}", (told[0], told[199]));
     assert_eq!(greedy_score(&learner.agent()), 1.0);

@@ -1,6 +1,6 @@
 use super::adam::Adam;
 use super::agent::{Agent, actor_critic};
-use super::config::{ImitationConfig, PpoConfig, WARM_UP_SAMPLES};
+use super::config::{ImitationConfig, PpoConfig};
 use super::error::TrainError;
 use super::imitation::{Memory, Move};
 use super::rollout::{EpisodeRecord, Seconds, collect, observations};
@@ -113,13 +113,12 @@ impl<T: Tasks> Trainer<T> {
 
     /// Learns what has been shown by imitation alone, if there is anything to be imitated. `go_on` is told
     /// the share that is done and the cross-entropy [nat]; when it says no, this ends.
-    pub fn warm_up(&mut self, mut go_on: impl FnMut(f64, f32) -> bool) -> Result<(), TrainError> {
+    pub fn pretrain(&mut self, mut go_on: impl FnMut(f64, f32) -> bool) -> Result<(), TrainError> {
         let (Some(imitation), Some(memory)) = (&self.config.imitation, &self.memory) else {
             return Ok(());
         };
-        let stream = &mut self.progress.update[1];
-        for step in 0..imitation.warm_up {
-            let moves = memory.draw(WARM_UP_SAMPLES, stream);
+        for step in 0..imitation.pretraining {
+            let moves = memory.draw(imitation.samples, &mut self.progress.update[1]);
             if moves.is_empty() {
                 break;
             }
@@ -129,10 +128,13 @@ impl<T: Tasks> Trainer<T> {
                 iteration: 0,
                 source,
             })?;
-            if !go_on((step + 1) as f64 / imitation.warm_up as f64, loss) {
+            let share = (step + 1) as f64 / imitation.pretraining as f64;
+            if !go_on(share, loss) {
                 break;
             }
         }
+        // The moments are those of another loss, and of the value there are none.
+        self.adam = Adam::new(&self.actor_critic.network, self.config.adam_epsilon);
         Ok(())
     }
 

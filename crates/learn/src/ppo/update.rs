@@ -11,7 +11,6 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use drape_cloth::math::Stream;
 use drape_task::env::Observation;
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
 
 /// What an update did: means over its minibatches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -47,13 +46,10 @@ pub fn update(
     let (rewards, values) = (&rollout.rewards, &rollout.values);
     let (next, last_values) = (&rollout.next, &rollout.last_values);
     let (gamma, lambda) = (config.gamma, config.gae_lambda);
-    let estimate = |values, last_values| gae(rewards, values, next, last_values, gamma, lambda);
-    let mut advantages = estimate(values, last_values);
+    let mut advantages = gae(rewards, values, next, last_values, gamma, lambda);
     let returns: Vec<f32> = advantages.iter().zip(values).map(|(a, v)| a + v).collect();
     if config.baseline == Baseline::Group {
-        let means = group_means(rollout);
-        let last = &means[means.len() - last_values.len()..];
-        advantages = estimate(&means, &last.to_vec());
+        advantages = group_advantages(rollout);
     }
     if config.advantage_norm == AdvantageNorm::Batch {
         advantages = loss::normalised(&advantages, config.advantage_floor);
@@ -89,23 +85,33 @@ pub fn update(
     })
 }
 
-/// For each sample, the mean of the last rewards of the episodes on its scene that have ended in the
-/// rollout; 0 where none has.
-fn group_means(rollout: &Rollout) -> Vec<f32> {
-    let mut groups: HashMap<u16, (f32, f32)> = HashMap::new();
-    let scene = |sample: usize| rollout.observations[sample].scene;
-    for (sample, next) in rollout.next.iter().enumerate() {
-        if *next == Next::Terminated {
-            let (sum, count) = groups.entry(scene(sample)).or_default();
-            (*sum, *count) = (*sum + rollout.rewards[sample], *count + 1.0);
+/// For each sample the return of its episode, less the mean of all that have ended on its scene in the
+/// rollout; 0 where the episode has not.
+fn group_advantages(rollout: &Rollout) -> Vec<f32> {
+    let (next, returns) = (&rollout.next, &rollout.returns);
+    let ends = (0..next.len()).filter(|&sample| next[sample] != Next::Step);
+    let ends: Vec<usize> = ends.collect();
+    let scene = |sample: usize| usize::from(rollout.observations[sample].scene);
+    let scene_count = ends.iter().map(|&end| scene(end) + 1).max().unwrap_or(0);
+    let mut groups = vec![(0.0, 0.0); scene_count];
+    for (&end, &gained) in ends.iter().zip(returns) {
+        let (sum, count) = &mut groups[scene(end)];
+        (*sum, *count) = (*sum + gained, *count + 1.0);
+    }
+    let task_count = rollout.last_values.len();
+    let mut advantages = vec![0.0; next.len()];
+    for (&end, &gained) in ends.iter().zip(returns) {
+        let (sum, count) = groups[scene(end)];
+        let mut sample = end;
+        loop {
+            advantages[sample] = gained - sum / count;
+            match sample.checked_sub(task_count) {
+                Some(before) if next[before] == Next::Step => sample = before,
+                _ => break,
+            }
         }
     }
-    let mean = |sample| {
-        groups
-            .get(&scene(sample))
-            .map_or(0.0, |(sum, count)| sum / count)
-    };
-    (0..rollout.rewards.len()).map(mean).collect()
+    advantages
 }
 
 /// Takes a step towards moves that are to be imitated, and nothing else. Gives the cross-entropy before it
@@ -267,9 +273,10 @@ fn int_tensor(numbers: impl Iterator<Item = u32>, device: &Device) -> Tensor<1, 
 mod tests {
     use super::*;
 
-    /// Two tasks on scene 0, one on scene 1: only ends count, each for its own scene.
+    /// Two tasks on scene 0, one on scene 1, three steps: an episode has the same advantage from its first
+    /// step on, whatever it has earned when, and what has not ended has none.
     #[test]
-    fn groups_are_the_ends_of_a_scene() {
+    fn groups_are_the_episodes_of_a_scene() {
         let seen = |scene| Observation {
             scene,
             draped: Default::default(),
@@ -278,14 +285,16 @@ mod tests {
             presses: Vec::new(),
             mask: Default::default(),
         };
+        let (on, end) = (Next::Step, Next::Terminated);
+        let cut = Next::Truncated { value: 9.0 };
         let rollout = Rollout {
-            observations: [0, 0, 1, 0, 0, 1].map(seen).into(),
-            rewards: vec![3.0, 0.0, 0.0, 0.0, 5.0, 0.0],
-            next: [true, false, false, false, true, false]
-                .map(|ends| if ends { Next::Terminated } else { Next::Step })
-                .into(),
+            observations: [0, 0, 1, 0, 0, 1, 0, 0, 1].map(seen).into(),
+            next: vec![end, on, on, on, on, end, on, cut, on],
+            returns: vec![3.0, 7.0, 5.0],
+            last_values: vec![0.0; 3],
             ..Rollout::default()
         };
-        assert_eq!(group_means(&rollout), [4.0, 4.0, 0.0, 4.0, 4.0, 0.0]);
+        let expected = [-1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0];
+        assert_eq!(group_advantages(&rollout), expected);
     }
 }

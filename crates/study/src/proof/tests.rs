@@ -68,7 +68,7 @@ fn what_diverged_counts_in_no_figure() {
             distance_m: 1.0 - score,
             surplus_m: 0.0,
             score,
-            undraped: 2,
+            undraped_inner: 2,
             shear_deg: 10.0,
             path: PathFigures::default(),
         })
@@ -83,7 +83,7 @@ fn what_diverged_counts_in_no_figure() {
     assert_eq!((rows[0].count, rows[0].diverged), (2, 1));
     let figures = &rows[0].figures;
     assert_eq!(
-        (figures.score, figures.distance_m, figures.undraped),
+        (figures.score, figures.distance_m, figures.undraped_inner),
         (0.5, 0.5, 2.0)
     );
     // One had diverged where it was looked for.

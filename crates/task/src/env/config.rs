@@ -96,9 +96,9 @@ pub struct Region {
 }
 
 impl Region {
-    /// Inner vertices, all eight neighbours within the region, that are farther than `reach` [m] from
+    /// Inner vertices, all eight neighbours within the region, that are farther than `threshold` [m] from
     /// the tool of `scene`: the paper counts these, as the border hangs on cloth that nobody presses.
-    pub fn undraped_inner(&self, scene: &Scene, reach: f64, at: &[[f64; 3]]) -> usize {
+    pub fn undraped_inner(&self, scene: &Scene, threshold: f64, at: &[[f64; 3]]) -> usize {
         let has = |v: u32| self.vertices.contains(v as usize);
         let is_inner = |v: &usize| {
             let near = || scene.lamina.neighbors(*v as u32);
@@ -106,7 +106,7 @@ impl Region {
         };
         let inner = self.vertices.ones().filter(is_inner);
         inner
-            .filter(|&v| scene.tool.distance(at[v]).0 > reach)
+            .filter(|&v| scene.tool.distance(at[v]).0 > threshold)
             .count()
     }
 }
@@ -146,6 +146,11 @@ impl EnvConfig {
     pub fn set_stepping(&mut self, stepping: Stepping) {
         self.substep_rate = Some(stepping.substep_rate);
         self.contact_rate = Some(stepping.contact_rate);
+    }
+
+    /// A touched vertex this near to the tool is draped [m].
+    pub fn drape_threshold(&self) -> f64 {
+        1e-3 * self.drape_threshold_mm
     }
 
     /// What presses, here and in the finite-element twin.

@@ -64,7 +64,7 @@ impl Task {
         let stepping = config.stepping();
         let stencil = Stencil {
             side: 1e-3 * config.stencil_mm,
-            threshold: 1e-3 * config.drape_threshold_mm,
+            threshold: config.drape_threshold(),
             max_strain: config.drape_strain,
             roller: config.roller(),
             press: Control {
