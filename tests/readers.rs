@@ -77,6 +77,7 @@ fn begun(name: &str) -> (RunConfig, Arc<Scene>, RunFolder) {
     let run = RunFolder::create(&root, Some(name), (&config.to_toml(), &[]), &info).unwrap();
     let scene = Arc::new(Scene::new(&config.scene, |_| ()).unwrap());
     let mut training = Training::new(config.clone(), vec![scene.clone()], run.clone()).unwrap();
+    training.prepare(|_, _| true).unwrap();
     training.advance().unwrap();
     training.checkpoint().unwrap();
     (config, scene, run)

@@ -305,8 +305,7 @@ impl RunConfig {
         range("steps", self.steps, Self::MAX_STEPS)?;
         let expected = format!("a number from 0 to {}", Self::MAX_STEPS);
         for (key, steps) in [("search", self.search), ("polish", self.polish)] {
-            let is_valid = steps <= Self::MAX_STEPS;
-            ValueError::unless(is_valid, key, steps, &expected)?;
+            ValueError::unless(steps <= Self::MAX_STEPS, key, steps, &expected)?;
         }
         let is_valid = self.search == 0 || self.ppo.imitation.is_some();
         ValueError::unless(
@@ -551,8 +550,8 @@ mod tests {
                 "c.toml: `steps` is 0, expected a number from 1 to",
             ),
             (
-                "polish = 1099511627777",
-                "c.toml: `polish` is 1099511627777, expected a number from 0 to",
+                "search = 1099511627777",
+                "c.toml: `search` is 1099511627777, expected a number from 0 to",
             ),
             (
                 "steps = -3",

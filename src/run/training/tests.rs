@@ -3,9 +3,8 @@ use crate::run::{RunInfo, curve, read_metrics};
 use drape_cloth::scene::SceneConfig;
 use drape_task::env::{EnvConfig, Taken};
 
-/// What two iterations with `reward` have led to, by a learner that stays as it is: scores,
-/// best sequence and imitated episodes; and rewards.
-fn trained(reward: Reward) -> ([String; 3], Vec<f32>) {
+/// A training of a corner of a coarse rib, with the folder that it is in.
+fn begun(reward: Reward, change: impl Fn(&mut RunConfig)) -> (Training, tempfile::TempDir) {
     let mut config = RunConfig::quickstart();
     config.env = EnvConfig {
         region_mm: Some([-120.0, -150.0, -25.0, -55.0]),
@@ -17,17 +16,29 @@ fn trained(reward: Reward) -> ([String; 3], Vec<f32>) {
     // No vertex is pressed twice: every environment ends an episode in each rollout.
     (config.ppo.rollout_steps, config.ppo.epochs) = (120, 1);
     config.ppo.learning_rate = 1e-37;
+    change(&mut config);
     let mut scene = SceneConfig::rib();
     scene.blank.vertices = [33; 2];
     scene.tool.grid.spacing_mm = Some(8.0);
     (scene.fall.fall_s, scene.fall.settle_s) = (0.5, 0.0);
     let scene = Arc::new(Scene::new(&scene, |_| {}).unwrap());
+    let scenes = vec![scene; 1 + config.scenes.len()];
     let root = tempfile::tempdir().unwrap();
     let info = RunInfo::new(config.seed, SystemTime::now());
     let folder =
         RunFolder::create(root.path(), Some("a"), (&config.to_toml(), &[]), &info).unwrap();
     let lock = folder.lock().unwrap();
-    let mut training = Training::begin(config, vec![scene], (folder, lock), reward).unwrap();
+    (
+        Training::begin(config, scenes, (folder, lock), reward).unwrap(),
+        root,
+    )
+}
+
+/// What two iterations with `reward` have led to, by a learner that stays as it is: scores,
+/// best sequence and imitated episodes; and rewards.
+fn trained(reward: Reward) -> ([String; 3], Vec<f32>) {
+    let (mut training, _root) = begun(reward, |_| ());
+    training.prepare(|_, _| true).unwrap();
     // Before any line of the metrics: a run without it begins anew.
     assert!(training.folder.last_checkpoint.is_file());
     let mut rewards = Vec::new();
@@ -70,4 +81,53 @@ fn shaped_reward_changes_what_is_learnt_from_and_nothing_that_is_judged() {
             .zip(shaped)
             .all(|(plain, shaped)| shaped > plain + 1.0)
     );
+}
+
+/// Two scenes are searched and what is found imitated. Stopped in either, nothing has changed, and it
+/// comes to the same end from there; done once, nothing is done again.
+#[test]
+fn preparation_is_whole_or_not_at_all() {
+    let change = |config: &mut RunConfig| {
+        config.search = 1500;
+        config.scenes = vec![toml::from_str("").unwrap()];
+        config.ppo.learning_rate = 1e-3;
+        config.ppo.imitation.as_mut().unwrap().pretraining = 5;
+    };
+    let (mut whole, _root) = begun(Reward::default(), change);
+    let mut shares = Vec::new();
+    let watch = |doing, share| {
+        if matches!(doing, Preparation::Searching { .. }) {
+            shares.push(share);
+        }
+        true
+    };
+    whole.prepare(watch).unwrap();
+    assert!(shares.is_sorted() && shares[shares.len() - 1] > 0.99);
+    let expected = whole.trainer.save();
+    let (mut other, _root) = begun(Reward::default(), change);
+    let before = other.trainer.save();
+    assert!(before != expected);
+    for (searching, most) in [(true, 400), (false, 3)] {
+        let mut told = 0;
+        let refuse = |doing, _| {
+            told += usize::from(matches!(doing, Preparation::Searching { .. }) == searching);
+            told < most
+        };
+        other.prepare(refuse).unwrap();
+        assert_eq!(told, most);
+        assert!(other.trainer.save() == before && other.best_score().is_none());
+    }
+    other.prepare(|_, _| true).unwrap();
+    assert!(other.trainer.save() == expected);
+    assert!(other.best_score().is_some() && other.best_score() == whole.best_score());
+    other.prepare(|_, _| panic!("it has been done")).unwrap();
+}
+
+/// A search that no episode fits in is refused, rather than passed over.
+#[test]
+fn search_without_an_episode_is_refused() {
+    let (mut training, _root) = begun(Reward::default(), |config| config.search = 6);
+    let error = training.prepare(|_, _| true).unwrap_err().to_string();
+    let expected = "`search` is 6, too few steps for an episode to end on scene 0";
+    assert_eq!(error, expected);
 }

@@ -87,12 +87,11 @@ impl Goal {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::env::Region;
     use drape_cloth::scene::SceneConfig;
 
-    /// Crushing the warps by 2 % costs their surplus wherever it lies: inside the region, or pushed
-    /// out of it. What was outside from the start costs nothing.
-    #[test]
-    fn what_is_pushed_out_of_the_region_is_not_gone() {
+    /// A blank of 9 x 9 vertices on a plate.
+    fn on_plate() -> Scene {
         let mut config = SceneConfig::rib();
         config.blank.vertices = [9; 2];
         config.tool.source = drape_cloth::tool::Source::Shape(drape_cloth::tool::Shape::Plate(
@@ -101,7 +100,35 @@ mod tests {
         config.tool.grid.spacing_mm = Some(20.0);
         config.clamps.clear();
         (config.fall.fall_s, config.fall.settle_s) = (0.0, 0.0);
-        let scene = Scene::new(&config, |_| ()).unwrap();
+        Scene::new(&config, |_| ()).unwrap()
+    }
+
+    /// Of three vertices that are lifted one is of the region's border and one of the sheet's; the
+    /// fourth lies just as near as is draped.
+    #[test]
+    fn undraped_are_inner_vertices_off_the_tool() {
+        let scene = on_plate();
+        let mut vertices = FixedBitSet::with_capacity(81);
+        vertices.insert_range(..45);
+        let region = Region {
+            rows: 0..5,
+            columns: 0..9,
+            vertices,
+        };
+        let flat = scene.lamina.rest.iter().map(|&[x, y]| [x, y, 0.0]);
+        let mut at: Vec<[f64; 3]> = flat.collect();
+        for (v, height) in [(3, 2e-3), (37, 2e-3), (20, 2e-3), (22, 0.99e-3)] {
+            at[v][2] = height;
+        }
+        assert_eq!(region.undraped_inner(&scene, 1e-3, &at), 1);
+        assert_eq!(region.undraped_inner(&scene, 0.5e-3, &at), 2);
+    }
+
+    /// Crushing the warps by 2 % costs their surplus wherever it lies: inside the region, or pushed
+    /// out of it. What was outside from the start costs nothing.
+    #[test]
+    fn what_is_pushed_out_of_the_region_is_not_gone() {
+        let scene = on_plate();
         // Flat on the plate, every warp crushed by so much in its left and in its right half.
         let flat = |crushed: [f64; 2]| -> Vec<[f64; 3]> {
             let place = |&[x, y]: &[f64; 2]| [x * (1.0 - crushed[usize::from(x > 0.0)]), y, 0.0];
@@ -113,7 +140,7 @@ mod tests {
         for (v, at) in scene.lamina.rest.iter().enumerate() {
             region.set(v, at[0] < 1e-9);
         }
-        let half = 0.5e-3 * config.blank.size_mm[0];
+        let half = 0.5e-3 * scene.config.blank.size_mm[0];
         let scene = Arc::new(scene);
         let goal = Goal::new(Objective::Surplus, scene, region, &start);
         // 9 warps, and 5 wefts that are as long as at rest.
