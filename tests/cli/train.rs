@@ -340,9 +340,9 @@ fn interrupted_search_begins_again() {
     let folder = folder();
     let path = folder.path();
     let imitation = "[ppo.imitation]\npretraining = 20\n";
-    let config = CONFIG.replace("steps = 240", "steps = 240\nsearch = 3000") + imitation;
+    let config = CONFIG.replace("steps = 240", "steps = 240\nsearch = 8000") + imitation;
     let whole = train(path, &config, "whole");
-    let found = train(path, &config.replace("search = 3000", "search = 0"), "none");
+    let found = train(path, &config.replace("search = 8000", "search = 0"), "none");
     assert!(number(&whole["best_score"]) > number(&found["best_score"]));
     let expected = files(&path.join("runs/whole"));
     for signal in ["KILL", "INT"] {
@@ -358,7 +358,7 @@ fn interrupted_search_begins_again() {
     }
     let off = config.replace(imitation, "");
     let off = off.replace("[ppo]\n", "[ppo]\nimitation = \"off\"\n");
-    let message = "config.toml: `search` is 3000, expected 0 where nothing is imitated";
+    let message = "config.toml: `search` is 8000, expected 0 where nothing is imitated";
     assert_failure(&refused(path, &off), 2, &[message]);
 }
 
