@@ -90,6 +90,7 @@ struct Outcome {
     run: PathBuf,
     complete: bool,
     env_steps: u64,
+    /// Of learning, without what comes before it and after.
     seconds: f64,
     env_steps_per_second: f64,
     /// Share of the time in simulation, inference, update and evaluation.

@@ -3,8 +3,8 @@
 //! [`ActorCritic`] turns observations into one logit a pixel and a value;
 //! [`masked`] turns logits and a mask into a categorical distribution. Three networks are
 //! offered: the paper's ([`NetworkConfig::Paper`]), one that learns a single task in little CPU time
-//! ([`NetworkConfig::Compact`]), and one whose weights belong to no place ([`NetworkConfig::Unet`]). Everything random comes from a seed passed in, computed on
-//! the host, so that a network is the same on every device and never depends on burn's
+//! ([`NetworkConfig::Compact`]), and one whose weights belong to no place
+//! ([`NetworkConfig::Unet`]). Everything random comes from a seed passed in, computed on the host, so that a network is the same on every device and never depends on burn's
 //! process-wide generator.
 //!
 //! The module knows what is seen, not the task. It knows nothing of recurrence or of continuous
