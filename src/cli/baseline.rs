@@ -75,7 +75,7 @@ enum Policy {
     Greedy,
     /// The same, with the best few prefixes kept
     Beam,
-    /// Cross-entropy method over a priority of each vertex
+    /// Cross-entropy method over a priority of each vertex, drawn alike as far as `search_alike` says
     Cem,
     /// Simulated annealing over sequences that are cut and go on differently
     Anneal,
@@ -83,7 +83,8 @@ enum Policy {
 
 impl Policy {
     /// Searches; false if it has nothing left to try before the steps are spent.
-    fn search(self, arena: &mut Arena, start: &Draping, seed: u64) -> bool {
+    fn search(self, arena: &mut Arena, start: &Draping, config: &RunConfig) -> bool {
+        let seed = config.seed;
         match self {
             Self::Random => drawn(arena, &mut uniform, seed),
             Self::Sweep => return !in_order(arena, sweeps(start)),
@@ -92,7 +93,7 @@ impl Policy {
             Self::Spiral => return !in_order(arena, spirals(start)),
             Self::Greedy => lookahead(arena, Lookahead::greedy(), &mut uniform, seed),
             Self::Beam => lookahead(arena, Lookahead::beam(), &mut uniform, seed),
-            Self::Cem => cross_entropy(arena, CrossEntropy::default(), seed),
+            Self::Cem => cross_entropy(arena, CrossEntropy::alike(config.search_alike), seed),
             Self::Anneal => anneal(arena, Annealing::default(), &[], &mut uniform, seed),
         }
         true
@@ -195,7 +196,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         written.is_ok() && !stop.load(Ordering::Relaxed)
     };
     let mut arena = Arena::new(&mut draping, config.steps, &mut watch);
-    let is_spent = args.policy.search(&mut arena, &start, config.seed);
+    let is_spent = args.policy.search(&mut arena, &start, &config);
     written?;
     let seconds = began.elapsed().as_secs_f64();
     drop(progress);

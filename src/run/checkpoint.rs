@@ -19,7 +19,7 @@ const MAGIC: [u8; 8] = *b"\x89drape\r\n";
 /// 5: a run remembers several best sequences;
 /// 6: tasks are on several scenes;
 /// 7: a run remembers whether its learner has been prepared.
-const FORMAT: u32 = 7;
+const FORMAT: u32 = 8;
 /// Bytes before the content.
 const PREAMBLE: usize = 20;
 

@@ -44,6 +44,8 @@ pub struct RunConfig {
     /// Environment steps of search before the training, by the cross-entropy method: its best sequences are
     /// the first to be imitated.
     pub search: u64,
+    /// How far it draws vertices alike, see [`drape_task::search::CrossEntropy::alike`].
+    pub search_alike: f64,
     /// Environment steps of search after the training, from its best sequences and by its policy.
     pub polish: u64,
     /// Environments stepped together.
@@ -51,7 +53,7 @@ pub struct RunConfig {
     pub device: DeviceKind,
     /// Iterations between two evaluations of the greedy policy; each is one episode.
     pub evaluation_interval: u64,
-    /// Random orders that the best paths are proved against at the end, see
+    /// Random orders that the best paths, twice as many, are proved against at the end, see
     /// [`drape_study::proof::prove`].
     pub proof_paths: usize,
     pub env: EnvConfig,
@@ -113,6 +115,7 @@ impl RunConfig {
             seed: 1,
             steps: 200_000,
             search: 0,
+            search_alike: 0.0,
             polish: 0,
             environments: 32,
             device: DeviceKind::Flex,
@@ -307,13 +310,10 @@ impl RunConfig {
         for (key, steps) in [("search", self.search), ("polish", self.polish)] {
             ValueError::unless(steps <= Self::MAX_STEPS, key, steps, &expected)?;
         }
-        let is_valid = self.search == 0 || self.ppo.imitation.is_some();
-        ValueError::unless(
-            is_valid,
-            "search",
-            self.search,
-            "0 where nothing is imitated",
-        )?;
+        let is_imitated = self.search == 0 || self.ppo.imitation.is_some();
+        let expected = "0 where nothing is imitated";
+        ValueError::unless(is_imitated, "search", self.search, expected)?;
+        ValueError::unless_within("search_alike", self.search_alike, [0.0, 1.0])?;
         range("environments", self.environments as u64, 4096)?;
         range("evaluation_interval", self.evaluation_interval, 1 << 32)?;
         range("proof_paths", self.proof_paths as u64, 4096)?;
@@ -532,9 +532,9 @@ mod tests {
             (
                 "[env]\nacuracy = \"fast\"",
                 "c.toml:2:1: unknown field `acuracy`, expected one of `region_mm`, `crop`, \
-                 `objective`, `stroke_cost`, `turn_cost`, `metre_cost`, `stencil_mm`, `drape_threshold_mm`, `drape_strain`, `press_s`, \
+                 `objective`, `stencil_mm`, `drape_threshold_mm`, `drape_strain`, `press_s`, \
                  `press_mpa`, `press_speed`, `settle_s`, `accuracy`, `substep_rate`, \
-                 `contact_rate`, `max_steps`, `max_tension`, `max_depth_mm`, `precision`",
+                 `contact_rate`, `max_steps`, `max_tension`, `max_depth_mm`, `precision`, `costs`",
             ),
             (
                 "[scene.tool]\n[scene.physics]\nself_collision = 3",

@@ -243,7 +243,8 @@ impl Training {
                 is_whole
             };
             let mut arena = Arena::new(&mut draping, steps, &mut watch);
-            cross_entropy(&mut arena, CrossEntropy::default(), self.config.seed);
+            let method = CrossEntropy::alike(self.config.search_alike);
+            cross_entropy(&mut arena, method, self.config.seed);
             if !is_whole {
                 return Ok(None);
             }
@@ -290,7 +291,7 @@ impl Training {
     pub fn polish(&mut self, mut go_on: impl FnMut(u64, Option<f64>) -> bool) -> Result<()> {
         let config = &self.config;
         let fine = finely(&config.env);
-        let mut draping = Draping::new(self.scene().clone(), &fine, config.environments)?;
+        let mut draping = Draping::new(self.scene().clone(), &fine, config.environments)?.costly();
         let agent = self.trainer.agent();
         let mut policy = |seen: &[&Observation]| agent.log_probs(seen);
         let evaluation = &self.evaluation;

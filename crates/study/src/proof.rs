@@ -14,7 +14,7 @@ use crate::twin::fall::{fallen, twin_config};
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::{Scene, sheared, surplus};
 use drape_cloth::sim::{Accuracy, Stepping};
-use drape_task::env::{Draping, Effort, EnvConfig, Goal, Region, score};
+use drape_task::env::{Draping, EnvConfig, Goal, Region, score};
 use drape_task::path::PathFigures;
 use drape_task::search::Order;
 
@@ -65,7 +65,7 @@ pub struct Figures {
     pub surplus_m: f64,
     pub deviation_surplus_m: f64,
     pub least_surplus_m: f64,
-    /// See [`score`] [-].
+    /// See [`score`], less the costs of the path [-].
     pub score: f64,
     pub deviation_score: f64,
     pub best_score: f64,
@@ -144,8 +144,6 @@ pub fn prove(
         twin_config(&scene.config)?;
     }
     let region = env.region(&scene.lamina)?;
-    let effort = Effort::new(&scene.lamina, env);
-    let threshold = env.drape_threshold();
     let all_left = |before: &[[f64; 3]], paths: Vec<&[u32]>, ends: Vec<Option<Pressed>>| {
         let goal = Goal::new(
             env.objective,
@@ -155,8 +153,9 @@ pub fn prove(
         );
         let initial = goal.left(before);
         let left = |(end, path): (Option<Pressed>, &[u32])| {
-            let mut left = left(scene, (&region, threshold), (&goal, initial), &end?);
-            left.score -= effort.of_path(path);
+            let end = end?;
+            let mut left = left((scene, env, &region), (&goal, initial), &end);
+            left.score -= env.costs.of(path, (scene, env, &region), &end.positions);
             Some(left)
         };
         let ends = ends.into_iter().zip(paths);
@@ -270,8 +269,7 @@ fn ranked(left: &[Option<Left>]) -> Vec<(usize, f64)> {
 
 /// Measures what presses leave, where the goal was `initial` [m] at first.
 fn left(
-    scene: &Scene,
-    (region, threshold): (&Region, f64),
+    (scene, env, region): (&Scene, &EnvConfig, &Region),
     (goal, initial): (&Goal, f64),
     end: &Pressed,
 ) -> Left {
@@ -282,7 +280,7 @@ fn left(
         distance_m: tool.summed_distance(vertices.ones(), at),
         surplus_m: surplus(lamina, tool, at, vertices),
         score: score(initial, goal.left(at)),
-        undraped_inner: region.undraped_inner(scene, threshold, at),
+        undraped_inner: region.undraped_inner(scene, env.drape_threshold(), at),
         shear_deg: sheared.max.to_degrees(),
         path: end.path,
     }

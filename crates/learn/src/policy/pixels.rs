@@ -31,18 +31,11 @@ pub fn terrain_planes(terrain: &Terrain) -> Vec<f32> {
         .collect()
 }
 
-/// What is seen of touched pixels, on top of 1, where the last press was and the one before.
-const MARKS: [f32; 2] = [1.0, 0.5];
-
-/// Draped, distance, touched with the last presses marked, allowed and the `terrain`'s planes `[PLANES, rows, columns]`; `scale`
-/// is 1 / m.
+/// Draped, distance, touched, allowed and the `terrain`'s planes `[PLANES, rows, columns]`; `scale` is 1 / m.
 pub fn write_all(seen: &Observation, terrain: &[f32], scale: f32, out: &mut [f32]) {
     let count = seen.distance.len();
     let (three, rest) = out.split_at_mut(3 * count);
     write_planes(seen, scale, three);
-    for (&pixel, mark) in seen.presses.iter().zip(MARKS) {
-        three[2 * count + pixel as usize] += mark;
-    }
     let (allowed, fixed) = rest.split_at_mut(count);
     allowed.fill(0.0);
     seen.mask.ones().for_each(|i| allowed[i] = 1.0);
@@ -104,9 +97,6 @@ impl Patches {
         };
         seen.draped.ones().for_each(|i| image[place(i)] = 1.0);
         seen.touched.ones().for_each(|i| image[place(i) + 2] = 1.0);
-        for (&pixel, mark) in seen.presses.iter().zip(MARKS) {
-            image[place(pixel as usize) + 2] += mark;
-        }
         seen.mask.ones().for_each(|i| image[place(i) + 3] = 1.0);
         for (row, distances) in seen.distance.chunks_exact(self.columns).enumerate() {
             let start = place(row * self.columns) + 1;
@@ -142,7 +132,6 @@ mod tests {
             draped: bits(2, &[0]),
             distance: vec![0.5, 1.0],
             touched: bits(2, &[1]),
-            presses: vec![1],
             mask: bits(2, &[]),
         };
         let mut out = [f32::NAN; 6];
@@ -160,7 +149,6 @@ mod tests {
             draped: draped.clone(),
             distance: distance.clone(),
             touched: touched.clone(),
-            presses: vec![7],
             mask: mask.clone(),
         };
         let patches = Patches::new(rows, columns, patch, border);
@@ -177,12 +165,7 @@ mod tests {
                     let expected = inside.map_or([0.0; 4], |(r, c)| {
                         let i = r * columns + c;
                         let bit = |set: &FixedBitSet| f32::from(u8::from(set[i]));
-                        [
-                            bit(&draped),
-                            distance[i] * 2.0,
-                            2.0 * bit(&touched),
-                            bit(&mask),
-                        ]
+                        [bit(&draped), distance[i] * 2.0, bit(&touched), bit(&mask)]
                     });
                     for value in expected {
                         assert_eq!(*numbers.next().unwrap(), value, "{token} {y} {x}");

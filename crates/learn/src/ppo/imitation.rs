@@ -86,10 +86,6 @@ impl Memory {
             let sets = [&seen.draped, &seen.touched, &seen.mask];
             sets.iter().all(|set| set.len() == pixel_count)
                 && seen.distance.len() == pixel_count
-                && seen
-                    .presses
-                    .iter()
-                    .all(|&pixel| (pixel as usize) < pixel_count)
                 && seen.mask.contains(m.action as usize)
                 && usize::from(seen.scene) < self.best.len()
         };
@@ -113,7 +109,6 @@ mod tests {
             draped: Default::default(),
             distance: vec![],
             touched: Default::default(),
-            presses: Vec::new(),
             mask: Default::default(),
         };
         let episode = Episode {

@@ -62,7 +62,6 @@ impl Order {
             draped: none.clone(),
             distance: (0..SHAPE.pixel_count()).map(|i| i as f32 * 1e-3).collect(),
             touched: none,
-            presses: Vec::new(),
             mask,
         };
         (observation, Vec::new())

@@ -282,7 +282,6 @@ mod tests {
             draped: Default::default(),
             distance: Vec::new(),
             touched: Default::default(),
-            presses: Vec::new(),
             mask: Default::default(),
         };
         let (on, end) = (Next::Step, Next::Terminated);

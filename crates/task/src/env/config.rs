@@ -1,6 +1,7 @@
 use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
+use super::costs::Costs;
 use super::objective::Objective;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
@@ -19,12 +20,6 @@ pub struct EnvConfig {
     pub crop: bool,
     /// What episodes are judged by and rewarded for.
     pub objective: Objective,
-    /// What each stroke costs, as a share of the score,
-    pub stroke_cost: f64,
-    /// each turn by more than 90 degrees within one,
-    pub turn_cost: f64,
-    /// and each metre of the way from press to press.
-    pub metre_cost: f64,
     /// Side of the square stencil [mm].
     pub stencil_mm: f64,
     /// A touched vertex nearer to the tool than this is draped [mm].
@@ -56,6 +51,8 @@ pub struct EnvConfig {
     /// and one that leaves a vertex deeper in the tool [mm].
     pub max_depth_mm: f64,
     pub precision: Precision,
+    /// What is taken off the score of a path that is polished or proved.
+    pub costs: Costs,
 }
 
 impl Default for EnvConfig {
@@ -64,9 +61,6 @@ impl Default for EnvConfig {
             region_mm: None,
             crop: false,
             objective: Objective::default(),
-            stroke_cost: 0.0,
-            turn_cost: 0.0,
-            metre_cost: 0.0,
             stencil_mm: 18.0,
             drape_threshold_mm: 1.0,
             drape_strain: 0.1,
@@ -81,6 +75,7 @@ impl Default for EnvConfig {
             max_tension: 0.5,
             max_depth_mm: 2.0,
             precision: Precision::F32,
+            costs: Costs::default(),
         }
     }
 }
@@ -175,9 +170,6 @@ impl EnvConfig {
 
     fn checked_region(&self, lamina: &Lamina) -> Result<Region, ValueError> {
         for (key, value, range) in [
-            ("stroke_cost", self.stroke_cost, [0.0, 1.0]),
-            ("turn_cost", self.turn_cost, [0.0, 1.0]),
-            ("metre_cost", self.metre_cost, [0.0, 1.0]),
             ("stencil_mm", self.stencil_mm, [1e-3, 1e5]),
             ("drape_threshold_mm", self.drape_threshold_mm, [1e-6, 1e5]),
             ("drape_strain", self.drape_strain, [1e-9, 1e5]),
@@ -188,6 +180,7 @@ impl EnvConfig {
         ] {
             ValueError::unless_within(key, value, range)?;
         }
+        self.costs.check().map_err(|error| error.within("costs"))?;
         let stepping = self.stepping();
         stepping.check()?;
         let (press, settle, substep) = (self.press_s, self.settle_s, 1.0 / stepping.substep_rate);

@@ -6,8 +6,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, Region};
-use super::effort::Effort;
-use super::reward::{Reward, Taken, score};
+use super::reward::{Reward, Taken};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
 use super::terrain::Terrain;
@@ -56,6 +55,12 @@ impl Draping {
         self
     }
 
+    /// The same environments with the costs of paths taken off scores.
+    pub fn costly(mut self) -> Self {
+        self.task.is_costly = true;
+        self
+    }
+
     /// Numbers its scene among several.
     pub(super) fn set_scene_index(&mut self, index: u16) {
         self.task.scene_index = index;
@@ -96,12 +101,12 @@ impl Draping {
         self.scene().tool.summed_distance(region.ones(), position)
     }
 
-    /// How well presses on `vertices` that have ended in `state` were done: see [`score`], less their
-    /// [`Effort`].
+    /// How well presses on `vertices` that have ended in `state` were done: see [`score`], less their [`Costs`]
+    /// where these count.
+    ///
+    /// [`Costs`]: super::costs::Costs
     pub fn score(&self, vertices: &[u32], state: &Snapshot) -> f64 {
-        let task = &self.task;
-        let effort = Effort::new(&task.scene.lamina, &task.config);
-        score(task.initial, task.objective(state)) - effort.of_path(vertices)
+        self.task.score(vertices, state)
     }
 
     /// Surplus of the region, see [`surplus`] [m].
@@ -236,7 +241,7 @@ impl Draping {
         all.zip(finite)
             .for_each(|(((slot, distance), pressed), finite)| {
                 if *finite {
-                    slot.observation = task.observe(pressed, distance, &slot.actions);
+                    slot.observation = task.observe(pressed, distance);
                 }
             });
     }
@@ -257,11 +262,10 @@ impl Draping {
         let end = end.map(|end| if finite { end } else { End::Diverged });
         let left = OnceCell::new();
         let left = || *left.get_or_init(|| task.objective(state()));
-        let vertices = |from: usize| -> Vec<u32> {
-            let actions = slot.actions[from..].iter();
+        let vertices = || -> Vec<u32> {
+            let actions = slot.actions.iter();
             actions.filter_map(|&action| task.vertex(action)).collect()
         };
-        let effort = Effort::new(&task.scene.lamina, &task.config);
         // A step in which the simulation diverges takes back what was earned.
         let reward = match end {
             Some(End::Diverged) => 0.0 - slot.total_reward,
@@ -270,7 +274,6 @@ impl Draping {
                 end,
                 steps: slot.actions.len(),
                 initial: task.initial,
-                effort: effort.of_last(&vertices(slot.actions.len().saturating_sub(3))),
                 left: &left,
             }),
         };
@@ -279,7 +282,7 @@ impl Draping {
             end,
             actions: slot.actions.clone(),
             total_reward: slot.total_reward,
-            score: finite.then(|| score(task.initial, left()) - effort.of_path(&vertices(0))),
+            score: finite.then(|| task.score(&vertices(), state())),
             last: slot.observation.clone(),
         });
         if episode.is_some() {

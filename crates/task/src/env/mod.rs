@@ -4,8 +4,8 @@
 //! vertex of the focus region has been under the stencil. What is earned is a [`Reward`]. [`Tasks`] is all that a learner knows of this.
 
 mod config;
+mod costs;
 mod draping;
-mod effort;
 mod family;
 mod objective;
 mod replay;
@@ -15,8 +15,8 @@ mod task;
 mod terrain;
 
 pub use config::{EnvConfig, Region};
+pub use costs::Costs;
 pub use draping::{Branch, Draping, MOST_MIB, check_memory};
-pub use effort::Effort;
 pub use family::Family;
 pub use objective::{Goal, Objective};
 pub use replay::{Played, ReplayDiverged};

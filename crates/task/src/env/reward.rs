@@ -16,8 +16,6 @@ pub struct Taken<'a> {
     pub steps: usize,
     /// The objective at the start [m].
     pub initial: f64,
-    /// What the way to this press costs, see [`super::effort::Effort`], as a share of the score.
-    pub effort: f64,
     pub(super) left: &'a dyn Fn() -> f64,
 }
 
@@ -37,7 +35,7 @@ pub struct Reward(Vec<Term>);
 
 impl Default for Reward {
     fn default() -> Self {
-        Self(vec![removed_in_the_end, effort])
+        Self(vec![removed_in_the_end])
     }
 }
 
@@ -62,13 +60,7 @@ fn removed_in_the_end(step: &Taken) -> f64 {
     }
 }
 
-/// What the robot's way costs.
-fn effort(step: &Taken) -> f64 {
-    -step.effort * step.initial
-}
-
-/// The share of the objective that is removed, at most 1, before the effort is taken off; below 0 where there is more than at the
-/// start.
+/// The share of the objective that is removed, at most 1; below 0 where there is more than at the start.
 pub fn score(initial: f64, left: f64) -> f64 {
     1.0 - left / initial
 }

@@ -8,7 +8,7 @@ use fixedbitset::FixedBitSet;
 
 use super::config::{EnvConfig, Region};
 use super::objective::Goal;
-use super::reward::Reward;
+use super::reward::{Reward, score};
 use super::task::{ImageShape, Observation};
 use super::terrain::Terrain;
 use drape_cloth::file::ValueError;
@@ -40,6 +40,8 @@ pub(super) struct Task {
     pub start: Slot,
     /// The objective at the start [m].
     pub initial: f64,
+    /// What a path costs is taken off its score.
+    pub is_costly: bool,
 }
 
 /// One environment, without its cloth.
@@ -78,7 +80,6 @@ impl Task {
             draped: FixedBitSet::new(),
             distance: Vec::new(),
             touched: FixedBitSet::new(),
-            presses: Vec::new(),
             mask: FixedBitSet::new(),
         };
         let mut task = Self {
@@ -95,6 +96,7 @@ impl Task {
                 finished: None,
             },
             reward: Reward::default(),
+            is_costly: false,
             terrain: Terrain::default(),
             initial: 0.0,
             scene_index: 0,
@@ -123,7 +125,7 @@ impl Task {
         // As the environments hold it.
         let cloth = task.cloth(1);
         let distances = cloth.distances(&task.seen);
-        task.start.observation = task.observe(&cloth.pressed()[0], &distances, &[]);
+        task.start.observation = task.observe(&cloth.pressed()[0], &distances);
         task.initial = task.objective(&task.scene.initial);
         Ok(task)
     }
@@ -153,6 +155,18 @@ impl Task {
         is_seen.then(|| ((row - rows.start) * columns.len() + column - columns.start) as u32)
     }
 
+    /// How well presses on `vertices` that have ended in `state` were done.
+    pub fn score(&self, vertices: &[u32], state: &Snapshot) -> f64 {
+        let score = score(self.initial, self.objective(state));
+        match self.is_costly {
+            true => {
+                let task = (&*self.scene, &self.config, &self.region);
+                score - self.config.costs.of(vertices, task, &state.position)
+            }
+            false => score,
+        }
+    }
+
     /// What episodes are judged by [m].
     pub fn objective(&self, state: &Snapshot) -> f64 {
         self.goal.left(&state.position)
@@ -171,18 +185,14 @@ impl Task {
     }
 
     /// The agent's view: zero outside the focus region and where the blank has been cut away.
-    /// `distance` is that to the tool [m] of `self.seen[k]`, `actions` are those of the episode so far.
-    pub fn observe(&self, pressed: &Pressed, distance: &[f64], actions: &[u32]) -> Observation {
+    /// `distance` is that to the tool [m] of `self.seen[k]`.
+    pub fn observe(&self, pressed: &Pressed, distance: &[f64]) -> Observation {
         let count = self.shape().pixel_count();
         let mut observation = Observation {
             scene: self.scene_index,
             draped: FixedBitSet::with_capacity(count),
             distance: vec![0.0; count],
             touched: FixedBitSet::with_capacity(count),
-            presses: match self.config.turn_cost > 0.0 {
-                true => actions.iter().rev().take(2).copied().collect(),
-                false => Vec::new(),
-            },
             mask: self.mask(pressed),
         };
         for (k, &pixel) in self.pixels.iter().enumerate() {

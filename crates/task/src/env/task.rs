@@ -31,9 +31,6 @@ pub struct Observation {
     /// Vertex has been under the stencil.
     #[serde(with = "drape_cloth::math::bits")]
     pub touched: FixedBitSet,
-    /// Pixels of the last two presses, the last one first, where turns cost something: which way the
-    /// robot goes.
-    pub presses: Vec<u32>,
     /// Actions allowed in this state; never empty.
     #[serde(with = "drape_cloth::math::bits")]
     pub mask: FixedBitSet,
@@ -126,7 +123,6 @@ mod tests {
             draped: set(70, &[0, 63, 64, 69]),
             distance: vec![0.5],
             touched: set(64, &[63]),
-            presses: vec![63],
             mask: set(0, &[]),
         };
         let bytes = postcard::to_allocvec(&observation).unwrap();

@@ -2,7 +2,7 @@
 
 mod branch;
 mod checker;
-mod effort;
+mod costs;
 mod ends;
 mod family;
 mod replay;
