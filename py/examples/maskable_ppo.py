@@ -2,7 +2,7 @@
 object. With `--run` it leaves the best path of every rollout in a run folder, so that
 `drape eval RUN --prove` proves them like those of `drape train`:
 
-    drape train --steps 1 --name mlp-1
+    drape train --steps 1 --polish 0 --name mlp-1
     python maskable_ppo.py --network mlp --seed 1 --run runs/mlp-1
     drape eval runs/mlp-1 --prove
 """

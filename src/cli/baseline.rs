@@ -152,6 +152,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
     let (mut config, place) = read_config(args.config.as_deref())?;
     config.seed = args.seed.unwrap_or(config.seed);
     config.steps = args.steps.unwrap_or(config.steps);
+    config.polish = 0;
     let (scene, kept) = set_up_run(&config, &place, args.json)?;
     let draping = Draping::new(scene.clone(), &config.env, config.environments);
     let mut draping = draping.or_invalid_in(&place)?;
@@ -208,7 +209,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
             "warning: every episode has diverged or none has ended, so there is no best sequence: raise \
              --steps or `env.substep_rate`"
         ),
-        Some(sequence) => {
+        Some(mut sequence) => {
             folder.write_best_sequence(&sequence)?;
             let played = replay(&mut start, &sequence.vertices, Rules::Robot, |_, _| ())
                 .map_err(|error| rollout_failure(error, &folder.best_sequence))?;
@@ -217,6 +218,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
                 if !args.json {
                     eprintln!("proving the best paths");
                 }
+                sequence.others.truncate(2 * config.proof_paths - 1);
                 let (task, orders) = ((&scene, &config.env), (config.proof_paths, false));
                 rows = proof::proved(&folder, task, sequence, orders, args.json)?.0;
             }

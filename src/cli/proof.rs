@@ -14,8 +14,8 @@ use drape_study::study::{Context, StudyError};
 use drape_task::env::{Draping, EnvConfig};
 use drape_task::path::write_json;
 
-/// Proves the best sequences of a run, 2 `count` at most, against `count` random orders, see [`prove`], and
-/// keeps the best of them in the run folder with its draping points and pictures. What the twin has proved
+/// Proves the best sequences of a run against `count` random orders, see [`prove`], and keeps the
+/// best of them in the run folder with its draping points and pictures. What the twin has proved
 /// stays until it proves another, or the path is among the best no more. None if all diverge.
 pub(super) fn proved(
     folder: &RunFolder,
@@ -26,8 +26,7 @@ pub(super) fn proved(
 ) -> Result<(Vec<Row>, Option<Proved>), Failure> {
     let mut paths = vec![best.vertices.clone()];
     paths.extend(best.others.iter().map(|other| other.vertices.clone()));
-    let proved = &paths[..paths.len().min(2 * count)];
-    let found = found((scene, env), proved, (count, twin), json);
+    let found = found((scene, env), &paths, (count, twin), json);
     let place = folder.config.display().to_string();
     let found = found.map_err(|error| failure(error, Some(place)))?;
     let Some(chosen) = found.best else {
@@ -93,7 +92,7 @@ pub(super) fn play(
     place: &Path,
     json: bool,
 ) -> Result<(PlayedEpisode, Recorder, Draping), Failure> {
-    let mut draping = Draping::new(scene.clone(), &finely(env), 1)?.costly();
+    let mut draping = Draping::new(scene.clone(), &finely(env), 1)?;
     let mut recorder = Recorder::default();
     let watch = recorder.watch(&draping, json);
     let played = replay(&mut draping, &proved.path.vertices, Rules::Robot, watch)

@@ -255,7 +255,8 @@ fn finish(
     if !json {
         eprintln!("proving the best paths");
     }
-    let best = folder.read_best_sequence()?;
+    let mut best = folder.read_best_sequence()?;
+    best.others.truncate(2 * config.proof_paths - 1);
     let (task, orders) = ((training.scene(), &config.env), (config.proof_paths, false));
     Ok(proof::proved(folder, task, best, orders, json)?.0)
 }

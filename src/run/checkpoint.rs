@@ -18,7 +18,8 @@ const MAGIC: [u8; 8] = *b"\x89drape\r\n";
 /// 4: episodes hold what they have earned; one checksum over everything;
 /// 5: a run remembers several best sequences;
 /// 6: tasks are on several scenes;
-/// 7: a run remembers whether its learner has been prepared.
+/// 7: a run remembers whether its learner has been prepared;
+/// 8: observations are without the last presses.
 const FORMAT: u32 = 8;
 /// Bytes before the content.
 const PREAMBLE: usize = 20;

@@ -341,8 +341,9 @@ const OPTIONAL: [(&str, &str); 6] = [
 ];
 
 /// Where a configuration has tables, beside those of its scene.
-const TABLES: [&str; 8] = [
+const TABLES: [&str; 9] = [
     "env",
+    "env.costs",
     "policy",
     "policy.network.compact",
     "policy.network.paper",

@@ -155,7 +155,7 @@ pub fn prove(
         let left = |(end, path): (Option<Pressed>, &[u32])| {
             let end = end?;
             let mut left = left((scene, env, &region), (&goal, initial), &end);
-            left.score -= env.costs.of(path, (scene, env, &region), &end.positions);
+            left.score -= env.cost(scene, &region, path, &end.positions);
             Some(left)
         };
         let ends = ends.into_iter().zip(paths);

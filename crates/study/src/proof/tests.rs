@@ -37,6 +37,31 @@ fn paths_are_held_against_orders_in_the_same_physics() {
     assert_ne!(own, path.least_surplus_m);
 }
 
+/// What a path costs decides, as where it is polished.
+#[test]
+fn costs_decide_which_path_is_best() {
+    let (scene, mut env) = (scene(), env());
+    let paths = sequences(&scene, &env, Order::Random, 5, 0).unwrap();
+    let proved = |env: &EnvConfig| {
+        let found = prove(&scene, env, &paths, (1, false), &Context::quiet());
+        found.unwrap().best.unwrap()
+    };
+    let free = proved(&env);
+    env.costs.metre = 1.0;
+    let costly = proved(&env);
+    let mut draping = Draping::new(scene.clone(), &finely(&env), 5)
+        .unwrap()
+        .costly();
+    let lists: Vec<&[u32]> = paths.iter().map(|path| &path[..]).collect();
+    let _ = draping.replay(&lists, |_, _, _| ());
+    let scores: Vec<f64> = (0..5)
+        .map(|k| draping.score(&paths[k], &draping.state(k)))
+        .collect();
+    let best = scores.iter().copied().max_by(f64::total_cmp).unwrap();
+    assert!((costly.score - best).abs() < 1e-12 && (scores[costly.index] - best).abs() < 1e-12);
+    assert!(costly.score < free.score);
+}
+
 /// The best four at `accurate` go on to the twin, and the best there is chosen.
 #[test]
 fn the_twin_has_the_last_word() {

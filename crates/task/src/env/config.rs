@@ -161,6 +161,17 @@ impl EnvConfig {
         1e-3 * self.stencil_mm
     }
 
+    /// What a path costs whose presses on `vertices` have left the blank `at` these places [m], see [`Costs`].
+    pub fn cost(&self, scene: &Scene, region: &Region, vertices: &[u32], at: &[[f64; 3]]) -> f64 {
+        let rest = |&v: &u32| scene.lamina.rest[v as usize];
+        let undraped = match self.costs.undraped > 0.0 {
+            true => region.undraped_inner(scene, self.drape_threshold(), at),
+            false => 0,
+        };
+        let places: Vec<[f64; 2]> = vertices.iter().map(rest).collect();
+        self.costs.of(&places, self.join_distance(), undraped)
+    }
+
     /// Checks every value and finds the region on the blank; the error names key, found and
     /// expected.
     pub fn region(&self, lamina: &Lamina) -> Result<Region, ValueError> {

@@ -1,8 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::config::{EnvConfig, Region};
 use drape_cloth::file::ValueError;
-use drape_cloth::scene::Scene;
 
 /// What a path that is given to a robot costs, as shares of its score. Where paths are polished and proved
 /// it is taken off; learning does without: a policy that pays for strokes learns to crush instead.
@@ -15,7 +13,7 @@ pub struct Costs {
     pub turn: f64,
     /// each metre of the way from press to press there,
     pub metre: f64,
-    /// and each inner vertex that ends off the tool, see [`Region::undraped_inner`].
+    /// and each inner vertex that ends off the tool, see [`Region::undraped_inner`](super::Region::undraped_inner).
     pub undraped: f64,
 }
 
@@ -32,36 +30,25 @@ impl Costs {
         Ok(())
     }
 
-    /// Of presses on `vertices` that have left the blank `at` these places [m].
-    pub fn of(
-        &self,
-        vertices: &[u32],
-        (scene, env, region): (&Scene, &EnvConfig, &Region),
-        at: &[[f64; 3]],
-    ) -> f64 {
-        let rest = |v: u32| scene.lamina.rest[v as usize];
-        let undraped = match self.undraped > 0.0 {
-            true => region.undraped_inner(scene, env.drape_threshold(), at),
-            false => 0,
-        };
-        let places: Vec<[f64; 2]> = vertices.iter().map(|&v| rest(v)).collect();
-        self.undraped * undraped as f64 + self.of_way(&places, env.join_distance())
-    }
-
-    /// Of presses at places [m], of one stroke up to `join` [m].
-    fn of_way(&self, places: &[[f64; 2]], join: f64) -> f64 {
+    /// Of presses at these places of the flat blank [m], of one stroke up to `join` [m], that have left so many
+    /// inner vertices undraped.
+    pub(super) fn of(&self, places: &[[f64; 2]], join: f64, undraped: usize) -> f64 {
         let way = |pair: &[[f64; 2]]| [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]];
         let ways: Vec<[f64; 2]> = places.windows(2).map(way).collect();
         let is_jump = |[x, y]: [f64; 2]| x.hypot(y) >= join;
         let is_sharp = |pair: &[[f64; 2]]| {
             let [[x, y], [u, v]] = [pair[0], pair[1]];
-            !pair.iter().copied().any(is_jump) && x * u + y * v < 0.0
+            // A right angle is none, rounded or not.
+            !pair.iter().copied().any(is_jump) && x * u + y * v < -1e-6 * x.hypot(y) * u.hypot(v)
         };
         let jumps = ways.iter().copied().filter(|&way| is_jump(way)).count();
         let strokes = jumps + usize::from(!places.is_empty());
         let turns = ways.windows(2).filter(|pair| is_sharp(pair)).count();
         let metres: f64 = ways.iter().map(|[x, y]| x.hypot(*y)).sum();
-        self.stroke * strokes as f64 + self.turn * turns as f64 + self.metre * metres
+        self.stroke * strokes as f64
+            + self.turn * turns as f64
+            + self.metre * metres
+            + self.undraped * undraped as f64
     }
 }
 
@@ -73,23 +60,24 @@ mod tests {
     #[test]
     fn strokes_turns_and_metres_are_counted() {
         let path = [0.0, 10e-3, 20e-3, 10e-3, 40e-3].map(|x| [x, 0.0]);
-        let cost = |stroke, turn, metre| {
+        let of = |[stroke, turn, metre, undraped]: [f64; 4], path: &[[f64; 2]]| {
             let costs = Costs {
                 stroke,
                 turn,
                 metre,
-                undraped: 0.0,
+                undraped,
             };
-            costs.of_way(&path, 20e-3)
+            costs.of(path, 20e-3, 3)
         };
-        assert_eq!(cost(0.0, 0.0, 0.0), 0.0);
-        assert_eq!(cost(1.0, 0.0, 0.0), 2.0);
-        assert_eq!(cost(0.0, 1.0, 0.0), 1.0);
-        assert!((cost(0.0, 0.0, 1.0) - 0.06).abs() < 1e-12);
-        let nothing = Costs {
-            stroke: 1.0,
-            ..Costs::default()
-        };
-        assert_eq!(nothing.of_way(&[], 20e-3), 0.0);
+        assert_eq!(of([0.0; 4], &path), 0.0);
+        assert_eq!(of([1.0, 0.0, 0.0, 0.0], &path), 2.0);
+        assert_eq!(of([0.0, 1.0, 0.0, 0.0], &path), 1.0);
+        assert!((of([0.0, 0.0, 1.0, 0.0], &path) - 0.06).abs() < 1e-12);
+        assert_eq!(of([0.0, 0.0, 0.0, 1.0], &path), 3.0);
+        assert_eq!(of([1.0, 1.0, 1.0, 0.0], &[]), 0.0);
+        let zigzag: Vec<[f64; 2]> = (0..33)
+            .map(|k| [k, k % 2].map(|k| 8.125e-3 * f64::from(k) - 0.13))
+            .collect();
+        assert_eq!(of([0.0, 1.0, 0.0, 0.0], &zigzag), 0.0);
     }
 }

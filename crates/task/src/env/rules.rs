@@ -160,8 +160,10 @@ impl Task {
         let score = score(self.initial, self.objective(state));
         match self.is_costly {
             true => {
-                let task = (&*self.scene, &self.config, &self.region);
-                score - self.config.costs.of(vertices, task, &state.position)
+                score
+                    - self
+                        .config
+                        .cost(&self.scene, &self.region, vertices, &state.position)
             }
             false => score,
         }

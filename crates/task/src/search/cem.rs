@@ -54,8 +54,8 @@ pub fn cross_entropy(arena: &mut Arena, method: CrossEntropy, seed: u64) {
         let drawn = fit.iter().zip(noise).map(|([mean, d], x)| mean + d * x);
         drawn.collect()
     };
-    let known = beginners(arena.env);
-    let mut known = known.take(if method.alike > 0.0 { streams.len() } else { 0 });
+    let count = if method.alike > 0.0 { streams.len() } else { 0 };
+    let mut known = beginners(arena.env).take(count);
     let mut own: Vec<Ranks> = streams
         .iter_mut()
         .map(|stream| known.next().unwrap_or_else(|| draw(&fit, stream)))
@@ -157,7 +157,7 @@ mod tests {
     use super::*;
 
     /// Over many draws every pixel has mean 0 and deviation 1, at the border too; neighbours are nearly
-    /// alike, and those four deviations apart are not.
+    /// alike, and those six deviations apart are not.
     #[test]
     fn blurred_noise_is_as_strong_as_before() {
         let shape = ImageShape {

@@ -30,9 +30,9 @@ fn costs_are_taken_off_the_score_where_they_count() {
             let vertices = expected.actions.iter().filter_map(|&a| plain.vertex(a));
             let vertices: Vec<u32> = vertices.collect();
             let end = plain.finished(index).unwrap();
-            let task = (&**plain.scene(), &config, plain.region());
-            let cost = config.costs.of(&vertices, task, &end.position);
-            let undraped = plain.region().undraped_inner(task.0, 1e-3, &end.position);
+            let (scene, region) = (plain.scene(), plain.region());
+            let cost = config.cost(scene, region, &vertices, &end.position);
+            let undraped = region.undraped_inner(scene, 1e-3, &end.position);
             assert!(cost > 0.01 + 0.04 * undraped as f64);
             let scores = [expected, found].map(|episode| episode.score.unwrap());
             assert!((scores[0] - cost - scores[1]).abs() < 1e-12);
