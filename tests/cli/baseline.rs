@@ -65,7 +65,8 @@ fn searches_keep_to_their_steps_and_leave_what_they_have_found() {
         assert_eq!(outcome["proof"][0]["order"], "path");
         let [count, diverged] = ["count", "diverged"].map(|key| &outcome["proof"][0][key]);
         let proved = number(count) + number(diverged);
-        assert_eq!(proved, scores.len() as f64, "{policy}");
+        // Twice as many as `proof_paths`.
+        assert_eq!(proved, scores.len().min(8) as f64, "{policy}");
         let run = run.to_str().unwrap();
         let played = json(
             path,
