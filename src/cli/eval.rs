@@ -168,7 +168,8 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         _ => None,
     };
     let mut proof = None;
-    if let Some(best) = best {
+    if let Some(mut best) = best {
+        best.others.truncate(2 * loaded.config.proof_paths - 1);
         // In the run's own steps, whatever the episode was played in.
         let (task, orders) = ((scene, &loaded.config.env), (args.episodes, args.twin));
         proof = Some(proof::proved(&loaded.folder, task, best, orders, args.json)?.0);
