@@ -103,11 +103,17 @@ impl ToolConfig {
                 ValueError::unless(found.abs() <= 1e5, key, found, "numbers within +-100000")?;
             }
         }
-        if let Source::Mesh(MeshSource { scale, .. }) = self.source {
-            let is_valid = scale > 0.0 && scale.is_finite();
-            ValueError::unless(is_valid, "source.mesh.scale", scale, "a positive number")?;
+        match self.source {
+            Source::Mesh(MeshSource { scale, .. }) => {
+                let is_valid = scale > 0.0 && scale.is_finite();
+                ValueError::unless(is_valid, "source.mesh.scale", scale, "a positive number")
+            }
+            // Whether a shape makes a body is known when it has made one, which takes no time.
+            Source::Shape(ref shape) => match shape.mesh() {
+                Ok(_) => Ok(()),
+                Err(error) => Err(error.within("source.shape")),
+            },
         }
-        Ok(())
     }
 }
 
