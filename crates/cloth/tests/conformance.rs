@@ -8,6 +8,8 @@ use std::sync::LazyLock;
 
 use drape_cloth::fabric::{BlankConfig, Lamina, MassModel, Material, ShearLocking};
 use drape_cloth::math::{Isa, Purpose, Stream};
+#[cfg(feature = "gpu")]
+use drape_cloth::sim::{Adapter, Gpu, GpuError};
 use drape_cloth::sim::{
     Backend, Bending, Control, Cpu, Model, PhysicsConfig, Precision, Press, Roller, SelfCollision,
     Snapshot, Solver, Stencil, Tension, World,
@@ -24,8 +26,8 @@ const CONTROL: Control = Control {
 /// One more than the widest instruction set has lanes.
 const CASES: usize = 17;
 
-/// Makes so many environments of a world.
-type Make = dyn Fn(&World, usize) -> Box<dyn Backend>;
+/// Makes so many environments of a world; none of one that the device refuses.
+type Make = dyn Fn(&World, usize) -> Option<Box<dyn Backend>>;
 
 /// A backend to be held against the reference.
 struct Device {
@@ -36,8 +38,8 @@ struct Device {
 
 impl Device {
     fn cpu(precision: Precision, isa: Isa, tolerance: f64) -> Self {
-        let make = move |world: &World, count: usize| -> Box<dyn Backend> {
-            Box::new(Cpu::on(world, count, precision, isa))
+        let make = move |world: &World, count: usize| -> Option<Box<dyn Backend>> {
+            Some(Box::new(Cpu::on(world, count, precision, isa)))
         };
         Self {
             make: Box::new(make),
@@ -45,9 +47,35 @@ impl Device {
         }
     }
 
+    #[cfg(feature = "gpu")]
+    fn gpu(tolerance: f64) -> Self {
+        let adapter = Adapter::number(0).unwrap();
+        let make = move |world: &World, count: usize| -> Option<Box<dyn Backend>> {
+            match Gpu::new(world, count, &adapter) {
+                Ok(gpu) => Some(Box::new(gpu)),
+                Err(GpuError::Missing(_)) => None,
+                Err(error) => panic!("{error}"),
+            }
+        };
+        Self {
+            make: Box::new(make),
+            tolerance,
+        }
+    }
+
+    fn make(&self, world: &World) -> Box<dyn Backend> {
+        (self.make)(world, CASES).expect("a world of this device")
+    }
+
+    /// The worlds that the device computes, with their numbers.
+    fn worlds(&self) -> impl Iterator<Item = (usize, &'static World)> {
+        let known = |(_, world): &(usize, &World)| (self.make)(world, 1).is_some();
+        WORLDS.iter().enumerate().filter(known)
+    }
+
     /// `CASES` environments, each in a case of its own.
     fn cases(&self, world: &World) -> Box<dyn Backend> {
-        let mut backend = (self.make)(world, CASES);
+        let mut backend = self.make(world);
         assert_eq!(backend.count(), CASES);
         for index in 0..CASES {
             backend.load(index, &case(world, index));
@@ -310,9 +338,9 @@ static ENDS: LazyLock<Vec<Vec<Snapshot>>> = LazyLock::new(|| {
 /// Every environment is computed as if alone: the same bits to the end, or after a frame within
 /// the tolerance, beyond which contact and branches amplify what rounding does.
 fn follows_the_reference(device: &Device) {
-    for (world, ends) in WORLDS.iter().zip(ENDS.iter()) {
+    for (index, world) in device.worlds() {
         let (steps, expected) = match device.tolerance {
-            0.0 => (STEPS, ends),
+            0.0 => (STEPS, &ENDS[index]),
             _ => (1, &reference(world, 1)),
         };
         let mut backend = device.cases(world);
@@ -335,7 +363,7 @@ fn follows_the_reference(device: &Device) {
 
 /// Distances are those of the positions, and whole arrays are in the order of the environments.
 fn arrays_are_those_of_the_snapshots(device: &Device) {
-    for world in WORLDS.iter() {
+    for (_, world) in device.worlds() {
         let mut backend = device.cases(world);
         advance(&mut *backend, |index| index, 0..STEPS);
         let vertices = [3, 77, 78, 90];
@@ -356,7 +384,7 @@ fn arrays_are_those_of_the_snapshots(device: &Device) {
 /// What a press leaves: the vertices under it are touched, those that stay are fixed on the tool.
 fn draped_vertices_lie_on_the_tool(device: &Device) {
     let mut draped = 0;
-    for world in WORLDS.iter() {
+    for (_, world) in device.worlds() {
         let mut backend = device.cases(world);
         advance(&mut *backend, |index| index, 0..STEPS);
         for (index, state) in snapshots(&*backend).iter().enumerate() {
@@ -376,7 +404,7 @@ fn draped_vertices_lie_on_the_tool(device: &Device) {
 /// NaN and infinity in one environment, a runaway in another: both say so, and no other changes
 /// by a bit.
 fn diverged_environment_leaves_its_neighbours_alone(device: &Device) {
-    for world in WORLDS.iter() {
+    for (_, world) in device.worlds() {
         let mut alone = device.cases(world);
         advance(&mut *alone, |index| index, 0..3);
         let expected = snapshots(&*alone);
@@ -404,7 +432,7 @@ fn diverged_environment_leaves_its_neighbours_alone(device: &Device) {
 /// A state that is loaded into a backend which did something else before, diverged even, goes on
 /// as it does in a new one; and a reset environment as the start of the world.
 fn loading_forgets_what_was_before(device: &Device) {
-    for world in WORLDS.iter() {
+    for (_, world) in device.worlds() {
         let mut new = device.cases(world);
         advance(&mut *new, |index| index, 0..2);
         let mut used = device.cases(world);
@@ -418,7 +446,7 @@ fn loading_forgets_what_was_before(device: &Device) {
         advance(&mut *used, |index| index, 0..2);
         same_bits(&snapshots(&*used), &snapshots(&*new), world);
         used.reset(4);
-        let fresh = (device.make)(world, CASES);
+        let fresh = device.make(world);
         assert!(bits(&used.snapshot(4)) == bits(&fresh.snapshot(4)));
         assert!(bits(&used.snapshot(5)) == bits(&new.snapshot(5)));
     }
@@ -427,12 +455,12 @@ fn loading_forgets_what_was_before(device: &Device) {
 /// A snapshot holds all that moves: loaded into another backend, it goes on as if it had never
 /// been taken.
 fn snapshot_goes_on_exactly(device: &Device) {
-    for world in WORLDS.iter() {
+    for (_, world) in device.worlds() {
         let mut whole = device.cases(world);
         advance(&mut *whole, |index| index, 0..4);
         let halfway = snapshots(&*whole);
         advance(&mut *whole, |index| index, 4..STEPS);
-        let mut again = (device.make)(world, CASES);
+        let mut again = device.make(world);
         for (index, state) in halfway.iter().enumerate() {
             again.load(index, state);
         }
@@ -445,7 +473,7 @@ fn snapshot_goes_on_exactly(device: &Device) {
 /// Fixed vertices move with the velocity they have, to the rounding of the sum, and nothing
 /// else moves them: neither yarns nor tool nor plate.
 fn fixed_vertices_obey_nothing(device: &Device, rounding: f64) {
-    for world in WORLDS.iter() {
+    for (_, world) in device.worlds() {
         let mut backend = device.cases(world);
         // Under the plate, and at a corner: stopped.
         let mut starts: Vec<_> = (0..CASES).map(|index| case(world, index)).collect();
@@ -539,6 +567,11 @@ suite! {
     portable: Device::cpu(Precision::F32, Isa::Portable, 0.0), 1e-6;
     widest: Device::cpu(Precision::F32, Isa::best(), 0.0), 1e-6;
     double: Device::cpu(Precision::F64, Isa::best(), 2e-3), 1e-15;
+}
+
+#[cfg(feature = "gpu")]
+suite! {
+    gpu: Device::gpu(2e-3), 1e-6;
 }
 
 /// Groups of lanes, and one environment with its lines in the lanes, in both precisions.

@@ -7,7 +7,7 @@ use crate::tool::Tool;
 
 /// Gap over which the tool's tack pulls [m]: a film of resin, thinner than a layer of cloth, so
 /// that only what lies on the tool is held.
-const TACK_RANGE: f64 = 2e-4;
+pub(super) const TACK_RANGE: f64 = 2e-4;
 
 /// Looks up the tangent plane of the tool under every vertex.
 #[inline(always)]

@@ -1,3 +1,6 @@
+use super::model::Model;
+use super::stepping::Control;
+
 /// What is the same for all vertices in a substep.
 pub(super) struct Frame {
     /// Duration [s].
@@ -10,4 +13,19 @@ pub(super) struct Frame {
     pub speed_cap: f64,
     /// Static and dynamic coefficient.
     pub friction: Option<[f64; 2]>,
+}
+
+impl Frame {
+    /// Of the substeps of a control step.
+    pub fn new(model: &Model, control: &Control) -> Self {
+        let physics = model.physics();
+        let h = control.dt / control.substeps as f64;
+        Self {
+            h,
+            fall: -h * h * physics.gravity,
+            rate: 1.0 / h / (1.0 + h * physics.damping),
+            speed_cap: physics.speed_cap,
+            friction: model.friction,
+        }
+    }
 }

@@ -16,11 +16,11 @@ use crate::math::{Lanes, Vec3x};
 /// on a hemisphere, places are 12.0 mm off the finite-element twin's with 5, 7.6 with 2.5, 6.9 with
 /// 2, where 80 times as many substeps leave 6.5. Less tears single edges: by 2 a sheet whose presses
 /// are over may shake, by 1 it diverges (docs/NOTES.md).
-const CROSSING: f64 = 2.5;
+pub(super) const CROSSING: f64 = 2.5;
 
 /// Share of its displacement that such a vertex loses in a substep, as its inertia grows without
 /// bound. Between draped neighbours slack yarns would throw it to and fro for ever.
-const DRAG: f64 = 0.2;
+pub(super) const DRAG: f64 = 0.2;
 
 /// Edge stiffness k = E h (b / a) of a yarn of width b and edge length a (Table 2).
 pub(super) fn yarn_law(lamina: &Lamina, yarn: &Yarn) -> EdgeLaw {

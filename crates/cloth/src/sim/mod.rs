@@ -20,6 +20,8 @@ mod cpu;
 mod dense;
 mod fold;
 mod frame;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod group;
 mod hinge;
 mod lanes;
@@ -41,6 +43,8 @@ mod storage;
 
 pub use backend::{Backend, World};
 pub use cpu::{Cpu, Precision};
+#[cfg(feature = "gpu")]
+pub use gpu::{Adapter, Gpu, GpuError};
 pub use model::Model;
 pub use physics::{Bending, BendingStiffness, PhysicsConfig, SelfCollision, Solver, Tension};
 pub use press::{Press, Roller};

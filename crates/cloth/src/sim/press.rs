@@ -4,7 +4,7 @@ use super::cloth::Cloth;
 use crate::math::{Lanes, Vec3};
 
 /// How near to the tool a vertex lies on it [m]: tangent planes are a few substeps old.
-const TOUCHING: f64 = 1e-4;
+pub(super) const TOUCHING: f64 = 1e-4;
 
 /// A roller that presses on cloth.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -55,6 +55,18 @@ impl Trellis {
         }
     }
 
+    /// All its numbers, those at rest aside.
+    #[cfg(feature = "gpu")]
+    pub fn numbers(&self) -> [f64; POWERS + 1] {
+        std::array::from_fn(|k| {
+            if k == 0 {
+                self.per_growth
+            } else {
+                self.share[k - 1]
+            }
+        })
+    }
+
     /// Compliance of a diagonal over that at rest, from the square of its length and the inverse
     /// of its length at rest [1/m].
     #[inline(always)]

@@ -29,6 +29,19 @@ pub struct Stencil {
     pub settle: Option<Control>,
 }
 
+impl Stencil {
+    /// Half of its side as vertices are held against it [m]: a hair more, so that a vertex exactly
+    /// on the edge counts whatever rounding.
+    pub(super) fn half(side: f64) -> f64 {
+        0.5 * side * (1.0 + 1e-6)
+    }
+
+    /// How far on the flat blank to look for vertices under it [m].
+    pub(super) fn reach(side: f64) -> f64 {
+        REACH * side
+    }
+}
+
 /// What a stretched yarn pulls at: a sum of places [m], and its size where the strain is too great.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tie {
@@ -84,10 +97,9 @@ pub fn under_stencil(
     };
     let along = along.normalize();
     let across = normal.cross(&along);
-    // A hair more than half, so that a vertex exactly on the edge counts whatever rounding.
-    let half = 0.5 * side * (1.0 + 1e-6);
+    let half = Stencil::half(side);
     let mut vertices = Vec::new();
-    for v in lamina.within(vertex, REACH * side) {
+    for v in lamina.within(vertex, Stencil::reach(side)) {
         let offset = Vec3::from(position(v)) - centre;
         let below = offset.dot(&along).abs() <= half && offset.dot(&across).abs() <= half;
         if below || v == vertex {

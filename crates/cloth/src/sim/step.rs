@@ -60,7 +60,7 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
             range,
             storage,
         } = self;
-        let frame = frame(model, control);
+        let frame = Frame::new(model, control);
         let end = range.end;
         let warps_are_last = model.layers.is_none() && model.membranes.is_empty();
         refresh(tool, storage.cloth_mut());
@@ -100,18 +100,6 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
                 }
             }
         }
-    }
-}
-
-fn frame(model: &Model, control: &Control) -> Frame {
-    let physics = model.physics();
-    let h = control.dt / control.substeps as f64;
-    Frame {
-        h,
-        fall: -h * h * physics.gravity,
-        rate: 1.0 / h / (1.0 + h * physics.damping),
-        speed_cap: physics.speed_cap,
-        friction: model.friction,
     }
 }
 

@@ -49,6 +49,13 @@ impl DistanceGrid {
         self.spacing
     }
 
+    /// Position of the first node [m], nodes along each axis, and distances there [m], x running
+    /// fastest, then y.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn parts(&self) -> ([f64; 3], [usize; 3], &[f32]) {
+        (self.origin.into(), self.dims, &self.samples)
+    }
+
     /// Samples the distance to `surface` over the box from `low` to `high` [m], rounded up
     /// to whole cells of size `spacing` [m]. In parallel; the result does not depend on the
     /// number of threads.

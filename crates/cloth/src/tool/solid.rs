@@ -99,6 +99,12 @@ impl Tool {
         self.distance_in_lanes(x)
     }
 
+    /// The grid, if all distances are interpolated in it.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn only_grid(&self) -> Option<&DistanceGrid> {
+        self.sharp.is_none().then_some(&self.grid)
+    }
+
     /// How deep the deepest of some points [m] is inside, by the exact distance [m], and which it is;
     /// 0 where none is inside.
     pub fn deepest(&self, x: &[[f64; 3]]) -> (f64, usize) {

@@ -1,0 +1,417 @@
+use std::sync::OnceLock;
+
+use cubecl::client::Client;
+use cubecl::prelude::*;
+use cubecl::server::Handle;
+use fixedbitset::FixedBitSet;
+
+use super::GpuError;
+use super::adapter::Adapter;
+use super::cloth::{ClothBuffersLaunch, GpuFrameLaunch, SheetBuffersLaunch};
+use super::plan::{NOTHING, Plan, Tables};
+use super::press::{DRAPED, STENCIL, TOUCHED, drape, lay_stencil};
+use super::substep::advance;
+use super::transfer::{carry, count_diverged, measure, packed};
+use crate::sim::backend::{Backend, World};
+use crate::sim::frame::Frame;
+use crate::sim::press::Press;
+use crate::sim::state::{Pressed, Snapshot};
+use crate::sim::stepping::Control;
+
+/// Fewest and most threads of a workgroup, a multiple of the first.
+const UNITS: [usize; 2] = [32, 256];
+
+/// Environments of a world on a GPU. An environment's bits are the same in any company.
+pub struct Gpu {
+    world: World,
+    client: Client,
+    plan: Plan,
+    /// Threads of a workgroup.
+    units: u32,
+    count: usize,
+    sheet: [Buffer; 3],
+    cloth: [Buffer; 10],
+    /// [environment][vertex], see [`TOUCHED`].
+    marks: Buffer,
+    /// The state after a reset.
+    start: Buffer,
+    /// The slot of each force density of a snapshot.
+    slots: Vec<usize>,
+    /// As read since the last change.
+    pressed: OnceLock<Vec<Pressed>>,
+}
+
+/// Memory of the device and how many numbers of 4 bytes it holds.
+#[derive(Clone)]
+struct Buffer {
+    handle: Handle,
+    count: usize,
+}
+
+impl Buffer {
+    fn arg(&self) -> BufferArg {
+        // SAFETY: a handle is made with its count.
+        unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.count) }
+    }
+}
+
+impl Gpu {
+    /// `count` > 0 environments, each at its start.
+    ///
+    /// # Errors
+    /// Names what of the world the GPU cannot compute, or that the environments are too many.
+    pub fn new(world: &World, count: usize, adapter: &Adapter) -> Result<Self, GpuError> {
+        let Tables {
+            plan,
+            numbers,
+            values,
+            slots,
+        } = Tables::new(world)?;
+        let client = adapter.client();
+        let n = plan.vertices;
+        let sizes = [
+            3 * n,
+            3 * n,
+            3 * n,
+            3 * n,
+            n,
+            n,
+            4 * n,
+            plan.slots,
+            plan.scratch,
+            n + 1,
+        ];
+        let largest = 4 * count * sizes.iter().max().expect("not empty");
+        let limit = adapter.largest_buffer();
+        if largest as u64 > limit {
+            let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+            return Err(GpuError::TooMany {
+                environments: count,
+                mib: mib(largest as u64),
+                limit_mib: mib(limit),
+                name: adapter.name(),
+            });
+        }
+        let filled = |bytes: &[u8]| Buffer {
+            handle: client.create_from_slice(bytes),
+            count: bytes.len() / 4,
+        };
+        let (_, _, samples) = world.tool.only_grid().expect("checked").parts();
+        let zeros = |size: usize| filled(u32::as_bytes(&vec![0; count * size]));
+        let lines = plan.lines.iter().flatten().map(|line| line.lines).max();
+        let [fewest, most] = UNITS;
+        let units = lines
+            .unwrap_or(n / 8)
+            .next_multiple_of(fewest)
+            .clamp(fewest, most);
+        let mut gpu = Self {
+            world: world.clone(),
+            units: units as u32,
+            count,
+            sheet: [
+                filled(u32::as_bytes(&numbers)),
+                filled(f32::as_bytes(&values)),
+                filled(f32::as_bytes(samples)),
+            ],
+            cloth: sizes.map(zeros),
+            marks: zeros(n),
+            start: filled(&[0; 4]),
+            slots,
+            pressed: OnceLock::new(),
+            client: client.clone(),
+            plan,
+        };
+        gpu.start = gpu.pack(&world.start);
+        for environment in 0..count {
+            gpu.reset(environment);
+        }
+        Ok(gpu)
+    }
+
+    fn cloth(&self) -> ClothBuffersLaunch {
+        let [a, b, c, d, e, f, g, h, i, j] = self.cloth.each_ref().map(Buffer::arg);
+        ClothBuffersLaunch::new(a, b, c, d, e, f, g, h, i, j)
+    }
+
+    fn sheet(&self) -> SheetBuffersLaunch {
+        let [numbers, values, samples] = self.sheet.each_ref().map(Buffer::arg);
+        SheetBuffersLaunch::new(numbers, values, samples)
+    }
+
+    /// A workgroup for each environment.
+    fn all(&self) -> CubeCount {
+        CubeCount::Static(self.count as u32, 1, 1)
+    }
+
+    fn upload(&self, bytes: &[u8]) -> Buffer {
+        Buffer {
+            handle: self.client.create_from_slice(bytes),
+            count: bytes.len() / 4,
+        }
+    }
+
+    fn room(&self, count: usize) -> Buffer {
+        Buffer {
+            handle: self.client.empty(4 * count),
+            count,
+        }
+    }
+
+    /// # Panics
+    /// If the device is lost or out of memory.
+    fn read(&self, buffer: &Buffer) -> Vec<u8> {
+        match self.client.read_one(buffer.handle.clone()) {
+            Ok(bytes) => bytes.to_vec(),
+            Err(error) => panic!("the GPU failed: {error}"),
+        }
+    }
+
+    fn read_values(&self, buffer: &Buffer) -> Vec<f32> {
+        f32::from_bytes(&self.read(buffer)).to_vec()
+    }
+
+    fn read_numbers(&self, buffer: &Buffer) -> Vec<u32> {
+        u32::from_bytes(&self.read(buffer)).to_vec()
+    }
+
+    /// A state as it travels.
+    fn pack(&self, snapshot: &Snapshot) -> Buffer {
+        let n = self.plan.vertices;
+        let mut state = vec![0.0; packed(&self.plan)];
+        for v in 0..n {
+            for k in 0..3 {
+                state[k * n + v] = snapshot.position[v][k] as f32;
+                state[(3 + k) * n + v] = snapshot.velocity[v][k] as f32;
+            }
+            let free = self.world.model.inverse_mass[v] as f32;
+            state[6 * n + v] = if snapshot.fixed.contains(v) {
+                0.0
+            } else {
+                free
+            };
+            let pressed = &snapshot.pressed;
+            let bit = |is_set: bool, bit: u32| if is_set { bit } else { 0 };
+            let mark = bit(pressed.touched.contains(v), TOUCHED)
+                | bit(pressed.draped.contains(v), DRAPED)
+                | bit(pressed.stencil.binary_search(&(v as u32)).is_ok(), STENCIL);
+            state[7 * n + v] = mark as f32;
+        }
+        for (density, &slot) in snapshot.force_density.iter().zip(&self.slots) {
+            state[8 * n + slot] = *density as f32;
+        }
+        self.upload(f32::as_bytes(&state))
+    }
+
+    fn carry(&self, environment: usize, state: &Buffer, back: bool) {
+        // SAFETY: the plan and the sizes of the buffers belong together.
+        unsafe {
+            carry::launch_unchecked(
+                &self.client,
+                CubeCount::Static(1, 1, 1),
+                CubeDim::new_1d(self.units),
+                self.cloth(),
+                self.marks.arg(),
+                state.arg(),
+                environment as u32,
+                self.plan.clone(),
+                back,
+            );
+        }
+    }
+
+    /// Moves all environments by a control step, under rollers if `pressed`.
+    fn advance(&mut self, control: &Control, pressed: bool) {
+        let frame = Frame::new(&self.world.model, control);
+        let [stick, slide] = frame.friction.unwrap_or_default();
+        // SAFETY: as above.
+        unsafe {
+            advance::launch_unchecked(
+                &self.client,
+                self.all(),
+                CubeDim::new_1d(self.units),
+                self.cloth(),
+                self.sheet(),
+                GpuFrameLaunch::new(
+                    frame.h as f32,
+                    frame.fall as f32,
+                    frame.rate as f32,
+                    frame.speed_cap as f32,
+                    stick as f32,
+                    slide as f32,
+                ),
+                control.substeps as u32,
+                control.contact_interval as u32,
+                control.sweeps as u32,
+                self.plan.clone(),
+                pressed,
+            );
+        }
+    }
+
+    fn pressed_of(&self, marks: &[u32]) -> Pressed {
+        let all = |bit: u32| {
+            let set = marks
+                .iter()
+                .enumerate()
+                .filter(move |(_, mark)| *mark & bit != 0);
+            set.map(|(v, _)| v)
+        };
+        let bits = |bit: u32| {
+            let mut bits = FixedBitSet::with_capacity(marks.len());
+            bits.extend(all(bit));
+            bits
+        };
+        Pressed {
+            touched: bits(TOUCHED),
+            draped: bits(DRAPED),
+            stencil: all(STENCIL).map(|v| v as u32).collect(),
+        }
+    }
+}
+
+impl Backend for Gpu {
+    fn count(&self) -> usize {
+        self.count
+    }
+
+    fn load(&mut self, environment: usize, snapshot: &Snapshot) {
+        self.carry(environment, &self.pack(snapshot), false);
+        self.pressed = OnceLock::new();
+    }
+
+    fn reset(&mut self, environment: usize) {
+        self.carry(environment, &self.start, false);
+        self.pressed = OnceLock::new();
+    }
+
+    fn snapshot(&self, environment: usize) -> Snapshot {
+        let n = self.plan.vertices;
+        let packed = self.room(packed(&self.plan));
+        self.carry(environment, &packed, true);
+        let state = self.read_values(&packed);
+        let vectors = |first: usize| {
+            let of = |v: usize| [0, 1, 2].map(|k| f64::from(state[(first + k) * n + v]));
+            (0..n).map(of).collect()
+        };
+        let mut fixed = FixedBitSet::with_capacity(n);
+        fixed.extend((0..n).filter(|v| state[6 * n + v] == 0.0));
+        let marks: Vec<u32> = state[7 * n..8 * n]
+            .iter()
+            .map(|&mark| mark as u32)
+            .collect();
+        let density = self.slots.iter().map(|slot| f64::from(state[8 * n + slot]));
+        Snapshot {
+            position: vectors(0),
+            velocity: vectors(3),
+            fixed,
+            force_density: density.collect(),
+            sides: Vec::new(),
+            pressed: self.pressed_of(&marks),
+        }
+    }
+
+    fn step(&mut self, control: &Control, presses: &[Press]) {
+        if !presses.is_empty() {
+            let n = self.plan.vertices;
+            let mut forces = vec![0.0_f32; self.count * (n + 1)];
+            for press in presses {
+                let own = &mut forces[press.environment * (n + 1)..][..n + 1];
+                own[n] = press.speed as f32;
+                for &(v, force) in &press.forces {
+                    own[v as usize] = force as f32;
+                }
+            }
+            self.cloth[9] = self.upload(f32::as_bytes(&forces));
+        }
+        self.advance(control, !presses.is_empty());
+    }
+
+    fn press(&mut self, vertices: &[Option<u32>]) {
+        assert_eq!(vertices.len(), self.count, "one entry an environment");
+        let (_, stencil) = self.world.presses.clone().expect("a world with presses");
+        let pressed: Vec<u32> = vertices.iter().map(|v| v.unwrap_or(NOTHING)).collect();
+        let pressed = self.upload(u32::as_bytes(&pressed));
+        // SAFETY: as above.
+        unsafe {
+            lay_stencil::launch_unchecked(
+                &self.client,
+                self.all(),
+                CubeDim::new_1d(self.units),
+                self.cloth(),
+                self.sheet(),
+                self.marks.arg(),
+                pressed.arg(),
+                self.plan.clone(),
+            );
+        }
+        self.advance(&stencil.press, true);
+        // SAFETY: as above.
+        unsafe {
+            drape::launch_unchecked(
+                &self.client,
+                self.all(),
+                CubeDim::new_1d(self.units),
+                self.cloth(),
+                self.sheet(),
+                self.marks.arg(),
+                pressed.arg(),
+                self.plan.clone(),
+            );
+        }
+        if let Some(settle) = &stencil.settle {
+            self.advance(settle, false);
+        }
+        self.pressed = OnceLock::new();
+    }
+
+    fn finite(&self) -> Vec<bool> {
+        let diverged = self.room(self.count * self.units as usize);
+        // SAFETY: as above.
+        unsafe {
+            count_diverged::launch_unchecked(
+                &self.client,
+                self.all(),
+                CubeDim::new_1d(self.units),
+                self.cloth(),
+                diverged.arg(),
+                self.plan.clone(),
+            );
+        }
+        let diverged = self.read_numbers(&diverged);
+        let of = |counts: &[u32]| counts.iter().all(|&count| count == 0);
+        diverged.chunks(self.units as usize).map(of).collect()
+    }
+
+    fn distances(&self, vertices: &[u32]) -> Vec<f64> {
+        if vertices.is_empty() {
+            return Vec::new();
+        }
+        let distances = self.room(self.count * vertices.len());
+        // SAFETY: as above.
+        unsafe {
+            measure::launch_unchecked(
+                &self.client,
+                self.all(),
+                CubeDim::new_1d(self.units),
+                self.cloth(),
+                self.sheet(),
+                self.upload(u32::as_bytes(vertices)).arg(),
+                distances.arg(),
+                vertices.len() as u32,
+                self.plan.clone(),
+            );
+        }
+        self.read_values(&distances)
+            .into_iter()
+            .map(f64::from)
+            .collect()
+    }
+
+    fn pressed(&self) -> &[Pressed] {
+        self.pressed.get_or_init(|| {
+            let marks = self.read_numbers(&self.marks);
+            let of = |marks| self.pressed_of(marks);
+            marks.chunks(self.plan.vertices).map(of).collect()
+        })
+    }
+}

@@ -1,0 +1,385 @@
+//! A world as kernels see it: what is compiled into them, and their tables.
+
+use std::sync::Arc;
+
+use super::super::backend::World;
+use super::super::law::{EdgeClass, Limit};
+use super::super::line::{Chain, Line};
+use super::super::lines::Lines;
+use super::super::model::Pass;
+use super::super::stencil::Stencil;
+use super::GpuError;
+use crate::fabric::Lamina;
+
+/// Stands for no vertex.
+pub(super) const NOTHING: u32 = u32::MAX;
+
+/// What is compiled into the kernels of a world: sizes, which stages it has, and where the tables
+/// begin among [`Tables::numbers`] and [`Tables::values`].
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Plan {
+    /// Vertices of an environment.
+    pub vertices: usize,
+    /// Force densities of an environment, with room for those of lines shorter than the longest.
+    pub slots: usize,
+    /// Room for eliminated rows of an environment.
+    pub scratch: usize,
+    pub grid: GridPlan,
+    /// Under the yarn solver, warps, wefts and rows of diagonals.
+    pub lines: Option<[LinePlan; 3]>,
+    /// Numbers: the vertex and the slot beside each vertex, before it and after it on its warp, then
+    /// on its weft; [`NOTHING`] at their ends.
+    pub beside: usize,
+    /// Values: the greatest compression of the warp that lasts of each vertex, then of the weft.
+    pub min_warm: usize,
+    /// Values: the law of the diagonals.
+    pub trellis: usize,
+    /// Values: tack of each vertex.
+    pub tack: Option<usize>,
+    pub passes: Vec<PassPlan>,
+    pub has_friction: bool,
+    pub has_cap: bool,
+    pub press: Option<PressPlan>,
+}
+
+/// The tool's grid. Values: first node and spacing [m], 1 / spacing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct GridPlan {
+    pub nodes: [u32; 3],
+    pub values: usize,
+}
+
+/// Lines that run in a direction; tables are [number along the line][line].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct LinePlan {
+    pub lines: usize,
+    pub longest: usize,
+    /// Numbers: vertices.
+    pub places: usize,
+    /// Numbers: vertices of each line.
+    pub sizes: usize,
+    /// The first slot of their force densities.
+    pub slots: usize,
+    /// Values, [field][line]: rest length and its inverse, compliances in tension and compression,
+    /// greatest compression that lasts, bending, and force, compliance and offset of the limit.
+    pub laws: usize,
+    pub is_limited: bool,
+    pub is_bent: bool,
+    /// Rows of diagonals.
+    pub is_cold: bool,
+}
+
+/// Constraints of one colour. Numbers, [end][constraint]: vertices. Values, [field][constraint]:
+/// rest length and its inverse, compliances in tension and compression, and force, compliance and
+/// offset of the limit; of triples the compliance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct PassPlan {
+    pub kind: PassKind,
+    pub count: usize,
+    pub places: usize,
+    pub laws: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum PassKind {
+    Edges,
+    LimitedEdges,
+    Diagonals,
+    Triples,
+}
+
+/// How presses go. Values: rest position, along x then y, of each vertex; the force that a roller
+/// presses each with; the greatest length of the warp edges beside each, then of the weft's, that
+/// is slack; half the stencil's side, reach on the flat blank and threshold [m], the roller's speed.
+/// Numbers: 1 where the start of the world holds a vertex; the vertex before each on its warp, after
+/// it, and the same on its weft.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct PressPlan {
+    pub rest: usize,
+    pub force: usize,
+    pub slack: usize,
+    pub stencil: usize,
+    pub held: usize,
+    pub neighbors: usize,
+}
+
+/// A plan with its tables.
+pub(super) struct Tables {
+    pub plan: Plan,
+    pub numbers: Vec<u32>,
+    pub values: Vec<f32>,
+    /// The slot of each force density of a snapshot.
+    pub slots: Vec<usize>,
+}
+
+impl Tables {
+    /// # Errors
+    /// Names what of the world the GPU cannot compute.
+    pub fn new(world: &World) -> Result<Self, GpuError> {
+        let model = &*world.model;
+        let Some(grid) = world.tool.only_grid() else {
+            return Err(GpuError::Missing(
+                "exact distances at sharp edges: give `tool.grid.spacing_mm`",
+            ));
+        };
+        let ([x, y, z], nodes, _) = grid.parts();
+        let mut tables = Self {
+            plan: Plan {
+                vertices: model.vertex_count(),
+                slots: 0,
+                scratch: 0,
+                grid: GridPlan {
+                    nodes: nodes.map(|count| count as u32),
+                    values: 0,
+                },
+                lines: None,
+                beside: 0,
+                min_warm: 0,
+                trellis: 0,
+                tack: None,
+                passes: Vec::new(),
+                has_friction: model.friction.is_some(),
+                has_cap: model.physics().speed_cap > 0.0,
+                press: None,
+            },
+            numbers: Vec::new(),
+            values: Vec::new(),
+            slots: Vec::new(),
+        };
+        let spacing = grid.spacing();
+        tables.plan.grid.values = tables.add([x, y, z, spacing, 1.0 / spacing]);
+        tables.plan.tack = model
+            .tack
+            .iter()
+            .map(|tack| tables.add(tack.iter().copied()))
+            .next();
+        if model.layers.is_some() {
+            return Err(GpuError::Missing("`physics.self_collision`"));
+        }
+        if !model.membranes.is_empty() {
+            return Err(GpuError::Missing(
+                "membranes: a blank whose outline or yarn angle cuts cells",
+            ));
+        }
+        if let Some(lines) = &model.lines {
+            tables.add_lines(lines)?;
+        }
+        for pass in &model.passes {
+            tables.add_pass(pass)?;
+        }
+        if let Some((lamina, stencil)) = &world.presses {
+            tables.add_press(world, lamina, stencil);
+        }
+        // Buffers hold something.
+        tables.plan.slots = tables.plan.slots.max(1);
+        tables.plan.scratch = tables.plan.scratch.max(1);
+        tables.add_numbers([0]);
+        Ok(tables)
+    }
+
+    /// Adds values, in single precision as the lanes of the CPU have them; returns where they begin.
+    fn add(&mut self, values: impl IntoIterator<Item = f64>) -> usize {
+        let first = self.values.len();
+        self.values.extend(values.into_iter().map(|x| x as f32));
+        first
+    }
+
+    fn add_numbers(&mut self, numbers: impl IntoIterator<Item = u32>) -> usize {
+        let first = self.numbers.len();
+        self.numbers.extend(numbers);
+        first
+    }
+
+    fn add_lines(&mut self, lines: &Lines) -> Result<(), GpuError> {
+        if lines.locking.is_some() {
+            return Err(GpuError::Missing("`physics.shear_locking`"));
+        }
+        self.slots = vec![0; lines.edge_count];
+        let of = [&lines.warps, &lines.wefts, &lines.diagonals];
+        let [warps, wefts, diagonals] = of.map(|of| self.add_lines_of(of));
+        let diagonals = LinePlan {
+            is_cold: true,
+            ..diagonals
+        };
+        if let Some(trellis) = &lines.trellis {
+            self.plan.trellis = self.add(trellis.numbers());
+        }
+        let n = self.plan.vertices;
+        let mut beside = vec![NOTHING; 8 * n];
+        let mut min_warm = vec![0.0; 2 * n];
+        for (family, lines) in [&lines.warps, &lines.wefts].into_iter().enumerate() {
+            for line in lines {
+                for &v in &line.vertices {
+                    min_warm[family * n + v as usize] = Chain::<f64>::min_warm(line);
+                }
+                for (ends, edge) in line.vertices.windows(2).zip(line.edges.clone()) {
+                    let slot = self.slots[edge] as u32;
+                    for (v, other, after) in [(ends[1], ends[0], 0), (ends[0], ends[1], 1)] {
+                        let field = 2 * (2 * family + after);
+                        beside[field * n + v as usize] = other;
+                        beside[(field + 1) * n + v as usize] = slot;
+                    }
+                }
+            }
+        }
+        self.plan.beside = self.add_numbers(beside);
+        self.plan.min_warm = self.add(min_warm);
+        self.plan.lines = Some([warps, wefts, diagonals]);
+        Ok(())
+    }
+
+    fn add_lines_of(&mut self, all: &[Line]) -> LinePlan {
+        let longest = all
+            .iter()
+            .map(|line| line.vertices.len())
+            .max()
+            .unwrap_or(0);
+        let lines = all.len();
+        let mut places = vec![0; longest * lines];
+        for (l, line) in all.iter().enumerate() {
+            for (k, &v) in line.vertices.iter().enumerate() {
+                places[k * lines + l] = v;
+            }
+            for (k, edge) in line.edges.clone().enumerate() {
+                self.slots[edge] = self.plan.slots + k * lines + l;
+            }
+        }
+        let field = |of: &dyn Fn(&Line) -> f64| all.iter().map(of).collect::<Vec<f64>>();
+        let none = |line: &Line| line.limit.unwrap_or(Limit::NONE);
+        let laws = [
+            field(&|line| line.rest_length),
+            field(&|line| 1.0 / line.rest_length),
+            field(&|line| line.law.tension),
+            field(&|line| line.law.compression),
+            field(&|line| Chain::<f64>::min_warm(line)),
+            field(&|line| line.bending),
+            field(&|line| none(line).force),
+            field(&|line| none(line).compliance),
+            field(&|line| none(line).offset),
+        ];
+        let plan = LinePlan {
+            lines,
+            longest,
+            places: self.add_numbers(places),
+            sizes: self.add_numbers(all.iter().map(|line| line.vertices.len() as u32)),
+            slots: self.plan.slots,
+            laws: self.add(laws.concat()),
+            is_limited: all.iter().any(|line| line.limit.is_some()),
+            is_bent: all.iter().any(|line| line.bending != 0.0),
+            is_cold: false,
+        };
+        if all.iter().any(|line| !line.edges.is_empty()) {
+            self.plan.slots += lines * (longest - 1);
+        }
+        let rows = if plan.is_bent { 5 } else { 2 };
+        self.plan.scratch = self.plan.scratch.max(rows * lines * longest);
+        plan
+    }
+
+    fn add_pass(&mut self, pass: &Pass) -> Result<(), GpuError> {
+        let (kind, ends, laws) = match pass {
+            Pass::Edges(class, limits) => {
+                let mut laws = edge_laws(class);
+                laws.extend(limits.iter().map(|limit| limit.force));
+                laws.extend(limits.iter().map(|limit| limit.compliance));
+                laws.extend(limits.iter().map(|limit| limit.offset));
+                let kind = match limits.is_empty() {
+                    true => PassKind::Edges,
+                    false => PassKind::LimitedEdges,
+                };
+                (kind, by_end(&class.vertices), laws)
+            }
+            Pass::Diagonals(class, trellis) => {
+                self.plan.trellis = self.add(trellis.numbers());
+                (
+                    PassKind::Diagonals,
+                    by_end(&class.vertices),
+                    edge_laws(class),
+                )
+            }
+            Pass::Triples(triples) => {
+                let ends: Vec<_> = triples.iter().map(|triple| triple.vertices).collect();
+                let laws = triples.iter().map(|triple| triple.compliance).collect();
+                (PassKind::Triples, by_end(&ends), laws)
+            }
+            Pass::Hinges(_) => return Err(GpuError::Missing("`physics.bending = \"dihedral\"`")),
+            Pass::LockingDiagonals(..) | Pass::LockingMembrane(..) => {
+                return Err(GpuError::Missing("`physics.shear_locking`"));
+            }
+            Pass::Membrane(_) => {
+                return Err(GpuError::Missing(
+                    "membranes: a blank whose outline or yarn angle cuts cells",
+                ));
+            }
+        };
+        let count = match kind {
+            PassKind::Triples => ends.len() / 3,
+            _ => ends.len() / 2,
+        };
+        let pass = PassPlan {
+            kind,
+            count,
+            places: self.add_numbers(ends),
+            laws: self.add(laws),
+        };
+        self.plan.passes.push(pass);
+        Ok(())
+    }
+
+    fn add_press(&mut self, world: &World, lamina: &Arc<Lamina>, stencil: &Stencil) {
+        let n = self.plan.vertices;
+        let pressure = stencil.roller.pressure;
+        let force = lamina
+            .vertex_areas()
+            .into_iter()
+            .map(|area| pressure * area);
+        let mut slack = vec![0.0; 2 * n];
+        let mut neighbors = vec![NOTHING; 4 * n];
+        for yarn in &lamina.yarns {
+            let first = 2 * yarn.family as usize * n;
+            for pair in yarn.vertices.windows(2) {
+                let [from, to] = [pair[0], pair[1]];
+                neighbors[first + to as usize] = from;
+                neighbors[first + n + from as usize] = to;
+            }
+            for &v in &yarn.vertices {
+                slack[yarn.family as usize * n + v as usize] =
+                    yarn.rest_length * (1.0 + stencil.max_strain);
+            }
+        }
+        let along = |k: usize| lamina.rest.iter().map(move |at| at[k]);
+        let held = (0..n).map(|v| u32::from(world.start.fixed.contains(v)));
+        self.plan.press = Some(PressPlan {
+            rest: self.add(along(0).chain(along(1))),
+            force: self.add(force),
+            slack: self.add(slack),
+            stencil: self.add([
+                Stencil::half(stencil.side),
+                Stencil::reach(stencil.side) * (1.0 + 1e-6),
+                stencil.threshold,
+                stencil.roller.speed,
+            ]),
+            held: self.add_numbers(held),
+            neighbors: self.add_numbers(neighbors),
+        });
+    }
+}
+
+/// Rest lengths and their inverses, compliances in tension and in compression.
+fn edge_laws(class: &EdgeClass) -> Vec<f64> {
+    let rest = class.rest_length.iter();
+    let inverse = class.rest_length.iter().map(|rest| 1.0 / rest);
+    let tension = class.law.iter().map(|law| law.tension);
+    let compression = class.law.iter().map(|law| law.compression);
+    rest.copied()
+        .chain(inverse)
+        .chain(tension)
+        .chain(compression)
+        .collect()
+}
+
+/// [end][constraint].
+fn by_end<const N: usize>(vertices: &[[u32; N]]) -> Vec<u32> {
+    let end = |k: usize| vertices.iter().map(move |v| v[k]);
+    (0..N).flat_map(end).collect()
+}

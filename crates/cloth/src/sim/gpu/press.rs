@@ -1,0 +1,155 @@
+//! Who is under the stencil, and what a press leaves on the tool: see [`super::super::stencil`]
+//! and [`super::super::cpu`].
+
+use cubecl::prelude::*;
+
+use super::cloth::{ClothBuffers, SheetBuffers};
+use super::plan::{NOTHING, Plan, PressPlan};
+use super::tool::distance;
+use super::vector::Vec3g;
+
+/// What presses have done to a vertex, as bits.
+pub(super) const TOUCHED: u32 = 1;
+pub(super) const DRAPED: u32 = 2;
+/// It was under the stencil of the last press.
+pub(super) const STENCIL: u32 = 4;
+
+/// Puts a roller on the vertices under the stencil around `pressed[environment]`.
+#[cube(launch_unchecked)]
+pub(super) fn lay_stencil(
+    cloth: &mut ClothBuffers,
+    sheet: &SheetBuffers,
+    marks: &mut [u32],
+    pressed: &[u32],
+    #[comptime] plan: Plan,
+) {
+    let environment = CUBE_POS_X as usize;
+    let n = comptime!(plan.vertices);
+    let press = comptime!(plan.press.expect("a world with presses"));
+    let vectors = 3 * environment * n;
+    let centre_vertex = pressed[environment];
+    let stencil = comptime!(press.stencil);
+    if UNIT_POS_X == 0 {
+        cloth.force[environment * (n + 1) + n] = sheet.values[stencil + 3];
+    }
+    if centre_vertex == NOTHING {
+        for v in range_stepped(UNIT_POS_X as usize, n, CUBE_DIM_X as usize) {
+            cloth.force[environment * (n + 1) + v] = 0.0f32;
+        }
+    } else {
+        let p = centre_vertex as usize;
+        let centre = Vec3g::load(&cloth.position, vectors, n, p);
+        let (_phi, normal) = distance(sheet, centre, comptime!(plan.grid));
+        // The x axis in the plane of the stencil, or the y axis where it stands upright.
+        let mut axis = Vec3g {
+            x: 1.0f32 - normal.x * normal.x,
+            y: -(normal.y * normal.x),
+            z: -(normal.z * normal.x),
+        };
+        if axis.dot(axis).sqrt() <= 0.1f32 {
+            axis = Vec3g {
+                x: -(normal.x * normal.y),
+                y: 1.0f32 - normal.y * normal.y,
+                z: -(normal.z * normal.y),
+            };
+        }
+        let along = axis.scale(1.0f32 / axis.dot(axis).sqrt());
+        let across = normal.cross(along);
+        let half = sheet.values[stencil];
+        let reach = sheet.values[stencil + 1];
+        let rest = comptime!(press.rest);
+        for v in range_stepped(UNIT_POS_X as usize, n, CUBE_DIM_X as usize) {
+            let right = (sheet.values[rest + v] - sheet.values[rest + p]).abs();
+            let up = (sheet.values[rest + n + v] - sheet.values[rest + n + p]).abs();
+            let x = Vec3g::load(&cloth.position, vectors, n, v);
+            let offset = x.minus(centre);
+            let below = offset.dot(along).abs() <= half && offset.dot(across).abs() <= half;
+            let is_under = v == p || (right <= reach && up <= reach && below);
+            let mut mark = marks[environment * n + v] & comptime!(!STENCIL);
+            let mut force = 0.0f32;
+            if is_under {
+                mark |= STENCIL;
+                force = sheet.values[comptime!(press.force) + v];
+            }
+            marks[environment * n + v] = mark;
+            cloth.force[environment * (n + 1) + v] = force;
+        }
+    }
+}
+
+/// Whether no yarn of a vertex is stretched so much that it would pull it off the tool.
+#[cube]
+fn is_slack(
+    cloth: &mut ClothBuffers,
+    sheet: &SheetBuffers,
+    environment: usize,
+    v: usize,
+    #[comptime] n: usize,
+    #[comptime] press: PressPlan,
+) -> bool {
+    let vectors = 3 * environment * n;
+    let x = Vec3g::load(&cloth.position, vectors, n, v);
+    let mut slack = true;
+    #[unroll]
+    for field in 0..4usize {
+        let other = sheet.numbers[comptime!(press.neighbors + field * n) + v];
+        if other != NOTHING {
+            let d = Vec3g::load(&cloth.position, vectors, n, other as usize).minus(x);
+            let most = sheet.values[comptime!(press.slack + field / 2 * n) + v];
+            if !(d.dot(d).sqrt() <= most) {
+                slack = false;
+            }
+        }
+    }
+    slack
+}
+
+/// Touches what was under the stencil, pushes it out of the tool, and fixes what stays there.
+#[cube(launch_unchecked)]
+pub(super) fn drape(
+    cloth: &mut ClothBuffers,
+    sheet: &SheetBuffers,
+    marks: &mut [u32],
+    pressed: &[u32],
+    #[comptime] plan: Plan,
+) {
+    let environment = CUBE_POS_X as usize;
+    let n = comptime!(plan.vertices);
+    let press = comptime!(plan.press.expect("a world with presses"));
+    let vectors = 3 * environment * n;
+    let is_pressed = pressed[environment] != NOTHING;
+    for v in range_stepped(UNIT_POS_X as usize, n, CUBE_DIM_X as usize) {
+        let mark = marks[environment * n + v];
+        if is_pressed && mark & comptime!(STENCIL | DRAPED) == STENCIL {
+            marks[environment * n + v] = mark | TOUCHED;
+            let x = Vec3g::load(&cloth.position, vectors, n, v);
+            let (phi, normal) = distance(sheet, x, comptime!(plan.grid));
+            // Tangent planes are a few substeps old: what they let in goes out again.
+            if phi < 0.0f32 && sheet.numbers[comptime!(press.held) + v] == 0 {
+                x.minus(normal.scale(phi))
+                    .store(&mut cloth.position, vectors, n, v);
+            }
+        }
+    }
+    sync_storage();
+    for v in range_stepped(UNIT_POS_X as usize, n, CUBE_DIM_X as usize) {
+        let mark = marks[environment * n + v];
+        if is_pressed && mark & comptime!(STENCIL | DRAPED) == STENCIL {
+            let mut held = is_slack(cloth, sheet, environment, v, n, press);
+            #[unroll]
+            for field in 0..4usize {
+                let other = sheet.numbers[comptime!(press.neighbors + field * n) + v];
+                if other != NOTHING {
+                    held = held && is_slack(cloth, sheet, environment, other as usize, n, press);
+                }
+            }
+            let x = Vec3g::load(&cloth.position, vectors, n, v);
+            let (phi, _normal) = distance(sheet, x, comptime!(plan.grid));
+            if held && phi <= sheet.values[comptime!(press.stencil + 2)] {
+                marks[environment * n + v] = mark | DRAPED;
+                cloth.inverse_mass[environment * n + v] = 0.0f32;
+                Vec3g::zero().store(&mut cloth.velocity, vectors, n, v);
+            }
+        }
+    }
+}

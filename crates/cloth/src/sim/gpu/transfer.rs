@@ -1,0 +1,95 @@
+//! Kernels that carry states to and from the host, and what is asked about them.
+
+use cubecl::prelude::*;
+
+use super::cloth::{ClothBuffers, SheetBuffers};
+use super::plan::Plan;
+use super::tool::distance;
+use super::vector::Vec3g;
+
+/// Farthest from the origin that a position may be [m].
+const FARTHEST: f32 = 100.0;
+
+/// Numbers of a state that travels: positions, velocities, inverse masses, marks, force densities.
+pub(super) fn packed(plan: &Plan) -> usize {
+    8 * plan.vertices + plan.slots
+}
+
+/// Copies a packed state into an environment, or `BACK` out of it.
+#[cube(launch_unchecked)]
+pub(super) fn carry(
+    cloth: &mut ClothBuffers,
+    marks: &mut [u32],
+    state: &mut [f32],
+    environment: u32,
+    #[comptime] plan: Plan,
+    #[comptime] back: bool,
+) {
+    let n = comptime!(plan.vertices);
+    let slots = comptime!(plan.slots);
+    let environment = environment as usize;
+    for i in range_stepped(UNIT_POS_X as usize, 3 * n, CUBE_DIM_X as usize) {
+        let at = 3 * n * environment + i;
+        if comptime!(back) {
+            state[i] = cloth.position[at];
+            state[3 * n + i] = cloth.velocity[at];
+        } else {
+            cloth.position[at] = state[i];
+            cloth.velocity[at] = state[3 * n + i];
+        }
+    }
+    for i in range_stepped(UNIT_POS_X as usize, n, CUBE_DIM_X as usize) {
+        let at = n * environment + i;
+        if comptime!(back) {
+            state[6 * n + i] = cloth.inverse_mass[at];
+            state[7 * n + i] = f32::cast_from(marks[at]);
+        } else {
+            cloth.inverse_mass[at] = state[6 * n + i];
+            marks[at] = u32::cast_from(state[7 * n + i]);
+        }
+    }
+    for i in range_stepped(UNIT_POS_X as usize, slots, CUBE_DIM_X as usize) {
+        let at = slots * environment + i;
+        if comptime!(back) {
+            state[8 * n + i] = cloth.density[at];
+        } else {
+            cloth.density[at] = state[8 * n + i];
+        }
+    }
+}
+
+/// Counts the coordinates of each environment that are no numbers or too far off, [environment][thread].
+#[cube(launch_unchecked)]
+pub(super) fn count_diverged(cloth: &ClothBuffers, diverged: &mut [u32], #[comptime] plan: Plan) {
+    let n = comptime!(plan.vertices);
+    let first = 3 * n * CUBE_POS_X as usize;
+    let mut count = 0u32;
+    for i in range_stepped(UNIT_POS_X as usize, 3 * n, CUBE_DIM_X as usize) {
+        let inside = cloth.position[first + i].abs() < FARTHEST;
+        if !inside {
+            count += 1;
+        }
+    }
+    diverged[ABSOLUTE_POS] = count;
+}
+
+/// Distances of some vertices to the tool [m], [environment][vertex].
+#[cube(launch_unchecked)]
+pub(super) fn measure(
+    cloth: &ClothBuffers,
+    sheet: &SheetBuffers,
+    vertices: &[u32],
+    distances: &mut [f32],
+    count: u32,
+    #[comptime] plan: Plan,
+) {
+    let n = comptime!(plan.vertices);
+    let environment = CUBE_POS_X as usize;
+    let count = count as usize;
+    for i in range_stepped(UNIT_POS_X as usize, count, CUBE_DIM_X as usize) {
+        let v = vertices[i] as usize;
+        let x = Vec3g::load(&cloth.position, 3 * n * environment, n, v);
+        let (phi, _normal) = distance(sheet, x, comptime!(plan.grid));
+        distances[environment * count + i] = phi;
+    }
+}
