@@ -192,7 +192,7 @@ fn is_stl(path: &Path) -> bool {
 /// The drape at `path`, with its scene if it is a run.
 fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, Kind), Failure> {
     let (surveyed, scene, kind) = if path.is_dir() {
-        let loaded = Loaded::open(path, args.json)?;
+        let loaded = Loaded::open(path, None, args.json)?;
         let (played, _) = loaded.play_path()?;
         let drape = Drape::new(&loaded.scene.lamina, &played.end.position);
         let scene = (*loaded.scene).clone();

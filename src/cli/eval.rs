@@ -19,7 +19,7 @@ use drape_cloth::file::check_writable;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Accuracy;
-use drape_learn::policy::NetworkConfig;
+use drape_learn::policy::{DeviceKind, NetworkConfig};
 use drape_learn::ppo::{Agent, NETWORK, Sampling, read_section};
 use drape_study::proof::Row;
 use drape_study::study::region;
@@ -73,6 +73,11 @@ pub struct EvalArgs {
     /// whatever the masks allow then
     #[arg(long, value_parser = accuracy, value_name = "NAME")]
     accuracy: Option<Accuracy>,
+
+    /// Where networks and cloth are computed: flex or ndarray (the CPU), gpu or gpu:N; as in training
+    /// if not given
+    #[arg(long, value_name = "DEVICE")]
+    device: Option<DeviceKind>,
 
     /// Also play the best paths of the run at `accurate`, beside K random orders, sweeps and orders
     /// outwards from a place, and keep the best for `export`
@@ -132,8 +137,8 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     let out = args.out.as_deref().map(OutFolder::make).transpose()?;
     args.state.as_deref().map(check_writable).transpose()?;
     let mut loaded = match &args.scene {
-        None => Loaded::open(&args.run, args.json)?,
-        Some(scene) => Loaded::open_on((scene, args.region), &args.run, args.json)?,
+        None => Loaded::open(&args.run, args.device, args.json)?,
+        Some(scene) => Loaded::open_on((scene, args.region), &args.run, args.device, args.json)?,
     };
     let pictures = match out {
         Some(folder) => folder,
@@ -236,9 +241,10 @@ pub(super) struct Loaded {
 
 impl Loaded {
     /// Reads the configuration of a run and sets up its scene.
-    pub fn open(run: &Path, json: bool) -> Result<Self, Failure> {
+    pub fn open(run: &Path, device: Option<DeviceKind>, json: bool) -> Result<Self, Failure> {
         let folder = RunFolder::open(run).or_invalid()?;
-        let config = RunConfig::read(&folder.config).or_invalid()?;
+        let mut config = RunConfig::read(&folder.config).or_invalid()?;
+        config.set_device(device);
         let place = folder.config.display().to_string();
         let scene = Arc::new(set_up(&config.scene, &place, json)?);
         Ok(Self::with(folder, config, scene, json))
@@ -248,10 +254,12 @@ impl Loaded {
     fn open_on(
         (file, region): (&Path, Option<[f64; 4]>),
         run: &Path,
+        device: Option<DeviceKind>,
         json: bool,
     ) -> Result<Self, Failure> {
         let folder = RunFolder::open(run).or_invalid()?;
-        let config = RunConfig::read(&folder.config).or_invalid()?;
+        let mut config = RunConfig::read(&folder.config).or_invalid()?;
+        config.set_device(device);
         if !matches!(config.policy.network, NetworkConfig::Unet(_)) {
             let place = folder.config.display();
             return Err(Failure::invalid(anyhow!(

@@ -12,6 +12,7 @@ use drape_cloth::file::{ValueError, check_writable};
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::hung;
 use drape_cloth::sim::{Bending, BendingStiffness};
+use drape_learn::policy::DeviceKind;
 use drape_study::proof::Physics;
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
 use drape_task::path::{DrapingPoint, PathFigures, write_csv, write_json};
@@ -36,6 +37,11 @@ pub struct ExportArgs {
     /// the run has proved, or before that its best sequence
     #[arg(long, value_name = "best|last|FILE")]
     checkpoint: Option<String>,
+
+    /// Where networks and cloth are computed: flex or ndarray (the CPU), gpu or gpu:N; as in training
+    /// if not given
+    #[arg(long, value_name = "DEVICE")]
+    device: Option<DeviceKind>,
 
     /// Print one JSON object about the export instead of text
     #[arg(long)]
@@ -65,7 +71,7 @@ struct Report {
 
 /// Runs `drape export`.
 pub fn run(args: ExportArgs) -> Result<(), Failure> {
-    let loaded = Loaded::open(&args.run, args.json)?;
+    let loaded = Loaded::open(&args.run, args.device, args.json)?;
     let file = args.out.unwrap_or_else(|| {
         let json = loaded.folder.trajectory.clone();
         match args.format {

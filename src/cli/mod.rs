@@ -6,6 +6,7 @@
 
 mod baseline;
 mod compare;
+mod devices;
 mod eval;
 mod export;
 mod failure;
@@ -42,6 +43,7 @@ enum Command {
     Baseline(baseline::BaselineArgs),
     Eval(eval::EvalArgs),
     Export(export::ExportArgs),
+    Devices(devices::DevicesArgs),
     Tool(tool::ToolArgs),
     Scene(scene::SceneArgs),
     Compare(compare::CompareArgs),
@@ -57,6 +59,7 @@ impl Cli {
             Command::Baseline(args) => baseline::run(args),
             Command::Eval(args) => eval::run(args),
             Command::Export(args) => export::run(args),
+            Command::Devices(args) => devices::run(args),
             Command::Tool(args) => tool::run(args),
             Command::Scene(args) => scene::run(args),
             Command::Compare(args) => compare::run(args),

@@ -52,8 +52,8 @@ pub struct TrainArgs {
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,
 
-    /// Where the networks are computed: flex, ndarray or gpu
-    #[arg(long, value_parser = device, conflicts_with = "resume")]
+    /// Where networks and cloth are computed: flex or ndarray (the CPU), gpu or gpu:N
+    #[arg(long, value_name = "DEVICE")]
     device: Option<DeviceKind>,
 
     /// How finely episodes are stepped, fast, balanced or accurate, instead of the configuration's
@@ -73,15 +73,6 @@ pub struct TrainArgs {
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
-}
-
-fn device(name: &str) -> Result<DeviceKind, String> {
-    match name {
-        "flex" => Ok(DeviceKind::Flex),
-        "ndarray" => Ok(DeviceKind::Ndarray),
-        "gpu" => Ok(DeviceKind::Gpu),
-        _ => Err("expected flex, ndarray or gpu".into()),
-    }
 }
 
 /// What `--json` prints.
@@ -176,8 +167,10 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     if let Some(path) = &args.resume {
         let folder = RunFolder::open(path).or_invalid()?;
         folder.check_trained().map_err(Failure::of_run)?;
-        let config = RunConfig::read(&folder.config).or_invalid()?;
+        let mut config = RunConfig::read(&folder.config).or_invalid()?;
+        config.set_device(args.device);
         let place = folder.config.display().to_string();
+        config.device.open().or_invalid_in(&place)?;
         let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
         let scenes = set_up_scenes(&config, scene, &place, args.json)?;
         return Training::resume(config, scenes, folder).map_err(Failure::of_run);
@@ -186,7 +179,7 @@ fn begin(args: &TrainArgs) -> Result<Training, Failure> {
     config.seed = args.seed.unwrap_or(config.seed);
     config.steps = args.steps.unwrap_or(config.steps);
     config.polish = args.polish.unwrap_or(config.polish);
-    config.device = args.device.unwrap_or(config.device);
+    config.set_device(args.device);
     if let Some(accuracy) = args.accuracy {
         config.env.set_accuracy(accuracy);
     }

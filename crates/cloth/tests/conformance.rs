@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 use drape_cloth::fabric::{BlankConfig, Lamina, MassModel, Material, ShearLocking};
 use drape_cloth::math::{Isa, Purpose, Stream};
 #[cfg(feature = "gpu")]
-use drape_cloth::sim::{Adapter, Gpu, GpuError};
+use drape_cloth::sim::{Adapter, DeviceError, Gpu};
 use drape_cloth::sim::{
     Backend, Bending, Control, Cpu, Model, PhysicsConfig, Precision, Press, Roller, SelfCollision,
     Snapshot, Solver, Stencil, Tension, World,
@@ -53,7 +53,7 @@ impl Device {
         let make = move |world: &World, count: usize| -> Option<Box<dyn Backend>> {
             match Gpu::new(world, count, &adapter) {
                 Ok(gpu) => Some(Box::new(gpu)),
-                Err(GpuError::Missing(_)) => None,
+                Err(DeviceError::Missing(_)) => None,
                 Err(error) => panic!("{error}"),
             }
         };

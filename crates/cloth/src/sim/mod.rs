@@ -18,6 +18,7 @@ mod contact;
 mod cpu;
 #[cfg(test)]
 mod dense;
+mod device;
 mod fold;
 mod frame;
 #[cfg(feature = "gpu")]
@@ -43,8 +44,9 @@ mod storage;
 
 pub use backend::{Backend, World};
 pub use cpu::{Cpu, Precision};
+pub use device::{Device, DeviceError};
 #[cfg(feature = "gpu")]
-pub use gpu::{Adapter, Gpu, GpuError};
+pub use gpu::{Adapter, AdapterKind, Gpu};
 pub use model::Model;
 pub use physics::{Bending, BendingStiffness, PhysicsConfig, SelfCollision, Solver, Tension};
 pub use press::{Press, Roller};

@@ -1,9 +1,14 @@
+use std::fmt;
+use std::str::FromStr;
+
 use burn::tensor::Device;
+use drape_cloth::sim;
 use serde::{Deserialize, Serialize};
 
-/// Where the networks are computed. The simulation does not depend on it.
+/// Where the networks are computed: `flex`, `ndarray`, `gpu` or `gpu:N`. The simulation has a device of
+/// its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(try_from = "String", into = "String")]
 pub enum DeviceKind {
     /// burn's `flex` backend on the CPU, with convolutions of ours: always there, the same bits for any
     /// thread count.
@@ -11,19 +16,35 @@ pub enum DeviceKind {
     Flex,
     /// burn's deprecated `ndarray` backend on the CPU; cargo feature `ndarray`.
     Ndarray,
-    /// The best graphics card that wgpu finds; cargo feature `gpu`.
-    Gpu,
+    /// The graphics card of this number in `drape devices`; cargo feature `gpu`.
+    Gpu(usize),
 }
 
-/// A device that this build cannot offer.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("device `{kind}` is not in this build: rebuild with `--features {kind}`")]
-pub struct DeviceError {
-    kind: &'static str,
+/// A device that this build or machine cannot offer.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DeviceError {
+    #[error("device `{0}` is not in this build: rebuild with `--features {0}`")]
+    NotBuilt(&'static str),
+    #[error("device `{device}`: {error}")]
+    Absent {
+        device: DeviceKind,
+        error: sim::DeviceError,
+    },
 }
 
 impl DeviceKind {
-    /// The device, without gradients. Fails if the cargo feature that it needs is off.
+    /// Where the cloth of a training on this device is computed, unless it is told otherwise.
+    pub fn of_cloth(self) -> sim::Device {
+        match self {
+            Self::Flex | Self::Ndarray => sim::Device::Cpu,
+            Self::Gpu(number) => sim::Device::Gpu(number),
+        }
+    }
+
+    /// The device, without gradients.
+    ///
+    /// # Errors
+    /// The cargo feature that it needs is off, or this machine has none.
     pub fn open(self) -> Result<Device, DeviceError> {
         match self {
             Self::Flex => Ok(Device::flex()),
@@ -32,12 +53,71 @@ impl DeviceKind {
             #[allow(deprecated)]
             Self::Ndarray => Ok(Device::ndarray()),
             #[cfg(not(feature = "ndarray"))]
-            Self::Ndarray => Err(DeviceError { kind: "ndarray" }),
+            Self::Ndarray => Err(DeviceError::NotBuilt("ndarray")),
             #[cfg(feature = "gpu")]
-            Self::Gpu => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),
+            Self::Gpu(number) => match sim::Adapter::number(number) {
+                Ok(adapter) => Ok(Device::wgpu(of_burn(adapter.kind()))),
+                Err(error) => Err(DeviceError::Absent {
+                    device: self,
+                    error,
+                }),
+            },
             #[cfg(not(feature = "gpu"))]
-            Self::Gpu => Err(DeviceError { kind: "gpu" }),
+            Self::Gpu(_) => Err(DeviceError::NotBuilt("gpu")),
         }
+    }
+}
+
+/// The same device as the cloth's, so that both share its memory.
+#[cfg(feature = "gpu")]
+fn of_burn(kind: sim::AdapterKind) -> burn::tensor::DeviceKind {
+    use burn::tensor::DeviceKind::{Cpu, DiscreteGpu, IntegratedGpu, VirtualGpu};
+    match kind {
+        sim::AdapterKind::Discrete(number) => DiscreteGpu(number),
+        sim::AdapterKind::Integrated(number) => IntegratedGpu(number),
+        sim::AdapterKind::Virtual(number) => VirtualGpu(number),
+        sim::AdapterKind::Processor => Cpu,
+    }
+}
+
+impl fmt::Display for DeviceKind {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Flex => f.write_str("flex"),
+            Self::Ndarray => f.write_str("ndarray"),
+            Self::Gpu(_) => self.of_cloth().fmt(f),
+        }
+    }
+}
+
+impl From<DeviceKind> for String {
+    fn from(device: DeviceKind) -> Self {
+        device.to_string()
+    }
+}
+
+impl FromStr for DeviceKind {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "flex" => Ok(Self::Flex),
+            "ndarray" => Ok(Self::Ndarray),
+            _ => match name.parse() {
+                Ok(sim::Device::Gpu(number)) => Ok(Self::Gpu(number)),
+                _ => Err(format!(
+                    "device {name:?}, expected flex, ndarray, gpu or gpu:N"
+                )),
+            },
+        }
+    }
+}
+
+impl TryFrom<String> for DeviceKind {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        name.parse()
     }
 }
 
@@ -50,8 +130,20 @@ mod tests {
         assert!(DeviceKind::Flex.open().is_ok());
         #[cfg(not(feature = "gpu"))]
         assert_eq!(
-            DeviceKind::Gpu.open().unwrap_err().to_string(),
+            DeviceKind::Gpu(0).open().unwrap_err().to_string(),
             "device `gpu` is not in this build: rebuild with `--features gpu`"
         );
+        #[cfg(feature = "gpu")]
+        assert!(DeviceKind::Gpu(99).open().is_err());
+    }
+
+    #[test]
+    fn names_are_read_as_they_are_written() {
+        for name in ["flex", "ndarray", "gpu", "gpu:1"] {
+            assert_eq!(name.parse::<DeviceKind>().unwrap().to_string(), name);
+        }
+        for name in ["cpu", "", "gpu:", "Flex"] {
+            assert!(name.parse::<DeviceKind>().is_err(), "{name}");
+        }
     }
 }

@@ -6,7 +6,7 @@ use super::objective::Objective;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Accuracy, Precision, Roller, Stepping};
+use drape_cloth::sim::{Accuracy, Device, Precision, Roller, Stepping};
 
 /// The draping task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,6 +51,9 @@ pub struct EnvConfig {
     /// and one that leaves a vertex deeper in the tool [mm].
     pub max_depth_mm: f64,
     pub precision: Precision,
+    /// Where the cloth is computed: `cpu`, `gpu` or `gpu:N`.
+    #[serde(skip_serializing_if = "is_cpu")]
+    pub device: Device,
     /// What is taken off the score of a path that is polished or proved.
     pub costs: Costs,
 }
@@ -75,9 +78,15 @@ impl Default for EnvConfig {
             max_tension: 0.5,
             max_depth_mm: 2.0,
             precision: Precision::F32,
+            device: Device::Cpu,
             costs: Costs::default(),
         }
     }
+}
+
+/// Resolved configurations without the key read as they always did.
+fn is_cpu(device: &Device) -> bool {
+    *device == Device::Cpu
 }
 
 /// The vertices of the focus region, and the rows and columns, ends exclusive, that hold them.

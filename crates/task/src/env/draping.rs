@@ -43,7 +43,7 @@ impl Draping {
         check_memory(count, scene.lamina.vertex_count())?;
         let task = Task::new(scene, config)?;
         Ok(Self {
-            cloth: task.cloth(count),
+            cloth: task.cloth(count)?,
             slots: vec![task.start.clone(); count],
             task,
         })

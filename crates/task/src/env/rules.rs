@@ -13,7 +13,7 @@ use super::task::{ImageShape, Observation};
 use super::terrain::Terrain;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Backend, Control, Cpu, Pressed, Snapshot, Stencil, World};
+use drape_cloth::sim::{Backend, Control, Pressed, Snapshot, Stencil, World};
 
 /// Solves of the yarns' lengths in a substep under the roller, which pulls on all that it presses
 /// at once: with one, paths rank less as in finite elements (docs/NOTES.md).
@@ -123,7 +123,7 @@ impl Task {
         let seen = task.pixels.iter().copied().zip(task.seen.iter().copied());
         task.terrain = Terrain::new(&task.scene, task.shape().pixel_count(), seen);
         // As the environments hold it.
-        let cloth = task.cloth(1);
+        let cloth = task.cloth(1)?;
         let distances = cloth.distances(&task.seen);
         task.start.observation = task.observe(&cloth.pressed()[0], &distances);
         task.initial = task.objective(&task.scene.initial);
@@ -131,8 +131,15 @@ impl Task {
     }
 
     /// The cloth of `count` environments.
-    pub fn cloth(&self, count: usize) -> Box<dyn Backend> {
-        Box::new(Cpu::new(&self.world, count, self.config.precision))
+    ///
+    /// # Errors
+    /// The configured device is not there or cannot compute the scene.
+    pub fn cloth(&self, count: usize) -> Result<Box<dyn Backend>, ValueError> {
+        let EnvConfig {
+            device, precision, ..
+        } = self.config;
+        let opened = device.open(&self.world, count, precision);
+        opened.map_err(|error| ValueError::new("env.device", device, format!("cpu: {error}")))
     }
 
     pub fn shape(&self) -> ImageShape {

@@ -5,7 +5,6 @@ use cubecl::prelude::*;
 use cubecl::server::Handle;
 use fixedbitset::FixedBitSet;
 
-use super::GpuError;
 use super::adapter::Adapter;
 use super::cloth::{ClothBuffersLaunch, GpuFrameLaunch, SheetBuffersLaunch};
 use super::plan::{NOTHING, Plan, Tables};
@@ -13,6 +12,7 @@ use super::press::{DRAPED, STENCIL, TOUCHED, drape, lay_stencil};
 use super::substep::advance;
 use super::transfer::{carry, count_diverged, measure, packed};
 use crate::sim::backend::{Backend, World};
+use crate::sim::device::DeviceError;
 use crate::sim::frame::Frame;
 use crate::sim::press::Press;
 use crate::sim::state::{Pressed, Snapshot};
@@ -60,7 +60,7 @@ impl Gpu {
     ///
     /// # Errors
     /// Names what of the world the GPU cannot compute, or that the environments are too many.
-    pub fn new(world: &World, count: usize, adapter: &Adapter) -> Result<Self, GpuError> {
+    pub fn new(world: &World, count: usize, adapter: &Adapter) -> Result<Self, DeviceError> {
         let Tables {
             plan,
             numbers,
@@ -85,7 +85,7 @@ impl Gpu {
         let limit = adapter.largest_buffer();
         if largest as u64 > limit {
             let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-            return Err(GpuError::TooMany {
+            return Err(DeviceError::TooMany {
                 environments: count,
                 mib: mib(largest as u64),
                 limit_mib: mib(limit),

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use super::super::backend::World;
+use super::super::device::DeviceError;
 use super::super::law::{EdgeClass, Limit};
 use super::super::line::{Chain, Line};
 use super::super::lines::Lines;
 use super::super::model::Pass;
 use super::super::stencil::Stencil;
-use super::GpuError;
 use crate::fabric::Lamina;
 
 /// Stands for no vertex.
@@ -115,10 +115,10 @@ pub(super) struct Tables {
 impl Tables {
     /// # Errors
     /// Names what of the world the GPU cannot compute.
-    pub fn new(world: &World) -> Result<Self, GpuError> {
+    pub fn new(world: &World) -> Result<Self, DeviceError> {
         let model = &*world.model;
         let Some(grid) = world.tool.only_grid() else {
-            return Err(GpuError::Missing(
+            return Err(DeviceError::Missing(
                 "exact distances at sharp edges: give `tool.grid.spacing_mm`",
             ));
         };
@@ -154,10 +154,10 @@ impl Tables {
             .map(|tack| tables.add(tack.iter().copied()))
             .next();
         if model.layers.is_some() {
-            return Err(GpuError::Missing("`physics.self_collision`"));
+            return Err(DeviceError::Missing("`physics.self_collision`"));
         }
         if !model.membranes.is_empty() {
-            return Err(GpuError::Missing(
+            return Err(DeviceError::Missing(
                 "membranes: a blank whose outline or yarn angle cuts cells",
             ));
         }
@@ -190,9 +190,9 @@ impl Tables {
         first
     }
 
-    fn add_lines(&mut self, lines: &Lines) -> Result<(), GpuError> {
+    fn add_lines(&mut self, lines: &Lines) -> Result<(), DeviceError> {
         if lines.locking.is_some() {
-            return Err(GpuError::Missing("`physics.shear_locking`"));
+            return Err(DeviceError::Missing("`physics.shear_locking`"));
         }
         self.slots = vec![0; lines.edge_count];
         let of = [&lines.warps, &lines.wefts, &lines.diagonals];
@@ -276,7 +276,7 @@ impl Tables {
         plan
     }
 
-    fn add_pass(&mut self, pass: &Pass) -> Result<(), GpuError> {
+    fn add_pass(&mut self, pass: &Pass) -> Result<(), DeviceError> {
         let (kind, ends, laws) = match pass {
             Pass::Edges(class, limits) => {
                 let mut laws = edge_laws(class);
@@ -302,12 +302,14 @@ impl Tables {
                 let laws = triples.iter().map(|triple| triple.compliance).collect();
                 (PassKind::Triples, by_end(&ends), laws)
             }
-            Pass::Hinges(_) => return Err(GpuError::Missing("`physics.bending = \"dihedral\"`")),
+            Pass::Hinges(_) => {
+                return Err(DeviceError::Missing("`physics.bending = \"dihedral\"`"));
+            }
             Pass::LockingDiagonals(..) | Pass::LockingMembrane(..) => {
-                return Err(GpuError::Missing("`physics.shear_locking`"));
+                return Err(DeviceError::Missing("`physics.shear_locking`"));
             }
             Pass::Membrane(_) => {
-                return Err(GpuError::Missing(
+                return Err(DeviceError::Missing(
                     "membranes: a blank whose outline or yarn angle cuts cells",
                 ));
             }
