@@ -16,7 +16,7 @@ use crate::table::Table;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
-use drape_cloth::sim::{Backend as _, Control, Cpu, Model, PhysicsConfig};
+use drape_cloth::sim::{Backend as _, Control, Cpu, Device as Backend, Model, PhysicsConfig};
 use drape_cloth::sim::{Precision, Solver, World};
 use drape_learn::benchmark::{Benchmark, Implementation};
 use drape_task::env::{Draping, EnvConfig, Tasks};
@@ -35,6 +35,11 @@ pub struct Bench {
     /// Few repeats: half a minute instead of about two
     #[arg(long)]
     quick: bool,
+
+    /// Measure cloth on this GPU instead, gpu or gpu:N, beside all threads of the CPU: speed by the
+    /// number of environments, and how far positions drift apart
+    #[arg(long, value_name = "DEVICE", default_value_t)]
+    device: Backend,
 
     /// Turns of every variant; fewer than the usual say nothing about speed
     #[arg(long, hide = true, value_parser = clap::value_parser!(u16).range(1..))]
@@ -74,9 +79,19 @@ const ABSENT: &str = "bending_stiffness = { newton_metre = 0.0 }";
 
 impl Study for Bench {
     const NAME: &'static str = "bench";
-    const TABLES: &'static [&'static str] = &["core", "features", "throughput", "learner"];
+    const TABLES: &'static [&'static str] = &[
+        "core",
+        "features",
+        "throughput",
+        "learner",
+        "gpu",
+        "agreement",
+    ];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
+        if let Backend::Gpu(number) = self.device {
+            return gpu::run(number, self.quick, context);
+        }
         // Turns of every variant, control steps of a turn, actions of a turn of the throughput.
         let (repeats, steps, actions) = if self.quick { (9, 2, 8) } else { (31, 6, 20) };
         let repeats = self.repeats.map_or(repeats, usize::from);
@@ -330,6 +345,22 @@ impl Player {
         let choose = |index| choose(env, index, Order::Random, 0.0, stream);
         let actions: Vec<u32> = (0..env.count()).map(choose).collect();
         self.pool.install(|| self.env.step(&actions));
+    }
+}
+
+#[cfg(feature = "gpu")]
+mod gpu;
+
+#[cfg(not(feature = "gpu"))]
+mod gpu {
+    use super::*;
+    use drape_cloth::sim::DeviceError;
+
+    pub fn run(_: usize, _: bool, _: &Context) -> Result<Report, StudyError> {
+        Err(StudyError::Invalid(format!(
+            "`--device`: {}",
+            DeviceError::NotBuilt
+        )))
     }
 }
 

@@ -46,7 +46,7 @@ pub use backend::{Backend, World};
 pub use cpu::{Cpu, Precision};
 pub use device::{Device, DeviceError};
 #[cfg(feature = "gpu")]
-pub use gpu::{Adapter, AdapterKind, Gpu};
+pub use gpu::{Adapter, AdapterKind, Gpu, Traffic};
 pub use model::Model;
 pub use physics::{Bending, BendingStiffness, PhysicsConfig, SelfCollision, Solver, Tension};
 pub use press::{Press, Roller};

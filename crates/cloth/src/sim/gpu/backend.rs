@@ -10,6 +10,7 @@ use super::cloth::{ClothBuffersLaunch, GpuFrameLaunch, SheetBuffersLaunch};
 use super::plan::{NOTHING, Plan, Tables};
 use super::press::{DRAPED, STENCIL, TOUCHED, drape, lay_stencil};
 use super::substep::advance;
+use super::traffic::Traffic;
 use super::transfer::{carry, count_diverged, measure, packed};
 use crate::sim::backend::{Backend, World};
 use crate::sim::device::DeviceError;
@@ -126,6 +127,11 @@ impl Gpu {
             gpu.reset(environment);
         }
         Ok(gpu)
+    }
+
+    /// What a substep of a control step moves and computes.
+    pub fn traffic(&self, control: &Control) -> Traffic {
+        Traffic::new(&self.plan, control)
     }
 
     fn cloth(&self) -> ClothBuffersLaunch {

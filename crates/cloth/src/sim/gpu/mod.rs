@@ -14,9 +14,11 @@ mod plan;
 mod press;
 mod substep;
 mod tool;
+mod traffic;
 mod transfer;
 mod vector;
 mod vertices;
 
 pub use adapter::{Adapter, AdapterKind};
 pub use backend::Gpu;
+pub use traffic::Traffic;
