@@ -499,6 +499,25 @@ fn fixed_vertices_obey_nothing(device: &Device, rounding: f64) {
     }
 }
 
+/// A long control step is that of its halves, to the bit: no device leaves out a substep.
+fn long_steps_are_the_sum_of_their_parts(device: &Device) {
+    for (_, world) in device.worlds() {
+        let end = |parts: usize| {
+            let mut backend = (device.make)(world, 2).expect("a world of this device");
+            backend.load(1, &case(world, 1));
+            let control = Control {
+                // A power of two, so that substeps last as long in every part.
+                dt: 0.5 / parts as f64,
+                substeps: 640 / parts,
+                ..CONTROL
+            };
+            (0..parts).for_each(|_| backend.step(&control, &[]));
+            [backend.snapshot(0), backend.snapshot(1)]
+        };
+        same_bits(&end(1), &end(8), world);
+    }
+}
+
 /// Most cases shear beyond locking where it is listed, or nothing here would tell of it.
 #[test]
 fn locking_is_at_work() {
@@ -546,7 +565,7 @@ macro_rules! suite {
                 follows_the_reference arrays_are_those_of_the_snapshots
                 draped_vertices_lie_on_the_tool diverged_environment_leaves_its_neighbours_alone
                 loading_forgets_what_was_before snapshot_goes_on_exactly
-                presses_stay_in_their_environments
+                presses_stay_in_their_environments long_steps_are_the_sum_of_their_parts
             }
 
             #[test]

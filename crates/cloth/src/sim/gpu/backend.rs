@@ -9,7 +9,7 @@ use super::adapter::Adapter;
 use super::cloth::{ClothBuffersLaunch, GpuFrameLaunch, SheetBuffersLaunch};
 use super::plan::{NOTHING, Plan, Tables};
 use super::press::{DRAPED, STENCIL, TOUCHED, drape, lay_stencil};
-use super::substep::advance;
+use super::substep::{advance, per_launch};
 use super::traffic::Traffic;
 use super::transfer::{carry, count_diverged, measure, packed};
 use crate::sim::backend::{Backend, World};
@@ -229,28 +229,33 @@ impl Gpu {
     fn advance(&mut self, control: &Control, pressed: bool) {
         let frame = Frame::new(&self.world.model, control);
         let [stick, slide] = frame.friction.unwrap_or_default();
-        // SAFETY: as above.
-        unsafe {
-            advance::launch_unchecked(
-                &self.client,
-                self.all(),
-                CubeDim::new_1d(self.units),
-                self.cloth(),
-                self.sheet(),
-                GpuFrameLaunch::new(
-                    frame.h as f32,
-                    frame.fall as f32,
-                    frame.rate as f32,
-                    frame.speed_cap as f32,
-                    stick as f32,
-                    slide as f32,
-                ),
-                control.substeps as u32,
-                control.contact_interval as u32,
-                control.sweeps as u32,
-                self.plan.clone(),
-                pressed,
-            );
+        let at_once = per_launch(&self.plan, control.sweeps, self.units as usize);
+        for first in (0..control.substeps).step_by(at_once) {
+            // SAFETY: as above.
+            unsafe {
+                advance::launch_unchecked(
+                    &self.client,
+                    self.all(),
+                    CubeDim::new_1d(self.units),
+                    self.cloth(),
+                    self.sheet(),
+                    GpuFrameLaunch::new(
+                        frame.h as f32,
+                        frame.fall as f32,
+                        frame.rate as f32,
+                        frame.speed_cap as f32,
+                        stick as f32,
+                        slide as f32,
+                    ),
+                    first as u32,
+                    (first + at_once).min(control.substeps) as u32,
+                    control.substeps as u32,
+                    control.contact_interval as u32,
+                    control.sweeps as u32,
+                    self.plan.clone(),
+                    pressed,
+                );
+            }
         }
     }
 

@@ -1,5 +1,5 @@
-//! The substep of both solvers, see [`super::super::step`]: one workgroup an environment, all
-//! substeps of a control step in one launch.
+//! The substep of both solvers, see [`super::super::step`]: one workgroup an environment, as many
+//! substeps of a control step in one launch as [`per_launch`] says.
 
 use cubecl::prelude::*;
 
@@ -9,12 +9,31 @@ use super::lines::{bend, stretch};
 use super::plan::Plan;
 use super::vertices::{conclude, fall, give_way, grip, push, refresh};
 
-/// Moves every environment by a control step, with the forces of a roller if `pressed`.
+/// Loops of a thread in one launch. Software Vulkan ends all loops after 65535 without a word, and
+/// drivers reset a GPU whose screen stands still for seconds.
+const MOST_LOOPS: usize = 30_000;
+
+/// Substeps of a launch, each with so many `sweeps`, on workgroups of so many `units`.
+pub(super) fn per_launch(plan: &Plan, sweeps: usize, units: usize) -> usize {
+    let mut loops = 1 + (4 + sweeps) * plan.vertices.div_ceil(units);
+    for line in plan.lines.iter().flatten() {
+        // Forwards and backwards, for lengths and for bending.
+        loops += line.lines.div_ceil(units) * (sweeps + 1) * (1 + 2 * line.longest);
+    }
+    let passes = plan.passes.iter();
+    loops += passes.map(|pass| pass.count.div_ceil(units)).sum::<usize>();
+    (MOST_LOOPS / loops).max(1)
+}
+
+/// Moves every environment by those of the `substeps` of a control step from `first` to `end`, with the
+/// forces of a roller if `pressed`. All that moves is in memory between them.
 #[cube(launch_unchecked)]
 pub(super) fn advance(
     cloth: &mut ClothBuffers,
     sheet: &SheetBuffers,
     frame: GpuFrame,
+    first: u32,
+    end: u32,
     substeps: u32,
     interval: u32,
     sweeps: u32,
@@ -25,7 +44,7 @@ pub(super) fn advance(
     let unit = UNIT_POS_X as usize;
     let units = CUBE_DIM_X as usize;
     let n = comptime!(plan.vertices);
-    for substep in 0..substeps {
+    for substep in first..end {
         // Every thread goes on with the vertices that it has concluded.
         if substep % interval == 0 {
             for v in range_stepped(unit, n, units) {
