@@ -593,6 +593,55 @@ suite! {
     gpu: Device::gpu(2e-3), 1e-6;
 }
 
+/// What a scene lists and no kernel computes is refused by the key that lists it, all else computed.
+#[cfg(feature = "gpu")]
+#[test]
+fn gpu_names_what_it_lacks() {
+    let adapter = Adapter::number(0).unwrap();
+    let mut computed = 0;
+    for world in WORLDS.iter() {
+        let (physics, (lamina, _)) = (world.model.physics(), world.presses.as_ref().unwrap());
+        let lacks = [
+            ("membranes", !lamina.membranes.is_empty()),
+            ("shear_locking", physics.shear_locking),
+            ("dihedral", physics.bending == Bending::Dihedral),
+            (
+                "self_collision",
+                physics.self_collision != SelfCollision::Off,
+            ),
+        ];
+        let lacks = lacks.iter().filter(|(_, is_listed)| *is_listed);
+        let lacks: Vec<&str> = lacks.map(|(name, _)| *name).collect();
+        match Gpu::new(world, 1, &adapter) {
+            Ok(_) => assert_eq!(lacks, [""; 0]),
+            Err(DeviceError::Missing(what)) => {
+                assert!(
+                    lacks.iter().any(|name| what.contains(name)),
+                    "{what}, {lacks:?}"
+                );
+            }
+            Err(error) => panic!("{error}"),
+        }
+        computed += usize::from(lacks.is_empty());
+    }
+    assert_eq!(computed, 7);
+    let sharp = Tool::new(&ToolConfig {
+        source: Source::Shape(Shape::Hemisphere(Hemisphere::default())),
+        ..ToolConfig::default()
+    });
+    let world = World::new(WORLDS[0].model.clone(), sharp.unwrap());
+    let error = Gpu::new(&world, 1, &adapter).err().unwrap();
+    assert!(
+        error.to_string().contains("`tool.grid.spacing_mm`"),
+        "{error}"
+    );
+    let many = Gpu::new(&WORLDS[0], 10_000_000, &adapter).err().unwrap();
+    assert!(
+        many.to_string().starts_with("10000000 environments need"),
+        "{many}"
+    );
+}
+
 /// Groups of lanes, and one environment with its lines in the lanes, in both precisions.
 #[test]
 fn every_instruction_set_of_this_processor_gives_the_same_bits() {
