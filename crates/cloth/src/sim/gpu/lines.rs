@@ -20,7 +20,7 @@ pub(super) fn share(
 ) -> f32 {
     let per_growth = sheet.values[first];
     let growth = square * (inverse_rest * inverse_rest * per_growth) - per_growth;
-    let sine = growth.min(LARGEST_SINE).max(-LARGEST_SINE);
+    let sine = growth.clamp(-LARGEST_SINE, LARGEST_SINE);
     let mut sum = sheet.values[first + POWERS];
     #[unroll]
     for k in 1..POWERS {

@@ -96,9 +96,7 @@ fn is_slack(
         if other != NOTHING {
             let d = Vec3g::load(&cloth.position, vectors, n, other as usize).minus(x);
             let most = sheet.values[comptime!(press.slack + field / 2 * n) + v];
-            if !(d.dot(d).sqrt() <= most) {
-                slack = false;
-            }
+            slack = slack && d.dot(d).sqrt() <= most;
         }
     }
     slack

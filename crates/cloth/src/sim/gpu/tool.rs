@@ -20,7 +20,7 @@ fn along(
     #[comptime] nodes: u32,
 ) -> (u32, f32, f32) {
     let last = comptime!((nodes - 1) as f32);
-    let offset = x.max(-HORIZON).min(HORIZON) - origin;
+    let offset = x.clamp(-HORIZON, HORIZON) - origin;
     let u = (offset * per_metre).max(0.0f32).min(last);
     // The last cell goes up to its far node; whole numbers also bound what is no number.
     let cell = u32::cast_from(u.floor()).min(comptime!(nodes - 2).runtime());

@@ -62,7 +62,7 @@ fn pull(
         let min_warm = sheet.values[comptime!(plan.min_warm + field / 2 * plan.vertices) + v];
         let y = Vec3g::load(&cloth.predicted, 3 * environment * n, n, other as usize);
         let mut edge = y.minus(x);
-        if comptime!(field % 2 == 0) {
+        if comptime!(field.is_multiple_of(2)) {
             edge = x.minus(y);
         }
         force = edge.scale(density.max(min_warm));
