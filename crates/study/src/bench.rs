@@ -90,7 +90,8 @@ impl Study for Bench {
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         if let Backend::Gpu(number) = self.device {
-            return gpu::run(number, self.quick, context);
+            let scene = standard_scene(|share| (context.progress)(0.1 * share, "falling"));
+            return gpu::run(number, (&scene, CONTROL), self.quick, context);
         }
         // Turns of every variant, control steps of a turn, actions of a turn of the throughput.
         let (repeats, steps, actions) = if self.quick { (9, 2, 8) } else { (31, 6, 20) };
@@ -356,7 +357,7 @@ mod gpu {
     use super::*;
     use drape_cloth::sim::DeviceError;
 
-    pub fn run(_: usize, _: bool, _: &Context) -> Result<Report, StudyError> {
+    pub fn run(_: usize, _: (&Scene, Control), _: bool, _: &Context) -> Result<Report, StudyError> {
         Err(StudyError::Invalid(format!(
             "`--device`: {}",
             DeviceError::NotBuilt

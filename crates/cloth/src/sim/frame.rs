@@ -1,4 +1,4 @@
-use super::model::Model;
+use super::physics::PhysicsConfig;
 use super::stepping::Control;
 
 /// What is the same for all vertices in a substep.
@@ -17,15 +17,14 @@ pub(super) struct Frame {
 
 impl Frame {
     /// Of the substeps of a control step.
-    pub fn new(model: &Model, control: &Control) -> Self {
-        let physics = model.physics();
+    pub fn new(physics: &PhysicsConfig, friction: Option<[f64; 2]>, control: &Control) -> Self {
         let h = control.dt / control.substeps as f64;
         Self {
             h,
             fall: -h * h * physics.gravity,
             rate: 1.0 / h / (1.0 + h * physics.damping),
             speed_cap: physics.speed_cap,
-            friction: model.friction,
+            friction,
         }
     }
 }

@@ -60,7 +60,7 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
             range,
             storage,
         } = self;
-        let frame = Frame::new(model, control);
+        let frame = Frame::new(model.physics(), model.friction, control);
         let end = range.end;
         let warps_are_last = model.layers.is_none() && model.membranes.is_empty();
         refresh(tool, storage.cloth_mut());

@@ -1,14 +1,13 @@
 //! Cloth on a GPU beside all threads of the CPU.
 
-use std::sync::Arc;
 use std::time::Instant;
 
-use super::{CONTROL, PhysicsConfig, standard_scene};
 use crate::study::{Context, Report, StudyError};
 use crate::table::Table;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{
-    Adapter, Backend, Control, Cpu, DeviceError, Gpu, Model, Precision, Snapshot, Solver, World,
+    Adapter, Backend, Control, Cpu, DeviceError, Gpu, Model, PhysicsConfig, Precision, Snapshot,
+    Solver, World,
 };
 
 /// Environments that are stepped together.
@@ -37,18 +36,20 @@ struct Drift {
     off: [f64; 2],
 }
 
-/// Fills the tables `gpu` and `agreement`.
-pub fn run(number: usize, quick: bool, context: &Context) -> Result<Report, StudyError> {
+/// Fills the tables `gpu` and `agreement` in control steps like `frame`.
+pub fn run(
+    number: usize,
+    (scene, frame): (&Scene, Control),
+    quick: bool,
+    context: &Context,
+) -> Result<Report, StudyError> {
     let invalid = |error: DeviceError| StudyError::Invalid(format!("`--device`: {error}"));
     let adapter = Adapter::number(number).map_err(invalid)?;
-    let scene = Arc::new(standard_scene(|share| {
-        (context.progress)(0.1 * share, "falling");
-    }));
     let (mut rates, mut drifts) = (Vec::new(), Vec::new());
     for (k, solver) in Solver::ALL.into_iter().enumerate() {
         let world = World {
             start: scene.initial.clone(),
-            ..world(&scene, solver)
+            ..world(scene, solver)
         };
         for environments in COUNTS {
             (context.progress)(0.1 + 0.2 * k as f64, "environments");
@@ -57,19 +58,23 @@ pub fn run(number: usize, quick: bool, context: &Context) -> Result<Report, Stud
                 Err(DeviceError::TooMany { .. }) => break,
                 Err(error) => return Err(invalid(error)),
             };
-            let traffic = gpu.traffic(&CONTROL);
-            let on_gpu = rate(gpu, quick);
+            let traffic = gpu.traffic(&frame);
+            let on_gpu = rate(gpu, &frame, quick);
             let rate_of = |numbers: f64| 1e-9 * on_gpu * numbers;
             rates.push(Rate {
                 solver,
                 environments,
                 rates: [
                     on_gpu,
-                    rate(Cpu::new(&world, environments, Precision::F32), quick),
+                    rate(
+                        Cpu::new(&world, environments, Precision::F32),
+                        &frame,
+                        quick,
+                    ),
                 ],
                 moved: [traffic.bytes, traffic.operations].map(rate_of),
             });
-            let seconds = (environments * CONTROL.substeps) as f64 / on_gpu;
+            let seconds = (environments * frame.substeps) as f64 / on_gpu;
             if seconds > if quick { 0.1 * PATIENCE } else { PATIENCE } {
                 break;
             }
@@ -79,9 +84,9 @@ pub fn run(number: usize, quick: bool, context: &Context) -> Result<Report, Stud
             (context.progress)(0.5 + 0.25 * k as f64, "agreement");
             // As often refreshed as in the other table.
             let control = Control {
-                dt: CONTROL.dt * substeps as f64 / CONTROL.substeps as f64,
+                dt: frame.dt * substeps as f64 / frame.substeps as f64,
                 substeps,
-                ..CONTROL
+                ..frame
             };
             let single = after(Cpu::new(&world, 1, Precision::F32), &control);
             let double = after(Cpu::new(&world, 1, Precision::F64), &control);
@@ -119,10 +124,10 @@ fn world(scene: &Scene, solver: Solver) -> World {
 }
 
 /// Environments times substeps in a second, after a step that compiles and fills caches.
-fn rate(mut backend: impl Backend, quick: bool) -> f64 {
+fn rate(mut backend: impl Backend, frame: &Control, quick: bool) -> f64 {
     let mut step = || {
         let start = Instant::now();
-        backend.step(&CONTROL, &[]);
+        backend.step(frame, &[]);
         // Waits for the device.
         assert!(backend.finite().iter().all(|&finite| finite));
         start.elapsed().as_secs_f64()
@@ -130,7 +135,7 @@ fn rate(mut backend: impl Backend, quick: bool) -> f64 {
     step();
     let turns = if quick { 1 } else { 3 };
     let best = (0..turns).map(|_| step()).fold(f64::INFINITY, f64::min);
-    (backend.count() * CONTROL.substeps) as f64 / best
+    (backend.count() * frame.substeps) as f64 / best
 }
 
 fn after(mut backend: impl Backend, control: &Control) -> Snapshot {

@@ -227,7 +227,8 @@ impl Gpu {
 
     /// Moves all environments by a control step, under rollers if `pressed`.
     fn advance(&mut self, control: &Control, pressed: bool) {
-        let frame = Frame::new(&self.world.model, control);
+        let model = &self.world.model;
+        let frame = Frame::new(model.physics(), model.friction, control);
         let [stick, slide] = frame.friction.unwrap_or_default();
         let at_once = per_launch(&self.plan, control.sweeps, self.units as usize);
         for first in (0..control.substeps).step_by(at_once) {
