@@ -161,9 +161,12 @@ fn device_that_is_not_built_in_says_how_to_get_it() {
     let words = "device `gpu` is not in this build: rebuild with `--features gpu`";
     let output = refused(path, "device = \"gpu\"");
     assert_failure(&output, 2, &["config.toml: ", words]);
+    let words = "`env.device` is gpu, expected cpu: this build computes on no GPU";
+    let output = refused(path, "[env]\ndevice = \"gpu\"");
+    assert_failure(&output, 2, &["config.toml: ", words]);
     fs::write(path.join("config.toml"), CONFIG).unwrap();
     let output = drape(path, &["train", "config.toml", "--device", "gpu"]);
-    assert_failure(&output, 2, &[words]);
+    assert_failure(&output, 2, &["device `gpu` is not in this build"]);
     assert_eq!(names(path), ["config.toml"]);
 }
 

@@ -154,7 +154,8 @@ fn mistakes_are_located() {
             "c.toml:2:1: unknown field `acuracy`, expected one of `region_mm`, `crop`, \
              `objective`, `stencil_mm`, `drape_threshold_mm`, `drape_strain`, `press_s`, \
              `press_mpa`, `press_speed`, `settle_s`, `accuracy`, `substep_rate`, \
-             `contact_rate`, `max_steps`, `max_tension`, `max_depth_mm`, `precision`, `costs`",
+             `contact_rate`, `max_steps`, `max_tension`, `max_depth_mm`, `precision`, \
+             `device`, `costs`",
         ),
         (
             "[scene.tool]\n[scene.physics]\nself_collision = 3",
