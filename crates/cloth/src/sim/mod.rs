@@ -19,6 +19,7 @@ mod cpu;
 #[cfg(test)]
 mod dense;
 mod device;
+mod device_error;
 mod fold;
 mod frame;
 #[cfg(feature = "gpu")]
@@ -44,7 +45,8 @@ mod storage;
 
 pub use backend::{Backend, World};
 pub use cpu::{Cpu, Precision};
-pub use device::{Device, DeviceError};
+pub use device::Device;
+pub use device_error::DeviceError;
 #[cfg(feature = "gpu")]
 pub use gpu::{Adapter, AdapterKind, Gpu, Traffic};
 pub use model::Model;

@@ -2,7 +2,7 @@ use cubecl::Device;
 use cubecl::client::Client;
 use cubecl::device::{WgpuDevice, WgpuDeviceKind};
 
-use crate::sim::device::DeviceError;
+use crate::sim::device_error::DeviceError;
 
 /// A device that computes cloth: a GPU, or a processor that stands in for one.
 #[derive(Clone, Debug, PartialEq)]

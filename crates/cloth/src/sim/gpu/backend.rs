@@ -13,7 +13,7 @@ use super::substep::{advance, per_launch};
 use super::traffic::Traffic;
 use super::transfer::{carry, count_diverged, measure, packed};
 use crate::sim::backend::{Backend, World};
-use crate::sim::device::DeviceError;
+use crate::sim::device_error::DeviceError;
 use crate::sim::frame::Frame;
 use crate::sim::press::Press;
 use crate::sim::state::{Pressed, Snapshot};

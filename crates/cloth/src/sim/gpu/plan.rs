@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::super::backend::World;
-use super::super::device::DeviceError;
+use super::super::device_error::DeviceError;
 use super::super::law::{EdgeClass, Limit};
 use super::super::line::{Chain, Line};
 use super::super::lines::Lines;
