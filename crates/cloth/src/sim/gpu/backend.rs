@@ -56,6 +56,23 @@ impl Buffer {
     }
 }
 
+/// Launches a kernel over so many workgroups, with the cloth before its arguments and the plan after.
+macro_rules! launch {
+    ($gpu:expr, $groups:expr, $kernel:ident($($argument:expr),*)) => {
+        // SAFETY: the plan and the sizes of the buffers belong together.
+        unsafe {
+            $kernel::launch_unchecked(
+                &$gpu.client,
+                CubeCount::Static($groups as u32, 1, 1),
+                CubeDim::new_1d($gpu.units),
+                $gpu.cloth(),
+                $($argument,)*
+                $gpu.plan.clone(),
+            )
+        }
+    };
+}
+
 impl Gpu {
     /// `count` > 0 environments, each at its start.
     ///
@@ -144,11 +161,6 @@ impl Gpu {
         SheetBuffersLaunch::new(numbers, values, samples)
     }
 
-    /// A workgroup for each environment.
-    fn all(&self) -> CubeCount {
-        CubeCount::Static(self.count as u32, 1, 1)
-    }
-
     fn upload(&self, bytes: &[u8]) -> Buffer {
         Buffer {
             handle: self.client.create_from_slice(bytes),
@@ -209,20 +221,11 @@ impl Gpu {
     }
 
     fn carry(&self, environment: usize, state: &Buffer, back: bool) {
-        // SAFETY: the plan and the sizes of the buffers belong together.
-        unsafe {
-            carry::launch_unchecked(
-                &self.client,
-                CubeCount::Static(1, 1, 1),
-                CubeDim::new_1d(self.units),
-                self.cloth(),
-                self.marks.arg(),
-                state.arg(),
-                environment as u32,
-                self.plan.clone(),
-                back,
-            );
-        }
+        launch!(
+            self,
+            1,
+            carry(self.marks.arg(), state.arg(), environment as u32, back)
+        );
     }
 
     /// Moves all environments by a control step, under rollers if `pressed`.
@@ -232,13 +235,10 @@ impl Gpu {
         let [stick, slide] = frame.friction.unwrap_or_default();
         let at_once = per_launch(&self.plan, control.sweeps, self.units as usize);
         for first in (0..control.substeps).step_by(at_once) {
-            // SAFETY: as above.
-            unsafe {
-                advance::launch_unchecked(
-                    &self.client,
-                    self.all(),
-                    CubeDim::new_1d(self.units),
-                    self.cloth(),
+            launch!(
+                self,
+                self.count,
+                advance(
                     self.sheet(),
                     GpuFrameLaunch::new(
                         frame.h as f32,
@@ -253,10 +253,9 @@ impl Gpu {
                     control.substeps as u32,
                     control.contact_interval as u32,
                     control.sweeps as u32,
-                    self.plan.clone(),
-                    pressed,
-                );
-            }
+                    pressed
+                )
+            );
         }
     }
 
@@ -343,33 +342,17 @@ impl Backend for Gpu {
         let (_, stencil) = self.world.presses.clone().expect("a world with presses");
         let pressed: Vec<u32> = vertices.iter().map(|v| v.unwrap_or(NOTHING)).collect();
         let pressed = self.upload(u32::as_bytes(&pressed));
-        // SAFETY: as above.
-        unsafe {
-            lay_stencil::launch_unchecked(
-                &self.client,
-                self.all(),
-                CubeDim::new_1d(self.units),
-                self.cloth(),
-                self.sheet(),
-                self.marks.arg(),
-                pressed.arg(),
-                self.plan.clone(),
-            );
-        }
+        launch!(
+            self,
+            self.count,
+            lay_stencil(self.sheet(), self.marks.arg(), pressed.arg())
+        );
         self.advance(&stencil.press, true);
-        // SAFETY: as above.
-        unsafe {
-            drape::launch_unchecked(
-                &self.client,
-                self.all(),
-                CubeDim::new_1d(self.units),
-                self.cloth(),
-                self.sheet(),
-                self.marks.arg(),
-                pressed.arg(),
-                self.plan.clone(),
-            );
-        }
+        launch!(
+            self,
+            self.count,
+            drape(self.sheet(), self.marks.arg(), pressed.arg())
+        );
         if let Some(settle) = &stencil.settle {
             self.advance(settle, false);
         }
@@ -378,17 +361,7 @@ impl Backend for Gpu {
 
     fn finite(&self) -> Vec<bool> {
         let diverged = self.room(self.count * self.units as usize);
-        // SAFETY: as above.
-        unsafe {
-            count_diverged::launch_unchecked(
-                &self.client,
-                self.all(),
-                CubeDim::new_1d(self.units),
-                self.cloth(),
-                diverged.arg(),
-                self.plan.clone(),
-            );
-        }
+        launch!(self, self.count, count_diverged(diverged.arg()));
         let diverged = self.read_numbers(&diverged);
         let of = |counts: &[u32]| counts.iter().all(|&count| count == 0);
         diverged.chunks(self.units as usize).map(of).collect()
@@ -399,20 +372,16 @@ impl Backend for Gpu {
             return Vec::new();
         }
         let distances = self.room(self.count * vertices.len());
-        // SAFETY: as above.
-        unsafe {
-            measure::launch_unchecked(
-                &self.client,
-                self.all(),
-                CubeDim::new_1d(self.units),
-                self.cloth(),
+        launch!(
+            self,
+            self.count,
+            measure(
                 self.sheet(),
                 self.upload(u32::as_bytes(vertices)).arg(),
                 distances.arg(),
-                vertices.len() as u32,
-                self.plan.clone(),
-            );
-        }
+                vertices.len() as u32
+            )
+        );
         self.read_values(&distances)
             .into_iter()
             .map(f64::from)

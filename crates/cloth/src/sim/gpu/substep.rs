@@ -37,8 +37,8 @@ pub(super) fn advance(
     substeps: u32,
     interval: u32,
     sweeps: u32,
-    #[comptime] plan: Plan,
     #[comptime] pressed: bool,
+    #[comptime] plan: Plan,
 ) {
     let environment = CUBE_POS_X as usize;
     let unit = UNIT_POS_X as usize;

@@ -10,8 +10,6 @@ pub struct Traffic {
     pub bytes: f64,
     /// Additions, multiplications, divisions and roots, each as one.
     pub operations: f64,
-    /// Memory that it goes through [bytes]: what has to fit into a cache for it to help.
-    pub state: f64,
 }
 
 impl Traffic {
@@ -51,11 +49,9 @@ impl Traffic {
                 }
             }
         }
-        let state = 18 * plan.vertices + plan.slots + plan.scratch;
         Self {
             bytes: 4.0 * sum[0],
             operations: sum[1],
-            state: 4.0 * state as f64,
         }
     }
 }

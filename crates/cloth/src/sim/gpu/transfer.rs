@@ -22,8 +22,8 @@ pub(super) fn carry(
     marks: &mut [u32],
     state: &mut [f32],
     environment: u32,
-    #[comptime] plan: Plan,
     #[comptime] back: bool,
+    #[comptime] plan: Plan,
 ) {
     let n = comptime!(plan.vertices);
     let slots = comptime!(plan.slots);
