@@ -235,6 +235,8 @@ pub(super) struct Loaded {
     pub scene: Arc<Scene>,
     /// What episodes are played with: the run's own, unless that was changed.
     pub env: EnvConfig,
+    /// Cloth is computed on another device than in training.
+    is_elsewhere: bool,
     /// Nobody is told how far work is.
     json: bool,
 }
@@ -242,12 +244,10 @@ pub(super) struct Loaded {
 impl Loaded {
     /// Reads the configuration of a run and sets up its scene.
     pub fn open(run: &Path, device: Option<DeviceKind>, json: bool) -> Result<Self, Failure> {
-        let folder = RunFolder::open(run).or_invalid()?;
-        let mut config = RunConfig::read(&folder.config).or_invalid()?;
-        config.set_device(device);
+        let (folder, config) = Self::read(run)?;
         let place = folder.config.display().to_string();
         let scene = Arc::new(set_up(&config.scene, &place, json)?);
-        Ok(Self::with(folder, config, scene, json))
+        Ok(Self::with(folder, config, device, scene, json))
     }
 
     /// The same on the scene of a file instead of the run's own.
@@ -257,9 +257,7 @@ impl Loaded {
         device: Option<DeviceKind>,
         json: bool,
     ) -> Result<Self, Failure> {
-        let folder = RunFolder::open(run).or_invalid()?;
-        let mut config = RunConfig::read(&folder.config).or_invalid()?;
-        config.set_device(device);
+        let (folder, config) = Self::read(run)?;
         if !matches!(config.policy.network, NetworkConfig::Unet(_)) {
             let place = folder.config.display();
             return Err(Failure::invalid(anyhow!(
@@ -268,19 +266,35 @@ impl Loaded {
         }
         let mut env = config.env.clone();
         env.region_mm = region.or(env.region_mm);
+        env.device = device.map_or(env.device, DeviceKind::of_cloth);
         let other = SceneConfig::read(file).or_invalid()?;
         let place = file.display().to_string();
         let draping = set_up_member((&other, &env), 1, &place, json)?;
         let scene = draping.scene().clone();
         Ok(Self {
             env,
-            ..Self::with(folder, config, scene, json)
+            ..Self::with(folder, config, device, scene, json)
         })
     }
 
-    fn with(folder: RunFolder, config: RunConfig, scene: Arc<Scene>, json: bool) -> Self {
+    fn read(run: &Path) -> Result<(RunFolder, RunConfig), Failure> {
+        let folder = RunFolder::open(run).or_invalid()?;
+        let config = RunConfig::read(&folder.config).or_invalid()?;
+        Ok((folder, config))
+    }
+
+    fn with(
+        folder: RunFolder,
+        mut config: RunConfig,
+        device: Option<DeviceKind>,
+        scene: Arc<Scene>,
+        json: bool,
+    ) -> Self {
+        let trained_on = config.env.device;
+        config.set_device(device);
         Self {
             folder,
+            is_elsewhere: config.env.device != trained_on,
             env: config.env.clone(),
             config,
             scene,
@@ -301,8 +315,9 @@ impl Loaded {
         let (played, agent, place) = match checkpoint {
             None => {
                 let best = self.best_sequence()?;
-                // In other steps than it was found in the masks would differ too.
-                let rules = match self.env == self.config.env && self.config.polish == 0 {
+                // In other steps than it was found in, or rounded otherwise, the masks would differ too.
+                let is_same = self.env == self.config.env && !self.is_elsewhere;
+                let rules = match is_same && self.config.polish == 0 {
                     true => Rules::Episode,
                     false => Rules::Robot,
                 };

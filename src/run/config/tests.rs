@@ -98,6 +98,10 @@ fn text_without_keys_that_have_come_since_means_the_same() {
     let older = text.replace("evaluation_interval = 2\n", "");
     assert!(older != text && config.is_read_from(&older, here));
     assert!(!config.is_read_from(&text.replace("seed = 1", "seed = 2"), here));
+    let mut elsewhere = config.clone();
+    elsewhere.set_device(Some(DeviceKind::Gpu(1)));
+    assert!(elsewhere != config && elsewhere.is_read_from(&text, here));
+    assert_eq!(elsewhere.env.device.to_string(), "gpu:1");
 }
 
 #[test]
