@@ -608,7 +608,6 @@ fn gpu_names_what_it_lacks() {
         let (physics, (lamina, _)) = (world.model.physics(), world.presses.as_ref().unwrap());
         let lacks = [
             ("membranes", !lamina.membranes.is_empty()),
-            ("shear_locking", physics.shear_locking),
             ("dihedral", physics.bending == Bending::Dihedral),
             (
                 "self_collision",
@@ -629,7 +628,7 @@ fn gpu_names_what_it_lacks() {
         }
         computed += usize::from(lacks.is_empty());
     }
-    assert_eq!(computed, 7);
+    assert_eq!(computed, 9);
     let sharp = Tool::new(&ToolConfig {
         source: Source::Shape(Shape::Hemisphere(Hemisphere::default())),
         ..ToolConfig::default()

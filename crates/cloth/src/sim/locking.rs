@@ -65,6 +65,31 @@ pub(super) fn locking(lamina: &Lamina, physics: &PhysicsConfig) -> Option<Lockin
 }
 
 impl Locking {
+    /// All its numbers: where a diagonal is locked, as stretches and their squares, and the rest in
+    /// order, the fit last.
+    #[cfg(feature = "gpu")]
+    pub fn numbers(&self) -> [f64; POWERS + 9] {
+        let [low, high] = self.stretch;
+        let [a, b, c, d, e] = self.share;
+        let (least, per_growth, onset) = (self.least, self.per_growth, self.at_onset);
+        [
+            low,
+            high,
+            low * low,
+            high * high,
+            least,
+            self.sine,
+            self.per_sine,
+            onset,
+            per_growth,
+            a,
+            b,
+            c,
+            d,
+            e,
+        ]
+    }
+
     /// How far a sine is beyond locking, by its sign, and the compliance of that over the
     /// sine's at rest.
     #[inline(always)]

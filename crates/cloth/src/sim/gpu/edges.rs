@@ -5,7 +5,7 @@ use cubecl::prelude::*;
 
 use super::super::law::MIN_SQUARE;
 use super::cloth::{ClothBuffers, SheetBuffers};
-use super::lines::share;
+use super::lines::{excess, locked, share};
 use super::plan::{PassKind, PassPlan, Plan};
 use super::vector::Vec3g;
 
@@ -71,6 +71,14 @@ fn edge(
         let beyond = sheet.values[laws + 4 * count] * (gives + compliance) < c;
         compliance = select(beyond, sheet.values[laws + 5 * count], compliance);
         c -= select(beyond, sheet.values[laws + 6 * count], 0.0f32);
+    }
+    if comptime!(pass.kind == PassKind::LockingDiagonals) {
+        let first = comptime!(plan.locking.unwrap_or(0));
+        let (rest, inverse_rest) = (sheet.values[laws], sheet.values[laws + count]);
+        let is_idle = excess(sheet, square, inverse_rest, first) <= 0.0f32;
+        let (beyond, share) = locked(sheet, c * inverse_rest + 1.0f32, first);
+        compliance *= share;
+        c = select(is_idle, 0.0f32, beyond * rest);
     }
     let pull = d.scale(c / ((gives + compliance) * length).max(1e-28f32));
     xa.plus(pull.scale(wa))

@@ -5,7 +5,7 @@ use cubecl::prelude::*;
 
 use super::super::shear::{MAX_SINE, POWERS};
 use super::cloth::{ClothBuffers, SheetBuffers};
-use super::plan::{LinePlan, Plan};
+use super::plan::{Answer, LinePlan, Plan};
 use super::vector::Vec3g;
 
 const LARGEST_SINE: f32 = MAX_SINE as f32;
@@ -27,6 +27,77 @@ pub(super) fn share(
         sum = sum * sine + sheet.values[first + POWERS - k];
     }
     sum * sine + 1.0f32
+}
+
+/// How far beyond locking a diagonal is, over its length at rest, and the compliance of that over
+/// its own at rest; `stretch` is its length over that at rest. See [`super::super::locking`].
+#[cube]
+pub(super) fn locked(sheet: &SheetBuffers, stretch: f32, #[comptime] first: usize) -> (f32, f32) {
+    let low = sheet.values[first];
+    let high = sheet.values[first + 1];
+    let onset_sine = sheet.values[first + 5];
+    let beyond = (stretch - high).max(0.0f32) - (low - stretch).max(0.0f32);
+    let onset = select(beyond < 0.0f32, low, high);
+    let stretch = stretch.max(sheet.values[first + 4]);
+    let sine = (stretch * stretch - 1.0f32) * sheet.values[first + 8];
+    let size = sine.abs().min(LARGEST_SINE).max(onset_sine);
+    let part = (size - onset_sine) * sheet.values[first + 6];
+    let mut sum = sheet.values[first + 8 + POWERS];
+    #[unroll]
+    for k in 1..POWERS {
+        sum = sum * part + sheet.values[first + 8 + POWERS - k];
+    }
+    let share = (sum * part + 1.0f32) * sheet.values[first + 7];
+    (beyond, share * 2.0f32 / (stretch * (stretch + onset)))
+}
+
+/// More than 0 where a diagonal is locked, from the square of its length.
+#[cube]
+pub(super) fn excess(
+    sheet: &SheetBuffers,
+    square: f32,
+    inverse_rest: f32,
+    #[comptime] first: usize,
+) -> f32 {
+    let square = square * (inverse_rest * inverse_rest);
+    (square - sheet.values[first + 3]).max(0.0f32) + (sheet.values[first + 2] - square).max(0.0f32)
+}
+
+/// Pushes back the diagonals of a row that are locked, together.
+#[cube]
+pub(super) fn lock(
+    cloth: &mut ClothBuffers,
+    sheet: &SheetBuffers,
+    environment: usize,
+    line: usize,
+    #[comptime] plan: &Plan,
+    #[comptime] of: LinePlan,
+) {
+    let n = comptime!(plan.vertices);
+    let lines = comptime!(of.lines);
+    let places = comptime!(of.places) + line;
+    let size = sheet.numbers[comptime!(of.sizes) + line] as usize;
+    let inverse_rest = sheet.values[comptime!(of.laws) + lines + line];
+    let mut sum = 0.0f32;
+    for j in 0..size - 1 {
+        let v0 = sheet.numbers[places + j * lines] as usize;
+        let v1 = sheet.numbers[places + (j + 1) * lines] as usize;
+        let x0 = Vec3g::load(&cloth.position, 3 * environment * n, n, v0);
+        let d = Vec3g::load(&cloth.position, 3 * environment * n, n, v1).minus(x0);
+        sum += excess(
+            sheet,
+            d.dot(d),
+            inverse_rest,
+            comptime!(plan.locking.unwrap_or(0)),
+        );
+    }
+    if sum > 0.0f32 {
+        let of = comptime!(LinePlan {
+            answer: Answer::Locking,
+            ..of
+        });
+        stretch(cloth, sheet, environment, line, plan, of);
+    }
 }
 
 /// Solves the lengths of a line together and moves its vertices. A row of diagonals starts
@@ -71,7 +142,14 @@ pub(super) fn stretch(
         let length = square.sqrt();
         let mut residual = length - rest;
         let mut compliance = select(residual < 0.0f32, compression, tension);
-        if comptime!(of.is_cold) {
+        let mut is_free = false;
+        if comptime!(of.answer == Answer::Locking) {
+            let first = comptime!(plan.locking.unwrap_or(0));
+            let (beyond, share) = locked(sheet, length * inverse_rest, first);
+            is_free = excess(sheet, square, inverse_rest, first) <= 0.0f32;
+            compliance = select(beyond < 0.0f32, compression, tension) * share;
+            residual = select(is_free, 0.0f32, beyond * rest);
+        } else if comptime!(of.answer == Answer::Shear) {
             compliance *= share(sheet, square, inverse_rest, comptime!(plan.trellis));
         } else {
             let density = cloth.density[densities + j * lines];
@@ -87,7 +165,8 @@ pub(super) fn stretch(
         let coupling = w0 * previous.dot(d);
         let upper = coupling * previous_inverse;
         let diagonal = ((w0 + w1 + compliance) * square - coupling * upper).max(1e-28f32);
-        let inverse = 1.0f32 / diagonal;
+        // Without force where nothing is locked, as if the compliance were infinite.
+        let inverse = select(is_free, 0.0f32, 1.0f32 / diagonal);
         let right = (residual * length + coupling * previous_right) * inverse;
         if j > 0 {
             cloth.scratch[uppers + (j - 1) * lines] = upper;
@@ -115,7 +194,7 @@ pub(super) fn stretch(
         if far < size - 1 {
             change += cloth.scratch[uppers + j * lines] * change_after;
         }
-        if comptime!(!of.is_cold) {
+        if comptime!(of.answer == Answer::Length) {
             let density = cloth.density[densities + j * lines];
             cloth.density[densities + j * lines] = density.max(min_warm) + change;
         }

@@ -34,6 +34,8 @@ pub(super) struct Plan {
     pub min_warm: usize,
     /// Values: the law of the diagonals.
     pub trellis: usize,
+    /// Values: their locking.
+    pub locking: Option<usize>,
     /// Values: tack of each vertex.
     pub tack: Option<usize>,
     pub passes: Vec<PassPlan>,
@@ -65,8 +67,16 @@ pub(super) struct LinePlan {
     pub laws: usize,
     pub is_limited: bool,
     pub is_bent: bool,
-    /// Rows of diagonals.
-    pub is_cold: bool,
+    pub answer: Answer,
+}
+
+/// What the edges of a line answer to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Answer {
+    /// Length, with forces that last.
+    Length,
+    Shear,
+    Locking,
 }
 
 /// Constraints of one colour. Numbers, [end][constraint]: vertices. Values, [field][constraint]:
@@ -85,6 +95,7 @@ pub(super) enum PassKind {
     Edges,
     LimitedEdges,
     Diagonals,
+    LockingDiagonals,
     Triples,
 }
 
@@ -136,6 +147,7 @@ impl Tables {
                 beside: 0,
                 min_warm: 0,
                 trellis: 0,
+                locking: None,
                 tack: None,
                 passes: Vec::new(),
                 has_friction: model.friction.is_some(),
@@ -162,7 +174,7 @@ impl Tables {
             ));
         }
         if let Some(lines) = &model.lines {
-            tables.add_lines(lines)?;
+            tables.add_lines(lines);
         }
         for pass in &model.passes {
             tables.add_pass(pass)?;
@@ -190,19 +202,19 @@ impl Tables {
         first
     }
 
-    fn add_lines(&mut self, lines: &Lines) -> Result<(), DeviceError> {
-        if lines.locking.is_some() {
-            return Err(DeviceError::Missing("`physics.shear_locking`"));
-        }
+    fn add_lines(&mut self, lines: &Lines) {
         self.slots = vec![0; lines.edge_count];
         let of = [&lines.warps, &lines.wefts, &lines.diagonals];
         let [warps, wefts, diagonals] = of.map(|of| self.add_lines_of(of));
         let diagonals = LinePlan {
-            is_cold: true,
+            answer: Answer::Shear,
             ..diagonals
         };
         if let Some(trellis) = &lines.trellis {
             self.plan.trellis = self.add(trellis.numbers());
+        }
+        if let Some(locking) = &lines.locking {
+            self.plan.locking = Some(self.add(locking.numbers()));
         }
         let n = self.plan.vertices;
         let mut beside = vec![NOTHING; 8 * n];
@@ -225,7 +237,6 @@ impl Tables {
         self.plan.beside = self.add_numbers(beside);
         self.plan.min_warm = self.add(min_warm);
         self.plan.lines = Some([warps, wefts, diagonals]);
-        Ok(())
     }
 
     fn add_lines_of(&mut self, all: &[Line]) -> LinePlan {
@@ -266,7 +277,7 @@ impl Tables {
             laws: self.add(laws.concat()),
             is_limited: all.iter().any(|line| line.limit.is_some()),
             is_bent: all.iter().any(|line| line.bending != 0.0),
-            is_cold: false,
+            answer: Answer::Length,
         };
         if all.iter().any(|line| !line.edges.is_empty()) {
             self.plan.slots += lines * (longest - 1);
@@ -305,10 +316,12 @@ impl Tables {
             Pass::Hinges(_) => {
                 return Err(DeviceError::Missing("`physics.bending = \"dihedral\"`"));
             }
-            Pass::LockingDiagonals(..) | Pass::LockingMembrane(..) => {
-                return Err(DeviceError::Missing("`physics.shear_locking`"));
+            Pass::LockingDiagonals(class, locking) => {
+                self.plan.locking = Some(self.add(locking.numbers()));
+                let ends = by_end(&class.vertices);
+                (PassKind::LockingDiagonals, ends, edge_laws(class))
             }
-            Pass::Membrane(_) => {
+            Pass::Membrane(_) | Pass::LockingMembrane(..) => {
                 return Err(DeviceError::Missing(
                     "membranes: a blank whose outline or yarn angle cuts cells",
                 ));

@@ -5,7 +5,7 @@ use cubecl::prelude::*;
 
 use super::cloth::{ClothBuffers, GpuFrame, SheetBuffers};
 use super::edges::project;
-use super::lines::{bend, stretch};
+use super::lines::{bend, lock, stretch};
 use super::plan::Plan;
 use super::vertices::{conclude, fall, give_way, grip, push, refresh};
 
@@ -17,8 +17,8 @@ const MOST_LOOPS: usize = 30_000;
 pub(super) fn per_launch(plan: &Plan, sweeps: usize, units: usize) -> usize {
     let mut loops = 1 + (4 + sweeps) * plan.vertices.div_ceil(units);
     for line in plan.lines.iter().flatten() {
-        // Forwards and backwards, for lengths and for bending.
-        loops += line.lines.div_ceil(units) * (sweeps + 1) * (1 + 2 * line.longest);
+        // Forwards and backwards, for lengths and for bending or locking, which looks first.
+        loops += line.lines.div_ceil(units) * (sweeps + 1) * (1 + 3 * line.longest);
     }
     let passes = plan.passes.iter();
     loops += passes.map(|pass| pass.count.div_ceil(units)).sum::<usize>();
@@ -121,6 +121,9 @@ fn along_lines(
     if comptime!(diagonals.lines > 0) {
         for line in range_stepped(unit, comptime!(diagonals.lines), units) {
             stretch(cloth, sheet, environment, line, plan, diagonals);
+            if comptime!(plan.locking.is_some()) {
+                lock(cloth, sheet, environment, line, plan, diagonals);
+            }
         }
         sync_storage();
     }

@@ -42,7 +42,7 @@ impl Traffic {
                     let (words, operations) = match kind {
                         PassKind::Edges => (19.0, 33.0),
                         PassKind::LimitedEdges => (22.0, 36.0),
-                        PassKind::Diagonals => (20.0, 50.0),
+                        PassKind::Diagonals | PassKind::LockingDiagonals => (20.0, 50.0),
                         PassKind::Triples => (25.0, 37.0),
                     };
                     add(*count as f64, words, operations);
