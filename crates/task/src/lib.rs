@@ -4,6 +4,7 @@
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
 #![allow(rustdoc::broken_intra_doc_links)]
 
+pub mod cluster;
 pub mod env;
 pub mod path;
 pub mod search;

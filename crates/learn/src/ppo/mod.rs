@@ -14,6 +14,7 @@ mod imitation;
 mod loss;
 mod rollout;
 mod sections;
+mod shared;
 #[cfg(test)]
 mod tests;
 mod trainer;

@@ -3,6 +3,7 @@ use super::gae::Next;
 use super::imitation::{Memory, Move};
 use crate::policy::masked;
 use drape_cloth::math::Stream;
+use drape_task::cluster::Cluster;
 use drape_task::env::{End, Episode, Observation, StepOutcome, Tasks};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -64,9 +65,10 @@ pub struct Rollout {
 }
 
 /// Plays `step_count` steps of every task, drawing the actions of a task from its own stream,
-/// and notes them in `memory`. Rewards are multiplied by the task's factor.
+/// and notes them in `memory`. Rewards are multiplied by the task's factor. Each process of the cluster
+/// asks the network about its part of the tasks.
 pub fn collect<T: Tasks>(
-    agent: &Agent,
+    (agent, cluster): (&Agent, &Cluster),
     tasks: &mut T,
     streams: &mut [Stream],
     mut memory: Option<&mut Memory>,
@@ -79,14 +81,22 @@ pub fn collect<T: Tasks>(
     let mut simulation = 0.0;
     for _ in 0..step_count {
         let seen = observations(tasks);
-        let (log_probs, values) = agent.evaluate(&seen.iter().collect::<Vec<_>>());
+        let drawn: Vec<_> = streams.iter_mut().map(Stream::uniform).collect();
+        let choices = cluster.split(seen.len(), |own| {
+            let (log_probs, values) = agent.evaluate(&seen[own.clone()].iter().collect::<Vec<_>>());
+            let rows = log_probs.chunks_exact(pixel_count).zip(values);
+            let choose = |(i, (row, value)): (usize, (&[f32], f32))| {
+                let action = masked::draw(row, &seen[i].mask, drawn[i]);
+                (action, row[action as usize], value)
+            };
+            own.zip(rows).map(choose).collect()
+        });
         let mut actions = Vec::with_capacity(seen.len());
-        for (i, row) in log_probs.chunks_exact(pixel_count).enumerate() {
-            let action = masked::draw(row, &seen[i].mask, streams[i].uniform());
-            rollout.log_probs.push(row[action as usize]);
+        for (action, log_prob, value) in choices {
             actions.push(action);
+            rollout.log_probs.push(log_prob);
+            rollout.values.push(value);
         }
-        rollout.values.extend(values);
 
         let before = Instant::now();
         let outcomes = tasks.step(&actions);
@@ -122,7 +132,9 @@ pub fn collect<T: Tasks>(
         rollout.actions.extend(actions);
     }
     let seen = observations(tasks);
-    rollout.last_values = agent.value(&seen.iter().collect::<Vec<_>>());
+    rollout.last_values = cluster.split(seen.len(), |own| {
+        agent.value(&seen[own].iter().collect::<Vec<_>>())
+    });
     rollout.seconds = Seconds {
         simulation,
         inference: start.elapsed().as_secs_f64() - simulation,

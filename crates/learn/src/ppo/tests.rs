@@ -4,6 +4,7 @@ use super::rollout::collect;
 use super::*;
 use crate::policy::{DeviceKind, NetworkConfig, PolicyConfig, UnetConfig};
 use drape_cloth::math::{Purpose, Stream};
+use drape_task::cluster::{Cluster, threads};
 use drape_task::env::{End, Episode, ImageShape, Observation, StepOutcome, Tasks, Terrain};
 use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
@@ -281,7 +282,7 @@ fn rollout_notes_ends_scaled_rewards_and_the_values_behind_truncations() {
         let mut tasks = Order::new(1);
         tasks.end = end;
         let streams = &mut [Stream::new(5, Purpose::Actions, 0)];
-        let rollout = collect(&agent, &mut tasks, streams, None, 6, &[0.5]);
+        let rollout = collect((&agent, &Cluster::default()), &mut tasks, streams, None, 6, &[0.5]);
         let (mut last, _) = Order::start();
         for action in ORDER.map(|a| a as usize) {
             last.mask.remove(action);

@@ -4,10 +4,12 @@ use super::config::{ImitationConfig, PpoConfig};
 use super::error::TrainError;
 use super::imitation::{Memory, Move};
 use super::rollout::{EpisodeRecord, Seconds, collect, observations};
+use super::shared;
 use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
-use super::update::{UpdateMetrics, imitate, update};
+use super::update::{Learner, UpdateMetrics, imitate, update};
 use crate::policy::{ActorCritic, DeviceKind, PolicyConfig};
 use drape_cloth::math::{Purpose, Stream};
+use drape_task::cluster::Cluster;
 use drape_task::env::Tasks;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -15,6 +17,7 @@ use std::time::Instant;
 /// A training: tasks, a network that plays them, and all that learning needs.
 pub struct Trainer<T: Tasks> {
     config: PpoConfig,
+    cluster: Cluster,
     tasks: T,
     actor_critic: ActorCritic,
     adam: Adam,
@@ -75,9 +78,22 @@ impl<T: Tasks> Trainer<T> {
                 update: [0, 1].map(|k| Stream::new(seed, Purpose::Shuffle, k)),
             },
             config,
+            cluster: Cluster::default(),
             tasks,
             actor_critic,
         })
+    }
+
+    /// The same training, computed by all processes of a cluster together: each has made it with the same
+    /// arguments and calls the same functions of it.
+    ///
+    /// # Errors
+    /// A process would have no part in a minibatch.
+    pub fn among(mut self, cluster: &Cluster) -> Result<Self, TrainError> {
+        let samples = self.tasks.count() * self.config.rollout_steps;
+        shared::check(&self.config, cluster, samples).map_err(TrainError::Ppo)?;
+        self.cluster = cluster.clone();
+        Ok(self)
     }
 
     /// Lets every task play one episode of `choose`, which is given the tasks and the number of one
@@ -122,8 +138,13 @@ impl<T: Tasks> Trainer<T> {
             if moves.is_empty() {
                 break;
             }
-            let (actor_critic, adam) = (&mut self.actor_critic, &mut self.adam);
-            let loss = imitate(&self.config, actor_critic, adam, &moves);
+            let learner = Learner {
+                config: &self.config,
+                cluster: &self.cluster,
+                actor_critic: &mut self.actor_critic,
+                adam: &mut self.adam,
+            };
+            let loss = imitate(learner, &moves);
             let loss = loss.map_err(|source| TrainError::NotFinite {
                 iteration: 0,
                 source,
@@ -148,7 +169,7 @@ impl<T: Tasks> Trainer<T> {
         };
         let reward_factors: Vec<f32> = (0..self.tasks.count()).map(factor).collect();
         let rollout = collect(
-            &Agent::of(&self.actor_critic),
+            (&Agent::of(&self.actor_critic), &self.cluster),
             &mut self.tasks,
             &mut progress.actions,
             self.memory.as_mut(),
@@ -160,9 +181,12 @@ impl<T: Tasks> Trainer<T> {
 
         let start = Instant::now();
         let metrics = update(
-            &self.config,
-            &mut self.actor_critic,
-            &mut self.adam,
+            Learner {
+                config: &self.config,
+                cluster: &self.cluster,
+                actor_critic: &mut self.actor_critic,
+                adam: &mut self.adam,
+            },
             &rollout,
             self.memory.as_ref(),
             &mut progress.update,

@@ -5,12 +5,15 @@ use super::gae::{Next, gae};
 use super::imitation::{Memory, Move};
 use super::loss;
 use super::rollout::Rollout;
+use super::shared;
 use crate::policy::{ActorCritic, masked};
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use drape_cloth::math::Stream;
+use drape_task::cluster::Cluster;
 use drape_task::env::Observation;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// What an update did: means over its minibatches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -30,19 +33,26 @@ pub struct UpdateMetrics {
     pub explained_variance: f32,
 }
 
-/// Improves `actor_critic` on `rollout` for some epochs and says how it went.
+/// What an update changes, and by what rules. Each process of the cluster takes its part of every minibatch.
+pub struct Learner<'a> {
+    pub config: &'a PpoConfig,
+    pub cluster: &'a Cluster,
+    pub actor_critic: &'a mut ActorCritic,
+    pub adam: &'a mut Adam,
+}
+
+/// Improves the learner on `rollout` for some epochs and says how it went.
 ///
 /// Each epoch takes every sample once, in a new random order, in minibatches of nearly equal
 /// size. Stops at the first loss or gradient that is not finite, before it does harm. Of the random
 /// streams the first orders the samples, the second chooses among the moves to be imitated.
 pub fn update(
-    config: &PpoConfig,
-    actor_critic: &mut ActorCritic,
-    adam: &mut Adam,
+    mut learner: Learner,
     rollout: &Rollout,
     memory: Option<&Memory>,
     [shuffle, imitation]: &mut [Stream; 2],
 ) -> Result<UpdateMetrics, NotFinite> {
+    let config = learner.config;
     let (rewards, values) = (&rollout.rewards, &rollout.values);
     let (next, last_values) = (&rollout.next, &rollout.last_values);
     let (gamma, lambda) = (config.gamma, config.gae_lambda);
@@ -67,8 +77,8 @@ pub fn update(
                 _ => Vec::new(),
             };
             let minibatch = Minibatch::new(config, rollout, &advantages, &returns, indices);
-            let terms = evaluate(config, actor_critic, &minibatch, &imitated);
-            let found = descend(config, actor_critic, adam, terms)?;
+            let terms = evaluate(&learner, minibatch, &imitated);
+            let found = descend(&mut learner, terms)?;
             sum = std::array::from_fn(|k| sum[k] + found[k]);
         }
     }
@@ -116,21 +126,23 @@ fn group_advantages(rollout: &Rollout) -> Vec<f32> {
 
 /// Takes a step towards moves that are to be imitated, and nothing else. Gives the cross-entropy before it
 /// [nat].
-pub fn imitate(
-    config: &PpoConfig,
-    actor_critic: &mut ActorCritic,
-    adam: &mut Adam,
-    moves: &[&Move],
-) -> Result<f32, NotFinite> {
+pub fn imitate(mut learner: Learner, moves: &[&Move]) -> Result<f32, NotFinite> {
+    let actor_critic = &*learner.actor_critic;
     let device = actor_critic.device();
+    let own = learner.cluster.share(moves.len());
+    let share = own.len() as f32 / moves.len() as f32;
+    let moves = &moves[own];
     let seen: Vec<&Observation> = moves.iter().map(|m| &m.observation).collect();
     let logits = actor_critic.predict(&seen).logits;
     let log_probs = masked::log_softmax(logits, actor_critic.invalid(&seen));
     let actions = int_tensor(moves.iter().map(|m| m.action), &device);
     let loss = -masked::log_prob(log_probs, actions).mean();
-    let none = Tensor::zeros([3], &device);
-    let found = descend(config, actor_critic, adam, (loss.clone(), vec![none, loss]))?;
-    Ok(found[3])
+    let terms = Terms {
+        total: loss.clone() * share,
+        parts: vec![Tensor::zeros([3], &device), loss],
+        shares: [0.0, share],
+    };
+    Ok(descend(&mut learner, terms)?[3])
 }
 
 /// Samples of one gradient step, on the host.
@@ -163,19 +175,44 @@ impl<'a> Minibatch<'a> {
             returns: pick(returns),
         }
     }
+
+    /// Some of the samples, as many as `own`.
+    fn part(mut self, own: Range<usize>) -> Self {
+        let cut = |numbers: Vec<f32>| numbers[own.clone()].to_vec();
+        self.observations = self.observations[own.clone()].to_vec();
+        self.actions = self.actions[own.clone()].to_vec();
+        self.log_probs = cut(self.log_probs);
+        self.advantages = cut(self.advantages);
+        self.returns = cut(self.returns);
+        self
+    }
 }
 
-/// The loss, and its parts: policy loss, value loss, entropy, imitation loss, KL, clip fraction.
-type Terms = (Tensor<1>, Vec<Tensor<1>>);
+/// The loss of the samples that fall to this process.
+struct Terms {
+    /// To be summed over all processes.
+    total: Tensor<1>,
+    /// Means over its own samples: policy loss, value loss, entropy, imitation loss, KL, clip fraction.
+    parts: Vec<Tensor<1>>,
+    /// Its share of the minibatch and of the moves to be imitated.
+    shares: [f32; 2],
+}
 
 /// The loss of a minibatch and of some moves to be imitated:
 /// c₁ policy + c₂ value - c₃ entropy + c₄ imitation.
-fn evaluate(
-    config: &PpoConfig,
-    actor_critic: &ActorCritic,
-    minibatch: &Minibatch,
-    imitated: &[&Move],
-) -> Terms {
+fn evaluate(learner: &Learner, minibatch: Minibatch, imitated: &[&Move]) -> Terms {
+    let Learner {
+        config, cluster, ..
+    } = learner;
+    let actor_critic = &*learner.actor_critic;
+    let [samples, moves] = [minibatch.actions.len(), imitated.len()];
+    let minibatch = minibatch.part(cluster.share(samples));
+    let imitated = &imitated[cluster.share(moves)];
+    let share = |own: usize, all: usize| own as f32 / all.max(1) as f32;
+    let shares = [
+        share(minibatch.actions.len(), samples),
+        share(imitated.len(), moves),
+    ];
     let device = actor_critic.device();
     let (own, others) = (minibatch.actions.len(), imitated.len());
     // One pass through the network for both kinds of samples.
@@ -199,34 +236,41 @@ fn evaluate(
     let value = loss::value_loss(prediction.value.narrow(0, 0, own), returns);
     let entropy = masked::entropy(log_probs.narrow(0, 0, own), invalid.narrow(0, 0, own));
     let entropy = (entropy * weight).mean();
-    let mut total = policy.clone() * config.policy_coefficient
-        + value.clone() * config.value_coefficient
-        - entropy.clone() * config.entropy_coefficient;
+    let mut total = policy.clone() * (config.policy_coefficient * shares[0])
+        + value.clone() * (config.value_coefficient * shares[0])
+        - entropy.clone() * (config.entropy_coefficient * shares[0]);
     let imitation = match &config.imitation {
         Some(imitation) if others > 0 => {
             let cross_entropy = -log_prob.narrow(0, own, others).mean();
-            total = total + cross_entropy.clone() * imitation.coefficient;
+            total = total + cross_entropy.clone() * (imitation.coefficient * shares[1]);
             cross_entropy
         }
         _ => Tensor::zeros([1], &device),
     };
     let kl = loss::approx_kl(new.clone(), old.clone());
     let clipped = loss::clip_fraction(new, old, config.clip_range);
-    let parts = vec![policy, value, entropy, imitation, kl, clipped];
-    (total, parts)
+    Terms {
+        total,
+        parts: vec![policy, value, entropy, imitation, kl, clipped],
+        shares,
+    }
 }
 
-/// Takes one step against the gradient of the loss, limited to the largest norm allowed. Gives
-/// the terms and the norm.
-fn descend(
-    config: &PpoConfig,
-    actor_critic: &mut ActorCritic,
-    adam: &mut Adam,
-    (total, parts): Terms,
-) -> Result<[f32; 7], NotFinite> {
+/// Takes one step against the gradient of the loss of all processes, limited to the largest norm allowed.
+/// Gives its terms and the norm.
+fn descend(learner: &mut Learner, terms: Terms) -> Result<[f32; 7], NotFinite> {
+    let Learner {
+        config, cluster, ..
+    } = learner;
     // All terms in one transfer.
-    let parts = Tensor::cat(parts, 0).into_data();
-    let parts: Vec<f32> = parts.try_into_vec().expect("terms are f32");
+    let parts = Tensor::cat(terms.parts, 0).into_data();
+    let mut parts: Vec<f32> = parts.try_into_vec().expect("terms are f32");
+    for (k, part) in parts.iter_mut().enumerate() {
+        *part *= terms.shares[usize::from(k == 3)];
+    }
+    let network = &learner.actor_critic.network;
+    let mut gradients = GradientsParams::from_grads(terms.total.backward(), network);
+    shared::sum(cluster, network, &mut gradients, &mut parts);
     let finite = |quantity, number: f32| match number.is_finite() {
         true => Ok(()),
         false => Err(NotFinite { quantity }),
@@ -235,8 +279,6 @@ fn descend(
     for (quantity, &number) in losses.into_iter().zip(&parts) {
         finite(quantity, number)?;
     }
-    let network = &actor_critic.network;
-    let gradients = GradientsParams::from_grads(total.backward(), network);
     let norm = global_norm(network, &gradients);
     finite("gradient norm", norm)?;
     let scale = match config.max_grad_norm {
@@ -244,7 +286,9 @@ fn descend(
         _ => 1.0,
     };
     let network = network.clone();
-    actor_critic.network = adam.step(network, gradients, scale.into(), config.learning_rate);
+    let adam = &mut *learner.adam;
+    learner.actor_critic.network =
+        adam.step(network, gradients, scale.into(), config.learning_rate);
     Ok(std::array::from_fn(|k| *parts.get(k).unwrap_or(&norm)))
 }
 

@@ -10,6 +10,7 @@ use super::reward::{Reward, Taken};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
 use super::terrain::Terrain;
+use crate::cluster::{Cluster, Shared};
 use crate::path::PressedPoint;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::Vec3;
@@ -40,10 +41,21 @@ pub struct Draping {
 impl Draping {
     /// `count` environments on `scene`, each at its start.
     pub fn new(scene: Arc<Scene>, config: &EnvConfig, count: usize) -> Result<Self, ValueError> {
+        Self::shared(scene, config, count, &Cluster::default())
+    }
+
+    /// The same, simulated by the processes of a cluster together.
+    pub fn shared(
+        scene: Arc<Scene>,
+        config: &EnvConfig,
+        count: usize,
+        cluster: &Cluster,
+    ) -> Result<Self, ValueError> {
         check_memory(count, scene.lamina.vertex_count())?;
         let task = Task::new(scene, config)?;
+        let start = &task.world.start.pressed;
         Ok(Self {
-            cloth: task.cloth(count)?,
+            cloth: Shared::open(cluster, count, start, |count| task.cloth(count))?,
             slots: vec![task.start.clone(); count],
             task,
         })
@@ -185,11 +197,12 @@ impl Draping {
 
     /// Scores of all environments as they are now, see [`Draping::score`].
     pub fn scores(&self) -> Vec<f64> {
-        let all = (0..self.count()).into_par_iter();
-        all.map(|index| {
+        let states: Vec<Snapshot> = (0..self.count()).map(|index| self.state(index)).collect();
+        let all = states.par_iter().enumerate();
+        all.map(|(index, state)| {
             let actions = self.slots[index].actions.iter();
             let vertices = actions.filter_map(|&action| self.vertex(action));
-            self.score(&vertices.collect::<Vec<_>>(), &self.state(index))
+            self.score(&vertices.collect::<Vec<_>>(), state)
         })
         .collect()
     }
