@@ -5,4 +5,5 @@
 #![allow(rustdoc::broken_intra_doc_links)]
 
 pub mod cli;
+mod cluster;
 pub mod run;

@@ -6,6 +6,7 @@ use std::time::SystemTime;
 use drape::run::{
     RolloutError, RunConfig, RunFolder, RunInfo, Training, play, random_episodes, read_metrics,
 };
+use drape_task::cluster::Cluster;
 use drape_task::env::End;
 
 use drape_cloth::scene::{Scene, SceneConfig};
@@ -44,7 +45,7 @@ fn training_counts_diverged_episodes_and_goes_on() {
     let folder =
         RunFolder::create(root.path(), Some("a"), (&config.to_toml(), &[]), &info).unwrap();
     let metrics = folder.metrics.clone();
-    let mut training = Training::new(config, vec![lost()], folder).unwrap();
+    let mut training = Training::new(config, vec![lost()], folder, &Cluster::default()).unwrap();
     for _ in 0..2 {
         let report = training.advance().unwrap();
         // Every step of every environment ends an episode.

@@ -17,6 +17,7 @@ use drape_cloth::fabric::Drape;
 use drape_cloth::mesh::read_mesh;
 use drape_cloth::scene::Scene;
 use drape_study::compare::{Criteria, Surveyed, compare};
+use drape_task::cluster::Cluster;
 use drape_task::path::{PressedPoint, read_json, strokes, write_json};
 
 /// Memory is counted for the whole process: one at a time.
@@ -76,7 +77,13 @@ fn begun(name: &str) -> (RunConfig, Arc<Scene>, RunFolder) {
     let info = RunInfo::new(1, SystemTime::now());
     let run = RunFolder::create(&root, Some(name), (&config.to_toml(), &[]), &info).unwrap();
     let scene = Arc::new(Scene::new(&config.scene, |_| ()).unwrap());
-    let mut training = Training::new(config.clone(), vec![scene.clone()], run.clone()).unwrap();
+    let mut training = Training::new(
+        config.clone(),
+        vec![scene.clone()],
+        run.clone(),
+        &Cluster::default(),
+    )
+    .unwrap();
     training.prepare(|_, _| true).unwrap();
     training.advance().unwrap();
     training.checkpoint().unwrap();
@@ -104,7 +111,12 @@ fn checkpoints() {
         bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
         fs::write(&run.last_checkpoint, bytes).unwrap();
         fs::write(&run.metrics, &metrics).unwrap();
-        let resumed = Training::resume(config.clone(), vec![scene.clone()], run.clone());
+        let resumed = Training::resume(
+            config.clone(),
+            vec![scene.clone()],
+            run.clone(),
+            &Cluster::default(),
+        );
         resumed
             .and_then(|mut training| training.advance())
             .map(drop)
@@ -122,7 +134,12 @@ fn metrics() {
         let lines = read_metrics(path).map_err(line)?;
         assert!(curve(&lines, "score").len() <= lines.len());
         fs::copy(path, &run.metrics).unwrap();
-        let resumed = Training::resume(config.clone(), vec![scene.clone()], run.clone());
+        let resumed = Training::resume(
+            config.clone(),
+            vec![scene.clone()],
+            run.clone(),
+            &Cluster::default(),
+        );
         resumed.map(drop).map_err(line)
     });
 }

@@ -55,7 +55,12 @@ impl Failure {
     pub fn report(&self) -> ExitCode {
         // Without stderr there is nobody left to tell.
         let _ = writeln!(io::stderr(), "error: {}", self.line());
-        ExitCode::from(if self.is_input { 2 } else { 1 })
+        ExitCode::from(self.code())
+    }
+
+    /// The exit code.
+    pub fn code(&self) -> u8 {
+        if self.is_input { 2 } else { 1 }
     }
 
     /// Whether the user can mend it.

@@ -12,6 +12,7 @@ use super::output::{Progress, percent, print, print_json};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
+use crate::cluster::Session;
 use crate::run::{Preparation, RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
@@ -100,24 +101,40 @@ struct Outcome {
 
 /// Runs `drape train`.
 pub fn run(args: TrainArgs) -> Result<(), Failure> {
-    let mut training = begin(&args)?;
+    let session = Session::start()?;
+    let result = train(args, &session);
+    session.end(result)
+}
+
+fn train(args: TrainArgs, session: &Session) -> Result<(), Failure> {
+    let cluster = &session.cluster;
+    let quiet = args.json || !cluster.is_first();
+    let mut training = begin(&args, session)?;
     let stop = stop_on_signal()?;
-    let baseline = result::baseline(&training, args.json)?;
+    // All processes stop together, so all ask.
+    let stop = || cluster.any(stop.load(Ordering::Relaxed));
+    let baseline = match cluster.is_first() {
+        true => Some(result::baseline(&training, args.json)?),
+        false => None,
+    };
+    let random = baseline
+        .as_ref()
+        .map_or(0.0, |baseline| baseline.mean_score);
 
-    prepare(&mut training, &stop, args.json)?;
+    prepare(&mut training, &stop, quiet)?;
 
-    let progress = Progress::of_steps(training.env_steps(), training.config.steps, args.json);
+    let progress = Progress::of_steps(training.env_steps(), training.config.steps, quiet);
     let start = Instant::now();
     let first = training.env_steps();
     let mut seconds = [0.0; 3];
     let mut diverged_episodes = 0;
-    while !training.is_complete() && !stop.load(Ordering::Relaxed) {
+    while !training.is_complete() && !stop() {
         let report = training.advance().map_err(Failure::of_run)?;
         let brought = format!(
             "score: mean {}, best {} (random {:.2} %)",
             percent(report.mean_score),
             percent(report.best_score),
-            100.0 * baseline.mean_score,
+            100.0 * random,
         );
         progress.step(training.env_steps(), brought);
         let ends = report.iteration.episodes.iter().map(|episode| episode.end);
@@ -132,11 +149,14 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
     training.checkpoint().map_err(Failure::of_run)?;
     drop(progress);
     let elapsed = start.elapsed().as_secs_f64();
-    if training.is_complete() && training.config.polish > 0 && !stop.load(Ordering::Relaxed) {
-        polish(&mut training, &stop, args.json)?;
+    if training.is_complete() && training.config.polish > 0 && !stop() {
+        polish(&mut training, &stop, quiet)?;
     }
     // Who has asked to stop need not wait for a proof: resuming makes it.
-    let complete = training.is_complete() && !stop.load(Ordering::Relaxed);
+    let complete = training.is_complete() && !stop();
+    let Some(baseline) = baseline else {
+        return Ok(());
+    };
     let proof = match complete {
         true => finish(&training, &baseline, args.json)?,
         false => Vec::new(),
@@ -163,43 +183,52 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
 }
 
 /// A new run, or the one to be resumed.
-fn begin(args: &TrainArgs) -> Result<Training, Failure> {
+fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
+    let cluster = &session.cluster;
+    let quiet = args.json || !cluster.is_first();
     if let Some(path) = &args.resume {
         let folder = RunFolder::open(path).or_invalid()?;
         folder.check_trained().map_err(Failure::of_run)?;
         let mut config = RunConfig::read(&folder.config).or_invalid()?;
         config.set_device(args.device);
+        config.shift_device(session.local_rank);
         let place = folder.config.display().to_string();
         config.device.open().or_invalid_in(&place)?;
-        let scene = Arc::new(set_up_over_tool(&config.scene, &place, args.json)?);
-        let scenes = set_up_scenes(&config, scene, &place, args.json)?;
-        return Training::resume(config, scenes, folder).map_err(Failure::of_run);
+        let scene = Arc::new(set_up_over_tool(&config.scene, &place, quiet)?);
+        let scenes = set_up_scenes(&config, scene, &place, quiet)?;
+        return Training::resume(config, scenes, folder, cluster).map_err(Failure::of_run);
     }
     let (mut config, place) = read_config(args.config.as_deref())?;
     config.seed = args.seed.unwrap_or(config.seed);
     config.steps = args.steps.unwrap_or(config.steps);
     config.polish = args.polish.unwrap_or(config.polish);
     config.set_device(args.device);
+    config.shift_device(session.local_rank);
     if let Some(accuracy) = args.accuracy {
         config.env.set_accuracy(accuracy);
     }
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
-    let (scene, kept) = set_up_run(&config, &place, args.json)?;
-    let scenes = set_up_scenes(&config, scene, &place, args.json)?;
+    let (scene, kept) = set_up_run(&config, &place, quiet)?;
+    let scenes = set_up_scenes(&config, scene, &place, quiet)?;
 
     let info = RunInfo::new(config.seed, SystemTime::now());
     let kept = (&*kept.0, &*kept.1);
-    let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info);
-    let folder = folder.map_err(Failure::of_run)?;
-    if !args.json {
+    let create = || RunFolder::create(&args.runs, args.name.as_deref(), kept, &info);
+    let made = cluster.is_first().then(create).transpose();
+    let made = made.map_err(Failure::of_run)?;
+    // The first has made it, where all can see it.
+    let path = cluster.gather(made.map(|folder| folder.path));
+    let path = path.into_iter().flatten().next();
+    let folder = RunFolder::open(&path.expect("the first has made it"))?;
+    if !quiet {
         eprintln!("writing {}", folder.path.display());
     }
-    Training::new(config, scenes, folder).map_err(Failure::of_run)
+    Training::new(config, scenes, folder, cluster).map_err(Failure::of_run)
 }
 
 /// What comes before the first rollout.
-fn prepare(training: &mut Training, stop: &AtomicBool, json: bool) -> Result<(), Failure> {
+fn prepare(training: &mut Training, stop: &dyn Fn() -> bool, json: bool) -> Result<(), Failure> {
     let mut bar = ("", None);
     let prepared = training.prepare(|doing, share| {
         let (title, told) = match doing {
@@ -211,13 +240,13 @@ fn prepare(training: &mut Training, stop: &AtomicBool, json: bool) -> Result<(),
         }
         let progress = bar.1.as_ref().expect("it has been started");
         progress.tell(share, &format!("{title}, {told}"));
-        !stop.load(Ordering::Relaxed)
+        !stop()
     });
     prepared.map_err(Failure::of_run)
 }
 
 /// Searches on from the best paths of a training that is complete.
-fn polish(training: &mut Training, stop: &AtomicBool, json: bool) -> Result<(), Failure> {
+fn polish(training: &mut Training, stop: &dyn Fn() -> bool, json: bool) -> Result<(), Failure> {
     let steps = training.config.polish;
     if !json {
         eprintln!("polishing the best paths");
@@ -225,7 +254,7 @@ fn polish(training: &mut Training, stop: &AtomicBool, json: bool) -> Result<(), 
     let progress = Progress::of_steps(0, steps, json);
     let polished = training.polish(|spent, best| {
         progress.step(spent, format!("score: best {}", percent(best)));
-        !stop.load(Ordering::Relaxed)
+        !stop()
     });
     polished.map_err(Failure::of_run)
 }

@@ -114,6 +114,16 @@ impl RunConfig {
         }
     }
 
+    /// Where networks and cloth are on GPUs: on those that are `further` on.
+    pub fn shift_device(&mut self, further: usize) {
+        if let DeviceKind::Gpu(number) = &mut self.device {
+            *number += further;
+        }
+        if let drape_cloth::sim::Device::Gpu(number) = &mut self.env.device {
+            *number += further;
+        }
+    }
+
     /// The defaults of a preset, on the built-in scene.
     pub fn preset(preset: TrainingPreset) -> Self {
         let (paper, compact) = (EnvConfig::paper(), EnvConfig::compact());

@@ -18,6 +18,7 @@ use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{EpisodeRecord, Iteration, Sampling, Trainer, decode, encode, read_section};
 use drape_study::proof::finely;
+use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, End, Episode, Family, Observation, Reward, Tasks};
 use drape_task::search::{Annealing, Arena, CrossEntropy, Order, anneal, choose, cross_entropy};
 
@@ -41,9 +42,10 @@ pub struct Training {
     /// So many tasks, the first, are on the run's own scene.
     own_tasks: usize,
     memory: Memory,
-    metrics: Log,
-    events: Log,
-    _lock: RunLock,
+    cluster: Cluster,
+    /// Metrics and events; only the first process of a cluster writes.
+    logs: Option<[Log; 2]>,
+    _lock: Option<RunLock>,
 }
 
 /// What a run remembers beside its learner.
@@ -86,22 +88,32 @@ pub enum Preparation {
 }
 
 impl Training {
-    /// A new training in a new run folder.
-    pub fn new(config: RunConfig, scenes: Scenes, folder: RunFolder) -> Result<Self> {
-        let lock = folder.lock()?;
-        Self::begin(config, scenes, (folder, lock), Reward::default())
+    /// A new training in a new run folder. All processes of the cluster make it and call the same functions of
+    /// it; the first writes.
+    pub fn new(
+        config: RunConfig,
+        scenes: Scenes,
+        folder: RunFolder,
+        cluster: &Cluster,
+    ) -> Result<Self> {
+        let lock = cluster.is_first().then(|| folder.lock()).transpose()?;
+        Self::begin(config, scenes, (folder, lock, cluster), Reward::default())
     }
 
     fn begin(
         config: RunConfig,
         scenes: Scenes,
-        (folder, lock): (RunFolder, RunLock),
+        (folder, lock, cluster): (RunFolder, Option<RunLock>, &Cluster),
         reward: Reward,
     ) -> Result<Self> {
-        let (trainer, evaluation) = learner(&config, scenes, reward)?;
+        let (trainer, evaluation) = learner(&config, scenes, reward, cluster)?;
+        let logs = || -> Result<_> {
+            let events = create_events(&folder.events, wall_time());
+            Ok([Log::create(&folder.metrics)?, events?])
+        };
         let mut training = Self {
-            metrics: Log::create(&folder.metrics)?,
-            events: create_events(&folder.events, wall_time())?,
+            logs: cluster.is_first().then(logs).transpose()?,
+            cluster: cluster.clone(),
             config_text: folder.config_text()?,
             own_tasks: config.members()?[0].environments,
             config,
@@ -119,23 +131,32 @@ impl Training {
     /// The training in `folder` as its last checkpoint left it. Metrics that were written
     /// after that checkpoint are cut off: their steps are taken again. A run that was killed before
     /// its first checkpoint begins anew.
-    pub fn resume(config: RunConfig, scenes: Scenes, folder: RunFolder) -> Result<Self> {
-        let lock = folder.lock()?;
+    pub fn resume(
+        config: RunConfig,
+        scenes: Scenes,
+        folder: RunFolder,
+        cluster: &Cluster,
+    ) -> Result<Self> {
+        let lock = cluster.is_first().then(|| folder.lock()).transpose()?;
         let path = folder.last_checkpoint.clone();
         // The first checkpoint comes before the first line.
         let has_begun = path.exists() || fs::metadata(&folder.metrics).is_ok_and(|m| m.len() > 0);
-        if !has_begun {
-            for log in [&folder.metrics, &folder.events] {
-                let _ = fs::remove_file(log);
+        // All have looked before the first writes.
+        if !cluster.any(has_begun) {
+            if cluster.is_first() {
+                for log in [&folder.metrics, &folder.events] {
+                    let _ = fs::remove_file(log);
+                }
             }
-            return Self::begin(config, scenes, (folder, lock), Reward::default());
+            return Self::begin(config, scenes, (folder, lock, cluster), Reward::default());
         }
         let name = || path.display().to_string();
         let Checkpoint { sections, .. } = Checkpoint::of_run(&path, &config, &folder)?;
-        let (mut trainer, evaluation) = learner(&config, scenes, Reward::default())?;
+        let (mut trainer, evaluation) = learner(&config, scenes, Reward::default(), cluster)?;
         trainer.load(&sections).with_context(name)?;
         let memory: Memory = read_section(&sections, RUN, decode).with_context(name)?;
-        let (metrics, events) = reopen_logs(&folder, memory.lines)?;
+        let logs = || reopen_logs(&folder, memory.lines);
+        let logs = cluster.is_first().then(logs).transpose()?;
         Ok(Self {
             own_tasks: config.members()?[0].environments,
             config,
@@ -144,8 +165,8 @@ impl Training {
             trainer,
             evaluation,
             memory,
-            metrics,
-            events,
+            cluster: cluster.clone(),
+            logs,
             _lock: lock,
         })
     }
@@ -232,7 +253,7 @@ impl Training {
         for (number, member) in tasks.members().iter().enumerate() {
             let (scene, count) = (member.scene().clone(), member.count());
             let steps = all * count as u64 / tasks.count() as u64;
-            let mut draping = Draping::new(scene, member.config(), count)?;
+            let mut draping = Draping::shared(scene, member.config(), count, &self.cluster)?;
             let mut best = Best::default();
             let mut watch = |spent: u64, ended: &[Episode]| {
                 let whole = ended.iter().filter(|e| e.end == End::Terminated);
@@ -291,7 +312,8 @@ impl Training {
     pub fn polish(&mut self, mut go_on: impl FnMut(u64, Option<f64>) -> bool) -> Result<()> {
         let config = &self.config;
         let fine = finely(&config.env);
-        let mut draping = Draping::new(self.scene().clone(), &fine, config.environments)?.costly();
+        let (scene, count) = (self.scene().clone(), config.environments);
+        let mut draping = Draping::shared(scene, &fine, count, &self.cluster)?.costly();
         let agent = self.trainer.agent();
         let mut policy = |seen: &[&Observation]| agent.log_probs(seen);
         let evaluation = &self.evaluation;
@@ -318,14 +340,30 @@ impl Training {
 
     /// Writes everything needed to go on exactly from here.
     pub fn checkpoint(&mut self) -> Result<()> {
-        self.metrics.sync()?;
-        self.events.sync()?;
+        for log in self.logs.iter().flatten() {
+            log.sync()?;
+        }
         self.save(&self.folder.last_checkpoint)
     }
 
     fn save(&self, path: &Path) -> Result<()> {
         let mut sections = self.trainer.save();
         sections.insert(RUN.into(), encode(&self.memory));
+        let digest = sections.values().fold(0, |digest, section| {
+            let mut hasher = crc32fast::Hasher::new_with_initial(digest);
+            hasher.update(section);
+            hasher.finalize()
+        });
+        let digests = self.cluster.gather(digest);
+        if let Some(other) = digests.iter().position(|found| *found != digests[0]) {
+            bail!(
+                "process {other} has come to another state than process 0, expected the same: start all with \
+                 the same build, arguments and kind of processor"
+            );
+        }
+        if !self.cluster.is_first() {
+            return Ok(());
+        }
         let config = self.config_text.clone();
         let checkpoint = Checkpoint { config, sections };
         Ok(checkpoint.save(path)?)
@@ -370,6 +408,9 @@ impl Training {
     }
 
     fn write_best(&self) -> Result<()> {
+        if !self.cluster.is_first() {
+            return Ok(());
+        }
         let digest = config_digest(&self.config_text);
         let sequence = self.memory.best.sequence(&self.evaluation, digest);
         sequence.map_or(Ok(()), |best| self.folder.write_best_sequence(&best))
@@ -415,10 +456,13 @@ impl Training {
         ];
         values.extend(optional.iter().filter_map(|&(name, v)| Some((name, v?))));
         self.memory.lines += 1;
+        let Some([metrics, events]) = &mut self.logs else {
+            return Ok(());
+        };
         let line = metrics_line(iteration.env_steps, &values);
-        self.metrics.append(line.as_bytes())?;
+        metrics.append(line.as_bytes())?;
         let record = scalar_record(wall_time, iteration.env_steps, &values);
-        self.events.append(&record)
+        events.append(&record)
     }
 }
 
@@ -440,17 +484,18 @@ fn learner(
     config: &RunConfig,
     scenes: Scenes,
     reward: Reward,
+    cluster: &Cluster,
 ) -> Result<(Trainer<Family>, Draping)> {
-    let evaluation = Draping::new(scenes[0].clone(), &config.env, 1)?;
+    let evaluation = Draping::shared(scenes[0].clone(), &config.env, 1, cluster)?;
     let members = config.members()?.into_iter().zip(scenes);
     let members = members.map(|(member, scene)| {
-        let tasks = Draping::new(scene, &member.env, member.environments)?;
+        let tasks = Draping::shared(scene, &member.env, member.environments, cluster)?;
         Ok(tasks.with_reward(reward.clone()))
     });
     let tasks = Family::new(members.collect::<Result<_, ValueError>>()?)?;
     let (ppo, policy) = (config.ppo.clone(), &config.policy);
     let trainer = Trainer::new(ppo, policy, tasks, config.seed, config.device)?;
-    Ok((trainer, evaluation))
+    Ok((trainer.among(cluster)?, evaluation))
 }
 
 /// Seconds since 1970; 0 for clocks set before that.
@@ -460,7 +505,7 @@ fn wall_time() -> f64 {
 }
 
 /// Cuts the metrics back to their first `lines` and writes the events anew from them.
-fn reopen_logs(folder: &RunFolder, lines: u64) -> Result<(Log, Log)> {
+fn reopen_logs(folder: &RunFolder, lines: u64) -> Result<[Log; 2]> {
     let path = &folder.metrics;
     let kept = read_lines(path, lines as usize)?;
     let found = kept.len();
@@ -479,7 +524,7 @@ fn reopen_logs(folder: &RunFolder, lines: u64) -> Result<(Log, Log)> {
         let record = scalar_record(wall_time.unwrap_or_default(), line.step, &values);
         events.append(&record)?;
     }
-    Ok((metrics, events))
+    Ok([metrics, events])
 }
 
 #[cfg(test)]

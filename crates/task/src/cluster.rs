@@ -143,7 +143,8 @@ mod tests {
         for size in [1, 2, 3, 4] {
             for count in [0, 1, 2, 7, 64] {
                 let found = on(size, |cluster| {
-                    let squares = |own: Range<usize>| own.map(|k| (cluster.rank(), k * k)).collect();
+                    let squares =
+                        |own: Range<usize>| own.map(|k| (cluster.rank(), k * k)).collect();
                     cluster.split(count, squares)
                 });
                 assert!(found.iter().all(|one| *one == found[0]));
@@ -170,7 +171,9 @@ mod tests {
 
     #[test]
     fn one_says_stop_for_all() {
-        let found = on(4, |cluster| [cluster.any(cluster.rank() == 2), cluster.any(false)]);
+        let found = on(4, |cluster| {
+            [cluster.any(cluster.rank() == 2), cluster.any(false)]
+        });
         assert_eq!(found, vec![[true, false]; 4]);
         assert!(!Cluster::default().any(false));
     }

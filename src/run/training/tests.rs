@@ -29,7 +29,13 @@ fn begun(reward: Reward, change: impl Fn(&mut RunConfig)) -> (Training, tempfile
         RunFolder::create(root.path(), Some("a"), (&config.to_toml(), &[]), &info).unwrap();
     let lock = folder.lock().unwrap();
     (
-        Training::begin(config, scenes, (folder, lock), reward).unwrap(),
+        Training::begin(
+            config,
+            scenes,
+            (folder, Some(lock), &Cluster::default()),
+            reward,
+        )
+        .unwrap(),
         root,
     )
 }

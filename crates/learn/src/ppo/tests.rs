@@ -282,7 +282,14 @@ fn rollout_notes_ends_scaled_rewards_and_the_values_behind_truncations() {
         let mut tasks = Order::new(1);
         tasks.end = end;
         let streams = &mut [Stream::new(5, Purpose::Actions, 0)];
-        let rollout = collect((&agent, &Cluster::default()), &mut tasks, streams, None, 6, &[0.5]);
+        let rollout = collect(
+            (&agent, &Cluster::default()),
+            &mut tasks,
+            streams,
+            None,
+            6,
+            &[0.5],
+        );
         let (mut last, _) = Order::start();
         for action in ORDER.map(|a| a as usize) {
             last.mask.remove(action);
@@ -481,4 +488,63 @@ fn drawn_actions_repeat_and_obey_the_mask() {
     assert!(actions.iter().all(|a| ORDER.contains(a)));
     // Nearly uniform at first: fifty draws show all six.
     assert!(ORDER.iter().all(|a| actions.contains(a)));
+}
+
+/// Processes hold the same bits, the same ones every time, and learn what one does by itself within the order
+/// of sums: also where minibatches do not divide evenly.
+#[test]
+fn processes_learn_what_one_does() {
+    let learn = |size: usize| -> Vec<(Sections, Vec<Iteration>)> {
+        std::thread::scope(|scope| {
+            let all: Vec<_> = threads(size)
+                .into_iter()
+                .map(|one| {
+                    scope.spawn(move || {
+                        let mut trainer =
+                            trainer(everything(), 3).among(&Cluster::new(one)).unwrap();
+                        trainer.show(|tasks, task| {
+                            tasks.states[task].0.mask.minimum().unwrap() as u32
+                        });
+                        trainer.pretrain(|_, _| true).unwrap();
+                        let iterations = (0..3).map(|_| timeless(trainer.iterate().unwrap()));
+                        let iterations = iterations.collect();
+                        (trainer.save(), iterations)
+                    })
+                })
+                .collect();
+            all.into_iter().map(|one| one.join().unwrap()).collect()
+        })
+    };
+    let alone = learn(1).swap_remove(0).1;
+    for size in [2, 3] {
+        let found = learn(size);
+        assert!(found.iter().all(|one| *one == found[0]), "{size}");
+        assert!(learn(size) == found, "{size}");
+        for (one, several) in alone.iter().zip(&found[0].1) {
+            assert_eq!(one.episodes, several.episodes);
+            let [one, several] = [one, several].map(|i| i.metrics);
+            let [a, b] = [one.gradient_norm, several.gradient_norm];
+            assert!((a - b).abs() < 1e-3 * a, "{size}: {a} {b}");
+            let [a, b] = [one.entropy, several.entropy];
+            assert!((a - b).abs() < 1e-4, "{size}: {a} {b}");
+            let [a, b] = [one.imitation_loss, several.imitation_loss];
+            assert!((a - b).abs() < 1e-3, "{size}: {a} {b}");
+        }
+    }
+}
+
+#[test]
+fn too_many_processes_for_a_minibatch_are_refused() {
+    let config = PpoConfig {
+        minibatch_size: 2,
+        ..ppo()
+    };
+    let one = threads(3).pop().unwrap();
+    let refused = trainer(config, 0).among(&Cluster::new(one));
+    let error = refused.map(drop).unwrap_err();
+    let TrainError::Ppo(error) = error else {
+        panic!("{error}")
+    };
+    let expected = "`minibatch_size` is 2, expected at least 3, one sample a process";
+    assert_eq!(error.to_string(), expected);
 }

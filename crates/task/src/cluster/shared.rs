@@ -86,7 +86,9 @@ impl Backend for Shared {
     }
 
     fn step(&mut self, control: &Control, presses: &[Press]) {
-        let own = presses.iter().filter(|p| self.range.contains(&p.environment));
+        let own = presses
+            .iter()
+            .filter(|p| self.range.contains(&p.environment));
         let own = own.map(|press| Press {
             environment: press.environment - self.range.start,
             ..press.clone()

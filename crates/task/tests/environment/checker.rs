@@ -11,7 +11,7 @@ use fixedbitset::FixedBitSet;
 use super::*;
 
 /// Plays `count` environments until each has ended an episode, and checks every step.
-fn check(scene: &Arc<Scene>, config: &EnvConfig, count: usize, seed: u64) {
+pub fn check(scene: &Arc<Scene>, config: &EnvConfig, count: usize, seed: u64) {
     let mut env = Draping::new(scene.clone(), config, count).unwrap();
     let mut player = Player::new(seed, count);
     let mut ended = vec![0; count];

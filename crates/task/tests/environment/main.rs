@@ -2,9 +2,12 @@
 
 mod branch;
 mod checker;
+mod cluster;
 mod costs;
 mod ends;
 mod family;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod replay;
 mod rest;
 mod stencil;
