@@ -168,7 +168,12 @@ fn what_is_wrong_is_said_and_ends_all() {
         assert!(stderr.contains(expected), "{stderr}");
         assert_eq!(output.status.code(), Some(code), "{stderr}");
     };
-    fails(2, &["train", "none.toml"], "error: none.toml", 2);
+    fails(
+        2,
+        &["train", "none.toml"],
+        "error: cannot read none.toml",
+        2,
+    );
     let few = CONFIG.replace(
         "rollout_steps = 20",
         "rollout_steps = 20, minibatch_size = 1",
