@@ -179,6 +179,6 @@ fn what_is_wrong_is_said_and_ends_all() {
         "rollout_steps = 20, minibatch_size = 1",
     );
     fs::write(folder.join("few.toml"), few).unwrap();
-    let expected = "ppo: `minibatch_size` is 1, expected at least 2, one sample a process";
+    let expected = "`ppo.minibatch_size` is 1, expected at least 2, one sample a process";
     fails(2, &["train", "few.toml"], expected, 2);
 }

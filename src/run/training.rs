@@ -16,7 +16,9 @@ use super::metrics::{metrics_line, read_lines};
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
-use drape_learn::ppo::{EpisodeRecord, Iteration, Sampling, Trainer, decode, encode, read_section};
+use drape_learn::ppo::{
+    EpisodeRecord, Iteration, Sampling, TrainError, Trainer, decode, encode, read_section,
+};
 use drape_study::proof::finely;
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, End, Episode, Family, Observation, Reward, Tasks};
@@ -495,7 +497,11 @@ fn learner(
     let tasks = Family::new(members.collect::<Result<_, ValueError>>()?)?;
     let (ppo, policy) = (config.ppo.clone(), &config.policy);
     let trainer = Trainer::new(ppo, policy, tasks, config.seed, config.device)?;
-    Ok((trainer.among(cluster)?, evaluation))
+    let trainer = trainer.among(cluster).map_err(|error| match error {
+        TrainError::Ppo(error) => anyhow::Error::new(error.within("ppo")),
+        other => other.into(),
+    })?;
+    Ok((trainer, evaluation))
 }
 
 /// Seconds since 1970; 0 for clocks set before that.
