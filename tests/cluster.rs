@@ -61,13 +61,7 @@ fn train(folder: &Path, size: usize, name: &str, more: &[&str]) -> Vec<u8> {
 }
 
 fn checkpoint(folder: &Path, name: &str) -> Vec<u8> {
-    fs::read(
-        folder
-            .join("runs")
-            .join(name)
-            .join("checkpoints/last.drape"),
-    )
-    .unwrap()
+    fs::read(folder.join(format!("runs/{name}/checkpoints/last.drape"))).unwrap()
 }
 
 /// All that an iteration is told by, but for the time it took.
@@ -150,8 +144,12 @@ fn one_that_is_killed_ends_all_and_any_number_goes_on() {
         wait("nothing goes on");
         assert!(one.try_wait().unwrap().is_none(), "resuming fails");
     }
-    one.kill().unwrap();
-    one.wait().unwrap();
+    // It stops them all, which a killed one would not.
+    let one_id = one.id().to_string();
+    assert!(Command::new("kill").arg(one_id).status().unwrap().success());
+    while one.try_wait().unwrap().is_none() {
+        wait("a request to stop stops nothing");
+    }
 }
 
 fn metrics_length(folder: &Path) -> u64 {
@@ -181,4 +179,5 @@ fn what_is_wrong_is_said_and_ends_all() {
     fs::write(folder.join("few.toml"), few).unwrap();
     let expected = "`ppo.minibatch_size` is 1, expected at least 2, one sample a process";
     fails(2, &["train", "few.toml"], expected, 2);
+    assert!(!folder.join("runs").exists());
 }

@@ -193,6 +193,9 @@ fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
         config.set_device(args.device);
         config.shift_device(session.local_rank);
         let place = folder.config.display().to_string();
+        config
+            .check_processes(cluster.size())
+            .or_invalid_in(&place)?;
         config.device.open().or_invalid_in(&place)?;
         let scene = Arc::new(set_up_over_tool(&config.scene, &place, quiet)?);
         let scenes = set_up_scenes(&config, scene, &place, quiet)?;
@@ -204,6 +207,9 @@ fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
     config.polish = args.polish.unwrap_or(config.polish);
     config.set_device(args.device);
     config.shift_device(session.local_rank);
+    config
+        .check_processes(cluster.size())
+        .or_invalid_in(&place)?;
     if let Some(accuracy) = args.accuracy {
         config.env.set_accuracy(accuracy);
     }

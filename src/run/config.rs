@@ -114,6 +114,14 @@ impl RunConfig {
         }
     }
 
+    /// Refuses so many processes that one would have no part in a minibatch.
+    pub fn check_processes(&self, processes: usize) -> Result<(), ValueError> {
+        let members = self.members()?;
+        let tasks = members.iter().map(|member| member.environments);
+        let checked = self.ppo.check_processes(processes, tasks.sum());
+        checked.map_err(|error| error.within("ppo"))
+    }
+
     /// Where networks and cloth are on GPUs: on those that are `further` on.
     pub fn shift_device(&mut self, further: usize) {
         if let DeviceKind::Gpu(number) = &mut self.device {

@@ -16,9 +16,7 @@ use super::metrics::{metrics_line, read_lines};
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
-use drape_learn::ppo::{
-    EpisodeRecord, Iteration, Sampling, TrainError, Trainer, decode, encode, read_section,
-};
+use drape_learn::ppo::{EpisodeRecord, Iteration, Sampling, Trainer, decode, encode, read_section};
 use drape_study::proof::finely;
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, End, Episode, Family, Observation, Reward, Tasks};
@@ -351,12 +349,9 @@ impl Training {
     fn save(&self, path: &Path) -> Result<()> {
         let mut sections = self.trainer.save();
         sections.insert(RUN.into(), encode(&self.memory));
-        let digest = sections.values().fold(0, |digest, section| {
-            let mut hasher = crc32fast::Hasher::new_with_initial(digest);
-            hasher.update(section);
-            hasher.finalize()
-        });
-        let digests = self.cluster.gather(digest);
+        let mut digest = crc32fast::Hasher::new();
+        sections.values().for_each(|section| digest.update(section));
+        let digests = self.cluster.gather(digest.finalize());
         if let Some(other) = digests.iter().position(|found| *found != digests[0]) {
             bail!(
                 "process {other} has come to another state than process 0, expected the same: start all with \
@@ -497,11 +492,7 @@ fn learner(
     let tasks = Family::new(members.collect::<Result<_, ValueError>>()?)?;
     let (ppo, policy) = (config.ppo.clone(), &config.policy);
     let trainer = Trainer::new(ppo, policy, tasks, config.seed, config.device)?;
-    let trainer = trainer.among(cluster).map_err(|error| match error {
-        TrainError::Ppo(error) => anyhow::Error::new(error.within("ppo")),
-        other => other.into(),
-    })?;
-    Ok((trainer, evaluation))
+    Ok((trainer.among(cluster)?, evaluation))
 }
 
 /// Seconds since 1970; 0 for clocks set before that.

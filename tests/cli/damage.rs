@@ -153,6 +153,20 @@ fn options_that_cannot_be_are_refused() {
     assert_failure(&drape(path, &args), 1, &["cannot create file: "]);
 }
 
+#[cfg(not(feature = "cluster"))]
+#[test]
+fn one_of_several_processes_says_what_to_build() {
+    let folder = folder();
+    for name in ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS"] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_drape"));
+        command.arg("train").env(name, "4").current_dir(&folder);
+        let words =
+            "started as one of 4 processes, expected one: rebuild with `--features cluster`";
+        assert_failure(&command.output().unwrap(), 2, &[words]);
+    }
+    assert!(!folder.path().join("runs").exists());
+}
+
 #[cfg(not(feature = "gpu"))]
 #[test]
 fn device_that_is_not_built_in_says_how_to_get_it() {

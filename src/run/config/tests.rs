@@ -102,6 +102,9 @@ fn text_without_keys_that_have_come_since_means_the_same() {
     elsewhere.set_device(Some(DeviceKind::Gpu(1)));
     assert!(elsewhere != config && elsewhere.is_read_from(&text, here));
     assert_eq!(elsewhere.env.device.to_string(), "gpu:1");
+    elsewhere.shift_device(2);
+    assert_eq!(elsewhere.device, DeviceKind::Gpu(3));
+    assert_eq!(elsewhere.env.device.to_string(), "gpu:3");
 }
 
 #[test]

@@ -126,6 +126,19 @@ impl PpoConfig {
         }
     }
 
+    /// Refuses so many processes that one would have no part in a minibatch of rollouts of `tasks`.
+    pub fn check_processes(&self, processes: usize, tasks: usize) -> Result<(), ValueError> {
+        let samples = tasks * self.rollout_steps;
+        let least = samples / samples.div_ceil(self.minibatch_size);
+        let imitated = self.imitation.as_ref();
+        let imitated = imitated.map(|imitation| ("imitation.samples", imitation.samples));
+        for (key, found) in [("minibatch_size", least)].into_iter().chain(imitated) {
+            let expected = format!("at least {processes}, one sample a process");
+            ValueError::unless(found >= processes, key, found, expected)?;
+        }
+        Ok(())
+    }
+
     /// Checks every value against its range.
     pub fn validate(&self) -> Result<(), ValueError> {
         // In single precision neither 0 nor infinite.

@@ -7,9 +7,9 @@ pub enum TrainError {
     #[error(transparent)]
     Device(#[from] DeviceError),
     #[error("policy")]
-    Policy(ValueError),
+    Policy(#[source] ValueError),
     #[error("ppo")]
-    Ppo(ValueError),
+    Ppo(#[source] ValueError),
     /// The update stopped before the step that would have done harm.
     #[error("iteration {iteration} failed: lower the learning rate or limit the gradient norm")]
     NotFinite { iteration: u64, source: NotFinite },

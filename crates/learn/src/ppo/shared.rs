@@ -3,22 +3,7 @@
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Tensor, TensorData};
-use drape_cloth::file::ValueError;
 use drape_task::cluster::Cluster;
-
-use super::config::PpoConfig;
-
-/// Refuses a cluster in which a process would have no part of a minibatch of a rollout of `samples`.
-pub fn check(config: &PpoConfig, cluster: &Cluster, samples: usize) -> Result<(), ValueError> {
-    let least = samples / samples.div_ceil(config.minibatch_size);
-    let imitated = config.imitation.as_ref();
-    let imitated = imitated.map(|imitation| ("imitation.samples", imitation.samples));
-    for (key, found) in [("minibatch_size", least)].into_iter().chain(imitated) {
-        let expected = format!("at least {}, one sample a process", cluster.size());
-        ValueError::unless(found >= cluster.size(), key, found, expected)?;
-    }
-    Ok(())
-}
 
 /// Sums `numbers` and the gradients of `module` over all processes: to the same bits in each of them.
 pub fn sum<M: Module>(

@@ -5,7 +5,6 @@ use super::error::TrainError;
 use super::imitation::{Memory, Move};
 use super::rollout::{EpisodeRecord, Seconds, collect, observations};
 use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
-use super::shared;
 use super::update::{Learner, UpdateMetrics, imitate, update};
 use crate::policy::{ActorCritic, DeviceKind, PolicyConfig};
 use drape_cloth::math::{Purpose, Stream};
@@ -90,8 +89,10 @@ impl<T: Tasks> Trainer<T> {
     /// # Errors
     /// A process would have no part in a minibatch.
     pub fn among(mut self, cluster: &Cluster) -> Result<Self, TrainError> {
-        let samples = self.tasks.count() * self.config.rollout_steps;
-        shared::check(&self.config, cluster, samples).map_err(TrainError::Ppo)?;
+        let checked = self
+            .config
+            .check_processes(cluster.size(), self.tasks.count());
+        checked.map_err(TrainError::Ppo)?;
         self.cluster = cluster.clone();
         Ok(self)
     }
