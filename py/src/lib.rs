@@ -188,7 +188,7 @@ impl Environments {
             rewards.push(reward * self.reward_factor);
             let Some(episode) = episode else { continue };
             let last = PyBytes::new_with(py, self.size(), |out| {
-                self.write(&episode.last, out);
+                self.write(self.draping.last(index), out);
                 Ok(())
             })?;
             let vertices = episode

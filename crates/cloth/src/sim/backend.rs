@@ -70,4 +70,10 @@ pub trait Backend: Send + Sync {
 
     /// What presses have done in each environment.
     fn pressed(&self) -> &[Pressed];
+
+    /// These environments where a GPU has them, for kernels that look at them there.
+    #[cfg(feature = "gpu")]
+    fn on_gpu(&self) -> Option<&super::gpu::Gpu> {
+        None
+    }
 }

@@ -48,10 +48,10 @@ pub use cpu::{Cpu, Precision};
 pub use device::Device;
 pub use device_error::DeviceError;
 #[cfg(feature = "gpu")]
-pub use gpu::{Adapter, AdapterKind, Gpu, Traffic};
+pub use gpu::{Adapter, AdapterKind, Buffer, Gpu, GpuRegion, Lost, Measured, Traffic};
 pub use model::Model;
 pub use physics::{Bending, BendingStiffness, PhysicsConfig, SelfCollision, Solver, Tension};
 pub use press::{Press, Roller};
-pub use state::{Pressed, Snapshot};
+pub use state::{DRAPED, Pressed, STENCIL, Snapshot, TOUCHED};
 pub use stencil::{Stencil, under_stencil};
 pub use stepping::{Accuracy, Control, Stepping};

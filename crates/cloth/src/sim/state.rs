@@ -35,6 +35,13 @@ pub struct Pressed {
     pub stencil: Vec<u32>,
 }
 
+/// [`Pressed`] as bits of a number a vertex: it was under a stencil.
+pub const TOUCHED: u32 = 1;
+/// It stays on the tool.
+pub const DRAPED: u32 = 2;
+/// It was under the stencil of the last press.
+pub const STENCIL: u32 = 4;
+
 impl Snapshot {
     /// A state at rest with nothing fixed.
     pub fn at_rest(position: Vec<[f64; 3]>) -> Self {

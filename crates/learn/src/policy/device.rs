@@ -41,6 +41,11 @@ impl DeviceKind {
         }
     }
 
+    /// Whether observations stay there from when they are seen to when they are learned from.
+    pub(crate) fn keeps_observations(self) -> bool {
+        matches!(self, Self::Gpu(_))
+    }
+
     /// The device, without gradients.
     ///
     /// # Errors
@@ -56,7 +61,7 @@ impl DeviceKind {
             Self::Ndarray => Err(DeviceError::NotBuilt("ndarray")),
             #[cfg(feature = "gpu")]
             Self::Gpu(number) => match sim::Adapter::number(number) {
-                Ok(adapter) => Ok(Device::wgpu(of_burn(adapter.kind()))),
+                Ok(adapter) => Ok(of_burn(&adapter)),
                 Err(error) => Err(DeviceError::Absent {
                     device: self,
                     error,
@@ -70,14 +75,8 @@ impl DeviceKind {
 
 /// The same device as the cloth's, so that both share its memory.
 #[cfg(feature = "gpu")]
-fn of_burn(kind: sim::AdapterKind) -> burn::tensor::DeviceKind {
-    use burn::tensor::DeviceKind::{Cpu, DiscreteGpu, IntegratedGpu, VirtualGpu};
-    match kind {
-        sim::AdapterKind::Discrete(number) => DiscreteGpu(number),
-        sim::AdapterKind::Integrated(number) => IntegratedGpu(number),
-        sim::AdapterKind::Virtual(number) => VirtualGpu(number),
-        sim::AdapterKind::Processor => Cpu,
-    }
+pub(super) fn of_burn(adapter: &sim::Adapter) -> Device {
+    Device::new(burn::backend::DispatchDevice::Cube(adapter.device()))
 }
 
 impl fmt::Display for DeviceKind {

@@ -1,6 +1,6 @@
 //! The categorical distribution over the allowed actions.
 
-use burn::tensor::{Bool, Int, Tensor, activation};
+use burn::tensor::{Bool, Int, Tensor, TensorData, activation};
 use fixedbitset::FixedBitSet;
 
 /// Logit of an action that is not allowed. Its probability is exactly 0 in f32, and unlike
@@ -54,6 +54,39 @@ pub fn draw(log_probs: &[f32], mask: &FixedBitSet, uniform: f64) -> u32 {
     action.expect("an observation allows an action") as u32
 }
 
+/// The same for each row of log-probabilities `[row, action]`, where they are. Rows that allow nothing give
+/// the number of actions.
+pub fn draw_rows(
+    log_probs: Tensor<2>,
+    invalid: Tensor<2, Bool>,
+    uniform: &[f64],
+) -> Tensor<1, Int> {
+    let [rows, count] = log_probs.dims();
+    let device = log_probs.device();
+    // Below 1 in single precision too: then the last sum is above every threshold.
+    let below = |&uniform: &f64| (uniform as f32).min(1.0 - f32::EPSILON);
+    let uniform: Vec<f32> = uniform.iter().map(below).collect();
+    let uniform = Tensor::<2>::from_data(TensorData::new(uniform, [rows, 1]), &device);
+    let probability = log_probs.exp().mask_fill(invalid.clone(), 0.0);
+    let sums = probability.clone().cumsum(1);
+    let threshold = sums.clone().narrow(1, count - 1, 1) * uniform;
+    let action = Tensor::<1, Int>::arange(0..count as i64, &device).unsqueeze::<2>();
+    let action = action.repeat_dim(0, rows);
+    // Whatever the rounding of sums, only what has a probability is drawn.
+    let never = probability.lower_equal_elem(0.0);
+    let before = sums.lower_equal(threshold.expand([rows, count]));
+    let smallest =
+        |of: Tensor<2, Int>, but: Tensor<2, Bool>| of.mask_fill(but, count as i64).min_dim(1);
+    let first = smallest(action.clone(), before.bool_or(never.clone()));
+    let last = action.clone().mask_fill(never, -1).max_dim(1);
+    let lowest = smallest(action, invalid);
+    let found = first
+        .clone()
+        .mask_where(first.equal_elem(count as i64), last);
+    let found = found.clone().mask_where(found.lower_elem(0), lowest);
+    found.squeeze_dim(1)
+}
+
 /// The most probable action in `mask`; the lowest index of equals.
 ///
 /// # Panics
@@ -71,7 +104,7 @@ pub fn most_probable(log_probs: &[f32], mask: &FixedBitSet) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use burn::tensor::{Device, TensorData};
+    use burn::tensor::Device;
 
     fn tensor<const D: usize>(data: impl Into<TensorData>) -> Tensor<D> {
         Tensor::from_data(data, &Device::flex().autodiff())

@@ -85,6 +85,31 @@ impl Patches {
         (self.patch + 2 * self.border).pow(2) * CHANNELS
     }
 
+    /// Where [`Patches::write`] takes each of its numbers from, among draped, distance, touched, allowed, one
+    /// plane after the other, and a 0 behind them.
+    pub fn sources(&self) -> Vec<i32> {
+        let pixels = self.rows * self.columns;
+        let [grid_rows, grid_columns] = self.grid();
+        let window = self.patch + 2 * self.border;
+        let mut sources = Vec::with_capacity(self.count() * self.width());
+        for token in 0..grid_rows * grid_columns {
+            let [down, right] =
+                [token / grid_columns, token % grid_columns].map(|k| k * self.patch);
+            for place in 0..window * window {
+                let row = (down + place / window).checked_sub(self.border);
+                let column = (right + place % window).checked_sub(self.border);
+                let pixel = row
+                    .zip(column)
+                    .filter(|&(row, column)| row < self.rows && column < self.columns);
+                sources.extend((0..CHANNELS).map(|channel| match pixel {
+                    Some((row, column)) => (channel * pixels + row * self.columns + column) as i32,
+                    None => (CHANNELS * pixels) as i32,
+                }));
+            }
+        }
+        sources
+    }
+
     /// Writes `[count, width]`; `scale` is 1 / m.
     pub fn write(&self, seen: &Observation, scale: f32, out: &mut [f32]) {
         let [grid_rows, grid_columns] = self.grid();

@@ -1,5 +1,5 @@
 use super::error::TrainError;
-use crate::policy::{ActorCritic, DeviceKind, PolicyConfig, masked};
+use crate::policy::{ActorCritic, Batch, DeviceKind, PolicyConfig, masked};
 use drape_cloth::math::Stream;
 use drape_task::env::{ImageShape, Observation, Terrain};
 
@@ -19,7 +19,10 @@ pub(super) fn actor_critic(
     seed: u64,
     device: DeviceKind,
 ) -> Result<ActorCritic, TrainError> {
-    ActorCritic::new(config, shape, terrains, seed, &device.open()?).map_err(TrainError::Policy)
+    let made = ActorCritic::new(config, shape, terrains, seed, &device.open()?);
+    let mut actor_critic = made.map_err(TrainError::Policy)?;
+    actor_critic.keeps_observations = device.keeps_observations();
+    Ok(actor_critic)
 }
 
 /// A policy to be evaluated; it does not learn.
@@ -62,7 +65,12 @@ impl Agent {
     /// Expected return of each observation, as a share of the reward scale if the training
     /// scaled its rewards. Masks may be empty.
     pub fn value(&self, observations: &[&Observation]) -> Vec<f32> {
-        self.0.values(observations)
+        self.0.values(&Batch::Host(observations.to_vec()))
+    }
+
+    /// What it is asked with.
+    pub(super) fn actor_critic(&self) -> &ActorCritic {
+        &self.0
     }
 
     /// Log-probabilities `[observation * pixel]` and values `[observation]`.

@@ -1,3 +1,6 @@
+use std::sync::Arc;
+
+use crate::policy::{Seen, Shown};
 use drape_cloth::math::Stream;
 use drape_task::env::{End, Episode, Observation};
 use serde::{Deserialize, Serialize};
@@ -9,18 +12,88 @@ pub struct Move {
     pub action: u32,
 }
 
+/// A move of an episode that is going on: on the host, or a row of what was seen on a device.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(into = "Move", from = "Move")]
+pub enum Held {
+    Host(Move),
+    Device {
+        shown: Arc<Shown>,
+        row: usize,
+        action: u32,
+    },
+}
+
+impl Held {
+    /// What a task saw and did.
+    pub fn of(seen: &Seen, task: usize, action: u32) -> Self {
+        match seen {
+            Seen::Host(observations) => Self::Host(Move {
+                observation: observations[task].clone(),
+                action,
+            }),
+            Seen::Device(shown) => Self::Device {
+                shown: shown.clone(),
+                row: task,
+                action,
+            },
+        }
+    }
+
+    fn scene(&self) -> usize {
+        usize::from(match self {
+            Self::Host(step) => step.observation.scene,
+            Self::Device { shown, row, .. } => shown.scenes()[*row],
+        })
+    }
+}
+
+impl From<Move> for Held {
+    fn from(step: Move) -> Self {
+        Self::Host(step)
+    }
+}
+
+impl From<Held> for Move {
+    fn from(held: Held) -> Self {
+        on_host(vec![held]).swap_remove(0)
+    }
+}
+
+/// Moves on the host, fetched in one transfer.
+fn on_host(held: Vec<Held>) -> Vec<Move> {
+    let rows = held.iter().filter_map(|held| match held {
+        Held::Host(_) => None,
+        Held::Device { shown, row, .. } => Some(shown.select(&[*row])),
+    });
+    let rows: Vec<Shown> = rows.collect();
+    let fetched = match rows.is_empty() {
+        true => Vec::new(),
+        false => Shown::cat(rows).fetch(),
+    };
+    let mut fetched = fetched.into_iter();
+    let moves = held.into_iter().map(|held| match held {
+        Held::Host(step) => step,
+        Held::Device { action, .. } => Move {
+            observation: fetched.next().expect("as many as rows"),
+            action,
+        },
+    });
+    moves.collect()
+}
+
 /// The best episodes ever finished, to be imitated, and those still going on.
 ///
 /// After self-imitation learning (Oh et al. 2018), which weights each sample by how much its
 /// return exceeds the value; here being among the best is the weight. Episodes that were cut
 /// off are not kept.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Memory {
     capacity: usize,
     /// `[scene]`: best first; the older of equals first.
     best: Vec<Vec<Kept>>,
     /// `[task]`: the moves of the episode going on.
-    open: Vec<Vec<Move>>,
+    open: Vec<Vec<Held>>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,8 +113,8 @@ impl Memory {
     }
 
     /// Notes what `task` did and, if that ended its episode, keeps it if it is among the best.
-    pub fn record(&mut self, task: usize, step: Move, episode: Option<&Episode>) {
-        let scene = usize::from(step.observation.scene);
+    pub fn record(&mut self, task: usize, step: Held, episode: Option<&Episode>) {
+        let scene = step.scene();
         self.open[task].push(step);
         let Some(episode) = episode else { return };
         let moves = std::mem::take(&mut self.open[task]);
@@ -54,7 +127,20 @@ impl Memory {
         let known = best.iter().any(same);
         if episode.end == End::Terminated && rank < self.capacity && !known {
             best.truncate(self.capacity - 1);
+            let moves = on_host(moves);
             best.insert(rank, Kept { score, moves });
+        }
+    }
+
+    /// The same with all moves on the host.
+    pub fn on_host(&self) -> Self {
+        let open = self
+            .open
+            .iter()
+            .map(|moves| on_host(moves.clone()).into_iter().map(Held::Host).collect());
+        Self {
+            open: open.collect(),
+            ..self.clone()
         }
     }
 
@@ -89,12 +175,16 @@ impl Memory {
                 && seen.mask.contains(m.action as usize)
                 && usize::from(seen.scene) < self.best.len()
         };
-        let moves = self.kept().map(|k| &k.moves).chain(&self.open);
+        let open = self.open.iter().flatten().filter_map(|held| match held {
+            Held::Host(step) => Some(step),
+            Held::Device { .. } => None,
+        });
+        let mut moves = self.kept().flat_map(|k| &k.moves).chain(open);
         self.capacity == other.capacity
             && self.open.len() == other.open.len()
             && self.best.len() == other.best.len()
             && self.best.iter().all(|best| best.len() <= self.capacity)
-            && moves.flatten().all(fits)
+            && moves.all(fits)
     }
 }
 
@@ -117,7 +207,6 @@ mod tests {
             // What is earned does not matter.
             total_reward: actions.len() as f32,
             score: Some(score),
-            last: observation.clone(),
         };
         for (i, &action) in actions.iter().enumerate() {
             let step = Move {
@@ -125,7 +214,7 @@ mod tests {
                 action,
             };
             let last = i + 1 == actions.len();
-            memory.record(0, step, last.then_some(&episode));
+            memory.record(0, step.into(), last.then_some(&episode));
         }
     }
 

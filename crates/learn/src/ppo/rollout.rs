@@ -1,10 +1,10 @@
 use super::agent::Agent;
 use super::gae::Next;
-use super::imitation::{Memory, Move};
-use crate::policy::masked;
+use super::imitation::{Held, Memory};
+use crate::policy::History;
 use drape_cloth::math::Stream;
 use drape_task::cluster::Cluster;
-use drape_task::env::{End, Episode, Observation, StepOutcome, Tasks};
+use drape_task::env::{End, Episode, StepOutcome, Tasks};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -46,8 +46,8 @@ pub struct Seconds {
 /// What happened in some steps of all tasks. Everything is `[step, task]`, flat.
 #[derive(Debug, Default)]
 pub struct Rollout {
-    /// What was seen before each action; bits where data are bits.
-    pub observations: Vec<Observation>,
+    /// What was seen before each action.
+    pub seen: History,
     pub actions: Vec<u32>,
     pub log_probs: Vec<f32>,
     pub values: Vec<f32>,
@@ -75,23 +75,18 @@ pub fn collect<T: Tasks>(
     step_count: usize,
     reward_factors: &[f32],
 ) -> Rollout {
-    let pixel_count = tasks.shape().pixel_count();
+    let network = agent.actor_critic();
+    let mut history = Vec::with_capacity(step_count);
     let mut rollout = Rollout::default();
     let start = Instant::now();
     let mut simulation = 0.0;
     for _ in 0..step_count {
-        let seen = observations(tasks);
+        let seen = network.look(tasks);
         let drawn: Vec<_> = streams.iter_mut().map(Stream::uniform).collect();
-        let choices = cluster.split(seen.len(), |own| {
-            let (log_probs, values) = agent.evaluate(&seen[own.clone()].iter().collect::<Vec<_>>());
-            let rows = log_probs.chunks_exact(pixel_count).zip(values);
-            let choose = |(i, (row, value)): (usize, (&[f32], f32))| {
-                let action = masked::draw(row, &seen[i].mask, drawn[i]);
-                (action, row[action as usize], value)
-            };
-            own.zip(rows).map(choose).collect()
+        let choices = cluster.split(drawn.len(), |own| {
+            network.choose(&seen.pick(own.clone()), &drawn[own])
         });
-        let mut actions = Vec::with_capacity(seen.len());
+        let mut actions = Vec::with_capacity(choices.len());
         for (action, log_prob, value) in choices {
             actions.push(action);
             rollout.log_probs.push(log_prob);
@@ -104,10 +99,7 @@ pub fn collect<T: Tasks>(
 
         if let Some(memory) = &mut memory {
             for (task, outcome) in outcomes.iter().enumerate() {
-                let step = Move {
-                    observation: seen[task].clone(),
-                    action: actions[task],
-                };
+                let step = Held::of(&seen, task, actions[task]);
                 memory.record(task, step, outcome.episode.as_ref());
             }
         }
@@ -117,7 +109,7 @@ pub fn collect<T: Tasks>(
             rollout.next.push(match &episode {
                 None => Next::Step,
                 Some(episode) if episode.end == End::Truncated => Next::Truncated {
-                    value: agent.value(&[&episode.last])[0],
+                    value: network.values(&network.last(tasks, task))[0],
                 },
                 // What has diverged earns nothing, not even what could have followed.
                 Some(_) => Next::Terminated,
@@ -128,22 +120,16 @@ pub fn collect<T: Tasks>(
             let record = |episode| EpisodeRecord::new(task, episode);
             rollout.episodes.extend(episode.map(record));
         }
-        rollout.observations.extend(seen);
+        history.push(seen);
         rollout.actions.extend(actions);
     }
-    let seen = observations(tasks);
-    rollout.last_values = cluster.split(seen.len(), |own| {
-        agent.value(&seen[own].iter().collect::<Vec<_>>())
-    });
+    rollout.seen = history.into();
+    let seen = network.look(tasks);
+    rollout.last_values = cluster.split(tasks.count(), |own| network.values(&seen.pick(own)));
     rollout.seconds = Seconds {
         simulation,
         inference: start.elapsed().as_secs_f64() - simulation,
         update: 0.0,
     };
     rollout
-}
-
-pub fn observations<T: Tasks>(tasks: &T) -> Vec<Observation> {
-    let seen = |i| tasks.observation(i).clone();
-    (0..tasks.count()).map(seen).collect()
 }

@@ -14,6 +14,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Serialize, Deserialize)]
 struct Order {
     states: Vec<(Observation, Vec<u32>)>,
+    #[serde(skip)]
+    last: Vec<Option<Observation>>,
     /// Reward of a position: not finite to see that it is refused.
     reward: f32,
     /// How episodes end.
@@ -44,6 +46,7 @@ impl Order {
     fn new(count: usize) -> Self {
         Self {
             states: vec![Self::start(); count],
+            last: vec![None; count],
             reward: 10.0,
             end: End::Terminated,
             terrain: Self::terrain(),
@@ -90,10 +93,16 @@ impl Tasks for Order {
         &self.states[index].0
     }
 
+    fn last(&self, index: usize) -> &Observation {
+        self.last[index].as_ref().unwrap()
+    }
+
     fn step(&mut self, actions: &[u32]) -> Vec<StepOutcome> {
         let Self { reward, end, .. } = *self;
-        let step = |(state, &action): (&mut (Observation, Vec<u32>), &u32)| {
-            let (observation, taken) = state;
+        self.last.resize(self.states.len(), None);
+        let states = self.states.iter_mut().zip(&mut self.last);
+        let step = |((state, ended), &action): ((&mut _, &mut _), &u32)| {
+            let (observation, taken): &mut (Observation, Vec<u32>) = state;
             let pixel = action as usize;
             assert!(observation.mask.contains(pixel), "the mask was violated");
             observation.mask.remove(pixel);
@@ -109,6 +118,7 @@ impl Tasks for Order {
             }
             let right = taken.iter().zip(ORDER).filter(|(a, b)| **a == *b).count();
             let (last, actions) = std::mem::replace(state, Self::start());
+            *ended = Some(last);
             StepOutcome {
                 reward: reward * right as f32,
                 episode: Some(Episode {
@@ -116,11 +126,10 @@ impl Tasks for Order {
                     actions,
                     total_reward: reward * right as f32,
                     score: (end != End::Diverged).then(|| right as f64 / ORDER.len() as f64),
-                    last,
                 }),
             }
         };
-        self.states.iter_mut().zip(actions).map(step).collect()
+        states.zip(actions).map(step).collect()
     }
 
     fn save(&self) -> Vec<u8> {
@@ -162,6 +171,13 @@ fn trainer(config: PpoConfig, seed: u64) -> Trainer<Order> {
     Trainer::new(config, &policy(), Order::new(16), seed, DeviceKind::Flex).unwrap()
 }
 
+/// The same with observations that stay where the network is.
+fn keeping_trainer(config: PpoConfig, seed: u64) -> Trainer<Order> {
+    let mut trainer = trainer(config, seed);
+    trainer.actor_critic.keeps_observations = true;
+    trainer
+}
+
 /// Score of the episode played greedily.
 fn greedy_score(agent: &Agent) -> f64 {
     let mut task = Order::new(1);
@@ -192,6 +208,38 @@ fn ppo_solves_the_order_from_three_seeds() {
             assert!(needed.is_some(), "{baseline:?}, seed {seed} did not learn");
         }
     }
+}
+
+/// Where observations are changes sums within rounding, and a training is resumed exactly from wherever its
+/// episodes are.
+#[test]
+fn observations_may_stay_on_the_device() {
+    let config = PpoConfig {
+        imitation: PpoConfig::compact().imitation,
+        normalise_entropy: true,
+        // Episodes go on from one rollout to the next.
+        rollout_steps: 10,
+        ..ppo()
+    };
+    let (mut here, mut there) = (
+        trainer(config.clone(), 1),
+        keeping_trainer(config.clone(), 1),
+    );
+    for _ in 0..3 {
+        let [a, b] = [&mut here, &mut there].map(|trainer| trainer.iterate().unwrap());
+        assert_eq!(a.episodes, b.episodes);
+        assert!((a.metrics.entropy - b.metrics.entropy).abs() < 1e-4);
+        assert!((a.metrics.imitation_loss - b.metrics.imitation_loss).abs() < 1e-3);
+    }
+    let saved = there.save();
+    let mut resumed = keeping_trainer(config, 2);
+    resumed.load(&saved).unwrap();
+    assert!(resumed.save() == saved);
+    for _ in 0..2 {
+        let [a, b] = [&mut there, &mut resumed].map(|trainer| trainer.iterate().unwrap());
+        assert_eq!((a.metrics, a.episodes), (b.metrics, b.episodes));
+    }
+    assert!(there.save() == resumed.save());
 }
 
 #[test]

@@ -2,8 +2,8 @@ use super::adam::Adam;
 use super::agent::{Agent, actor_critic};
 use super::config::{ImitationConfig, PpoConfig};
 use super::error::TrainError;
-use super::imitation::{Memory, Move};
-use super::rollout::{EpisodeRecord, Seconds, collect, observations};
+use super::imitation::{Held, Memory};
+use super::rollout::{EpisodeRecord, Seconds, collect};
 use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
 use super::update::{Learner, UpdateMetrics, imitate, update};
 use crate::policy::{ActorCritic, DeviceKind, PolicyConfig};
@@ -18,7 +18,7 @@ pub struct Trainer<T: Tasks> {
     config: PpoConfig,
     cluster: Cluster,
     tasks: T,
-    actor_critic: ActorCritic,
+    pub(super) actor_critic: ActorCritic,
     adam: Adam,
     memory: Option<Memory>,
     progress: Progress,
@@ -109,14 +109,10 @@ impl<T: Tasks> Trainer<T> {
         while shown.iter().any(Option::is_none) {
             let tasks = 0..shown.len();
             let actions: Vec<u32> = tasks.map(|task| choose(&self.tasks, task)).collect();
-            let seen = observations(&self.tasks);
+            let seen = self.actor_critic.look(&self.tasks);
             let outcomes = self.tasks.step(&actions).into_iter();
-            let moves = seen.into_iter().zip(actions);
-            for (task, (outcome, (observation, action))) in outcomes.zip(moves).enumerate() {
-                let step = Move {
-                    observation,
-                    action,
-                };
+            for (task, (outcome, action)) in outcomes.zip(actions).enumerate() {
+                let step = Held::of(&seen, task, action);
                 memory.record(task, step, outcome.episode.as_ref());
                 let record = |episode| EpisodeRecord::new(task, episode);
                 shown[task] = shown[task].take().or(outcome.episode.map(record));
@@ -233,7 +229,10 @@ impl<T: Tasks> Trainer<T> {
             (TASKS, self.tasks.save()),
             (PROGRESS, encode(&self.progress)),
         ];
-        let memory = self.memory.iter().map(|memory| (IMITATION, encode(memory)));
+        let memory = self
+            .memory
+            .iter()
+            .map(|memory| (IMITATION, encode(&memory.on_host())));
         let named = sections.into_iter().chain(memory);
         named.map(|(name, bytes)| (name.into(), bytes)).collect()
     }

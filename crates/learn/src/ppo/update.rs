@@ -6,7 +6,7 @@ use super::imitation::{Memory, Move};
 use super::loss;
 use super::rollout::Rollout;
 use super::shared;
-use crate::policy::{ActorCritic, masked};
+use crate::policy::{ActorCritic, Batch, History, masked};
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use drape_cloth::math::Stream;
@@ -101,7 +101,7 @@ fn group_advantages(rollout: &Rollout) -> Vec<f32> {
     let (next, returns) = (&rollout.next, &rollout.returns);
     let ends = (0..next.len()).filter(|&sample| next[sample] != Next::Step);
     let ends: Vec<usize> = ends.collect();
-    let scene = |sample: usize| usize::from(rollout.observations[sample].scene);
+    let scene = |sample: usize| usize::from(rollout.seen.scene(sample));
     let scene_count = ends.iter().map(|&end| scene(end) + 1).max().unwrap_or(0);
     let mut groups = vec![(0.0, 0.0); scene_count];
     for (&end, &gained) in ends.iter().zip(returns) {
@@ -132,7 +132,7 @@ pub fn imitate(mut learner: Learner, moves: &[&Move]) -> Result<f32, NotFinite> 
     let own = learner.cluster.share(moves.len());
     let share = own.len() as f32 / moves.len() as f32;
     let moves = &moves[own];
-    let seen: Vec<&Observation> = moves.iter().map(|m| &m.observation).collect();
+    let seen = Batch::Host(moves.iter().map(|m| &m.observation).collect());
     let logits = actor_critic.predict(&seen).logits;
     let log_probs = masked::log_softmax(logits, actor_critic.invalid(&seen));
     let actions = int_tensor(moves.iter().map(|m| m.action), &device);
@@ -145,9 +145,11 @@ pub fn imitate(mut learner: Learner, moves: &[&Move]) -> Result<f32, NotFinite> 
     Ok(descend(&mut learner, terms)?[3])
 }
 
-/// Samples of one gradient step, on the host.
+/// Samples of one gradient step.
 struct Minibatch<'a> {
-    observations: Vec<&'a Observation>,
+    seen: &'a History,
+    /// Their rows there.
+    rows: Vec<usize>,
     actions: Vec<u32>,
     log_probs: Vec<f32>,
     advantages: Vec<f32>,
@@ -168,7 +170,8 @@ impl<'a> Minibatch<'a> {
             advantages = loss::normalised(&advantages, config.advantage_floor);
         }
         Self {
-            observations: indices.iter().map(|&i| &rollout.observations[i]).collect(),
+            seen: &rollout.seen,
+            rows: indices.to_vec(),
             actions: indices.iter().map(|&i| rollout.actions[i]).collect(),
             log_probs: pick(&rollout.log_probs),
             advantages,
@@ -179,7 +182,7 @@ impl<'a> Minibatch<'a> {
     /// Some of the samples, as many as `own`.
     fn part(mut self, own: Range<usize>) -> Self {
         let cut = |numbers: Vec<f32>| numbers[own.clone()].to_vec();
-        self.observations = self.observations[own.clone()].to_vec();
+        self.rows = self.rows[own.clone()].to_vec();
         self.actions = self.actions[own.clone()].to_vec();
         self.log_probs = cut(self.log_probs);
         self.advantages = cut(self.advantages);
@@ -216,8 +219,8 @@ fn evaluate(learner: &Learner, minibatch: Minibatch, imitated: &[&Move]) -> Term
     let device = actor_critic.device();
     let (own, others) = (minibatch.actions.len(), imitated.len());
     // One pass through the network for both kinds of samples.
-    let mut observations = minibatch.observations.clone();
-    observations.extend(imitated.iter().map(|m| &m.observation));
+    let observations = minibatch.seen.pick(&minibatch.rows);
+    let observations = observations.with(imitated.iter().map(|m| &m.observation));
     let actions = minibatch.actions.iter().copied();
     let actions = actions.chain(imitated.iter().map(|m| m.action));
 
@@ -230,7 +233,7 @@ fn evaluate(learner: &Learner, minibatch: Minibatch, imitated: &[&Move]) -> Term
     let old = tensor(&minibatch.log_probs, &device);
     let advantage = tensor(&minibatch.advantages, &device);
     let returns = tensor(&minibatch.returns, &device);
-    let weight = tensor(&entropy_weights(config, &minibatch.observations), &device);
+    let weight = entropy_weights(config, &observations, own, &device);
 
     let policy = loss::policy_loss(new.clone(), old.clone(), advantage, config.clip_range);
     let value = loss::value_loss(prediction.value.narrow(0, 0, own), returns);
@@ -292,15 +295,30 @@ fn descend(learner: &mut Learner, terms: Terms) -> Result<[f32; 7], NotFinite> {
     Ok(std::array::from_fn(|k| *parts.get(k).unwrap_or(&norm)))
 }
 
-/// Weight of each state's entropy: 1, or 1 / ln(valid actions) if normalised. A state with one
-/// valid action has none.
-fn entropy_weights(config: &PpoConfig, observations: &[&Observation]) -> Vec<f32> {
-    let weight = |o: &&Observation| match o.mask.count_ones(..) {
-        _ if !config.normalise_entropy => 1.0,
-        1 => 0.0,
-        count => 1.0 / (count as f32).ln(),
-    };
-    observations.iter().map(weight).collect()
+/// Weight of each of the first `count` states' entropy: 1, or 1 / ln(valid actions) if normalised. A state
+/// with one valid action has none.
+fn entropy_weights(config: &PpoConfig, seen: &Batch, count: usize, device: &Device) -> Tensor<1> {
+    if !config.normalise_entropy {
+        return Tensor::ones([count], device);
+    }
+    match seen {
+        Batch::Host(observations) => {
+            let weight = |o: &&Observation| match o.mask.count_ones(..) {
+                1 => 0.0,
+                count => 1.0 / (count as f32).ln(),
+            };
+            let weights: Vec<f32> = observations[..count].iter().map(weight).collect();
+            tensor(&weights, device)
+        }
+        Batch::Device(shown) => {
+            let valid = shown.invalid().narrow(0, 0, count).bool_not();
+            let valid: Tensor<1> = valid.float().sum_dim(1).squeeze_dim(1);
+            let single = valid.clone().lower_equal_elem(1.0);
+            // ln(2) is never looked at.
+            let valid = valid.mask_fill(single.clone(), 2.0);
+            valid.log().recip().mask_fill(single, 0.0)
+        }
+    }
 }
 
 fn tensor(numbers: &[f32], device: &Device) -> Tensor<1> {
@@ -316,6 +334,7 @@ fn int_tensor(numbers: impl Iterator<Item = u32>, device: &Device) -> Tensor<1, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::policy::Seen;
 
     /// Two tasks on scene 0, one on scene 1, three steps: an episode has the same advantage from its first
     /// step on, whatever it has earned when, and what has not ended has none.
@@ -331,7 +350,7 @@ mod tests {
         let (on, end) = (Next::Step, Next::Terminated);
         let cut = Next::Truncated { value: 9.0 };
         let rollout = Rollout {
-            observations: [0, 0, 1, 0, 0, 1, 0, 0, 1].map(seen).into(),
+            seen: vec![Seen::Host([0, 0, 1, 0, 0, 1, 0, 0, 1].map(seen).into())].into(),
             next: vec![end, on, on, on, on, end, on, cut, on],
             returns: vec![3.0, 7.0, 5.0],
             last_values: vec![0.0; 3],

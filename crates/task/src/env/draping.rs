@@ -1,4 +1,3 @@
-use std::cell::OnceCell;
 use std::sync::Arc;
 
 use fixedbitset::FixedBitSet;
@@ -6,10 +5,14 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, Region};
-use super::reward::{Reward, Taken};
+use super::judge::{Judge, Judged};
+#[cfg(feature = "gpu")]
+use super::look::Sight;
+use super::reward::{Reward, Taken, score};
 use super::rules::{Slot, Task};
 use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
 use super::terrain::Terrain;
+use super::views::{After, Views};
 use crate::cluster::{Cluster, Shared};
 use crate::path::PressedPoint;
 use drape_cloth::file::ValueError;
@@ -36,6 +39,9 @@ pub struct Draping {
     task: Task,
     cloth: Box<dyn Backend>,
     slots: Vec<Slot>,
+    views: Views,
+    judge: Judge,
+    keeps_ends: bool,
 }
 
 impl Draping {
@@ -54,11 +60,22 @@ impl Draping {
         check_memory(count, scene.lamina.vertex_count())?;
         let task = Task::new(scene, config)?;
         let start = &task.world.start.pressed;
+        let cloth = Shared::open(cluster, count, start, |count| task.cloth(count))?;
         Ok(Self {
-            cloth: Shared::open(cluster, count, start, |count| task.cloth(count))?,
-            slots: vec![task.start.clone(); count],
+            slots: vec![Slot::default(); count],
+            views: Views::new(&task, &*cloth),
+            judge: Judge::new(&task, &*cloth),
+            keeps_ends: true,
+            cloth,
             task,
         })
+    }
+
+    /// The same environments without [`Draping::finished`], for learners, who do not ask: on a GPU ends are then
+    /// judged there.
+    pub fn forgetting_ends(mut self) -> Self {
+        self.keeps_ends = false;
+        self
     }
 
     /// The same environments with another reward than the paper's.
@@ -76,10 +93,8 @@ impl Draping {
     /// Numbers its scene among several.
     pub(super) fn set_scene_index(&mut self, index: u16) {
         self.task.scene_index = index;
-        self.task.start.observation.scene = index;
-        for slot in &mut self.slots {
-            slot.observation.scene = index;
-        }
+        self.task.observation.scene = index;
+        self.views = Views::new(&self.task, &*self.cloth);
     }
 
     /// The vertex of the blank that an action presses; none where the blank has been cut away.
@@ -152,7 +167,7 @@ impl Draping {
         &self.cloth.pressed()[index].touched
     }
 
-    /// How the last episode of an environment ended; none before the first.
+    /// How the last episode of an environment ended; none before the first, and none where they are forgotten.
     pub fn finished(&self, index: usize) -> Option<&Snapshot> {
         self.slots[index].finished.as_ref()
     }
@@ -177,11 +192,17 @@ impl Draping {
 
     /// Puts one environment back to the start.
     pub fn reset(&mut self, index: usize) {
+        self.restart(index, false);
+    }
+
+    fn restart(&mut self, index: usize, ended: bool) {
         self.cloth.reset(index);
-        let slot = &mut self.slots[index];
-        let finished = slot.finished.take();
-        *slot = self.task.start.clone();
-        slot.finished = finished;
+        self.views.change(index, &self.task.observation, ended);
+        let finished = self.slots[index].finished.take();
+        self.slots[index] = Slot {
+            finished,
+            ..Slot::default()
+        };
     }
 
     /// Where on the tool a press on `vertex` would land in one environment now.
@@ -209,19 +230,12 @@ impl Draping {
 
     /// One environment in the middle of its episode.
     pub fn branch(&self, index: usize) -> Branch {
-        let Slot {
-            actions,
-            total_reward,
-            observation,
-            finished: _,
-        } = &self.slots[index];
         Branch {
             slot: Slot {
-                actions: actions.clone(),
-                total_reward: *total_reward,
-                observation: observation.clone(),
                 finished: None,
+                ..self.slots[index].clone()
             },
+            observation: self.observation(index).clone(),
             cloth: self.state(index),
         }
     }
@@ -229,9 +243,12 @@ impl Draping {
     /// Lets one environment go on exactly from where any environment of the same task was.
     pub fn go_on(&mut self, index: usize, from: &Branch) {
         self.cloth.load(index, &from.cloth);
+        self.views.change(index, &from.observation, false);
         let finished = self.slots[index].finished.take();
-        self.slots[index] = from.slot.clone();
-        self.slots[index].finished = finished;
+        self.slots[index] = Slot {
+            finished,
+            ..from.slot.clone()
+        };
     }
 
     /// Presses on a vertex in every environment, whatever the masks allow; where there is none,
@@ -245,40 +262,24 @@ impl Draping {
         self.cloth.finite()
     }
 
-    /// Shows each environment that is `finite` what it looks like now.
-    fn observe(&mut self, finite: &[bool]) {
-        let (task, pressed) = (&self.task, self.cloth.pressed());
-        let distances = self.cloth.distances(&task.seen);
-        let distances = distances.par_chunks(task.seen.len());
-        let all = self.slots.par_iter_mut().zip(distances).zip(pressed);
-        all.zip(finite)
-            .for_each(|(((slot, distance), pressed), finite)| {
-                if *finite {
-                    slot.observation = task.observe(pressed, distance);
-                }
-            });
+    /// Why the episode of an environment is over, if it is, as far as presses tell.
+    fn end(&self, index: usize, After { finite, is_over }: After) -> Option<End> {
+        let limit = self.task.config.max_steps.unwrap_or(usize::MAX);
+        match finite {
+            false => Some(End::Diverged),
+            true if is_over => Some(End::Terminated),
+            true => (self.slots[index].actions.len() >= limit).then_some(End::Truncated),
+        }
     }
 
     /// What the step of one environment has brought. Its episode is reset when it is over.
-    fn conclude(&mut self, index: usize, finite: bool) -> StepOutcome {
+    fn conclude(&mut self, index: usize, end: Option<End>, judged: Option<Judged>) -> StepOutcome {
         let (task, slot) = (&self.task, &mut self.slots[index]);
-        let limit = task.config.max_steps.unwrap_or(usize::MAX);
-        let end = match finite {
-            // The last finite observation stands for the state after it.
-            false => Some(End::Diverged),
-            true if task.is_over(&self.cloth.pressed()[index]) => Some(End::Terminated),
-            true => (slot.actions.len() >= limit).then_some(End::Truncated),
-        };
-        let state = OnceCell::new();
-        let state = || state.get_or_init(|| self.cloth.snapshot(index));
-        let finite = finite && (end.is_none() || task.is_believable(state()));
+        let judged = judged.as_ref();
+        let finite = end != Some(End::Diverged) && judged.is_none_or(|judged| judged.is_believable);
         let end = end.map(|end| if finite { end } else { End::Diverged });
-        let left = OnceCell::new();
-        let left = || *left.get_or_init(|| task.objective(state()));
-        let vertices = || -> Vec<u32> {
-            let actions = slot.actions.iter();
-            actions.filter_map(|&action| task.vertex(action)).collect()
-        };
+        let objective = || task.objective(&self.cloth.snapshot(index));
+        let left = || judged.map_or_else(objective, |judged| judged.left);
         // A step in which the simulation diverges takes back what was earned.
         let reward = match end {
             Some(End::Diverged) => 0.0 - slot.total_reward,
@@ -295,12 +296,21 @@ impl Draping {
             end,
             actions: slot.actions.clone(),
             total_reward: slot.total_reward,
-            score: finite.then(|| task.score(&vertices(), state())),
-            last: slot.observation.clone(),
+            score: judged.filter(|_| finite).map(|judged| {
+                let actions = slot.actions.iter();
+                let vertices: Vec<u32> = actions.filter_map(|&a| task.vertex(a)).collect();
+                let cost = judged
+                    .state
+                    .as_ref()
+                    .map(|state| task.cost(&vertices, state));
+                score(task.initial, judged.left) - cost.unwrap_or(0.0)
+            }),
         });
         if episode.is_some() {
-            slot.finished = Some(state().clone());
-            self.reset(index);
+            if self.keeps_ends {
+                slot.finished = judged.and_then(|judged| judged.state.clone());
+            }
+            self.restart(index, true);
         }
         StepOutcome { reward, episode }
     }
@@ -310,13 +320,14 @@ impl Draping {
 #[derive(Clone)]
 pub struct Branch {
     slot: Slot,
+    observation: Observation,
     cloth: Snapshot,
 }
 
 impl Branch {
     /// What the environment showed.
     pub fn observation(&self) -> &Observation {
-        &self.slot.observation
+        &self.observation
     }
 }
 
@@ -346,22 +357,42 @@ impl Tasks for Draping {
     }
 
     fn observation(&self, index: usize) -> &Observation {
-        &self.slots[index].observation
+        self.views.now(index, &self.task, &*self.cloth)
+    }
+
+    fn last(&self, index: usize) -> &Observation {
+        self.views.last(index, &*self.cloth)
+    }
+
+    #[cfg(feature = "gpu")]
+    fn sights(&self) -> Option<Vec<[Sight; 2]>> {
+        let sights = self.views.sights(&self.task, &*self.cloth);
+        sights.map(|sights| vec![sights])
     }
 
     fn step(&mut self, actions: &[u32]) -> Vec<StepOutcome> {
         assert_eq!(actions.len(), self.count(), "one action an environment");
+        self.views.check(actions);
         for (slot, &action) in self.slots.iter_mut().zip(actions) {
-            let allowed = slot.observation.mask.contains(action as usize);
-            assert!(allowed, "action {action} is masked out");
             slot.actions.push(action);
         }
         let vertices: Vec<_> = actions.iter().map(|&a| self.task.vertex(a)).collect();
-        let finite = self.press(&vertices);
-        self.observe(&finite);
-        let all = finite.iter().enumerate();
-        all.map(|(index, &finite)| self.conclude(index, finite))
-            .collect()
+        self.cloth.press(&vertices);
+        let after = self.views.look(&self.task, &*self.cloth).into_iter();
+        let ends: Vec<Option<End>> = after
+            .enumerate()
+            .map(|(k, after)| self.end(k, after))
+            .collect();
+        let ended: Vec<usize> = (0..ends.len()).filter(|&k| ends[k].is_some()).collect();
+        let keeps = self.keeps_ends || self.task.is_costly;
+        let judged = self.judge.judge(&self.task, &*self.cloth, &ended, keeps);
+        let mut judged = judged.into_iter();
+        let ends = ends.into_iter().enumerate();
+        ends.map(|(index, end)| {
+            let judged = end.and_then(|_| judged.next());
+            self.conclude(index, end, judged)
+        })
+        .collect()
     }
 
     fn save(&self) -> Vec<u8> {
@@ -397,10 +428,10 @@ impl Tasks for Draping {
             self.slots[index] = Slot {
                 actions: saved.actions,
                 total_reward: saved.total_reward,
-                ..self.task.start.clone()
+                finished: None,
             };
         }
-        self.observe(&vec![true; self.count()]);
+        self.views.look(&self.task, &*self.cloth);
         Ok(())
     }
 }

@@ -74,6 +74,17 @@ impl Tasks for Family {
         member.observation(index)
     }
 
+    fn last(&self, index: usize) -> &Observation {
+        let (member, index) = self.place(index);
+        member.last(index)
+    }
+
+    #[cfg(feature = "gpu")]
+    fn sights(&self) -> Option<Vec<[super::look::Sight; 2]>> {
+        let all = self.0.iter().map(Draping::sights);
+        Some(all.collect::<Option<Vec<_>>>()?.concat())
+    }
+
     fn step(&mut self, mut actions: &[u32]) -> Vec<StepOutcome> {
         assert_eq!(actions.len(), self.count(), "one action an environment");
         let mut outcomes = Vec::with_capacity(actions.len());

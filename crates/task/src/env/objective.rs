@@ -24,7 +24,12 @@ pub struct Goal {
     region: FixedBitSet,
     /// What there was outside of distance and surplus [m].
     outside: [f64; 2],
+    /// Yarns that cross the region.
+    yarns: usize,
 }
+
+/// Summed distance and surplus [m] of the region, and of the whole sheet.
+pub(super) type Sums = [[f64; 2]; 2];
 
 impl Goal {
     /// The objective of `region`, whose vertices come from `before` [m].
@@ -39,10 +44,12 @@ impl Goal {
             scene,
             region,
             outside: [0.0; 2],
+            yarns: 0,
         };
         if objective == Objective::Surplus {
-            let ([inside, all], _) = goal.sums(before);
+            let ([inside, all], yarns) = goal.sums(before);
             goal.outside = [0, 1].map(|k| all[k] - inside[k]);
+            goal.yarns = yarns;
         }
         goal
     }
@@ -53,17 +60,24 @@ impl Goal {
             let tool = &self.scene.tool;
             return tool.summed_distance(self.region.ones(), position);
         }
-        let ([inside, all], yarns) = self.sums(position);
+        self.left_of(self.sums(position).0)
+    }
+
+    /// What such sums leave to bring down [m].
+    pub(super) fn left_of(&self, [inside, all]: Sums) -> f64 {
+        if self.objective == Objective::Distance {
+            return inside[0];
+        }
         let left = |k: usize| {
             let outside = (all[k] - inside[k]) - self.outside[k];
             inside[k] + outside.max(0.0)
         };
-        left(0) / self.region.count_ones(..) as f64 + left(1) / yarns.max(1) as f64
+        left(0) / self.region.count_ones(..) as f64 + left(1) / self.yarns.max(1) as f64
     }
 
     /// Summed distance and surplus [m] of the region and of the whole sheet, and the yarns of the
     /// region.
-    fn sums(&self, position: &[[f64; 3]]) -> ([[f64; 2]; 2], usize) {
+    fn sums(&self, position: &[[f64; 3]]) -> (Sums, usize) {
         let Scene { lamina, tool, .. } = &*self.scene;
         let (mut distance, mut feet) = (Vec::new(), Vec::new());
         for &x in position {

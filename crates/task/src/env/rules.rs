@@ -36,22 +36,21 @@ pub(super) struct Task {
     pub terrain: Terrain,
     /// Number of the scene among those that are learned on together.
     pub scene_index: u16,
-    /// The state after a reset.
-    pub start: Slot,
+    /// What is shown after a reset.
+    pub observation: Observation,
     /// The objective at the start [m].
     pub initial: f64,
     /// What a path costs is taken off its score.
     pub is_costly: bool,
 }
 
-/// One environment, without its cloth.
-#[derive(Clone)]
+/// One environment, without its cloth and what it shows.
+#[derive(Clone, Default)]
 pub(super) struct Slot {
     /// Those of the episode so far.
     pub actions: Vec<u32>,
     /// Sum of their rewards.
     pub total_reward: f32,
-    pub observation: Observation,
     /// How the last episode ended, before the reset.
     pub finished: Option<Snapshot>,
 }
@@ -89,12 +88,7 @@ impl Task {
                 start: scene.initial.clone(),
                 presses: Some((scene.lamina.clone(), stencil)),
             },
-            start: Slot {
-                actions: Vec::new(),
-                total_reward: 0.0,
-                observation: nothing,
-                finished: None,
-            },
+            observation: nothing,
             reward: Reward::default(),
             is_costly: false,
             terrain: Terrain::default(),
@@ -125,7 +119,7 @@ impl Task {
         // As the environments hold it.
         let cloth = task.cloth(1)?;
         let distances = cloth.distances(&task.seen);
-        task.start.observation = task.observe(&cloth.pressed()[0], &distances);
+        task.observation = task.observe(&cloth.pressed()[0], &distances);
         task.initial = task.objective(&task.scene.initial);
         Ok(task)
     }
@@ -164,15 +158,17 @@ impl Task {
 
     /// How well presses on `vertices` that have ended in `state` were done.
     pub fn score(&self, vertices: &[u32], state: &Snapshot) -> f64 {
-        let score = score(self.initial, self.objective(state));
+        score(self.initial, self.objective(state)) - self.cost(vertices, state)
+    }
+
+    /// What is taken off the score for the path; 0 unless costs count.
+    pub fn cost(&self, vertices: &[u32], state: &Snapshot) -> f64 {
         match self.is_costly {
             true => {
-                score
-                    - self
-                        .config
-                        .cost(&self.scene, &self.region, vertices, &state.position)
+                let (scene, region) = (&self.scene, &self.region);
+                self.config.cost(scene, region, vertices, &state.position)
             }
-            false => score,
+            false => 0.0,
         }
     }
 
@@ -186,11 +182,14 @@ impl Task {
     pub fn is_believable(&self, state: &Snapshot) -> bool {
         let Scene { lamina, tool, .. } = &*self.scene;
         let strain = lamina.yarn_strain(&state.position);
-        let deepest = -1e-3 * self.config.max_depth_mm;
-        strain
-            .iter()
-            .all(|&strain| strain <= self.config.max_tension)
-            && (state.position.iter()).all(|&x| tool.distance(x).0 >= deepest)
+        let depths = state.position.iter().map(|&x| -tool.distance(x).0);
+        strain.iter().all(|&strain| self.can_be(strain, f64::MIN)) && { depths }
+            .all(|depth| self.can_be(-1.0, depth))
+    }
+
+    /// The same of the greatest strain [-] and of how deep the deepest vertex is [m].
+    pub fn can_be(&self, strain: f64, depth: f64) -> bool {
+        strain <= self.config.max_tension && depth <= 1e-3 * self.config.max_depth_mm
     }
 
     /// The agent's view: zero outside the focus region and where the blank has been cut away.

@@ -1,4 +1,5 @@
 use super::terrain::Terrain;
+pub use drape_cloth::sim::{DRAPED, TOUCHED};
 use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +37,40 @@ pub struct Observation {
     pub mask: FixedBitSet,
 }
 
+/// Bits of [`Observation::marks`] beside those of the cloth: the action is allowed.
+pub const ALLOWED: u32 = 8;
+
+impl Observation {
+    /// What is draped, touched and allowed, a number a pixel: [`DRAPED`], [`TOUCHED`], [`ALLOWED`].
+    pub fn marks(&self) -> Vec<u32> {
+        let mut marks = vec![0; self.distance.len()];
+        for (set, bit) in [
+            (&self.draped, DRAPED),
+            (&self.touched, TOUCHED),
+            (&self.mask, ALLOWED),
+        ] {
+            set.ones().for_each(|pixel| marks[pixel] |= bit);
+        }
+        marks
+    }
+
+    /// The observation of distances [m] and [`Observation::marks`].
+    pub fn of_marks(scene: u16, distance: Vec<f32>, marks: &[u32]) -> Self {
+        let with = |bit: u32| {
+            let mut set = FixedBitSet::with_capacity(marks.len());
+            set.extend((0..marks.len()).filter(|&pixel| marks[pixel] & bit != 0));
+            set
+        };
+        Self {
+            scene,
+            draped: with(DRAPED),
+            touched: with(TOUCHED),
+            mask: with(ALLOWED),
+            distance,
+        }
+    }
+}
+
 /// Why an episode ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum End {
@@ -66,8 +101,6 @@ pub struct Episode {
     /// How well it was done, 1 at best, whatever was earned: what episodes are compared by. None
     /// if the simulation diverged.
     pub score: Option<f64>,
-    /// The observation after the last action, before the reset.
-    pub last: Observation,
 }
 
 /// What one step of one task gave.
@@ -95,6 +128,19 @@ pub trait Tasks {
 
     /// What task `index` shows now.
     fn observation(&self, index: usize) -> &Observation;
+
+    /// What task `index` showed when the step just taken ended its episode, before the reset.
+    ///
+    /// # Panics
+    /// If it has ended none.
+    fn last(&self, index: usize) -> &Observation;
+
+    /// What all tasks show, and what they showed after the step just taken before any was reset, one pair a
+    /// scene, where this is on a GPU.
+    #[cfg(feature = "gpu")]
+    fn sights(&self) -> Option<Vec<[super::look::Sight; 2]>> {
+        None
+    }
 
     /// Takes one action in every task. `actions[i]` must be allowed by the mask of task `i`.
     fn step(&mut self, actions: &[u32]) -> Vec<StepOutcome>;

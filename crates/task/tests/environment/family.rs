@@ -38,12 +38,13 @@ fn tasks_of_a_family_go_as_alone() {
             .collect();
         let mut expected = alone[0].step(&actions[..2]);
         expected.extend(alone[1].step(&actions[2..]));
-        let mut found = family.step(&actions);
-        // Alone every scene is the first.
-        for episode in found.iter_mut().filter_map(|o| o.episode.as_mut()) {
-            episode.last.scene = 0;
-        }
+        let found = family.step(&actions);
         assert_eq!(found, expected, "step {step}");
+        for k in (0..3).filter(|&k| found[k].episode.is_some()) {
+            let (member, index) = family.place(k);
+            assert_eq!(family.last(k), member.last(index));
+            assert_eq!(family.last(k).distance, alone[k / 2].last(k % 2).distance);
+        }
     }
 }
 

@@ -75,7 +75,12 @@ impl Adapter {
         self.client().properties().memory.max_page_size
     }
 
+    /// The device, for other kernels and for networks that share its memory.
+    pub fn device(&self) -> Device {
+        Device::Wgpu(self.device.clone())
+    }
+
     pub(super) fn client(&self) -> Client {
-        Device::Wgpu(self.device.clone()).client()
+        self.device().client()
     }
 }

@@ -7,8 +7,9 @@ use fixedbitset::FixedBitSet;
 
 use super::adapter::Adapter;
 use super::cloth::{ClothBuffersLaunch, GpuFrameLaunch, SheetBuffersLaunch};
-use super::plan::{NOTHING, Plan, Tables};
-use super::press::{DRAPED, STENCIL, TOUCHED, drape, lay_stencil};
+use super::lost::Lost;
+use super::plan::{MOST_UNITS, NOTHING, Plan, Tables};
+use super::press::{drape, lay_stencil};
 use super::substep::{advance, per_launch};
 use super::traffic::Traffic;
 use super::transfer::{carry, count_diverged, measure, packed};
@@ -16,19 +17,20 @@ use crate::sim::backend::{Backend, World};
 use crate::sim::device_error::DeviceError;
 use crate::sim::frame::Frame;
 use crate::sim::press::Press;
-use crate::sim::state::{Pressed, Snapshot};
+use crate::sim::state::{DRAPED, Pressed, STENCIL, Snapshot, TOUCHED};
 use crate::sim::stepping::Control;
 
-/// Fewest and most threads of a workgroup, a multiple of the first.
-const UNITS: [usize; 2] = [32, 256];
+/// Fewest threads of a workgroup, of which there is a multiple.
+const FEWEST_UNITS: usize = 32;
 
 /// Environments of a world on a GPU. An environment's bits are the same in any company.
 pub struct Gpu {
     world: World,
-    client: Client,
-    plan: Plan,
+    adapter: Adapter,
+    pub(super) client: Client,
+    pub(super) plan: Plan,
     /// Threads of a workgroup.
-    units: u32,
+    pub(super) units: u32,
     count: usize,
     sheet: [Buffer; 3],
     cloth: [Buffer; 10],
@@ -44,33 +46,28 @@ pub struct Gpu {
 
 /// Memory of the device and how many numbers of 4 bytes it holds.
 #[derive(Clone)]
-struct Buffer {
+pub struct Buffer {
     handle: Handle,
     count: usize,
 }
 
 impl Buffer {
-    fn arg(&self) -> BufferArg {
+    /// As an argument of a kernel.
+    pub fn arg(&self) -> BufferArg {
         // SAFETY: a handle is made with its count.
         unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.count) }
     }
-}
 
-/// Launches a kernel over so many workgroups, with the cloth before its arguments and the plan after.
-macro_rules! launch {
-    ($gpu:expr, $groups:expr, $kernel:ident($($argument:expr),*)) => {
-        // SAFETY: the plan and the sizes of the buffers belong together.
-        unsafe {
-            $kernel::launch_unchecked(
-                &$gpu.client,
-                CubeCount::Static($groups as u32, 1, 1),
-                CubeDim::new_1d($gpu.units),
-                $gpu.cloth(),
-                $($argument,)*
-                $gpu.plan.clone(),
-            )
-        }
-    };
+    /// The memory.
+    pub fn handle(&self) -> &Handle {
+        &self.handle
+    }
+
+    /// How many numbers it holds.
+    #[expect(clippy::len_without_is_empty, reason = "buffers hold something")]
+    pub fn len(&self) -> usize {
+        self.count
+    }
 }
 
 impl Gpu {
@@ -117,13 +114,13 @@ impl Gpu {
         let (_, _, samples) = world.tool.only_grid().expect("checked").parts();
         let zeros = |size: usize| filled(u32::as_bytes(&vec![0; count * size]));
         let lines = plan.lines.iter().flatten().map(|line| line.lines).max();
-        let [fewest, most] = UNITS;
         let units = lines
             .unwrap_or(n / 8)
-            .next_multiple_of(fewest)
-            .clamp(fewest, most);
+            .next_multiple_of(FEWEST_UNITS)
+            .clamp(FEWEST_UNITS, MOST_UNITS);
         let mut gpu = Self {
             world: world.clone(),
+            adapter: adapter.clone(),
             units: units as u32,
             count,
             sheet: [
@@ -151,45 +148,93 @@ impl Gpu {
         Traffic::new(&self.plan, control)
     }
 
-    fn cloth(&self) -> ClothBuffersLaunch {
+    pub(super) fn cloth(&self) -> ClothBuffersLaunch {
         let [a, b, c, d, e, f, g, h, i, j] = self.cloth.each_ref().map(Buffer::arg);
         ClothBuffersLaunch::new(a, b, c, d, e, f, g, h, i, j)
     }
 
-    fn sheet(&self) -> SheetBuffersLaunch {
+    pub(super) fn sheet(&self) -> SheetBuffersLaunch {
         let [numbers, values, samples] = self.sheet.each_ref().map(Buffer::arg);
         SheetBuffersLaunch::new(numbers, values, samples)
     }
 
-    fn upload(&self, bytes: &[u8]) -> Buffer {
+    /// Where it computes.
+    pub fn adapter(&self) -> &Adapter {
+        &self.adapter
+    }
+
+    /// What kernels are launched with.
+    pub fn client(&self) -> &Client {
+        &self.client
+    }
+
+    /// Threads of a workgroup, at most 256.
+    pub fn units(&self) -> u32 {
+        self.units
+    }
+
+    /// What presses have done, [environment][vertex]: [`TOUCHED`] and its like.
+    pub fn marks(&self) -> &Buffer {
+        &self.marks
+    }
+
+    /// Numbers of 4 bytes as a buffer, at least one.
+    pub fn upload(&self, bytes: &[u8]) -> Buffer {
         Buffer {
             handle: self.client.create_from_slice(bytes),
             count: bytes.len() / 4,
         }
     }
 
-    fn room(&self, count: usize) -> Buffer {
+    /// A buffer of `count` > 0 numbers whatever.
+    pub fn room(&self, count: usize) -> Buffer {
         Buffer {
             handle: self.client.empty(4 * count),
             count,
         }
     }
 
+    /// The bytes of some buffers, in one wait for the device.
+    ///
     /// # Panics
-    /// If the device is lost or out of memory.
-    fn read(&self, buffer: &Buffer) -> Vec<u8> {
-        match self.client.read_one(buffer.handle.clone()) {
-            Ok(bytes) => bytes.to_vec(),
-            Err(error) => panic!("the GPU failed: {error}"),
+    /// If the device is lost or out of memory: see [`Lost`].
+    pub fn read(&self, buffers: &[&Buffer]) -> Vec<Vec<u8>> {
+        let handles = buffers.iter().map(|buffer| buffer.handle.clone());
+        match self.client.read(handles.collect()) {
+            Ok(all) => all.iter().map(|bytes| bytes.to_vec()).collect(),
+            Err(error) => Lost::unwind(&self.adapter, error),
         }
     }
 
     fn read_values(&self, buffer: &Buffer) -> Vec<f32> {
-        f32::from_bytes(&self.read(buffer)).to_vec()
+        f32::from_bytes(&self.read(&[buffer])[0]).to_vec()
     }
 
     fn read_numbers(&self, buffer: &Buffer) -> Vec<u32> {
-        u32::from_bytes(&self.read(buffer)).to_vec()
+        u32::from_bytes(&self.read(&[buffer])[0]).to_vec()
+    }
+
+    /// How many coordinates of each environment are no numbers or beyond 100 m.
+    pub fn diverged(&self) -> Buffer {
+        let diverged = self.room(self.count);
+        launch!(self, self.count, count_diverged(diverged.arg()));
+        diverged
+    }
+
+    /// Distance to the tool [m] of some vertices, [environment][vertex].
+    pub fn distances_of(&self, vertices: &Buffer) -> Buffer {
+        let distances = self.room(self.count * vertices.len());
+        launch!(
+            self,
+            self.count,
+            measure(
+                self.sheet(),
+                vertices.arg(),
+                distances.arg(),
+                vertices.len() as u32
+            )
+        );
+        distances
     }
 
     /// A state as it travels.
@@ -360,32 +405,21 @@ impl Backend for Gpu {
     }
 
     fn finite(&self) -> Vec<bool> {
-        let diverged = self.room(self.count * self.units as usize);
-        launch!(self, self.count, count_diverged(diverged.arg()));
-        let diverged = self.read_numbers(&diverged);
-        let of = |counts: &[u32]| counts.iter().all(|&count| count == 0);
-        diverged.chunks(self.units as usize).map(of).collect()
+        let diverged = self.read_numbers(&self.diverged());
+        diverged.iter().map(|&count| count == 0).collect()
     }
 
     fn distances(&self, vertices: &[u32]) -> Vec<f64> {
         if vertices.is_empty() {
             return Vec::new();
         }
-        let distances = self.room(self.count * vertices.len());
-        launch!(
-            self,
-            self.count,
-            measure(
-                self.sheet(),
-                self.upload(u32::as_bytes(vertices)).arg(),
-                distances.arg(),
-                vertices.len() as u32
-            )
-        );
-        self.read_values(&distances)
-            .into_iter()
-            .map(f64::from)
-            .collect()
+        let distances = self.distances_of(&self.upload(u32::as_bytes(vertices)));
+        let distances = self.read_values(&distances).into_iter();
+        distances.map(f64::from).collect()
+    }
+
+    fn on_gpu(&self) -> Option<&Gpu> {
+        Some(self)
     }
 
     fn pressed(&self) -> &[Pressed] {

@@ -8,11 +8,30 @@
 // What is compiled in is asked by itself, so that the compiler of kernels can leave it out.
 #![allow(clippy::collapsible_if)]
 
+/// Launches a kernel over so many workgroups, with the cloth before its arguments and the plan after.
+macro_rules! launch {
+    ($gpu:expr, $groups:expr, $kernel:ident($($argument:expr),*)) => {
+        // SAFETY: the plan and the sizes of the buffers belong together.
+        unsafe {
+            $kernel::launch_unchecked(
+                &$gpu.client,
+                CubeCount::Static($groups as u32, 1, 1),
+                CubeDim::new_1d($gpu.units),
+                $gpu.cloth(),
+                $($argument,)*
+                $gpu.plan.clone(),
+            )
+        }
+    };
+}
+
 mod adapter;
 mod backend;
 mod cloth;
 mod edges;
 mod lines;
+mod lost;
+mod measure;
 mod plan;
 mod press;
 mod substep;
@@ -23,5 +42,7 @@ mod vector;
 mod vertices;
 
 pub use adapter::{Adapter, AdapterKind};
-pub use backend::Gpu;
+pub use backend::{Buffer, Gpu};
+pub use lost::Lost;
+pub use measure::{GpuRegion, Measured};
 pub use traffic::Traffic;

@@ -11,6 +11,9 @@ use super::super::model::Pass;
 use super::super::stencil::Stencil;
 use crate::fabric::Lamina;
 
+/// Most threads of a workgroup.
+pub(super) const MOST_UNITS: usize = 256;
+
 /// Stands for no vertex.
 pub(super) const NOTHING: u32 = u32::MAX;
 

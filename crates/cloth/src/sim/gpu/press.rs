@@ -3,16 +3,11 @@
 
 use cubecl::prelude::*;
 
+use super::super::state::{DRAPED, STENCIL, TOUCHED};
 use super::cloth::{ClothBuffers, SheetBuffers};
 use super::plan::{NOTHING, Plan, PressPlan};
 use super::tool::distance;
 use super::vector::Vec3g;
-
-/// What presses have done to a vertex, as bits.
-pub(super) const TOUCHED: u32 = 1;
-pub(super) const DRAPED: u32 = 2;
-/// It was under the stencil of the last press.
-pub(super) const STENCIL: u32 = 4;
 
 /// Puts a roller on the vertices under the stencil around `pressed[environment]`.
 #[cube(launch_unchecked)]

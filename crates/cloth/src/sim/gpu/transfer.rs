@@ -3,7 +3,7 @@
 use cubecl::prelude::*;
 
 use super::cloth::{ClothBuffers, SheetBuffers};
-use super::plan::Plan;
+use super::plan::{MOST_UNITS, Plan};
 use super::tool::distance;
 use super::vector::Vec3g;
 
@@ -58,19 +58,28 @@ pub(super) fn carry(
     }
 }
 
-/// Counts the coordinates of each environment that are no numbers or too far off, [environment][thread].
+/// Counts the coordinates of each environment that are no numbers or too far off.
 #[cube(launch_unchecked)]
 pub(super) fn count_diverged(cloth: &ClothBuffers, diverged: &mut [u32], #[comptime] plan: Plan) {
     let n = comptime!(plan.vertices);
+    let unit = UNIT_POS_X as usize;
     let first = 3 * n * CUBE_POS_X as usize;
     let mut count = 0u32;
-    for i in range_stepped(UNIT_POS_X as usize, 3 * n, CUBE_DIM_X as usize) {
+    for i in range_stepped(unit, 3 * n, CUBE_DIM_X as usize) {
         let inside = cloth.position[first + i].abs() < FARTHEST;
         if !inside {
             count += 1;
         }
     }
-    diverged[ABSOLUTE_POS] = count;
+    let mut counts = Shared::<[u32]>::new_slice(MOST_UNITS);
+    counts[unit] = count;
+    sync_cube();
+    if unit == 0 {
+        for other in 1..CUBE_DIM_X as usize {
+            count += counts[other];
+        }
+        diverged[CUBE_POS_X as usize] = count;
+    }
 }
 
 /// Distances of some vertices to the tool [m], [environment][vertex].
