@@ -14,10 +14,14 @@ pub struct Lost {
 impl Lost {
     /// Unwinds without the message of a panic, which would take it for a fault of the program's.
     pub(super) fn unwind(adapter: &Adapter, error: impl std::fmt::Display) -> ! {
-        std::panic::resume_unwind(Box::new(Self {
+        let lost = Self {
             name: adapter.name(),
             reason: error.to_string().replace('\n', " "),
-        }))
+        };
+        if cfg!(debug_assertions) {
+            eprintln!("{lost}");
+        }
+        std::panic::resume_unwind(Box::new(lost))
     }
 
     /// What has been caught, if it was that.

@@ -107,7 +107,8 @@ impl Gpu {
     }
 }
 
-/// Where the tool is nearest to each vertex goes where predictions are kept within a control step.
+/// How each vertex lies off the point of the tool that is nearest to it goes where predictions are kept within a
+/// control step.
 #[cube(launch_unchecked)]
 fn weigh(
     cloth: &mut ClothBuffers,
@@ -123,38 +124,41 @@ fn weigh(
     let n = comptime!(plan.vertices);
     let unit = UNIT_POS_X as usize;
     let vectors = 3 * n * environments[CUBE_POS_X as usize] as usize;
-    let mut distances = (0.0f32, 0.0f32);
-    let mut surplus = (0.0f32, 0.0f32);
+    let mut distance_inside = 0.0f32;
+    let mut distance_of_all = 0.0f32;
+    let mut surplus_inside = 0.0f32;
+    let mut surplus_of_all = 0.0f32;
     let mut strain = f32::new(-1.0);
     let mut depth = f32::new(-1.0e9);
     for v in range_stepped(unit, n, CUBE_DIM_X as usize) {
         let x = Vec3g::load(&cloth.position, vectors, n, v);
         let (phi, normal) = distance(sheet, x, comptime!(plan.grid));
-        x.minus(normal.scale(phi))
-            .store(&mut cloth.predicted, vectors, n, v);
+        normal.scale(phi).store(&mut cloth.predicted, vectors, n, v);
         let above = phi.max(0.0f32);
-        distances.1 += above;
-        distances.0 += select(inside[v] == 1u32, above, 0.0f32);
+        distance_of_all += above;
+        distance_inside += select(inside[v] == 1u32, above, 0.0f32);
         depth = depth.max(-phi);
     }
     sync_storage();
     for e in range_stepped(unit, edge_count, CUBE_DIM_X as usize) {
         let a = edges[e] as usize;
         let b = edges[edge_count + e] as usize;
-        let foot = Vec3g::load(&cloth.predicted, vectors, n, a);
-        let trace = Vec3g::load(&cloth.predicted, vectors, n, b).minus(foot);
-        let excess = (rest[e] - trace.dot(trace).sqrt()).max(0.0f32);
-        surplus.1 += excess;
-        surplus.0 += select(inside[a] + inside[b] == 2u32, excess, 0.0f32);
         let x = Vec3g::load(&cloth.position, vectors, n, a);
         let edge = Vec3g::load(&cloth.position, vectors, n, b).minus(x);
+        // Short differences first: feet would be rounded as places are, by more than a trace may be off.
+        let above = Vec3g::load(&cloth.predicted, vectors, n, a);
+        let turned = Vec3g::load(&cloth.predicted, vectors, n, b).minus(above);
+        let trace = edge.minus(turned);
+        let excess = (rest[e] - trace.dot(trace).sqrt()).max(0.0f32);
+        surplus_of_all += excess;
+        surplus_inside += select(inside[a] + inside[b] == 2u32, excess, 0.0f32);
         strain = strain.max(edge.dot(edge).sqrt() / rest[e] - 1.0f32);
     }
     let mut all = Shared::<[f32]>::new_slice(comptime!(NUMBERS * MOST_UNITS));
-    all[unit] = distances.0;
-    all[MOST_UNITS + unit] = distances.1;
-    all[comptime!(2 * MOST_UNITS) + unit] = surplus.0;
-    all[comptime!(3 * MOST_UNITS) + unit] = surplus.1;
+    all[unit] = distance_inside;
+    all[MOST_UNITS + unit] = distance_of_all;
+    all[comptime!(2 * MOST_UNITS) + unit] = surplus_inside;
+    all[comptime!(3 * MOST_UNITS) + unit] = surplus_of_all;
     all[comptime!(4 * MOST_UNITS) + unit] = strain;
     all[comptime!(5 * MOST_UNITS) + unit] = depth;
     sync_cube();
