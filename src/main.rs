@@ -3,14 +3,33 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use drape::cli::Cli;
+use drape::cli::{Cli, Failure};
 
 fn main() -> ExitCode {
     // A file that grows beyond a limit of the system's is an error like a full disk, not the end.
     #[cfg(unix)]
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Default::default());
+    #[cfg(feature = "gpu")]
+    end_with_the_gpu();
     match Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failure.report(),
     }
+}
+
+/// A GPU that is lost or out of memory makes whatever uses it panic, on a thread of its driver's first: that is
+/// no fault of the program's, and ends it with one line.
+#[cfg(feature = "gpu")]
+fn end_with_the_gpu() {
+    let told = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let message = panic.payload_as_str().unwrap_or_default();
+        if !message.contains("wgpu error") {
+            return told(panic);
+        }
+        let failure = Failure::from(anyhow::anyhow!("the GPU has failed: {message}"));
+        let code = failure.code();
+        failure.report();
+        std::process::exit(code.into())
+    }));
 }

@@ -487,6 +487,7 @@ fn learner(
     let members = config.members()?.into_iter().zip(scenes);
     let members = members.map(|(member, scene)| {
         let tasks = Draping::shared(scene, &member.env, member.environments, cluster)?;
+        let tasks = tasks.forgetting_ends();
         Ok(tasks.with_reward(reward.clone()))
     });
     let tasks = Family::new(members.collect::<Result<_, ValueError>>()?)?;

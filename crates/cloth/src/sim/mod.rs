@@ -48,7 +48,7 @@ pub use cpu::{Cpu, Precision};
 pub use device::Device;
 pub use device_error::DeviceError;
 #[cfg(feature = "gpu")]
-pub use gpu::{Adapter, AdapterKind, Buffer, Gpu, GpuRegion, Lost, Measured, Traffic};
+pub use gpu::{Adapter, AdapterKind, Buffer, Gpu, GpuRegion, Measured, Traffic};
 pub use model::Model;
 pub use physics::{Bending, BendingStiffness, PhysicsConfig, SelfCollision, Solver, Tension};
 pub use press::{Press, Roller};

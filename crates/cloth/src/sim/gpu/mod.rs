@@ -30,7 +30,6 @@ mod backend;
 mod cloth;
 mod edges;
 mod lines;
-mod lost;
 mod measure;
 mod plan;
 mod press;
@@ -43,6 +42,5 @@ mod vertices;
 
 pub use adapter::{Adapter, AdapterKind};
 pub use backend::{Buffer, Gpu};
-pub use lost::Lost;
 pub use measure::{GpuRegion, Measured};
 pub use traffic::Traffic;
