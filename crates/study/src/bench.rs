@@ -37,7 +37,7 @@ pub struct Bench {
     quick: bool,
 
     /// Measure cloth on this GPU instead, gpu or gpu:N, beside all threads of the CPU: speed by the
-    /// number of environments, and how far positions drift apart
+    /// number of environments, how far positions drift apart, and trainings
     #[arg(long, value_name = "DEVICE", default_value_t)]
     device: Backend,
 
@@ -86,6 +86,7 @@ impl Study for Bench {
         "learner",
         "gpu",
         "agreement",
+        "training",
     ];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
@@ -351,6 +352,8 @@ impl Player {
 
 #[cfg(feature = "gpu")]
 mod gpu;
+#[cfg(feature = "gpu")]
+mod training;
 
 #[cfg(not(feature = "gpu"))]
 mod gpu {

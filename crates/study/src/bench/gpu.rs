@@ -1,7 +1,8 @@
-//! Cloth on a GPU beside all threads of the CPU.
+//! Cloth on a GPU beside all threads of the CPU, and [`training`] with both.
 
 use std::time::Instant;
 
+use super::training;
 use crate::study::{Context, Report, StudyError};
 use crate::table::Table;
 use drape_cloth::scene::Scene;
@@ -14,7 +15,7 @@ use drape_cloth::sim::{
 const COUNTS: [usize; 6] = [1, 8, 64, 512, 4096, 8192];
 
 /// After a control step that takes longer than this, more environments are not tried [s].
-const PATIENCE: f64 = 10.0;
+const PATIENCE: f64 = 5.0;
 
 /// Substeps after which positions are compared.
 const AFTER: [usize; 3] = [1, 100, 10_000];
@@ -26,6 +27,8 @@ struct Rate {
     rates: [f64; 2],
     /// Of the GPU [GB/s, Gflop/s].
     moved: [f64; 2],
+    /// Of the GPU, a control step.
+    launches: usize,
 }
 
 struct Drift {
@@ -36,7 +39,7 @@ struct Drift {
     off: [f64; 2],
 }
 
-/// Fills the tables `gpu` and `agreement` in control steps like `frame`.
+/// Fills the tables `gpu` and `agreement` in control steps like `frame`, and the table `training`.
 pub fn run(
     number: usize,
     (scene, frame): (&Scene, Control),
@@ -45,6 +48,7 @@ pub fn run(
 ) -> Result<Report, StudyError> {
     let invalid = |error: DeviceError| StudyError::Invalid(format!("`--device`: {error}"));
     let adapter = Adapter::number(number).map_err(invalid)?;
+    let patience = if quick { 0.1 * PATIENCE } else { PATIENCE };
     let (mut rates, mut drifts) = (Vec::new(), Vec::new());
     for (k, solver) in Solver::ALL.into_iter().enumerate() {
         let world = World {
@@ -52,13 +56,13 @@ pub fn run(
             ..world(scene, solver)
         };
         for environments in COUNTS {
-            (context.progress)(0.1 + 0.2 * k as f64, "environments");
+            (context.progress)(0.1 + 0.3 * k as f64, "environments");
             let gpu = match Gpu::new(&world, environments, &adapter) {
                 Ok(gpu) => gpu,
                 Err(DeviceError::TooMany { .. }) => break,
                 Err(error) => return Err(invalid(error)),
             };
-            let traffic = gpu.traffic(&frame);
+            let (traffic, launches) = (gpu.traffic(&frame), gpu.launches(&frame));
             let on_gpu = rate(gpu, &frame, quick);
             let rate_of = |numbers: f64| 1e-9 * on_gpu * numbers;
             rates.push(Rate {
@@ -73,15 +77,16 @@ pub fn run(
                     ),
                 ],
                 moved: [traffic.bytes, traffic.operations].map(rate_of),
+                launches,
             });
             let seconds = (environments * frame.substeps) as f64 / on_gpu;
-            if seconds > if quick { 0.1 * PATIENCE } else { PATIENCE } {
+            if seconds > patience {
                 break;
             }
         }
         let most = if quick { 2 } else { AFTER.len() };
         for substeps in AFTER.into_iter().take(most) {
-            (context.progress)(0.5 + 0.25 * k as f64, "agreement");
+            (context.progress)(0.3 + 0.3 * k as f64, "agreement");
             // As often refreshed as in the other table.
             let control = Control {
                 dt: frame.dt * substeps as f64 / frame.substeps as f64,
@@ -105,14 +110,16 @@ pub fn run(
         .number("substeps [1/s]", 0, |rate| rate.rates[0])
         .number("on all threads of the CPU [1/s]", 0, |rate| rate.rates[1])
         .number("memory [GB/s]", 2, |rate| rate.moved[0])
-        .number("arithmetic [Gflop/s]", 2, |rate| rate.moved[1]);
+        .number("arithmetic [Gflop/s]", 2, |rate| rate.moved[1])
+        .text("launches", |rate| rate.launches);
     let title = "Greatest difference of a coordinate from the CPU in f32, from the settled sheet";
     let drifts = Table::of("agreement", title, &drifts)
         .text("solver", |drift| drift.solver.name())
         .text("substeps", |drift| drift.substeps)
         .number("GPU [um]", 3, |drift| drift.off[0])
         .number("CPU in f64 [um]", 3, |drift| drift.off[1]);
-    Ok(Report::new([rates.end(), drifts.end()]))
+    let training = training::table(number, quick, patience, context)?;
+    Ok(Report::new([rates.end(), drifts.end(), training]))
 }
 
 fn world(scene: &Scene, solver: Solver) -> World {

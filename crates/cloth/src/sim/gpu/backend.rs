@@ -147,6 +147,12 @@ impl Gpu {
         Traffic::new(&self.plan, control)
     }
 
+    /// How many launches a control step takes.
+    pub fn launches(&self, control: &Control) -> usize {
+        let at_once = per_launch(&self.plan, control.sweeps, self.units as usize);
+        control.substeps.div_ceil(at_once)
+    }
+
     pub(super) fn cloth(&self) -> ClothBuffersLaunch {
         let [a, b, c, d, e, f, g, h, i, j] = self.cloth.each_ref().map(Buffer::arg);
         ClothBuffersLaunch::new(a, b, c, d, e, f, g, h, i, j)
