@@ -68,12 +68,10 @@ fn gpu_learns_as_the_cpu_does() {
         (Device::Cpu, GPU),
         (Device::Gpu(0), DeviceKind::Flex),
     ] {
-        let begun = std::time::Instant::now();
         let mut found = trainer(cloth, networks);
         found.load(&start).unwrap();
         assert_close(&found.iterate().unwrap(), &iteration);
 
-        eprintln!("{cloth} {networks} {:?}", begun.elapsed());
         let mut back = trainer(Device::Cpu, DeviceKind::Flex);
         back.load(&found.save()).unwrap();
         for task in 0..back.tasks().count() {
