@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use drape::cli::{Cli, Failure};
+use drape::cli::Cli;
 
 fn main() -> ExitCode {
     // A file that grows beyond a limit of the system's is an error like a full disk, not the end.
@@ -27,7 +27,7 @@ fn end_with_the_gpu() {
         if !message.contains("wgpu error") {
             return told(panic);
         }
-        let failure = Failure::from(anyhow::anyhow!("the GPU has failed: {message}"));
+        let failure = drape::cli::Failure::from(anyhow::anyhow!("the GPU has failed: {message}"));
         let code = failure.code();
         failure.report();
         std::process::exit(code.into())

@@ -110,30 +110,31 @@ impl Progress {
         let bar = ProgressBar::hidden().with_message(title).with_prefix(title);
         bar.set_length(STEPS);
         let template = "{msg} [{bar:40}] {percent:>3} %{rest}";
-        Self::start(bar, template, share_line, json)
+        Self::start(bar, template, share_left, share_line, json)
     }
 
     /// Starts with `done` of `total` steps.
     pub fn of_steps(done: u64, total: u64, json: bool) -> Self {
         let bar = ProgressBar::hidden().with_position(done);
         bar.set_length(total);
-        // What is done already tells no rate.
-        bar.tick();
-        bar.reset_eta();
-        let template = "{bar:24} {pos}/{len} steps, {per_sec:.0}, {eta} left; {msg}";
-        Self::start(bar, template, step_line, json)
+        let template = "{bar:24} {pos}/{len} steps{rest}; {msg}";
+        let rest = move |now, elapsed| steps_left([done, now, total], elapsed);
+        let line = move |bar: &ProgressBar| step_line(bar, done);
+        Self::start(bar, template, rest, line, json)
     }
 
     fn start(
         bar: ProgressBar,
         template: &str,
-        line: fn(&ProgressBar) -> String,
+        rest: impl Fn(u64, Duration) -> String + Clone + Send + Sync + 'static,
+        line: impl Fn(&ProgressBar) -> String + Send + 'static,
         json: bool,
     ) -> Self {
         let style = ProgressStyle::with_template(template).expect("the template is valid");
-        let style = style.with_key("rest", |state: &ProgressState, out: &mut dyn fmt::Write| {
-            let _ = out.write_str(&share_left(state.pos(), state.elapsed()));
-        });
+        let rest = move |state: &ProgressState, out: &mut dyn fmt::Write| {
+            let _ = out.write_str(&rest(state.pos(), state.elapsed()));
+        };
+        let style = style.with_key("rest", rest);
         bar.set_style(style);
         let mut lines = None;
         if io::stderr().is_terminal() && !json {
@@ -213,27 +214,27 @@ fn share_left(done: u64, elapsed: Duration) -> String {
     }
 }
 
-/// As in `12800/200000 steps, 1623 a second, 2 minutes left; score: ...`.
-fn step_line(bar: &ProgressBar) -> String {
+/// As in `12800/200000 steps, 1623 a second, 2 minutes left; score: ...`, where `begun` were done at the start.
+fn step_line(bar: &ProgressBar, begun: u64) -> String {
     let (done, total) = (bar.position(), bar.length().unwrap_or(0));
-    let mut line = format!(
-        "{done}/{total} steps, {:.0} a second{}",
-        bar.per_sec(),
-        left(bar)
-    );
+    let left = steps_left([begun, done, total], bar.elapsed());
+    let mut line = format!("{done}/{total} steps{left}");
     if !bar.message().is_empty() {
         line += &format!("; {}", bar.message());
     }
     line
 }
 
-/// The time that is left for steps, where it is known.
-fn left(bar: &ProgressBar) -> String {
-    let eta = bar.eta();
-    match eta.is_zero() || bar.position() == 0 {
-        true => String::new(),
-        false => format!(", {} left", HumanDuration(eta)),
+/// The rate of steps from the start on, and what is left by it, where some have been done: a whole rollout comes
+/// at once.
+fn steps_left([begun, done, total]: [u64; 3], elapsed: Duration) -> String {
+    let (new, rest) = (done.saturating_sub(begun), total.saturating_sub(done));
+    if new == 0 {
+        return String::new();
     }
+    let rate = new as f64 / elapsed.as_secs_f64().max(1e-9);
+    let rest = elapsed.mul_f64(rest as f64 / new as f64);
+    format!(", {rate:.0} a second, {} left", HumanDuration(rest))
 }
 
 #[cfg(test)]
@@ -272,12 +273,11 @@ mod tests {
         assert!(line.starts_with("proof, the twin's fall: 35 %"), "{line}");
         let training = Progress::of_steps(100, 400, true);
         training.step(200, "score: 5 %".into());
-        let line = step_line(&training.bar);
+        let line = step_line(&training.bar, 100);
         assert!(line.starts_with("200/400 steps, "), "{line}");
-        assert!(
-            line.contains(" a second") && line.ends_with("; score: 5 %"),
-            "{line}"
-        );
+        assert!(line.ends_with(" left; score: 5 %"), "{line}");
+        let left = |done| steps_left([100, done, 400], Duration::from_secs(60));
+        assert_eq!([left(100), left(200)], ["", ", 2 a second, 2 minutes left"]);
         assert!(training.lines.is_none());
     }
 }

@@ -12,6 +12,7 @@ pub enum Seen {
 
 /// Observations that a network is asked about.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is one at a time")]
 pub enum Batch<'a> {
     Host(Vec<&'a Observation>),
     Device(Shown),
