@@ -13,7 +13,7 @@ pub(super) struct Judge {
 pub(super) struct Judged {
     /// What is left of the objective [m].
     pub left: f64,
-    /// See [`Task::is_believable`]; never where positions are no numbers.
+    /// See [`Task::is_believable`].
     pub is_believable: bool,
     /// The cloth, where it was asked for.
     pub state: Option<Snapshot>,
