@@ -17,19 +17,21 @@ fn main() -> ExitCode {
     }
 }
 
-/// A GPU that is lost or out of memory makes whatever uses it panic, on a thread of its driver's first: that is
-/// no fault of the program's, and ends it with one line.
+/// A GPU that is lost or out of memory makes whatever uses it panic, on a thread of its driver's first or where
+/// something is read: that is no fault of the program's, and ends it with one line. What the driver finds invalid is.
 #[cfg(feature = "gpu")]
 fn end_with_the_gpu() {
     let told = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         let message = panic.payload_as_str().unwrap_or_default();
-        if !message.contains("wgpu error") {
+        // As cubecl, the cloth's backend and burn say it.
+        let said = ["wgpu error", "Error while reading data"];
+        let is_lost = said.iter().any(|said| message.contains(said));
+        if !is_lost || message.to_lowercase().contains("validation") {
             return told(panic);
         }
         let failure = drape::cli::Failure::from(anyhow::anyhow!("the GPU has failed: {message}"));
-        let code = failure.code();
         failure.report();
-        std::process::exit(code.into())
+        std::process::exit(failure.code().into())
     }));
 }

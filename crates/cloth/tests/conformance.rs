@@ -9,12 +9,16 @@ use std::sync::LazyLock;
 use drape_cloth::fabric::{BlankConfig, Lamina, MassModel, Material, ShearLocking};
 use drape_cloth::math::{Isa, Purpose, Stream};
 #[cfg(feature = "gpu")]
+use drape_cloth::scene::{feet, summed_surplus};
+#[cfg(feature = "gpu")]
 use drape_cloth::sim::{Adapter, AdapterKind, DeviceError, Gpu};
 use drape_cloth::sim::{
     Backend, Bending, Control, Cpu, Model, PhysicsConfig, Precision, Press, Roller, SelfCollision,
     Snapshot, Solver, Stencil, Tension, World,
 };
 use drape_cloth::tool::{GridConfig, Hemisphere, Shape, Source, Tool, ToolConfig};
+#[cfg(feature = "gpu")]
+use fixedbitset::FixedBitSet;
 
 const CONTROL: Control = Control {
     dt: 1.0 / 60.0,
@@ -690,6 +694,50 @@ fn f32_follows_f64_in_the_air() {
             // At a cut border stiff membranes are solved one after the other, which magnifies rounding.
             let most = if is_cut { 5e-5 } else { 2e-5 };
             assert!(off <= most, "case {index}: {off:e} m, {physics:?}");
+        }
+    }
+}
+
+/// What episodes are judged by is what the host finds in the same states, within single precision.
+#[cfg(feature = "gpu")]
+#[test]
+fn gpu_measures_as_the_host_does() {
+    let device = Device::gpu();
+    for (_, world) in device.worlds() {
+        let mut cases = device.cases(world);
+        // Away from the nodes of the tool's grid, where normals jump.
+        cases.step(&CONTROL, &[]);
+        let gpu = cases.on_gpu().unwrap();
+        let (lamina, _) = world.presses.as_ref().unwrap();
+        let mut region = FixedBitSet::with_capacity(lamina.vertex_count());
+        region.insert_range(..lamina.vertex_count() / 2);
+        let all: Vec<usize> = (0..CASES).rev().collect();
+        let measured = gpu.measured(&gpu.region(lamina, &region), &all);
+        for (found, &index) in measured.iter().zip(&all) {
+            let x = cases.snapshot(index).position;
+            let mut sheet = region.clone();
+            sheet.insert_range(..);
+            let feet = feet(&world.tool, &x);
+            let close = |found: f64, expected: f64, share: f64| {
+                let off = (found - expected).abs();
+                assert!(
+                    off <= 1e-6 + share * expected.abs(),
+                    "{found}, expected {expected}"
+                );
+            };
+            for (k, of) in [&region, &sheet].into_iter().enumerate() {
+                close(
+                    found.distance[k],
+                    world.tool.summed_distance(of.ones(), &x),
+                    1e-5,
+                );
+                // High up, feet jump where rounding takes a vertex into another cell of the grid.
+                close(found.surplus[k], summed_surplus(lamina, &feet, of).0, 1e-3);
+            }
+            let strain = lamina.yarn_strain(&x).into_iter().fold(-1.0, f64::max);
+            close(found.strain, strain, 1e-5);
+            let depths = x.iter().map(|&x| -world.tool.distance(x).0);
+            close(found.depth, depths.fold(f64::MIN, f64::max), 1e-5);
         }
     }
 }

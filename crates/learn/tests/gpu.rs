@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use burn::backend::DispatchDevice;
+use burn::tensor::Device as BurnDevice;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Device;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
@@ -70,6 +72,12 @@ fn gpu_learns_as_the_cpu_does() {
     ] {
         let mut found = trainer(cloth, networks);
         found.load(&start).unwrap();
+        if let Some(sights) = found.tasks().sights() {
+            // Networks there take it over.
+            let there = sights[0][0].adapter.device();
+            assert!(BurnDevice::new(DispatchDevice::Cube(there)) == GPU.open().unwrap());
+        }
+        assert_eq!(found.tasks().sights().is_some(), cloth != Device::Cpu);
         assert_close(&found.iterate().unwrap(), &iteration);
 
         let mut back = trainer(Device::Cpu, DeviceKind::Flex);

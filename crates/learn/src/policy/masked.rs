@@ -68,7 +68,7 @@ pub fn draw_rows(
     let uniform: Vec<f32> = uniform.iter().map(below).collect();
     let uniform = Tensor::<2>::from_data(TensorData::new(uniform, [rows, 1]), &device);
     let probability = log_probs.exp().mask_fill(invalid.clone(), 0.0);
-    let sums = probability.clone().cumsum(1);
+    let sums = sums(probability.clone());
     let threshold = sums.clone().narrow(1, count - 1, 1) * uniform;
     let action = Tensor::<1, Int>::arange(0..count as i64, &device).unsqueeze::<2>();
     let action = action.repeat_dim(0, rows);
@@ -85,6 +85,19 @@ pub fn draw_rows(
         .mask_where(first.equal_elem(count as i64), last);
     let found = found.clone().mask_where(found.lower_elem(0), lowest);
     found.squeeze_dim(1)
+}
+
+/// Sums of each row up to each place. In blocks, since devices sum every place up by itself.
+fn sums(rows: Tensor<2>) -> Tensor<2> {
+    const BLOCK: usize = 64;
+    let [count, width] = rows.dims();
+    let blocks = width.div_ceil(BLOCK);
+    let rows = rows.pad((0, blocks * BLOCK - width, 0, 0), 0.0);
+    let within = rows.reshape([count, blocks, BLOCK]).cumsum(2);
+    let block = within.clone().narrow(2, BLOCK - 1, 1);
+    let before = block.clone().cumsum(1) - block;
+    let all: Tensor<2> = (within + before).reshape([count, blocks * BLOCK]);
+    all.narrow(1, 0, width)
 }
 
 /// The most probable action in `mask`; the lowest index of equals.

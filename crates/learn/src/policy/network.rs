@@ -153,14 +153,18 @@ impl ActorCritic {
         Seen::Device(Arc::new(shown))
     }
 
-    /// What a task showed when the step just taken ended its episode.
-    pub(crate) fn last<'a, T: Tasks>(&self, tasks: &'a T, task: usize) -> Batch<'a> {
+    /// Values of what some tasks showed when the step just taken ended their episodes.
+    pub(crate) fn last_values<T: Tasks>(&self, tasks: &T, ended: &[usize]) -> Vec<f32> {
+        if ended.is_empty() {
+            return Vec::new();
+        }
         if self.keeps_observations
             && let Some(shown) = self.sight(tasks, 1)
         {
-            return Batch::Device(shown.select(&[task]));
+            return self.values(&Batch::Device(shown.select(ended)));
         }
-        Batch::Host(vec![tasks.last(task)])
+        let value = |&task: &usize| self.values(&Batch::Host(vec![tasks.last(task)]))[0];
+        ended.iter().map(value).collect()
     }
 
     /// One of [`Tasks::sights`] of all scenes, if it is where this network is.

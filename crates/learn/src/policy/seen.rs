@@ -18,8 +18,8 @@ pub enum Batch<'a> {
     Device(Shown),
 }
 
-/// Pixels of a piece on the device: well below what a buffer may hold [numbers of 4 bytes].
-const MOST_PIXELS: usize = 1 << 26;
+/// Pixels of a piece on the device: 64 MiB, half of what the smallest buffers hold.
+const MOST_PIXELS: usize = 1 << 24;
 
 /// Everything seen in a rollout, in order.
 #[derive(Debug, Default)]

@@ -114,7 +114,7 @@ fn networks_see_the_same_on_a_device() {
 /// nothing is a number.
 #[test]
 fn rows_are_drawn_as_one_by_one() {
-    let count = 40;
+    let count = 150;
     let mut stream = Stream::new(5, Purpose::Evaluation, 0);
     let (mut logits, mut masks, mut uniform) = (Vec::new(), Vec::new(), Vec::new());
     for row in 0..200 {

@@ -60,7 +60,7 @@ impl From<Held> for Move {
     }
 }
 
-/// Moves on the host, fetched in one transfer.
+/// Moves on the host, fetched together.
 fn on_host(held: Vec<Held>) -> Vec<Move> {
     let rows = held.iter().filter_map(|held| match held {
         Held::Host(_) => None,
@@ -140,7 +140,8 @@ impl Memory {
             .map(|moves| on_host(moves.clone()).into_iter().map(Held::Host).collect());
         Self {
             open: open.collect(),
-            ..self.clone()
+            capacity: self.capacity,
+            best: self.best.clone(),
         }
     }
 

@@ -8,7 +8,7 @@ use drape_task::env::{End, Episode, StepOutcome, Tasks};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// A finished episode, without its last observation.
+/// A finished episode of one of the tasks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EpisodeRecord {
     /// Number of the task.
@@ -103,13 +103,19 @@ pub fn collect<T: Tasks>(
                 memory.record(task, step, outcome.episode.as_ref());
             }
         }
+        let is_truncated = |task: &usize| {
+            let episode = &outcomes[*task].episode;
+            matches!(episode, Some(episode) if episode.end == End::Truncated)
+        };
+        let truncated: Vec<usize> = (0..outcomes.len()).filter(is_truncated).collect();
+        let mut last_values = network.last_values(tasks, &truncated).into_iter();
         for (task, outcome) in outcomes.into_iter().enumerate() {
             let StepOutcome { reward, episode } = outcome;
             rollout.rewards.push(reward * reward_factors[task]);
             rollout.next.push(match &episode {
                 None => Next::Step,
                 Some(episode) if episode.end == End::Truncated => Next::Truncated {
-                    value: network.values(&network.last(tasks, task))[0],
+                    value: last_values.next().expect("one for each"),
                 },
                 // What has diverged earns nothing, not even what could have followed.
                 Some(_) => Next::Terminated,

@@ -74,7 +74,7 @@ pub fn table(
         env.device = cloth;
         for &environments in &COUNTS[..most] {
             (context.progress)(0.7 + 0.1 * k as f64, "training");
-            let tasks = Draping::new(scene.clone(), &env, environments)?;
+            let tasks = Draping::new(scene.clone(), &env, environments)?.forgetting_ends();
             let policy = PolicyConfig::compact();
             let mut trainer =
                 Trainer::new(ppo.clone(), &policy, tasks, 1, networks).map_err(failed)?;

@@ -1,3 +1,4 @@
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 use fixedbitset::FixedBitSet;
@@ -71,8 +72,8 @@ impl Draping {
         })
     }
 
-    /// The same environments without [`Draping::finished`], for learners, who do not ask: on a GPU ends are then
-    /// judged there.
+    /// The same environments without [`Draping::finished`], for learners, who do not ask: on a GPU the cloth then
+    /// stays there.
     pub fn forgetting_ends(mut self) -> Self {
         self.keeps_ends = false;
         self
@@ -94,7 +95,7 @@ impl Draping {
     pub(super) fn set_scene_index(&mut self, index: u16) {
         self.task.scene_index = index;
         self.task.observation.scene = index;
-        self.views = Views::new(&self.task, &*self.cloth);
+        self.views.set_scene(index);
     }
 
     /// The vertex of the blank that an action presses; none where the blank has been cut away.
@@ -258,6 +259,7 @@ impl Draping {
     /// # Panics
     /// If there is not one entry an environment.
     pub fn press(&mut self, vertices: &[Option<u32>]) -> Vec<bool> {
+        self.views.keep(&self.task, &*self.cloth);
         self.cloth.press(vertices);
         self.cloth.finite()
     }
@@ -278,7 +280,8 @@ impl Draping {
         let judged = judged.as_ref();
         let finite = end != Some(End::Diverged) && judged.is_none_or(|judged| judged.is_believable);
         let end = end.map(|end| if finite { end } else { End::Diverged });
-        let objective = || task.objective(&self.cloth.snapshot(index));
+        let objective = OnceCell::new();
+        let objective = || *objective.get_or_init(|| task.objective(&self.cloth.snapshot(index)));
         let left = || judged.map_or_else(objective, |judged| judged.left);
         // A step in which the simulation diverges takes back what was earned.
         let reward = match end {

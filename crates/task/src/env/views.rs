@@ -76,7 +76,7 @@ impl Views {
     /// What one environment showed before it was reset last.
     ///
     /// # Panics
-    /// If no step has ended an episode there; on a GPU, if the last step has not.
+    /// If no step has ended an episode there. On a GPU it is what was shown after the last step, if there was one.
     pub fn last(&self, index: usize, cloth: &dyn Backend) -> &Observation {
         #[cfg(not(feature = "gpu"))]
         let _ = cloth;
@@ -103,7 +103,28 @@ impl Views {
         }
     }
 
-    /// Looks at all environments after a press. One that is not finite still shows what it showed.
+    /// Lets all show what they show now, whatever happens to the cloth.
+    pub fn keep(&self, task: &Task, cloth: &dyn Backend) {
+        #[cfg(not(feature = "gpu"))]
+        let _ = (task, cloth);
+        match self {
+            Self::Host { .. } => {}
+            #[cfg(feature = "gpu")]
+            Self::Gpu(views) => _ = views.now(task, cloth),
+        }
+    }
+
+    /// Numbers the scene that all show.
+    pub fn set_scene(&mut self, scene: u16) {
+        match self {
+            Self::Host { now, .. } => now.iter_mut().for_each(|now| now.scene = scene),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(views) => views.forget(),
+        }
+    }
+
+    /// Looks at all environments after a press. One that is not finite still shows what it showed, but on a GPU,
+    /// where nobody looks at it before it is reset.
     pub fn look(&mut self, task: &Task, cloth: &dyn Backend) -> Vec<After> {
         match self {
             Self::Host { now, .. } => {
