@@ -343,7 +343,7 @@ impl RunConfig {
         let expected = "0 where nothing is imitated";
         ValueError::unless(is_imitated, "search", self.search, expected)?;
         ValueError::unless_within("search_alike", self.search_alike, [0.0, 1.0])?;
-        range("environments", self.environments as u64, 4096)?;
+        range("environments", self.environments as u64, 8192)?;
         range("evaluation_interval", self.evaluation_interval, 1 << 32)?;
         range("proof_paths", self.proof_paths as u64, 4096)?;
         // A rollout is held in memory: 17 kB a sample on the whole standard blank.
