@@ -149,8 +149,12 @@ impl Gpu {
 
     /// How many launches a control step takes.
     pub fn launches(&self, control: &Control) -> usize {
-        let at_once = per_launch(&self.plan, control.sweeps, self.units as usize);
-        control.substeps.div_ceil(at_once)
+        control.substeps.div_ceil(self.at_once(control))
+    }
+
+    /// Substeps of a launch.
+    fn at_once(&self, control: &Control) -> usize {
+        per_launch(&self.plan, control.sweeps, self.units as usize)
     }
 
     pub(super) fn cloth(&self) -> ClothBuffersLaunch {
@@ -283,7 +287,7 @@ impl Gpu {
         let model = &self.world.model;
         let frame = Frame::new(model.physics(), model.friction, control);
         let [stick, slide] = frame.friction.unwrap_or_default();
-        let at_once = per_launch(&self.plan, control.sweeps, self.units as usize);
+        let at_once = self.at_once(control);
         for first in (0..control.substeps).step_by(at_once) {
             launch!(
                 self,
