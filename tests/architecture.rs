@@ -121,8 +121,10 @@ impl Visit<'_> for File {
     fn visit_visibility(&mut self, _: &syn::Visibility) {}
 
     fn visit_path(&mut self, path: &syn::Path) {
-        let path: Vec<String> = path.segments.iter().map(|s| s.ident.to_string()).collect();
-        self.uses.extend(self.resolve(&path));
+        let names: Vec<String> = path.segments.iter().map(|s| s.ident.to_string()).collect();
+        self.uses.extend(self.resolve(&names));
+        // What stands in its angle brackets, too.
+        syn::visit::visit_path(self, path);
     }
 }
 
@@ -273,6 +275,12 @@ fn circles_are_found() {
     assert!(circle(&files(&through)).is_some());
     let parent = [("", "mod a; use a::f; struct S;"), ("a", "use super::S;")];
     assert!(circle(&files(&parent)).is_some());
+    let in_brackets = [
+        ("", ""),
+        ("a", "fn f(x: Option<Vec<super::b::B>>) {}"),
+        ("b", "fn g(x: impl Fn(&crate::a::A)) {}"),
+    ];
+    assert!(circle(&files(&in_brackets)).is_some());
 }
 
 #[test]
