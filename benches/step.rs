@@ -55,13 +55,11 @@ fn distance(criterion: &mut Criterion, scene: &Scene) {
 fn action(criterion: &mut Criterion, scene: &Arc<Scene>) {
     let mut group = criterion.benchmark_group("action");
     group.sample_size(10);
-    for (environments, threads) in [(1, 1)]
-        .into_iter()
-        .chain(THREADS.map(|threads| (ENVIRONMENTS, threads)))
-    {
-        let mut player = Player::new(scene, environments, threads).expect("threads can be started");
-        group.throughput(Throughput::Elements(environments as u64));
-        let id = BenchmarkId::new(format!("{environments} environments"), threads);
+    group.throughput(Throughput::Elements(ENVIRONMENTS as u64));
+    for threads in THREADS {
+        let scenes = std::slice::from_ref(scene);
+        let mut player = Player::new(scenes, threads).expect("threads can be started");
+        let id = BenchmarkId::new("threads", threads);
         group.bench_function(id, |bencher| bencher.iter(|| player.step()));
     }
 }

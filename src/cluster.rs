@@ -2,7 +2,15 @@
 
 use drape_task::cluster::Cluster;
 
-use crate::cli::Failure;
+/// A process that cannot be one of those that it was started with.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    #[error("started as one of {0} processes, expected one: rebuild with `--features cluster`")]
+    Several(usize),
+    #[cfg(feature = "cluster")]
+    #[error("MPI has been started before")]
+    Again,
+}
 
 /// This process among those that were started together, until the command ends.
 pub struct Session {
@@ -19,15 +27,12 @@ impl Session {
     ///
     /// # Errors
     /// It is one of several, which this build cannot be.
-    pub fn start() -> Result<Self, Failure> {
+    pub fn start() -> Result<Self, StartError> {
         // Open MPI, MPICH and those derived from it, SLURM.
         for name in ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS"] {
             let size = std::env::var(name).ok().and_then(|size| size.parse().ok());
             if let Some(size @ 2..) = size {
-                let size: usize = size;
-                return Err(Failure::invalid(anyhow::anyhow!(
-                    "started as one of {size} processes, expected one: rebuild with `--features cluster`"
-                )));
+                return Err(StartError::Several(size));
             }
         }
         Ok(Self {
@@ -37,7 +42,7 @@ impl Session {
     }
 
     /// Gives the result of the command.
-    pub fn end(self, result: Result<(), Failure>) -> Result<(), Failure> {
+    pub fn end<E>(self, result: Result<(), E>, _: impl FnOnce(&E) -> i32) -> Result<(), E> {
         result
     }
 }
@@ -49,7 +54,7 @@ mod processes {
     use mpi::topology::SimpleCommunicator;
     use mpi::traits::{Communicator as _, CommunicatorCollectives as _};
 
-    use super::{Cluster, Failure, Session};
+    use super::{Cluster, Session, StartError};
     use drape_task::cluster::Communicator;
 
     impl Session {
@@ -57,10 +62,9 @@ mod processes {
         ///
         /// # Errors
         /// The MPI library does not start.
-        pub fn start() -> Result<Self, Failure> {
+        pub fn start() -> Result<Self, StartError> {
             let started = mpi::initialize_with_threading(Threading::Serialized);
-            let (universe, _) =
-                started.ok_or_else(|| anyhow::anyhow!("MPI has been started before"))?;
+            let (universe, _) = started.ok_or(StartError::Again)?;
             let world = universe.world();
             let (rank, size) = (world.rank() as usize, world.size() as usize);
             let local_rank = world.split_shared(world.rank()).rank() as usize;
@@ -81,12 +85,16 @@ mod processes {
             })
         }
 
-        /// Gives the result of the command; where it has failed, says so and ends all processes.
-        pub fn end(self, result: Result<(), Failure>) -> Result<(), Failure> {
+        /// Gives the result of the command; where it has failed, `report` says so and gives the exit code
+        /// with which all processes end.
+        pub fn end<E>(
+            self,
+            result: Result<(), E>,
+            report: impl FnOnce(&E) -> i32,
+        ) -> Result<(), E> {
             match result {
-                Err(failure) if self.cluster.size() > 1 => {
-                    failure.report();
-                    self.universe.world().abort(failure.code().into())
+                Err(error) if self.cluster.size() > 1 => {
+                    self.universe.world().abort(report(&error))
                 }
                 result => result,
             }

@@ -71,8 +71,8 @@ fn diverged_episodes_are_left_out_of_the_baseline() {
             .is_empty()
     );
     let mut draping = Draping::new(scene, &small_region(), 1).unwrap();
-    let first = |draping: &Draping| draping.observation(0).mask.minimum().unwrap() as u32;
-    let error = play(&mut draping, first, |_, _| ()).unwrap_err();
+    let first = |draping: &Draping| draping.observation(0).allowed().next().unwrap();
+    let error = play(&mut draping, first, |_| ()).unwrap_err();
     let message = error.to_string();
     assert!(
         message.starts_with("the simulation diverged after 1 presses: "),

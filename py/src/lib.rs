@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use drape::cli::{Failure, read_config, set_up_tasks};
 use drape_cloth::file::ValueError;
-use drape_task::env::{Draping, End, Observation, StepOutcome, Tasks};
+use drape_cloth::sim::{ALLOWED, DRAPED, Observation, TOUCHED};
+use drape_task::env::{Draping, End, StepOutcome, Tasks};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -74,16 +75,16 @@ fn set_up(
 
 impl Environments {
     /// Writes an observation as `[CHANNELS, rows, columns]`, single precision in native order.
-    fn write(&self, seen: &Observation, out: &mut [u8]) {
+    fn write(&self, seen: Observation, out: &mut [u8]) {
         let plane = out.len() / CHANNELS;
         let mut set = |channel: usize, pixel: usize, value: f32| {
             let start = channel * plane + size_of::<f32>() * pixel;
             out[start..][..size_of::<f32>()].copy_from_slice(&value.to_ne_bytes());
         };
-        for (channel, bits) in [(0, &seen.draped), (2, &seen.touched), (3, &seen.mask)] {
-            bits.ones().for_each(|pixel| set(channel, pixel, 1.0));
-        }
-        for (pixel, distance) in seen.distance.iter().enumerate() {
+        for (pixel, (distance, mark)) in seen.distance.iter().zip(seen.marks).enumerate() {
+            for (channel, bit) in [(0, DRAPED), (2, TOUCHED), (3, ALLOWED)] {
+                set(channel, pixel, f32::from(mark & bit != 0));
+            }
             set(1, pixel, distance * self.distance_factor);
         }
     }
@@ -151,8 +152,11 @@ impl Environments {
         let pixels = self.draping.shape().pixel_count();
         PyBytes::new_with(py, self.draping.count() * pixels, |out| {
             for (index, out) in out.chunks_exact_mut(pixels).enumerate() {
-                let mask = &self.draping.observation(index).mask;
-                mask.ones().for_each(|pixel| out[pixel] = 1);
+                let marks = self.draping.observation(index).marks.iter();
+                let allowed = marks.map(|mark| u8::from(mark & ALLOWED != 0));
+                out.iter_mut()
+                    .zip(allowed)
+                    .for_each(|(out, allowed)| *out = allowed);
             }
             Ok(())
         })
@@ -175,8 +179,8 @@ impl Environments {
             .map_err(value_error)?;
         let mut allowed = Vec::with_capacity(count);
         for (index, action) in actions.into_iter().enumerate() {
-            let mask = &self.draping.observation(index).mask;
-            let valid = usize::try_from(action).ok().filter(|&a| mask.contains(a));
+            let seen = self.draping.observation(index);
+            let valid = u32::try_from(action).ok().filter(|&a| seen.allows(a));
             let key = format!("actions[{index}]");
             ValueError::unless(valid.is_some(), &key, action, "one that the mask allows")
                 .map_err(value_error)?;
@@ -188,7 +192,7 @@ impl Environments {
             rewards.push(reward * self.reward_factor);
             let Some(episode) = episode else { continue };
             let last = PyBytes::new_with(py, self.size(), |out| {
-                self.write(self.draping.last(index), out);
+                self.write(self.draping.last().row(index), out);
                 Ok(())
             })?;
             let vertices = episode

@@ -7,11 +7,10 @@ use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::output::{Progress, percent, print, print_json};
+use super::output::{Progress, percent, print, print_json, stop_on_signal};
 use super::proof;
 use super::result::rollout_failure;
 use super::setup::{read_config, set_up_run};
-use super::train::stop_on_signal;
 use crate::run::{Best, Rules, RunConfig, RunFolder, RunInfo, config_digest, replay};
 use drape_study::proof::Row;
 use drape_task::env::{Draping, Episode};
@@ -181,11 +180,11 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         for episode in ended {
             found.count(episode);
             if let Some(score) = episode.score {
-                best.remember(score, &episode.actions, &start);
+                best.remember(score, &episode.actions, start.task(0));
             }
         }
         if best.score() > before
-            && let Some(sequence) = best.sequence(&start, digest.clone())
+            && let Some(sequence) = best.sequence(start.task(0), digest.clone())
         {
             written = folder.write_best_sequence(&sequence);
         }
@@ -204,14 +203,14 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
     let was_stopped = stop.load(Ordering::Relaxed);
 
     let (mut path, mut rows) = (None, Vec::new());
-    match best.sequence(&start, digest) {
+    match best.sequence(start.task(0), digest) {
         None => eprintln!(
             "warning: every episode has diverged or none has ended, so there is no best sequence: raise \
              --steps or `env.substep_rate`"
         ),
         Some(mut sequence) => {
             folder.write_best_sequence(&sequence)?;
-            let played = replay(&mut start, &sequence.vertices, Rules::Robot, |_, _| ())
+            let played = replay(&mut start, &sequence.vertices, Rules::Robot, |_| ())
                 .map_err(|error| rollout_failure(error, &folder.best_sequence))?;
             path = Some(played.summary.path);
             if !was_stopped {

@@ -4,8 +4,9 @@ use anyhow::anyhow;
 use serde::Serialize;
 
 use super::Failure;
-use super::eval::Loaded;
+use super::args::{png, positive};
 use super::failure::OrInvalid;
+use super::loaded::Loaded;
 use super::output::{print, print_json};
 use super::setup::{absurd, extent};
 use crate::run::RunConfig;
@@ -58,22 +59,6 @@ pub struct CompareArgs {
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
-}
-
-pub(super) fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(number) if number > 0.0 && number <= 1e6 => Ok(number),
-        _ => Err("expected a number > 0 and at most 1000000".into()),
-    }
-}
-
-/// A picture must not replace what is compared.
-pub(super) fn png(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    match path.extension() {
-        Some(end) if end.eq_ignore_ascii_case("png") => Ok(path),
-        _ => Err("expected a file that ends in .png".into()),
-    }
 }
 
 /// What is printed.
@@ -194,7 +179,7 @@ fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, K
     let (surveyed, scene, kind) = if path.is_dir() {
         let loaded = Loaded::open(path, None, args.json)?;
         let (played, _) = loaded.play_path()?;
-        let drape = Drape::new(&loaded.scene.lamina, &played.end.position);
+        let drape = Drape::new(&loaded.scene.lamina, played.recording.end());
         let scene = (*loaded.scene).clone();
         (Surveyed::draped(drape), Some(scene), Kind::Run)
     } else if is_stl(path) {

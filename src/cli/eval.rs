@@ -1,29 +1,29 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, anyhow};
 use serde::Serialize;
 
 use super::Failure;
-use super::failure::OrInvalid;
-use super::output::{OutFolder, Progress};
+use super::args::accuracy;
+use super::failure::{OrInvalid, study_failure};
+use super::loaded::Loaded;
+use super::output::{OutFolder, Progress, print, print_json};
 use super::proof;
-use super::result::{EpisodeStatistics, Recorder, rollout_failure};
-use super::setup::{set_up, set_up_member};
-use crate::run::{
-    BestSequence, Checkpoint, EpisodeSummary, OtherConfig, PlayedEpisode, Proved, Rules, RunConfig,
-    RunFolder, parallel_episodes, play, random_episodes, replay,
-};
+use super::result::{EpisodeStatistics, write_recording};
+use crate::run::{EpisodeSummary, parallel_episodes, random_episodes};
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
 use drape_cloth::math::{Purpose, Stream};
-use drape_cloth::scene::{Scene, SceneConfig};
+use drape_cloth::scene::Scene;
 use drape_cloth::sim::Accuracy;
-use drape_learn::policy::{DeviceKind, NetworkConfig};
-use drape_learn::ppo::{Agent, NETWORK, Sampling, read_section};
+use drape_learn::policy::DeviceKind;
+use drape_learn::ppo::{Agent, Sampling};
+use drape_study::presses::again;
 use drape_study::proof::Row;
-use drape_study::study::region;
-use drape_task::env::{Draping, End, EnvConfig, Tasks};
+use drape_study::study::{Context, region};
+use drape_task::env::{Draping, End, EnvConfig, EpisodeState, Tasks};
+use drape_task::path::PathFigures;
+use drape_task::recording::Recording;
 
 /// Roll out a trained policy and compare it with the random one
 ///
@@ -56,6 +56,12 @@ pub struct EvalArgs {
     /// Replay the best action sequence of the run; needs no checkpoint
     #[arg(long, conflicts_with = "checkpoint")]
     sequence: bool,
+
+    /// Press what a recording holds again instead, in its own physics, and tell whether it comes to the same:
+    /// pictures/recording.drape of the run, or one that `eval` has left
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["checkpoint", "sequence", "sample", "accuracy",
+          "prove", "state"])]
+    recording: Option<PathBuf>,
 
     /// Play on this scene instead of the run's own, with the same task: the policy of a `unet` plays
     /// on any. With --prove its greedy path and K drawn ones are proved; the run keeps nothing of it
@@ -103,11 +109,6 @@ pub struct EvalArgs {
     json: bool,
 }
 
-/// A preset of the accuracy by its name.
-pub(super) fn accuracy(name: &str) -> Result<Accuracy, String> {
-    Accuracy::named(name).ok_or("expected fast, balanced or accurate".into())
-}
-
 /// What is printed.
 #[derive(Serialize)]
 struct Report {
@@ -144,6 +145,9 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         Some(folder) => folder,
         None => OutFolder::make(&loaded.folder.pictures.join("eval"))?,
     };
+    if let Some(file) = &args.recording {
+        return press_again(file, &loaded, &pictures.path);
+    }
     if let Some(accuracy) = args.accuracy {
         loaded.env.set_accuracy(accuracy);
     }
@@ -154,10 +158,10 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         best = Some(loaded.best_sequence()?);
     }
     let checkpoint = (!args.sequence).then_some(&*args.checkpoint);
-    let (played, agent, recorder, draping) = loaded.play(checkpoint)?;
+    let (played, agent) = loaded.play(checkpoint)?;
     let Loaded { env, scene, .. } = &loaded;
     if let Some(file) = &args.state {
-        Drape::new(&scene.lamina, &played.end.position).write(file)?;
+        Drape::new(&scene.lamina, played.recording.end()).write(file)?;
     }
 
     let progress = Progress::new("random episodes", args.json);
@@ -180,11 +184,11 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         proof = Some(proof::proved(&loaded.folder, task, best, orders, args.json)?.0);
     }
     if let (Some(agent), Some(_), true) = (&agent, &args.scene, args.prove) {
-        let greedy = played.vertices.clone();
+        let greedy = played.recording.vertices();
         proof = Some(proved_elsewhere(agent, greedy, &loaded, args.episodes)?);
     }
     let title = checkpoint.map_or("sequence", |_| "policy");
-    recorder.write(&pictures.path, &draping, &played, title)?;
+    write_recording(&played.recording, scene, &pictures.path, title)?;
 
     let above = played.summary.score - random.mean_score;
     let report = Report {
@@ -199,9 +203,75 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         pictures: pictures.path.clone(),
     };
     if args.json {
-        return super::output::print_json(&report);
+        return print_json(&report);
     }
-    super::output::print(&text(&report))
+    print(&text(&report))
+}
+
+/// What is printed of a recording that was pressed again.
+#[derive(Serialize)]
+struct Again {
+    recording: PathBuf,
+    by_twin: bool,
+    /// At its end [m], [m], [-].
+    distance_m: f64,
+    surplus_m: f64,
+    score: f64,
+    #[serde(flatten)]
+    path: PathFigures,
+    /// It comes to the same, bit for bit.
+    same_bits: bool,
+    /// Greatest distance between the same vertices in any frame [m].
+    apart_m: f64,
+    pictures: PathBuf,
+}
+
+fn press_again(file: &Path, loaded: &Loaded, pictures: &Path) -> Result<(), Failure> {
+    let recorded = Recording::read(file).or_invalid()?;
+    let progress = Progress::new("pressing again", loaded.json);
+    let context = Context {
+        progress: &|share, doing| progress.tell(share, doing),
+        ..Context::quiet()
+    };
+    let place = Some(file.display().to_string());
+    let found = again(&recorded, &loaded.scene, &context);
+    let found = found.map_err(|error| study_failure(error, place))?;
+    drop(progress);
+    write_recording(&recorded, &loaded.scene, pictures, "recorded")?;
+    let last = recorded.frames.last().expect("it has a start");
+    let report = Again {
+        recording: file.into(),
+        by_twin: recorded.by_twin,
+        distance_m: last.distance,
+        surplus_m: last.surplus,
+        score: last.score,
+        path: PathFigures::new(&recorded.presses, recorded.env.join_distance()),
+        same_bits: found == recorded,
+        apart_m: found.apart(&recorded),
+        pictures: pictures.into(),
+    };
+    if loaded.json {
+        return print_json(&report);
+    }
+    print(&format!(
+        "{}: {}; {:.4} m off the tool, {:.2} mm surplus a yarn, score {:.2} %; pressed again in the {}: {}\n\
+         pictures in {}",
+        file.display(),
+        report.path.text(),
+        report.distance_m,
+        1e3 * report.surplus_m,
+        100.0 * report.score,
+        if report.by_twin {
+            "twin"
+        } else {
+            "fast solver"
+        },
+        match report.same_bits {
+            true => "the same bits".into(),
+            false => format!("up to {:.3} mm apart", 1e3 * report.apart_m),
+        },
+        pictures.display()
+    ))
 }
 
 /// Proves the `greedy` path of an agent and `count` drawn ones on a scene that the run does not
@@ -220,223 +290,13 @@ fn proved_elsewhere(
         let seen: Vec<_> = (0..count).map(|k| draping.observation(k)).collect();
         agent.act(&seen, Sampling::Drawn(&mut stream))
     });
+    let vertices = |end: &EpisodeState| end.presses().iter().map(|&(v, _)| v).collect();
     let mut paths = vec![greedy];
     let ended = played
         .into_iter()
         .filter(|p| p.episode.end != End::Diverged);
-    paths.extend(ended.map(|played| played.vertices));
+    paths.extend(ended.map(|played| vertices(&played.end)));
     proof::rows((scene, env), &paths, (count, false), *json)
-}
-
-/// A run folder, read and ready to be played.
-pub(super) struct Loaded {
-    pub folder: RunFolder,
-    pub config: RunConfig,
-    pub scene: Arc<Scene>,
-    /// What episodes are played with: the run's own, unless that was changed.
-    pub env: EnvConfig,
-    /// Cloth is computed on another device than in training.
-    is_elsewhere: bool,
-    /// Nobody is told how far work is.
-    json: bool,
-}
-
-impl Loaded {
-    /// Reads the configuration of a run and sets up its scene.
-    pub fn open(run: &Path, device: Option<DeviceKind>, json: bool) -> Result<Self, Failure> {
-        let (folder, config) = Self::read(run)?;
-        let place = folder.config.display().to_string();
-        let scene = Arc::new(set_up(&config.scene, &place, json)?);
-        Ok(Self::with(folder, config, device, scene, json))
-    }
-
-    /// The same on the scene of a file instead of the run's own.
-    fn open_on(
-        (file, region): (&Path, Option<[f64; 4]>),
-        run: &Path,
-        device: Option<DeviceKind>,
-        json: bool,
-    ) -> Result<Self, Failure> {
-        let (folder, config) = Self::read(run)?;
-        if !matches!(config.policy.network, NetworkConfig::Unet(_)) {
-            let place = folder.config.display();
-            return Err(Failure::invalid(anyhow!(
-                "{place}: `policy.network` plays on the run's own scene only, expected `unet`"
-            )));
-        }
-        let mut env = config.env.clone();
-        env.region_mm = region.or(env.region_mm);
-        env.device = device.map_or(env.device, DeviceKind::of_cloth);
-        let other = SceneConfig::read(file).or_invalid()?;
-        let place = file.display().to_string();
-        let draping = set_up_member((&other, &env), 1, &place, json)?;
-        let scene = draping.scene().clone();
-        Ok(Self {
-            env,
-            ..Self::with(folder, config, device, scene, json)
-        })
-    }
-
-    fn read(run: &Path) -> Result<(RunFolder, RunConfig), Failure> {
-        let folder = RunFolder::open(run).or_invalid()?;
-        let config = RunConfig::read(&folder.config).or_invalid()?;
-        Ok((folder, config))
-    }
-
-    fn with(
-        folder: RunFolder,
-        mut config: RunConfig,
-        device: Option<DeviceKind>,
-        scene: Arc<Scene>,
-        json: bool,
-    ) -> Self {
-        let trained_on = config.env.device;
-        config.set_device(device);
-        Self {
-            folder,
-            is_elsewhere: config.env.device != trained_on,
-            env: config.env.clone(),
-            config,
-            scene,
-            json,
-        }
-    }
-
-    /// Plays one episode, greedily by the policy of a checkpoint, `best`, `last` or a file, or the
-    /// best sequence without one. Gives the agent too, if there is one, the frames, and the
-    /// environment as the episode has left it.
-    pub fn play(
-        &self,
-        checkpoint: Option<&str>,
-    ) -> Result<(PlayedEpisode, Option<Agent>, Recorder, Draping), Failure> {
-        let mut draping = Draping::new(self.scene.clone(), &self.env, 1).or_invalid()?;
-        let mut recorder = Recorder::default();
-        let watch = recorder.watch(&draping, self.json);
-        let (played, agent, place) = match checkpoint {
-            None => {
-                let best = self.best_sequence()?;
-                // In other steps than it was found in, or rounded otherwise, the masks would differ too.
-                let is_same = self.env == self.config.env && !self.is_elsewhere;
-                let rules = match is_same && self.config.polish == 0 {
-                    true => Rules::Episode,
-                    false => Rules::Robot,
-                };
-                let played = replay(&mut draping, &best.vertices, rules, watch);
-                (played, None, self.folder.best_sequence.clone())
-            }
-            Some(name) => {
-                let agent = self.agent(name, &draping)?;
-                let choose =
-                    |draping: &Draping| agent.act(&[draping.observation(0)], Sampling::Greedy)[0];
-                let played = play(&mut draping, choose, watch);
-                (played, Some(agent), self.checkpoint_path(name))
-            }
-        };
-        let played = played.map_err(|error| rollout_failure(error, &place))?;
-        Ok((played, agent, recorder, draping))
-    }
-
-    /// The best sequences of the run, found in its configuration.
-    fn best_sequence(&self) -> Result<BestSequence, Failure> {
-        let place = &self.folder.best_sequence;
-        if !place.exists() {
-            return Err(Failure::invalid(anyhow!(
-                "{} has no best sequence, as every episode has diverged or none has ended: resume \
-                 the run, or train a new one",
-                self.folder.path.display()
-            )));
-        }
-        let best = self.folder.read_best_sequence()?;
-        self.check(&best, place)?;
-        Ok(best)
-    }
-
-    /// Plays the path of the run: what it has proved, in the fine steps of a proof, or before that
-    /// its best sequence, in the task's own.
-    pub fn play_path(&self) -> Result<(PlayedEpisode, Option<Proved>), Failure> {
-        let proof = self.proof()?;
-        let played = match &proof {
-            Some(proved) => {
-                let place = &self.folder.proof;
-                proof::play(proved, &self.scene, &self.env, place, self.json)?.0
-            }
-            None => self.play(None)?.0,
-        };
-        Ok((played, proof))
-    }
-
-    /// What has been proved of the run, if anything, in its configuration.
-    fn proof(&self) -> Result<Option<Proved>, Failure> {
-        let proved = self.folder.read_proof()?;
-        if let Some(proved) = &proved {
-            self.check(&proved.path, &self.folder.proof)?;
-        }
-        Ok(proved)
-    }
-
-    /// Checks that sequences were found in this configuration and press vertices of its blank.
-    fn check(&self, sequence: &BestSequence, place: &Path) -> Result<(), Failure> {
-        let invalid = |fault| Failure::invalid(anyhow!("{}: {fault}", place.display()));
-        let text = self.folder.config_text()?;
-        sequence.check_config(&text).map_err(invalid)?;
-        let count = self.scene.lamina.vertex_count();
-        let others = sequence.others.iter().map(|other| &other.vertices);
-        for vertices in std::iter::once(&sequence.vertices).chain(others) {
-            if let Some(v) = vertices.iter().find(|&&v| v as usize >= count) {
-                return Err(invalid(format!(
-                    "presses vertex {v}, expected one below {count}"
-                )));
-            }
-            let found = vertices.len();
-            if found > count {
-                return Err(invalid(format!(
-                    "has {found} presses, expected at most {count}"
-                )));
-            }
-        }
-        Ok(())
-    }
-
-    fn checkpoint_path(&self, name: &str) -> PathBuf {
-        match name {
-            "best" => self.folder.best_checkpoint.clone(),
-            "last" => self.folder.last_checkpoint.clone(),
-            file => file.into(),
-        }
-    }
-
-    /// The policy of a checkpoint of this run.
-    fn agent(&self, name: &str, draping: &Draping) -> Result<Agent, Failure> {
-        self.folder.check_trained().map_err(Failure::of_run)?;
-        let path = self.checkpoint_path(name);
-        let given = !matches!(name, "best" | "last");
-        if given && !path.exists() {
-            let error = anyhow!("there is no checkpoint {}", path.display());
-            return Err(Failure::invalid(error));
-        }
-        if name == "best" && !path.exists() && self.folder.last_checkpoint.exists() {
-            return Err(Failure::invalid(anyhow!(
-                "{} has no best checkpoint yet, as no greedy episode has been played: use \
-                 --checkpoint last, or resume the run",
-                self.folder.path.display()
-            )));
-        }
-        let config = &self.config;
-        let checkpoint = Checkpoint::of_run(&path, config, &self.folder).map_err(|error| {
-            let is_input = error.is::<OtherConfig>();
-            Failure::new(error, is_input)
-        })?;
-        let mut agent = Agent::new(
-            &config.policy,
-            (draping.shape(), &draping.terrains()),
-            config.seed,
-            config.device,
-        )
-        .or_invalid()?;
-        read_section(&checkpoint.sections, NETWORK, |bytes| agent.load(bytes))
-            .with_context(|| path.display().to_string())?;
-        Ok(agent)
-    }
 }
 
 fn sampled(

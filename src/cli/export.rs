@@ -4,8 +4,8 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::Failure;
-use super::eval::Loaded;
 use super::failure::{OrInvalid, scene_failure};
+use super::loaded::Loaded;
 use super::result::path;
 use drape_cloth::fabric::{Curve, Drape, Family};
 use drape_cloth::file::{ValueError, check_writable};
@@ -85,7 +85,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         Some(name) => (loaded.play(Some(name))?.0, None),
         None => loaded.play_path()?,
     };
-    let points = path(&played, &loaded.config.env)?;
+    let points = path(&played.recording)?;
     match args.format {
         Format::Json => write_json(&file, &points)?,
         Format::Csv => write_csv(&file, &points)?,

@@ -7,6 +7,7 @@ use anyhow::{Context, Error};
 use crate::run::{OtherConfig, RunError};
 use drape_cloth::file::{ValueError, WriteError};
 use drape_cloth::scene::SceneError;
+use drape_study::study::StudyError;
 
 /// Why a command ended early, and whose turn it is.
 ///
@@ -106,6 +107,19 @@ impl<T, E: Into<Error>> OrInvalid<T> for Result<T, E> {
 pub(super) fn scene_failure(error: SceneError, place: &str) -> Failure {
     let is_input = !matches!(error, SceneError::Diverged { .. });
     Failure::new(Error::new(error).context(place.to_string()), is_input)
+}
+
+/// Names what the error of a study is about, where it has a scene.
+pub(super) fn study_failure(error: StudyError, place: Option<String>) -> Failure {
+    let is_input = error.is_input();
+    let is_its_own = matches!(
+        error,
+        StudyError::Invalid(_) | StudyError::Read(_) | StudyError::Damaged(_)
+    );
+    match place.filter(|_| !is_its_own) {
+        Some(place) => Failure::new(Error::new(error).context(place), is_input),
+        None => Failure::new(error, is_input),
+    }
 }
 
 #[cfg(test)]

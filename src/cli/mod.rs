@@ -4,6 +4,7 @@
 //! a command is that file and one variant of `Command`. Results go to stdout, as text or,
 //! with `--json`, as exactly one JSON object; progress and errors go to stderr.
 
+mod args;
 mod baseline;
 mod compare;
 mod devices;
@@ -11,6 +12,7 @@ mod eval;
 mod export;
 mod failure;
 mod learning;
+mod loaded;
 mod output;
 mod picture;
 mod proof;

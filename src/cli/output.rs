@@ -2,6 +2,8 @@ use std::fmt;
 use std::fs;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -31,6 +33,19 @@ pub(super) fn print(text: &str) -> Result<(), Failure> {
 /// Prints `value` as one JSON object on stdout. Numbers that are not finite become `null`.
 pub(super) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     print(&serde_json::to_string_pretty(value)?)
+}
+
+/// Set by the first Ctrl-C or termination signal; the second one ends the program at once.
+pub(super) fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let seen = stop.clone();
+    ctrlc::set_handler(move || {
+        if seen.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        eprintln!("stopping after this iteration, search or proof; again to stop at once");
+    })?;
+    Ok(stop)
 }
 
 /// A folder to write to. What was made for it, folders above it included, and is still empty goes

@@ -6,13 +6,14 @@ use std::path::Path;
 
 use super::Failure;
 use drape_cloth::math::Vec3;
+use drape_cloth::measure::crushed;
 use drape_cloth::mesh::TriMesh;
-use drape_cloth::scene::{Scene, crushed};
-use drape_cloth::sim::Snapshot;
+use drape_cloth::scene::Scene;
 use drape_report::{
     BACKGROUND, CLOTH, CLOTH_BIAS, Camera, Color, ColorMap, DRAPED, Drawing, Image, PATH, TOOL,
     TOUCHED, creased, save_gif,
 };
+use drape_task::recording::Recording;
 
 /// Distance to the tool from which on cloth is fully red [m].
 pub const FAR: f64 = 0.025;
@@ -32,16 +33,6 @@ const HOLD: u16 = 200;
 
 /// The camera that shows all of a box from somewhere, such as [`Camera::top`].
 pub type View = fn((Vec3, Vec3)) -> Camera;
-
-/// A moment of an episode.
-#[derive(Clone, Debug)]
-pub struct FilmFrame {
-    pub state: Snapshot,
-    /// Vertices that the stencil has pressed so far, in order, stroke by stroke.
-    pub path: Vec<Vec<u32>>,
-    /// Text below the picture; should fit one line.
-    pub caption: String,
-}
 
 /// Scene, eye and size [px] of a row of pictures. The eye stays where it is: it sees the
 /// lamina as it lies at the start, so that pictures of later states can be compared.
@@ -70,20 +61,20 @@ impl<'a> Studio<'a> {
 
     /// The lamina coloured by its distance to the tool: blue on it, red at [`FAR`] and
     /// beyond, with a key to the colours.
-    pub fn distance(&self, state: &Snapshot, caption: &str) -> Image {
+    pub fn distance(&self, position: &[[f64; 3]], caption: &str) -> Image {
         let distance = |&x: &[f64; 3]| self.scene.tool.distance(x).0;
         let color = |x| ColorMap::Distance.at(distance(x) / FAR);
-        let colors: Vec<Color> = state.position.iter().map(color).collect();
-        let mut image = self.captioned(state, &colors, &[], caption);
+        let colors: Vec<Color> = position.iter().map(color).collect();
+        let mut image = self.captioned(position, &colors, &[], caption);
         self.color_key(&mut image, &format!("{:.0} mm", FAR * 1e3));
         image
     }
 
     /// The lamina coloured by what its yarns are too long for their place: blue where they fit,
     /// red where they are crushed by [`CRUSHED`] and more. The greatest share is told.
-    pub fn crushed(&self, state: &Snapshot) -> Image {
+    pub fn crushed(&self, position: &[[f64; 3]]) -> Image {
         let Scene { lamina, tool, .. } = self.scene;
-        let shares = crushed(lamina, tool, &state.position);
+        let shares = crushed(lamina, tool, position);
         let greatest = shares.iter().copied().fold(0.0, f64::max);
         let color = |share: &f64| ColorMap::Distance.at(share / CRUSHED);
         let colors: Vec<Color> = shares.iter().map(color).collect();
@@ -91,44 +82,51 @@ impl<'a> Studio<'a> {
             "yarn too long for its place, at most {:.0} %",
             1e2 * greatest
         );
-        let mut image = self.captioned(state, &colors, &[], &caption);
+        let mut image = self.captioned(position, &colors, &[], &caption);
         self.color_key(&mut image, &format!("{:.0} %", CRUSHED * 1e2));
         image
     }
 
     /// The lamina coloured by what has become of each vertex (draped, touched but not
     /// draped, free), with the path of the stencil over it.
-    pub fn progress(&self, frame: &FilmFrame) -> Image {
+    pub fn progress(&self, recording: &Recording, number: usize) -> Image {
+        let frame = &recording.frames[number];
         let color = |v: usize| {
-            if frame.state.pressed.draped.contains(v) {
+            if frame.draped.contains(v) {
                 DRAPED
-            } else if frame.state.pressed.touched.contains(v) {
+            } else if frame.touched.contains(v) {
                 TOUCHED
             } else {
                 CLOTH
             }
         };
-        let colors: Vec<Color> = (0..frame.state.position.len()).map(color).collect();
-        let place = |&v: &u32| Vec3::from(frame.state.position[v as usize]);
-        let stroke = |stroke: &Vec<u32>| stroke.iter().map(place).collect();
-        let path: Vec<Vec<Vec3>> = frame.path.iter().map(stroke).collect();
-        self.captioned(&frame.state, &colors, &path, &frame.caption)
+        let colors: Vec<Color> = (0..frame.position.len()).map(color).collect();
+        let place = |v: u32| Vec3::from(frame.position[v as usize]);
+        let strokes = recording.strokes(number);
+        let path: Vec<Vec<Vec3>> = strokes.map(|stroke| stroke.map(place).collect()).collect();
+        let caption = format!(
+            "press {number}   D = {:.3} m   surplus {:.2} mm a yarn   score {:.1} %",
+            frame.distance,
+            1e3 * frame.surplus,
+            100.0 * frame.score
+        );
+        self.captioned(&frame.position, &colors, &path, &caption)
     }
 
-    /// Writes [`Studio::progress`] of all frames as a GIF, drawn side by side on all threads.
-    pub fn film(&self, frames: &[FilmFrame], path: &Path) -> Result<(), Failure> {
-        let images = frames.par_iter().map(|frame| self.progress(frame));
+    /// Writes [`Studio::progress`] of some frames as a GIF, drawn side by side on all threads.
+    pub fn film(&self, of: &Recording, frames: &[usize], path: &Path) -> Result<(), Failure> {
+        let images = frames.par_iter().map(|&frame| self.progress(of, frame));
         Ok(save_gif(&images.collect::<Vec<_>>(), DELAY, HOLD, path)?)
     }
 
     fn captioned(
         &self,
-        state: &Snapshot,
+        position: &[[f64; 3]],
         colors: &[Color],
         path: &[Vec<Vec3>],
         text: &str,
     ) -> Image {
-        let lamina: TriMesh = self.scene.lamina.mesh(&state.position);
+        let lamina: TriMesh = self.scene.lamina.mesh(position);
         let size = [self.width, self.height - self.strip()];
         let mut picture = Drawing::new(&self.camera, size);
         picture.mesh(&self.tool, |_| TOOL, 0.0);
@@ -179,6 +177,8 @@ mod tests {
     use super::*;
     use drape_cloth::fabric::BlankConfig;
     use drape_cloth::scene::{Fall, SceneConfig};
+    use drape_cloth::sim::Snapshot;
+    use drape_task::env::{EnvConfig, EpisodeState, Task};
     use fixedbitset::FixedBitSet;
 
     /// A coarse blank flat over the middle of the rib's plate, which nothing has moved.
@@ -200,7 +200,8 @@ mod tests {
         Scene::new(&config, |_| {}).unwrap()
     }
 
-    fn frame(scene: &Scene, draped: &[usize], touched: &[usize], path: &[u32]) -> FilmFrame {
+    /// The state as the last frame of presses on some vertices.
+    fn recording(scene: &Scene, draped: &[usize], touched: &[usize], path: &[u32]) -> Recording {
         let bits = |set: &[usize]| {
             let mut bits = FixedBitSet::with_capacity(scene.lamina.vertex_count());
             bits.extend(set.iter().copied());
@@ -208,11 +209,20 @@ mod tests {
         };
         let mut state = Snapshot::clone(&scene.initial);
         (state.pressed.draped, state.pressed.touched) = (bits(draped), bits(touched));
-        FilmFrame {
-            state,
-            path: vec![path.to_vec()],
-            caption: "step 1".into(),
+        let env = EnvConfig {
+            // Strokes join all.
+            stencil_mm: 1000.0,
+            ..EnvConfig::default()
+        };
+        let task = Task::new(scene.clone().into(), &env).unwrap();
+        let mut recording = Recording::new(&task, false);
+        let presses = path.iter().map(|&v| (v, state.position[v as usize]));
+        let presses: Vec<_> = presses.collect();
+        for count in 0..=presses.len() {
+            let episode = EpisodeState::new(presses[..count].to_vec(), state.clone());
+            recording.see(&task, &episode);
         }
+        recording
     }
 
     /// Pixels of which `strongest` is the strongest channel by far.
@@ -227,14 +237,14 @@ mod tests {
         let scene = scene();
         let studio = Studio::new(&scene, Camera::top, [320, 240]);
         let mut state = Snapshot::clone(&scene.initial);
-        let far = studio.distance(&state, "");
+        let far = studio.distance(&state.position, "");
         // Half of the picture is cloth; little of that is a crest 20 mm below.
         assert!(count(&far, 0) > 20_000 && count(&far, 2) < 200);
         for x in &mut state.position {
             let distance = scene.tool.distance(*x).0;
             x[2] -= distance;
         }
-        let near = studio.distance(&state, "");
+        let near = studio.distance(&state.position, "");
         assert!(count(&near, 2) > 15_000 && count(&near, 0) < 200);
         assert_eq!((near.width, near.height), (320, 240));
         assert_eq!(near.pixels.len(), 320 * 240);
@@ -246,7 +256,7 @@ mod tests {
         let scene = scene();
         let studio = Studio::new(&scene, Camera::top, [320, 240]);
         let mut state = Snapshot::clone(&scene.initial);
-        let red = |state: &Snapshot| count(&studio.crushed(state), 0);
+        let red = |state: &Snapshot| count(&studio.crushed(&state.position), 0);
         for x in &mut state.position {
             let distance = scene.tool.distance(*x).0;
             x[2] -= distance;
@@ -263,14 +273,14 @@ mod tests {
         let scene = scene();
         let all: Vec<usize> = (0..81).collect();
         let studio = Studio::new(&scene, Camera::isometric, [320, 240]);
-        let image = |frame: FilmFrame| studio.progress(&frame);
-        let free = image(frame(&scene, &[], &[], &[]));
+        let image = |recording: Recording| studio.progress(&recording, recording.presses.len());
+        let free = image(recording(&scene, &[], &[], &[]));
         assert_eq!(count(&free, 2), 0);
-        let draped = image(frame(&scene, &all, &all, &[]));
+        let draped = image(recording(&scene, &all, &all, &[]));
         assert!(count(&draped, 2) > 10_000);
-        let touched = image(frame(&scene, &[], &all, &[]));
+        let touched = image(recording(&scene, &[], &all, &[]));
         assert!(count(&touched, 2) == 0 && touched != free);
-        let path = image(frame(&scene, &[], &[], &[0, 40, 80]));
+        let path = image(recording(&scene, &[], &[], &[0, 40, 80]));
         let yellow = |image: &Image| image.pixels.iter().filter(|&&p| p == PATH).count();
         assert!(yellow(&free) == 0 && yellow(&path) > 100);
     }
@@ -295,7 +305,7 @@ mod tests {
         let scene = scene();
         for size in [[1, 1], [64, 20], [7, 300]] {
             let studio = Studio::new(&scene, Camera::top, size);
-            let image = studio.distance(&scene.initial, "long caption that cannot fit");
+            let image = studio.distance(&scene.initial.position, "long caption that cannot fit");
             assert_eq!([image.width, image.height], size);
             assert_eq!(image.pixels.len(), size[0] * size[1]);
         }

@@ -4,18 +4,19 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::Failure;
+use super::failure::study_failure;
 use super::output::Progress;
-use super::result::{Recorder, path, rollout_failure};
-use super::study::failure;
+use super::result::{episode_progress, path, rollout_failure, write_recording};
 use crate::run::{BestSequence, PlayedEpisode, Proved, Rules, RunFolder, replay};
 use drape_cloth::scene::Scene;
 use drape_study::proof::{Physics, Proof, Row, finely, prove};
 use drape_study::study::{Context, StudyError};
 use drape_task::env::{Draping, EnvConfig};
 use drape_task::path::write_json;
+use drape_task::recording::Recording;
 
 /// Proves the best sequences of a run against `count` random orders, see [`prove`], and keeps the
-/// best of them in the run folder with its draping points and pictures. What the twin has proved
+/// best of them in the run folder with its draping points, recording and pictures. What the twin has proved
 /// stays until it proves another, or the path is among the best no more. None if all diverge.
 pub(super) fn proved(
     folder: &RunFolder,
@@ -28,7 +29,7 @@ pub(super) fn proved(
     paths.extend(best.others.iter().map(|other| other.vertices.clone()));
     let found = found((scene, env), &paths, (count, twin), json);
     let place = folder.config.display().to_string();
-    let found = found.map_err(|error| failure(error, Some(place)))?;
+    let found = found.map_err(|error| study_failure(error, Some(place)))?;
     let Some(chosen) = found.best else {
         eprintln!("warning: all of the best paths diverge where they are to be proved");
         return Ok((found.rows, None));
@@ -52,9 +53,16 @@ pub(super) fn proved(
             proof: found.rows.clone(),
         })?,
     };
-    let (played, recorder, draping) = play(&proved, scene, env, &folder.proof, json)?;
-    write_json(&folder.trajectory, &path(&played, env)?)?;
-    recorder.write(&folder.pictures, &draping, &played, "proved path")?;
+    let played = play(&proved, scene, env, &folder.proof, json)?.recording;
+    write_json(&folder.trajectory, &path(&played)?)?;
+    let old = Recording::read(&folder.recording).ok();
+    let is_proof = |recording: &Recording| {
+        proved.physics == Physics::Twin
+            && recording.by_twin
+            && recording.vertices() == proved.path.vertices
+    };
+    let recording = found.recording.or(old).filter(is_proof).unwrap_or(played);
+    write_recording(&recording, scene, &folder.pictures, "proved path")?;
     Ok((found.rows, Some(proved)))
 }
 
@@ -79,25 +87,23 @@ pub(super) fn rows(
     orders: (usize, bool),
     json: bool,
 ) -> Result<Vec<Row>, Failure> {
-    let found = found(task, paths, orders, json).map_err(|error| failure(error, None))?;
+    let found = found(task, paths, orders, json).map_err(|error| study_failure(error, None))?;
     Ok(found.rows)
 }
 
 /// Plays a proved path as a robot presses it, in the fast solver, whether or not the twin has
-/// proved it too. With its frames, and the environment as it has left it.
+/// proved it too.
 pub(super) fn play(
     proved: &Proved,
     scene: &Arc<Scene>,
     env: &EnvConfig,
     place: &Path,
     json: bool,
-) -> Result<(PlayedEpisode, Recorder, Draping), Failure> {
+) -> Result<PlayedEpisode, Failure> {
     let mut draping = Draping::new(scene.clone(), &finely(env), 1)?;
-    let mut recorder = Recorder::default();
-    let watch = recorder.watch(&draping, json);
-    let played = replay(&mut draping, &proved.path.vertices, Rules::Robot, watch)
-        .map_err(|error| rollout_failure(error, place))?;
-    Ok((played, recorder, draping))
+    let told = episode_progress(&draping, json);
+    let played = replay(&mut draping, &proved.path.vertices, Rules::Robot, told);
+    played.map_err(|error| rollout_failure(error, place))
 }
 
 /// A line for each row.

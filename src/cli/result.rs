@@ -6,16 +6,16 @@ use serde::Serialize;
 
 use super::Failure;
 use super::output::{Progress, write_together};
-use super::picture::{FilmFrame, Studio};
+use super::picture::Studio;
 use crate::run::{
-    EpisodeSummary, PlayedEpisode, RolloutError, RunFolder, Training, curve, random_episodes,
-    read_metrics,
+    EpisodeSummary, RolloutError, RunFolder, Training, curve, random_episodes, read_metrics,
 };
 use drape_cloth::math::mean_and_deviation;
-use drape_cloth::sim::Snapshot;
+use drape_cloth::scene::Scene;
 use drape_report::{Camera, Chart, Level, SERIES, Series};
-use drape_task::env::{Draping, EnvConfig};
-use drape_task::path::{DrapingPoint, PressedPoint, stroke_points, strokes};
+use drape_task::env::Draping;
+use drape_task::path::{DrapingPoint, strokes};
+use drape_task::recording::{Frame, Recording};
 
 /// Random episodes that a training is compared with.
 const BASELINE_EPISODES: usize = 32;
@@ -81,10 +81,9 @@ pub(super) fn baseline(training: &Training, json: bool) -> Result<EpisodeStatist
 
 /// The draping points of an episode.
 pub(super) fn path(
-    played: &PlayedEpisode,
-    config: &EnvConfig,
+    Recording { presses, env, .. }: &Recording,
 ) -> Result<Vec<DrapingPoint>, Failure> {
-    Ok(strokes(&played.points, config.join_distance())?)
+    Ok(strokes(presses, env.join_distance())?)
 }
 
 /// Scores over environment steps, with the random policy as a band.
@@ -123,81 +122,40 @@ pub(super) fn reward_curve(
         .save_png(&folder.pictures.join("reward.png"))?)
 }
 
-/// Keeps the states of an episode that its film shows.
-#[derive(Default)]
-pub(super) struct Recorder(Vec<FilmFrame>);
-
-impl Recorder {
-    /// What remembers an episode of `draping` before each press, and tells how far it is.
-    pub fn watch<'a>(
-        &'a mut self,
-        draping: &Draping,
-        json: bool,
-    ) -> impl FnMut(&Draping, &[PressedPoint]) + use<'a> {
-        let progress = Progress::new("episode", json);
-        // About a press for each five vertices.
-        let expected = draping.region_vertices().count().div_ceil(5) as f64;
-        move |draping, points| {
-            progress.set((points.len() as f64 / expected).min(1.0));
-            let state = draping.state(0);
-            self.0.push(FilmFrame {
-                path: path_of(points, draping.config()),
-                caption: caption(points, draping, &state),
-                state,
-            });
-        }
-    }
-
-    /// Writes the pictures and the film into a folder.
-    pub fn write(
-        self,
-        folder: &Path,
-        draping: &Draping,
-        played: &PlayedEpisode,
-        title: &str,
-    ) -> Result<(), Failure> {
-        let scene = draping.scene();
-        let end = FilmFrame {
-            state: played.end.clone(),
-            path: path_of(&played.points, draping.config()),
-            caption: caption(&played.points, draping, &played.end),
-        };
-        let stride = self.0.len().div_ceil(FRAMES).max(1);
-        let chosen = self.0.into_iter().step_by(stride);
-        let frames: Vec<FilmFrame> = chosen.chain([end.clone()]).collect();
-
-        let studio = Studio::new(scene, Camera::isometric, PICTURE_SIZE);
-        let shot = |state: &Snapshot, text: &str| studio.distance(state, text);
-        let top = Studio::new(scene, Camera::top, PICTURE_SIZE);
-        let film = Studio::new(scene, Camera::isometric, FILM_SIZE);
-        write_together(folder, |folder| {
-            shot(&scene.initial, "before").save_png(&folder.join("before.png"))?;
-            shot(&played.end, &format!("after, {title}")).save_png(&folder.join("after.png"))?;
-            let crushed = studio.crushed(&played.end);
-            crushed.save_png(&folder.join("crushed.png"))?;
-            top.progress(&end).save_png(&folder.join("path.png"))?;
-            film.film(&frames, &folder.join("rollout.gif"))
-        })
-    }
+/// What hears how far an episode is.
+pub(super) fn episode_progress(draping: &Draping, json: bool) -> impl FnMut(usize) + use<> {
+    let progress = Progress::new("episode", json);
+    let expected = draping.task(0).expected_presses() as f64;
+    move |presses| progress.set((presses as f64 / expected).min(1.0))
 }
 
-/// The vertices of each stroke.
-fn path_of(points: &[PressedPoint], config: &EnvConfig) -> Vec<Vec<u32>> {
-    let vertices = |stroke: &[PressedPoint]| stroke.iter().map(|point| point.vertex).collect();
-    stroke_points(points, config.join_distance())
-        .map(vertices)
-        .collect()
-}
-
-fn caption(points: &[PressedPoint], draping: &Draping, state: &Snapshot) -> String {
-    let vertices: Vec<u32> = points.iter().map(|point| point.vertex).collect();
-    format!(
-        "press {}   D = {:.3} m   surplus {:.2} mm a yarn   score {:.1} %",
-        points.len(),
-        draping.region_distance(state),
-        1e3 * draping.region_surplus(state),
-        100.0 * draping.score(&vertices, state)
-    )
+/// Writes a recording, its pictures and its film into a folder.
+pub(super) fn write_recording(
+    recording: &Recording,
+    scene: &Scene,
+    folder: &Path,
+    title: &str,
+) -> Result<(), Failure> {
+    let frames = &recording.frames;
+    let last = frames.len() - 1;
+    let chosen = (0..last)
+        .step_by(last.div_ceil(FRAMES).max(1))
+        .chain([last]);
+    let chosen: Vec<usize> = chosen.collect();
+    let studio = Studio::new(scene, Camera::isometric, PICTURE_SIZE);
+    let shot = |frame: &Frame, text: &str| studio.distance(&frame.position, text);
+    let top = Studio::new(scene, Camera::top, PICTURE_SIZE);
+    let film = Studio::new(scene, Camera::isometric, FILM_SIZE);
+    write_together(folder, |folder| {
+        recording.write(&folder.join("recording.drape"))?;
+        shot(&frames[0], "before").save_png(&folder.join("before.png"))?;
+        shot(&frames[last], &format!("after, {title}")).save_png(&folder.join("after.png"))?;
+        let crushed = studio.crushed(&frames[last].position);
+        crushed.save_png(&folder.join("crushed.png"))?;
+        top.progress(recording, last)
+            .save_png(&folder.join("path.png"))?;
+        film.film(recording, &chosen, &folder.join("rollout.gif"))
+    })
 }
 
 /// A sequence that cannot be replayed belongs to the user's folder, a diverged one to us.

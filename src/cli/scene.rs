@@ -100,7 +100,7 @@ fn write_files(scene: &Scene, summary: &Summary, folder: &Path) -> Result<(), Fa
         ("isometric.png", Camera::isometric),
     ];
     for (name, view) in views {
-        let image = Studio::new(scene, view, SIZE).distance(state, &caption);
+        let image = Studio::new(scene, view, SIZE).distance(&state.position, &caption);
         image.save_png(&folder.join(name))?;
     }
     let json = serde_json::to_string_pretty(summary)?;

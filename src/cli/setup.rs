@@ -11,7 +11,8 @@ use crate::run::{Input, RunConfig, Scenes};
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::Source;
-use drape_task::env::{Draping, EnvConfig, Family, ImageShape, Tasks};
+use drape_task::cluster::Cluster;
+use drape_task::env::{Draping, EnvConfig, ImageShape, Member, Task, Tasks};
 
 /// A blank that is nowhere as near to the tool as this has missed it [m].
 pub(super) const MISSED: f64 = 0.05;
@@ -162,7 +163,7 @@ pub(super) fn set_up_scenes(
     place: &str,
     quiet: bool,
 ) -> Result<Scenes, Failure> {
-    let mut all = vec![Draping::new(first, &config.env, 1).or_invalid_in(place)?];
+    let mut all = vec![first];
     let members = config.members().or_invalid_in(place)?;
     for member in &members {
         member
@@ -171,17 +172,32 @@ pub(super) fn set_up_scenes(
     }
     for (k, member) in members.iter().enumerate().skip(1) {
         let place = format!("{place}, member {k} of `scenes`");
-        all.push(set_up_member(
-            (&member.scene, &member.env),
-            1,
-            &place,
-            quiet,
-        )?);
+        // Members that differ in their task alone lie on the same scene, others perhaps over the same tool.
+        let known = members[..k]
+            .iter()
+            .position(|other| other.scene == member.scene);
+        if let Some(known) = known {
+            all.push(all[known].clone());
+            continue;
+        }
+        let mut scene = set_up_member((&member.scene, &member.env), &place, quiet)?;
+        let tools = all.iter().map(|other| &other.tool);
+        let same = tools
+            .zip(&members)
+            .find(|(_, other)| other.scene.tool == member.scene.tool);
+        if let Some((tool, _)) = same {
+            Arc::make_mut(&mut scene).tool = tool.clone();
+        }
+        all.push(scene);
     }
-    let scenes = all.iter().map(|draping| draping.scene().clone()).collect();
-    // Only to see whether they look alike.
-    Family::new(all).or_invalid_in(place)?;
-    Ok(scenes)
+    // Whether they look alike, and can be.
+    let alike = members.iter().zip(&all).map(|(member, scene)| Member {
+        scene: scene.clone(),
+        config: member.env.clone(),
+        count: 1,
+    });
+    Draping::on(alike.collect(), &Cluster::default()).or_invalid_in(place)?;
+    Ok(all)
 }
 
 /// Sets up `count` tasks of a configuration that was read from `place`, each at its start. `quiet`
@@ -197,7 +213,8 @@ pub fn set_up_tasks(
     quiet: bool,
 ) -> Result<Draping, Failure> {
     config.check_memory().or_invalid_in(place)?;
-    let draping = set_up_member((&config.scene, &config.env), count, place, quiet)?;
+    let scene = set_up_member((&config.scene, &config.env), place, quiet)?;
+    let draping = Draping::new(scene, &config.env, count).or_invalid_in(place)?;
     let ImageShape { rows, columns } = draping.shape();
     let policy = config.policy.validate(rows, columns).context("policy");
     policy.or_invalid_in(place)?;
@@ -206,21 +223,20 @@ pub fn set_up_tasks(
 
 pub(super) fn set_up_member(
     (scene, env): (&SceneConfig, &EnvConfig),
-    count: usize,
     place: &str,
     quiet: bool,
-) -> Result<Draping, Failure> {
+) -> Result<Arc<Scene>, Failure> {
     let scene = Arc::new(set_up_over_tool(scene, place, quiet)?);
-    let draping = Draping::new(scene, env, count).or_invalid_in(place)?;
+    let task = Task::new(scene.clone(), env).or_invalid_in(place)?;
     // Below a micrometre there is nothing to win, and scores divide by it.
-    let initial = draping.initial_objective();
+    let initial = task.initial;
     if initial < 1e-6 {
         return Err(Failure::invalid(anyhow::anyhow!(
             "{place}: `env.region_mm` has {initial} m to bring down, expected a region of cloth that \
              does not lie on the tool yet"
         )));
     }
-    Ok(draping)
+    Ok(scene)
 }
 
 /// Sizes of tools and blanks that need no second look [m].

@@ -7,7 +7,7 @@ use clap::Subcommand;
 use serde_json::{Value, json};
 
 use super::Failure;
-use super::failure::OrInvalid;
+use super::failure::{OrInvalid, study_failure};
 use super::learning;
 use super::output::{OutFolder, Progress, print, print_json, write_together};
 use crate::run::{RunConfig, RunFolder, dated_folder};
@@ -127,7 +127,7 @@ impl<S: clap::Args + Study> Measure<S> {
         });
         drop(progress);
         let place = self.study.scene().map(|scene| scene.place());
-        let report = found.map_err(|error| failure(error, place))?;
+        let report = found.map_err(|error| study_failure(error, place))?;
         let seconds = start.elapsed().as_secs_f64();
 
         let folder = out.as_ref().map(|out| &*out.path);
@@ -156,21 +156,6 @@ impl<S: clap::Args + Study> Measure<S> {
             None => format!("{seconds:.0} s"),
         });
         print(&parts.join("\n"))
-    }
-}
-
-/// Names what the error is about, where the study has a scene.
-pub(super) fn failure(error: StudyError, place: Option<String>) -> Failure {
-    let is_input = error.is_input();
-    let place = place.filter(|_| {
-        !matches!(
-            error,
-            StudyError::Invalid(_) | StudyError::Read(_) | StudyError::Damaged(_)
-        )
-    });
-    match place {
-        Some(place) => Failure::new(anyhow::Error::new(error).context(place), is_input),
-        None => Failure::new(error, is_input),
     }
 }
 

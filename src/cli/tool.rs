@@ -5,7 +5,7 @@ use anyhow::{Error, anyhow, ensure};
 use serde::Serialize;
 
 use super::Failure;
-use super::compare::{png, positive};
+use super::args::{png, positive};
 use super::failure::OrInvalid;
 use super::output::{print, print_json};
 use super::setup::unit_advice;

@@ -1,18 +1,18 @@
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Instant, SystemTime};
 
 use serde::Serialize;
 
 use super::Failure;
-use super::eval::accuracy;
+use super::args::accuracy;
 use super::failure::OrInvalid;
-use super::output::{Progress, percent, print, print_json};
+use super::output::{Progress, percent, print, print_json, stop_on_signal};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
-use crate::cluster::Session;
+use crate::cluster::{Session, StartError};
 use crate::run::{Preparation, RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
@@ -101,9 +101,15 @@ struct Outcome {
 
 /// Runs `drape train`.
 pub fn run(args: TrainArgs) -> Result<(), Failure> {
-    let session = Session::start()?;
+    let session = Session::start().map_err(|error| {
+        let is_input = matches!(error, StartError::Several(_));
+        Failure::new(error, is_input)
+    })?;
     let result = train(args, &session);
-    session.end(result)
+    session.end(result, |failure| {
+        failure.report();
+        failure.code().into()
+    })
 }
 
 fn train(args: TrainArgs, session: &Session) -> Result<(), Failure> {
@@ -287,19 +293,6 @@ fn finish(
     best.others.truncate(2 * config.proof_paths - 1);
     let (task, orders) = ((training.scene(), &config.env), (config.proof_paths, false));
     Ok(proof::proved(folder, task, best, orders, json)?.0)
-}
-
-/// Set by the first Ctrl-C or termination signal; the second one ends the program at once.
-pub(super) fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let seen = stop.clone();
-    ctrlc::set_handler(move || {
-        if seen.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-        eprintln!("stopping after this iteration, search or proof; again to stop at once");
-    })?;
-    Ok(stop)
 }
 
 fn report(outcome: &Outcome, args: &TrainArgs) -> Result<(), Failure> {

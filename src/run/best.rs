@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::folder::{BestSequence, Scored};
-use drape_task::env::{Draping, ImageShape};
+use drape_task::env::{ImageShape, Task};
 
 /// The best sequences of a run, best first, each once.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -21,13 +21,13 @@ impl Best {
     ///
     /// # Panics
     /// If an action has no vertex.
-    pub fn remember(&mut self, score: f64, actions: &[u32], draping: &Draping) -> bool {
+    pub fn remember(&mut self, score: f64, actions: &[u32], task: &Task) -> bool {
         // Behind those that were as good before.
         let place = self.0.partition_point(|other| other.score >= score);
         if place >= MOST {
             return false;
         }
-        let vertices = actions.iter().map(|&action| draping.vertex(action));
+        let vertices = actions.iter().map(|&action| task.vertex(action));
         let vertices: Option<Vec<u32>> = vertices.collect();
         let vertices = vertices.expect("allowed actions have a vertex");
         if self.0.iter().any(|other| other.vertices == vertices) {
@@ -51,9 +51,9 @@ impl Best {
     }
 
     /// What is written of them, for a blank of `grid` and a configuration; none without any.
-    pub fn sequence(&self, draping: &Draping, config_digest: String) -> Option<BestSequence> {
+    pub fn sequence(&self, task: &Task, config_digest: String) -> Option<BestSequence> {
         let (best, others) = self.0.split_first()?;
-        let lamina = &draping.scene().lamina;
+        let lamina = &task.scene.lamina;
         Some(BestSequence {
             vertices: best.vertices.clone(),
             score: best.score,
@@ -67,8 +67,8 @@ impl Best {
     }
 
     /// All of them, as actions.
-    pub fn actions(&self, draping: &Draping) -> Vec<Vec<u32>> {
-        let action = |&vertex: &u32| draping.action(vertex);
+    pub fn actions(&self, task: &Task) -> Vec<Vec<u32>> {
+        let action = |&vertex: &u32| task.action(vertex);
         let actions = self
             .0
             .iter()

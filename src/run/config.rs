@@ -97,16 +97,6 @@ impl RunConfig {
         Self::parse(&read_text(path)?, path)
     }
 
-    /// Whether `text`, as [`RunConfig::to_toml`] once wrote it, means this configuration, which
-    /// stands at `path`: keys that have come since count as their defaults. It may be computed on
-    /// other devices.
-    pub fn is_read_from(&self, text: &str, path: &Path) -> bool {
-        Self::parse(text, path).is_ok_and(|mut config| {
-            (config.device, config.env.device) = (self.device, self.env.device);
-            config == *self
-        })
-    }
-
     /// Computes networks and cloth on `device`, if there is one.
     pub fn set_device(&mut self, device: Option<DeviceKind>) {
         if let Some(device) = device {
@@ -310,12 +300,7 @@ impl RunConfig {
     pub fn members(&self) -> Result<Vec<Member>, ValueError> {
         let mut scenes = vec![(self.scene.clone(), self.env.clone())];
         for (number, range) in self.scenes.iter().enumerate() {
-            let env = EnvConfig {
-                region_mm: range.region_mm.or(self.env.region_mm),
-                ..self.env.clone()
-            };
-            let drawn = range.draw(&self.scene, (self.seed, number))?;
-            scenes.extend(drawn.into_iter().map(|scene| (scene, env.clone())));
+            scenes.extend(range.draw((&self.scene, &self.env), (self.seed, number))?);
         }
         let (all, count) = (self.environments, scenes.len());
         let expected = format!("one at least for each of {count} scenes");
@@ -370,9 +355,10 @@ const OPTIONAL: [(&str, &str); 6] = [
 ];
 
 /// Where a configuration has tables, beside those of its scene.
-const TABLES: [&str; 9] = [
+const TABLES: [&str; 10] = [
     "env",
     "env.costs",
+    "env.parameters",
     "policy",
     "policy.network.compact",
     "policy.network.paper",

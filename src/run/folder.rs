@@ -33,8 +33,10 @@ pub struct RunFolder {
     pub proof: PathBuf,
     /// Draping points of the proved path ([`drape_task::path`]).
     pub trajectory: PathBuf,
-    /// Folder of pictures and films.
+    /// Folder of pictures, films and recordings.
     pub pictures: PathBuf,
+    /// The proved path as it was pressed ([`drape_task::recording`]).
+    pub recording: PathBuf,
 }
 
 /// `run.json`: where a run came from.
@@ -260,6 +262,7 @@ impl RunFolder {
             proof: path.join("proof.json"),
             trajectory: path.join("trajectory.json"),
             pictures: path.join("pictures"),
+            recording: path.join("pictures/recording.drape"),
             path,
         }
     }

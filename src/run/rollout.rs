@@ -5,10 +5,12 @@ use serde::Serialize;
 
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
-use drape_cloth::scene::{Scene, sheared, surplus};
+use drape_cloth::measure::{sheared, surplus};
+use drape_cloth::scene::Scene;
 use drape_cloth::sim::Snapshot;
-use drape_task::env::{Draping, End, EnvConfig, Played, ReplayDiverged, Tasks};
-use drape_task::path::{PathFigures, PressedPoint};
+use drape_task::env::{Draping, End, EnvConfig, EpisodeState, Played, ReplayDiverged, Task, Tasks};
+use drape_task::path::PathFigures;
+use drape_task::recording::Recording;
 
 /// How an episode went.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -19,7 +21,7 @@ pub struct EpisodeSummary {
     pub region_initial_m: f64,
     pub region_final_m: f64,
     /// Mean surplus of the region's yarns at the start and at the end [m], see
-    /// [`drape_cloth::scene::surplus`].
+    /// [`drape_cloth::measure::surplus`].
     pub surplus_initial_m: f64,
     pub surplus_final_m: f64,
     /// Distance of the whole sheet and mean surplus of all its yarns [m]: what was pushed out of
@@ -57,12 +59,7 @@ pub struct EpisodeSummary {
 #[derive(Clone, Debug)]
 pub struct PlayedEpisode {
     pub summary: EpisodeSummary,
-    /// Vertices in the order they were pressed.
-    pub vertices: Vec<u32>,
-    /// Where on the tool each was pressed.
-    pub points: Vec<PressedPoint>,
-    /// The cloth at the end.
-    pub end: Snapshot,
+    pub recording: Recording,
 }
 
 /// An episode that did not come to its end.
@@ -85,44 +82,31 @@ pub enum RolloutError {
 /// Of [`parallel_episodes`]: every run is compared with the same random episodes.
 const SEED: u64 = 0;
 
-/// Where on the tool allowed actions press, one an environment.
-fn all_pressed(draping: &Draping, actions: &[u32]) -> Vec<PressedPoint> {
-    let point = |(index, &action)| {
-        let vertex = draping.vertex(action);
-        draping.pressed_point(index, vertex.expect("allowed actions have a vertex"))
-    };
-    actions.iter().enumerate().map(point).collect()
-}
-
 /// Plays one episode in the only environment of `draping`, from its start. `choose` gives the
-/// action for what is seen, `watch` is called before each press.
+/// action for what is seen, `told` hears the number of presses so far.
 pub fn play(
     draping: &mut Draping,
     mut choose: impl FnMut(&Draping) -> u32,
-    mut watch: impl FnMut(&Draping, &[PressedPoint]),
+    mut told: impl FnMut(usize),
 ) -> Result<PlayedEpisode, RolloutError> {
     let (start, mut watching) = (Instant::now(), Duration::ZERO);
-    let mut points = Vec::new();
+    let mut recording = Recording::new(draping.task(0), false);
     let all = draping.play(|draping| {
         let before = Instant::now();
-        watch(draping, &points);
+        told(recording.frames.len());
+        recording.see(draping.task(0), &draping.episode(0));
         watching += before.elapsed();
-        let action = vec![choose(draping)];
-        points.extend(all_pressed(draping, &action));
-        action
+        vec![choose(draping)]
     });
     let seconds = (start.elapsed() - watching).as_secs_f64();
-    let played = all.into_iter().next().expect("there is one environment");
-    if played.episode.end == End::Diverged {
-        let presses = points.len();
+    let Played { episode, end } = all.into_iter().next().expect("there is one environment");
+    if episode.end == End::Diverged {
+        let presses = episode.actions.len();
         return Err(ReplayDiverged { presses }.into());
     }
-    Ok(PlayedEpisode {
-        summary: summarise(draping, &played.end, &points, seconds),
-        vertices: played.vertices,
-        points,
-        end: played.end,
-    })
+    recording.see(draping.task(0), &end);
+    let summary = summarise(draping.task(0), &end, seconds);
+    Ok(PlayedEpisode { summary, recording })
 }
 
 /// By which rules a list of vertices is pressed.
@@ -135,7 +119,7 @@ pub enum Rules {
 }
 
 /// Presses a list of vertices again, in the only environment of `draping`, from its start.
-/// `watch` is called before each press.
+/// `told` hears the number of presses so far.
 ///
 /// # Errors
 /// If a vertex is outside the image, the simulation diverges, or the rules are broken.
@@ -143,7 +127,7 @@ pub fn replay(
     draping: &mut Draping,
     vertices: &[u32],
     rules: Rules,
-    mut watch: impl FnMut(&Draping, &[PressedPoint]),
+    mut told: impl FnMut(usize),
 ) -> Result<PlayedEpisode, RolloutError> {
     let count = draping.scene().lamina.vertex_count();
     let outside = |&v: &u32| v as usize >= count || draping.action(v).is_none();
@@ -153,7 +137,7 @@ pub fn replay(
     }
     let limit = draping.config().max_steps.unwrap_or(usize::MAX);
     let mut broken = None;
-    let mut points = Vec::new();
+    let mut recording = Recording::new(draping.task(0), false);
     let mut seconds = 0.0;
     let mut start = Instant::now();
     let ends = draping.replay(&[vertices], |draping, _, step| {
@@ -161,10 +145,8 @@ pub fn replay(
         if rules == Rules::Episode && broken.is_none() {
             broken = fault(draping, vertices, step, limit);
         }
-        if let Some(&vertex) = vertices.get(step) {
-            watch(draping, &points);
-            points.push(draping.pressed_point(0, vertex));
-        }
+        told(step);
+        recording.see(draping.task(0), &draping.episode(0));
         start = Instant::now();
     });
     if let Some(error) = broken {
@@ -173,13 +155,8 @@ pub fn replay(
     for end in ends {
         end?;
     }
-    let end = draping.state(0);
-    Ok(PlayedEpisode {
-        summary: summarise(draping, &end, &points, seconds),
-        vertices: vertices.to_vec(),
-        points,
-        end,
-    })
+    let summary = summarise(draping.task(0), &draping.episode(0), seconds);
+    Ok(PlayedEpisode { summary, recording })
 }
 
 /// How a list breaks the rules of an episode once `step` of its presses are done.
@@ -191,7 +168,8 @@ fn fault(draping: &Draping, vertices: &[u32], step: usize, limit: usize) -> Opti
         (false, None) => Some(RolloutError::Short { steps: step }),
         (false, Some(&vertex)) => {
             let action = draping.action(vertex)?;
-            (!draping.allows(0, action)).then_some(RolloutError::Forbidden { step, vertex })
+            (!draping.observation(0).allows(action))
+                .then_some(RolloutError::Forbidden { step, vertex })
         }
     }
 }
@@ -206,9 +184,9 @@ pub fn random_episodes(
 ) -> Result<Vec<EpisodeSummary>, RolloutError> {
     let choose = |draping: &Draping, streams: &mut [Stream]| -> Vec<u32> {
         let draw = |(index, stream): (usize, &mut Stream)| {
-            let mask = &draping.observation(index).mask;
-            let chosen = stream.below(mask.count_ones(..));
-            mask.ones().nth(chosen).expect("a mask is never empty") as u32
+            let mut allowed = draping.observation(index).allowed();
+            let chosen = stream.below(allowed.clone().count());
+            allowed.nth(chosen).expect("some action is allowed")
         };
         streams.iter_mut().enumerate().map(draw).collect()
     };
@@ -232,59 +210,47 @@ pub fn parallel_episodes(
     let mut streams: Vec<Stream> = (0..count)
         .map(|index| Stream::new(SEED, Purpose::Evaluation, index as u32))
         .collect();
-    let mut points: Vec<Vec<PressedPoint>> = vec![Vec::new(); count];
-    // About a step for each five vertices.
-    let expected = draping.region_vertices().count().div_ceil(5) as f64;
+    let expected = draping.task(0).expected_presses() as f64;
+    let mut steps = 0.0;
     let all = draping.play(|draping| {
-        progress((points[0].len() as f64 / expected).min(1.0));
-        let actions = choose(draping, &mut streams);
-        for (points, point) in points.iter_mut().zip(all_pressed(draping, &actions)) {
-            points.push(point);
-        }
-        actions
+        progress(f64::min(steps / expected, 1.0));
+        steps += 1.0;
+        choose(draping, &mut streams)
     });
     let seconds = start.elapsed().as_secs_f64() / count as f64;
-    let ended = all.iter().zip(&points);
-    let ended = ended.filter(|(played, _)| played.episode.end != End::Diverged);
-    let summary = |(played, points): (&Played, &Vec<PressedPoint>)| {
-        let points = &points[..played.vertices.len()];
-        summarise(&draping, &played.end, points, seconds)
-    };
-    Ok(ended.map(summary).collect())
+    let ended = all
+        .iter()
+        .filter(|played| played.episode.end != End::Diverged);
+    Ok(ended
+        .map(|played| summarise(draping.task(0), &played.end, seconds))
+        .collect())
 }
 
 /// Measures how presses have ended.
-fn summarise(
-    draping: &Draping,
-    end: &Snapshot,
-    points: &[PressedPoint],
-    seconds: f64,
-) -> EpisodeSummary {
-    let scene = draping.scene();
+fn summarise(task: &Task, end: &EpisodeState, seconds: f64) -> EpisodeSummary {
+    let path = task.figures(&task.points(end.presses()));
+    let (scene, steps, end) = (&task.scene, end.presses().len(), end.cloth());
     let at_start = scene.summary(&scene.initial);
     let at_end = scene.summary(end);
-    let threshold = draping.config().drape_threshold();
-    let region = draping.region();
-    let mut sheet = draping.region().vertices.clone();
+    let mut sheet = task.region.vertices.clone();
     sheet.insert_range(..);
     let sheet_surplus =
         |state: &Snapshot| surplus(&scene.lamina, &scene.tool, &state.position, &sheet);
     let locking = scene.lamina.material.shear.locking;
     let limit = locking.map_or(f64::INFINITY, |locking| locking.angle_rad);
     let sheared = sheared(&scene.lamina, &end.position, &sheet, limit);
-    let path = PathFigures::new(points, draping.config().join_distance());
     EpisodeSummary {
-        score: draping.score(&points.iter().map(|p| p.vertex).collect::<Vec<_>>(), end),
-        region_initial_m: draping.region_distance(&scene.initial),
-        region_final_m: draping.region_distance(end),
-        surplus_initial_m: draping.region_surplus(&scene.initial),
-        surplus_final_m: draping.region_surplus(end),
+        score: task.score(end),
+        region_initial_m: task.distance(&scene.initial),
+        region_final_m: task.distance(end),
+        surplus_initial_m: task.surplus(&scene.initial),
+        surplus_final_m: task.surplus(end),
         sheet_initial_m: at_start.distance_m,
         sheet_final_m: at_end.distance_m,
         sheet_surplus_initial_m: sheet_surplus(&scene.initial),
         sheet_surplus_final_m: sheet_surplus(end),
-        undraped_inner: region.undraped_inner(scene, threshold, &end.position),
-        steps: points.len(),
+        undraped_inner: task.undraped_inner(end),
+        steps,
         jumps: (path.strokes as usize).saturating_sub(1),
         path,
         strain_p95: at_end.strain_p95,

@@ -7,7 +7,7 @@ use toml::Value;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
-use drape_cloth::scene::SceneConfig;
+use drape_cloth::scene::{SceneConfig, SceneError};
 use drape_task::env::{EnvConfig, check_memory};
 
 /// Further scenes to be learned on: one with other numbers.
@@ -20,8 +20,8 @@ pub struct SceneRange {
     /// Focus region; that of `[env]` if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region_mm: Option<[f64; 4]>,
-    /// Least and greatest value of a number of the scene, by its key with dots; each member has its
-    /// own, uniformly between them.
+    /// Least and greatest value of a number of the scene, of its `material` or of `env`, by its key with
+    /// dots; each member has its own, uniformly between them.
     #[serde(default)]
     pub vary: BTreeMap<String, [f64; 2]>,
     /// The scene; that of the run if not given.
@@ -40,15 +40,16 @@ fn one() -> usize {
 const MOST: usize = 256;
 
 impl SceneRange {
-    /// The scenes, drawn under `seed` for the `number`th range of a run with the scene `base`.
+    /// The scenes with their tasks, drawn under `seed` for the `number`th range of a run with the scene
+    /// and the task of `base`.
     ///
     /// # Errors
     /// If a key is none of a number, or a drawn value is refused.
     pub fn draw(
         &self,
-        base: &SceneConfig,
+        (scene, env): (&SceneConfig, &EnvConfig),
         (seed, number): (u64, usize),
-    ) -> Result<Vec<SceneConfig>, ValueError> {
+    ) -> Result<Vec<(SceneConfig, EnvConfig)>, ValueError> {
         let key = |key: &str| format!("scenes.{number}.{key}");
         let expected = format!("a number from 1 to {MOST}");
         let is_valid = (1..=MOST).contains(&self.members);
@@ -59,24 +60,48 @@ impl SceneRange {
             let expected = "the least and the greatest value";
             ValueError::unless(is_valid, &key(&format!("vary.{name}")), found, expected)?;
         }
-        let base = self.scene.as_ref().unwrap_or(base);
+        let mut base = Both {
+            scene: self.scene.as_ref().unwrap_or(scene).clone(),
+            env: env.clone(),
+        };
+        base.env.region_mm = self.region_mm.or(env.region_mm);
+        if self.vary.keys().any(|name| name.starts_with("material.")) {
+            // In place of its file.
+            let material = base.scene.read_material();
+            let refused = |error: SceneError| ValueError::new(&key("vary"), error, "a material");
+            base.scene.material = Some(material.map_err(refused)?.into());
+        }
         let mut stream = Stream::new(seed, Purpose::Scenes, number as u32);
         let mut draw = || {
-            let mut scene = Value::try_from(base).expect("a scene is a table");
-            for (name, &[least, greatest]) in &self.vary {
-                let value = least + (greatest - least) * stream.uniform();
-                let place = place(&mut scene, name).ok_or_else(|| {
-                    let expected =
-                        "the key of a number in the scene that need not be whole, with dots";
-                    ValueError::new(&key("vary"), name, expected)
-                })?;
-                *place = Value::Float(value);
+            let mut drawn = Value::try_from(&base).expect("a scene is a table");
+            let own = Value::try_from(&base.env.parameters).expect("they are a table");
+            drawn["env"]
+                .as_table_mut()
+                .expect("it is a table")
+                .entry("parameters")
+                .or_insert(own);
+            for (name, &range) in &self.vary {
+                let share = stream.uniform();
+                let is_put = name.contains('.') && put(&mut drawn, name, range, share);
+                // Some keys are absent where they have their default; others are none.
+                let is_number = is_put && drawn.clone().try_into::<Both>().is_ok();
+                let expected =
+                    "the key of a number in the scene, its `material` or `env`, with dots";
+                ValueError::unless(is_number, &key("vary"), name, expected)?;
             }
-            let read = scene.try_into::<SceneConfig>();
-            read.map_err(|error| ValueError::new(&key("vary"), error.message(), "a scene"))
+            let Both { scene, env } = drawn.try_into().expect("it has been read");
+            Ok((scene, env))
         };
         (0..self.members).map(|_| draw()).collect()
     }
+}
+
+/// What varies.
+#[derive(Serialize, Deserialize)]
+struct Both {
+    #[serde(flatten)]
+    scene: SceneConfig,
+    env: EnvConfig,
 }
 
 /// One of the scenes that a policy learns on.
@@ -96,14 +121,32 @@ impl Member {
     }
 }
 
-/// Where the number with a dotted `key` stands, its place in a list counted from 0.
-fn place<'a>(value: &'a mut Value, key: &str) -> Option<&'a mut Value> {
-    let place = key.split('.').try_fold(value, |value, part| match value {
-        Value::Table(table) => table.get_mut(part),
-        Value::Array(list) => list.get_mut(part.parse::<usize>().ok()?),
-        _ => None,
-    })?;
-    place.is_float().then_some(place)
+/// Puts a number between two others where a dotted `key` stands or would, the place in a list counted from 0;
+/// a list gets it in all places. False where no number can stand.
+fn put(value: &mut Value, key: &str, range: [f64; 2], share: f64) -> bool {
+    let [least, greatest] = range;
+    let drawn = least + (greatest - least) * share;
+    let (first, rest) = key.split_once('.').unwrap_or((key, ""));
+    match value {
+        Value::Float(number) if key.is_empty() => *number = drawn,
+        Value::Integer(number) if key.is_empty() => {
+            *number = (drawn + share).floor() as i64;
+        }
+        Value::Array(all) if key.is_empty() => {
+            return all.iter_mut().all(|inner| put(inner, "", range, share));
+        }
+        Value::Table(table) => match table.get_mut(first) {
+            Some(inner) => return put(inner, rest, range, share),
+            None if rest.is_empty() => drop(table.insert(first.into(), drawn.into())),
+            None => return false,
+        },
+        Value::Array(list) => {
+            let inner = first.parse().ok().and_then(|at: usize| list.get_mut(at));
+            return inner.is_some_and(|inner| put(inner, rest, range, share));
+        }
+        _ => return false,
+    }
+    true
 }
 
 #[cfg(test)]
@@ -120,43 +163,76 @@ mod tests {
         }
     }
 
+    fn base() -> (SceneConfig, EnvConfig) {
+        (SceneConfig::rib(), EnvConfig::default())
+    }
+
+    fn draw(
+        range: &SceneRange,
+        place: (u64, usize),
+    ) -> Result<Vec<(SceneConfig, EnvConfig)>, ValueError> {
+        let (scene, env) = base();
+        range.draw((&scene, &env), place)
+    }
+
     #[test]
     fn members_differ_in_what_varies_and_repeat_under_a_seed() {
-        let base = SceneConfig::rib();
-        let drawn = |seed| range("placement.tilt_deg", [10.0, 20.0]).draw(&base, (seed, 0));
+        let (base, task) = base();
+        let drawn = |seed| draw(&range("placement.tilt_deg", [10.0, 20.0]), (seed, 0));
         let members = drawn(1).unwrap();
-        let tilts: Vec<f64> = members.iter().map(|m| m.placement.tilt_deg).collect();
+        let tilts: Vec<f64> = members.iter().map(|m| m.0.placement.tilt_deg).collect();
         assert!(tilts.iter().all(|tilt| (10.0..20.0).contains(tilt)));
         assert!(tilts[0] != tilts[1] && tilts[1] != tilts[2]);
         assert_eq!(drawn(1).unwrap(), members);
         assert_ne!(drawn(2).unwrap(), members);
-        for mut member in members {
-            member.placement.tilt_deg = base.placement.tilt_deg;
-            assert_eq!(member, base);
+        for (mut scene, env) in members {
+            scene.placement.tilt_deg = base.placement.tilt_deg;
+            assert!(scene == base && env == task);
         }
-        // In lists and in the tool's own table.
-        for (key, value) in [("clamps.0.move_mm.0", 12.0), ("blank.size_mm.1", 300.0)] {
-            let member = range(key, [value; 2])
-                .draw(&base, (1, 0))
-                .unwrap()
-                .remove(0);
-            assert_ne!(member, base, "{key}");
-        }
+    }
+
+    /// In lists and the tool's own table, of the material, the task, and what environments have of their
+    /// own; whole ones too.
+    #[test]
+    fn all_numbers_vary() {
+        let one = |key: &str, value: f64| {
+            let (scene, env) = draw(&range(key, [value; 2]), (1, 0)).unwrap().remove(0);
+            assert_ne!((&scene, &env), (&base().0, &base().1), "{key}");
+            (scene, env)
+        };
+        one("clamps.0.move_mm.0", 12.0);
+        one("blank.size_mm.1", 300.0);
+        one("tool.source.shape.height_mm", 50.0);
+        let material = |scene: &SceneConfig| scene.read_material().unwrap();
+        let (scene, _) = one("material.areal_mass_g_m2.datasheet", 250.0);
+        assert_eq!(material(&scene).areal_mass_g_m2.datasheet, 250.0);
+        let (scene, _) = one("material.warp.tension.1.1", 8.0);
+        assert_eq!(material(&scene).warp.tension.points()[1][1], 8.0);
+        assert_eq!(one("env.press_mpa", 0.5).1.press_mpa, 0.5);
+        assert_eq!(one("env.parameters.seed", 9.0).1.parameters.seed, 9);
+        // A list in all places.
+        let (_, env) = one("env.parameters.tension", 1.5);
+        assert_eq!(env.parameters.tension, [1.5; 2]);
+        // And where a default is not written.
+        assert_eq!(one("env.substep_rate", 2400.0).1.substep_rate, Some(2400.0));
+        assert_eq!(
+            one("placement.tilt_axis_deg", 90.0)
+                .0
+                .placement
+                .tilt_axis_deg,
+            90.0
+        );
+        let seeds = draw(&range("env.parameters.seed", [0.0, 1e6]), (1, 0)).unwrap();
+        assert!(seeds[0].1 != seeds[1].1);
     }
 
     #[test]
     fn keys_and_ranges_that_cannot_be_are_named() {
-        let base = SceneConfig::rib();
-        let error = |key: &str, values| range(key, values).draw(&base, (1, 2)).unwrap_err();
+        let error = |key: &str, values| draw(&range(key, values), (1, 2)).unwrap_err();
         assert_eq!(
             error("placement.tilt", [0.0, 1.0]).to_string(),
-            "`scenes.2.vary` is placement.tilt, expected the key of a number in the scene that need not \
-             be whole, with dots"
-        );
-        assert!(
-            error("blank.vertices.0", [9.0, 11.0])
-                .to_string()
-                .contains("whole")
+            "`scenes.2.vary` is placement.tilt, expected the key of a number in the scene, its `material` or \
+             `env`, with dots"
         );
         let reversed = error("placement.tilt_deg", [2.0, 1.0]);
         assert_eq!(reversed.key, "scenes.2.vary.placement.tilt_deg");
@@ -164,6 +240,11 @@ mod tests {
             error("tool.grid", [0.0, 1.0])
                 .to_string()
                 .contains("tool.grid")
+        );
+        assert!(
+            error("env.parameters", [0.0, 1.0])
+                .to_string()
+                .contains("env.parameters")
         );
     }
 }

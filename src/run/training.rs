@@ -13,13 +13,15 @@ use super::events::{create_events, scalar_record};
 use super::folder::{RunFolder, RunLock, config_digest};
 use super::log::Log;
 use super::metrics::{metrics_line, read_lines};
-use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
-use drape_learn::ppo::{EpisodeRecord, Iteration, Sampling, Trainer, decode, encode, read_section};
+use drape_cloth::sim::Observation;
+use drape_learn::ppo::{
+    EpisodeRecord, Iteration, NETWORK, Sampling, Sections, Trainer, decode, encode, read_section,
+};
 use drape_study::proof::finely;
 use drape_task::cluster::Cluster;
-use drape_task::env::{Draping, End, Episode, Family, Observation, Reward, Tasks};
+use drape_task::env::{Draping, End, Episode, Member, Reward, Tasks};
 use drape_task::search::{Annealing, Arena, CrossEntropy, Order, anneal, choose, cross_entropy};
 
 /// Checkpoint section of what the run itself remembers.
@@ -32,11 +34,11 @@ pub type Scenes = Vec<Arc<Scene>>;
 pub struct Training {
     /// The configuration of the run.
     pub config: RunConfig,
-    /// What stands in the file, also where it lacks keys that are newer.
-    config_text: String,
+    /// Of what stands in the file, also where it lacks keys that are newer.
+    config_digest: String,
     /// The folder that the run writes into.
     pub folder: RunFolder,
-    trainer: Trainer<Family>,
+    trainer: Trainer<Draping>,
     /// One environment for the greedy episodes.
     evaluation: Draping,
     /// So many tasks, the first, are on the run's own scene.
@@ -114,7 +116,7 @@ impl Training {
         let mut training = Self {
             logs: cluster.is_first().then(logs).transpose()?,
             cluster: cluster.clone(),
-            config_text: folder.config_text()?,
+            config_digest: config_digest(&folder.config_text()?),
             own_tasks: config.members()?[0].environments,
             config,
             folder,
@@ -151,7 +153,7 @@ impl Training {
             return Self::begin(config, scenes, (folder, lock, cluster), Reward::default());
         }
         let name = || path.display().to_string();
-        let Checkpoint { sections, .. } = Checkpoint::of_run(&path, &config, &folder)?;
+        let Checkpoint { sections, .. } = Checkpoint::of_run(&path, &folder)?;
         let (mut trainer, evaluation) = learner(&config, scenes, Reward::default(), cluster)?;
         trainer.load(&sections).with_context(name)?;
         let memory: Memory = read_section(&sections, RUN, decode).with_context(name)?;
@@ -160,7 +162,7 @@ impl Training {
         Ok(Self {
             own_tasks: config.members()?[0].environments,
             config,
-            config_text: folder.config_text()?,
+            config_digest: config_digest(&folder.config_text()?),
             folder,
             trainer,
             evaluation,
@@ -216,13 +218,14 @@ impl Training {
         };
         let mut presses = vec![0; self.trainer.tasks().count()];
         let shown = self.trainer.show(|tasks, task| {
-            let (own, number) = tasks.place(task);
-            let scene = usize::from(tasks.observation(task).scene);
+            let scene = usize::from(tasks.observation(task).view);
+            let own: Vec<usize> = tasks.environments(scene).collect();
+            let number = own.iter().take_while(|&&other| other != task).count();
             let next = found[scene].get(number);
             let next = next.and_then(|actions| actions.get(presses[task]));
             presses[task] += 1;
             next.copied()
-                .unwrap_or_else(|| beginners_order((own, number)))
+                .unwrap_or_else(|| beginners_order(tasks, &own, number))
         });
         let mut is_whole = true;
         self.trainer.pretrain(|share, loss| {
@@ -247,18 +250,23 @@ impl Training {
     ) -> Result<Option<Vec<Vec<Vec<u32>>>>> {
         let (tasks, all) = (self.trainer.tasks(), self.config.search);
         if all == 0 {
-            return Ok(Some(vec![Vec::new(); tasks.members().len()]));
+            return Ok(Some(vec![Vec::new(); tasks.tasks().len()]));
         }
         let (mut found, mut is_whole, mut before) = (Vec::new(), true, 0);
-        for (number, member) in tasks.members().iter().enumerate() {
-            let (scene, count) = (member.scene().clone(), member.count());
+        for (number, task) in tasks.tasks().iter().enumerate() {
+            let count = tasks.environments(number).count();
             let steps = all * count as u64 / tasks.count() as u64;
-            let mut draping = Draping::shared(scene, member.config(), count, &self.cluster)?;
+            let member = Member {
+                scene: task.scene.clone(),
+                config: task.config.clone(),
+                count,
+            };
+            let mut draping = Draping::on(vec![member], &self.cluster)?;
             let mut best = Best::default();
             let mut watch = |spent: u64, ended: &[Episode]| {
                 let whole = ended.iter().filter(|e| e.end == End::Terminated);
                 for (score, episode) in whole.filter_map(|e| Some((e.score?, e))) {
-                    best.remember(score, &episode.actions, member);
+                    best.remember(score, &episode.actions, task);
                 }
                 is_whole = go_on(best.score(), (before + spent) as f64 / all as f64);
                 is_whole
@@ -273,7 +281,7 @@ impl Training {
                 bail!("`search` is {all}, too few steps for an episode to end on scene {number}");
             }
             before += steps;
-            found.push(best.actions(member));
+            found.push(best.actions(task));
         }
         Ok(Some(found))
     }
@@ -312,11 +320,15 @@ impl Training {
     pub fn polish(&mut self, mut go_on: impl FnMut(u64, Option<f64>) -> bool) -> Result<()> {
         let config = &self.config;
         let fine = finely(&config.env);
-        let (scene, count) = (self.scene().clone(), config.environments);
-        let mut draping = Draping::shared(scene, &fine, count, &self.cluster)?.costly();
+        let member = Member {
+            scene: self.scene().clone(),
+            config: fine,
+            count: config.environments,
+        };
+        let mut draping = Draping::on(vec![member], &self.cluster)?.costly();
         let agent = self.trainer.agent();
-        let mut policy = |seen: &[&Observation]| agent.log_probs(seen);
-        let evaluation = &self.evaluation;
+        let mut policy = |seen: &[Observation]| agent.log_probs(seen);
+        let evaluation = self.evaluation.task(0);
         let (starts, mut best) = (self.memory.best.actions(evaluation), Best::default());
         let mut watch = |spent: u64, ended: &[Episode]| {
             for episode in ended {
@@ -343,12 +355,12 @@ impl Training {
         for log in self.logs.iter().flatten() {
             log.sync()?;
         }
-        self.save(&self.folder.last_checkpoint)
-    }
-
-    fn save(&self, path: &Path) -> Result<()> {
         let mut sections = self.trainer.save();
         sections.insert(RUN.into(), encode(&self.memory));
+        self.save(sections, &self.folder.last_checkpoint)
+    }
+
+    fn save(&self, sections: Sections, path: &Path) -> Result<()> {
         let mut digest = crc32fast::Hasher::new();
         sections.values().for_each(|section| digest.update(section));
         let digests = self.cluster.gather(digest.finalize());
@@ -361,8 +373,11 @@ impl Training {
         if !self.cluster.is_first() {
             return Ok(());
         }
-        let config = self.config_text.clone();
-        let checkpoint = Checkpoint { config, sections };
+        let config_digest = self.config_digest.clone();
+        let checkpoint = Checkpoint {
+            config_digest,
+            sections,
+        };
         Ok(checkpoint.save(path)?)
     }
 
@@ -378,7 +393,8 @@ impl Training {
         self.remember(score, &episode.actions)?;
         if self.memory.best_greedy.is_none_or(|best| score > best) {
             self.memory.best_greedy = Some(score);
-            self.save(&self.folder.best_checkpoint)?;
+            let sections = Sections::from([(NETWORK.into(), agent.save())]);
+            self.save(sections, &self.folder.best_checkpoint)?;
         }
         Ok(Some(score))
     }
@@ -398,7 +414,7 @@ impl Training {
     /// Keeps the sequence of an episode if it is among the best so far.
     fn remember(&mut self, score: f64, actions: &[u32]) -> Result<()> {
         let best = &mut self.memory.best;
-        match best.remember(score, actions, &self.evaluation) {
+        match best.remember(score, actions, self.evaluation.task(0)) {
             true => self.write_best(),
             false => Ok(()),
         }
@@ -408,8 +424,8 @@ impl Training {
         if !self.cluster.is_first() {
             return Ok(());
         }
-        let digest = config_digest(&self.config_text);
-        let sequence = self.memory.best.sequence(&self.evaluation, digest);
+        let (task, digest) = (self.evaluation.task(0), self.config_digest.clone());
+        let sequence = self.memory.best.sequence(task, digest);
         sequence.map_or(Ok(()), |best| self.folder.write_best_sequence(&best))
     }
 
@@ -463,18 +479,18 @@ impl Training {
     }
 }
 
-/// What a learner that imitates is shown first: orders outwards from places in half of the
-/// environments, sweeps in all directions in the others.
-fn beginners_order((tasks, task): (&Draping, usize)) -> u32 {
-    let half = tasks.count().div_ceil(2);
-    let (order, index, count) = match task.checked_sub(half) {
-        None => (Order::Outwards, task, half),
-        Some(index) => (Order::Sweep, index, tasks.count() - half),
+/// What a learner that imitates is shown first by one of the environments on a scene: half of them press
+/// outwards from places, the others sweep in all directions.
+fn beginners_order(tasks: &Draping, alike: &[usize], number: usize) -> u32 {
+    let half = alike.len().div_ceil(2);
+    let (order, index, count) = match number.checked_sub(half) {
+        None => (Order::Outwards, number, half),
+        Some(index) => (Order::Sweep, index, alike.len() - half),
     };
     // Neither order is drawn.
     let mut stream = Stream::new(0, Purpose::Evaluation, 0);
     let share = index as f64 / count as f64;
-    choose(tasks, task, order, share, &mut stream)
+    choose(tasks, alike[number], order, share, &mut stream)
 }
 
 fn learner(
@@ -482,15 +498,18 @@ fn learner(
     scenes: Scenes,
     reward: Reward,
     cluster: &Cluster,
-) -> Result<(Trainer<Family>, Draping)> {
-    let evaluation = Draping::shared(scenes[0].clone(), &config.env, 1, cluster)?;
+) -> Result<(Trainer<Draping>, Draping)> {
+    let member = |scene, config, count| Member {
+        scene,
+        config,
+        count,
+    };
+    let evaluation = member(scenes[0].clone(), config.env.clone(), 1);
+    let evaluation = Draping::on(vec![evaluation], cluster)?;
     let members = config.members()?.into_iter().zip(scenes);
-    let members = members.map(|(member, scene)| {
-        let tasks = Draping::shared(scene, &member.env, member.environments, cluster)?;
-        let tasks = tasks.forgetting_ends();
-        Ok(tasks.with_reward(reward.clone()))
-    });
-    let tasks = Family::new(members.collect::<Result<_, ValueError>>()?)?;
+    let members = members.map(|(own, scene)| member(scene, own.env, own.environments));
+    let tasks = Draping::on(members.collect(), cluster)?;
+    let tasks = tasks.forgetting_ends().with_reward(reward);
     let (ppo, policy) = (config.ppo.clone(), &config.policy);
     let trainer = Trainer::new(ppo, policy, tasks, config.seed, config.device)?;
     Ok((trainer.among(cluster)?, evaluation))

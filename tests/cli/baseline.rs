@@ -8,7 +8,7 @@ const POLICIES: [&str; 9] = [
 ];
 
 /// What a search leaves, sorted.
-const FILES: [&str; 11] = [
+const FILES: [&str; 12] = [
     ".lock",
     "best_sequence.json",
     "config.toml",
@@ -16,6 +16,7 @@ const FILES: [&str; 11] = [
     "pictures/before.png",
     "pictures/crushed.png",
     "pictures/path.png",
+    "pictures/recording.drape",
     "pictures/rollout.gif",
     "proof.json",
     "run.json",

@@ -28,9 +28,16 @@ fn bench_prints_rows_of_one_shape() {
         assert!(feature["difference_us"].is_f64());
     }
     let throughput = rows("throughput");
-    let threads: Vec<_> = throughput.iter().map(|row| &row["threads"]).collect();
-    assert_eq!(threads, [1, 2]);
-    assert_eq!(throughput[0]["over_one_thread"], 1.0);
+    let cases = [(1, 1), (8, 1), (1, 2), (8, 2)];
+    for (row, (scenes, threads)) in throughput.iter().zip(cases) {
+        assert!(row["scenes"] == scenes && row["threads"] == threads);
+        assert!(row["environment_steps_per_s"].as_f64().unwrap() > 0.0);
+        let is_first = [("over_one_scene", scenes), ("over_one_thread", threads)];
+        for (over, _) in is_first.iter().filter(|(_, count)| *count == 1) {
+            assert_eq!(row[*over], 1.0);
+        }
+    }
+    assert_eq!(throughput.len(), cases.len());
     let mut learners = Vec::new();
     for row in rows("learner") {
         assert_eq!(

@@ -186,6 +186,7 @@ fn pictures_of_the_run_stay() {
         "before.png",
         "crushed.png",
         "path.png",
+        "recording.drape",
         "rollout.gif",
     ];
     assert_eq!(names(&path.join("b/c")), drawn);
@@ -229,14 +230,14 @@ fn full_disk_replaces_nothing() {
     let before = files(path);
     let eval = ["eval", "runs/a", "--sequence", "--episodes", "1", "--json"];
     let to_out = [&eval[..], &["--out", "out"]].concat();
-    // Two pictures are smaller.
+    // Some pictures are smaller.
     let output = drape_with_limit(110, path, &to_out);
-    let words = ["error: cannot write out/crushed.png: File too large"];
+    let words = ["error: cannot write out/recording.drape: File too large"];
     assert_failure(&output, 1, &words);
     assert!(files(path) == before);
 
     for (args, file) in [
-        (&to_out[..], "out/before.png"),
+        (&to_out[..], "out/recording.drape"),
         (
             &["eval", "runs/a", "--prove", "--episodes", "1", "--json"],
             "runs/a/proof.json",

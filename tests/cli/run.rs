@@ -48,7 +48,7 @@ spacing_mm = 4
 "#;
 
 /// What a complete run leaves, sorted.
-pub const FILES: [&str; 16] = [
+pub const FILES: [&str; 17] = [
     ".lock",
     "best_sequence.json",
     "checkpoints/best.drape",
@@ -60,6 +60,7 @@ pub const FILES: [&str; 16] = [
     "pictures/before.png",
     "pictures/crushed.png",
     "pictures/path.png",
+    "pictures/recording.drape",
     "pictures/reward.png",
     "pictures/rollout.gif",
     "proof.json",

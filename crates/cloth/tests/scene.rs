@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use drape_cloth::scene::{Placement, Scene, SceneConfig, SceneError, wrinkle_count};
+use drape_cloth::scene::{Fabric, Placement, Scene, SceneConfig, SceneError, wrinkle_count};
 
 /// The built-in scene, set up as users get it.
 static RIB: LazyLock<Scene> = LazyLock::new(|| Scene::new(&SceneConfig::rib(), |_| {}).unwrap());
@@ -318,7 +318,8 @@ fn unknown_keys_are_refused_and_paths_count_from_the_file() {
     let text = "material = \"cloth.toml\"\n[tool.source.stl]\npath = \"punch.stl\"\n";
     std::fs::write(&path, text).unwrap();
     let config = SceneConfig::read(&path).unwrap();
-    assert_eq!(config.material, Some(folder.path().join("cloth.toml")));
+    let file = folder.path().join("cloth.toml");
+    assert_eq!(config.material, Some(Fabric::File(file)));
     let error = Scene::new(&config, |_| {}).err().unwrap().to_string();
     assert!(error.contains("cloth.toml"), "{error}");
 
@@ -385,7 +386,7 @@ fn locking_is_listed_where_the_material_has_it() {
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), unlocked).unwrap();
     let mut config = coarse();
-    config.material = Some(file.path().into());
+    config.material = Some(Fabric::File(file.path().into()));
     config.physics.shear_locking = true;
     let error = Scene::new(&config, |_| {}).err().unwrap();
     assert_eq!(

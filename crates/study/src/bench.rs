@@ -8,18 +8,21 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use cpu_time::ThreadTime;
-use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::ranking::{extremes, median};
 use crate::study::{CORNER, Context, Report, Study, StudyError};
 use crate::table::Table;
-use drape_cloth::fabric::Lamina;
+use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::math::{Isa, Purpose, Stream};
-use drape_cloth::scene::{Scene, SceneConfig};
+use drape_cloth::scene::{Scene, SceneConfig, SceneError};
 use drape_cloth::sim::{Backend as _, Control, Cpu, Device as Backend, Model, PhysicsConfig};
 use drape_cloth::sim::{Precision, Solver, World};
+use drape_cloth::tool::{Shape, Source};
 use drape_learn::benchmark::{Benchmark, Implementation};
-use drape_task::env::{Draping, EnvConfig, Tasks};
+use drape_task::cluster::Cluster;
+use drape_task::env::{Draping, EnvConfig, Member, Tasks};
 use drape_task::search::{Order, choose};
 
 /// Measure the speed of simulation and learner on this machine
@@ -51,6 +54,9 @@ pub const CONTROL: Control = Control::new(1.0 / 60.0, 20, 5);
 
 /// Environments stepped together, as the presets do.
 pub const ENVIRONMENTS: usize = 32;
+
+/// Scenes that are trained on together.
+const SCENES: usize = 8;
 
 /// Numbers of threads that are compared.
 pub const THREADS: [usize; 2] = [1, 2];
@@ -131,9 +137,14 @@ impl Study for Bench {
             median(&turns.collect::<Vec<_>>())
         };
 
+        // As many environments on one scene and on several that differ.
+        (context.progress)(0.6, "falling");
+        let differing = differing()?;
         let mut players = Vec::new();
         for threads in THREADS {
-            players.push((threads, Player::new(&scene, ENVIRONMENTS, threads)?));
+            for scenes in [std::slice::from_ref(&scene), &differing] {
+                players.push(([scenes.len(), threads], Player::new(scenes, threads)?));
+            }
         }
         let told_rates = told(0.6, 0.7, "environments");
         let rates = sample(repeats, players, told_rates, |player| {
@@ -172,11 +183,25 @@ impl Study for Bench {
             .number("min [us]", 2, |(_, times)| extremes(times)[0])
             .number("difference [us]", 2, over_default);
         let title = format!("{ENVIRONMENTS} environments on a corner of the rib, random presses");
-        let alone = median(&rates[0].1);
-        let throughput = Table::of("throughput", title, &rates)
-            .text("threads", |(threads, _)| *threads)
-            .number("environment steps [1/s]", 0, |(_, rates)| median(rates))
-            .number("over one thread", 2, |(_, rates)| median(rates) / alone);
+        let over = |row: usize| {
+            let base = &rates[row].1;
+            move |times: &Vec<f64>| {
+                let turns = times.iter().zip(base).map(|(own, base)| own / base);
+                median(&turns.collect::<Vec<_>>())
+            }
+        };
+        // Two rows a number of threads.
+        let numbered: Vec<_> = rates.iter().enumerate().collect();
+        let throughput = Table::of("throughput", title, &numbered)
+            .text("scenes", |(_, ([scenes, _], _))| *scenes)
+            .text("threads", |(_, ([_, threads], _))| *threads)
+            .number("environment steps [1/s]", 0, |(_, (_, rates))| {
+                median(rates)
+            })
+            .number("over one thread", 2, |(k, (_, rates))| over(k % 2)(rates))
+            .number("over one scene", 2, |(k, (_, rates))| {
+                over(k - k % 2)(rates)
+            });
         let title =
             "One step of training (forward, backward, Adam) by our convolutions and by burn's";
         let learner = Table::of("learner", title, &learning)
@@ -273,6 +298,26 @@ pub fn standard_scene(progress: impl FnMut(f64)) -> Scene {
     Scene::new(&SceneConfig::rib(), progress).expect("the built-in scene is valid")
 }
 
+/// Scenes that differ from the built-in one in their tool, the place of the blank and its yarns.
+fn differing() -> Result<Vec<Arc<Scene>>, SceneError> {
+    let scene = |k: usize| {
+        let off = (k as f64 - 3.5) / 3.5;
+        let mut config = SceneConfig::rib();
+        if let Source::Shape(Shape::Rib(rib)) = &mut config.tool.source {
+            rib.height_mm *= 1.0 + 0.02 * off;
+        }
+        config.placement.centre_mm[0] += 2.0 * off;
+        let mut material = Material::interglas_92125();
+        for law in [&mut material.warp, &mut material.weft] {
+            law.tension = law.tension.scaled(1.0 + 0.1 * off);
+            law.static_friction *= 1.0 - 0.1 * off;
+        }
+        config.material = Some(material.into());
+        Ok(Arc::new(Scene::new(&config, |_| ())?))
+    };
+    (0..SCENES).into_par_iter().map(scene).collect()
+}
+
 /// A sheet on which shear and bending are listed and find nothing to do.
 fn absent(scene: &Scene, device: Device) -> Timed {
     let mut lamina = Lamina::clone(&scene.lamina);
@@ -325,18 +370,18 @@ pub struct Player {
 }
 
 impl Player {
-    /// `environments` tasks on a wrinkle of the rib, at their start.
-    pub fn new(
-        scene: &Arc<Scene>,
-        environments: usize,
-        threads: usize,
-    ) -> Result<Self, ThreadPoolBuildError> {
+    /// [`ENVIRONMENTS`] tasks on a wrinkle of the rib, at their start, as many on each scene.
+    pub fn new(scenes: &[Arc<Scene>], threads: usize) -> Result<Self, StudyError> {
         let mut config = EnvConfig::compact();
         config.region_mm = Some(CORNER);
+        let members = scenes.iter().map(|scene| Member {
+            scene: scene.clone(),
+            config: config.clone(),
+            count: ENVIRONMENTS / scenes.len(),
+        });
         Ok(Self {
             pool: ThreadPoolBuilder::new().num_threads(threads).build()?,
-            env: Draping::new(scene.clone(), &config, environments)
-                .expect("the region lies on the standard sheet"),
+            env: Draping::on(members.collect(), &Cluster::default())?,
             stream: Stream::new(1, Purpose::Evaluation, 0),
         })
     }

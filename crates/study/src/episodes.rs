@@ -12,9 +12,10 @@ use crate::study::{Context, Report, SceneOptions, Study, StudyError, stencil_mm}
 use crate::table::Table;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream, mean_and_deviation};
-use drape_cloth::scene::{Scene, Summary, surplus};
+use drape_cloth::measure::surplus;
+use drape_cloth::scene::{Scene, Summary};
 use drape_cloth::sim::{Backend, Cpu, Precision, Snapshot, World};
-use drape_task::env::{Draping, End, EnvConfig, Played, Region};
+use drape_task::env::{Draping, End, EnvConfig, EpisodeState, Played, Region};
 use drape_task::search::{Order, choose};
 
 /// Play whole episodes in fixed orders: strain, rest and penetration after them, and how much
@@ -79,7 +80,7 @@ impl Study for Episodes {
             let played = play(&scene, &env, order, self.count.into(), self.seed, told)?;
             let finite = played.iter().filter(|p| p.episode.end != End::Diverged);
             let ends: Vec<Rested> = finite
-                .map(|p| rest(&scene, &env, &region, &p.end))
+                .map(|p| rest(&scene, &env, &region, p.end.cloth()))
                 .collect();
             let diverged = played.len() - ends.len();
             rows.extend(FIGURES.map(|(name, of)| {
@@ -160,8 +161,9 @@ pub fn sequences(
     seed: u64,
 ) -> Result<Vec<Vec<u32>>, ValueError> {
     let mut played = play(scene, config, order, count, seed, |_| ())?;
-    played.retain(|p| p.episode.end != End::Diverged && !p.vertices.is_empty());
-    Ok(played.into_iter().map(|played| played.vertices).collect())
+    played.retain(|p| p.episode.end != End::Diverged && !p.episode.actions.is_empty());
+    let vertices = |end: &EpisodeState| end.presses().iter().map(|&(v, _)| v).collect();
+    Ok(played.iter().map(|played| vertices(&played.end)).collect())
 }
 
 /// Measures a state and lets it come to rest.

@@ -13,7 +13,7 @@ pub mod compare;
 pub mod episodes;
 pub mod learning;
 mod points;
-mod presses;
+pub mod presses;
 pub mod proof;
 mod ranking;
 pub mod stability;

@@ -1,78 +1,118 @@
 //! Lists of presses, played in the fast solver and in the twin.
 
+use std::sync::{Arc, Mutex};
+
 use cpu_time::ThreadTime;
 
 use crate::study::{Context, StudyError};
 use crate::twin::fall::{lying, press_config, twin_config};
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
-use drape_cloth::twin::Hold;
-use drape_task::env::{Draping, EnvConfig};
-use drape_task::path::{PathFigures, PressedPoint};
+use drape_cloth::sim::{Presses, Snapshot};
+use drape_cloth::twin::{Hold, Twin};
+use drape_task::env::{Draping, EnvConfig, EpisodeState, Task};
+use drape_task::recording::Recording;
 
 /// Where every vertex is [m].
 pub type Positions = Vec<[f64; 3]>;
 
-/// Where a list of presses has led to.
-#[derive(Clone)]
-pub struct Pressed {
-    pub positions: Positions,
-    /// Of the path over the tool; the twin does not tell them.
-    pub path: PathFigures,
-}
-
-/// Plays lists of presses in the fast solver, side by side in the lanes; none where it diverges.
+/// Presses lists of vertices in the fast solver, side by side in the lanes; none where it diverges.
 /// `observe` is told the number of presses made, after each of every list.
 pub fn replay(
     draping: &mut Draping,
     lists: &[&[u32]],
     mut observe: impl FnMut(usize),
-) -> Vec<Option<Pressed>> {
+) -> Vec<Option<EpisodeState>> {
     let mut ends = vec![None; lists.len()];
-    let mut points: Vec<Vec<PressedPoint>> = vec![Vec::new(); lists.len()];
-    let join = draping.config().join_distance();
     draping.replay(lists, |draping, index, presses| {
         observe(presses);
-        match lists[index].get(presses) {
-            Some(&next) => points[index].push(draping.pressed_point(index, next)),
-            None => {
-                ends[index] = Some(Pressed {
-                    positions: draping.state(index).position,
-                    path: PathFigures::new(&points[index], join),
-                });
-            }
+        if presses == lists[index].len() {
+            ends[index] = Some(draping.episode(index));
         }
     });
     ends
 }
 
-/// Plays lists of presses in the twin, each on a thread from rest at `start`; none where it
-/// diverges. Gives the CPU time of the others [s] too.
+/// Presses lists of vertices in the twin, each on a thread from rest at the start of `scene`; none where it
+/// diverges. `observe` is shown the number of a list and where it has come to, at its start and after each
+/// press. Gives the CPU time of all that have come to their end [s] too.
 pub fn replay_in_twin(
     scene: &Scene,
     env: &EnvConfig,
-    start: &[[f64; 3]],
     lists: &[&[u32]],
+    observe: &(dyn Fn(usize, &EpisodeState) + Sync),
     context: &Context,
-) -> Result<(Vec<Option<Pressed>>, f64), StudyError> {
-    let config = twin_config(&scene.config)?;
+) -> Result<(Vec<Option<EpisodeState>>, f64), StudyError> {
+    let mut config = twin_config(&scene.config)?;
+    config.parameters = env.parameters.parameters()?;
     let press = press_config(env, Hold::Fixed);
-    let played = context.each(lists, |list| {
+    let numbered: Vec<(usize, &[u32])> = lists.iter().copied().enumerate().collect();
+    let played = context.each(&numbered, |&(number, list)| {
         let began = ThreadTime::now();
-        let mut twin = lying(scene, &config, start)?;
-        let presses = (*list, 1e-3 * env.stencil_mm);
-        let ended = twin.replay(&scene.lamina, &scene.tool, &press, presses, |_| ());
-        let pressed = ended.diverged.is_none().then(|| Pressed {
-            positions: twin.positions(),
-            path: PathFigures::default(),
-        });
-        Ok((pressed, began.elapsed().as_secs_f64()))
+        let mut twin = lying(scene, &config, &scene.initial.position)?;
+        let state =
+            |twin: &Twin, presses: &Presses| EpisodeState::new(presses.clone(), twin.snapshot());
+        let shown = |twin: &Twin, presses: &Presses| observe(number, &state(twin, presses));
+        let list = (list, 1e-3 * env.stencil_mm);
+        let ended = twin.replay(&scene.lamina, &scene.tool, &press, list, shown);
+        let ended = ended.ok().map(|presses| state(&twin, &presses));
+        Ok((ended, began.elapsed().as_secs_f64()))
     });
     let played: Vec<_> = played.into_iter().collect::<Result<_, StudyError>>()?;
-    let ended = played.iter().filter(|(pressed, _)| pressed.is_some());
+    let ended = played.iter().filter(|(ended, _)| ended.is_some());
     let seconds = ended.map(|(_, seconds)| seconds).sum();
-    let ends = played.into_iter().map(|(pressed, _)| pressed);
+    let ends = played.into_iter().map(|(ended, _)| ended);
     Ok((ends.collect(), seconds))
+}
+
+/// `scene` with its blank at rest in other places [m], clamps where they are there.
+pub fn resting(scene: &Scene, position: Positions) -> Arc<Scene> {
+    let fixed = scene.initial.fixed.clone();
+    let at_rest = Snapshot::at_rest(position);
+    let initial = Snapshot { fixed, ..at_rest };
+    Arc::new(Scene {
+        initial: initial.into(),
+        ..scene.clone()
+    })
+}
+
+/// Presses what was recorded again, from where it began, in the same physics.
+///
+/// # Errors
+/// If it diverges, or was recorded on another blank than that of `scene`.
+pub fn again(
+    recording: &Recording,
+    scene: &Scene,
+    context: &Context,
+) -> Result<Recording, StudyError> {
+    let mut scene = scene.clone();
+    if recording.rest != scene.lamina.rest || recording.tool != scene.tool.mesh {
+        let fault = "recorded on another blank or tool than the scene's";
+        return Err(StudyError::Invalid(fault.into()));
+    }
+    scene.initial = recording.start.clone().into();
+    let (scene, env) = (Arc::new(scene), &recording.env);
+    let task = Task::new(scene.clone(), env)?;
+    let vertices = recording.vertices();
+    let again = Mutex::new(Recording::new(&task, recording.by_twin));
+    let see = |_: usize, episode: &EpisodeState| {
+        let mut again = again.lock().expect("nobody panics");
+        again.see(&task, episode);
+        let share = again.presses.len() as f64 / vertices.len().max(1) as f64;
+        (context.progress)(share, "pressing again");
+    };
+    let has_ended = match recording.by_twin {
+        true => replay_in_twin(&scene, env, &[&vertices], &see, context)?.0[0].is_some(),
+        false => {
+            let mut draping = Draping::new(scene.clone(), env, 1)?;
+            let watch = |draping: &Draping, index, _| see(index, &draping.episode(index));
+            draping.replay(&[&vertices], watch)[0].is_ok()
+        }
+    };
+    match has_ended {
+        true => Ok(again.into_inner().expect("nobody panics")),
+        false => Err(StudyError::FastDiverged),
+    }
 }
 
 /// `positions` with every vertex that is not clamped pushed, normally distributed with a

@@ -1,21 +1,22 @@
 //! Whether paths are as good as their training has it: played in a finer physics, beside orders
 //! that anybody could think of.
 
-use std::collections::HashMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use serde::{Deserialize, Serialize};
 
 use crate::episodes::sequences;
-use crate::presses::{Pressed, replay, replay_in_twin};
+use crate::presses::{replay, replay_in_twin, resting};
 use crate::ranking::extremes;
 use crate::study::{Context, StudyError};
 use crate::twin::fall::{fallen, twin_config};
 use drape_cloth::math::mean_and_deviation;
-use drape_cloth::scene::{Scene, sheared, surplus};
+use drape_cloth::measure::sheared;
+use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Accuracy, Stepping};
-use drape_task::env::{Draping, EnvConfig, Goal, Region, score};
+use drape_task::env::{Draping, EnvConfig, EpisodeState, Task};
 use drape_task::path::PathFigures;
+use drape_task::recording::Recording;
 use drape_task::search::Order;
 
 /// Where a path is proved.
@@ -65,7 +66,7 @@ pub struct Figures {
     pub surplus_m: f64,
     pub deviation_surplus_m: f64,
     pub least_surplus_m: f64,
-    /// See [`score`], less the costs of the path [-].
+    /// See [`score`](drape_task::env::score), less the costs of the path [-].
     pub score: f64,
     pub deviation_score: f64,
     pub best_score: f64,
@@ -74,7 +75,7 @@ pub struct Figures {
     /// Greatest shear angle in the region [deg].
     pub shear_deg: f64,
     pub deviation_shear_deg: f64,
-    /// Of the paths over the tool, as at `accurate`: means, and those of the best score.
+    /// Of the paths over the tool: means, and those of the best score.
     #[serde(flatten)]
     pub path: PathFigures,
     pub best_path: PathFigures,
@@ -87,10 +88,12 @@ pub struct Figures {
 pub struct Proof {
     pub rows: Vec<Row>,
     pub best: Option<Best>,
+    /// The best path in the twin, if that has proved it.
+    pub recording: Option<Recording>,
 }
 
 /// The best path, by its number among those given, in the last physics in which one came to its
-/// end, and its [`score`] there [-].
+/// end, and its score there [-].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Best {
     pub index: usize,
@@ -143,24 +146,6 @@ pub fn prove(
         // Refused before the work.
         twin_config(&scene.config)?;
     }
-    let region = env.region(&scene.lamina)?;
-    let all_left = |before: &[[f64; 3]], paths: Vec<&[u32]>, ends: Vec<Option<Pressed>>| {
-        let goal = Goal::new(
-            env.objective,
-            scene.clone(),
-            region.vertices.clone(),
-            before,
-        );
-        let initial = goal.left(before);
-        let left = |(end, path): (Option<Pressed>, &[u32])| {
-            let end = end?;
-            let mut left = left((scene, env, &region), (&goal, initial), &end);
-            left.score -= env.cost(scene, &region, path, &end.positions);
-            Some(left)
-        };
-        let ends = ends.into_iter().zip(paths);
-        ends.map(left).collect::<Vec<Option<Left>>>()
-    };
     let quarter = count.div_ceil(4);
     let mut groups: Vec<Group> = vec![("path", paths.to_vec(), paths.len())];
     for (name, order, count) in [
@@ -176,19 +161,15 @@ pub fn prove(
         let share = presses as f64 / longest.unwrap_or(0) as f64;
         (context.progress)(share, "proving at accurate");
     });
-    let left = all_left(&scene.initial.position, listed(&groups), ends);
+    let left = all_left(draping.task(0), &ends);
     let mut rows = summed(Physics::Accurate, &groups, &left);
-    let ways: HashMap<Vec<u32>, PathFigures> = listed(&groups)
-        .into_iter()
-        .zip(&left)
-        .filter_map(|(path, left)| Some((path.to_vec(), left.as_ref()?.path)))
-        .collect();
     let mut chosen = ranked(&left[..paths.len()]);
     let best = |physics, &(index, score): &(usize, f64)| Best {
         index,
         physics,
         score,
     };
+    let mut recording = None;
     let mut found = chosen.first().map(|first| best(Physics::Accurate, first));
     if twin && found.is_some() {
         chosen.truncate(TWIN_PATHS);
@@ -197,20 +178,30 @@ pub fn prove(
         groups[1].1.truncate(quarter);
         groups[1].2 = quarter;
         (context.progress)(0.0, "the twin's fall");
-        let rest = fallen(scene, &twin_config(&scene.config)?)?.positions();
-        let (ends, _) = replay_in_twin(scene, env, &rest, &listed(&groups), context)?;
-        let mut left = all_left(&rest, listed(&groups), ends);
-        for (left, path) in left.iter_mut().zip(listed(&groups)) {
-            if let (Some(left), Some(path)) = (left, ways.get(path)) {
-                left.path = *path;
+        let fallen = fallen(scene, &twin_config(&scene.config)?)?;
+        let scene = resting(scene, fallen.positions());
+        let task = Task::new(scene.clone(), env)?;
+        let recordings = vec![Recording::new(&task, true); chosen.len()];
+        let recordings: Vec<_> = recordings.into_iter().map(Mutex::new).collect();
+        let see = |list: usize, episode: &EpisodeState| {
+            if let Some(recording) = recordings.get(list) {
+                recording.lock().expect("nobody panics").see(&task, episode);
             }
-        }
+        };
+        let (ends, _) = replay_in_twin(&scene, env, &listed(&groups), &see, context)?;
+        let left = all_left(&task, &ends);
         rows.extend(summed(Physics::Twin, &groups, &left));
         if let Some(&(k, score)) = ranked(&left[..chosen.len()]).first() {
             found = Some(best(Physics::Twin, &(chosen[k].0, score)));
+            let mut all = recordings.into_iter();
+            recording = all.nth(k).and_then(|one| one.into_inner().ok());
         }
     }
-    Ok(Proof { rows, best: found })
+    Ok(Proof {
+        rows,
+        best: found,
+        recording,
+    })
 }
 
 fn listed<'a>(groups: &'a [Group]) -> Vec<&'a [u32]> {
@@ -267,23 +258,25 @@ fn ranked(left: &[Option<Left>]) -> Vec<(usize, f64)> {
     ended
 }
 
-/// Measures what presses leave, where the goal was `initial` [m] at first.
-fn left(
-    (scene, env, region): (&Scene, &EnvConfig, &Region),
-    (goal, initial): (&Goal, f64),
-    end: &Pressed,
-) -> Left {
-    let Scene { lamina, tool, .. } = scene;
-    let (at, vertices) = (&end.positions, &region.vertices);
-    let sheared = sheared(lamina, at, vertices, f64::INFINITY);
-    Left {
-        distance_m: tool.summed_distance(vertices.ones(), at),
-        surplus_m: surplus(lamina, tool, at, vertices),
-        score: score(initial, goal.left(at)),
-        undraped_inner: region.undraped_inner(scene, env.drape_threshold(), at),
-        shear_deg: sheared.max.to_degrees(),
-        path: end.path,
-    }
+/// Measures what lists of presses leave.
+fn all_left(task: &Task, ends: &[Option<EpisodeState>]) -> Vec<Option<Left>> {
+    let Scene { lamina, .. } = &*task.scene;
+    let vertices = &task.region.vertices;
+    let left = |end: &EpisodeState| {
+        let (cloth, path) = (end.cloth(), task.figures(&task.points(end.presses())));
+        let at = &cloth.position;
+        Left {
+            distance_m: task.distance(cloth),
+            surplus_m: task.surplus(cloth),
+            score: task.score(cloth) - task.cost(&path, cloth),
+            undraped_inner: task.undraped_inner(cloth),
+            shear_deg: sheared(lamina, at, vertices, f64::INFINITY)
+                .max
+                .to_degrees(),
+            path,
+        }
+    };
+    ends.iter().map(|end| end.as_ref().map(left)).collect()
 }
 
 #[cfg(test)]

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use cpu_time::ProcessTime;
 
 use crate::points::{apart_mm, nearest, same_points, summed_m};
-use crate::presses::{Pressed, pushed, replay};
+use crate::presses::{pushed, replay};
 use crate::ranking::median;
 use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, lamina};
 use crate::table::{Format::Hidden, Table};
@@ -31,7 +31,7 @@ use drape_cloth::scene::{Scene, SceneConfig, SceneError};
 use drape_cloth::sim::{Precision, Snapshot, Solver};
 use drape_cloth::tool::Tool;
 use drape_report::{Chart, SERIES, Scale, Series};
-use drape_task::env::{Draping, EnvConfig};
+use drape_task::env::{Draping, EnvConfig, EpisodeState};
 use variations::{Around, Variation, converged, sequences, variations};
 
 /// Measure what accuracy costs: CPU time of an environment step against error, over solver,
@@ -120,7 +120,7 @@ struct PressedSweeps {
     /// CPU time of an environment step, the median over the steps [us].
     microseconds: f64,
     /// Of every sequence; none where it diverged.
-    ends: Vec<Option<Pressed>>,
+    ends: Vec<Option<EpisodeState>>,
 }
 
 /// What has been computed already, by what it was computed for; none where it diverges.
@@ -230,7 +230,12 @@ impl Measuring {
         // Summed distance to the tool of either side.
         let left = |x: Sides| summed_m(&b.scene.tool, x, &shared).map(|sum| scale * sum);
         let ends = a.ends.iter().zip(&b.ends);
-        let ends = ends.map(|(a, b)| Some([&a.as_ref()?.positions[..], &b.as_ref()?.positions]));
+        let ends = ends.map(|(a, b)| {
+            Some([
+                &a.as_ref()?.cloth().position[..],
+                &b.as_ref()?.cloth().position,
+            ])
+        });
         let ends: Vec<Sides> = ends.collect::<Option<_>>()?;
         let off_mm = |x: &Sides| apart_mm(x[0], x[1], &shared)[0];
         let mean = |values: &[f64]| mean_and_deviation(values)[0];

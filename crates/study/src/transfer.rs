@@ -12,17 +12,18 @@ use cpu_time::ProcessTime;
 
 use crate::episodes::sequences;
 use crate::points::apart_mm;
-use crate::presses::{Positions, Pressed, replay, replay_in_twin};
+use crate::presses::{Positions, replay, replay_in_twin, resting};
 use crate::ranking::{interval, pair_loss, ranks, spearman};
 use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, stencil_mm};
 use crate::table::{Format::Hidden, Table};
 use crate::twin::fall::{fallen, twin_config};
 use drape_cloth::file::ValueError;
 use drape_cloth::math::mean_and_deviation;
-use drape_cloth::scene::{Scene, surplus};
+use drape_cloth::measure::surplus;
+use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Accuracy, Precision, Solver, Stepping};
 use drape_report::{Chart, Image, SERIES, Series};
-use drape_task::env::{Draping, EnvConfig, Goal, Objective};
+use drape_task::env::{Draping, EnvConfig, EpisodeState, Goal, Objective};
 use drape_task::search::Order;
 
 /// Play the same presses under several settings and in the finite-element twin: do they agree
@@ -191,7 +192,8 @@ fn play(
         _ => &scene.initial.position[..],
     };
     let goal = Goal::new(Objective::Surplus, scene.clone(), region.clone(), start);
-    let end = |Pressed { positions, .. }| {
+    let end = |end: EpisodeState| {
+        let positions = end.cloth().position.clone();
         let surplus = surplus(&scene.lamina, &scene.tool, &positions, &region);
         let distance = scene.tool.summed_distance(region.ones(), &positions);
         End {
@@ -214,7 +216,10 @@ fn play(
             let ends = replay(&mut draping, lists, |_| ());
             (ends, start.elapsed().as_secs_f64())
         }
-        _ => replay_in_twin(scene, env, start, lists, &Context::quiet())?,
+        _ => {
+            let scene = resting(scene, start.to_vec());
+            replay_in_twin(&scene, env, lists, &|_, _| (), &Context::quiet())?
+        }
     };
     Ok((ends.into_iter().map(|at| at.map(end)).collect(), cpu_s))
 }

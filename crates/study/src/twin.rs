@@ -24,8 +24,9 @@ use crate::study::{
 use crate::table::Table;
 use case::{PaperCase, Ran, SelfComparison};
 use drape_cloth::fabric::{Drape, Lamina};
+use drape_cloth::measure::surplus;
 use drape_cloth::mesh::write_stl;
-use drape_cloth::scene::{Scene, SceneError, surplus};
+use drape_cloth::scene::{Scene, SceneError};
 use drape_cloth::tool::Tool;
 use drape_cloth::twin::Energies;
 use drape_task::env::EnvConfig;

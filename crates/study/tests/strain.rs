@@ -27,7 +27,7 @@ fn random_episodes_stretch_single_edges_only() {
     assert_eq!(played.len(), 16);
     for played in &played {
         assert_ne!(played.episode.end, End::Diverged);
-        let rested = rest(&rib, &env, &region, &played.end);
+        let rested = rest(&rib, &env, &region, played.end.cloth());
         let summary = &rested.summary;
         assert!(summary.tension_p95 <= 0.002, "{rested:?}");
         assert!(summary.compression_p95 <= 0.01, "{rested:?}");

@@ -10,7 +10,7 @@ use drape_cloth::fabric::Lamina;
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::{SceneConfig, hung};
-use drape_cloth::sim::{Roller, under_stencil};
+use drape_cloth::sim::{Aim, Roller, under_stencil};
 use drape_cloth::tool::Tool;
 use drape_cloth::twin::{PressConfig, Twin, TwinConfig};
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
@@ -350,7 +350,8 @@ fn sheet_pressed_on_a_rib_lies_where_the_twin_has_it() {
     let mut under_stencils = Vec::new();
     for at in [[3, 6], [3, 3], [9, 9]] {
         let vertex = lamina.vertex_at(at[0], at[1]).unwrap();
-        let pressed = under_stencil(&lamina, &tool, vertex, side, |v| twin.position(v));
+        let aim = Aim::default();
+        let pressed = under_stencil(&lamina, &tool, vertex, side, aim, |v| twin.position(v));
         assert_eq!(pressed.len(), 9);
         assert_eq!(twin.press(&tool, &press, &pressed).unwrap(), pressed);
         let is_under = |t: &[u32; 3]| t.iter().all(|v| pressed.contains(v));

@@ -41,9 +41,9 @@ fn play(players: std::ops::Range<u32>) -> Vec<u64> {
     // 81 vertices in the region, one at least a step.
     for _ in 0..90 {
         let choose = |(index, stream): (usize, &mut Stream)| {
-            let mask = &env.observation(index).mask;
-            let chosen = stream.below(mask.count_ones(..));
-            mask.ones().nth(chosen).unwrap() as u32
+            let allowed = env.observation(index).allowed();
+            let chosen = stream.below(allowed.clone().count());
+            allowed.clone().nth(chosen).unwrap()
         };
         let actions: Vec<u32> = streams.iter_mut().enumerate().map(choose).collect();
         let outcomes = env.step(&actions);

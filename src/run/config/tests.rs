@@ -91,16 +91,9 @@ fn resolved_configuration_reads_back() {
 }
 
 #[test]
-fn text_without_keys_that_have_come_since_means_the_same() {
-    let config = RunConfig::quickstart();
-    let (text, here) = (config.to_toml(), Path::new(""));
-    assert!(config.is_read_from(&text, here));
-    let older = text.replace("evaluation_interval = 2\n", "");
-    assert!(older != text && config.is_read_from(&older, here));
-    assert!(!config.is_read_from(&text.replace("seed = 1", "seed = 2"), here));
-    let mut elsewhere = config.clone();
+fn devices_are_those_of_the_machine() {
+    let mut elsewhere = RunConfig::quickstart();
     elsewhere.set_device(Some(DeviceKind::Gpu(1)));
-    assert!(elsewhere != config && elsewhere.is_read_from(&text, here));
     assert_eq!(elsewhere.env.device.to_string(), "gpu:1");
     elsewhere.shift_device(2);
     assert_eq!(elsewhere.device, DeviceKind::Gpu(3));

@@ -153,7 +153,8 @@ impl Material {
         self.check().map_err(fault).map(|()| self)
     }
 
-    fn check(&self) -> Result<(), ValueError> {
+    /// Checks all values; the error names key, found and expected.
+    pub fn check(&self) -> Result<(), ValueError> {
         for (key, curve) in [
             ("warp.tension", &self.warp.tension),
             ("warp.compression", &self.warp.compression),

@@ -105,6 +105,22 @@ pub trait Lanes:
         found
     }
 
+    /// The same in a table of each lane, for the pairs 0, row, layer and their sum.
+    #[inline(always)]
+    fn look_up_in_each(tables: &Tables, [i, j, k]: [Self; 3]) -> [[Self; 2]; 4] {
+        let mut found = [[Self::zero(); 2]; 4];
+        for lane in 0..Self::COUNT {
+            let [row, layer] = [tables.row[lane], tables.layer[lane]].map(|x| x as usize);
+            let first = k.get(lane) as usize * layer + j.get(lane) as usize * row;
+            let table = &tables.tables[lane][first + i.get(lane) as usize..];
+            for (found, at) in found.iter_mut().zip([0, row, layer, layer + row]) {
+                found[0].set(lane, f64::from(table[at]));
+                found[1].set(lane, f64::from(table[at + 1]));
+            }
+        }
+        found
+    }
+
     /// The lanes of all numbers, one after the other.
     #[inline(always)]
     fn flat_mut(all: &mut [Self]) -> &mut [Self::Scalar] {
@@ -148,6 +164,46 @@ pub trait Lanes:
     #[inline(always)]
     fn of(x: f64) -> Self {
         Self::splat(Self::Scalar::from_f64(x))
+    }
+}
+
+/// Lanes of the widest instruction set.
+const WIDEST: usize = 16;
+
+/// A table in every lane, each with strides of its own.
+pub struct Tables<'a> {
+    tables: Vec<&'a [f32]>,
+    row: [i32; WIDEST],
+    layer: [i32; WIDEST],
+    /// Where a look-up begins at most.
+    last: [i32; WIDEST],
+    /// Where each table begins in memory.
+    address: [i64; WIDEST],
+}
+
+impl<'a> Tables<'a> {
+    /// A table with the strides of its rows and layers for each lane.
+    ///
+    /// # Panics
+    /// If one has no room for a look-up.
+    pub fn new(all: impl Iterator<Item = (&'a [f32], [usize; 2])>) -> Self {
+        let mut tables = Self {
+            tables: Vec::new(),
+            row: [0; WIDEST],
+            layer: [0; WIDEST],
+            last: [0; WIDEST],
+            address: [0; WIDEST],
+        };
+        for (lane, (table, [row, layer])) in all.enumerate() {
+            let last = table.len().checked_sub(2 + row + layer);
+            let last = last.and_then(|last| i32::try_from(last).ok());
+            tables.last[lane] = last.expect("room for a look-up");
+            tables.row[lane] = row as i32;
+            tables.layer[lane] = layer as i32;
+            tables.address[lane] = table.as_ptr().expose_provenance() as i64;
+            tables.tables.push(table);
+        }
+        tables
     }
 }
 

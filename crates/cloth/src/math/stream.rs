@@ -18,6 +18,8 @@ pub enum Purpose {
     Search,
     /// Numbers of scenes that are learned on together.
     Scenes,
+    /// Where presses land.
+    Presses,
 }
 
 /// A seeded random stream whose position can be stored and restored exactly.

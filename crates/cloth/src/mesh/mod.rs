@@ -17,6 +17,8 @@ pub use stl::{MeshFile, write_stl};
 
 use std::ops::AddAssign;
 
+use serde::{Deserialize, Serialize};
+
 use crate::math::Vec3;
 
 /// Most facets of a mesh that is read or made: with what a tool keeps of them, 2 GiB.
@@ -33,7 +35,7 @@ fn check_facet_count(found: usize) -> Result<(), String> {
 }
 
 /// A triangle mesh with shared vertices.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TriMesh {
     /// Positions [m].
     pub vertices: Vec<Vec3>,

@@ -1,6 +1,9 @@
+use std::fmt;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::fabric::{BlankConfig, BlankError, Material};
 use crate::file::{ReadError, ValueError, read_toml, refuse_lists};
@@ -141,14 +144,52 @@ impl Fall {
     }
 }
 
+/// A material, by its file or as a table of its own.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Fabric {
+    File(PathBuf),
+    Here(Box<Material>),
+}
+
+/// Not derived: what is wrong with a table is to be told by its key.
+impl<'de> Deserialize<'de> for Fabric {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = Fabric;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("the path of a material file, or its content as a table")
+            }
+
+            fn visit_str<E>(self, path: &str) -> Result<Fabric, E> {
+                Ok(Fabric::File(path.into()))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Fabric, A::Error> {
+                let material = Material::deserialize(MapAccessDeserializer::new(map));
+                material.map(Fabric::from)
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+impl From<Material> for Fabric {
+    fn from(material: Material) -> Self {
+        Self::Here(material.into())
+    }
+}
+
 /// A scene: tool, blank, physics, and how the blank comes to lie on the tool.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneConfig {
     pub tool: ToolConfig,
-    /// Material file; the built-in Interglas 92125 if not given.
+    /// Material, or its file; the built-in Interglas 92125 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub material: Option<PathBuf>,
+    pub material: Option<Fabric>,
     #[serde(default)]
     pub blank: BlankConfig,
     #[serde(default)]
@@ -200,7 +241,8 @@ const RIB: &str = include_str!("../../../../configs/scenes/rib.toml");
 
 impl SceneConfig {
     /// Where a scene file has tables, for [`refuse_lists`].
-    pub const TABLES: [&str; 11] = [
+    pub const TABLES: [&str; 12] = [
+        "material",
         "tool",
         "tool.source.shape",
         "tool.source.mesh",
@@ -234,7 +276,11 @@ impl SceneConfig {
             Source::Mesh(file) => Some(&mut file.path),
             Source::Shape(_) => None,
         };
-        let files = [self.material.as_mut(), tool, self.blank.outline.as_mut()];
+        let material = match &mut self.material {
+            Some(Fabric::File(path)) => Some(path),
+            _ => None,
+        };
+        let files = [material, tool, self.blank.outline.as_mut()];
         files.into_iter().flatten()
     }
 
@@ -245,10 +291,14 @@ impl SceneConfig {
         }
     }
 
-    /// The material, read from its file.
+    /// The material, read from its file if it has one.
     pub fn read_material(&self) -> Result<Material, SceneError> {
         Ok(match &self.material {
-            Some(path) => Material::read(path)?,
+            Some(Fabric::File(path)) => Material::read(path)?,
+            Some(Fabric::Here(material)) => {
+                material.check().map_err(|error| error.within("material"))?;
+                Material::clone(material)
+            }
             None => Material::interglas_92125(),
         })
     }

@@ -7,12 +7,8 @@
 
 mod config;
 mod fall;
-mod shear;
 mod summary;
-mod surplus;
 
-pub use config::{Clamp, Fall, Over, Placement, SceneConfig, SceneError};
+pub use config::{Clamp, Fabric, Fall, Over, Placement, SceneConfig, SceneError};
 pub use fall::{Scene, hung};
-pub use shear::{Sheared, shear, sheared};
 pub use summary::{Summary, wrinkle_count};
-pub use surplus::{crushed, feet, foot, summed_surplus, surplus};

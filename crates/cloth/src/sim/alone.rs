@@ -1,13 +1,13 @@
 use super::cloth::Cloth;
 use super::fold::{Bundle, Fold, Places};
 use super::length::{Held, warm_start};
-use super::line::{Along, Chain};
-use super::lines::{Direction, Lines};
+use super::line::{Along, Chain, Direction};
+use super::lines::Lines;
 use super::membrane::Element;
 use super::model::Model;
 use super::storage::Storage;
 use crate::math::{Lanes, Vec3x};
-use crate::tool::Tool;
+use crate::tool::Tools;
 
 /// One environment by itself with the solve along yarns, its lines side by side in the lanes: a
 /// place is a number of the [`Fold`]. The same bits as one lane of a group of the same precision:
@@ -103,14 +103,14 @@ impl<V: Lanes> Storage for Alone<V> {
         self.cloth.density.fill(V::zero());
     }
 
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
+    fn distances(&self, tools: &Tools<V>, vertices: &[&[u32]]) -> Vec<Vec<f64>> {
         let all: Vec<u32> = (0..self.fold.count as u32).collect();
-        let distances = self.cloth.distances(tool, &all);
+        let distances = self.cloth.distances(tools, &[&all]);
         let of = |&vertex: &u32| {
             let [number, lane] = self.slot(0, vertex as usize);
-            distances[number * V::COUNT + lane]
+            distances[number].get(lane)
         };
-        vertices.iter().map(of).collect()
+        vec![vertices[0].iter().map(of).collect()]
     }
 
     #[inline(always)]
@@ -145,6 +145,7 @@ impl<V: Lanes> Storage for Alone<V> {
         places.copy::<V, 1, false>(&mut cloth.mobility, &mut crossing.mobility);
         Along {
             line,
+            law: cloth.scales.of_line(direction, line.law()),
             x: &mut crossing.position,
             mobility: &crossing.mobility,
             density: &mut cloth.density[line.edges()],
@@ -173,7 +174,9 @@ impl<V: Lanes> Storage for Alone<V> {
             places.copy::<V, 3, false>(Vec3x::components_mut(&mut cloth.predicted), x);
             let density = &cloth.density[weft.edges()];
             let Held { pull, stress } = &mut crossing.held;
-            warm_start(weft, &crossing.position, density, pull, stress);
+            let law = cloth.scales.of_line(Direction::Weft, weft.law());
+            let x = &crossing.position;
+            warm_start(weft, law.min_warm, x, density, pull, stress);
             let all = Vec3x::components_mut(&mut held.pull);
             places.copy::<V, 3, true>(all, Vec3x::components_mut(pull));
             places.copy::<V, 1, true>(&mut held.stress, stress);

@@ -1,24 +1,34 @@
-//! What a device has to do: whole presses in many environments.
+//! What a device has to do: whole presses in many environments, and what tasks ask after them.
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::model::Model;
+use super::observations::{Column, Observations};
+use super::parameters::Parameters;
 use super::press::Press;
-use super::state::{Pressed, Snapshot};
+use super::state::Snapshot;
 use super::stencil::Stencil;
 use super::stepping::Control;
+use super::view::View;
 use crate::fabric::Lamina;
+use crate::measure::Measures;
 use crate::tool::Tool;
 
-/// What a backend is given once: all that is the same for its environments.
+/// What a backend is given once: all that its environments share, and what they choose from by
+/// [`Parameters`].
 #[derive(Clone)]
 pub struct World {
+    /// Topology, laws and stages.
     pub model: Arc<Model>,
-    pub tool: Arc<Tool>,
-    /// The state after a reset.
-    pub start: Arc<Snapshot>,
+    pub tools: Vec<Arc<Tool>>,
+    /// States after a reset.
+    pub starts: Vec<Arc<Snapshot>>,
     /// The blank that is pressed and how; none where nobody presses.
     pub presses: Option<(Arc<Lamina>, Stencil)>,
+    /// What is seen and measured, in images of the same size; none where nobody looks.
+    pub views: Vec<Arc<View>>,
 }
 
 impl World {
@@ -29,9 +39,50 @@ impl World {
         let origin = vec![[0.0; 3]; model.vertex_count()];
         Self {
             model,
-            tool: tool.into(),
-            start: Snapshot::at_rest(origin).into(),
+            tools: vec![tool.into()],
+            starts: vec![Snapshot::at_rest(origin).into()],
             presses: None,
+            views: Vec::new(),
+        }
+    }
+
+    /// Whether `state` is one of this world: of its size, finite, of parts and parameters that it has.
+    pub fn fits(&self, state: &Snapshot) -> bool {
+        let Parameters {
+            tool, start, view, ..
+        } = state.parameters;
+        let has = |number: u16, count: usize| usize::from(number) < count.max(1);
+        has(tool, self.tools.len())
+            && has(start, self.starts.len())
+            && has(view, self.views.len())
+            && state.parameters.check().is_ok()
+            && self.model.fits(state)
+    }
+}
+
+/// What is found after presses in all environments.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Observed {
+    pub seen: Observations,
+    /// Whether every position is a number within 100 m of the origin `[environment]`.
+    pub finite: Vec<bool>,
+    /// How many vertices of its view no press has touched `[environment]`.
+    pub untouched: Vec<usize>,
+}
+
+impl Observed {
+    /// All of some, one after the other.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub fn joined(mut all: Vec<Self>) -> Self {
+        if all.len() == 1 {
+            return all.remove(0);
+        }
+        Self {
+            finite: all.iter().flat_map(|one| &one.finite).copied().collect(),
+            untouched: all.iter().flat_map(|one| &one.untouched).copied().collect(),
+            seen: Observations::joined(all.into_iter().map(|one| one.seen).collect()),
         }
     }
 }
@@ -42,13 +93,13 @@ pub trait Backend: Send + Sync {
     /// Number of environments, > 0.
     fn count(&self) -> usize;
 
-    /// Sets the state of one environment.
+    /// Sets one environment, with its parameters.
     fn load(&mut self, environment: usize, snapshot: &Snapshot);
 
-    /// Puts one environment back to the start of the world.
-    fn reset(&mut self, environment: usize);
+    /// Puts one environment to its start under parameters that fit the world.
+    fn reset(&mut self, environment: usize, parameters: &Parameters);
 
-    /// The state of one environment, exactly.
+    /// One environment, exactly.
     fn snapshot(&self, environment: usize) -> Snapshot;
 
     /// Moves all environments by one control step, with at most one press in each.
@@ -56,24 +107,25 @@ pub trait Backend: Send + Sync {
 
     /// Presses the stencil on a vertex of every environment and lets it settle; where there is
     /// no vertex, time passes all the same. What lay under the stencil is touched, and draped
-    /// where it stays on the tool: see [`Stencil`].
+    /// where it stays on the tool: see [`Stencil`]. Gives where these vertices were, or the origin,
+    /// `[environment, xyz]` [m].
     ///
     /// # Panics
     /// If there is not one entry an environment, or the world has no presses.
-    fn press(&mut self, vertices: &[Option<u32>]);
+    fn press(&mut self, vertices: &[Option<u32>]) -> Column<f64>;
 
     /// Whether every position of an environment is a number within 100 m of the origin.
     fn finite(&self) -> Vec<bool>;
 
-    /// Distance of some vertices to the tool [m], negative inside, [environment][vertex].
-    fn distances(&self, vertices: &[u32]) -> Vec<f64>;
+    /// What is seen of all environments.
+    ///
+    /// # Panics
+    /// If the world has no presses or no views.
+    fn observe(&self) -> Observed;
 
-    /// What presses have done in each environment.
-    fn pressed(&self) -> &[Pressed];
-
-    /// These environments where a GPU has them, for kernels that look at them there.
-    #[cfg(feature = "gpu")]
-    fn on_gpu(&self) -> Option<&super::gpu::Gpu> {
-        None
-    }
+    /// Measures some environments, ascending, in their views.
+    ///
+    /// # Panics
+    /// If the world has no presses or no views.
+    fn measure(&self, environments: &[usize]) -> Vec<Measures>;
 }

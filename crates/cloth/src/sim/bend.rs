@@ -1,8 +1,9 @@
 //! Bending of the yarns: solved along each yarn, or triple by triple.
 
-use super::law::in_colors;
+use super::edges::in_colors;
 use super::line::{Along, Chain, Scratch};
 use super::physics::{Bending, BendingStiffness, PhysicsConfig};
+use super::scales::Scales;
 use crate::fabric::{Family, Lamina};
 use crate::math::{Lanes, Vec3x};
 
@@ -12,6 +13,7 @@ pub(super) struct BendTriple {
     pub vertices: [u32; 3],
     /// [m/N]
     pub compliance: f64,
+    pub family: Family,
 }
 
 /// Bending stiffness per width of a family [N m].
@@ -51,6 +53,7 @@ pub(super) fn triples(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<BendT
             triples.extend(vertices.map(|vertices| BendTriple {
                 vertices,
                 compliance,
+                family: yarn.family,
             }));
         }
     }
@@ -62,11 +65,19 @@ pub(super) fn triples(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<BendT
 /// C = x0 - 2 x1 + x2 [m], a vector; each component is a constraint of its own with the same
 /// denominator, so there is one division and no square root.
 #[inline(always)]
-pub(super) fn project_triples<V: Lanes>(triples: &[BendTriple], x: &mut [Vec3x<V>], w: &[V]) {
+pub(super) fn project_triples<V: Lanes>(
+    triples: &[BendTriple],
+    x: &mut [Vec3x<V>],
+    w: &[V],
+    scales: Option<&Scales<V>>,
+) {
     for triple in triples {
         let [a, b, c] = triple.vertices.map(|v| v as usize);
         let [wa, wb, wc] = [w[a], w[b], w[c]];
-        let alpha = V::of(triple.compliance);
+        let mut alpha = V::of(triple.compliance);
+        if let Some(scales) = scales {
+            alpha = alpha / scales.bending[triple.family as usize];
+        }
         let sum = wa + wc + V::of(4.0) * wb + alpha;
         let difference = x[a] + x[c] - x[b].scale(V::of(2.0));
         let pull = difference.scale(V::of(1.0) / sum);
@@ -83,13 +94,14 @@ pub(super) fn project_triples<V: Lanes>(triples: &[BendTriple], x: &mut [Vec3x<V
 pub(super) fn bend<V: Lanes, C: Chain<V>>(yarn: Along<V, C>) {
     let Along {
         line,
+        law,
         x,
         mobility,
         scratch,
         ..
     } = yarn;
     let count = line.vertices().len();
-    let Some(stiffness) = line.bending().filter(|_| count >= 3) else {
+    let Some(stiffness) = law.bending.filter(|_| count >= 3) else {
         return;
     };
     let mut rows = BendRows::new(line, stiffness, x);

@@ -1,6 +1,8 @@
-use super::line::{Along, Chain, Scratch};
+use super::line::{Along, Chain, Direction, Scratch};
+use super::parameters::Parameters;
+use super::scales::Scales;
 use crate::math::{Kernel, Lanes, Real, Vec3x};
-use crate::tool::Tool;
+use crate::tool::Tools;
 
 /// n . x - offset is the distance to the tool [m].
 #[derive(Clone, Copy)]
@@ -31,6 +33,9 @@ pub(super) struct Cloth<V: Lanes> {
     pub scratch: Scratch<V>,
     /// Greatest pull of the tool's tack on each vertex [N]; empty without.
     pub tack: Vec<V>,
+    /// Of each environment that is used.
+    pub parameters: Vec<Parameters>,
+    pub scales: Scales<V>,
 }
 
 impl<V: Lanes> Cloth<V> {
@@ -52,14 +57,21 @@ impl<V: Lanes> Cloth<V> {
             density: vec![V::zero(); edges],
             scratch: Scratch::new(longest),
             tack: Vec::new(),
+            parameters: vec![Parameters::default()],
+            scales: Scales::new(),
         }
     }
 
     /// A line that lies in these arrays as it is.
     #[inline(always)]
-    pub fn along<'a, C: Chain<V>>(&'a mut self, line: &'a C) -> Along<'a, V, C> {
+    pub fn along<'a, C: Chain<V>>(
+        &'a mut self,
+        line: &'a C,
+        direction: Direction,
+    ) -> Along<'a, V, C> {
         Along {
             line,
+            law: self.scales.of_line(direction, line.law()),
             x: &mut self.position,
             mobility: &self.mobility,
             density: &mut self.density[line.edges()],
@@ -78,17 +90,18 @@ impl<V: Lanes> Cloth<V> {
         diverged.as_slice().iter().map(is_zero).collect()
     }
 
-    /// Distance of some places to the tool [m], negative inside, [place][lane].
-    pub fn distances(&self, tool: &Tool, places: &[u32]) -> Vec<f64> {
-        let mut distances = vec![V::zero(); places.len()];
+    /// Distance to the tool [m], negative inside, of places that are listed for each lane; or of the
+    /// same in all, if there is one list.
+    pub fn distances(&self, tools: &Tools<V>, places: &[&[u32]]) -> Vec<V> {
+        let longest = places.iter().map(|places| places.len()).max();
+        let mut distances = vec![V::zero(); longest.unwrap_or(0)];
         V::vectorize(Distances {
-            tool,
+            tools,
             position: &self.position,
             places,
             distances: &mut distances,
         });
-        let lanes = distances.iter().flat_map(|phi| phi.as_slice());
-        lanes.map(|phi| phi.to_f64()).collect()
+        distances
     }
 }
 
@@ -112,17 +125,29 @@ impl<V: Lanes> Kernel for Diverged<'_, V> {
 
 /// Looks up the distance of places to the tool.
 struct Distances<'a, V> {
-    tool: &'a Tool,
+    tools: &'a Tools<'a, V>,
     position: &'a [Vec3x<V>],
-    places: &'a [u32],
+    places: &'a [&'a [u32]],
     distances: &'a mut [V],
 }
 
 impl<V: Lanes> Kernel for Distances<'_, V> {
     #[inline(always)]
     fn run(self) {
-        for (&v, distance) in self.places.iter().zip(self.distances) {
-            *distance = self.tool.distance_in_lanes(self.position[v as usize].0).0;
+        for (k, distance) in self.distances.iter_mut().enumerate() {
+            let x = match self.places {
+                [same] => self.position[same[k] as usize],
+                each => {
+                    let mut x = Vec3x::zero();
+                    for (lane, own) in each.iter().enumerate() {
+                        if let Some(&v) = own.get(k) {
+                            x.set(lane, self.position[v as usize].get(lane));
+                        }
+                    }
+                    x
+                }
+            };
+            *distance = self.tools.distance(x.0).0;
         }
     }
 }

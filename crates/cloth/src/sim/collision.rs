@@ -76,6 +76,8 @@ pub(super) struct Around<'a, V> {
     pub w: &'a [V],
     /// Tangent planes of the tool.
     pub planes: &'a [Plane<V>],
+    /// Factors on static and dynamic friction.
+    pub friction: &'a [V; 2],
 }
 
 /// Contacts of one lane.
@@ -250,6 +252,7 @@ fn project<V: Lanes>(
         previous,
         w,
         planes,
+        friction,
     } = *around;
     let index = pair.vertices.map(|v| v as usize);
     let at = index.map(|v| Vec3::from(x[v].get(lane)));
@@ -271,7 +274,8 @@ fn project<V: Lanes>(
         return 0.0;
     }
     let mut push = gap.normal.map(|n| n * pair.side * depth);
-    if let Some([stick, slide]) = layers.friction {
+    if let Some(of_layers) = layers.friction {
+        let [stick, slide] = [0, 1].map(|k| of_layers[k] * friction[k].get(lane));
         let slid = between(at) - before;
         let slid = slid - gap.normal * slid.dot(&gap.normal);
         let length = slid.norm();
@@ -332,6 +336,7 @@ mod tests {
             previous: &previous,
             w: &free.map(|free| if free { 1.0 } else { 0.0 }),
             planes: &[far_below; 4],
+            friction: &[1.0; 2],
         };
         let pair = Pair {
             kind: Kind::VertexFace,

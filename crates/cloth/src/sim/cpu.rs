@@ -9,13 +9,17 @@ use crate::math::{F32x8, F32x16, F64x4, F64x8};
 use crate::math::{Isa, Lanes, Vec3};
 
 use crate::fabric::Lamina;
+use crate::measure::Measures;
+use crate::tool::Tool;
 
 use super::alone::Alone;
-use super::backend::{Backend, World};
+use super::backend::{Backend, Observed, World};
 use super::group::Group;
 use super::lanes::InLanes;
 use super::model::Model;
-use super::press::Press;
+use super::observations::{Column, Observations};
+use super::parameters::Parameters;
+use super::press::{Press, Roller};
 use super::state::{Pressed, Snapshot};
 use super::stencil::{Stencil, Tie, ties, under_stencil};
 use super::stepping::Control;
@@ -64,7 +68,7 @@ struct Sheet {
 }
 
 impl Cpu {
-    /// `count` > 0 environments, each at its start, on the best instruction set that there is.
+    /// `count` > 0 environments, each at the first start, on the best instruction set that there is.
     pub fn new(world: &World, count: usize, precision: Precision) -> Self {
         Self::on(world, count, precision, Isa::best())
     }
@@ -83,9 +87,9 @@ impl Cpu {
             #[cfg(all(target_arch = "x86_64", not(test)))]
             Isa::Avx512 => maker::<F32x16, F64x8>(precision, count),
         };
-        let first = make(model);
+        let first = make(model, count);
         let lanes = first.lanes();
-        let more = (1..count.div_ceil(lanes)).map(|_| make(model));
+        let more = (1..count.div_ceil(lanes)).map(|k| make(model, count - k * lanes));
         let groups: Vec<_> = std::iter::once(first).chain(more).collect();
         let sheet = |(lamina, stencil): &(Arc<Lamina>, Stencil)| Sheet {
             areas: lamina.vertex_areas(),
@@ -98,14 +102,15 @@ impl Cpu {
             pressed: vec![Pressed::default(); count],
             sheet: world.presses.as_ref().map(sheet).unwrap_or_default(),
         };
+        let parameters = Parameters::default();
         // Lanes that nobody uses hold a state that can be stepped as well.
         for group in &mut cpu.groups {
             for lane in 0..lanes {
-                group.load(model, lane, &world.start);
+                group.load(model, lane, &world.starts[0], &parameters);
             }
         }
         for environment in 0..count {
-            cpu.reset(environment);
+            cpu.reset(environment, &parameters);
         }
         cpu
     }
@@ -113,10 +118,26 @@ impl Cpu {
     fn place(&self, environment: usize) -> (usize, usize) {
         (environment / self.lanes, environment % self.lanes)
     }
+
+    fn set(&mut self, environment: usize, snapshot: &Snapshot, parameters: &Parameters) {
+        let (group, lane) = self.place(environment);
+        self.groups[group].load(&self.world.model, lane, snapshot, parameters);
+        let pressed = &mut self.pressed[environment];
+        pressed.clone_from(&snapshot.pressed);
+        let count = self.world.model.vertex_count();
+        pressed.touched.grow(count);
+        pressed.draped.grow(count);
+    }
+
+    /// The blank that is pressed and seen.
+    fn lamina(&self) -> &Lamina {
+        &self.world.presses.as_ref().expect("a world with presses").0
+    }
 }
 
-/// Makes a group: of as many environments as `V` has lanes, or of one by itself.
-type Make = fn(&Model) -> Box<dyn Group>;
+/// Makes a group: of as many environments as `V` has lanes, or of one by itself. At most so many of
+/// them are used.
+type Make = fn(&Model, usize) -> Box<dyn Group>;
 
 fn maker<V, W>(precision: Precision, count: usize) -> Make
 where
@@ -124,17 +145,19 @@ where
     W: Lanes<Scalar = f64>,
 {
     match precision {
-        Precision::F32 if count > 1 => |model| Box::new(InLanes::<V>::new(model)),
+        Precision::F32 if count > 1 => {
+            |model, used| Box::new(InLanes::<V>::new(model, used.min(V::COUNT)))
+        }
         Precision::F32 => alone::<V>,
         Precision::F64 => alone::<W>,
     }
 }
 
 /// In one lane where not all is solved along lines, or without other lanes.
-fn alone<V: Lanes>(model: &Model) -> Box<dyn Group> {
+fn alone<V: Lanes>(model: &Model, _: usize) -> Box<dyn Group> {
     match Alone::<V>::new(model).filter(|_| V::COUNT > 1) {
         Some(alone) => Box::new(alone),
-        None => Box::new(InLanes::<V::Scalar>::new(model)),
+        None => Box::new(InLanes::<V::Scalar>::new(model, 1)),
     }
 }
 
@@ -144,18 +167,12 @@ impl Backend for Cpu {
     }
 
     fn load(&mut self, environment: usize, snapshot: &Snapshot) {
-        let (group, lane) = self.place(environment);
-        self.groups[group].load(&self.world.model, lane, snapshot);
-        let pressed = &mut self.pressed[environment];
-        pressed.clone_from(&snapshot.pressed);
-        let count = self.world.model.vertex_count();
-        pressed.touched.grow(count);
-        pressed.draped.grow(count);
+        self.set(environment, snapshot, &snapshot.parameters);
     }
 
-    fn reset(&mut self, environment: usize) {
-        let start = self.world.start.clone();
-        self.load(environment, &start);
+    fn reset(&mut self, environment: usize, parameters: &Parameters) {
+        let start = self.world.starts[usize::from(parameters.start)].clone();
+        self.set(environment, &start, parameters);
     }
 
     fn snapshot(&self, environment: usize) -> Snapshot {
@@ -167,8 +184,7 @@ impl Backend for Cpu {
     }
 
     fn step(&mut self, control: &Control, presses: &[Press]) {
-        let World { model, tool, .. } = &self.world;
-        let lanes = self.lanes;
+        let (world, lanes) = (&self.world, self.lanes);
         let step = |(index, group): (usize, &mut Box<dyn Group>)| {
             let own = presses.iter().filter(|p| p.environment / lanes == index);
             let own: Vec<Press> = own
@@ -177,7 +193,7 @@ impl Backend for Cpu {
                     ..press.clone()
                 })
                 .collect();
-            group.step(model, tool, control, &own);
+            group.step(world, control, &own);
         };
         // A single group stays on this thread.
         match &mut self.groups[..] {
@@ -186,67 +202,106 @@ impl Backend for Cpu {
         }
     }
 
-    fn press(&mut self, vertices: &[Option<u32>]) {
+    fn press(&mut self, vertices: &[Option<u32>]) -> Column<f64> {
         assert_eq!(vertices.len(), self.count(), "one entry an environment");
         let (world, sheet) = (&self.world, &self.sheet);
-        let presses = world.presses.as_ref().expect("a world with presses");
-        self.groups
+        let places: Vec<[f64; 3]> = self
+            .groups
             .par_iter_mut()
             .zip(self.pressed.par_chunks_mut(self.lanes))
             .zip(vertices.par_chunks(self.lanes))
-            .for_each(|((group, pressed), vertices)| {
-                press(&mut **group, world, presses, sheet, vertices, pressed);
-            });
+            .flat_map_iter(|((group, pressed), vertices)| {
+                press(&mut **group, world, sheet, vertices, pressed)
+            })
+            .collect();
+        Column::on_host(places.into_flattened())
     }
 
     fn finite(&self) -> Vec<bool> {
         let groups = self.groups.par_iter();
-        let mut finite: Vec<bool> = groups.flat_map_iter(|group| group.finite()).collect();
-        finite.truncate(self.count());
-        finite
+        groups.flat_map_iter(|group| group.finite()).collect()
     }
 
-    fn distances(&self, vertices: &[u32]) -> Vec<f64> {
+    fn observe(&self) -> Observed {
+        let (world, lamina, count) = (&self.world, self.lamina(), self.count());
+        let pixels = world.views[0].pixel_count;
+        let places = (0..count).map(|environment| self.place(environment));
+        let views = places.map(|(group, lane)| self.groups[group].parameters(lane).view);
+        let views: Vec<u16> = views.collect();
+        let (mut distance, mut marks) = (vec![0.0; count * pixels], vec![0; count * pixels]);
         let groups = self.groups.par_iter();
-        let mut distances: Vec<f64> = groups
-            .flat_map_iter(|group| {
-                let all = group.distances(&self.world.tool, vertices);
-                let lanes = group.lanes();
-                let of = move |lane| (0..vertices.len()).map(move |k| k * lanes + lane);
-                (0..lanes).flat_map(of).map(move |at| all[at])
-            })
+        let found: Vec<Vec<f64>> = groups
+            .flat_map_iter(|group| group.distances(world))
             .collect();
-        distances.truncate(self.count() * vertices.len());
-        distances
+        let rows = distance
+            .par_chunks_mut(pixels)
+            .zip(marks.par_chunks_mut(pixels));
+        let all = rows.zip(&found).zip(&self.pressed).zip(&views);
+        let untouched = all.map(|((((distance, marks), found), pressed), &view)| {
+            let view = &world.views[usize::from(view)];
+            for (&pixel, phi) in view.pixels.iter().zip(found) {
+                distance[pixel as usize] = phi.max(0.0) as f32;
+            }
+            view.mark(lamina, pressed, marks)
+        });
+        Observed {
+            untouched: untouched.collect(),
+            finite: self.finite(),
+            seen: Observations::new(views, distance, marks),
+        }
     }
 
-    fn pressed(&self) -> &[Pressed] {
-        &self.pressed
+    fn measure(&self, environments: &[usize]) -> Vec<Measures> {
+        let (world, lamina) = (&self.world, self.lamina());
+        let measure = |&environment: &usize| {
+            let (group, lane) = self.place(environment);
+            let state = self.groups[group].save(&world.model, lane);
+            let view = &world.views[usize::from(state.parameters.view)];
+            let tool = tool(world, &state.parameters);
+            Measures::new(lamina, tool, &view.region, &state.position)
+        };
+        environments.par_iter().map(measure).collect()
     }
 }
 
-/// A press in a group: who is under the stencil, the press itself, what is draped, settling.
+/// The tool of an environment.
+fn tool<'a>(world: &'a World, parameters: &Parameters) -> &'a Tool {
+    &world.tools[usize::from(parameters.tool)]
+}
+
+/// A press in a group: who is under the stencil, the press itself, what is draped, settling. Gives
+/// where the pressed vertices were [m].
 fn press(
     group: &mut dyn Group,
     world: &World,
-    (lamina, stencil): &(Arc<Lamina>, Stencil),
     Sheet { areas, ties }: &Sheet,
     vertices: &[Option<u32>],
     pressed: &mut [Pressed],
-) {
-    let (model, tool) = (&world.model, &world.tool);
+) -> Vec<[f64; 3]> {
+    let (lamina, stencil) = world.presses.as_ref().expect("a world with presses");
+    let mut places = vec![[0.0; 3]; vertices.len()];
     let mut presses = Vec::with_capacity(vertices.len());
     for (lane, &vertex) in vertices.iter().enumerate() {
         let Some(vertex) = vertex else { continue };
+        let own = group.parameters(lane);
+        let side = stencil.side * own.side;
+        let aim = own.aim(pressed[lane].count);
+        places[lane] = group.position(lane, vertex);
         let position = |v| group.position(lane, v);
-        let under = under_stencil(lamina, tool, vertex, stencil.side, position);
+        let under = under_stencil(lamina, tool(world, own), vertex, side, aim, position);
         pressed[lane].stencil.clone_from(&under);
-        presses.push(stencil.roller.press(lane, &under, areas));
+        pressed[lane].count += 1;
+        let roller = Roller {
+            pressure: stencil.roller.pressure * own.pressure,
+            ..stencil.roller
+        };
+        presses.push(roller.press(lane, &under, areas));
     }
-    group.step(model, tool, &stencil.press, &presses);
+    group.step(world, &stencil.press, &presses);
 
     for press in presses {
         let lane = press.environment;
+        let tool = tool(world, group.parameters(lane));
         let Pressed {
             touched, draped, ..
         } = &mut pressed[lane];
@@ -257,7 +312,7 @@ fn press(
             let x = group.position(lane, v);
             let (phi, normal) = tool.distance(x);
             // Tangent planes are a few substeps old: what they let in goes out again.
-            if phi < 0.0 && !world.start.fixed.contains(v as usize) {
+            if phi < 0.0 && !group.is_fixed(lane, v) {
                 let at = [0, 1, 2].map(|k| x[k] - phi * normal[k]);
                 group.place(lane, v, at);
             }
@@ -276,8 +331,9 @@ fn press(
         }
     }
     if let Some(settle) = &stencil.settle {
-        group.step(model, tool, settle, &[]);
+        group.step(world, settle, &[]);
     }
+    places
 }
 
 /// No yarn of a vertex is stretched so much that it would pull it off the tool.

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::bend::bend;
 use super::law::EdgeLaw;
 use super::length::{stretch, warm_start};
-use super::line::{Along, Line, Scratch};
+use super::line::{Along, Chain, Line, Scratch};
 use super::shear::{Trellis, shear};
 use crate::fabric::{BlankConfig, Lamina, Material};
 use crate::math::{Purpose, Stream, Vec3, Vec3x};
@@ -95,6 +95,7 @@ impl Case {
         let mut x = self.lanes();
         solve(Along {
             line: &self.line,
+            law: self.line.law(),
             x: &mut x,
             mobility: &self.mobility,
             density,
@@ -123,7 +124,14 @@ impl Case {
         let mut pull = vec![Vec3x([f64::NAN; 3]); self.x.len()];
         let mut stress = vec![f64::NAN; self.x.len()];
         let x = self.lanes();
-        warm_start(&self.line, &x, density, &mut pull, &mut stress);
+        warm_start(
+            &self.line,
+            self.line.min_warm(),
+            &x,
+            density,
+            &mut pull,
+            &mut stress,
+        );
         (pull.iter().map(|p| Vec3::from(p.0)).collect(), stress)
     }
 

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::line::{Chain, Line};
+use super::line::{Chain, Line, LineLaw};
 use super::lines::Lines;
 use crate::math::{Lanes, Vec3x};
 
@@ -14,11 +14,7 @@ use crate::math::{Lanes, Vec3x};
 pub(super) struct Bundle<V> {
     vertices: Vec<u32>,
     edges: Range<usize>,
-    rest: [V; 2],
-    compliance: [V; 2],
-    min_warm: V,
-    limit: Option<[V; 3]>,
-    bending: Option<V>,
+    law: LineLaw<V>,
     /// 1 in the lanes that have an edge, else 0.
     has_edge: Vec<V>,
 }
@@ -31,27 +27,31 @@ impl<V: Lanes> Bundle<V> {
         let mut bundle = Self {
             vertices: (first as u32..(first + longest) as u32).collect(),
             edges: edge..edge + longest - 1,
-            rest: [V::of(1.0); 2],
-            compliance: [V::of(1.0); 2],
-            min_warm: V::zero(),
-            limit: None,
-            bending: None,
+            law: LineLaw {
+                rest: [V::of(1.0); 2],
+                compliance: [V::of(1.0); 2],
+                min_warm: V::zero(),
+                limit: None,
+                bending: None,
+            },
             has_edge: vec![V::zero(); longest - 1],
         };
         for (lane, line) in lines.iter().enumerate() {
+            let own: LineLaw<f64> = line.law();
             for k in 0..2 {
-                bundle.rest[k].set(lane, Chain::<f64>::rest(*line)[k]);
-                bundle.compliance[k].set(lane, Chain::<f64>::compliance(*line)[k]);
+                bundle.law.rest[k].set(lane, own.rest[k]);
+                bundle.law.compliance[k].set(lane, own.compliance[k]);
             }
-            bundle.min_warm.set(lane, line.min_warm());
-            if let Some(limit) = Chain::<f64>::limit(*line) {
-                let all = bundle.limit.get_or_insert([V::of(1.0); 3]);
+            bundle.law.min_warm.set(lane, own.min_warm);
+            if let Some(limit) = own.limit {
+                let all = bundle.law.limit.get_or_insert([V::of(1.0); 3]);
                 for (all, limit) in all.iter_mut().zip(limit) {
                     all.set(lane, limit);
                 }
             }
-            if let Some(stiffness) = Chain::<f64>::bending(*line) {
-                bundle.bending.get_or_insert(V::zero()).set(lane, stiffness);
+            if let Some(stiffness) = own.bending {
+                let all = bundle.law.bending.get_or_insert(V::zero());
+                all.set(lane, stiffness);
             }
             for has_edge in &mut bundle.has_edge[..line.vertices.len() - 1] {
                 has_edge.set(lane, 1.0);
@@ -71,24 +71,8 @@ impl<V: Lanes> Chain<V> for Bundle<V> {
         self.edges.clone()
     }
     #[inline(always)]
-    fn rest(&self) -> [V; 2] {
-        self.rest
-    }
-    #[inline(always)]
-    fn compliance(&self) -> [V; 2] {
-        self.compliance
-    }
-    #[inline(always)]
-    fn min_warm(&self) -> V {
-        self.min_warm
-    }
-    #[inline(always)]
-    fn limit(&self) -> Option<[V; 3]> {
-        self.limit
-    }
-    #[inline(always)]
-    fn bending(&self) -> Option<V> {
-        self.bending
+    fn law(&self) -> LineLaw<V> {
+        self.law
     }
     #[inline(always)]
     fn of_edge(&self, j: usize, x: Vec3x<V>) -> Vec3x<V> {

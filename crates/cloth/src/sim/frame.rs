@@ -1,8 +1,10 @@
 use super::physics::PhysicsConfig;
+use super::scales::Scales;
 use super::stepping::Control;
+use crate::math::Lanes;
 
 /// What is the same for all vertices in a substep.
-pub(super) struct Frame {
+pub(super) struct Frame<V> {
     /// Duration [s].
     pub h: f64,
     /// Motion under gravity in it [m].
@@ -12,19 +14,29 @@ pub(super) struct Frame {
     /// Largest speed [m/s], 0 for none.
     pub speed_cap: f64,
     /// Static and dynamic coefficient.
-    pub friction: Option<[f64; 2]>,
+    pub friction: Option<[V; 2]>,
 }
 
-impl Frame {
-    /// Of the substeps of a control step.
-    pub fn new(physics: &PhysicsConfig, friction: Option<[f64; 2]>, control: &Control) -> Self {
+impl<V: Lanes> Frame<V> {
+    /// Of the substeps of a control step, where the model has this friction.
+    #[inline(always)]
+    pub fn new(
+        physics: &PhysicsConfig,
+        friction: Option<[f64; 2]>,
+        scales: &Scales<V>,
+        control: &Control,
+    ) -> Self {
         let h = control.dt / control.substeps as f64;
+        let [stick, slide] = scales.friction;
         Self {
             h,
             fall: -h * h * physics.gravity,
             rate: 1.0 / h / (1.0 + h * physics.damping),
             speed_cap: physics.speed_cap,
-            friction,
+            friction: match friction {
+                Some(of_model) => Some([V::of(of_model[0]) * stick, V::of(of_model[1]) * slide]),
+                None => None,
+            },
         }
     }
 }

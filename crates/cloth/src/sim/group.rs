@@ -1,24 +1,32 @@
+use std::sync::Arc;
+
 use fixedbitset::FixedBitSet;
 
+use super::backend::World;
 use super::model::Model;
+use super::parameters::Parameters;
 use super::press::Press;
 use super::state::Snapshot;
 use super::step::step;
 use super::stepping::Control;
 use super::storage::Storage;
+use super::view::View;
 use crate::math::{Lanes, Vec3x};
-use crate::tool::Tool;
+use crate::tool::Tools;
 
 /// Environments of the same model that move in lockstep on the CPU.
 pub(super) trait Group: Send + Sync {
-    /// Number of environments.
+    /// Number of environments that it has room for.
     fn lanes(&self) -> usize;
 
-    /// Sets the cloth of one lane.
-    fn load(&mut self, model: &Model, lane: usize, snapshot: &Snapshot);
+    /// Sets cloth and parameters of one lane.
+    fn load(&mut self, model: &Model, lane: usize, snapshot: &Snapshot, parameters: &Parameters);
 
-    /// The cloth of one lane, exactly, without what presses have done.
+    /// Cloth and parameters of one lane, exactly, without what presses have done.
     fn save(&self, model: &Model, lane: usize) -> Snapshot;
+
+    /// What the environment of a lane has of its own.
+    fn parameters(&self, lane: usize) -> &Parameters;
 
     /// Position of a vertex [m].
     fn position(&self, lane: usize, vertex: u32) -> [f64; 3];
@@ -29,15 +37,18 @@ pub(super) trait Group: Send + Sync {
     /// Stops a vertex where it is, for good.
     fn fix(&mut self, lane: usize, vertex: u32);
 
+    /// Whether something holds a vertex for good.
+    fn is_fixed(&self, lane: usize, vertex: u32) -> bool;
+
     /// Moves all lanes by one control step; presses count their environments from the first lane.
-    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, presses: &[Press]);
+    fn step(&mut self, world: &World, control: &Control, presses: &[Press]);
 
     /// Whether every position of a lane is a number within 100 m of the origin, lane by lane.
     fn finite(&self) -> Vec<bool>;
 
-    /// Distance of some vertices to the tool [m], negative inside, [vertex][lane]. A lane's are
-    /// the same bits in any company.
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64>;
+    /// Distance to the tool [m], negative inside, of the vertices that each environment shows.
+    /// Its bits are the same in any company.
+    fn distances(&self, world: &World) -> Vec<Vec<f64>>;
 }
 
 impl<S: Storage> Group for S {
@@ -45,11 +56,12 @@ impl<S: Storage> Group for S {
         Storage::lanes(self)
     }
 
-    fn load(&mut self, model: &Model, lane: usize, snapshot: &Snapshot) {
+    fn load(&mut self, model: &Model, lane: usize, snapshot: &Snapshot, parameters: &Parameters) {
         self.clear(lane, &snapshot.sides);
         for (vertex, &free) in model.inverse_mass.iter().enumerate() {
             let [place, lane] = self.slot(lane, vertex);
             let is_fixed = snapshot.fixed.contains(vertex);
+            let free = free / parameters.mass;
             let cloth = self.cloth_mut();
             cloth.position[place].set(lane, snapshot.position[vertex]);
             cloth.velocity[place].set(lane, snapshot.velocity[vertex]);
@@ -59,6 +71,15 @@ impl<S: Storage> Group for S {
             let [place, lane] = self.edge_slot(lane, edge);
             let density = snapshot.force_density.get(edge).copied().unwrap_or(0.0);
             self.cloth_mut().density[place].set(lane, density);
+        }
+        let lanes = match Storage::lanes(self) {
+            1 => 0..S::V::COUNT,
+            _ => lane..lane + 1,
+        };
+        let cloth = self.cloth_mut();
+        cloth.scales.set(lanes, model.bending_stiffness, parameters);
+        if let Some(own) = cloth.parameters.get_mut(lane) {
+            own.clone_from(parameters);
         }
     }
 
@@ -77,8 +98,13 @@ impl<S: Storage> Group for S {
             fixed,
             force_density: edges.map(|[e, lane]| cloth.density[e].get(lane)).collect(),
             sides: self.sides(lane),
+            parameters: cloth.parameters[lane].clone(),
             ..Snapshot::default()
         }
+    }
+
+    fn parameters(&self, lane: usize) -> &Parameters {
+        &self.cloth().parameters[lane]
     }
 
     fn position(&self, lane: usize, vertex: u32) -> [f64; 3] {
@@ -97,20 +123,41 @@ impl<S: Storage> Group for S {
         self.cloth_mut().velocity[place].set(lane, [0.0; 3]);
     }
 
-    fn step(&mut self, model: &Model, tool: &Tool, control: &Control, presses: &[Press]) {
+    fn is_fixed(&self, lane: usize, vertex: u32) -> bool {
+        let [place, lane] = self.slot(lane, vertex as usize);
+        self.cloth().inverse_mass[place].get(lane) == 0.0
+    }
+
+    fn step(&mut self, world: &World, control: &Control, presses: &[Press]) {
         self.start();
-        step(model, tool, control, presses, self);
+        let tools = tools(self, world);
+        step(&world.model, &tools, control, presses, self);
     }
 
     fn finite(&self) -> Vec<bool> {
         let lanes = self.cloth().finite();
         match Storage::lanes(self) {
             1 => vec![!lanes.contains(&false)],
-            _ => lanes,
+            _ => lanes[..self.cloth().parameters.len()].to_vec(),
         }
     }
 
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
-        Storage::distances(self, tool, vertices)
+    fn distances(&self, world: &World) -> Vec<Vec<f64>> {
+        let own = self.cloth().parameters.iter();
+        let views: Vec<&Arc<View>> = own.map(|own| &world.views[usize::from(own.view)]).collect();
+        let is_same = |view: &&Arc<View>| view.vertices == views[0].vertices;
+        let count = if views.iter().all(is_same) {
+            1
+        } else {
+            views.len()
+        };
+        let vertices = views[..count].iter().map(|view| &*view.vertices);
+        Storage::distances(self, &tools(self, world), &vertices.collect::<Vec<_>>())
     }
+}
+
+/// The tools in the lanes of a group.
+fn tools<'a, S: Storage>(group: &S, world: &'a World) -> Tools<'a, S::V> {
+    let own = &group.cloth().parameters;
+    Tools::new(own.len(), |lane| &*world.tools[usize::from(own[lane].tool)])
 }

@@ -1,8 +1,9 @@
 //! Dihedral bending: the angle between neighbouring triangles.
 
 use super::bend::bending_stiffness;
-use super::law::in_colors;
+use super::edges::in_colors;
 use super::physics::{Bending, PhysicsConfig};
+use super::scales::Scales;
 use crate::fabric::{Family, Hinge, Lamina};
 use crate::math::{Lanes, Vec3x, polynomial};
 
@@ -57,7 +58,12 @@ fn arc_tangent<V: Lanes>(t: V) -> V {
 /// The angle comes from its half's tangent, which stays exact near the flat state where
 /// arccos does not. Gradients as in Bridson et al. 2003 (discrete hinge).
 #[inline(always)]
-pub(super) fn project_hinges<V: Lanes>(hinges: &[BendHinge], x: &mut [Vec3x<V>], w: &[V]) {
+pub(super) fn project_hinges<V: Lanes>(
+    hinges: &[BendHinge],
+    x: &mut [Vec3x<V>],
+    w: &[V],
+    scales: Option<&Scales<V>>,
+) {
     let tiny = V::of(1e-20);
     for hinge in hinges {
         let i = hinge.vertices.map(|v| v as usize);
@@ -88,6 +94,9 @@ pub(super) fn project_hinges<V: Lanes>(hinges: &[BendHinge], x: &mut [Vec3x<V>],
         let g = [g0, g1, g2, g3];
 
         let mut sum = V::of(hinge.compliance);
+        if let Some(scales) = scales {
+            sum = sum * scales.hinge;
+        }
         for k in 0..4 {
             sum = sum + w[i[k]] * g[k].dot(g[k]);
         }

@@ -1,13 +1,14 @@
 use super::cloth::Cloth;
 use super::collision::{Around, Layers, SelfContact};
 use super::length::{Held, pull_of};
-use super::line::{Along, Line};
-use super::lines::{Direction, Lines};
+use super::line::{Along, Direction, Line};
+use super::lines::Lines;
 use super::membrane::{Element, project_elements, warm_start_elements};
 use super::model::{Model, Pass};
+use super::parameters::Parameters;
 use super::storage::Storage;
-use crate::math::{Lanes, Vec3x};
-use crate::tool::Tool;
+use crate::math::{Kernel, Lanes, Vec3x};
+use crate::tool::Tools;
 
 /// A group of environments, one in every lane: a place is a vertex.
 pub(super) struct InLanes<V: Lanes> {
@@ -18,13 +19,15 @@ pub(super) struct InLanes<V: Lanes> {
 }
 
 impl<V: Lanes> InLanes<V> {
-    /// A group for `model` with every vertex free and at rest in the origin.
-    pub fn new(model: &Model) -> Self {
+    /// A group for `model`, of which so many environments are used, with every vertex free and at rest
+    /// in the origin.
+    pub fn new(model: &Model, used: usize) -> Self {
         let count = model.vertex_count();
         let yarn_edges = model.lines.as_ref().map_or(0, |lines| lines.edge_count);
         let longest = model.lines.as_ref().map_or(0, |lines| lines.longest);
         let mut cloth = Cloth::new(count, model.edge_count, longest);
         cloth.inverse_mass = model.inverse_mass.iter().map(|&w| V::of(w)).collect();
+        cloth.parameters = vec![Parameters::default(); used];
         cloth.tack = model.tack.iter().flatten().map(|&t| V::of(t)).collect();
         Self {
             cloth,
@@ -79,8 +82,13 @@ impl<V: Lanes> Storage for InLanes<V> {
         }
     }
 
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64> {
-        self.cloth.distances(tool, vertices)
+    fn distances(&self, tools: &Tools<V>, vertices: &[&[u32]]) -> Vec<Vec<f64>> {
+        let found = self.cloth.distances(tools, vertices);
+        let of = |lane: usize| {
+            let own = vertices[lane.min(vertices.len() - 1)];
+            found[..own.len()].iter().map(|phi| phi.get(lane)).collect()
+        };
+        (0..self.cloth.parameters.len()).map(of).collect()
     }
 
     #[inline(always)]
@@ -100,14 +108,14 @@ impl<V: Lanes> Storage for InLanes<V> {
         direction: Direction,
         i: usize,
     ) -> Along<'a, V, Line> {
-        self.cloth.along(&lines.of(direction)[i])
+        self.cloth.along(&lines.of(direction)[i], direction)
     }
 
     #[inline(always)]
     fn weft_pull(&self, lines: &Lines, place: usize) -> (Vec3x<V>, V) {
         let beside = &lines.beside[place];
         let (at, density) = (&self.cloth.predicted, &self.cloth.density);
-        let min_warm = V::of(beside.min_warm);
+        let min_warm = V::of(beside.min_warm) * self.cloth.scales.bending[1];
         let none = (Vec3x::zero(), V::zero());
         // No closures: they would be compiled without the instruction set.
         let before = match beside.before {
@@ -144,14 +152,21 @@ impl<V: Lanes> Storage for InLanes<V> {
         stress.fill(V::zero());
         for class in membranes {
             let (x, density) = (&self.cloth.predicted, &self.cloth.density);
-            warm_start_elements(class, x, density, pull, stress);
+            let scales = Some(&self.cloth.scales);
+            warm_start_elements(class, x, density, pull, stress, scales);
         }
     }
 
     #[inline(always)]
     fn project(&mut self, passes: &[Pass]) {
-        for pass in passes {
-            pass.project(&mut self.cloth);
+        // Apart, so that factors cost nothing where there are none.
+        match self.cloth.scales.vary {
+            true => V::vectorize(Differing(passes, &mut self.cloth)),
+            false => {
+                for pass in passes {
+                    pass.project(&mut self.cloth, false);
+                }
+            }
         }
     }
 
@@ -164,6 +179,7 @@ impl<V: Lanes> Storage for InLanes<V> {
                 &mut cloth.position,
                 &cloth.mobility,
                 &mut cloth.density,
+                Some(&cloth.scales),
             );
         }
     }
@@ -181,8 +197,21 @@ impl<V: Lanes> Storage for InLanes<V> {
                 previous: &self.cloth.previous,
                 w: &self.cloth.inverse_mass,
                 planes: &self.cloth.plane,
+                friction: &self.cloth.scales.friction,
             };
             contact.separate(layers, &mut self.cloth.position, &around);
+        }
+    }
+}
+
+/// Passes in which environments differ.
+struct Differing<'a, V: Lanes>(&'a [Pass], &'a mut Cloth<V>);
+
+impl<V: Lanes> Kernel for Differing<'_, V> {
+    #[inline(always)]
+    fn run(self) {
+        for pass in self.0 {
+            pass.project(self.1, true);
         }
     }
 }

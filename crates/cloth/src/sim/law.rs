@@ -1,8 +1,16 @@
 //! Force laws of edges: two or three straight branches.
 
 use super::physics::{PhysicsConfig, Tension};
-use crate::fabric::{Lamina, Yarn, color};
-use crate::math::{Lanes, Vec3x};
+use crate::fabric::{Lamina, Yarn};
+use crate::math::Lanes;
+
+/// Where a line runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Direction {
+    Warp,
+    Weft,
+    Diagonal,
+}
 
 /// Below this squared length [m^2] an edge has no direction, and nothing pulls along it.
 pub(super) const MIN_SQUARE: f64 = 1e-20;
@@ -23,12 +31,21 @@ impl EdgeLaw {
         }
     }
 
-    /// The compliance of the sign of `c`.
+    /// Compliance in tension and in compression, with the factors of environments that differ.
     #[inline(always)]
-    pub fn branch<V: Lanes>(&self, c: V) -> V {
-        let (tension, compression) = (V::of(self.tension), V::of(self.compression));
-        V::select(c.lt(V::zero()), compression, tension)
+    pub fn in_lanes<V: Lanes>(&self, factors: Option<[V; 2]>) -> [V; 2] {
+        let own = [V::of(self.tension), V::of(self.compression)];
+        match factors {
+            Some([pulled, pushed]) => [own[0] * pulled, own[1] * pushed],
+            None => own,
+        }
     }
+}
+
+/// The compliance of the sign of `c`, of those in tension and in compression.
+#[inline(always)]
+pub(super) fn branch<V: Lanes>([tension, compression]: [V; 2], c: V) -> V {
+    V::select(c.lt(V::zero()), compression, tension)
 }
 
 /// Compliance of a yarn beyond the strain limit, as a share of that in tension. At the limit's
@@ -82,84 +99,5 @@ impl Limit {
                 Some(Self::new(law, strain * yarn.rest_length, 1.0 / slope))
             }
         }
-    }
-}
-
-/// Edges of which no two share a vertex.
-#[derive(Clone, Debug)]
-pub(super) struct EdgeClass {
-    pub vertices: Vec<[u32; 2]>,
-    pub rest_length: Vec<f64>,
-    pub law: Vec<EdgeLaw>,
-}
-
-/// Ends, length at rest [m] and law of an edge.
-pub(super) type Edge = ([u32; 2], f64, EdgeLaw);
-
-/// The `edges` in colours: which they are, and as passes need them.
-pub(super) fn edge_classes(lamina: &Lamina, edges: &[Edge]) -> Vec<(Vec<u32>, EdgeClass)> {
-    let vertices: Vec<[u32; 2]> = edges.iter().map(|e| e.0).collect();
-    let classes = color(lamina.vertex_count(), &vertices).into_iter();
-    let with_edges = |class: Vec<u32>| {
-        let of = |&i: &u32| edges[i as usize];
-        let edges = EdgeClass {
-            vertices: class.iter().map(|i| of(i).0).collect(),
-            rest_length: class.iter().map(|i| of(i).1).collect(),
-            law: class.iter().map(|i| of(i).2).collect(),
-        };
-        (class, edges)
-    };
-    classes.map(with_edges).collect()
-}
-
-/// Constraints on `vertices` in colours.
-pub(super) fn in_colors<T: Copy, const N: usize>(
-    lamina: &Lamina,
-    all: &[T],
-    vertices: impl Fn(&T) -> [u32; N],
-) -> Vec<Vec<T>> {
-    let vertices: Vec<[u32; N]> = all.iter().map(vertices).collect();
-    let members = |class: Vec<u32>| class.iter().map(|&i| all[i as usize]).collect();
-    let classes = color(lamina.vertex_count(), &vertices);
-    classes.into_iter().map(members).collect()
-}
-
-/// What an edge that is projected by itself answers to.
-pub(super) trait EdgeResponse<V: Lanes> {
-    /// C less what the law leaves of it without force [m], and compliance [m/N], of edge `i`
-    /// whose ends give way by `gives` [m/N] together.
-    fn at(&self, class: &EdgeClass, i: usize, square: V, c: V, gives: V) -> [V; 2];
-
-    /// Whether edge `i` is without force in all lanes, from the square of its length [m^2].
-    #[inline(always)]
-    fn is_idle(&self, _: &EdgeClass, _: usize, _: V) -> bool {
-        false
-    }
-}
-
-/// Projects the edges of one colour, one after the other.
-///
-/// C = |x1 - x0| - l [m]. Macklin et al. 2016 (XPBD), eqs. 17-18, with lambda = 0 at the
-/// start of the substep.
-#[inline(always)]
-pub(super) fn project_edges<V: Lanes>(
-    class: &EdgeClass,
-    response: &impl EdgeResponse<V>,
-    x: &mut [Vec3x<V>],
-    w: &[V],
-) {
-    for (i, (v, rest)) in class.vertices.iter().zip(&class.rest_length).enumerate() {
-        let [a, b] = v.map(|v| v as usize);
-        let d = x[b] - x[a];
-        let square = d.dot(d).max(V::of(MIN_SQUARE));
-        if response.is_idle(class, i, square) {
-            continue;
-        }
-        let length = square.sqrt();
-        let gives = w[a] + w[b];
-        let [c, compliance] = response.at(class, i, square, length - V::of(*rest), gives);
-        let pull = d.scale(c / ((gives + compliance) * length).max(V::of(1e-28)));
-        x[a] = x[a] + pull.scale(w[a]);
-        x[b] = x[b] - pull.scale(w[b]);
     }
 }

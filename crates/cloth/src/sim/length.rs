@@ -1,10 +1,11 @@
 //! Length of the yarns: solved along each yarn with forces that last, or edge by edge.
 
+use super::edges::{Edge, EdgeClass, EdgeResponse, Projected, edge_classes};
 use super::frame::Frame;
-use super::law::{EdgeClass, EdgeLaw, EdgeResponse, Limit, edge_classes};
-use super::line::{Along, Chain, Response, solve};
+use super::law::{EdgeLaw, Limit, branch};
+use super::line::{Along, Chain, Direction, LineLaw, Response, solve};
 use super::physics::PhysicsConfig;
-use crate::fabric::{Lamina, Yarn};
+use crate::fabric::{Family, Lamina, Yarn};
 use crate::math::{Lanes, Vec3x};
 
 /// Substeps in which a vertex would at least need to cross an edge under the forces of its
@@ -41,7 +42,15 @@ pub(super) fn edges(
         let law = yarn_law(lamina, yarn);
         let limit = Limit::of_yarn(law, lamina, physics, yarn).unwrap_or(Limit::NONE);
         for pair in yarn.vertices.windows(2) {
-            edges.push(([pair[0], pair[1]], yarn.rest_length, law));
+            edges.push(Edge {
+                ends: [pair[0], pair[1]],
+                rest_length: yarn.rest_length,
+                law,
+                direction: match yarn.family {
+                    Family::Warp => Direction::Warp,
+                    Family::Weft => Direction::Weft,
+                },
+            });
             limits.push(limit);
         }
     }
@@ -59,8 +68,8 @@ pub(super) struct Plain;
 
 impl<V: Lanes> EdgeResponse<V> for Plain {
     #[inline(always)]
-    fn at(&self, class: &EdgeClass, i: usize, _: V, c: V, _: V) -> [V; 2] {
-        [c, class.law[i].branch(c)]
+    fn at(&self, _: &EdgeClass, edge: Projected<V>) -> [V; 2] {
+        [edge.c, branch(edge.law, edge.c)]
     }
 }
 
@@ -69,12 +78,17 @@ pub(super) struct Limited<'a>(pub &'a [Limit]);
 
 impl<V: Lanes> EdgeResponse<V> for Limited<'_> {
     #[inline(always)]
-    fn at(&self, class: &EdgeClass, i: usize, _: V, c: V, gives: V) -> [V; 2] {
-        let (limit, compliance) = (self.0[i], class.law[i].branch(c));
-        let beyond = (V::of(limit.force) * (gives + compliance)).lt(c);
+    fn at(&self, _: &EdgeClass, edge: Projected<V>) -> [V; 2] {
+        let Projected { c, gives, .. } = edge;
+        let (limit, compliance) = (self.0[edge.i], branch(edge.law, c));
+        let (mut force, mut limited) = (V::of(limit.force), V::of(limit.compliance));
+        if let Some([pulled, _]) = edge.factors {
+            (force, limited) = (force / pulled, limited * pulled);
+        }
+        let beyond = (force * (gives + compliance)).lt(c);
         [
             V::select(beyond, c - V::of(limit.offset), c),
-            V::select(beyond, V::of(limit.compliance), compliance),
+            V::select(beyond, limited, compliance),
         ]
     }
 }
@@ -97,42 +111,35 @@ impl<V: Lanes> EdgeResponse<V> for Limited<'_> {
 pub(super) fn stretch<V: Lanes, C: Chain<V>>(yarn: Along<V, C>) {
     let Along {
         line,
+        law,
         x,
         mobility,
         density,
         scratch,
-        ..
     } = yarn;
-    match line.limit() {
-        None => solve(
-            line,
-            &mut Warm {
-                density,
-                limit: None,
-            },
-            x,
-            mobility,
-            scratch,
-        ),
-        limit => solve(line, &mut Warm { density, limit }, x, mobility, scratch),
+    let warm = &mut Warm(density);
+    match law.limit {
+        // A constant where this is inlined, so that limits cost nothing where there are none.
+        None => {
+            let law = LineLaw { limit: None, ..law };
+            solve(line, &law, warm, x, mobility, scratch);
+        }
+        _ => solve(line, &law, warm, x, mobility, scratch),
     }
 }
 
-/// Force densities from the last substep, and the limit.
-struct Warm<'a, V> {
-    density: &'a mut [V],
-    limit: Option<[V; 3]>,
-}
+/// Force densities from the last substep.
+struct Warm<'a, V>(&'a mut [V]);
 
 impl<V: Lanes> Response<V> for Warm<'_, V> {
     #[inline(always)]
-    fn at<C: Chain<V>>(&self, line: &C, j: usize, _: V, length: V) -> [V; 2] {
-        let [tension, compression] = line.compliance();
-        let c = length - line.rest()[0];
-        let compressed = self.density[j].lt(V::zero());
+    fn at(&self, law: &LineLaw<V>, j: usize, _: V, length: V) -> [V; 2] {
+        let [tension, compression] = law.compliance;
+        let c = length - law.rest[0];
+        let compressed = self.0[j].lt(V::zero());
         let compliance = V::select(compressed, compression, tension);
-        let force = warm(line, self.density[j]) * length;
-        match self.limit {
+        let force = self.0[j].max(law.min_warm) * length;
+        match law.limit {
             None => [compliance, c - compliance * force],
             Some([max, limited, offset]) => {
                 let beyond = max.lt(force);
@@ -144,15 +151,9 @@ impl<V: Lanes> Response<V> for Warm<'_, V> {
     }
 
     #[inline(always)]
-    fn add<C: Chain<V>>(&mut self, line: &C, j: usize, change: V) {
-        self.density[j] = warm(line, self.density[j]) + change;
+    fn add(&mut self, law: &LineLaw<V>, j: usize, change: V) {
+        self.0[j] = self.0[j].max(law.min_warm) + change;
     }
-}
-
-/// The part of a yarn's force density that the next substep starts with.
-#[inline(always)]
-fn warm<V: Lanes>(line: &impl Chain<V>, density: V) -> V {
-    density.max(line.min_warm())
 }
 
 /// What an edge with this force density, as it lies, pulls at its start when a substep starts [N],
@@ -170,6 +171,7 @@ pub(super) fn pull_of<V: Lanes>(edge: Vec3x<V>, density: V, min_warm: V) -> (Vec
 #[inline(always)]
 pub(super) fn pull_after<V: Lanes>(
     line: &impl Chain<V>,
+    min_warm: V,
     i: usize,
     x: &[Vec3x<V>],
     density: &[V],
@@ -177,7 +179,7 @@ pub(super) fn pull_after<V: Lanes>(
     match line.vertices().get(i + 1) {
         Some(&next) => {
             let edge = x[next as usize] - x[line.vertices()[i] as usize];
-            pull_of(edge, density[i], line.min_warm())
+            pull_of(edge, density[i], min_warm)
         }
         None => (Vec3x::zero(), V::zero()),
     }
@@ -187,6 +189,7 @@ pub(super) fn pull_after<V: Lanes>(
 #[inline(always)]
 pub(super) fn warm_start<V: Lanes>(
     line: &impl Chain<V>,
+    min_warm: V,
     x: &[Vec3x<V>],
     density: &[V],
     pull: &mut [Vec3x<V>],
@@ -194,7 +197,7 @@ pub(super) fn warm_start<V: Lanes>(
 ) {
     let mut before = (Vec3x::zero(), V::zero());
     for (i, &v) in line.vertices().iter().enumerate() {
-        let after = pull_after(line, i, x, density);
+        let after = pull_after(line, min_warm, i, x, density);
         pull[v as usize] = after.0 - before.0;
         stress[v as usize] = before.1 + after.1;
         before = after;
@@ -223,7 +226,7 @@ impl<V: Lanes> Held<V> {
 /// hard `stress` [N/m] it has the inertia and the drag that [`CROSSING`] and [`DRAG`] say.
 #[inline(always)]
 pub(super) fn give_way<V: Lanes>(
-    frame: &Frame,
+    frame: &Frame<V>,
     inverse_mass: V,
     [from, predicted, pull]: [Vec3x<V>; 3],
     stress: V,

@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 
+pub(super) use super::law::Direction;
 use super::law::{EdgeLaw, Limit};
 use crate::math::{Lanes, Vec3x};
 
@@ -26,6 +27,13 @@ pub(super) struct Line {
     pub bending: f64,
 }
 
+impl Line {
+    /// Greatest compression that lasts, as a force density <= 0 [N/m].
+    pub fn min_warm(&self) -> f64 {
+        -MAX_WARM * self.bending
+    }
+}
+
 /// Compression that the next substep starts with, as a force density over the bending k of a yarn: so
 /// many times that at which it gives way (4 k: a zigzag of amplitude y costs 8 k y^2 of bending a vertex and shortens an edge by
 /// 2 y^2 / l). Surplus between draped vertices holds much more than that, and without it the
@@ -39,20 +47,27 @@ pub(super) trait Chain<V: Lanes> {
     fn vertices(&self) -> &[u32];
     /// Where the forces of its edges are.
     fn edges(&self) -> Range<usize>;
-    /// Rest length of an edge [m], and its inverse.
-    fn rest(&self) -> [V; 2];
-    /// Compliance of an edge in tension and in compression [m/N].
-    fn compliance(&self) -> [V; 2];
-    /// Greatest compression, as a force density <= 0 [N/m], that the next substep starts with.
-    fn min_warm(&self) -> V;
-    /// Tension at which its limit or knee begins, compliance and offset beyond it.
-    fn limit(&self) -> Option<[V; 3]>;
-    /// Bending stiffness [N/m]; none where no lane has any.
-    fn bending(&self) -> Option<V>;
+    /// The law of the model.
+    fn law(&self) -> LineLaw<V>;
     /// `x` in the lanes whose line has edge `j`, else 0.
     fn of_edge(&self, j: usize, x: Vec3x<V>) -> Vec3x<V>;
     /// 1 in the lanes whose line has edge `j`, which is one of the line's longest, else 0.
     fn has_edge(&self, j: usize) -> V;
+}
+
+/// The law of a line's edges.
+#[derive(Clone, Copy)]
+pub(super) struct LineLaw<V> {
+    /// Rest length of an edge [m], and its inverse.
+    pub rest: [V; 2],
+    /// In tension and in compression [m/N].
+    pub compliance: [V; 2],
+    /// Greatest compression, as a force density <= 0 [N/m], that the next substep starts with.
+    pub min_warm: V,
+    /// Tension at which its limit or knee begins, compliance and offset beyond it.
+    pub limit: Option<[V; 3]>,
+    /// Bending stiffness [N/m]; none where no lane has any.
+    pub bending: Option<V>,
 }
 
 impl<V: Lanes> Chain<V> for Line {
@@ -65,25 +80,28 @@ impl<V: Lanes> Chain<V> for Line {
         self.edges.clone()
     }
     #[inline(always)]
-    fn rest(&self) -> [V; 2] {
-        [V::of(self.rest_length), V::of(1.0 / self.rest_length)]
-    }
-    #[inline(always)]
-    fn compliance(&self) -> [V; 2] {
-        [V::of(self.law.tension), V::of(self.law.compression)]
-    }
-    #[inline(always)]
-    fn min_warm(&self) -> V {
-        V::of(-MAX_WARM * self.bending)
-    }
-    #[inline(always)]
-    fn limit(&self) -> Option<[V; 3]> {
-        let of = |limit: Limit| [limit.force, limit.compliance, limit.offset].map(V::of);
-        self.limit.map(of)
-    }
-    #[inline(always)]
-    fn bending(&self) -> Option<V> {
-        (self.bending != 0.0).then(|| V::of(self.bending))
+    fn law(&self) -> LineLaw<V> {
+        let EdgeLaw {
+            tension,
+            compression,
+        } = self.law;
+        LineLaw {
+            rest: [V::of(self.rest_length), V::of(1.0 / self.rest_length)],
+            compliance: [V::of(tension), V::of(compression)],
+            min_warm: V::of(self.min_warm()),
+            limit: match self.limit {
+                Some(limit) => Some([
+                    V::of(limit.force),
+                    V::of(limit.compliance),
+                    V::of(limit.offset),
+                ]),
+                None => None,
+            },
+            bending: match self.bending {
+                0.0 => None,
+                stiffness => Some(V::of(stiffness)),
+            },
+        }
     }
     #[inline(always)]
     fn of_edge(&self, _: usize, x: Vec3x<V>) -> Vec3x<V> {
@@ -118,6 +136,7 @@ impl<V: Lanes> Scratch<V> {
 /// of the edges in their order.
 pub(super) struct Along<'a, V: Lanes, C> {
     pub line: &'a C,
+    pub law: LineLaw<V>,
     /// [m]
     pub x: &'a mut [Vec3x<V>],
     /// [m/N]
@@ -133,6 +152,7 @@ impl<V: Lanes, C> Along<'_, V, C> {
     pub fn again(&mut self) -> Along<'_, V, C> {
         Along {
             line: self.line,
+            law: self.law,
             x: self.x,
             mobility: self.mobility,
             density: self.density,
@@ -144,10 +164,10 @@ impl<V: Lanes, C> Along<'_, V, C> {
 /// What the edges of a line answer to.
 pub(super) trait Response<V: Lanes> {
     /// Compliance of edge `j` [m/N], and its residual: what its force leaves of its C [m].
-    fn at<C: Chain<V>>(&self, line: &C, j: usize, square: V, length: V) -> [V; 2];
+    fn at(&self, law: &LineLaw<V>, j: usize, square: V, length: V) -> [V; 2];
     /// Takes in by how much the force density of edge `j` changes [N/m], where forces last.
     #[inline(always)]
-    fn add<C: Chain<V>>(&mut self, _line: &C, _j: usize, _change: V) {}
+    fn add(&mut self, _law: &LineLaw<V>, _j: usize, _change: V) {}
 }
 
 /// Solves (J M J^T + compliance) d = residual for the changes d of the edges' forces, and moves
@@ -157,13 +177,14 @@ pub(super) trait Response<V: Lanes> {
 #[inline(always)]
 pub(super) fn solve<V: Lanes>(
     line: &impl Chain<V>,
+    law: &LineLaw<V>,
     response: &mut impl Response<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
     scratch: &mut Scratch<V>,
 ) {
-    eliminate(line, response, x, mobility, scratch);
-    substitute(line, response, x, mobility, scratch);
+    eliminate(line, law, response, x, mobility, scratch);
+    substitute(line, law, response, x, mobility, scratch);
 }
 
 /// Forward elimination of the tridiagonal system of a line's edges. Rows and unknowns are scaled
@@ -171,6 +192,7 @@ pub(super) fn solve<V: Lanes>(
 #[inline(always)]
 fn eliminate<V: Lanes>(
     line: &impl Chain<V>,
+    law: &LineLaw<V>,
     response: &impl Response<V>,
     x: &[Vec3x<V>],
     mobility: &[V],
@@ -191,7 +213,7 @@ fn eliminate<V: Lanes>(
         let d = line.of_edge(j, x1 - x0);
         let square = d.dot(d);
         let length = square.sqrt();
-        let [compliance, residual] = response.at(line, j, square, length);
+        let [compliance, residual] = response.at(law, j, square, length);
         // Eliminates the coupling with the edge before, through their common vertex.
         let coupling = w0 * previous.dot(d);
         let upper = coupling * previous_inverse;
@@ -213,6 +235,7 @@ fn eliminate<V: Lanes>(
 #[inline(always)]
 fn substitute<V: Lanes>(
     line: &impl Chain<V>,
+    law: &LineLaw<V>,
     response: &mut impl Response<V>,
     x: &mut [Vec3x<V>],
     mobility: &[V],
@@ -222,7 +245,7 @@ fn substitute<V: Lanes>(
     let mut change_after = V::zero();
     for j in (0..line.vertices().len() - 1).rev() {
         let change = rows.second[j] + rows.upper[j] * change_after;
-        response.add(line, j, change);
+        response.add(law, j, change);
         let moved = rows.edge[j].scale(change);
         let v = line.vertices()[j + 1] as usize;
         x[v] = x[v] + (after - moved).scale(mobility[v]);

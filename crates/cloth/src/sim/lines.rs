@@ -3,19 +3,11 @@
 use super::bend::along_yarn;
 use super::law::{EdgeLaw, Limit};
 use super::length::yarn_law;
-use super::line::{Chain, Line};
+use super::line::{Direction, Line};
 use super::locking::{Locking, locking};
 use super::physics::PhysicsConfig;
 use super::shear::{self, Trellis};
 use crate::fabric::{Family, Lamina};
-
-/// Where a line runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Direction {
-    Warp,
-    Weft,
-    Diagonal,
-}
 
 /// The lines of a lamina. Of the warps and of the wefts each holds every vertex once: where
 /// no yarn runs, a line of one vertex stands in.
@@ -42,7 +34,7 @@ pub(super) struct Beside {
     /// Vertex and edge before it, and after it.
     pub before: Option<[u32; 2]>,
     pub after: Option<[u32; 2]>,
-    /// See [`Chain::min_warm`].
+    /// See [`Line::min_warm`].
     pub min_warm: f64,
 }
 

@@ -8,8 +8,9 @@
 //! forces have drawn the diagonal, many times as stiff as where it comes to rest. Split, it rests
 //! at 0.751: off by mobility times force, which vanishes with the square of the substep.
 
-use super::law::{EdgeClass, EdgeResponse};
-use super::line::{Along, Chain, Response, solve};
+use super::edges::{EdgeClass, EdgeResponse, Projected};
+use super::law::branch;
+use super::line::{Along, Chain, LineLaw, Response, solve};
 use super::physics::PhysicsConfig;
 use super::shear::{MAX_SINE, POWERS, fit};
 use crate::fabric::Lamina;
@@ -151,20 +152,21 @@ impl<V: Lanes> EdgeResponse<V> for Locking {
     }
 
     #[inline(always)]
-    fn at(&self, class: &EdgeClass, i: usize, square: V, c: V, _: V) -> [V; 2] {
-        let inverse_rest = V::of(1.0 / class.rest_length[i]);
-        let [beyond, share] = self.of_diagonal(c * inverse_rest + V::of(1.0));
-        let is_locked = V::zero().lt(self.excess(square, inverse_rest));
-        let beyond = beyond * V::of(class.rest_length[i]);
+    fn at(&self, class: &EdgeClass, edge: Projected<V>) -> [V; 2] {
+        let rest_length = class.rest_length[edge.i];
+        let inverse_rest = V::of(1.0 / rest_length);
+        let [beyond, share] = self.of_diagonal(edge.c * inverse_rest + V::of(1.0));
+        let is_locked = V::zero().lt(self.excess(edge.square, inverse_rest));
+        let beyond = beyond * V::of(rest_length);
         let c_locked = V::select(is_locked, beyond, V::zero());
-        [c_locked, class.law[i].branch(c) * share]
+        [c_locked, branch(edge.law, edge.c) * share]
     }
 }
 
 /// Pushes back the diagonals of a row that are locked, together.
 #[inline(always)]
 pub(super) fn lock<V: Lanes, C: Chain<V>>(row: Along<V, C>, locking: &Locking) {
-    let [_, inverse_rest] = row.line.rest();
+    let [_, inverse_rest] = row.law.rest;
     let mut excess = V::zero();
     for (j, ends) in row.line.vertices().windows(2).enumerate() {
         let d = row.x[ends[1] as usize] - row.x[ends[0] as usize];
@@ -172,7 +174,14 @@ pub(super) fn lock<V: Lanes, C: Chain<V>>(row: Along<V, C>, locking: &Locking) {
     }
     if V::any(V::zero().lt(excess)) {
         let response = &mut OneSided(locking);
-        solve(row.line, response, row.x, row.mobility, row.scratch);
+        solve(
+            row.line,
+            &row.law,
+            response,
+            row.x,
+            row.mobility,
+            row.scratch,
+        );
     }
 }
 
@@ -181,9 +190,9 @@ struct OneSided<'a>(&'a Locking);
 
 impl<V: Lanes> Response<V> for OneSided<'_> {
     #[inline(always)]
-    fn at<C: Chain<V>>(&self, line: &C, _: usize, square: V, length: V) -> [V; 2] {
-        let [tension, compression] = line.compliance();
-        let [rest, inverse_rest] = line.rest();
+    fn at(&self, law: &LineLaw<V>, _: usize, square: V, length: V) -> [V; 2] {
+        let [tension, compression] = law.compliance;
+        let [rest, inverse_rest] = law.rest;
         let [beyond, share] = self.0.of_diagonal(length * inverse_rest);
         let at_rest = V::select(beyond.lt(V::zero()), compression, tension);
         let is_locked = V::zero().lt(self.0.excess(square, inverse_rest));

@@ -10,10 +10,12 @@
 //! follow inextensible yarns in bending lines, and lock; `docs/PHYSICS.md` says by how much.
 
 use super::bend::along_yarn;
-use super::law::{EdgeLaw, in_colors};
-use super::line::MAX_WARM;
+use super::edges::in_colors;
+use super::law::{EdgeLaw, branch};
+use super::line::{Direction, MAX_WARM};
 use super::locking::Locking;
 use super::physics::PhysicsConfig;
+use super::scales::Scales;
 use super::shear::share_of_sine;
 use crate::fabric::{Family, Lamina};
 use crate::math::{Lanes, Vec3x};
@@ -48,9 +50,18 @@ pub(super) struct Lasting {
 impl Lasting {
     /// Place of the force density of a family, and what of it the next substep starts with.
     #[inline(always)]
-    fn warm<V: Lanes>(&self, family: usize, density: &[V]) -> (usize, V) {
+    fn warm<V: Lanes>(
+        &self,
+        family: usize,
+        density: &[V],
+        scales: Option<&Scales<V>>,
+    ) -> (usize, V) {
         let place = self.first as usize + family;
-        (place, density[place].max(V::of(self.min_warm[family])))
+        let mut min_warm = V::of(self.min_warm[family]);
+        if let Some(scales) = scales {
+            min_warm = min_warm * scales.bending[family];
+        }
+        (place, density[place].max(min_warm))
     }
 }
 
@@ -159,6 +170,7 @@ pub(super) fn warm_start_elements<V: Lanes>(
     density: &[V],
     pull: &mut [Vec3x<V>],
     stress: &mut [V],
+    scales: Option<&Scales<V>>,
 ) {
     for element in elements {
         let Some(lasting) = element.lasting else {
@@ -167,7 +179,7 @@ pub(super) fn warm_start_elements<V: Lanes>(
         let v = element.vertices.map(|v| v as usize);
         let corners = v.map(|v| x[v]);
         for (k, slope) in element.slopes::<V>().into_iter().enumerate() {
-            let (_, warm) = lasting.warm(k, density);
+            let (_, warm) = lasting.warm(k, density, scales);
             let f = image(&corners, slope);
             let shares = [-(slope[0] + slope[1]), slope[0], slope[1]];
             for (v, share) in v.into_iter().zip(shares) {
@@ -212,6 +224,7 @@ pub(super) fn project_elements<V: Lanes>(
     position: &mut [Vec3x<V>],
     mobility: &[V],
     density: &mut [V],
+    scales: Option<&Scales<V>>,
 ) {
     for element in elements {
         let v = element.vertices.map(|v| v as usize);
@@ -223,19 +236,21 @@ pub(super) fn project_elements<V: Lanes>(
             let (n, length) = column(&x, slope);
             let c = length - V::of(1.0);
             let gradient = slope.map(|s| n.scale(s));
+            let law = law.in_lanes(Scales::on_compliance(scales, k));
             let Some(lasting) = element.lasting else {
-                apply(c, gradient, law.branch(c), &mut x, &w);
+                apply(c, gradient, branch(law, c), &mut x, &w);
                 continue;
             };
-            let (place, warm) = lasting.warm(k, density);
-            let (tension, compression) = (V::of(law.tension), V::of(law.compression));
-            let alpha = V::select(density[place].lt(V::zero()), compression, tension);
+            let (place, warm) = lasting.warm(k, density, scales);
+            let alpha = branch(law, density[place]);
             let force = apply(c - alpha * (warm * length), gradient, alpha, &mut x, &w);
             density[place] = warm + force / length;
         }
         if let Some(law) = &element.shear {
             let (c, gradient) = sine(&x, slopes);
-            let alpha = law.branch(c) * share_of_sine(c);
+            let factors = Scales::on_compliance(scales, Direction::Diagonal as usize);
+            let law = law.in_lanes(factors);
+            let alpha = branch(law, c) * share_of_sine(c);
             apply(c, gradient, alpha, &mut x, &w);
         }
         for k in 0..3 {
@@ -251,6 +266,7 @@ pub(super) fn project_locking<V: Lanes>(
     locking: &Locking,
     position: &mut [Vec3x<V>],
     mobility: &[V],
+    scales: Option<&Scales<V>>,
 ) {
     for element in elements {
         let Some(law) = &element.shear else { continue };
@@ -265,7 +281,9 @@ pub(super) fn project_locking<V: Lanes>(
         let (sine, gradient) = sine(&x, slopes);
         let [c, share] = locking.of_sine(sine);
         let c = V::select(is_locked, c, V::zero());
-        let (alpha, w) = (law.branch(c) * share, v.map(|v| mobility[v]));
+        let factors = Scales::on_compliance(scales, Direction::Diagonal as usize);
+        let law = law.in_lanes(factors);
+        let (alpha, w) = (branch(law, c) * share, v.map(|v| mobility[v]));
         apply(c, gradient, alpha, &mut x, &w);
         for k in 0..3 {
             position[v[k]] = x[k];

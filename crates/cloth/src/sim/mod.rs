@@ -9,6 +9,9 @@
 //! other apart only where the scene asks for it. An environment that diverges says so; its
 //! neighbours go on.
 
+// `Option::map` would take a closure, which is compiled without the instruction set of the kernel around it.
+#![expect(clippy::manual_map)]
+
 mod alone;
 mod backend;
 mod bend;
@@ -20,6 +23,7 @@ mod cpu;
 mod dense;
 mod device;
 mod device_error;
+mod edges;
 mod fold;
 mod frame;
 #[cfg(feature = "gpu")]
@@ -34,24 +38,31 @@ mod lines;
 mod locking;
 mod membrane;
 mod model;
+mod observations;
+mod parameters;
 mod physics;
 mod press;
+mod scales;
 mod shear;
 mod state;
 mod stencil;
 mod step;
 mod stepping;
 mod storage;
+mod view;
 
-pub use backend::{Backend, World};
+pub use backend::{Backend, Observed, World};
 pub use cpu::{Cpu, Precision};
 pub use device::Device;
 pub use device_error::DeviceError;
 #[cfg(feature = "gpu")]
-pub use gpu::{Adapter, AdapterKind, Buffer, Gpu, GpuRegion, Measured, Traffic};
+pub use gpu::{Adapter, AdapterKind, Buffer, Gpu, Traffic};
 pub use model::Model;
+pub use observations::{Column, Number, Observation, Observations};
+pub use parameters::{Aim, Parameters, Spread};
 pub use physics::{Bending, BendingStiffness, PhysicsConfig, SelfCollision, Solver, Tension};
 pub use press::{Press, Roller};
-pub use state::{DRAPED, Pressed, STENCIL, Snapshot, TOUCHED};
+pub use state::{ALLOWED, DRAPED, Pressed, Presses, STENCIL, Snapshot, TOUCHED};
 pub use stencil::{Stencil, under_stencil};
 pub use stepping::{Accuracy, Control, Stepping};
+pub use view::View;

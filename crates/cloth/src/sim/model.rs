@@ -1,10 +1,11 @@
 //! All that is fixed between resets: masses, and the stages which a scene asks for.
 
-use super::bend::{BendTriple, project_triples, triples};
+use super::bend::{BendTriple, bending_stiffness, project_triples, triples};
 use super::cloth::Cloth;
 use super::collision::Layers;
+use super::edges::{EdgeClass, project_edges};
 use super::hinge::{BendHinge, hinges, project_hinges};
-use super::law::{EdgeClass, Limit, project_edges};
+use super::law::Limit;
 use super::length::{self, Limited, Plain};
 use super::lines::Lines;
 use super::locking::{Locking, locking};
@@ -12,7 +13,7 @@ use super::membrane::{Element, elements, project_elements, project_locking, spli
 use super::physics::{PhysicsConfig, Solver};
 use super::shear::{self, Trellis, trellis};
 use super::state::Snapshot;
-use crate::fabric::Lamina;
+use crate::fabric::{Family, Lamina};
 use crate::math::Lanes;
 
 /// Constraints that are projected one after the other.
@@ -35,19 +36,22 @@ pub(super) enum Pass {
 }
 
 impl Pass {
-    /// Projects its constraints, one after the other.
+    /// Projects its constraints, one after the other, with the factors of environments that differ.
     #[inline(always)]
-    pub fn project<V: Lanes>(&self, cloth: &mut Cloth<V>) {
+    pub fn project<V: Lanes>(&self, cloth: &mut Cloth<V>, differ: bool) {
         let (x, w) = (&mut cloth.position[..], &cloth.mobility[..]);
+        let s = if differ { Some(&cloth.scales) } else { None };
         match self {
-            Self::Edges(class, limits) if limits.is_empty() => project_edges(class, &Plain, x, w),
-            Self::Edges(class, limits) => project_edges(class, &Limited(limits), x, w),
-            Self::Diagonals(class, trellis) => project_edges(class, trellis, x, w),
-            Self::LockingDiagonals(class, locking) => project_edges(class, locking, x, w),
-            Self::Triples(triples) => project_triples(triples, x, w),
-            Self::Hinges(hinges) => project_hinges(hinges, x, w),
-            Self::Membrane(elements) => project_elements(elements, x, w, &mut cloth.density),
-            Self::LockingMembrane(elements, locking) => project_locking(elements, locking, x, w),
+            Self::Edges(class, limits) if limits.is_empty() => {
+                project_edges(class, &Plain, x, w, s);
+            }
+            Self::Edges(class, limits) => project_edges(class, &Limited(limits), x, w, s),
+            Self::Diagonals(class, trellis) => project_edges(class, trellis, x, w, s),
+            Self::LockingDiagonals(class, locking) => project_edges(class, locking, x, w, s),
+            Self::Triples(triples) => project_triples(triples, x, w, s),
+            Self::Hinges(hinges) => project_hinges(hinges, x, w, s),
+            Self::Membrane(elements) => project_elements(elements, x, w, &mut cloth.density, s),
+            Self::LockingMembrane(elements, locking) => project_locking(elements, locking, x, w, s),
         }
     }
 }
@@ -66,6 +70,7 @@ pub struct Model {
     /// Membranes along yarns, in colours, beside lines: they follow the yarns, and their forces last
     /// like those of yarns.
     pub(super) membranes: Vec<Vec<Element>>,
+    pub(super) bending_stiffness: [f64; 2],
     /// Static and dynamic coefficient.
     pub(super) friction: Option<[f64; 2]>,
     /// Greatest pull of the tool's tack on each vertex [N].
@@ -124,6 +129,8 @@ impl Model {
             passes,
             membranes,
             layers: Layers::new(lamina, physics.self_collision, friction),
+            bending_stiffness: [Family::Warp, Family::Weft]
+                .map(|family| bending_stiffness(lamina, physics, family)),
             friction,
             tack: tack(lamina, physics),
             physics: physics.clone(),
@@ -141,6 +148,11 @@ impl Model {
             && pressed.stencil.iter().all(|&v| (v as usize) < count)
             && state.is_finite()
             && self.layers.as_ref().map_or(state.sides.is_empty(), know)
+    }
+
+    /// Of warps and wefts, per width [N m].
+    pub fn bending_stiffness(&self) -> [f64; 2] {
+        self.bending_stiffness
     }
 
     /// Number of vertices.

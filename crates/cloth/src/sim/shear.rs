@@ -10,8 +10,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{SMatrix, SVector};
 
-use super::law::{Edge, EdgeClass, EdgeLaw, EdgeResponse, edge_classes};
-use super::line::{Along, Chain, Line, Response, solve};
+use super::edges::{Edge, EdgeClass, EdgeResponse, Projected, edge_classes};
+use super::law::{EdgeLaw, branch};
+use super::line::{Along, Chain, Direction, Line, LineLaw, Response, solve};
 use super::physics::PhysicsConfig;
 use crate::fabric::Lamina;
 use crate::math::{Lanes, polynomial};
@@ -144,7 +145,12 @@ pub(super) fn rows(lamina: &Lamina, law: EdgeLaw) -> Vec<Line> {
 
 /// Diagonals in colours.
 pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<EdgeClass> {
-    let edge = |&ends| (ends, lamina.cell_diagonal(), trellis.at_rest);
+    let edge = |&ends| Edge {
+        ends,
+        rest_length: lamina.cell_diagonal(),
+        law: trellis.at_rest,
+        direction: Direction::Diagonal,
+    };
     let edges: Vec<Edge> = lamina.diagonals.iter().map(edge).collect();
     let classes = edge_classes(lamina, &edges).into_iter();
     classes.map(|(_, class)| class).collect()
@@ -152,9 +158,10 @@ pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<EdgeClass> {
 
 impl<V: Lanes> EdgeResponse<V> for Trellis {
     #[inline(always)]
-    fn at(&self, class: &EdgeClass, i: usize, square: V, c: V, _: V) -> [V; 2] {
-        let inverse_rest = V::of(1.0 / class.rest_length[i]);
-        [c, class.law[i].branch(c) * self.share(square, inverse_rest)]
+    fn at(&self, class: &EdgeClass, edge: Projected<V>) -> [V; 2] {
+        let inverse_rest = V::of(1.0 / class.rest_length[edge.i]);
+        let share = self.share(edge.square, inverse_rest);
+        [edge.c, branch(edge.law, edge.c) * share]
     }
 }
 
@@ -163,7 +170,14 @@ impl<V: Lanes> EdgeResponse<V> for Trellis {
 #[inline(always)]
 pub(super) fn shear<V: Lanes, C: Chain<V>>(row: Along<V, C>, trellis: &Trellis) {
     let response = &mut Cold(trellis);
-    solve(row.line, response, row.x, row.mobility, row.scratch);
+    solve(
+        row.line,
+        &row.law,
+        response,
+        row.x,
+        row.mobility,
+        row.scratch,
+    );
 }
 
 /// No forces from the last substep, and the law of a diagonal.
@@ -171,9 +185,9 @@ struct Cold<'a>(&'a Trellis);
 
 impl<V: Lanes> Response<V> for Cold<'_> {
     #[inline(always)]
-    fn at<C: Chain<V>>(&self, line: &C, _: usize, square: V, length: V) -> [V; 2] {
-        let [tension, compression] = line.compliance();
-        let [rest, inverse_rest] = line.rest();
+    fn at(&self, law: &LineLaw<V>, _: usize, square: V, length: V) -> [V; 2] {
+        let [tension, compression] = law.compliance;
+        let [rest, inverse_rest] = law.rest;
         let c = length - rest;
         let at_rest = V::select(c.lt(V::zero()), compression, tension);
         [at_rest * self.0.share(square, inverse_rest), c]

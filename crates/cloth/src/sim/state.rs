@@ -1,6 +1,8 @@
 use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
+use super::parameters::Parameters;
+
 /// The moving state of one environment. f64, so that it holds the bits of any backend.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
@@ -20,6 +22,8 @@ pub struct Snapshot {
     pub sides: Vec<u64>,
     /// What presses have done so far.
     pub pressed: Pressed,
+    /// What the environment has of its own.
+    pub parameters: Parameters,
 }
 
 /// What presses have done to an environment; empty where nobody presses. Bits are one a vertex.
@@ -33,14 +37,21 @@ pub struct Pressed {
     pub draped: FixedBitSet,
     /// The vertices under the stencil in the last press, ascending.
     pub stencil: Vec<u32>,
+    /// Presses so far.
+    pub count: u32,
 }
 
-/// [`Pressed`] as bits of a number a vertex: it was under a stencil.
-pub const TOUCHED: u32 = 1;
+/// Vertices that have been pressed, in order, and where they were then [m].
+pub type Presses = Vec<(u32, [f64; 3])>;
+
+/// Bits of a mark of a vertex: it was under a stencil.
+pub const TOUCHED: u8 = 1;
 /// It stays on the tool.
-pub const DRAPED: u32 = 2;
+pub const DRAPED: u8 = 2;
 /// It was under the stencil of the last press.
-pub const STENCIL: u32 = 4;
+pub const STENCIL: u8 = 4;
+/// A press on it is allowed by the rules of the task.
+pub const ALLOWED: u8 = 8;
 
 impl Snapshot {
     /// A state at rest with nothing fixed.

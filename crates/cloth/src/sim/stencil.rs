@@ -1,5 +1,6 @@
 //! Where the stencil presses, and what stays on the tool after it.
 
+use super::parameters::Aim;
 use super::press::Roller;
 use super::stepping::Control;
 use crate::fabric::Lamina;
@@ -75,20 +76,8 @@ pub(super) fn ties(lamina: &Lamina, max_strain: f64) -> Vec<Vec<Tie>> {
     ties
 }
 
-/// The vertices under the stencil, ascending.
-///
-/// The stencil is a square of side `side` [m] around `vertex`, its normal that of the tool
-/// there, one side along the projection of the x axis. All cloth of the neighbourhood in the
-/// column above and below the square counts; `vertex` always does.
-pub fn under_stencil(
-    lamina: &Lamina,
-    tool: &Tool,
-    vertex: u32,
-    side: f64,
-    position: impl Fn(u32) -> [f64; 3],
-) -> Vec<u32> {
-    let centre = Vec3::from(position(vertex));
-    let normal = Vec3::from(tool.distance(centre.into()).1);
+/// Where the sides of a stencil with this normal run.
+fn sides(normal: &Vec3) -> [Vec3; 2] {
     let x_axis = Vec3::x() - normal * normal.x;
     let along = if x_axis.norm() > 0.1 {
         x_axis
@@ -96,7 +85,31 @@ pub fn under_stencil(
         Vec3::y() - normal * normal.y
     };
     let along = along.normalize();
-    let across = normal.cross(&along);
+    [along, normal.cross(&along)]
+}
+
+/// The vertices under the stencil, ascending.
+///
+/// The stencil is a square of side `side` [m] around `vertex`, its normal that of the tool
+/// there, one side along the projection of the x axis; unless its `aim` is another. All cloth of the
+/// neighbourhood in the column above and below the square counts; `vertex` always does.
+pub fn under_stencil(
+    lamina: &Lamina,
+    tool: &Tool,
+    vertex: u32,
+    side: f64,
+    aim: Aim,
+    position: impl Fn(u32) -> [f64; 3],
+) -> Vec<u32> {
+    let mut centre = Vec3::from(position(vertex));
+    let mut normal = Vec3::from(tool.distance(centre.into()).1);
+    let [mut along, mut across] = sides(&normal);
+    if aim != Aim::default() {
+        centre += along * aim.offset[0] + across * aim.offset[1];
+        let [about_along, about_across] = aim.tilt.map(f64::tan);
+        normal = (normal - across * about_along + along * about_across).normalize();
+        [along, across] = sides(&normal);
+    }
     let half = Stencil::half(side);
     let mut vertices = Vec::new();
     for v in lamina.within(vertex, Stencil::reach(side)) {

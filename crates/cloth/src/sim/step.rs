@@ -8,8 +8,8 @@ use super::cloth::Cloth;
 use super::contact::{conclude, refresh};
 use super::frame::Frame;
 use super::length::{give_way, pull_after, stretch};
-use super::line::Chain;
-use super::lines::{Direction, Lines};
+use super::line::{Chain, Direction};
+use super::lines::Lines;
 use super::locking::lock;
 use super::model::Model;
 use super::press::{self, Press};
@@ -17,12 +17,12 @@ use super::shear::shear;
 use super::stepping::Control;
 use super::storage::Storage;
 use crate::math::{Kernel, Lanes, Vec3x};
-use crate::tool::Tool;
+use crate::tool::Tools;
 
 /// Consecutive substeps of a control step, between two refreshes of the tangent planes.
-pub(super) struct Substeps<'a, S> {
+pub(super) struct Substeps<'a, S: Storage> {
     pub model: &'a Model,
-    pub tool: &'a Tool,
+    pub tools: &'a Tools<'a, S::V>,
     pub control: &'a Control,
     pub presses: &'a [Press],
     pub range: Range<usize>,
@@ -32,7 +32,7 @@ pub(super) struct Substeps<'a, S> {
 /// Runs a control step.
 pub(super) fn step<S: Storage>(
     model: &Model,
-    tool: &Tool,
+    tools: &Tools<S::V>,
     control: &Control,
     presses: &[Press],
     storage: &mut S,
@@ -40,7 +40,7 @@ pub(super) fn step<S: Storage>(
     for first in (0..control.substeps).step_by(control.contact_interval) {
         S::V::vectorize(Substeps {
             model,
-            tool,
+            tools,
             control,
             presses,
             range: first..(first + control.contact_interval).min(control.substeps),
@@ -54,16 +54,17 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
     fn run(self) {
         let Self {
             model,
-            tool,
+            tools,
             control,
             presses,
             range,
             storage,
         } = self;
-        let frame = Frame::new(model.physics(), model.friction, control);
+        let scales = &storage.cloth_mut().scales;
+        let frame = Frame::new(model.physics(), model.friction, scales, control);
         let end = range.end;
         let warps_are_last = model.layers.is_none() && model.membranes.is_empty();
-        refresh(tool, storage.cloth_mut());
+        refresh(tools, storage.cloth_mut());
         predict(&frame, storage);
         for substep in range {
             let goes_on = substep + 1 < end;
@@ -105,7 +106,7 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
 
 /// Position at the start of a substep, and where its velocity takes every vertex.
 #[inline(always)]
-fn predict<S: Storage>(frame: &Frame, storage: &mut S) {
+fn predict<S: Storage>(frame: &Frame<S::V>, storage: &mut S) {
     let cloth = storage.cloth_mut();
     for v in 0..cloth.position.len() {
         let x = cloth.position[v];
@@ -116,7 +117,7 @@ fn predict<S: Storage>(frame: &Frame, storage: &mut S) {
 
 /// Weight, by Gauss-Seidel.
 #[inline(always)]
-fn fall<S: Storage>(frame: &Frame, storage: &mut S) {
+fn fall<S: Storage>(frame: &Frame<S::V>, storage: &mut S) {
     let cloth = storage.cloth_mut();
     for v in 0..cloth.position.len() {
         let w = cloth.inverse_mass[v];
@@ -132,18 +133,20 @@ fn fall<S: Storage>(frame: &Frame, storage: &mut S) {
 fn warm_start_and_bend_warps<S: Storage>(
     model: &Model,
     lines: &Lines,
-    frame: &Frame,
+    frame: &Frame<S::V>,
     storage: &mut S,
 ) {
     storage.warm_start(&model.membranes);
     for i in 0..storage.count(lines, Direction::Warp) {
         let mut before = (Vec3x::zero(), S::V::zero());
+        let (warp, cloth) = storage.warp(lines, i);
+        let law = cloth.scales.of_line(Direction::Warp, warp.law());
         for k in 0..storage.warp(lines, i).0.vertices().len() {
             let v = storage.warp(lines, i).0.vertices()[k] as usize;
             let weft = storage.weft_pull(lines, v);
             let (warp, cloth) = storage.warp(lines, i);
             let density = &cloth.density[warp.edges()];
-            let after = pull_after(warp, k, &cloth.predicted, density);
+            let after = pull_after(warp, law.min_warm, k, &cloth.predicted, density);
             let pull = weft.0 - before.0 + after.0;
             let stress = weft.1 + before.1 + after.1;
             before = after;
@@ -152,7 +155,7 @@ fn warm_start_and_bend_warps<S: Storage>(
             (cloth.mobility[v], cloth.position[v]) = moved;
         }
         let (warp, cloth) = storage.warp(lines, i);
-        bend(cloth.along(warp));
+        bend(cloth.along(warp, Direction::Warp));
     }
 }
 
@@ -185,10 +188,15 @@ fn stretch_wefts<S: Storage>(lines: &Lines, and_bend: bool, storage: &mut S) {
 /// Length of each warp and, where a frame is given, the end of its vertices' substep while they are
 /// at hand.
 #[inline(always)]
-fn stretch_warps<S: Storage>(lines: &Lines, frame: Option<&Frame>, goes_on: bool, storage: &mut S) {
+fn stretch_warps<S: Storage>(
+    lines: &Lines,
+    frame: Option<&Frame<S::V>>,
+    goes_on: bool,
+    storage: &mut S,
+) {
     for i in 0..storage.count(lines, Direction::Warp) {
         let (warp, cloth) = storage.warp(lines, i);
-        stretch(cloth.along(warp));
+        stretch(cloth.along(warp, Direction::Warp));
         if let Some(frame) = frame {
             let vertices = warp.vertices().iter().map(|&v| v as usize);
             finish(vertices, frame, goes_on, cloth);
@@ -210,7 +218,7 @@ fn grip<S: Storage>(model: &Model, presses: &[Press], storage: &mut S) {
 }
 
 #[inline(always)]
-fn push<S: Storage>(model: &Model, frame: &Frame, presses: &[Press], storage: &mut S) {
+fn push<S: Storage>(model: &Model, frame: &Frame<S::V>, presses: &[Press], storage: &mut S) {
     for press in presses {
         let reach = frame.h * press.speed;
         for &(vertex, force) in &press.forces {
@@ -225,7 +233,7 @@ fn push<S: Storage>(model: &Model, frame: &Frame, presses: &[Press], storage: &m
 }
 
 #[inline(always)]
-fn finish_all<S: Storage>(frame: &Frame, goes_on: bool, storage: &mut S) {
+fn finish_all<S: Storage>(frame: &Frame<S::V>, goes_on: bool, storage: &mut S) {
     let cloth = storage.cloth_mut();
     finish(0..cloth.position.len(), frame, goes_on, cloth);
 }
@@ -235,7 +243,7 @@ fn finish_all<S: Storage>(frame: &Frame, goes_on: bool, storage: &mut S) {
 #[inline(always)]
 fn finish<V: Lanes>(
     vertices: impl Iterator<Item = usize>,
-    frame: &Frame,
+    frame: &Frame<V>,
     goes_on: bool,
     cloth: &mut Cloth<V>,
 ) {

@@ -4,6 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::file::ValueError;
 
+/// Solves of the yarns' lengths in a substep under the roller, which pulls on all that it presses
+/// at once: with one, paths rank less as in finite elements (docs/NOTES.md).
+const PRESS_SWEEPS: usize = 2;
+
 /// How finely cloth is stepped, owned by whoever steps it. Mesh, law and tool stay as asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stepping {
@@ -59,6 +63,14 @@ impl Stepping {
         let whole = |x: f64| (x.round() as usize).max(1);
         let interval = whole(self.substep_rate / self.contact_rate);
         Control::new(dt, whole(dt * self.substep_rate), interval)
+    }
+
+    /// The same under a roller.
+    pub fn press(self, dt: f64) -> Control {
+        Control {
+            sweeps: PRESS_SWEEPS,
+            ..self.control(dt)
+        }
     }
 }
 

@@ -1,11 +1,11 @@
 use super::cloth::Cloth;
 use super::collision::Layers;
-use super::line::{Along, Chain};
-use super::lines::{Direction, Lines};
+use super::line::{Along, Chain, Direction};
+use super::lines::Lines;
 use super::membrane::Element;
 use super::model::Pass;
 use crate::math::{Lanes, Vec3x};
-use crate::tool::Tool;
+use crate::tool::Tools;
 
 /// Where the lanes of a [`Cloth`] come from: where an environment's numbers are, and what the loops
 /// of the stages run over.
@@ -39,8 +39,9 @@ pub(super) trait Storage: Send + Sync {
     /// Starts a control step.
     fn start(&mut self) {}
 
-    /// See [`super::group::Group::distances`].
-    fn distances(&self, tool: &Tool, vertices: &[u32]) -> Vec<f64>;
+    /// Distance to the tool [m], negative inside, of vertices listed for each environment; or of the
+    /// same in all, if there is one list. `[environment][vertex]`
+    fn distances(&self, tools: &Tools<Self::V>, vertices: &[&[u32]]) -> Vec<Vec<f64>>;
 
     /// How many lines run in a direction.
     fn count(&self, lines: &Lines, direction: Direction) -> usize;

@@ -144,26 +144,73 @@ impl DistanceGrid {
     /// within a metre of the tool.
     #[inline(always)]
     pub fn sample<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
-        let zero = V::zero();
-        let horizon = V::of(1e15);
-        let (spacing, inverse_spacing) = (V::of(self.spacing), V::of(1.0 / self.spacing));
+        // No closures: they would be compiled without the instruction set.
+        let (mut origin, mut last) = ([V::zero(); 3], [V::zero(); 3]);
+        for a in 0..3 {
+            origin[a] = V::of(self.origin[a]);
+            last[a] = V::of((self.dims[a] - 1) as f64);
+        }
+        let axes = GridAxes {
+            origin,
+            spacing: V::of(self.spacing),
+            inverse_spacing: V::of(1.0 / self.spacing),
+            last,
+        };
+        let (cell, t, beyond) = axes.locate(x);
+        let strides = self.strides();
+        let v = V::look_up_pairs(&self.samples, cell, strides, Self::edges(strides));
+        axes.interpolate(v, t, beyond)
+    }
+
+    /// How far nodes are apart in memory along y and z.
+    pub(super) fn strides(&self) -> [usize; 2] {
+        [self.dims[0], self.dims[0] * self.dims[1]]
+    }
+
+    /// Where the edges of a cell begin that run along x, which runs fastest, from its first node.
+    pub(super) fn edges([row, layer]: [usize; 2]) -> [usize; 4] {
+        [0, row, layer, layer + row]
+    }
+}
+
+/// Where nodes are, for all lanes.
+pub(super) struct GridAxes<V> {
+    /// Of the first node [m].
+    pub origin: [V; 3],
+    /// [m], and its inverse.
+    pub spacing: V,
+    pub inverse_spacing: V,
+    /// Number of the last node along each axis.
+    pub last: [V; 3],
+}
+
+/// Values at the ends of the edges of a cell along x.
+type Edges<V> = [[V; 2]; 4];
+
+impl<V: Lanes> GridAxes<V> {
+    /// The cell of a point, where in it that is, from 0 to 1, and how far beyond the grid [m].
+    #[inline(always)]
+    pub fn locate(&self, x: [V; 3]) -> ([V; 3], [V; 3], [V; 3]) {
+        let (zero, one, horizon) = (V::zero(), V::of(1.0), V::of(1e15));
         let mut cell = [zero; 3];
         let mut t = [zero; 3];
         let mut beyond = [zero; 3];
         for a in 0..3 {
             // The bounds come first, since a comparison with NaN yields the second operand.
-            let offset = horizon.min((-horizon).max(x[a])) - V::of(self.origin[a]);
-            let last = V::of((self.dims[a] - 1) as f64);
-            let u = last.min(zero.max(offset * inverse_spacing));
-            t[a] = u;
-            cell[a] = u.floor().min(V::of((self.dims[a] - 2) as f64));
-            t[a] = t[a] - cell[a];
-            beyond[a] = offset - (last * spacing).min(zero.max(offset));
+            let offset = horizon.min((-horizon).max(x[a])) - self.origin[a];
+            let last = self.last[a];
+            let u = last.min(zero.max(offset * self.inverse_spacing));
+            cell[a] = u.floor().min(last - one);
+            t[a] = u - cell[a];
+            beyond[a] = offset - (last * self.spacing).min(zero.max(offset));
         }
-        let [row, layer] = [self.dims[0], self.dims[0] * self.dims[1]];
-        // Edges of a cell along x, which runs fastest.
-        let edges = [0, row, layer, layer + row];
-        let v = V::look_up_pairs(&self.samples, cell, [row, layer], edges);
+        (cell, t, beyond)
+    }
+
+    /// Value and gradient, of what the edges of the cell have at their ends.
+    #[inline(always)]
+    pub fn interpolate(&self, v: Edges<V>, t: [V; 3], beyond: [V; 3]) -> (V, [V; 3]) {
+        let (zero, inverse_spacing) = (V::zero(), self.inverse_spacing);
         let lerp = |a: V, b: V, t: V| a + (b - a) * t;
         // Along x on four edges, then along y on two faces, then along z.
         let mut d = [zero; 4];

@@ -121,55 +121,64 @@ impl Tool {
     /// [`Self::distance`] in every lane, inlined for the instruction set in use.
     #[inline(always)]
     pub(crate) fn distance_in_lanes<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
-        let (phi, [a, b, c]) = self.grid.sample(x);
-        let norm = (a * a + b * b + c * c).sqrt();
-        let flat = norm.lt(V::of(1e-9));
-        let inverse = V::of(1.0) / V::select(flat, V::of(1.0), norm);
-        let unit = |g: V, up: f64| V::select(flat, V::of(up), g * inverse);
-        let normal = [unit(a, 0.0), unit(b, 0.0), unit(c, 1.0)];
+        let (phi, gradient) = self.grid.sample(x);
+        let normal = unit(gradient);
         match &self.sharp {
             Some(sharp) if V::any(phi.max(-phi).lt(V::of(sharp.reach))) => {
-                self.exact_in_lanes(sharp, x, phi, normal)
+                exact_in_lanes(|_| self, x, phi, normal)
             }
             _ => (phi, normal),
         }
     }
 
-    /// The exact distance and normal of the lanes in sharp cells, and what was interpolated in the
-    /// others.
-    #[inline(never)]
-    fn exact_in_lanes<V: Lanes>(
-        &self,
-        sharp: &SharpCells,
-        x: [V; 3],
-        mut phi: V,
-        mut normal: [V; 3],
-    ) -> (V, [V; 3]) {
-        for lane in 0..V::COUNT {
-            let near = phi.get(lane).abs();
-            let x = x.map(|x| x.get(lane));
-            if near.is_nan() || near >= sharp.reach {
-                continue;
-            }
-            let facets = sharp.facets(&self.grid, x);
-            if !facets.is_empty() {
-                let (exact, n) = match facets {
-                    [SharpCells::MANY] => self.surface.contact(x.into(), near + sharp.off),
-                    few => self.surface.contact_among(few, x.into()),
-                };
-                // Farther off, the nearest facet need not be among them.
-                let (exact, n) = match exact.abs() > NEAR {
-                    true => self.surface.contact(x.into(), near + sharp.off),
-                    false => (exact, n),
-                };
-                phi.set(lane, exact);
-                for (component, n) in normal.iter_mut().zip(&n) {
-                    component.set(lane, *n);
-                }
+    /// The exact distance and normal at `x` [m], whose interpolated distance is `phi` [m]; none
+    /// outside sharp cells.
+    fn exact(&self, x: [f64; 3], phi: f64) -> Option<(f64, Vec3)> {
+        let near = phi.abs();
+        let sharp = self.sharp.as_ref().filter(|sharp| near < sharp.reach)?;
+        let facets = sharp.facets(&self.grid, x);
+        let (exact, n) = match facets {
+            [] => return None,
+            [SharpCells::MANY] => self.surface.contact(x.into(), near + sharp.off),
+            few => self.surface.contact_among(few, x.into()),
+        };
+        // Farther off, the nearest facet need not be among them.
+        Some(match exact.abs() > NEAR {
+            true => self.surface.contact(x.into(), near + sharp.off),
+            false => (exact, n),
+        })
+    }
+}
+
+/// The direction of a gradient; up where there is none.
+#[inline(always)]
+pub(super) fn unit<V: Lanes>([a, b, c]: [V; 3]) -> [V; 3] {
+    let norm = (a * a + b * b + c * c).sqrt();
+    let flat = norm.lt(V::of(1e-9));
+    let inverse = V::of(1.0) / V::select(flat, V::of(1.0), norm);
+    let unit = |g: V, up: f64| V::select(flat, V::of(up), g * inverse);
+    [unit(a, 0.0), unit(b, 0.0), unit(c, 1.0)]
+}
+
+/// The exact distance and normal of the lanes in sharp cells of their tools, and what was
+/// interpolated in the others.
+#[inline(never)]
+pub(super) fn exact_in_lanes<'a, V: Lanes>(
+    tool: impl Fn(usize) -> &'a Tool,
+    x: [V; 3],
+    mut phi: V,
+    mut normal: [V; 3],
+) -> (V, [V; 3]) {
+    for lane in 0..V::COUNT {
+        let x = x.map(|x| x.get(lane));
+        if let Some((exact, n)) = tool(lane).exact(x, phi.get(lane)) {
+            phi.set(lane, exact);
+            for (component, n) in normal.iter_mut().zip(&n) {
+                component.set(lane, *n);
             }
         }
-        (phi, normal)
     }
+    (phi, normal)
 }
 
 #[cfg(test)]

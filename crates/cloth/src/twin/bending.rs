@@ -30,12 +30,13 @@ pub(super) struct Bending {
 }
 
 impl Bending {
-    /// Of a sheet with the bending stiffness per width of warp and weft, `stiffness` [N m]; that
-    /// of its material if none.
-    pub fn new(lamina: &Lamina, stiffness: Option<[f64; 2]>) -> Self {
+    /// Of a sheet with the bending stiffness per width of warp and weft, `stiffness` [N m], or that
+    /// of its material if none, times `factors`.
+    pub fn new(lamina: &Lamina, stiffness: Option<[f64; 2]>, factors: [f64; 2]) -> Self {
         let of_material = |family| lamina.material.bending_stiffness(family);
         let families = [Family::Warp, Family::Weft];
-        let [warp, weft] = stiffness.unwrap_or_else(|| families.map(of_material));
+        let stiffness = stiffness.unwrap_or_else(|| families.map(of_material));
+        let [warp, weft] = [0, 1].map(|k| stiffness[k] * factors[k]);
         let mut vertices = Vec::new();
         let mut of_triple = Vec::new();
         for yarn in &lamina.yarns {
@@ -198,7 +199,7 @@ mod tests {
                 ..BlankConfig::default()
             };
             let lamina = Lamina::new(&blank, Material::interglas_92125()).unwrap();
-            let bending = Bending::new(&lamina, None);
+            let bending = Bending::new(&lamina, None, [1.0; 2]);
             assert_eq!(bending.hinges.is_empty(), angle == 0.0);
             let x = crumpled(&lamina, 4e-3);
             let mut f = zeros(lamina.vertex_count());
@@ -229,7 +230,7 @@ mod tests {
             ..BlankConfig::default()
         };
         let lamina = Lamina::new(&blank, Material::interglas_92125()).unwrap();
-        let bending = Bending::new(&lamina, None);
+        let bending = Bending::new(&lamina, None, [1.0; 2]);
         for (axis, family) in [(0, Family::Warp), (1, Family::Weft)] {
             let radius: f64 = 0.1;
             let mut x = zeros(lamina.vertex_count());

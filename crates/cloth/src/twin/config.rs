@@ -1,4 +1,5 @@
 use crate::file::ValueError;
+use crate::sim::Parameters;
 
 /// The physics of the twin, and how it is integrated.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +25,9 @@ pub struct TwinConfig {
     /// Time step over the largest that is known to be stable [-]. Beyond 1 it diverges, which is
     /// there to be shown.
     pub safety: f64,
+    /// What this lamina has of its own, as environments of the fast solver have; of tool, start and view
+    /// there is one.
+    pub parameters: Parameters,
 }
 
 impl Default for TwinConfig {
@@ -38,6 +42,7 @@ impl Default for TwinConfig {
             viscosity: 0.06,
             mass_scaling: 1.0,
             safety: 0.9,
+            parameters: Parameters::default(),
         }
     }
 }
@@ -68,7 +73,7 @@ impl TwinConfig {
         ] {
             ValueError::unless_within(key, value, range)?;
         }
-        Ok(())
+        self.parameters.check()
     }
 }
 

@@ -1,4 +1,5 @@
 use crate::fabric::{Curve, Material};
+use crate::sim::Parameters;
 
 /// A piecewise linear law as a sum of ramps: stress = sum of gain max(0, strain - start).
 ///
@@ -10,13 +11,13 @@ pub(super) struct Ramps {
 }
 
 impl Ramps {
-    /// The curve, its last slope going on.
-    fn of(curve: &Curve) -> Self {
+    /// The curve, `factor` times as stiff, its last slope going on.
+    fn of(curve: &Curve, factor: f64) -> Self {
         let mut last = 0.0;
         let steps = curve.points().windows(2).map(|pair| {
             let [p, q] = [pair[0], pair[1]];
             let slope = (1e6 * q[1] - 1e6 * p[1]) / (q[0] - p[0]);
-            let gain = slope - last;
+            let gain = factor * (slope - last);
             last = slope;
             [p[0], gain]
         });
@@ -48,10 +49,10 @@ pub(super) struct Law {
 }
 
 impl Law {
-    fn of(positive: &Curve, negative: &Curve) -> Self {
+    fn of(curves: [&Curve; 2], factors: [f64; 2]) -> Self {
         Self {
-            positive: Ramps::of(positive),
-            negative: Ramps::of(negative),
+            positive: Ramps::of(curves[0], factors[0]),
+            negative: Ramps::of(curves[1], factors[1]),
         }
     }
 
@@ -97,12 +98,16 @@ pub(super) struct Laws {
 }
 
 impl Laws {
-    pub fn new(material: &Material, shear_locking: bool) -> Self {
+    pub fn new(material: &Material, shear_locking: bool, own: &Parameters) -> Self {
         let yarns = [&material.warp, &material.weft];
-        let [positive, negative] = material.shear.curves(shear_locking);
+        let shear = material.shear.curves(shear_locking);
+        let yarn = |k: usize| {
+            let curves = [&yarns[k].tension, &yarns[k].compression];
+            Law::of(curves, [own.tension[k], own.compression[k]])
+        };
         Self {
-            yarns: yarns.map(|law| Law::of(&law.tension, &law.compression)),
-            shear: Law::of(&positive, &negative),
+            yarns: [0, 1].map(yarn),
+            shear: Law::of(shear.each_ref(), own.shear),
         }
     }
 
@@ -133,7 +138,7 @@ mod tests {
     #[test]
     fn ramps_have_the_stress_of_the_curves() {
         let material = Material::interglas_92125();
-        let laws = Laws::new(&material, false);
+        let laws = Laws::new(&material, false, &Parameters::default());
         for (law, yarn) in laws.yarns.iter().zip([&material.warp, &material.weft]) {
             for strain in [0.0, 0.001, 0.005, 0.006, 0.0125, 0.02, 0.03, 0.5] {
                 let [tension, compression] = law.stress(&[strain, -strain]);
@@ -145,7 +150,7 @@ mod tests {
 
     #[test]
     fn shear_beyond_the_data_goes_on_with_its_slope() {
-        let law = Laws::new(&Material::interglas_92125(), false).shear;
+        let law = Laws::new(&Material::interglas_92125(), false, &Parameters::default()).shear;
         for (angle, stress) in [(0.05, 2500.0), (0.9, 45_000.0), (-0.9, -32_400.0)] {
             close(law.stress(&[angle])[0], stress);
         }
@@ -154,7 +159,7 @@ mod tests {
     #[test]
     fn energy_is_the_integral_of_the_stress() {
         let material = Material::interglas_92125();
-        let laws = Laws::new(&material, false);
+        let laws = Laws::new(&material, false, &Parameters::default());
         for (law, reach) in [
             (&laws.yarns[0], 0.03),
             (&laws.yarns[1], 0.03),
@@ -173,7 +178,7 @@ mod tests {
 
     #[test]
     fn stiffest_slope_says_how_far_it_holds() {
-        let laws = Laws::new(&Material::interglas_92125(), false);
+        let laws = Laws::new(&Material::interglas_92125(), false, &Parameters::default());
         let (slope, limit) = laws.yarns[0].positive.stiffest(0.004);
         close(slope, 600e6);
         close(limit, 0.005);

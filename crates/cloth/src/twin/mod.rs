@@ -21,6 +21,6 @@ mod step;
 
 pub use config::TwinConfig;
 pub use energy::Energies;
-pub use press::{Hold, PressConfig, Replay};
+pub use press::{Hold, PressConfig};
 pub use state::Twin;
 pub use step::Diverged;

@@ -1,9 +1,7 @@
-use std::collections::BTreeSet;
-
 use super::state::Twin;
 use super::step::Diverged;
 use crate::fabric::Lamina;
-use crate::sim::{Roller, under_stencil};
+use crate::sim::{Presses, Roller, Snapshot, under_stencil};
 use crate::tool::Tool;
 
 /// What holds cloth that a press has laid on to the tool.
@@ -44,15 +42,6 @@ impl Default for PressConfig {
     }
 }
 
-/// How the presses of a list have ended.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Replay {
-    /// All vertices that came to lie on the tool, ascending.
-    pub draped: Vec<u32>,
-    /// Why the list was not pressed to its end; none if it was.
-    pub diverged: Option<Diverged>,
-}
-
 impl Twin {
     /// Presses on some vertices, and holds those that come to lie on the tool. Returns which.
     ///
@@ -65,8 +54,9 @@ impl Twin {
         vertices: &[u32],
     ) -> Result<Vec<u32>, Diverged> {
         self.contact.press_speed = config.roller.speed;
+        let pressure = config.roller.pressure * self.config.parameters.pressure;
         for &v in vertices {
-            self.contact.pressure[v as usize] = config.roller.pressure * self.area[v as usize];
+            self.contact.pressure[v as usize] = pressure * self.area[v as usize];
         }
         self.advance(Some(tool), config.press_s)?;
         let threshold = 1e-3 * config.drape_threshold_mm;
@@ -88,26 +78,47 @@ impl Twin {
     }
 
     /// Presses on the vertices of `list` one after the other, under a square roller of `side`
-    /// [m], and shows `observe` the twin after each.
+    /// [m], and shows `observe` the twin at the start and after each.
+    ///
+    /// # Errors
+    /// As for [`Twin::advance`].
     pub fn replay(
         &mut self,
         lamina: &Lamina,
         tool: &Tool,
         config: &PressConfig,
         (list, side): (&[u32], f64),
-        mut observe: impl FnMut(&Self),
-    ) -> Replay {
-        let mut draped = BTreeSet::new();
-        let presses = list.iter().try_for_each(|&vertex| {
+        mut observe: impl FnMut(&Self, &Presses),
+    ) -> Result<Presses, Diverged> {
+        let own = self.config.parameters.clone();
+        let mut presses = Presses::new();
+        observe(self, &presses);
+        for &vertex in list {
             let position = |v| self.position(v);
-            let vertices = under_stencil(lamina, tool, vertex, side, position);
-            draped.extend(self.press(tool, config, &vertices)?);
-            observe(self);
-            Ok(())
-        });
-        Replay {
-            draped: draped.into_iter().collect(),
-            diverged: presses.err(),
+            let (side, aim) = (side * own.side, own.aim(self.pressed.count));
+            let under = under_stencil(lamina, tool, vertex, side, aim, position);
+            presses.push((vertex, position(vertex)));
+            let draped = self.press(tool, config, &under)?;
+            let marks = |vertices: &[u32]| vertices.iter().map(|&v| v as usize).collect::<Vec<_>>();
+            self.pressed.touched.extend(marks(&under));
+            self.pressed.draped.extend(marks(&draped));
+            self.pressed.stencil = under;
+            self.pressed.count += 1;
+            observe(self, &presses);
         }
+        Ok(presses)
+    }
+
+    /// What the fast solver would go on from: all but what only a twin has.
+    pub fn snapshot(&self) -> Snapshot {
+        let held = (0..self.count).filter(|&v| self.held[v].is_some());
+        let mut snapshot = Snapshot {
+            velocity: self.velocities(),
+            pressed: self.pressed.clone(),
+            parameters: self.config.parameters.clone(),
+            ..Snapshot::at_rest(self.positions())
+        };
+        snapshot.fixed.extend(held);
+        snapshot
     }
 }

@@ -9,6 +9,8 @@ use super::pack::{Field, WIDTH, at, zeros};
 use crate::fabric::Lamina;
 use crate::file::ValueError;
 use crate::math::Isa;
+use crate::sim::Pressed;
+use fixedbitset::FixedBitSet;
 
 /// Steps after which the bound on frequencies is refreshed and positions are checked: some
 /// milliseconds, in which the cloth hardly turns.
@@ -34,6 +36,8 @@ pub struct Twin {
     pub(super) contact: Contact,
     /// Velocity of each vertex that a clamp holds [m/s].
     pub(super) held: Vec<Option<[f64; 3]>>,
+    /// What [`Twin::replay`] has done so far.
+    pub(super) pressed: Pressed,
     pub(super) x: Field,
     pub(super) v: Field,
     pub(super) f: Field,
@@ -55,17 +59,20 @@ impl Twin {
     /// A lamina at rest. Fails with the key of the value that is out of range.
     pub fn new(lamina: &Lamina, config: &TwinConfig) -> Result<Self, ValueError> {
         config.check()?;
-        let laws = Laws::new(&lamina.material, config.shear_locking);
+        let own = &config.parameters;
+        let laws = Laws::new(&lamina.material, config.shear_locking, own);
         let (name, expected) = (&lamina.material.name, "curves of finite slope");
         ValueError::unless(laws.are_finite(), "twin.material", name, expected)?;
         let count = lamina.vertex_count();
         let area = lamina.vertex_areas();
         let padded = |of: &dyn Fn(f64) -> f64| {
-            let mut values: Vec<f64> = lamina.mass.iter().map(|&m| of(m)).collect();
+            let mut values: Vec<f64> = lamina.mass.iter().map(|m| of(m * own.mass)).collect();
             values.resize(count.next_multiple_of(WIDTH), 0.0);
             values
         };
-        let friction = config.friction.then(|| lamina.material.friction());
+        let friction = lamina.material.friction();
+        let friction = [0, 1].map(|k| friction[k] * own.friction[k]);
+        let friction = config.friction.then_some(friction);
         let tack = (config.adhesion > 0.0)
             .then(|| area.iter().map(|a| 1e3 * config.adhesion * a).collect());
         let mut twin = Self {
@@ -75,10 +82,15 @@ impl Twin {
             mass: padded(&|m| m * config.mass_scaling),
             inverse_mass: padded(&|m| 1.0 / (m * config.mass_scaling)),
             membranes: Membranes::new(lamina, laws),
-            bending: Bending::new(lamina, config.bending_stiffness),
+            bending: Bending::new(lamina, config.bending_stiffness, own.bending),
             contact: Contact::new(count, friction, tack),
             area,
             held: vec![None; count],
+            pressed: Pressed {
+                touched: FixedBitSet::with_capacity(count),
+                draped: FixedBitSet::with_capacity(count),
+                ..Pressed::default()
+            },
             x: zeros(count),
             v: zeros(count),
             f: zeros(count),

@@ -1,27 +1,25 @@
 //! Numbers that kernels have left on a GPU as tensors of burn's there, without a copy.
 
 use burn::backend::tensor::FloatTensor;
-use burn::tensor::{DType, Int, Shape, Tensor};
+use burn::tensor::{DType, Device, Shape};
 use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{Cube, CubeBackend};
 use burn_fusion::{NoOp, get_client};
 use burn_ir::{BackendIr, InitOperationIr, OperationIr};
-use drape_cloth::sim::Buffer;
-use drape_task::env::Sight;
+use drape_cloth::sim::{Buffer, Observations};
 
-/// Numbers `[environment, pixel]`.
-pub fn floats(sight: &Sight, buffer: &Buffer) -> Tensor<2> {
-    Tensor::from_primitive::<Cube>(tensor(sight, buffer, DType::F32))
-}
-
-/// Whole numbers `[environment, pixel]`.
-pub fn whole_numbers(sight: &Sight, buffer: &Buffer) -> Tensor<2, Int> {
-    Tensor::from_primitive::<Cube>(tensor(sight, buffer, DType::I32))
+/// Distances, and marks as whole numbers, `[row, pixel]`; none if they are not on `device`.
+pub fn tensors(seen: &Observations, device: &Device) -> Option<[FloatTensor<Cube>; 2]> {
+    let buffers = [seen.distance.device()?, seen.marks.device()?];
+    let is_there = super::device::of_burn(buffers[0].adapter()) == *device;
+    let shape = [seen.views.len(), seen.pixel_count];
+    let of = |k: usize| tensor(buffers[k], shape, [DType::F32, DType::I32][k]);
+    is_there.then(|| [0, 1].map(of))
 }
 
 /// burn fuses operations lazily: a tensor is registered with what queues them.
-fn tensor(sight: &Sight, buffer: &Buffer, dtype: DType) -> FloatTensor<Cube> {
-    let (device, shape) = (sight.adapter.device(), Shape::from(sight.shape));
+fn tensor(buffer: &Buffer, shape: [usize; 2], dtype: DType) -> FloatTensor<Cube> {
+    let (device, shape) = (buffer.adapter().device(), Shape::from(shape));
     let handle = CubeBackend::float_tensor_handle(CubeTensor::new_contiguous(
         device.client(),
         device.clone(),

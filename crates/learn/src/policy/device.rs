@@ -41,8 +41,8 @@ impl DeviceKind {
         }
     }
 
-    /// Whether observations stay there from when they are seen to when they are learned from.
-    pub(crate) fn keeps_observations(self) -> bool {
+    /// Whether observations are encoded there.
+    pub(crate) fn encodes_there(self) -> bool {
         matches!(self, Self::Gpu(_))
     }
 

@@ -1,7 +1,6 @@
 //! The categorical distribution over the allowed actions.
 
 use burn::tensor::{Bool, Int, Tensor, TensorData, activation};
-use fixedbitset::FixedBitSet;
 
 /// Logit of an action that is not allowed. Its probability is exactly 0 in f32, and unlike
 /// with -inf the gradients stay numbers.
@@ -27,19 +26,23 @@ pub fn entropy(log_probs: Tensor<2>, invalid: Tensor<2, Bool>) -> Tensor<1> {
         .squeeze_dim(1)
 }
 
-/// Draws an action from one row of log-probabilities. `uniform` is in [0, 1). Only actions in
-/// `mask` are ever returned, whatever the rounding.
+/// Draws an action from one row of log-probabilities. `uniform` is in [0, 1). Only `allowed` actions
+/// are ever returned, whatever the rounding.
 ///
 /// # Panics
 ///
-/// If `mask` is empty.
-pub fn draw(log_probs: &[f32], mask: &FixedBitSet, uniform: f64) -> u32 {
-    let probability = |i: usize| f64::from(log_probs[i]).exp();
+/// If none is allowed.
+pub fn draw(
+    log_probs: &[f32],
+    mut allowed: impl Iterator<Item = u32> + Clone,
+    uniform: f64,
+) -> u32 {
+    let probability = |i: u32| f64::from(log_probs[i as usize]).exp();
     // The probabilities add up to 1 only nearly: scale by their sum.
-    let total: f64 = mask.ones().map(probability).sum();
+    let total: f64 = allowed.clone().map(probability).sum();
     let mut rest = uniform * total;
     let mut last = None;
-    for i in mask.ones() {
+    for i in allowed.clone() {
         let p = probability(i);
         if p > 0.0 {
             last = Some(i);
@@ -50,8 +53,8 @@ pub fn draw(log_probs: &[f32], mask: &FixedBitSet, uniform: f64) -> u32 {
         }
     }
     // No probability above 0 means that the logits were not numbers; the update reports that.
-    let action = last.or_else(|| mask.minimum());
-    action.expect("an observation allows an action") as u32
+    let action = last.or_else(|| allowed.next());
+    action.expect("an observation allows an action")
 }
 
 /// The same for each row of log-probabilities `[row, action]`, where they are. Rows that allow nothing give
@@ -100,18 +103,18 @@ fn sums(rows: Tensor<2>) -> Tensor<2> {
     all.narrow(1, 0, width)
 }
 
-/// The most probable action in `mask`; the lowest index of equals.
+/// The most probable of the `allowed` actions; the lowest index of equals.
 ///
 /// # Panics
 ///
-/// If `mask` is empty.
-pub fn most_probable(log_probs: &[f32], mask: &FixedBitSet) -> u32 {
-    let better = |best: usize, i: usize| match log_probs[i] > log_probs[best] {
+/// If none is allowed.
+pub fn most_probable(log_probs: &[f32], allowed: impl Iterator<Item = u32>) -> u32 {
+    let better = |best: u32, i: u32| match log_probs[i as usize] > log_probs[best as usize] {
         true => i,
         false => best,
     };
-    let best = mask.ones().reduce(better);
-    best.expect("an observation allows an action") as u32
+    let best = allowed.reduce(better);
+    best.expect("an observation allows an action")
 }
 
 #[cfg(test)]
@@ -125,12 +128,6 @@ mod tests {
 
     fn invalid(data: impl Into<TensorData>) -> Tensor<2, Bool> {
         Tensor::from_data(data, &Device::flex().autodiff())
-    }
-
-    fn mask(count: usize, ones: &[usize]) -> FixedBitSet {
-        let mut set = FixedBitSet::with_capacity(count);
-        ones.iter().for_each(|&i| set.insert(i));
-        set
     }
 
     #[test]
@@ -172,32 +169,31 @@ mod tests {
     #[test]
     fn drawing_follows_the_probabilities_and_never_leaves_the_mask() {
         let log_probs = [0.25f32.ln(), FILL, 0.75f32.ln(), FILL];
-        let mask = mask(4, &[0, 2]);
-        assert_eq!(draw(&log_probs, &mask, 0.0), 0);
-        assert_eq!(draw(&log_probs, &mask, 0.249), 0);
-        assert_eq!(draw(&log_probs, &mask, 0.251), 2);
-        assert_eq!(draw(&log_probs, &mask, 1.0 - f64::EPSILON), 2);
+        let allowed = || [0, 2].into_iter();
+        assert_eq!(draw(&log_probs, allowed(), 0.0), 0);
+        assert_eq!(draw(&log_probs, allowed(), 0.249), 0);
+        assert_eq!(draw(&log_probs, allowed(), 0.251), 2);
+        assert_eq!(draw(&log_probs, allowed(), 1.0 - f64::EPSILON), 2);
         // Actions of probability 0 are not drawn while another has some; if none has, the
         // mask still holds.
-        assert_eq!(draw(&[f32::NAN; 4], &mask, 0.5), 0);
+        assert_eq!(draw(&[f32::NAN; 4], allowed(), 0.5), 0);
         let certain = [0.0, FILL, -200.0, FILL];
-        assert_eq!(draw(&certain, &mask, 1.0 - f64::EPSILON), 0);
+        assert_eq!(draw(&certain, allowed(), 1.0 - f64::EPSILON), 0);
     }
 
     #[test]
     fn greedy_takes_the_lowest_index_of_the_best_allowed() {
         let log_probs = [0.0, -1.0, -1.0, -3.0];
-        assert_eq!(most_probable(&log_probs, &mask(4, &[1, 2, 3])), 1);
-        assert_eq!(most_probable(&log_probs, &mask(4, &[3])), 3);
+        assert_eq!(most_probable(&log_probs, [1, 2, 3].into_iter()), 1);
+        assert_eq!(most_probable(&log_probs, [3].into_iter()), 3);
     }
 
     #[test]
     fn unmasked_draws_match_their_frequencies() {
         let log_probs = [0.5f32.ln(), 0.3f32.ln(), 0.2f32.ln()];
-        let mask = mask(3, &[0, 1, 2]);
         let mut counts = [0; 3];
         for i in 0..1000 {
-            counts[draw(&log_probs, &mask, (f64::from(i) + 0.5) / 1000.0) as usize] += 1;
+            counts[draw(&log_probs, 0..3, (f64::from(i) + 0.5) / 1000.0) as usize] += 1;
         }
         assert_eq!(counts, [500, 300, 200]);
     }

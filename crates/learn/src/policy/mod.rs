@@ -10,6 +10,7 @@
 //! The module knows what is seen, not the task. It knows nothing of recurrence or of continuous
 //! actions.
 
+mod batch;
 #[cfg(feature = "gpu")]
 mod bridge;
 mod compact;
@@ -24,19 +25,16 @@ mod paper;
 mod parameters;
 mod pixels;
 mod prediction;
-mod seen;
-mod shown;
 mod stages;
 #[cfg(test)]
 mod there;
 mod unet;
 
+pub(crate) use batch::Batch;
 pub use config::{CompactConfig, NetworkConfig, PaperConfig, PolicyConfig, UnetConfig};
 pub use device::{DeviceError, DeviceKind};
 pub use network::{ActorCritic, Network};
 pub use prediction::Prediction;
-pub(crate) use seen::{Batch, History, Seen};
-pub(crate) use shown::Shown;
 
 /// What other networks can be built of.
 pub(crate) mod convolutions {

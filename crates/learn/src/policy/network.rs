@@ -1,3 +1,4 @@
+use super::batch::{Batch, Images};
 use super::compact::CompactNetwork;
 use super::config::{NetworkConfig, PolicyConfig};
 use super::layer::Initializer;
@@ -6,13 +7,12 @@ use super::paper::PaperNetwork;
 use super::parameters;
 use super::pixels::{PLANES, Patches, terrain_planes, write_all, write_planes};
 use super::prediction::Prediction;
-use super::seen::{Batch, Seen};
-use super::shown::Shown;
 use super::unet::UnetNetwork;
 use burn::module::Module;
 use burn::tensor::{Bool, Device, Tensor, TensorData};
 use drape_cloth::file::ValueError;
-use drape_task::env::{ImageShape, Observation, Tasks, Terrain};
+use drape_cloth::sim::{Observation, Observations};
+use drape_task::env::{ImageShape, Terrain};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -53,8 +53,8 @@ pub struct ActorCritic {
     distance_scale: f32,
     pixel_count: usize,
     device: Device,
-    /// Whether observations stay on the device from when they are seen to when they are learned from.
-    pub(crate) keeps_observations: bool,
+    /// Whether observations are encoded on the device.
+    pub(crate) encodes_there: bool,
 }
 
 impl ActorCritic {
@@ -95,7 +95,7 @@ impl ActorCritic {
             distance_scale: 1000.0 / config.distance_scale_mm,
             pixel_count: rows * columns,
             device: device.clone(),
-            keeps_observations: false,
+            encodes_there: false,
         })
     }
 
@@ -121,12 +121,34 @@ impl ActorCritic {
         self.pixel_count
     }
 
-    /// Logits and values of a batch.
-    pub(crate) fn predict(&self, batch: &Batch) -> Prediction {
-        let input = match batch {
-            Batch::Host(observations) => self.encode(observations),
-            Batch::Device(shown) => self.encode_there(shown),
-        };
+    /// Rows of observations, where this network wants them.
+    pub(crate) fn batch<'a>(
+        &self,
+        rows: impl Iterator<Item = (&'a Observations, usize)>,
+    ) -> Batch<'a> {
+        match self.encodes_there {
+            true => Batch::Device(rows.collect()),
+            false => Batch::Host(rows.map(|(seen, row)| seen.row(row)).collect()),
+        }
+    }
+
+    /// Logits and values of a batch, and the actions that are not allowed `[batch, pixel]`.
+    ///
+    /// # Panics
+    ///
+    /// If an observation on the host allows no action: the softmax would silently allow them all.
+    pub(crate) fn predict(&self, batch: &Batch) -> (Prediction, Tensor<2, Bool>) {
+        match batch {
+            Batch::Host(rows) => (self.forward(self.encode(rows)), self.invalid(rows)),
+            Batch::Device(rows) => {
+                let images = Images::new(rows, &self.device().inner());
+                let prediction = self.forward(self.encode_on_device(&images));
+                (prediction, images.invalid())
+            }
+        }
+    }
+
+    fn forward(&self, input: Tensor<2>) -> Prediction {
         match &self.network {
             Network::Paper(network) => network.forward(input),
             Network::Compact(network) => network.forward(input),
@@ -140,46 +162,6 @@ impl ActorCritic {
         }
     }
 
-    /// What tasks show, where this network wants it.
-    pub(crate) fn look<T: Tasks>(&self, tasks: &T) -> Seen {
-        if !self.keeps_observations {
-            let seen = (0..tasks.count()).map(|task| tasks.observation(task).clone());
-            return Seen::Host(seen.collect());
-        }
-        let shown = self.sight(tasks, 0).unwrap_or_else(|| {
-            let seen = (0..tasks.count()).map(|task| tasks.observation(task));
-            Shown::upload(&seen.collect::<Vec<_>>(), &self.inner_device())
-        });
-        Seen::Device(Arc::new(shown))
-    }
-
-    /// Values of what some tasks showed when the step just taken ended their episodes.
-    pub(crate) fn last_values<T: Tasks>(&self, tasks: &T, ended: &[usize]) -> Vec<f32> {
-        if ended.is_empty() {
-            return Vec::new();
-        }
-        if self.keeps_observations
-            && let Some(shown) = self.sight(tasks, 1)
-        {
-            return self.values(&Batch::Device(shown.select(ended)));
-        }
-        let value = |&task: &usize| self.values(&Batch::Host(vec![tasks.last(task)]))[0];
-        ended.iter().map(value).collect()
-    }
-
-    /// One of [`Tasks::sights`] of all scenes, if it is where this network is.
-    #[cfg(feature = "gpu")]
-    fn sight<T: Tasks>(&self, tasks: &T, which: usize) -> Option<Shown> {
-        let sights = tasks.sights()?;
-        let sights: Vec<_> = sights.into_iter().map(|pair| pair[which].clone()).collect();
-        Shown::of(&sights, &self.inner_device())
-    }
-
-    #[cfg(not(feature = "gpu"))]
-    fn sight<T: Tasks>(&self, _: &T, _: usize) -> Option<Shown> {
-        None
-    }
-
     /// Draws an action for each row by a number in [0, 1): the action, its log-probability, and the value.
     ///
     /// # Panics
@@ -187,25 +169,24 @@ impl ActorCritic {
     /// If an observation allows no action.
     pub(crate) fn choose(&self, batch: &Batch, uniform: &[f64]) -> Vec<(u32, f32, f32)> {
         match batch {
-            Batch::Host(seen) => {
-                let (log_probs, values) = self.evaluate(seen);
-                let rows = log_probs.chunks_exact(self.pixel_count).zip(values);
-                let rows = rows.zip(seen).zip(uniform);
-                rows.map(|(((row, value), seen), &uniform)| {
-                    let action = masked::draw(row, &seen.mask, uniform);
-                    (action, row[action as usize], value)
+            Batch::Host(rows) => {
+                let (log_probs, values) = self.evaluate(rows);
+                let each = log_probs.chunks_exact(self.pixel_count).zip(values);
+                let each = each.zip(rows).zip(uniform);
+                each.map(|(((log_probs, value), seen), &uniform)| {
+                    let action = masked::draw(log_probs, seen.allowed(), uniform);
+                    (action, log_probs[action as usize], value)
                 })
                 .collect()
             }
-            Batch::Device(shown) => {
-                let Prediction { logits, value } = self.predict(batch);
-                let invalid = shown.invalid();
+            Batch::Device(_) => {
+                let (Prediction { logits, value }, invalid) = self.predict(batch);
                 let log_probs = masked::log_softmax(logits, invalid.clone());
                 let actions = masked::draw_rows(log_probs.clone(), invalid, uniform);
                 let log_probs = masked::log_prob(log_probs, actions.clone());
                 // In one transfer; single precision has all actions.
                 let all = to_host(Tensor::cat(vec![actions.float(), log_probs, value], 0));
-                let count = batch.rows();
+                let count = batch.len();
                 let row = |k: usize| {
                     let action = all[k] as usize;
                     assert!(action < self.pixel_count, "an observation allows no action");
@@ -222,34 +203,38 @@ impl ActorCritic {
     /// # Panics
     ///
     /// If an observation allows no action.
-    pub fn evaluate(&self, batch: &[&Observation]) -> (Vec<f32>, Vec<f32>) {
-        let batch = Batch::Host(batch.to_vec());
-        let Prediction { logits, value } = self.predict(&batch);
-        let log_probs = masked::log_softmax(logits, self.invalid(&batch));
-        (to_host(log_probs), to_host(value))
+    pub fn evaluate(&self, batch: &[Observation]) -> (Vec<f32>, Vec<f32>) {
+        let (Prediction { logits, value }, invalid) = self.predict(&Batch::Host(batch.to_vec()));
+        (
+            to_host(masked::log_softmax(logits, invalid)),
+            to_host(value),
+        )
     }
 
     /// Values `[batch]` on the host. Their masks may be empty.
     pub(crate) fn values(&self, batch: &Batch) -> Vec<f32> {
-        to_host(self.predict(batch).value)
+        to_host(match batch {
+            Batch::Host(rows) => self.forward(self.encode(rows)).value,
+            Batch::Device(_) => self.predict(batch).0.value,
+        })
     }
 
-    /// Actions not allowed, `[batch, pixel]`.
-    ///
-    /// # Panics
-    ///
-    /// If an observation on the host allows no action: the softmax would silently allow them all.
-    pub(crate) fn invalid(&self, batch: &Batch) -> Tensor<2, Bool> {
-        let batch = match batch {
-            Batch::Host(observations) => observations,
-            Batch::Device(shown) => return shown.invalid(),
-        };
-        let mut invalid = vec![true; batch.len() * self.pixel_count];
-        for (seen, invalid) in batch.iter().zip(invalid.chunks_exact_mut(self.pixel_count)) {
-            assert!(!seen.mask.is_clear(), "an observation allows no action");
-            seen.mask.ones().for_each(|i| invalid[i] = false);
+    /// Values of some rows; each on the host is asked for by itself.
+    pub(crate) fn values_of(&self, seen: &Observations, rows: &[usize]) -> Vec<f32> {
+        let together = if self.encodes_there { rows.len() } else { 1 };
+        let some = rows.chunks(together.max(1));
+        some.flat_map(|some| self.values(&self.batch(some.iter().map(|&row| (seen, row)))))
+            .collect()
+    }
+
+    fn invalid(&self, rows: &[Observation]) -> Tensor<2, Bool> {
+        let mut invalid = vec![true; rows.len() * self.pixel_count];
+        for (seen, invalid) in rows.iter().zip(invalid.chunks_exact_mut(self.pixel_count)) {
+            let mut allowed = seen.allowed().peekable();
+            assert!(allowed.peek().is_some(), "an observation allows no action");
+            allowed.for_each(|action| invalid[action as usize] = false);
         }
-        let data = TensorData::new(invalid, [batch.len(), self.pixel_count]);
+        let data = TensorData::new(invalid, [rows.len(), self.pixel_count]);
         Tensor::from_data(data, &self.device())
     }
 
@@ -265,7 +250,7 @@ impl ActorCritic {
         Ok(())
     }
 
-    fn encode(&self, batch: &[&Observation]) -> Tensor<2> {
+    fn encode(&self, batch: &[Observation]) -> Tensor<2> {
         let scale = self.distance_scale;
         let width = match &self.encoding {
             Encoding::Planes => 3 * self.pixel_count,
@@ -274,21 +259,21 @@ impl ActorCritic {
         };
         let mut numbers = vec![0.0; batch.len() * width];
         let rows = numbers.par_chunks_exact_mut(width).zip(batch);
-        rows.for_each(|(row, seen)| match &self.encoding {
+        rows.for_each(|(row, &seen)| match &self.encoding {
             Encoding::Planes => write_planes(seen, scale, row),
             Encoding::Patches { patches, .. } => patches.write(seen, scale, row),
             Encoding::All { terrains } => {
-                write_all(seen, &terrains[usize::from(seen.scene)], scale, row);
+                write_all(seen, &terrains[usize::from(seen.view)], scale, row);
             }
         });
         let data = TensorData::new(numbers, [batch.len(), width]);
         Tensor::from_data(data, &self.device())
     }
 
-    /// The same numbers, where the observations are.
-    fn encode_there(&self, shown: &Shown) -> Tensor<2> {
-        let device = shown.device();
-        let [draped, distance, touched, allowed] = shown.planes(self.distance_scale);
+    /// The numbers of [`Self::encode`], computed on the device.
+    fn encode_on_device(&self, images: &Images) -> Tensor<2> {
+        let [draped, distance, touched, allowed] = images.planes(self.distance_scale);
+        let device = draped.device();
         match &self.encoding {
             Encoding::Planes => Tensor::cat(vec![draped, distance, touched], 1),
             Encoding::Patches { sources, .. } => {
@@ -301,17 +286,12 @@ impl ActorCritic {
                 let width = terrains[0].len();
                 let fixed = TensorData::new(terrains.concat(), [terrains.len(), width]);
                 let fixed = Tensor::<2>::from_data(fixed, &device);
-                let scenes: Vec<i32> = shown.scenes().iter().map(|&k| i32::from(k)).collect();
-                let scenes = TensorData::new(scenes, [shown.scenes().len()]);
-                let fixed = fixed.select(0, Tensor::from_data(scenes, &device));
+                let views: Vec<i32> = images.views.iter().map(|&k| i32::from(k)).collect();
+                let views = TensorData::new(views, [images.views.len()]);
+                let fixed = fixed.select(0, Tensor::from_data(views, &device));
                 Tensor::cat(vec![draped, distance, touched, allowed, fixed], 1)
             }
         }
-    }
-
-    /// Where observations are kept: without gradients.
-    fn inner_device(&self) -> Device {
-        self.device().inner()
     }
 }
 

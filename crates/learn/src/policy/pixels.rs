@@ -1,16 +1,20 @@
-use drape_task::env::{Observation, Terrain};
+use drape_cloth::sim::{ALLOWED, DRAPED, Observation, TOUCHED};
+use drape_task::env::Terrain;
+
+/// 1 where a mark has a bit, else 0.
+fn flag(mark: u8, bit: u8) -> f32 {
+    f32::from(u8::from(mark & bit != 0))
+}
 
 /// Draped, distance, touched as three planes `[3, rows, columns]`; `scale` is 1 / m.
-pub fn write_planes(seen: &Observation, scale: f32, out: &mut [f32]) {
+pub fn write_planes(seen: Observation, scale: f32, out: &mut [f32]) {
     let count = seen.distance.len();
     let (draped, rest) = out.split_at_mut(count);
     let (distance, touched) = rest.split_at_mut(count);
-    draped.fill(0.0);
-    touched.fill(0.0);
-    seen.draped.ones().for_each(|i| draped[i] = 1.0);
-    seen.touched.ones().for_each(|i| touched[i] = 1.0);
-    for (out, &d) in distance.iter_mut().zip(&seen.distance) {
-        *out = d * scale;
+    for (k, (&mark, d)) in seen.marks.iter().zip(seen.distance).enumerate() {
+        draped[k] = flag(mark, DRAPED);
+        distance[k] = d * scale;
+        touched[k] = flag(mark, TOUCHED);
     }
 }
 
@@ -32,13 +36,14 @@ pub fn terrain_planes(terrain: &Terrain) -> Vec<f32> {
 }
 
 /// Draped, distance, touched, allowed and the `terrain`'s planes `[PLANES, rows, columns]`; `scale` is 1 / m.
-pub fn write_all(seen: &Observation, terrain: &[f32], scale: f32, out: &mut [f32]) {
+pub fn write_all(seen: Observation, terrain: &[f32], scale: f32, out: &mut [f32]) {
     let count = seen.distance.len();
     let (three, rest) = out.split_at_mut(3 * count);
     write_planes(seen, scale, three);
     let (allowed, fixed) = rest.split_at_mut(count);
-    allowed.fill(0.0);
-    seen.mask.ones().for_each(|i| allowed[i] = 1.0);
+    for (allowed, &mark) in allowed.iter_mut().zip(seen.marks) {
+        *allowed = flag(mark, ALLOWED);
+    }
     fixed.copy_from_slice(terrain);
 }
 
@@ -111,22 +116,21 @@ impl Patches {
     }
 
     /// Writes `[count, width]`; `scale` is 1 / m.
-    pub fn write(&self, seen: &Observation, scale: f32, out: &mut [f32]) {
+    pub fn write(&self, seen: Observation, scale: f32, out: &mut [f32]) {
         let [grid_rows, grid_columns] = self.grid();
         let window = self.patch + 2 * self.border;
         let line = (grid_columns * self.patch + 2 * self.border) * CHANNELS;
         let mut image = vec![0.0; line * (grid_rows * self.patch + 2 * self.border)];
-        let place = |i: usize| {
-            let (row, column) = (i / self.columns, i % self.columns);
-            (row + self.border) * line + (column + self.border) * CHANNELS
-        };
-        seen.draped.ones().for_each(|i| image[place(i)] = 1.0);
-        seen.touched.ones().for_each(|i| image[place(i) + 2] = 1.0);
-        seen.mask.ones().for_each(|i| image[place(i) + 3] = 1.0);
-        for (row, distances) in seen.distance.chunks_exact(self.columns).enumerate() {
-            let start = place(row * self.columns) + 1;
-            for (column, &distance) in distances.iter().enumerate() {
-                image[start + column * CHANNELS] = distance * scale;
+        let rows = seen.marks.chunks_exact(self.columns);
+        let rows = rows.zip(seen.distance.chunks_exact(self.columns));
+        for (row, (marks, distances)) in rows.enumerate() {
+            let start = (row + self.border) * line + self.border * CHANNELS;
+            let pixels = image[start..].chunks_exact_mut(CHANNELS);
+            for ((pixel, &mark), distance) in pixels.zip(marks).zip(distances) {
+                pixel[0] = flag(mark, DRAPED);
+                pixel[1] = distance * scale;
+                pixel[2] = flag(mark, TOUCHED);
+                pixel[3] = flag(mark, ALLOWED);
             }
         }
         let runs = out.chunks_exact_mut(window * CHANNELS);
@@ -142,25 +146,16 @@ impl Patches {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fixedbitset::FixedBitSet;
-
-    fn bits(count: usize, ones: &[usize]) -> FixedBitSet {
-        let mut set = FixedBitSet::with_capacity(count);
-        ones.iter().for_each(|&i| set.insert(i));
-        set
-    }
 
     #[test]
     fn planes_are_draped_distance_touched() {
         let seen = Observation {
-            scene: 0,
-            draped: bits(2, &[0]),
-            distance: vec![0.5, 1.0],
-            touched: bits(2, &[1]),
-            mask: bits(2, &[]),
+            view: 0,
+            distance: &[0.5, 1.0],
+            marks: &[DRAPED, TOUCHED],
         };
         let mut out = [f32::NAN; 6];
-        write_planes(&seen, 10.0, &mut out);
+        write_planes(seen, 10.0, &mut out);
         assert_eq!(out, [1.0, 0.0, 5.0, 10.0, 0.0, 1.0]);
     }
 
@@ -168,18 +163,17 @@ mod tests {
     fn every_patch_shows_its_pixels_and_their_neighbours() {
         let (rows, columns, patch, border) = (5, 3, 2, 1);
         let distance: Vec<f32> = (1..=15).map(|i| i as f32).collect();
-        let [draped, touched, mask] = [bits(15, &[0]), bits(15, &[7]), bits(15, &[14])];
+        let mut marks = [0; 15];
+        (marks[0], marks[7], marks[14]) = (DRAPED, TOUCHED, ALLOWED);
         let seen = Observation {
-            scene: 0,
-            draped: draped.clone(),
-            distance: distance.clone(),
-            touched: touched.clone(),
-            mask: mask.clone(),
+            view: 0,
+            distance: &distance,
+            marks: &marks,
         };
         let patches = Patches::new(rows, columns, patch, border);
         assert_eq!((patches.grid(), patches.width()), ([3, 2], 64));
         let mut out = vec![f32::NAN; patches.count() * patches.width()];
-        patches.write(&seen, 2.0, &mut out);
+        patches.write(seen, 2.0, &mut out);
         let mut numbers = out.iter();
         for token in 0..6 {
             for y in 0..4 {
@@ -189,8 +183,8 @@ mod tests {
                     let inside = row.zip(column).filter(|&(r, c)| r < rows && c < columns);
                     let expected = inside.map_or([0.0; 4], |(r, c)| {
                         let i = r * columns + c;
-                        let bit = |set: &FixedBitSet| f32::from(u8::from(set[i]));
-                        [bit(&draped), distance[i] * 2.0, bit(&touched), bit(&mask)]
+                        let bit = |bit: u8| flag(marks[i], bit);
+                        [bit(DRAPED), distance[i] * 2.0, bit(TOUCHED), bit(ALLOWED)]
                     });
                     for value in expected {
                         assert_eq!(*numbers.next().unwrap(), value, "{token} {y} {x}");

@@ -1,42 +1,33 @@
 //! Tests of what is kept on a device, on one that is always there.
 
+use super::batch::{Batch, Images};
 use super::masked;
-use super::seen::{Batch, History, Seen};
-use super::shown::Shown;
 use super::{ActorCritic, NetworkConfig, PolicyConfig, UnetConfig};
 use burn::tensor::{Device, Tensor, TensorData};
 use drape_cloth::math::{Purpose, Stream};
-use drape_task::env::{ImageShape, Observation, Terrain};
+use drape_cloth::sim::{ALLOWED, Observations};
+use drape_task::env::{ImageShape, Terrain};
 use fixedbitset::FixedBitSet;
-use std::sync::Arc;
 
 const SHAPE: ImageShape = ImageShape {
     rows: 16,
     columns: 17,
 };
 
-/// Observations of noise on scene 0 or 1; each allows something.
-fn noise(count: usize) -> Vec<Observation> {
+/// Observations of noise on view 0 or 1; each allows something.
+fn noise(count: usize) -> Observations {
     let pixels = SHAPE.pixel_count();
     let mut stream = Stream::new(3, Purpose::Evaluation, 0);
-    let mut bits = |share: f64| {
-        let mut set = FixedBitSet::with_capacity(pixels);
-        set.extend((0..pixels).filter(|_| stream.uniform() < share));
-        set
-    };
-    (0..count)
-        .map(|k| {
-            let mut mask = bits(if k % 3 == 0 { 0.0 } else { 0.2 });
-            mask.insert(7 * k % pixels);
-            Observation {
-                scene: (k % 2) as u16,
-                draped: bits(0.3),
-                touched: bits(0.5),
-                mask,
-                distance: (0..pixels).map(|i| 1e-3 * (i * k) as f32).collect(),
-            }
-        })
-        .collect()
+    let mut marks: Vec<u8> = (0..count * pixels)
+        .map(|_| stream.below(16) as u8)
+        .collect();
+    marks
+        .iter_mut()
+        .step_by(pixels)
+        .for_each(|mark| *mark |= ALLOWED);
+    let distance = (0..count * pixels).map(|i| 1e-5 * i as f32).collect();
+    let views = (0..count as u16).map(|k| k % 2).collect();
+    Observations::new(views, distance, marks)
 }
 
 fn terrain(slope: f32) -> Terrain {
@@ -53,39 +44,28 @@ fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.into_data().try_into_vec().unwrap()
 }
 
+/// Rows of several observations arrive in the order in which they are asked for.
 #[test]
-fn observations_come_back_in_any_order_from_any_piece() {
-    let all = noise(7);
-    let shown = |rows: &[usize]| {
-        let rows: Vec<&Observation> = rows.iter().map(|&row| &all[row]).collect();
-        Seen::Device(Arc::new(Shown::upload(&rows, &Device::flex())))
-    };
-    let steps = || vec![shown(&[0, 1, 2]), shown(&[3, 4, 5])];
-    let mut apart = History::default();
-    steps().into_iter().for_each(|piece| apart.push(piece));
-    for history in [apart, steps().into()] {
-        for rows in [vec![4, 0, 5, 5, 2], vec![1], vec![3, 4]] {
-            let expected: Vec<&Observation> = rows.iter().map(|&row| &all[row]).collect();
-            let batch = history.pick(&rows).with([&all[6]].into_iter());
-            let Batch::Device(found) = &batch else {
-                panic!("it stays on its device")
-            };
-            let found = found.fetch();
-            assert!(found[..rows.len()].iter().eq(expected));
-            assert_eq!(
-                (&found[rows.len()], batch.rows()),
-                (&all[6], rows.len() + 1)
-            );
-            assert!(rows.iter().all(|&row| history.scene(row) == all[row].scene));
-        }
+fn rows_arrive_in_their_order() {
+    let (a, b) = (noise(3), noise(5));
+    for rows in [vec![(&a, 2), (&b, 4), (&a, 0), (&a, 0)], vec![(&b, 1)]] {
+        let images = Images::new(&rows, &Device::flex());
+        let [_, distance, _, _] = images.planes(2.0);
+        let expected = rows.iter().flat_map(|(seen, row)| seen.row(*row).distance);
+        assert!(numbers(distance).into_iter().eq(expected.map(|d| 2.0 * d)));
+        assert!(
+            images
+                .views
+                .iter()
+                .eq(rows.iter().map(|(seen, row)| &seen.views[*row]))
+        );
     }
 }
 
-/// Every network is asked for the same numbers wherever its observations are.
+/// Every network is asked for the same numbers wherever its observations are encoded.
 #[test]
 fn networks_see_the_same_on_a_device() {
     let (all, terrains) = (noise(5), [terrain(0.1), terrain(-0.2)]);
-    let all: Vec<&Observation> = all.iter().collect();
     let terrains: Vec<&Terrain> = terrains.iter().collect();
     let unet = NetworkConfig::Unet(UnetConfig {
         channels: 4,
@@ -99,10 +79,9 @@ fn networks_see_the_same_on_a_device() {
     for config in [PolicyConfig::paper(), PolicyConfig::compact(), unet] {
         let made = ActorCritic::new(&config, SHAPE, &terrains, 1, &Device::flex());
         let actor_critic = made.unwrap().valid();
-        let shown = Batch::Device(Shown::upload(&all, &Device::flex()));
-        let [here, there] = [Batch::Host(all.clone()), shown].map(|batch| {
-            let prediction = actor_critic.predict(&batch);
-            let invalid = actor_critic.invalid(&batch);
+        let there = Batch::Device((0..5).map(|row| (&all, row)).collect());
+        let [here, there] = [Batch::Host(all.rows().collect()), there].map(|batch| {
+            let (prediction, invalid) = actor_critic.predict(&batch);
             let logits = masked::log_softmax(prediction.logits, invalid);
             (numbers(logits), numbers(prediction.value))
         });
@@ -147,7 +126,8 @@ fn rows_are_drawn_as_one_by_one() {
     for (row, mask) in masks.iter().enumerate() {
         let drawn = drawn[row] as usize;
         assert!(mask.contains(drawn), "row {row}: {drawn}");
-        let expected = masked::draw(&log_probs[row * count..][..count], mask, uniform[row]);
+        let allowed = (0..count as u32).filter(|&action| mask.contains(action as usize));
+        let expected = masked::draw(&log_probs[row * count..][..count], allowed, uniform[row]);
         others += usize::from(drawn != expected as usize);
     }
     assert!(others <= 2, "{others} rows differ");

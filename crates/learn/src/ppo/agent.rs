@@ -1,7 +1,8 @@
 use super::error::TrainError;
 use crate::policy::{ActorCritic, Batch, DeviceKind, PolicyConfig, masked};
 use drape_cloth::math::Stream;
-use drape_task::env::{ImageShape, Observation, Terrain};
+use drape_cloth::sim::Observation;
+use drape_task::env::{ImageShape, Terrain};
 
 /// How an action is chosen.
 #[derive(Debug)]
@@ -21,7 +22,7 @@ pub(super) fn actor_critic(
 ) -> Result<ActorCritic, TrainError> {
     let made = ActorCritic::new(config, shape, terrains, seed, &device.open()?);
     let mut actor_critic = made.map_err(TrainError::Policy)?;
-    actor_critic.keeps_observations = device.keeps_observations();
+    actor_critic.encodes_there = device.encodes_there();
     Ok(actor_critic)
 }
 
@@ -46,25 +47,25 @@ impl Agent {
     }
 
     /// One action an observation, always allowed by its mask.
-    pub fn act(&self, observations: &[&Observation], mut sampling: Sampling) -> Vec<u32> {
+    pub fn act(&self, observations: &[Observation], mut sampling: Sampling) -> Vec<u32> {
         let (log_probs, _) = self.evaluate(observations);
         let rows = log_probs.chunks_exact(self.0.pixel_count());
-        let choose = |(observation, row): (&&Observation, &[f32])| match &mut sampling {
-            Sampling::Greedy => masked::most_probable(row, &observation.mask),
-            Sampling::Drawn(stream) => masked::draw(row, &observation.mask, stream.uniform()),
+        let choose = |(observation, row): (&Observation, &[f32])| match &mut sampling {
+            Sampling::Greedy => masked::most_probable(row, observation.allowed()),
+            Sampling::Drawn(stream) => masked::draw(row, observation.allowed(), stream.uniform()),
         };
         observations.iter().zip(rows).map(choose).collect()
     }
 
     /// Log-probabilities `[observation * pixel]`; those of actions that a mask forbids are about
     /// [`masked::FILL`].
-    pub fn log_probs(&self, observations: &[&Observation]) -> Vec<f32> {
+    pub fn log_probs(&self, observations: &[Observation]) -> Vec<f32> {
         self.evaluate(observations).0
     }
 
     /// Expected return of each observation, as a share of the reward scale if the training
     /// scaled its rewards. Masks may be empty.
-    pub fn value(&self, observations: &[&Observation]) -> Vec<f32> {
+    pub fn value(&self, observations: &[Observation]) -> Vec<f32> {
         self.0.values(&Batch::Host(observations.to_vec()))
     }
 
@@ -74,7 +75,7 @@ impl Agent {
     }
 
     /// Log-probabilities `[observation * pixel]` and values `[observation]`.
-    pub(super) fn evaluate(&self, observations: &[&Observation]) -> (Vec<f32>, Vec<f32>) {
+    pub(super) fn evaluate(&self, observations: &[Observation]) -> (Vec<f32>, Vec<f32>) {
         self.0.evaluate(observations)
     }
 

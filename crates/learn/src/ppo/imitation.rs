@@ -1,85 +1,51 @@
-use std::sync::Arc;
-
-use crate::policy::{Seen, Shown};
 use drape_cloth::math::Stream;
-use drape_task::env::{End, Episode, Observation};
+use drape_cloth::sim::Observations;
+use drape_task::env::{End, Episode};
 use serde::{Deserialize, Serialize};
 
-/// An observation and the action taken there.
+use super::sections::{decode, encode};
+
+/// Observations, one a row, and the action taken at each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Move {
-    pub observation: Observation,
-    pub action: u32,
+struct Moves {
+    seen: Observations,
+    actions: Vec<u32>,
 }
 
-/// A move of an episode that is going on: on the host, or a row of what was seen on a device.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(into = "Move", from = "Move")]
-pub enum Held {
-    Host(Move),
-    Device {
-        shown: Arc<Shown>,
-        row: usize,
-        action: u32,
-    },
+/// A move of an episode that is going on: a row of what was seen of all tasks.
+#[derive(Clone, Debug)]
+struct Move {
+    seen: Observations,
+    row: usize,
+    action: u32,
 }
 
-impl Held {
-    /// What a task saw and did.
-    pub fn of(seen: &Seen, task: usize, action: u32) -> Self {
-        match seen {
-            Seen::Host(observations) => Self::Host(Move {
-                observation: observations[task].clone(),
-                action,
-            }),
-            Seen::Device(shown) => Self::Device {
-                shown: shown.clone(),
-                row: task,
-                action,
-            },
+impl Moves {
+    fn new(moves: &[Move]) -> Self {
+        Self {
+            seen: Observations::gather(moves.iter().map(|m| (&m.seen, m.row))),
+            actions: moves.iter().map(|m| m.action).collect(),
         }
     }
 
-    fn scene(&self) -> usize {
-        usize::from(match self {
-            Self::Host(step) => step.observation.scene,
-            Self::Device { shown, row, .. } => shown.scenes()[*row],
-        })
-    }
-}
-
-impl From<Move> for Held {
-    fn from(step: Move) -> Self {
-        Self::Host(step)
-    }
-}
-
-impl From<Held> for Move {
-    fn from(held: Held) -> Self {
-        on_host(vec![held]).swap_remove(0)
-    }
-}
-
-/// Moves on the host, fetched together.
-fn on_host(held: Vec<Held>) -> Vec<Move> {
-    let rows = held.iter().filter_map(|held| match held {
-        Held::Host(_) => None,
-        Held::Device { shown, row, .. } => Some(shown.select(&[*row])),
-    });
-    let rows: Vec<Shown> = rows.collect();
-    let fetched = match rows.is_empty() {
-        true => Vec::new(),
-        false => Shown::cat(rows).fetch(),
-    };
-    let mut fetched = fetched.into_iter();
-    let moves = held.into_iter().map(|held| match held {
-        Held::Host(step) => step,
-        Held::Device { action, .. } => Move {
-            observation: fetched.next().expect("as many as rows"),
+    /// Each by itself.
+    fn apart(self) -> Vec<Move> {
+        let actions = self.actions.into_iter().enumerate();
+        let apart = actions.map(|(row, action)| Move {
+            seen: self.seen.clone(),
+            row,
             action,
-        },
-    });
-    moves.collect()
+        });
+        apart.collect()
+    }
+
+    /// Whether they are possible on images of `pixel_count` pixels with so many views.
+    fn fit(&self, pixel_count: usize, views: usize) -> bool {
+        let rows = self.seen.rows().zip(&self.actions);
+        self.actions.len() == self.seen.views.len()
+            && (self.actions.is_empty() || self.seen.pixel_count == pixel_count)
+            && { rows }.all(|(seen, &action)| seen.allows(action) && usize::from(seen.view) < views)
+    }
 }
 
 /// The best episodes ever finished, to be imitated, and those still going on.
@@ -87,19 +53,26 @@ fn on_host(held: Vec<Held>) -> Vec<Move> {
 /// After self-imitation learning (Oh et al. 2018), which weights each sample by how much its
 /// return exceeds the value; here being among the best is the weight. Episodes that were cut
 /// off are not kept.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug)]
 pub struct Memory {
     capacity: usize,
     /// `[scene]`: best first; the older of equals first.
     best: Vec<Vec<Kept>>,
     /// `[task]`: the moves of the episode going on.
-    open: Vec<Vec<Held>>,
+    open: Vec<Vec<Move>>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Kept {
     score: f64,
-    moves: Vec<Move>,
+    moves: Moves,
+}
+
+/// A memory in a checkpoint.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    best: Vec<Vec<Kept>>,
+    open: Vec<Moves>,
 }
 
 impl Memory {
@@ -112,36 +85,32 @@ impl Memory {
         }
     }
 
-    /// Notes what `task` did and, if that ended its episode, keeps it if it is among the best.
-    pub fn record(&mut self, task: usize, step: Held, episode: Option<&Episode>) {
-        let scene = step.scene();
-        self.open[task].push(step);
+    /// Notes what `task` saw, as a row of what all saw, and did and, if that ended its episode, keeps it if
+    /// it is among the best.
+    pub fn record(
+        &mut self,
+        task: usize,
+        seen: &Observations,
+        action: u32,
+        episode: Option<&Episode>,
+    ) {
+        self.open[task].push(Move {
+            seen: seen.clone(),
+            row: task,
+            action,
+        });
         let Some(episode) = episode else { return };
         let moves = std::mem::take(&mut self.open[task]);
         let Some(score) = episode.score.filter(|score| score.is_finite()) else {
             return;
         };
-        let best = &mut self.best[scene];
+        let best = &mut self.best[usize::from(seen.views[task])];
         let rank = best.partition_point(|k| k.score >= score);
-        let same = |k: &Kept| k.moves.iter().map(|m| &m.action).eq(&episode.actions);
-        let known = best.iter().any(same);
+        let known = best.iter().any(|k| k.moves.actions == episode.actions);
         if episode.end == End::Terminated && rank < self.capacity && !known {
             best.truncate(self.capacity - 1);
-            let moves = on_host(moves);
+            let moves = Moves::new(&moves);
             best.insert(rank, Kept { score, moves });
-        }
-    }
-
-    /// The same with all moves on the host.
-    pub fn on_host(&self) -> Self {
-        let open = self
-            .open
-            .iter()
-            .map(|moves| on_host(moves.clone()).into_iter().map(Held::Host).collect());
-        Self {
-            open: open.collect(),
-            capacity: self.capacity,
-            best: self.best.clone(),
         }
     }
 
@@ -150,42 +119,45 @@ impl Memory {
         self.open.iter_mut().for_each(Vec::clear);
     }
 
-    /// `count` moves of the best episodes, each uniformly among all; none if there are none.
-    pub fn draw(&self, count: usize, stream: &mut Stream) -> Vec<&Move> {
-        let moves: Vec<&Move> = self.kept().flat_map(|k| &k.moves).collect();
-        if moves.is_empty() {
-            return Vec::new();
-        }
-        (0..count)
-            .map(|_| moves[stream.below(moves.len())])
-            .collect()
-    }
-
-    fn kept(&self) -> impl Iterator<Item = &Kept> {
-        self.best.iter().flatten()
-    }
-
-    /// Whether this memory, read from a file, can replace `other`: as much room, and only
-    /// possible moves on images of `pixel_count` pixels.
-    pub fn fits(&self, other: &Self, pixel_count: usize) -> bool {
-        let fits = |m: &Move| {
-            let seen = &m.observation;
-            let sets = [&seen.draped, &seen.touched, &seen.mask];
-            sets.iter().all(|set| set.len() == pixel_count)
-                && seen.distance.len() == pixel_count
-                && seen.mask.contains(m.action as usize)
-                && usize::from(seen.scene) < self.best.len()
-        };
-        let open = self.open.iter().flatten().filter_map(|held| match held {
-            Held::Host(step) => Some(step),
-            Held::Device { .. } => None,
+    /// `count` moves of the best episodes, each uniformly among all: observation and action; none if
+    /// there are none.
+    pub fn draw(&self, count: usize, stream: &mut Stream) -> Vec<(&Observations, usize, u32)> {
+        let moves = self.best.iter().flatten().flat_map(|Kept { moves, .. }| {
+            let actions = moves.actions.iter().enumerate();
+            actions.map(|(row, &action)| (&moves.seen, row, action))
         });
-        let mut moves = self.kept().flat_map(|k| &k.moves).chain(open);
-        self.capacity == other.capacity
-            && self.open.len() == other.open.len()
-            && self.best.len() == other.best.len()
-            && self.best.iter().all(|best| best.len() <= self.capacity)
-            && moves.all(fits)
+        let moves: Vec<_> = moves.collect();
+        let count = if moves.is_empty() { 0 } else { count };
+        let drawn = (0..count).map(|_| moves[stream.below(moves.len())]);
+        drawn.collect()
+    }
+
+    /// All of it as bytes.
+    pub fn save(&self) -> Vec<u8> {
+        encode(&Saved {
+            best: self.best.clone(),
+            open: self.open.iter().map(|moves| Moves::new(moves)).collect(),
+        })
+    }
+
+    /// The memory that [`Memory::save`] wrote, of as much room as this and with possible moves on images of
+    /// `pixel_count` pixels only; or why it is none.
+    pub fn loaded(&self, bytes: &[u8], pixel_count: usize) -> Result<Self, String> {
+        let Saved { best, open } = decode(bytes)?;
+        let views = self.best.len();
+        let kept = best.iter().flatten().map(|kept| &kept.moves);
+        let fits = open.len() == self.open.len()
+            && best.len() == views
+            && best.iter().all(|best| best.len() <= self.capacity)
+            && { kept.chain(&open) }.all(|moves| moves.fit(pixel_count, views));
+        match fits {
+            true => Ok(Self {
+                capacity: self.capacity,
+                best,
+                open: open.into_iter().map(Moves::apart).collect(),
+            }),
+            false => Err("is of other tasks or another number of episodes".into()),
+        }
     }
 }
 
@@ -193,15 +165,10 @@ impl Memory {
 mod tests {
     use super::*;
     use drape_cloth::math::Purpose;
+    use drape_cloth::sim::ALLOWED;
 
     fn play(memory: &mut Memory, actions: &[u32], score: f64, end: End) {
-        let observation = Observation {
-            scene: 0,
-            draped: Default::default(),
-            distance: vec![],
-            touched: Default::default(),
-            mask: Default::default(),
-        };
+        let seen = Observations::new(vec![0], vec![0.0; 8], vec![ALLOWED; 8]);
         let episode = Episode {
             end,
             actions: actions.to_vec(),
@@ -210,12 +177,8 @@ mod tests {
             score: Some(score),
         };
         for (i, &action) in actions.iter().enumerate() {
-            let step = Move {
-                observation: observation.clone(),
-                action,
-            };
             let last = i + 1 == actions.len();
-            memory.record(0, step.into(), last.then_some(&episode));
+            memory.record(0, &seen, action, last.then_some(&episode));
         }
     }
 
@@ -229,16 +192,26 @@ mod tests {
         play(&mut memory, &[5], f64::NAN, End::Terminated);
         play(&mut memory, &[6], 0.7, End::Terminated);
         play(&mut memory, &[7], 0.1, End::Terminated);
-        let scores: Vec<f64> = memory.kept().map(|k| k.score).collect();
+        let scores: Vec<f64> = memory.best[0].iter().map(|k| k.score).collect();
         assert_eq!(scores, [1.0, 0.7]);
         let mut stream = Stream::new(0, Purpose::Shuffle, 0);
         let mut drawn: Vec<u32> = memory
             .draw(50, &mut stream)
             .iter()
-            .map(|m| m.action)
+            .map(|&(_, _, action)| action)
             .collect();
         drawn.sort_unstable();
         drawn.dedup();
         assert_eq!(drawn, [1, 2, 6]);
+        memory.record(
+            0,
+            &Observations::new(vec![0], vec![0.0; 8], vec![ALLOWED; 8]),
+            3,
+            None,
+        );
+        let again = Memory::new(2, 1, 1).loaded(&memory.save(), 8).unwrap();
+        assert_eq!(again.save(), memory.save());
+        assert!(Memory::new(2, 1, 2).loaded(&memory.save(), 8).is_err());
+        assert!(Memory::new(2, 1, 1).loaded(&memory.save(), 9).is_err());
     }
 }

@@ -1,8 +1,8 @@
 use super::agent::Agent;
 use super::gae::Next;
-use super::imitation::{Held, Memory};
-use crate::policy::History;
+use super::imitation::Memory;
 use drape_cloth::math::Stream;
+use drape_cloth::sim::Observations;
 use drape_task::cluster::Cluster;
 use drape_task::env::{End, Episode, StepOutcome, Tasks};
 use serde::{Deserialize, Serialize};
@@ -47,7 +47,7 @@ pub struct Seconds {
 #[derive(Debug, Default)]
 pub struct Rollout {
     /// What was seen before each action.
-    pub seen: History,
+    pub seen: Seen,
     pub actions: Vec<u32>,
     pub log_probs: Vec<f32>,
     pub values: Vec<f32>,
@@ -62,6 +62,49 @@ pub struct Rollout {
     pub returns: Vec<f32>,
     /// What it has taken.
     pub seconds: Seconds,
+}
+
+/// Everything seen in a rollout, in order.
+#[derive(Debug, Default)]
+pub struct Seen {
+    pieces: Vec<Observations>,
+    /// `[piece]`: rows before its end.
+    ends: Vec<usize>,
+}
+
+/// Pixels of a piece on a GPU: 64 MiB, half of what the smallest buffers hold.
+const MOST_PIXELS: usize = 1 << 24;
+
+impl Seen {
+    /// Of what all tasks saw, step by step. On a GPU in few pieces, so that few operations choose among
+    /// them; elsewhere nothing is copied.
+    pub fn new(steps: Vec<Observations>) -> Self {
+        let pixels = |seen: &Observations| seen.views.len() * seen.pixel_count;
+        let most = steps
+            .first()
+            .map_or(1, |seen| (MOST_PIXELS / pixels(seen)).max(1));
+        let is_host = steps.iter().any(|seen| !seen.is_on_device());
+        let most = if is_host { 1 } else { most };
+        let pieces = steps
+            .chunks(most)
+            .map(|some| Observations::joined(some.to_vec()));
+        let pieces: Vec<Observations> = pieces.collect();
+        let ends = pieces.iter().scan(0, |end, piece| {
+            *end += piece.views.len();
+            Some(*end)
+        });
+        Self {
+            ends: ends.collect(),
+            pieces,
+        }
+    }
+
+    /// The piece that has a sample, and its row there.
+    pub fn row(&self, sample: usize) -> (&Observations, usize) {
+        let piece = self.ends.partition_point(|&end| end <= sample);
+        let before = piece.checked_sub(1).map_or(0, |before| self.ends[before]);
+        (&self.pieces[piece], sample - before)
+    }
 }
 
 /// Plays `step_count` steps of every task, drawing the actions of a task from its own stream,
@@ -81,10 +124,11 @@ pub fn collect<T: Tasks>(
     let start = Instant::now();
     let mut simulation = 0.0;
     for _ in 0..step_count {
-        let seen = network.look(tasks);
+        let seen = tasks.observations().clone();
         let drawn: Vec<_> = streams.iter_mut().map(Stream::uniform).collect();
         let choices = cluster.split(drawn.len(), |own| {
-            network.choose(&seen.pick(own.clone()), &drawn[own])
+            let batch = network.batch(own.clone().map(|task| (&seen, task)));
+            network.choose(&batch, &drawn[own])
         });
         let mut actions = Vec::with_capacity(choices.len());
         for (action, log_prob, value) in choices {
@@ -99,8 +143,7 @@ pub fn collect<T: Tasks>(
 
         if let Some(memory) = &mut memory {
             for (task, outcome) in outcomes.iter().enumerate() {
-                let step = Held::of(&seen, task, actions[task]);
-                memory.record(task, step, outcome.episode.as_ref());
+                memory.record(task, &seen, actions[task], outcome.episode.as_ref());
             }
         }
         let is_truncated = |task: &usize| {
@@ -108,7 +151,7 @@ pub fn collect<T: Tasks>(
             matches!(episode, Some(episode) if episode.end == End::Truncated)
         };
         let truncated: Vec<usize> = (0..outcomes.len()).filter(is_truncated).collect();
-        let mut last_values = network.last_values(tasks, &truncated).into_iter();
+        let mut last_values = network.values_of(tasks.last(), &truncated).into_iter();
         for (task, outcome) in outcomes.into_iter().enumerate() {
             let StepOutcome { reward, episode } = outcome;
             rollout.rewards.push(reward * reward_factors[task]);
@@ -129,9 +172,11 @@ pub fn collect<T: Tasks>(
         history.push(seen);
         rollout.actions.extend(actions);
     }
-    rollout.seen = history.into();
-    let seen = network.look(tasks);
-    rollout.last_values = cluster.split(tasks.count(), |own| network.values(&seen.pick(own)));
+    rollout.seen = Seen::new(history);
+    let seen = tasks.observations();
+    rollout.last_values = cluster.split(tasks.count(), |own| {
+        network.values(&network.batch(own.map(|task| (seen, task))))
+    });
     rollout.seconds = Seconds {
         simulation,
         inference: start.elapsed().as_secs_f64() - simulation,

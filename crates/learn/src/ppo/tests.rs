@@ -4,23 +4,22 @@ use super::rollout::collect;
 use super::*;
 use crate::policy::{DeviceKind, NetworkConfig, PolicyConfig, UnetConfig};
 use drape_cloth::math::{Purpose, Stream};
+use drape_cloth::sim::{ALLOWED, DRAPED, Observations, TOUCHED};
 use drape_task::cluster::{Cluster, threads};
-use drape_task::env::{End, Episode, ImageShape, Observation, StepOutcome, Tasks, Terrain};
+use drape_task::env::{End, Episode, ImageShape, StepOutcome, Tasks, Terrain};
 use fixedbitset::FixedBitSet;
-use serde::{Deserialize, Serialize};
 
 /// Touch `ORDER` in this order, on a 6 x 5 grid. All of them are allowed until touched. The
 /// only reward is the last step's: 10 for each position that was right.
-#[derive(Clone, Serialize, Deserialize)]
 struct Order {
-    states: Vec<(Observation, Vec<u32>)>,
-    #[serde(skip)]
-    last: Vec<Option<Observation>>,
+    /// `[task]`: touched so far.
+    taken: Vec<Vec<u32>>,
+    now: Observations,
+    last: Observations,
     /// Reward of a position: not finite to see that it is refused.
     reward: f32,
     /// How episodes end.
     end: End,
-    #[serde(skip, default = "Order::terrain")]
     terrain: Terrain,
 }
 
@@ -44,32 +43,37 @@ const ORDER: [u32; 6] = [13, 2, 29, 21, 7, 16];
 
 impl Order {
     fn new(count: usize) -> Self {
+        let taken = vec![Vec::new(); count];
         Self {
-            states: vec![Self::start(); count],
-            last: vec![None; count],
+            now: seen(&taken),
+            last: seen(&taken),
+            taken,
             reward: 10.0,
             end: End::Terminated,
-            terrain: Self::terrain(),
+            terrain: ramp(SHAPE),
         }
     }
+}
 
-    fn terrain() -> Terrain {
-        ramp(SHAPE)
+/// What tasks show in which these have been touched.
+fn seen(taken: &[Vec<u32>]) -> Observations {
+    let (mut distance, mut marks) = (Vec::new(), Vec::new());
+    for taken in taken {
+        let pixels = 0..SHAPE.pixel_count() as u32;
+        let touched = |pixel: u32| taken.contains(&pixel);
+        distance.extend(pixels.clone().map(|pixel| match touched(pixel) {
+            true => 0.0,
+            false => pixel as f32 * 1e-3,
+        }));
+        marks.extend(
+            pixels.map(|pixel| match (touched(pixel), ORDER.contains(&pixel)) {
+                (true, _) => TOUCHED | DRAPED,
+                (false, true) => ALLOWED,
+                (false, false) => 0,
+            }),
+        );
     }
-
-    fn start() -> (Observation, Vec<u32>) {
-        let none = FixedBitSet::with_capacity(SHAPE.pixel_count());
-        let mut mask = none.clone();
-        ORDER.iter().for_each(|&i| mask.insert(i as usize));
-        let observation = Observation {
-            scene: 0,
-            draped: none.clone(),
-            distance: (0..SHAPE.pixel_count()).map(|i| i as f32 * 1e-3).collect(),
-            touched: none,
-            mask,
-        };
-        (observation, Vec::new())
-    }
+    Observations::new(vec![0; taken.len()], distance, marks)
 }
 
 impl Tasks for Order {
@@ -78,7 +82,7 @@ impl Tasks for Order {
     }
 
     fn count(&self) -> usize {
-        self.states.len()
+        self.taken.len()
     }
 
     fn reward_scale(&self, _: usize) -> f32 {
@@ -89,27 +93,25 @@ impl Tasks for Order {
         vec![&self.terrain]
     }
 
-    fn observation(&self, index: usize) -> &Observation {
-        &self.states[index].0
+    fn observations(&self) -> &Observations {
+        &self.now
     }
 
-    fn last(&self, index: usize) -> &Observation {
-        self.last[index].as_ref().unwrap()
+    fn last(&self) -> &Observations {
+        &self.last
     }
 
     fn step(&mut self, actions: &[u32]) -> Vec<StepOutcome> {
+        assert!(
+            !self.now.allow(actions).contains(&false),
+            "the mask was violated"
+        );
         let Self { reward, end, .. } = *self;
-        self.last.resize(self.states.len(), None);
-        let states = self.states.iter_mut().zip(&mut self.last);
-        let step = |((state, ended), &action): ((&mut _, &mut _), &u32)| {
-            let (observation, taken): &mut (Observation, Vec<u32>) = state;
-            let pixel = action as usize;
-            assert!(observation.mask.contains(pixel), "the mask was violated");
-            observation.mask.remove(pixel);
-            observation.touched.insert(pixel);
-            observation.draped.insert(pixel);
-            observation.distance[pixel] = 0.0;
+        for (taken, &action) in self.taken.iter_mut().zip(actions) {
             taken.push(action);
+        }
+        self.last = seen(&self.taken);
+        let step = |taken: &mut Vec<u32>| {
             if taken.len() < ORDER.len() {
                 return StepOutcome {
                     reward: 0.0,
@@ -117,31 +119,33 @@ impl Tasks for Order {
                 };
             }
             let right = taken.iter().zip(ORDER).filter(|(a, b)| **a == *b).count();
-            let (last, actions) = std::mem::replace(state, Self::start());
-            *ended = Some(last);
             StepOutcome {
                 reward: reward * right as f32,
                 episode: Some(Episode {
                     end,
-                    actions,
+                    actions: std::mem::take(taken),
                     total_reward: reward * right as f32,
                     score: (end != End::Diverged).then(|| right as f64 / ORDER.len() as f64),
                 }),
             }
         };
-        states.zip(actions).map(step).collect()
+        let outcomes = self.taken.iter_mut().map(step).collect();
+        self.now = seen(&self.taken);
+        outcomes
     }
 
     fn save(&self) -> Vec<u8> {
-        postcard::to_allocvec(self).unwrap()
+        postcard::to_allocvec(&(&self.taken, self.reward)).unwrap()
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Self = postcard::from_bytes(bytes).map_err(|e| e.to_string())?;
-        if saved.count() != self.count() {
-            return Err("other number of tasks".to_owned());
+        let saved = postcard::from_bytes(bytes).map_err(|e| e.to_string())?;
+        let (taken, reward): (Vec<Vec<u32>>, f32) = saved;
+        if taken.len() != self.count() {
+            return Err("another number of tasks".into());
         }
-        *self = saved;
+        self.now = seen(&taken);
+        (self.taken, self.reward) = (taken, reward);
         Ok(())
     }
 }
@@ -171,10 +175,10 @@ fn trainer(config: PpoConfig, seed: u64) -> Trainer<Order> {
     Trainer::new(config, &policy(), Order::new(16), seed, DeviceKind::Flex).unwrap()
 }
 
-/// The same with observations that stay where the network is.
+/// The same with observations that are encoded where the network is.
 fn keeping_trainer(config: PpoConfig, seed: u64) -> Trainer<Order> {
     let mut trainer = trainer(config, seed);
-    trainer.actor_critic.keeps_observations = true;
+    trainer.actor_critic.encodes_there = true;
     trainer
 }
 
@@ -269,7 +273,7 @@ fn what_is_shown_is_imitated() {
         policy_coefficient: 0.0,
         ..everything()
     };
-    let solution = |tasks: &Order, task: usize| ORDER[tasks.states[task].1.len()];
+    let solution = |tasks: &Order, task: usize| ORDER[tasks.taken[task].len()];
     for seed in 0..3 {
         let mut learner = trainer(config.clone(), seed);
         let before = learner.save()["tasks"].clone();
@@ -294,7 +298,7 @@ fn pretraining_plays_what_was_shown() {
     let imitation = config.imitation.as_mut().unwrap();
     (imitation.episodes, imitation.pretraining) = (1, 200);
     let mut learner = trainer(config, 0);
-    learner.show(|tasks, task| ORDER[tasks.states[task].1.len()]);
+    learner.show(|tasks, task| ORDER[tasks.taken[task].len()]);
     let mut told = Vec::new();
     let watch = |share, loss| {
         told.push((share, loss));
@@ -338,14 +342,7 @@ fn rollout_notes_ends_scaled_rewards_and_the_values_behind_truncations() {
             6,
             &[0.5],
         );
-        let (mut last, _) = Order::start();
-        for action in ORDER.map(|a| a as usize) {
-            last.mask.remove(action);
-            last.touched.insert(action);
-            last.draped.insert(action);
-            last.distance[action] = 0.0;
-        }
-        let value = agent.value(&[&last])[0];
+        let value = agent.value(&[seen(&[ORDER.to_vec()]).row(0)])[0];
         let expected = match end {
             End::Terminated | End::Diverged => Next::Terminated,
             End::Truncated => Next::Truncated { value },
@@ -355,7 +352,10 @@ fn rollout_notes_ends_scaled_rewards_and_the_values_behind_truncations() {
         assert_eq!(rollout.rewards[5], 0.5 * rollout.episodes[0].total_reward);
         assert_eq!(rollout.actions, rollout.episodes[0].actions);
         // The task has been reset: what follows the rollout is the start again.
-        assert_eq!(rollout.last_values, agent.value(&[&Order::start().0]));
+        assert_eq!(
+            rollout.last_values,
+            agent.value(&[Order::new(1).observation(0)])
+        );
     }
 }
 
@@ -414,7 +414,7 @@ fn reward_that_is_not_finite_stops_the_training_and_leaves_the_network() {
     trainer.iterate().unwrap();
     let before = trainer.agent().save();
     let mut sections = trainer.save();
-    let mut tasks: Order = postcard::from_bytes(&sections["tasks"]).unwrap();
+    let mut tasks = Order::new(16);
     tasks.reward = f32::NAN;
     sections.insert("tasks".to_owned(), tasks.save());
     trainer.load(&sections).unwrap();
@@ -491,15 +491,9 @@ fn unet_plays_at_any_size() {
         ..ramp(shape)
     };
     let seen = |shape: ImageShape| {
-        let (mut seen, _) = Order::start();
-        let count = shape.pixel_count();
-        seen.distance = vec![0.01; count];
-        for set in [&mut seen.draped, &mut seen.touched, &mut seen.mask] {
-            *set = FixedBitSet::with_capacity(count);
-        }
-        seen.mask.insert_range(..);
-        seen.draped.insert(middle(shape.rows));
-        seen
+        let mut marks = vec![ALLOWED; shape.pixel_count()];
+        marks[middle(shape.rows)] |= DRAPED;
+        Observations::new(vec![0], vec![0.01; shape.pixel_count()], marks)
     };
     let agent = |side, seed| {
         let shape = ImageShape {
@@ -513,8 +507,8 @@ fn unet_plays_at_any_size() {
     let ((small, small_seen), (mut large, large_seen)) = (agent(32, 1), agent(64, 2));
     large.load(&small.save()).unwrap();
     let [(a, _), (b, _)] = [
-        small.evaluate(&[&small_seen]),
-        large.evaluate(&[&large_seen]),
+        small.evaluate(&[small_seen.row(0)]),
+        large.evaluate(&[large_seen.row(0)]),
     ];
     // Log-probabilities of neighbours, since the sums over all pixels differ.
     let difference = |all: &[f32], side: usize| all[middle(side)] - all[middle(side) + 1];
@@ -550,9 +544,8 @@ fn processes_learn_what_one_does() {
                     scope.spawn(move || {
                         let mut trainer =
                             trainer(everything(), 3).among(&Cluster::new(one)).unwrap();
-                        trainer.show(|tasks, task| {
-                            tasks.states[task].0.mask.minimum().unwrap() as u32
-                        });
+                        trainer
+                            .show(|tasks, task| tasks.observation(task).allowed().next().unwrap());
                         trainer.pretrain(|_, _| true).unwrap();
                         let iterations = (0..3).map(|_| timeless(trainer.iterate().unwrap()));
                         let iterations = iterations.collect();

@@ -2,7 +2,7 @@ use super::adam::Adam;
 use super::agent::{Agent, actor_critic};
 use super::config::{ImitationConfig, PpoConfig};
 use super::error::TrainError;
-use super::imitation::{Held, Memory};
+use super::imitation::Memory;
 use super::rollout::{EpisodeRecord, Seconds, collect};
 use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
 use super::update::{Learner, UpdateMetrics, imitate, update};
@@ -109,11 +109,10 @@ impl<T: Tasks> Trainer<T> {
         while shown.iter().any(Option::is_none) {
             let tasks = 0..shown.len();
             let actions: Vec<u32> = tasks.map(|task| choose(&self.tasks, task)).collect();
-            let seen = self.actor_critic.look(&self.tasks);
+            let seen = self.tasks.observations().clone();
             let outcomes = self.tasks.step(&actions).into_iter();
             for (task, (outcome, action)) in outcomes.zip(actions).enumerate() {
-                let step = Held::of(&seen, task, action);
-                memory.record(task, step, outcome.episode.as_ref());
+                memory.record(task, &seen, action, outcome.episode.as_ref());
                 let record = |episode| EpisodeRecord::new(task, episode);
                 shown[task] = shown[task].take().or(outcome.episode.map(record));
             }
@@ -229,10 +228,7 @@ impl<T: Tasks> Trainer<T> {
             (TASKS, self.tasks.save()),
             (PROGRESS, encode(&self.progress)),
         ];
-        let memory = self
-            .memory
-            .iter()
-            .map(|memory| (IMITATION, encode(&memory.on_host())));
+        let memory = self.memory.iter().map(|memory| (IMITATION, memory.save()));
         let named = sections.into_iter().chain(memory);
         named.map(|(name, bytes)| (name.into(), bytes)).collect()
     }
@@ -254,13 +250,7 @@ impl<T: Tasks> Trainer<T> {
         })?;
         let pixel_count = self.tasks.shape().pixel_count();
         let fitting = |own: &Memory| {
-            read_section(sections, IMITATION, |bytes| {
-                let memory: Memory = decode(bytes)?;
-                match memory.fits(own, pixel_count) {
-                    true => Ok(memory),
-                    false => Err("is of other tasks or another number of episodes".into()),
-                }
-            })
+            read_section(sections, IMITATION, |bytes| own.loaded(bytes, pixel_count))
         };
         let memory = self.memory.as_ref().map(fitting).transpose()?;
         read_section(sections, TASKS, |bytes| self.tasks.load(bytes))?;

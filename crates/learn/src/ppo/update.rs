@@ -2,16 +2,16 @@ use super::adam::{Adam, global_norm};
 use super::config::{AdvantageNorm, Baseline, PpoConfig};
 use super::error::NotFinite;
 use super::gae::{Next, gae};
-use super::imitation::{Memory, Move};
+use super::imitation::Memory;
 use super::loss;
-use super::rollout::Rollout;
+use super::rollout::{Rollout, Seen};
 use super::shared;
-use crate::policy::{ActorCritic, Batch, History, masked};
+use crate::policy::{ActorCritic, Batch, masked};
 use burn::optim::GradientsParams;
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use burn::tensor::{Bool, Device, Int, Tensor, TensorData};
 use drape_cloth::math::Stream;
+use drape_cloth::sim::Observations;
 use drape_task::cluster::Cluster;
-use drape_task::env::Observation;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -101,7 +101,10 @@ fn group_advantages(rollout: &Rollout) -> Vec<f32> {
     let (next, returns) = (&rollout.next, &rollout.returns);
     let ends = (0..next.len()).filter(|&sample| next[sample] != Next::Step);
     let ends: Vec<usize> = ends.collect();
-    let scene = |sample: usize| usize::from(rollout.seen.scene(sample));
+    let scene = |sample: usize| {
+        let (seen, row) = rollout.seen.row(sample);
+        usize::from(seen.views[row])
+    };
     let scene_count = ends.iter().map(|&end| scene(end) + 1).max().unwrap_or(0);
     let mut groups = vec![(0.0, 0.0); scene_count];
     for (&end, &gained) in ends.iter().zip(returns) {
@@ -124,18 +127,21 @@ fn group_advantages(rollout: &Rollout) -> Vec<f32> {
     advantages
 }
 
+/// A move that is to be imitated: a row of what was seen, and the action.
+type Shown<'a> = (&'a Observations, usize, u32);
+
 /// Takes a step towards moves that are to be imitated, and nothing else. Gives the cross-entropy before it
 /// [nat].
-pub fn imitate(mut learner: Learner, moves: &[&Move]) -> Result<f32, NotFinite> {
+pub fn imitate(mut learner: Learner, moves: &[Shown]) -> Result<f32, NotFinite> {
     let actor_critic = &*learner.actor_critic;
     let device = actor_critic.device();
     let own = learner.cluster.share(moves.len());
     let share = own.len() as f32 / moves.len() as f32;
     let moves = &moves[own];
-    let seen = Batch::Host(moves.iter().map(|m| &m.observation).collect());
-    let logits = actor_critic.predict(&seen).logits;
-    let log_probs = masked::log_softmax(logits, actor_critic.invalid(&seen));
-    let actions = int_tensor(moves.iter().map(|m| m.action), &device);
+    let batch = actor_critic.batch(moves.iter().map(|&(seen, row, _)| (seen, row)));
+    let (prediction, invalid) = actor_critic.predict(&batch);
+    let log_probs = masked::log_softmax(prediction.logits, invalid);
+    let actions = int_tensor(moves.iter().map(|&(_, _, action)| action), &device);
     let loss = -masked::log_prob(log_probs, actions).mean();
     let terms = Terms {
         total: loss.clone() * share,
@@ -147,8 +153,8 @@ pub fn imitate(mut learner: Learner, moves: &[&Move]) -> Result<f32, NotFinite> 
 
 /// Samples of one gradient step.
 struct Minibatch<'a> {
-    seen: &'a History,
-    /// Their rows there.
+    seen: &'a Seen,
+    /// Their numbers there.
     rows: Vec<usize>,
     actions: Vec<u32>,
     log_probs: Vec<f32>,
@@ -203,7 +209,7 @@ struct Terms {
 
 /// The loss of a minibatch and of some moves to be imitated:
 /// c₁ policy + c₂ value - c₃ entropy + c₄ imitation.
-fn evaluate(learner: &Learner, minibatch: Minibatch, imitated: &[&Move]) -> Terms {
+fn evaluate(learner: &Learner, minibatch: Minibatch, imitated: &[Shown]) -> Terms {
     let Learner {
         config, cluster, ..
     } = learner;
@@ -219,13 +225,16 @@ fn evaluate(learner: &Learner, minibatch: Minibatch, imitated: &[&Move]) -> Term
     let device = actor_critic.device();
     let (own, others) = (minibatch.actions.len(), imitated.len());
     // One pass through the network for both kinds of samples.
-    let observations = minibatch.seen.pick(&minibatch.rows);
-    let observations = observations.with(imitated.iter().map(|m| &m.observation));
+    let rows = minibatch
+        .rows
+        .iter()
+        .map(|&sample| minibatch.seen.row(sample));
+    let rows = rows.chain(imitated.iter().map(|&(seen, row, _)| (seen, row)));
+    let batch = actor_critic.batch(rows);
     let actions = minibatch.actions.iter().copied();
-    let actions = actions.chain(imitated.iter().map(|m| m.action));
+    let actions = actions.chain(imitated.iter().map(|&(_, _, action)| action));
 
-    let prediction = actor_critic.predict(&observations);
-    let invalid = actor_critic.invalid(&observations);
+    let (prediction, invalid) = actor_critic.predict(&batch);
     let log_probs = masked::log_softmax(prediction.logits, invalid.clone());
     let log_prob = masked::log_prob(log_probs.clone(), int_tensor(actions, &device));
 
@@ -233,7 +242,7 @@ fn evaluate(learner: &Learner, minibatch: Minibatch, imitated: &[&Move]) -> Term
     let old = tensor(&minibatch.log_probs, &device);
     let advantage = tensor(&minibatch.advantages, &device);
     let returns = tensor(&minibatch.returns, &device);
-    let weight = entropy_weights(config, &observations, own, &device);
+    let weight = entropy_weights(config, &batch, &invalid, own);
 
     let policy = loss::policy_loss(new.clone(), old.clone(), advantage, config.clip_range);
     let value = loss::value_loss(prediction.value.narrow(0, 0, own), returns);
@@ -297,21 +306,28 @@ fn descend(learner: &mut Learner, terms: Terms) -> Result<[f32; 7], NotFinite> {
 
 /// Weight of each of the first `count` states' entropy: 1, or 1 / ln(valid actions) if normalised. A state
 /// with one valid action has none.
-fn entropy_weights(config: &PpoConfig, seen: &Batch, count: usize, device: &Device) -> Tensor<1> {
+fn entropy_weights(
+    config: &PpoConfig,
+    batch: &Batch,
+    invalid: &Tensor<2, Bool>,
+    count: usize,
+) -> Tensor<1> {
+    let device = &invalid.device();
     if !config.normalise_entropy {
         return Tensor::ones([count], device);
     }
-    match seen {
-        Batch::Host(observations) => {
-            let weight = |o: &&Observation| match o.mask.count_ones(..) {
-                1 => 0.0,
-                count => 1.0 / (count as f32).ln(),
-            };
-            let weights: Vec<f32> = observations[..count].iter().map(weight).collect();
-            tensor(&weights, device)
+    match batch {
+        Batch::Host(rows) => {
+            let weights = rows[..count]
+                .iter()
+                .map(|seen| match seen.allowed().count() {
+                    1 => 0.0,
+                    count => 1.0 / (count as f32).ln(),
+                });
+            tensor(&weights.collect::<Vec<_>>(), device)
         }
-        Batch::Device(shown) => {
-            let valid = shown.invalid().narrow(0, 0, count).bool_not();
+        Batch::Device(_) => {
+            let valid = invalid.clone().narrow(0, 0, count).bool_not();
             let valid: Tensor<1> = valid.float().sum_dim(1).squeeze_dim(1);
             let single = valid.clone().lower_equal_elem(1.0);
             // ln(2) is never looked at.
@@ -334,23 +350,16 @@ fn int_tensor(numbers: impl Iterator<Item = u32>, device: &Device) -> Tensor<1, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::policy::Seen;
 
     /// Two tasks on scene 0, one on scene 1, three steps: an episode has the same advantage from its first
     /// step on, whatever it has earned when, and what has not ended has none.
     #[test]
     fn groups_are_the_episodes_of_a_scene() {
-        let seen = |scene| Observation {
-            scene,
-            draped: Default::default(),
-            distance: Vec::new(),
-            touched: Default::default(),
-            mask: Default::default(),
-        };
+        let seen = |views: [u16; 3]| Observations::new(views.to_vec(), vec![0.0; 3], vec![0; 3]);
         let (on, end) = (Next::Step, Next::Terminated);
         let cut = Next::Truncated { value: 9.0 };
         let rollout = Rollout {
-            seen: vec![Seen::Host([0, 0, 1, 0, 0, 1, 0, 0, 1].map(seen).into())].into(),
+            seen: Seen::new(vec![seen([0, 0, 1]); 3]),
             next: vec![end, on, on, on, on, end, on, cut, on],
             returns: vec![3.0, 7.0, 5.0],
             last_values: vec![0.0; 3],

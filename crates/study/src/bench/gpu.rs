@@ -52,7 +52,7 @@ pub fn run(
     let (mut rates, mut drifts) = (Vec::new(), Vec::new());
     for (k, solver) in Solver::ALL.into_iter().enumerate() {
         let world = World {
-            start: scene.initial.clone(),
+            starts: vec![scene.initial.clone()],
             ..world(scene, solver)
         };
         for environments in COUNTS {

@@ -1,6 +1,7 @@
 use super::*;
 use crate::episodes::play;
 use crate::transfer::tests::{env, scene};
+use drape_cloth::measure::surplus;
 
 fn row(proof: &Proof, physics: Physics, order: &str) -> Row {
     let mut rows = proof.rows.iter();
@@ -29,11 +30,16 @@ fn paths_are_held_against_orders_in_the_same_physics() {
 
     let mut draping = Draping::new(scene.clone(), &finely(&env), 1).unwrap();
     draping.replay(&[&random[best]], |_, _, _| ())[0].unwrap();
-    assert!((draping.score(&random[best], &draping.state(0)) - score).abs() < 1e-12);
+    assert!((draping.score(0, &draping.points(0), &draping.state(0)) - score).abs() < 1e-12);
     // The steps of the task end elsewhere.
     let own = play(&scene, &env, Order::Random, 5, 0, |_| ()).unwrap();
     let region = env.region(&scene.lamina).unwrap().vertices;
-    let own = surplus(&scene.lamina, &scene.tool, &own[best].end.position, &region);
+    let own = surplus(
+        &scene.lamina,
+        &scene.tool,
+        &own[best].end.cloth().position,
+        &region,
+    );
     assert_ne!(own, path.least_surplus_m);
 }
 
@@ -55,7 +61,7 @@ fn costs_decide_which_path_is_best() {
     let lists: Vec<&[u32]> = paths.iter().map(|path| &path[..]).collect();
     let _ = draping.replay(&lists, |_, _, _| ());
     let scores: Vec<f64> = (0..5)
-        .map(|k| draping.score(&paths[k], &draping.state(k)))
+        .map(|k| draping.score(k, &draping.points(k), &draping.state(k)))
         .collect();
     let best = scores.iter().copied().max_by(f64::total_cmp).unwrap();
     assert!((costly.score - best).abs() < 1e-12 && (scores[costly.index] - best).abs() < 1e-12);

@@ -9,8 +9,8 @@ use crate::points::{apart_mm, coarser, same_points, summed_m};
 use crate::presses::{Positions, pushed};
 use crate::study::StudyError;
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::Snapshot;
-use drape_cloth::twin::{Energies, Hold, TwinConfig};
+use drape_cloth::sim::{Presses, Snapshot};
+use drape_cloth::twin::{Energies, Hold, Twin, TwinConfig};
 use drape_task::env::{Draping, EnvConfig, Region};
 
 /// A scene, a region with its stencil, and the vertices to press.
@@ -49,6 +49,10 @@ impl Ran {
     }
 }
 
+fn draped(state: &Snapshot) -> Vec<u32> {
+    state.pressed.draped.ones().map(|v| v as u32).collect()
+}
+
 impl PaperCase {
     /// Summed distance of the region to the tool [m].
     pub fn distance_m(&self, positions: &Positions) -> f64 {
@@ -78,16 +82,16 @@ impl PaperCase {
         let ended = env.replay(&[&self.sequence], |_, _, _| ());
         let press_cpu_s = start.elapsed().as_secs_f64();
         ended[0].map_err(|_| StudyError::FastDiverged)?;
-        let ends = [initial, env.state(0)];
+        let end = env.state(0);
         Ok(Ran {
             name: "fast",
             fall_cpu_s: self.fall_cpu_s,
             press_cpu_s,
-            draped: env.draped(0).ones().map(|v| v as u32).collect(),
+            draped: draped(&end),
             time_step_s: 1.0 / self.env.stepping().substep_rate,
-            v_rms: ends.each_ref().map(Snapshot::v_rms),
+            v_rms: [&initial, &end].map(Snapshot::v_rms),
             energy: None,
-            ends: ends.map(|state| state.position),
+            ends: [initial.position, end.position],
         })
     }
 
@@ -113,19 +117,16 @@ impl PaperCase {
         let start = ThreadTime::now();
         let press = press_config(&self.env, Hold::Pressure);
         let presses = (&*self.sequence, 1e-3 * self.env.stencil_mm);
-        let mut done = 0.0;
-        let ended = twin.replay(&scene.lamina, &scene.tool, &press, presses, |_| {
-            done += 1.0;
-            progress(done / self.sequence.len() as f64);
-        });
-        if let Some(error) = ended.diverged {
-            return Err(StudyError::Named(name, error.into()));
-        }
+        let told = |_: &Twin, presses: &Presses| {
+            progress(presses.len() as f64 / self.sequence.len() as f64);
+        };
+        let ended = twin.replay(&scene.lamina, &scene.tool, &press, presses, told);
+        ended.map_err(|error| StudyError::Named(name, error.into()))?;
         Ok(Ran {
             name,
             fall_cpu_s,
             press_cpu_s: start.elapsed().as_secs_f64(),
-            draped: ended.draped,
+            draped: draped(&twin.snapshot()),
             time_step_s,
             v_rms: [speed, twin.speed()],
             energy: Some([energy, twin.energies()]),

@@ -1,7 +1,7 @@
 //! Shear beyond the locking angle, at rest.
 
 use drape_cloth::fabric::ShearLocking;
-use drape_cloth::scene::{shear, sheared};
+use drape_cloth::measure::{shear, sheared};
 use drape_cloth::sim::Stepping;
 use drape_cloth::tool::Hemisphere;
 use drape_study::cloth::{Piece, laid, shearing};

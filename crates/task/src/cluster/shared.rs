@@ -1,7 +1,8 @@
 use std::ops::Range;
 
 use super::Cluster;
-use drape_cloth::sim::{Backend, Control, Press, Pressed, Snapshot};
+use drape_cloth::measure::Measures;
+use drape_cloth::sim::{Backend, Column, Control, Observed, Parameters, Press, Snapshot};
 
 /// Environments of which every process simulates its part and knows all.
 pub(crate) struct Shared {
@@ -11,18 +12,13 @@ pub(crate) struct Shared {
     range: Range<usize>,
     /// None where there are fewer environments than processes.
     own: Option<Box<dyn Backend>>,
-    /// After a reset.
-    start: Pressed,
-    pressed: Vec<Pressed>,
 }
 
 impl Shared {
-    /// `count` environments at their start, which `open` makes so many of. After a reset presses have done
-    /// what `start` says.
+    /// `count` environments at their start, which `open` makes so many of.
     pub fn open<E>(
         cluster: &Cluster,
         count: usize,
-        start: &Pressed,
         open: impl FnOnce(usize) -> Result<Box<dyn Backend>, E>,
     ) -> Result<Box<dyn Backend>, E> {
         if cluster.size() == 1 {
@@ -35,8 +31,6 @@ impl Shared {
             count,
             range,
             own,
-            start: start.clone(),
-            pressed: vec![start.clone(); count],
         }))
     }
 
@@ -63,16 +57,14 @@ impl Backend for Shared {
     }
 
     fn load(&mut self, environment: usize, snapshot: &Snapshot) {
-        self.pressed[environment] = snapshot.pressed.clone();
         if let Some((place, own)) = self.place(environment) {
             own.load(place, snapshot);
         }
     }
 
-    fn reset(&mut self, environment: usize) {
-        self.pressed[environment] = self.start.clone();
+    fn reset(&mut self, environment: usize, parameters: &Parameters) {
         if let Some((place, own)) = self.place(environment) {
-            own.reset(place);
+            own.reset(place, parameters);
         }
     }
 
@@ -99,23 +91,27 @@ impl Backend for Shared {
         }
     }
 
-    fn press(&mut self, vertices: &[Option<u32>]) {
+    fn press(&mut self, vertices: &[Option<u32>]) -> Column<f64> {
         assert_eq!(vertices.len(), self.count, "one entry an environment");
-        if let Some(own) = &mut self.own {
-            own.press(&vertices[self.range.clone()]);
-        }
-        self.pressed = self.all(|own| own.pressed().to_vec());
+        let range = self.range.clone();
+        let own = self.own.as_mut().map(|own| own.press(&vertices[range]));
+        let own = own.map_or_else(Vec::new, |places| places.host().to_vec());
+        Column::on_host(self.cluster.gather(own).concat())
     }
 
     fn finite(&self) -> Vec<bool> {
         self.all(|own| own.finite())
     }
 
-    fn distances(&self, vertices: &[u32]) -> Vec<f64> {
-        self.all(|own| own.distances(vertices))
+    fn observe(&self) -> Observed {
+        let own = self.own.as_ref().map(|own| own.observe());
+        let found = self.cluster.gather(own).into_iter();
+        Observed::joined(found.flatten().collect())
     }
 
-    fn pressed(&self) -> &[Pressed] {
-        &self.pressed
+    fn measure(&self, environments: &[usize]) -> Vec<Measures> {
+        let own = environments.iter().filter(|e| self.range.contains(e));
+        let own: Vec<usize> = own.map(|e| e - self.range.start).collect();
+        self.all(|backend| backend.measure(&own))
     }
 }

@@ -3,6 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use super::costs::Costs;
 use super::objective::Objective;
+use super::parameters::ParametersConfig;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
@@ -52,10 +53,13 @@ pub struct EnvConfig {
     pub max_depth_mm: f64,
     pub precision: Precision,
     /// Where the cloth is computed: `cpu`, `gpu` or `gpu:N`.
-    #[serde(skip_serializing_if = "is_cpu")]
+    #[serde(skip_serializing_if = "is_default")]
     pub device: Device,
     /// What is taken off the score of a path that is polished or proved.
     pub costs: Costs,
+    /// How its world differs from what scene and task say.
+    #[serde(skip_serializing_if = "is_default")]
+    pub parameters: ParametersConfig,
 }
 
 impl Default for EnvConfig {
@@ -80,13 +84,14 @@ impl Default for EnvConfig {
             precision: Precision::F32,
             device: Device::Cpu,
             costs: Costs::default(),
+            parameters: ParametersConfig::default(),
         }
     }
 }
 
 /// Resolved configurations without the key read as they always did.
-fn is_cpu(device: &Device) -> bool {
-    *device == Device::Cpu
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// The vertices of the focus region, and the rows and columns, ends exclusive, that hold them.
@@ -170,17 +175,6 @@ impl EnvConfig {
         1e-3 * self.stencil_mm
     }
 
-    /// What a path costs whose presses on `vertices` have left the blank `at` these places [m], see [`Costs`].
-    pub fn cost(&self, scene: &Scene, region: &Region, vertices: &[u32], at: &[[f64; 3]]) -> f64 {
-        let rest = |&v: &u32| scene.lamina.rest[v as usize];
-        let undraped = match self.costs.undraped > 0.0 {
-            true => region.undraped_inner(scene, self.drape_threshold(), at),
-            false => 0,
-        };
-        let places: Vec<[f64; 2]> = vertices.iter().map(rest).collect();
-        self.costs.of(&places, self.join_distance(), undraped)
-    }
-
     /// Checks every value and finds the region on the blank; the error names key, found and
     /// expected.
     pub fn region(&self, lamina: &Lamina) -> Result<Region, ValueError> {
@@ -201,6 +195,7 @@ impl EnvConfig {
             ValueError::unless_within(key, value, range)?;
         }
         self.costs.check().map_err(|error| error.within("costs"))?;
+        self.parameters.parameters()?;
         let stepping = self.stepping();
         stepping.check()?;
         let (press, settle, substep) = (self.press_s, self.settle_s, 1.0 / stepping.substep_rate);

@@ -1,25 +1,21 @@
 use std::cell::OnceCell;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-use fixedbitset::FixedBitSet;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, Region};
-use super::judge::{Judge, Judged};
-#[cfg(feature = "gpu")]
-use super::look::Sight;
+use super::group::{Group, groups};
 use super::reward::{Reward, Taken, score};
-use super::rules::{Slot, Task};
-use super::task::{End, Episode, ImageShape, Observation, StepOutcome, Tasks};
+use super::rules::Task;
+use super::task::{End, Episode, ImageShape, StepOutcome, Tasks};
 use super::terrain::Terrain;
-use super::views::{After, Views};
 use crate::cluster::{Cluster, Shared};
 use crate::path::PressedPoint;
 use drape_cloth::file::ValueError;
-use drape_cloth::math::Vec3;
-use drape_cloth::scene::{Scene, surplus};
-use drape_cloth::sim::{Backend, Snapshot};
+use drape_cloth::measure::Measures;
+use drape_cloth::scene::Scene;
+use drape_cloth::sim::{Backend, Observations, Observed, Parameters, Presses, Snapshot, World};
 
 /// What an environment keeps of a vertex: its state, the last observation, the end of the last
 /// episode, and all of that again where a checkpoint is written [bytes].
@@ -35,45 +31,165 @@ pub fn check_memory(count: usize, vertex_count: usize) -> Result<(), ValueError>
     ValueError::unless(mib <= MOST_MIB, "environments", found, expected)
 }
 
-/// N draping tasks on one scene, stepped together on one [`Backend`].
+/// Environments on one of the scenes that a [`Draping`] has.
+#[derive(Clone)]
+pub struct Member {
+    pub scene: Arc<Scene>,
+    pub config: EnvConfig,
+    /// How many environments.
+    pub count: usize,
+}
+
+/// Draping tasks on one or several scenes, stepped together: as many at once on a [`Backend`] as differ
+/// by [`Parameters`] alone.
 pub struct Draping {
-    task: Task,
-    cloth: Box<dyn Backend>,
+    /// One a scene.
+    tasks: Vec<Task>,
+    groups: Vec<Batch>,
     slots: Vec<Slot>,
-    views: Views,
-    judge: Judge,
+    now: OnceLock<Observed>,
+    /// What was seen after the last step, before any episode was reset.
+    last: Option<Observations>,
+    reward: Reward,
+    is_costly: bool,
     keeps_ends: bool,
+    is_shared: bool,
+}
+
+/// Environments that one backend computes, and its world.
+struct Batch {
+    world: World,
+    first: usize,
+    cloth: Box<dyn Backend>,
+}
+
+/// One environment without its cloth.
+#[derive(Clone)]
+struct Slot {
+    /// Number of its scene.
+    scene: usize,
+    /// What it has of its own after a reset.
+    parameters: Parameters,
+    episode: Running,
+    /// How the last episode ended, before the reset.
+    finished: Option<EpisodeState>,
+}
+
+/// An episode that goes on.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Running {
+    /// Vertices that have been pressed, and where they were [m]; all at the origin where ends are
+    /// forgotten and nothing costs.
+    presses: Presses,
+    /// Sum of the rewards.
+    total_reward: f32,
+}
+
+/// Where an episode has come to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EpisodeState {
+    episode: Running,
+    cloth: Snapshot,
+}
+
+impl EpisodeState {
+    /// Where presses made elsewhere have led to.
+    pub fn new(presses: Presses, cloth: Snapshot) -> Self {
+        let episode = Running {
+            presses,
+            ..Running::default()
+        };
+        Self { episode, cloth }
+    }
+
+    /// The cloth.
+    pub fn cloth(&self) -> &Snapshot {
+        &self.cloth
+    }
+
+    /// Vertices that have been pressed, and where they were [m].
+    pub fn presses(&self) -> &[(u32, [f64; 3])] {
+        &self.episode.presses
+    }
 }
 
 impl Draping {
     /// `count` environments on `scene`, each at its start.
     pub fn new(scene: Arc<Scene>, config: &EnvConfig, count: usize) -> Result<Self, ValueError> {
-        Self::shared(scene, config, count, &Cluster::default())
+        let config = config.clone();
+        let member = Member {
+            scene,
+            config,
+            count,
+        };
+        Self::on(vec![member], &Cluster::default())
     }
 
-    /// The same, simulated by the processes of a cluster together.
-    pub fn shared(
-        scene: Arc<Scene>,
-        config: &EnvConfig,
-        count: usize,
-        cluster: &Cluster,
-    ) -> Result<Self, ValueError> {
-        check_memory(count, scene.lamina.vertex_count())?;
-        let task = Task::new(scene, config)?;
-        let start = &task.world.start.pressed;
-        let cloth = Shared::open(cluster, count, start, |count| task.cloth(count))?;
-        Ok(Self {
-            slots: vec![Slot::default(); count],
-            views: Views::new(&task, &*cloth),
-            judge: Judge::new(&task, &*cloth),
+    /// Environments on several scenes that are seen alike, those of one world after the other, simulated
+    /// by the processes of a cluster together.
+    ///
+    /// # Errors
+    /// If images differ in size, a value is out of range, or the device does not compute a scene.
+    pub fn on(members: Vec<Member>, cluster: &Cluster) -> Result<Self, ValueError> {
+        let vertices = |member: &Member| member.count * member.scene.lamina.vertex_count();
+        check_memory(1, members.iter().map(vertices).sum())?;
+        let task = |member: &Member| Task::new(member.scene.clone(), &member.config);
+        let tasks: Vec<Task> = members.iter().map(task).collect::<Result<_, _>>()?;
+        let expected = tasks[0].shape();
+        let size = |ImageShape { rows, columns }| format!("{rows} x {columns} pixels");
+        for (k, task) in tasks.iter().enumerate() {
+            let found = format!("{} in member {k}", size(task.shape()));
+            let is_alike = task.shape() == expected;
+            ValueError::unless(is_alike, "scenes", found, size(expected))?;
+        }
+        let counts: Vec<usize> = members.iter().map(|member| member.count).collect();
+        let (mut batches, mut slots) = (Vec::new(), Vec::new());
+        for group in groups(&tasks, &counts)? {
+            let Group {
+                world,
+                environments,
+                parameters,
+                scenes,
+            } = group;
+            let config = &tasks[scenes[0]].config;
+            let open = |count| {
+                let opened = config.device.open(&world, count, config.precision);
+                let refused = |error| {
+                    let expected = format!("cpu: {error}");
+                    ValueError::new("env.device", config.device, expected)
+                };
+                opened.map_err(refused)
+            };
+            batches.push(Batch {
+                cloth: Shared::open(cluster, environments.len(), open)?,
+                first: environments.start,
+                world,
+            });
+            let slot = |(parameters, scene)| Slot {
+                scene,
+                parameters,
+                episode: Running::default(),
+                finished: None,
+            };
+            slots.extend(parameters.into_iter().zip(scenes).map(slot));
+        }
+        let mut draping = Self {
+            tasks,
+            groups: batches,
+            now: OnceLock::new(),
+            last: None,
+            reward: Reward::default(),
+            is_costly: false,
             keeps_ends: true,
-            cloth,
-            task,
-        })
+            is_shared: cluster.size() > 1,
+            slots,
+        };
+        (0..draping.count()).for_each(|index| draping.reset(index));
+        Ok(draping)
     }
 
-    /// The same environments without [`Draping::finished`], for learners, who do not ask: on a GPU the cloth then
-    /// stays there.
+    /// The same environments without [`Draping::finished`], for learners, who do not ask: on a GPU the
+    /// cloth then stays there.
     pub fn forgetting_ends(mut self) -> Self {
         self.keeps_ends = false;
         self
@@ -81,360 +197,356 @@ impl Draping {
 
     /// The same environments with another reward than the paper's.
     pub fn with_reward(mut self, reward: Reward) -> Self {
-        self.task.reward = reward;
+        self.reward = reward;
         self
     }
 
     /// The same environments with the costs of paths taken off scores.
     pub fn costly(mut self) -> Self {
-        self.task.is_costly = true;
+        self.is_costly = true;
         self
     }
 
-    /// Numbers its scene among several.
-    pub(super) fn set_scene_index(&mut self, index: u16) {
-        self.task.scene_index = index;
-        self.task.observation.scene = index;
-        self.views.set_scene(index);
+    /// All tasks, one a scene.
+    pub fn tasks(&self) -> &[Task] {
+        &self.tasks
     }
 
-    /// The vertex of the blank that an action presses; none where the blank has been cut away.
+    /// The task of an environment.
+    pub fn task(&self, index: usize) -> &Task {
+        &self.tasks[self.slots[index].scene]
+    }
+
+    /// Numbers of the environments on a scene.
+    pub fn environments(&self, scene: usize) -> impl Iterator<Item = usize> + '_ {
+        let slots = self.slots.iter().enumerate();
+        slots.filter_map(move |(index, slot)| (slot.scene == scene).then_some(index))
+    }
+
+    /// The vertex of the first scene's blank that an action presses.
     pub fn vertex(&self, action: u32) -> Option<u32> {
-        self.task.vertex(action)
+        self.tasks[0].vertex(action)
     }
 
-    /// The action that presses a vertex; none outside the image.
+    /// The action that presses a vertex there.
     pub fn action(&self, vertex: u32) -> Option<u32> {
-        self.task.pixel(vertex)
+        self.tasks[0].action(vertex)
     }
 
-    /// The focus region.
-    pub fn region(&self) -> &Region {
-        &self.task.region
-    }
-
-    /// The scene that the tasks are set in.
+    /// The first scene.
     pub fn scene(&self) -> &Arc<Scene> {
-        &self.task.scene
+        &self.tasks[0].scene
     }
 
-    /// The objective at the start [m].
-    pub fn initial_objective(&self) -> f64 {
-        self.task.initial
+    /// The focus region there.
+    pub fn region(&self) -> &Region {
+        &self.tasks[0].region
     }
 
-    /// Summed distance to the tool of the region [m].
-    pub fn region_distance(&self, state: &Snapshot) -> f64 {
-        let (region, position) = (&self.task.region.vertices, &state.position);
-        self.scene().tool.summed_distance(region.ones(), position)
+    /// The task's configuration there.
+    pub fn config(&self) -> &EnvConfig {
+        &self.tasks[0].config
     }
 
-    /// How well presses on `vertices` that have ended in `state` were done: see [`score`], less their [`Costs`]
-    /// where these count.
-    ///
-    /// [`Costs`]: super::costs::Costs
-    pub fn score(&self, vertices: &[u32], state: &Snapshot) -> f64 {
-        self.task.score(vertices, state)
-    }
-
-    /// Surplus of the region, see [`surplus`] [m].
-    pub fn region_surplus(&self, state: &Snapshot) -> f64 {
-        let Scene { lamina, tool, .. } = &*self.task.scene;
-        surplus(lamina, tool, &state.position, &self.task.region.vertices)
-    }
-
-    /// Vertices of the region, ascending.
-    pub fn region_vertices(&self) -> impl Iterator<Item = u32> + '_ {
-        self.task.region.vertices.ones().map(|v| v as u32)
+    /// How well presses at `points` that have ended in `state` were done in an environment, less what they
+    /// cost where that counts.
+    pub fn score(&self, index: usize, points: &[PressedPoint], state: &Snapshot) -> f64 {
+        let task = self.task(index);
+        let cost = match self.is_costly {
+            true => task.cost(&task.figures(points), state),
+            false => 0.0,
+        };
+        task.score(state) - cost
     }
 
     /// The cloth of one environment as it is now.
     pub fn state(&self, index: usize) -> Snapshot {
-        self.cloth.snapshot(index)
+        let (group, place) = self.place(index);
+        self.groups[group].cloth.snapshot(place)
     }
 
-    /// The task's configuration.
-    pub fn config(&self) -> &EnvConfig {
-        &self.task.config
+    /// Where on the tool an environment has been pressed so far.
+    pub fn points(&self, index: usize) -> Vec<PressedPoint> {
+        self.task(index).points(&self.slots[index].episode.presses)
     }
 
-    /// Vertices of the whole blank that are draped now.
-    pub fn draped(&self, index: usize) -> &FixedBitSet {
-        &self.cloth.pressed()[index].draped
-    }
-
-    /// Vertices of the whole blank that have been under the stencil by now.
-    pub fn touched(&self, index: usize) -> &FixedBitSet {
-        &self.cloth.pressed()[index].touched
-    }
-
-    /// How the last episode of an environment ended; none before the first, and none where they are forgotten.
-    pub fn finished(&self, index: usize) -> Option<&Snapshot> {
+    /// How the last episode of an environment ended; none before the first, and none where they are
+    /// forgotten.
+    pub fn finished(&self, index: usize) -> Option<&EpisodeState> {
         self.slots[index].finished.as_ref()
-    }
-
-    /// Whether the mask allows an action after the presses that an environment has had, those of a
-    /// replayed list too.
-    pub fn allows(&self, index: usize, action: u32) -> bool {
-        let mask = self.task.mask(&self.cloth.pressed()[index]);
-        mask.contains(action as usize)
     }
 
     /// Whether the cloth of one environment can be that of an episode's end, see
     /// [`EnvConfig::max_tension`].
     pub fn is_believable(&self, index: usize) -> bool {
-        self.task.is_believable(&self.state(index))
+        self.task(index).is_believable(&self.measure(&[index])[0])
     }
 
     /// Every vertex of the region has been under the stencil in one environment.
     pub fn is_over(&self, index: usize) -> bool {
-        self.task.is_over(&self.cloth.pressed()[index])
+        self.observed().untouched[index] == 0
     }
 
     /// Puts one environment back to the start.
     pub fn reset(&mut self, index: usize) {
-        self.restart(index, false);
-    }
-
-    fn restart(&mut self, index: usize, ended: bool) {
-        self.cloth.reset(index);
-        self.views.change(index, &self.task.observation, ended);
-        let finished = self.slots[index].finished.take();
-        self.slots[index] = Slot {
-            finished,
-            ..Slot::default()
-        };
-    }
-
-    /// Where on the tool a press on `vertex` would land in one environment now.
-    pub fn pressed_point(&self, index: usize, vertex: u32) -> PressedPoint {
-        let x = Vec3::from(self.state(index).position[vertex as usize]);
-        let surface = self.task.scene.tool.surface.project(x);
-        PressedPoint {
-            vertex,
-            position: surface.position,
-            normal: surface.normal,
-        }
+        let (group, place) = self.place(index);
+        let (cloth, own) = (&mut self.groups[group].cloth, &self.slots[index].parameters);
+        cloth.reset(place, own);
+        self.slots[index].episode = Running::default();
+        self.now = OnceLock::new();
     }
 
     /// Scores of all environments as they are now, see [`Draping::score`].
     pub fn scores(&self) -> Vec<f64> {
         let states: Vec<Snapshot> = (0..self.count()).map(|index| self.state(index)).collect();
         let all = states.par_iter().enumerate();
-        all.map(|(index, state)| {
-            let actions = self.slots[index].actions.iter();
-            let vertices = actions.filter_map(|&action| self.vertex(action));
-            self.score(&vertices.collect::<Vec<_>>(), state)
+        all.map(|(index, state)| match self.is_costly {
+            true => self.score(index, &self.points(index), state),
+            false => self.score(index, &[], state),
         })
         .collect()
     }
 
-    /// One environment in the middle of its episode.
-    pub fn branch(&self, index: usize) -> Branch {
-        Branch {
-            slot: Slot {
-                finished: None,
-                ..self.slots[index].clone()
-            },
-            observation: self.observation(index).clone(),
+    /// Where the episode of an environment has come to.
+    pub fn episode(&self, index: usize) -> EpisodeState {
+        EpisodeState {
+            episode: self.slots[index].episode.clone(),
             cloth: self.state(index),
         }
     }
 
-    /// Lets one environment go on exactly from where any environment of the same task was.
-    pub fn go_on(&mut self, index: usize, from: &Branch) {
-        self.cloth.load(index, &from.cloth);
-        self.views.change(index, &from.observation, false);
-        let finished = self.slots[index].finished.take();
-        self.slots[index] = Slot {
-            finished,
-            ..from.slot.clone()
-        };
+    /// Lets one environment go on exactly from where any environment of the same world was.
+    pub fn go_on(&mut self, index: usize, from: &EpisodeState) {
+        let (group, place) = self.place(index);
+        self.groups[group].cloth.load(place, &from.cloth);
+        self.slots[index].episode = from.episode.clone();
+        self.now = OnceLock::new();
     }
 
     /// Presses on a vertex in every environment, whatever the masks allow; where there is none,
-    /// time passes all the same. No episode begins or ends by it, and observations stay as they
-    /// were: it is for lists of presses that were made elsewhere. Tells which are finite.
+    /// time passes all the same. No episode begins or ends by it: it is for lists of presses that were made
+    /// elsewhere. Tells which are finite.
     ///
     /// # Panics
     /// If there is not one entry an environment.
     pub fn press(&mut self, vertices: &[Option<u32>]) -> Vec<bool> {
-        self.views.keep(&self.task, &*self.cloth);
-        self.cloth.press(vertices);
-        self.cloth.finite()
+        self.apply(vertices);
+        self.of_groups(|batch| batch.cloth.finite()).concat()
     }
 
-    /// Why the episode of an environment is over, if it is, as far as presses tell.
-    fn end(&self, index: usize, After { finite, is_over }: After) -> Option<End> {
-        let limit = self.task.config.max_steps.unwrap_or(usize::MAX);
-        match finite {
-            false => Some(End::Diverged),
-            true if is_over => Some(End::Terminated),
-            true => (self.slots[index].actions.len() >= limit).then_some(End::Truncated),
+    fn apply(&mut self, vertices: &[Option<u32>]) {
+        assert_eq!(vertices.len(), self.count(), "one entry an environment");
+        let pressed = self.of_groups(|batch| {
+            let own = batch.first..batch.first + batch.cloth.count();
+            batch.cloth.press(&vertices[own])
+        });
+        self.now = OnceLock::new();
+        let keeps = self.keeps_ends || self.is_costly;
+        let places = pressed.iter().flat_map(|places| match keeps {
+            true => places.host().as_chunks().0.to_vec(),
+            false => Vec::new(),
+        });
+        let mut places = places.collect::<Vec<_>>().into_iter();
+        for (slot, vertex) in self.slots.iter_mut().zip(vertices) {
+            let place = places.next().unwrap_or_default();
+            let pressed = vertex.map(|vertex| (vertex, place));
+            slot.episode.presses.extend(pressed);
         }
     }
 
-    /// What the step of one environment has brought. Its episode is reset when it is over.
-    fn conclude(&mut self, index: usize, end: Option<End>, judged: Option<Judged>) -> StepOutcome {
-        let (task, slot) = (&self.task, &mut self.slots[index]);
-        let judged = judged.as_ref();
-        let finite = end != Some(End::Diverged) && judged.is_none_or(|judged| judged.is_believable);
-        let end = end.map(|end| if finite { end } else { End::Diverged });
-        let objective = OnceCell::new();
-        let objective = || *objective.get_or_init(|| task.objective(&self.cloth.snapshot(index)));
-        let left = || judged.map_or_else(objective, |judged| judged.left);
+    /// What a function gives for every group, in parallel where no other process waits for its turn.
+    fn of_groups<T: Send>(&mut self, of: impl Fn(&mut Batch) -> T + Sync + Send) -> Vec<T> {
+        match &mut self.groups[..] {
+            [one] => vec![of(one)],
+            all if self.is_shared => all.iter_mut().map(of).collect(),
+            all => all.par_iter_mut().map(of).collect(),
+        }
+    }
+
+    /// The group that an environment is computed in, and its number there.
+    fn place(&self, index: usize) -> (usize, usize) {
+        let group = self.groups.partition_point(|batch| batch.first <= index) - 1;
+        (group, index - self.groups[group].first)
+    }
+
+    fn observed(&self) -> &Observed {
+        self.now.get_or_init(|| {
+            let observe = |batch: &Batch| batch.cloth.observe();
+            Observed::joined(match self.is_shared {
+                true => self.groups.iter().map(observe).collect(),
+                false => self.groups.par_iter().map(observe).collect(),
+            })
+        })
+    }
+
+    /// Measures some environments, ascending.
+    fn measure(&self, environments: &[usize]) -> Vec<Measures> {
+        let all = self.groups.iter().flat_map(|batch| {
+            let own = batch.first..batch.first + batch.cloth.count();
+            let own = environments.iter().filter(|index| own.contains(index));
+            let own: Vec<usize> = own.map(|index| index - batch.first).collect();
+            match own.is_empty() {
+                true => Vec::new(),
+                false => batch.cloth.measure(&own),
+            }
+        });
+        all.collect()
+    }
+
+    /// Why the episode of an environment is over, if it is, as far as presses tell.
+    fn end(&self, index: usize) -> Option<End> {
+        let observed = self.observed();
+        let limit = self.task(index).config.max_steps.unwrap_or(usize::MAX);
+        match observed.finite[index] {
+            false => Some(End::Diverged),
+            true if observed.untouched[index] == 0 => Some(End::Terminated),
+            true => (self.slots[index].episode.presses.len() >= limit).then_some(End::Truncated),
+        }
+    }
+
+    /// What the step of one environment has brought. Its episode is reset when it is over; `measures` are
+    /// those of its end.
+    fn conclude(
+        &mut self,
+        index: usize,
+        end: Option<End>,
+        measures: Option<Measures>,
+    ) -> StepOutcome {
+        let task = self.task(index);
+        let is_whole = end != Some(End::Diverged)
+            && measures.is_none_or(|measures| task.is_believable(&measures));
+        let end = end.map(|end| if is_whole { end } else { End::Diverged });
+        let Running {
+            presses,
+            total_reward,
+        } = &self.slots[index].episode;
+        let left = OnceCell::new();
+        let left = || {
+            *left.get_or_init(|| {
+                let found = || self.measure(&[index])[0];
+                task.left(&measures.unwrap_or_else(found))
+            })
+        };
         // A step in which the simulation diverges takes back what was earned.
         let reward = match end {
-            Some(End::Diverged) => 0.0 - slot.total_reward,
-            _ => task.reward.of(&Taken {
+            Some(End::Diverged) => 0.0 - total_reward,
+            _ => self.reward.of(&Taken {
                 config: &task.config,
                 end,
-                steps: slot.actions.len(),
+                steps: presses.len(),
                 initial: task.initial,
                 left: &left,
             }),
         };
-        slot.total_reward += reward;
+        let total_reward = total_reward + reward;
+        let keeps = end.is_some() && (self.keeps_ends || self.is_costly);
+        let state = keeps.then(|| self.state(index));
+        let score = |end| match end {
+            End::Diverged => None,
+            _ => {
+                let costs = state.as_ref().filter(|_| self.is_costly);
+                let cost =
+                    costs.map(|state| task.cost(&task.figures(&task.points(presses)), state));
+                Some(score(task.initial, left()) - cost.unwrap_or(0.0))
+            }
+        };
         let episode = end.map(|end| Episode {
             end,
-            actions: slot.actions.clone(),
-            total_reward: slot.total_reward,
-            score: judged.filter(|_| finite).map(|judged| {
-                let actions = slot.actions.iter();
-                let vertices: Vec<u32> = actions.filter_map(|&a| task.vertex(a)).collect();
-                let cost = judged
-                    .state
-                    .as_ref()
-                    .map(|state| task.cost(&vertices, state));
-                score(task.initial, judged.left) - cost.unwrap_or(0.0)
-            }),
+            actions: presses
+                .iter()
+                .filter_map(|&(v, _)| task.action(v))
+                .collect(),
+            total_reward,
+            score: score(end),
         });
-        if episode.is_some() {
-            if self.keeps_ends {
-                slot.finished = judged.and_then(|judged| judged.state.clone());
-            }
-            self.restart(index, true);
+        self.slots[index].episode.total_reward = total_reward;
+        if let Some(cloth) = state.filter(|_| self.keeps_ends) {
+            let episode = self.slots[index].episode.clone();
+            self.slots[index].finished = Some(EpisodeState { episode, cloth });
         }
         StepOutcome { reward, episode }
     }
 }
 
-/// Where an episode has come to: what [`Draping::branch`] takes and [`Draping::go_on`] puts back.
-#[derive(Clone)]
-pub struct Branch {
-    slot: Slot,
-    observation: Observation,
-    cloth: Snapshot,
-}
-
-impl Branch {
-    /// What the environment showed.
-    pub fn observation(&self) -> &Observation {
-        &self.observation
-    }
-}
-
-/// One environment in a saved state.
-#[derive(Serialize, Deserialize)]
-struct Saved {
-    actions: Vec<u32>,
-    total_reward: f32,
-    cloth: Snapshot,
-}
-
 impl Tasks for Draping {
     fn shape(&self) -> ImageShape {
-        self.task.shape()
+        self.tasks[0].shape()
     }
 
     fn count(&self) -> usize {
         self.slots.len()
     }
 
-    fn reward_scale(&self, _: usize) -> f32 {
-        self.task.initial as f32
+    fn reward_scale(&self, index: usize) -> f32 {
+        self.task(index).initial as f32
     }
 
     fn terrains(&self) -> Vec<&Terrain> {
-        vec![&self.task.terrain]
+        self.tasks.iter().map(|task| &task.terrain).collect()
     }
 
-    fn observation(&self, index: usize) -> &Observation {
-        self.views.now(index, &self.task, &*self.cloth)
+    fn observations(&self) -> &Observations {
+        &self.observed().seen
     }
 
-    fn last(&self, index: usize) -> &Observation {
-        self.views.last(index, &*self.cloth)
-    }
-
-    #[cfg(feature = "gpu")]
-    fn sights(&self) -> Option<Vec<[Sight; 2]>> {
-        let sights = self.views.sights(&self.task, &*self.cloth);
-        sights.map(|sights| vec![sights])
+    fn last(&self) -> &Observations {
+        self.last.as_ref().expect("a step has been taken")
     }
 
     fn step(&mut self, actions: &[u32]) -> Vec<StepOutcome> {
         assert_eq!(actions.len(), self.count(), "one action an environment");
-        self.views.check(actions);
-        for (slot, &action) in self.slots.iter_mut().zip(actions) {
-            slot.actions.push(action);
+        let allowed = self.observations().allow(actions);
+        if let Some(index) = allowed.iter().position(|allowed| !allowed) {
+            panic!("action {} is masked out", actions[index]);
         }
-        let vertices: Vec<_> = actions.iter().map(|&a| self.task.vertex(a)).collect();
-        self.cloth.press(&vertices);
-        let after = self.views.look(&self.task, &*self.cloth).into_iter();
-        let ends: Vec<Option<End>> = after
-            .enumerate()
-            .map(|(k, after)| self.end(k, after))
-            .collect();
+        let vertices = actions.iter().enumerate();
+        let vertices = vertices.map(|(index, &action)| self.task(index).vertex(action));
+        self.apply(&vertices.collect::<Vec<_>>());
+        self.last = Some(self.observations().clone());
+        let ends: Vec<Option<End>> = (0..self.count()).map(|index| self.end(index)).collect();
         let ended: Vec<usize> = (0..ends.len()).filter(|&k| ends[k].is_some()).collect();
-        let keeps = self.keeps_ends || self.task.is_costly;
-        let judged = self.judge.judge(&self.task, &*self.cloth, &ended, keeps);
-        let mut judged = judged.into_iter();
-        let ends = ends.into_iter().enumerate();
-        ends.map(|(index, end)| {
-            let judged = end.and_then(|_| judged.next());
-            self.conclude(index, end, judged)
-        })
-        .collect()
+        let mut measures = self.measure(&ended).into_iter();
+        let outcomes = ends.into_iter().enumerate().map(|(index, end)| {
+            let measures = end.and_then(|_| measures.next());
+            self.conclude(index, end, measures)
+        });
+        let outcomes = outcomes.collect();
+        ended.into_iter().for_each(|index| self.reset(index));
+        outcomes
     }
 
     fn save(&self) -> Vec<u8> {
-        let saved: Vec<Saved> = (0..self.count())
-            .map(|index| Saved {
-                actions: self.slots[index].actions.clone(),
-                total_reward: self.slots[index].total_reward,
-                cloth: self.state(index),
-            })
-            .collect();
+        let saved = (0..self.count()).map(|index| self.episode(index));
+        let saved: Vec<EpisodeState> = saved.collect();
         postcard::to_allocvec(&saved).expect("plain data is serialisable")
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Vec<Saved> =
+        let saved: Vec<EpisodeState> =
             postcard::from_bytes(bytes).map_err(|e| format!("not saved environments: {e}"))?;
         if saved.len() != self.count() {
             let (found, expected) = (saved.len(), self.count());
             return Err(format!("{found} environments saved, expected {expected}"));
         }
-        let count = self.task.scene.lamina.vertex_count();
-        let pixels = self.shape().pixel_count() as u32;
-        for (index, Saved { actions, cloth, .. }) in saved.iter().enumerate() {
-            let fits = self.task.scene.model.fits(cloth) && actions.iter().all(|&a| a < pixels);
+        for (index, EpisodeState { episode, cloth }) in saved.iter().enumerate() {
+            let lamina = &self.task(index).scene.lamina;
+            let is_action = |&(v, _): &(u32, _)| {
+                (v as usize) < lamina.vertex_count() && self.task(index).action(v).is_some()
+            };
+            let fits = self.groups[self.place(index).0].world.fits(cloth)
+                && cloth.parameters.view == self.slots[index].parameters.view
+                && episode.presses.iter().all(is_action);
             if !fits {
+                let count = lamina.vertex_count();
                 return Err(format!(
                     "environment {index} is not of a blank of {count} vertices"
                 ));
             }
         }
-        for (index, saved) in saved.into_iter().enumerate() {
-            self.cloth.load(index, &saved.cloth);
-            self.slots[index] = Slot {
-                actions: saved.actions,
-                total_reward: saved.total_reward,
-                finished: None,
-            };
+        for (index, saved) in saved.iter().enumerate() {
+            self.go_on(index, saved);
+            self.slots[index].finished = None;
         }
-        self.views.look(&self.task, &*self.cloth);
         Ok(())
     }
 }

@@ -6,28 +6,22 @@
 mod config;
 mod costs;
 mod draping;
-mod family;
-mod judge;
-#[cfg(feature = "gpu")]
-mod look;
+mod group;
 mod objective;
+mod parameters;
 mod replay;
 mod reward;
 mod rules;
 mod task;
 mod terrain;
-mod views;
 
 pub use config::{EnvConfig, Region};
 pub use costs::Costs;
-pub use draping::{Branch, Draping, MOST_MIB, check_memory};
-pub use family::Family;
-#[cfg(feature = "gpu")]
-pub use look::Sight;
+pub use draping::{Draping, EpisodeState, MOST_MIB, Member, check_memory};
 pub use objective::{Goal, Objective};
+pub use parameters::ParametersConfig;
 pub use replay::{Played, ReplayDiverged};
 pub use reward::{Reward, Taken, Term, score};
-pub use task::{
-    ALLOWED, DRAPED, End, Episode, ImageShape, Observation, StepOutcome, TOUCHED, Tasks,
-};
+pub use rules::Task;
+pub use task::{End, Episode, ImageShape, StepOutcome, Tasks};
 pub use terrain::Terrain;

@@ -1,4 +1,5 @@
-use drape_cloth::scene::{Scene, foot, summed_surplus};
+use drape_cloth::measure::{Measures, feet, summed_surplus};
+use drape_cloth::scene::Scene;
 use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -28,9 +29,6 @@ pub struct Goal {
     yarns: usize,
 }
 
-/// Summed distance and surplus [m] of the region, and of the whole sheet.
-pub(super) type Sums = [[f64; 2]; 2];
-
 impl Goal {
     /// The objective of `region`, whose vertices come from `before` [m].
     pub fn new(
@@ -47,54 +45,39 @@ impl Goal {
             yarns: 0,
         };
         if objective == Objective::Surplus {
-            let ([inside, all], yarns) = goal.sums(before);
-            goal.outside = [0, 1].map(|k| all[k] - inside[k]);
-            goal.yarns = yarns;
+            let Scene { lamina, tool, .. } = &*goal.scene;
+            let Measures {
+                distance, surplus, ..
+            } = goal.measures(before);
+            goal.outside = [distance, surplus].map(|[inside, all]| all - inside);
+            goal.yarns = summed_surplus(lamina, &feet(tool, before), &goal.region).1;
         }
         goal
     }
 
     /// What a state leaves to bring down [m].
     pub fn left(&self, position: &[[f64; 3]]) -> f64 {
-        if self.objective == Objective::Distance {
-            let tool = &self.scene.tool;
-            return tool.summed_distance(self.region.ones(), position);
-        }
-        self.left_of(self.sums(position).0)
+        self.left_of(&self.measures(position))
     }
 
-    /// What such sums leave to bring down [m].
-    pub(super) fn left_of(&self, [inside, all]: Sums) -> f64 {
-        if self.objective == Objective::Distance {
-            return inside[0];
-        }
-        let left = |k: usize| {
-            let outside = (all[k] - inside[k]) - self.outside[k];
-            inside[k] + outside.max(0.0)
+    /// What such measures leave to bring down [m].
+    pub(super) fn left_of(&self, measures: &Measures) -> f64 {
+        let left = |[inside, all]: [f64; 2], before: f64| {
+            let outside = (all - inside) - before;
+            inside + outside.max(0.0)
         };
-        left(0) / self.region.count_ones(..) as f64 + left(1) / self.yarns.max(1) as f64
+        match self.objective {
+            Objective::Distance => measures.distance[0],
+            Objective::Surplus => {
+                left(measures.distance, self.outside[0]) / self.region.count_ones(..) as f64
+                    + left(measures.surplus, self.outside[1]) / self.yarns.max(1) as f64
+            }
+        }
     }
 
-    /// Summed distance and surplus [m] of the region and of the whole sheet, and the yarns of the
-    /// region.
-    fn sums(&self, position: &[[f64; 3]]) -> (Sums, usize) {
+    fn measures(&self, position: &[[f64; 3]]) -> Measures {
         let Scene { lamina, tool, .. } = &*self.scene;
-        let (mut distance, mut feet) = (Vec::new(), Vec::new());
-        for &x in position {
-            let nearest = tool.distance(x);
-            distance.push(nearest.0.max(0.0));
-            feet.push(foot(x, nearest));
-        }
-        let mut sheet = self.region.clone();
-        sheet.insert_range(..);
-        let (inside, yarns) = summed_surplus(lamina, &feet, &self.region);
-        let (all, _) = summed_surplus(lamina, &feet, &sheet);
-        let distance_of = |vertices: &FixedBitSet| vertices.ones().map(|v| distance[v]).sum();
-        let sums = [
-            [distance_of(&self.region), inside],
-            [distance_of(&sheet), all],
-        ];
-        (sums, yarns)
+        Measures::new(lamina, tool, &self.region, position)
     }
 }
 

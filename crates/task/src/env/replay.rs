@@ -1,15 +1,11 @@
-use super::draping::Draping;
+use super::draping::{Draping, EpisodeState};
 use super::task::{Episode, Tasks};
-use drape_cloth::sim::Snapshot;
 
 /// An episode that was played from its start to its end.
 #[derive(Clone, Debug)]
 pub struct Played {
     pub episode: Episode,
-    /// Vertices in the order they were pressed.
-    pub vertices: Vec<u32>,
-    /// The cloth at the end.
-    pub end: Snapshot,
+    pub end: EpisodeState,
 }
 
 /// A list of presses that could not be pressed to its end.
@@ -33,12 +29,8 @@ impl Draping {
             let actions = choose(self);
             for (index, outcome) in self.step(&actions).into_iter().enumerate() {
                 if let (Some(episode), None) = (outcome.episode, &played[index]) {
-                    let vertices = episode.actions.iter().filter_map(|&a| self.vertex(a));
-                    played[index] = Some(Played {
-                        vertices: vertices.collect(),
-                        end: self.finished(index).expect("it has ended").clone(),
-                        episode,
-                    });
+                    let end = self.finished(index).expect("it has ended").clone();
+                    played[index] = Some(Played { episode, end });
                 }
             }
         }

@@ -1,61 +1,43 @@
-//! What is the same for all environments of a draping task: where it presses, what it sees, when
-//! a vertex is draped.
+//! What is the same for all environments on a scene: where they press, what they show, and how well
+//! that is done.
 
 use std::ops::Range;
 use std::sync::Arc;
 
-use fixedbitset::FixedBitSet;
-
 use super::config::{EnvConfig, Region};
 use super::objective::Goal;
-use super::reward::{Reward, score};
-use super::task::{ImageShape, Observation};
+use super::reward::score;
+use super::task::ImageShape;
 use super::terrain::Terrain;
+use crate::path::{PathFigures, PressedPoint};
 use drape_cloth::file::ValueError;
+use drape_cloth::math::Vec3;
+use drape_cloth::measure::{Measures, surplus};
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Backend, Control, Pressed, Snapshot, Stencil, World};
+use drape_cloth::sim::{Snapshot, Stencil, View};
 
-/// Solves of the yarns' lengths in a substep under the roller, which pulls on all that it presses
-/// at once: with one, paths rank less as in finite elements (docs/NOTES.md).
-const PRESS_SWEEPS: usize = 2;
-
-/// What is the same for all environments.
-pub(super) struct Task {
+/// A scene and what is to be done on it.
+pub struct Task {
     pub scene: Arc<Scene>,
     pub config: EnvConfig,
+    /// The focus region.
     pub region: Region,
-    pub goal: Goal,
-    /// Rows and columns of the lamina that the image shows.
-    image: [Range<usize>; 2],
-    /// The pixels that the agent sees something at, ascending, and the vertex of each.
-    pub pixels: Vec<usize>,
-    pub seen: Vec<u32>,
-    /// What the backend is given.
-    pub world: World,
-    pub reward: Reward,
-    pub terrain: Terrain,
-    /// Number of the scene among those that are learned on together.
-    pub scene_index: u16,
-    /// What is shown after a reset.
-    pub observation: Observation,
     /// The objective at the start [m].
     pub initial: f64,
-    /// What a path costs is taken off its score.
-    pub is_costly: bool,
-}
-
-/// One environment, without its cloth and what it shows.
-#[derive(Clone, Default)]
-pub(super) struct Slot {
-    /// Those of the episode so far.
-    pub actions: Vec<u32>,
-    /// Sum of their rewards.
-    pub total_reward: f32,
-    /// How the last episode ended, before the reset.
-    pub finished: Option<Snapshot>,
+    /// What it shows that never changes.
+    pub terrain: Terrain,
+    pub(super) stencil: Stencil,
+    pub(super) view: Arc<View>,
+    goal: Goal,
+    /// Rows and columns of the lamina that the image shows.
+    image: [Range<usize>; 2],
 }
 
 impl Task {
+    /// A task.
+    ///
+    /// # Errors
+    /// If a value is out of range, or the region is not on the blank.
     pub fn new(scene: Arc<Scene>, config: &EnvConfig) -> Result<Self, ValueError> {
         let region = config.region(&scene.lamina)?;
         let image = match config.crop {
@@ -68,175 +50,129 @@ impl Task {
             threshold: config.drape_threshold(),
             max_strain: config.drape_strain,
             roller: config.roller(),
-            press: Control {
-                sweeps: PRESS_SWEEPS,
-                ..stepping.control(config.press_s)
-            },
+            press: stepping.press(config.press_s),
             settle: (config.settle_s > 0.0).then(|| stepping.control(config.settle_s)),
         };
-        let nothing = Observation {
-            scene: 0,
-            draped: FixedBitSet::new(),
-            distance: Vec::new(),
-            touched: FixedBitSet::new(),
-            mask: FixedBitSet::new(),
-        };
-        let mut task = Self {
-            world: World {
-                model: scene.model.clone(),
-                tool: scene.tool.clone(),
-                start: scene.initial.clone(),
-                presses: Some((scene.lamina.clone(), stencil)),
-            },
-            observation: nothing,
-            reward: Reward::default(),
-            is_costly: false,
-            terrain: Terrain::default(),
-            initial: 0.0,
-            scene_index: 0,
-            goal: Goal::new(
-                config.objective,
-                scene.clone(),
-                region.vertices.clone(),
-                &scene.initial.position,
-            ),
-            scene,
+        let shape = shape(&image);
+        let seen = (0..shape.pixel_count() as u32).filter_map(|pixel| {
+            let vertex = vertex(&scene, &image, pixel)?;
+            (region.vertices.contains(vertex as usize)).then_some((pixel, vertex))
+        });
+        let view = View::new(shape.pixel_count(), seen, scene.lamina.vertex_count());
+        let (objective, at) = (config.objective, &scene.initial.position);
+        let goal = Goal::new(objective, scene.clone(), region.vertices.clone(), at);
+        Ok(Self {
+            terrain: Terrain::new(&scene, &view),
+            initial: goal.left(at),
             config: config.clone(),
+            view: view.into(),
+            scene,
             region,
+            stencil,
+            goal,
             image,
-            pixels: Vec::new(),
-            seen: Vec::new(),
-        };
-        for pixel in 0..task.shape().pixel_count() {
-            let vertex = task.vertex(pixel as u32);
-            if let Some(v) = vertex.filter(|&v| task.region.vertices.contains(v as usize)) {
-                task.pixels.push(pixel);
-                task.seen.push(v);
-            }
-        }
-        let seen = task.pixels.iter().copied().zip(task.seen.iter().copied());
-        task.terrain = Terrain::new(&task.scene, task.shape().pixel_count(), seen);
-        // As the environments hold it.
-        let cloth = task.cloth(1)?;
-        let distances = cloth.distances(&task.seen);
-        task.observation = task.observe(&cloth.pressed()[0], &distances);
-        task.initial = task.objective(&task.scene.initial);
-        Ok(task)
+        })
     }
 
-    /// The cloth of `count` environments.
-    ///
-    /// # Errors
-    /// The configured device is not there or cannot compute the scene.
-    pub fn cloth(&self, count: usize) -> Result<Box<dyn Backend>, ValueError> {
-        let EnvConfig {
-            device, precision, ..
-        } = self.config;
-        let opened = device.open(&self.world, count, precision);
-        opened.map_err(|error| ValueError::new("env.device", device, format!("cpu: {error}")))
-    }
-
+    /// Size of the image.
     pub fn shape(&self) -> ImageShape {
-        let [rows, columns] = self.image.each_ref().map(Range::len);
-        ImageShape { rows, columns }
+        shape(&self.image)
     }
 
-    /// The vertex at a pixel of the image.
-    pub fn vertex(&self, pixel: u32) -> Option<u32> {
-        let (pixel, [rows, columns]) = (pixel as usize, &self.image);
-        let [down, right] = [pixel / columns.len(), pixel % columns.len()];
-        let lamina = &self.scene.lamina;
-        lamina.vertex_at(rows.start + down, columns.start + right)
+    /// The vertex of the blank that an action presses; none where the blank has been cut away.
+    pub fn vertex(&self, action: u32) -> Option<u32> {
+        vertex(&self.scene, &self.image, action)
     }
 
-    /// The pixel of a vertex; none outside the image.
-    pub fn pixel(&self, vertex: u32) -> Option<u32> {
+    /// The action that presses a vertex; none outside the image.
+    pub fn action(&self, vertex: u32) -> Option<u32> {
         let ([row, column], [rows, columns]) = (self.scene.lamina.place(vertex), &self.image);
         let is_seen = rows.contains(&row) && columns.contains(&column);
         is_seen.then(|| ((row - rows.start) * columns.len() + column - columns.start) as u32)
     }
 
-    /// How well presses on `vertices` that have ended in `state` were done.
-    pub fn score(&self, vertices: &[u32], state: &Snapshot) -> f64 {
-        score(self.initial, self.objective(state)) - self.cost(vertices, state)
+    /// Vertices of the region, ascending.
+    pub fn region_vertices(&self) -> impl Iterator<Item = u32> + '_ {
+        self.region.vertices.ones().map(|v| v as u32)
     }
 
-    /// What is taken off the score for the path; 0 unless costs count.
-    pub fn cost(&self, vertices: &[u32], state: &Snapshot) -> f64 {
-        match self.is_costly {
-            true => {
-                let (scene, region) = (&self.scene, &self.region);
-                self.config.cost(scene, region, vertices, &state.position)
-            }
-            false => 0.0,
-        }
+    /// About how many presses an episode takes: one for each five vertices.
+    pub fn expected_presses(&self) -> usize {
+        self.view.vertices.len().div_ceil(5)
     }
 
-    /// What episodes are judged by [m].
-    pub fn objective(&self, state: &Snapshot) -> f64 {
-        self.goal.left(&state.position)
+    /// Summed distance to the tool of the region [m].
+    pub fn distance(&self, state: &Snapshot) -> f64 {
+        let (region, position) = (&self.region.vertices, &state.position);
+        self.scene.tool.summed_distance(region.ones(), position)
     }
 
-    /// Whether the state at the end of an episode can be that of a fabric: no yarn stretched and no vertex
-    /// sunk into the tool beyond belief, by the bounds of the configuration.
-    pub fn is_believable(&self, state: &Snapshot) -> bool {
+    /// Surplus of the region, see [`surplus`] [m].
+    pub fn surplus(&self, state: &Snapshot) -> f64 {
         let Scene { lamina, tool, .. } = &*self.scene;
-        let strain = lamina.yarn_strain(&state.position);
-        let depths = state.position.iter().map(|&x| -tool.distance(x).0);
-        strain.iter().all(|&strain| self.can_be(strain, f64::MIN)) && { depths }
-            .all(|depth| self.can_be(-1.0, depth))
+        surplus(lamina, tool, &state.position, &self.region.vertices)
     }
 
-    /// The same of the greatest strain [-] and of how deep the deepest vertex is [m].
-    pub fn can_be(&self, strain: f64, depth: f64) -> bool {
-        strain <= self.config.max_tension && depth <= 1e-3 * self.config.max_depth_mm
-    }
-
-    /// The agent's view: zero outside the focus region and where the blank has been cut away.
-    /// `distance` is that to the tool [m] of `self.seen[k]`.
-    pub fn observe(&self, pressed: &Pressed, distance: &[f64]) -> Observation {
-        let count = self.shape().pixel_count();
-        let mut observation = Observation {
-            scene: self.scene_index,
-            draped: FixedBitSet::with_capacity(count),
-            distance: vec![0.0; count],
-            touched: FixedBitSet::with_capacity(count),
-            mask: self.mask(pressed),
+    /// Where on the tool presses have landed whose vertices were at these places [m].
+    pub fn points(&self, presses: &[(u32, [f64; 3])]) -> Vec<PressedPoint> {
+        let point = |&(vertex, x): &(u32, [f64; 3])| {
+            let surface = self.scene.tool.surface.project(Vec3::from(x));
+            PressedPoint {
+                vertex,
+                position: surface.position,
+                normal: surface.normal,
+            }
         };
-        for (k, &pixel) in self.pixels.iter().enumerate() {
-            let vertex = self.seen[k] as usize;
-            let of = |set: &FixedBitSet| set.contains(vertex);
-            observation.touched.set(pixel, of(&pressed.touched));
-            observation.draped.set(pixel, of(&pressed.draped));
-            observation.distance[pixel] = distance[k].max(0.0) as f32;
-        }
-        observation
+        presses.iter().map(point).collect()
     }
 
-    /// The allowed actions: untouched vertices of the region next to those pressed last.
-    pub fn mask(&self, pressed: &Pressed) -> FixedBitSet {
-        let lamina = &self.scene.lamina;
-        let mut near = FixedBitSet::with_capacity(lamina.vertex_count());
-        for &vertex in &pressed.stencil {
-            near.extend(lamina.neighbors(vertex).map(|v| v as usize));
-        }
-        let untouched = || {
-            let pixels = self.pixels.iter().copied().zip(&self.seen);
-            let vertices = pixels.map(|(pixel, &v)| (pixel, v as usize));
-            vertices.filter(|&(_, v)| !pressed.touched.contains(v))
+    /// What a path asks of a robot.
+    pub fn figures(&self, points: &[PressedPoint]) -> PathFigures {
+        PathFigures::new(points, self.config.join_distance())
+    }
+
+    /// How well presses that have ended in `state` were done: see [`score`].
+    pub fn score(&self, state: &Snapshot) -> f64 {
+        score(self.initial, self.goal.left(&state.position))
+    }
+
+    /// What their path costs, see [`Costs`](super::Costs).
+    pub fn cost(&self, path: &PathFigures, state: &Snapshot) -> f64 {
+        let costs = &self.config.costs;
+        let undraped = match costs.undraped > 0.0 {
+            true => self.undraped_inner(state),
+            false => 0,
         };
-        let mut mask = FixedBitSet::with_capacity(self.shape().pixel_count());
-        let next = untouched().filter(|&(_, v)| near.contains(v));
-        mask.extend(next.map(|(pixel, _)| pixel));
-        if mask.is_clear() {
-            // The stroke is at its end: any untouched vertex of the region may begin a new one.
-            mask.extend(untouched().map(|(pixel, _)| pixel));
-        }
-        mask
+        costs.of(path, undraped)
     }
 
-    /// Every vertex of the region has been under the stencil.
-    pub fn is_over(&self, pressed: &Pressed) -> bool {
-        self.region.vertices.is_subset(&pressed.touched)
+    /// Inner vertices of the region farther than `env.drape_threshold_mm` from the tool.
+    pub fn undraped_inner(&self, state: &Snapshot) -> usize {
+        let threshold = self.config.drape_threshold();
+        self.region
+            .undraped_inner(&self.scene, threshold, &state.position)
     }
+
+    /// What is left of the objective [m].
+    pub(super) fn left(&self, measures: &Measures) -> f64 {
+        self.goal.left_of(measures)
+    }
+
+    /// Whether these can be measures of a fabric: no yarn is stretched and no vertex sunk into the tool
+    /// beyond belief, by the bounds of the configuration.
+    pub(super) fn is_believable(&self, measures: &Measures) -> bool {
+        measures.strain <= self.config.max_tension
+            && measures.depth <= 1e-3 * self.config.max_depth_mm
+    }
+}
+
+fn shape(image: &[Range<usize>; 2]) -> ImageShape {
+    let [rows, columns] = image.each_ref().map(Range::len);
+    ImageShape { rows, columns }
+}
+
+fn vertex(scene: &Scene, [rows, columns]: &[Range<usize>; 2], pixel: u32) -> Option<u32> {
+    let pixel = pixel as usize;
+    let [down, right] = [pixel / columns.len(), pixel % columns.len()];
+    (scene.lamina).vertex_at(rows.start + down, columns.start + right)
 }

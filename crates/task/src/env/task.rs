@@ -1,6 +1,5 @@
 use super::terrain::Terrain;
-pub use drape_cloth::sim::{DRAPED, TOUCHED};
-use fixedbitset::FixedBitSet;
+use drape_cloth::sim::{Observation, Observations};
 use serde::{Deserialize, Serialize};
 
 /// Rows and columns of the observation image. Action `row * columns + column` is the pixel
@@ -15,59 +14,6 @@ impl ImageShape {
     /// Number of pixels, and so of actions.
     pub fn pixel_count(self) -> usize {
         self.rows * self.columns
-    }
-}
-
-/// What the agent sees of one task, and what it may do next (paper, Sections 4.1.1 and
-/// 4.2.1). All fields have one entry a pixel, row by row.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Observation {
-    /// Which of [`Tasks::terrains`] the vertices lie on.
-    pub scene: u16,
-    /// Vertex is fixed to the tool.
-    #[serde(with = "drape_cloth::math::bits")]
-    pub draped: FixedBitSet,
-    /// Distance to the tool [m].
-    pub distance: Vec<f32>,
-    /// Vertex has been under the stencil.
-    #[serde(with = "drape_cloth::math::bits")]
-    pub touched: FixedBitSet,
-    /// Actions allowed in this state; never empty.
-    #[serde(with = "drape_cloth::math::bits")]
-    pub mask: FixedBitSet,
-}
-
-/// Bits of [`Observation::marks`] beside those of the cloth: the action is allowed.
-pub const ALLOWED: u32 = 8;
-
-impl Observation {
-    /// What is draped, touched and allowed, a number a pixel: [`DRAPED`], [`TOUCHED`], [`ALLOWED`].
-    pub fn marks(&self) -> Vec<u32> {
-        let mut marks = vec![0; self.distance.len()];
-        for (set, bit) in [
-            (&self.draped, DRAPED),
-            (&self.touched, TOUCHED),
-            (&self.mask, ALLOWED),
-        ] {
-            set.ones().for_each(|pixel| marks[pixel] |= bit);
-        }
-        marks
-    }
-
-    /// The observation of distances [m] and [`Observation::marks`].
-    pub fn of_marks(scene: u16, distance: Vec<f32>, marks: &[u32]) -> Self {
-        let with = |bit: u32| {
-            let mut set = FixedBitSet::with_capacity(marks.len());
-            set.extend((0..marks.len()).filter(|&pixel| marks[pixel] & bit != 0));
-            set
-        };
-        Self {
-            scene,
-            draped: with(DRAPED),
-            touched: with(TOUCHED),
-            mask: with(ALLOWED),
-            distance,
-        }
     }
 }
 
@@ -126,20 +72,18 @@ pub trait Tasks {
     /// What never changes of what tasks show, a scene each.
     fn terrains(&self) -> Vec<&Terrain>;
 
-    /// What task `index` shows now.
-    fn observation(&self, index: usize) -> &Observation;
+    /// What all tasks show now, one a row; their views are numbers of terrains.
+    fn observations(&self) -> &Observations;
 
-    /// What task `index` showed when the step just taken ended its episode, before the reset.
+    /// What all tasks showed after the step just taken, before any was reset.
     ///
     /// # Panics
-    /// If it has ended none.
-    fn last(&self, index: usize) -> &Observation;
+    /// If none has been taken.
+    fn last(&self) -> &Observations;
 
-    /// What all tasks show, and what they showed after the step just taken before any was reset, one pair a
-    /// scene, where this is on a GPU.
-    #[cfg(feature = "gpu")]
-    fn sights(&self) -> Option<Vec<[super::look::Sight; 2]>> {
-        None
+    /// What task `index` shows now.
+    fn observation(&self, index: usize) -> Observation<'_> {
+        self.observations().row(index)
     }
 
     /// Takes one action in every task. `actions[i]` must be allowed by the mask of task `i`.
@@ -151,36 +95,4 @@ pub trait Tasks {
     /// Goes back to what [`Tasks::save`] returned. Fails with a reason if `bytes` are not
     /// from tasks of the same kind, number and shape; nothing is changed then.
     fn load(&mut self, bytes: &[u8]) -> Result<(), String>;
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn observation_survives_its_bytes_and_damaged_bits_are_refused() {
-        let set = |count: usize, ones: &[usize]| {
-            let mut set = FixedBitSet::with_capacity(count);
-            set.extend(ones.iter().copied());
-            set
-        };
-        let observation = Observation {
-            scene: 0,
-            draped: set(70, &[0, 63, 64, 69]),
-            distance: vec![0.5],
-            touched: set(64, &[63]),
-            mask: set(0, &[]),
-        };
-        let bytes = postcard::to_allocvec(&observation).unwrap();
-        assert_eq!(
-            postcard::from_bytes::<Observation>(&bytes).unwrap(),
-            observation
-        );
-        // Too few words, then a bit beyond the length.
-        for damaged in [(70usize, vec![0u64]), (1, vec![2])] {
-            let mut bytes = postcard::to_allocvec(&damaged).unwrap();
-            bytes.extend([0; 16]);
-            assert!(postcard::from_bytes::<Observation>(&bytes).is_err());
-        }
-    }
 }

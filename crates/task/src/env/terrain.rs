@@ -1,5 +1,6 @@
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::Scene;
+use drape_cloth::sim::View;
 use fixedbitset::FixedBitSet;
 
 /// What a task shows that never changes: the tool below the fabric as it lies at the start. One
@@ -15,12 +16,9 @@ pub struct Terrain {
 }
 
 impl Terrain {
-    /// The terrain of `pixel_count` pixels, where `seen` has pixels and the vertex at each.
-    pub(super) fn new(
-        scene: &Scene,
-        pixel_count: usize,
-        seen: impl Iterator<Item = (usize, u32)>,
-    ) -> Self {
+    /// The terrain under what a view shows.
+    pub(super) fn new(scene: &Scene, view: &View) -> Self {
+        let pixel_count = view.pixel_count;
         let [along, down] = axes(scene);
         let mut terrain = Self {
             inside: FixedBitSet::with_capacity(pixel_count),
@@ -28,7 +26,8 @@ impl Terrain {
             slope: vec![[0.0; 2]; pixel_count],
         };
         let mut heights = Vec::new();
-        for (pixel, vertex) in seen {
+        for (&pixel, &vertex) in view.pixels.iter().zip(&view.vertices) {
+            let pixel = pixel as usize;
             let x = Vec3::from(scene.initial.position[vertex as usize]);
             let foot = scene.tool.surface.project(x);
             terrain.inside.insert(pixel);

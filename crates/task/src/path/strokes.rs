@@ -7,7 +7,7 @@ use drape_cloth::math::Vec3;
 const SHORTEST_TRAVEL: f64 = 1e-6;
 
 /// A vertex to press, in the order of pressing.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PressedPoint {
     /// Vertex of the fabric.
     pub vertex: u32,

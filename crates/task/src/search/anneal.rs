@@ -2,8 +2,9 @@ use std::sync::Arc;
 
 use super::arena::Arena;
 use super::draw::{Policy, draw};
-use crate::env::{Branch, Draping, Observation, Tasks};
+use crate::env::{Draping, EpisodeState, Tasks};
 use drape_cloth::math::Stream;
+use drape_cloth::sim::Observation;
 
 /// Local search over sequences: one is cut at a random place and goes on differently from there, and
 /// the new one replaces it if it is better, or by the chance of Metropolis.
@@ -50,14 +51,14 @@ const MOST_BYTES: usize = 512 << 20;
 struct Chain {
     actions: Vec<u32>,
     score: Option<f64>,
-    states: Vec<Arc<Branch>>,
+    states: Vec<Arc<EpisodeState>>,
 }
 
 /// What an environment plays: a changed sequence of its chain.
 struct Player {
     chain: Chain,
     /// Of what is played, so far.
-    states: Vec<Arc<Branch>>,
+    states: Vec<Arc<EpisodeState>>,
     /// Presses so far, and how many of them are drawn before it follows `old` again.
     presses: usize,
     drawn_until: usize,
@@ -68,10 +69,10 @@ struct Player {
 
 impl Player {
     /// The first press of the old order that is allowed, if that is to be followed.
-    fn follow(&self, seen: &Observation) -> Option<u32> {
+    fn follow(&self, seen: Observation) -> Option<u32> {
         let mut old = self.old.iter().copied();
         let follows = self.presses >= self.drawn_until;
-        let next = |action: &u32| seen.mask.contains(*action as usize);
+        let next = |action: &u32| seen.allows(*action);
         follows.then(|| old.find(next)).flatten()
     }
 }
@@ -104,7 +105,7 @@ pub fn anneal(
         let env = &mut *arena.env;
         for (index, player) in players.iter_mut().enumerate() {
             if player.presses == player.states.len() * stride {
-                player.states.push(Arc::new(env.branch(index)));
+                player.states.push(Arc::new(env.episode(index)));
             }
         }
         let seen = |index: usize| env.observation(index);
@@ -112,12 +113,12 @@ pub fn anneal(
             .map(|index| players[index].follow(seen(index)))
             .collect();
         let open: Vec<usize> = (0..count).filter(|&k| actions[k].is_none()).collect();
-        let shown: Vec<&Observation> = open.iter().map(|&index| seen(index)).collect();
+        let shown: Vec<Observation> = open.iter().map(|&index| seen(index)).collect();
         if !shown.is_empty() {
             let logits = policy(&shown);
             let rows = logits.chunks_exact(env.shape().pixel_count());
             for ((&index, seen), row) in open.iter().zip(shown).zip(rows) {
-                let drawn = draw(row, &seen.mask, 1, &mut players[index].stream);
+                let drawn = draw(row, seen, 1, &mut players[index].stream);
                 actions[index] = Some(drawn[0]);
             }
         }
@@ -171,7 +172,7 @@ fn cut(player: &mut Player, drawn: f64, stride: usize) {
 /// Presses between two states that are kept, so that `count` sequences fit into the memory: about a
 /// press for each five vertices, of a hundred bytes each.
 fn stride(env: &Draping, count: usize) -> usize {
-    let presses = env.region_vertices().count().div_ceil(5);
+    let presses = env.tasks()[0].expected_presses();
     let state = 100 * env.scene().lamina.vertex_count();
     (count * presses * state).div_ceil(MOST_BYTES).max(1)
 }

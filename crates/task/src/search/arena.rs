@@ -46,8 +46,8 @@ impl<'a> Arena<'a> {
             return None;
         }
         let idle = |index| {
-            let mask = &self.env.observation(index).mask;
-            mask.minimum().expect("a mask is never empty") as u32
+            let mut allowed = self.env.observation(index).allowed();
+            allowed.next().expect("something is allowed")
         };
         let all = actions.iter().enumerate();
         let taken: Vec<u32> = all.map(|(k, a)| a.unwrap_or_else(|| idle(k))).collect();

@@ -65,9 +65,7 @@ pub fn cross_entropy(arena: &mut Arena, method: CrossEntropy, seed: u64) {
     loop {
         let ranks = own.iter().enumerate();
         let next = |(index, ranks): (usize, &Ranks)| {
-            Some(first(&arena.env.observation(index).mask, |pixel| {
-                ranks[pixel]
-            }))
+            Some(first(arena.env.observation(index), |pixel| ranks[pixel]))
         };
         let actions: Vec<Option<u32>> = ranks.map(next).collect();
         let Some(ended) = arena.step(&actions) else {

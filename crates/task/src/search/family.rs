@@ -9,6 +9,7 @@ use fixedbitset::FixedBitSet;
 
 use super::arena::Arena;
 use crate::env::{Draping, ImageShape, Tasks};
+use drape_cloth::sim::Observation;
 
 /// A rank for each pixel.
 pub(super) type Ranks = Vec<f64>;
@@ -28,7 +29,7 @@ pub fn in_order(arena: &mut Arena, orders: impl IntoIterator<Item = Ranks>) -> b
         let env = &*arena.env;
         let next = |(index, ranks): (usize, &Option<Ranks>)| {
             let ranks = ranks.as_ref()?;
-            Some(first(&env.observation(index).mask, |pixel| ranks[pixel]))
+            Some(first(env.observation(index), |pixel| ranks[pixel]))
         };
         let actions: Vec<Option<u32>> = own.iter().enumerate().map(next).collect();
         let Some(ended) = arena.step(&actions) else {
@@ -42,9 +43,10 @@ pub fn in_order(arena: &mut Arena, orders: impl IntoIterator<Item = Ranks>) -> b
 }
 
 /// The allowed action of least rank, the lowest of equals.
-pub(super) fn first(mask: &FixedBitSet, rank: impl Fn(usize) -> f64) -> u32 {
-    let least = mask.ones().min_by(|&a, &b| rank(a).total_cmp(&rank(b)));
-    least.expect("a mask is never empty") as u32
+pub(super) fn first(seen: Observation, rank: impl Fn(usize) -> f64) -> u32 {
+    let rank = |action: u32| rank(action as usize);
+    let least = seen.allowed().min_by(|&a, &b| rank(a).total_cmp(&rank(b)));
+    least.expect("something is allowed")
 }
 
 /// The pixels of the focus region in their image.
@@ -77,7 +79,8 @@ impl Region {
 
 fn region(env: &Draping) -> Region {
     let shape = env.shape();
-    let pixels = env.region_vertices().filter_map(|v| env.action(v));
+    let task = &env.tasks()[0];
+    let pixels = task.region_vertices().filter_map(|v| task.action(v));
     let mut pixels: Vec<usize> = pixels.map(|pixel| pixel as usize).collect();
     pixels.sort_unstable();
     let lamina = &env.scene().lamina;
@@ -88,7 +91,7 @@ fn region(env: &Draping) -> Region {
         columns: shape.columns,
         rows: shape.rows,
         pixels,
-        span: env.region_vertices().map(under).max().unwrap_or(1),
+        span: task.region_vertices().map(under).max().unwrap_or(1),
     }
 }
 

@@ -1,7 +1,8 @@
 use super::arena::Arena;
 use super::draw::{Policy, draw};
-use crate::env::{Branch, Observation, Tasks};
+use crate::env::{Draping, EpisodeState, Tasks};
 use drape_cloth::math::Stream;
+use drape_cloth::sim::{Observation, Observations};
 
 /// Episodes grown press by press, the best prefixes kept by the score of the cloth after each: greedy
 /// with a width of 1, else a beam.
@@ -31,8 +32,21 @@ impl Lookahead {
     }
 }
 
-/// Prefixes of a group that go on.
-type Beam = Vec<Branch>;
+/// A prefix of an episode, and what is seen after it.
+#[derive(Clone)]
+struct Prefix {
+    episode: EpisodeState,
+    seen: Observations,
+}
+
+impl Prefix {
+    fn new(env: &Draping, index: usize) -> Self {
+        Self {
+            episode: env.episode(index),
+            seen: Observations::gather([(env.observations(), index)].into_iter()),
+        }
+    }
+}
 
 /// Searches until the steps are spent. From each prefix of a group as many different presses are
 /// tried as it has environments for, drawn from `policy`; the best of all are gone on with, but
@@ -43,12 +57,11 @@ pub fn lookahead(arena: &mut Arena, method: Lookahead, policy: &mut Policy, seed
     let own = count / groups;
     let width = method.width.clamp(1, own);
     let mut streams: Vec<Stream> = arena.streams(seed);
-    let start = arena.env.branch(0);
-    let mut beams: Vec<Beam> = vec![vec![start.clone()]; groups];
+    let start = Prefix::new(arena.env, 0);
+    let mut beams: Vec<Vec<Prefix>> = vec![vec![start.clone()]; groups];
     loop {
-        let prefixes: Vec<&Branch> = beams.iter().flatten().collect();
-        let seen: Vec<&Observation> = prefixes.iter().map(|branch| branch.observation()).collect();
-        let logits = policy(&seen);
+        let seen = beams.iter().flatten().map(|prefix| prefix.seen.row(0));
+        let logits = policy(&seen.collect::<Vec<Observation>>());
         let mut rows = logits.chunks_exact(arena.env.shape().pixel_count());
         let mut actions = vec![None; count];
         for (group, beam) in beams.iter().enumerate() {
@@ -56,10 +69,9 @@ pub fn lookahead(arena: &mut Arena, method: Lookahead, policy: &mut Policy, seed
             for (k, prefix) in beam.iter().enumerate() {
                 let share = free.len().div_ceil(beam.len() - k);
                 let row = rows.next().expect("a row a prefix");
-                let mask = &prefix.observation().mask;
-                for action in draw(row, mask, share, &mut streams[group]) {
+                for action in draw(row, prefix.seen.row(0), share, &mut streams[group]) {
                     let index = free.next().expect("a share of what is free");
-                    arena.env.go_on(index, prefix);
+                    arena.env.go_on(index, &prefix.episode);
                     actions[index] = Some(action);
                 }
             }
@@ -79,7 +91,9 @@ pub fn lookahead(arena: &mut Arena, method: Lookahead, policy: &mut Policy, seed
             scored.sort_by(|a, b| b.0.total_cmp(&a.0));
             scored.truncate(width);
             let alive = scored.iter().filter(|(_, index)| ended[*index].is_none());
-            *beam = alive.map(|&(_, index)| arena.env.branch(index)).collect();
+            *beam = alive
+                .map(|&(_, index)| Prefix::new(arena.env, index))
+                .collect();
             if beam.is_empty() {
                 beam.push(start.clone());
             }

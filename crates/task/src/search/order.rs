@@ -26,21 +26,21 @@ impl Order {
 /// The allowed action of one environment that comes first in `order`; `share` 0..1 of the episodes
 /// came before.
 pub fn choose(env: &Draping, index: usize, order: Order, share: f64, stream: &mut Stream) -> u32 {
-    let (mask, shape) = (&env.observation(index).mask, env.shape());
+    let (seen, shape) = (env.observation(index), env.shape());
     let at = |pixel: usize| [pixel % shape.columns, pixel / shape.columns].map(|x| x as f64);
     match order {
         Order::Random => {
-            let drawn = mask.ones().nth(stream.below(mask.count_ones(..)));
-            drawn.expect("a mask is never empty") as u32
+            let drawn = stream.below(seen.allowed().count());
+            seen.allowed().nth(drawn).expect("something is allowed")
         }
         Order::Sweep => {
             let rank = sweep(share);
-            first(mask, |pixel| rank(at(pixel)))
+            first(seen, |pixel| rank(at(pixel)))
         }
         Order::Outwards => {
             let place = 49.0 * share;
             let rank = outward(shape, [place % 7.0, place / 7.0].map(|x| x.floor() / 6.0));
-            first(mask, |pixel| rank(at(pixel)))
+            first(seen, |pixel| rank(at(pixel)))
         }
     }
 }

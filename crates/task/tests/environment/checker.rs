@@ -2,10 +2,10 @@
 
 use drape_cloth::fabric::Membrane;
 use drape_cloth::math::Vec3;
-use drape_cloth::scene::{feet, summed_surplus};
+use drape_cloth::measure::{feet, summed_surplus};
 use drape_cloth::sim::Device;
 use drape_cloth::sim::Precision;
-use drape_cloth::sim::Snapshot;
+use drape_cloth::sim::{DRAPED, Snapshot, TOUCHED};
 use drape_task::env::{End, Objective};
 use fixedbitset::FixedBitSet;
 
@@ -16,7 +16,7 @@ pub fn check(scene: &Arc<Scene>, config: &EnvConfig, count: usize, seed: u64) {
     let mut env = Draping::new(scene.clone(), config, count).unwrap();
     let mut player = Player::new(seed, count);
     let mut ended = vec![0; count];
-    let fresh = env.observation(0).clone();
+    let fresh = seen(&env, 0);
     while ended.contains(&0) {
         let before: Vec<View> = (0..count).map(|index| View::new(&env, index)).collect();
         let actions = player.choose(&env);
@@ -29,7 +29,7 @@ pub fn check(scene: &Arc<Scene>, config: &EnvConfig, count: usize, seed: u64) {
             let pressed = env.vertex(actions[index]).unwrap();
             check_step(&env, config, &before[index], &after, pressed);
 
-            let left = env
+            let left = env.tasks()[0]
                 .region_vertices()
                 .any(|v| !after.touched.contains(v as usize));
             let Some(episode) = &outcomes[index].episode else {
@@ -60,8 +60,9 @@ pub fn check(scene: &Arc<Scene>, config: &EnvConfig, count: usize, seed: u64) {
             assert!((reward - (initial - last)).abs() < rounding + summed);
             assert!((f64::from(env.reward_scale(0)) - initial).abs() < rounding);
             // The new episode starts as all do.
-            assert_eq!(*env.observation(index), fresh);
-            assert!(env.touched(index).is_clear() && env.draped(index).is_clear());
+            assert_eq!(seen(&env, index), fresh);
+            let pressed = env.state(index).pressed;
+            assert!(pressed.touched.is_clear() && pressed.draped.is_clear());
             ended[index] += 1;
         }
     }
@@ -76,20 +77,19 @@ struct View {
 
 impl View {
     fn new(env: &Draping, index: usize) -> Self {
-        Self {
-            state: env.state(index),
-            touched: env.touched(index).clone(),
-            draped: env.draped(index).clone(),
-        }
+        Self::of(env.state(index))
     }
 
     /// The end of the last episode.
     fn last(env: &Draping, index: usize) -> Self {
-        let finished = env.finished(index).unwrap();
+        Self::of(env.finished(index).unwrap().cloth().clone())
+    }
+
+    fn of(state: Snapshot) -> Self {
         Self {
-            state: finished.clone(),
-            touched: finished.pressed.touched.clone(),
-            draped: finished.pressed.draped.clone(),
+            touched: state.pressed.touched.clone(),
+            draped: state.pressed.draped.clone(),
+            state,
         }
     }
 }
@@ -142,7 +142,8 @@ fn pushed_out(env: &Draping, state: &Snapshot) -> [f64; 2] {
 /// Distance to the tool of every vertex of the region [m].
 fn distances<'a>(env: &'a Draping, state: &'a Snapshot) -> impl Iterator<Item = f64> + 'a {
     let distance = |v: u32| env.scene().tool.distance(state.position[v as usize]).0;
-    env.region_vertices().map(move |v| distance(v).max(0.0))
+    let vertices = env.tasks()[0].region_vertices();
+    vertices.map(move |v| distance(v).max(0.0))
 }
 
 /// The vertices in the column over the square stencil at `pressed`, from among those within
@@ -262,9 +263,8 @@ fn check_observation(
     }
     let observation = env.observation(index);
     let found: Vec<usize> = observation
-        .mask
-        .ones()
-        .map(|action| env.vertex(action as u32).unwrap() as usize)
+        .allowed()
+        .map(|action| env.vertex(action).unwrap() as usize)
         .collect();
     assert!(!found.is_empty());
     assert_eq!(found, allowed);
@@ -283,7 +283,7 @@ fn check_observation(
             // The blank has been cut away here.
             assert_eq!(scene.lamina.vertex_at(place[0], place[1]), None);
             assert_eq!(observation.distance[pixel], 0.0);
-            assert!(!observation.touched.contains(pixel) && !observation.draped.contains(pixel));
+            assert_eq!(observation.marks[pixel], 0);
             continue;
         };
         let v = v as usize;
@@ -294,9 +294,10 @@ fn check_observation(
         // Looked up in the environment's precision: a tenth of a micrometre.
         let error = (observation.distance[pixel] - expected).abs();
         assert!(error < 2e-7, "{error} m off at pixel {pixel}");
-        let seen = |bits: &FixedBitSet| inside(v) && bits.contains(v);
-        assert_eq!(observation.touched.contains(pixel), seen(&after.touched));
-        assert_eq!(observation.draped.contains(pixel), seen(&after.draped));
+        for (bit, bits) in [(TOUCHED, &after.touched), (DRAPED, &after.draped)] {
+            let is_marked = observation.marks[pixel] & bit != 0;
+            assert_eq!(is_marked, inside(v) && bits.contains(v));
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Environments that several processes simulate together.
 
 use drape_task::cluster::{Cluster, threads};
+use drape_task::env::Member;
 
 use super::*;
 
@@ -10,22 +11,27 @@ use super::*;
 fn processes_see_what_one_does() {
     let (scene, config) = (&*COARSE, small_region());
     let play = |count: usize, cluster: &Cluster| {
-        let mut env = Draping::shared(scene.clone(), &config, count, cluster).unwrap();
+        let member = Member {
+            scene: scene.clone(),
+            config: config.clone(),
+            count,
+        };
+        let mut env = Draping::on(vec![member], cluster).unwrap();
         let mut player = Player::new(4, count);
-        let mut seen = Vec::new();
+        let mut outcomes = Vec::new();
         for step in 0..12 {
             let actions = player.choose(&env);
-            seen.push(env.step(&actions));
+            outcomes.push(env.step(&actions));
             if step == 5 {
                 env.reset(0);
-                let branch = env.branch(count - 1);
+                let branch = env.episode(count - 1);
                 env.go_on(0, &branch);
             }
         }
         let saved = env.save();
         env.load(&saved).unwrap();
-        let views: Vec<_> = (0..count).map(|i| env.observation(i).clone()).collect();
-        (seen, views, env.scores(), saved)
+        let views: Vec<_> = (0..count).map(|i| seen(&env, i)).collect();
+        (outcomes, views, env.scores(), saved)
     };
     for (count, size) in [(5, 2), (2, 3)] {
         let alone = play(count, &Cluster::default());

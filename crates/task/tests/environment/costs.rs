@@ -1,8 +1,10 @@
 use drape_task::env::Costs;
+use drape_task::path::PathFigures;
 
 use super::*;
 
-/// What a path costs is taken off its score where that is asked for, and nowhere else; rewards stay.
+/// What a path costs is taken off its score where that is asked for, counted on the tool, and nowhere else; rewards
+/// stay.
 #[test]
 fn costs_are_taken_off_the_score_where_they_count() {
     let config = EnvConfig {
@@ -12,6 +14,9 @@ fn costs_are_taken_off_the_score_where_they_count() {
             metre: 0.03,
             undraped: 0.04,
         },
+        // Ends before all is draped.
+        max_steps: Some(20),
+        drape_threshold_mm: 0.02,
         ..small_region()
     };
     let new = || Draping::new(COARSE.clone(), &config, 2).unwrap();
@@ -27,16 +32,26 @@ fn costs_are_taken_off_the_score_where_they_count() {
                 continue;
             };
             ended += 1;
-            let vertices = expected.actions.iter().filter_map(|&a| plain.vertex(a));
-            let vertices: Vec<u32> = vertices.collect();
-            let end = plain.finished(index).unwrap();
-            let (scene, region) = (plain.scene(), plain.region());
-            let cost = config.cost(scene, region, &vertices, &end.position);
-            let undraped = region.undraped_inner(scene, 1e-3, &end.position);
-            assert!(cost > 0.01 + 0.04 * undraped as f64);
+            let (task, end) = (plain.task(index), plain.finished(index).unwrap());
+            let pressed = end.presses().iter().map(|&(v, _)| plain.action(v).unwrap());
+            assert!(pressed.eq(expected.actions.iter().copied()));
+            // As they are counted for people and robots: on the tool.
+            let points = task.points(end.presses());
+            let path = PathFigures::new(&points, config.join_distance());
+            let x = &end.cloth().position;
+            let undraped = task.region.undraped_inner(plain.scene(), 2e-5, x);
+            let counts = [
+                path.strokes,
+                path.sharp_turns,
+                path.length_m + path.jump_m,
+                undraped as f64,
+            ];
+            let costs = counts.iter().zip([0.01, 0.02, 0.03, 0.04]);
+            let cost: f64 = costs.map(|(count, cost)| count * cost).sum();
+            assert!(counts.iter().all(|&count| count > 0.0), "{counts:?}");
             let scores = [expected, found].map(|episode| episode.score.unwrap());
             assert!((scores[0] - cost - scores[1]).abs() < 1e-12);
-            assert_eq!(costly.score(&vertices, end), scores[1]);
+            assert_eq!(costly.score(index, &points, end.cloth()), scores[1]);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! How episodes end, begin again, and go on from a saved state.
 
 use drape_cloth::sim::Precision;
-use drape_cloth::sim::Snapshot;
+use drape_cloth::sim::{Snapshot, TOUCHED};
 use drape_task::env::End;
 
 use super::*;
@@ -100,13 +100,14 @@ fn episodes_repeat_with_yarns() {
 #[test]
 fn reset_concerns_one_environment() {
     let mut env = small(&COARSE, 3);
-    let fresh = (env.observation(1).clone(), env.state(1));
+    let shown = |env: &Draping, index: usize| (seen(env, index), env.state(index));
+    let fresh = shown(&env, 1);
     play(&mut env, &mut Player::new(5, 3), 6);
-    let others = [0, 2].map(|i| (env.observation(i).clone(), env.state(i)));
+    let others = [0, 2].map(|i| shown(&env, i));
     assert!(env.state(1) != fresh.1);
     env.reset(1);
-    assert!((env.observation(1).clone(), env.state(1)) == fresh);
-    assert!([0, 2].map(|i| (env.observation(i).clone(), env.state(i))) == others);
+    assert!(shown(&env, 1) == fresh);
+    assert!([0, 2].map(|i| shown(&env, i)) == others);
 }
 
 #[test]
@@ -129,8 +130,9 @@ fn step_limit_truncates() {
             assert_eq!(episode.actions.len(), 7);
             assert_eq!(episode.total_reward, 0.0);
             // What the agent saw last still offers something to do.
-            let last = env.last(index);
-            assert!(!last.mask.is_clear() && !last.touched.is_clear());
+            let last = env.last().row(index);
+            assert!(last.allowed().next().is_some());
+            assert!(last.marks.iter().any(|mark| mark & TOUCHED != 0));
             assert!(env.finished(index).is_some());
         }
     }
@@ -140,7 +142,7 @@ fn step_limit_truncates() {
 #[should_panic(expected = "is masked out")]
 fn forbidden_action_panics() {
     let mut env = small(&COARSE, 1);
-    let action = env.observation(0).mask.ones().next().unwrap() as u32;
+    let action = env.observation(0).allowed().next().unwrap();
     env.step(&[action]);
     // Touched by now.
     env.step(&[action]);
@@ -166,8 +168,8 @@ fn action_outside_the_region_panics() {
     env.step(&[0]);
 }
 
-/// The layout of saved environments: actions, total reward, and the cloth.
-type Saved = (Vec<u32>, f32, Snapshot);
+/// The layout of saved environments: presses, total reward, and the cloth.
+type Saved = (Vec<(u32, [f64; 3])>, f32, Snapshot);
 
 #[test]
 fn diverged_environment_ends_alone() {
@@ -251,8 +253,9 @@ fn ends_alone(spoil: impl Fn(&mut Snapshot, usize)) {
     let episode = found[2].episode.as_ref().unwrap();
     assert_eq!((episode.end, found[2].reward), (End::Diverged, 0.0));
     assert_eq!(episode.actions.len(), 6);
-    assert!(spoiled.last(2).distance.iter().all(|d| d.is_finite()));
-    assert!(!spoiled.last(2).mask.is_clear());
+    let last = spoiled.last().row(2);
+    assert!(last.distance.iter().all(|d| d.is_finite()));
+    assert!(last.allowed().next().is_some());
     assert!(spoiled.observation(2) == fresh.observation(0));
     assert!(spoiled.state(2) == fresh.state(0));
 }

@@ -1,72 +1,98 @@
-use super::*;
-use drape_task::env::Family;
+//! Scenes that are stepped together.
 
-fn members() -> Vec<Draping> {
+use drape_task::cluster::{Cluster, threads};
+use drape_task::env::{EpisodeState, Member, ParametersConfig};
+
+use super::*;
+
+/// The coarse rib as it is, with its blank moved, by another solver, and with another cloth and other
+/// presses.
+fn members() -> Vec<Member> {
     let mut config = COARSE.config.clone();
     config.placement.centre_mm = [20.0, 0.0];
     let moved = Arc::new(Scene::new(&config, |_| {}).unwrap());
-    [(&*COARSE, 2), (&moved, 1)]
-        .map(|(scene, count)| Draping::new(scene.clone(), &small_region(), count).unwrap())
-        .into()
+    let mut members = [
+        (&*COARSE, 2),
+        (&moved, 1),
+        (&*GAUSS_SEIDEL, 1),
+        (&COARSE, 2),
+    ]
+    .map(|(scene, count)| Member {
+        scene: scene.clone(),
+        config: small_region(),
+        count,
+    });
+    members[3].config.parameters = ParametersConfig {
+        shear: [1.3, 0.8],
+        pressure: 0.9,
+        offset_deviation_mm: 1.0,
+        ..ParametersConfig::default()
+    };
+    members.into()
 }
 
-/// Each task of a family goes as it does alone, and going on from a saved state changes no bit.
+fn together(members: Vec<Member>) -> Draping {
+    Draping::on(members, &Cluster::default()).unwrap()
+}
+
+/// Each goes as it does alone, on any number of processes; going on from a saved state changes no bit.
 #[test]
-fn tasks_of_a_family_go_as_alone() {
-    let mut alone = members();
-    let mut family = Family::new(members()).unwrap();
-    assert_eq!(family.count(), 3);
-    assert_eq!([0, 1, 2].map(|k| family.observation(k).scene), [0, 0, 1]);
-    let [a, b] = family.terrains()[..] else {
-        panic!("a terrain a scene")
+fn scenes_together_go_as_each_alone() {
+    let play = |cluster: &Cluster| {
+        let alone = |member| together(vec![member]);
+        let mut alone: Vec<Draping> = members().into_iter().map(alone).collect();
+        let mut all = Draping::on(members(), cluster).unwrap();
+        // Of one topology first, each scene with its own terrain.
+        let of = |scene| all.environments(scene).collect::<Vec<_>>();
+        let places = [0, 1, 2, 3].map(of);
+        assert_eq!(places, [vec![0, 1], vec![2], vec![5], vec![3, 4]]);
+        let terrains = all.terrains();
+        assert!(terrains[0] != terrains[1] && terrains[0] == terrains[3]);
+        let mut player = Player::new(4, all.count());
+        let mut ended = [0; 4];
+        for step in 0..90 {
+            if step == 20 {
+                let saved = all.save();
+                all = Draping::on(members(), cluster).unwrap();
+                all.load(&saved).unwrap();
+            }
+            let actions = player.choose(&all);
+            let found = all.step(&actions);
+            for (scene, places) in places.iter().enumerate() {
+                let own: Vec<u32> = places.iter().map(|&k| actions[k]).collect();
+                let expected = alone[scene].step(&own);
+                for (k, &place) in places.iter().enumerate() {
+                    assert_eq!(found[place], expected[k], "step {step} of scene {scene}");
+                    let (shown, own) = (all.last().row(place), alone[scene].last().row(k));
+                    assert_eq!(usize::from(shown.view), scene);
+                    assert!(shown.distance == own.distance && shown.marks == own.marks);
+                    ended[scene] += usize::from(found[place].episode.is_some());
+                }
+            }
+        }
+        assert!(!ended.contains(&0), "{ended:?}");
+        all.save()
     };
-    assert_ne!(a, b);
-    let mut player = Player::new(4, 3);
-    for step in 0..60 {
-        if step == 20 {
-            let mut fresh = Family::new(members()).unwrap();
-            fresh.load(&family.save()).unwrap();
-            family = fresh;
+    let alone = play(&Cluster::default());
+    std::thread::scope(|scope| {
+        for one in threads(2) {
+            let (play, alone) = (&play, &alone);
+            scope.spawn(move || assert!(play(&Cluster::new(one)) == *alone));
         }
-        let seen = |k: usize| family.observation(k).mask.clone();
-        let actions: Vec<u32> = (0..3)
-            .map(|k| {
-                let mask = seen(k);
-                let chosen = player.0[k].below(mask.count_ones(..));
-                mask.ones().nth(chosen).unwrap() as u32
-            })
-            .collect();
-        let mut expected = alone[0].step(&actions[..2]);
-        expected.extend(alone[1].step(&actions[2..]));
-        let found = family.step(&actions);
-        assert_eq!(found, expected, "step {step}");
-        for k in (0..3).filter(|&k| found[k].episode.is_some()) {
-            let (member, index) = family.place(k);
-            assert_eq!(family.last(k), member.last(index));
-            assert_eq!(family.last(k).distance, alone[k / 2].last(k % 2).distance);
-        }
-    }
+    });
 }
 
 #[test]
 fn images_of_other_sizes_and_foreign_states_are_refused() {
     let mut all = members();
-    let wider = EnvConfig {
-        region_mm: Some([-140.0, -150.0, -25.0, -55.0]),
-        ..small_region()
-    };
-    all.push(Draping::new(COARSE.clone(), &wider, 1).unwrap());
-    let error = Family::new(all).err().unwrap().to_string();
-    assert!(error.contains("member 2"), "{error}");
+    all[2].config.region_mm = Some([-140.0, -150.0, -25.0, -55.0]);
+    let error = Draping::on(all, &Cluster::default()).err().unwrap();
+    assert!(error.to_string().contains("member 2"), "{error}");
 
-    let mut family = Family::new(members()).unwrap();
-    let before = family.save();
-    let mut states: Vec<Vec<u8>> = postcard::from_bytes(&before).unwrap();
-    states.swap(0, 1);
-    assert!(
-        family
-            .load(&postcard::to_allocvec(&states).unwrap())
-            .is_err()
-    );
-    assert!(family.save() == before);
+    let mut all = together(members());
+    let before = all.save();
+    let mut states: Vec<EpisodeState> = postcard::from_bytes(&before).unwrap();
+    states.swap(0, 2);
+    assert!(all.load(&postcard::to_allocvec(&states).unwrap()).is_err());
+    assert!(all.save() == before);
 }

@@ -1,6 +1,7 @@
 //! The task with its cloth on a GPU.
 
 use drape_cloth::sim::Device;
+use drape_task::env::Task;
 
 use super::checker::check;
 use super::*;
@@ -36,15 +37,12 @@ fn gpu_replays_a_path() {
                 break;
             }
         }
-        let (expected, found) = (cpu.finished(0).unwrap(), &gpu.state(0));
+        let (expected, found) = (cpu.finished(0).unwrap().cloth(), &gpu.state(0));
         for (what, measure) in [
-            (
-                "distance",
-                Draping::region_distance as fn(&Draping, &_) -> f64,
-            ),
-            ("surplus", Draping::region_surplus),
+            ("distance", Task::distance as fn(&Task, &_) -> f64),
+            ("surplus", Task::surplus),
         ] {
-            let [a, b] = [measure(&cpu, expected), measure(&gpu, found)];
+            let [a, b] = [measure(cpu.task(0), expected), measure(gpu.task(0), found)];
             eprintln!(
                 "{presses} presses, {what} {a:.9} m, on the GPU {:+.3e} m",
                 b - a

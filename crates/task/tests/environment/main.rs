@@ -18,7 +18,7 @@ use std::sync::{Arc, LazyLock};
 
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
-use drape_cloth::sim::Solver;
+use drape_cloth::sim::{Observations, Solver};
 use drape_task::env::{Draping, EnvConfig, StepOutcome, Tasks};
 
 /// The rib under a blank of 33 x 33 vertices.
@@ -78,12 +78,17 @@ impl Player {
 
     fn choose(&mut self, env: &Draping) -> Vec<u32> {
         let choose = |(index, stream): (usize, &mut Stream)| {
-            let mask = &env.observation(index).mask;
-            let chosen = stream.below(mask.count_ones(..));
-            mask.ones().nth(chosen).unwrap() as u32
+            let allowed = env.observation(index).allowed();
+            let chosen = stream.below(allowed.clone().count());
+            allowed.clone().nth(chosen).unwrap()
         };
         self.0.iter_mut().enumerate().map(choose).collect()
     }
+}
+
+/// What an environment shows now, on its own.
+fn seen(env: &Draping, index: usize) -> Observations {
+    Observations::gather([(env.observations(), index)].into_iter())
 }
 
 /// Takes `steps` random steps.

@@ -14,7 +14,7 @@ fn lists_side_by_side_end_as_each_alone_and_as_they_were_played() {
     let mut vertices = Vec::new();
     for _ in 0..6 {
         let action = player.choose(&episode);
-        assert!(episode.allows(0, action[0]));
+        assert!(episode.observation(0).allows(action[0]));
         vertices.push(episode.vertex(action[0]).unwrap());
         episode.step(&action);
     }
@@ -26,7 +26,7 @@ fn lists_side_by_side_end_as_each_alone_and_as_they_were_played() {
     });
     assert_eq!(ends, [Ok(()); 3]);
     assert!(seen[0][6] == episode.state(0));
-    assert_eq!(env.touched(0), episode.touched(0));
+    assert_eq!(env.state(0).pressed, episode.state(0).pressed);
     for (list, seen) in lists.iter().zip(&seen) {
         assert_eq!(seen.len(), list.len() + 1);
         let mut alone = Draping::new(COARSE.clone(), &small_region(), 1).unwrap();
@@ -40,7 +40,7 @@ fn divergence_ends_a_list_and_tells_its_press() {
     let mut scene = (**COARSE).clone();
     Arc::make_mut(&mut scene.initial).velocity[0] = [1e12, 0.0, 0.0];
     let mut env = Draping::new(Arc::new(scene), &small_region(), 2).unwrap();
-    let vertex = env.region_vertices().next().unwrap();
+    let vertex = env.tasks()[0].region_vertices().next().unwrap();
     let mut calls = Vec::new();
     let ends = env.replay(&[&[vertex; 3], &[]], |_, index, presses| {
         calls.push((index, presses));

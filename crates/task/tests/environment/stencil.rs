@@ -1,5 +1,6 @@
 //! The stencil on flat cloth, where its vertices can be counted by hand.
 
+use drape_cloth::sim::Pressed;
 use drape_cloth::tool::{Plate, Shape, Source};
 
 use super::*;
@@ -22,13 +23,12 @@ fn flat(vertices: usize) -> Arc<Scene> {
 fn press(vertices: usize, pressed: [usize; 2]) -> [usize; 2] {
     let mut env = Draping::new(flat(vertices), &EnvConfig::default(), 1).unwrap();
     env.step(&[(pressed[0] * vertices + pressed[1]) as u32]);
-    let touched = env.touched(0);
+    let Pressed {
+        touched, draped, ..
+    } = env.state(0).pressed;
     // A plate and a flat sheet: whatever is touched is draped.
-    assert_eq!(touched, env.draped(0));
-    [
-        touched.count_ones(..),
-        env.observation(0).mask.count_ones(..),
-    ]
+    assert_eq!(touched, draped);
+    [touched.count_ones(..), env.observation(0).allowed().count()]
 }
 
 /// Cells of 5.78 mm: 3 x 3 vertices within 9 mm of the centre, and 16 beside them.

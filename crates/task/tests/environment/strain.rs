@@ -17,13 +17,13 @@ fn stretched_vertices_stay_free() {
             let actions = player.choose(&env);
             env.step(&actions);
             let state = env.state(0);
-            for v in env.touched(0).difference(env.draped(0)) {
+            for v in state.pressed.touched.difference(&state.pressed.draped) {
                 assert!(!state.fixed.contains(v));
                 let near = COARSE.tool.distance(state.position[v]).0 <= 1e-3;
                 refused += usize::from(near);
             }
         }
-        (refused, env.draped(0).count_ones(..))
+        (refused, env.state(0).pressed.draped.count_ones(..))
     };
     let (_, all) = draped(1e4);
     let (refused, some) = draped(1e-5);

@@ -47,9 +47,10 @@ fn triple_moves_as_worked_by_hand() {
     let triple = BendTriple {
         vertices: [0, 1, 2],
         compliance: 2.0,
+        family: Family::Warp,
     };
     let mut x = [[0.0; 3], [1.0, 0.0, 1.0], [2.0, 0.0, 0.0]].map(Vec3x);
-    project_triples(&[triple], &mut x, &[1.0; 3]);
+    project_triples(&[triple], &mut x, &[1.0; 3], None);
     close(x[0], Vec3::new(0.0, 0.0, 0.25), 1e-15);
     close(x[1], Vec3::new(1.0, 0.0, 0.5), 1e-15);
     close(x[2], Vec3::new(2.0, 0.0, 0.25), 1e-15);

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use super::super::backend::World;
 use super::super::device_error::DeviceError;
-use super::super::law::{EdgeClass, Limit};
+use super::super::edges::EdgeClass;
+use super::super::law::Limit;
 use super::super::line::{Chain, Line};
 use super::super::lines::Lines;
 use super::super::model::Pass;

@@ -48,7 +48,7 @@ fn hinge_follows_the_gradient_of_its_angle() {
         let w = [1.0, 2.0, 0.5, 3.0];
         let start = x.map(|x| Vec3x(x.into()));
         let mut moved = start;
-        project_hinges(&[hinge], &mut moved, &w);
+        project_hinges(&[hinge], &mut moved, &w, None);
         for v in 0..4 {
             let gradient = Vec3::from_fn(|k, _| {
                 let shifted = |by: f64| {
@@ -82,7 +82,7 @@ fn rigid_hinge_unfolds() {
             compliance: 0.0,
         };
         for _ in 0..20 {
-            project_hinges(&[hinge], &mut x, &[1.0; 4]);
+            project_hinges(&[hinge], &mut x, &[1.0; 4], None);
         }
         let angle = dihedral_angle(&x.map(|x| Vec3::from(x.0)));
         assert!(angle.abs() < 1e-5, "{angle} left of {fold}");

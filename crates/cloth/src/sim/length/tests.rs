@@ -1,7 +1,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::super::dense::{Case, PINNED, cases, random_vector, solved};
-use super::super::law::project_edges;
+use super::super::edges::project_edges;
 use super::super::line::{Line, MAX_WARM};
 use super::*;
 use crate::math::Vec3;
@@ -22,7 +22,7 @@ fn stretch_solves_its_linear_system() {
                 false => case.line.law.tension,
             }),
         );
-        let densities = DVector::from_column_slice(&before).map(|q| warm(&case.line, q));
+        let densities = DVector::from_column_slice(&before).map(|q| q.max(case.line.min_warm()));
         let force = densities.component_mul(&length);
         let mass = case.masses();
         let system = &jacobian * &mass * jacobian.transpose() + DMatrix::from_diagonal(&compliance);
@@ -46,7 +46,7 @@ fn warm_start_gives_pull_and_stress() {
         let (c, jacobian) = case.constraints();
         let all = DVector::from_column_slice(&density);
         let force = all
-            .map(|q| warm(&case.line, q))
+            .map(|q| q.max(case.line.min_warm()))
             .component_mul(&c.add_scalar(1.0));
         let pulled = -(jacobian.transpose() * force);
         let (pull, stress) = case.warm_start(&density);
@@ -71,13 +71,13 @@ fn only_compression_that_bending_holds_lasts() {
     cases(9, PINNED, |case, _| {
         let most = MAX_WARM * case.line.bending;
         for (force, expected) in [(3.0, 3.0), (-0.5 * most, -0.5 * most), (-2.0 * most, -most)] {
-            assert_eq!(warm(&case.line, force), expected);
+            assert_eq!(force.max(case.line.min_warm()), expected);
         }
         let limp = Line {
             bending: 0.0,
             ..case.line.clone()
         };
-        assert_eq!(warm(&limp, -1.0), 0.0);
+        assert_eq!((-1.0f64).max(limp.min_warm()), 0.0);
     });
 }
 
@@ -92,7 +92,7 @@ fn forces_that_meet_the_law_change_nothing() {
         };
         // length = rest + compliance * density * length.
         let all = (0..case.edges()).map(|_| stream.normal());
-        let densities: Vec<f64> = all.map(|q| warm(&case.line, q)).collect();
+        let densities: Vec<f64> = all.map(|q| q.max(case.line.min_warm())).collect();
         for (j, density) in densities.iter().enumerate() {
             let [a, b] = [0, 1].map(|k| case.line.vertices[j + k] as usize);
             let compliance = match *density < 0.0 {
@@ -129,6 +129,7 @@ fn pair(rest_length: f64) -> EdgeClass {
             tension: 1.0,
             compression: 3.0,
         }],
+        direction: vec![Direction::Warp],
     }
 }
 
@@ -138,12 +139,24 @@ fn edge_moves_as_worked_by_hand() {
     let start = [[0.0; 3], [3.0, 4.0, 0.0]].map(Vec3x);
     // C = 1, compliance 1: lambda = -1 / (1 + 3 + 1).
     let mut x = start;
-    project_edges(&pair(4.0), &Limited(&[Limit::NONE]), &mut x, &[1.0, 3.0]);
+    project_edges(
+        &pair(4.0),
+        &Limited(&[Limit::NONE]),
+        &mut x,
+        &[1.0, 3.0],
+        None,
+    );
     close(x[0], Vec3::new(0.12, 0.16, 0.0), 1e-15);
     close(x[1], Vec3::new(2.64, 3.52, 0.0), 1e-15);
     // C = -1, compliance 3: lambda = 1 / (1 + 3 + 3).
     let mut x = start;
-    project_edges(&pair(6.0), &Limited(&[Limit::NONE]), &mut x, &[1.0, 3.0]);
+    project_edges(
+        &pair(6.0),
+        &Limited(&[Limit::NONE]),
+        &mut x,
+        &[1.0, 3.0],
+        None,
+    );
     close(x[0], Vec3::new(-0.6 / 7.0, -0.8 / 7.0, 0.0), 1e-15);
     close(
         x[1],
@@ -153,7 +166,7 @@ fn edge_moves_as_worked_by_hand() {
     // Pinned or collapsed edges do not move.
     for (x, w) in [(start, [0.0; 2]), ([Vec3x([1.0; 3]); 2], [1.0, 3.0])] {
         let mut moved = x;
-        project_edges(&pair(4.0), &Limited(&[Limit::NONE]), &mut moved, &w);
+        project_edges(&pair(4.0), &Limited(&[Limit::NONE]), &mut moved, &w, None);
         assert_eq!(moved.map(|x| x.0), x.map(|x| x.0));
     }
 }
@@ -170,7 +183,7 @@ fn limited_edge_moves_as_worked_by_hand() {
             offset: 0.5 - 0.5 * compliance,
         };
         let mut x = start;
-        project_edges(&pair(rest), &Limited(&[limit]), &mut x, &[1.0, 3.0]);
+        project_edges(&pair(rest), &Limited(&[limit]), &mut x, &[1.0, 3.0], None);
         x[0].0[0] / 0.6
     };
     for (rest, compliance, expected) in [

@@ -70,7 +70,7 @@ fn elements_follow_the_gradients_of_their_constraints() {
         let x = corners(&mut stream);
         let w = [1.0, 2.0, 0.5];
         let mut moved = x.map(|x| Vec3x(x.into()));
-        project_elements(&[element], &mut moved, &w, &mut []);
+        project_elements(&[element], &mut moved, &w, &mut [], None);
         let c = constraints(&element, &x)[which];
         let mut sum = [Vec3::zeros(); 2];
         for v in 0..3 {
@@ -102,7 +102,7 @@ fn rigid_elements_come_to_their_rest_shape() {
         let element = element(11.0 * f64::from(trial), [Some(0.0); 3]);
         let mut x = corners(&mut stream).map(|x| Vec3x(x.into()));
         for _ in 0..200 {
-            project_elements(&[element], &mut x, &[1.0, 2.0, 0.5], &mut []);
+            project_elements(&[element], &mut x, &[1.0, 2.0, 0.5], &mut [], None);
         }
         let c = constraints(&element, &x.map(|x| Vec3::from(x.0)));
         assert!(c.iter().all(|c| c.abs() < 1e-12), "{c:?}");
@@ -122,7 +122,7 @@ fn rigid_motion_moves_nothing() {
     let mut x: Vec<_> = start.iter().map(|x| Vec3x((*x).into())).collect();
     let mobility: Vec<f64> = lamina.mass.iter().map(|m| 1e-8 / m).collect();
     for class in elements(&lamina, &PhysicsConfig::default(), None) {
-        project_elements(&class, &mut x, &mobility, &mut []);
+        project_elements(&class, &mut x, &mobility, &mut [], None);
     }
     for (x, start) in x.iter().zip(&start) {
         assert!((Vec3::from(x.0) - start).norm() < 1e-16);
@@ -132,13 +132,13 @@ fn rigid_motion_moves_nothing() {
 /// The branch follows the sign of each strain, and collapsed triangles stay finite.
 #[test]
 fn branches_follow_the_sign_and_collapse_is_survived() {
-    assert_eq!(LAW.branch(0.1), 1e-3);
-    assert_eq!(LAW.branch(-0.1), 4e-3);
+    assert_eq!(branch(LAW.in_lanes(None), 0.1), 1e-3);
+    assert_eq!(branch(LAW.in_lanes(None), -0.1), 4e-3);
     let element = element(20.0, [Some(0.0); 3]);
     for w in [[0.0; 3], [1.0, 0.0, 2.0]] {
         let start = [Vec3x([0.5; 3]); 3];
         let mut x = start;
-        project_elements(&[element], &mut x, &w, &mut []);
+        project_elements(&[element], &mut x, &w, &mut [], None);
         assert!(x.iter().flat_map(|x| x.0).all(f64::is_finite));
     }
 }
@@ -191,14 +191,14 @@ fn lasting_forces_bear_a_load() {
         let mut density = [0.0; 2];
         for _ in 0..500 {
             let (mut pull, mut stress) = ([Vec3x([0.0; 3]); 3], [0.0; 3]);
-            warm_start_elements(&[element], &x, &density, &mut pull, &mut stress);
+            warm_start_elements(&[element], &x, &density, &mut pull, &mut stress, None);
             let sum: Vec3 = pull.iter().map(|pull| Vec3::from(pull.0)).sum();
             let size: f64 = pull.iter().map(|pull| Vec3::from(pull.0).norm()).sum();
             assert!(sum.norm() <= 1e-12 * size);
             // As a substep has it: under hard stress a vertex has inertia.
             let w = [0.0, 0.0, 1e-3 / (2.5e-3 * stress[2]).max(1.0)];
             x[2] = x[2] + (Vec3x(push.into()) + pull[2]).scale(w[2]);
-            project_elements(&[element], &mut x, &w, &mut density);
+            project_elements(&[element], &mut x, &w, &mut density, None);
         }
         let [strain, ..] = constraints(&element, &x.map(|x| Vec3::from(x.0)));
         let off = strain / (LAW.tension * load) - 1.0;
@@ -214,6 +214,6 @@ fn only_compression_that_bending_holds_lasts() {
         min_warm: [-0.5, -0.25],
     };
     let density = [9.0, -2.0, -0.1];
-    assert_eq!(lasting.warm(0, &density), (1, -0.5));
-    assert_eq!(lasting.warm(1, &density), (2, -0.1));
+    assert_eq!(lasting.warm(0, &density, None), (1, -0.5));
+    assert_eq!(lasting.warm(1, &density, None), (2, -0.1));
 }

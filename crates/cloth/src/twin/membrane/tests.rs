@@ -1,6 +1,7 @@
 use super::*;
 use crate::fabric::{BlankConfig, Material};
 use crate::math::{Purpose, Stream};
+use crate::sim::Parameters;
 use crate::twin::pack::zeros;
 
 fn sheet(angle: f64, membranes: bool) -> Lamina {
@@ -19,7 +20,10 @@ fn sheet(angle: f64, membranes: bool) -> Lamina {
 }
 
 fn membranes(lamina: &Lamina) -> Membranes {
-    Membranes::new(lamina, Laws::new(&lamina.material, true))
+    Membranes::new(
+        lamina,
+        Laws::new(&lamina.material, true, &Parameters::default()),
+    )
 }
 
 fn placed(lamina: &Lamina, at: impl Fn([f64; 2]) -> [f64; 3]) -> Field {
