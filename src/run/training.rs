@@ -218,7 +218,7 @@ impl Training {
         };
         let mut presses = vec![0; self.trainer.tasks().count()];
         let shown = self.trainer.show(|tasks, task| {
-            let scene = usize::from(tasks.observation(task).view);
+            let scene = usize::from(tasks.observations().views[task]);
             let own: Vec<usize> = tasks.environments(scene).collect();
             let number = own.iter().take_while(|&&other| other != task).count();
             let next = found[scene].get(number);

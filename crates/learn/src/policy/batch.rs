@@ -58,10 +58,10 @@ impl Images {
     /// Some rows of the same.
     fn of(seen: &Observations, rows: &[usize], device: &Device) -> Self {
         #[cfg(feature = "gpu")]
-        if let Some([distance, marks]) = super::bridge::tensors(seen, device) {
+        if let Some((distance, marks)) = super::bridge::tensors(seen, device) {
             let all = Self {
-                distance: Tensor::from_primitive(distance),
-                marks: Tensor::from_primitive(marks),
+                distance,
+                marks,
                 views: seen.views.to_vec(),
             };
             return all.select(rows);

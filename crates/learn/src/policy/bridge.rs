@@ -1,7 +1,7 @@
 //! Numbers that kernels have left on a GPU as tensors of burn's there, without a copy.
 
 use burn::backend::tensor::FloatTensor;
-use burn::tensor::{DType, Device, Shape};
+use burn::tensor::{DType, Device, Int, Shape, Tensor};
 use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{Cube, CubeBackend};
 use burn_fusion::{NoOp, get_client};
@@ -9,12 +9,16 @@ use burn_ir::{BackendIr, InitOperationIr, OperationIr};
 use drape_cloth::sim::{Buffer, Observations};
 
 /// Distances, and marks as whole numbers, `[row, pixel]`; none if they are not on `device`.
-pub fn tensors(seen: &Observations, device: &Device) -> Option<[FloatTensor<Cube>; 2]> {
-    let buffers = [seen.distance.device()?, seen.marks.device()?];
-    let is_there = super::device::of_burn(buffers[0].adapter()) == *device;
+pub fn tensors(seen: &Observations, device: &Device) -> Option<(Tensor<2>, Tensor<2, Int>)> {
+    let [distance, marks] = [seen.distance.device()?, seen.marks.device()?];
+    if super::device::of_burn(distance.adapter()) != *device {
+        return None;
+    }
     let shape = [seen.views.len(), seen.pixel_count];
-    let of = |k: usize| tensor(buffers[k], shape, [DType::F32, DType::I32][k]);
-    is_there.then(|| [0, 1].map(of))
+    Some((
+        Tensor::from_primitive::<Cube>(tensor(distance, shape, DType::F32)),
+        Tensor::from_primitive::<Cube>(tensor(marks, shape, DType::I32)),
+    ))
 }
 
 /// burn fuses operations lazily: a tensor is registered with what queues them.

@@ -23,8 +23,10 @@ pub(super) struct ClothBuffers {
     pub density: Box<[f32]>,
     /// Eliminated rows of the systems of lines.
     pub scratch: Box<[f32]>,
-    /// What a roller presses each vertex with [N], 0 for not at all, and its speed [m/s] at the end.
+    /// What a roller presses each vertex with [N], 0 for not at all.
     pub force: Box<[f32]>,
+    /// What an environment has of its own, [environment][field]: see [`super::own`].
+    pub own: Box<[f32]>,
 }
 
 /// What is the same for all environments.
@@ -34,7 +36,7 @@ pub(super) struct SheetBuffers {
     pub numbers: Box<[u32]>,
     /// Its other numbers.
     pub values: Box<[f32]>,
-    /// The tool's signed distances [m] at the nodes of its grid.
+    /// Signed distances [m] at the nodes of the grids of all tools, one after the other.
     pub samples: Box<[f32]>,
 }
 

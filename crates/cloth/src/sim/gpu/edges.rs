@@ -1,4 +1,4 @@
-//! Constraints of one colour, one thread a constraint: see [`super::super::law`] and
+//! Constraints of one colour, one thread a constraint: see [`super::super::edges`] and
 //! [`super::super::bend`].
 
 use cubecl::prelude::*;
@@ -6,7 +6,8 @@ use cubecl::prelude::*;
 use super::super::law::MIN_SQUARE;
 use super::cloth::{ClothBuffers, SheetBuffers};
 use super::lines::{excess, locked, share};
-use super::plan::{PassKind, PassPlan, Plan};
+use super::own::{BENDING, COMPLIANCE, FIELDS};
+use super::plan::{DIRECTION, PassKind, PassPlan, Plan, VERTEX};
 use super::vector::Vec3g;
 
 const MIN_SQUARE_F32: f32 = MIN_SQUARE as f32;
@@ -42,8 +43,11 @@ fn edge(
     let count = comptime!(pass.count);
     let scalars = environment * n;
     let vectors = 3 * scalars;
-    let a = sheet.numbers[comptime!(pass.places) + i] as usize;
+    let first = sheet.numbers[comptime!(pass.places) + i];
+    let a = (first & VERTEX) as usize;
     let b = sheet.numbers[comptime!(pass.places) + count + i] as usize;
+    let own = environment * FIELDS + COMPLIANCE + 2 * (first >> DIRECTION) as usize;
+    let pulled = cloth.own[own];
     let laws = comptime!(pass.laws) + i;
     let wa = cloth.mobility[scalars + a];
     let wb = cloth.mobility[scalars + b];
@@ -55,8 +59,8 @@ fn edge(
     let gives = wa + wb;
     let mut c = length - sheet.values[laws];
     let (tension, compression) = (
-        sheet.values[laws + 2 * count],
-        sheet.values[laws + 3 * count],
+        sheet.values[laws + 2 * count] * pulled,
+        sheet.values[laws + 3 * count] * cloth.own[own + 1],
     );
     let mut compliance = select(c < 0.0f32, compression, tension);
     if comptime!(pass.kind == PassKind::Diagonals) {
@@ -68,8 +72,8 @@ fn edge(
         );
     }
     if comptime!(pass.kind == PassKind::LimitedEdges) {
-        let beyond = sheet.values[laws + 4 * count] * (gives + compliance) < c;
-        compliance = select(beyond, sheet.values[laws + 5 * count], compliance);
+        let beyond = sheet.values[laws + 4 * count] / pulled * (gives + compliance) < c;
+        compliance = select(beyond, sheet.values[laws + 5 * count] * pulled, compliance);
         c -= select(beyond, sheet.values[laws + 6 * count], 0.0f32);
     }
     if comptime!(pass.kind == PassKind::LockingDiagonals) {
@@ -101,13 +105,15 @@ fn triple(
     let count = comptime!(pass.count);
     let scalars = environment * n;
     let vectors = 3 * scalars;
-    let a = sheet.numbers[comptime!(pass.places) + i] as usize;
+    let first = sheet.numbers[comptime!(pass.places) + i];
+    let a = (first & VERTEX) as usize;
+    let bending = cloth.own[environment * FIELDS + BENDING + (first >> DIRECTION) as usize];
     let b = sheet.numbers[comptime!(pass.places) + count + i] as usize;
     let c = sheet.numbers[comptime!(pass.places) + 2 * count + i] as usize;
     let wa = cloth.mobility[scalars + a];
     let wb = cloth.mobility[scalars + b];
     let wc = cloth.mobility[scalars + c];
-    let sum = wa + wc + 4.0f32 * wb + sheet.values[comptime!(pass.laws) + i];
+    let sum = wa + wc + 4.0f32 * wb + sheet.values[comptime!(pass.laws) + i] / bending;
     let xa = Vec3g::load(&cloth.position, vectors, n, a);
     let xb = Vec3g::load(&cloth.position, vectors, n, b);
     let xc = Vec3g::load(&cloth.position, vectors, n, c);

@@ -5,6 +5,7 @@ use cubecl::prelude::*;
 
 use super::super::shear::{MAX_SINE, POWERS};
 use super::cloth::{ClothBuffers, SheetBuffers};
+use super::own::{BENDING, COMPLIANCE, FIELDS};
 use super::plan::{Answer, LinePlan, Plan};
 use super::vector::Vec3g;
 
@@ -120,9 +121,16 @@ pub(super) fn stretch(
     let laws = comptime!(of.laws) + line;
     let rest = sheet.values[laws];
     let inverse_rest = sheet.values[laws + lines];
-    let tension = sheet.values[laws + 2 * lines];
-    let compression = sheet.values[laws + 3 * lines];
-    let min_warm = sheet.values[laws + 4 * lines];
+    let own = environment * FIELDS;
+    let pulled = cloth.own[own + comptime!(COMPLIANCE + 2 * of.direction)];
+    let pushed = cloth.own[own + comptime!(COMPLIANCE + 2 * of.direction + 1)];
+    let tension = sheet.values[laws + 2 * lines] * pulled;
+    let compression = sheet.values[laws + 3 * lines] * pushed;
+    let mut min_warm = 0.0f32;
+    if comptime!(of.answer == Answer::Length) {
+        min_warm =
+            sheet.values[laws + 4 * lines] * cloth.own[own + comptime!(BENDING + of.direction)];
+    }
     let densities = environment * comptime!(plan.slots) + comptime!(of.slots) + line;
     let rights = environment * comptime!(plan.scratch) + line;
     let uppers = rights + comptime!(of.lines * of.longest);
@@ -156,8 +164,8 @@ pub(super) fn stretch(
             compliance = select(density < 0.0f32, compression, tension);
             let force = density.max(min_warm) * length;
             if comptime!(of.is_limited) {
-                let beyond = force > sheet.values[laws + 6 * lines];
-                compliance = select(beyond, sheet.values[laws + 7 * lines], compliance);
+                let beyond = force > sheet.values[laws + 6 * lines] / pulled;
+                compliance = select(beyond, sheet.values[laws + 7 * lines] * pulled, compliance);
                 residual -= select(beyond, sheet.values[laws + 8 * lines], 0.0f32);
             }
             residual -= compliance * force;
@@ -229,7 +237,8 @@ pub(super) fn bend(
     let vectors = 3 * scalars;
     let places = comptime!(of.places) + line;
     let size = sheet.numbers[comptime!(of.sizes) + line] as usize;
-    let stiffness = sheet.values[comptime!(of.laws) + 5 * lines + line];
+    let bending = cloth.own[environment * FIELDS + comptime!(BENDING + of.direction)];
+    let stiffness = sheet.values[comptime!(of.laws) + 5 * lines + line] * bending;
     let rows = comptime!(of.lines * of.longest);
     let firsts = environment * comptime!(plan.scratch) + line;
     let seconds = firsts + rows;

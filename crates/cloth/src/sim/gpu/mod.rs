@@ -27,10 +27,13 @@ macro_rules! launch {
 
 mod adapter;
 mod backend;
+mod buffer;
 mod cloth;
 mod edges;
 mod lines;
+mod look;
 mod measure;
+mod own;
 mod plan;
 mod press;
 mod substep;
@@ -41,6 +44,6 @@ mod vector;
 mod vertices;
 
 pub use adapter::{Adapter, AdapterKind};
-pub use backend::{Buffer, Gpu};
-pub use measure::{GpuRegion, Measured};
+pub use backend::Gpu;
+pub use buffer::Buffer;
 pub use traffic::Traffic;

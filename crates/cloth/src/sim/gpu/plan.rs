@@ -5,11 +5,12 @@ use std::sync::Arc;
 use super::super::backend::World;
 use super::super::device_error::DeviceError;
 use super::super::edges::EdgeClass;
-use super::super::law::Limit;
-use super::super::line::{Chain, Line};
+use super::super::law::{Direction, Limit};
+use super::super::line::Line;
 use super::super::lines::Lines;
 use super::super::model::Pass;
 use super::super::stencil::Stencil;
+use super::super::view::View;
 use crate::fabric::Lamina;
 
 /// Most threads of a workgroup.
@@ -46,13 +47,18 @@ pub(super) struct Plan {
     pub has_friction: bool,
     pub has_cap: bool,
     pub press: Option<PressPlan>,
+    pub look: Option<LookPlan>,
 }
 
-/// The tool's grid. Values: first node and spacing [m], 1 / spacing.
+/// The grids of the tools, tool by tool. Values: first node and spacing [m], 1 / spacing. Numbers: nodes along
+/// each axis, and the first of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct GridPlan {
+    pub tools: usize,
+    /// Of the first.
     pub nodes: [u32; 3],
     pub values: usize,
+    pub headers: usize,
 }
 
 /// Lines that run in a direction; tables are [number along the line][line].
@@ -72,6 +78,8 @@ pub(super) struct LinePlan {
     pub is_limited: bool,
     pub is_bent: bool,
     pub answer: Answer,
+    /// See [`Direction`].
+    pub direction: usize,
 }
 
 /// What the edges of a line answer to.
@@ -82,6 +90,11 @@ pub(super) enum Answer {
     Shear,
     Locking,
 }
+
+/// Of the first vertex of a constraint these bits are its number, and those above them its direction: of an
+/// edge see [`Direction`], of a triple its family.
+pub(super) const DIRECTION: u32 = 30;
+pub(super) const VERTEX: u32 = (1 << DIRECTION) - 1;
 
 /// Constraints of one colour. Numbers, [end][constraint]: vertices. Values, [field][constraint]:
 /// rest length and its inverse, compliances in tension and compression, and force, compliance and
@@ -105,17 +118,31 @@ pub(super) enum PassKind {
 
 /// How presses go. Values: rest position, along x then y, of each vertex; the force that a roller
 /// presses each with; the greatest length of the warp edges beside each, then of the weft's, that
-/// is slack; half the stencil's side, reach on the flat blank and threshold [m], the roller's speed.
-/// Numbers: 1 where the start of the world holds a vertex; the vertex before each on its warp, after
-/// it, and the same on its weft.
+/// is slack; the threshold [m]. Numbers: the vertex before each on its warp, after it, and the same on its weft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct PressPlan {
     pub rest: usize,
     pub force: usize,
     pub slack: usize,
-    pub stencil: usize,
-    pub held: usize,
+    pub threshold: usize,
     pub neighbors: usize,
+}
+
+/// Most vertices next to another.
+pub(super) const NEIGHBORS: usize = 8;
+
+/// What is looked at and measured. Numbers: the vertex of each pixel of each view, or [`NOTHING`]; the vertices
+/// next to each, [neighbor][vertex]; 1 of each vertex of a view's region; and of each yarn edge its vertices,
+/// [end][edge]. Values: its length at rest [m].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct LookPlan {
+    pub pixels: usize,
+    pub seen: usize,
+    pub near: usize,
+    pub inside: usize,
+    pub edges: usize,
+    pub rest: usize,
+    pub edge_count: usize,
 }
 
 /// A plan with its tables.
@@ -123,6 +150,8 @@ pub(super) struct Tables {
     pub plan: Plan,
     pub numbers: Vec<u32>,
     pub values: Vec<f32>,
+    /// Signed distances of the tools.
+    pub samples: Vec<f32>,
     /// The slot of each force density of a snapshot.
     pub slots: Vec<usize>,
 }
@@ -132,20 +161,20 @@ impl Tables {
     /// Names what of the world the GPU cannot compute.
     pub fn new(world: &World) -> Result<Self, DeviceError> {
         let model = &*world.model;
-        let Some(grid) = world.tool.only_grid() else {
-            return Err(DeviceError::Missing(
-                "exact distances at sharp edges: give `tool.grid.spacing_mm`",
-            ));
-        };
-        let ([x, y, z], nodes, _) = grid.parts();
+        let expected = "exact distances at sharp edges: give `tool.grid.spacing_mm`";
+        let grids = world.tools.iter().map(|tool| tool.only_grid());
+        let grids: Option<Vec<_>> = grids.collect();
+        let grids = grids.ok_or(DeviceError::Missing(expected))?;
         let mut tables = Self {
             plan: Plan {
                 vertices: model.vertex_count(),
                 slots: 0,
                 scratch: 0,
                 grid: GridPlan {
-                    nodes: nodes.map(|count| count as u32),
+                    tools: grids.len(),
+                    nodes: grids[0].parts().1.map(|count| count as u32),
                     values: 0,
+                    headers: 0,
                 },
                 lines: None,
                 beside: 0,
@@ -157,13 +186,24 @@ impl Tables {
                 has_friction: model.friction.is_some(),
                 has_cap: model.physics().speed_cap > 0.0,
                 press: None,
+                look: None,
             },
             numbers: Vec::new(),
             values: Vec::new(),
+            samples: Vec::new(),
             slots: Vec::new(),
         };
-        let spacing = grid.spacing();
-        tables.plan.grid.values = tables.add([x, y, z, spacing, 1.0 / spacing]);
+        let (mut values, mut headers) = (Vec::new(), Vec::new());
+        for grid in grids {
+            let ([x, y, z], nodes, samples) = grid.parts();
+            let spacing = grid.spacing();
+            values.extend([x, y, z, spacing, 1.0 / spacing]);
+            headers.extend(nodes.map(|count| count as u32));
+            headers.push(tables.samples.len() as u32);
+            tables.samples.extend(samples);
+        }
+        tables.plan.grid.values = tables.add(values);
+        tables.plan.grid.headers = tables.add_numbers(headers);
         tables.plan.tack = model
             .tack
             .iter()
@@ -184,7 +224,8 @@ impl Tables {
             tables.add_pass(pass)?;
         }
         if let Some((lamina, stencil)) = &world.presses {
-            tables.add_press(world, lamina, stencil);
+            tables.add_press(lamina, stencil);
+            tables.add_look(&world.views, lamina);
         }
         // Buffers hold something.
         tables.plan.slots = tables.plan.slots.max(1);
@@ -208,8 +249,9 @@ impl Tables {
 
     fn add_lines(&mut self, lines: &Lines) {
         self.slots = vec![0; lines.edge_count];
-        let of = [&lines.warps, &lines.wefts, &lines.diagonals];
-        let [warps, wefts, diagonals] = of.map(|of| self.add_lines_of(of));
+        let of = [Direction::Warp, Direction::Weft, Direction::Diagonal];
+        let of = of.map(|direction| self.add_lines_of(lines.of(direction), direction));
+        let [warps, wefts, diagonals] = of;
         let diagonals = LinePlan {
             answer: Answer::Shear,
             ..diagonals
@@ -226,7 +268,7 @@ impl Tables {
         for (family, lines) in [&lines.warps, &lines.wefts].into_iter().enumerate() {
             for line in lines {
                 for &v in &line.vertices {
-                    min_warm[family * n + v as usize] = Chain::<f64>::min_warm(line);
+                    min_warm[family * n + v as usize] = line.min_warm();
                 }
                 for (ends, edge) in line.vertices.windows(2).zip(line.edges.clone()) {
                     let slot = self.slots[edge] as u32;
@@ -243,7 +285,7 @@ impl Tables {
         self.plan.lines = Some([warps, wefts, diagonals]);
     }
 
-    fn add_lines_of(&mut self, all: &[Line]) -> LinePlan {
+    fn add_lines_of(&mut self, all: &[Line], direction: Direction) -> LinePlan {
         let longest = all
             .iter()
             .map(|line| line.vertices.len())
@@ -266,7 +308,7 @@ impl Tables {
             field(&|line| 1.0 / line.rest_length),
             field(&|line| line.law.tension),
             field(&|line| line.law.compression),
-            field(&|line| Chain::<f64>::min_warm(line)),
+            field(&|line| line.min_warm()),
             field(&|line| line.bending),
             field(&|line| none(line).force),
             field(&|line| none(line).compliance),
@@ -282,6 +324,7 @@ impl Tables {
             is_limited: all.iter().any(|line| line.limit.is_some()),
             is_bent: all.iter().any(|line| line.bending != 0.0),
             answer: Answer::Length,
+            direction: direction as usize,
         };
         if all.iter().any(|line| !line.edges.is_empty()) {
             self.plan.slots += lines * (longest - 1);
@@ -302,28 +345,29 @@ impl Tables {
                     true => PassKind::Edges,
                     false => PassKind::LimitedEdges,
                 };
-                (kind, by_end(&class.vertices), laws)
+                (kind, edge_ends(class), laws)
             }
             Pass::Diagonals(class, trellis) => {
                 self.plan.trellis = self.add(trellis.numbers());
-                (
-                    PassKind::Diagonals,
-                    by_end(&class.vertices),
-                    edge_laws(class),
-                )
+                (PassKind::Diagonals, edge_ends(class), edge_laws(class))
             }
             Pass::Triples(triples) => {
-                let ends: Vec<_> = triples.iter().map(|triple| triple.vertices).collect();
+                let ends = triples
+                    .iter()
+                    .map(|triple| (triple.vertices, triple.family as u32));
                 let laws = triples.iter().map(|triple| triple.compliance).collect();
-                (PassKind::Triples, by_end(&ends), laws)
+                (PassKind::Triples, by_end(ends), laws)
             }
             Pass::Hinges(_) => {
                 return Err(DeviceError::Missing("`physics.bending = \"dihedral\"`"));
             }
             Pass::LockingDiagonals(class, locking) => {
                 self.plan.locking = Some(self.add(locking.numbers()));
-                let ends = by_end(&class.vertices);
-                (PassKind::LockingDiagonals, ends, edge_laws(class))
+                (
+                    PassKind::LockingDiagonals,
+                    edge_ends(class),
+                    edge_laws(class),
+                )
             }
             Pass::Membrane(_) | Pass::LockingMembrane(..) => {
                 return Err(DeviceError::Missing(
@@ -345,7 +389,7 @@ impl Tables {
         Ok(())
     }
 
-    fn add_press(&mut self, world: &World, lamina: &Arc<Lamina>, stencil: &Stencil) {
+    fn add_press(&mut self, lamina: &Lamina, stencil: &Stencil) {
         let n = self.plan.vertices;
         let pressure = stencil.roller.pressure;
         let force = lamina
@@ -367,21 +411,60 @@ impl Tables {
             }
         }
         let along = |k: usize| lamina.rest.iter().map(move |at| at[k]);
-        let held = (0..n).map(|v| u32::from(world.start.fixed.contains(v)));
         self.plan.press = Some(PressPlan {
             rest: self.add(along(0).chain(along(1))),
             force: self.add(force),
             slack: self.add(slack),
-            stencil: self.add([
-                Stencil::half(stencil.side),
-                Stencil::reach(stencil.side) * (1.0 + 1e-6),
-                stencil.threshold,
-                stencil.roller.speed,
-            ]),
-            held: self.add_numbers(held),
+            threshold: self.add([stencil.threshold]),
             neighbors: self.add_numbers(neighbors),
         });
     }
+
+    fn add_look(&mut self, views: &[Arc<View>], lamina: &Lamina) {
+        let Some(pixels) = views.first().map(|view| view.pixel_count) else {
+            return;
+        };
+        let n = self.plan.vertices;
+        let mut seen = vec![NOTHING; views.len() * pixels];
+        for (view, seen) in views.iter().zip(seen.chunks_mut(pixels)) {
+            for (&pixel, &vertex) in view.pixels.iter().zip(&view.vertices) {
+                seen[pixel as usize] = vertex;
+            }
+        }
+        let mut near = vec![NOTHING; NEIGHBORS * n];
+        for v in 0..n {
+            for (i, other) in lamina.neighbors(v as u32).enumerate() {
+                near[i * n + v] = other;
+            }
+        }
+        let inside = views.iter().flat_map(|view| {
+            let is_inside = |v| u32::from(view.region.contains(v));
+            (0..n).map(is_inside)
+        });
+        let (mut ends, mut rest) = ([Vec::new(), Vec::new()], Vec::new());
+        for yarn in &lamina.yarns {
+            for pair in yarn.vertices.windows(2) {
+                ends[0].push(pair[0]);
+                ends[1].push(pair[1]);
+                rest.push(yarn.rest_length);
+            }
+        }
+        self.plan.look = Some(LookPlan {
+            pixels,
+            seen: self.add_numbers(seen),
+            near: self.add_numbers(near),
+            inside: self.add_numbers(inside.collect::<Vec<_>>()),
+            edges: self.add_numbers(ends.concat()),
+            edge_count: rest.len(),
+            rest: self.add(rest),
+        });
+    }
+}
+
+/// The vertices of edges, with their directions.
+fn edge_ends(class: &EdgeClass) -> Vec<u32> {
+    let directions = class.direction.iter().map(|&direction| direction as u32);
+    by_end(class.vertices.iter().copied().zip(directions))
 }
 
 /// Rest lengths and their inverses, compliances in tension and in compression.
@@ -397,8 +480,17 @@ fn edge_laws(class: &EdgeClass) -> Vec<f64> {
         .collect()
 }
 
-/// [end][constraint].
-fn by_end<const N: usize>(vertices: &[[u32; N]]) -> Vec<u32> {
-    let end = |k: usize| vertices.iter().map(move |v| v[k]);
-    (0..N).flat_map(end).collect()
+/// [end][constraint], the direction of each above its first vertex.
+fn by_end<const N: usize>(all: impl Iterator<Item = ([u32; N], u32)>) -> Vec<u32> {
+    let mut ends = [const { Vec::new() }; N];
+    for (vertices, direction) in all {
+        for (k, (end, v)) in ends.iter_mut().zip(vertices).enumerate() {
+            end.push(if k == 0 {
+                v | direction << DIRECTION
+            } else {
+                v
+            });
+        }
+    }
+    ends.concat()
 }

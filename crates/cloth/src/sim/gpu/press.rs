@@ -5,53 +5,67 @@ use cubecl::prelude::*;
 
 use super::super::state::{DRAPED, STENCIL, TOUCHED};
 use super::cloth::{ClothBuffers, SheetBuffers};
+use super::own::{FIELDS, HALF, PRESSURE, REACH, tool_of};
 use super::plan::{NOTHING, Plan, PressPlan};
 use super::tool::distance;
 use super::vector::Vec3g;
 
-/// Puts a roller on the vertices under the stencil around `pressed[environment]`.
+/// Puts a roller on the vertices under the stencil around `pressed[environment]`, which is shifted along its
+/// sides and turned about them as its aim says, and tells where this vertex is.
 #[cube(launch_unchecked)]
 pub(super) fn lay_stencil(
     cloth: &mut ClothBuffers,
     sheet: &SheetBuffers,
     marks: &mut [u32],
     pressed: &[u32],
+    aims: &[f32],
+    places: &mut [f32],
     #[comptime] plan: Plan,
 ) {
     let environment = CUBE_POS_X as usize;
     let n = comptime!(plan.vertices);
     let press = comptime!(plan.press.expect("a world with presses"));
     let vectors = 3 * environment * n;
+    let own = environment * FIELDS;
     let centre_vertex = pressed[environment];
-    let stencil = comptime!(press.stencil);
-    if UNIT_POS_X == 0 {
-        cloth.force[environment * (n + 1) + n] = sheet.values[stencil + 3];
-    }
     if centre_vertex == NOTHING {
+        if UNIT_POS_X == 0 {
+            Vec3g::zero().store(places, 3 * environment, 1usize, 0usize);
+        }
         for v in range_stepped(UNIT_POS_X as usize, n, CUBE_DIM_X as usize) {
-            cloth.force[environment * (n + 1) + v] = 0.0f32;
+            cloth.force[environment * n + v] = 0.0f32;
         }
     } else {
         let p = centre_vertex as usize;
-        let centre = Vec3g::load(&cloth.position, vectors, n, p);
-        let (_phi, normal) = distance(sheet, centre, comptime!(plan.grid));
-        // The x axis in the plane of the stencil, or the y axis where it stands upright.
-        let mut axis = Vec3g {
-            x: 1.0f32 - normal.x * normal.x,
-            y: -(normal.y * normal.x),
-            z: -(normal.z * normal.x),
-        };
-        if axis.dot(axis).sqrt() <= 0.1f32 {
-            axis = Vec3g {
-                x: -(normal.x * normal.y),
-                y: 1.0f32 - normal.y * normal.y,
-                z: -(normal.z * normal.y),
-            };
+        let mut centre = Vec3g::load(&cloth.position, vectors, n, p);
+        if UNIT_POS_X == 0 {
+            centre.store(places, 3 * environment, 1usize, 0usize);
         }
-        let along = axis.scale(1.0f32 / axis.dot(axis).sqrt());
-        let across = normal.cross(along);
-        let half = sheet.values[stencil];
-        let reach = sheet.values[stencil + 1];
+        let tool = tool_of(&cloth.own, environment, comptime!(plan.grid));
+        let (_phi, mut normal) = distance(sheet, centre, tool, comptime!(plan.grid));
+        let mut along = first_side(normal);
+        let mut across = normal.cross(along);
+        let aim = 4 * environment;
+        let (right_off, up_off) = (aims[aim], aims[aim + 1]);
+        let (about_along, about_across) = (aims[aim + 2], aims[aim + 3]);
+        if right_off != 0.0f32
+            || up_off != 0.0f32
+            || about_along != 0.0f32
+            || about_across != 0.0f32
+        {
+            centre = centre
+                .plus(along.scale(right_off))
+                .plus(across.scale(up_off));
+            let turned = normal
+                .minus(across.scale(about_along))
+                .plus(along.scale(about_across));
+            normal = turned.scale(1.0f32 / turned.dot(turned).sqrt());
+            along = first_side(normal);
+            across = normal.cross(along);
+        }
+        let half = cloth.own[own + HALF];
+        let reach = cloth.own[own + REACH];
+        let pressure = cloth.own[own + PRESSURE];
         let rest = comptime!(press.rest);
         for v in range_stepped(UNIT_POS_X as usize, n, CUBE_DIM_X as usize) {
             let right = (sheet.values[rest + v] - sheet.values[rest + p]).abs();
@@ -60,16 +74,35 @@ pub(super) fn lay_stencil(
             let offset = x.minus(centre);
             let below = offset.dot(along).abs() <= half && offset.dot(across).abs() <= half;
             let is_under = v == p || (right <= reach && up <= reach && below);
-            let mut mark = marks[environment * n + v] & comptime!(!STENCIL);
+            let mut mark = marks[environment * n + v] & comptime!(!(STENCIL as u32));
             let mut force = 0.0f32;
             if is_under {
-                mark |= STENCIL;
-                force = sheet.values[comptime!(press.force) + v];
+                mark |= comptime!(STENCIL as u32);
+                force = sheet.values[comptime!(press.force) + v] * pressure;
             }
             marks[environment * n + v] = mark;
-            cloth.force[environment * (n + 1) + v] = force;
+            cloth.force[environment * n + v] = force;
         }
     }
+}
+
+/// Where the first side of a stencil with this normal runs: the x axis laid down there, or the y axis where it
+/// stands upright.
+#[cube]
+fn first_side(normal: Vec3g) -> Vec3g {
+    let mut axis = Vec3g {
+        x: 1.0f32 - normal.x * normal.x,
+        y: -(normal.y * normal.x),
+        z: -(normal.z * normal.x),
+    };
+    if axis.dot(axis).sqrt() <= 0.1f32 {
+        axis = Vec3g {
+            x: -(normal.x * normal.y),
+            y: 1.0f32 - normal.y * normal.y,
+            z: -(normal.z * normal.y),
+        };
+    }
+    axis.scale(1.0f32 / axis.dot(axis).sqrt())
 }
 
 /// Whether no yarn of a vertex is stretched so much that it would pull it off the tool.
@@ -111,14 +144,15 @@ pub(super) fn drape(
     let press = comptime!(plan.press.expect("a world with presses"));
     let vectors = 3 * environment * n;
     let is_pressed = pressed[environment] != NOTHING;
+    let tool = tool_of(&cloth.own, environment, comptime!(plan.grid));
     for v in range_stepped(UNIT_POS_X as usize, n, CUBE_DIM_X as usize) {
         let mark = marks[environment * n + v];
-        if is_pressed && mark & comptime!(STENCIL | DRAPED) == STENCIL {
-            marks[environment * n + v] = mark | TOUCHED;
+        if is_pressed && mark & comptime!((STENCIL | DRAPED) as u32) == comptime!(STENCIL as u32) {
+            marks[environment * n + v] = mark | comptime!(TOUCHED as u32);
             let x = Vec3g::load(&cloth.position, vectors, n, v);
-            let (phi, normal) = distance(sheet, x, comptime!(plan.grid));
+            let (phi, normal) = distance(sheet, x, tool, comptime!(plan.grid));
             // Tangent planes are a few substeps old: what they let in goes out again.
-            if phi < 0.0f32 && sheet.numbers[comptime!(press.held) + v] == 0 {
+            if phi < 0.0f32 && cloth.inverse_mass[environment * n + v] > 0.0f32 {
                 x.minus(normal.scale(phi))
                     .store(&mut cloth.position, vectors, n, v);
             }
@@ -127,7 +161,7 @@ pub(super) fn drape(
     sync_storage();
     for v in range_stepped(UNIT_POS_X as usize, n, CUBE_DIM_X as usize) {
         let mark = marks[environment * n + v];
-        if is_pressed && mark & comptime!(STENCIL | DRAPED) == STENCIL {
+        if is_pressed && mark & comptime!((STENCIL | DRAPED) as u32) == comptime!(STENCIL as u32) {
             let mut held = is_slack(cloth, sheet, environment, v, n, press);
             #[unroll]
             for field in 0..4usize {
@@ -137,9 +171,9 @@ pub(super) fn drape(
                 }
             }
             let x = Vec3g::load(&cloth.position, vectors, n, v);
-            let (phi, _normal) = distance(sheet, x, comptime!(plan.grid));
-            if held && phi <= sheet.values[comptime!(press.stencil + 2)] {
-                marks[environment * n + v] = mark | DRAPED;
+            let (phi, _normal) = distance(sheet, x, tool, comptime!(plan.grid));
+            if held && phi <= sheet.values[comptime!(press.threshold)] {
+                marks[environment * n + v] = mark | comptime!(DRAPED as u32);
                 cloth.inverse_mass[environment * n + v] = 0.0f32;
                 Vec3g::zero().store(&mut cloth.velocity, vectors, n, v);
             }

@@ -12,18 +12,12 @@ const HORIZON: f32 = 1e15;
 /// Place of a coordinate on an axis of the grid: cell, part of the cell, and how far beyond the
 /// grid it is [m].
 #[cube]
-fn along(
-    x: f32,
-    origin: f32,
-    spacing: f32,
-    per_metre: f32,
-    #[comptime] nodes: u32,
-) -> (u32, f32, f32) {
-    let last = comptime!((nodes - 1) as f32);
+fn along(x: f32, origin: f32, spacing: f32, per_metre: f32, nodes: u32) -> (u32, f32, f32) {
+    let last = f32::cast_from(nodes - 1);
     let offset = x.clamp(-HORIZON, HORIZON) - origin;
     let u = (offset * per_metre).max(0.0f32).min(last);
     // The last cell goes up to its far node; whole numbers also bound what is no number.
-    let cell = u32::cast_from(u.floor()).min(comptime!(nodes - 2).runtime());
+    let cell = u32::cast_from(u.floor()).min(nodes - 2);
     let beyond = offset - offset.max(0.0f32).min(last * spacing);
     (cell, u - f32::cast_from(cell), beyond)
 }
@@ -33,19 +27,36 @@ fn lerp(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
 
-/// Distance to the tool [m], negative inside, and its outward unit normal.
+/// Distance to a tool [m], negative inside, and its outward unit normal.
 #[cube]
-pub(super) fn distance(sheet: &SheetBuffers, x: Vec3g, #[comptime] grid: GridPlan) -> (f32, Vec3g) {
-    let first = comptime!(grid.values);
+pub(super) fn distance(
+    sheet: &SheetBuffers,
+    x: Vec3g,
+    tool: usize,
+    #[comptime] grid: GridPlan,
+) -> (f32, Vec3g) {
+    let first = comptime!(grid.values) + 5 * tool;
+    let [nx, ny, nz] = comptime!(grid.nodes);
+    let mut nx = nx.runtime();
+    let mut ny = ny.runtime();
+    let mut nz = nz.runtime();
+    let mut samples = 0usize;
+    // Compiled in where it is the same for all.
+    if comptime!(grid.tools > 1) {
+        let header = comptime!(grid.headers) + 4 * tool;
+        nx = sheet.numbers[header];
+        ny = sheet.numbers[header + 1];
+        nz = sheet.numbers[header + 2];
+        samples = sheet.numbers[header + 3] as usize;
+    }
     let spacing = sheet.values[first + 3];
     let per_metre = sheet.values[first + 4];
-    let [nx, ny, nz] = comptime!(grid.nodes);
     let (i, tx, bx) = along(x.x, sheet.values[first], spacing, per_metre, nx);
     let (j, ty, by) = along(x.y, sheet.values[first + 1], spacing, per_metre, ny);
     let (k, tz, bz) = along(x.z, sheet.values[first + 2], spacing, per_metre, nz);
-    let row = comptime!(nx as usize);
-    let layer = comptime!(nx as usize * ny as usize);
-    let at = i as usize + j as usize * row + k as usize * layer;
+    let row = nx as usize;
+    let layer = (nx * ny) as usize;
+    let at = samples + i as usize + j as usize * row + k as usize * layer;
     // Along x on four edges, then along y on two faces, then along z.
     let n0 = sheet.samples[at];
     let n1 = sheet.samples[at + row];

@@ -2,10 +2,8 @@
 
 use cubecl::prelude::*;
 
-use super::cloth::{ClothBuffers, SheetBuffers};
+use super::cloth::ClothBuffers;
 use super::plan::{MOST_UNITS, Plan};
-use super::tool::distance;
-use super::vector::Vec3g;
 
 /// Farthest from the origin that a position may be [m].
 const FARTHEST: f32 = 100.0;
@@ -15,13 +13,14 @@ pub(super) fn packed(plan: &Plan) -> usize {
     8 * plan.vertices + plan.slots
 }
 
-/// Copies a packed state into an environment, or `BACK` out of it.
+/// Copies a packed state into an environment, whose masses it multiplies, or `BACK` out of it.
 #[cube(launch_unchecked)]
 pub(super) fn carry(
     cloth: &mut ClothBuffers,
     marks: &mut [u32],
     state: &mut [f32],
     environment: u32,
+    mass: f32,
     #[comptime] back: bool,
     #[comptime] plan: Plan,
 ) {
@@ -44,7 +43,7 @@ pub(super) fn carry(
             state[6 * n + i] = cloth.inverse_mass[at];
             state[7 * n + i] = f32::cast_from(marks[at]);
         } else {
-            cloth.inverse_mass[at] = state[6 * n + i];
+            cloth.inverse_mass[at] = state[6 * n + i] / mass;
             marks[at] = u32::cast_from(state[7 * n + i]);
         }
     }
@@ -58,20 +57,26 @@ pub(super) fn carry(
     }
 }
 
-/// Counts the coordinates of each environment that are no numbers or too far off.
-#[cube(launch_unchecked)]
-pub(super) fn count_diverged(cloth: &ClothBuffers, diverged: &mut [u32], #[comptime] plan: Plan) {
-    let n = comptime!(plan.vertices);
-    let unit = UNIT_POS_X as usize;
+/// How many coordinates of the vertices of this thread are no numbers or too far off.
+#[cube]
+pub(super) fn astray(cloth: &ClothBuffers, #[comptime] n: usize) -> u32 {
     let first = 3 * n * CUBE_POS_X as usize;
     let mut count = 0u32;
-    for i in range_stepped(unit, 3 * n, CUBE_DIM_X as usize) {
+    for i in range_stepped(UNIT_POS_X as usize, 3 * n, CUBE_DIM_X as usize) {
         let inside = cloth.position[first + i].abs() < FARTHEST;
         if !inside {
             count += 1;
         }
     }
+    count
+}
+
+/// Counts the coordinates of each environment that are no numbers or too far off.
+#[cube(launch_unchecked)]
+pub(super) fn count_diverged(cloth: &ClothBuffers, diverged: &mut [u32], #[comptime] plan: Plan) {
+    let unit = UNIT_POS_X as usize;
     let mut counts = Shared::<[u32]>::new_slice(MOST_UNITS);
+    let mut count = astray(cloth, comptime!(plan.vertices));
     counts[unit] = count;
     sync_cube();
     if unit == 0 {
@@ -79,26 +84,5 @@ pub(super) fn count_diverged(cloth: &ClothBuffers, diverged: &mut [u32], #[compt
             count += counts[other];
         }
         diverged[CUBE_POS_X as usize] = count;
-    }
-}
-
-/// Distances of some vertices to the tool [m], [environment][vertex].
-#[cube(launch_unchecked)]
-pub(super) fn measure(
-    cloth: &ClothBuffers,
-    sheet: &SheetBuffers,
-    vertices: &[u32],
-    distances: &mut [f32],
-    count: u32,
-    #[comptime] plan: Plan,
-) {
-    let n = comptime!(plan.vertices);
-    let environment = CUBE_POS_X as usize;
-    let count = count as usize;
-    for i in range_stepped(UNIT_POS_X as usize, count, CUBE_DIM_X as usize) {
-        let v = vertices[i] as usize;
-        let x = Vec3g::load(&cloth.position, 3 * n * environment, n, v);
-        let (phi, _normal) = distance(sheet, x, comptime!(plan.grid));
-        distances[environment * count + i] = phi;
     }
 }

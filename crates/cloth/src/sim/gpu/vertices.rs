@@ -7,6 +7,7 @@ use super::super::contact::TACK_RANGE;
 use super::super::length::{CROSSING, DRAG};
 use super::super::press::TOUCHING;
 use super::cloth::{ClothBuffers, GpuFrame, SheetBuffers};
+use super::own::{BENDING, FIELDS, FRICTION, SPEED, tool_of};
 use super::plan::{NOTHING, Plan};
 use super::tool::distance;
 use super::vector::Vec3g;
@@ -29,7 +30,8 @@ pub(super) fn refresh(
     let n = comptime!(plan.vertices);
     let vectors = 3 * environment * n;
     let x = Vec3g::load(&cloth.position, vectors, n, v);
-    let (phi, normal) = distance(sheet, x, comptime!(plan.grid));
+    let tool = tool_of(&cloth.own, environment, comptime!(plan.grid));
+    let (phi, normal) = distance(sheet, x, tool, comptime!(plan.grid));
     let planes = 4 * environment * n;
     normal.store(&mut cloth.plane, planes, n, v);
     cloth.plane[planes + 3 * n + v] = normal.dot(x) - phi;
@@ -59,13 +61,14 @@ fn pull(
     if other != NOTHING {
         let slot = sheet.numbers[beside + n + v] as usize;
         let density = cloth.density[environment * comptime!(plan.slots) + slot];
+        let bending = cloth.own[environment * FIELDS + comptime!(BENDING + field / 2)];
         let min_warm = sheet.values[comptime!(plan.min_warm + field / 2 * plan.vertices) + v];
         let y = Vec3g::load(&cloth.predicted, 3 * environment * n, n, other as usize);
         let mut edge = y.minus(x);
         if comptime!(field.is_multiple_of(2)) {
             edge = x.minus(y);
         }
-        force = edge.scale(density.max(min_warm));
+        force = edge.scale(density.max(min_warm * bending));
         stress = density.max(-density);
     }
     (force, stress)
@@ -152,7 +155,7 @@ pub(super) fn grip(
     let n = comptime!(plan.vertices);
     let vectors = 3 * environment * n;
     let planes = 4 * environment * n;
-    let force = cloth.force[environment * (n + 1) + v];
+    let force = cloth.force[environment * n + v];
     let mobility = cloth.mobility[environment * n + v];
     let normal = Vec3g::load(&cloth.plane, planes, n, v);
     let previous = Vec3g::load(&cloth.previous, vectors, n, v);
@@ -165,8 +168,9 @@ pub(super) fn grip(
         let load = (mobility * force - off).max(0.0f32);
         let slip = along.dot(along).sqrt();
         let mut left = 0.0f32;
-        if slip > frame.stick * load {
-            left = (1.0f32 - frame.slide * load / slip).max(0.0f32);
+        let own = environment * FIELDS + FRICTION;
+        if slip > frame.stick * cloth.own[own] * load {
+            left = (1.0f32 - frame.slide * cloth.own[own + 1] * load / slip).max(0.0f32);
         }
         if left == 0.0f32 {
             cloth.mobility[environment * n + v] = 0.0f32;
@@ -190,9 +194,9 @@ pub(super) fn push(
     let n = comptime!(plan.vertices);
     let vectors = 3 * environment * n;
     let planes = 4 * environment * n;
-    let gain = cloth.mobility[environment * n + v] * cloth.force[environment * (n + 1) + v];
+    let gain = cloth.mobility[environment * n + v] * cloth.force[environment * n + v];
     if gain > 0.0f32 {
-        let reach = frame.h * cloth.force[environment * (n + 1) + n];
+        let reach = frame.h * cloth.own[environment * FIELDS + SPEED];
         let normal = Vec3g::load(&cloth.plane, planes, n, v);
         let x = Vec3g::load(&cloth.position, vectors, n, v);
         let previous = Vec3g::load(&cloth.previous, vectors, n, v);
@@ -241,10 +245,11 @@ pub(super) fn conclude(
             let moved = x.minus(previous);
             let tangential = moved.minus(normal.scale(normal.dot(moved)));
             let square = tangential.dot(tangential);
-            let hold = frame.stick * depth;
+            let own = environment * FIELDS + FRICTION;
+            let hold = frame.stick * cloth.own[own] * depth;
             let mut share = 1.0f32;
             if hold * hold < square {
-                share = (frame.slide * depth / square.sqrt()).min(1.0f32);
+                share = (frame.slide * cloth.own[own + 1] * depth / square.sqrt()).min(1.0f32);
             }
             x = x.minus(tangential.scale(share));
         }

@@ -4,6 +4,8 @@
 //! The cases differ in every environment, so that one which reads its neighbour is found, and the
 //! presses are in some environments only. Their number leaves a group of lanes partly empty.
 
+mod stages;
+
 use std::sync::{Arc, LazyLock};
 
 use drape_cloth::fabric::{BlankConfig, Lamina, MassModel, Material, ShearLocking};
@@ -16,7 +18,7 @@ use drape_cloth::sim::{
 };
 #[cfg(feature = "gpu")]
 use drape_cloth::sim::{Adapter, AdapterKind, DeviceError, Gpu};
-use drape_cloth::tool::{GridConfig, Hemisphere, Shape, Source, Tool, ToolConfig};
+use drape_cloth::tool::{GridConfig, Hemisphere, Plate, Shape, Source, Tool, ToolConfig};
 
 const CONTROL: Control = Control {
     dt: 1.0 / 60.0,
@@ -337,7 +339,8 @@ fn advance(
     };
     let pressed: Vec<Press> = environments().enumerate().filter_map(press).collect();
     let vertices = |press: u32| -> Vec<Option<u32>> {
-        let vertex = |index| (!index.is_multiple_of(3)).then_some(60 + index as u32 + 5 * press);
+        let vertex =
+            |index: usize| (!index.is_multiple_of(3)).then_some(60 + index as u32 + 5 * press);
         environments().map(vertex).collect()
     };
     let presses = [vertices(0), vertices(1)];
@@ -436,7 +439,28 @@ fn follows_the_reference(device: &Device) {
     }
 }
 
-/// What is seen and measured is what the host finds in the same states, in the order of the environments.
+/// With every parameter an environment alone is the same as among fifteen with others, to the bit.
+fn company_changes_nothing(device: &Device) {
+    for world in [&WORLDS[0], &WORLDS[4]] {
+        let end = |numbers: &[usize]| {
+            let mut backend = (device.make)(world, numbers.len()).expect("a world of this device");
+            for (environment, &number) in numbers.iter().enumerate() {
+                let mut state = case(world, 2);
+                state.parameters = PARAMETERS[number].1.clone();
+                backend.load(environment, &state);
+            }
+            advance(&mut *backend, |_| 2, 0..STEPS);
+            snapshots(&*backend)
+        };
+        let alone: Vec<Snapshot> = (0..PARAMETERS.len()).map(|k| end(&[k]).remove(0)).collect();
+        for first in [0, PARAMETERS.len() - 16] {
+            let numbers: Vec<usize> = (first..first + 16).collect();
+            same_bits(&end(&numbers), &alone[first..], world);
+        }
+    }
+}
+
+/// What is seen and measured is what the host finds in the same states.
 fn columns_are_those_of_the_snapshots(device: &Device) {
     for (_, world) in device.worlds() {
         let mut backend = device.cases(world);
@@ -445,7 +469,7 @@ fn columns_are_those_of_the_snapshots(device: &Device) {
         let (lamina, _) = world.presses.as_ref().unwrap();
         let observed = backend.observe();
         assert_eq!(observed.finite, [true; CASES]);
-        let measured = backend.measure(&(0..CASES).rev().collect::<Vec<_>>());
+        let measured = backend.measure(&(0..CASES).collect::<Vec<_>>());
         let close = |found: f64, expected: f64, share: f64| {
             let off = (found - expected).abs();
             assert!(
@@ -453,7 +477,7 @@ fn columns_are_those_of_the_snapshots(device: &Device) {
                 "{found}, expected {expected}"
             );
         };
-        for (index, found) in measured.iter().rev().enumerate() {
+        for (index, found) in measured.iter().enumerate() {
             let state = backend.snapshot(index);
             let view = &world.views[usize::from(state.parameters.view)];
             let tool = &world.tools[usize::from(state.parameters.tool)];
@@ -804,11 +828,16 @@ macro_rules! suite {
             use super::*;
 
             suite! { @ $device,
-                follows_the_reference columns_are_those_of_the_snapshots
+                follows_the_reference company_changes_nothing columns_are_those_of_the_snapshots
                 presses_tell_their_places resets_set_the_parameters
                 draped_vertices_lie_on_the_tool diverged_environment_leaves_its_neighbours_alone
                 loading_forgets_what_was_before snapshot_goes_on_exactly
                 presses_stay_in_their_environments long_steps_are_the_sum_of_their_parts
+            }
+
+            #[test]
+            fn stages_are_those_of_the_reference() {
+                stages::stages_are_those_of_the_reference(&$device);
             }
 
             #[test]
