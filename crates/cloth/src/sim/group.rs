@@ -7,12 +7,13 @@ use super::model::Model;
 use super::parameters::Parameters;
 use super::press::Press;
 use super::state::Snapshot;
+use super::stencil::{Tie, ties};
 use super::step::step;
 use super::stepping::Control;
 use super::storage::Storage;
 use super::view::View;
 use crate::math::{Lanes, Vec3x};
-use crate::tool::Tools;
+use crate::tool::{Atlas, Tool, Tools};
 
 /// Environments of the same model that move in lockstep on the CPU.
 pub(super) trait Group: Send + Sync {
@@ -41,14 +42,43 @@ pub(super) trait Group: Send + Sync {
     fn is_fixed(&self, lane: usize, vertex: u32) -> bool;
 
     /// Moves all lanes by one control step; presses count their environments from the first lane.
-    fn step(&mut self, world: &World, control: &Control, presses: &[Press]);
+    fn step(&mut self, known: &Known, control: &Control, presses: &[Press]);
 
     /// Whether every position of a lane is a number within 100 m of the origin, lane by lane.
     fn finite(&self) -> Vec<bool>;
 
     /// Distance to the tool [m], negative inside, of the vertices that each environment shows.
     /// Its bits are the same in any company.
-    fn distances(&self, world: &World) -> Vec<Vec<f64>>;
+    fn distances(&self, known: &Known) -> Vec<Vec<f64>>;
+}
+
+/// A world and what follows from it.
+pub(super) struct Known {
+    pub world: World,
+    pub atlas: Atlas,
+    /// Area of each vertex that is pressed [m^2].
+    pub areas: Vec<f64>,
+    /// See [`ties`].
+    pub ties: Vec<Vec<Tie>>,
+}
+
+impl Known {
+    pub fn new(world: &World) -> Self {
+        let presses = world.presses.as_ref();
+        let areas = presses.map(|(lamina, _)| lamina.vertex_areas());
+        let ties = presses.map(|(lamina, stencil)| ties(lamina, stencil.max_strain));
+        Self {
+            world: world.clone(),
+            atlas: Atlas::new(&world.tools),
+            areas: areas.unwrap_or_default(),
+            ties: ties.unwrap_or_default(),
+        }
+    }
+
+    /// The tool of an environment.
+    pub fn tool(&self, parameters: &Parameters) -> &Tool {
+        &self.world.tools[usize::from(parameters.tool)]
+    }
 }
 
 impl<S: Storage> Group for S {
@@ -128,10 +158,10 @@ impl<S: Storage> Group for S {
         self.cloth().inverse_mass[place].get(lane) == 0.0
     }
 
-    fn step(&mut self, world: &World, control: &Control, presses: &[Press]) {
+    fn step(&mut self, known: &Known, control: &Control, presses: &[Press]) {
         self.start();
-        let tools = tools(self, world);
-        step(&world.model, &tools, control, presses, self);
+        let tools = tools(self, known);
+        step(&known.world.model, &tools, control, presses, self);
     }
 
     fn finite(&self) -> Vec<bool> {
@@ -142,7 +172,8 @@ impl<S: Storage> Group for S {
         }
     }
 
-    fn distances(&self, world: &World) -> Vec<Vec<f64>> {
+    fn distances(&self, known: &Known) -> Vec<Vec<f64>> {
+        let world = &known.world;
         let own = self.cloth().parameters.iter();
         let views: Vec<&Arc<View>> = own.map(|own| &world.views[usize::from(own.view)]).collect();
         let is_same = |view: &&Arc<View>| view.vertices == views[0].vertices;
@@ -152,12 +183,13 @@ impl<S: Storage> Group for S {
             views.len()
         };
         let vertices = views[..count].iter().map(|view| &*view.vertices);
-        Storage::distances(self, &tools(self, world), &vertices.collect::<Vec<_>>())
+        Storage::distances(self, &tools(self, known), &vertices.collect::<Vec<_>>())
     }
 }
 
 /// The tools in the lanes of a group.
-fn tools<'a, S: Storage>(group: &S, world: &'a World) -> Tools<'a, S::V> {
+fn tools<'a, S: Storage>(group: &S, known: &'a Known) -> Tools<'a, S::V> {
     let own = &group.cloth().parameters;
-    Tools::new(own.len(), |lane| &*world.tools[usize::from(own[lane].tool)])
+    let number = |lane: usize| usize::from(own[lane].tool);
+    known.atlas.in_lanes(own.len(), number)
 }

@@ -9,6 +9,9 @@ use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Parameters, SelfCollision, Stencil, Tension, View, World};
 
+/// Most nodes of the tools of one world: 4 GiB, and in reach of indices of 32 bits.
+const MOST_NODES: usize = 1 << 30;
+
 /// Environments of one world.
 pub(super) struct Group {
     pub world: World,
@@ -28,7 +31,11 @@ pub(super) fn groups(tasks: &[Task], counts: &[usize]) -> Result<Vec<Group>, Val
     let mut found: Vec<(usize, Vec<(usize, Parameters)>)> = Vec::new();
     for (number, task) in tasks.iter().enumerate() {
         let own = task.config.parameters.parameters()?;
-        let fits = |(first, _): &(usize, _)| over(&tasks[*first], task, &own);
+        let nodes = |number: usize| tasks[number].scene.tool.grid.node_count();
+        let fits = |(first, members): &(usize, Vec<(usize, Parameters)>)| {
+            let all: usize = members.iter().map(|&(number, _)| nodes(number)).sum();
+            over(&tasks[*first], task, &own).filter(|_| all + nodes(number) <= MOST_NODES)
+        };
         let mut known = found.iter().enumerate();
         let place = known.find_map(|(group, of)| Some((group, fits(of)?)));
         match place {
