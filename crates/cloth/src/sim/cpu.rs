@@ -12,7 +12,7 @@ use super::group::{Group, Known};
 use super::lanes::InLanes;
 use super::model::Model;
 use super::observations::{Column, Observations};
-use super::parameters::Parameters;
+use super::parameters::{Own, Parameters};
 use super::press::{Press, Roller};
 use super::state::{Pressed, Snapshot};
 use super::stencil::{Tie, under_stencil};
@@ -83,15 +83,15 @@ impl Cpu {
             lanes,
             pressed: vec![Pressed::default(); count],
         };
-        let parameters = Parameters::default();
+        let own = Own::default();
         // Lanes that nobody uses hold a state that can be stepped as well.
         for group in &mut cpu.groups {
             for lane in 0..lanes {
-                group.load(model, lane, &world.starts[0], &parameters);
+                group.load(model, lane, &world.starts[0], &own);
             }
         }
         for environment in 0..count {
-            cpu.reset(environment, &parameters);
+            cpu.reset(environment, &own);
         }
         cpu
     }
@@ -100,10 +100,10 @@ impl Cpu {
         (environment / self.lanes, environment % self.lanes)
     }
 
-    fn set(&mut self, environment: usize, snapshot: &Snapshot, parameters: &Parameters) {
+    fn set(&mut self, environment: usize, snapshot: &Snapshot, own: &Own) {
         let (group, lane) = self.place(environment);
         let model = &self.known.world.model;
-        self.groups[group].load(model, lane, snapshot, parameters);
+        self.groups[group].load(model, lane, snapshot, own);
         let pressed = &mut self.pressed[environment];
         pressed.clone_from(&snapshot.pressed);
         let count = model.vertex_count();
@@ -155,12 +155,12 @@ impl Backend for Cpu {
     }
 
     fn load(&mut self, environment: usize, snapshot: &Snapshot) {
-        self.set(environment, snapshot, &snapshot.parameters);
+        self.set(environment, snapshot, &snapshot.own);
     }
 
-    fn reset(&mut self, environment: usize, parameters: &Parameters) {
-        let start = self.known.world.starts[usize::from(parameters.start)].clone();
-        self.set(environment, &start, parameters);
+    fn reset(&mut self, environment: usize, own: &Own) {
+        let start = self.known.world.starts[usize::from(own.start)].clone();
+        self.set(environment, &start, own);
     }
 
     fn snapshot(&self, environment: usize) -> Snapshot {
@@ -211,7 +211,7 @@ impl Backend for Cpu {
         let world = &known.world;
         let pixels = world.views[0].pixel_count;
         let places = (0..count).map(|environment| self.place(environment));
-        let views = places.map(|(group, lane)| self.groups[group].parameters(lane).view);
+        let views = places.map(|(group, lane)| self.groups[group].own(lane).view);
         let views: Vec<u16> = views.collect();
         let (mut distance, mut marks) = (vec![0.0; count * pixels], vec![0; count * pixels]);
         let groups = self.groups.par_iter();
@@ -241,8 +241,8 @@ impl Backend for Cpu {
         let measure = |&environment: &usize| {
             let (group, lane) = self.place(environment);
             let state = self.groups[group].save(&world.model, lane);
-            let view = &world.views[usize::from(state.parameters.view)];
-            let tool = self.known.tool(&state.parameters);
+            let view = &world.views[usize::from(state.own.view)];
+            let tool = self.known.tool(&state.own);
             Measures::new(lamina, tool, &view.region, &state.position)
         };
         environments.par_iter().map(measure).collect()
@@ -263,16 +263,21 @@ fn press(
     let mut presses = Vec::with_capacity(vertices.len());
     for (lane, &vertex) in vertices.iter().enumerate() {
         let Some(vertex) = vertex else { continue };
-        let own = group.parameters(lane);
-        let side = stencil.side * own.side;
-        let aim = own.aim(pressed[lane].count);
+        let own = group.own(lane);
+        let Parameters {
+            stencil: side,
+            pressure,
+            ..
+        } = own.parameters;
+        let side = stencil.side * side;
+        let aim = own.parameters.aim(pressed[lane].count);
         places[lane] = group.position(lane, vertex);
         let position = |v| group.position(lane, v);
         let under = under_stencil(lamina, known.tool(own), vertex, side, aim, position);
         pressed[lane].stencil.clone_from(&under);
         pressed[lane].count += 1;
         let roller = Roller {
-            pressure: stencil.roller.pressure * own.pressure,
+            pressure: stencil.roller.pressure * pressure,
             ..stencil.roller
         };
         presses.push(roller.press(lane, &under, areas));
@@ -281,7 +286,7 @@ fn press(
 
     for press in presses {
         let lane = press.environment;
-        let tool = known.tool(group.parameters(lane));
+        let tool = known.tool(group.own(lane));
         let Pressed {
             touched, draped, ..
         } = &mut pressed[lane];

@@ -4,7 +4,7 @@ use fixedbitset::FixedBitSet;
 
 use super::backend::World;
 use super::model::Model;
-use super::parameters::Parameters;
+use super::parameters::Own;
 use super::press::Press;
 use super::state::Snapshot;
 use super::stencil::{Tie, ties};
@@ -20,14 +20,14 @@ pub(super) trait Group: Send + Sync {
     /// Number of environments that it has room for.
     fn lanes(&self) -> usize;
 
-    /// Sets cloth and parameters of one lane.
-    fn load(&mut self, model: &Model, lane: usize, snapshot: &Snapshot, parameters: &Parameters);
+    /// Sets one lane.
+    fn load(&mut self, model: &Model, lane: usize, snapshot: &Snapshot, own: &Own);
 
-    /// Cloth and parameters of one lane, exactly, without what presses have done.
+    /// One lane, exactly, without what presses have done.
     fn save(&self, model: &Model, lane: usize) -> Snapshot;
 
     /// What the environment of a lane has of its own.
-    fn parameters(&self, lane: usize) -> &Parameters;
+    fn own(&self, lane: usize) -> &Own;
 
     /// Position of a vertex [m].
     fn position(&self, lane: usize, vertex: u32) -> [f64; 3];
@@ -76,8 +76,8 @@ impl Known {
     }
 
     /// The tool of an environment.
-    pub fn tool(&self, parameters: &Parameters) -> &Tool {
-        &self.world.tools[usize::from(parameters.tool)]
+    pub fn tool(&self, own: &Own) -> &Tool {
+        &self.world.tools[usize::from(own.tool)]
     }
 }
 
@@ -86,12 +86,12 @@ impl<S: Storage> Group for S {
         Storage::lanes(self)
     }
 
-    fn load(&mut self, model: &Model, lane: usize, snapshot: &Snapshot, parameters: &Parameters) {
+    fn load(&mut self, model: &Model, lane: usize, snapshot: &Snapshot, own: &Own) {
         self.clear(lane, &snapshot.sides);
         for (vertex, &free) in model.inverse_mass.iter().enumerate() {
             let [place, lane] = self.slot(lane, vertex);
             let is_fixed = snapshot.fixed.contains(vertex);
-            let free = free / parameters.mass;
+            let free = free / own.parameters.areal_mass;
             let cloth = self.cloth_mut();
             cloth.position[place].set(lane, snapshot.position[vertex]);
             cloth.velocity[place].set(lane, snapshot.velocity[vertex]);
@@ -107,9 +107,11 @@ impl<S: Storage> Group for S {
             _ => lane..lane + 1,
         };
         let cloth = self.cloth_mut();
-        cloth.scales.set(lanes, model.bending_stiffness, parameters);
-        if let Some(own) = cloth.parameters.get_mut(lane) {
-            own.clone_from(parameters);
+        cloth
+            .scales
+            .set(lanes, model.bending_stiffness, &own.parameters);
+        if let Some(known) = cloth.own.get_mut(lane) {
+            known.clone_from(own);
         }
     }
 
@@ -128,13 +130,13 @@ impl<S: Storage> Group for S {
             fixed,
             force_density: edges.map(|[e, lane]| cloth.density[e].get(lane)).collect(),
             sides: self.sides(lane),
-            parameters: cloth.parameters[lane].clone(),
+            own: cloth.own[lane].clone(),
             ..Snapshot::default()
         }
     }
 
-    fn parameters(&self, lane: usize) -> &Parameters {
-        &self.cloth().parameters[lane]
+    fn own(&self, lane: usize) -> &Own {
+        &self.cloth().own[lane]
     }
 
     fn position(&self, lane: usize, vertex: u32) -> [f64; 3] {
@@ -168,13 +170,13 @@ impl<S: Storage> Group for S {
         let lanes = self.cloth().finite();
         match Storage::lanes(self) {
             1 => vec![!lanes.contains(&false)],
-            _ => lanes[..self.cloth().parameters.len()].to_vec(),
+            _ => lanes[..self.cloth().own.len()].to_vec(),
         }
     }
 
     fn distances(&self, known: &Known) -> Vec<Vec<f64>> {
         let world = &known.world;
-        let own = self.cloth().parameters.iter();
+        let own = self.cloth().own.iter();
         let views: Vec<&Arc<View>> = own.map(|own| &world.views[usize::from(own.view)]).collect();
         let is_same = |view: &&Arc<View>| view.vertices == views[0].vertices;
         let count = if views.iter().all(is_same) {
@@ -189,7 +191,7 @@ impl<S: Storage> Group for S {
 
 /// The tools in the lanes of a group.
 fn tools<'a, S: Storage>(group: &S, known: &'a Known) -> Tools<'a, S::V> {
-    let own = &group.cloth().parameters;
+    let own = &group.cloth().own;
     let number = |lane: usize| usize::from(own[lane].tool);
     known.atlas.in_lanes(own.len(), number)
 }

@@ -139,7 +139,7 @@ impl DistanceGrid {
         std::array::from_fn(|n| first + (n & 1) + (n >> 1 & 1) * x + (n >> 2) * x * y)
     }
 
-    /// Signed distance [m] at `x` [m] and its gradient, see [`Grids::sample`].
+    /// Signed distance [m] at `x` [m] and its gradient, see `Grids::sample`.
     pub fn sample<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
         Grids::new(&self.samples, std::iter::repeat_n((0, self), V::COUNT)).sample(x)
     }
