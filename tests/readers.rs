@@ -11,14 +11,19 @@ use std::time::SystemTime;
 
 use damage::{folder, survives};
 use drape::run::{
-    Checkpoint, RunConfig, RunFolder, RunInfo, Training, config_digest, curve, read_metrics,
+    Checkpoint, Rules, RunConfig, RunFolder, RunInfo, Training, config_digest, curve, read_metrics,
+    replay,
 };
 use drape_cloth::fabric::Drape;
 use drape_cloth::mesh::read_mesh;
 use drape_cloth::scene::Scene;
 use drape_study::compare::{Criteria, Surveyed, compare};
+use drape_study::presses::again;
+use drape_study::study::Context;
 use drape_task::cluster::Cluster;
+use drape_task::env::{Draping, Tasks};
 use drape_task::path::{PressedPoint, read_json, strokes, write_json};
+use drape_task::recording::Recording;
 
 /// Memory is counted for the whole process: one at a time.
 fn alone() -> MutexGuard<'static, ()> {
@@ -125,6 +130,36 @@ fn checkpoints() {
             .and_then(|mut training| training.advance())
             .map(drop)
             .map_err(line)
+    });
+}
+
+#[test]
+fn recordings() {
+    let _alone = alone();
+    let (config, scene, run) = begun("of-recordings");
+    let mut draping = Draping::new(scene.clone(), &config.env, 1).unwrap();
+    let first = draping.observation(0).allowed().next().unwrap();
+    let vertices = [draping.vertex(first).unwrap()];
+    let played = replay(&mut draping, &vertices, Rules::Robot, |_| ()).unwrap();
+    let file = run.path.join("whole.drape");
+    played.recording.write(&file).unwrap();
+    let whole = fs::read(&file).unwrap();
+    survives("recording.drape", &[whole.clone()], 1000, |path| {
+        Recording::read(path).map(drop).map_err(line)
+    });
+    // And behind a checksum that fits: what is read can be pressed again, or not at all.
+    let content = whole[20..whole.len() - 4].to_vec();
+    survives("content.drape", &[content], 400, |path| {
+        let content = fs::read(path).unwrap();
+        let length = (content.len() as u64).to_le_bytes();
+        let mut bytes = [&whole[..12], &length, &content].concat();
+        bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
+        fs::write(&file, bytes).unwrap();
+        let read = Recording::read(&file).map_err(line)?;
+        let length = read.presses.len() + read.frames.len();
+        let pressed = again(&read, &scene, &Context::quiet()).map_err(line)?;
+        assert_eq!(pressed.presses.len() + pressed.frames.len(), length);
+        Ok(())
     });
 }
 

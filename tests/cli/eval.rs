@@ -417,6 +417,57 @@ fn best_paths_are_proved_in_finer_physics() {
     assert!(text.ends_with(" %, proved: twin\n"), "{text}");
     let args = ["eval", "runs/a", "--twin"];
     assert_eq!(drape(path, &args).status.code(), Some(2));
+    let args = ["eval", "runs/a", "--json", "--recording"];
+    let again = json(
+        path,
+        &[&args[..], &["runs/a/pictures/recording.drape"]].concat(),
+    );
+    assert_eq!(
+        (&again["by_twin"], &again["same_bits"]),
+        (&true.into(), &true.into())
+    );
+}
+
+#[test]
+fn recordings_are_pressed_again_to_the_same_bits() {
+    let folder = trained();
+    let path = folder.path();
+    let own = "runs/a/pictures/recording.drape";
+    let args = ["eval", "runs/a", "--recording", own];
+    let again = json(path, &[&args[..], &["--json", "--out", "out"]].concat());
+    assert_eq!(
+        (&again["by_twin"], &again["same_bits"]),
+        (&false.into(), &true.into())
+    );
+    assert_eq!(number(&again["apart_m"]), 0.0);
+    let proof = read_json(&path.join("runs/a/proof.json"));
+    let presses = proof["path"]["vertices"].as_array().unwrap().len();
+    assert_eq!(number(&again["presses"]), presses as f64);
+    let whole = fs::read(path.join(own)).unwrap();
+    assert!(fs::read(path.join("out/recording.drape")).unwrap() == whole);
+    assert!(stdout(path, &args).contains("the same bits"));
+
+    let mut flipped = whole.clone();
+    flipped[whole.len() / 2] ^= 4;
+    let foreign = fs::read(path.join("runs/a/checkpoints/last.drape")).unwrap();
+    fs::remove_dir_all(path.join("out")).unwrap();
+    for (bytes, word) in [
+        (&flipped[..], "bad.drape: checksum is "),
+        (&whole[..whole.len() - 9], "bad.drape: has "),
+        (
+            &foreign,
+            "bad.drape: not a recording: another kind of drape file",
+        ),
+        (b"solid", "bad.drape: not a drape file"),
+    ] {
+        fs::write(path.join("bad.drape"), bytes).unwrap();
+        let args = ["eval", "runs/a", "--recording", "bad.drape", "--out", "out"];
+        assert_failure(&drape(path, &args), 2, &[word]);
+        assert!(!path.join("out").exists());
+    }
+    train(path, &CONFIG.replace("[17, 17]", "[16, 17]"), "b");
+    let args = ["eval", "runs/b", "--recording", own];
+    assert_failure(&drape(path, &args), 2, &[own, "another blank or tool"]);
 }
 
 #[test]

@@ -90,6 +90,10 @@ pub fn again(
         let fault = "recorded on another blank or tool than the scene's";
         return Err(StudyError::Invalid(fault.into()));
     }
+    if !scene.model.fits(&recording.start) {
+        let fault = "its start is none of the scene's blank";
+        return Err(StudyError::Invalid(fault.into()));
+    }
     scene.initial = recording.start.clone().into();
     let (scene, env) = (Arc::new(scene), &recording.env);
     let task = Task::new(scene.clone(), env)?;

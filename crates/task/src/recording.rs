@@ -136,21 +136,18 @@ impl Recording {
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let read: Self = FILE.read(path)?;
         let count = read.rest.len();
+        let (mut corners, mut frames) = (read.triangles.iter().flatten(), read.frames.iter());
+        let mut presses = read.presses.iter().map(|press| &press.vertex);
         let is_whole = read.frames.len() == read.presses.len() + 1
-            && read
-                .frames
-                .iter()
-                .all(|frame| frame.position.len() == count)
             && read.start.position.len() == count
-            && read
-                .triangles
-                .as_flattened()
-                .iter()
-                .all(|&v| (v as usize) < count)
-            && read
-                .presses
-                .iter()
-                .all(|press| (press.vertex as usize) < count);
+            && frames.all(|frame| {
+                let Frame {
+                    touched, draped, ..
+                } = frame;
+                [frame.position.len(), touched.len(), draped.len()] == [count; 3]
+            })
+            && corners.all(|&v| (v as usize) < count)
+            && presses.all(|&v| (v as usize) < count);
         match is_whole {
             true => Ok(read),
             false => Err(ReadError::fault(path, "its parts are not of one blank")),

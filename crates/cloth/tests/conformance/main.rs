@@ -946,9 +946,11 @@ fn gpu_names_what_it_lacks() {
 #[test]
 fn every_instruction_set_of_this_processor_gives_the_same_bits() {
     for isa in Isa::available() {
-        // Those have a suite of their own.
+        // Those have suites of their own.
         if ![Isa::Portable, Isa::best()].contains(&isa) {
-            follows_the_reference(&Device::cpu(Precision::F32, isa, 0.0));
+            let device = Device::cpu(Precision::F32, isa, 0.0);
+            follows_the_reference(&device);
+            company_changes_nothing(&device);
         }
         for world in WORLDS.iter() {
             for (precision, index) in [(Precision::F32, 2), (Precision::F64, 7)] {

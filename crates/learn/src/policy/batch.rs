@@ -124,3 +124,6 @@ impl Images {
         [plane(DRAPED), distance, plane(TOUCHED), plane(ALLOWED)]
     }
 }
+
+#[cfg(test)]
+mod tests;

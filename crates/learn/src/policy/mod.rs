@@ -26,8 +26,6 @@ mod parameters;
 mod pixels;
 mod prediction;
 mod stages;
-#[cfg(test)]
-mod there;
 mod unet;
 
 pub(crate) use batch::Batch;

@@ -1,8 +1,8 @@
 //! Tests of what is kept on a device, on one that is always there.
 
-use super::batch::{Batch, Images};
-use super::masked;
-use super::{ActorCritic, NetworkConfig, PolicyConfig, UnetConfig};
+use super::super::masked;
+use super::super::{ActorCritic, NetworkConfig, PolicyConfig, UnetConfig};
+use super::{Batch, Images};
 use burn::tensor::{Device, Tensor, TensorData};
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::sim::{ALLOWED, Observations};
