@@ -4,13 +4,8 @@ use drape_task::cluster::Cluster;
 
 /// A process that cannot be one of those that it was started with.
 #[derive(Debug, thiserror::Error)]
-pub enum StartError {
-    #[error("started as one of {0} processes, expected one: rebuild with `--features cluster`")]
-    Several(usize),
-    #[cfg(feature = "cluster")]
-    #[error("MPI has been started before")]
-    Again,
-}
+#[error("{0}")]
+pub struct StartError(String);
 
 /// This process among those that were started together, until the command ends.
 pub struct Session {
@@ -32,7 +27,10 @@ impl Session {
         for name in ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS"] {
             let size = std::env::var(name).ok().and_then(|size| size.parse().ok());
             if let Some(size @ 2..) = size {
-                return Err(StartError::Several(size));
+                let size: usize = size;
+                return Err(StartError(format!(
+                    "started as one of {size} processes, expected one: rebuild with `--features cluster`"
+                )));
             }
         }
         Ok(Self {
@@ -64,7 +62,8 @@ mod processes {
         /// The MPI library does not start.
         pub fn start() -> Result<Self, StartError> {
             let started = mpi::initialize_with_threading(Threading::Serialized);
-            let (universe, _) = started.ok_or(StartError::Again)?;
+            let (universe, _) =
+                started.ok_or_else(|| StartError("MPI has been started before".into()))?;
             let world = universe.world();
             let (rank, size) = (world.rank() as usize, world.size() as usize);
             let local_rank = world.split_shared(world.rank()).rank() as usize;

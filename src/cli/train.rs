@@ -11,7 +11,7 @@ use super::output::{Progress, percent, print, stop_on_signal};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
-use crate::cluster::{Session, StartError};
+use crate::cluster::Session;
 use crate::run::{Preparation, RunConfig, RunFolder, RunInfo, Training};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
@@ -100,10 +100,7 @@ struct Outcome {
 
 /// Runs `drape train`.
 pub fn run(args: TrainArgs) -> Result<(), Failure> {
-    let session = Session::start().map_err(|error| {
-        let is_input = matches!(error, StartError::Several(_));
-        Failure::new(error, is_input)
-    })?;
+    let session = Session::start().map_err(Failure::invalid)?;
     let result = train(args, &session);
     session.end(result, |failure| failure.report().into())
 }

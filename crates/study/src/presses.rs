@@ -44,7 +44,7 @@ pub fn replay_in_twin(
     context: &Context,
 ) -> Result<(Vec<Option<EpisodeState>>, f64), StudyError> {
     let mut config = twin_config(&scene.config)?;
-    config.parameters = env.parameters.parameters()?;
+    config.parameters = env.parameters.clone();
     let press = press_config(env, Hold::Fixed);
     let numbered: Vec<(usize, &[u32])> = lists.iter().copied().enumerate().collect();
     let played = context.each(&numbered, |&(number, list)| {

@@ -2,7 +2,7 @@
 //! multiplication with an addition but [`Lanes::mul_add`], which always does: IEEE 754 then fixes
 //! every result, and a lane computes the same bits whichever instruction set carries it.
 
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use std::ops::{Add, Div, Mul, Neg, Range, Sub};
 
 /// A floating-point number that a solver can be built on: f32 or f64.
 pub trait Real: Lanes<Scalar = Self> + PartialOrd + std::fmt::Debug {
@@ -78,44 +78,19 @@ pub trait Lanes:
         found
     }
 
-    /// For whole numbers i, j, k >= 0 in every lane what `table` holds at
-    /// i + row j + layer k + p, and next to it, for each p of `pairs`, ascending.
-    ///
-    /// # Panics
-    /// May panic outside the table; or it returns any other number of it.
+    /// For whole numbers i, j, k >= 0 in every lane what its table holds at i + row j + layer k + p, and next
+    /// to it, for p of 0, row, layer and their sum. Outside the table it is any other number of it.
     #[inline(always)]
-    fn look_up_pairs(
-        table: &[f32],
-        [i, j, k]: [Self; 3],
-        [row, layer]: [usize; 2],
-        pairs: [usize; 4],
-    ) -> [[Self; 2]; 4] {
-        let mut found = [[Self::zero(); 2]; 4];
-        for lane in 0..Self::COUNT {
-            let i = i.as_slice()[lane].to_f64() as usize;
-            let j = j.as_slice()[lane].to_f64() as usize;
-            let k = k.as_slice()[lane].to_f64() as usize;
-            let table = &table[k * layer + j * row + i..][..pairs[3] + 2];
-            for (found, at) in found.iter_mut().zip(pairs) {
-                for (found, &sample) in found.iter_mut().zip(&table[at..at + 2]) {
-                    found.as_mut_slice()[lane] = Self::Scalar::from_f64(f64::from(sample));
-                }
-            }
-        }
-        found
-    }
-
-    /// The same in a table of each lane, for the pairs 0, row, layer and their sum.
-    #[inline(always)]
-    fn look_up_in_each(tables: &Tables, [i, j, k]: [Self; 3]) -> [[Self; 2]; 4] {
+    fn look_up(tables: &Tables, [i, j, k]: [Self; 3]) -> [[Self; 2]; 4] {
         let mut found = [[Self::zero(); 2]; 4];
         for lane in 0..Self::COUNT {
             let [row, layer] = [tables.row[lane], tables.layer[lane]].map(|x| x as usize);
-            let first = k.get(lane) as usize * layer + j.get(lane) as usize * row;
-            let table = &tables.tables[lane][first + i.get(lane) as usize..];
-            for (found, at) in found.iter_mut().zip([0, row, layer, layer + row]) {
-                found[0].set(lane, f64::from(table[at]));
-                found[1].set(lane, f64::from(table[at + 1]));
+            let at = k.get(lane) as usize * layer + j.get(lane) as usize * row;
+            let at = (at + i.get(lane) as usize).min(tables.last[lane] as usize);
+            let samples = &tables.samples[tables.first[lane] as usize + at..][..row + layer + 2];
+            for (found, at) in found.iter_mut().zip([0, row, layer, row + layer]) {
+                found[0].set(lane, f64::from(samples[at]));
+                found[1].set(lane, f64::from(samples[at + 1]));
             }
         }
         found
@@ -170,38 +145,38 @@ pub trait Lanes:
 /// Lanes of the widest instruction set.
 const WIDEST: usize = 16;
 
-/// A table in every lane, each with strides of its own.
+/// A table in every lane, of numbers that all share, each with strides of its own.
 pub struct Tables<'a> {
-    tables: Vec<&'a [f32]>,
+    samples: &'a [f32],
+    /// Where each begins.
+    first: [i32; WIDEST],
     row: [i32; WIDEST],
     layer: [i32; WIDEST],
-    /// Where a look-up begins at most.
+    /// Where a look-up begins at most, from there.
     last: [i32; WIDEST],
-    /// Where each table begins in memory.
-    address: [i64; WIDEST],
 }
 
 impl<'a> Tables<'a> {
-    /// A table with the strides of its rows and layers for each lane.
+    /// For each lane where its table lies among `samples`, and the strides of its rows and layers.
     ///
     /// # Panics
-    /// If one has no room for a look-up.
-    pub fn new(all: impl Iterator<Item = (&'a [f32], [usize; 2])>) -> Self {
+    /// If one has no room for a look-up, or there are more than 2^31 numbers.
+    pub fn new(samples: &'a [f32], all: impl Iterator<Item = (Range<usize>, [usize; 2])>) -> Self {
+        let none = [0; WIDEST];
         let mut tables = Self {
-            tables: Vec::new(),
-            row: [0; WIDEST],
-            layer: [0; WIDEST],
-            last: [0; WIDEST],
-            address: [0; WIDEST],
+            samples,
+            first: none,
+            row: none,
+            layer: none,
+            last: none,
         };
-        for (lane, (table, [row, layer])) in all.enumerate() {
-            let last = table.len().checked_sub(2 + row + layer);
-            let last = last.and_then(|last| i32::try_from(last).ok());
-            tables.last[lane] = last.expect("room for a look-up");
+        for (lane, (own, [row, layer])) in all.enumerate() {
+            let last = samples[own.clone()].len().checked_sub(2 + row + layer);
+            assert!(i32::try_from(own.end).is_ok(), "indices of 32 bits");
+            tables.first[lane] = own.start as i32;
             tables.row[lane] = row as i32;
             tables.layer[lane] = layer as i32;
-            tables.address[lane] = table.as_ptr().expose_provenance() as i64;
-            tables.tables.push(table);
+            tables.last[lane] = last.expect("room for a look-up") as i32;
         }
         tables
     }
@@ -466,7 +441,8 @@ mod tests {
     impl<V: Lanes> Kernel for LookUp<'_, V> {
         #[inline(always)]
         fn run(self) {
-            *self.found = V::look_up_pairs(self.table, [V::zero(); 3], [1, 1], [0, 1, 2, 3]);
+            let own = (0..V::COUNT).map(|_| (0..self.table.len(), [1, 2]));
+            *self.found = V::look_up(&Tables::new(self.table, own), [V::zero(); 3]);
         }
     }
 

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::model::Model;
 use super::observations::{Column, Observations};
-use super::parameters::Parameters;
+use super::parameters::Own;
 use super::press::Press;
 use super::state::Snapshot;
 use super::stencil::Stencil;
@@ -17,7 +17,7 @@ use crate::measure::Measures;
 use crate::tool::Tool;
 
 /// What a backend is given once: all that its environments share, and what they choose from by
-/// [`Parameters`].
+/// what they have of their [`Own`].
 #[derive(Clone)]
 pub struct World {
     /// Topology, laws and stages.
@@ -48,14 +48,17 @@ impl World {
 
     /// Whether `state` is one of this world: of its size, finite, of parts and parameters that it has.
     pub fn fits(&self, state: &Snapshot) -> bool {
-        let Parameters {
-            tool, start, view, ..
-        } = state.parameters;
+        let Own {
+            tool,
+            start,
+            view,
+            ref parameters,
+        } = state.own;
         let has = |number: u16, count: usize| usize::from(number) < count.max(1);
         has(tool, self.tools.len())
             && has(start, self.starts.len())
             && has(view, self.views.len())
-            && state.parameters.check().is_ok()
+            && parameters.check().is_ok()
             && self.model.fits(state)
     }
 }
@@ -93,11 +96,11 @@ pub trait Backend: Send + Sync {
     /// Number of environments, > 0.
     fn count(&self) -> usize;
 
-    /// Sets one environment, with its parameters.
+    /// Sets one environment, with what it has of its own.
     fn load(&mut self, environment: usize, snapshot: &Snapshot);
 
-    /// Puts one environment to its start under parameters that fit the world.
-    fn reset(&mut self, environment: usize, parameters: &Parameters);
+    /// Puts one environment to its start, with something of its own that fits the world.
+    fn reset(&mut self, environment: usize, own: &Own);
 
     /// One environment, exactly.
     fn snapshot(&self, environment: usize) -> Snapshot;

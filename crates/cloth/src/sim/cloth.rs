@@ -1,5 +1,5 @@
 use super::line::{Along, Chain, Direction, Scratch};
-use super::parameters::Parameters;
+use super::parameters::Own;
 use super::scales::Scales;
 use crate::math::{Kernel, Lanes, Real, Vec3x};
 use crate::tool::Tools;
@@ -34,7 +34,7 @@ pub(super) struct Cloth<V: Lanes> {
     /// Greatest pull of the tool's tack on each vertex [N]; empty without.
     pub tack: Vec<V>,
     /// Of each environment that is used.
-    pub parameters: Vec<Parameters>,
+    pub own: Vec<Own>,
     pub scales: Scales<V>,
 }
 
@@ -57,7 +57,7 @@ impl<V: Lanes> Cloth<V> {
             density: vec![V::zero(); edges],
             scratch: Scratch::new(longest),
             tack: Vec::new(),
-            parameters: vec![Parameters::default()],
+            own: vec![Own::default()],
             scales: Scales::new(),
         }
     }

@@ -2,8 +2,8 @@
 
 use super::cloth::{Cloth, Plane};
 use super::frame::Frame;
-use crate::math::{Kernel, Lanes, Vec3x};
-use crate::tool::{EachTool, Tools};
+use crate::math::{Lanes, Vec3x};
+use crate::tool::Tools;
 
 /// Gap over which the tool's tack pulls [m]: a film of resin, thinner than a layer of cloth, so
 /// that only what lies on the tool is held.
@@ -12,35 +12,11 @@ pub(super) const TACK_RANGE: f64 = 2e-4;
 /// Looks up the tangent plane of the tool under every vertex.
 #[inline(always)]
 pub(super) fn refresh<V: Lanes>(tools: &Tools<V>, cloth: &mut Cloth<V>) {
-    match tools {
-        Tools::One(tool) => {
-            for (x, plane) in cloth.position.iter().zip(&mut cloth.plane) {
-                *plane = Plane::new(*x, tool.distance_in_lanes(x.0));
-            }
-        }
-        // Apart, so that one tool costs no more than it must.
-        Tools::Each(tools) => V::vectorize(Refresh(tools, cloth)),
-    }
-}
-
-/// Looks up the tangent planes of a tool in each lane.
-struct Refresh<'a, V: Lanes>(&'a EachTool<'a, V>, &'a mut Cloth<V>);
-
-impl<V: Lanes> Kernel for Refresh<'_, V> {
-    #[inline(always)]
-    fn run(self) {
-        for (x, plane) in self.1.position.iter().zip(&mut self.1.plane) {
-            *plane = Plane::new(*x, self.0.distance(x.0));
-        }
-    }
-}
-
-impl<V: Lanes> Plane<V> {
-    #[inline(always)]
-    fn new(x: Vec3x<V>, (phi, normal): (V, [V; 3])) -> Self {
+    for (x, plane) in cloth.position.iter().zip(&mut cloth.plane) {
+        let (phi, normal) = tools.distance(x.0);
         let normal = Vec3x(normal);
-        let offset = normal.dot(x) - phi;
-        Self { normal, offset }
+        let offset = normal.dot(*x) - phi;
+        *plane = Plane { normal, offset };
     }
 }
 

@@ -1,5 +1,3 @@
-use std::sync::Arc;
-
 use rayon::prelude::*;
 
 #[cfg(not(test))]
@@ -8,21 +6,19 @@ use crate::math::Portable;
 use crate::math::{F32x8, F32x16, F64x4, F64x8};
 use crate::math::{Isa, Lanes, Vec3};
 
-use crate::fabric::Lamina;
-use crate::measure::Measures;
-use crate::tool::Tool;
-
 use super::alone::Alone;
 use super::backend::{Backend, Observed, World};
-use super::group::Group;
+use super::group::{Group, Known};
 use super::lanes::InLanes;
 use super::model::Model;
 use super::observations::{Column, Observations};
-use super::parameters::Parameters;
+use super::parameters::{Own, Parameters};
 use super::press::{Press, Roller};
 use super::state::{Pressed, Snapshot};
-use super::stencil::{Stencil, Tie, ties, under_stencil};
+use super::stencil::{Tie, under_stencil};
 use super::stepping::Control;
+use crate::fabric::Lamina;
+use crate::measure::Measures;
 use serde::{Deserialize, Serialize};
 
 /// Number type of a simulation.
@@ -50,21 +46,11 @@ impl Precision {
 /// lines in the lanes. Its bits are the same in any company, on any instruction set and for any
 /// number of threads.
 pub struct Cpu {
-    world: World,
+    known: Known,
     groups: Vec<Box<dyn Group>>,
     /// Environments of a group.
     lanes: usize,
     pressed: Vec<Pressed>,
-    sheet: Sheet,
-}
-
-/// What a press has to know of the blank, by vertex; empty where nobody presses.
-#[derive(Default)]
-struct Sheet {
-    /// [m^2]
-    areas: Vec<f64>,
-    /// See [`ties`].
-    ties: Vec<Vec<Tie>>,
 }
 
 impl Cpu {
@@ -91,26 +77,21 @@ impl Cpu {
         let lanes = first.lanes();
         let more = (1..count.div_ceil(lanes)).map(|k| make(model, count - k * lanes));
         let groups: Vec<_> = std::iter::once(first).chain(more).collect();
-        let sheet = |(lamina, stencil): &(Arc<Lamina>, Stencil)| Sheet {
-            areas: lamina.vertex_areas(),
-            ties: ties(lamina, stencil.max_strain),
-        };
         let mut cpu = Self {
-            world: world.clone(),
+            known: Known::new(world),
             groups,
             lanes,
             pressed: vec![Pressed::default(); count],
-            sheet: world.presses.as_ref().map(sheet).unwrap_or_default(),
         };
-        let parameters = Parameters::default();
+        let own = Own::default();
         // Lanes that nobody uses hold a state that can be stepped as well.
         for group in &mut cpu.groups {
             for lane in 0..lanes {
-                group.load(model, lane, &world.starts[0], &parameters);
+                group.load(model, lane, &world.starts[0], &own);
             }
         }
         for environment in 0..count {
-            cpu.reset(environment, &parameters);
+            cpu.reset(environment, &own);
         }
         cpu
     }
@@ -119,19 +100,26 @@ impl Cpu {
         (environment / self.lanes, environment % self.lanes)
     }
 
-    fn set(&mut self, environment: usize, snapshot: &Snapshot, parameters: &Parameters) {
+    fn set(&mut self, environment: usize, snapshot: &Snapshot, own: &Own) {
         let (group, lane) = self.place(environment);
-        self.groups[group].load(&self.world.model, lane, snapshot, parameters);
+        let model = &self.known.world.model;
+        self.groups[group].load(model, lane, snapshot, own);
         let pressed = &mut self.pressed[environment];
         pressed.clone_from(&snapshot.pressed);
-        let count = self.world.model.vertex_count();
+        let count = model.vertex_count();
         pressed.touched.grow(count);
         pressed.draped.grow(count);
     }
 
     /// The blank that is pressed and seen.
     fn lamina(&self) -> &Lamina {
-        &self.world.presses.as_ref().expect("a world with presses").0
+        &self
+            .known
+            .world
+            .presses
+            .as_ref()
+            .expect("a world with presses")
+            .0
     }
 }
 
@@ -167,24 +155,24 @@ impl Backend for Cpu {
     }
 
     fn load(&mut self, environment: usize, snapshot: &Snapshot) {
-        self.set(environment, snapshot, &snapshot.parameters);
+        self.set(environment, snapshot, &snapshot.own);
     }
 
-    fn reset(&mut self, environment: usize, parameters: &Parameters) {
-        let start = self.world.starts[usize::from(parameters.start)].clone();
-        self.set(environment, &start, parameters);
+    fn reset(&mut self, environment: usize, own: &Own) {
+        let start = self.known.world.starts[usize::from(own.start)].clone();
+        self.set(environment, &start, own);
     }
 
     fn snapshot(&self, environment: usize) -> Snapshot {
         let (group, lane) = self.place(environment);
         Snapshot {
             pressed: self.pressed[environment].clone(),
-            ..self.groups[group].save(&self.world.model, lane)
+            ..self.groups[group].save(&self.known.world.model, lane)
         }
     }
 
     fn step(&mut self, control: &Control, presses: &[Press]) {
-        let (world, lanes) = (&self.world, self.lanes);
+        let (known, lanes) = (&self.known, self.lanes);
         let step = |(index, group): (usize, &mut Box<dyn Group>)| {
             let own = presses.iter().filter(|p| p.environment / lanes == index);
             let own: Vec<Press> = own
@@ -193,7 +181,7 @@ impl Backend for Cpu {
                     ..press.clone()
                 })
                 .collect();
-            group.step(world, control, &own);
+            group.step(known, control, &own);
         };
         // A single group stays on this thread.
         match &mut self.groups[..] {
@@ -204,17 +192,13 @@ impl Backend for Cpu {
 
     fn press(&mut self, vertices: &[Option<u32>]) -> Column<f64> {
         assert_eq!(vertices.len(), self.count(), "one entry an environment");
-        let (world, sheet) = (&self.world, &self.sheet);
-        let places: Vec<[f64; 3]> = self
-            .groups
-            .par_iter_mut()
-            .zip(self.pressed.par_chunks_mut(self.lanes))
-            .zip(vertices.par_chunks(self.lanes))
-            .flat_map_iter(|((group, pressed), vertices)| {
-                press(&mut **group, world, sheet, vertices, pressed)
-            })
-            .collect();
-        Column::on_host(places.into_flattened())
+        let (known, groups) = (&self.known, self.groups.par_iter_mut());
+        let pressed = self.pressed.par_chunks_mut(self.lanes);
+        let all = groups.zip(pressed).zip(vertices.par_chunks(self.lanes));
+        let places = all.flat_map_iter(|((group, pressed), vertices)| {
+            press(&mut **group, known, vertices, pressed)
+        });
+        Column::on_host(places.collect::<Vec<_>>().into_flattened())
     }
 
     fn finite(&self) -> Vec<bool> {
@@ -223,15 +207,16 @@ impl Backend for Cpu {
     }
 
     fn observe(&self) -> Observed {
-        let (world, lamina, count) = (&self.world, self.lamina(), self.count());
+        let (known, lamina, count) = (&self.known, self.lamina(), self.count());
+        let world = &known.world;
         let pixels = world.views[0].pixel_count;
         let places = (0..count).map(|environment| self.place(environment));
-        let views = places.map(|(group, lane)| self.groups[group].parameters(lane).view);
+        let views = places.map(|(group, lane)| self.groups[group].own(lane).view);
         let views: Vec<u16> = views.collect();
         let (mut distance, mut marks) = (vec![0.0; count * pixels], vec![0; count * pixels]);
         let groups = self.groups.par_iter();
         let found: Vec<Vec<f64>> = groups
-            .flat_map_iter(|group| group.distances(world))
+            .flat_map_iter(|group| group.distances(known))
             .collect();
         let rows = distance
             .par_chunks_mut(pixels)
@@ -252,56 +237,56 @@ impl Backend for Cpu {
     }
 
     fn measure(&self, environments: &[usize]) -> Vec<Measures> {
-        let (world, lamina) = (&self.world, self.lamina());
+        let (world, lamina) = (&self.known.world, self.lamina());
         let measure = |&environment: &usize| {
             let (group, lane) = self.place(environment);
             let state = self.groups[group].save(&world.model, lane);
-            let view = &world.views[usize::from(state.parameters.view)];
-            let tool = tool(world, &state.parameters);
+            let view = &world.views[usize::from(state.own.view)];
+            let tool = self.known.tool(&state.own);
             Measures::new(lamina, tool, &view.region, &state.position)
         };
         environments.par_iter().map(measure).collect()
     }
 }
 
-/// The tool of an environment.
-fn tool<'a>(world: &'a World, parameters: &Parameters) -> &'a Tool {
-    &world.tools[usize::from(parameters.tool)]
-}
-
 /// A press in a group: who is under the stencil, the press itself, what is draped, settling. Gives
 /// where the pressed vertices were [m].
 fn press(
     group: &mut dyn Group,
-    world: &World,
-    Sheet { areas, ties }: &Sheet,
+    known: &Known,
     vertices: &[Option<u32>],
     pressed: &mut [Pressed],
 ) -> Vec<[f64; 3]> {
-    let (lamina, stencil) = world.presses.as_ref().expect("a world with presses");
+    let Known { areas, ties, .. } = known;
+    let (lamina, stencil) = known.world.presses.as_ref().expect("a world with presses");
     let mut places = vec![[0.0; 3]; vertices.len()];
     let mut presses = Vec::with_capacity(vertices.len());
     for (lane, &vertex) in vertices.iter().enumerate() {
         let Some(vertex) = vertex else { continue };
-        let own = group.parameters(lane);
-        let side = stencil.side * own.side;
-        let aim = own.aim(pressed[lane].count);
+        let own = group.own(lane);
+        let Parameters {
+            stencil: side,
+            pressure,
+            ..
+        } = own.parameters;
+        let side = stencil.side * side;
+        let aim = own.parameters.aim(pressed[lane].count);
         places[lane] = group.position(lane, vertex);
         let position = |v| group.position(lane, v);
-        let under = under_stencil(lamina, tool(world, own), vertex, side, aim, position);
+        let under = under_stencil(lamina, known.tool(own), vertex, side, aim, position);
         pressed[lane].stencil.clone_from(&under);
         pressed[lane].count += 1;
         let roller = Roller {
-            pressure: stencil.roller.pressure * own.pressure,
+            pressure: stencil.roller.pressure * pressure,
             ..stencil.roller
         };
         presses.push(roller.press(lane, &under, areas));
     }
-    group.step(world, &stencil.press, &presses);
+    group.step(known, &stencil.press, &presses);
 
     for press in presses {
         let lane = press.environment;
-        let tool = tool(world, group.parameters(lane));
+        let tool = known.tool(group.own(lane));
         let Pressed {
             touched, draped, ..
         } = &mut pressed[lane];
@@ -331,7 +316,7 @@ fn press(
         }
     }
     if let Some(settle) = &stencil.settle {
-        group.step(world, settle, &[]);
+        group.step(known, settle, &[]);
     }
     places
 }

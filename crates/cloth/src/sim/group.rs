@@ -4,29 +4,30 @@ use fixedbitset::FixedBitSet;
 
 use super::backend::World;
 use super::model::Model;
-use super::parameters::Parameters;
+use super::parameters::Own;
 use super::press::Press;
 use super::state::Snapshot;
+use super::stencil::{Tie, ties};
 use super::step::step;
 use super::stepping::Control;
 use super::storage::Storage;
 use super::view::View;
 use crate::math::{Lanes, Vec3x};
-use crate::tool::Tools;
+use crate::tool::{Atlas, Tool, Tools};
 
 /// Environments of the same model that move in lockstep on the CPU.
 pub(super) trait Group: Send + Sync {
     /// Number of environments that it has room for.
     fn lanes(&self) -> usize;
 
-    /// Sets cloth and parameters of one lane.
-    fn load(&mut self, model: &Model, lane: usize, snapshot: &Snapshot, parameters: &Parameters);
+    /// Sets one lane.
+    fn load(&mut self, model: &Model, lane: usize, snapshot: &Snapshot, own: &Own);
 
-    /// Cloth and parameters of one lane, exactly, without what presses have done.
+    /// One lane, exactly, without what presses have done.
     fn save(&self, model: &Model, lane: usize) -> Snapshot;
 
     /// What the environment of a lane has of its own.
-    fn parameters(&self, lane: usize) -> &Parameters;
+    fn own(&self, lane: usize) -> &Own;
 
     /// Position of a vertex [m].
     fn position(&self, lane: usize, vertex: u32) -> [f64; 3];
@@ -41,14 +42,43 @@ pub(super) trait Group: Send + Sync {
     fn is_fixed(&self, lane: usize, vertex: u32) -> bool;
 
     /// Moves all lanes by one control step; presses count their environments from the first lane.
-    fn step(&mut self, world: &World, control: &Control, presses: &[Press]);
+    fn step(&mut self, known: &Known, control: &Control, presses: &[Press]);
 
     /// Whether every position of a lane is a number within 100 m of the origin, lane by lane.
     fn finite(&self) -> Vec<bool>;
 
     /// Distance to the tool [m], negative inside, of the vertices that each environment shows.
     /// Its bits are the same in any company.
-    fn distances(&self, world: &World) -> Vec<Vec<f64>>;
+    fn distances(&self, known: &Known) -> Vec<Vec<f64>>;
+}
+
+/// A world and what follows from it.
+pub(super) struct Known {
+    pub world: World,
+    pub atlas: Atlas,
+    /// Area of each vertex that is pressed [m^2].
+    pub areas: Vec<f64>,
+    /// See [`ties`].
+    pub ties: Vec<Vec<Tie>>,
+}
+
+impl Known {
+    pub fn new(world: &World) -> Self {
+        let presses = world.presses.as_ref();
+        let areas = presses.map(|(lamina, _)| lamina.vertex_areas());
+        let ties = presses.map(|(lamina, stencil)| ties(lamina, stencil.max_strain));
+        Self {
+            world: world.clone(),
+            atlas: Atlas::new(&world.tools),
+            areas: areas.unwrap_or_default(),
+            ties: ties.unwrap_or_default(),
+        }
+    }
+
+    /// The tool of an environment.
+    pub fn tool(&self, own: &Own) -> &Tool {
+        &self.world.tools[usize::from(own.tool)]
+    }
 }
 
 impl<S: Storage> Group for S {
@@ -56,12 +86,12 @@ impl<S: Storage> Group for S {
         Storage::lanes(self)
     }
 
-    fn load(&mut self, model: &Model, lane: usize, snapshot: &Snapshot, parameters: &Parameters) {
+    fn load(&mut self, model: &Model, lane: usize, snapshot: &Snapshot, own: &Own) {
         self.clear(lane, &snapshot.sides);
         for (vertex, &free) in model.inverse_mass.iter().enumerate() {
             let [place, lane] = self.slot(lane, vertex);
             let is_fixed = snapshot.fixed.contains(vertex);
-            let free = free / parameters.mass;
+            let free = free / own.parameters.areal_mass;
             let cloth = self.cloth_mut();
             cloth.position[place].set(lane, snapshot.position[vertex]);
             cloth.velocity[place].set(lane, snapshot.velocity[vertex]);
@@ -77,9 +107,11 @@ impl<S: Storage> Group for S {
             _ => lane..lane + 1,
         };
         let cloth = self.cloth_mut();
-        cloth.scales.set(lanes, model.bending_stiffness, parameters);
-        if let Some(own) = cloth.parameters.get_mut(lane) {
-            own.clone_from(parameters);
+        cloth
+            .scales
+            .set(lanes, model.bending_stiffness, &own.parameters);
+        if let Some(known) = cloth.own.get_mut(lane) {
+            known.clone_from(own);
         }
     }
 
@@ -98,13 +130,13 @@ impl<S: Storage> Group for S {
             fixed,
             force_density: edges.map(|[e, lane]| cloth.density[e].get(lane)).collect(),
             sides: self.sides(lane),
-            parameters: cloth.parameters[lane].clone(),
+            own: cloth.own[lane].clone(),
             ..Snapshot::default()
         }
     }
 
-    fn parameters(&self, lane: usize) -> &Parameters {
-        &self.cloth().parameters[lane]
+    fn own(&self, lane: usize) -> &Own {
+        &self.cloth().own[lane]
     }
 
     fn position(&self, lane: usize, vertex: u32) -> [f64; 3] {
@@ -128,22 +160,23 @@ impl<S: Storage> Group for S {
         self.cloth().inverse_mass[place].get(lane) == 0.0
     }
 
-    fn step(&mut self, world: &World, control: &Control, presses: &[Press]) {
+    fn step(&mut self, known: &Known, control: &Control, presses: &[Press]) {
         self.start();
-        let tools = tools(self, world);
-        step(&world.model, &tools, control, presses, self);
+        let tools = tools(self, known);
+        step(&known.world.model, &tools, control, presses, self);
     }
 
     fn finite(&self) -> Vec<bool> {
         let lanes = self.cloth().finite();
         match Storage::lanes(self) {
             1 => vec![!lanes.contains(&false)],
-            _ => lanes[..self.cloth().parameters.len()].to_vec(),
+            _ => lanes[..self.cloth().own.len()].to_vec(),
         }
     }
 
-    fn distances(&self, world: &World) -> Vec<Vec<f64>> {
-        let own = self.cloth().parameters.iter();
+    fn distances(&self, known: &Known) -> Vec<Vec<f64>> {
+        let world = &known.world;
+        let own = self.cloth().own.iter();
         let views: Vec<&Arc<View>> = own.map(|own| &world.views[usize::from(own.view)]).collect();
         let is_same = |view: &&Arc<View>| view.vertices == views[0].vertices;
         let count = if views.iter().all(is_same) {
@@ -152,12 +185,13 @@ impl<S: Storage> Group for S {
             views.len()
         };
         let vertices = views[..count].iter().map(|view| &*view.vertices);
-        Storage::distances(self, &tools(self, world), &vertices.collect::<Vec<_>>())
+        Storage::distances(self, &tools(self, known), &vertices.collect::<Vec<_>>())
     }
 }
 
 /// The tools in the lanes of a group.
-fn tools<'a, S: Storage>(group: &S, world: &'a World) -> Tools<'a, S::V> {
-    let own = &group.cloth().parameters;
-    Tools::new(own.len(), |lane| &*world.tools[usize::from(own[lane].tool)])
+fn tools<'a, S: Storage>(group: &S, known: &'a Known) -> Tools<'a, S::V> {
+    let own = &group.cloth().own;
+    let number = |lane: usize| usize::from(own[lane].tool);
+    known.atlas.in_lanes(own.len(), number)
 }

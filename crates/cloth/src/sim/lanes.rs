@@ -5,7 +5,7 @@ use super::line::{Along, Direction, Line};
 use super::lines::Lines;
 use super::membrane::{Element, project_elements, warm_start_elements};
 use super::model::{Model, Pass};
-use super::parameters::Parameters;
+use super::parameters::Own;
 use super::storage::Storage;
 use crate::math::{Kernel, Lanes, Vec3x};
 use crate::tool::Tools;
@@ -27,7 +27,7 @@ impl<V: Lanes> InLanes<V> {
         let longest = model.lines.as_ref().map_or(0, |lines| lines.longest);
         let mut cloth = Cloth::new(count, model.edge_count, longest);
         cloth.inverse_mass = model.inverse_mass.iter().map(|&w| V::of(w)).collect();
-        cloth.parameters = vec![Parameters::default(); used];
+        cloth.own = vec![Own::default(); used];
         cloth.tack = model.tack.iter().flatten().map(|&t| V::of(t)).collect();
         Self {
             cloth,
@@ -88,7 +88,7 @@ impl<V: Lanes> Storage for InLanes<V> {
             let own = vertices[lane.min(vertices.len() - 1)];
             found[..own.len()].iter().map(|phi| phi.get(lane)).collect()
         };
-        (0..self.cloth.parameters.len()).map(of).collect()
+        (0..self.cloth.own.len()).map(of).collect()
     }
 
     #[inline(always)]

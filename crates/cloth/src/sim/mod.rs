@@ -59,7 +59,7 @@ pub use device_error::DeviceError;
 pub use gpu::{Adapter, AdapterKind, Buffer, Gpu, Traffic};
 pub use model::Model;
 pub use observations::{Column, Number, Observation, Observations};
-pub use parameters::{Aim, Parameters, Spread};
+pub use parameters::{Aim, Own, Parameters};
 pub use physics::{Bending, BendingStiffness, PhysicsConfig, SelfCollision, Solver, Tension};
 pub use press::{Press, Roller};
 pub use state::{ALLOWED, DRAPED, Pressed, Presses, STENCIL, Snapshot, TOUCHED};

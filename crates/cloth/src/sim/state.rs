@@ -1,7 +1,7 @@
 use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
-use super::parameters::Parameters;
+use super::parameters::Own;
 
 /// The moving state of one environment. f64, so that it holds the bits of any backend.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -23,7 +23,7 @@ pub struct Snapshot {
     /// What presses have done so far.
     pub pressed: Pressed,
     /// What the environment has of its own.
-    pub parameters: Parameters,
+    pub own: Own,
 }
 
 /// What presses have done to an environment; empty where nobody presses. Bits are one a vertex.

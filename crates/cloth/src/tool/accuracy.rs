@@ -116,6 +116,7 @@ fn halton(mut i: usize, base: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tool::{Atlas, Tools};
     use crate::tool::{Cylinder, DoubleDome, GridConfig, Hemisphere, Incline, Plate, Rib, Shape};
 
     fn rib(spacing_mm: f64) -> Tool {
@@ -186,7 +187,9 @@ mod tests {
         // Below the middle the normal points down, in both precisions.
         let (phi, n) = tool.distance([0.01, 0.01, 0.0013 - 0.002]);
         assert!((phi + 0.001).abs() < 1e-9 && n[2] < -0.999, "{phi} {n:?}");
-        let (phi, n) = tool.distance_in_lanes([0.01f32, 0.01, 0.0013 - 0.001]);
+        let atlas = Atlas::new(&[tool.into()]);
+        let tools: Tools<f32> = atlas.in_lanes(1, |_| 0);
+        let (phi, n) = tools.distance([0.01f32, 0.01, 0.0013 - 0.001]);
         assert!((phi + 0.001).abs() < 1e-7 && n[2] > 0.999, "{phi} {n:?}");
     }
 

@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use crate::math::{Lanes, Vec3};
+use crate::math::{Lanes, Tables, Vec3};
 
 use super::error::ToolError;
 use super::surface::{Surface, winding};
@@ -47,6 +47,11 @@ impl DistanceGrid {
     /// Distance between neighbouring nodes [m].
     pub fn spacing(&self) -> f64 {
         self.spacing
+    }
+
+    /// How many nodes it has.
+    pub fn node_count(&self) -> usize {
+        self.samples.len()
     }
 
     /// Position of the first node [m], nodes along each axis, and distances there [m], x running
@@ -134,6 +139,55 @@ impl DistanceGrid {
         std::array::from_fn(|n| first + (n & 1) + (n >> 1 & 1) * x + (n >> 2) * x * y)
     }
 
+    /// Signed distance [m] at `x` [m] and its gradient, see `Grids::sample`.
+    pub fn sample<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
+        Grids::new(&self.samples, std::iter::repeat_n((0, self), V::COUNT)).sample(x)
+    }
+}
+
+/// A grid in every lane.
+pub(super) struct Grids<'a, V> {
+    /// Its first node [m].
+    origin: [V; 3],
+    /// [m], and its inverse.
+    spacing: V,
+    inverse_spacing: V,
+    /// Number of the last node along each axis.
+    last: [V; 3],
+    tables: Tables<'a>,
+}
+
+/// Values at the ends of the edges of a cell along x.
+type Edges<V> = [[V; 2]; 4];
+
+impl<'a, V: Lanes> Grids<'a, V> {
+    /// One for each lane, where its own samples begin among `samples`.
+    pub fn new<'g>(
+        samples: &'a [f32],
+        all: impl Iterator<Item = (usize, &'g DistanceGrid)> + Clone,
+    ) -> Self {
+        let table = |(first, grid): (usize, &DistanceGrid)| {
+            let [x, y, _] = grid.dims;
+            (first..first + grid.samples.len(), [x, x * y])
+        };
+        let mut grids = Self {
+            origin: [V::zero(); 3],
+            spacing: V::zero(),
+            inverse_spacing: V::zero(),
+            last: [V::zero(); 3],
+            tables: Tables::new(samples, all.clone().map(table)),
+        };
+        for (lane, (_, grid)) in all.enumerate() {
+            grids.spacing.set(lane, grid.spacing);
+            grids.inverse_spacing.set(lane, 1.0 / grid.spacing);
+            for a in 0..3 {
+                grids.origin[a].set(lane, grid.origin[a]);
+                grids.last[a].set(lane, (grid.dims[a] - 1) as f64);
+            }
+        }
+        grids
+    }
+
     /// Signed distance [m] at `x` [m] and its gradient, by trilinear interpolation, in every
     /// lane.
     ///
@@ -143,54 +197,14 @@ impl DistanceGrid {
     /// their squares are finite). NaN in gives NaN out. f32 differs from f64 by about 1e-7 m
     /// within a metre of the tool.
     #[inline(always)]
-    pub fn sample<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
-        // No closures: they would be compiled without the instruction set.
-        let (mut origin, mut last) = ([V::zero(); 3], [V::zero(); 3]);
-        for a in 0..3 {
-            origin[a] = V::of(self.origin[a]);
-            last[a] = V::of((self.dims[a] - 1) as f64);
-        }
-        let axes = GridAxes {
-            origin,
-            spacing: V::of(self.spacing),
-            inverse_spacing: V::of(1.0 / self.spacing),
-            last,
-        };
-        let (cell, t, beyond) = axes.locate(x);
-        let strides = self.strides();
-        let v = V::look_up_pairs(&self.samples, cell, strides, Self::edges(strides));
-        axes.interpolate(v, t, beyond)
+    pub fn sample(&self, x: [V; 3]) -> (V, [V; 3]) {
+        let (cell, t, beyond) = self.locate(x);
+        self.interpolate(V::look_up(&self.tables, cell), t, beyond)
     }
 
-    /// How far nodes are apart in memory along y and z.
-    pub(super) fn strides(&self) -> [usize; 2] {
-        [self.dims[0], self.dims[0] * self.dims[1]]
-    }
-
-    /// Where the edges of a cell begin that run along x, which runs fastest, from its first node.
-    pub(super) fn edges([row, layer]: [usize; 2]) -> [usize; 4] {
-        [0, row, layer, layer + row]
-    }
-}
-
-/// Where nodes are, for all lanes.
-pub(super) struct GridAxes<V> {
-    /// Of the first node [m].
-    pub origin: [V; 3],
-    /// [m], and its inverse.
-    pub spacing: V,
-    pub inverse_spacing: V,
-    /// Number of the last node along each axis.
-    pub last: [V; 3],
-}
-
-/// Values at the ends of the edges of a cell along x.
-type Edges<V> = [[V; 2]; 4];
-
-impl<V: Lanes> GridAxes<V> {
     /// The cell of a point, where in it that is, from 0 to 1, and how far beyond the grid [m].
     #[inline(always)]
-    pub fn locate(&self, x: [V; 3]) -> ([V; 3], [V; 3], [V; 3]) {
+    fn locate(&self, x: [V; 3]) -> ([V; 3], [V; 3], [V; 3]) {
         let (zero, one, horizon) = (V::zero(), V::of(1.0), V::of(1e15));
         let mut cell = [zero; 3];
         let mut t = [zero; 3];
@@ -209,7 +223,7 @@ impl<V: Lanes> GridAxes<V> {
 
     /// Value and gradient, of what the edges of the cell have at their ends.
     #[inline(always)]
-    pub fn interpolate(&self, v: Edges<V>, t: [V; 3], beyond: [V; 3]) -> (V, [V; 3]) {
+    fn interpolate(&self, v: Edges<V>, t: [V; 3], beyond: [V; 3]) -> (V, [V; 3]) {
         let (zero, inverse_spacing) = (V::zero(), self.inverse_spacing);
         let lerp = |a: V, b: V, t: V| a + (b - a) * t;
         // Along x on four edges, then along y on two faces, then along z.

@@ -19,7 +19,7 @@ pub use accuracy::{GridError, Thinnest};
 pub use config::{GridConfig, MeshSource, Pose, Source, ToolConfig};
 pub use error::ToolError;
 pub use grid::DistanceGrid;
-pub(crate) use lanes::{EachTool, Tools};
+pub(crate) use lanes::{Atlas, Tools};
 pub use shapes::{Cylinder, DoubleDome, Hemisphere, Incline, Plate, Rib, Shape};
 pub use solid::Tool;
 pub use surface::{Surface, SurfacePoint};

@@ -94,9 +94,10 @@ impl Tool {
 
     /// Distance to the tool [m], negative inside, and its outward unit normal: what contact,
     /// presses and observations work with. Interpolated, but for exact places: see [`GridConfig`].
-    #[inline]
     pub fn distance(&self, x: [f64; 3]) -> (f64, [f64; 3]) {
-        self.distance_in_lanes(x)
+        let (phi, gradient) = self.grid.sample(x);
+        let exact = self.exact(x, phi).map(|(phi, normal)| (phi, normal.into()));
+        exact.unwrap_or_else(|| (phi, unit(gradient)))
     }
 
     /// The grid, if all distances are interpolated in it.
@@ -118,22 +119,9 @@ impl Tool {
         vertices.map(|v| self.distance(x[v]).0.max(0.0)).sum()
     }
 
-    /// [`Self::distance`] in every lane, inlined for the instruction set in use.
-    #[inline(always)]
-    pub(crate) fn distance_in_lanes<V: Lanes>(&self, x: [V; 3]) -> (V, [V; 3]) {
-        let (phi, gradient) = self.grid.sample(x);
-        let normal = unit(gradient);
-        match &self.sharp {
-            Some(sharp) if V::any(phi.max(-phi).lt(V::of(sharp.reach))) => {
-                exact_in_lanes(|_| self, x, phi, normal)
-            }
-            _ => (phi, normal),
-        }
-    }
-
     /// The exact distance and normal at `x` [m], whose interpolated distance is `phi` [m]; none
     /// outside sharp cells.
-    fn exact(&self, x: [f64; 3], phi: f64) -> Option<(f64, Vec3)> {
+    pub(super) fn exact(&self, x: [f64; 3], phi: f64) -> Option<(f64, Vec3)> {
         let near = phi.abs();
         let sharp = self.sharp.as_ref().filter(|sharp| near < sharp.reach)?;
         let facets = sharp.facets(&self.grid, x);
@@ -158,27 +146,6 @@ pub(super) fn unit<V: Lanes>([a, b, c]: [V; 3]) -> [V; 3] {
     let inverse = V::of(1.0) / V::select(flat, V::of(1.0), norm);
     let unit = |g: V, up: f64| V::select(flat, V::of(up), g * inverse);
     [unit(a, 0.0), unit(b, 0.0), unit(c, 1.0)]
-}
-
-/// The exact distance and normal of the lanes in sharp cells of their tools, and what was
-/// interpolated in the others.
-#[inline(never)]
-pub(super) fn exact_in_lanes<'a, V: Lanes>(
-    tool: impl Fn(usize) -> &'a Tool,
-    x: [V; 3],
-    mut phi: V,
-    mut normal: [V; 3],
-) -> (V, [V; 3]) {
-    for lane in 0..V::COUNT {
-        let x = x.map(|x| x.get(lane));
-        if let Some((exact, n)) = tool(lane).exact(x, phi.get(lane)) {
-            phi.set(lane, exact);
-            for (component, n) in normal.iter_mut().zip(&n) {
-                component.set(lane, *n);
-            }
-        }
-    }
-    (phi, normal)
 }
 
 #[cfg(test)]

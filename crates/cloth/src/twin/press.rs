@@ -1,7 +1,7 @@
 use super::state::Twin;
 use super::step::Diverged;
 use crate::fabric::Lamina;
-use crate::sim::{Presses, Roller, Snapshot, under_stencil};
+use crate::sim::{Own, Presses, Roller, Snapshot, under_stencil};
 use crate::tool::Tool;
 
 /// What holds cloth that a press has laid on to the tool.
@@ -95,7 +95,7 @@ impl Twin {
         observe(self, &presses);
         for &vertex in list {
             let position = |v| self.position(v);
-            let (side, aim) = (side * own.side, own.aim(self.pressed.count));
+            let (side, aim) = (side * own.stencil, own.aim(self.pressed.count));
             let under = under_stencil(lamina, tool, vertex, side, aim, position);
             presses.push((vertex, position(vertex)));
             let draped = self.press(tool, config, &under)?;
@@ -115,7 +115,10 @@ impl Twin {
         let mut snapshot = Snapshot {
             velocity: self.velocities(),
             pressed: self.pressed.clone(),
-            parameters: self.config.parameters.clone(),
+            own: Own {
+                parameters: self.config.parameters.clone(),
+                ..Own::default()
+            },
             ..Snapshot::at_rest(self.positions())
         };
         snapshot.fixed.extend(held);

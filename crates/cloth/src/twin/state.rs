@@ -66,7 +66,7 @@ impl Twin {
         let count = lamina.vertex_count();
         let area = lamina.vertex_areas();
         let padded = |of: &dyn Fn(f64) -> f64| {
-            let mut values: Vec<f64> = lamina.mass.iter().map(|m| of(m * own.mass)).collect();
+            let mut values: Vec<f64> = lamina.mass.iter().map(|m| of(m * own.areal_mass)).collect();
             values.resize(count.next_multiple_of(WIDTH), 0.0);
             values
         };

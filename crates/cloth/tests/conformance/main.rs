@@ -12,9 +12,9 @@ use drape_cloth::fabric::{BlankConfig, Lamina, MassModel, Material, ShearLocking
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::measure::Measures;
 use drape_cloth::sim::{
-    ALLOWED, Backend, Bending, BendingStiffness, Control, Cpu, DRAPED, Model, Parameters,
-    PhysicsConfig, Precision, Press, Roller, SelfCollision, Snapshot, Solver, Spread, Stencil,
-    TOUCHED, Tension, View, World,
+    ALLOWED, Backend, Bending, BendingStiffness, Control, Cpu, DRAPED, Model, Own, Parameters,
+    PhysicsConfig, Precision, Press, Roller, SelfCollision, Snapshot, Solver, Stencil, TOUCHED,
+    Tension, View, World,
 };
 #[cfg(feature = "gpu")]
 use drape_cloth::sim::{Adapter, AdapterKind, DeviceError, Gpu};
@@ -156,47 +156,76 @@ fn world(lamina: &Lamina, physics: PhysicsConfig) -> World {
 }
 
 /// What environments can differ by, one parameter each and then all of them.
-static PARAMETERS: LazyLock<Vec<(&str, Parameters)>> = LazyLock::new(|| {
-    let with = |change: fn(&mut Parameters)| {
-        let mut parameters = Parameters::default();
+static PARAMETERS: LazyLock<Vec<(&str, Own)>> = LazyLock::new(|| {
+    let with = |change: fn(&mut Own)| {
+        let mut parameters = Own::default();
         change(&mut parameters);
         parameters
     };
-    let all = |own: &mut Parameters| {
+    let all = |own: &mut Own| {
         (own.tool, own.start, own.view) = (1, 1, 1);
-        (own.tension, own.compression) = ([0.7, 1.3], [1.6, 0.6]);
-        (own.bending, own.shear, own.friction) = ([1.4, 0.7], [0.5, 1.5], [1.2, 0.8]);
-        (own.mass, own.pressure, own.side) = (1.2, 0.8, 1.1);
-        own.aim.offset = [-2e-3, 3e-3];
-        own.spread.tilt = 0.1;
+        (own.parameters.tension, own.parameters.compression) = ([0.7, 1.3], [1.6, 0.6]);
+        (
+            own.parameters.bending,
+            own.parameters.shear,
+            own.parameters.friction,
+        ) = ([1.4, 0.7], [0.5, 1.5], [1.2, 0.8]);
+        (
+            own.parameters.areal_mass,
+            own.parameters.pressure,
+            own.parameters.stencil,
+        ) = (1.2, 0.8, 1.1);
+        own.parameters.offset_mm = [-2.0, 3.0];
+        own.parameters.tilt_deviation_deg = 6.0;
     };
     vec![
         ("none", with(|_| ())),
         ("tool", with(|own| own.tool = 1)),
         ("view", with(|own| own.view = 1)),
-        ("tension of warps", with(|own| own.tension[0] = 0.1)),
-        ("tension of wefts", with(|own| own.tension[1] = 0.1)),
-        ("compression of warps", with(|own| own.compression[0] = 0.3)),
-        ("compression of wefts", with(|own| own.compression[1] = 3.0)),
-        ("bending of warps", with(|own| own.bending[0] = 2.0)),
-        ("bending of wefts", with(|own| own.bending[1] = 0.5)),
-        ("positive shear", with(|own| own.shear[0] = 3.0)),
-        ("negative shear", with(|own| own.shear[1] = 0.3)),
-        ("static friction", with(|own| own.friction[0] = 0.2)),
-        ("dynamic friction", with(|own| own.friction[1] = 0.2)),
-        ("mass", with(|own| own.mass = 0.32)),
-        ("pressure", with(|own| own.pressure = 0.01)),
-        ("side", with(|own| own.side = 1.6)),
-        ("offset", with(|own| own.aim.offset = [6e-3, -9e-3])),
-        ("tilt", with(|own| own.aim.tilt = [0.4, -0.5])),
+        (
+            "tension of warps",
+            with(|own| own.parameters.tension[0] = 0.1),
+        ),
+        (
+            "tension of wefts",
+            with(|own| own.parameters.tension[1] = 0.1),
+        ),
+        (
+            "compression of warps",
+            with(|own| own.parameters.compression[0] = 0.3),
+        ),
+        (
+            "compression of wefts",
+            with(|own| own.parameters.compression[1] = 3.0),
+        ),
+        (
+            "bending of warps",
+            with(|own| own.parameters.bending[0] = 2.0),
+        ),
+        (
+            "bending of wefts",
+            with(|own| own.parameters.bending[1] = 0.5),
+        ),
+        ("positive shear", with(|own| own.parameters.shear[0] = 3.0)),
+        ("negative shear", with(|own| own.parameters.shear[1] = 0.3)),
+        (
+            "static friction",
+            with(|own| own.parameters.friction[0] = 0.2),
+        ),
+        (
+            "dynamic friction",
+            with(|own| own.parameters.friction[1] = 0.2),
+        ),
+        ("mass", with(|own| own.parameters.areal_mass = 0.32)),
+        ("pressure", with(|own| own.parameters.pressure = 0.01)),
+        ("side", with(|own| own.parameters.stencil = 1.6)),
+        ("offset", with(|own| own.parameters.offset_mm = [6.0, -9.0])),
+        ("tilt", with(|own| own.parameters.tilt_deg = [23.0, -29.0])),
         (
             "spread",
             with(|own| {
-                own.spread = Spread {
-                    offset: 8e-3,
-                    tilt: 0.2,
-                    seed: 5,
-                };
+                own.parameters.offset_deviation_mm = 8.0;
+                own.parameters.tilt_deviation_deg = 11.0;
             }),
         ),
         ("all", with(all)),
@@ -312,7 +341,7 @@ fn case(world: &World, index: usize) -> Snapshot {
     state.pressed.touched.grow(lamina.vertex_count());
     state.pressed.draped.grow(lamina.vertex_count());
     // Every parameter in some cases of some worlds.
-    state.parameters = PARAMETERS[(7 * index + lamina.vertex_count()) % PARAMETERS.len()]
+    state.own = PARAMETERS[(7 * index + lamina.vertex_count()) % PARAMETERS.len()]
         .1
         .clone();
     // Rounded to f32, so that every backend starts from the same.
@@ -446,7 +475,7 @@ fn company_changes_nothing(device: &Device) {
             let mut backend = (device.make)(world, numbers.len()).expect("a world of this device");
             for (environment, &number) in numbers.iter().enumerate() {
                 let mut state = case(world, 2);
-                state.parameters = PARAMETERS[number].1.clone();
+                state.own = PARAMETERS[number].1.clone();
                 backend.load(environment, &state);
             }
             advance(&mut *backend, |_| 2, 0..STEPS);
@@ -479,10 +508,10 @@ fn columns_are_those_of_the_snapshots(device: &Device) {
         };
         for (index, found) in measured.iter().enumerate() {
             let state = backend.snapshot(index);
-            let view = &world.views[usize::from(state.parameters.view)];
-            let tool = &world.tools[usize::from(state.parameters.tool)];
+            let view = &world.views[usize::from(state.own.view)];
+            let tool = &world.tools[usize::from(state.own.tool)];
             let seen = observed.seen.row(index);
-            assert_eq!(seen.view, state.parameters.view);
+            assert_eq!(seen.view, state.own.view);
             let (mut distance, mut marks) =
                 (vec![0.0; view.pixel_count], vec![0; view.pixel_count]);
             let pressed = &state.pressed;
@@ -536,13 +565,13 @@ fn resets_set_the_parameters(device: &Device) {
     for (_, world) in device.worlds() {
         let mut backend = device.cases(world);
         for (index, (_, own)) in PARAMETERS.iter().enumerate().take(CASES) {
-            let own = Parameters {
+            let own = Own {
                 start: (index % 2) as u16,
                 ..own.clone()
             };
             backend.reset(index, &own);
             let expected = Snapshot {
-                parameters: own,
+                own,
                 force_density: backend.snapshot(index).force_density,
                 ..Snapshot::clone(&world.starts[index % 2])
             };
@@ -554,32 +583,32 @@ fn resets_set_the_parameters(device: &Device) {
 /// A factor is what another fabric, roller or stencil would be: cloth ends in the same places, to rounding.
 #[test]
 fn factors_are_those_of_another_world() {
-    type Change = fn(&mut Parameters, &mut Lamina, &mut PhysicsConfig, &mut Stencil);
+    type Change = fn(&mut Own, &mut Lamina, &mut PhysicsConfig, &mut Stencil);
     let changes: [(&str, Change); 9] = [
         ("tension", |own, lamina, _, _| {
-            own.tension = [0.5, 2.0];
+            own.parameters.tension = [0.5, 2.0];
             let Material { warp, weft, .. } = &mut lamina.material;
             warp.tension = warp.tension.scaled(0.5);
             weft.tension = weft.tension.scaled(2.0);
         }),
         ("compression", |own, lamina, _, _| {
-            own.compression = [2.0, 0.5];
+            own.parameters.compression = [2.0, 0.5];
             let Material { warp, weft, .. } = &mut lamina.material;
             warp.compression = warp.compression.scaled(2.0);
             weft.compression = weft.compression.scaled(0.5);
         }),
         ("shear", |own, lamina, _, _| {
-            own.shear = [3.0, 0.4];
+            own.parameters.shear = [3.0, 0.4];
             let shear = &mut lamina.material.shear;
             shear.positive = shear.positive.scaled(3.0);
             shear.negative = shear.negative.scaled(0.4);
         }),
         ("bending", |own, _, physics, _| {
-            own.bending = [1.5; 2];
+            own.parameters.bending = [1.5; 2];
             physics.bending_stiffness = BendingStiffness::NewtonMetre(3e-4);
         }),
         ("friction", |own, lamina, _, _| {
-            own.friction = [1.3, 0.7];
+            own.parameters.friction = [1.3, 0.7];
             let Material { warp, weft, .. } = &mut lamina.material;
             for law in [warp, weft] {
                 law.static_friction *= 1.3;
@@ -587,15 +616,15 @@ fn factors_are_those_of_another_world() {
             }
         }),
         ("mass", |own, lamina, _, _| {
-            own.mass = 0.32;
+            own.parameters.areal_mass = 0.32;
             lamina.mass.iter_mut().for_each(|mass| *mass *= 0.32);
         }),
         ("pressure", |own, _, _, stencil| {
-            own.pressure = 0.1;
+            own.parameters.pressure = 0.1;
             stencil.roller.pressure *= 0.1;
         }),
         ("side", |own, _, _, stencil| {
-            own.side = 1.5;
+            own.parameters.stencil = 1.5;
             stencil.side *= 1.5;
         }),
         ("tool", |own, _, _, _| own.tool = 1),
@@ -604,20 +633,20 @@ fn factors_are_those_of_another_world() {
         for (name, change) in &changes {
             let (mut lamina, mut stencil) =
                 of.presses.clone().map(|(a, b)| ((*a).clone(), b)).unwrap();
-            let (mut own, mut physics) = (Parameters::default(), of.model.physics().clone());
+            let (mut own, mut physics) = (Own::default(), of.model.physics().clone());
             change(&mut own, &mut lamina, &mut physics, &mut stencil);
             let mut other = world(&lamina, physics);
             other.presses.as_mut().unwrap().1 = stencil;
             other.tools.swap(0, usize::from(own.tool));
-            let end = |world: &World, own: Parameters| {
+            let end = |world: &World, own: Own| {
                 let mut backend = Cpu::new(world, 1, Precision::F64);
                 let mut state = case(world, 2);
-                state.parameters = own;
+                state.own = own;
                 backend.load(0, &state);
                 advance(&mut backend, |_| 2, 0..STEPS);
                 backend.snapshot(0)
             };
-            let off = furthest(&end(of, own), &end(&other, Parameters::default()));
+            let off = furthest(&end(of, own), &end(&other, Own::default()));
             // Presses amplify rounding.
             assert!(off < 1e-8, "{name}: {off:e} m, {:?}", of.model.physics());
         }
@@ -628,17 +657,17 @@ fn factors_are_those_of_another_world() {
 #[test]
 fn parameters_are_at_work() {
     let world = &WORLDS[0];
-    let end = |own: &Parameters, index: usize| {
+    let end = |own: &Own, index: usize| {
         let mut backend = Cpu::new(world, 1, Precision::F32);
         let mut state = case(world, index);
-        state.parameters = own.clone();
+        state.own = own.clone();
         backend.load(0, &state);
         advance(&mut backend, |_| index, 0..STEPS);
         backend.snapshot(0)
     };
     for (name, own) in &PARAMETERS[1..] {
         let off = (0..6).map(|index| {
-            let plain = end(&Parameters::default(), index);
+            let plain = end(&Own::default(), index);
             furthest(&end(own, index), &plain)
         });
         let off = off.fold(0.0, f64::max);
@@ -658,7 +687,7 @@ fn draped_vertices_lie_on_the_tool(device: &Device) {
             assert!(pressed.draped.is_subset(&pressed.touched));
             for v in pressed.draped.ones() {
                 assert!(state.fixed.contains(v) && state.velocity[v] == [0.0; 3]);
-                let tool = &world.tools[usize::from(state.parameters.tool)];
+                let tool = &world.tools[usize::from(state.own.tool)];
                 assert!(tool.distance(state.position[v]).0 <= 1e-3);
             }
             draped += pressed.draped.count_ones(..);
@@ -711,7 +740,7 @@ fn loading_forgets_what_was_before(device: &Device) {
         }
         advance(&mut *used, |index| index, 0..2);
         same_bits(&snapshots(&*used), &snapshots(&*new), world);
-        used.reset(4, &Parameters::default());
+        used.reset(4, &Own::default());
         let fresh = device.make(world);
         assert!(bits(&used.snapshot(4)) == bits(&fresh.snapshot(4)));
         assert!(bits(&used.snapshot(5)) == bits(&new.snapshot(5)));

@@ -20,7 +20,7 @@ const EFFECT: f64 = 1e-4;
 /// What a substep is given.
 struct Setting {
     physics: PhysicsConfig,
-    own: Parameters,
+    own: Own,
     /// Force density of the yarns from the substep before [N/m].
     density: f64,
     pressed: bool,
@@ -43,11 +43,14 @@ fn nothing(solver: Solver) -> Setting {
         speed_cap: 0.0,
         ..PhysicsConfig::default()
     };
-    let own = Parameters {
+    let own = Own {
         tool: 1,
-        tension: [1e-3; 2],
-        compression: [1e-3; 2],
-        ..Parameters::default()
+        parameters: Parameters {
+            tension: [1e-3; 2],
+            compression: [1e-3; 2],
+            ..Parameters::default()
+        },
+        ..Own::default()
     };
     Setting {
         physics,
@@ -69,29 +72,31 @@ const STAGES: [Stage; 17] = [
         s.physics.speed_cap = if on { 0.4 } else { 0.0 }
     }),
     ("tension of warps", |s, on| {
-        (s.own.tension[0], s.own.mass) = (if on { 1.0 } else { 1e-3 }, 100.0);
+        (s.own.parameters.tension[0], s.own.parameters.areal_mass) =
+            (if on { 1.0 } else { 1e-3 }, 100.0);
     }),
     ("tension of wefts", |s, on| {
-        (s.own.tension[1], s.own.mass) = (if on { 1.0 } else { 1e-3 }, 100.0);
+        (s.own.parameters.tension[1], s.own.parameters.areal_mass) =
+            (if on { 1.0 } else { 1e-3 }, 100.0);
     }),
     // What was pushed in the substep before.
     ("compression of warps", |s, on| {
-        (s.own.compression[0], s.density) = (if on { 1.0 } else { 1e-3 }, -1e-3);
+        (s.own.parameters.compression[0], s.density) = (if on { 1.0 } else { 1e-3 }, -1e-3);
     }),
     ("compression of wefts", |s, on| {
-        (s.own.compression[1], s.density) = (if on { 1.0 } else { 1e-3 }, -1e-3);
+        (s.own.parameters.compression[1], s.density) = (if on { 1.0 } else { 1e-3 }, -1e-3);
     }),
     ("bending", |s, on| {
         s.physics.bending = if on { Bending::Yarns } else { Bending::Off };
     }),
     ("shear", |s, on| s.physics.shear = on),
     ("locking", |s, on| {
-        s.own.shear = [0.05; 2];
+        s.own.parameters.shear = [0.05; 2];
         (s.physics.shear, s.physics.shear_locking) = (true, on);
     }),
     // What was pulled beyond it in the substep before.
     ("knee", |s, on| {
-        (s.own.mass, s.density) = (100.0, 60.0);
+        (s.own.parameters.areal_mass, s.density) = (100.0, 60.0);
         s.physics.tension = if on {
             Tension::Material
         } else {
@@ -99,7 +104,7 @@ const STAGES: [Stage; 17] = [
         };
     }),
     ("limit", |s, on| {
-        (s.own.mass, s.density) = (100.0, 60.0);
+        (s.own.parameters.areal_mass, s.density) = (100.0, 60.0);
         s.physics.strain_limit = on.then_some(1e-3);
     }),
     ("contact", |s, on| s.own.tool = if on { 0 } else { 1 }),
@@ -119,7 +124,7 @@ const STAGES: [Stage; 17] = [
 
 /// Of the yarn solver alone.
 const LASTING: Stage = ("forces that last", |s, on| {
-    (s.own.tension, s.own.compression) = ([1.0; 2], [1.0; 2]);
+    (s.own.parameters.tension, s.own.parameters.compression) = ([1.0; 2], [1.0; 2]);
     s.density = if on { 60.0 } else { 0.0 };
 });
 
@@ -133,7 +138,7 @@ const ALL: Stage = ("all", |s, on| {
             adhesion: 1.0,
             ..PhysicsConfig::default()
         };
-        (s.own, s.density, s.pressed) = (Parameters::default(), 5.0, true);
+        (s.own, s.density, s.pressed) = (Own::default(), 5.0, true);
     }
 });
 
@@ -190,7 +195,7 @@ fn end(make: &Make, setting: &Setting) -> Option<Snapshot> {
             .sum();
         state.force_density = vec![setting.density; edges];
     }
-    state.parameters = setting.own.clone();
+    state.own = setting.own.clone();
     let mut backend = make(&world, 1)?;
     backend.load(0, &state);
     let pressed: Vec<u32> = (40..110).collect();

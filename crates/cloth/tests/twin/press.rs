@@ -125,9 +125,9 @@ fn factors_are_those_of_another_lamina() {
         bending: [3.0; 2],
         shear: [2.0, 0.5],
         friction: [1.2, 0.8],
-        mass: 1.4,
+        areal_mass: 1.4,
         pressure: 0.6,
-        side: 1.3,
+        stencil: 1.3,
         ..Parameters::default()
     };
     let end = |sheet: &Lamina, parameters: Parameters, [bending, pressure, side]: [f64; 3]| {
@@ -157,7 +157,10 @@ fn factors_are_those_of_another_lamina() {
     }
     shear.positive = shear.positive.scaled(own.shear[0]);
     shear.negative = shear.negative.scaled(own.shear[1]);
-    other.mass.iter_mut().for_each(|mass| *mass *= own.mass);
+    other
+        .mass
+        .iter_mut()
+        .for_each(|mass| *mass *= own.areal_mass);
     let apart = |a: &[[f64; 3]], b: &[[f64; 3]]| {
         let pairs = a.iter().flatten().zip(b.iter().flatten());
         pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
@@ -170,7 +173,7 @@ fn factors_are_those_of_another_lamina() {
         apart(&factors, &scaled)
     );
     assert!(apart(&factors, &end(&sheet, Parameters::default(), [1.0; 3])) > 1e-4);
-    own.aim.offset = [7e-3, 0.0];
+    own.offset_mm = [7.0, 0.0];
     assert!(apart(&factors, &end(&sheet, own, [1.0; 3])) > 1e-4);
 }
 

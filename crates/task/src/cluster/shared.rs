@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use super::Cluster;
 use drape_cloth::measure::Measures;
-use drape_cloth::sim::{Backend, Column, Control, Observed, Parameters, Press, Snapshot};
+use drape_cloth::sim::{Backend, Column, Control, Observed, Own, Press, Snapshot};
 
 /// Environments of which every process simulates its part and knows all.
 pub(crate) struct Shared {
@@ -62,9 +62,9 @@ impl Backend for Shared {
         }
     }
 
-    fn reset(&mut self, environment: usize, parameters: &Parameters) {
-        if let Some((place, own)) = self.place(environment) {
-            own.reset(place, parameters);
+    fn reset(&mut self, environment: usize, own: &Own) {
+        if let Some((place, backend)) = self.place(environment) {
+            backend.reset(place, own);
         }
     }
 

@@ -3,11 +3,10 @@ use serde::{Deserialize, Serialize};
 
 use super::costs::Costs;
 use super::objective::Objective;
-use super::parameters::ParametersConfig;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Accuracy, Device, Precision, Roller, Stepping};
+use drape_cloth::sim::{Accuracy, Device, Parameters, Precision, Roller, Stepping};
 
 /// The draping task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,7 +58,7 @@ pub struct EnvConfig {
     pub costs: Costs,
     /// How its world differs from what scene and task say.
     #[serde(skip_serializing_if = "is_default")]
-    pub parameters: ParametersConfig,
+    pub parameters: Parameters,
 }
 
 impl Default for EnvConfig {
@@ -84,7 +83,7 @@ impl Default for EnvConfig {
             precision: Precision::F32,
             device: Device::Cpu,
             costs: Costs::default(),
-            parameters: ParametersConfig::default(),
+            parameters: Parameters::default(),
         }
     }
 }
@@ -195,7 +194,9 @@ impl EnvConfig {
             ValueError::unless_within(key, value, range)?;
         }
         self.costs.check().map_err(|error| error.within("costs"))?;
-        self.parameters.parameters()?;
+        self.parameters
+            .check()
+            .map_err(|error| error.within("parameters"))?;
         let stepping = self.stepping();
         stepping.check()?;
         let (press, settle, substep) = (self.press_s, self.settle_s, 1.0 / stepping.substep_rate);

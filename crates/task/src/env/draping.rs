@@ -15,7 +15,7 @@ use crate::path::PressedPoint;
 use drape_cloth::file::ValueError;
 use drape_cloth::measure::Measures;
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Backend, Observations, Observed, Parameters, Presses, Snapshot, World};
+use drape_cloth::sim::{Backend, Observations, Observed, Own, Presses, Snapshot, World};
 
 /// What an environment keeps of a vertex: its state, the last observation, the end of the last
 /// episode, and all of that again where a checkpoint is written [bytes].
@@ -41,7 +41,7 @@ pub struct Member {
 }
 
 /// Draping tasks on one or several scenes, stepped together: as many at once on a [`Backend`] as differ
-/// by [`Parameters`] alone.
+/// by their [`Own`] alone.
 pub struct Draping {
     /// One a scene.
     tasks: Vec<Task>,
@@ -69,7 +69,7 @@ struct Slot {
     /// Number of its scene.
     scene: usize,
     /// What it has of its own after a reset.
-    parameters: Parameters,
+    own: Own,
     episode: Running,
     /// How the last episode ended, before the reset.
     finished: Option<EpisodeState>,
@@ -144,11 +144,11 @@ impl Draping {
         }
         let counts: Vec<usize> = members.iter().map(|member| member.count).collect();
         let (mut batches, mut slots) = (Vec::new(), Vec::new());
-        for group in groups(&tasks, &counts)? {
+        for group in groups(&tasks, &counts) {
             let Group {
                 world,
                 environments,
-                parameters,
+                owns,
                 scenes,
             } = group;
             let config = &tasks[scenes[0]].config;
@@ -165,13 +165,13 @@ impl Draping {
                 first: environments.start,
                 world,
             });
-            let slot = |(parameters, scene)| Slot {
+            let slot = |(own, scene)| Slot {
                 scene,
-                parameters,
+                own,
                 episode: Running::default(),
                 finished: None,
             };
-            slots.extend(parameters.into_iter().zip(scenes).map(slot));
+            slots.extend(owns.into_iter().zip(scenes).map(slot));
         }
         let mut draping = Self {
             tasks,
@@ -290,7 +290,7 @@ impl Draping {
     /// Puts one environment back to the start.
     pub fn reset(&mut self, index: usize) {
         let (group, place) = self.place(index);
-        let (cloth, own) = (&mut self.groups[group].cloth, &self.slots[index].parameters);
+        let (cloth, own) = (&mut self.groups[group].cloth, &self.slots[index].own);
         cloth.reset(place, own);
         self.slots[index].episode = Running::default();
         self.now = OnceLock::new();
@@ -534,7 +534,7 @@ impl Tasks for Draping {
                 (v as usize) < lamina.vertex_count() && self.task(index).action(v).is_some()
             };
             let fits = self.groups[self.place(index).0].world.fits(cloth)
-                && cloth.parameters.view == self.slots[index].parameters.view
+                && cloth.own.view == self.slots[index].own.view
                 && episode.presses.iter().all(is_action);
             if !fits {
                 let count = lamina.vertex_count();

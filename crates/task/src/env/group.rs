@@ -5,9 +5,11 @@ use std::sync::Arc;
 
 use super::rules::Task;
 use drape_cloth::fabric::{Family, Material};
-use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Parameters, SelfCollision, Stencil, Tension, View, World};
+use drape_cloth::sim::{Own, Parameters, SelfCollision, Stencil, Tension, View, World};
+
+/// Most nodes of the tools of one world: 4 GiB, and in reach of indices of 32 bits.
+const MOST_NODES: usize = 1 << 30;
 
 /// Environments of one world.
 pub(super) struct Group {
@@ -15,25 +17,29 @@ pub(super) struct Group {
     /// Numbers of the environments, which follow one another.
     pub environments: Range<usize>,
     /// What they have of their own after a reset `[environment]`.
-    pub parameters: Vec<Parameters>,
+    pub owns: Vec<Own>,
     /// Numbers of their scenes `[environment]`.
     pub scenes: Vec<usize>,
 }
 
 /// Sorts scenes into as few worlds as compute them: those of one topology, whose laws differ by factors.
 /// Each has its number of environments.
-pub(super) fn groups(tasks: &[Task], counts: &[usize]) -> Result<Vec<Group>, ValueError> {
+pub(super) fn groups(tasks: &[Task], counts: &[usize]) -> Vec<Group> {
     let views: Vec<Arc<View>> = tasks.iter().map(|task| task.view.clone()).collect();
     // Of each group the first scene, whose model is that of all, and those that it has.
     let mut found: Vec<(usize, Vec<(usize, Parameters)>)> = Vec::new();
     for (number, task) in tasks.iter().enumerate() {
-        let own = task.config.parameters.parameters()?;
-        let fits = |(first, _): &(usize, _)| over(&tasks[*first], task, &own);
+        let own = &task.config.parameters;
+        let nodes = |number: usize| tasks[number].scene.tool.grid.node_count();
+        let fits = |(first, members): &(usize, Vec<(usize, Parameters)>)| {
+            let all: usize = members.iter().map(|&(number, _)| nodes(number)).sum();
+            over(&tasks[*first], task, own).filter(|_| all + nodes(number) <= MOST_NODES)
+        };
         let mut known = found.iter().enumerate();
         let place = known.find_map(|(group, of)| Some((group, fits(of)?)));
         match place {
             Some((group, parameters)) => found[group].1.push((number, parameters)),
-            None => found.push((number, vec![(number, own)])),
+            None => found.push((number, vec![(number, own.clone())])),
         }
     }
     let mut end = 0;
@@ -46,28 +52,28 @@ pub(super) fn groups(tasks: &[Task], counts: &[usize]) -> Result<Vec<Group>, Val
             presses: Some((scene.lamina.clone(), stencil.clone())),
             views: views.clone(),
         };
-        let (mut parameters, mut scenes) = (Vec::new(), Vec::new());
-        for (number, own) in members {
+        let (mut owns, mut scenes) = (Vec::new(), Vec::new());
+        for (number, parameters) in members {
             let scene = &tasks[number].scene;
-            let own = Parameters {
+            let own = Own {
                 tool: place(&mut world.tools, &scene.tool),
                 start: place(&mut world.starts, &scene.initial),
                 view: number as u16,
-                ..own
+                parameters,
             };
-            parameters.extend(vec![own; counts[number]]);
+            owns.extend(vec![own; counts[number]]);
             scenes.extend(vec![number; counts[number]]);
         }
         let start = end;
-        end += parameters.len();
+        end += owns.len();
         Group {
             world,
             environments: start..end,
-            parameters,
+            owns,
             scenes,
         }
     };
-    Ok(found.into_iter().map(group).collect())
+    found.into_iter().map(group).collect()
 }
 
 /// The number of `one` among `all`, to which it is added where it is new.
@@ -97,9 +103,9 @@ fn over(base: &Task, task: &Task, own: &Parameters) -> Option<Parameters> {
         bending: times(laws.bending, own.bending),
         shear: times(laws.shear, own.shear),
         friction: times(laws.friction, own.friction),
-        mass: laws.mass * own.mass,
+        areal_mass: laws.areal_mass * own.areal_mass,
         pressure: b.roller.pressure / a.roller.pressure * own.pressure,
-        side: b.side / a.side * own.side,
+        stencil: b.side / a.side * own.stencil,
         ..own.clone()
     };
     let on = |task: &Task| (task.config.device, task.config.precision);
@@ -152,7 +158,7 @@ fn laws(base: &Scene, scene: &Scene) -> Option<Parameters> {
         })?),
         bending: [bending[0]?, bending[1]?],
         friction: factors(&|m, k| m.friction()[k])?,
-        mass: factor(a.mass.iter().sum(), b.mass.iter().sum())?,
+        areal_mass: factor(a.mass.iter().sum(), b.mass.iter().sum())?,
         ..Parameters::default()
     })
 }

@@ -1,7 +1,8 @@
 //! Scenes that are stepped together.
 
+use drape_cloth::sim::Parameters;
 use drape_task::cluster::{Cluster, threads};
-use drape_task::env::{EpisodeState, Member, ParametersConfig};
+use drape_task::env::{EpisodeState, Member};
 
 use super::*;
 
@@ -22,11 +23,11 @@ fn members() -> Vec<Member> {
         config: small_region(),
         count,
     });
-    members[3].config.parameters = ParametersConfig {
+    members[3].config.parameters = Parameters {
         shear: [1.3, 0.8],
         pressure: 0.9,
         offset_deviation_mm: 1.0,
-        ..ParametersConfig::default()
+        ..Parameters::default()
     };
     members.into()
 }

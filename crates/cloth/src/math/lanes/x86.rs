@@ -1,6 +1,6 @@
 //! The vectors of AVX2 and AVX-512.
 
-use super::{Add, Div, Kernel, Lanes, Mul, Neg, Sub, Tables, WIDEST};
+use super::{Add, Div, Kernel, Lanes, Mul, Neg, Sub, Tables};
 use std::arch::x86_64::*;
 
 // SAFETY, for every intrinsic below: values of these types exist only behind the
@@ -121,50 +121,15 @@ vector!(
             whole.max(Self::zero())
         }
         #[inline(always)]
-        fn look_up_pairs(
-            table: &[f32],
-            [i, j, k]: [Self; 3],
-            [row, layer]: [usize; 2],
-            pairs: [usize; 4],
-        ) -> [[Self; 2]; 4] {
-            let last = table.len() - 2 - pairs[3];
-            assert!(last <= i32::MAX as usize && pairs.is_sorted());
-            // SAFETY: no index is beyond the table, that of the last pair included.
-            unsafe {
-                let [i, j, k] = [
-                    _mm256_cvttps_epi32(i.0),
-                    _mm256_cvttps_epi32(j.0),
-                    _mm256_cvttps_epi32(k.0),
-                ];
-                let j = _mm256_mullo_epi32(j, _mm256_set1_epi32(row as i32));
-                let k = _mm256_mullo_epi32(k, _mm256_set1_epi32(layer as i32));
-                let at = _mm256_add_epi32(_mm256_add_epi32(i, j), k);
-                let at = _mm256_min_epu32(at, _mm256_set1_epi32(last as i32));
-                let low = _mm256_castsi256_si128(at);
-                let high = _mm256_extracti128_si256::<1>(at);
-                let mut found = [[Self::zero(); 2]; 4];
-                for (found, pair) in found.iter_mut().zip(pairs) {
-                    let from = table.as_ptr().add(pair).cast();
-                    let low = _mm256_castpd_ps(_mm256_i32gather_pd::<4>(from, low));
-                    let high = _mm256_castpd_ps(_mm256_i32gather_pd::<4>(from, high));
-                    let near = _mm256_castps_pd(_mm256_shuffle_ps::<0x88>(low, high));
-                    let far = _mm256_castps_pd(_mm256_shuffle_ps::<0xdd>(low, high));
-                    found[0] = Self(_mm256_castpd_ps(_mm256_permute4x64_pd::<0xd8>(near)));
-                    found[1] = Self(_mm256_castpd_ps(_mm256_permute4x64_pd::<0xd8>(far)));
-                }
-                found
-            }
-        }
-        #[inline(always)]
-        fn look_up_in_each(tables: &Tables, [i, j, k]: [Self; 3]) -> [[Self; 2]; 4] {
-            assert!(tables.tables.len() >= Self::COUNT);
+        fn look_up(tables: &Tables, [i, j, k]: [Self; 3]) -> [[Self; 2]; 4] {
             // SAFETY: no index is beyond its table, that of the last pair included.
             unsafe {
-                let four = |all: &[i64; WIDEST], first: usize| {
-                    _mm256_loadu_si256(all[first..first + 4].as_ptr().cast())
-                };
-                let eight = |all: &[i32; WIDEST]| _mm256_loadu_si256(all.as_ptr().cast());
-                let (row, layer) = (eight(&tables.row), eight(&tables.layer));
+                let [first, row, layer, last] = [
+                    _mm256_loadu_si256(tables.first.as_ptr().cast()),
+                    _mm256_loadu_si256(tables.row.as_ptr().cast()),
+                    _mm256_loadu_si256(tables.layer.as_ptr().cast()),
+                    _mm256_loadu_si256(tables.last.as_ptr().cast()),
+                ];
                 let [i, j, k] = [
                     _mm256_cvttps_epi32(i.0),
                     _mm256_cvttps_epi32(j.0),
@@ -172,18 +137,21 @@ vector!(
                 ];
                 let (j, k) = (_mm256_mullo_epi32(j, row), _mm256_mullo_epi32(k, layer));
                 let at = _mm256_add_epi32(_mm256_add_epi32(i, j), k);
-                let at = _mm256_min_epu32(at, eight(&tables.last));
-                let pairs = [at, _mm256_add_epi32(at, row), _mm256_add_epi32(at, layer)];
-                let both = _mm256_add_epi32(pairs[1], layer);
+                let at = _mm256_add_epi32(_mm256_min_epu32(at, last), first);
+                let (right, up) = (_mm256_add_epi32(at, row), _mm256_add_epi32(at, layer));
+                let from = tables.samples.as_ptr().cast();
                 let mut found = [[Self::zero(); 2]; 4];
-                for (found, at) in found.iter_mut().zip([pairs[0], pairs[1], pairs[2], both]) {
-                    let half = |at: __m128i, first: usize| {
-                        let bytes = _mm256_slli_epi64::<2>(_mm256_cvtepu32_epi64(at));
-                        let at = _mm256_add_epi64(bytes, four(&tables.address, first));
-                        _mm256_castpd_ps(_mm256_i64gather_pd::<1>(std::ptr::null(), at))
-                    };
-                    let low = half(_mm256_castsi256_si128(at), 0);
-                    let high = half(_mm256_extracti128_si256::<1>(at), 4);
+                for (found, at) in
+                    found
+                        .iter_mut()
+                        .zip([at, right, up, _mm256_add_epi32(right, layer)])
+                {
+                    let (low, high) = (
+                        _mm256_castsi256_si128(at),
+                        _mm256_extracti128_si256::<1>(at),
+                    );
+                    let low = _mm256_castpd_ps(_mm256_i32gather_pd::<4>(from, low));
+                    let high = _mm256_castpd_ps(_mm256_i32gather_pd::<4>(from, high));
                     let near = _mm256_castps_pd(_mm256_shuffle_ps::<0x88>(low, high));
                     let far = _mm256_castps_pd(_mm256_shuffle_ps::<0xdd>(low, high));
                     found[0] = Self(_mm256_castpd_ps(_mm256_permute4x64_pd::<0xd8>(near)));
@@ -222,51 +190,15 @@ vector!(
             whole.max(Self::zero())
         }
         #[inline(always)]
-        fn look_up_pairs(
-            table: &[f32],
-            [i, j, k]: [Self; 3],
-            [row, layer]: [usize; 2],
-            pairs: [usize; 4],
-        ) -> [[Self; 2]; 4] {
-            let last = table.len() - 2 - pairs[3];
-            assert!(last <= i32::MAX as usize && pairs.is_sorted());
-            // SAFETY: no index is beyond the table, that of the last pair included.
-            unsafe {
-                let [i, j, k] = [
-                    _mm512_cvttps_epi32(i.0),
-                    _mm512_cvttps_epi32(j.0),
-                    _mm512_cvttps_epi32(k.0),
-                ];
-                let j = _mm512_mullo_epi32(j, _mm512_set1_epi32(row as i32));
-                let k = _mm512_mullo_epi32(k, _mm512_set1_epi32(layer as i32));
-                let at = _mm512_add_epi32(_mm512_add_epi32(i, j), k);
-                let at = _mm512_min_epu32(at, _mm512_set1_epi32(last as i32));
-                let low = _mm512_castsi512_si256(at);
-                let high = _mm512_extracti64x4_epi64::<1>(at);
-                let even =
-                    _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
-                let odd = _mm512_add_epi32(even, _mm512_set1_epi32(1));
-                let mut found = [[Self::zero(); 2]; 4];
-                for (found, pair) in found.iter_mut().zip(pairs) {
-                    let from = table.as_ptr().add(pair).cast();
-                    let low = _mm512_castpd_ps(_mm512_i32gather_pd::<4>(low, from));
-                    let high = _mm512_castpd_ps(_mm512_i32gather_pd::<4>(high, from));
-                    found[0] = Self(_mm512_permutex2var_ps(low, even, high));
-                    found[1] = Self(_mm512_permutex2var_ps(low, odd, high));
-                }
-                found
-            }
-        }
-        #[inline(always)]
-        fn look_up_in_each(tables: &Tables, [i, j, k]: [Self; 3]) -> [[Self; 2]; 4] {
-            assert!(tables.tables.len() >= Self::COUNT);
+        fn look_up(tables: &Tables, [i, j, k]: [Self; 3]) -> [[Self; 2]; 4] {
             // SAFETY: no index is beyond its table, that of the last pair included.
             unsafe {
-                let row = _mm512_loadu_si512(tables.row.as_ptr().cast());
-                let layer = _mm512_loadu_si512(tables.layer.as_ptr().cast());
-                let last = _mm512_loadu_si512(tables.last.as_ptr().cast());
-                let low_address = _mm512_loadu_si512(tables.address.as_ptr().cast());
-                let high_address = _mm512_loadu_si512(tables.address[8..].as_ptr().cast());
+                let [first, row, layer, last] = [
+                    _mm512_loadu_si512(tables.first.as_ptr().cast()),
+                    _mm512_loadu_si512(tables.row.as_ptr().cast()),
+                    _mm512_loadu_si512(tables.layer.as_ptr().cast()),
+                    _mm512_loadu_si512(tables.last.as_ptr().cast()),
+                ];
                 let [i, j, k] = [
                     _mm512_cvttps_epi32(i.0),
                     _mm512_cvttps_epi32(j.0),
@@ -274,20 +206,24 @@ vector!(
                 ];
                 let (j, k) = (_mm512_mullo_epi32(j, row), _mm512_mullo_epi32(k, layer));
                 let at = _mm512_add_epi32(_mm512_add_epi32(i, j), k);
-                let at = _mm512_min_epu32(at, last);
+                let at = _mm512_add_epi32(_mm512_min_epu32(at, last), first);
+                let (right, up) = (_mm512_add_epi32(at, row), _mm512_add_epi32(at, layer));
                 let even =
                     _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
                 let odd = _mm512_add_epi32(even, _mm512_set1_epi32(1));
-                let pairs = [at, _mm512_add_epi32(at, row), _mm512_add_epi32(at, layer)];
-                let both = _mm512_add_epi32(pairs[1], layer);
+                let from = tables.samples.as_ptr().cast();
                 let mut found = [[Self::zero(); 2]; 4];
-                for (found, at) in found.iter_mut().zip([pairs[0], pairs[1], pairs[2], both]) {
-                    let low = _mm512_cvtepu32_epi64(_mm512_castsi512_si256(at));
-                    let high = _mm512_cvtepu32_epi64(_mm512_extracti64x4_epi64::<1>(at));
-                    let low = _mm512_add_epi64(_mm512_slli_epi64::<2>(low), low_address);
-                    let high = _mm512_add_epi64(_mm512_slli_epi64::<2>(high), high_address);
-                    let low = _mm512_castpd_ps(_mm512_i64gather_pd::<1>(low, std::ptr::null()));
-                    let high = _mm512_castpd_ps(_mm512_i64gather_pd::<1>(high, std::ptr::null()));
+                for (found, at) in
+                    found
+                        .iter_mut()
+                        .zip([at, right, up, _mm512_add_epi32(right, layer)])
+                {
+                    let (low, high) = (
+                        _mm512_castsi512_si256(at),
+                        _mm512_extracti64x4_epi64::<1>(at),
+                    );
+                    let low = _mm512_castpd_ps(_mm512_i32gather_pd::<4>(low, from));
+                    let high = _mm512_castpd_ps(_mm512_i32gather_pd::<4>(high, from));
                     found[0] = Self(_mm512_permutex2var_ps(low, even, high));
                     found[1] = Self(_mm512_permutex2var_ps(low, odd, high));
                 }

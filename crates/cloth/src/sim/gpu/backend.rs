@@ -20,7 +20,7 @@ use crate::sim::backend::{Backend, Observed, World};
 use crate::sim::device_error::DeviceError;
 use crate::sim::frame::Frame;
 use crate::sim::observations::{Column, Observations};
-use crate::sim::parameters::{Aim, Parameters};
+use crate::sim::parameters::{Aim, Own};
 use crate::sim::press::Press;
 use crate::sim::scales::Scales;
 use crate::sim::state::{DRAPED, Pressed, STENCIL, Snapshot, TOUCHED};
@@ -41,7 +41,7 @@ pub struct Gpu {
     sheet: [Buffer; 3],
     cloth: [Buffer; 10],
     /// What each environment has of its own, and how often it has been pressed.
-    parameters: Vec<Parameters>,
+    owns: Vec<Own>,
     counts: Vec<u32>,
     /// The former as kernels see it.
     own: OnceLock<Buffer>,
@@ -108,7 +108,7 @@ impl Gpu {
                 filled(f32::as_bytes(&samples)),
             ],
             cloth: sizes.map(zeros),
-            parameters: vec![Parameters::default(); count],
+            owns: vec![Own::default(); count],
             counts: vec![0; count],
             own: OnceLock::new(),
             marks: zeros(n),
@@ -119,7 +119,7 @@ impl Gpu {
         };
         gpu.starts = world.starts.iter().map(|start| gpu.pack(start)).collect();
         for environment in 0..count {
-            gpu.reset(environment, &Parameters::default());
+            gpu.reset(environment, &Own::default());
         }
         Ok(gpu)
     }
@@ -142,7 +142,7 @@ impl Gpu {
     fn cloth(&self) -> ClothBuffersLaunch {
         let own = self.own.get_or_init(|| {
             let stencil = self.world.presses.as_ref().map(|(_, stencil)| stencil);
-            let fields = self.parameters.iter().map(|own| fields(own, stencil));
+            let fields = self.owns.iter().map(|own| fields(own, stencil));
             self.upload(f32::as_bytes(fields.collect::<Vec<_>>().as_flattened()))
         });
         let [a, b, c, d, e, f, g, h, i, j] = self.cloth.each_ref().map(Buffer::arg);
@@ -191,7 +191,7 @@ impl Gpu {
     }
 
     fn carry(&self, environment: usize, state: &Buffer, back: bool) {
-        let mass = self.parameters[environment].mass as f32;
+        let mass = self.owns[environment].parameters.areal_mass as f32;
         let environment = environment as u32;
         launch!(
             self,
@@ -201,8 +201,8 @@ impl Gpu {
     }
 
     /// Puts a state into an environment that has been pressed `count` times.
-    fn put(&mut self, environment: usize, state: &Buffer, own: &Parameters, count: u32) {
-        self.parameters[environment] = own.clone();
+    fn put(&mut self, environment: usize, state: &Buffer, own: &Own, count: u32) {
+        self.owns[environment] = own.clone();
         self.counts[environment] = count;
         self.own = OnceLock::new();
         self.carry(environment, state, false);
@@ -268,15 +268,10 @@ impl Backend for Gpu {
 
     fn load(&mut self, environment: usize, snapshot: &Snapshot) {
         let state = self.pack(snapshot);
-        self.put(
-            environment,
-            &state,
-            &snapshot.parameters,
-            snapshot.pressed.count,
-        );
+        self.put(environment, &state, &snapshot.own, snapshot.pressed.count);
     }
 
-    fn reset(&mut self, environment: usize, own: &Parameters) {
+    fn reset(&mut self, environment: usize, own: &Own) {
         let start = self.starts[usize::from(own.start)].clone();
         self.put(environment, &start, own, 0);
     }
@@ -302,7 +297,7 @@ impl Backend for Gpu {
             force_density: density.collect(),
             sides: Vec::new(),
             pressed: self.pressed_of(&marks, self.counts[environment]),
-            parameters: self.parameters[environment].clone(),
+            own: self.owns[environment].clone(),
         }
     }
 
@@ -311,11 +306,7 @@ impl Backend for Gpu {
             let n = self.plan.vertices;
             let mut forces = vec![0.0_f32; self.count * n];
             let stencil = self.world.presses.as_ref().map(|(_, stencil)| stencil);
-            let mut own: Vec<_> = self
-                .parameters
-                .iter()
-                .map(|own| fields(own, stencil))
-                .collect();
+            let mut own: Vec<_> = self.owns.iter().map(|own| fields(own, stencil)).collect();
             for press in presses {
                 own[press.environment][SPEED] = press.speed as f32;
                 let forces = &mut forces[press.environment * n..][..n];
@@ -337,9 +328,9 @@ impl Backend for Gpu {
         let (_, stencil) = self.world.presses.clone().expect("a world with presses");
         let pressed: Vec<u32> = vertices.iter().map(|v| v.unwrap_or(NOTHING)).collect();
         let pressed = self.upload(u32::as_bytes(&pressed));
-        let all = self.parameters.iter().zip(&self.counts);
+        let all = self.owns.iter().zip(&self.counts);
         let aims = all.flat_map(|(own, &count)| {
-            let Aim { offset, tilt } = own.aim(count);
+            let Aim { offset, tilt } = own.parameters.aim(count);
             offset.into_iter().chain(tilt.map(f64::tan))
         });
         let aims: Vec<f32> = aims.map(|x| x as f32).collect();
@@ -402,7 +393,7 @@ impl Backend for Gpu {
         let [distance, marks] = shown;
         Observed {
             seen: Observations {
-                views: self.parameters.iter().map(|own| own.view).collect(),
+                views: self.owns.iter().map(|own| own.view).collect(),
                 distance: Column::on_device(distance),
                 marks: Column::on_device(marks),
                 pixel_count: look_plan.pixels,

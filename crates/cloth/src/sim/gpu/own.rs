@@ -3,7 +3,7 @@
 
 use cubecl::prelude::*;
 
-use super::super::parameters::Parameters;
+use super::super::parameters::Own;
 use super::super::stencil::Stencil;
 use super::plan::GridPlan;
 
@@ -27,7 +27,8 @@ pub(super) const VIEW: usize = 15;
 pub(super) const FIELDS: usize = 16;
 
 /// The fields of an environment, pressed with `stencil` if it is.
-pub(super) fn fields(own: &Parameters, stencil: Option<&Stencil>) -> [f32; FIELDS] {
+pub(super) fn fields(of: &Own, stencil: Option<&Stencil>) -> [f32; FIELDS] {
+    let own = &of.parameters;
     let mut fields = [1.0; FIELDS];
     for k in 0..2 {
         for (field, factor) in [
@@ -41,14 +42,14 @@ pub(super) fn fields(own: &Parameters, stencil: Option<&Stencil>) -> [f32; FIELD
         }
     }
     if let Some(stencil) = stencil {
-        let side = stencil.side * own.side;
+        let side = stencil.side * own.stencil;
         fields[HALF] = Stencil::half(side) as f32;
         fields[REACH] = (Stencil::reach(side) * (1.0 + 1e-6)) as f32;
         fields[SPEED] = stencil.roller.speed as f32;
     }
     fields[PRESSURE] = own.pressure as f32;
-    fields[TOOL] = own.tool.into();
-    fields[VIEW] = own.view.into();
+    fields[TOOL] = of.tool.into();
+    fields[VIEW] = of.view.into();
     fields
 }
 
