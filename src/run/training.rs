@@ -238,7 +238,8 @@ impl Training {
         if let (false, Some(before)) = (is_whole, before) {
             return Ok(self.trainer.load(&before)?);
         }
-        for episode in shown.iter().filter(|e| e.task < self.own_tasks) {
+        let count = self.own_tasks;
+        for episode in shown.iter().filter(|e| e.task < count) {
             self.remember(episode.score, &episode.actions)?;
         }
         self.memory.is_prepared = true;
@@ -290,7 +291,9 @@ impl Training {
         let iteration = self.trainer.iterate()?;
         let count = self.own_tasks;
         let own = iteration.episodes.iter().filter(|e| e.task < count);
-        self.memory.recent.extend(own.clone().filter_map(|e| e.score));
+        self.memory
+            .recent
+            .extend(own.clone().filter_map(|e| e.score));
         let score = |episode: &&EpisodeRecord| episode.score.unwrap_or(f64::NEG_INFINITY);
         if let Some(best) = own.max_by(|a, b| score(a).total_cmp(&score(b))) {
             self.remember(best.score, &best.actions)?;
