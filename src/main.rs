@@ -13,7 +13,7 @@ fn main() -> ExitCode {
     end_with_the_gpu();
     match Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => failure.report(),
+        Err(failure) => failure.report().into(),
     }
 }
 
@@ -31,7 +31,6 @@ fn end_with_the_gpu() {
             return told(panic);
         }
         let failure = drape::cli::Failure::from(anyhow::anyhow!("the GPU has failed: {message}"));
-        failure.report();
-        std::process::exit(failure.code().into())
+        std::process::exit(failure.report().into())
     }));
 }

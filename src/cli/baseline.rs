@@ -1,5 +1,4 @@
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 use std::time::{Instant, SystemTime};
 
 use clap::ValueEnum;
@@ -7,11 +6,11 @@ use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::output::{Progress, percent, print, print_json, stop_on_signal};
+use super::output::{Progress, percent, print, stop_on_signal};
 use super::proof;
 use super::result::rollout_failure;
 use super::setup::{read_config, set_up_run};
-use crate::run::{Best, Rules, RunConfig, RunFolder, RunInfo, config_digest, replay};
+use crate::run::{Best, Rules, RunConfig, RunFolder, RunInfo, replay};
 use drape_study::proof::Row;
 use drape_task::env::{Draping, Episode};
 use drape_task::path::PathFigures;
@@ -161,9 +160,8 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         ..RunInfo::new(config.seed, SystemTime::now())
     };
     let kept = (&*kept.0, &*kept.1);
-    let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info);
-    let folder = folder.map_err(Failure::of_run)?;
-    let _lock = folder.lock().map_err(Failure::of_run)?;
+    let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info)?;
+    let _lock = folder.lock()?;
     if !args.json {
         eprintln!("writing {}", folder.path.display());
     }
@@ -171,7 +169,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
     let stop = stop_on_signal()?;
     let progress = Progress::of_steps(0, config.steps, args.json);
     let began = Instant::now();
-    let digest = config_digest(&folder.config_text()?);
+    let digest = folder.config_digest()?;
     let (mut best, mut found) = (Best::default(), Found::default());
     let (mut env_steps, mut written) = (0, Ok(()));
     let mut watch = |spent: u64, ended: &[Episode]| {
@@ -179,28 +177,23 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         let before = best.score();
         for episode in ended {
             found.count(episode);
-            if let Some(score) = episode.score {
-                best.remember(score, &episode.actions, start.task(0));
-            }
+            best.remember(episode.score, &episode.actions, start.task(0));
         }
         if best.score() > before
             && let Some(sequence) = best.sequence(start.task(0), digest.clone())
         {
             written = folder.write_best_sequence(&sequence);
         }
-        let scores = [found.mean_score, best.score()].map(percent);
-        progress.step(
-            spent,
-            format!("score: mean {}, best {}", scores[0], scores[1]),
-        );
-        written.is_ok() && !stop.load(Ordering::Relaxed)
+        let [mean, best] = [found.mean_score, best.score()].map(percent);
+        progress.step(spent, format!("score: mean {mean}, best {best}"));
+        written.is_ok() && !stop()
     };
     let mut arena = Arena::new(&mut draping, config.steps, &mut watch);
     let is_spent = args.policy.search(&mut arena, &start, &config);
     written?;
     let seconds = began.elapsed().as_secs_f64();
     drop(progress);
-    let was_stopped = stop.load(Ordering::Relaxed);
+    let was_stopped = stop();
 
     let (mut path, mut rows) = (None, Vec::new());
     match best.sequence(start.task(0), digest) {
@@ -208,7 +201,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
             "warning: every episode has diverged or none has ended, so there is no best sequence: raise \
              --steps or `env.substep_rate`"
         ),
-        Some(mut sequence) => {
+        Some(sequence) => {
             folder.write_best_sequence(&sequence)?;
             let played = replay(&mut start, &sequence.vertices, Rules::Robot, |_| ())
                 .map_err(|error| rollout_failure(error, &folder.best_sequence))?;
@@ -217,9 +210,8 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
                 if !args.json {
                     eprintln!("proving the best paths");
                 }
-                sequence.others.truncate(2 * config.proof_paths - 1);
-                let (task, orders) = ((&scene, &config.env), (config.proof_paths, false));
-                rows = proof::proved(&folder, task, sequence, orders, args.json)?.0;
+                let (task, orders) = ((&scene, &config), (config.proof_paths, false));
+                rows = proof::proved(&folder, task, sequence, orders, args.json)?;
             }
         }
     }
@@ -234,42 +226,28 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         path,
         proof: rows,
     };
-    report(&outcome, is_spent, args.json)
+    print(&outcome, args.json, |outcome| text(outcome, is_spent))
 }
 
-fn report(outcome: &Outcome, is_spent: bool, json: bool) -> Result<(), Failure> {
-    if json {
-        return print_json(outcome);
-    }
+fn text(outcome: &Outcome, is_spent: bool) -> String {
     let (run, found) = (outcome.run.display(), &outcome.found);
-    let mut lines = vec![format!(
-        "{run}: {} environment steps in {:.0} s, {} episodes ({} diverged){}",
-        outcome.env_steps,
-        outcome.seconds,
-        found.episodes,
-        found.diverged,
-        if is_spent {
-            ""
-        } else {
-            "; no order is left to try"
-        },
-    )];
-    lines.push(format!(
-        "score: mean {}, best {}",
-        percent(found.mean_score),
-        percent(outcome.best_score)
-    ));
-    lines.extend(
-        outcome
-            .path
-            .map(|path| format!("best path: {}", path.text())),
-    );
-    lines.push(match (outcome.complete, outcome.best_score) {
+    let end = match is_spent {
+        true => "",
+        false => "; no order is left to try",
+    };
+    let [mean, best] = [found.mean_score, outcome.best_score].map(percent);
+    let path = |path: PathFigures| format!("best path: {}\n", path.text());
+    let path = outcome.path.map_or(String::new(), path);
+    let next = match (outcome.complete, outcome.best_score) {
         (false, Some(_)) => {
             format!("interrupted; prove what is found with: drape eval {run} --sequence --prove")
         }
         (true, Some(_)) => format!("{}\nnext: drape export {run}", proof::text(&outcome.proof)),
         (_, None) => "no best sequence".into(),
-    });
-    print(&lines.join("\n"))
+    };
+    format!(
+        "{run}: {} environment steps in {:.0} s, {} episodes ({} diverged){end}\n\
+         score: mean {mean}, best {best}\n{path}{next}",
+        outcome.env_steps, outcome.seconds, found.episodes, found.diverged
+    )
 }

@@ -1,3 +1,4 @@
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
@@ -7,7 +8,7 @@ use super::Failure;
 use super::args::{png, positive};
 use super::failure::OrInvalid;
 use super::loaded::Loaded;
-use super::output::{print, print_json};
+use super::output::print;
 use super::setup::{absurd, extent};
 use crate::run::RunConfig;
 use drape_cloth::fabric::Drape;
@@ -142,10 +143,7 @@ pub fn run(args: CompareArgs) -> Result<(), Failure> {
         comparison,
         picture: args.out,
     };
-    if args.json {
-        return print_json(&report);
-    }
-    print(&text(&report))
+    print(&report, args.json, text)
 }
 
 /// The report for a reader; what is not applicable is listed at the end.
@@ -167,17 +165,15 @@ fn text(report: &Report) -> String {
 }
 
 fn is_stl(path: &Path) -> bool {
-    path.extension().is_some_and(|end| {
-        ["stl", "ply"]
-            .iter()
-            .any(|kind| end.eq_ignore_ascii_case(kind))
-    })
+    let kinds = ["stl", "ply"];
+    let is_one = |end: &OsStr| kinds.iter().any(|kind| end.eq_ignore_ascii_case(kind));
+    path.extension().is_some_and(is_one)
 }
 
 /// The drape at `path`, with its scene if it is a run.
 fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, Kind), Failure> {
     let (surveyed, scene, kind) = if path.is_dir() {
-        let loaded = Loaded::open(path, None, args.json)?;
+        let loaded = Loaded::open(path, None, None, args.json)?;
         let (played, _) = loaded.play_path()?;
         let drape = Drape::new(&loaded.scene.lamina, played.recording.end());
         let scene = (*loaded.scene).clone();
@@ -231,10 +227,9 @@ fn tool(path: &Path) -> Result<Tool, Failure> {
     let table: Option<toml::Table> = read_text(path).or_invalid()?.parse().ok();
     // A scene cannot do without a tool, a run configuration has it in its scene.
     let is_run = table.is_some_and(|table| !table.contains_key("tool"));
-    let scene = if is_run {
-        RunConfig::read(path).or_invalid()?.scene
-    } else {
-        SceneConfig::read(path).or_invalid()?
+    let scene = match is_run {
+        true => RunConfig::read(path).or_invalid()?.scene,
+        false => SceneConfig::read(path).or_invalid()?,
     };
     Tool::new(&scene.tool).or_invalid_in(path.display())
 }

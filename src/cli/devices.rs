@@ -1,7 +1,7 @@
 use serde::Serialize;
 
 use super::Failure;
-use super::output::{print, print_json};
+use super::output::print;
 use drape_cloth::math::Isa;
 
 /// List what `--device` can name on this machine
@@ -41,21 +41,28 @@ pub fn run(args: DevicesArgs) -> Result<(), Failure> {
         largest_buffer_mib: None,
     }];
     devices.extend(gpus());
-    if args.json {
-        return print_json(&Report { devices });
-    }
-    for listed in &devices {
-        let buffer = listed.largest_buffer_mib;
-        let buffer = buffer.map_or(String::new(), |mib| format!(", buffers up to {mib} MiB"));
-        let Listed {
-            device, kind, name, ..
-        } = listed;
-        print(&format!("{device:8} {kind:12} {name}{buffer}"))?;
-    }
-    if cfg!(not(feature = "gpu")) {
+    print(&Report { devices }, args.json, text)?;
+    if !args.json && cfg!(not(feature = "gpu")) {
         eprintln!("this build computes on no GPU: rebuild with `--features gpu` to see them");
     }
     Ok(())
+}
+
+fn text(report: &Report) -> String {
+    let line = |listed: &Listed| {
+        let buffer = listed.largest_buffer_mib;
+        let buffer = buffer.map_or(String::new(), |mib| format!(", buffers up to {mib} MiB"));
+        format!(
+            "{:8} {:12} {}{buffer}",
+            listed.device, listed.kind, listed.name
+        )
+    };
+    report
+        .devices
+        .iter()
+        .map(line)
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 #[cfg(not(feature = "gpu"))]

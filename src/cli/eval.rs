@@ -1,27 +1,25 @@
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use serde::Serialize;
 
 use super::Failure;
 use super::args::accuracy;
-use super::failure::{OrInvalid, study_failure};
+use super::failure::OrInvalid;
 use super::loaded::Loaded;
-use super::output::{OutFolder, Progress, print, print_json};
+use super::output::{OutFolder, Progress, print};
 use super::proof;
 use super::result::{EpisodeStatistics, write_recording};
-use crate::run::{EpisodeSummary, parallel_episodes, random_episodes};
+use crate::run::{EpisodeSummary, parallel_episodes};
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
 use drape_cloth::math::{Purpose, Stream};
-use drape_cloth::scene::Scene;
-use drape_cloth::sim::Accuracy;
+use drape_cloth::sim::{Accuracy, Observation};
 use drape_learn::policy::DeviceKind;
 use drape_learn::ppo::{Agent, Sampling};
 use drape_study::presses::again;
 use drape_study::proof::Row;
 use drape_study::study::{Context, region};
-use drape_task::env::{Draping, End, EnvConfig, EpisodeState, Tasks};
+use drape_task::env::{Draping, End, Played, Tasks};
 use drape_task::path::PathFigures;
 use drape_task::recording::Recording;
 
@@ -137,10 +135,8 @@ struct Report {
 pub fn run(args: EvalArgs) -> Result<(), Failure> {
     let out = args.out.as_deref().map(OutFolder::make).transpose()?;
     args.state.as_deref().map(check_writable).transpose()?;
-    let mut loaded = match &args.scene {
-        None => Loaded::open(&args.run, args.device, args.json)?,
-        Some(scene) => Loaded::open_on((scene, args.region), &args.run, args.device, args.json)?,
-    };
+    let on = args.scene.as_deref().map(|scene| (scene, args.region));
+    let mut loaded = Loaded::open(&args.run, on, args.device, args.json)?;
     let pictures = match out {
         Some(folder) => folder,
         None => OutFolder::make(&loaded.folder.pictures.join("eval"))?,
@@ -153,7 +149,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     }
     let (mut best, mut _lock) = (None, None);
     if args.prove && args.scene.is_none() {
-        _lock = Some(loaded.folder.lock().map_err(Failure::of_run)?);
+        _lock = Some(loaded.folder.lock()?);
         check_writable(&loaded.folder.proof)?;
         best = Some(loaded.best_sequence()?);
     }
@@ -164,28 +160,29 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         Drape::new(&scene.lamina, played.recording.end()).write(file)?;
     }
 
-    let progress = Progress::new("random episodes", args.json);
-    let random = random_episodes(scene, env, args.episodes, |share| progress.set(share))?;
-    drop(progress);
-    let random = EpisodeStatistics::new("random", args.episodes, random)?;
-    let sampled = match (&agent, args.sample) {
-        (Some(agent), true) => {
-            let progress = Progress::new("sampled episodes", args.json);
-            let told = |share| progress.set(share);
-            Some(sampled(agent, (scene, env), args.episodes, told)?)
-        }
-        _ => None,
-    };
+    let (count, json) = (args.episodes, args.json);
+    let random = EpisodeStatistics::random(scene, env, count, json)?;
+    let mut sampled = None;
+    if let (Some(agent), true) = (&agent, args.sample) {
+        let draw =
+            |seen: Observation, stream: &mut Stream| agent.act(&[seen], Sampling::Drawn(stream))[0];
+        let play = |told: &dyn Fn(f64)| parallel_episodes(scene, env, count, draw, told);
+        sampled = Some(EpisodeStatistics::new(
+            "sampled episodes",
+            count,
+            json,
+            play,
+        )?);
+    }
     let mut proof = None;
-    if let Some(mut best) = best {
-        best.others.truncate(2 * loaded.config.proof_paths - 1);
+    if let Some(best) = best {
         // In the run's own steps, whatever the episode was played in.
-        let (task, orders) = ((scene, &loaded.config.env), (args.episodes, args.twin));
-        proof = Some(proof::proved(&loaded.folder, task, best, orders, args.json)?.0);
+        let (task, orders) = ((scene, &loaded.config), (count, args.twin));
+        proof = Some(proof::proved(&loaded.folder, task, best, orders, json)?);
     }
     if let (Some(agent), Some(_), true) = (&agent, &args.scene, args.prove) {
         let greedy = played.recording.vertices();
-        proof = Some(proved_elsewhere(agent, greedy, &loaded, args.episodes)?);
+        proof = Some(proved_elsewhere(agent, greedy, &loaded, count)?);
     }
     let title = checkpoint.map_or("sequence", |_| "policy");
     write_recording(&played.recording, scene, &pictures.path, title)?;
@@ -202,10 +199,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         proof,
         pictures: pictures.path.clone(),
     };
-    if args.json {
-        return print_json(&report);
-    }
-    print(&text(&report))
+    print(&report, json, text)
 }
 
 /// What is printed of a recording that was pressed again.
@@ -233,9 +227,13 @@ fn press_again(file: &Path, loaded: &Loaded, pictures: &Path) -> Result<(), Fail
         progress: &|share, doing| progress.tell(share, doing),
         ..Context::quiet()
     };
-    let place = Some(file.display().to_string());
-    let found = again(&recorded, &loaded.scene, &context);
-    let found = found.map_err(|error| study_failure(error, place))?;
+    let found = again(&recorded, &loaded.scene, &context).map_err(|error| {
+        let is_input = error.is_input();
+        Failure::new(
+            anyhow::Error::new(error).context(file.display().to_string()),
+            is_input,
+        )
+    })?;
     drop(progress);
     write_recording(&recorded, &loaded.scene, pictures, "recorded")?;
     let last = recorded.frames.last().expect("it has a start");
@@ -250,28 +248,30 @@ fn press_again(file: &Path, loaded: &Loaded, pictures: &Path) -> Result<(), Fail
         apart_m: found.apart(&recorded),
         pictures: pictures.into(),
     };
-    if loaded.json {
-        return print_json(&report);
-    }
-    print(&format!(
-        "{}: {}; {:.4} m off the tool, {:.2} mm surplus a yarn, score {:.2} %; pressed again in the {}: {}\n\
-         pictures in {}",
-        file.display(),
-        report.path.text(),
-        report.distance_m,
-        1e3 * report.surplus_m,
-        100.0 * report.score,
-        if report.by_twin {
-            "twin"
-        } else {
-            "fast solver"
-        },
-        match report.same_bits {
+    print(&report, loaded.json, Again::text)
+}
+
+impl Again {
+    fn text(&self) -> String {
+        let solver = match self.by_twin {
+            true => "twin",
+            false => "fast solver",
+        };
+        let found = match self.same_bits {
             true => "the same bits".into(),
-            false => format!("up to {:.3} mm apart", 1e3 * report.apart_m),
-        },
-        pictures.display()
-    ))
+            false => format!("up to {:.3} mm apart", 1e3 * self.apart_m),
+        };
+        format!(
+            "{}: {}; {:.4} m off the tool, {:.2} mm surplus a yarn, score {:.2} %; pressed again in the \
+             {solver}: {found}\npictures in {}",
+            self.recording.display(),
+            self.path.text(),
+            self.distance_m,
+            1e3 * self.surplus_m,
+            100.0 * self.score,
+            self.pictures.display()
+        )
+    }
 }
 
 /// Proves the `greedy` path of an agent and `count` drawn ones on a scene that the run does not
@@ -279,41 +279,22 @@ fn press_again(file: &Path, loaded: &Loaded, pictures: &Path) -> Result<(), Fail
 fn proved_elsewhere(
     agent: &Agent,
     greedy: Vec<u32>,
-    Loaded {
-        scene, env, json, ..
-    }: &Loaded,
+    loaded: &Loaded,
     count: usize,
 ) -> Result<Vec<Row>, Failure> {
+    let (scene, env) = (&loaded.scene, &loaded.env);
     let mut draping = Draping::new(scene.clone(), env, count).or_invalid()?;
     let mut stream = Stream::new(0, Purpose::Evaluation, 0);
     let played = draping.play(|draping| {
         let seen: Vec<_> = (0..count).map(|k| draping.observation(k)).collect();
         agent.act(&seen, Sampling::Drawn(&mut stream))
     });
-    let vertices = |end: &EpisodeState| end.presses().iter().map(|&(v, _)| v).collect();
+    let vertices = |played: &Played| played.end.presses().iter().map(|&(v, _)| v).collect();
+    let ended = played.iter().filter(|p| p.episode.end != End::Diverged);
     let mut paths = vec![greedy];
-    let ended = played
-        .into_iter()
-        .filter(|p| p.episode.end != End::Diverged);
-    paths.extend(ended.map(|played| vertices(&played.end)));
-    proof::rows((scene, env), &paths, (count, false), *json)
-}
-
-fn sampled(
-    agent: &Agent,
-    (scene, env): (&Arc<Scene>, &EnvConfig),
-    count: usize,
-    progress: impl FnMut(f64),
-) -> Result<EpisodeStatistics, Failure> {
-    let choose = |draping: &Draping, streams: &mut [_]| -> Vec<u32> {
-        let act = |(index, stream)| {
-            let observation = draping.observation(index);
-            agent.act(&[observation], Sampling::Drawn(stream))[0]
-        };
-        streams.iter_mut().enumerate().map(act).collect()
-    };
-    let episodes = parallel_episodes(scene, env, count, choose, progress)?;
-    EpisodeStatistics::new("sampled", count, episodes)
+    paths.extend(ended.map(vertices));
+    let found = proof::found((scene, env), &paths, (count, false), None, loaded.json)?;
+    Ok(found.rows)
 }
 
 fn text(report: &Report) -> String {

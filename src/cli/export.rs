@@ -1,11 +1,13 @@
 use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::ValueEnum;
 use serde::Serialize;
 
 use super::Failure;
-use super::failure::{OrInvalid, scene_failure};
+use super::failure::OrInvalid;
 use super::loaded::Loaded;
+use super::output::print;
 use super::result::path;
 use drape_cloth::fabric::{Curve, Drape, Family};
 use drape_cloth::file::{ValueError, check_writable};
@@ -71,7 +73,7 @@ struct Report {
 
 /// Runs `drape export`.
 pub fn run(args: ExportArgs) -> Result<(), Failure> {
-    let loaded = Loaded::open(&args.run, args.device, args.json)?;
+    let loaded = Loaded::open(&args.run, None, args.device, args.json)?;
     let file = args.out.unwrap_or_else(|| {
         let json = loaded.folder.trajectory.clone();
         match args.format {
@@ -97,23 +99,23 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         path: played.summary.path,
         score: proof
             .as_ref()
-            .map_or(played.summary.score, |proved| proved.path.score),
+            .map_or(played.summary.score, |p| p.path.score),
         proved: proof.map(|proved| proved.physics),
         file,
     };
-    if args.json {
-        return super::output::print_json(&report);
-    }
-    super::output::print(&format!(
-        "{}: {}, score {:.2} %, {}",
-        report.file.display(),
-        report.path.text(),
-        100.0 * report.score,
-        match report.proved {
-            Some(physics) => format!("proved: {}", physics.name()),
-            None => "not proved".into(),
-        }
-    ))
+    print(&report, args.json, text)
+}
+
+fn text(report: &Report) -> String {
+    let (file, path) = (report.file.display(), report.path.text());
+    let proved = match report.proved {
+        Some(physics) => format!("proved: {}", physics.name()),
+        None => "not proved".into(),
+    };
+    format!(
+        "{file}: {path}, score {:.2} %, {proved}",
+        100.0 * report.score
+    )
 }
 
 /// The lamina with the presses of `points`: for CalculiX before the fall, for Abaqus after it.
@@ -127,7 +129,7 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
         // In a fall of a second velocities are displacements.
         Dialect::Calculix => {
             let hung = hung(&scene.config, lamina, &scene.tool, 1.0);
-            hung.map_err(|error| scene_failure(error, &place))?
+            hung.with_context(|| place.clone())?
         }
         Dialect::Abaqus => (*scene.initial).clone(),
     };

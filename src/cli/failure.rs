@@ -1,22 +1,22 @@
 use std::io::{self, Write};
 use std::path::Path;
-use std::process::ExitCode;
 
 use anyhow::{Context, Error};
 
-use crate::run::{OtherConfig, RunError};
+use crate::run::RunError;
 use drape_cloth::file::{ValueError, WriteError};
 use drape_cloth::scene::SceneError;
 use drape_study::study::StudyError;
 
 /// Why a command ended early, and whose turn it is.
 ///
-/// `?` makes any error a failure at work (exit code 1). What the user got wrong becomes a
-/// failure of the input (exit code 2) by `or_invalid`.
+/// `?` makes any error a failure at work (exit code 1), unless it is of a kind that the user can
+/// mend. What else the user got wrong becomes a failure of the input (exit code 2) by `or_invalid`.
 #[derive(Debug)]
 pub struct Failure {
     error: Error,
-    is_input: bool,
+    /// Whether the user can mend it.
+    pub is_input: bool,
 }
 
 impl Failure {
@@ -26,47 +26,24 @@ impl Failure {
         Self { error, is_input }
     }
 
-    /// What a run says. What the user can mend is not at work: a name that is taken, a run in use,
-    /// another configuration, an environment that cannot be. A full disk is.
-    pub(super) fn of_run(error: Error) -> Self {
-        let is_input =
-            error.is::<RunError>() || error.is::<OtherConfig>() || error.is::<ValueError>();
-        Self::new(error, is_input)
-    }
-
     /// Wrong usage or configuration.
     pub fn invalid(error: impl Into<Error>) -> Self {
         Self::new(error, true)
     }
 
     /// The same, a file that could not be written being meant for `folder`.
-    pub(super) fn moved_to(self, folder: &Path) -> Self {
-        let error = self.error.downcast().map(|error| match error {
-            WriteError::Io { path, source } => {
-                let path = folder.join(path.file_name().unwrap_or_default());
-                WriteError::Io { path, source }
-            }
-            other => other,
-        });
-        let error = error.map_or_else(|error| error, Error::new);
-        Self { error, ..self }
+    pub(super) fn moved_to(mut self, folder: &Path) -> Self {
+        if let Some(WriteError::Io { path, .. }) = self.error.downcast_mut() {
+            *path = folder.join(path.file_name().unwrap_or_default());
+        }
+        self
     }
 
     /// Prints the chain of causes as one line on stderr and gives the exit code.
-    pub fn report(&self) -> ExitCode {
+    pub fn report(&self) -> u8 {
         // Without stderr there is nobody left to tell.
         let _ = writeln!(io::stderr(), "error: {}", self.line());
-        ExitCode::from(self.code())
-    }
-
-    /// The exit code.
-    pub fn code(&self) -> u8 {
         if self.is_input { 2 } else { 1 }
-    }
-
-    /// Whether the user can mend it.
-    pub fn is_input(&self) -> bool {
-        self.is_input
     }
 
     /// The chain of causes, outermost first, as one line.
@@ -78,8 +55,15 @@ impl Failure {
 }
 
 impl<E: Into<Error>> From<E> for Failure {
+    /// The user can mend a name that is taken, a run in use, another configuration, a value or a scene
+    /// that cannot be, but no full disk.
     fn from(error: E) -> Self {
-        Self::new(error, false)
+        let error = error.into();
+        let is_input = match error.downcast_ref() {
+            Some(scene) => !matches!(scene, SceneError::Diverged { .. }),
+            None => error.is::<RunError>() || error.is::<ValueError>(),
+        };
+        Self { error, is_input }
     }
 }
 
@@ -103,23 +87,17 @@ impl<T, E: Into<Error>> OrInvalid<T> for Result<T, E> {
     }
 }
 
-/// Sorts what can go wrong with a scene whose file, or other origin, is `place`.
-pub(super) fn scene_failure(error: SceneError, place: &str) -> Failure {
-    let is_input = !matches!(error, SceneError::Diverged { .. });
-    Failure::new(Error::new(error).context(place.to_string()), is_input)
-}
-
 /// Names what the error of a study is about, where it has a scene.
 pub(super) fn study_failure(error: StudyError, place: Option<String>) -> Failure {
+    use StudyError::{Damaged, Invalid, Read};
     let is_input = error.is_input();
-    let is_its_own = matches!(
-        error,
-        StudyError::Invalid(_) | StudyError::Read(_) | StudyError::Damaged(_)
-    );
-    match place.filter(|_| !is_its_own) {
-        Some(place) => Failure::new(Error::new(error).context(place), is_input),
-        None => Failure::new(error, is_input),
-    }
+    let error = match place {
+        Some(place) if !matches!(error, Invalid(_) | Read(_) | Damaged(_)) => {
+            Error::new(error).context(place)
+        }
+        _ => error.into(),
+    };
+    Failure::new(error, is_input)
 }
 
 #[cfg(test)]
@@ -141,6 +119,6 @@ mod tests {
         assert!(failure.is_input);
         assert_eq!(failure.line(), "a.toml: cause");
         assert!(!Failure::from(fail().unwrap_err()).is_input);
-        assert!(!scene_failure(SceneError::Diverged { time_s: 0.5 }, "a.toml").is_input);
+        assert!(!Failure::from(SceneError::Diverged { time_s: 0.5 }).is_input);
     }
 }

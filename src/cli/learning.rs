@@ -33,7 +33,7 @@ pub(super) fn train(
     out: &Path,
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Result<Vec<Arm>, StudyError> {
-    learnt(options, out, progress).map_err(|failure| match failure.is_input() {
+    learnt(options, out, progress).map_err(|failure| match failure.is_input {
         true => StudyError::Invalid(failure.line()),
         false => StudyError::Damaged(failure.line().into()),
     })
@@ -92,7 +92,7 @@ fn planned(
         config.seed = seed;
         if folder.exists() {
             let found = RunFolder::open(&folder).or_invalid()?;
-            if found.config_text().or_invalid()? != config.to_toml() {
+            if read_text(&found.config).or_invalid()? != config.to_toml() {
                 return Err(Failure::invalid(anyhow!(
                     "{}: trained with another configuration than {place} for seed {seed}: choose \
                      another folder",

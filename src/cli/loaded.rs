@@ -9,10 +9,9 @@ use super::Failure;
 use super::failure::OrInvalid;
 use super::proof;
 use super::result::{episode_progress, rollout_failure};
-use super::setup::{set_up, set_up_member};
+use super::setup::{open_run, set_up, set_up_member};
 use crate::run::{
-    BestSequence, Checkpoint, OtherConfig, PlayedEpisode, Proved, Rules, RunConfig, RunFolder,
-    play, replay,
+    BestSequence, Checkpoint, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, play, replay,
 };
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_learn::policy::{DeviceKind, NetworkConfig};
@@ -33,63 +32,40 @@ pub(super) struct Loaded {
 }
 
 impl Loaded {
-    /// Reads the configuration of a run and sets up its scene.
-    pub fn open(run: &Path, device: Option<DeviceKind>, json: bool) -> Result<Self, Failure> {
-        let (folder, config) = Self::read(run)?;
-        let place = folder.config.display().to_string();
-        let scene = Arc::new(set_up(&config.scene, &place, json)?);
-        Ok(Self::with(folder, config, device, scene, json))
-    }
-
-    /// The same on the scene of a file instead of the run's own.
-    pub fn open_on(
-        (file, region): (&Path, Option<[f64; 4]>),
+    /// Reads the configuration of a run and sets up its scene, or `on` another: that of a file with a
+    /// focus region, where that is not the run's.
+    pub fn open(
         run: &Path,
+        on: Option<(&Path, Option<[f64; 4]>)>,
         device: Option<DeviceKind>,
         json: bool,
     ) -> Result<Self, Failure> {
-        let (folder, config) = Self::read(run)?;
-        if !matches!(config.policy.network, NetworkConfig::Unet(_)) {
-            let place = folder.config.display();
-            return Err(Failure::invalid(anyhow!(
-                "{place}: `policy.network` plays on the run's own scene only, expected `unet`"
-            )));
-        }
-        let mut env = config.env.clone();
-        env.region_mm = region.or(env.region_mm);
-        env.device = device.map_or(env.device, DeviceKind::of_cloth);
-        let other = SceneConfig::read(file).or_invalid()?;
-        let place = file.display().to_string();
-        let scene = set_up_member((&other, &env), &place, json)?;
-        Ok(Self {
-            env,
-            ..Self::with(folder, config, device, scene, json)
-        })
-    }
-
-    fn read(run: &Path) -> Result<(RunFolder, RunConfig), Failure> {
-        let folder = RunFolder::open(run).or_invalid()?;
-        let config = RunConfig::read(&folder.config).or_invalid()?;
-        Ok((folder, config))
-    }
-
-    fn with(
-        folder: RunFolder,
-        mut config: RunConfig,
-        device: Option<DeviceKind>,
-        scene: Arc<Scene>,
-        json: bool,
-    ) -> Self {
+        let (folder, mut config) = open_run(run)?;
         let trained_on = config.env.device;
         config.set_device(device);
-        Self {
+        let mut env = config.env.clone();
+        let place = folder.config.display();
+        let scene = match on {
+            None => Arc::new(set_up(&config.scene, &place.to_string(), json)?),
+            Some(_) if !matches!(config.policy.network, NetworkConfig::Unet(_)) => {
+                return Err(Failure::invalid(anyhow!(
+                    "{place}: `policy.network` plays on the run's own scene only, expected `unet`"
+                )));
+            }
+            Some((file, region)) => {
+                env.region_mm = region.or(env.region_mm);
+                let other = SceneConfig::read(file).or_invalid()?;
+                set_up_member((&other, &env), &file.display().to_string(), json)?
+            }
+        };
+        Ok(Self {
+            is_elsewhere: env.device != trained_on,
             folder,
-            is_elsewhere: config.env.device != trained_on,
-            env: config.env.clone(),
             config,
             scene,
+            env,
             json,
-        }
+        })
     }
 
     /// Plays one episode, greedily by the policy of a checkpoint, `best`, `last` or a file, or the
@@ -100,28 +76,24 @@ impl Loaded {
     ) -> Result<(PlayedEpisode, Option<Agent>), Failure> {
         let mut draping = Draping::new(self.scene.clone(), &self.env, 1).or_invalid()?;
         let told = episode_progress(&draping, self.json);
-        let (played, agent, place) = match checkpoint {
-            None => {
-                let best = self.best_sequence()?;
-                // In other steps than it was found in, or rounded otherwise, the masks would differ too.
-                let is_same = self.env == self.config.env && !self.is_elsewhere;
-                let rules = match is_same && self.config.polish == 0 {
-                    true => Rules::Episode,
-                    false => Rules::Robot,
-                };
-                let played = replay(&mut draping, &best.vertices, rules, told);
-                (played, None, self.folder.best_sequence.clone())
-            }
-            Some(name) => {
-                let agent = self.agent(name, &draping)?;
-                let choose =
-                    |draping: &Draping| agent.act(&[draping.observation(0)], Sampling::Greedy)[0];
-                let played = play(&mut draping, choose, told);
-                (played, Some(agent), self.checkpoint_path(name))
-            }
+        let Some(name) = checkpoint else {
+            let best = self.best_sequence()?;
+            // In other steps than it was found in, or rounded otherwise, the masks would differ too.
+            let is_same = self.env == self.config.env && !self.is_elsewhere;
+            let rules = match is_same && self.config.polish == 0 {
+                true => Rules::Episode,
+                false => Rules::Robot,
+            };
+            let played = replay(&mut draping, &best.vertices, rules, told);
+            let place = &self.folder.best_sequence;
+            return Ok((played.map_err(|error| rollout_failure(error, place))?, None));
         };
+        let agent = self.agent(name, &draping)?;
+        let choose = |seen: &Draping| agent.act(&[seen.observation(0)], Sampling::Greedy)[0];
+        let played = play(&mut draping, choose, told);
+        let place = self.checkpoint_path(name);
         let played = played.map_err(|error| rollout_failure(error, &place))?;
-        Ok((played, agent))
+        Ok((played, Some(agent)))
     }
 
     /// The best sequences of the run, found in its configuration.
@@ -142,34 +114,22 @@ impl Loaded {
     /// Plays the path of the run: what it has proved, in the fine steps of a proof, or before that
     /// its best sequence, in the task's own.
     pub fn play_path(&self) -> Result<(PlayedEpisode, Option<Proved>), Failure> {
-        let proof = self.proof()?;
-        let played = match &proof {
-            Some(proved) => {
-                let place = &self.folder.proof;
-                proof::play(proved, &self.scene, &self.env, place, self.json)?
-            }
-            None => self.play(None)?.0,
+        let Some(proved) = self.folder.read_proof()? else {
+            return Ok((self.play(None)?.0, None));
         };
-        Ok((played, proof))
-    }
-
-    /// What has been proved of the run, if anything, in its configuration.
-    fn proof(&self) -> Result<Option<Proved>, Failure> {
-        let proved = self.folder.read_proof()?;
-        if let Some(proved) = &proved {
-            self.check(&proved.path, &self.folder.proof)?;
-        }
-        Ok(proved)
+        let place = &self.folder.proof;
+        self.check(&proved.path, place)?;
+        let played = proof::play(&proved, &self.scene, &self.env, place, self.json)?;
+        Ok((played, Some(proved)))
     }
 
     /// Checks that sequences were found in this configuration and press vertices of its blank.
     fn check(&self, sequence: &BestSequence, place: &Path) -> Result<(), Failure> {
         let invalid = |fault| Failure::invalid(anyhow!("{}: {fault}", place.display()));
-        let text = self.folder.config_text()?;
-        sequence.check_config(&text).map_err(invalid)?;
+        let expected = self.folder.config_digest()?;
+        sequence.check_config(&expected).map_err(invalid)?;
         let count = self.scene.lamina.vertex_count();
-        let others = sequence.others.iter().map(|other| &other.vertices);
-        for vertices in std::iter::once(&sequence.vertices).chain(others) {
+        for vertices in sequence.all() {
             if let Some(v) = vertices.iter().find(|&&v| v as usize >= count) {
                 return Err(invalid(format!(
                     "presses vertex {v}, expected one below {count}"
@@ -195,12 +155,10 @@ impl Loaded {
 
     /// The policy of a checkpoint of this run.
     fn agent(&self, name: &str, draping: &Draping) -> Result<Agent, Failure> {
-        self.folder.check_trained().map_err(Failure::of_run)?;
+        self.folder.check_trained()?;
         let path = self.checkpoint_path(name);
-        let given = !matches!(name, "best" | "last");
-        if given && !path.exists() {
-            let error = anyhow!("there is no checkpoint {}", path.display());
-            return Err(Failure::invalid(error));
+        if !matches!(name, "best" | "last") && !path.exists() {
+            return Err(Failure::invalid(anyhow!("there is no checkpoint {name}")));
         }
         if name == "best" && !path.exists() && self.folder.last_checkpoint.exists() {
             return Err(Failure::invalid(anyhow!(
@@ -209,18 +167,10 @@ impl Loaded {
                 self.folder.path.display()
             )));
         }
-        let config = &self.config;
-        let checkpoint = Checkpoint::of_run(&path, &self.folder).map_err(|error| {
-            let is_input = error.is::<OtherConfig>();
-            Failure::new(error, is_input)
-        })?;
-        let mut agent = Agent::new(
-            &config.policy,
-            (draping.shape(), &draping.terrains()),
-            config.seed,
-            config.device,
-        )
-        .or_invalid()?;
+        let checkpoint = Checkpoint::of_run(&path, &self.folder)?;
+        let (config, seen) = (&self.config, (draping.shape(), &*draping.terrains()));
+        let agent = Agent::new(&config.policy, seen, config.seed, config.device);
+        let mut agent = agent.or_invalid()?;
         read_section(&checkpoint.sections, NETWORK, |bytes| agent.load(bytes))
             .with_context(|| path.display().to_string())?;
         Ok(agent)

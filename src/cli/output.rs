@@ -2,7 +2,6 @@ use std::fmt;
 use std::fs;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
@@ -20,32 +19,34 @@ pub(super) fn percent(score: Option<f64>) -> String {
     score.map_or("-".into(), |score| format!("{:.2} %", 100.0 * score))
 }
 
-/// Prints `text` and a line break on stdout. A reader that has left early is no failure.
-pub(super) fn print(text: &str) -> Result<(), Failure> {
+/// Prints what was found on stdout: as one `json` object, in which numbers that are not finite become
+/// `null`, or else as `text` has it. A reader that has left early is no failure.
+pub(super) fn print<R: Serialize>(
+    found: &R,
+    json: bool,
+    text: impl FnOnce(&R) -> String,
+) -> Result<(), Failure> {
+    let text = match json {
+        true => serde_json::to_string_pretty(found)?,
+        false => text(found),
+    };
     let mut stdout = io::stdout().lock();
-    let written = writeln!(stdout, "{text}").and_then(|()| stdout.flush());
-    match written {
+    match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         written => Ok(written.context("cannot write to standard output")?),
     }
 }
 
-/// Prints `value` as one JSON object on stdout. Numbers that are not finite become `null`.
-pub(super) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
-    print(&serde_json::to_string_pretty(value)?)
-}
-
-/// Set by the first Ctrl-C or termination signal; the second one ends the program at once.
-pub(super) fn stop_on_signal() -> Result<Arc<AtomicBool>, Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let seen = stop.clone();
-    ctrlc::set_handler(move || {
-        if seen.swap(true, Ordering::Relaxed) {
+/// Whether there has been a Ctrl-C or termination signal; the second one ends the program at once.
+pub(super) fn stop_on_signal() -> Result<impl Fn() -> bool, Failure> {
+    static STOP: AtomicBool = AtomicBool::new(false);
+    ctrlc::set_handler(|| {
+        if STOP.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
         eprintln!("stopping after this iteration, search or proof; again to stop at once");
     })?;
-    Ok(stop)
+    Ok(|| STOP.load(Ordering::Relaxed))
 }
 
 /// A folder to write to. What was made for it, folders above it included, and is still empty goes
@@ -65,8 +66,8 @@ impl OutFolder {
             path: path.to_path_buf(),
             made: path.ancestors().take_while(missing).count(),
         };
-        std::fs::create_dir_all(path)
-            .with_context(|| format!("cannot create folder {}", path.display()))?;
+        let made = fs::create_dir_all(path);
+        made.with_context(|| format!("cannot create folder {}", path.display()))?;
         Ok(folder)
     }
 }
@@ -75,7 +76,7 @@ impl Drop for OutFolder {
     fn drop(&mut self) {
         for folder in self.path.ancestors().take(self.made) {
             // Fails where it is not empty, and then it shall stay.
-            let _ = std::fs::remove_dir(folder);
+            let _ = fs::remove_dir(folder);
         }
     }
 }
@@ -91,15 +92,14 @@ pub(super) fn write_together(
     let staged = staged.prefix(".drape-").suffix(".tmp").tempdir_in(folder);
     let staged = staged.with_context(cannot)?;
     write(staged.path()).map_err(|failure| failure.moved_to(folder))?;
-    let names = fs::read_dir(staged.path()).with_context(cannot)?;
-    let names = names.map(|entry| entry.map(|entry| entry.file_name()));
-    let names = names.collect::<Result<Vec<_>, _>>().with_context(cannot)?;
-    for name in &names {
-        check_writable(&folder.join(name))?;
+    let files = fs::read_dir(staged.path()).and_then(|files| files.collect::<Result<Vec<_>, _>>());
+    let files = files.with_context(cannot)?;
+    for file in &files {
+        check_writable(&folder.join(file.file_name()))?;
     }
-    for name in &names {
-        let to = folder.join(name);
-        let moved = fs::rename(staged.path().join(name), &to);
+    for file in &files {
+        let to = folder.join(file.file_name());
+        let moved = fs::rename(file.path(), &to);
         moved.with_context(|| format!("cannot write {}", to.display()))?;
     }
     Ok(())
@@ -124,8 +124,7 @@ impl Progress {
     pub fn new(title: &'static str, json: bool) -> Self {
         let bar = ProgressBar::hidden().with_message(title).with_prefix(title);
         bar.set_length(STEPS);
-        let template = "{msg} [{bar:40}] {percent:>3} %{rest}";
-        Self::start(bar, template, share_left, share_line, json)
+        Self::start(bar, "{msg} [{bar:40}] {percent:>3} %{rest}", None, json)
     }
 
     /// Starts with `done` of `total` steps.
@@ -133,31 +132,23 @@ impl Progress {
         let bar = ProgressBar::hidden().with_position(done);
         bar.set_length(total);
         let template = "{bar:24} {pos}/{len} steps{rest}; {msg}";
-        let rest = move |now, elapsed| steps_left([done, now, total], elapsed);
-        let line = move |bar: &ProgressBar| step_line(bar, done);
-        Self::start(bar, template, rest, line, json)
+        Self::start(bar, template, Some(done), json)
     }
 
-    fn start(
-        bar: ProgressBar,
-        template: &str,
-        rest: impl Fn(u64, Duration) -> String + Clone + Send + Sync + 'static,
-        line: impl Fn(&ProgressBar) -> String + Send + 'static,
-        json: bool,
-    ) -> Self {
+    fn start(bar: ProgressBar, template: &str, begun: Option<u64>, json: bool) -> Self {
         let style = ProgressStyle::with_template(template).expect("the template is valid");
         let rest = move |state: &ProgressState, out: &mut dyn fmt::Write| {
-            let _ = out.write_str(&rest(state.pos(), state.elapsed()));
+            let steps = [state.pos(), state.len().unwrap_or(0)];
+            let _ = out.write_str(&left(begun, steps, state.elapsed()));
         };
-        let style = style.with_key("rest", rest);
-        bar.set_style(style);
+        bar.set_style(style.with_key("rest", rest));
         let mut lines = None;
         if io::stderr().is_terminal() && !json {
             bar.set_draw_target(ProgressDrawTarget::stderr());
         } else if !json {
             let bar = bar.clone();
             lines = Some(every(INTERVAL, move || {
-                let _ = writeln!(io::stderr(), "{}", line(&bar));
+                let _ = writeln!(io::stderr(), "{}", line(&bar, begun));
             }));
         }
         Self { bar, lines }
@@ -205,51 +196,32 @@ fn every(
     (sender, thread)
 }
 
-/// As in `proof, proving at accurate: 35 %, 40 seconds left`.
-fn share_line(bar: &ProgressBar) -> String {
-    let (title, doing) = (bar.prefix(), bar.message());
-    let doing = match title == doing {
-        true => String::new(),
-        false => format!(", {doing}"),
-    };
-    let percent = 100 * bar.position() / STEPS;
-    let left = share_left(bar.position(), bar.elapsed());
-    format!("{title}{doing}: {percent} %{left}")
-}
-
-/// What is left of a share, by the rate from the start on: it comes in a few large parts, between which
-/// the bar's own estimate grows without end.
-fn share_left(done: u64, elapsed: Duration) -> String {
-    match done == 0 || done >= STEPS {
-        true => String::new(),
-        false => {
-            let rest = elapsed.mul_f64((STEPS - done) as f64 / done as f64);
-            format!(", {} left", HumanDuration(rest))
-        }
-    }
-}
-
-/// As in `12800/200000 steps, 1623 a second, 2 minutes left; score: ...`, where `begun` were done at the start.
-fn step_line(bar: &ProgressBar, begun: u64) -> String {
+/// As in `proof, proving at accurate: 35 %, 40 seconds left`, or where steps are counted, of which some had
+/// `begun` it, in `12800/200000 steps, 1623 a second, 2 minutes left; score: ...`.
+fn line(bar: &ProgressBar, begun: Option<u64>) -> String {
     let (done, total) = (bar.position(), bar.length().unwrap_or(0));
-    let left = steps_left([begun, done, total], bar.elapsed());
-    let mut line = format!("{done}/{total} steps{left}");
-    if !bar.message().is_empty() {
-        line += &format!("; {}", bar.message());
+    let left = left(begun, [done, total], bar.elapsed());
+    let (title, doing) = (bar.prefix(), bar.message());
+    match begun {
+        None if doing == title => format!("{title}: {} %{left}", 100 * done / total),
+        None => format!("{title}, {doing}: {} %{left}", 100 * done / total),
+        Some(_) if doing.is_empty() => format!("{done}/{total} steps{left}"),
+        Some(_) => format!("{done}/{total} steps{left}; {doing}"),
     }
-    line
 }
 
-/// The rate of steps from the start on, and what is left by it, where some have been done: a whole rollout comes
-/// at once.
-fn steps_left([begun, done, total]: [u64; 3], elapsed: Duration) -> String {
-    let (new, rest) = (done.saturating_sub(begun), total.saturating_sub(done));
-    if new == 0 {
+/// What is left by the rate from the start on, which is told of steps: work comes in a few large parts, between
+/// which the bar's own estimate grows without end.
+fn left(begun: Option<u64>, [done, total]: [u64; 2], elapsed: Duration) -> String {
+    let new = done.saturating_sub(begun.unwrap_or(0));
+    let rest = total.saturating_sub(done);
+    if new == 0 || begun.is_none() && rest == 0 {
         return String::new();
     }
     let rate = new as f64 / elapsed.as_secs_f64().max(1e-9);
+    let rate = begun.map_or(String::new(), |_| format!(", {rate:.0} a second"));
     let rest = elapsed.mul_f64(rest as f64 / new as f64);
-    format!(", {rate:.0} a second, {} left", HumanDuration(rest))
+    format!("{rate}, {} left", HumanDuration(rest))
 }
 
 #[cfg(test)]
@@ -258,7 +230,7 @@ mod tests {
 
     #[test]
     fn what_is_left_of_a_share_follows_from_what_is_done() {
-        let left = |done| share_left(done, Duration::from_secs(600));
+        let left = |done| left(None, [done, STEPS], Duration::from_secs(600));
         assert_eq!(left(800), ", 3 minutes left");
         assert_eq!([left(0), left(STEPS)], ["", ""]);
     }
@@ -282,16 +254,16 @@ mod tests {
     fn lines_say_how_far_the_work_is() {
         let proof = Progress::new("proof", true);
         proof.set(0.0);
-        assert_eq!(share_line(&proof.bar), "proof: 0 %");
+        assert_eq!(line(&proof.bar, None), "proof: 0 %");
         proof.tell(0.35, "the twin's fall");
-        let line = share_line(&proof.bar);
+        let line = super::line(&proof.bar, None);
         assert!(line.starts_with("proof, the twin's fall: 35 %"), "{line}");
         let training = Progress::of_steps(100, 400, true);
         training.step(200, "score: 5 %".into());
-        let line = step_line(&training.bar, 100);
+        let line = super::line(&training.bar, Some(100));
         assert!(line.starts_with("200/400 steps, "), "{line}");
         assert!(line.ends_with(" left; score: 5 %"), "{line}");
-        let left = |done| steps_left([100, done, 400], Duration::from_secs(60));
+        let left = |done| left(Some(100), [done, 400], Duration::from_secs(60));
         assert_eq!([left(100), left(200)], ["", ", 2 a second, 2 minutes left"]);
         assert!(training.lines.is_none());
     }

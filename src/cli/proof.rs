@@ -7,32 +7,31 @@ use super::Failure;
 use super::failure::study_failure;
 use super::output::Progress;
 use super::result::{episode_progress, path, rollout_failure, write_recording};
-use crate::run::{BestSequence, PlayedEpisode, Proved, Rules, RunFolder, replay};
+use crate::run::{BestSequence, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, replay};
 use drape_cloth::scene::Scene;
 use drape_study::proof::{Physics, Proof, Row, finely, prove};
-use drape_study::study::{Context, StudyError};
+use drape_study::study::Context;
 use drape_task::env::{Draping, EnvConfig};
 use drape_task::path::write_json;
 use drape_task::recording::Recording;
 
 /// Proves the best sequences of a run against `count` random orders, see [`prove`], and keeps the
-/// best of them in the run folder with its draping points, recording and pictures. What the twin has proved
-/// stays until it proves another, or the path is among the best no more. None if all diverge.
+/// best of them in the run folder with its draping points, recording and pictures, unless all diverge. What
+/// the twin has proved stays until it proves another, or the path is among the best no more.
 pub(super) fn proved(
     folder: &RunFolder,
-    (scene, env): (&Arc<Scene>, &EnvConfig),
-    best: BestSequence,
+    (scene, config): (&Arc<Scene>, &RunConfig),
+    mut best: BestSequence,
     (count, twin): (usize, bool),
     json: bool,
-) -> Result<(Vec<Row>, Option<Proved>), Failure> {
-    let mut paths = vec![best.vertices.clone()];
-    paths.extend(best.others.iter().map(|other| other.vertices.clone()));
-    let found = found((scene, env), &paths, (count, twin), json);
-    let place = folder.config.display().to_string();
-    let found = found.map_err(|error| study_failure(error, Some(place)))?;
+) -> Result<Vec<Row>, Failure> {
+    best.others.truncate(2 * config.proof_paths - 1);
+    let paths: Vec<Vec<u32>> = best.all().cloned().collect();
+    let (env, place) = (&config.env, folder.config.display().to_string());
+    let found = found((scene, env), &paths, (count, twin), Some(place), json)?;
     let Some(chosen) = found.best else {
         eprintln!("warning: all of the best paths diverge where they are to be proved");
-        return Ok((found.rows, None));
+        return Ok(found.rows);
     };
     // A damaged one is replaced.
     let old = folder.read_proof().ok().flatten().filter(|old| {
@@ -63,32 +62,25 @@ pub(super) fn proved(
     };
     let recording = found.recording.or(old).filter(is_proof).unwrap_or(played);
     write_recording(&recording, scene, &folder.pictures, "proved path")?;
-    Ok((found.rows, Some(proved)))
+    Ok(found.rows)
 }
 
-fn found(
+/// What a proof of `paths` against some random orders says, see [`prove`]; nothing is kept. Errors name the
+/// `place` of the scene.
+pub(super) fn found(
     (scene, env): (&Arc<Scene>, &EnvConfig),
     paths: &[Vec<u32>],
     orders: (usize, bool),
+    place: Option<String>,
     json: bool,
-) -> Result<Proof, StudyError> {
+) -> Result<Proof, Failure> {
     let progress = Progress::new("proof", json);
     let context = Context {
         progress: &|share, doing| progress.tell(share, doing),
         ..Context::quiet()
     };
-    prove(scene, env, paths, orders, &context)
-}
-
-/// What a proof of `paths` against some random orders says, see [`prove`]; nothing is kept.
-pub(super) fn rows(
-    task: (&Arc<Scene>, &EnvConfig),
-    paths: &[Vec<u32>],
-    orders: (usize, bool),
-    json: bool,
-) -> Result<Vec<Row>, Failure> {
-    let found = found(task, paths, orders, json).map_err(|error| study_failure(error, None))?;
-    Ok(found.rows)
+    let found = prove(scene, env, paths, orders, &context);
+    found.map_err(|error| study_failure(error, place))
 }
 
 /// Plays a proved path as a robot presses it, in the fast solver, whether or not the twin has
@@ -109,10 +101,17 @@ pub(super) fn play(
 /// A line for each row.
 pub(super) fn text(rows: &[Row]) -> String {
     let line = |row: &Row| {
-        let f = &row.figures;
-        let left = format!(
-            "{:.4} +- {:.4} m off the tool (least {:.4}), {:.2} +- {:.2} mm surplus a yarn (least \
-             {:.2}), score {:.2} +- {:.2} % (best {:.2}), {:.1} inner vertices undraped, shear at most {:.0} degrees",
+        let (f, name) = (&row.figures, row.physics.name());
+        let begin = format!("proof, {name}: {:>3} {:<8}", row.count, row.order);
+        let more = match (row.count, row.diverged) {
+            (0, _) => return format!("{begin} all diverged"),
+            (_, 0) => String::new(),
+            (_, diverged) => format!("; {diverged} more diverged"),
+        };
+        format!(
+            "{begin} {:.4} +- {:.4} m off the tool (least {:.4}), {:.2} +- {:.2} mm surplus a yarn (least \
+             {:.2}), score {:.2} +- {:.2} % (best {:.2}), {:.1} inner vertices undraped, shear at most {:.0} \
+             degrees{more}; best path {} undraped, {}",
             f.distance_m,
             f.deviation_distance_m,
             f.least_distance_m,
@@ -123,23 +122,10 @@ pub(super) fn text(rows: &[Row]) -> String {
             100.0 * f.deviation_score,
             100.0 * f.best_score,
             f.undraped_inner,
-            f.shear_deg
-        );
-        let left = match (row.count, row.diverged) {
-            (0, _) => "all diverged".into(),
-            (_, 0) => left,
-            (_, diverged) => format!("{left}; {diverged} more diverged"),
-        };
-        let left = match row.count {
-            0 => left,
-            _ => format!(
-                "{left}; best path {} undraped, {}",
-                f.best_undraped_inner,
-                f.best_path.text()
-            ),
-        };
-        let name = row.physics.name();
-        format!("proof, {name}: {:>3} {:<8} {left}", row.count, row.order)
+            f.shear_deg,
+            f.best_undraped_inner,
+            f.best_path.text()
+        )
     };
     rows.iter().map(line).collect::<Vec<_>>().join("\n")
 }

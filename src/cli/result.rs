@@ -1,7 +1,9 @@
 //! What a run is measured against, and the files that show what it has found.
 
 use std::path::Path;
+use std::sync::Arc;
 
+use anyhow::anyhow;
 use serde::Serialize;
 
 use super::Failure;
@@ -13,7 +15,7 @@ use crate::run::{
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::scene::Scene;
 use drape_report::{Camera, Chart, Level, SERIES, Series};
-use drape_task::env::Draping;
+use drape_task::env::{Draping, EnvConfig};
 use drape_task::path::{DrapingPoint, strokes};
 use drape_task::recording::{Frame, Recording};
 
@@ -40,10 +42,18 @@ pub(super) struct EpisodeStatistics {
 }
 
 impl EpisodeStatistics {
-    /// Those `episodes` of `count` that have not diverged. Fails if all have.
-    pub fn new(policy: &str, count: usize, episodes: Vec<EpisodeSummary>) -> Result<Self, Failure> {
+    /// Of `count` episodes that `play` plays, which is given whom to tell the share that is done, and
+    /// gives those that have not diverged. Fails if all have.
+    pub fn new(
+        title: &'static str,
+        count: usize,
+        json: bool,
+        play: impl FnOnce(&dyn Fn(f64)) -> Result<Vec<EpisodeSummary>, RolloutError>,
+    ) -> Result<Self, Failure> {
+        let progress = Progress::new(title, json);
+        let episodes = play(&|share| progress.set(share))?;
         if episodes.is_empty() {
-            return Err(anyhow::anyhow!("all {policy} episodes diverged").into());
+            return Err(anyhow!("all {title} diverged").into());
         }
         let of = |value: fn(&EpisodeSummary) -> f64| {
             mean_and_deviation(&episodes.iter().map(value).collect::<Vec<_>>())
@@ -65,6 +75,17 @@ impl EpisodeStatistics {
             episodes,
         })
     }
+
+    /// Of the masked random policy.
+    pub fn random(
+        scene: &Arc<Scene>,
+        env: &EnvConfig,
+        count: usize,
+        json: bool,
+    ) -> Result<Self, Failure> {
+        let play = |told: &dyn Fn(f64)| random_episodes(scene, env, count, told);
+        Self::new("random episodes", count, json, play)
+    }
 }
 
 /// The random baseline of a training.
@@ -72,18 +93,13 @@ pub(super) fn baseline(training: &Training, json: bool) -> Result<EpisodeStatist
     if !json {
         eprintln!("playing {BASELINE_EPISODES} random episodes for comparison");
     }
-    let (scene, config) = (training.scene(), &training.config.env);
-    let progress = Progress::new("random episodes", json);
-    let told = |share| progress.set(share);
-    let episodes = random_episodes(scene, config, BASELINE_EPISODES, told)?;
-    EpisodeStatistics::new("random", BASELINE_EPISODES, episodes)
+    let (scene, env) = (training.scene(), &training.config.env);
+    EpisodeStatistics::random(scene, env, BASELINE_EPISODES, json)
 }
 
 /// The draping points of an episode.
-pub(super) fn path(
-    Recording { presses, env, .. }: &Recording,
-) -> Result<Vec<DrapingPoint>, Failure> {
-    Ok(strokes(presses, env.join_distance())?)
+pub(super) fn path(of: &Recording) -> Result<Vec<DrapingPoint>, Failure> {
+    Ok(strokes(&of.presses, of.env.join_distance())?)
 }
 
 /// Scores over environment steps, with the random policy as a band.
@@ -92,12 +108,10 @@ pub(super) fn reward_curve(
     baseline: &EpisodeStatistics,
 ) -> Result<(), Failure> {
     let metrics = read_metrics(&folder.metrics)?;
+    let percent = |(step, score): (u64, f64)| [step as f64, 100.0 * score];
     let series = |label: &str, name: &str, color| Series {
         label: label.into(),
-        points: curve(&metrics, name)
-            .into_iter()
-            .map(|(step, score)| [step as f64, 100.0 * score])
-            .collect(),
+        points: curve(&metrics, name).into_iter().map(percent).collect(),
         color,
     };
     let chart = Chart {
@@ -138,10 +152,8 @@ pub(super) fn write_recording(
 ) -> Result<(), Failure> {
     let frames = &recording.frames;
     let last = frames.len() - 1;
-    let chosen = (0..last)
-        .step_by(last.div_ceil(FRAMES).max(1))
-        .chain([last]);
-    let chosen: Vec<usize> = chosen.collect();
+    let step = last.div_ceil(FRAMES).max(1);
+    let chosen: Vec<usize> = (0..last).step_by(step).chain([last]).collect();
     let studio = Studio::new(scene, Camera::isometric, PICTURE_SIZE);
     let shot = |frame: &Frame, text: &str| studio.distance(&frame.position, text);
     let top = Studio::new(scene, Camera::top, PICTURE_SIZE);
@@ -152,8 +164,8 @@ pub(super) fn write_recording(
         shot(&frames[last], &format!("after, {title}")).save_png(&folder.join("after.png"))?;
         let crushed = studio.crushed(&frames[last].position);
         crushed.save_png(&folder.join("crushed.png"))?;
-        top.progress(recording, last)
-            .save_png(&folder.join("path.png"))?;
+        let path = top.progress(recording, last);
+        path.save_png(&folder.join("path.png"))?;
         film.film(recording, &chosen, &folder.join("rollout.gif"))
     })
 }

@@ -1,5 +1,4 @@
-use std::fmt::Write as _;
-use std::io::Write as _;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -7,9 +6,9 @@ use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::output::{OutFolder, print, print_json, write_together};
+use super::output::{OutFolder, print, write_together};
 use super::picture::{Studio, View};
-use super::setup::{MISSED, missed, set_up};
+use super::setup::{missed, set_up};
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::{check_writable, write_atomic};
 use drape_cloth::mesh::write_stl;
@@ -69,9 +68,8 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
 
     let start = Instant::now();
     let scene = set_up(&config, &place, args.json)?;
-    let clearance = scene.clearance();
-    if clearance > MISSED {
-        eprintln!("warning: {place}: {}", missed(clearance));
+    if let Some(fault) = missed(&scene) {
+        eprintln!("warning: {place}: {fault}");
     }
     let seconds = start.elapsed().as_secs_f64();
     let summary = scene.summary(&scene.initial);
@@ -80,13 +78,10 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
         Drape::new(&scene.lamina, &scene.initial.position).write(file)?;
     }
 
-    if args.json {
-        return print_json(&Report { summary, seconds });
-    }
-    let mut text = text(&scene, &summary);
-    let _ = write!(text, "\nset up in {seconds:.1} s");
-    let _ = write!(text, "\nwritten to {}", folder.display());
-    print(&text)
+    print(&Report { summary, seconds }, args.json, |report| {
+        let (text, folder) = (text(&scene, &report.summary), folder.display());
+        format!("{text}\nset up in {seconds:.1} s\nwritten to {folder}")
+    })
 }
 
 fn write_files(scene: &Scene, summary: &Summary, folder: &Path) -> Result<(), Failure> {
@@ -95,19 +90,15 @@ fn write_files(scene: &Scene, summary: &Summary, folder: &Path) -> Result<(), Fa
     write_stl(folder.join("lamina.stl"), &lamina, "lamina")?;
     write_stl(folder.join("tool.stl"), &scene.tool.mesh, "tool")?;
     let caption = caption(summary);
-    let views: [(&str, View); 2] = [
-        ("top.png", Camera::top),
-        ("isometric.png", Camera::isometric),
-    ];
-    for (name, view) in views {
+    let draw = |name: &str, view: View| {
         let image = Studio::new(scene, view, SIZE).distance(&state.position, &caption);
-        image.save_png(&folder.join(name))?;
-    }
+        image.save_png(&folder.join(name))
+    };
+    draw("top.png", Camera::top)?;
+    draw("isometric.png", Camera::isometric)?;
     let json = serde_json::to_string_pretty(summary)?;
-    write_atomic(&folder.join("summary.json"), |file| {
-        writeln!(file, "{json}")
-    })?;
-    Ok(())
+    let file = folder.join("summary.json");
+    Ok(write_atomic(&file, |file| writeln!(file, "{json}"))?)
 }
 
 /// Key figures in one line.
@@ -122,36 +113,32 @@ pub(super) fn caption(summary: &Summary) -> String {
 }
 
 fn text(scene: &Scene, summary: &Summary) -> String {
-    let lamina = &scene.lamina;
+    let (lamina, tool) = (&scene.lamina, &scene.tool);
     let cut = match lamina.membranes.len() {
         0 => String::new(),
         count => format!(", {count} of them along the outline"),
     };
-    let mut text = format!(
-        "lamina       {} vertices, {} triangles{cut}\ntool         {} vertices, {} triangles",
-        lamina.vertex_count(),
-        lamina.triangles.len(),
-        scene.tool.mesh.vertices.len(),
-        scene.tool.mesh.triangles.len(),
-    );
-    if scene.tool.dropped_facet_count > 0 {
-        let _ = write!(
-            text,
-            ", {} facets without area dropped",
-            scene.tool.dropped_facet_count
-        );
-    }
-    if scene.tool.flipped {
-        text += ", turned over to face outwards";
-    }
-    let _ = write!(
-        text,
-        "\ndistance     {:.3} m in sum, {:.2} mm a vertex\n\
+    let dropped = match tool.dropped_facet_count {
+        0 => String::new(),
+        count => format!(", {count} facets without area dropped"),
+    };
+    let turned = match tool.flipped {
+        true => ", turned over to face outwards",
+        false => "",
+    };
+    format!(
+        "lamina       {} vertices, {} triangles{cut}\n\
+         tool         {} vertices, {} triangles{dropped}{turned}\n\
+         distance     {:.3} m in sum, {:.2} mm a vertex\n\
          wrinkles     {}\n\
          yarn strain  p95 {:.3} %, max {:.3} %\n\
          penetration  {:.3} mm\n\
          self-intersections  {}\n\
          speed        {:.3} mm/s rms",
+        lamina.vertex_count(),
+        lamina.triangles.len(),
+        tool.mesh.vertices.len(),
+        tool.mesh.triangles.len(),
         summary.distance_m,
         1e3 * summary.distance_m / lamina.vertex_count() as f64,
         summary.wrinkles,
@@ -160,6 +147,5 @@ fn text(scene: &Scene, summary: &Summary) -> String {
         summary.penetration_mm,
         summary.self_intersections,
         summary.v_rms_mm_s,
-    );
-    text
+    )
 }

@@ -2,20 +2,20 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 
 use super::Failure;
-use super::failure::{OrInvalid, scene_failure};
+use super::failure::OrInvalid;
 use super::output::Progress;
-use crate::run::{Input, RunConfig, Scenes};
+use crate::run::{Input, RunConfig, RunFolder, Scenes};
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::Source;
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, EnvConfig, ImageShape, Member, Task, Tasks};
 
-/// A blank that is nowhere as near to the tool as this has missed it [m].
-pub(super) const MISSED: f64 = 0.05;
+/// A blank that is nowhere as near to the tool as this has missed it [mm].
+const MISSED: f64 = 50.0;
 
 /// Root mean square speed after the fall above which a blank does not lie yet [mm/s].
 const RESTLESS: f64 = 2.0;
@@ -26,13 +26,15 @@ const IN_THE_AIR: f64 = 15.0;
 /// Depth in the tool that the distance grid may not see [m].
 const UNSEEN: f64 = 1e-4;
 
-/// What is wrong with a blank that has missed the tool by `clearance` [m].
-pub(super) fn missed(clearance: f64) -> String {
-    format!(
-        "after the fall the blank is {:.1} mm off the tool at its nearest, expected at most {} mm",
-        1e3 * clearance,
-        1e3 * MISSED
-    )
+/// What is wrong where the blank has missed the tool.
+pub(super) fn missed(scene: &Scene) -> Option<String> {
+    let off = 1e3 * scene.clearance();
+    (off > MISSED).then(|| {
+        format!(
+            "after the fall the blank is {off:.1} mm off the tool at its nearest, expected at most \
+             {MISSED} mm"
+        )
+    })
 }
 
 /// Sets up the scene that was read from `place`, with a progress bar.
@@ -40,31 +42,27 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
     let progress = Progress::new("draping", json);
     let scene = Scene::new(config, |share| progress.set(share));
     drop(progress);
-    let scene = scene.map_err(|error| scene_failure(error, place))?;
-    let flat = scene.lamina.rest.iter().map(|&[x, y]| Vec3::new(x, y, 0.0));
+    let scene = scene.with_context(|| place.to_string())?;
     let in_mm = "that its lengths are in mm";
     let of_tool = match config.tool.source {
         Source::Mesh(_) => "the unit of its file",
         Source::Shape(_) => in_mm,
     };
     let tool = extent(scene.tool.mesh.vertices.iter().copied());
-    for (what, key, size) in [("tool", of_tool, tool), ("blank", in_mm, extent(flat))] {
+    let blank = extent(scene.lamina.rest.iter().map(|&[x, y]| Vec3::new(x, y, 0.0)));
+    for (what, key, size) in [("tool", of_tool, tool), ("blank", in_mm, blank)] {
         if let Some(size) = absurd(size) {
             eprintln!("warning: {place}: the {what} measures {size}: check {key}");
         }
     }
-    let lies = scene.clearance() <= MISSED;
-    if let Some((index, distance)) = scene.farthest_clamp()
-        && lies
-        && 1e3 * distance > IN_THE_AIR
-    {
+    let lies = missed(&scene).is_none();
+    let clamp = scene.farthest_clamp().map(|(k, off)| (k, 1e3 * off));
+    if let Some((k, off)) = clamp.filter(|(_, off)| lies && *off > IN_THE_AIR) {
         eprintln!(
-            "warning: {place}: `clamps[{index}]` holds the blank {:.1} mm off the tool, expected at \
-             most {IN_THE_AIR}: bring it down by `move_mm` or `placement`",
-            1e3 * distance
+            "warning: {place}: `clamps[{k}]` holds the blank {off:.1} mm off the tool, expected at \
+             most {IN_THE_AIR}: bring it down by `move_mm` or `placement`"
         );
     }
-    let blank = extent(scene.lamina.rest.iter().map(|&[x, y]| Vec3::new(x, y, 0.0)));
     if let Source::Mesh(file) = &config.tool.source
         && absurd(tool).is_none()
         && let Some(advice) = unit_advice(tool, file.scale, 0.2 * blank..=20.0 * blank)
@@ -76,14 +74,12 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
     }
     warn_of_what_the_grid_does_not_see(&scene, place);
     let strain = scene.lamina.yarn_strain(&scene.initial.position);
-    let tension = strain.into_iter().fold(0.0, f64::max);
-    let believable = EnvConfig::default().max_tension;
+    let tension = 1e2 * strain.into_iter().fold(0.0, f64::max);
+    let believable = 1e2 * EnvConfig::default().max_tension;
     if tension > believable {
         eprintln!(
-            "warning: {place}: after the fall a yarn is stretched by {:.0} %, expected at most {:.0}: \
-             raise `fall.substep_rate`, or check `[physics]`",
-            1e2 * tension,
-            1e2 * believable
+            "warning: {place}: after the fall a yarn is stretched by {tension:.0} %, expected at most \
+             {believable:.0}: raise `fall.substep_rate`, or check `[physics]`"
         );
     }
     let v_rms = 1e3 * scene.initial.v_rms();
@@ -102,16 +98,15 @@ fn warn_of_what_the_grid_does_not_see(scene: &Scene, place: &str) {
         return;
     };
     let (depth, vertex) = scene.tool.deepest(&scene.initial.position);
-    let x = scene.initial.position[vertex];
-    let unseen = depth + scene.tool.distance(x).0;
+    let at = scene.initial.position[vertex];
+    let unseen = depth + scene.tool.distance(at).0;
     if unseen.min(depth) > UNSEEN {
-        let [x, y, z] = x.map(|x| 1e3 * x);
+        let [x, y, z] = at.map(|x| 1e3 * x);
+        let [depth, unseen] = [depth, unseen].map(|x| 1e3 * x);
         eprintln!(
-            "warning: {place}: at ({x:.1}, {y:.1}, {z:.1}) mm the blank is {:.2} mm inside the tool, \
-             {:.2} mm more than a distance grid of {spacing} mm sees: leave out \
-             `tool.grid.spacing_mm`, and distances at edges and thin walls are exact",
-            1e3 * depth,
-            1e3 * unseen
+            "warning: {place}: at ({x:.1}, {y:.1}, {z:.1}) mm the blank is {depth:.2} mm inside the \
+             tool, {unseen:.2} mm more than a distance grid of {spacing} mm sees: leave out \
+             `tool.grid.spacing_mm`, and distances at edges and thin walls are exact"
         );
     }
 }
@@ -123,12 +118,17 @@ pub(super) fn set_up_over_tool(
     json: bool,
 ) -> Result<Scene, Failure> {
     let scene = set_up(config, place, json)?;
-    let clearance = scene.clearance();
-    if clearance > MISSED {
-        let error = anyhow::anyhow!("{place}: {}", missed(clearance));
-        return Err(Failure::invalid(error));
+    match missed(&scene) {
+        Some(fault) => Err(Failure::invalid(anyhow!("{place}: {fault}"))),
+        None => Ok(scene),
     }
-    Ok(scene)
+}
+
+/// The run folder at `path` with its configuration.
+pub(super) fn open_run(path: &Path) -> Result<(RunFolder, RunConfig), Failure> {
+    let folder = RunFolder::open(path).or_invalid()?;
+    let config = RunConfig::read(&folder.config).or_invalid()?;
+    Ok((folder, config))
 }
 
 /// The configuration of a file, or else the built-in quickstart, and what messages call it.
@@ -165,28 +165,20 @@ pub(super) fn set_up_scenes(
 ) -> Result<Scenes, Failure> {
     let mut all = vec![first];
     let members = config.members().or_invalid_in(place)?;
-    for member in &members {
-        member
-            .check_memory(config.environments)
-            .or_invalid_in(place)?;
-    }
+    let (count, mut each) = (config.environments, members.iter());
+    let fits = each.try_for_each(|member| member.check_memory(count));
+    fits.or_invalid_in(place)?;
     for (k, member) in members.iter().enumerate().skip(1) {
         let place = format!("{place}, member {k} of `scenes`");
         // Members that differ in their task alone lie on the same scene, others perhaps over the same tool.
-        let known = members[..k]
-            .iter()
-            .position(|other| other.scene == member.scene);
-        if let Some(known) = known {
-            all.push(all[known].clone());
+        let mut known = all.iter().zip(members.iter().map(|other| &other.scene));
+        if let Some((scene, _)) = known.clone().find(|(_, other)| **other == member.scene) {
+            all.push(scene.clone());
             continue;
         }
         let mut scene = set_up_member((&member.scene, &member.env), &place, quiet)?;
-        let tools = all.iter().map(|other| &other.tool);
-        let same = tools
-            .zip(&members)
-            .find(|(_, other)| other.scene.tool == member.scene.tool);
-        if let Some((tool, _)) = same {
-            Arc::make_mut(&mut scene).tool = tool.clone();
+        if let Some((other, _)) = known.find(|(_, other)| other.tool == member.scene.tool) {
+            Arc::make_mut(&mut scene).tool = other.tool.clone();
         }
         all.push(scene);
     }
@@ -231,7 +223,7 @@ pub(super) fn set_up_member(
     // Below a micrometre there is nothing to win, and scores divide by it.
     let initial = task.initial;
     if initial < 1e-6 {
-        return Err(Failure::invalid(anyhow::anyhow!(
+        return Err(Failure::invalid(anyhow!(
             "{place}: `env.region_mm` has {initial} m to bring down, expected a region of cloth that \
              does not lie on the tool yet"
         )));
@@ -257,17 +249,13 @@ pub(super) fn unit_advice(size: f64, scale: f64, usual: RangeInclusive<f64>) -> 
     if usual.contains(&size) {
         return None;
     }
-    let in_unit = |unit: f64| size / scale * unit;
-    let fits = UNITS
-        .iter()
-        .filter(|(_, unit)| usual.contains(&in_unit(*unit)));
-    let fits: Vec<String> = fits
-        .map(|(name, unit)| format!("{unit} ({name}) makes it {:.0} mm", 1e3 * in_unit(*unit)))
-        .collect();
-    let advice = match fits.is_empty() {
-        true => "no usual unit fits".into(),
-        false => fits.join(", "),
-    };
+    let fits = UNITS.iter().filter_map(|(name, unit)| {
+        let in_unit = size / scale * unit;
+        let fits = usual.contains(&in_unit);
+        fits.then(|| format!("{unit} ({name}) makes it {:.0} mm", 1e3 * in_unit))
+    });
+    let advice = fits.reduce(|all, next| format!("{all}, {next}"));
+    let advice = advice.unwrap_or("no usual unit fits".into());
     let size = 1e3 * size;
     Some(format!(
         "its longest side is {size:.2} mm; as `tool.source.mesh.scale` {advice}"

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::Failure;
 use super::failure::{OrInvalid, study_failure};
 use super::learning;
-use super::output::{OutFolder, Progress, print, print_json, write_together};
+use super::output::{OutFolder, Progress, print, write_together};
 use crate::run::{RunConfig, RunFolder, dated_folder};
 use drape_cloth::file::{WriteError, check_writable, read_text, write_atomic};
 use drape_cloth::scene::SceneConfig;
@@ -88,10 +88,8 @@ impl<S: clap::Args + Study> Measure<S> {
             check_writable(path)?;
         }
         if let Some(path) = self.study.resumed().filter(|path| !path.is_dir()) {
-            return Err(Failure::invalid(anyhow!(
-                "there is no folder {}",
-                path.display()
-            )));
+            let error = anyhow!("there is no folder {}", path.display());
+            return Err(Failure::invalid(error));
         }
         let out = match (self.study.resumed().or(self.out.as_deref()), prefix) {
             (Some(path), _) => Some(OutFolder::make(path)?),
@@ -138,24 +136,21 @@ impl<S: clap::Args + Study> Measure<S> {
         if let Some(path) = &self.into {
             let text = replaced::<S>(path, |name, columns| {
                 let table = report.tables.iter().find(|table| table.name == name);
-                match table {
-                    None => Err(format!("there is no table `{name}` without its option")),
-                    Some(table) => table.markdown(columns),
-                }
+                let missing = || format!("there is no table `{name}` without its option");
+                table.ok_or_else(missing)?.markdown(columns)
             })?;
             write_atomic(path, |file| file.write_all(text.as_bytes()))?;
         }
-        if self.json {
-            return print_json(&all);
-        }
-        let shown = report.tables.iter().filter(|table| !table.is_hidden());
-        let mut parts: Vec<String> = shown.map(|table| table.text() + "\n").collect();
-        parts.extend(report.notes);
-        parts.push(match out {
-            Some(out) => format!("{seconds:.0} s; files in {}", out.path.display()),
-            None => format!("{seconds:.0} s"),
-        });
-        print(&parts.join("\n"))
+        print(&all, self.json, |_| {
+            let shown = report.tables.iter().filter(|table| !table.is_hidden());
+            let mut parts: Vec<String> = shown.map(|table| table.text() + "\n").collect();
+            parts.extend(report.notes);
+            parts.push(match folder {
+                Some(folder) => format!("{seconds:.0} s; files in {}", folder.display()),
+                None => format!("{seconds:.0} s"),
+            });
+            parts.join("\n")
+        })
     }
 }
 
@@ -230,9 +225,9 @@ fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
             (best, &folder.best_sequence)
         }
     };
-    let text = folder.config_text().map_err(unread)?;
+    let digest = folder.config_digest().map_err(unread)?;
     let fault = |fault| StudyError::Invalid(format!("{}: {fault}", place.display()));
-    best.check_config(&text).map_err(fault)?;
+    best.check_config(&digest).map_err(fault)?;
     Ok(TrainedPath {
         scene,
         env,

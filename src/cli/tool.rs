@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::Failure;
 use super::args::{png, positive};
 use super::failure::OrInvalid;
-use super::output::{print, print_json};
+use super::output::print;
 use super::setup::unit_advice;
 use drape_cloth::file::{ReadError, check_writable, parse_toml};
 use drape_cloth::mesh::{TriMesh, read_mesh, write_stl};
@@ -157,23 +157,19 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
             unit: unit_advice((high - low).max(), scale, 0.1..=5.0),
         });
     }
-    if args.json {
-        print_json(&report)?;
-    } else {
-        print(&report.text())?;
-    }
-    match (args.grid_error, report.grid_error_mm) {
-        (Some(bound), Some(error)) if error.max > bound => Err(Failure::from(anyhow!(
-            "{}: the distance errs by {:.3} mm at ({:.1}, {:.1}, {:.1}) mm, expected at most \
+    print(&report, args.json, Report::text)?;
+    if let (Some(bound), Some(error)) = (args.grid_error, report.grid_error_mm)
+        && error.max > bound
+    {
+        let (file, [x, y, z]) = (report.file.display(), error.place);
+        let error = anyhow!(
+            "{file}: the distance errs by {:.3} mm at ({x:.1}, {y:.1}, {z:.1}) mm, expected at most \
              {bound} mm",
-            report.file.display(),
-            error.max,
-            error.place[0],
-            error.place[1],
-            error.place[2]
-        ))),
-        _ => Ok(()),
+            error.max
+        );
+        return Err(error.into());
     }
+    Ok(())
 }
 
 /// Draws the mesh from the front, left and above.

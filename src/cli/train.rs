@@ -1,6 +1,5 @@
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::time::{Instant, SystemTime};
 
 use serde::Serialize;
@@ -8,7 +7,7 @@ use serde::Serialize;
 use super::Failure;
 use super::args::accuracy;
 use super::failure::OrInvalid;
-use super::output::{Progress, percent, print, print_json, stop_on_signal};
+use super::output::{Progress, percent, print, stop_on_signal};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
@@ -103,10 +102,7 @@ struct Outcome {
 pub fn run(args: TrainArgs) -> Result<(), Failure> {
     let session = Session::start().map_err(Failure::invalid)?;
     let result = train(args, &session);
-    session.end(result, |failure| {
-        failure.report();
-        failure.code().into()
-    })
+    session.end(result, |failure| failure.report().into())
 }
 
 fn train(args: TrainArgs, session: &Session) -> Result<(), Failure> {
@@ -115,14 +111,12 @@ fn train(args: TrainArgs, session: &Session) -> Result<(), Failure> {
     let mut training = begin(&args, session)?;
     let stop = stop_on_signal()?;
     // All processes stop together, so all ask.
-    let stop = || cluster.any(stop.load(Ordering::Relaxed));
+    let stop = || cluster.any(stop());
     let baseline = match cluster.is_first() {
         true => Some(result::baseline(&training, args.json)?),
         false => None,
     };
-    let random = baseline
-        .as_ref()
-        .map_or(0.0, |baseline| baseline.mean_score);
+    let random = baseline.as_ref().map_or(0.0, |random| random.mean_score);
 
     prepare(&mut training, &stop, quiet)?;
 
@@ -132,13 +126,10 @@ fn train(args: TrainArgs, session: &Session) -> Result<(), Failure> {
     let mut seconds = [0.0; 3];
     let mut diverged_episodes = 0;
     while !training.is_complete() && !stop() {
-        let report = training.advance().map_err(Failure::of_run)?;
-        let brought = format!(
-            "score: mean {}, best {} (random {:.2} %)",
-            percent(report.mean_score),
-            percent(report.best_score),
-            100.0 * random,
-        );
+        let report = training.advance()?;
+        let [mean, best] = [report.mean_score, report.best_score].map(percent);
+        let random = percent(Some(random));
+        let brought = format!("score: mean {mean}, best {best} (random {random})");
         progress.step(training.env_steps(), brought);
         let ends = report.iteration.episodes.iter().map(|episode| episode.end);
         diverged_episodes += ends.filter(|&end| end == End::Diverged).count();
@@ -146,10 +137,10 @@ fn train(args: TrainArgs, session: &Session) -> Result<(), Failure> {
         let spent = [spent.simulation, spent.inference, spent.update];
         seconds = std::array::from_fn(|k| seconds[k] + spent[k]);
         if report.iteration.number.is_multiple_of(CHECKPOINT_INTERVAL) {
-            training.checkpoint().map_err(Failure::of_run)?;
+            training.checkpoint()?;
         }
     }
-    training.checkpoint().map_err(Failure::of_run)?;
+    training.checkpoint()?;
     drop(progress);
     let elapsed = start.elapsed().as_secs_f64();
     if training.is_complete() && training.config.polish > 0 && !stop() {
@@ -182,50 +173,44 @@ fn train(args: TrainArgs, session: &Session) -> Result<(), Failure> {
         diverged_episodes,
         proof,
     };
-    report(&outcome, &args)
+    print(&outcome, args.json, text)
 }
 
 /// A new run, or the one to be resumed.
 fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
     let cluster = &session.cluster;
     let quiet = args.json || !cluster.is_first();
-    if let Some(path) = &args.resume {
-        let folder = RunFolder::open(path).or_invalid()?;
-        folder.check_trained().map_err(Failure::of_run)?;
-        let mut config = RunConfig::read(&folder.config).or_invalid()?;
-        config.set_device(args.device);
-        config.shift_device(session.local_rank);
-        let place = folder.config.display().to_string();
-        config
-            .check_processes(cluster.size())
-            .or_invalid_in(&place)?;
-        config.device.open().or_invalid_in(&place)?;
-        let scene = Arc::new(set_up_over_tool(&config.scene, &place, quiet)?);
-        let scenes = set_up_scenes(&config, scene, &place, quiet)?;
-        return Training::resume(config, scenes, folder, cluster).map_err(Failure::of_run);
+    let resumed = args.resume.as_deref().map(RunFolder::open);
+    let resumed = resumed.transpose().or_invalid()?;
+    if let Some(folder) = &resumed {
+        folder.check_trained()?;
     }
-    let (mut config, place) = read_config(args.config.as_deref())?;
+    let file = resumed.as_ref().map(|folder| &*folder.config);
+    let (mut config, place) = read_config(file.or(args.config.as_deref()))?;
     config.seed = args.seed.unwrap_or(config.seed);
     config.steps = args.steps.unwrap_or(config.steps);
     config.polish = args.polish.unwrap_or(config.polish);
     config.set_device(args.device);
     config.shift_device(session.local_rank);
-    config
-        .check_processes(cluster.size())
-        .or_invalid_in(&place)?;
+    let checked = config.check_processes(cluster.size());
+    checked.or_invalid_in(&place)?;
     if let Some(accuracy) = args.accuracy {
         config.env.set_accuracy(accuracy);
     }
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
+    if let Some(folder) = resumed {
+        let scene = Arc::new(set_up_over_tool(&config.scene, &place, quiet)?);
+        let scenes = set_up_scenes(&config, scene, &place, quiet)?;
+        return Ok(Training::resume(config, scenes, folder, cluster)?);
+    }
     let (scene, kept) = set_up_run(&config, &place, quiet)?;
     let scenes = set_up_scenes(&config, scene, &place, quiet)?;
 
     let info = RunInfo::new(config.seed, SystemTime::now());
     let kept = (&*kept.0, &*kept.1);
     let create = || RunFolder::create(&args.runs, args.name.as_deref(), kept, &info);
-    let made = cluster.is_first().then(create).transpose();
-    let made = made.map_err(Failure::of_run)?;
+    let made = cluster.is_first().then(create).transpose()?;
     // The first has made it, where all can see it.
     let path = cluster.gather(made.map(|folder| folder.path));
     let path = path.into_iter().flatten().next();
@@ -233,13 +218,13 @@ fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
     if !quiet {
         eprintln!("writing {}", folder.path.display());
     }
-    Training::new(config, scenes, folder, cluster).map_err(Failure::of_run)
+    Ok(Training::new(config, scenes, folder, cluster)?)
 }
 
 /// What comes before the first rollout.
 fn prepare(training: &mut Training, stop: &dyn Fn() -> bool, json: bool) -> Result<(), Failure> {
     let mut bar = ("", None);
-    let prepared = training.prepare(|doing, share| {
+    training.prepare(|doing, share| {
         let (title, told) = match doing {
             Preparation::Searching { best } => ("searching", format!("best {}", percent(best))),
             Preparation::Imitating { loss } => ("imitating", format!("{loss:.3} nat off")),
@@ -250,8 +235,8 @@ fn prepare(training: &mut Training, stop: &dyn Fn() -> bool, json: bool) -> Resu
         let progress = bar.1.as_ref().expect("it has been started");
         progress.tell(share, &format!("{title}, {told}"));
         !stop()
-    });
-    prepared.map_err(Failure::of_run)
+    })?;
+    Ok(())
 }
 
 /// Searches on from the best paths of a training that is complete.
@@ -261,11 +246,11 @@ fn polish(training: &mut Training, stop: &dyn Fn() -> bool, json: bool) -> Resul
         eprintln!("polishing the best paths");
     }
     let progress = Progress::of_steps(0, steps, json);
-    let polished = training.polish(|spent, best| {
+    training.polish(|spent, best| {
         progress.step(spent, format!("score: best {}", percent(best)));
         !stop()
-    });
-    polished.map_err(Failure::of_run)
+    })?;
+    Ok(())
 }
 
 /// Draws the curve of a training that is complete and proves its best paths. Gives the proof.
@@ -286,16 +271,12 @@ fn finish(
     if !json {
         eprintln!("proving the best paths");
     }
-    let mut best = folder.read_best_sequence()?;
-    best.others.truncate(2 * config.proof_paths - 1);
-    let (task, orders) = ((training.scene(), &config.env), (config.proof_paths, false));
-    Ok(proof::proved(folder, task, best, orders, json)?.0)
+    let best = folder.read_best_sequence()?;
+    let (task, orders) = ((training.scene(), config), (config.proof_paths, false));
+    proof::proved(folder, task, best, orders, json)
 }
 
-fn report(outcome: &Outcome, args: &TrainArgs) -> Result<(), Failure> {
-    if args.json {
-        return print_json(outcome);
-    }
+fn text(outcome: &Outcome) -> String {
     let run = outcome.run.display();
     let share = |share: f64| 100.0 * share;
     let diverged = match outcome.diverged_episodes {
@@ -307,7 +288,7 @@ fn report(outcome: &Outcome, args: &TrainArgs) -> Result<(), Failure> {
         (true, None) => "no best sequence".into(),
         (false, _) => format!("interrupted; go on with: drape train --resume {run}"),
     };
-    print(&format!(
+    format!(
         "{run}: {} environment steps in {:.0} s ({:.0} a second; simulation {:.0} %, inference \
          {:.0} %, update {:.0} %)\n\
          score: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{diverged}{next}",
@@ -321,5 +302,5 @@ fn report(outcome: &Outcome, args: &TrainArgs) -> Result<(), Failure> {
         percent(outcome.best_score),
         share(outcome.random_mean_score),
         share(outcome.random_deviation),
-    ))
+    )
 }

@@ -17,11 +17,13 @@ impl Best {
         self.0.first().map(|best| best.score)
     }
 
-    /// Keeps the sequence of an episode if it is among the best so far; whether it is.
+    /// Keeps the sequence of an episode, which has no score if it diverged, if it is among the best so
+    /// far; whether it is.
     ///
     /// # Panics
     /// If an action has no vertex.
-    pub fn remember(&mut self, score: f64, actions: &[u32], task: &Task) -> bool {
+    pub fn remember(&mut self, score: Option<f64>, actions: &[u32], task: &Task) -> bool {
+        let Some(score) = score else { return false };
         // Behind those that were as good before.
         let place = self.0.partition_point(|other| other.score >= score);
         if place >= MOST {
@@ -69,10 +71,7 @@ impl Best {
     /// All of them, as actions.
     pub fn actions(&self, task: &Task) -> Vec<Vec<u32>> {
         let action = |&vertex: &u32| task.action(vertex);
-        let actions = self
-            .0
-            .iter()
-            .map(|best| best.vertices.iter().filter_map(action));
-        actions.map(Iterator::collect).collect()
+        let actions = |best: &Scored| best.vertices.iter().filter_map(action).collect();
+        self.0.iter().map(actions).collect()
     }
 }

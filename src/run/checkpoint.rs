@@ -1,9 +1,9 @@
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Result, bail};
 use serde::{Deserialize, Serialize};
 
-use super::folder::{RunFolder, config_digest};
+use super::folder::{RunError, RunFolder};
 use drape_cloth::file::{Sealed, WriteError};
 use drape_learn::ppo::Sections;
 
@@ -22,29 +22,18 @@ const FILE: Sealed = Sealed {
 /// stream turns it into a section.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// [`config_digest`] of the configuration that stands in the run folder.
+    /// [`digest`](super::digest) of the configuration that stands in the run folder.
     pub config_digest: String,
     /// Binary content by name.
     pub sections: Sections,
-}
-
-/// A checkpoint of another run, or of one whose configuration was edited.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: written for another configuration than {}", path.display(), config.display())]
-pub struct OtherConfig {
-    pub path: PathBuf,
-    pub config: PathBuf,
 }
 
 impl Checkpoint {
     /// Reads a checkpoint of the run in `folder`.
     pub fn of_run(path: &Path, folder: &RunFolder) -> Result<Self> {
         let checkpoint: Self = FILE.read(path)?;
-        if checkpoint.config_digest != config_digest(&folder.config_text()?) {
-            bail!(OtherConfig {
-                path: path.into(),
-                config: folder.config.clone(),
-            });
+        if checkpoint.config_digest != folder.config_digest()? {
+            bail!(RunError::OtherConfig(path.into(), folder.config.clone()));
         }
         Ok(checkpoint)
     }

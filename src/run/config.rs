@@ -229,7 +229,7 @@ impl RunConfig {
         let folder = path.parent().unwrap_or(Path::new(""));
         for (input, expected) in &config.inputs {
             let input = folder.join(input);
-            let found = digest(&read_bytes(&input, MAX_INPUT_MIB)?);
+            let found = digest(read_bytes(&input, MAX_INPUT_MIB)?);
             if found != *expected {
                 let fault = format!(
                     "digest is {found}, expected {expected}: it has changed since the run began"

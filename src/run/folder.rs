@@ -1,6 +1,6 @@
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use anyhow::{Context, Result, anyhow, bail};
@@ -84,7 +84,7 @@ pub struct BestSequence {
     pub score: f64,
     /// Rows and columns of the fabric's vertices.
     pub grid: ImageShape,
-    /// [`config_digest`] of the configuration in which the sequence was found.
+    /// [`digest`] of the configuration in which the sequence was found.
     pub config_digest: String,
     /// The next best episodes, best first: what polish has found before what training has.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -114,11 +114,16 @@ pub struct Proved {
 }
 
 impl BestSequence {
+    /// The vertices of all of them, best first.
+    pub fn all(&self) -> impl Iterator<Item = &Vec<u32>> {
+        let others = self.others.iter().map(|other| &other.vertices);
+        std::iter::once(&self.vertices).chain(others)
+    }
+
     fn check_vertices(&self, place: &Path) -> Result<()> {
         let place = place.display();
         let count = self.grid.pixel_count();
-        let others = self.others.iter().map(|other| &other.vertices);
-        for vertices in std::iter::once(&self.vertices).chain(others) {
+        for vertices in self.all() {
             if vertices.is_empty() {
                 bail!("{place} has no vertices, expected one or more");
             }
@@ -129,10 +134,10 @@ impl BestSequence {
         Ok(())
     }
 
-    /// What is wrong if the sequence was found in another configuration than `config`, a text.
-    pub fn check_config(&self, config: &str) -> Result<(), String> {
-        let (found, expected) = (&self.config_digest, config_digest(config));
-        match *found == expected {
+    /// What is wrong if the sequence was found in another configuration than that of this digest.
+    pub fn check_config(&self, expected: &str) -> Result<(), String> {
+        let found = &self.config_digest;
+        match found == expected {
             true => Ok(()),
             false => Err(format!(
                 "found in the configuration with digest {found:.40}, this one has {expected}"
@@ -141,15 +146,10 @@ impl BestSequence {
     }
 }
 
-/// A short name for a configuration text: `crc32:` and eight hexadecimal digits. Tells
-/// different configurations apart; it is no protection against forgery.
-pub fn config_digest(config: &str) -> String {
-    digest(config.as_bytes())
-}
-
-/// The same for any file.
-pub(super) fn digest(content: &[u8]) -> String {
-    format!("crc32:{:08x}", crc32fast::hash(content))
+/// A short name for a configuration or another file: `crc32:` and eight hexadecimal digits. Tells
+/// different ones apart; it is no protection against forgery.
+pub fn digest(content: impl AsRef<[u8]>) -> String {
+    format!("crc32:{:08x}", crc32fast::hash(content.as_ref()))
 }
 
 /// A file that a run is made from: path in the folder of the run, and content.
@@ -173,6 +173,9 @@ pub enum RunError {
         .0.display()
     )]
     Searched(PathBuf, String),
+    /// A checkpoint of another run, or of one whose configuration was edited.
+    #[error("{}: written for another configuration than {}", .0.display(), .1.display())]
+    OtherConfig(PathBuf, PathBuf),
 }
 
 /// `prefix` and the minute of `now` (UTC), as in `2026-11-21-0412`, then with `-2`, `-3`, ...
@@ -243,12 +246,6 @@ fn moved(from: &Path, to: &Path) -> io::Result<bool> {
 /// Folders in that of a run.
 const FOLDERS: [&str; 3] = ["events", "checkpoints", "pictures"];
 
-/// What [`RunFolder::lock`] gives.
-#[derive(Debug)]
-pub struct RunLock {
-    _file: File,
-}
-
 impl RunFolder {
     fn at(path: PathBuf) -> Self {
         Self {
@@ -278,14 +275,10 @@ impl RunFolder {
     ) -> Result<Self> {
         let names: Box<dyn Iterator<Item = String>> = match name {
             None => Box::new(dated_names("", SystemTime::now())),
-            Some(name) => {
-                let mut parts = Path::new(name).components();
-                match (parts.next(), parts.next()) {
-                    (Some(Component::Normal(part)), None) if part == name => {}
-                    _ => bail!(RunError::Name(name.into())),
-                }
+            Some(name) if Path::new(name).file_name() == Some(name.as_ref()) => {
                 Box::new(std::iter::once(name.into()))
             }
+            Some(name) => bail!(RunError::Name(name.into())),
         };
         fs::create_dir_all(root).with_context(|| cannot_create(root))?;
         remove_stale(root);
@@ -334,10 +327,10 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Keeps other processes from writing into the run until the lock is dropped or this process
-    /// ends, however it ends. What a killed one left behind goes, and folders that are missing
+    /// Keeps other processes from writing into the run until the file that it gives is closed or this
+    /// process ends, however it ends. What a killed one left behind goes, and folders that are missing
     /// are made.
-    pub fn lock(&self) -> Result<RunLock> {
+    pub fn lock(&self) -> Result<File> {
         let path = self.path.join(".lock");
         let mut options = OpenOptions::new();
         let file = options.create(true).truncate(false).write(true).open(&path);
@@ -352,7 +345,7 @@ impl RunFolder {
         for folder in std::iter::once("").chain(FOLDERS) {
             remove_temporaries(&self.path.join(folder));
         }
-        Ok(RunLock { _file: file })
+        Ok(file)
     }
 
     /// The existing run folder at `path`.
@@ -382,9 +375,9 @@ impl RunFolder {
         }
     }
 
-    /// What stands in [`RunFolder::config`].
-    pub fn config_text(&self) -> Result<String> {
-        Ok(read_text(&self.config)?)
+    /// [`digest`] of what stands in [`RunFolder::config`].
+    pub fn config_digest(&self) -> Result<String> {
+        Ok(digest(read_text(&self.config)?))
     }
 
     /// Replaces the best sequence.
@@ -455,7 +448,7 @@ mod tests {
                 rows: 2,
                 columns: 3,
             },
-            config_digest: config_digest(CONFIG),
+            config_digest: digest(CONFIG),
             others: vec![Scored {
                 vertices: vec![3],
                 score: 0.5,

@@ -18,11 +18,9 @@ mod scenes;
 mod training;
 
 pub use best::Best;
-pub use checkpoint::{Checkpoint, OtherConfig};
+pub use checkpoint::Checkpoint;
 pub use config::RunConfig;
-pub use folder::{
-    BestSequence, Input, Proved, RunError, RunFolder, RunInfo, RunLock, config_digest, dated_folder,
-};
+pub use folder::{BestSequence, Input, Proved, RunError, RunFolder, RunInfo, dated_folder, digest};
 pub use metrics::{curve, read_metrics};
 pub use rollout::{
     EpisodeSummary, PlayedEpisode, RolloutError, Rules, parallel_episodes, play, random_episodes,

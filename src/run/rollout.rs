@@ -7,7 +7,7 @@ use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::measure::{sheared, surplus};
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::Snapshot;
+use drape_cloth::sim::{Observation, Snapshot};
 use drape_task::env::{Draping, End, EnvConfig, EpisodeState, Played, ReplayDiverged, Task, Tasks};
 use drape_task::path::PathFigures;
 use drape_task::recording::Recording;
@@ -91,7 +91,7 @@ pub fn play(
 ) -> Result<PlayedEpisode, RolloutError> {
     let (start, mut watching) = (Instant::now(), Duration::ZERO);
     let mut recording = Recording::new(draping.task(0), false);
-    let all = draping.play(|draping| {
+    let mut played = draping.play(|draping| {
         let before = Instant::now();
         told(recording.frames.len());
         recording.see(draping.task(0), &draping.episode(0));
@@ -99,7 +99,7 @@ pub fn play(
         vec![choose(draping)]
     });
     let seconds = (start.elapsed() - watching).as_secs_f64();
-    let Played { episode, end } = all.into_iter().next().expect("there is one environment");
+    let Played { episode, end } = played.remove(0);
     if episode.end == End::Diverged {
         let presses = episode.actions.len();
         return Err(ReplayDiverged { presses }.into());
@@ -149,12 +149,8 @@ pub fn replay(
         recording.see(draping.task(0), &draping.episode(0));
         start = Instant::now();
     });
-    if let Some(error) = broken {
-        return Err(error);
-    }
-    for end in ends {
-        end?;
-    }
+    broken.map_or(Ok(()), Err)?;
+    ends.into_iter().collect::<Result<(), _>>()?;
     let summary = summarise(draping.task(0), &draping.episode(0), seconds);
     Ok(PlayedEpisode { summary, recording })
 }
@@ -167,9 +163,8 @@ fn fault(draping: &Draping, vertices: &[u32], step: usize, limit: usize) -> Opti
         (true, Some(_)) => Some(RolloutError::Long { steps: step, found }),
         (false, None) => Some(RolloutError::Short { steps: step }),
         (false, Some(&vertex)) => {
-            let action = draping.action(vertex)?;
-            (!draping.observation(0).allows(action))
-                .then_some(RolloutError::Forbidden { step, vertex })
+            let is_allowed = draping.observation(0).allows(draping.action(vertex)?);
+            (!is_allowed).then_some(RolloutError::Forbidden { step, vertex })
         }
     }
 }
@@ -182,48 +177,40 @@ pub fn random_episodes(
     count: usize,
     progress: impl FnMut(f64),
 ) -> Result<Vec<EpisodeSummary>, RolloutError> {
-    let choose = |draping: &Draping, streams: &mut [Stream]| -> Vec<u32> {
-        let draw = |(index, stream): (usize, &mut Stream)| {
-            let mut allowed = draping.observation(index).allowed();
-            let chosen = stream.below(allowed.clone().count());
-            allowed.nth(chosen).expect("some action is allowed")
-        };
-        streams.iter_mut().enumerate().map(draw).collect()
+    let choose = |seen: Observation, stream: &mut Stream| {
+        let chosen = stream.below(seen.allowed().count());
+        let action = seen.allowed().nth(chosen);
+        action.expect("some action is allowed")
     };
     parallel_episodes(scene, config, count, choose, progress)
 }
 
-/// `count` episodes at once, each with a random stream of its own. `choose` gives one action
-/// an environment, `progress` is told about what share 0..1 is done. Diverged episodes are left out.
+/// `count` episodes at once, each with a random stream of its own, by which `choose` gives the action
+/// for what is seen. `progress` is told about what share 0..1 is done. Diverged episodes are left out.
 pub fn parallel_episodes(
     scene: &Arc<Scene>,
     config: &EnvConfig,
     count: usize,
-    mut choose: impl FnMut(&Draping, &mut [Stream]) -> Vec<u32>,
+    mut choose: impl FnMut(Observation, &mut Stream) -> u32,
     mut progress: impl FnMut(f64),
 ) -> Result<Vec<EpisodeSummary>, RolloutError> {
-    if count == 0 {
-        return Ok(Vec::new());
-    }
     let start = Instant::now();
     let mut draping = Draping::new(scene.clone(), config, count)?;
-    let mut streams: Vec<Stream> = (0..count)
-        .map(|index| Stream::new(SEED, Purpose::Evaluation, index as u32))
-        .collect();
+    let stream = |index| Stream::new(SEED, Purpose::Evaluation, index);
+    let mut streams: Vec<Stream> = (0..count as u32).map(stream).collect();
     let expected = draping.task(0).expected_presses() as f64;
     let mut steps = 0.0;
     let all = draping.play(|draping| {
         progress(f64::min(steps / expected, 1.0));
         steps += 1.0;
-        choose(draping, &mut streams)
+        let each = streams.iter_mut().enumerate();
+        let each = each.map(|(k, stream)| choose(draping.observation(k), stream));
+        each.collect()
     });
     let seconds = start.elapsed().as_secs_f64() / count as f64;
-    let ended = all
-        .iter()
-        .filter(|played| played.episode.end != End::Diverged);
-    Ok(ended
-        .map(|played| summarise(draping.task(0), &played.end, seconds))
-        .collect())
+    let ended = all.iter().filter(|one| one.episode.end != End::Diverged);
+    let summaries = ended.map(|one| summarise(draping.task(0), &one.end, seconds));
+    Ok(summaries.collect())
 }
 
 /// Measures how presses have ended.

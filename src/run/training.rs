@@ -1,4 +1,4 @@
-use std::fs;
+use std::fs::{self, File};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -10,7 +10,7 @@ use super::best::Best;
 use super::checkpoint::Checkpoint;
 use super::config::RunConfig;
 use super::events::{create_events, scalar_record};
-use super::folder::{RunFolder, RunLock, config_digest};
+use super::folder::RunFolder;
 use super::log::Log;
 use super::metrics::{metrics_line, read_lines};
 use drape_cloth::math::{Purpose, Stream};
@@ -21,7 +21,7 @@ use drape_learn::ppo::{
 };
 use drape_study::proof::finely;
 use drape_task::cluster::Cluster;
-use drape_task::env::{Draping, End, Episode, Member, Reward, Tasks};
+use drape_task::env::{Draping, End, EnvConfig, Episode, Member, Reward, Tasks};
 use drape_task::search::{Annealing, Arena, CrossEntropy, Order, anneal, choose, cross_entropy};
 
 /// Checkpoint section of what the run itself remembers.
@@ -47,7 +47,7 @@ pub struct Training {
     cluster: Cluster,
     /// Metrics and events; only the first process of a cluster writes.
     logs: Option<[Log; 2]>,
-    _lock: Option<RunLock>,
+    _lock: Option<File>,
 }
 
 /// What a run remembers beside its learner.
@@ -98,36 +98,49 @@ impl Training {
         folder: RunFolder,
         cluster: &Cluster,
     ) -> Result<Self> {
-        let lock = cluster.is_first().then(|| folder.lock()).transpose()?;
-        Self::begin(config, scenes, (folder, lock, cluster), Reward::default())
+        Self::set_up(config, scenes, folder, cluster, Reward::default())?.begin()
     }
 
-    fn begin(
+    /// One with neither logs nor a checkpoint yet.
+    fn set_up(
         config: RunConfig,
         scenes: Scenes,
-        (folder, lock, cluster): (RunFolder, Option<RunLock>, &Cluster),
+        folder: RunFolder,
+        cluster: &Cluster,
         reward: Reward,
     ) -> Result<Self> {
-        let (trainer, evaluation) = learner(&config, scenes, reward, cluster)?;
-        let logs = || -> Result<_> {
-            let events = create_events(&folder.events, wall_time());
-            Ok([Log::create(&folder.metrics)?, events?])
-        };
-        let mut training = Self {
-            logs: cluster.is_first().then(logs).transpose()?,
-            cluster: cluster.clone(),
-            config_digest: config_digest(&folder.config_text()?),
-            own_tasks: config.members()?[0].environments,
+        let lock = cluster.is_first().then(|| folder.lock()).transpose()?;
+        let evaluation = member(&scenes[0], &config.env, 1);
+        let members = config.members()?;
+        let own_tasks = members[0].environments;
+        let members = scenes.iter().zip(members);
+        let members = members.map(|(scene, own)| member(scene, &own.env, own.environments));
+        let tasks = Draping::on(members.collect(), cluster)?;
+        let tasks = tasks.forgetting_ends().with_reward(reward);
+        let (ppo, policy) = (config.ppo.clone(), &config.policy);
+        let trainer = Trainer::new(ppo, policy, tasks, config.seed, config.device)?;
+        Ok(Self {
+            config_digest: folder.config_digest()?,
+            trainer: trainer.among(cluster)?,
+            evaluation: Draping::on(vec![evaluation], cluster)?,
+            own_tasks,
             config,
             folder,
-            trainer,
-            evaluation,
             memory: Memory::default(),
+            cluster: cluster.clone(),
+            logs: None,
             _lock: lock,
-        };
+        })
+    }
+
+    fn begin(mut self) -> Result<Self> {
+        if self.cluster.is_first() {
+            let events = create_events(&self.folder.events, wall_time());
+            self.logs = Some([Log::create(&self.folder.metrics)?, events?]);
+        }
         // Whatever happens from now on, the run can be gone on with.
-        training.checkpoint()?;
-        Ok(training)
+        self.checkpoint()?;
+        Ok(self)
     }
 
     /// The training in `folder` as its last checkpoint left it. Metrics that were written
@@ -139,7 +152,8 @@ impl Training {
         folder: RunFolder,
         cluster: &Cluster,
     ) -> Result<Self> {
-        let lock = cluster.is_first().then(|| folder.lock()).transpose()?;
+        let mut training = Self::set_up(config, scenes, folder, cluster, Reward::default())?;
+        let folder = &training.folder;
         let path = folder.last_checkpoint.clone();
         // The first checkpoint comes before the first line.
         let has_begun = path.exists() || fs::metadata(&folder.metrics).is_ok_and(|m| m.len() > 0);
@@ -150,27 +164,16 @@ impl Training {
                     let _ = fs::remove_file(log);
                 }
             }
-            return Self::begin(config, scenes, (folder, lock, cluster), Reward::default());
+            return training.begin();
         }
         let name = || path.display().to_string();
-        let Checkpoint { sections, .. } = Checkpoint::of_run(&path, &folder)?;
-        let (mut trainer, evaluation) = learner(&config, scenes, Reward::default(), cluster)?;
-        trainer.load(&sections).with_context(name)?;
-        let memory: Memory = read_section(&sections, RUN, decode).with_context(name)?;
-        let logs = || reopen_logs(&folder, memory.lines);
-        let logs = cluster.is_first().then(logs).transpose()?;
-        Ok(Self {
-            own_tasks: config.members()?[0].environments,
-            config,
-            config_digest: config_digest(&folder.config_text()?),
-            folder,
-            trainer,
-            evaluation,
-            memory,
-            cluster: cluster.clone(),
-            logs,
-            _lock: lock,
-        })
+        let Checkpoint { sections, .. } = Checkpoint::of_run(&path, folder)?;
+        training.trainer.load(&sections).with_context(name)?;
+        training.memory = read_section(&sections, RUN, decode).with_context(name)?;
+        if cluster.is_first() {
+            training.logs = Some(reopen_logs(&training.folder, training.memory.lines)?);
+        }
+        Ok(training)
     }
 
     /// The scene of the run.
@@ -235,8 +238,9 @@ impl Training {
         if let (false, Some(before)) = (is_whole, before) {
             return Ok(self.trainer.load(&before)?);
         }
-        for episode in shown {
-            self.remember_episode(&episode)?;
+        let count = self.own_tasks;
+        for episode in shown.iter().filter(|e| e.task < count) {
+            self.remember(episode.score, &episode.actions)?;
         }
         self.memory.is_prepared = true;
         self.checkpoint()
@@ -256,17 +260,12 @@ impl Training {
         for (number, task) in tasks.tasks().iter().enumerate() {
             let count = tasks.environments(number).count();
             let steps = all * count as u64 / tasks.count() as u64;
-            let member = Member {
-                scene: task.scene.clone(),
-                config: task.config.clone(),
-                count,
-            };
+            let member = member(&task.scene, &task.config, count);
             let mut draping = Draping::on(vec![member], &self.cluster)?;
             let mut best = Best::default();
             let mut watch = |spent: u64, ended: &[Episode]| {
-                let whole = ended.iter().filter(|e| e.end == End::Terminated);
-                for (score, episode) in whole.filter_map(|e| Some((e.score?, e))) {
-                    best.remember(score, &episode.actions, task);
+                for episode in ended.iter().filter(|e| e.end == End::Terminated) {
+                    best.remember(episode.score, &episode.actions, task);
                 }
                 is_whole = go_on(best.score(), (before + spent) as f64 / all as f64);
                 is_whole
@@ -290,13 +289,14 @@ impl Training {
     /// caller, except that of a policy which plays better than every one before.
     pub fn advance(&mut self) -> Result<TrainingReport> {
         let iteration = self.trainer.iterate()?;
-        let own = |episode: &&EpisodeRecord| episode.task < self.own_tasks;
-        let scores = iteration.episodes.iter().filter(own);
-        self.memory.recent.extend(scores.filter_map(|e| e.score));
-        let own = iteration.episodes.iter().filter(|e| self.is_own(e));
+        let count = self.own_tasks;
+        let own = iteration.episodes.iter().filter(|e| e.task < count);
+        self.memory
+            .recent
+            .extend(own.clone().filter_map(|e| e.score));
         let score = |episode: &&EpisodeRecord| episode.score.unwrap_or(f64::NEG_INFINITY);
         if let Some(best) = own.max_by(|a, b| score(a).total_cmp(&score(b))) {
-            self.remember_episode(best)?;
+            self.remember(best.score, &best.actions)?;
         }
         let surplus = self.memory.recent.len().saturating_sub(RECENT);
         self.memory.recent.drain(..surplus);
@@ -319,12 +319,7 @@ impl Training {
     /// score. No checkpoint is to follow: a run that is resumed polishes again, to the same end.
     pub fn polish(&mut self, mut go_on: impl FnMut(u64, Option<f64>) -> bool) -> Result<()> {
         let config = &self.config;
-        let fine = finely(&config.env);
-        let member = Member {
-            scene: self.scene().clone(),
-            config: fine,
-            count: config.environments,
-        };
+        let member = member(self.scene(), &finely(&config.env), config.environments);
         let mut draping = Draping::on(vec![member], &self.cluster)?.costly();
         let agent = self.trainer.agent();
         let mut policy = |seen: &[Observation]| agent.log_probs(seen);
@@ -332,20 +327,13 @@ impl Training {
         let (starts, mut best) = (self.memory.best.actions(evaluation), Best::default());
         let mut watch = |spent: u64, ended: &[Episode]| {
             for episode in ended {
-                if let Some(score) = episode.score {
-                    best.remember(score, &episode.actions, evaluation);
-                }
+                best.remember(episode.score, &episode.actions, evaluation);
             }
             go_on(spent, best.score())
         };
         let mut arena = Arena::new(&mut draping, config.polish, &mut watch);
-        anneal(
-            &mut arena,
-            Annealing::polish(),
-            &starts,
-            &mut policy,
-            config.seed,
-        );
+        let method = Annealing::polish();
+        anneal(&mut arena, method, &starts, &mut policy, config.seed);
         self.memory.best = best.before(&self.memory.best);
         self.write_best()
     }
@@ -387,32 +375,17 @@ impl Training {
         let agent = self.trainer.agent();
         let greedy = |draping: &Draping| agent.act(&[draping.observation(0)], Sampling::Greedy);
         let episode = self.evaluation.play(greedy).swap_remove(0).episode;
-        let Some(score) = episode.score else {
-            return Ok(None);
-        };
-        self.remember(score, &episode.actions)?;
-        if self.memory.best_greedy.is_none_or(|best| score > best) {
-            self.memory.best_greedy = Some(score);
+        self.remember(episode.score, &episode.actions)?;
+        if episode.score > self.memory.best_greedy {
+            self.memory.best_greedy = episode.score;
             let sections = Sections::from([(NETWORK.into(), agent.save())]);
             self.save(sections, &self.folder.best_checkpoint)?;
         }
-        Ok(Some(score))
-    }
-
-    /// Whether an episode was played on the run's own scene.
-    fn is_own(&self, episode: &EpisodeRecord) -> bool {
-        episode.task < self.own_tasks
-    }
-
-    fn remember_episode(&mut self, episode: &EpisodeRecord) -> Result<()> {
-        match episode.score {
-            Some(score) if self.is_own(episode) => self.remember(score, &episode.actions),
-            _ => Ok(()),
-        }
+        Ok(episode.score)
     }
 
     /// Keeps the sequence of an episode if it is among the best so far.
-    fn remember(&mut self, score: f64, actions: &[u32]) -> Result<()> {
+    fn remember(&mut self, score: Option<f64>, actions: &[u32]) -> Result<()> {
         let best = &mut self.memory.best;
         match best.remember(score, actions, self.evaluation.task(0)) {
             true => self.write_best(),
@@ -493,26 +466,13 @@ fn beginners_order(tasks: &Draping, alike: &[usize], number: usize) -> u32 {
     choose(tasks, alike[number], order, share, &mut stream)
 }
 
-fn learner(
-    config: &RunConfig,
-    scenes: Scenes,
-    reward: Reward,
-    cluster: &Cluster,
-) -> Result<(Trainer<Draping>, Draping)> {
-    let member = |scene, config, count| Member {
-        scene,
-        config,
+/// `count` environments on a scene.
+fn member(scene: &Arc<Scene>, config: &EnvConfig, count: usize) -> Member {
+    Member {
+        scene: scene.clone(),
+        config: config.clone(),
         count,
-    };
-    let evaluation = member(scenes[0].clone(), config.env.clone(), 1);
-    let evaluation = Draping::on(vec![evaluation], cluster)?;
-    let members = config.members()?.into_iter().zip(scenes);
-    let members = members.map(|(own, scene)| member(scene, own.env, own.environments));
-    let tasks = Draping::on(members.collect(), cluster)?;
-    let tasks = tasks.forgetting_ends().with_reward(reward);
-    let (ppo, policy) = (config.ppo.clone(), &config.policy);
-    let trainer = Trainer::new(ppo, policy, tasks, config.seed, config.device)?;
-    Ok((trainer.among(cluster)?, evaluation))
+    }
 }
 
 /// Seconds since 1970; 0 for clocks set before that.

@@ -85,7 +85,6 @@ pub fn again(
     scene: &Scene,
     context: &Context,
 ) -> Result<Recording, StudyError> {
-    let mut scene = scene.clone();
     if recording.rest != scene.lamina.rest || recording.tool != scene.tool.mesh {
         let fault = "recorded on another blank or tool than the scene's";
         return Err(StudyError::Invalid(fault.into()));
@@ -94,10 +93,18 @@ pub fn again(
         let fault = "its start is none of the scene's blank";
         return Err(StudyError::Invalid(fault.into()));
     }
-    scene.initial = recording.start.clone().into();
-    let (scene, env) = (Arc::new(scene), &recording.env);
-    let task = Task::new(scene.clone(), env)?;
-    let vertices = recording.vertices();
+    let (env, vertices) = (&recording.env, recording.vertices());
+    let begun = Arc::new(Scene {
+        initial: recording.start.clone().into(),
+        ..scene.clone()
+    });
+    // Scores count from where the twin rests, or from the start of the scene, of which the solver's own
+    // is rounded.
+    let of_scores = match recording.by_twin {
+        true => begun.clone(),
+        false => Arc::new(scene.clone()),
+    };
+    let task = Task::new(of_scores, env)?;
     let again = Mutex::new(Recording::new(&task, recording.by_twin));
     let see = |_: usize, episode: &EpisodeState| {
         let mut again = again.lock().expect("nobody panics");
@@ -106,9 +113,9 @@ pub fn again(
         (context.progress)(share, "pressing again");
     };
     let has_ended = match recording.by_twin {
-        true => replay_in_twin(&scene, env, &[&vertices], &see, context)?.0[0].is_some(),
+        true => replay_in_twin(&begun, env, &[&vertices], &see, context)?.0[0].is_some(),
         false => {
-            let mut draping = Draping::new(scene.clone(), env, 1)?;
+            let mut draping = Draping::new(begun, env, 1)?;
             let watch = |draping: &Draping, index, _| see(index, &draping.episode(index));
             draping.replay(&[&vertices], watch)[0].is_ok()
         }

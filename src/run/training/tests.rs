@@ -27,17 +27,8 @@ fn begun(reward: Reward, change: impl Fn(&mut RunConfig)) -> (Training, tempfile
     let info = RunInfo::new(config.seed, SystemTime::now());
     let folder =
         RunFolder::create(root.path(), Some("a"), (&config.to_toml(), &[]), &info).unwrap();
-    let lock = folder.lock().unwrap();
-    (
-        Training::begin(
-            config,
-            scenes,
-            (folder, Some(lock), &Cluster::default()),
-            reward,
-        )
-        .unwrap(),
-        root,
-    )
+    let training = Training::set_up(config, scenes, folder, &Cluster::default(), reward);
+    (training.unwrap().begin().unwrap(), root)
 }
 
 /// What two iterations with `reward` have led to, by a learner that stays as it is: scores,
