@@ -143,9 +143,12 @@ fn recordings() {
     let file = run.path.join("whole.drape");
     played.recording.write(&file).unwrap();
     let whole = fs::read(&file).unwrap();
-    survives("recording.drape", &[whole.clone()], 1000, |path| {
-        Recording::read(path).map(drop).map_err(line)
-    });
+    survives(
+        "recording.drape",
+        std::slice::from_ref(&whole),
+        1000,
+        |path| Recording::read(path).map(drop).map_err(line),
+    );
     // And behind a checksum that fits: what is read can be pressed again, or not at all.
     let content = whole[20..whole.len() - 4].to_vec();
     survives("content.drape", &[content], 400, |path| {
