@@ -46,7 +46,7 @@ fn value_error(error: impl std::fmt::Display) -> PyErr {
 
 /// What the user can mend is a `ValueError`.
 fn failed(failure: Failure) -> PyErr {
-    match failure.is_input() {
+    match failure.is_input {
         true => PyValueError::new_err(failure.line()),
         false => PyRuntimeError::new_err(failure.line()),
     }
