@@ -240,6 +240,27 @@ fn files_import_each_other_in_no_circle() {
     assert!(circles.is_empty(), "{}", circles.join("\n"));
 }
 
+/// What two commands need stands in a file of its own.
+#[test]
+fn commands_import_no_command() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let files = read(&root);
+    let is_command = |module: &Module| {
+        let path = root.join(module.join("/")).with_extension("rs");
+        module.len() == 2
+            && module[0] == "cli"
+            && fs::read_to_string(path).is_ok_and(|source| source.contains("pub fn run(args: "))
+    };
+    let commands: Vec<_> = files.iter().filter(|(name, _)| is_command(name)).collect();
+    assert!(commands.len() > 8, "{}", commands.len());
+    for (name, file) in commands {
+        let others = file.uses.iter().filter_map(|path| holder(&files, path));
+        let mut others = others.filter(|other| *other != file.module);
+        let other = others.find(|other| is_command(other));
+        assert_eq!(other, None, "{}", name.join("::"));
+    }
+}
+
 /// The check itself finds circles, also through a re-export, and no circle in parent and child
 /// that only re-exports.
 #[test]
