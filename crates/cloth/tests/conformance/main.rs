@@ -157,78 +157,67 @@ fn world(lamina: &Lamina, physics: PhysicsConfig) -> World {
 
 /// What environments can differ by, one parameter each and then all of them.
 static PARAMETERS: LazyLock<Vec<(&str, Own)>> = LazyLock::new(|| {
-    let with = |change: fn(&mut Own)| {
-        let mut parameters = Own::default();
-        change(&mut parameters);
-        parameters
+    let law = |change: fn(&mut Parameters)| {
+        let mut own = Own::default();
+        change(&mut own.parameters);
+        own
     };
-    let all = |own: &mut Own| {
-        (own.tool, own.start, own.view) = (1, 1, 1);
-        (own.parameters.tension, own.parameters.compression) = ([0.7, 1.3], [1.6, 0.6]);
-        (
-            own.parameters.bending,
-            own.parameters.shear,
-            own.parameters.friction,
-        ) = ([1.4, 0.7], [0.5, 1.5], [1.2, 0.8]);
-        (
-            own.parameters.areal_mass,
-            own.parameters.pressure,
-            own.parameters.stencil,
-        ) = (1.2, 0.8, 1.1);
-        own.parameters.offset_mm = [-2.0, 3.0];
-        own.parameters.tilt_deviation_deg = 6.0;
+    let (tool, view) = (
+        Own {
+            tool: 1,
+            ..Own::default()
+        },
+        Own {
+            view: 1,
+            ..Own::default()
+        },
+    );
+    let all = Own {
+        tool: 1,
+        start: 1,
+        view: 1,
+        parameters: Parameters {
+            tension: [0.7, 1.3],
+            compression: [1.6, 0.6],
+            bending: [1.4, 0.7],
+            shear: [0.5, 1.5],
+            friction: [1.2, 0.8],
+            areal_mass: 1.2,
+            pressure: 0.8,
+            stencil: 1.1,
+            offset_mm: [-2.0, 3.0],
+            tilt_deviation_deg: 6.0,
+            ..Parameters::default()
+        },
     };
     vec![
-        ("none", with(|_| ())),
-        ("tool", with(|own| own.tool = 1)),
-        ("view", with(|own| own.view = 1)),
+        ("none", Own::default()),
+        ("tool", tool),
+        ("view", view),
+        ("tension of warps", law(|own| own.tension[0] = 0.1)),
+        ("tension of wefts", law(|own| own.tension[1] = 0.1)),
+        ("compression of warps", law(|own| own.compression[0] = 0.3)),
+        ("compression of wefts", law(|own| own.compression[1] = 3.0)),
+        ("bending of warps", law(|own| own.bending[0] = 2.0)),
+        ("bending of wefts", law(|own| own.bending[1] = 0.5)),
+        ("positive shear", law(|own| own.shear[0] = 3.0)),
+        ("negative shear", law(|own| own.shear[1] = 0.3)),
+        ("static friction", law(|own| own.friction[0] = 0.2)),
+        ("dynamic friction", law(|own| own.friction[1] = 0.2)),
+        ("areal mass", law(|own| own.areal_mass = 0.32)),
+        ("pressure", law(|own| own.pressure = 0.01)),
+        ("stencil", law(|own| own.stencil = 1.6)),
+        ("offset", law(|own| own.offset_mm = [6.0, -9.0])),
+        ("tilt", law(|own| own.tilt_deg = [23.0, -29.0])),
         (
-            "tension of warps",
-            with(|own| own.parameters.tension[0] = 0.1),
+            "deviation of offsets",
+            law(|own| own.offset_deviation_mm = 8.0),
         ),
         (
-            "tension of wefts",
-            with(|own| own.parameters.tension[1] = 0.1),
+            "deviation of tilts",
+            law(|own| own.tilt_deviation_deg = 11.0),
         ),
-        (
-            "compression of warps",
-            with(|own| own.parameters.compression[0] = 0.3),
-        ),
-        (
-            "compression of wefts",
-            with(|own| own.parameters.compression[1] = 3.0),
-        ),
-        (
-            "bending of warps",
-            with(|own| own.parameters.bending[0] = 2.0),
-        ),
-        (
-            "bending of wefts",
-            with(|own| own.parameters.bending[1] = 0.5),
-        ),
-        ("positive shear", with(|own| own.parameters.shear[0] = 3.0)),
-        ("negative shear", with(|own| own.parameters.shear[1] = 0.3)),
-        (
-            "static friction",
-            with(|own| own.parameters.friction[0] = 0.2),
-        ),
-        (
-            "dynamic friction",
-            with(|own| own.parameters.friction[1] = 0.2),
-        ),
-        ("mass", with(|own| own.parameters.areal_mass = 0.32)),
-        ("pressure", with(|own| own.parameters.pressure = 0.01)),
-        ("side", with(|own| own.parameters.stencil = 1.6)),
-        ("offset", with(|own| own.parameters.offset_mm = [6.0, -9.0])),
-        ("tilt", with(|own| own.parameters.tilt_deg = [23.0, -29.0])),
-        (
-            "spread",
-            with(|own| {
-                own.parameters.offset_deviation_mm = 8.0;
-                own.parameters.tilt_deviation_deg = 11.0;
-            }),
-        ),
-        ("all", with(all)),
+        ("all", all),
     ]
 });
 
