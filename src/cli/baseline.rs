@@ -9,14 +9,13 @@ use super::failure::OrInvalid;
 use super::output::{Progress, percent, print, stop_on_signal};
 use super::proof;
 use super::result::rollout_failure;
-use super::setup::{read_config, set_up_run};
-use crate::run::{Best, Rules, RunConfig, RunFolder, RunInfo, replay};
+use super::setup::{LIES, read_config, set_up_run, set_up_worlds};
+use crate::run::{Best, Rules, RunConfig, RunFolder, RunInfo, replay, search_by_moves};
 use drape_study::proof::Row;
-use drape_task::env::{Draping, Episode};
+use drape_task::env::{Draping, Episode, Worlds};
 use drape_task::path::PathFigures;
 use drape_task::search::{
-    Annealing, Arena, CrossEntropy, Lookahead, anneal, cross_entropy, drawn, in_order, lookahead,
-    outwards, rasters, spirals, sweeps, uniform,
+    Arena, CrossEntropy, Judge, cross_entropy, drawn, in_order, outwards, sweeps, uniform,
 };
 
 /// Search the best path of a task without learning: what a trained policy has to beat
@@ -24,8 +23,8 @@ use drape_task::search::{
 /// Leaves a run folder as `train` does, without metrics and checkpoints.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  drape baseline --policy anneal
-  drape baseline task.toml --policy raster --json
+  drape baseline --policy moves
+  drape baseline task.toml --policy sweep --json
   drape baseline task.toml --policy cem --steps 50000 --seed 2 --name cem-2")]
 pub struct BaselineArgs {
     /// Configuration file, as for `train`; the built-in quickstart if not given
@@ -65,34 +64,22 @@ enum Policy {
     Sweep,
     /// Outwards from places of finer and finer grids
     Outwards,
-    /// Rows or columns one after the other, from each corner
-    Raster,
-    /// Along the rings of the region, inwards and outwards
-    Spiral,
-    /// The press that scores most at once, of a few that are drawn
-    Greedy,
-    /// The same, with the best few prefixes kept
-    Beam,
     /// Cross-entropy method over a priority of each vertex, drawn alike as far as `search_alike` says
     Cem,
-    /// Simulated annealing over sequences that are cut and go on differently
-    Anneal,
+    /// Moves of the order, beside what it was, in scattered worlds
+    Moves,
 }
 
 impl Policy {
-    /// Searches; false if it has nothing left to try before the steps are spent.
-    fn search(self, arena: &mut Arena, start: &Draping, config: &RunConfig) -> bool {
+    /// Plays episodes; false if it has nothing left to try before the steps are spent.
+    fn play(self, arena: &mut Arena, start: &Draping, config: &RunConfig) -> bool {
         let seed = config.seed;
         match self {
             Self::Random => drawn(arena, &mut uniform, seed),
             Self::Sweep => return !in_order(arena, sweeps(start)),
             Self::Outwards => return !in_order(arena, outwards(start)),
-            Self::Raster => return !in_order(arena, rasters(start)),
-            Self::Spiral => return !in_order(arena, spirals(start)),
-            Self::Greedy => lookahead(arena, Lookahead::greedy(), &mut uniform, seed),
-            Self::Beam => lookahead(arena, Lookahead::beam(), &mut uniform, seed),
             Self::Cem => cross_entropy(arena, CrossEntropy::alike(config.search_alike), seed),
-            Self::Anneal => anneal(arena, Annealing::default(), &[], &mut uniform, seed),
+            Self::Moves => unreachable!("they play no episodes"),
         }
         true
     }
@@ -172,24 +159,44 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
     let digest = folder.config_digest()?;
     let (mut best, mut found) = (Best::default(), Found::default());
     let (mut env_steps, mut written) = (0, Ok(()));
-    let mut watch = |spent: u64, ended: &[Episode]| {
-        env_steps = spent;
-        let before = best.score();
-        for episode in ended {
-            found.count(episode);
-            best.remember(episode.score, &episode.actions, start.task(0));
-        }
-        if best.score() > before
-            && let Some(sequence) = best.sequence(start.task(0), digest.clone())
-        {
-            written = folder.write_best_sequence(&sequence);
-        }
-        let [mean, best] = [found.mean_score, best.score()].map(percent);
-        progress.step(spent, format!("score: mean {mean}, best {best}"));
-        written.is_ok() && !stop()
+    let is_spent = if args.policy == Policy::Moves {
+        let worlds = set_up_worlds(
+            &scene,
+            &config.scatter,
+            (LIES, config.seed),
+            &place,
+            args.json,
+        )?;
+        let worlds = worlds.unwrap_or_else(|| Worlds::nominal(&scene).into());
+        let mut judge = Judge::new(&scene, &config.env, &worlds, false).or_invalid_in(&place)?;
+        let task = (&scene, &config);
+        let moved = search_by_moves(&mut judge, task, Vec::new(), config.steps, |at| {
+            progress.searching(at);
+            env_steps = at.map_or(0, |at| at.spent);
+            !stop()
+        })?;
+        best = Best::judged(moved.orders);
+        !moved.has_converged
+    } else {
+        let mut watch = |spent: u64, ended: &[Episode]| {
+            env_steps = spent;
+            let before = best.score();
+            for episode in ended {
+                found.count(episode);
+                best.remember(episode.score, &episode.actions, start.task(0));
+            }
+            if best.score() > before
+                && let Some(sequence) = best.sequence(start.task(0), digest.clone())
+            {
+                written = folder.write_best_sequence(&sequence);
+            }
+            let [mean, best] = [found.mean_score, best.score()].map(percent);
+            progress.step(spent, format!("score: mean {mean}, best {best}"));
+            written.is_ok() && !stop()
+        };
+        let mut arena = Arena::new(&mut draping, config.steps, &mut watch);
+        args.policy.play(&mut arena, &start, &config)
     };
-    let mut arena = Arena::new(&mut draping, config.steps, &mut watch);
-    let is_spent = args.policy.search(&mut arena, &start, &config);
     written?;
     let seconds = began.elapsed().as_secs_f64();
     drop(progress);
@@ -233,7 +240,7 @@ fn text(outcome: &Outcome, is_spent: bool) -> String {
     let (run, found) = (outcome.run.display(), &outcome.found);
     let end = match is_spent {
         true => "",
-        false => "; no order is left to try",
+        false => "; it has come to its end",
     };
     let [mean, best] = [found.mean_score, outcome.best_score].map(percent);
     let path = |path: PathFigures| format!("best path: {}\n", path.text());

@@ -17,7 +17,7 @@ use drape_cloth::sim::{Accuracy, Observation};
 use drape_learn::policy::DeviceKind;
 use drape_learn::ppo::{Agent, Sampling};
 use drape_study::presses::again;
-use drape_study::proof::Row;
+use drape_study::proof::{Case, Row};
 use drape_study::study::{Context, region};
 use drape_task::env::{Draping, End, Played, Tasks};
 use drape_task::path::PathFigures;
@@ -293,7 +293,11 @@ fn proved_elsewhere(
     let ended = played.iter().filter(|p| p.episode.end != End::Diverged);
     let mut paths = vec![greedy];
     paths.extend(ended.map(vertices));
-    let found = proof::found((scene, env), &paths, (count, false), None, loaded.json)?;
+    let case = Case {
+        env,
+        ..proof::case(scene, &loaded.config)
+    };
+    let found = proof::found(case, &paths, (count, false), None, loaded.json)?;
     Ok(found.rows)
 }
 

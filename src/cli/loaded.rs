@@ -119,7 +119,12 @@ impl Loaded {
         };
         let place = &self.folder.proof;
         self.check(&proved.path, place)?;
-        let played = proof::play(&proved, &self.scene, &self.env, place, self.json)?;
+        let played = proof::play(
+            &proved,
+            proof::case(&self.scene, &self.config),
+            place,
+            self.json,
+        )?;
         Ok((played, Some(proved)))
     }
 

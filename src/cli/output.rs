@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use super::Failure;
 use drape_cloth::file::check_writable;
+use drape_task::search::Searching;
 
 /// A score, or a dash for none.
 pub(super) fn percent(score: Option<f64>) -> String {
@@ -169,6 +170,17 @@ impl Progress {
     pub fn step(&self, done: u64, brought: String) {
         self.bar.set_position(done);
         self.bar.set_message(brought);
+    }
+
+    /// Shows where a search by moves is; nothing is known before it begins.
+    pub fn searching(&self, at: Option<Searching>) {
+        match at {
+            None => self.step(0, "choosing where to begin".into()),
+            Some(at) => self.step(
+                at.spent,
+                format!("worth of the best {}", percent(Some(at.best))),
+            ),
+        }
     }
 }
 

@@ -9,9 +9,9 @@ use super::output::Progress;
 use super::result::{episode_progress, path, rollout_failure, write_recording};
 use crate::run::{BestSequence, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, replay};
 use drape_cloth::scene::Scene;
-use drape_study::proof::{Physics, Proof, Row, finely, prove};
+use drape_study::proof::{Case, Physics, Proof, Row, prove};
 use drape_study::study::Context;
-use drape_task::env::{Draping, EnvConfig};
+use drape_task::env::Draping;
 use drape_task::path::write_json;
 use drape_task::recording::Recording;
 
@@ -27,15 +27,15 @@ pub(super) fn proved(
 ) -> Result<Vec<Row>, Failure> {
     best.others.truncate(2 * config.proof_paths - 1);
     let paths: Vec<Vec<u32>> = best.all().cloned().collect();
-    let (env, place) = (&config.env, folder.config.display().to_string());
-    let found = found((scene, env), &paths, (count, twin), Some(place), json)?;
+    let (case, place) = (case(scene, config), folder.config.display().to_string());
+    let found = found(case, &paths, (count, twin), Some(place), json)?;
     let Some(chosen) = found.best else {
         eprintln!("warning: all of the best paths diverge where they are to be proved");
         return Ok(found.rows);
     };
     // A damaged one is replaced.
     let old = folder.read_proof().ok().flatten().filter(|old| {
-        (old.physics, chosen.physics) == (Physics::Twin, Physics::Accurate)
+        (old.physics, chosen.physics) == (Physics::Twin, Physics::Solver)
             && old.path.config_digest == best.config_digest
             && paths.contains(&old.path.vertices)
     });
@@ -52,7 +52,7 @@ pub(super) fn proved(
             proof: found.rows.clone(),
         })?,
     };
-    let played = play(&proved, scene, env, &folder.proof, json)?.recording;
+    let played = play(&proved, case, &folder.proof, json)?.recording;
     write_json(&folder.trajectory, &path(&played)?)?;
     let old = Recording::read(&folder.recording).ok();
     let is_proof = |recording: &Recording| {
@@ -68,7 +68,7 @@ pub(super) fn proved(
 /// What a proof of `paths` against some random orders says, see [`prove`]; nothing is kept. Errors name the
 /// `place` of the scene.
 pub(super) fn found(
-    (scene, env): (&Arc<Scene>, &EnvConfig),
+    case: Case,
     paths: &[Vec<u32>],
     orders: (usize, bool),
     place: Option<String>,
@@ -79,20 +79,29 @@ pub(super) fn found(
         progress: &|share, doing| progress.tell(share, doing),
         ..Context::quiet()
     };
-    let found = prove(scene, env, paths, orders, &context);
+    let found = prove(case, paths, orders, &context);
     found.map_err(|error| study_failure(error, place))
 }
 
-/// Plays a proved path as a robot presses it, in the fast solver, whether or not the twin has
-/// proved it too.
+/// What is to be proved of a run.
+pub(super) fn case<'a>(scene: &'a Arc<Scene>, config: &'a RunConfig) -> Case<'a> {
+    Case {
+        scene,
+        env: &config.env,
+        scatter: &config.scatter,
+        seed: config.seed,
+    }
+}
+
+/// Plays a proved path as a robot presses it, in the fast solver and the world of the scene, whether or not
+/// the twin has proved it too.
 pub(super) fn play(
     proved: &Proved,
-    scene: &Arc<Scene>,
-    env: &EnvConfig,
+    case: Case,
     place: &Path,
     json: bool,
 ) -> Result<PlayedEpisode, Failure> {
-    let mut draping = Draping::new(scene.clone(), &finely(env), 1)?;
+    let mut draping = Draping::new(case.scene.clone(), &case.scatter.finest(case.env), 1)?;
     let told = episode_progress(&draping, json);
     let played = replay(&mut draping, &proved.path.vertices, Rules::Robot, told);
     played.map_err(|error| rollout_failure(error, place))
@@ -101,30 +110,37 @@ pub(super) fn play(
 /// A line for each row.
 pub(super) fn text(rows: &[Row]) -> String {
     let line = |row: &Row| {
-        let (f, name) = (&row.figures, row.physics.name());
+        let (f, name) = (&row.best, row.physics.name());
+        let diverged = match row.diverged {
+            0 => String::new(),
+            diverged => format!(", {diverged} diverged"),
+        };
         let begin = format!("proof, {name}: {:>3} {:<8}", row.count, row.order);
-        let more = match (row.count, row.diverged) {
-            (0, _) => return format!("{begin} all diverged"),
-            (_, 0) => String::new(),
-            (_, diverged) => format!("; {diverged} more diverged"),
+        if !f.score.is_finite() {
+            return format!("{begin}: none came to its end{diverged}");
+        }
+        let percent = |share: f64| 100.0 * share;
+        let worlds = match row.worlds {
+            1 => String::new(),
+            worlds => format!(
+                " in {worlds} worlds (worst quarter {:.2}, worst {:.2}, as the scene says {:.2})",
+                percent(f.worst_quarter_score),
+                percent(f.worst_score),
+                percent(f.nominal_score)
+            ),
         };
         format!(
-            "{begin} {:.4} +- {:.4} m off the tool (least {:.4}), {:.2} +- {:.2} mm surplus a yarn (least \
-             {:.2}), score {:.2} +- {:.2} % (best {:.2}), {:.1} inner vertices undraped, shear at most {:.0} \
-             degrees{more}; best path {} undraped, {}",
+            "{begin} score {:.2} +- {:.2} %{diverged}; the best {:.2} %{worlds}, {:.4} m off the tool, {:.2} mm \
+             surplus a yarn, {:.1} inner vertices undraped, shear at most {:.0} degrees, {}, {:.0} s of a robot",
+            percent(row.mean_score),
+            percent(row.deviation_score),
+            percent(f.score),
             f.distance_m,
-            f.deviation_distance_m,
-            f.least_distance_m,
             1e3 * f.surplus_m,
-            1e3 * f.deviation_surplus_m,
-            1e3 * f.least_surplus_m,
-            100.0 * f.score,
-            100.0 * f.deviation_score,
-            100.0 * f.best_score,
             f.undraped_inner,
             f.shear_deg,
-            f.best_undraped_inner,
-            f.best_path.text()
+            f.path.text(),
+            f.robot_s
         )
     };
     rows.iter().map(line).collect::<Vec<_>>().join("\n")

@@ -12,7 +12,7 @@ use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::Source;
 use drape_task::cluster::Cluster;
-use drape_task::env::{Draping, EnvConfig, ImageShape, Member, Task, Tasks};
+use drape_task::env::{Draping, EnvConfig, ImageShape, Member, Scatter, Task, Tasks, Worlds};
 
 /// A blank that is nowhere as near to the tool as this has missed it [mm].
 const MISSED: f64 = 50.0;
@@ -187,9 +187,36 @@ pub(super) fn set_up_scenes(
         scene: scene.clone(),
         config: member.env.clone(),
         count: 1,
+        worlds: None,
     });
     Draping::on(alike.collect(), &Cluster::default()).or_invalid_in(place)?;
-    Ok(all)
+    let lies = (LIES / all.len()).max(2);
+    let with_worlds = |(k, scene): (usize, Arc<Scene>)| {
+        let seed = config.seed.wrapping_add(k as u64);
+        let worlds = set_up_worlds(&scene, &config.scatter, (lies, seed), place, quiet)?;
+        Ok((scene, worlds))
+    };
+    all.into_iter().enumerate().map(with_worlds).collect()
+}
+
+/// Lies of the blank that worlds are drawn from, of all scenes together.
+pub(super) const LIES: usize = 16;
+
+/// Sets up worlds round a scene, if anything scatters.
+pub(super) fn set_up_worlds(
+    scene: &Arc<Scene>,
+    scatter: &Scatter,
+    (lies, seed): (usize, u64),
+    place: &str,
+    quiet: bool,
+) -> Result<Option<Arc<Worlds>>, Failure> {
+    if *scatter == Scatter::default() {
+        return Ok(None);
+    }
+    let progress = Progress::new("scattering", quiet);
+    let worlds = Worlds::new(scene, scatter, (lies, seed), |share| progress.set(share));
+    let worlds = worlds.with_context(|| format!("{place}: `scatter`"))?;
+    Ok(Some(worlds.into()))
 }
 
 /// Sets up `count` tasks of a configuration that was read from `place`, each at its start. `quiet`

@@ -19,7 +19,6 @@ use drape_study::stability::Stability;
 use drape_study::study::{Context, Report, Study, StudyError, TrainedPath};
 use drape_study::table::replace_tables;
 use drape_study::tradeoff::Tradeoff;
-use drape_study::transfer::Transfer;
 use drape_study::twin::TwinStudy;
 use drape_study::verify::Verify;
 use drape_task::env::EnvConfig;
@@ -38,7 +37,6 @@ enum Name {
     Stability(Measure<Stability>),
     Tradeoff(Measure<Tradeoff>),
     Verify(Measure<Verify>),
-    Transfer(Measure<Transfer>),
     Twin(Measure<TwinStudy>),
 }
 
@@ -51,7 +49,6 @@ pub fn run(args: StudyArgs) -> Result<(), Failure> {
         Name::Stability(study) => study.run(prefix),
         Name::Tradeoff(study) => study.run(prefix),
         Name::Verify(study) => study.run(prefix),
-        Name::Transfer(study) => study.run(prefix),
         Name::Twin(study) => study.run(prefix),
     }
 }

@@ -42,8 +42,8 @@ pub struct TrainArgs {
           conflicts_with = "resume")]
     steps: Option<u64>,
 
-    /// Environment steps of search after the training, which starts from its best paths and goes on
-    /// by its policy, instead of the configuration's
+    /// Environment steps of search after the training, by moves of the order from its best paths on,
+    /// instead of the configuration's
     #[arg(long, value_parser = clap::value_parser!(u64).range(..=RunConfig::MAX_STEPS),
           conflicts_with = "resume")]
     polish: Option<u64>,
@@ -241,13 +241,12 @@ fn prepare(training: &mut Training, stop: &dyn Fn() -> bool, json: bool) -> Resu
 
 /// Searches on from the best paths of a training that is complete.
 fn polish(training: &mut Training, stop: &dyn Fn() -> bool, json: bool) -> Result<(), Failure> {
-    let steps = training.config.polish;
     if !json {
         eprintln!("polishing the best paths");
     }
-    let progress = Progress::of_steps(0, steps, json);
-    training.polish(|spent, best| {
-        progress.step(spent, format!("score: best {}", percent(best)));
+    let progress = Progress::of_steps(0, training.config.polish, json);
+    training.polish(|at| {
+        progress.searching(at);
         !stop()
     })?;
     Ok(())

@@ -12,6 +12,17 @@ pub struct Best(Vec<Scored>);
 const MOST: usize = 64;
 
 impl Best {
+    /// Lists that have been judged, best first.
+    pub fn judged(orders: Vec<(Vec<u32>, f64)>) -> Self {
+        let scored = |(vertices, score)| Scored { vertices, score };
+        Self(orders.into_iter().map(scored).collect())
+    }
+
+    /// The vertices of all.
+    pub fn lists(&self) -> impl Iterator<Item = &Vec<u32>> {
+        self.0.iter().map(|best| &best.vertices)
+    }
+
     /// Score of the best; none before the first.
     pub fn score(&self) -> Option<f64> {
         self.0.first().map(|best| best.score)

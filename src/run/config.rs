@@ -16,7 +16,7 @@ use drape_cloth::file::{
 use drape_cloth::scene::SceneConfig;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
-use drape_task::env::{EnvConfig, MOST_MIB, check_memory};
+use drape_task::env::{EnvConfig, MOST_MIB, Scatter, check_memory};
 
 /// Most that a file which a run keeps may hold [MiB]: as much as a mesh.
 const MAX_INPUT_MIB: u64 = 2048;
@@ -46,7 +46,8 @@ pub struct RunConfig {
     pub search: u64,
     /// How far it draws vertices alike, see [`drape_task::search::CrossEntropy::alike`].
     pub search_alike: f64,
-    /// Environment steps of search after the training, from its best sequences and by its policy.
+    /// Environment steps of search after the training, from its best sequences on, see
+    /// [`drape_task::search::moves`].
     pub polish: u64,
     /// Environments stepped together.
     pub environments: usize,
@@ -57,6 +58,9 @@ pub struct RunConfig {
     /// [`drape_study::proof::prove`].
     pub proof_paths: usize,
     pub env: EnvConfig,
+    /// What varies from world to world: of every episode in training, and of those that paths are judged by.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub scatter: Scatter,
     pub policy: PolicyConfig,
     pub ppo: PpoConfig,
     #[serde(default = "SceneConfig::rib")]
@@ -141,6 +145,7 @@ impl RunConfig {
             evaluation_interval: 2,
             proof_paths: 32,
             env,
+            scatter: Scatter::default(),
             policy,
             ppo,
             scene: SceneConfig::rib(),
@@ -328,6 +333,8 @@ impl RunConfig {
         let expected = "0 where nothing is imitated";
         ValueError::unless(is_imitated, "search", self.search, expected)?;
         ValueError::unless_within("search_alike", self.search_alike, [0.0, 1.0])?;
+        let scatter = self.scatter.check();
+        scatter.map_err(|error| error.within("scatter"))?;
         range("environments", self.environments as u64, 8192)?;
         range("evaluation_interval", self.evaluation_interval, 1 << 32)?;
         range("proof_paths", self.proof_paths as u64, 4096)?;
@@ -339,6 +346,10 @@ impl RunConfig {
         }
         self.ppo.validate().context("ppo")
     }
+}
+
+fn is_none(scatter: &Scatter) -> bool {
+    *scatter == Scatter::default()
 }
 
 /// What a rollout keeps of a pixel of each sample, once more where episodes are imitated [bytes].
@@ -355,7 +366,7 @@ const OPTIONAL: [(&str, &str); 6] = [
 ];
 
 /// Where a configuration has tables, beside those of its scene.
-const TABLES: [&str; 10] = [
+const TABLES: [&str; 11] = [
     "env",
     "env.costs",
     "env.parameters",
@@ -365,6 +376,7 @@ const TABLES: [&str; 10] = [
     "policy.network.unet",
     "ppo",
     "ppo.imitation",
+    "scatter",
     "scene",
 ];
 

@@ -27,4 +27,4 @@ pub use rollout::{
     replay,
 };
 pub use scenes::{Member, SceneRange};
-pub use training::{Preparation, Scenes, Training};
+pub use training::{Preparation, Scenes, Training, search_by_moves};

@@ -15,20 +15,22 @@ use super::log::Log;
 use super::metrics::{metrics_line, read_lines};
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::Observation;
 use drape_learn::ppo::{
     EpisodeRecord, Iteration, NETWORK, Sampling, Sections, Trainer, decode, encode, read_section,
 };
-use drape_study::proof::finely;
+use drape_study::episodes::sequences;
 use drape_task::cluster::Cluster;
-use drape_task::env::{Draping, End, EnvConfig, Episode, Member, Reward, Tasks};
-use drape_task::search::{Annealing, Arena, CrossEntropy, Order, anneal, choose, cross_entropy};
+use drape_task::env::{Draping, End, EnvConfig, Episode, Member, Reward, Tasks, Worlds};
+use drape_task::search::{
+    Arena, CrossEntropy, Found, Judge, Moves, Order, Searching, choose, cross_entropy, moves,
+};
 
 /// Checkpoint section of what the run itself remembers.
 const RUN: &str = "run";
 
 /// Those that a policy learns on, in the order of [`RunConfig::members`]: the run's own first.
-pub type Scenes = Vec<Arc<Scene>>;
+/// Each with the worlds round it, if they scatter.
+pub type Scenes = Vec<(Arc<Scene>, Option<Arc<Worlds>>)>;
 
 /// A training that writes into its run folder.
 pub struct Training {
@@ -43,6 +45,8 @@ pub struct Training {
     evaluation: Draping,
     /// So many tasks, the first, are on the run's own scene.
     own_tasks: usize,
+    /// Worlds round the run's own scene.
+    worlds: Arc<Worlds>,
     memory: Memory,
     cluster: Cluster,
     /// Metrics and events; only the first process of a cluster writes.
@@ -110,11 +114,18 @@ impl Training {
         reward: Reward,
     ) -> Result<Self> {
         let lock = cluster.is_first().then(|| folder.lock()).transpose()?;
-        let evaluation = member(&scenes[0], &config.env, 1);
+        let (own, worlds) = &scenes[0];
+        let worlds = worlds
+            .clone()
+            .unwrap_or_else(|| Worlds::nominal(own).into());
+        let evaluation = member(own, &config.env, 1);
         let members = config.members()?;
         let own_tasks = members[0].environments;
         let members = scenes.iter().zip(members);
-        let members = members.map(|(scene, own)| member(scene, &own.env, own.environments));
+        let members = members.map(|((scene, worlds), own)| Member {
+            worlds: worlds.clone(),
+            ..member(scene, &own.env, own.environments)
+        });
         let tasks = Draping::on(members.collect(), cluster)?;
         let tasks = tasks.forgetting_ends().with_reward(reward);
         let (ppo, policy) = (config.ppo.clone(), &config.policy);
@@ -124,6 +135,7 @@ impl Training {
             trainer: trainer.among(cluster)?,
             evaluation: Draping::on(vec![evaluation], cluster)?,
             own_tasks,
+            worlds,
             config,
             folder,
             memory: Memory::default(),
@@ -226,6 +238,8 @@ impl Training {
             let number = own.iter().take_while(|&&other| other != task).count();
             let next = found[scene].get(number);
             let next = next.and_then(|actions| actions.get(presses[task]));
+            // In another world than it was found in it may not be.
+            let next = next.filter(|&&action| tasks.observation(task).allows(action));
             presses[task] += 1;
             next.copied()
                 .unwrap_or_else(|| beginners_order(tasks, &own, number))
@@ -313,27 +327,18 @@ impl Training {
         Ok(report)
     }
 
-    /// Searches for as many steps as the configuration says from the best sequences on, by the policy
-    /// as it is now, in the fine steps of a proof: what is best in the task's own may not hold there. What
-    /// is found comes before them, with scores of these steps. `go_on` is told the steps spent and the best
-    /// score. No checkpoint is to follow: a run that is resumed polishes again, to the same end.
-    pub fn polish(&mut self, mut go_on: impl FnMut(u64, Option<f64>) -> bool) -> Result<()> {
+    /// Searches for as many steps as the configuration says from the best sequences on, and from orders
+    /// that anybody could think of, in scattered worlds: what is best in one may not hold in another. What
+    /// is found comes before them, with what it comes to there. `go_on` is told where the search is; none while
+    /// it looks for where to begin. No checkpoint is to follow: a run that is resumed polishes again, to the
+    /// same end.
+    pub fn polish(&mut self, go_on: impl FnMut(Option<Searching>) -> bool) -> Result<()> {
         let config = &self.config;
-        let member = member(self.scene(), &finely(&config.env), config.environments);
-        let mut draping = Draping::on(vec![member], &self.cluster)?.costly();
-        let agent = self.trainer.agent();
-        let mut policy = |seen: &[Observation]| agent.log_probs(seen);
-        let evaluation = self.evaluation.task(0);
-        let (starts, mut best) = (self.memory.best.actions(evaluation), Best::default());
-        let mut watch = |spent: u64, ended: &[Episode]| {
-            for episode in ended {
-                best.remember(episode.score, &episode.actions, evaluation);
-            }
-            go_on(spent, best.score())
-        };
-        let mut arena = Arena::new(&mut draping, config.polish, &mut watch);
-        let method = Annealing::polish();
-        anneal(&mut arena, method, &starts, &mut policy, config.seed);
+        let known: Vec<Vec<u32>> = self.memory.best.lists().cloned().collect();
+        let scene = self.evaluation.scene();
+        let mut judge = Judge::new(scene, &config.env, &self.worlds, false)?;
+        let found = search_by_moves(&mut judge, (scene, config), known, config.polish, go_on)?;
+        let best = Best::judged(found.orders);
         self.memory.best = best.before(&self.memory.best);
         self.write_best()
     }
@@ -452,6 +457,32 @@ impl Training {
     }
 }
 
+/// The best of `known` lists and of orders that anybody could think of, each changed by moves for so many presses.
+/// `go_on` is told where the search is, nothing before it begins, and whether to go on is what it says.
+pub fn search_by_moves(
+    judge: &mut Judge,
+    (scene, config): (&Arc<Scene>, &RunConfig),
+    known: Vec<Vec<u32>>,
+    presses: u64,
+    mut go_on: impl FnMut(Option<Searching>) -> bool,
+) -> Result<Found> {
+    let mut starts = known;
+    for (order, count) in [(Order::Outwards, 16), (Order::Sweep, 8), (Order::Random, 8)] {
+        starts.extend(sequences(scene, &config.env, order, count, config.seed)?);
+    }
+    let method = Moves::default();
+    let lists: Vec<&[u32]> = starts.iter().map(|list| &**list).collect();
+    let before = judge.spent();
+    go_on(None);
+    // Numbers that the search comes to never.
+    let ranked = judge.race(&lists, 1 << 40..(1 << 40) + 9, method.chains, |_, _| ());
+    let chosen = ranked.iter().take(method.chains);
+    let chosen: Vec<Vec<u32>> = chosen.map(|&(k, _)| starts[k].clone()).collect();
+    let left = presses.saturating_sub(judge.spent() - before);
+    let watch = |at: Searching| go_on(Some(at));
+    Ok(moves(judge, &chosen, method, (left, config.seed), watch))
+}
+
 /// What a learner that imitates is shown first by one of the environments on a scene: half of them press
 /// outwards from places, the others sweep in all directions.
 fn beginners_order(tasks: &Draping, alike: &[usize], number: usize) -> u32 {
@@ -472,6 +503,7 @@ fn member(scene: &Arc<Scene>, config: &EnvConfig, count: usize) -> Member {
         scene: scene.clone(),
         config: config.clone(),
         count,
+        worlds: None,
     }
 }
 

@@ -378,6 +378,7 @@ impl Player {
             scene: scene.clone(),
             config: config.clone(),
             count: ENVIRONMENTS / scenes.len(),
+            worlds: None,
         });
         Ok(Self {
             pool: ThreadPoolBuilder::new().num_threads(threads).build()?,

@@ -21,7 +21,6 @@ pub mod study;
 pub mod table;
 pub mod tradeoff;
 pub mod trainings;
-pub mod transfer;
 pub mod truth;
 pub mod twin;
 pub mod verify;

@@ -10,7 +10,7 @@ use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Presses, Snapshot};
 use drape_cloth::twin::{Hold, Twin};
-use drape_task::env::{Draping, EnvConfig, EpisodeState, Task};
+use drape_task::env::{Draping, EpisodeState, Task};
 use drape_task::recording::Recording;
 
 /// Where every vertex is [m].
@@ -33,21 +33,21 @@ pub fn replay(
     ends
 }
 
-/// Presses lists of vertices in the twin, each on a thread from rest at the start of `scene`; none where it
+/// Presses lists of vertices in the twin, each on a thread from rest at the start of its task; none where it
 /// diverges. `observe` is shown the number of a list and where it has come to, at its start and after each
 /// press. Gives the CPU time of all that have come to their end [s] too.
 pub fn replay_in_twin(
-    scene: &Scene,
-    env: &EnvConfig,
-    lists: &[&[u32]],
+    lists: &[(&Task, &[u32])],
     observe: &(dyn Fn(usize, &EpisodeState) + Sync),
     context: &Context,
 ) -> Result<(Vec<Option<EpisodeState>>, f64), StudyError> {
-    let mut config = twin_config(&scene.config)?;
-    config.parameters = env.parameters.clone();
-    let press = press_config(env, Hold::Fixed);
-    let numbered: Vec<(usize, &[u32])> = lists.iter().copied().enumerate().collect();
-    let played = context.each(&numbered, |&(number, list)| {
+    let numbered: Vec<usize> = (0..lists.len()).collect();
+    let played = context.each(&numbered, |&number| {
+        let (task, list) = lists[number];
+        let (scene, env) = (&task.scene, &task.config);
+        let mut config = twin_config(&scene.config)?;
+        config.parameters = env.parameters.clone();
+        let press = press_config(env, Hold::Fixed);
         let began = ThreadTime::now();
         let mut twin = lying(scene, &config, &scene.initial.position)?;
         let state =
@@ -113,7 +113,7 @@ pub fn again(
         (context.progress)(share, "pressing again");
     };
     let has_ended = match recording.by_twin {
-        true => replay_in_twin(&begun, env, &[&vertices], &see, context)?.0[0].is_some(),
+        true => replay_in_twin(&[(&task, &vertices)], &see, context)?.0[0].is_some(),
         false => {
             let mut draping = Draping::new(begun, env, 1)?;
             let watch = |draping: &Draping, index, _| see(index, &draping.episode(index));

@@ -1,4 +1,4 @@
-//! Whether paths are as good as their training has it: played in a finer physics, beside orders
+//! Whether a path holds: played in worlds that chose none, in finer steps and in the twin, beside orders
 //! that anybody could think of.
 
 use std::sync::{Arc, Mutex};
@@ -6,25 +6,27 @@ use std::sync::{Arc, Mutex};
 use serde::{Deserialize, Serialize};
 
 use crate::episodes::sequences;
-use crate::presses::{replay, replay_in_twin, resting};
-use crate::ranking::extremes;
+use crate::presses::{replay_in_twin, resting};
 use crate::study::{Context, StudyError};
 use crate::twin::fall::{fallen, twin_config};
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::measure::sheared;
-use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Accuracy, Stepping};
-use drape_task::env::{Draping, EnvConfig, EpisodeState, Task};
+use drape_cloth::scene::{Misplacement, Scene};
+use drape_cloth::sim::Parameters;
+use drape_task::env::{
+    EnvConfig, EpisodeState, Quantity, Scatter, Task, Worlds, mean_and_worst_quarter,
+};
 use drape_task::path::PathFigures;
 use drape_task::recording::Recording;
-use drape_task::search::Order;
+use drape_task::search::{Job, Judge, Order};
 
 /// Where a path is proved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Physics {
-    /// The fast solver in steps at least as fine as this preset's.
-    Accurate,
+    /// The fast solver, in the steps by which paths are judged.
+    #[serde(alias = "accurate")]
+    Solver,
     /// The finite-element twin, from its own fall.
     Twin,
 }
@@ -33,67 +35,73 @@ impl Physics {
     /// As in tables and files.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Accurate => "accurate",
+            Self::Solver => "solver",
             Self::Twin => "twin",
         }
     }
 }
 
-/// What paths of one origin leave in one physics.
+/// What is to be proved: a task on a scene, and how its worlds scatter.
+#[derive(Clone, Copy)]
+pub struct Case<'a> {
+    pub scene: &'a Arc<Scene>,
+    pub env: &'a EnvConfig,
+    pub scatter: &'a Scatter,
+    /// Worlds are drawn under it, and random orders.
+    pub seed: u64,
+}
+
+/// Paths of one origin in one physics.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     pub physics: Physics,
     /// `path` for those that are proved, else `random`, `sweep` or `outwards`.
     pub order: String,
-    /// Paths that came to their end.
+    /// Paths that the best was chosen from, and those of them that diverged in some world.
     pub count: usize,
-    /// Paths in which the simulation diverged, here or where they were found; they count in no
-    /// figure.
     pub diverged: usize,
+    /// Of the scores of all of them, in the worlds that the best was chosen by [-].
+    pub mean_score: f64,
+    pub deviation_score: f64,
+    /// Worlds that the best was then pressed in; it was chosen by none of them.
+    pub worlds: usize,
+    /// No numbers if it diverged in one of these.
     #[serde(flatten)]
-    pub figures: Figures,
+    pub best: Figures,
 }
 
-/// Means over paths with their standard deviations, and the best of each; no numbers if there is
-/// no path.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+/// What the best path leaves, on average over worlds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Figures {
-    /// Summed distance of the region to the tool [m].
-    pub distance_m: f64,
-    pub deviation_distance_m: f64,
-    pub least_distance_m: f64,
-    /// Mean surplus of its yarns [m].
-    pub surplus_m: f64,
-    pub deviation_surplus_m: f64,
-    pub least_surplus_m: f64,
-    /// See [`score`](drape_task::env::score), less the costs of the path [-].
+    /// See [`score`](drape_task::env::score), without costs [-]; of the worst quarter of worlds, of the worst
+    /// one, and in that of the scene, too.
     pub score: f64,
-    pub deviation_score: f64,
-    pub best_score: f64,
+    pub worst_quarter_score: f64,
+    pub worst_score: f64,
+    pub nominal_score: f64,
+    /// Summed distance of the region to the tool [m], and mean surplus of its yarns [m].
+    pub distance_m: f64,
+    pub surplus_m: f64,
     /// Inner vertices of the region farther than `env.drape_threshold_mm` from the tool.
     pub undraped_inner: f64,
     /// Greatest shear angle in the region [deg].
     pub shear_deg: f64,
-    pub deviation_shear_deg: f64,
-    /// Of the paths over the tool: means, and those of the best score.
-    #[serde(flatten)]
+    /// The path over the tool in the world of the scene, and how long a robot takes [s].
     pub path: PathFigures,
-    pub best_path: PathFigures,
-    /// Inner vertices that the path of the best score leaves undraped.
-    pub best_undraped_inner: usize,
+    pub robot_s: f64,
 }
 
-/// What [`prove`] has found, by physics and order; nothing is best if all paths have diverged.
+/// What [`prove`] has found, by physics and order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proof {
     pub rows: Vec<Row>,
+    /// None if all paths have diverged.
     pub best: Option<Best>,
     /// The best path in the twin, if that has proved it.
     pub recording: Option<Recording>,
 }
 
-/// The best path, by its number among those given, in the last physics in which one came to its
-/// end, and its score there [-].
+/// The path that is chosen, by its number among those given, and its score where it was proved last [-].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Best {
     pub index: usize,
@@ -101,182 +109,385 @@ pub struct Best {
     pub score: f64,
 }
 
-/// What a path has left.
+/// What one quantity alone does to a path.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Sensitivity {
+    pub quantity: Quantity,
+    pub worlds: usize,
+    /// Over worlds in which nothing else varies [-].
+    pub score: f64,
+    pub worst_score: f64,
+}
+
+/// What a path has left in a world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Left {
     distance_m: f64,
     surplus_m: f64,
     score: f64,
+    /// Score less costs.
+    worth: f64,
     undraped_inner: usize,
     shear_deg: f64,
     path: PathFigures,
 }
 
-/// Paths taken on to the twin, where one costs minutes.
-const TWIN_PATHS: usize = 4;
+/// Worlds that the best of each origin is chosen by, all in the first and the better in the others too,
+const CHOOSING: [u64; 2] = [3, 6];
+/// those that it is then proved in, and lies of the blank among them,
+const PROVING: usize = 24;
+const LIES: usize = 16;
+/// and those of the twin.
+const TWIN: usize = 6;
+/// Worlds of one quantity.
+const SENSITIVITY: usize = 8;
+/// What sets seeds apart: no world that a path was found in is one that it is chosen or proved by.
+const SEEDS: [u64; 3] = [0x63_686f_6f73, 0x70_726f_7665, 0x73_656e_7365];
 
-/// Paths of one origin: its name, those that were found, and those that were looked for.
-type Group<'a> = (&'a str, Vec<Vec<u32>>, usize);
-
-/// The task in steps as fine as `accurate`, or its own if they are finer.
-pub fn finely(env: &EnvConfig) -> EnvConfig {
-    let (mut env, own) = (env.clone(), env.stepping());
-    let fine = Accuracy::Accurate.stepping();
-    env.set_stepping(Stepping {
-        substep_rate: own.substep_rate.max(fine.substep_rate),
-        contact_rate: own.contact_rate.max(fine.contact_rate),
-    });
-    env
-}
-
-/// Plays `paths` at `accurate` and with `twin` the best of them in the twin too, beside `count`
-/// random orders (in the twin a quarter of them), a quarter as many sweeps and half as many
-/// outwards, all found in the task's own steps.
+/// Proves `paths`: the best of them, and of `count` random orders, a quarter as many sweeps and half as many
+/// outwards, found in the task's own steps, in worlds that chose none of them, and with `twin` in the twin's
+/// too. Where nothing scatters there is one world.
 ///
 /// # Errors
-/// If the scene has what the twin has nothing for, or the twin's fall diverges.
+/// If the scene has what the twin has nothing for, or a fall diverges.
 pub fn prove(
-    scene: &Arc<Scene>,
-    env: &EnvConfig,
+    case: Case,
     paths: &[Vec<u32>],
     (count, twin): (usize, bool),
     context: &Context,
 ) -> Result<Proof, StudyError> {
+    let Case { scene, env, .. } = case;
     if twin {
         // Refused before the work.
         twin_config(&scene.config)?;
     }
-    let quarter = count.div_ceil(4);
-    let mut groups: Vec<Group> = vec![("path", paths.to_vec(), paths.len())];
+    let mut groups = vec![("path", paths.to_vec(), paths.len())];
     for (name, order, count) in [
         ("random", Order::Random, count),
-        ("sweep", Order::Sweep, quarter),
+        ("sweep", Order::Sweep, count.div_ceil(4)),
         ("outwards", Order::Outwards, count.div_ceil(2)),
     ] {
-        groups.push((name, sequences(scene, env, order, count, 0)?, count));
+        groups.push((name, sequences(scene, env, order, count, case.seed)?, count));
     }
-    let mut draping = Draping::new(scene.clone(), &finely(env), listed(&groups).len())?;
-    let longest = listed(&groups).iter().map(|list| list.len()).max();
-    let ends = replay(&mut draping, &listed(&groups), |presses| {
-        let share = presses as f64 / longest.unwrap_or(0) as f64;
-        (context.progress)(share, "proving at accurate");
-    });
-    let left = all_left(draping.task(0), &ends);
-    let mut rows = summed(Physics::Accurate, &groups, &left);
-    let mut chosen = ranked(&left[..paths.len()]);
-    let best = |physics, &(index, score): &(usize, f64)| Best {
-        index,
-        physics,
-        score,
+    let chosen = choose(case, &groups, context)?;
+    let bests: Vec<Option<usize>> = chosen.iter().map(|&(best, _)| best).collect();
+    let listed = groups.iter().zip(&bests);
+    let listed = listed.map(|((_, paths, _), best)| best.map_or(&[][..], |k| &paths[k]));
+    let lists: Vec<&[u32]> = listed.collect();
+    let worlds = case.worlds((LIES, SEEDS[1]), context)?;
+    let row = |physics, k: usize, left: &[Option<Left>]| {
+        let scores: Vec<f64> = chosen[k].1.iter().flatten().copied().collect();
+        let [mean_score, deviation_score] = mean_and_deviation(&scores);
+        let (name, _, count) = groups[k];
+        Row {
+            physics,
+            order: name.into(),
+            count,
+            diverged: count - scores.len(),
+            mean_score,
+            deviation_score,
+            worlds: left.len().saturating_sub(1).max(1),
+            best: Figures::new(left, env),
+        }
     };
+    let mut rows = Vec::new();
+    let numbers: Vec<Option<u64>> = case.numbers(0..PROVING as u64);
+    let mut judge = Judge::new(scene, env, &worlds, true)?;
+    let told = |done, of| (context.progress)(done as f64 / of as f64, "proving");
+    let found = pressed(&mut judge, &lists, &numbers, told);
+    rows.extend(
+        found
+            .iter()
+            .enumerate()
+            .map(|(k, left)| row(Physics::Solver, k, left)),
+    );
+    let mut best = bests[0].map(|index| Best {
+        index,
+        physics: Physics::Solver,
+        score: rows[0].best.score,
+    });
     let mut recording = None;
-    let mut found = chosen.first().map(|first| best(Physics::Accurate, first));
-    if twin && found.is_some() {
-        chosen.truncate(TWIN_PATHS);
-        let those = chosen.iter().map(|&(k, _)| paths[k].clone());
-        groups[0] = ("path", those.collect(), chosen.len());
-        groups[1].1.truncate(quarter);
-        groups[1].2 = quarter;
-        (context.progress)(0.0, "the twin's fall");
-        let fallen = fallen(scene, &twin_config(&scene.config)?)?;
-        let scene = resting(scene, fallen.positions());
-        let task = Task::new(scene.clone(), env)?;
-        let recordings = vec![Recording::new(&task, true); chosen.len()];
-        let recordings: Vec<_> = recordings.into_iter().map(Mutex::new).collect();
-        let see = |list: usize, episode: &EpisodeState| {
-            if let Some(recording) = recordings.get(list) {
-                recording.lock().expect("nobody panics").see(&task, episode);
-            }
-        };
-        let (ends, _) = replay_in_twin(&scene, env, &listed(&groups), &see, context)?;
-        let left = all_left(&task, &ends);
-        rows.extend(summed(Physics::Twin, &groups, &left));
-        if let Some(&(k, score)) = ranked(&left[..chosen.len()]).first() {
-            found = Some(best(Physics::Twin, &(chosen[k].0, score)));
-            let mut all = recordings.into_iter();
-            recording = all.nth(k).and_then(|one| one.into_inner().ok());
+    if let (true, Some(path)) = (twin, &mut best) {
+        let numbers = case.numbers(0..TWIN as u64);
+        let (found, seen) = in_twin(case, &worlds, &lists, &numbers, context)?;
+        rows.extend(
+            found
+                .iter()
+                .enumerate()
+                .map(|(k, left)| row(Physics::Twin, k, left)),
+        );
+        let figures = Figures::new(&found[0], env);
+        if figures.score.is_finite() {
+            (path.physics, path.score) = (Physics::Twin, figures.score);
+            recording = seen;
         }
     }
     Ok(Proof {
         rows,
-        best: found,
+        best,
         recording,
     })
 }
 
-fn listed<'a>(groups: &'a [Group]) -> Vec<&'a [u32]> {
-    let lists = groups.iter().flat_map(|(_, paths, _)| paths);
-    lists.map(|path| &**path).collect()
-}
-
-/// A row a group of what all paths have left.
-fn summed(physics: Physics, groups: &[Group], mut left: &[Option<Left>]) -> Vec<Row> {
-    let rows = groups.iter().map(|(order, paths, count)| {
-        let (own, after) = left.split_at(paths.len());
-        left = after;
-        let ended: Vec<Left> = own.iter().copied().flatten().collect();
-        Row {
-            physics,
-            order: (*order).into(),
-            count: ended.len(),
-            diverged: count - ended.len(),
-            figures: figures(&ended),
-        }
-    });
-    rows.collect()
-}
-
-fn figures(ended: &[Left]) -> Figures {
-    let of = |value: fn(&Left) -> f64| {
-        let values: Vec<f64> = ended.iter().map(value).collect();
-        (mean_and_deviation(&values), extremes(&values))
+/// What each quantity that scatters does to a path by itself, what hurts most first.
+///
+/// # Errors
+/// If a fall diverges.
+pub fn sensitivity(
+    case: Case,
+    path: &[u32],
+    context: &Context,
+) -> Result<Vec<Sensitivity>, StudyError> {
+    let quantities: Vec<Quantity> = case.scatter.spreads.keys().copied().collect();
+    let of = |&quantity: &Quantity| {
+        let scatter = case.scatter.only(quantity);
+        let alone = Case {
+            scatter: &scatter,
+            ..case
+        };
+        let worlds = alone.worlds((SENSITIVITY, SEEDS[2]), &Context::quiet())?;
+        let mut judge = Judge::new(case.scene, case.env, &worlds, true)?;
+        let numbers: Vec<Option<u64>> = (0..SENSITIVITY as u64).map(Some).collect();
+        let left = pressed(&mut judge, &[path], &numbers, |_, _| ()).remove(0);
+        let scores: Vec<f64> = left
+            .iter()
+            .map(|left| left.map_or(f64::NAN, |l| l.score))
+            .collect();
+        Ok(Sensitivity {
+            quantity,
+            worlds: SENSITIVITY,
+            score: scores.iter().sum::<f64>() / scores.len() as f64,
+            worst_score: scores
+                .iter()
+                .copied()
+                .min_by(f64::total_cmp)
+                .unwrap_or(f64::NAN),
+        })
     };
-    let mut f = Figures::default();
-    (
-        [f.distance_m, f.deviation_distance_m],
-        [f.least_distance_m, _],
-    ) = of(|left| left.distance_m);
-    ([f.surplus_m, f.deviation_surplus_m], [f.least_surplus_m, _]) = of(|left| left.surplus_m);
-    ([f.score, f.deviation_score], [_, f.best_score]) = of(|left| left.score);
-    let paths: Vec<PathFigures> = ended.iter().map(|left| left.path).collect();
-    f.path = PathFigures::mean(&paths);
-    let best = ended.iter().max_by(|a, b| a.score.total_cmp(&b.score));
-    if let Some(best) = best {
-        (f.best_path, f.best_undraped_inner) = (best.path, best.undraped_inner);
+    let all: Result<Vec<Sensitivity>, StudyError> =
+        context.each(&quantities, of).into_iter().collect();
+    let mut all = all?;
+    all.sort_by(|a, b| a.worst_score.total_cmp(&b.worst_score));
+    Ok(all)
+}
+
+impl Case<'_> {
+    /// Worlds to draw from, under a seed of their own.
+    fn worlds(
+        &self,
+        (lies, seed): (usize, u64),
+        context: &Context,
+    ) -> Result<Arc<Worlds>, StudyError> {
+        let told = |share| (context.progress)(share, "falling");
+        let worlds = Worlds::new(self.scene, self.scatter, (lies, self.seed ^ seed), told)?;
+        Ok(worlds.into())
     }
-    ([f.undraped_inner, _], _) = of(|left| left.undraped_inner as f64);
-    ([f.shear_deg, f.deviation_shear_deg], _) = of(|left| left.shear_deg);
-    f
+
+    /// The world of the scene, and where others differ these.
+    fn numbers(&self, worlds: std::ops::Range<u64>) -> Vec<Option<u64>> {
+        let others = worlds
+            .map(Some)
+            .filter(|_| !self.scatter.spreads.is_empty());
+        std::iter::once(None).chain(others).collect()
+    }
 }
 
-/// Index and score of those that have come to their end, best first.
-fn ranked(left: &[Option<Left>]) -> Vec<(usize, f64)> {
-    let ended = left.iter().enumerate();
-    let ended = ended.filter_map(|(k, left)| Some((k, left.as_ref()?.score)));
-    let mut ended: Vec<(usize, f64)> = ended.collect();
-    ended.sort_by(|a, b| b.1.total_cmp(&a.1));
-    ended
+/// Of each origin the number of the best list, and the scores of all [-]; none where one diverges.
+type Chosen = (Option<usize>, Vec<Option<f64>>);
+
+/// Chooses the best list of each origin.
+fn choose(
+    case: Case,
+    groups: &[(&str, Vec<Vec<u32>>, usize)],
+    context: &Context,
+) -> Result<Vec<Chosen>, StudyError> {
+    let worlds = case.worlds((9, SEEDS[0]), context)?;
+    let mut judge = Judge::new(case.scene, case.env, &worlds, true)?;
+    let all: Vec<(usize, usize)> = (groups.iter().enumerate())
+        .flat_map(|(group, (_, paths, _))| (0..paths.len()).map(move |k| (group, k)))
+        .collect();
+    let [few, more] = match worlds.differ() {
+        true => [0..CHOOSING[0], CHOOSING[0]..CHOOSING[0] + CHOOSING[1]],
+        false => [0..1, 0..0],
+    };
+    let told = |done, of| (context.progress)(done as f64 / of as f64, "choosing");
+    let mut press = |those: &[(usize, usize)], worlds: std::ops::Range<u64>| {
+        let lists: Vec<&[u32]> = those
+            .iter()
+            .map(|&(group, k)| &*groups[group].1[k])
+            .collect();
+        let numbers: Vec<Option<u64>> = worlds.map(Some).collect();
+        pressed(&mut judge, &lists, &numbers, told)
+    };
+    let of = |left: &[Option<Left>], value: fn(&Left) -> f64| -> Option<Vec<f64>> {
+        left.iter().map(|left| left.as_ref().map(value)).collect()
+    };
+    let first = press(&all, few);
+    let judged =
+        |left: &[Option<Left>]| of(left, |left| left.worth).map(|all| case.scatter.judge(&all));
+    let mut found: Vec<Chosen> = Vec::new();
+    for group in 0..groups.len() {
+        let own: Vec<usize> = (0..all.len())
+            .filter(|&place| all[place].0 == group)
+            .collect();
+        let scores = own.iter().map(|&place| {
+            let scores = of(&first[place], |left| left.score)?;
+            Some(scores.iter().sum::<f64>() / scores.len() as f64)
+        });
+        let scores = scores.collect();
+        let mut ended: Vec<usize> = own
+            .iter()
+            .copied()
+            .filter(|&place| judged(&first[place]).is_some())
+            .collect();
+        ended.sort_by(|&a, &b| {
+            let [a, b] = [a, b].map(|place| judged(&first[place]).unwrap_or(f64::NAN));
+            b.total_cmp(&a)
+        });
+        ended.truncate(ended.len().div_ceil(4).max(2));
+        let lists: Vec<(usize, usize)> = ended.iter().map(|&place| all[place]).collect();
+        let second = press(&lists, more.clone());
+        let whole = ended.iter().zip(second).map(|(&place, second)| {
+            let left = [&first[place][..], &second].concat();
+            (all[place].1, judged(&left).unwrap_or(f64::NEG_INFINITY))
+        });
+        let best = whole.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        found.push((best.map(|(k, _)| k), scores));
+    }
+    Ok(found)
 }
 
-/// Measures what lists of presses leave.
-fn all_left(task: &Task, ends: &[Option<EpisodeState>]) -> Vec<Option<Left>> {
-    let Scene { lamina, .. } = &*task.scene;
-    let vertices = &task.region.vertices;
-    let left = |end: &EpisodeState| {
+/// What lists leave in some worlds, `[list][world]`.
+fn pressed(
+    judge: &mut Judge,
+    lists: &[&[u32]],
+    worlds: &[Option<u64>],
+    told: impl Fn(u64, u64) + Sync,
+) -> Vec<Vec<Option<Left>>> {
+    let job = |list, world| Job {
+        list,
+        world,
+        from: None,
+    };
+    let jobs = lists
+        .iter()
+        .flat_map(|list| worlds.iter().map(|&world| job(*list, world)));
+    let jobs: Vec<Job> = jobs.collect();
+    let ended = judge.press(&jobs, None, Left::new, told).into_iter();
+    let left: Vec<Option<Left>> = ended.map(|one| one.found).collect();
+    let rows = left.chunks(worlds.len().max(1));
+    rows.map(<[_]>::to_vec).collect()
+}
+
+/// What lists leave in the same worlds of the twin, `[list][world]`, and the first list as it was pressed in the
+/// first world.
+#[allow(clippy::type_complexity)]
+fn in_twin(
+    case: Case,
+    worlds: &Worlds,
+    lists: &[&[u32]],
+    numbers: &[Option<u64>],
+    context: &Context,
+) -> Result<(Vec<Vec<Option<Left>>>, Option<Recording>), StudyError> {
+    let Case { scene, env, .. } = case;
+    (context.progress)(0.0, "the twin's falls");
+    let drawn: Vec<(Misplacement, Parameters)> = (numbers.iter())
+        .map(|number| {
+            let world = number.map(|number| worlds.world(number));
+            let off = world.as_ref().map(|world| worlds.misplacement(world.lie));
+            let parameters = world.map(|world| world.parameters);
+            (off.unwrap_or_default(), parameters.unwrap_or_default())
+        })
+        .collect();
+    let falls = context.each(&drawn, |(off, parameters)| {
+        let mut config = twin_config(&scene.config)?;
+        config.parameters = parameters.clone();
+        Ok(fallen(scene, &config, off)?.positions())
+    });
+    let falls: Vec<_> = falls.into_iter().collect::<Result<_, StudyError>>()?;
+    let tasks = falls
+        .into_iter()
+        .zip(&drawn)
+        .map(|(rest, (_, parameters))| {
+            let mut env = env.clone();
+            env.parameters = env.parameters.and(parameters);
+            Task::new(resting(scene, rest), &env)
+        });
+    let tasks: Vec<Task> = tasks.collect::<Result<_, _>>()?;
+    let recording = Mutex::new(Recording::new(&tasks[0], true));
+    let see = |pressed: usize, episode: &EpisodeState| {
+        if pressed == 0 {
+            let mut recording = recording.lock().expect("nobody panics");
+            recording.see(&tasks[0], episode);
+        }
+    };
+    let jobs = lists
+        .iter()
+        .flat_map(|list| tasks.iter().map(move |task| (task, *list)));
+    let (ends, _) = replay_in_twin(&jobs.collect::<Vec<_>>(), &see, context)?;
+    let left = ends
+        .iter()
+        .enumerate()
+        .map(|(k, end)| Left::new(&tasks[k % tasks.len()], end.as_ref()?));
+    let left: Vec<Option<Left>> = left.collect();
+    let rows = left.chunks(tasks.len()).map(<[_]>::to_vec).collect();
+    Ok((rows, recording.into_inner().ok()))
+}
+
+impl Left {
+    /// What presses have left that have ended so; none if that is beyond belief.
+    fn new(task: &Task, end: &EpisodeState) -> Option<Self> {
+        let worth = task.worth(end)?;
         let (cloth, path) = (end.cloth(), task.figures(&task.points(end.presses())));
-        let at = &cloth.position;
-        Left {
+        let sheared = sheared(
+            &task.scene.lamina,
+            &cloth.position,
+            &task.region.vertices,
+            f64::INFINITY,
+        );
+        Some(Self {
             distance_m: task.distance(cloth),
             surplus_m: task.surplus(cloth),
-            score: task.score(cloth) - task.cost(&path, cloth),
+            score: task.score(cloth),
+            worth,
             undraped_inner: task.undraped_inner(cloth),
-            shear_deg: sheared(lamina, at, vertices, f64::INFINITY)
-                .max
-                .to_degrees(),
+            shear_deg: sheared.max.to_degrees(),
+            path,
+        })
+    }
+}
+
+impl Figures {
+    /// Of what is left in the world of the scene and then in others, if there are some.
+    fn new(left: &[Option<Left>], env: &EnvConfig) -> Self {
+        let all: Option<Vec<Left>> = left.iter().copied().collect();
+        let all = all.unwrap_or_default();
+        let (nominal, others) = match &all[..] {
+            [nominal, others @ ..] if !others.is_empty() => (Some(nominal), others),
+            one => (one.first(), one),
+        };
+        let of = |value: fn(&Left) -> f64| -> Vec<f64> { others.iter().map(value).collect() };
+        let mean = |value| mean_and_deviation(&of(value))[0];
+        let scores = of(|left| left.score);
+        let [score, worst_quarter_score] = mean_and_worst_quarter(&scores);
+        let path = nominal.map(|left| left.path).unwrap_or_default();
+        Self {
+            score,
+            worst_quarter_score,
+            worst_score: scores
+                .iter()
+                .copied()
+                .min_by(f64::total_cmp)
+                .unwrap_or(f64::NAN),
+            nominal_score: nominal.map_or(f64::NAN, |left| left.score),
+            distance_m: mean(|left| left.distance_m),
+            surplus_m: mean(|left| left.surplus_m),
+            undraped_inner: mean(|left| left.undraped_inner as f64),
+            shear_deg: mean(|left| left.shear_deg),
+            robot_s: env.costs.seconds(&path),
             path,
         }
-    };
-    ends.iter().map(|end| end.as_ref().map(left)).collect()
+    }
 }
 
 #[cfg(test)]

@@ -20,6 +20,8 @@ pub enum Purpose {
     Scenes,
     /// Where presses land.
     Presses,
+    /// Worlds that differ by what no shop can hold.
+    Worlds,
 }
 
 /// A seeded random stream whose position can be stored and restored exactly.

@@ -1,8 +1,9 @@
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use super::config::{Clamp, FRAME, Over, Placement, SceneConfig, SceneError};
 use crate::fabric::Lamina;
-use crate::sim::{Backend, Cpu, Model, PhysicsConfig, Precision, Snapshot, World};
+use crate::sim::{Backend, Cpu, Model, Own, Parameters, PhysicsConfig, Precision, Snapshot, World};
 use crate::tool::Tool;
 
 /// Depth in the tool that a blank may start at, in spacings of the tool's grid: what that errs by
@@ -36,45 +37,86 @@ impl Scene {
         config.physics.check_for(&lamina)?;
         let tool = Tool::new(&config.tool)?;
 
-        let fall = &config.fall;
-        let control = fall.stepping().control(FRAME);
-        let [falling, settling] = fall.frames();
-
+        let [falling, _] = config.fall.frames();
         let start = hung(config, &lamina, &tool, falling as f64 * FRAME)?;
         let tool = Arc::new(tool);
         let model = Arc::new(Model::new(&lamina, &config.physics));
-        let mut quiet = config.physics.clone();
+        let lamina = Arc::new(lamina);
+        let mut scene = Self {
+            config: config.clone(),
+            tool,
+            lamina,
+            model,
+            initial: Arc::default(),
+        };
+        let state = scene.fall(vec![start], &mut progress)?.remove(0);
+        scene.initial = Arc::new(state);
+        Ok(scene)
+    }
+
+    /// Where blanks come to rest that start off their place or have other laws, as [`Scene::new`] lets
+    /// each fall, all at once: the same scene from other initial states. `progress` is told the simulated
+    /// share 0..1.
+    pub fn fallen(
+        &self,
+        blanks: &[(Misplacement, Parameters)],
+        mut progress: impl FnMut(f64),
+    ) -> Result<Vec<Self>, SceneError> {
+        let [fall_s, _] = self.config.fall.durations();
+        let start = |(off, parameters): &(Misplacement, Parameters)| {
+            let mut start = hung(&self.config, &self.lamina, &self.tool, fall_s)?;
+            off.apply(&mut start.position, &self.tool);
+            start.own.parameters = parameters.clone();
+            Ok(start)
+        };
+        let starts: Result<Vec<_>, SceneError> = blanks.iter().map(start).collect();
+        let states = self.fall(starts?, &mut progress)?.into_iter();
+        let scene = |mut state: Snapshot| {
+            state.own = Own::default();
+            Self {
+                initial: state.into(),
+                ..self.clone()
+            }
+        };
+        Ok(states.map(scene).collect())
+    }
+
+    /// Lets blanks fall and settle, side by side.
+    fn fall(
+        &self,
+        starts: Vec<Snapshot>,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Vec<Snapshot>, SceneError> {
+        let fall = &self.config.fall;
+        let control = fall.stepping().control(FRAME);
+        let [falling, settling] = fall.frames();
+        let mut quiet = self.config.physics.clone();
         quiet.damping = fall.settle_damping;
-        let quiet = Arc::new(Model::new(&lamina, &quiet));
-        let mut state = start;
-        let mut done = 0;
-        for (model, frames) in [(&model, falling), (&quiet, settling)] {
-            let world = World::new(model.clone(), tool.clone());
-            let mut cloth = Cpu::new(&world, 1, Precision::F64);
-            cloth.load(0, &state);
+        let quiet = Arc::new(Model::new(&self.lamina, &quiet));
+        let (mut states, mut done) = (starts, 0);
+        for (model, frames) in [(&self.model, falling), (&quiet, settling)] {
+            let world = World::new(model.clone(), self.tool.clone());
+            let mut cloth = Cpu::new(&world, states.len(), Precision::F64);
+            let numbered = states.iter().enumerate();
+            numbered.for_each(|(k, state)| cloth.load(k, state));
             for _ in 0..frames {
                 cloth.step(&control, &[]);
                 done += 1;
-                if !cloth.finite()[0] {
+                if cloth.finite().contains(&false) {
                     let time_s = f64::from(done) * FRAME;
                     return Err(SceneError::Diverged { time_s });
                 }
                 progress(f64::from(done) / (falling + settling) as f64);
             }
-            state = cloth.snapshot(0);
-            // Clamps stop.
-            for vertex in state.fixed.ones() {
-                state.velocity[vertex] = [0.0; 3];
+            for (k, state) in states.iter_mut().enumerate() {
+                *state = cloth.snapshot(k);
+                // Clamps stop.
+                for vertex in state.fixed.ones() {
+                    state.velocity[vertex] = [0.0; 3];
+                }
             }
         }
-        let initial = Arc::new(state);
-        Ok(Self {
-            config: config.clone(),
-            tool,
-            lamina: Arc::new(lamina),
-            model,
-            initial,
-        })
+        Ok(states)
     }
 
     /// The same initial state under other physics: what differs then is the episode alone.
@@ -101,6 +143,42 @@ impl Scene {
             self.tool.distance(self.initial.position[vertex]).0
         });
         held.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// How far off its place a blank begins its fall, as one that is laid by hand does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Misplacement {
+    /// Along x and y, and upwards [m].
+    pub shift: [f64; 3],
+    /// About the vertical through its middle [rad].
+    pub turn: f64,
+    /// Of the wave that it has, two over its length: height [m], direction and phase [rad].
+    pub wave: [f64; 3],
+}
+
+impl Misplacement {
+    /// Puts the vertices of a blank off their place, and up until they clear the tool [m].
+    pub fn apply(&self, position: &mut [[f64; 3]], tool: &Tool) {
+        let extremes = |k: usize| {
+            let values = position.iter().map(|x| x[k]);
+            values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
+                [low.min(x), high.max(x)]
+            })
+        };
+        let [[x0, x1], [y0, y1]] = [0, 1].map(extremes);
+        let (middle, length) = ([0.5 * (x0 + x1), 0.5 * (y0 + y1)], (x1 - x0).max(y1 - y0));
+        let (sin, cos) = self.turn.sin_cos();
+        let [height, direction, phase] = self.wave;
+        for at in &mut *position {
+            let [x, y] = [at[0] - middle[0], at[1] - middle[1]];
+            let along = (x * direction.cos() + y * direction.sin()) / length;
+            at[0] = middle[0] + self.shift[0] + cos * x - sin * y;
+            at[1] = middle[1] + self.shift[1] + sin * x + cos * y;
+            at[2] += self.shift[2] + height * (2.0 * TAU * along + phase).sin();
+        }
+        let up = lift(tool, position).unwrap_or(0.0).max(0.0);
+        position.iter_mut().for_each(|at| at[2] += up);
     }
 }
 

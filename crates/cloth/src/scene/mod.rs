@@ -10,5 +10,5 @@ mod fall;
 mod summary;
 
 pub use config::{Clamp, Fabric, Fall, Over, Placement, SceneConfig, SceneError};
-pub use fall::{Scene, hung};
+pub use fall::{Misplacement, Scene, hung};
 pub use summary::{Summary, wrinkle_count};

@@ -103,6 +103,30 @@ impl Parameters {
         Ok(())
     }
 
+    /// What both say together: factors are multiplied, places and turns added, and scatters as of
+    /// independent draws, under the seed of `other`.
+    pub fn and(&self, other: &Self) -> Self {
+        let each =
+            |a: [f64; 2], b: [f64; 2], of: fn(f64, f64) -> f64| [0, 1].map(|k| of(a[k], b[k]));
+        let times = |a, b| each(a, b, |a, b| a * b);
+        let plus = |a, b| each(a, b, |a, b| a + b);
+        Self {
+            tension: times(self.tension, other.tension),
+            compression: times(self.compression, other.compression),
+            bending: times(self.bending, other.bending),
+            shear: times(self.shear, other.shear),
+            friction: times(self.friction, other.friction),
+            areal_mass: self.areal_mass * other.areal_mass,
+            pressure: self.pressure * other.pressure,
+            stencil: self.stencil * other.stencil,
+            offset_mm: plus(self.offset_mm, other.offset_mm),
+            tilt_deg: plus(self.tilt_deg, other.tilt_deg),
+            offset_deviation_mm: self.offset_deviation_mm.hypot(other.offset_deviation_mm),
+            tilt_deviation_deg: self.tilt_deviation_deg.hypot(other.tilt_deviation_deg),
+            seed: other.seed,
+        }
+    }
+
     /// Where the press of this number, from 0, lands.
     pub fn aim(&self, press: u32) -> Aim {
         let [offset, tilt] = [

@@ -8,7 +8,7 @@ use super::fall::{ACCELERATION, fallen, press_config, twin_config, unfallen};
 use crate::points::{apart_mm, coarser, same_points, summed_m};
 use crate::presses::{Positions, pushed};
 use crate::study::StudyError;
-use drape_cloth::scene::Scene;
+use drape_cloth::scene::{Misplacement, Scene};
 use drape_cloth::sim::{Presses, Snapshot};
 use drape_cloth::twin::{Energies, Hold, Twin, TwinConfig};
 use drape_task::env::{Draping, EnvConfig, Region};
@@ -105,7 +105,7 @@ impl PaperCase {
     ) -> Result<Ran, StudyError> {
         let scene = &self.scene;
         let start = ThreadTime::now();
-        let mut twin = fallen(scene, config)?;
+        let mut twin = fallen(scene, config, &Misplacement::default())?;
         let fall_cpu_s = start.elapsed().as_secs_f64();
         if is_pushed {
             twin.set_positions(&pushed(scene, twin.positions(), 0));
@@ -171,7 +171,7 @@ impl PaperCase {
         let mut config = self.scene.config.clone();
         config.blank.vertices = vertices;
         let coarse = unfallen(&config)?;
-        let settled = fallen(&coarse, &twin_config(&config)?)?;
+        let settled = fallen(&coarse, &twin_config(&config)?, &Misplacement::default())?;
         let x = settled.positions();
         let pairs = same_points(&coarse.lamina.rest, &self.scene.lamina.rest);
         Ok(Some(SelfComparison {

@@ -3,7 +3,7 @@
 use crate::study::StudyError;
 use crate::verify::solve::twin_physics;
 use drape_cloth::file::ValueError;
-use drape_cloth::scene::{Scene, SceneConfig, SceneError, hung};
+use drape_cloth::scene::{Misplacement, Scene, SceneConfig, SceneError, hung};
 use drape_cloth::sim::{Bending, SelfCollision};
 use drape_cloth::twin::{Diverged, Hold, PressConfig, Twin, TwinConfig};
 use drape_task::env::EnvConfig;
@@ -44,11 +44,12 @@ pub fn press_config(env: &EnvConfig, hold: Hold) -> PressConfig {
     }
 }
 
-/// A twin that has fallen as the scene says. Clamps move evenly during the fall, then stay;
+/// A twin that has fallen as the scene says, from so far off its place. Clamps move evenly during the fall, then stay;
 /// settling has the scene's own damping unless the twin has none at all.
-pub fn fallen(scene: &Scene, config: &TwinConfig) -> Result<Twin, StudyError> {
+pub fn fallen(scene: &Scene, config: &TwinConfig, off: &Misplacement) -> Result<Twin, StudyError> {
     let [fall_s, settle_s] = scene.config.fall.durations();
-    let start = hung(&scene.config, &scene.lamina, &scene.tool, fall_s)?;
+    let mut start = hung(&scene.config, &scene.lamina, &scene.tool, fall_s)?;
+    off.apply(&mut start.position, &scene.tool);
     let mut twin = Twin::new(&scene.lamina, config)?;
     twin.set_positions(&start.position);
     for v in start.fixed.ones() {

@@ -8,6 +8,7 @@ use super::config::{EnvConfig, Region};
 use super::group::{Group, groups};
 use super::reward::{Reward, Taken, score};
 use super::rules::Task;
+use super::scatter::{World as Drawn, Worlds};
 use super::task::{End, Episode, ImageShape, StepOutcome, Tasks};
 use super::terrain::Terrain;
 use crate::cluster::{Cluster, Shared};
@@ -38,6 +39,8 @@ pub struct Member {
     pub config: EnvConfig,
     /// How many environments.
     pub count: usize,
+    /// Every episode is in a world of its own, drawn from these round the scene, if there are some.
+    pub worlds: Option<Arc<Worlds>>,
 }
 
 /// Draping tasks on one or several scenes, stepped together: as many at once on a [`Backend`] as differ
@@ -45,6 +48,8 @@ pub struct Member {
 pub struct Draping {
     /// One a scene.
     tasks: Vec<Task>,
+    /// What worlds are drawn from, a scene each.
+    scattered: Vec<Option<Scattered>>,
     groups: Vec<Batch>,
     slots: Vec<Slot>,
     now: OnceLock<Observed>,
@@ -63,12 +68,21 @@ struct Batch {
     cloth: Box<dyn Backend>,
 }
 
+/// Worlds round a scene.
+struct Scattered {
+    worlds: Arc<Worlds>,
+    /// The task from each lie of the blank, and the number of that lie among the starts of its group.
+    lies: Vec<(Task, u16)>,
+}
+
 /// One environment without its cloth.
 #[derive(Clone)]
 struct Slot {
     /// Number of its scene.
     scene: usize,
-    /// What it has of its own after a reset.
+    /// How its blank lies; as the scene says if that is all there is.
+    lie: Option<usize>,
+    /// What it has of its own where nothing scatters.
     own: Own,
     episode: Running,
     /// How the last episode ended, before the reset.
@@ -83,6 +97,8 @@ struct Running {
     presses: Presses,
     /// Sum of the rewards.
     total_reward: f32,
+    /// Episodes before it.
+    number: u64,
 }
 
 /// Where an episode has come to.
@@ -121,6 +137,7 @@ impl Draping {
             scene,
             config,
             count,
+            worlds: None,
         };
         Self::on(vec![member], &Cluster::default())
     }
@@ -143,14 +160,27 @@ impl Draping {
             ValueError::unless(is_alike, "scenes", found, size(expected))?;
         }
         let counts: Vec<usize> = members.iter().map(|member| member.count).collect();
+        let worlds: Vec<_> = members.into_iter().map(|member| member.worlds).collect();
+        let mut scattered: Vec<Option<Scattered>> = tasks.iter().map(|_| None).collect();
         let (mut batches, mut slots) = (Vec::new(), Vec::new());
-        for group in groups(&tasks, &counts) {
+        for group in groups(&tasks, &counts, &worlds) {
             let Group {
                 world,
                 environments,
                 owns,
                 scenes,
+                lies,
             } = group;
+            for (number, starts) in lies {
+                let Some(worlds) = &worlds[number] else {
+                    continue;
+                };
+                let lying = worlds.scenes().map(|scene| tasks[number].lying(scene));
+                scattered[number] = Some(Scattered {
+                    worlds: worlds.clone(),
+                    lies: lying.zip(starts).collect(),
+                });
+            }
             let config = &tasks[scenes[0]].config;
             let open = |count| {
                 let opened = config.device.open(&world, count, config.precision);
@@ -167,6 +197,7 @@ impl Draping {
             });
             let slot = |(own, scene)| Slot {
                 scene,
+                lie: None,
                 own,
                 episode: Running::default(),
                 finished: None,
@@ -175,6 +206,7 @@ impl Draping {
         }
         let mut draping = Self {
             tasks,
+            scattered,
             groups: batches,
             now: OnceLock::new(),
             last: None,
@@ -184,7 +216,9 @@ impl Draping {
             is_shared: cluster.size() > 1,
             slots,
         };
-        (0..draping.count()).for_each(|index| draping.reset(index));
+        for index in 0..draping.count() {
+            draping.begin(index, 0);
+        }
         Ok(draping)
     }
 
@@ -212,9 +246,13 @@ impl Draping {
         &self.tasks
     }
 
-    /// The task of an environment.
+    /// The task of an environment, in the world that it is in.
     pub fn task(&self, index: usize) -> &Task {
-        &self.tasks[self.slots[index].scene]
+        let Slot { scene, lie, .. } = self.slots[index];
+        match (lie, &self.scattered[scene]) {
+            (Some(lie), Some(of)) => &of.lies[lie].0,
+            _ => &self.tasks[scene],
+        }
     }
 
     /// Numbers of the environments on a scene.
@@ -270,6 +308,11 @@ impl Draping {
         self.task(index).points(&self.slots[index].episode.presses)
     }
 
+    /// How many presses an episode has so far.
+    pub(crate) fn pressed(&self, index: usize) -> usize {
+        self.slots[index].episode.presses.len()
+    }
+
     /// How the last episode of an environment ended; none before the first, and none where they are
     /// forgotten.
     pub fn finished(&self, index: usize) -> Option<&EpisodeState> {
@@ -287,12 +330,39 @@ impl Draping {
         self.observed().untouched[index] == 0
     }
 
-    /// Puts one environment back to the start.
+    /// Puts one environment to the start of its next episode, in another world where these scatter.
     pub fn reset(&mut self, index: usize) {
+        self.begin(index, self.slots[index].episode.number + 1);
+    }
+
+    fn begin(&mut self, index: usize, number: u64) {
+        let scattered = self.scattered[self.slots[index].scene].as_ref();
+        let count = self.count() as u64;
+        let world = scattered.map(|of| of.worlds.world(number * count + index as u64));
+        self.enter(index, world.as_ref());
+        if world.is_some() {
+            self.slots[index].episode.number = number;
+        }
+    }
+
+    /// Puts one environment to the start in a world drawn from its worlds, or in that of its scene.
+    ///
+    /// # Panics
+    /// If there are no such worlds.
+    pub fn enter(&mut self, index: usize, world: Option<&Drawn>) {
         let (group, place) = self.place(index);
-        let (cloth, own) = (&mut self.groups[group].cloth, &self.slots[index].own);
-        cloth.reset(place, own);
-        self.slots[index].episode = Running::default();
+        let slot = &mut self.slots[index];
+        let mut own = slot.own.clone();
+        slot.lie = world.map(|world| world.lie);
+        if let Some(Drawn { lie, parameters }) = world {
+            let of = self.scattered[slot.scene]
+                .as_ref()
+                .expect("worlds to draw from");
+            own.start = of.lies[*lie].1;
+            own.parameters = own.parameters.and(parameters);
+        }
+        self.groups[group].cloth.reset(place, &own);
+        slot.episode = Running::default();
         self.now = OnceLock::new();
     }
 
@@ -319,7 +389,11 @@ impl Draping {
     pub fn go_on(&mut self, index: usize, from: &EpisodeState) {
         let (group, place) = self.place(index);
         self.groups[group].cloth.load(place, &from.cloth);
-        self.slots[index].episode = from.episode.clone();
+        let slot = &mut self.slots[index];
+        let of = self.scattered[slot.scene].as_ref();
+        let is_start = |(_, start): &(Task, u16)| *start == from.cloth.own.start;
+        slot.lie = of.and_then(|of| of.lies.iter().position(is_start));
+        slot.episode = from.episode.clone();
         self.now = OnceLock::new();
     }
 
@@ -419,6 +493,7 @@ impl Draping {
         let Running {
             presses,
             total_reward,
+            ..
         } = &self.slots[index].episode;
         let left = OnceCell::new();
         let left = || {
@@ -478,11 +553,11 @@ impl Tasks for Draping {
     }
 
     fn reward_scale(&self, index: usize) -> f32 {
-        self.task(index).initial as f32
+        self.tasks[self.slots[index].scene].initial as f32
     }
 
     fn terrains(&self) -> Vec<&Terrain> {
-        self.tasks.iter().map(|task| &task.terrain).collect()
+        self.tasks.iter().map(|task| &*task.terrain).collect()
     }
 
     fn observations(&self) -> &Observations {

@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::rules::Task;
+use super::scatter::Worlds;
 use drape_cloth::fabric::{Family, Material};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Own, Parameters, SelfCollision, Stencil, Tension, View, World};
@@ -20,11 +21,17 @@ pub(super) struct Group {
     pub owns: Vec<Own>,
     /// Numbers of their scenes `[environment]`.
     pub scenes: Vec<usize>,
+    /// Of each of its scenes the number, and those of the starts of its worlds.
+    pub lies: Vec<(usize, Vec<u16>)>,
 }
 
 /// Sorts scenes into as few worlds as compute them: those of one topology, whose laws differ by factors.
-/// Each has its number of environments.
-pub(super) fn groups(tasks: &[Task], counts: &[usize]) -> Vec<Group> {
+/// Each has its number of environments, and perhaps worlds round it.
+pub(super) fn groups(
+    tasks: &[Task],
+    counts: &[usize],
+    worlds: &[Option<Arc<Worlds>>],
+) -> Vec<Group> {
     let views: Vec<Arc<View>> = tasks.iter().map(|task| task.view.clone()).collect();
     // Of each group the first scene, whose model is that of all, and those that it has.
     let mut found: Vec<(usize, Vec<(usize, Parameters)>)> = Vec::new();
@@ -52,7 +59,7 @@ pub(super) fn groups(tasks: &[Task], counts: &[usize]) -> Vec<Group> {
             presses: Some((scene.lamina.clone(), stencil.clone())),
             views: views.clone(),
         };
-        let (mut owns, mut scenes) = (Vec::new(), Vec::new());
+        let (mut owns, mut scenes, mut lies) = (Vec::new(), Vec::new(), Vec::new());
         for (number, parameters) in members {
             let scene = &tasks[number].scene;
             let own = Own {
@@ -63,6 +70,9 @@ pub(super) fn groups(tasks: &[Task], counts: &[usize]) -> Vec<Group> {
             };
             owns.extend(vec![own; counts[number]]);
             scenes.extend(vec![number; counts[number]]);
+            let lying = worlds[number].iter().flat_map(|worlds| worlds.scenes());
+            let starts = lying.map(|scene| place(&mut world.starts, &scene.initial));
+            lies.push((number, starts.collect()));
         }
         let start = end;
         end += owns.len();
@@ -71,6 +81,7 @@ pub(super) fn groups(tasks: &[Task], counts: &[usize]) -> Vec<Group> {
             environments: start..end,
             owns,
             scenes,
+            lies,
         }
     };
     found.into_iter().map(group).collect()
@@ -96,18 +107,12 @@ fn over(base: &Task, task: &Task, own: &Parameters) -> Option<Parameters> {
     let mut pressed = b.clone();
     pressed.roller.pressure = a.roller.pressure;
     let laws = laws(&base.scene, &task.scene)?;
-    let times = |a: [f64; 2], b: [f64; 2]| [a[0] * b[0], a[1] * b[1]];
-    let parameters = Parameters {
-        tension: times(laws.tension, own.tension),
-        compression: times(laws.compression, own.compression),
-        bending: times(laws.bending, own.bending),
-        shear: times(laws.shear, own.shear),
-        friction: times(laws.friction, own.friction),
-        areal_mass: laws.areal_mass * own.areal_mass,
-        pressure: b.roller.pressure / a.roller.pressure * own.pressure,
-        stencil: b.side / a.side * own.stencil,
-        ..own.clone()
+    let laws = Parameters {
+        pressure: b.roller.pressure / a.roller.pressure,
+        stencil: b.side / a.side,
+        ..laws
     };
+    let parameters = laws.and(own);
     let on = |task: &Task| (task.config.device, task.config.precision);
     let is_alike = stencil == pressed && on(base) == on(task);
     (is_alike && parameters.check().is_ok()).then_some(parameters)

@@ -75,7 +75,8 @@ impl Goal {
         }
     }
 
-    fn measures(&self, position: &[[f64; 3]]) -> Measures {
+    /// Those of a state.
+    pub(super) fn measures(&self, position: &[[f64; 3]]) -> Measures {
         let Scene { lamina, tool, .. } = &*self.scene;
         Measures::new(lamina, tool, &self.region, position)
     }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::config::{EnvConfig, Region};
+use super::draping::EpisodeState;
 use super::objective::Goal;
 use super::reward::score;
 use super::task::ImageShape;
@@ -25,7 +26,7 @@ pub struct Task {
     /// The objective at the start [m].
     pub initial: f64,
     /// What it shows that never changes.
-    pub terrain: Terrain,
+    pub terrain: Arc<Terrain>,
     pub(super) stencil: Stencil,
     pub(super) view: Arc<View>,
     goal: Goal,
@@ -62,7 +63,7 @@ impl Task {
         let (objective, at) = (config.objective, &scene.initial.position);
         let goal = Goal::new(objective, scene.clone(), region.vertices.clone(), at);
         Ok(Self {
-            terrain: Terrain::new(&scene, &view),
+            terrain: Terrain::new(&scene, &view).into(),
             initial: goal.left(at),
             config: config.clone(),
             view: view.into(),
@@ -72,6 +73,23 @@ impl Task {
             goal,
             image,
         })
+    }
+
+    /// The same where the blank comes to lie otherwise; it is seen over the same terrain.
+    pub(super) fn lying(&self, scene: &Arc<Scene>) -> Self {
+        let (objective, at) = (self.config.objective, &scene.initial.position);
+        let goal = Goal::new(objective, scene.clone(), self.region.vertices.clone(), at);
+        Self {
+            scene: scene.clone(),
+            config: self.config.clone(),
+            region: self.region.clone(),
+            initial: goal.left(at),
+            terrain: self.terrain.clone(),
+            stencil: self.stencil.clone(),
+            view: self.view.clone(),
+            goal,
+            image: self.image.clone(),
+        }
     }
 
     /// Size of the image.
@@ -144,6 +162,16 @@ impl Task {
             false => 0,
         };
         costs.of(path, undraped)
+    }
+
+    /// What presses that have ended so are worth: their score less their cost; none if the end is beyond
+    /// belief.
+    pub fn worth(&self, end: &EpisodeState) -> Option<f64> {
+        let (cloth, points) = (end.cloth(), self.points(end.presses()));
+        let measures = self.goal.measures(&cloth.position);
+        let score = || score(self.initial, self.left(&measures));
+        let is_believable = self.is_believable(&measures);
+        is_believable.then(|| score() - self.cost(&self.figures(&points), cloth))
     }
 
     /// Inner vertices of the region farther than `env.drape_threshold_mm` from the tool.

@@ -33,11 +33,6 @@ impl<'a> Arena<'a> {
         (0..self.env.count()).map(stream).collect()
     }
 
-    /// The share of the steps that is spent, 0 to 1.
-    pub(super) fn share(&self) -> f64 {
-        self.spent as f64 / self.steps.max(1) as f64
-    }
-
     /// Takes an action in every environment; the steps of one that has none count, but not what it
     /// does. Gives the episodes that have ended, or none when the search is over.
     pub(super) fn step(&mut self, actions: &[Option<u32>]) -> Option<Vec<Option<Episode>>> {

@@ -3,9 +3,7 @@
 //! a stroke ends only where nothing beside it is untouched.
 
 use std::collections::HashSet;
-use std::f64::consts::{FRAC_PI_4, TAU};
-
-use fixedbitset::FixedBitSet;
+use std::f64::consts::TAU;
 
 use super::arena::Arena;
 use crate::env::{Draping, ImageShape, Tasks};
@@ -55,8 +53,6 @@ struct Region {
     rows: usize,
     /// Ascending.
     pixels: Vec<usize>,
-    /// Vertices of a row under the stencil on the flat blank.
-    span: usize,
 }
 
 impl Region {
@@ -83,15 +79,10 @@ fn region(env: &Draping) -> Region {
     let pixels = task.region_vertices().filter_map(|v| task.action(v));
     let mut pixels: Vec<usize> = pixels.map(|pixel| pixel as usize).collect();
     pixels.sort_unstable();
-    let lamina = &env.scene().lamina;
-    let half = 0.5e-3 * env.config().stencil_mm;
-    let row = |v: u32| lamina.place(v)[0];
-    let under = |v: u32| lamina.within(v, half).filter(|&w| row(w) == row(v)).count();
     Region {
         columns: shape.columns,
         rows: shape.rows,
         pixels,
-        span: task.region_vertices().map(under).max().unwrap_or(1),
     }
 }
 
@@ -138,113 +129,9 @@ pub fn outwards(env: &Draping) -> impl Iterator<Item = Ranks> + use<> {
     places.map(move |place| region.ranks(outward(shape, place)))
 }
 
-/// Rows or columns one after the other, back and forth or all one way as far as the rules allow, from
-/// each corner; as narrow as the vertices stand, and as the stencil.
-pub fn rasters(env: &Draping) -> impl Iterator<Item = Ranks> + use<> {
-    let region = region(env);
-    let last = [region.columns, region.rows].map(|n| n as f64 - 1.0);
-    (0..32).map(move |k: usize| {
-        let is = |bit: usize| k >> bit & 1 == 1;
-        let width = if is(0) { region.span } else { 1 } as f64;
-        region.ranks(|mut at| {
-            for (axis, x) in at.iter_mut().enumerate() {
-                *x = if is(1 + axis) { last[axis] - *x } else { *x };
-            }
-            let [along, across, length] = match is(3) {
-                false => [at[0], at[1], last[0]],
-                true => [at[1], at[0], last[1]],
-            };
-            let lane = (across / width).floor();
-            let back = !is(4) && lane % 2.0 == 1.0;
-            let along = if back { length - along } else { along };
-            // Within a lane its middle comes first.
-            let off = (across - (lane + 0.5) * width + 0.5).abs();
-            (lane * (length + 1.0) + along) * (width + 1.0) + off
-        })
-    })
-}
-
-/// Along the rings of the region, inwards and outwards, in both senses and from eight directions; as
-/// narrow as the vertices stand, and as the stencil.
-pub fn spirals(env: &Draping) -> impl Iterator<Item = Ranks> + use<> {
-    let region = region(env);
-    let rings = rings(&region);
-    let count = region.pixels.len() as f64;
-    let middle = [0, 1].map(|axis| {
-        let sum: f64 = region.pixels.iter().map(|&p| region.at(p)[axis]).sum();
-        sum / count
-    });
-    (0..64).map(move |k: usize| {
-        let is = |bit: usize| k >> bit & 1 == 1;
-        let width = if is(5) { region.span } else { 1 };
-        let start = FRAC_PI_4 * (k >> 2 & 7) as f64;
-        let mut ranks = region.ranks(|[x, y]| {
-            let angle = (y - middle[1]).atan2(x - middle[0]);
-            let angle = if is(1) { -angle } else { angle };
-            (angle - start).rem_euclid(TAU) / TAU
-        });
-        for (rank, &ring) in ranks.iter_mut().zip(&rings) {
-            let ring = (ring / width) as f64;
-            *rank += if is(0) { -ring } else { ring };
-        }
-        ranks
-    })
-}
-
-/// How many rings of the region lie outside each of its pixels.
-fn rings(region: &Region) -> Vec<usize> {
-    let [columns, rows] = [region.columns, region.rows];
-    let mut left = FixedBitSet::with_capacity(columns * rows);
-    left.extend(region.pixels.iter().copied());
-    let mut rings = vec![0; columns * rows];
-    for ring in 0.. {
-        if left.is_clear() {
-            break;
-        }
-        let is_inner = |&p: &usize| {
-            let (x, y) = (p % columns, p / columns);
-            let beside = [(x > 0, 1), (y > 0, columns)];
-            let beyond = [(x + 1 < columns, 1), (y + 1 < rows, columns)];
-            beside.iter().all(|&(is, by)| is && left.contains(p - by))
-                && beyond.iter().all(|&(is, by)| is && left.contains(p + by))
-        };
-        let mut inner = FixedBitSet::with_capacity(columns * rows);
-        inner.extend(left.ones().filter(is_inner));
-        left.ones().for_each(|p| rings[p] = ring);
-        left = inner;
-    }
-    rings
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn square(side: usize) -> Region {
-        Region {
-            columns: side,
-            rows: side,
-            pixels: (0..side * side).collect(),
-            span: 1,
-        }
-    }
-
-    #[test]
-    fn rings_are_counted_from_the_border_of_any_outline() {
-        let rings_of = |region: &Region| rings(region);
-        #[rustfmt::skip]
-        assert_eq!(rings_of(&square(5)), [
-            0, 0, 0, 0, 0,
-            0, 1, 1, 1, 0,
-            0, 1, 2, 1, 0,
-            0, 1, 1, 1, 0,
-            0, 0, 0, 0, 0,
-        ]);
-        let mut holed = square(5);
-        holed.pixels.retain(|&p| p != 12);
-        assert!(rings_of(&holed).iter().all(|&ring| ring <= 1));
-        assert_eq!(rings_of(&holed)[7], 0);
-    }
 
     #[test]
     fn refinement_halves_the_gaps() {

@@ -1,22 +1,20 @@
-//! Search without learning: orders that anybody could think of, lookahead, and search over whole
-//! sequences, within a number of environment steps.
+//! Search without learning: orders that anybody could think of, the cross-entropy method over whole
+//! sequences, and moves of the order in scattered worlds.
 //!
 //! Everything random comes from streams of a seed, so that what is found depends on nothing else.
-//! [`lookahead()`], [`anneal`] and [`drawn`] take how to go on as a [`Policy`]: [`uniform`], or one that has been
-//! trained.
 
-mod anneal;
 mod arena;
 mod cem;
 mod draw;
 mod family;
-mod lookahead;
+mod judge;
+mod moves;
 mod order;
 
-pub use anneal::{Annealing, anneal};
 pub use arena::Arena;
 pub use cem::{CrossEntropy, cross_entropy};
 pub use draw::{Policy, drawn, uniform};
-pub use family::{in_order, outwards, rasters, spirals, sweeps};
-pub use lookahead::{Lookahead, lookahead};
+pub use family::{in_order, outwards, sweeps};
+pub use judge::{Ended, Job, Judge};
+pub use moves::{Found, Moves, Searching, moves};
 pub use order::{Order, choose};

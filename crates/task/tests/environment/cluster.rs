@@ -15,6 +15,7 @@ fn processes_see_what_one_does() {
             scene: scene.clone(),
             config: config.clone(),
             count,
+            worlds: None,
         };
         let mut env = Draping::on(vec![member], cluster).unwrap();
         let mut player = Player::new(4, count);

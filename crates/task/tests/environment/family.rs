@@ -22,6 +22,7 @@ fn members() -> Vec<Member> {
         scene: scene.clone(),
         config: small_region(),
         count,
+        worlds: None,
     });
     members[3].config.parameters = Parameters {
         shear: [1.3, 0.8],
