@@ -457,6 +457,9 @@ impl Training {
     }
 }
 
+/// Lists that a search by moves looks at before it begins.
+const KNOWN: usize = 32;
+
 /// The best of `known` lists and of orders that anybody could think of, each changed by moves for so many presses.
 /// `go_on` is told where the search is, nothing before it begins, and whether to go on is what it says.
 pub fn search_by_moves(
@@ -467,7 +470,8 @@ pub fn search_by_moves(
     mut go_on: impl FnMut(Option<Searching>) -> bool,
 ) -> Result<Found> {
     let mut starts = known;
-    for (order, count) in [(Order::Outwards, 16), (Order::Sweep, 8), (Order::Random, 8)] {
+    starts.truncate(KNOWN);
+    for (order, count) in [(Order::Outwards, 12), (Order::Sweep, 8), (Order::Random, 4)] {
         starts.extend(sequences(scene, &config.env, order, count, config.seed)?);
     }
     let method = Moves::default();

@@ -56,7 +56,6 @@ pub struct Draping {
     /// What was seen after the last step, before any episode was reset.
     last: Option<Observations>,
     reward: Reward,
-    is_costly: bool,
     keeps_ends: bool,
     is_shared: bool,
 }
@@ -211,7 +210,6 @@ impl Draping {
             now: OnceLock::new(),
             last: None,
             reward: Reward::default(),
-            is_costly: false,
             keeps_ends: true,
             is_shared: cluster.size() > 1,
             slots,
@@ -232,12 +230,6 @@ impl Draping {
     /// The same environments with another reward than the paper's.
     pub fn with_reward(mut self, reward: Reward) -> Self {
         self.reward = reward;
-        self
-    }
-
-    /// The same environments with the costs of paths taken off scores.
-    pub fn costly(mut self) -> Self {
-        self.is_costly = true;
         self
     }
 
@@ -284,17 +276,6 @@ impl Draping {
     /// The task's configuration there.
     pub fn config(&self) -> &EnvConfig {
         &self.tasks[0].config
-    }
-
-    /// How well presses at `points` that have ended in `state` were done in an environment, less what they
-    /// cost where that counts.
-    pub fn score(&self, index: usize, points: &[PressedPoint], state: &Snapshot) -> f64 {
-        let task = self.task(index);
-        let cost = match self.is_costly {
-            true => task.cost(&task.figures(points), state),
-            false => 0.0,
-        };
-        task.score(state) - cost
     }
 
     /// The cloth of one environment as it is now.
@@ -366,15 +347,10 @@ impl Draping {
         self.now = OnceLock::new();
     }
 
-    /// Scores of all environments as they are now, see [`Draping::score`].
+    /// Scores of all environments as they are now, see [`score`].
     pub fn scores(&self) -> Vec<f64> {
-        let states: Vec<Snapshot> = (0..self.count()).map(|index| self.state(index)).collect();
-        let all = states.par_iter().enumerate();
-        all.map(|(index, state)| match self.is_costly {
-            true => self.score(index, &self.points(index), state),
-            false => self.score(index, &[], state),
-        })
-        .collect()
+        let score = |index| self.task(index).score(&self.state(index));
+        (0..self.count()).into_par_iter().map(score).collect()
     }
 
     /// Where the episode of an environment has come to.
@@ -415,8 +391,7 @@ impl Draping {
             batch.cloth.press(&vertices[own])
         });
         self.now = OnceLock::new();
-        let keeps = self.keeps_ends || self.is_costly;
-        let places = pressed.iter().flat_map(|places| match keeps {
+        let places = pressed.iter().flat_map(|places| match self.keeps_ends {
             true => places.host().as_chunks().0.to_vec(),
             false => Vec::new(),
         });
@@ -514,16 +489,11 @@ impl Draping {
             }),
         };
         let total_reward = total_reward + reward;
-        let keeps = end.is_some() && (self.keeps_ends || self.is_costly);
+        let keeps = end.is_some() && self.keeps_ends;
         let state = keeps.then(|| self.state(index));
         let score = |end| match end {
             End::Diverged => None,
-            _ => {
-                let costs = state.as_ref().filter(|_| self.is_costly);
-                let cost =
-                    costs.map(|state| task.cost(&task.figures(&task.points(presses)), state));
-                Some(score(task.initial, left()) - cost.unwrap_or(0.0))
-            }
+            _ => Some(score(task.initial, left())),
         };
         let episode = end.map(|end| Episode {
             end,
@@ -535,7 +505,7 @@ impl Draping {
             score: score(end),
         });
         self.slots[index].episode.total_reward = total_reward;
-        if let Some(cloth) = state.filter(|_| self.keeps_ends) {
+        if let Some(cloth) = state {
             let episode = self.slots[index].episode.clone();
             self.slots[index].finished = Some(EpisodeState { episode, cloth });
         }

@@ -3,55 +3,48 @@ use drape_task::path::PathFigures;
 
 use super::*;
 
-/// What a path costs is taken off its score where that is asked for, counted on the tool, and nowhere else; rewards
-/// stay.
+/// What a path costs is taken off its worth, counted on the tool, and of nothing else.
 #[test]
-fn costs_are_taken_off_the_score_where_they_count() {
-    let config = EnvConfig {
+fn costs_are_taken_off_what_a_path_is_worth() {
+    let config = |second: f64, undraped: f64| EnvConfig {
         costs: Costs {
-            stroke: 0.01,
-            turn: 0.02,
-            metre: 0.03,
-            undraped: 0.04,
+            second,
+            undraped,
+            press_s: 0.5,
+            stroke_s: 2.0,
+            turn_s: 1.5,
+            contact_mm_s: 50.0,
+            jump_mm_s: 200.0,
         },
-        // Ends before all is draped.
-        max_steps: Some(20),
         drape_threshold_mm: 0.02,
         ..small_region()
     };
-    let new = || Draping::new(COARSE.clone(), &config, 2).unwrap();
-    let (mut plain, mut costly) = (new(), new().costly());
-    let mut player = Player::new(3, 2);
-    let mut ended = 0;
-    while ended < 2 {
-        let actions = player.choose(&plain);
-        let [expected, found] = [&mut plain, &mut costly].map(|env| env.step(&actions));
-        for (index, (expected, found)) in expected.iter().zip(&found).enumerate() {
-            assert_eq!(expected.reward, found.reward);
-            let (Some(expected), Some(found)) = (&expected.episode, &found.episode) else {
-                continue;
-            };
-            ended += 1;
-            let (task, end) = (plain.task(index), plain.finished(index).unwrap());
-            let pressed = end.presses().iter().map(|&(v, _)| plain.action(v).unwrap());
-            assert!(pressed.eq(expected.actions.iter().copied()));
-            // As they are counted for people and robots: on the tool.
-            let points = task.points(end.presses());
-            let path = PathFigures::new(&points, config.join_distance());
-            let x = &end.cloth().position;
-            let undraped = task.region.undraped_inner(plain.scene(), 2e-5, x);
-            let counts = [
-                path.strokes,
-                path.sharp_turns,
-                path.length_m + path.jump_m,
-                undraped as f64,
-            ];
-            let costs = counts.iter().zip([0.01, 0.02, 0.03, 0.04]);
-            let cost: f64 = costs.map(|(count, cost)| count * cost).sum();
-            assert!(counts.iter().all(|&count| count > 0.0), "{counts:?}");
-            let scores = [expected, found].map(|episode| episode.score.unwrap());
-            assert!((scores[0] - cost - scores[1]).abs() < 1e-12);
-            assert_eq!(costly.score(index, &points, end.cloth()), scores[1]);
-        }
-    }
+    let new = |config: &EnvConfig| Draping::new(COARSE.clone(), config, 1).unwrap();
+    let (plain, costly) = (config(0.0, 0.0), config(0.001, 0.04));
+    let (mut env, other) = (new(&plain), new(&costly));
+    let mut player = Player::new(3, 1);
+    play(&mut env, &mut player, 9);
+    let (end, task) = (env.episode(0), other.task(0));
+    let points = task.points(end.presses());
+    let path = PathFigures::new(&points, costly.join_distance());
+    let undraped = task.undraped_inner(end.cloth()) as f64;
+    let counts = [
+        path.strokes,
+        path.sharp_turns,
+        path.jump_m,
+        path.length_m,
+        undraped,
+    ];
+    assert!(counts.iter().all(|&count| count > 0.0), "{counts:?}");
+    let seconds = 0.5 * path.presses
+        + 2.0 * path.strokes
+        + 1.5 * path.sharp_turns
+        + path.length_m / 0.05
+        + path.jump_m / 0.2;
+    assert!((costly.costs.seconds(&path) - seconds).abs() < 1e-12);
+    let score = task.score(end.cloth());
+    assert_eq!(env.task(0).worth(&end), Some(score));
+    let worth = task.worth(&end).unwrap();
+    assert!((score - 0.001 * seconds - 0.04 * undraped - worth).abs() < 1e-12);
+    assert_eq!(env.scores(), [score]);
 }

@@ -10,6 +10,7 @@ mod family;
 mod gpu;
 mod replay;
 mod rest;
+mod scatter;
 mod stencil;
 mod strain;
 
