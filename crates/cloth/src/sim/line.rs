@@ -81,13 +81,9 @@ impl<V: Lanes> Chain<V> for Line {
     }
     #[inline(always)]
     fn law(&self) -> LineLaw<V> {
-        let EdgeLaw {
-            tension,
-            compression,
-        } = self.law;
         LineLaw {
             rest: [V::of(self.rest_length), V::of(1.0 / self.rest_length)],
-            compliance: [V::of(tension), V::of(compression)],
+            compliance: self.law.in_lanes(None),
             min_warm: V::of(self.min_warm()),
             limit: match self.limit {
                 Some(limit) => Some([
@@ -175,29 +171,20 @@ pub(super) trait Response<V: Lanes> {
 /// (Thomas algorithm). Pinned vertices (mobility 0) decouple their neighbours by the formula
 /// itself.
 #[inline(always)]
-pub(super) fn solve<V: Lanes>(
-    line: &impl Chain<V>,
-    law: &LineLaw<V>,
+pub(super) fn solve<V: Lanes, C: Chain<V>>(
+    mut along: Along<V, C>,
     response: &mut impl Response<V>,
-    x: &mut [Vec3x<V>],
-    mobility: &[V],
-    scratch: &mut Scratch<V>,
 ) {
-    eliminate(line, law, response, x, mobility, scratch);
-    substitute(line, law, response, x, mobility, scratch);
+    eliminate(&mut along, response);
+    substitute(along, response);
 }
 
 /// Forward elimination of the tridiagonal system of a line's edges. Rows and unknowns are scaled
 /// by the lengths of their edges, in place of their directions: that saves a division.
 #[inline(always)]
-fn eliminate<V: Lanes>(
-    line: &impl Chain<V>,
-    law: &LineLaw<V>,
-    response: &impl Response<V>,
-    x: &[Vec3x<V>],
-    mobility: &[V],
-    rows: &mut Scratch<V>,
-) {
+fn eliminate<V: Lanes, C: Chain<V>>(along: &mut Along<V, C>, response: &impl Response<V>) {
+    let (line, law, rows) = (along.line, &along.law, &mut *along.scratch);
+    let (x, mobility) = (&*along.x, along.mobility);
     // A collapsed edge, or two pinned ends and no compliance, leave a zero diagonal; any finite
     // value does then.
     let smallest = V::of(1e-28);
@@ -233,14 +220,9 @@ fn eliminate<V: Lanes>(
 
 /// Back substitution from the far end; a vertex moves once both its edges are known.
 #[inline(always)]
-fn substitute<V: Lanes>(
-    line: &impl Chain<V>,
-    law: &LineLaw<V>,
-    response: &mut impl Response<V>,
-    x: &mut [Vec3x<V>],
-    mobility: &[V],
-    rows: &mut Scratch<V>,
-) {
+fn substitute<V: Lanes, C: Chain<V>>(along: Along<V, C>, response: &mut impl Response<V>) {
+    let (line, law, rows) = (along.line, &along.law, along.scratch);
+    let (x, mobility) = (along.x, along.mobility);
     let mut after = Vec3x::zero();
     let mut change_after = V::zero();
     for j in (0..line.vertices().len() - 1).rev() {

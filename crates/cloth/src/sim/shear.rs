@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{SMatrix, SVector};
 
-use super::edges::{Edge, EdgeClass, EdgeResponse, Projected, edge_classes};
+use super::edges::{Edge, EdgeResponse, Projected, in_colors};
 use super::law::{EdgeLaw, branch};
 use super::line::{Along, Chain, Direction, Line, LineLaw, Response, solve};
 use super::physics::PhysicsConfig;
@@ -58,14 +58,8 @@ impl Trellis {
 
     /// All its numbers, those at rest aside.
     #[cfg(feature = "gpu")]
-    pub fn numbers(&self) -> [f64; POWERS + 1] {
-        std::array::from_fn(|k| {
-            if k == 0 {
-                self.per_growth
-            } else {
-                self.share[k - 1]
-            }
-        })
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        std::iter::once(self.per_growth).chain(self.share)
     }
 
     /// Compliance of a diagonal over that at rest, from the square of its length and the inverse
@@ -144,7 +138,7 @@ pub(super) fn rows(lamina: &Lamina, law: EdgeLaw) -> Vec<Line> {
 }
 
 /// Diagonals in colours.
-pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<EdgeClass> {
+pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<Vec<Edge>> {
     let edge = |&ends| Edge {
         ends,
         rest_length: lamina.cell_diagonal(),
@@ -152,16 +146,15 @@ pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<EdgeClass> {
         direction: Direction::Diagonal,
     };
     let edges: Vec<Edge> = lamina.diagonals.iter().map(edge).collect();
-    let classes = edge_classes(lamina, &edges).into_iter();
-    classes.map(|(_, class)| class).collect()
+    in_colors(lamina, &edges, |edge| edge.ends)
 }
 
 impl<V: Lanes> EdgeResponse<V> for Trellis {
     #[inline(always)]
-    fn at(&self, class: &EdgeClass, edge: Projected<V>) -> [V; 2] {
-        let inverse_rest = V::of(1.0 / class.rest_length[edge.i]);
-        let share = self.share(edge.square, inverse_rest);
-        [edge.c, branch(edge.law, edge.c) * share]
+    fn at(&self, projected: Projected<V>) -> [V; 2] {
+        let Projected { edge, law, c, .. } = projected;
+        let share = self.share(projected.square, V::of(1.0 / edge.rest_length));
+        [c, branch(law, c) * share]
     }
 }
 
@@ -169,15 +162,7 @@ impl<V: Lanes> EdgeResponse<V> for Trellis {
 /// and size of its C. As for a yarn, but soft enough that its forces need not last.
 #[inline(always)]
 pub(super) fn shear<V: Lanes, C: Chain<V>>(row: Along<V, C>, trellis: &Trellis) {
-    let response = &mut Cold(trellis);
-    solve(
-        row.line,
-        &row.law,
-        response,
-        row.x,
-        row.mobility,
-        row.scratch,
-    );
+    solve(row, &mut Cold(trellis));
 }
 
 /// No forces from the last substep, and the law of a diagonal.
