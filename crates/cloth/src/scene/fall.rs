@@ -40,13 +40,12 @@ impl Scene {
         let control = fall.stepping().control(FRAME);
         let [falling, settling] = fall.frames();
 
-        let start = hung(config, &lamina, &tool, falling as f64 * FRAME)?;
+        let mut state = hung(config, &lamina, &tool, falling as f64 * FRAME)?;
         let tool = Arc::new(tool);
         let model = Arc::new(Model::new(&lamina, &config.physics));
         let mut quiet = config.physics.clone();
         quiet.damping = fall.settle_damping;
         let quiet = Arc::new(Model::new(&lamina, &quiet));
-        let mut state = start;
         let mut done = 0;
         for (model, frames) in [(&model, falling), (&quiet, settling)] {
             let world = World::new(model.clone(), tool.clone());
@@ -67,13 +66,12 @@ impl Scene {
                 state.velocity[vertex] = [0.0; 3];
             }
         }
-        let initial = Arc::new(state);
         Ok(Self {
             config: config.clone(),
             tool,
             lamina: Arc::new(lamina),
             model,
-            initial,
+            initial: Arc::new(state),
         })
     }
 

@@ -1,7 +1,7 @@
 //! Bending of the yarns: solved along each yarn, or triple by triple.
 
 use super::edges::in_colors;
-use super::line::{Along, Chain};
+use super::line::{Along, Chain, Scratch};
 use super::physics::{Bending, BendingStiffness, PhysicsConfig};
 use super::scales::Scales;
 use crate::fabric::{Family, Lamina};
@@ -91,28 +91,39 @@ pub(super) fn project_triples<V: Lanes>(
 /// K = B^T k B of the second differences B, a pentadiagonal system that is the same for x, y
 /// and z (Gaussian elimination; M^1/2 (1/M + K) M^1/2 is positive definite, so no pivot is 0).
 #[inline(always)]
-pub(super) fn bend<V: Lanes, C: Chain<V>>(mut yarn: Along<V, C>) {
-    let line = yarn.line;
+pub(super) fn bend<V: Lanes, C: Chain<V>>(yarn: Along<V, C>) {
+    let Along {
+        line,
+        law,
+        x,
+        mobility,
+        scratch,
+        ..
+    } = yarn;
     let count = line.vertices().len();
-    let Some(stiffness) = yarn.law.bending.filter(|_| count >= 3) else {
+    let Some(stiffness) = law.bending.filter(|_| count >= 3) else {
         return;
     };
-    let mut rows = BendRows::new(&yarn, stiffness);
+    let mut rows = BendRows::new(line, stiffness, x);
     let inner = 2..count.saturating_sub(2).max(2);
     for i in 0..2 {
-        rows.eliminate(i, i + 2 < count, ends(line, i), &mut yarn);
+        rows.eliminate(i, i + 2 < count, ends(line, i), x, mobility, scratch);
     }
     for i in inner.clone() {
         let triples = [line.has_edge(i - 1), line.has_edge(i), line.has_edge(i + 1)];
-        rows.eliminate(i, true, triples, &mut yarn);
+        rows.eliminate(i, true, triples, x, mobility, scratch);
     }
     for i in inner.end..count {
-        rows.eliminate(i, i + 2 < count, ends(line, i), &mut yarn);
+        rows.eliminate(i, i + 2 < count, ends(line, i), x, mobility, scratch);
     }
-    let (x, rows) = (yarn.x, yarn.scratch);
+    let Scratch {
+        edge: z,
+        upper: first,
+        second,
+    } = scratch;
     let (mut d1, mut d2) = (Vec3x::zero(), Vec3x::zero());
     for i in (0..count).rev() {
-        let d = rows.edge[i] - d1.scale(rows.upper[i]) - d2.scale(rows.second[i]);
+        let d = z[i] - d1.scale(first[i]) - d2.scale(second[i]);
         let v = line.vertices()[i] as usize;
         x[v] = x[v] + d;
         (d1, d2) = (d, d1);
@@ -133,7 +144,8 @@ fn ends<V: Lanes>(line: &impl Chain<V>, i: usize) -> [V; 3] {
 }
 
 /// Elimination of the rows of the pentadiagonal system, one after the other.
-struct BendRows<V> {
+struct BendRows<'a, V, C> {
+    line: &'a C,
     stiffness: V,
     /// Positions of the vertex and of the next.
     x: [Vec3x<V>; 2],
@@ -145,12 +157,13 @@ struct BendRows<V> {
     right: [Vec3x<V>; 2],
 }
 
-impl<V: Lanes> BendRows<V> {
+impl<'a, V: Lanes, C: Chain<V>> BendRows<'a, V, C> {
     #[inline(always)]
-    fn new<C: Chain<V>>(yarn: &Along<V, C>, stiffness: V) -> Self {
+    fn new(line: &'a C, stiffness: V, x: &[Vec3x<V>]) -> Self {
         Self {
+            line,
             stiffness,
-            x: [0, 1].map(|k: usize| yarn.x[yarn.line.vertices()[k] as usize]),
+            x: [0, 1].map(|k: usize| x[line.vertices()[k] as usize]),
             difference: [Vec3x::zero(); 2],
             first: [V::zero(); 2],
             second: [V::zero(); 2],
@@ -161,25 +174,26 @@ impl<V: Lanes> BendRows<V> {
     /// Row of vertex i, which is on l triples as their last vertex, on m as their middle and
     /// on r as their first (0 or 1); r is 0 in all lanes unless there is an `onward` vertex i + 2.
     #[inline(always)]
-    fn eliminate<C: Chain<V>>(
+    fn eliminate(
         &mut self,
         i: usize,
         onward: bool,
         [l, m, r]: [V; 3],
-        yarn: &mut Along<V, C>,
+        x: &[Vec3x<V>],
+        mobility: &[V],
+        scratch: &mut Scratch<V>,
     ) {
-        let (line, scratch) = (yarn.line, &mut *yarn.scratch);
         let [before, around] = self.difference;
         let after = if onward {
             let [x0, x1] = self.x;
-            let x2 = yarn.x[line.vertices()[i + 2] as usize];
+            let x2 = x[self.line.vertices()[i + 2] as usize];
             self.x = [x1, x2];
-            line.of_edge(i + 1, x0 + x2 - x1.scale(V::of(2.0)))
+            self.line.of_edge(i + 1, x0 + x2 - x1.scale(V::of(2.0)))
         } else {
             Vec3x::zero()
         };
         self.difference = [around, after];
-        let wk = yarn.mobility[line.vertices()[i] as usize] * self.stiffness;
+        let wk = mobility[self.line.vertices()[i] as usize] * self.stiffness;
         let kx = before + after - around.scale(V::of(2.0));
         let lower2 = wk * l;
         let lower1 = wk * (V::of(-2.0) * (l + m)) - lower2 * self.first[0];

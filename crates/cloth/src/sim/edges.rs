@@ -5,8 +5,28 @@ use super::scales::Scales;
 use crate::fabric::{Lamina, color};
 use crate::math::{Lanes, Vec3x};
 
+/// Edges of which no two share a vertex.
+#[derive(Clone, Debug)]
+pub(super) struct EdgeClass {
+    pub vertices: Vec<[u32; 2]>,
+    pub rest_length: Vec<f64>,
+    pub law: Vec<EdgeLaw>,
+    pub direction: Vec<Direction>,
+}
+
+impl From<Vec<Edge>> for EdgeClass {
+    fn from(edges: Vec<Edge>) -> Self {
+        Self {
+            vertices: edges.iter().map(|edge| edge.ends).collect(),
+            rest_length: edges.iter().map(|edge| edge.rest_length).collect(),
+            law: edges.iter().map(|edge| edge.law).collect(),
+            direction: edges.iter().map(|edge| edge.direction).collect(),
+        }
+    }
+}
+
 /// An edge that is projected by itself.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(super) struct Edge {
     pub ends: [u32; 2],
     /// [m]
@@ -29,9 +49,8 @@ pub(super) fn in_colors<T: Copy, const N: usize>(
 
 /// An edge that is being projected.
 #[derive(Clone, Copy)]
-pub(super) struct Projected<'a, V> {
-    pub edge: &'a Edge,
-    /// Its number in its colour.
+pub(super) struct Projected<V> {
+    /// Its number in its class.
     pub i: usize,
     /// Its law, and the factors that this holds where environments differ.
     pub law: [V; 2],
@@ -47,11 +66,11 @@ pub(super) struct Projected<'a, V> {
 /// What an edge that is projected by itself answers to.
 pub(super) trait EdgeResponse<V: Lanes> {
     /// C less what the law leaves of it without force [m], and compliance [m/N].
-    fn at(&self, projected: Projected<V>) -> [V; 2];
+    fn at(&self, class: &EdgeClass, edge: Projected<V>) -> [V; 2];
 
-    /// Whether an edge is without force in all lanes, from the square of its length [m^2].
+    /// Whether edge `i` is without force in all lanes, from the square of its length [m^2].
     #[inline(always)]
-    fn is_idle(&self, _: &Edge, _: V) -> bool {
+    fn is_idle(&self, _: &EdgeClass, _: usize, _: V) -> bool {
         false
     }
 }
@@ -62,31 +81,34 @@ pub(super) trait EdgeResponse<V: Lanes> {
 /// start of the substep.
 #[inline(always)]
 pub(super) fn project_edges<V: Lanes>(
-    edges: &[Edge],
+    class: &EdgeClass,
     response: &impl EdgeResponse<V>,
     x: &mut [Vec3x<V>],
     w: &[V],
     scales: Option<&Scales<V>>,
 ) {
-    for (i, edge) in edges.iter().enumerate() {
-        let [a, b] = edge.ends.map(|v| v as usize);
+    for (i, (v, rest)) in class.vertices.iter().zip(&class.rest_length).enumerate() {
+        let [a, b] = v.map(|v| v as usize);
         let d = x[b] - x[a];
         let square = d.dot(d).max(V::of(MIN_SQUARE));
-        if response.is_idle(edge, square) {
+        if response.is_idle(class, i, square) {
             continue;
         }
         let length = square.sqrt();
         let gives = w[a] + w[b];
-        let factors = Scales::on_compliance(scales, edge.direction as usize);
-        let [c, compliance] = response.at(Projected {
-            edge,
+        let factors = match scales {
+            Some(scales) => Some(scales.compliance[class.direction[i] as usize]),
+            None => None,
+        };
+        let edge = Projected {
             i,
-            law: edge.law.in_lanes(factors),
+            law: class.law[i].in_lanes(factors),
             factors,
             square,
-            c: length - V::of(edge.rest_length),
+            c: length - V::of(*rest),
             gives,
-        });
+        };
+        let [c, compliance] = response.at(class, edge);
         let pull = d.scale(c / ((gives + compliance) * length).max(V::of(1e-28)));
         x[a] = x[a] + pull.scale(w[a]);
         x[b] = x[b] - pull.scale(w[b]);

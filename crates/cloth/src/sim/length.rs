@@ -1,6 +1,6 @@
 //! Length of the yarns: solved along each yarn with forces that last, or edge by edge.
 
-use super::edges::{Edge, EdgeResponse, Projected, in_colors};
+use super::edges::{Edge, EdgeClass, EdgeResponse, Projected, in_colors};
 use super::frame::Frame;
 use super::law::{EdgeLaw, Limit, branch};
 use super::line::{Along, Chain, Direction, LineLaw, Response, solve};
@@ -36,7 +36,7 @@ pub(super) fn yarn_law(lamina: &Lamina, yarn: &Yarn) -> EdgeLaw {
 pub(super) fn edges(
     lamina: &Lamina,
     physics: &PhysicsConfig,
-) -> impl Iterator<Item = (Vec<Edge>, Vec<Limit>)> {
+) -> impl Iterator<Item = (EdgeClass, Vec<Limit>)> {
     let mut edges = Vec::new();
     for yarn in &lamina.yarns {
         let law = yarn_law(lamina, yarn);
@@ -57,9 +57,9 @@ pub(super) fn edges(
     let is_limited = edges.iter().any(|(_, limit)| limit.force.is_finite());
     let classes = in_colors(lamina, &edges, |(edge, _)| edge.ends).into_iter();
     classes.map(move |class| {
-        let (edges, mut limits): (_, Vec<Limit>) = class.into_iter().unzip();
+        let (edges, mut limits): (Vec<Edge>, Vec<Limit>) = class.into_iter().unzip();
         limits.retain(|_| is_limited);
-        (edges, limits)
+        (edges.into(), limits)
     })
 }
 
@@ -68,7 +68,7 @@ pub(super) struct Plain;
 
 impl<V: Lanes> EdgeResponse<V> for Plain {
     #[inline(always)]
-    fn at(&self, edge: Projected<V>) -> [V; 2] {
+    fn at(&self, _: &EdgeClass, edge: Projected<V>) -> [V; 2] {
         [edge.c, branch(edge.law, edge.c)]
     }
 }
@@ -78,7 +78,7 @@ pub(super) struct Limited<'a>(pub &'a [Limit]);
 
 impl<V: Lanes> EdgeResponse<V> for Limited<'_> {
     #[inline(always)]
-    fn at(&self, edge: Projected<V>) -> [V; 2] {
+    fn at(&self, _: &EdgeClass, edge: Projected<V>) -> [V; 2] {
         let Projected { c, gives, .. } = edge;
         let (limit, compliance) = (self.0[edge.i], branch(edge.law, c));
         let (mut force, mut limited) = (V::of(limit.force), V::of(limit.compliance));

@@ -171,20 +171,24 @@ pub(super) trait Response<V: Lanes> {
 /// (Thomas algorithm). Pinned vertices (mobility 0) decouple their neighbours by the formula
 /// itself.
 #[inline(always)]
-pub(super) fn solve<V: Lanes, C: Chain<V>>(
-    mut along: Along<V, C>,
-    response: &mut impl Response<V>,
-) {
-    eliminate(&mut along, response);
-    substitute(along, response);
+pub(super) fn solve<V: Lanes, C: Chain<V>>(along: Along<V, C>, response: &mut impl Response<V>) {
+    let (line, law, rows) = (along.line, &along.law, along.scratch);
+    // Apart, so that the compiler knows them to lie apart.
+    eliminate(line, law, response, along.x, along.mobility, rows);
+    substitute(line, law, response, along.x, along.mobility, rows);
 }
 
 /// Forward elimination of the tridiagonal system of a line's edges. Rows and unknowns are scaled
 /// by the lengths of their edges, in place of their directions: that saves a division.
 #[inline(always)]
-fn eliminate<V: Lanes, C: Chain<V>>(along: &mut Along<V, C>, response: &impl Response<V>) {
-    let (line, law, rows) = (along.line, &along.law, &mut *along.scratch);
-    let (x, mobility) = (&*along.x, along.mobility);
+fn eliminate<V: Lanes>(
+    line: &impl Chain<V>,
+    law: &LineLaw<V>,
+    response: &impl Response<V>,
+    x: &[Vec3x<V>],
+    mobility: &[V],
+    rows: &mut Scratch<V>,
+) {
     // A collapsed edge, or two pinned ends and no compliance, leave a zero diagonal; any finite
     // value does then.
     let smallest = V::of(1e-28);
@@ -220,9 +224,14 @@ fn eliminate<V: Lanes, C: Chain<V>>(along: &mut Along<V, C>, response: &impl Res
 
 /// Back substitution from the far end; a vertex moves once both its edges are known.
 #[inline(always)]
-fn substitute<V: Lanes, C: Chain<V>>(along: Along<V, C>, response: &mut impl Response<V>) {
-    let (line, law, rows) = (along.line, &along.law, along.scratch);
-    let (x, mobility) = (along.x, along.mobility);
+fn substitute<V: Lanes>(
+    line: &impl Chain<V>,
+    law: &LineLaw<V>,
+    response: &mut impl Response<V>,
+    x: &mut [Vec3x<V>],
+    mobility: &[V],
+    rows: &mut Scratch<V>,
+) {
     let mut after = Vec3x::zero();
     let mut change_after = V::zero();
     for j in (0..line.vertices().len() - 1).rev() {

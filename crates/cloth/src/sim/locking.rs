@@ -8,7 +8,7 @@
 //! forces have drawn the diagonal, many times as stiff as where it comes to rest. Split, it rests
 //! at 0.751: off by mobility times force, which vanishes with the square of the substep.
 
-use super::edges::{Edge, EdgeResponse, Projected};
+use super::edges::{EdgeClass, EdgeResponse, Projected};
 use super::law::branch;
 use super::line::{Along, Chain, LineLaw, Response, solve};
 use super::physics::PhysicsConfig;
@@ -132,14 +132,14 @@ impl Locking {
 
 impl<V: Lanes> EdgeResponse<V> for Locking {
     #[inline(always)]
-    fn is_idle(&self, edge: &Edge, square: V) -> bool {
-        let excess = self.excess(square, V::of(1.0 / edge.rest_length));
+    fn is_idle(&self, class: &EdgeClass, i: usize, square: V) -> bool {
+        let excess = self.excess(square, V::of(1.0 / class.rest_length[i]));
         !V::any(V::zero().lt(excess))
     }
 
     #[inline(always)]
-    fn at(&self, edge: Projected<V>) -> [V; 2] {
-        let rest_length = edge.edge.rest_length;
+    fn at(&self, class: &EdgeClass, edge: Projected<V>) -> [V; 2] {
+        let rest_length = class.rest_length[edge.i];
         let inverse_rest = V::of(1.0 / rest_length);
         let [beyond, share] = self.of_diagonal(edge.c * inverse_rest + V::of(1.0));
         let is_locked = V::zero().lt(self.excess(edge.square, inverse_rest));

@@ -3,7 +3,7 @@
 use super::bend::{BendTriple, bending_stiffness, project_triples, triples};
 use super::cloth::Cloth;
 use super::collision::Layers;
-use super::edges::{Edge, project_edges};
+use super::edges::{EdgeClass, project_edges};
 use super::hinge::{BendHinge, hinges, project_hinges};
 use super::law::Limit;
 use super::length::{self, Limited, Plain};
@@ -20,11 +20,11 @@ use crate::math::Lanes;
 #[derive(Clone, Debug)]
 pub(super) enum Pass {
     /// Edges of yarns with the limit or knee of each, if any yarn has one; one colour.
-    Edges(Vec<Edge>, Vec<Limit>),
+    Edges(EdgeClass, Vec<Limit>),
     /// Diagonals, one colour.
-    Diagonals(Vec<Edge>, Trellis),
+    Diagonals(EdgeClass, Trellis),
     /// Their locking.
-    LockingDiagonals(Vec<Edge>, Locking),
+    LockingDiagonals(EdgeClass, Locking),
     /// Three-node bending, one colour.
     Triples(Vec<BendTriple>),
     /// Dihedral bending, one colour.
@@ -42,12 +42,12 @@ impl Pass {
         let (x, w) = (&mut cloth.position[..], &cloth.mobility[..]);
         let s = if differ { Some(&cloth.scales) } else { None };
         match self {
-            Self::Edges(edges, limits) if limits.is_empty() => {
-                project_edges(edges, &Plain, x, w, s);
+            Self::Edges(class, limits) if limits.is_empty() => {
+                project_edges(class, &Plain, x, w, s);
             }
-            Self::Edges(edges, limits) => project_edges(edges, &Limited(limits), x, w, s),
-            Self::Diagonals(edges, trellis) => project_edges(edges, trellis, x, w, s),
-            Self::LockingDiagonals(edges, locking) => project_edges(edges, locking, x, w, s),
+            Self::Edges(class, limits) => project_edges(class, &Limited(limits), x, w, s),
+            Self::Diagonals(class, trellis) => project_edges(class, trellis, x, w, s),
+            Self::LockingDiagonals(class, locking) => project_edges(class, locking, x, w, s),
             Self::Triples(triples) => project_triples(triples, x, w, s),
             Self::Hinges(hinges) => project_hinges(hinges, x, w, s),
             Self::Membrane(elements) => project_elements(elements, x, w, &mut cloth.density, s),

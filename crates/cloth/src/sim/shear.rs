@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{SMatrix, SVector};
 
-use super::edges::{Edge, EdgeResponse, Projected, in_colors};
+use super::edges::{Edge, EdgeClass, EdgeResponse, Projected, in_colors};
 use super::law::{EdgeLaw, branch};
 use super::line::{Along, Chain, Direction, Line, LineLaw, Response, solve};
 use super::physics::PhysicsConfig;
@@ -138,7 +138,7 @@ pub(super) fn rows(lamina: &Lamina, law: EdgeLaw) -> Vec<Line> {
 }
 
 /// Diagonals in colours.
-pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<Vec<Edge>> {
+pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<EdgeClass> {
     let edge = |&ends| Edge {
         ends,
         rest_length: lamina.cell_diagonal(),
@@ -146,15 +146,16 @@ pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<Vec<Edge>> {
         direction: Direction::Diagonal,
     };
     let edges: Vec<Edge> = lamina.diagonals.iter().map(edge).collect();
-    in_colors(lamina, &edges, |edge| edge.ends)
+    let classes = in_colors(lamina, &edges, |edge| edge.ends);
+    classes.into_iter().map(EdgeClass::from).collect()
 }
 
 impl<V: Lanes> EdgeResponse<V> for Trellis {
     #[inline(always)]
-    fn at(&self, projected: Projected<V>) -> [V; 2] {
-        let Projected { edge, law, c, .. } = projected;
-        let share = self.share(projected.square, V::of(1.0 / edge.rest_length));
-        [c, branch(law, c) * share]
+    fn at(&self, class: &EdgeClass, edge: Projected<V>) -> [V; 2] {
+        let inverse_rest = V::of(1.0 / class.rest_length[edge.i]);
+        let share = self.share(edge.square, inverse_rest);
+        [edge.c, branch(edge.law, edge.c) * share]
     }
 }
 

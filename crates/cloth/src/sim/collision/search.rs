@@ -120,13 +120,8 @@ impl Scratch {
         pairs: &mut Vec<Pair>,
         sides: &mut Vec<u64>,
     ) {
-        let Self {
-            from,
-            to,
-            bounds: reach,
-            fit,
-            sides: new,
-        } = self;
+        let (from, to, new) = (&self.from, &self.to, &mut self.sides);
+        let (reach, fit) = (&mut self.bounds, &mut self.fit);
         let margin = slack + 0.5 * thickness;
         reach.clear();
         let ends = from.iter().zip(&*to);

@@ -62,18 +62,8 @@ impl Gpu {
         let tables = Tables::new(world)?;
         let plan = tables.plan;
         let n = plan.vertices;
-        let sizes = [
-            3 * n,
-            3 * n,
-            3 * n,
-            3 * n,
-            n,
-            n,
-            4 * n,
-            plan.slots,
-            plan.scratch,
-            n,
-        ];
+        let (slots, scratch) = (plan.slots, plan.scratch);
+        let sizes = [3 * n, 3 * n, 3 * n, 3 * n, n, n, 4 * n, slots, scratch, n];
         let largest = 4 * count * sizes.iter().max().expect("not empty");
         let limit = adapter.largest_buffer();
         if largest as u64 > limit {

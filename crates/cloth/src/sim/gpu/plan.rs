@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::super::backend::World;
 use super::super::device_error::DeviceError;
-use super::super::edges::Edge;
+use super::super::edges::EdgeClass;
 use super::super::law::{Direction, Limit};
 use super::super::line::Line;
 use super::super::lines::Lines;
@@ -316,18 +316,18 @@ impl Tables {
 
     fn add_pass(&mut self, pass: &Pass) -> Result<(), DeviceError> {
         let (kind, ends, laws) = match pass {
-            Pass::Edges(edges, limits) => {
-                let mut laws = edge_laws(edges);
+            Pass::Edges(class, limits) => {
+                let mut laws = edge_laws(class);
                 laws.extend(limit_laws(limits));
                 let kind = match limits.is_empty() {
                     true => PassKind::Edges,
                     false => PassKind::LimitedEdges,
                 };
-                (kind, edge_ends(edges), laws)
+                (kind, edge_ends(class), laws)
             }
-            Pass::Diagonals(edges, trellis) => {
+            Pass::Diagonals(class, trellis) => {
                 self.plan.trellis = self.add(trellis.numbers());
-                (PassKind::Diagonals, edge_ends(edges), edge_laws(edges))
+                (PassKind::Diagonals, edge_ends(class), edge_laws(class))
             }
             Pass::Triples(triples) => {
                 let ends = triples.iter().map(|t| (t.vertices, t.family as u32));
@@ -337,10 +337,10 @@ impl Tables {
             Pass::Hinges(_) => {
                 return Err(DeviceError::Missing("`physics.bending = \"dihedral\"`"));
             }
-            Pass::LockingDiagonals(edges, locking) => {
+            Pass::LockingDiagonals(class, locking) => {
                 self.plan.locking = Some(self.add(locking.numbers()));
                 let kind = PassKind::LockingDiagonals;
-                (kind, edge_ends(edges), edge_laws(edges))
+                (kind, edge_ends(class), edge_laws(class))
             }
             Pass::Membrane(_) | Pass::LockingMembrane(..) => {
                 return Err(DeviceError::Missing(MEMBRANES));
@@ -421,21 +421,19 @@ impl Tables {
 }
 
 /// The vertices of edges, with their directions.
-fn edge_ends(edges: &[Edge]) -> Vec<u32> {
-    by_end(edges.iter().map(|edge| (edge.ends, edge.direction as u32)))
+fn edge_ends(class: &EdgeClass) -> Vec<u32> {
+    let directions = class.direction.iter().map(|&direction| direction as u32);
+    by_end(class.vertices.iter().copied().zip(directions))
 }
 
 /// Rest lengths and their inverses, compliances in tension and in compression.
-fn edge_laws(edges: &[Edge]) -> Vec<f64> {
-    by_field(
-        edges,
-        [
-            |edge| edge.rest_length,
-            |edge| 1.0 / edge.rest_length,
-            |edge| edge.law.tension,
-            |edge| edge.law.compression,
-        ],
-    )
+fn edge_laws(class: &EdgeClass) -> Vec<f64> {
+    let mut laws = by_field(&class.rest_length, [|rest| *rest, |rest| 1.0 / rest]);
+    laws.extend(by_field(
+        &class.law,
+        [|law| law.tension, |law| law.compression],
+    ));
+    laws
 }
 
 /// Force, compliance and offset of limits.

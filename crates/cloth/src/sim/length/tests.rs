@@ -121,16 +121,16 @@ fn close(found: Vec3x<f64>, expected: Vec3, tolerance: f64) {
     );
 }
 
-fn pair(rest_length: f64) -> [Edge; 1] {
-    [Edge {
-        ends: [0, 1],
-        rest_length,
-        law: EdgeLaw {
+fn pair(rest_length: f64) -> EdgeClass {
+    EdgeClass {
+        vertices: vec![[0, 1]],
+        rest_length: vec![rest_length],
+        law: vec![EdgeLaw {
             tension: 1.0,
             compression: 3.0,
-        },
-        direction: Direction::Warp,
-    }]
+        }],
+        direction: vec![Direction::Warp],
+    }
 }
 
 /// An edge of length 5 along (0.6, 0.8), mobility 1 and 3.

@@ -106,10 +106,10 @@ fn diagonals_at_rest_have_twice_the_shear_stiffness() {
     });
     // Yarns are the passes before, two colours of each family.
     let passes = coloured.passes[4..].iter().map(|pass| match pass {
-        Pass::Diagonals(edges, _) => edges,
+        Pass::Diagonals(class, _) => class,
         _ => panic!("shear is a pass over diagonals"),
     });
-    let in_passes = passes.flat_map(|edges| edges.iter().map(|edge| (edge.law, 1)));
+    let in_passes = passes.flat_map(|class| class.law.iter().map(|law| (*law, 1)));
     for springs in [in_rows.collect::<Vec<_>>(), in_passes.collect()] {
         for (law, _) in &springs {
             close(1.0 / law.tension, 35.0);
@@ -192,10 +192,10 @@ fn passes_hold_everything_once_without_conflict() {
         let mut count = 0;
         for pass in &passes {
             let members: Vec<Vec<u32>> = match pass {
-                Pass::Edges(edges, _)
-                | Pass::Diagonals(edges, _)
-                | Pass::LockingDiagonals(edges, _) => {
-                    edges.iter().map(|edge| edge.ends.to_vec()).collect()
+                Pass::Edges(class, _)
+                | Pass::Diagonals(class, _)
+                | Pass::LockingDiagonals(class, _) => {
+                    class.vertices.iter().map(|v| v.to_vec()).collect()
                 }
                 Pass::Triples(triples) => triples.iter().map(|t| t.vertices.to_vec()).collect(),
                 Pass::Hinges(hinges) => hinges.iter().map(|h| h.vertices.to_vec()).collect(),
