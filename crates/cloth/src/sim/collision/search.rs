@@ -124,7 +124,7 @@ impl Scratch {
         let (reach, fit) = (&mut self.bounds, &mut self.fit);
         let margin = slack + 0.5 * thickness;
         reach.clear();
-        let ends = from.iter().zip(&*to);
+        let ends = from.iter().zip(to);
         reach.extend(ends.map(|(from, to)| {
             let moved = Aabb::new(to_parry(&from.inf(to)), to_parry(&from.sup(to)));
             moved.loosened(margin)
