@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::file::{ReadError, ValueError};
+use crate::file::{ReadError, ValueError, is_default};
 
 /// Which areal mass a blank has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -32,14 +32,8 @@ pub struct BlankConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cell_mm: Option<f64>,
     /// Angle of the warp against x [degrees], counter-clockwise from above.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(skip_serializing_if = "is_default")]
     pub yarn_angle_deg: f64,
-}
-
-/// Resolved configurations of blanks that are cut along their yarns read as they always did.
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
-fn is_zero(angle: &f64) -> bool {
-    *angle == 0.0
 }
 
 impl Default for BlankConfig {

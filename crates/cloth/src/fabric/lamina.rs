@@ -69,7 +69,6 @@ impl Lamina {
     pub fn new(config: &BlankConfig, material: Material) -> Result<Self, BlankError> {
         config.check()?;
         let size = config.size_mm.map(|s| s * 1e-3);
-        let angle = config.yarn_angle_deg.to_radians();
         let cells = if config.is_plain() {
             Cells::rectangle(size, config.vertices, config.cell())
         } else {
@@ -77,9 +76,10 @@ impl Lamina {
                 Some(path) => Outline::read(path)?,
                 None => Outline::rectangle(size),
             };
+            let angle = config.yarn_angle_deg.to_radians();
             Cells::new(&outline, config.cell(), angle).map_err(|fault| config.coarse(fault))?
         };
-        Ok(Self::woven(cells, config.mass, angle, material))
+        Ok(Self::woven(cells, config, material))
     }
 
     /// A rectangle whose mesh lies along its sides, whatever the angle of the yarns: all triangles
@@ -92,12 +92,11 @@ impl Lamina {
             let [a, b, c, d] = cells.grid.corners(index).map(|node| node as u32);
             *cell = Cell::Cut(vec![[a, b, d], [a, d, c]]);
         }
-        let angle = config.yarn_angle_deg.to_radians();
-        Ok(Self::woven(cells, config.mass, angle, material))
+        Ok(Self::woven(cells, config, material))
     }
 
-    /// Adds what lies between the vertices; `angle` is that of the warp [rad].
-    fn woven(cells: Cells, mass: MassModel, angle: f64, material: Material) -> Self {
+    /// Adds what lies between the vertices.
+    fn woven(cells: Cells, config: &BlankConfig, material: Material) -> Self {
         let Cells { grid, rest, cells } = cells;
         let (columns, rows) = (grid.columns, grid.rows);
         let at = |row: usize, column: usize| {
@@ -107,12 +106,11 @@ impl Lamina {
         let mut triangles = Vec::new();
         let mut diagonals = Vec::new();
         let mut membranes = Vec::new();
-        let (sin, cos) = angle.sin_cos();
-        let areal_mass = 1e-3
-            * match mass {
-                MassModel::Paper => material.areal_mass_g_m2.paper,
-                MassModel::Datasheet => material.areal_mass_g_m2.datasheet,
-            };
+        let (sin, cos) = config.yarn_angle_deg.to_radians().sin_cos();
+        let areal_mass = match config.mass {
+            MassModel::Paper => 1e-3 * material.areal_mass_g_m2.paper,
+            MassModel::Datasheet => 1e-3 * material.areal_mass_g_m2.datasheet,
+        };
         let third = areal_mass * grid.cell[0] * grid.cell[1] / 6.0;
         let mut mass = vec![0.0; rest.len()];
         for (index, cell) in cells.iter().enumerate() {
@@ -188,6 +186,14 @@ impl Lamina {
             warp: [cos, sin],
             grid,
         }
+    }
+
+    /// The edges of all yarns, yarn by yarn: whose they are, and their ends.
+    pub fn yarn_edges(&self) -> impl Iterator<Item = (&Yarn, [u32; 2])> {
+        self.yarns.iter().flat_map(|yarn| {
+            let pairs = yarn.vertices.windows(2);
+            pairs.map(move |pair| (yarn, [pair[0], pair[1]]))
+        })
     }
 
     /// Number of vertices.
@@ -307,11 +313,9 @@ impl Lamina {
     /// edge, yarn by yarn, then that along warp and weft of every membrane without yarns.
     pub fn yarn_strain(&self, position: &[[f64; 3]]) -> Vec<f64> {
         let mut strain = Vec::new();
-        for yarn in &self.yarns {
-            for pair in yarn.vertices.windows(2) {
-                let [a, b] = [pair[0], pair[1]].map(|v| Vec3::from(position[v as usize]));
-                strain.push((b - a).norm() / yarn.rest_length - 1.0);
-            }
+        for (yarn, ends) in self.yarn_edges() {
+            let [a, b] = ends.map(|v| Vec3::from(position[v as usize]));
+            strain.push((b - a).norm() / yarn.rest_length - 1.0);
         }
         for membrane in self.membranes.iter().filter(|m| !m.has_yarns) {
             strain.extend(membrane.columns(position).map(|column| column.norm() - 1.0));

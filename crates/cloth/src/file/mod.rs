@@ -12,5 +12,6 @@ pub use read::{ReadError, read_bytes, read_text};
 pub use sealed::Sealed;
 pub use toml::{parse_toml, parse_toml_with, read_toml, refuse_lists};
 pub use value::ValueError;
+pub(crate) use value::is_default;
 pub use words::in_words;
 pub use write::{WriteError, check_writable, remove_temporaries, write_atomic};

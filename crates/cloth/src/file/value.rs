@@ -1,3 +1,8 @@
+/// Resolved configurations without keys that are skipped if this is so read as they always did.
+pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
 /// A value of a configuration that makes no sense.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{key}` is {found}, expected {expected}")]

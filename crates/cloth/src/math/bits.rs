@@ -27,8 +27,13 @@ pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<FixedBi
     if words.len() != length.div_ceil(64) || (length % 64 != 0 && tail != 0) {
         return Err(D::Error::custom("words do not fit the number of bits"));
     }
+    let is_one = |i: &usize| words[i / 64] >> (i % 64) & 1 == 1;
+    Ok(set(length, (0..length).filter(is_one)))
+}
+
+/// So many bits, and which of them are set.
+pub fn set(length: usize, ones: impl Iterator<Item = usize>) -> FixedBitSet {
     let mut set = FixedBitSet::with_capacity(length);
-    let ones = (0..length).filter(|i| words[i / 64] >> (i % 64) & 1 == 1);
     set.extend(ones);
-    Ok(set)
+    set
 }

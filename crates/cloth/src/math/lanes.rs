@@ -143,7 +143,7 @@ pub trait Lanes:
 }
 
 /// Lanes of the widest instruction set.
-const WIDEST: usize = 16;
+pub(crate) const WIDEST: usize = 16;
 
 /// A table in every lane, of numbers that all share, each with strides of its own.
 pub struct Tables<'a> {

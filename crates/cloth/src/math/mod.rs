@@ -5,10 +5,10 @@ mod lanes;
 mod statistics;
 mod stream;
 
-pub(crate) use lanes::polynomial;
 #[cfg(target_arch = "x86_64")]
 pub use lanes::{F32x8, F32x16, F64x4, F64x8};
 pub use lanes::{Isa, Kernel, Lanes, Portable, Real, Tables, Vec3x};
+pub(crate) use lanes::{WIDEST, polynomial};
 pub use statistics::mean_and_deviation;
 pub use stream::{Purpose, Stream};
 

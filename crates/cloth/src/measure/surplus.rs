@@ -43,13 +43,10 @@ pub fn crushed(lamina: &Lamina, tool: &Tool, positions: &[[f64; 3]]) -> Vec<f64>
     let feet = feet(tool, positions);
     let foot = |v: u32| feet[v as usize];
     let mut greatest = vec![0.0f64; positions.len()];
-    for yarn in &lamina.yarns {
-        for pair in yarn.vertices.windows(2) {
-            let ends = [foot(pair[0]), foot(pair[1])];
-            let share = excess(yarn.rest_length, ends) / yarn.rest_length;
-            for &v in pair {
-                greatest[v as usize] = greatest[v as usize].max(share);
-            }
+    for (yarn, ends) in lamina.yarn_edges() {
+        let share = excess(yarn.rest_length, ends.map(foot)) / yarn.rest_length;
+        for v in ends {
+            greatest[v as usize] = greatest[v as usize].max(share);
         }
     }
     greatest

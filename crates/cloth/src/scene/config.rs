@@ -6,7 +6,7 @@ use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::fabric::{BlankConfig, BlankError, Material};
-use crate::file::{ReadError, ValueError, read_toml, refuse_lists};
+use crate::file::{ReadError, ValueError, is_default, read_toml, refuse_lists};
 use crate::sim::{PhysicsConfig, Stepping};
 use crate::tool::{Source, ToolConfig, ToolError};
 
@@ -48,11 +48,6 @@ pub struct Placement {
     /// Direction of that axis, counter-clockwise from x.
     #[serde(skip_serializing_if = "is_default")]
     pub tilt_axis_deg: f64,
-}
-
-/// Resolved configurations without such keys read as they always did.
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
 }
 
 impl Default for Placement {

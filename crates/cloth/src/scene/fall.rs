@@ -201,11 +201,7 @@ pub fn hung(
     fall_s: f64,
 ) -> Result<Snapshot, SceneError> {
     let mut placement = config.placement.clone();
-    let Placement {
-        centre_mm,
-        height_mm,
-        ..
-    } = config.placement;
+    let (centre_mm, height_mm) = (placement.centre_mm, placement.height_mm);
     let (low, high) = tool.mesh.bounds();
     let middle_mm = [0, 1].map(|k| 500.0 * (low[k] + high[k]));
     let from_mm = match placement.over {

@@ -133,13 +133,8 @@ impl<V: Lanes> Storage for Alone<V> {
         direction: Direction,
         i: usize,
     ) -> Along<'a, V, Bundle<V>> {
-        let Self {
-            cloth,
-            crossing,
-            fold,
-            ..
-        } = self;
-        let (line, places) = &fold.crossing(direction)[i];
+        let (cloth, crossing) = (&mut self.cloth, &mut self.crossing);
+        let (line, places) = &self.fold.crossing(direction)[i];
         let x = Vec3x::components_mut(&mut crossing.position);
         places.copy::<V, 3, false>(Vec3x::components_mut(&mut cloth.position), x);
         places.copy::<V, 1, false>(&mut cloth.mobility, &mut crossing.mobility);
@@ -162,14 +157,8 @@ impl<V: Lanes> Storage for Alone<V> {
 
     #[inline(always)]
     fn warm_start(&mut self, _: &[Vec<Element>]) {
-        let Self {
-            cloth,
-            crossing,
-            fold,
-            held,
-            ..
-        } = self;
-        for (weft, places) in &fold.wefts {
+        let (cloth, crossing, held) = (&mut self.cloth, &mut self.crossing, &mut self.held);
+        for (weft, places) in &self.fold.wefts {
             let x = Vec3x::components_mut(&mut crossing.position);
             places.copy::<V, 3, false>(Vec3x::components_mut(&mut cloth.predicted), x);
             let density = &cloth.density[weft.edges()];

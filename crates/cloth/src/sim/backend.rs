@@ -46,19 +46,19 @@ impl World {
         }
     }
 
+    /// The blank that is pressed, and how.
+    pub(super) fn pressed(&self) -> &(Arc<Lamina>, Stencil) {
+        self.presses.as_ref().expect("a world with presses")
+    }
+
     /// Whether `state` is one of this world: of its size, finite, of parts and parameters that it has.
     pub fn fits(&self, state: &Snapshot) -> bool {
-        let Own {
-            tool,
-            start,
-            view,
-            ref parameters,
-        } = state.own;
+        let own = &state.own;
         let has = |number: u16, count: usize| usize::from(number) < count.max(1);
-        has(tool, self.tools.len())
-            && has(start, self.starts.len())
-            && has(view, self.views.len())
-            && parameters.check().is_ok()
+        has(own.tool, self.tools.len())
+            && has(own.start, self.starts.len())
+            && has(own.view, self.views.len())
+            && own.parameters.check().is_ok()
             && self.model.fits(state)
     }
 }

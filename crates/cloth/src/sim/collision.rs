@@ -21,7 +21,7 @@ use super::cloth::Plane;
 use super::physics::SelfCollision;
 use crate::fabric::Lamina;
 use crate::math::{Lanes, Vec3, Vec3x};
-use geometry::{Gap, Kind, Overlap, Pair};
+use geometry::{Gap, Kind, Pair};
 use search::{Scratch, Topology};
 
 /// Displacement of a vertex after which pairs are refreshed, in thicknesses. More refreshes them
@@ -184,15 +184,10 @@ impl<V: Lanes> SelfContact<V> {
             }
             let slack = SLACK * layers.thickness;
             let surface = &layers.surface;
-            let Lane {
-                pairs,
-                sides,
-                beneath,
-                ..
-            } = contacts;
+            let (pairs, sides) = (&mut contacts.pairs, &mut contacts.sides);
             self.scratch
                 .search(surface, layers.thickness, slack, pairs, sides);
-            count_beneath(pairs, &self.scratch.from, beneath, |v| {
+            count_beneath(pairs, &self.scratch.from, &mut contacts.beneath, |v| {
                 around.planes[v].normal.get(lane).into()
             });
         }
@@ -248,23 +243,17 @@ fn project<V: Lanes>(
     x: &mut [Vec3x<V>],
     around: &Around<V>,
 ) -> f64 {
-    let Around {
-        previous,
-        w,
-        planes,
-        friction,
-    } = *around;
     let index = pair.vertices.map(|v| v as usize);
     let at = index.map(|v| Vec3::from(x[v].get(lane)));
-    let Some(gap) = Overlap::new(pair.kind, at, pair.side, layers.thickness) else {
+    let Some((gap, missing)) = Gap::too_small(pair.kind, at, pair.side, layers.thickness) else {
         return 0.0;
     };
     let between = |x: [Vec3; 4]| -> Vec3 { (0..4).map(|i| x[i] * gap.weight[i]).sum() };
-    let before = between(index.map(|v| previous[v].get(lane).into()));
+    let before = between(index.map(|v| around.previous[v].get(lane).into()));
     let height = pair.side * before.dot(&gap.normal) / layers.thickness;
     let recovered = height + RECOVERY[usize::from(height < 0.0)];
-    let depth = gap.depth - layers.thickness * (1.0 - recovered).max(0.0);
-    let w = index.map(|v| w[v].get(lane));
+    let depth = missing - layers.thickness * (1.0 - recovered).max(0.0);
+    let w = index.map(|v| around.w[v].get(lane));
     let by_weight = |power: i32| (0..4).map(move |i| w[i] * gap.weight[i].abs().powi(power));
     let sum = by_weight(2)
         .sum::<f64>()
@@ -275,7 +264,7 @@ fn project<V: Lanes>(
     }
     let mut push = gap.normal.map(|n| n * pair.side * depth);
     if let Some(of_layers) = layers.friction {
-        let [stick, slide] = [0, 1].map(|k| of_layers[k] * friction[k].get(lane));
+        let [stick, slide] = [0, 1].map(|k| of_layers[k] * around.friction[k].get(lane));
         let slid = between(at) - before;
         let slid = slid - gap.normal * slid.dot(&gap.normal);
         let length = slid.norm();
@@ -290,7 +279,7 @@ fn project<V: Lanes>(
         let share = w[i] * gap.weight[i] / sum;
         let mut to = at[i] + push * share;
         // The tool gives way to no layer, so the stack grows from it upwards.
-        let plane = &planes[index[i]];
+        let plane = &around.planes[index[i]];
         let normal = Vec3::from(plane.normal.get(lane));
         let phi = normal.dot(&to) - plane.offset.get(lane);
         if phi < 0.0 {

@@ -12,12 +12,11 @@ use super::group::{Group, Known};
 use super::lanes::InLanes;
 use super::model::Model;
 use super::observations::{Column, Observations};
-use super::parameters::{Own, Parameters};
+use super::parameters::Own;
 use super::press::{Press, Roller};
 use super::state::{Pressed, Snapshot};
 use super::stencil::{Tie, under_stencil};
 use super::stepping::Control;
-use crate::fabric::Lamina;
 use crate::measure::Measures;
 use serde::{Deserialize, Serialize};
 
@@ -110,17 +109,6 @@ impl Cpu {
         pressed.touched.grow(count);
         pressed.draped.grow(count);
     }
-
-    /// The blank that is pressed and seen.
-    fn lamina(&self) -> &Lamina {
-        &self
-            .known
-            .world
-            .presses
-            .as_ref()
-            .expect("a world with presses")
-            .0
-    }
 }
 
 /// Makes a group: of as many environments as `V` has lanes, or of one by itself. At most so many of
@@ -207,8 +195,9 @@ impl Backend for Cpu {
     }
 
     fn observe(&self) -> Observed {
-        let (known, lamina, count) = (&self.known, self.lamina(), self.count());
+        let (known, count) = (&self.known, self.count());
         let world = &known.world;
+        let (lamina, _) = world.pressed();
         let pixels = world.views[0].pixel_count;
         let places = (0..count).map(|environment| self.place(environment));
         let views = places.map(|(group, lane)| self.groups[group].own(lane).view);
@@ -237,7 +226,8 @@ impl Backend for Cpu {
     }
 
     fn measure(&self, environments: &[usize]) -> Vec<Measures> {
-        let (world, lamina) = (&self.known.world, self.lamina());
+        let world = &self.known.world;
+        let (lamina, _) = world.pressed();
         let measure = |&environment: &usize| {
             let (group, lane) = self.place(environment);
             let state = self.groups[group].save(&world.model, lane);
@@ -258,18 +248,13 @@ fn press(
     pressed: &mut [Pressed],
 ) -> Vec<[f64; 3]> {
     let Known { areas, ties, .. } = known;
-    let (lamina, stencil) = known.world.presses.as_ref().expect("a world with presses");
+    let (lamina, stencil) = known.world.pressed();
     let mut places = vec![[0.0; 3]; vertices.len()];
     let mut presses = Vec::with_capacity(vertices.len());
     for (lane, &vertex) in vertices.iter().enumerate() {
         let Some(vertex) = vertex else { continue };
         let own = group.own(lane);
-        let Parameters {
-            stencil: side,
-            pressure,
-            ..
-        } = own.parameters;
-        let side = stencil.side * side;
+        let side = stencil.side * own.parameters.stencil;
         let aim = own.parameters.aim(pressed[lane].count);
         places[lane] = group.position(lane, vertex);
         let position = |v| group.position(lane, v);
@@ -277,7 +262,7 @@ fn press(
         pressed[lane].stencil.clone_from(&under);
         pressed[lane].count += 1;
         let roller = Roller {
-            pressure: stencil.roller.pressure * pressure,
+            pressure: stencil.roller.pressure * own.parameters.pressure,
             ..stencil.roller
         };
         presses.push(roller.press(lane, &under, areas));
@@ -287,13 +272,12 @@ fn press(
     for press in presses {
         let lane = press.environment;
         let tool = known.tool(group.own(lane));
-        let Pressed {
-            touched, draped, ..
-        } = &mut pressed[lane];
+        let pressed = &mut pressed[lane];
+        let is_open = |&v: &u32| !pressed.draped.contains(v as usize);
         let vertices = press.forces.iter().map(|&(v, _)| v);
-        let under: Vec<u32> = vertices.filter(|&v| !draped.contains(v as usize)).collect();
+        let under: Vec<u32> = vertices.filter(is_open).collect();
         for &v in &under {
-            touched.insert(v as usize);
+            pressed.touched.insert(v as usize);
             let x = group.position(lane, v);
             let (phi, normal) = tool.distance(x);
             // Tangent planes are a few substeps old: what they let in goes out again.
@@ -310,7 +294,7 @@ fn press(
                 .chain([v])
                 .all(|v| is_slack(group, ties, lane, v));
             if held && tool.distance(x).0 <= stencil.threshold {
-                draped.insert(v as usize);
+                pressed.draped.insert(v as usize);
                 group.fix(lane, v);
             }
         }

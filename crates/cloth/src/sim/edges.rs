@@ -14,6 +14,17 @@ pub(super) struct EdgeClass {
     pub direction: Vec<Direction>,
 }
 
+impl From<Vec<Edge>> for EdgeClass {
+    fn from(edges: Vec<Edge>) -> Self {
+        Self {
+            vertices: edges.iter().map(|edge| edge.ends).collect(),
+            rest_length: edges.iter().map(|edge| edge.rest_length).collect(),
+            law: edges.iter().map(|edge| edge.law).collect(),
+            direction: edges.iter().map(|edge| edge.direction).collect(),
+        }
+    }
+}
+
 /// An edge that is projected by itself.
 #[derive(Clone, Copy)]
 pub(super) struct Edge {
@@ -22,23 +33,6 @@ pub(super) struct Edge {
     pub rest_length: f64,
     pub law: EdgeLaw,
     pub direction: Direction,
-}
-
-/// The `edges` in colours: which they are, and as passes need them.
-pub(super) fn edge_classes(lamina: &Lamina, edges: &[Edge]) -> Vec<(Vec<u32>, EdgeClass)> {
-    let vertices: Vec<[u32; 2]> = edges.iter().map(|edge| edge.ends).collect();
-    let classes = color(lamina.vertex_count(), &vertices).into_iter();
-    let with_edges = |class: Vec<u32>| {
-        let of = |&i: &u32| edges[i as usize];
-        let edges = EdgeClass {
-            vertices: class.iter().map(|i| of(i).ends).collect(),
-            rest_length: class.iter().map(|i| of(i).rest_length).collect(),
-            law: class.iter().map(|i| of(i).law).collect(),
-            direction: class.iter().map(|i| of(i).direction).collect(),
-        };
-        (class, edges)
-    };
-    classes.map(with_edges).collect()
 }
 
 /// Constraints on `vertices` in colours.

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::line::{Chain, Line, LineLaw};
 use super::lines::Lines;
-use crate::math::{Lanes, Vec3x};
+use crate::math::{Lanes, Vec3x, WIDEST};
 
 /// A line in every lane. Shorter ones are filled up with edges that are not there.
 pub(super) struct Bundle<V> {
@@ -180,9 +180,6 @@ fn component<V: Lanes, const K: usize>(slot: u32) -> usize {
     let slot = slot as usize;
     slot / V::COUNT * K * V::COUNT + slot % V::COUNT
 }
-
-/// Lanes of the widest instruction set.
-const WIDEST: usize = 16;
 
 /// The numbers in the state of which the first vertices of a bundle are the transposition.
 fn square(slots: &[u32], lanes: usize) -> Option<Vec<u32>> {

@@ -1,7 +1,5 @@
 use std::sync::Arc;
 
-use fixedbitset::FixedBitSet;
-
 use super::backend::World;
 use super::model::Model;
 use super::parameters::Own;
@@ -12,7 +10,7 @@ use super::step::step;
 use super::stepping::Control;
 use super::storage::Storage;
 use super::view::View;
-use crate::math::{Lanes, Vec3x};
+use crate::math::{Lanes, Vec3x, bits};
 use crate::tool::{Atlas, Tool, Tools};
 
 /// Environments of the same model that move in lockstep on the CPU.
@@ -106,10 +104,8 @@ impl<S: Storage> Group for S {
             1 => 0..S::V::COUNT,
             _ => lane..lane + 1,
         };
-        let cloth = self.cloth_mut();
-        cloth
-            .scales
-            .set(lanes, model.bending_stiffness, &own.parameters);
+        let (cloth, bending) = (self.cloth_mut(), model.bending_stiffness);
+        cloth.scales.set(lanes, bending, &own.parameters);
         if let Some(known) = cloth.own.get_mut(lane) {
             known.clone_from(own);
         }
@@ -118,16 +114,13 @@ impl<S: Storage> Group for S {
     fn save(&self, model: &Model, lane: usize) -> Snapshot {
         let (cloth, count) = (self.cloth(), model.vertex_count());
         let slots = || (0..count).map(|vertex| self.slot(lane, vertex));
+        let is_fixed = |v: &usize| Group::is_fixed(self, lane, *v as u32);
         let edges = (0..model.edge_count).map(|edge| self.edge_slot(lane, edge));
-        let mut fixed = FixedBitSet::with_capacity(count);
-        for (vertex, [place, lane]) in slots().enumerate() {
-            fixed.set(vertex, cloth.inverse_mass[place].get(lane) == 0.0);
-        }
         let vectors = |all: &[Vec3x<S::V>]| slots().map(|[v, lane]| all[v].get(lane)).collect();
         Snapshot {
             position: vectors(&cloth.position),
             velocity: vectors(&cloth.velocity),
-            fixed,
+            fixed: bits::set(count, (0..count).filter(is_fixed)),
             force_density: edges.map(|[e, lane]| cloth.density[e].get(lane)).collect(),
             sides: self.sides(lane),
             own: cloth.own[lane].clone(),
@@ -179,10 +172,9 @@ impl<S: Storage> Group for S {
         let own = self.cloth().own.iter();
         let views: Vec<&Arc<View>> = own.map(|own| &world.views[usize::from(own.view)]).collect();
         let is_same = |view: &&Arc<View>| view.vertices == views[0].vertices;
-        let count = if views.iter().all(is_same) {
-            1
-        } else {
-            views.len()
+        let count = match views.iter().all(is_same) {
+            true => 1,
+            false => views.len(),
         };
         let vertices = views[..count].iter().map(|view| &*view.vertices);
         Storage::distances(self, &tools(self, known), &vertices.collect::<Vec<_>>())

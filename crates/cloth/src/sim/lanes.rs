@@ -23,8 +23,9 @@ impl<V: Lanes> InLanes<V> {
     /// in the origin.
     pub fn new(model: &Model, used: usize) -> Self {
         let count = model.vertex_count();
-        let yarn_edges = model.lines.as_ref().map_or(0, |lines| lines.edge_count);
-        let longest = model.lines.as_ref().map_or(0, |lines| lines.longest);
+        let of_lines = |lines: &Lines| (lines.edge_count, lines.longest);
+        let (yarn_edges, longest) = model.lines.as_ref().map_or((0, 0), of_lines);
+        let has_lasting = model.edge_count > yarn_edges;
         let mut cloth = Cloth::new(count, model.edge_count, longest);
         cloth.inverse_mass = model.inverse_mass.iter().map(|&w| V::of(w)).collect();
         cloth.own = vec![Own::default(); used];
@@ -32,11 +33,7 @@ impl<V: Lanes> InLanes<V> {
         Self {
             cloth,
             self_contact: (model.layers.is_some()).then(|| Box::new(SelfContact::new(count))),
-            held: Held::new(if model.edge_count > yarn_edges {
-                count
-            } else {
-                0
-            }),
+            held: Held::new(if has_lasting { count } else { 0 }),
         }
     }
 }
@@ -132,14 +129,11 @@ impl<V: Lanes> Storage for InLanes<V> {
             }
             None => none,
         };
-        let (pull, stress) = (after.0 - before.0, before.1 + after.1);
-        if self.held.stress.is_empty() {
-            return (pull, stress);
+        let (pull, stress, held) = (after.0 - before.0, before.1 + after.1, &self.held);
+        match held.stress.is_empty() {
+            true => (pull, stress),
+            false => (pull + held.pull[place], stress + held.stress[place]),
         }
-        (
-            pull + self.held.pull[place],
-            stress + self.held.stress[place],
-        )
     }
 
     #[inline(always)]
@@ -172,15 +166,10 @@ impl<V: Lanes> Storage for InLanes<V> {
 
     #[inline(always)]
     fn stretch_membranes(&mut self, membranes: &[Vec<Element>]) {
+        let cloth = &mut self.cloth;
         for class in membranes {
-            let cloth = &mut self.cloth;
-            project_elements(
-                class,
-                &mut cloth.position,
-                &cloth.mobility,
-                &mut cloth.density,
-                Some(&cloth.scales),
-            );
+            let (x, w, s) = (&mut cloth.position, &cloth.mobility, Some(&cloth.scales));
+            project_elements(class, x, w, &mut cloth.density, s);
         }
     }
 

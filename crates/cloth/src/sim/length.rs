@@ -1,6 +1,6 @@
 //! Length of the yarns: solved along each yarn with forces that last, or edge by edge.
 
-use super::edges::{Edge, EdgeClass, EdgeResponse, Projected, edge_classes};
+use super::edges::{Edge, EdgeClass, EdgeResponse, Projected, in_colors};
 use super::frame::Frame;
 use super::law::{EdgeLaw, Limit, branch};
 use super::line::{Along, Chain, Direction, LineLaw, Response, solve};
@@ -37,12 +37,12 @@ pub(super) fn edges(
     lamina: &Lamina,
     physics: &PhysicsConfig,
 ) -> impl Iterator<Item = (EdgeClass, Vec<Limit>)> {
-    let (mut edges, mut limits) = (Vec::new(), Vec::new());
+    let mut edges = Vec::new();
     for yarn in &lamina.yarns {
         let law = yarn_law(lamina, yarn);
         let limit = Limit::of_yarn(law, lamina, physics, yarn).unwrap_or(Limit::NONE);
         for pair in yarn.vertices.windows(2) {
-            edges.push(Edge {
+            let edge = Edge {
                 ends: [pair[0], pair[1]],
                 rest_length: yarn.rest_length,
                 law,
@@ -50,16 +50,16 @@ pub(super) fn edges(
                     Family::Warp => Direction::Warp,
                     Family::Weft => Direction::Weft,
                 },
-            });
-            limits.push(limit);
+            };
+            edges.push((edge, limit));
         }
     }
-    let is_limited = limits.iter().any(|limit| limit.force.is_finite());
-    let classes = edge_classes(lamina, &edges).into_iter();
-    classes.map(move |(mut edges, class)| {
-        edges.retain(|_| is_limited);
-        let limits = edges.iter().map(|&i| limits[i as usize]);
-        (class, limits.collect())
+    let is_limited = edges.iter().any(|(_, limit)| limit.force.is_finite());
+    let classes = in_colors(lamina, &edges, |(edge, _)| edge.ends).into_iter();
+    classes.map(move |class| {
+        let (edges, mut limits): (Vec<Edge>, Vec<Limit>) = class.into_iter().unzip();
+        limits.retain(|_| is_limited);
+        (edges.into(), limits)
     })
 }
 
@@ -108,23 +108,14 @@ impl<V: Lanes> EdgeResponse<V> for Limited<'_> {
 /// substep and never come to rest. Beyond the limit or knee of a yarn that has one there is a
 /// third branch, likewise by its force.
 #[inline(always)]
-pub(super) fn stretch<V: Lanes, C: Chain<V>>(yarn: Along<V, C>) {
-    let Along {
-        line,
-        law,
-        x,
-        mobility,
-        density,
-        scratch,
-    } = yarn;
-    let warm = &mut Warm(density);
-    match law.limit {
+pub(super) fn stretch<V: Lanes, C: Chain<V>>(mut yarn: Along<V, C>) {
+    let warm = &mut Warm(std::mem::take(&mut yarn.density));
+    if yarn.law.limit.is_none() {
         // A constant where this is inlined, so that limits cost nothing where there are none.
-        None => {
-            let law = LineLaw { limit: None, ..law };
-            solve(line, &law, warm, x, mobility, scratch);
-        }
-        _ => solve(line, &law, warm, x, mobility, scratch),
+        yarn.law.limit = None;
+        solve(yarn, warm);
+    } else {
+        solve(yarn, warm);
     }
 }
 

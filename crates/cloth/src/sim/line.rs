@@ -81,13 +81,9 @@ impl<V: Lanes> Chain<V> for Line {
     }
     #[inline(always)]
     fn law(&self) -> LineLaw<V> {
-        let EdgeLaw {
-            tension,
-            compression,
-        } = self.law;
         LineLaw {
             rest: [V::of(self.rest_length), V::of(1.0 / self.rest_length)],
-            compliance: [V::of(tension), V::of(compression)],
+            compliance: self.law.in_lanes(None),
             min_warm: V::of(self.min_warm()),
             limit: match self.limit {
                 Some(limit) => Some([
@@ -175,16 +171,11 @@ pub(super) trait Response<V: Lanes> {
 /// (Thomas algorithm). Pinned vertices (mobility 0) decouple their neighbours by the formula
 /// itself.
 #[inline(always)]
-pub(super) fn solve<V: Lanes>(
-    line: &impl Chain<V>,
-    law: &LineLaw<V>,
-    response: &mut impl Response<V>,
-    x: &mut [Vec3x<V>],
-    mobility: &[V],
-    scratch: &mut Scratch<V>,
-) {
-    eliminate(line, law, response, x, mobility, scratch);
-    substitute(line, law, response, x, mobility, scratch);
+pub(super) fn solve<V: Lanes, C: Chain<V>>(along: Along<V, C>, response: &mut impl Response<V>) {
+    let (line, law, rows) = (along.line, &along.law, along.scratch);
+    // Apart, so that the compiler knows them to lie apart.
+    eliminate(line, law, response, along.x, along.mobility, rows);
+    substitute(line, law, response, along.x, along.mobility, rows);
 }
 
 /// Forward elimination of the tridiagonal system of a line's edges. Rows and unknowns are scaled

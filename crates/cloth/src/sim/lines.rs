@@ -7,7 +7,7 @@ use super::line::{Direction, Line};
 use super::locking::{Locking, locking};
 use super::physics::PhysicsConfig;
 use super::shear::{self, Trellis};
-use crate::fabric::{Family, Lamina};
+use crate::fabric::Lamina;
 
 /// The lines of a lamina. Of the warps and of the wefts each holds every vertex once: where
 /// no yarn runs, a line of one vertex stands in.
@@ -56,26 +56,21 @@ fn beside(wefts: &[Line], vertex_count: usize) -> Vec<Beside> {
 impl Lines {
     pub fn new(lamina: &Lamina, physics: &PhysicsConfig, trellis: Option<Trellis>) -> Self {
         let mut edge_count = 0;
-        let mut yarns: Vec<(Family, Line)> = Vec::new();
+        let mut families = [Vec::new(), Vec::new()];
         for yarn in &lamina.yarns {
             let first = edge_count;
             edge_count += yarn.vertices.len() - 1;
             let law = yarn_law(lamina, yarn);
-            let line = Line {
+            families[yarn.family as usize].push(Line {
                 vertices: yarn.vertices.clone(),
                 edges: first..edge_count,
                 rest_length: yarn.rest_length,
                 law,
                 limit: Limit::of_yarn(law, lamina, physics, yarn),
                 bending: along_yarn(lamina, physics, yarn.family, [yarn.width, yarn.rest_length]),
-            };
-            yarns.push((yarn.family, line));
+            });
         }
-        let family = |wanted| {
-            let of = yarns.iter().filter(|(family, _)| *family == wanted);
-            with_lone_vertices(of.map(|(_, line)| line.clone()).collect(), lamina)
-        };
-        let (warps, wefts) = (family(Family::Warp), family(Family::Weft));
+        let [warps, wefts] = families.map(|lines| with_lone_vertices(lines, lamina));
         let diagonals = (trellis.as_ref()).map_or(Vec::new(), |t| shear::rows(lamina, t.at_rest));
         let all = warps.iter().chain(&wefts).chain(&diagonals);
         Self {

@@ -69,26 +69,12 @@ impl Locking {
     /// All its numbers: where a diagonal is locked, as stretches and their squares, and the rest in
     /// order, the fit last.
     #[cfg(feature = "gpu")]
-    pub fn numbers(&self) -> [f64; POWERS + 9] {
-        let [low, high] = self.stretch;
-        let [a, b, c, d, e] = self.share;
-        let (least, per_growth, onset) = (self.least, self.per_growth, self.at_onset);
-        [
-            low,
-            high,
-            low * low,
-            high * high,
-            least,
-            self.sine,
-            self.per_sine,
-            onset,
-            per_growth,
-            a,
-            b,
-            c,
-            d,
-            e,
-        ]
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        let squares = self.stretch.map(|stretch| stretch * stretch);
+        let [sine, per_sine] = [self.sine, self.per_sine];
+        let rest = [self.least, sine, per_sine, self.at_onset, self.per_growth];
+        let bounds = self.stretch.into_iter().chain(squares);
+        bounds.chain(rest).chain(self.share)
     }
 
     /// How far a sine is beyond locking, by its sign, and the compliance of that over the
@@ -173,15 +159,7 @@ pub(super) fn lock<V: Lanes, C: Chain<V>>(row: Along<V, C>, locking: &Locking) {
         excess = excess + locking.excess(d.dot(d), inverse_rest) * row.line.has_edge(j);
     }
     if V::any(V::zero().lt(excess)) {
-        let response = &mut OneSided(locking);
-        solve(
-            row.line,
-            &row.law,
-            response,
-            row.x,
-            row.mobility,
-            row.scratch,
-        );
+        solve(row, &mut OneSided(locking));
     }
 }
 

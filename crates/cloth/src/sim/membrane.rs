@@ -122,24 +122,24 @@ pub(super) fn elements(
 /// The elements without C3, and without C1 and C2, where lines are solved: like the shear of whole cells
 /// it comes before the yarns.
 pub(super) fn split(classes: &[Vec<Element>]) -> [Vec<Vec<Element>>; 2] {
-    let yarns = |element: &Element| Element {
-        shear: None,
-        ..*element
+    let parts = |is_part: fn(&Element) -> bool, cut: fn(&mut Element)| {
+        let mut parts = classes.to_vec();
+        for class in &mut parts {
+            class.retain(is_part);
+            class.iter_mut().for_each(cut);
+        }
+        parts.retain(|class| !class.is_empty());
+        parts
     };
-    let shear = |element: &Element| Element {
-        yarns: None,
-        lasting: None,
-        ..*element
-    };
-    let has_yarns = |element: &&Element| element.yarns.is_some();
-    let of = |class: &Vec<Element>| class.iter().filter(has_yarns).map(yarns).collect();
-    let mut along: Vec<Vec<Element>> = classes.iter().map(of).collect();
-    along.retain(|class| !class.is_empty());
-    let has_shear = |element: &&Element| element.shear.is_some();
-    let of = |class: &Vec<Element>| class.iter().filter(has_shear).map(shear).collect();
-    let mut sheared: Vec<Vec<Element>> = classes.iter().map(of).collect();
-    sheared.retain(|class| !class.is_empty());
-    [along, sheared]
+    let along = parts(
+        |element| element.yarns.is_some(),
+        |element| element.shear = None,
+    );
+    let without_yarns = |element: &mut Element| (element.yarns, element.lasting) = (None, None);
+    [
+        along,
+        parts(|element| element.shear.is_some(), without_yarns),
+    ]
 }
 
 /// Moves the corners along `gradient` of C (that of the first corner is minus the sum of the

@@ -19,8 +19,6 @@ mod cloth;
 mod collision;
 mod contact;
 mod cpu;
-#[cfg(test)]
-mod dense;
 mod device;
 mod device_error;
 mod edges;
@@ -49,6 +47,8 @@ mod stencil;
 mod step;
 mod stepping;
 mod storage;
+#[cfg(test)]
+mod tests;
 mod view;
 
 pub use backend::{Backend, Observed, World};

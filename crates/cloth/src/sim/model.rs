@@ -94,12 +94,9 @@ impl Model {
         let lines = (!by_edge).then(|| Lines::new(lamina, physics, trellis.clone()));
         let yarn_edges = lines.as_ref().map(|lines| lines.edge_count);
         let classes = elements(lamina, physics, yarn_edges);
-        let (membranes, classes) = match by_edge {
-            true => (Vec::new(), classes),
-            false => {
-                let [membranes, sheared] = split(&classes);
-                (membranes, sheared)
-            }
+        let [membranes, classes] = match by_edge {
+            true => [Vec::new(), classes],
+            false => split(&classes),
         };
         passes.extend(classes.iter().cloned().map(Pass::Membrane));
         if let Some(locking) = &locking {

@@ -209,10 +209,7 @@ impl Observations {
             return all.remove(0);
         }
         Self {
-            views: all
-                .iter()
-                .flat_map(|one| one.views.iter().copied())
-                .collect(),
+            views: all.iter().flat_map(|one| one.views.to_vec()).collect(),
             distance: Column::joined(&all.iter().map(|one| &one.distance).collect::<Vec<_>>()),
             marks: Column::joined(&all.iter().map(|one| &one.marks).collect::<Vec<_>>()),
             pixel_count: all[0].pixel_count,

@@ -74,6 +74,7 @@ impl Parameters {
     /// Checks every value; the error names key, found and expected.
     pub fn check(&self) -> Result<(), ValueError> {
         let (factors, far, tilted) = ([1e-3, 1e3], [-100.0, 100.0], [-45.0, 45.0]);
+        let [farther, more_tilted] = [far, tilted].map(|[_, max]| [0.0, max]);
         for (key, values, range) in [
             ("tension", &self.tension[..], factors),
             ("compression", &self.compression, factors),
@@ -85,15 +86,11 @@ impl Parameters {
             ("stencil", &[self.stencil], factors),
             ("offset_mm", &self.offset_mm, far),
             ("tilt_deg", &self.tilt_deg, tilted),
-            (
-                "offset_deviation_mm",
-                &[self.offset_deviation_mm],
-                [0.0, far[1]],
-            ),
+            ("offset_deviation_mm", &[self.offset_deviation_mm], farther),
             (
                 "tilt_deviation_deg",
                 &[self.tilt_deviation_deg],
-                [0.0, tilted[1]],
+                more_tilted,
             ),
         ] {
             for &value in values {

@@ -39,10 +39,9 @@ impl<V: Lanes> Scales<V> {
         own: &Parameters,
     ) {
         let both = own.bending[0] * warp + own.bending[1] * weft;
-        let hinge = if both > 0.0 {
-            (warp + weft) / both
-        } else {
-            1.0
+        let hinge = match both > 0.0 {
+            true => (warp + weft) / both,
+            false => 1.0,
         };
         for lane in lanes {
             for k in 0..2 {

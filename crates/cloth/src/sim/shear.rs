@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{SMatrix, SVector};
 
-use super::edges::{Edge, EdgeClass, EdgeResponse, Projected, edge_classes};
+use super::edges::{Edge, EdgeClass, EdgeResponse, Projected, in_colors};
 use super::law::{EdgeLaw, branch};
 use super::line::{Along, Chain, Direction, Line, LineLaw, Response, solve};
 use super::physics::PhysicsConfig;
@@ -58,14 +58,8 @@ impl Trellis {
 
     /// All its numbers, those at rest aside.
     #[cfg(feature = "gpu")]
-    pub fn numbers(&self) -> [f64; POWERS + 1] {
-        std::array::from_fn(|k| {
-            if k == 0 {
-                self.per_growth
-            } else {
-                self.share[k - 1]
-            }
-        })
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        std::iter::once(self.per_growth).chain(self.share)
     }
 
     /// Compliance of a diagonal over that at rest, from the square of its length and the inverse
@@ -152,8 +146,8 @@ pub(super) fn edges(lamina: &Lamina, trellis: &Trellis) -> Vec<EdgeClass> {
         direction: Direction::Diagonal,
     };
     let edges: Vec<Edge> = lamina.diagonals.iter().map(edge).collect();
-    let classes = edge_classes(lamina, &edges).into_iter();
-    classes.map(|(_, class)| class).collect()
+    let classes = in_colors(lamina, &edges, |edge| edge.ends);
+    classes.into_iter().map(EdgeClass::from).collect()
 }
 
 impl<V: Lanes> EdgeResponse<V> for Trellis {
@@ -169,15 +163,7 @@ impl<V: Lanes> EdgeResponse<V> for Trellis {
 /// and size of its C. As for a yarn, but soft enough that its forces need not last.
 #[inline(always)]
 pub(super) fn shear<V: Lanes, C: Chain<V>>(row: Along<V, C>, trellis: &Trellis) {
-    let response = &mut Cold(trellis);
-    solve(
-        row.line,
-        &row.law,
-        response,
-        row.x,
-        row.mobility,
-        row.scratch,
-    );
+    solve(row, &mut Cold(trellis));
 }
 
 /// No forces from the last substep, and the law of a diagonal.

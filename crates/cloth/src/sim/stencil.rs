@@ -61,11 +61,9 @@ pub(super) fn ties(lamina: &Lamina, max_strain: f64) -> Vec<Vec<Tie>> {
         ends.iter()
             .for_each(|&v| ties[v as usize].push(Tie { terms, most }));
     };
-    for yarn in &lamina.yarns {
-        for pair in yarn.vertices.windows(2) {
-            let terms = [(pair[0], 1.0), (pair[1], -1.0), (pair[1], 0.0)];
-            tie(terms, pair, yarn.rest_length);
-        }
+    for (yarn, ends @ [from, to]) in lamina.yarn_edges() {
+        let terms = [(from, 1.0), (to, -1.0), (to, 0.0)];
+        tie(terms, &ends, yarn.rest_length);
     }
     for membrane in lamina.membranes.iter().filter(|m| !m.has_yarns) {
         for family in [0, 1] {

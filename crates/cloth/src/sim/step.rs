@@ -52,21 +52,16 @@ pub(super) fn step<S: Storage>(
 impl<S: Storage> Kernel for Substeps<'_, S> {
     #[inline(always)]
     fn run(self) {
-        let Self {
-            model,
-            tools,
-            control,
-            presses,
-            range,
-            storage,
-        } = self;
+        let (model, storage) = (self.model, self.storage);
+        let (control, presses) = (self.control, self.presses);
         let scales = &storage.cloth_mut().scales;
         let frame = Frame::new(model.physics(), model.friction, scales, control);
-        let end = range.end;
-        let warps_are_last = model.layers.is_none() && model.membranes.is_empty();
-        refresh(tools, storage.cloth_mut());
+        let has_more = model.layers.is_some() || !model.membranes.is_empty();
+        let warps_are_last = model.lines.is_some() && !has_more;
+        refresh(self.tools, storage.cloth_mut());
         predict(&frame, storage);
-        for substep in range {
+        let end = self.range.end;
+        for substep in self.range {
             let goes_on = substep + 1 < end;
             match &model.lines {
                 // Yarns have the last word before the tool, and membranes that stand for them: their
@@ -83,22 +78,18 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
                         stretch_warps(lines, is_last.then_some(&frame), goes_on, storage);
                         storage.stretch_membranes(&model.membranes);
                     }
-                    if let Some(layers) = &model.layers {
-                        storage.separate(layers);
-                    }
-                    if !warps_are_last {
-                        finish_all(&frame, goes_on, storage);
-                    }
                 }
                 None => {
                     fall(&frame, storage);
                     push(model, &frame, presses, storage);
                     storage.project(&model.passes);
-                    if let Some(layers) = &model.layers {
-                        storage.separate(layers);
-                    }
-                    finish_all(&frame, goes_on, storage);
                 }
+            }
+            if let Some(layers) = &model.layers {
+                storage.separate(layers);
+            }
+            if !warps_are_last {
+                finish_all(&frame, goes_on, storage);
             }
         }
     }

@@ -2,6 +2,7 @@ use fixedbitset::FixedBitSet;
 
 use super::state::{ALLOWED, DRAPED, Pressed, TOUCHED};
 use crate::fabric::Lamina;
+use crate::math::bits;
 
 /// What is seen of a blank, as an image, and measured: the vertices of a region.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,13 +25,11 @@ impl View {
         vertex_count: usize,
     ) -> Self {
         let (pixels, vertices): (Vec<u32>, Vec<u32>) = seen.unzip();
-        let mut region = FixedBitSet::with_capacity(vertex_count);
-        region.extend(vertices.iter().map(|&v| v as usize));
         Self {
             pixel_count,
+            region: bits::set(vertex_count, vertices.iter().map(|&v| v as usize)),
             pixels,
             vertices,
-            region,
         }
     }
 
@@ -38,10 +37,8 @@ impl View {
     /// vertices next to those that were pressed last or, if there are none, on all untouched ones. Gives
     /// how many these are.
     pub fn mark(&self, lamina: &Lamina, pressed: &Pressed, marks: &mut [u8]) -> usize {
-        let mut near = FixedBitSet::with_capacity(lamina.vertex_count());
-        for &vertex in &pressed.stencil {
-            near.extend(lamina.neighbors(vertex).map(|v| v as usize));
-        }
+        let near = pressed.stencil.iter().flat_map(|&v| lamina.neighbors(v));
+        let near = bits::set(lamina.vertex_count(), near.map(|v| v as usize));
         let (mut untouched, mut beside) = (0, false);
         for (&pixel, &vertex) in self.pixels.iter().zip(&self.vertices) {
             let (mark, vertex) = (&mut marks[pixel as usize], vertex as usize);

@@ -77,11 +77,7 @@ impl Patch {
     /// Closes the patch by a vertical skirt down to the height `bottom` [m] and a fan round
     /// the middle of the bottom. Adds one vertex for each border vertex, and one more.
     pub fn into_body(self, bottom: f64) -> TriMesh {
-        let Self {
-            mut vertices,
-            mut triangles,
-            border,
-        } = self;
+        let (mut vertices, mut triangles, border) = (self.vertices, self.triangles, self.border);
         let ring = vertices.len() as u32;
         let count = border.len() as u32;
         let centre = ring + count;

@@ -92,16 +92,13 @@ impl Surface {
     /// outward unit normal there: away from the nearest point or, on the surface, that of a facet.
     pub(super) fn contact(&self, x: Vec3, bound: f64) -> (f64, Vec3) {
         let (distance, point, facet) = self.closest(x, bound);
-        let phi = if self.is_inside(x) {
-            -distance
-        } else {
-            distance
-        };
+        let inside = self.is_inside(x);
+        let phi = if inside { -distance } else { distance };
         let normal = match facet {
             Some(facet) if distance < ON_SURFACE => from_parry(facet.scaled_normal()),
             _ => (x - point) / phi,
         };
-        (phi, normal.try_normalize(0.0).unwrap_or_else(Vec3::z))
+        (phi, unit_or_up(normal))
     }
 
     /// The nearest point of the mesh itself (not of its downward extension). On an edge,
@@ -113,9 +110,7 @@ impl Surface {
         let normal = self.facets.triangle(triangle).scaled_normal();
         SurfacePoint {
             position: from_parry(nearest.point),
-            normal: from_parry(normal)
-                .try_normalize(0.0)
-                .unwrap_or_else(Vec3::z),
+            normal: unit_or_up(from_parry(normal)),
         }
     }
 
@@ -192,17 +187,11 @@ impl Surface {
             false => self.is_inside(x),
         };
         let phi = if inside { -distance } else { distance };
-        let normal = if distance < ON_SURFACE {
-            normal()
-        } else {
-            away / phi
+        let normal = match distance < ON_SURFACE {
+            true => normal(),
+            false => away / phi,
         };
-        (
-            phi,
-            from_parry(normal)
-                .try_normalize(0.0)
-                .unwrap_or_else(Vec3::z),
-        )
+        (phi, unit_or_up(from_parry(normal)))
     }
 
     /// Whether the facets above a point wind round it: what [`winding`] tells from all crossings.
@@ -212,11 +201,8 @@ impl Surface {
             low.x <= x.x && x.x <= high.x && low.y <= x.y && x.y <= high.y && x.z < high.z
         };
         let sign = |leaf| {
-            let triangle = self.facets.triangle(leaf);
-            match crossing([triangle.a, triangle.b, triangle.c], x.x, x.y) {
-                Some((z, sign)) if z > x.z => sign,
-                _ => 0,
-            }
+            let found = crossing(self.facets.triangle(leaf), x.x, x.y);
+            found.map_or(0, |(z, sign)| if z > x.z { sign } else { 0 })
         };
         self.facets.bvh().leaves(above).map(sign).sum::<i32>() > 0
     }
@@ -244,15 +230,17 @@ impl Surface {
             let (low, high) = (node.mins(), node.maxs());
             low.x <= x && x <= high.x && low.y <= y && y <= high.y
         };
-        let meeting = |leaf| {
-            let triangle = self.facets.triangle(leaf);
-            crossing([triangle.a, triangle.b, triangle.c], x, y)
-        };
+        let meeting = |leaf| crossing(self.facets.triangle(leaf), x, y);
         let leaves = self.facets.bvh().leaves(on_line);
         let mut crossings: Vec<(f64, i32)> = leaves.filter_map(meeting).collect();
         crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         crossings
     }
+}
+
+/// The direction of a normal; up where it has none.
+fn unit_or_up(normal: Vec3) -> Vec3 {
+    normal.try_normalize(0.0).unwrap_or_else(Vec3::z)
 }
 
 /// A step off the surface of a mesh that is more than rounding and welding [m].
@@ -274,8 +262,8 @@ pub(super) fn is_open(mesh: &TriMesh) -> bool {
 
 /// Meeting of a vertical line with a triangle: its height and the winding number of the
 /// projected triangle round the line.
-fn crossing(corners: [Vector; 3], x: f64, y: f64) -> Option<(f64, i32)> {
-    let [a, b, c] = corners;
+fn crossing(facet: shape::Triangle, x: f64, y: f64) -> Option<(f64, i32)> {
+    let shape::Triangle { a, b, c } = facet;
     let sign = vote(a, b, x, y) + vote(b, c, x, y) + vote(c, a, x, y);
     if sign == 0 {
         return None;

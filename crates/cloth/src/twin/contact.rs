@@ -123,9 +123,7 @@ impl Contact {
     /// The force of the tool and of pressure on vertex `i` [N]; adds its works to `ledger`.
     pub fn force(&self, i: usize, vertex: &Vertex, step: &Step, ledger: &mut Energies) -> Vec3 {
         let Vertex { x, v, f, mass } = vertex;
-        let Plane {
-            normal: n, offset, ..
-        } = self.planes[i];
+        let (n, offset) = (self.planes[i].normal, self.planes[i].offset);
         let start = v.zip_map(f, |v, f| step.velocity(v, f / mass));
         let mut after = start;
         let height = n.dot(x) - offset;

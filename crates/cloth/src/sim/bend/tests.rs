@@ -1,6 +1,6 @@
 use nalgebra::{DMatrix, DVector};
 
-use super::super::dense::{PINNED, cases};
+use super::super::tests::{PINNED, cases};
 use super::*;
 use crate::math::Vec3;
 

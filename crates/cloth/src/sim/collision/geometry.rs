@@ -103,20 +103,11 @@ fn edge_edge([a, b, c, d]: [Vec3; 4]) -> Option<Gap> {
     })
 }
 
-/// An overlap that is to be projected away.
-pub struct Overlap {
-    /// What is missing to the thickness [m], > 0.
-    pub depth: f64,
-    /// See [`Gap`].
-    pub normal: Vec3,
-    pub weight: [f64; 4],
-}
-
-impl Overlap {
-    /// The overlap of two parts that face each other nearer than `thickness` [m], counted towards
-    /// `side`, as by [`Gap::new`]; what does not overlap, nearly all, costs no division.
+impl Gap {
+    /// The gap of two parts that face each other nearer than `thickness` [m], counted towards `side`,
+    /// with what is missing to that [m]; what does not overlap, nearly all, costs no division.
     #[inline(always)]
-    pub fn new(kind: Kind, x: [Vec3; 4], side: f64, thickness: f64) -> Option<Self> {
+    pub fn too_small(kind: Kind, x: [Vec3; 4], side: f64, thickness: f64) -> Option<(Self, f64)> {
         let [p, a, b, c] = x;
         let (u, v, r) = match kind {
             Kind::VertexFace => (b - a, c - a, p - a),
@@ -144,11 +135,7 @@ impl Overlap {
         if !facing {
             return None;
         }
-        let gap = Gap::new(kind, x)?;
-        Some(Self {
-            depth: thickness - side * gap.height,
-            normal: gap.normal,
-            weight: gap.weight,
-        })
+        let gap = Self::new(kind, x)?;
+        Some((gap, thickness - side * gap.height))
     }
 }

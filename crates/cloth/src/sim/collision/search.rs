@@ -120,16 +120,11 @@ impl Scratch {
         pairs: &mut Vec<Pair>,
         sides: &mut Vec<u64>,
     ) {
-        let Self {
-            from,
-            to,
-            bounds: reach,
-            fit,
-            sides: new,
-        } = self;
+        let (from, to, new) = (&self.from, &self.to, &mut self.sides);
+        let (reach, fit) = (&mut self.bounds, &mut self.fit);
         let margin = slack + 0.5 * thickness;
         reach.clear();
-        let ends = from.iter().zip(&*to);
+        let ends = from.iter().zip(to);
         reach.extend(ends.map(|(from, to)| {
             let moved = Aabb::new(to_parry(&from.inf(to)), to_parry(&from.sup(to)));
             moved.loosened(margin)

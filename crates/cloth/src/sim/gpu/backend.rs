@@ -2,19 +2,19 @@ use std::sync::OnceLock;
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
-use fixedbitset::FixedBitSet;
 
 use super::adapter::Adapter;
 use super::buffer::Buffer;
 use super::cloth::{ClothBuffersLaunch, GpuFrameLaunch, SheetBuffersLaunch};
 use super::look::look;
 use super::measure::{NUMBERS, weigh};
-use super::own::{SPEED, fields};
+use super::own::{FIELDS, SPEED, fields};
 use super::plan::{MOST_UNITS, NOTHING, Plan, Tables};
 use super::press::{drape, lay_stencil};
 use super::substep::{advance, per_launch};
 use super::traffic::Traffic;
 use super::transfer::{carry, count_diverged, packed};
+use crate::math::bits;
 use crate::measure::Measures;
 use crate::sim::backend::{Backend, Observed, World};
 use crate::sim::device_error::DeviceError;
@@ -59,26 +59,11 @@ impl Gpu {
     /// # Errors
     /// Names what of the world the GPU cannot compute, or that the environments are too many.
     pub fn new(world: &World, count: usize, adapter: &Adapter) -> Result<Self, DeviceError> {
-        let Tables {
-            plan,
-            numbers,
-            values,
-            samples,
-            slots,
-        } = Tables::new(world)?;
+        let tables = Tables::new(world)?;
+        let plan = tables.plan;
         let n = plan.vertices;
-        let sizes = [
-            3 * n,
-            3 * n,
-            3 * n,
-            3 * n,
-            n,
-            n,
-            4 * n,
-            plan.slots,
-            plan.scratch,
-            n,
-        ];
+        let (slots, scratch) = (plan.slots, plan.scratch);
+        let sizes = [3 * n, 3 * n, 3 * n, 3 * n, n, n, 4 * n, slots, scratch, n];
         let largest = 4 * count * sizes.iter().max().expect("not empty");
         let limit = adapter.largest_buffer();
         if largest as u64 > limit {
@@ -93,19 +78,17 @@ impl Gpu {
         let filled = |bytes: &[u8]| Buffer::filled(adapter, bytes);
         let zeros = |size: usize| filled(u32::as_bytes(&vec![0; count * size]));
         let lines = plan.lines.iter().flatten().map(|line| line.lines).max();
-        let units = lines
-            .unwrap_or(n / 8)
-            .next_multiple_of(FEWEST_UNITS)
-            .clamp(FEWEST_UNITS, MOST_UNITS);
+        let units = lines.unwrap_or(n / 8).next_multiple_of(FEWEST_UNITS);
+        let units = units.clamp(FEWEST_UNITS, MOST_UNITS);
         let mut gpu = Self {
             world: world.clone(),
             adapter: adapter.clone(),
             units: units as u32,
             count,
             sheet: [
-                filled(u32::as_bytes(&numbers)),
-                filled(f32::as_bytes(&values)),
-                filled(f32::as_bytes(&samples)),
+                filled(u32::as_bytes(&tables.numbers)),
+                filled(f32::as_bytes(&tables.values)),
+                filled(f32::as_bytes(&tables.samples)),
             ],
             cloth: sizes.map(zeros),
             owns: vec![Own::default(); count],
@@ -113,7 +96,7 @@ impl Gpu {
             own: OnceLock::new(),
             marks: zeros(n),
             starts: Vec::new(),
-            slots,
+            slots: tables.slots,
             client: adapter.client(),
             plan,
         };
@@ -140,13 +123,16 @@ impl Gpu {
     }
 
     fn cloth(&self) -> ClothBuffersLaunch {
-        let own = self.own.get_or_init(|| {
-            let stencil = self.world.presses.as_ref().map(|(_, stencil)| stencil);
-            let fields = self.owns.iter().map(|own| fields(own, stencil));
-            self.upload(f32::as_bytes(fields.collect::<Vec<_>>().as_flattened()))
-        });
+        let upload = || self.upload(f32::as_bytes(self.fields().as_flattened()));
+        let own = self.own.get_or_init(upload);
         let [a, b, c, d, e, f, g, h, i, j] = self.cloth.each_ref().map(Buffer::arg);
         ClothBuffersLaunch::new(a, b, c, d, e, f, g, h, i, j, own.arg())
+    }
+
+    /// What each environment has of its own, as kernels see it.
+    fn fields(&self) -> Vec<[f32; FIELDS]> {
+        let stencil = self.world.presses.as_ref().map(|(_, stencil)| stencil);
+        self.owns.iter().map(|own| fields(own, stencil)).collect()
     }
 
     fn sheet(&self) -> SheetBuffersLaunch {
@@ -172,11 +158,8 @@ impl Gpu {
                 state[(3 + k) * n + v] = snapshot.velocity[v][k] as f32;
             }
             let free = self.world.model.inverse_mass[v] as f32;
-            state[6 * n + v] = if snapshot.fixed.contains(v) {
-                0.0
-            } else {
-                free
-            };
+            let is_free = !snapshot.fixed.contains(v);
+            state[6 * n + v] = if is_free { free } else { 0.0 };
             let pressed = &snapshot.pressed;
             let bit = |is_set: bool, bit: u8| if is_set { bit } else { 0 };
             let mark = bit(pressed.touched.contains(v), TOUCHED)
@@ -240,25 +223,6 @@ impl Gpu {
             );
         }
     }
-
-    fn pressed_of(&self, marks: &[u8], count: u32) -> Pressed {
-        let all = |bit: u8| {
-            let set = marks.iter().enumerate();
-            let set = set.filter(move |(_, mark)| *mark & bit != 0);
-            set.map(|(v, _)| v)
-        };
-        let bits = |bit: u8| {
-            let mut bits = FixedBitSet::with_capacity(marks.len());
-            bits.extend(all(bit));
-            bits
-        };
-        Pressed {
-            touched: bits(TOUCHED),
-            draped: bits(DRAPED),
-            stencil: all(STENCIL).map(|v| v as u32).collect(),
-            count,
-        }
-    }
 }
 
 impl Backend for Gpu {
@@ -286,17 +250,20 @@ impl Backend for Gpu {
             let of = |v: usize| [0, 1, 2].map(|k| f64::from(state[(first + k) * n + v]));
             (0..n).map(of).collect()
         };
-        let mut fixed = FixedBitSet::with_capacity(n);
-        fixed.extend((0..n).filter(|v| state[6 * n + v] == 0.0));
-        let marks: Vec<u8> = state[7 * n..8 * n].iter().map(|&mark| mark as u8).collect();
+        let marked = |bit: u8| (0..n).filter(move |v| state[7 * n + v] as u8 & bit != 0);
         let density = self.slots.iter().map(|slot| f64::from(state[8 * n + slot]));
         Snapshot {
             position: vectors(0),
             velocity: vectors(3),
-            fixed,
+            fixed: bits::set(n, (0..n).filter(|v| state[6 * n + v] == 0.0)),
             force_density: density.collect(),
             sides: Vec::new(),
-            pressed: self.pressed_of(&marks, self.counts[environment]),
+            pressed: Pressed {
+                touched: bits::set(n, marked(TOUCHED)),
+                draped: bits::set(n, marked(DRAPED)),
+                stencil: marked(STENCIL).map(|v| v as u32).collect(),
+                count: self.counts[environment],
+            },
             own: self.owns[environment].clone(),
         }
     }
@@ -305,8 +272,7 @@ impl Backend for Gpu {
         if !presses.is_empty() {
             let n = self.plan.vertices;
             let mut forces = vec![0.0_f32; self.count * n];
-            let stencil = self.world.presses.as_ref().map(|(_, stencil)| stencil);
-            let mut own: Vec<_> = self.owns.iter().map(|own| fields(own, stencil)).collect();
+            let mut own = self.fields();
             for press in presses {
                 own[press.environment][SPEED] = press.speed as f32;
                 let forces = &mut forces[press.environment * n..][..n];
@@ -325,7 +291,7 @@ impl Backend for Gpu {
 
     fn press(&mut self, vertices: &[Option<u32>]) -> Column<f64> {
         assert_eq!(vertices.len(), self.count, "one entry an environment");
-        let (_, stencil) = self.world.presses.clone().expect("a world with presses");
+        let stencil = self.world.pressed().1.clone();
         let pressed: Vec<u32> = vertices.iter().map(|v| v.unwrap_or(NOTHING)).collect();
         let pressed = self.upload(u32::as_bytes(&pressed));
         let all = self.owns.iter().zip(&self.counts);
@@ -366,10 +332,8 @@ impl Backend for Gpu {
         let diverged = self.room(self.count);
         launch!(self, self.count, count_diverged(diverged.arg()));
         let diverged = diverged.read();
-        u32::from_bytes(&diverged)
-            .iter()
-            .map(|&count| count == 0)
-            .collect()
+        let counts = u32::from_bytes(&diverged).iter();
+        counts.map(|&count| count == 0).collect()
     }
 
     fn observe(&self) -> Observed {

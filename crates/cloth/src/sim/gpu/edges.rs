@@ -58,18 +58,12 @@ fn edge(
     let length = square.sqrt();
     let gives = wa + wb;
     let mut c = length - sheet.values[laws];
-    let (tension, compression) = (
-        sheet.values[laws + 2 * count] * pulled,
-        sheet.values[laws + 3 * count] * cloth.own[own + 1],
-    );
+    let tension = sheet.values[laws + 2 * count] * pulled;
+    let compression = sheet.values[laws + 3 * count] * cloth.own[own + 1];
     let mut compliance = select(c < 0.0f32, compression, tension);
     if comptime!(pass.kind == PassKind::Diagonals) {
-        compliance *= share(
-            sheet,
-            square,
-            sheet.values[laws + count],
-            comptime!(plan.trellis),
-        );
+        let inverse_rest = sheet.values[laws + count];
+        compliance *= share(sheet, square, inverse_rest, comptime!(plan.trellis));
     }
     if comptime!(pass.kind == PassKind::LimitedEdges) {
         let beyond = sheet.values[laws + 4 * count] / pulled * (gives + compliance) < c;

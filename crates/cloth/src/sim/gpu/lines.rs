@@ -79,18 +79,14 @@ pub(super) fn lock(
     let places = comptime!(of.places) + line;
     let size = sheet.numbers[comptime!(of.sizes) + line] as usize;
     let inverse_rest = sheet.values[comptime!(of.laws) + lines + line];
+    let first = comptime!(plan.locking.unwrap_or(0));
     let mut sum = 0.0f32;
     for j in 0..size - 1 {
         let v0 = sheet.numbers[places + j * lines] as usize;
         let v1 = sheet.numbers[places + (j + 1) * lines] as usize;
         let x0 = Vec3g::load(&cloth.position, 3 * environment * n, n, v0);
         let d = Vec3g::load(&cloth.position, 3 * environment * n, n, v1).minus(x0);
-        sum += excess(
-            sheet,
-            d.dot(d),
-            inverse_rest,
-            comptime!(plan.locking.unwrap_or(0)),
-        );
+        sum += excess(sheet, d.dot(d), inverse_rest, first);
     }
     if sum > 0.0f32 {
         let of = comptime!(LinePlan {

@@ -60,11 +60,8 @@ pub(super) fn weigh(
         let trace = edge.minus(turned);
         let excess = (rest - trace.dot(trace).sqrt()).max(0.0f32);
         surplus_of_all += excess;
-        surplus_inside += select(
-            sheet.numbers[inside + a] + sheet.numbers[inside + b] == 2u32,
-            excess,
-            0.0f32,
-        );
+        let is_inside = sheet.numbers[inside + a] + sheet.numbers[inside + b] == 2u32;
+        surplus_inside += select(is_inside, excess, 0.0f32);
         strain = strain.max(edge.dot(edge).sqrt() / rest - 1.0f32);
     }
     let mut all = Shared::<[f32]>::new_slice(comptime!(NUMBERS * MOST_UNITS));

@@ -19,9 +19,12 @@ pub(super) const MOST_UNITS: usize = 256;
 /// Stands for no vertex.
 pub(super) const NOTHING: u32 = u32::MAX;
 
+/// What of a model is not computed.
+const MEMBRANES: &str = "membranes: a blank whose outline or yarn angle cuts cells";
+
 /// What is compiled into the kernels of a world: sizes, which stages it has, and where the tables
 /// begin among [`Tables::numbers`] and [`Tables::values`].
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub(super) struct Plan {
     /// Vertices of an environment.
     pub vertices: usize,
@@ -52,7 +55,7 @@ pub(super) struct Plan {
 
 /// The grids of the tools, tool by tool. Values: first node and spacing [m], 1 / spacing. Numbers: nodes along
 /// each axis, and the first of the samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(super) struct GridPlan {
     pub tools: usize,
     /// Of the first.
@@ -146,6 +149,7 @@ pub(super) struct LookPlan {
 }
 
 /// A plan with its tables.
+#[derive(Default)]
 pub(super) struct Tables {
     pub plan: Plan,
     pub numbers: Vec<u32>,
@@ -168,30 +172,16 @@ impl Tables {
         let mut tables = Self {
             plan: Plan {
                 vertices: model.vertex_count(),
-                slots: 0,
-                scratch: 0,
                 grid: GridPlan {
                     tools: grids.len(),
                     nodes: grids[0].parts().1.map(|count| count as u32),
-                    values: 0,
-                    headers: 0,
+                    ..GridPlan::default()
                 },
-                lines: None,
-                beside: 0,
-                min_warm: 0,
-                trellis: 0,
-                locking: None,
-                tack: None,
-                passes: Vec::new(),
                 has_friction: model.friction.is_some(),
                 has_cap: model.physics().speed_cap > 0.0,
-                press: None,
-                look: None,
+                ..Plan::default()
             },
-            numbers: Vec::new(),
-            values: Vec::new(),
-            samples: Vec::new(),
-            slots: Vec::new(),
+            ..Self::default()
         };
         let (mut values, mut headers) = (Vec::new(), Vec::new());
         for grid in grids {
@@ -204,18 +194,13 @@ impl Tables {
         }
         tables.plan.grid.values = tables.add(values);
         tables.plan.grid.headers = tables.add_numbers(headers);
-        tables.plan.tack = model
-            .tack
-            .iter()
-            .map(|tack| tables.add(tack.iter().copied()))
-            .next();
+        let tack = model.tack.as_ref();
+        tables.plan.tack = tack.map(|tack| tables.add(tack.iter().copied()));
         if model.layers.is_some() {
             return Err(DeviceError::Missing("`physics.self_collision`"));
         }
         if !model.membranes.is_empty() {
-            return Err(DeviceError::Missing(
-                "membranes: a blank whose outline or yarn angle cuts cells",
-            ));
+            return Err(DeviceError::Missing(MEMBRANES));
         }
         if let Some(lines) = &model.lines {
             tables.add_lines(lines);
@@ -286,11 +271,8 @@ impl Tables {
     }
 
     fn add_lines_of(&mut self, all: &[Line], direction: Direction) -> LinePlan {
-        let longest = all
-            .iter()
-            .map(|line| line.vertices.len())
-            .max()
-            .unwrap_or(0);
+        let sizes = all.iter().map(|line| line.vertices.len());
+        let longest = sizes.clone().max().unwrap_or(0);
         let lines = all.len();
         let mut places = vec![0; longest * lines];
         for (l, line) in all.iter().enumerate() {
@@ -301,26 +283,24 @@ impl Tables {
                 self.slots[edge] = self.plan.slots + k * lines + l;
             }
         }
-        let field = |of: &dyn Fn(&Line) -> f64| all.iter().map(of).collect::<Vec<f64>>();
-        let none = |line: &Line| line.limit.unwrap_or(Limit::NONE);
-        let laws = [
-            field(&|line| line.rest_length),
-            field(&|line| 1.0 / line.rest_length),
-            field(&|line| line.law.tension),
-            field(&|line| line.law.compression),
-            field(&|line| line.min_warm()),
-            field(&|line| line.bending),
-            field(&|line| none(line).force),
-            field(&|line| none(line).compliance),
-            field(&|line| none(line).offset),
+        let fields: [fn(&Line) -> f64; 6] = [
+            |line| line.rest_length,
+            |line| 1.0 / line.rest_length,
+            |line| line.law.tension,
+            |line| line.law.compression,
+            |line| line.min_warm(),
+            |line| line.bending,
         ];
+        let limits = all.iter().map(|line| line.limit.unwrap_or(Limit::NONE));
+        let mut laws = by_field(all, fields);
+        laws.extend(limit_laws(&limits.collect::<Vec<_>>()));
         let plan = LinePlan {
             lines,
             longest,
             places: self.add_numbers(places),
-            sizes: self.add_numbers(all.iter().map(|line| line.vertices.len() as u32)),
+            sizes: self.add_numbers(sizes.map(|size| size as u32)),
             slots: self.plan.slots,
-            laws: self.add(laws.concat()),
+            laws: self.add(laws),
             is_limited: all.iter().any(|line| line.limit.is_some()),
             is_bent: all.iter().any(|line| line.bending != 0.0),
             answer: Answer::Length,
@@ -338,9 +318,7 @@ impl Tables {
         let (kind, ends, laws) = match pass {
             Pass::Edges(class, limits) => {
                 let mut laws = edge_laws(class);
-                laws.extend(limits.iter().map(|limit| limit.force));
-                laws.extend(limits.iter().map(|limit| limit.compliance));
-                laws.extend(limits.iter().map(|limit| limit.offset));
+                laws.extend(limit_laws(limits));
                 let kind = match limits.is_empty() {
                     true => PassKind::Edges,
                     false => PassKind::LimitedEdges,
@@ -352,9 +330,7 @@ impl Tables {
                 (PassKind::Diagonals, edge_ends(class), edge_laws(class))
             }
             Pass::Triples(triples) => {
-                let ends = triples
-                    .iter()
-                    .map(|triple| (triple.vertices, triple.family as u32));
+                let ends = triples.iter().map(|t| (t.vertices, t.family as u32));
                 let laws = triples.iter().map(|triple| triple.compliance).collect();
                 (PassKind::Triples, by_end(ends), laws)
             }
@@ -363,16 +339,11 @@ impl Tables {
             }
             Pass::LockingDiagonals(class, locking) => {
                 self.plan.locking = Some(self.add(locking.numbers()));
-                (
-                    PassKind::LockingDiagonals,
-                    edge_ends(class),
-                    edge_laws(class),
-                )
+                let kind = PassKind::LockingDiagonals;
+                (kind, edge_ends(class), edge_laws(class))
             }
             Pass::Membrane(_) | Pass::LockingMembrane(..) => {
-                return Err(DeviceError::Missing(
-                    "membranes: a blank whose outline or yarn angle cuts cells",
-                ));
+                return Err(DeviceError::Missing(MEMBRANES));
             }
         };
         let count = match kind {
@@ -392,28 +363,21 @@ impl Tables {
     fn add_press(&mut self, lamina: &Lamina, stencil: &Stencil) {
         let n = self.plan.vertices;
         let pressure = stencil.roller.pressure;
-        let force = lamina
-            .vertex_areas()
-            .into_iter()
-            .map(|area| pressure * area);
+        let areas = lamina.vertex_areas().into_iter();
         let mut slack = vec![0.0; 2 * n];
         let mut neighbors = vec![NOTHING; 4 * n];
-        for yarn in &lamina.yarns {
-            let first = 2 * yarn.family as usize * n;
-            for pair in yarn.vertices.windows(2) {
-                let [from, to] = [pair[0], pair[1]];
-                neighbors[first + to as usize] = from;
-                neighbors[first + n + from as usize] = to;
-            }
-            for &v in &yarn.vertices {
-                slack[yarn.family as usize * n + v as usize] =
-                    yarn.rest_length * (1.0 + stencil.max_strain);
+        for (yarn, ends @ [from, to]) in lamina.yarn_edges() {
+            let family = yarn.family as usize * n;
+            neighbors[2 * family + to as usize] = from;
+            neighbors[2 * family + n + from as usize] = to;
+            for v in ends {
+                slack[family + v as usize] = yarn.rest_length * (1.0 + stencil.max_strain);
             }
         }
         let along = |k: usize| lamina.rest.iter().map(move |at| at[k]);
         self.plan.press = Some(PressPlan {
             rest: self.add(along(0).chain(along(1))),
-            force: self.add(force),
+            force: self.add(areas.map(|area| pressure * area)),
             slack: self.add(slack),
             threshold: self.add([stencil.threshold]),
             neighbors: self.add_numbers(neighbors),
@@ -441,14 +405,9 @@ impl Tables {
             let is_inside = |v| u32::from(view.region.contains(v));
             (0..n).map(is_inside)
         });
-        let (mut ends, mut rest) = ([Vec::new(), Vec::new()], Vec::new());
-        for yarn in &lamina.yarns {
-            for pair in yarn.vertices.windows(2) {
-                ends[0].push(pair[0]);
-                ends[1].push(pair[1]);
-                rest.push(yarn.rest_length);
-            }
-        }
+        let edges = || lamina.yarn_edges();
+        let ends = [0, 1].map(|k| edges().map(move |(_, ends)| ends[k]).collect::<Vec<_>>());
+        let rest: Vec<f64> = edges().map(|(yarn, _)| yarn.rest_length).collect();
         self.plan.look = Some(LookPlan {
             pixels,
             seen: self.add_numbers(seen),
@@ -469,27 +428,32 @@ fn edge_ends(class: &EdgeClass) -> Vec<u32> {
 
 /// Rest lengths and their inverses, compliances in tension and in compression.
 fn edge_laws(class: &EdgeClass) -> Vec<f64> {
-    let rest = class.rest_length.iter();
-    let inverse = class.rest_length.iter().map(|rest| 1.0 / rest);
-    let tension = class.law.iter().map(|law| law.tension);
-    let compression = class.law.iter().map(|law| law.compression);
-    rest.copied()
-        .chain(inverse)
-        .chain(tension)
-        .chain(compression)
-        .collect()
+    let mut laws = by_field(&class.rest_length, [|rest| *rest, |rest| 1.0 / rest]);
+    laws.extend(by_field(
+        &class.law,
+        [|law| law.tension, |law| law.compression],
+    ));
+    laws
+}
+
+/// Force, compliance and offset of limits.
+fn limit_laws(limits: &[Limit]) -> Vec<f64> {
+    by_field(limits, [|l| l.force, |l| l.compliance, |l| l.offset])
+}
+
+/// [field][of all].
+fn by_field<T, const N: usize>(all: &[T], fields: [fn(&T) -> f64; N]) -> Vec<f64> {
+    let of = |field: fn(&T) -> f64| all.iter().map(field);
+    fields.into_iter().flat_map(of).collect()
 }
 
 /// [end][constraint], the direction of each above its first vertex.
 fn by_end<const N: usize>(all: impl Iterator<Item = ([u32; N], u32)>) -> Vec<u32> {
     let mut ends = [const { Vec::new() }; N];
-    for (vertices, direction) in all {
-        for (k, (end, v)) in ends.iter_mut().zip(vertices).enumerate() {
-            end.push(if k == 0 {
-                v | direction << DIRECTION
-            } else {
-                v
-            });
+    for (mut vertices, direction) in all {
+        vertices[0] |= direction << DIRECTION;
+        for (end, v) in ends.iter_mut().zip(vertices) {
+            end.push(v);
         }
     }
     ends.concat()

@@ -90,17 +90,17 @@ pub(super) fn lay_stencil(
 /// stands upright.
 #[cube]
 fn first_side(normal: Vec3g) -> Vec3g {
-    let mut axis = Vec3g {
-        x: 1.0f32 - normal.x * normal.x,
-        y: -(normal.y * normal.x),
-        z: -(normal.z * normal.x),
-    };
+    let mut axis = Vec3g::new(
+        1.0f32 - normal.x * normal.x,
+        -(normal.y * normal.x),
+        -(normal.z * normal.x),
+    );
     if axis.dot(axis).sqrt() <= 0.1f32 {
-        axis = Vec3g {
-            x: -(normal.x * normal.y),
-            y: 1.0f32 - normal.y * normal.y,
-            z: -(normal.z * normal.y),
-        };
+        axis = Vec3g::new(
+            -(normal.x * normal.y),
+            1.0f32 - normal.y * normal.y,
+            -(normal.z * normal.y),
+        );
     }
     axis.scale(1.0f32 / axis.dot(axis).sqrt())
 }

@@ -87,18 +87,10 @@ pub(super) fn distance(
         phi = inside + beyond;
     }
     let norm = (gx * gx + gy * gy + gz * gz).sqrt();
-    let mut normal = Vec3g {
-        x: 0.0f32,
-        y: 0.0f32,
-        z: 1.0f32,
-    };
+    let mut normal = Vec3g::new(0.0f32, 0.0f32, 1.0f32);
     if norm >= 1e-9f32 {
         let inverse = 1.0f32 / norm;
-        normal = Vec3g {
-            x: gx * inverse,
-            y: gy * inverse,
-            z: gz * inverse,
-        };
+        normal = Vec3g::new(gx * inverse, gy * inverse, gz * inverse);
     }
     (phi, normal)
 }

@@ -13,21 +13,21 @@ pub(super) struct Vec3g {
 
 #[cube]
 impl Vec3g {
+    pub fn new(x: f32, y: f32, z: f32) -> Vec3g {
+        Vec3g { x, y, z }
+    }
+
     pub fn zero() -> Vec3g {
-        Vec3g {
-            x: 0.0f32,
-            y: 0.0f32,
-            z: 0.0f32,
-        }
+        Vec3g::new(0.0f32, 0.0f32, 0.0f32)
     }
 
     /// Vector `at` among `count` of each component.
     pub fn load(array: &[f32], first: usize, count: usize, at: usize) -> Vec3g {
-        Vec3g {
-            x: array[first + at],
-            y: array[first + count + at],
-            z: array[first + 2 * count + at],
-        }
+        Vec3g::new(
+            array[first + at],
+            array[first + count + at],
+            array[first + 2 * count + at],
+        )
     }
 
     pub fn store(self, array: &mut [f32], first: usize, count: usize, at: usize) {
@@ -41,34 +41,22 @@ impl Vec3g {
     }
 
     pub fn scale(self, by: f32) -> Vec3g {
-        Vec3g {
-            x: self.x * by,
-            y: self.y * by,
-            z: self.z * by,
-        }
+        Vec3g::new(self.x * by, self.y * by, self.z * by)
     }
 
     pub fn plus(self, other: Vec3g) -> Vec3g {
-        Vec3g {
-            x: self.x + other.x,
-            y: self.y + other.y,
-            z: self.z + other.z,
-        }
+        Vec3g::new(self.x + other.x, self.y + other.y, self.z + other.z)
     }
 
     pub fn minus(self, other: Vec3g) -> Vec3g {
-        Vec3g {
-            x: self.x - other.x,
-            y: self.y - other.y,
-            z: self.z - other.z,
-        }
+        Vec3g::new(self.x - other.x, self.y - other.y, self.z - other.z)
     }
 
     pub fn cross(self, other: Vec3g) -> Vec3g {
-        Vec3g {
-            x: self.y * other.z - self.z * other.y,
-            y: self.z * other.x - self.x * other.z,
-            z: self.x * other.y - self.y * other.x,
-        }
+        Vec3g::new(
+            self.y * other.z - self.z * other.y,
+            self.z * other.x - self.x * other.z,
+            self.x * other.y - self.y * other.x,
+        )
     }
 }

@@ -111,11 +111,7 @@ pub(super) fn give_way(
         fall *= share;
     }
     let d = pulled.scale(mobility);
-    let step = Vec3g {
-        x: d.x,
-        y: d.y,
-        z: d.z + fall,
-    };
+    let step = Vec3g::new(d.x, d.y, d.z + fall);
     x.plus(step).store(&mut cloth.position, vectors, n, v);
     cloth.mobility[environment * n + v] = mobility;
 }
@@ -134,11 +130,7 @@ pub(super) fn fall(
     let w = cloth.inverse_mass[environment * n + v];
     cloth.mobility[environment * n + v] = w * (frame.h * frame.h);
     let x = Vec3g::load(&cloth.predicted, vectors, n, v);
-    let step = Vec3g {
-        x: 0.0f32,
-        y: 0.0f32,
-        z: select(w > 0.0f32, frame.fall, 0.0f32),
-    };
+    let step = Vec3g::new(0.0f32, 0.0f32, select(w > 0.0f32, frame.fall, 0.0f32));
     x.plus(step).store(&mut cloth.position, vectors, n, v);
 }
 

@@ -1,8 +1,8 @@
 use nalgebra::{DMatrix, DVector};
 
-use super::super::dense::{Case, PINNED, cases, random_vector, solved};
 use super::super::edges::project_edges;
 use super::super::line::{Line, MAX_WARM};
+use super::super::tests::{Case, PINNED, cases, random_vector, solved};
 use super::*;
 use crate::math::Vec3;
 

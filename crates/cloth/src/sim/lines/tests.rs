@@ -1,4 +1,4 @@
-use super::super::dense::standard_trellis;
+use super::super::tests::standard_trellis;
 use super::*;
 use crate::fabric::{BlankConfig, Material};
 

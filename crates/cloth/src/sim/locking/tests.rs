@@ -1,7 +1,7 @@
 use nalgebra::DMatrix;
 
-use super::super::dense::{Case, PINNED, cases, solved};
 use super::super::shear::Trellis;
+use super::super::tests::{Case, PINNED, cases, solved};
 use super::*;
 use crate::fabric::{BlankConfig, Material};
 

@@ -1,6 +1,6 @@
 use nalgebra::DMatrix;
 
-use super::super::dense::{PINNED, cases, solved, standard_trellis};
+use super::super::tests::{PINNED, cases, solved, standard_trellis};
 use super::*;
 use crate::fabric::{BlankConfig, Material};
 
