@@ -8,9 +8,9 @@
 //! | a straight sweep of presses over the focus region, from one converged start | the same presses by the reference |
 //! | the same presses in eight orders | the distance that the reference leaves in each |
 //!
-//! The reference of a *method* (solver, rates, precision) is the same model converged: `yarn`, f64,
-//! 48 000 substeps a second, four times the finest preset. That of a *model* (mesh, tool grid,
-//! press, physics) is the one on its axis that leaves least out, stepped as usual.
+//! The reference of a *method* (solver, rate) is the same model converged: `yarn`, f64,
+//! 48 000 substeps a second, four times the finest preset. That of a *model* (mesh, physics) is the
+//! one on its axis that leaves least out, stepped as usual.
 //!
 //! What a press does to a wrinkle can hang on a hair. The axis `pushed` is `accurate` against
 //! itself from a start pushed by a thousandth of a millimetre: below it no error can be told.
@@ -25,17 +25,17 @@ use crate::points::{apart_mm, nearest, same_points, summed_m};
 use crate::presses::{pushed, replay};
 use crate::ranking::median;
 use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, lamina};
-use crate::table::{Format::Hidden, Table};
+use crate::table::Table;
 use drape_cloth::math::{Isa, mean_and_deviation};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
-use drape_cloth::sim::{Precision, Snapshot, Solver};
+use drape_cloth::sim::{Precision, Solver};
 use drape_cloth::tool::Tool;
 use drape_report::{Chart, SERIES, Scale, Series};
 use drape_task::env::{Draping, EnvConfig, EpisodeState};
 use variations::{Around, Variation, converged, sequences, variations};
 
-/// Measure what accuracy costs: CPU time of an environment step against error, over solver,
-/// rate, precision, press, mesh, tool grid and physics
+/// Measure what accuracy costs: CPU time of an environment step against error, over solver, rate,
+/// mesh and physics
 ///
 /// Writes tradeoff.png too, which shows cost against error. The region is a corner of the built-in scene, the whole blank of another one if not given.
 #[derive(Clone, Debug, clap::Args)]
@@ -78,7 +78,7 @@ impl Study for Tradeoff {
         }
         let title = format!(
             "{} presses on {} vertices; errors of the fall, of the sweep, of eight sequences; distance \
-             left, and its rms difference from the reference",
+             left",
             measuring.sequences[0].len(),
             measuring.region_vertices
         );
@@ -104,14 +104,8 @@ struct PressErrors {
     /// Mean error of place in the focus region after the sweep, and after all sequences [mm].
     sweep_mm: f64,
     eight_mm: f64,
-    /// Of the distance that the sweep has removed from the region, over that distance.
-    removed: f64,
-    /// Tension of the yarns after the sweep, 95th percentile [-].
-    tension: f64,
-    /// Summed distance of the region after all sequences, its mean, and its root mean square
-    /// difference from the reference, sequence by sequence [m].
+    /// Summed distance of the region after all sequences, its mean [m].
     left_m: f64,
-    rms_m: f64,
 }
 
 /// What the sequences have led to.
@@ -140,9 +134,6 @@ struct Measuring {
     falls: Known<SceneConfig, Scene>,
     pressed: Known<(Around, bool), PressedSweeps>,
 }
-
-/// Positions of both that are compared.
-type Sides<'a> = [&'a [[f64; 3]]; 2];
 
 impl Measuring {
     fn new(scene: &SceneConfig, env: &EnvConfig) -> Result<Self, StudyError> {
@@ -227,32 +218,20 @@ impl Measuring {
         let region = self.around.1.region(&a.scene.lamina).ok()?.vertices;
         shared.retain(|pair| region.contains(pair[0]));
         let scale = self.region_vertices as f64 / shared.len() as f64;
-        // Summed distance to the tool of either side.
-        let left = |x: Sides| summed_m(&b.scene.tool, x, &shared).map(|sum| scale * sum);
-        let ends = a.ends.iter().zip(&b.ends);
-        let ends = ends.map(|(a, b)| {
-            Some([
-                &a.as_ref()?.cloth().position[..],
-                &b.as_ref()?.cloth().position,
-            ])
+        let ends: Option<Vec<[&EpisodeState; 2]>> = (a.ends.iter().zip(&b.ends))
+            .map(|(a, b)| Some([a.as_ref()?, b.as_ref()?]))
+            .collect();
+        let of_ends = ends?.into_iter().map(|ends| {
+            let x = ends.map(|end| &end.cloth().position[..]);
+            let left = summed_m(&b.scene.tool, x, &shared)[0];
+            (apart_mm(x[0], x[1], &shared)[0], scale * left)
         });
-        let ends: Vec<Sides> = ends.collect::<Option<_>>()?;
-        let off_mm = |x: &Sides| apart_mm(x[0], x[1], &shared)[0];
-        let mean = |values: &[f64]| mean_and_deviation(values)[0];
-        let all: Vec<[f64; 2]> = ends.iter().map(|x| left(*x)).collect();
-        let squares: Vec<f64> = all.iter().map(|[x, y]| (x - y).powi(2)).collect();
-        let before = left([a, b].map(|pressed| &pressed.scene.initial.position[..]));
-        let [removed, expected] = [0, 1].map(|side| before[side] - all[0][side]);
-        let mut state = Snapshot::clone(&a.scene.initial);
-        state.position = ends[0][0].to_vec();
+        let (off_mm, left_m): (Vec<f64>, Vec<f64>) = of_ends.unzip();
         Some(PressErrors {
             microseconds: a.microseconds,
-            sweep_mm: off_mm(&ends[0]),
-            eight_mm: mean(&ends.iter().map(off_mm).collect::<Vec<_>>()),
-            removed: (removed - expected) / expected,
-            tension: a.scene.summary(&state).tension_p95,
-            left_m: mean(&all.iter().map(|[own, _]| *own).collect::<Vec<_>>()),
-            rms_m: mean(&squares).sqrt(),
+            sweep_mm: off_mm[0],
+            eight_mm: mean_and_deviation(&off_mm)[0],
+            left_m: mean_and_deviation(&left_m)[0],
         })
     }
 }
@@ -299,11 +278,8 @@ fn table(title: String, rows: &[Row]) -> Table {
         .number("step [us]", 1, of(|errors| errors.microseconds))
         .number("fall [mm]", 3, |row| row.fall_mm)
         .number("sweep [mm]", 3, of(|errors| errors.sweep_mm))
-        .number("removed error", Hidden, of(|errors| errors.removed))
-        .number("tension p95", Hidden, of(|errors| errors.tension))
         .number("eight [mm]", 3, of(|errors| errors.eight_mm))
         .number("left [m]", 4, of(|errors| errors.left_m))
-        .number("rms [m]", 4, of(|errors| errors.rms_m))
         .end()
 }
 
