@@ -24,12 +24,11 @@ use cpu_time::ProcessTime;
 use crate::points::{apart_mm, nearest, same_points, summed_m};
 use crate::presses::{pushed, replay};
 use crate::ranking::median;
-use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, lamina};
+use crate::study::{CORNER, Context, Report, Study, StudyError, lamina};
 use crate::table::Table;
 use drape_cloth::math::{Isa, mean_and_deviation};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
 use drape_cloth::sim::{Precision, Solver};
-use drape_cloth::tool::Tool;
 use drape_report::{Chart, SERIES, Scale, Series};
 use drape_task::env::{Draping, EnvConfig, EpisodeState};
 use variations::{Around, Variation, converged, sequences, variations};
@@ -37,15 +36,12 @@ use variations::{Around, Variation, converged, sequences, variations};
 /// Measure what accuracy costs: CPU time of an environment step against error, over solver, rate,
 /// mesh and physics
 ///
-/// Writes tradeoff.png too, which shows cost against error. The region is a corner of the built-in scene, the whole blank of another one if not given.
+/// Writes tradeoff.png too, which shows cost against error, on a corner of the built-in scene.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape study tradeoff --quick
-  drape study tradeoff mine.toml --region=-50,-50,50,50 --json > tradeoff.json")]
+  drape study tradeoff --json > tradeoff.json")]
 pub struct Tradeoff {
-    #[command(flatten)]
-    scene: SceneOptions,
-
     /// Fewer points on a smaller region: some three minutes of CPU time
     #[arg(long)]
     quick: bool,
@@ -58,16 +54,9 @@ impl Study for Tradeoff {
     const NAME: &'static str = "tradeoff";
     const TABLES: &'static [&'static str] = &["settings"];
 
-    fn scene(&self) -> Option<&SceneOptions> {
-        Some(&self.scene)
-    }
-
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
-        let (mut scene, region) = self.scene.read(context)?;
-        self.scene.set_mesh(&mut scene, None)?;
-        let corner = if self.quick { QUICK_REGION } else { CORNER };
-        let corner = self.scene.config.is_none().then_some(corner);
-        let env = self.scene.env(region.or(corner));
+        let (scene, mut env) = (SceneConfig::rib(), EnvConfig::compact());
+        env.region_mm = Some(if self.quick { QUICK_REGION } else { CORNER });
         let variations = variations(&scene, &env, self.quick);
         let mut measuring = Measuring::new(&scene, &env)?;
         let mut rows = Vec::with_capacity(variations.len());
@@ -137,7 +126,6 @@ struct Measuring {
 
 impl Measuring {
     fn new(scene: &SceneConfig, env: &EnvConfig) -> Result<Self, StudyError> {
-        scene.check()?;
         let lamina = lamina(scene)?;
         Ok(Self {
             sequences: sequences(&lamina, env)?,
@@ -169,9 +157,6 @@ impl Measuring {
             return Ok(None);
         };
         let mut scene = fallen.with_physics(config.physics.clone());
-        if config.tool != scene.config.tool {
-            scene.tool = Tool::new(&config.tool).map_err(SceneError::from)?.into();
-        }
         scene.config = config.clone();
         Ok(Some(scene))
     }

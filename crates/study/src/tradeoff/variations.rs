@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use crate::points::coarser;
-use crate::study::stencil_mm;
-use drape_cloth::fabric::{Lamina, Material};
+use crate::study::{lamina, stencil_mm};
+use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::SceneConfig;
@@ -55,13 +55,15 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
 
     let mut model = around;
     model.0.fall.set_stepping(scene.fall.stepping());
-    let meshes = meshes(scene, quick).into_iter().map(|vertices| {
+    // The finest first. All have the places of the coarsest.
+    let here = scene.blank.vertices;
+    let finer = (!quick).then(|| here.map(|n| 2 * (n - 1) + 1));
+    let meshes = finer.into_iter().chain([here]).chain(coarser(scene));
+    let meshes = meshes.map(|vertices| {
         let (mut scene, mut env) = model.clone();
         scene.blank.vertices = vertices;
-        // A blank that cannot be cut is refused later.
-        if let Ok(lamina) = Lamina::new(&scene.blank, Material::interglas_92125()) {
-            env.stencil_mm = stencil_mm(&lamina, env.stencil_mm);
-        }
+        let lamina = lamina(&scene).expect("the blank can be cut");
+        env.stencil_mm = stencil_mm(&lamina, env.stencil_mm);
         (format!("{} x {}", vertices[0], vertices[1]), (scene, env))
     });
     type Change = fn(&mut PhysicsConfig);
@@ -98,18 +100,6 @@ pub fn converged(around: &Around) -> Around {
     scene.physics.solver = Solver::Yarn;
     env.precision = Precision::F64;
     (scene, env)
-}
-
-/// Vertices along the sides, the finest mesh first. They share the places of the coarsest. Cut
-/// blanks have other borders on every mesh, so theirs is not varied.
-fn meshes(scene: &SceneConfig, quick: bool) -> Vec<[usize; 2]> {
-    let here = scene.blank.vertices;
-    let mut meshes = vec![here];
-    if !quick && scene.blank.is_plain() {
-        meshes.insert(0, here.map(|n| 2 * (n - 1) + 1));
-    }
-    meshes.extend(coarser(scene));
-    meshes
 }
 
 /// Places on the flat blank [m], the same in eight orders of pressing: every second row and column
