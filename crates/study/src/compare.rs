@@ -224,9 +224,7 @@ fn fibre_angles(a: &Drape, b: &Drape, flat: &Sheet, part: Part) -> Option<[Angle
         let agree = Spread::new(angles().map(|(angle, area)| (agrees(angle), area)))?;
         Some(Angles {
             share_below: agree.mean,
-            mean: spread.mean,
-            p95: spread.p95,
-            max: spread.max,
+            spread,
         })
     };
     Some([of(0)?, of(1)?])
@@ -245,13 +243,11 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
         let triangles = 0..drape.triangles.len();
         let all = triangles.map(|t| (drape.tangents(t), drape.rest_area(t)));
         let all: Vec<(Tangents, f64)> = all.collect();
-        let angles = Spread::new(all.iter().map(|(t, area)| (t.shear().to_degrees(), *area)));
+        let spread = Spread::new(all.iter().map(|(t, area)| (t.shear().to_degrees(), *area)));
         let is_locked = |t: &Tangents| t.shear().abs().to_degrees() > LOCKING;
         let locked = all.iter().filter(|(t, _)| is_locked(t));
-        shear = angles.map(|found| Shear {
-            rms: found.rms,
-            min: found.min,
-            max: found.max,
+        shear = spread.map(|spread| Shear {
+            spread,
             locked_area_mm2: MM * MM * locked.fold(0.0, |sum, (_, area)| sum + area),
         });
         let of = |f: fn(f64) -> f64| {

@@ -109,11 +109,6 @@ struct PressedSweeps {
 /// What has been computed already, by what it was computed for; none where it diverges.
 type Known<K, V> = Vec<(K, Option<Arc<V>>)>;
 
-fn known<K: PartialEq, V>(all: &Known<K, V>, key: &K) -> Option<Option<Arc<V>>> {
-    let found = all.iter().find(|(known, _)| known == key);
-    found.map(|(_, value)| value.clone())
-}
-
 /// All that points share.
 struct Measuring {
     around: Around,
@@ -137,8 +132,8 @@ impl Measuring {
     }
 
     fn fall(&mut self, config: &SceneConfig) -> Result<Option<Arc<Scene>>, StudyError> {
-        if let Some(fallen) = known(&self.falls, config) {
-            return Ok(fallen);
+        if let Some((_, fallen)) = self.falls.iter().find(|(known, _)| known == config) {
+            return Ok(fallen.clone());
         }
         let fallen = match Scene::new(config, |_| ()) {
             Ok(scene) => Some(Arc::new(scene)),
@@ -149,29 +144,22 @@ impl Measuring {
         Ok(fallen)
     }
 
-    /// The scene of a point at the converged start, which all points of a mesh share.
-    fn start(&mut self, config: &SceneConfig) -> Result<Option<Scene>, StudyError> {
-        let (mut converged, _) = converged(&self.around);
-        converged.blank = config.blank.clone();
-        let Some(fallen) = self.fall(&converged)? else {
-            return Ok(None);
-        };
-        let mut scene = fallen.with_physics(config.physics.clone());
-        scene.config = config.clone();
-        Ok(Some(scene))
-    }
-
+    /// Presses from the converged start, which all points of a mesh share, pushed or not.
     fn press(
         &mut self,
         at: &Around,
         is_pushed: bool,
     ) -> Result<Option<Arc<PressedSweeps>>, StudyError> {
         let key = (at.clone(), is_pushed);
-        if let Some(pressed) = known(&self.pressed, &key) {
-            return Ok(pressed);
+        if let Some((_, pressed)) = self.pressed.iter().find(|(known, _)| *known == key) {
+            return Ok(pressed.clone());
         }
+        let (mut start, _) = converged(&self.around);
+        start.blank = at.0.blank.clone();
         let mut pressed = None;
-        if let Some(mut scene) = self.start(&at.0)? {
+        if let Some(fallen) = self.fall(&start)? {
+            let mut scene = fallen.with_physics(at.0.physics.clone());
+            scene.config = at.0.clone();
             if is_pushed {
                 let positions = pushed(&scene, scene.initial.position.clone(), 100);
                 Arc::make_mut(&mut scene.initial).position = positions;

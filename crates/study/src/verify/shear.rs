@@ -73,19 +73,16 @@ fn pull(solver: &dyn Solve, piece: &mut Piece, target: &Snapshot, seconds: f64) 
 /// Angle by which the yarns at a vertex have left the right one [rad]: between the directions to
 /// its neighbours along warp and weft, in the middle of both sides.
 pub fn shear_at(lamina: &Lamina, state: &Snapshot, vertex: u32) -> Option<f64> {
-    let place = lamina.place(vertex);
     // Between the neighbours along an axis of the mesh, 1 that of the warps.
     let direction = |axis: usize| {
-        let at = |k: Option<usize>| {
-            let mut place = place;
-            place[axis] = k?;
-            let [row, column] = place;
-            let is_there = row < lamina.rows && column < lamina.columns;
-            let v = is_there.then(|| lamina.vertex_at(row, column))??;
+        let at = |step: isize| {
+            let mut place = lamina.place(vertex);
+            place[axis] = place[axis].checked_add_signed(step)?;
+            let is_there = place[0] < lamina.rows && place[1] < lamina.columns;
+            let v = is_there.then(|| lamina.vertex_at(place[0], place[1]))??;
             Some(Vec3::from(state.position[v as usize]))
         };
-        let ends = [place[axis].checked_sub(1), Some(place[axis] + 1)].map(at);
-        Some((ends[1]? - ends[0]?).normalize())
+        Some((at(1)? - at(-1)?).normalize())
     };
     let (warp, weft) = (direction(1)?, direction(0)?);
     Some(FRAC_PI_2 - warp.dot(&weft).clamp(-1.0, 1.0).acos())
