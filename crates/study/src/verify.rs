@@ -98,18 +98,14 @@ pub fn ask(cases: &[ClosedForm], subjects: &[Subject], context: &Context) -> Vec
         .collect();
     let found = context.each(&pairs, |&(case, subject)| {
         let ClosedForm { group, ask } = &cases[case];
-        let answers = ask(&*subject.solver()).into_iter().enumerate();
-        let row = |(k, answer)| {
-            (
-                (case, k),
-                Verified {
-                    group,
-                    subject,
-                    answer,
-                },
-            )
+        let row = |answer| Verified {
+            group,
+            subject,
+            answer,
         };
-        answers.map(row).collect::<Vec<_>>()
+        let rows = ask(&*subject.solver()).into_iter().map(row);
+        let numbered = rows.enumerate().map(|(k, row)| ((case, k), row));
+        numbered.collect::<Vec<_>>()
     });
     let mut rows: Vec<_> = found.into_iter().flatten().collect();
     rows.sort_by_key(|(place, _)| *place);
