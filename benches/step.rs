@@ -8,21 +8,17 @@ use std::sync::Arc;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use drape_cloth::math::Isa;
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::PhysicsConfig;
 use drape_study::bench::{
-    CONTROL, Device, ENVIRONMENTS, FEATURES, Player, THREADS, Timed, physics, standard_scene,
-    variants,
+    CONTROL, Device, ENVIRONMENTS, FEATURES, Player, THREADS, Timed, physics, solved_by,
+    standard_scene, variants,
 };
 
 /// A control step; an element is a substep of one environment.
 fn step(criterion: &mut Criterion, scene: &Scene) {
     let best = Device::group(Isa::best());
     let core = variants().into_iter().map(|(solver, device)| {
-        let physics = PhysicsConfig {
-            solver,
-            ..PhysicsConfig::default()
-        };
-        ("core", format!("{solver:?} {device:?}"), physics, device)
+        let name = format!("{solver:?} {device:?}");
+        ("core", name, solved_by(solver), device)
     });
     let features = FEATURES.map(|change| ("feature", change.into(), physics(change), best));
     for (group, name, physics, device) in core.chain(features) {

@@ -112,13 +112,8 @@ impl Study for Bench {
 
         let time = |case: &mut Timed| case.time(&scene, steps);
         let on_sheet = |physics, device| Timed::new(&scene, &scene.lamina, &physics, device);
-        let cases = variants().into_iter().map(|(solver, device)| {
-            let physics = PhysicsConfig {
-                solver,
-                ..PhysicsConfig::default()
-            };
-            ((solver, device), on_sheet(physics, device))
-        });
+        let cases = variants().into_iter();
+        let cases = cases.map(|(solver, on)| ((solver, on), on_sheet(solved_by(solver), on)));
         let core = sample(repeats, cases, told(0.1, 0.4, "solvers"), time);
 
         let best = Device::group(Isa::best());
@@ -131,11 +126,6 @@ impl Study for Bench {
         let others = FEATURES.map(|key| changed(key, key));
         let cases = first.into_iter().chain(others);
         let features = sample(repeats, cases, told(0.4, 0.6, "features"), time);
-        // Turn by turn, so that what slows a whole turn down cancels out.
-        let over_default = |(_, times): &(&str, Vec<f64>)| {
-            let turns = times.iter().zip(&features[0].1).map(|(a, b)| a - b);
-            median(&turns.collect::<Vec<_>>())
-        };
 
         // As many environments on one scene and on several that differ.
         (context.progress)(0.6, "falling");
@@ -154,12 +144,17 @@ impl Study for Bench {
         });
 
         let mut cases = Vec::new();
-        for (side, implementation, threads) in learners() {
-            let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
-            // The first step is not timed: it makes the memory that the others use.
-            let mut learner = Benchmark::new(side, BATCH, implementation);
-            pool.install(|| learner.step());
-            cases.push(((side, implementation, threads), (pool, learner)));
+        for (side, threads) in [65, 33]
+            .into_iter()
+            .flat_map(|side| THREADS.map(|n| (side, n)))
+        {
+            for by in Implementation::ALL {
+                let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
+                // The first step is not timed: it makes the memory that the others use.
+                let mut learner = Benchmark::new(side, BATCH, by);
+                pool.install(|| learner.step());
+                cases.push(((side, by, threads), (pool, learner)));
+            }
         }
         let told_learning = told(0.7, 1.0, "learner");
         let learning = sample(trainings, cases, told_learning, |(pool, learner)| {
@@ -180,28 +175,21 @@ impl Study for Bench {
         let changes = Table::of("features", title, &features)
             .text("physics", |(physics, _)| *physics)
             .number("median [us]", 2, |(_, times)| median(times))
-            .number("min [us]", 2, |(_, times)| extremes(times)[0])
-            .number("difference [us]", 2, over_default);
-        let title = format!("{ENVIRONMENTS} environments on a corner of the rib, random presses");
-        let over = |row: usize| {
-            let base = &rates[row].1;
-            move |times: &Vec<f64>| {
-                let turns = times.iter().zip(base).map(|(own, base)| own / base);
-                median(&turns.collect::<Vec<_>>())
-            }
-        };
-        // Two rows a number of threads.
-        let numbered: Vec<_> = rates.iter().enumerate().collect();
-        let throughput = Table::of("throughput", title, &numbered)
-            .text("scenes", |(_, ([scenes, _], _))| *scenes)
-            .text("threads", |(_, ([_, threads], _))| *threads)
-            .number("environment steps [1/s]", 0, |(_, (_, rates))| {
-                median(rates)
-            })
-            .number("over one thread", 2, |(k, (_, rates))| over(k % 2)(rates))
-            .number("over one scene", 2, |(k, (_, rates))| {
-                over(k - k % 2)(rates)
+            .number("difference [us]", 2, |(_, times)| {
+                by_turn(times, &features[0].1, |own, default| own - default)
             });
+        let title = format!("{ENVIRONMENTS} environments on a corner of the rib, random presses");
+        // Over the row of so many scenes and threads.
+        let over = |own: &[f64], base: [usize; 2]| {
+            let base = rates.iter().find(|(case, _)| *case == base);
+            by_turn(own, &base.expect("is a row").1, |own, base| own / base)
+        };
+        let throughput = Table::of("throughput", title, &rates)
+            .text("scenes", |([scenes, _], _)| *scenes)
+            .text("threads", |([_, threads], _)| *threads)
+            .number("environment steps [1/s]", 0, |(_, rates)| median(rates))
+            .number("over one thread", 2, |([n, _], own)| over(own, [*n, 1]))
+            .number("over one scene", 2, |([_, n], own)| over(own, [1, *n]));
         let title =
             "One step of training (forward, backward, Adam) by our convolutions and by burn's";
         let learner = Table::of("learner", title, &learning)
@@ -218,6 +206,13 @@ impl Study for Bench {
             learner.end(),
         ]))
     }
+}
+
+/// The median over turns of what `of` says of both, so that what slows a whole turn down cancels
+/// out.
+fn by_turn(own: &[f64], base: &[f64], of: fn(f64, f64) -> f64) -> f64 {
+    let turns = own.iter().zip(base).map(|(own, base)| of(*own, *base));
+    median(&turns.collect::<Vec<_>>())
 }
 
 /// Measures all named cases in turns.
@@ -259,10 +254,11 @@ impl Device {
     /// All that this processor can run, widest last. One environment alone, in f64 as scenes are
     /// set up and in f32 as sequences are evaluated, has its lines in the widest lanes.
     fn all() -> Vec<Self> {
+        let best = Self::group(Isa::best());
         let alone = [Precision::F64, Precision::F32].map(|precision| Self {
             lanes: 1,
             precision,
-            isa: Isa::best(),
+            ..best
         });
         let groups = Isa::available().into_iter().map(Self::group);
         alone.into_iter().chain(groups).collect()
@@ -276,21 +272,17 @@ pub fn variants() -> Vec<(Solver, Device)> {
     Solver::ALL.into_iter().flat_map(of).collect()
 }
 
-/// The rows of the table `learner`: side of the image, whose convolutions, threads.
-fn learners() -> Vec<(usize, Implementation, usize)> {
-    let mut all = Vec::new();
-    for side in [65, 33] {
-        for threads in THREADS {
-            let by = Implementation::ALL.into_iter();
-            all.extend(by.map(|by| (side, by, threads)));
-        }
-    }
-    all
-}
-
 /// The default physics with the lines of a scene file's `[physics]` in `change`.
 pub fn physics(change: &str) -> PhysicsConfig {
     toml::from_str(change).expect("the features are keys of `[physics]`")
+}
+
+/// The default physics with lengths kept by `solver`.
+pub fn solved_by(solver: Solver) -> PhysicsConfig {
+    PhysicsConfig {
+        solver,
+        ..PhysicsConfig::default()
+    }
 }
 
 /// The built-in rib with the standard sheet settled on it.

@@ -70,16 +70,18 @@ pub fn bending_yarns(damping: f64, stiffness: f64) -> PhysicsConfig {
     }
 }
 
-/// A tool of a valid `shape`, its distance sampled every `spacing_mm`.
-pub fn tool(shape: Shape, pose: Pose, spacing_mm: f64) -> Tool {
-    let config = ToolConfig {
-        source: Source::Shape(shape),
-        pose,
-        grid: GridConfig {
-            spacing_mm: Some(spacing_mm),
-            ..GridConfig::default()
-        },
+/// A tool whose distance is sampled every `spacing_mm`.
+pub fn tool_config(source: Source, pose: Pose, spacing_mm: f64) -> ToolConfig {
+    let grid = GridConfig {
+        spacing_mm: Some(spacing_mm),
+        ..GridConfig::default()
     };
+    ToolConfig { source, pose, grid }
+}
+
+/// The same of a valid `shape`.
+pub fn tool(shape: Shape, pose: Pose, spacing_mm: f64) -> Tool {
+    let config = tool_config(Source::Shape(shape), pose, spacing_mm);
     Tool::new(&config).expect("the tools of the studies are valid")
 }
 

@@ -224,9 +224,7 @@ fn fibre_angles(a: &Drape, b: &Drape, flat: &Sheet, part: Part) -> Option<[Angle
         let agree = Spread::new(angles().map(|(angle, area)| (agrees(angle), area)))?;
         Some(Angles {
             share_below: agree.mean,
-            mean: spread.mean,
-            p95: spread.p95,
-            max: spread.max,
+            spread,
         })
     };
     Some([of(0)?, of(1)?])
@@ -240,48 +238,39 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
         found.rms *= MM;
         found
     });
-    let (mut shear, mut strain) = (None, None);
-    if let Some(drape) = &surface.drape {
-        let triangles = 0..drape.triangles.len();
-        let all = triangles.map(|t| (drape.tangents(t), drape.rest_area(t)));
-        let all: Vec<(Tangents, f64)> = all.collect();
-        let angles = Spread::new(all.iter().map(|(t, area)| (t.shear().to_degrees(), *area)));
-        let is_locked = |t: &Tangents| t.shear().abs().to_degrees() > LOCKING;
-        let locked = all.iter().filter(|(t, _)| is_locked(t));
-        shear = angles.map(|found| Shear {
-            rms: found.rms,
-            min: found.min,
-            max: found.max,
-            locked_area_mm2: MM * MM * locked.fold(0.0, |sum, (_, area)| sum + area),
-        });
-        let of = |f: fn(f64) -> f64| {
-            let both = |(t, area): &(Tangents, f64)| t.strain().map(|strain| (f(strain), *area));
-            Spread::new(all.iter().flat_map(both)).map(|found| [found.p95, found.max])
-        };
-        let parts = [of(f64::abs), of(|s| s.max(0.0)), of(|s| (-s).max(0.0))];
-        if let [Some(all), Some(tension), Some(compression)] = parts {
-            strain = Some(Strain {
-                p95: all[0],
-                max: all[1],
-                tension_p95: tension[0],
-                tension_max: tension[1],
-                compression_p95: compression[0],
-                compression_max: compression[1],
-            });
-        }
-    }
+    // None of a scan.
+    let all: Vec<(Tangents, f64)> = (surface.drape.iter())
+        .flat_map(|drape| (0..drape.triangles.len()).map(move |t| (drape, t)))
+        .map(|(drape, t)| (drape.tangents(t), drape.rest_area(t)))
+        .collect();
+    let is_locked = |t: &Tangents| t.shear().abs().to_degrees() > LOCKING;
+    let locked = all.iter().filter(|(t, _)| is_locked(t));
+    let locked = locked.fold(0.0, |sum, (_, area)| sum + area);
+    let shear = Spread::new(all.iter().map(|(t, area)| (t.shear().to_degrees(), *area)));
+    let of = |f: fn(f64) -> f64| {
+        let both = |(t, area): &(Tangents, f64)| t.strain().map(|strain| (f(strain), *area));
+        Spread::new(all.iter().flat_map(both))
+    };
+    let parts = (of(f64::abs).zip(of(|s| s.max(0.0)))).zip(of(|s| (-s).max(0.0)));
+    let strain = parts.map(|((all, tension), compression)| Strain {
+        p95: all.p95,
+        max: all.max,
+        tension_p95: tension.p95,
+        tension_max: tension.max,
+        compression_p95: compression.p95,
+        compression_max: compression.max,
+    });
     Measures {
         vertices: mesh.vertices.len(),
         triangles: mesh.triangles.len(),
         area_mm2: MM * MM * mesh.area(),
         wrinkles_mm: wrinkles,
-        shear_deg: shear,
-        strain,
-        tool: criteria.tool.map(|tool| Tooling {
-            surplus_mm: (surface.drape.as_ref())
-                .and_then(|drape| surplus_mm(drape, tool, criteria.region)),
-            ..tooling(mesh, tool)
+        shear_deg: shear.map(|spread| Shear {
+            spread,
+            locked_area_mm2: MM * MM * locked,
         }),
+        strain,
+        tool: (criteria.tool).map(|tool| tooling(surface, tool, criteria.region)),
     }
 }
 
@@ -322,8 +311,9 @@ fn surplus_mm(drape: &Drape, tool: &Surface, region: Option<[f64; 4]>) -> Option
     (yarns > 0).then(|| MM * sum / yarns as f64)
 }
 
-/// Gaps to the tool and penetration, by the exact distance.
-fn tooling(mesh: &TriMesh, tool: &Surface) -> Tooling {
+/// Gaps to the tool and penetration, by the exact distance, and surplus.
+fn tooling(surface: &Surveyed, tool: &Surface, region: Option<[f64; 4]>) -> Tooling {
+    let (mesh, drape) = (&surface.mesh, surface.drape.as_ref());
     let phi = mesh.vertices.iter().map(|&x| tool.signed_distance(x));
     let phi: Vec<f64> = phi.collect();
     let areas = mesh.vertex_areas();
@@ -333,7 +323,7 @@ fn tooling(mesh: &TriMesh, tool: &Surface) -> Tooling {
     Tooling {
         bridged_area_mm2: MM * MM * bridged,
         bridged_share: bridged / total.max(f64::MIN_POSITIVE),
-        surplus_mm: None,
+        surplus_mm: drape.and_then(|drape| surplus_mm(drape, tool, region)),
         penetration_mm: MM * phi.iter().fold(0.0f64, |deepest, phi| deepest.max(-phi)),
     }
 }

@@ -37,10 +37,8 @@ pub struct Learning {
 fn explained(run: &LearnedRun, third: usize) -> Option<f64> {
     let curve = &run.explained_variance;
     let length = curve.len() / 3;
-    let end = match third {
-        2 => curve.len(),
-        _ => (third + 1) * length,
-    };
+    // What is left over is of the last.
+    let end = [length, 2 * length, curve.len()][third];
     let values = curve[third * length..end].iter().map(|(_, value)| value);
     (length > 0).then(|| values.clone().sum::<f64>() / values.count() as f64)
 }
@@ -72,10 +70,6 @@ fn values(arm: &Arm, (_, of): Figure) -> Vec<f64> {
     arm.runs.iter().filter_map(of).collect()
 }
 
-fn mean_of([values]: [&[f64]; 1]) -> f64 {
-    interquartile_mean(values)
-}
-
 impl Study for Learning {
     const NAME: &'static str = "learning";
     const TABLES: &'static [&'static str] = &["figures", "improvement", "runs"];
@@ -102,7 +96,7 @@ fn figures(arms: &[Arm]) -> Table {
     for arm in arms {
         for figure in FIGURES {
             let values = values(arm, figure);
-            let interval = bootstrap([&values], mean_of);
+            let interval = bootstrap([&values], |[values]| interquartile_mean(values));
             rows.push((arm, figure.0, values, interval));
         }
     }
@@ -196,7 +190,7 @@ fn chart(arms: &[Arm], title: &str, of: OfRun) -> Chart {
             color,
         });
         let around = |(&step, scores): (&u64, &Vec<f64>)| {
-            let [low, high] = bootstrap([scores], mean_of);
+            let [low, high] = bootstrap([scores], |[scores]| interquartile_mean(scores));
             [step as f64, low, high]
         };
         let points = steps.iter().map(around).collect();

@@ -217,16 +217,14 @@ impl SceneOptions {
         &self,
         context: &Context,
     ) -> Result<(SceneConfig, Option<[f64; 4]>), StudyError> {
-        if let Some(run) = self.config.as_ref().filter(|path| path.is_dir()) {
-            let (scene, env) = (context.read_task)(run)?;
+        let Some(path) = &self.config else {
+            return Ok((SceneConfig::rib(), None));
+        };
+        if path.is_dir() {
+            let (scene, env) = (context.read_task)(path)?;
             return Ok((scene, env.region_mm));
         }
-        let scene = match &self.config {
-            Some(path) => {
-                SceneConfig::read(path).map_err(|error| StudyError::Read(error.into()))?
-            }
-            None => SceneConfig::rib(),
-        };
+        let scene = SceneConfig::read(path).map_err(|error| StudyError::Read(error.into()))?;
         Ok((scene, None))
     }
 

@@ -8,9 +8,9 @@
 //! | a straight sweep of presses over the focus region, from one converged start | the same presses by the reference |
 //! | the same presses in eight orders | the distance that the reference leaves in each |
 //!
-//! The reference of a *method* (solver, rates, precision) is the same model converged: `yarn`, f64,
-//! 48 000 substeps a second, four times the finest preset. That of a *model* (mesh, tool grid,
-//! press, physics) is the one on its axis that leaves least out, stepped as usual.
+//! The reference of a *method* (solver, rate) is the same model converged: `yarn`, f64,
+//! 48 000 substeps a second, four times the finest preset. That of a *model* (mesh, physics) is the
+//! one on its axis that leaves least out, stepped as usual.
 //!
 //! What a press does to a wrinkle can hang on a hair. The axis `pushed` is `accurate` against
 //! itself from a start pushed by a thousandth of a millimetre: below it no error can be told.
@@ -24,28 +24,24 @@ use cpu_time::ProcessTime;
 use crate::points::{apart_mm, nearest, same_points, summed_m};
 use crate::presses::{pushed, replay};
 use crate::ranking::median;
-use crate::study::{CORNER, Context, Report, SceneOptions, Study, StudyError, lamina};
-use crate::table::{Format::Hidden, Table};
+use crate::study::{CORNER, Context, Report, Study, StudyError, lamina};
+use crate::table::Table;
 use drape_cloth::math::{Isa, mean_and_deviation};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
-use drape_cloth::sim::{Precision, Snapshot, Solver};
-use drape_cloth::tool::Tool;
+use drape_cloth::sim::{Precision, Solver};
 use drape_report::{Chart, SERIES, Scale, Series};
 use drape_task::env::{Draping, EnvConfig, EpisodeState};
 use variations::{Around, Variation, converged, sequences, variations};
 
-/// Measure what accuracy costs: CPU time of an environment step against error, over solver,
-/// rate, precision, press, mesh, tool grid and physics
+/// Measure what accuracy costs: CPU time of an environment step against error, over solver, rate,
+/// mesh and physics
 ///
-/// Writes tradeoff.png too, which shows cost against error. The region is a corner of the built-in scene, the whole blank of another one if not given.
+/// Writes tradeoff.png too, which shows cost against error, on a corner of the built-in scene.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape study tradeoff --quick
-  drape study tradeoff mine.toml --region=-50,-50,50,50 --json > tradeoff.json")]
+  drape study tradeoff --json > tradeoff.json")]
 pub struct Tradeoff {
-    #[command(flatten)]
-    scene: SceneOptions,
-
     /// Fewer points on a smaller region: some three minutes of CPU time
     #[arg(long)]
     quick: bool,
@@ -58,16 +54,9 @@ impl Study for Tradeoff {
     const NAME: &'static str = "tradeoff";
     const TABLES: &'static [&'static str] = &["settings"];
 
-    fn scene(&self) -> Option<&SceneOptions> {
-        Some(&self.scene)
-    }
-
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
-        let (mut scene, region) = self.scene.read(context)?;
-        self.scene.set_mesh(&mut scene, None)?;
-        let corner = if self.quick { QUICK_REGION } else { CORNER };
-        let corner = self.scene.config.is_none().then_some(corner);
-        let env = self.scene.env(region.or(corner));
+        let (scene, mut env) = (SceneConfig::rib(), EnvConfig::compact());
+        env.region_mm = Some(if self.quick { QUICK_REGION } else { CORNER });
         let variations = variations(&scene, &env, self.quick);
         let mut measuring = Measuring::new(&scene, &env)?;
         let mut rows = Vec::with_capacity(variations.len());
@@ -78,7 +67,7 @@ impl Study for Tradeoff {
         }
         let title = format!(
             "{} presses on {} vertices; errors of the fall, of the sweep, of eight sequences; distance \
-             left, and its rms difference from the reference",
+             left",
             measuring.sequences[0].len(),
             measuring.region_vertices
         );
@@ -104,14 +93,8 @@ struct PressErrors {
     /// Mean error of place in the focus region after the sweep, and after all sequences [mm].
     sweep_mm: f64,
     eight_mm: f64,
-    /// Of the distance that the sweep has removed from the region, over that distance.
-    removed: f64,
-    /// Tension of the yarns after the sweep, 95th percentile [-].
-    tension: f64,
-    /// Summed distance of the region after all sequences, its mean, and its root mean square
-    /// difference from the reference, sequence by sequence [m].
+    /// Summed distance of the region after all sequences, its mean [m].
     left_m: f64,
-    rms_m: f64,
 }
 
 /// What the sequences have led to.
@@ -126,11 +109,6 @@ struct PressedSweeps {
 /// What has been computed already, by what it was computed for; none where it diverges.
 type Known<K, V> = Vec<(K, Option<Arc<V>>)>;
 
-fn known<K: PartialEq, V>(all: &Known<K, V>, key: &K) -> Option<Option<Arc<V>>> {
-    let found = all.iter().find(|(known, _)| known == key);
-    found.map(|(_, value)| value.clone())
-}
-
 /// All that points share.
 struct Measuring {
     around: Around,
@@ -141,12 +119,8 @@ struct Measuring {
     pressed: Known<(Around, bool), PressedSweeps>,
 }
 
-/// Positions of both that are compared.
-type Sides<'a> = [&'a [[f64; 3]]; 2];
-
 impl Measuring {
     fn new(scene: &SceneConfig, env: &EnvConfig) -> Result<Self, StudyError> {
-        scene.check()?;
         let lamina = lamina(scene)?;
         Ok(Self {
             sequences: sequences(&lamina, env)?,
@@ -158,8 +132,8 @@ impl Measuring {
     }
 
     fn fall(&mut self, config: &SceneConfig) -> Result<Option<Arc<Scene>>, StudyError> {
-        if let Some(fallen) = known(&self.falls, config) {
-            return Ok(fallen);
+        if let Some((_, fallen)) = self.falls.iter().find(|(known, _)| known == config) {
+            return Ok(fallen.clone());
         }
         let fallen = match Scene::new(config, |_| ()) {
             Ok(scene) => Some(Arc::new(scene)),
@@ -170,32 +144,22 @@ impl Measuring {
         Ok(fallen)
     }
 
-    /// The scene of a point at the converged start, which all points of a mesh share.
-    fn start(&mut self, config: &SceneConfig) -> Result<Option<Scene>, StudyError> {
-        let (mut converged, _) = converged(&self.around);
-        converged.blank = config.blank.clone();
-        let Some(fallen) = self.fall(&converged)? else {
-            return Ok(None);
-        };
-        let mut scene = fallen.with_physics(config.physics.clone());
-        if config.tool != scene.config.tool {
-            scene.tool = Tool::new(&config.tool).map_err(SceneError::from)?.into();
-        }
-        scene.config = config.clone();
-        Ok(Some(scene))
-    }
-
+    /// Presses from the converged start, which all points of a mesh share, pushed or not.
     fn press(
         &mut self,
         at: &Around,
         is_pushed: bool,
     ) -> Result<Option<Arc<PressedSweeps>>, StudyError> {
         let key = (at.clone(), is_pushed);
-        if let Some(pressed) = known(&self.pressed, &key) {
-            return Ok(pressed);
+        if let Some((_, pressed)) = self.pressed.iter().find(|(known, _)| *known == key) {
+            return Ok(pressed.clone());
         }
+        let (mut start, _) = converged(&self.around);
+        start.blank = at.0.blank.clone();
         let mut pressed = None;
-        if let Some(mut scene) = self.start(&at.0)? {
+        if let Some(fallen) = self.fall(&start)? {
+            let mut scene = fallen.with_physics(at.0.physics.clone());
+            scene.config = at.0.clone();
             if is_pushed {
                 let positions = pushed(&scene, scene.initial.position.clone(), 100);
                 Arc::make_mut(&mut scene.initial).position = positions;
@@ -227,32 +191,20 @@ impl Measuring {
         let region = self.around.1.region(&a.scene.lamina).ok()?.vertices;
         shared.retain(|pair| region.contains(pair[0]));
         let scale = self.region_vertices as f64 / shared.len() as f64;
-        // Summed distance to the tool of either side.
-        let left = |x: Sides| summed_m(&b.scene.tool, x, &shared).map(|sum| scale * sum);
-        let ends = a.ends.iter().zip(&b.ends);
-        let ends = ends.map(|(a, b)| {
-            Some([
-                &a.as_ref()?.cloth().position[..],
-                &b.as_ref()?.cloth().position,
-            ])
+        let ends: Option<Vec<[&EpisodeState; 2]>> = (a.ends.iter().zip(&b.ends))
+            .map(|(a, b)| Some([a.as_ref()?, b.as_ref()?]))
+            .collect();
+        let of_ends = ends?.into_iter().map(|ends| {
+            let x = ends.map(|end| &end.cloth().position[..]);
+            let left = summed_m(&b.scene.tool, x, &shared)[0];
+            (apart_mm(x[0], x[1], &shared)[0], scale * left)
         });
-        let ends: Vec<Sides> = ends.collect::<Option<_>>()?;
-        let off_mm = |x: &Sides| apart_mm(x[0], x[1], &shared)[0];
-        let mean = |values: &[f64]| mean_and_deviation(values)[0];
-        let all: Vec<[f64; 2]> = ends.iter().map(|x| left(*x)).collect();
-        let squares: Vec<f64> = all.iter().map(|[x, y]| (x - y).powi(2)).collect();
-        let before = left([a, b].map(|pressed| &pressed.scene.initial.position[..]));
-        let [removed, expected] = [0, 1].map(|side| before[side] - all[0][side]);
-        let mut state = Snapshot::clone(&a.scene.initial);
-        state.position = ends[0][0].to_vec();
+        let (off_mm, left_m): (Vec<f64>, Vec<f64>) = of_ends.unzip();
         Some(PressErrors {
             microseconds: a.microseconds,
-            sweep_mm: off_mm(&ends[0]),
-            eight_mm: mean(&ends.iter().map(off_mm).collect::<Vec<_>>()),
-            removed: (removed - expected) / expected,
-            tension: a.scene.summary(&state).tension_p95,
-            left_m: mean(&all.iter().map(|[own, _]| *own).collect::<Vec<_>>()),
-            rms_m: mean(&squares).sqrt(),
+            sweep_mm: off_mm[0],
+            eight_mm: mean_and_deviation(&off_mm)[0],
+            left_m: mean_and_deviation(&left_m)[0],
         })
     }
 }
@@ -299,11 +251,8 @@ fn table(title: String, rows: &[Row]) -> Table {
         .number("step [us]", 1, of(|errors| errors.microseconds))
         .number("fall [mm]", 3, |row| row.fall_mm)
         .number("sweep [mm]", 3, of(|errors| errors.sweep_mm))
-        .number("removed error", Hidden, of(|errors| errors.removed))
-        .number("tension p95", Hidden, of(|errors| errors.tension))
         .number("eight [mm]", 3, of(|errors| errors.eight_mm))
         .number("left [m]", 4, of(|errors| errors.left_m))
-        .number("rms [m]", 4, of(|errors| errors.rms_m))
         .end()
 }
 

@@ -2,13 +2,12 @@
 
 use std::time::Instant;
 
-use super::training;
+use super::{solved_by, training};
 use crate::study::{Context, Report, StudyError};
 use crate::table::Table;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{
-    Adapter, Backend, Control, Cpu, DeviceError, Gpu, Model, PhysicsConfig, Precision, Snapshot,
-    Solver, World,
+    Adapter, Backend, Control, Cpu, DeviceError, Gpu, Model, Precision, Snapshot, Solver, World,
 };
 
 /// Environments that are stepped together.
@@ -123,11 +122,8 @@ pub fn run(
 }
 
 fn world(scene: &Scene, solver: Solver) -> World {
-    let physics = PhysicsConfig {
-        solver,
-        ..PhysicsConfig::default()
-    };
-    World::new(Model::new(&scene.lamina, &physics), scene.tool.clone())
+    let model = Model::new(&scene.lamina, &solved_by(solver));
+    World::new(model, scene.tool.clone())
 }
 
 /// Environments times substeps in a second, after a step that compiles and fills caches.

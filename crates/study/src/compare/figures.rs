@@ -30,9 +30,9 @@ const ALONE: [Alone; 15] = [
     ("wrinkles", "", |m| Some(m.wrinkles_mm?.count as f64)),
     ("their amplitude", "mm", |m| Some(m.wrinkles_mm?.amplitude)),
     ("their rms", "mm", |m| Some(m.wrinkles_mm?.rms)),
-    ("shear, rms", "deg", |m| Some(m.shear_deg?.rms)),
-    ("shear, min", "deg", |m| Some(m.shear_deg?.min)),
-    ("shear, max", "deg", |m| Some(m.shear_deg?.max)),
+    ("shear, rms", "deg", |m| Some(m.shear_deg?.spread.rms)),
+    ("shear, min", "deg", |m| Some(m.shear_deg?.spread.min)),
+    ("shear, max", "deg", |m| Some(m.shear_deg?.spread.max)),
     ("locked", "mm2", |m| Some(m.shear_deg?.locked_area_mm2)),
     ("yarn strain, p95", "%", |m| Some(1e2 * m.strain?.p95)),
     ("yarn strain, max", "%", |m| Some(1e2 * m.strain?.max)),
@@ -57,7 +57,10 @@ impl Comparison {
             rows.extend(values.map(|values| (part, figure, unit, values)));
         };
         let spread = |s: Spread| [s.mean, s.rms, s.p95, s.min, s.max, nan];
-        let angle = |a: Angles| [a.mean, nan, a.p95, nan, a.max, 1e2 * a.share_below];
+        let angle = |a: Angles| {
+            let Spread { mean, p95, max, .. } = a.spread;
+            [mean, nan, p95, nan, max, 1e2 * a.share_below]
+        };
         let most = |max: f64| [nan, nan, nan, nan, max, nan];
         for (part, found) in self.parts() {
             let (a_to_b, b_to_a) = (found.topology_a_to_b_mm, found.topology_b_to_a_mm);
@@ -124,12 +127,9 @@ pub struct Parts {
 pub struct Angles {
     /// Share of the area in which the yarns agree [-].
     pub share_below: f64,
-    /// Mean over the area [deg].
-    pub mean: f64,
-    /// 95 % of the area keep below this [deg].
-    pub p95: f64,
-    /// [deg]
-    pub max: f64,
+    /// Over the area [deg].
+    #[serde(flatten)]
+    pub spread: Spread,
 }
 
 /// What one drape is measured by alone.
@@ -151,9 +151,8 @@ pub struct Measures {
 /// 90 degrees less the angle between the yarns [deg].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Shear {
-    pub rms: f64,
-    pub min: f64,
-    pub max: f64,
+    #[serde(flatten)]
+    pub spread: Spread,
     /// Area on the flat blank that is sheared beyond locking [mm^2].
     pub locked_area_mm2: f64,
 }

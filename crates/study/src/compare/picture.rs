@@ -1,9 +1,10 @@
 //! What the deviation of two drapes looks like.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
 use super::{Comparison, Surveyed, is_inside};
 use drape_cloth::math::Vec3;
+use drape_cloth::mesh::{TriMesh, border};
 use drape_cloth::tool::Tool;
 use drape_report::{CLOTH_BIAS, Camera, Color, ColorMap, Drawing, Image, PATH, TOOL, creased};
 
@@ -73,16 +74,16 @@ fn outline(a: &Surveyed, region: [f64; 4]) -> Vec<[Vec3; 2]> {
     let Some(drape) = &a.drape else {
         return Vec::new();
     };
-    // Whether an edge, without direction, has a triangle outside and one inside.
-    let mut edges: BTreeMap<[u32; 2], [bool; 2]> = BTreeMap::new();
-    for (t, triangle) in a.mesh.triangles.iter().enumerate() {
-        let side = usize::from(is_inside(region, drape.rest_centre(t)));
-        for k in 0..3 {
-            let [v, w] = [triangle[k], triangle[(k + 1) % 3]];
-            edges.entry([v.min(w), v.max(w)]).or_default()[side] = true;
-        }
-    }
-    let border = edges.iter().filter(|(_, sides)| **sides == [true; 2]);
-    let place = |v: u32| a.mesh.vertices[v as usize];
-    border.map(|(edge, _)| edge.map(place)).collect()
+    let inside = |&t: &usize| is_inside(region, drape.rest_centre(t));
+    let inside = (0..drape.triangles.len()).filter(inside);
+    let part = TriMesh {
+        vertices: a.mesh.vertices.clone(),
+        triangles: inside.map(|t| a.mesh.triangles[t]).collect(),
+    };
+    let [all, part] = [&a.mesh, &part].map(|mesh| border(mesh).unwrap_or_default());
+    let all: BTreeSet<[u32; 2]> = all.into_iter().collect();
+    let within = part.iter().filter(|edge| !all.contains(*edge));
+    within
+        .map(|edge| edge.map(|v| a.mesh.vertices[v as usize]))
+        .collect()
 }

@@ -52,9 +52,9 @@ fn sliding_shows_at_the_material_points_only() {
     let [warp, weft] = found.all.fibre_angle_deg.unwrap();
     for angles in [warp, weft] {
         close(angles.share_below, 1.0);
-        assert!(angles.max < 1e-6);
+        assert!(angles.spread.max < 1e-6);
     }
-    close(found.a.shear_deg.unwrap().rms, 0.0);
+    close(found.a.shear_deg.unwrap().spread.rms, 0.0);
     // All of both tools' metrics need a tool.
     assert_eq!(found.a.tool, None);
     let metrics: Vec<_> = found
@@ -90,7 +90,7 @@ fn region_divides_the_deviations() {
     let angles = inside.fibre_angle_deg.unwrap();
     // One column of triangles joins the halves; the region begins in it.
     assert!(angles[1].share_below < 0.11, "{angles:?}");
-    assert!((angles[1].p95 - 10.0).abs() < 0.2, "{angles:?}");
+    assert!((angles[1].spread.p95 - 10.0).abs() < 0.2, "{angles:?}");
     let [warp, _] = outside.fibre_angle_deg.unwrap();
     assert!(warp.share_below > 0.9, "{warp:?}");
     let [all, _] = found.all.fibre_angle_deg.unwrap();
@@ -112,7 +112,7 @@ fn locked_area_strain_and_bridging_are_those_made() {
     };
     let found = compare(&sheared, &sheared, &criteria);
     close(found.a.shear_deg.unwrap().locked_area_mm2, 20_000.0);
-    close(found.a.shear_deg.unwrap().max, 50.0);
+    close(found.a.shear_deg.unwrap().spread.max, 50.0);
     let strain = found.a.strain.unwrap();
     close(strain.tension_max, 0.02);
     close(strain.p95, 0.02);

@@ -3,13 +3,15 @@
 use std::sync::{Arc, LazyLock};
 
 use super::trial::{Knobs, Trial, Tried, damped, size};
-use crate::cloth::{AREAL_MASS, GRAVITY, Piece, laid, on_slope, rubbing, sheet, slid, tool};
+use crate::cloth::{
+    AREAL_MASS, GRAVITY, Piece, laid, on_slope, rubbing, sheet, slid, tool, tool_config,
+};
 use crate::truth;
 use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::mesh::{TriMesh, write_stl};
 use drape_cloth::sim::{Bending, Snapshot};
-use drape_cloth::tool::{GridConfig, MeshSource, Plate, Pose, Shape, Source, Tool, ToolConfig};
+use drape_cloth::tool::{MeshSource, Plate, Pose, Shape, Source, Tool};
 
 /// The sheet that most of these trials drop [m].
 const SIDE: f64 = 0.08;
@@ -100,14 +102,8 @@ pub fn sliver(knobs: &Knobs) -> Tried {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("plate.stl");
     write_stl(&path, &slivered(knobs.x as usize, knobs.y), "plate")?;
-    let tool = Tool::new(&ToolConfig {
-        source: Source::Mesh(MeshSource { path, scale: 1e-3 }),
-        pose: Pose::default(),
-        grid: GridConfig {
-            spacing_mm: Some(20.0),
-            ..GridConfig::default()
-        },
-    })?;
+    let source = Source::Mesh(MeshSource { path, scale: 1e-3 });
+    let tool = Tool::new(&tool_config(source, Pose::default(), 20.0))?;
     let piece = over(SIDE, 9, 1e-3).on(&tool.into());
     Trial::new(piece, 0.5, flatness_error)
 }

@@ -1,6 +1,6 @@
 //! Bending: the heavy elastica.
 
-use super::solve::Solve;
+use super::solve::{Answer, Ask, Solve};
 use crate::cloth::{AREAL_MASS, GRAVITY, clamped, mean_at, strip};
 use crate::truth;
 use drape_cloth::fabric::{Family, Material};
@@ -35,29 +35,47 @@ pub struct Bent {
     pub v_rms: f64,
 }
 
+/// Cantilevers, the stiffer ones of fewer edges, and what stiffness the built-in fabric shows.
+pub(super) fn asks() -> Vec<Ask> {
+    let mut asks: Vec<Ask> = Vec::new();
+    for [gamma, drop, reach] in ELASTICA {
+        asks.push(Box::new(move |solver| {
+            let length = 0.2f64;
+            let strip = Cantilever {
+                family: Family::Warp,
+                stiffness: AREAL_MASS * GRAVITY * length.powi(3) / gamma,
+                length,
+                edges: if gamma > 10.0 { 48 } else { 24 },
+            };
+            let tip = strip.sink(solver).tip;
+            let known = [("drop", drop), ("reach", reach)].into_iter().zip(tip);
+            let answer = |((what, expected), found)| {
+                let case = format!("cantilever {gamma}: {what}");
+                Answer::new(case, "-", [expected, found])
+            };
+            known.map(answer).collect()
+        }));
+    }
+    for family in [Family::Warp, Family::Weft] {
+        asks.push(Box::new(move |solver| {
+            let stiffness = Material::interglas_92125().bending_stiffness(family);
+            // The angle at which bending length is half the length (Peirce).
+            let length = (8.0 * stiffness / (AREAL_MASS * GRAVITY)).cbrt();
+            let strip = Cantilever {
+                family,
+                stiffness,
+                length,
+                edges: 24,
+            };
+            let found = stiffness_shown(strip.sink(solver).tip[0], length);
+            let case = format!("bimodulus: stiffness of the {family:?}").to_lowercase();
+            vec![Answer::new(case, "N m", [stiffness, found])]
+        }));
+    }
+    asks
+}
+
 impl Cantilever {
-    /// A strip of 0.2 m along the warp whose stiffness makes its number `gamma`.
-    pub fn of(gamma: f64, edges: usize) -> Self {
-        let length = 0.2f64;
-        Self {
-            family: Family::Warp,
-            stiffness: AREAL_MASS * GRAVITY * length.powi(3) / gamma,
-            length,
-            edges,
-        }
-    }
-
-    /// A strip with the stiffness of the built-in fabric, as long as makes its number `gamma`.
-    pub fn of_fabric(family: Family, gamma: f64, edges: usize) -> Self {
-        let stiffness = Material::interglas_92125().bending_stiffness(family);
-        Self {
-            family,
-            stiffness,
-            length: (gamma * stiffness / (AREAL_MASS * GRAVITY)).cbrt(),
-            edges,
-        }
-    }
-
     /// Lets the strip sink until it is still, damped near the critical damping of the swing of a
     /// hanging strip.
     pub fn sink(&self, solver: &dyn Solve) -> Bent {

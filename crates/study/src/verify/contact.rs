@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::sync::{Arc, LazyLock};
 
-use super::solve::Solve;
+use super::solve::{Answer, Ask, Solve};
 use crate::cloth::{
     AREAL_MASS, GRAVITY, Piece, clamped, evened, mean_at, on_slope, placed, rubbing, section,
     sheet, slid, strip, tool, yarns_alone,
@@ -12,6 +12,40 @@ use crate::truth::halved;
 use drape_cloth::fabric::Family;
 use drape_cloth::sim::Bending;
 use drape_cloth::tool::{Cylinder, Pose, Shape, Tool};
+
+/// Incline, capstan, without the twin where the study is `quick`, and lift-off.
+pub(super) fn asks(quick: bool) -> Vec<Ask> {
+    let incline = [0.28f64, 0.25].map(|mu| -> Ask {
+        Box::new(move |solver| {
+            let case = format!("incline: slips with friction {mu} at");
+            let angles = [mu.atan(), slip_angle(solver, mu)];
+            vec![Answer::new(case, "deg", angles.map(f64::to_degrees))]
+        })
+    });
+    let capstan = [0.28f64, 0.25].map(|mu| -> Ask {
+        Box::new(move |solver| {
+            if quick && solver.fast().is_none() {
+                return Vec::new();
+            }
+            let case = format!("capstan: slips with friction {mu} at");
+            let numbers = [(mu * PI).exp(), slip_ratio(solver, mu)];
+            vec![Answer::new(case, "-", numbers)]
+        })
+    });
+    let cylinder = LIFT_OFF.map(|(g_r, angle, tip)| -> Ask {
+        Box::new(move |solver| {
+            let lift = lift_off(solver, g_r, 48);
+            let of = |what| format!("strip on a cylinder, {g_r}: {what}");
+            vec![
+                Answer::new(of("lifts off at"), "deg", [angle, lift.angle]),
+                Answer::new(of("tip beside the axis"), "-", [tip[0], lift.tip[0]]),
+                Answer::new(of("tip above the axis"), "-", [tip[1], lift.tip[1]]),
+            ]
+        })
+    });
+    let all = incline.into_iter().chain(capstan);
+    all.chain(cylinder).collect()
+}
 
 /// The largest value for which `holds` says yes, from a bracket whose lower end should hold and
 /// whose upper end should not; NaN where one of them is not as it should.

@@ -1,12 +1,12 @@
 //! Length: pulled, hanging and sagging strips.
 
-use super::solve::Solve;
+use super::solve::{Answer, Ask, Fast, Solve};
 use crate::cloth::{
     AREAL_MASS, GRAVITY, Piece, evened, fix, hung, mean_at, placed, rigid, section, strip,
     yarns_alone,
 };
 use drape_cloth::fabric::{Family, Lamina, Material};
-use drape_cloth::sim::{PhysicsConfig, Tension};
+use drape_cloth::sim::{PhysicsConfig, Solver, Tension};
 
 /// Points of the tension curves: family, strain, force per width [N/m].
 pub const UNIAXIAL: [(Family, f64, f64); 4] = [
@@ -15,6 +15,38 @@ pub const UNIAXIAL: [(Family, f64, f64); 4] = [
     (Family::Weft, 0.006, 1750.0),
     (Family::Weft, 0.025, 21_000.0),
 ];
+
+/// Points of the tension curves, the hanging chain, and the catenary.
+pub(super) fn asks() -> Vec<Ask> {
+    let mut asks: Vec<Ask> = Vec::new();
+    for (family, strain, force) in UNIAXIAL {
+        asks.push(Box::new(move |solver| {
+            let case = format!("tension: {family:?} at strain {strain}").to_lowercase();
+            let found = force_at(solver, family, strain, force);
+            vec![Answer::new(case, "N/m", [force, found])]
+        }));
+    }
+    let elastic = elastic_stretch(Family::Warp);
+    asks.push(Box::new(move |solver| {
+        let numbers = [elastic, hanging(solver, Family::Warp)];
+        vec![Answer::new("hanging chain: elastic stretch", "-", numbers)]
+    }));
+    asks.push(Box::new(move |solver| {
+        let fast = solver.fast();
+        let fast = fast.filter(|fast| fast.solver == Solver::GaussSeidel);
+        let answer = |fast: &Fast| {
+            let expected = one_pass_stretch(fast.substep) + elastic;
+            let numbers = [expected, hanging(fast, Family::Warp)];
+            Answer::new("hanging chain: stretch of one pass", "-", numbers)
+        };
+        fast.map(answer).into_iter().collect()
+    }));
+    asks.push(Box::new(|solver| {
+        let numbers = [SAG, catenary_sag(solver, 64)];
+        vec![Answer::new("catenary: sag", "m", numbers)]
+    }));
+    asks
+}
 
 /// Mean strain of `strip`, of so many edges and `length` [m], that hangs by its upper end.
 fn hanging_strain(

@@ -1,24 +1,50 @@
 //! Motion: what flight keeps and what the integrator damps.
 
-use super::solve::{Fast, Solve};
+use super::solve::{Answer, Ask, Fast, Solve};
 use crate::cloth::{Piece, laid, momenta, placed, rigid, sheet, yarns_alone};
 use drape_cloth::fabric::{Curve, Material};
 use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::sim::{Bending, Snapshot};
 
-/// What is left of linear and of angular momentum, and what implicit Euler leaves of the latter.
-pub struct Flight {
-    pub linear: f64,
-    pub angular: f64,
-    /// (1 + 2 h omega^2 t)^(-1/2): inner forces have no moment about the positions at the end of a
-    /// substep, but these are not those at its start.
-    pub angular_expected: f64,
+/// Flight and oscillation, of which the twin has none of its own.
+pub(super) fn asks() -> Vec<Ask> {
+    let flights: Ask = Box::new(|solver| {
+        let Some(fast) = solver.fast() else {
+            return Vec::new();
+        };
+        let [linear, angular, expected] = flight(fast, 10.0, 0.0, 0.0);
+        let [stretched, ..] = flight(fast, 0.0, 0.064, 0.3);
+        let cases = [
+            ("flight: linear momentum kept", [1.0, linear]),
+            ("flight: angular momentum kept", [1.0, angular]),
+            (
+                "flight: the same as implicit Euler keeps it",
+                [expected, angular],
+            ),
+            (
+                "flight of stretched yarns: linear momentum kept",
+                [1.0, stretched],
+            ),
+        ];
+        cases
+            .map(|(case, numbers)| Answer::new(case, "-", numbers))
+            .into()
+    });
+    let breathing: Ask = Box::new(|solver| {
+        let case = "oscillation: amplitude kept in a substep";
+        let answer = |fast: &Fast| Answer::new(case, "-", oscillation(fast, 0.5));
+        solver.fast().map(answer).into_iter().collect()
+    });
+    vec![flights, breathing]
 }
 
-/// A sheet that flies and spins about its normal for half a second. It starts with waves of the
+/// A sheet that flies and spins about its normal for half a second: what is left of linear and of
+/// angular momentum, and what implicit Euler leaves of the latter, (1 + 2 h omega^2 t)^(-1/2), for
+/// inner forces have no moment about the positions at the end of a substep, but these are not those
+/// at its start. It starts with waves of the
 /// amplitude `waves` over the wavelength, 0.06 stretches edges by up to 8 %, and with random
 /// velocities of the deviation `noise` [m/s].
-pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
+pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> [f64; 3] {
     let mut stream = Stream::new(1, Purpose::Evaluation, 0);
     let lamina = sheet([0.1, 0.08], [7, 6], Material::interglas_92125());
     let length = 0.157;
@@ -44,11 +70,11 @@ pub fn flight(fast: &Fast, omega: f64, waves: f64, noise: f64) -> Flight {
     };
     let ([p0, l0], [p1, l1]) = (centred(&piece.start), centred(&end));
     let t = (seconds / fast.substep).round() * fast.substep;
-    Flight {
-        linear: 1.0 - (p1 - p0).norm() / p0.norm(),
-        angular: l1.dot(&l0) / l0.norm_squared(),
-        angular_expected: (1.0 + 2.0 * fast.substep * omega * omega * t).powf(-0.5),
-    }
+    [
+        1.0 - (p1 - p0).norm() / p0.norm(),
+        l1.dot(&l0) / l0.norm_squared(),
+        (1.0 + 2.0 * fast.substep * omega * omega * t).powf(-0.5),
+    ]
 }
 
 /// 1 / sqrt(1 + omega^2 h^2), and the share of its amplitude that an oscillation keeps in a

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
 
-use super::solve::Solve;
+use super::solve::{Answer, Ask, Solve};
 use crate::cloth::{Piece, laid, shearing, sheet, yarns_alone};
 use drape_cloth::fabric::{BlankConfig, Curve, Family, Lamina, MassModel, Material};
 use drape_cloth::math::Vec3;
@@ -10,6 +10,38 @@ use drape_cloth::sim::{PhysicsConfig, Snapshot};
 
 /// Shear stiffness G h of the test pieces [N/m].
 const SHEAR_STIFFNESS: f64 = 17.5;
+
+/// Picture frame and bias extension; the specimen of the latter is coarser where the study is `quick`.
+pub(super) fn asks(quick: bool) -> Vec<Ask> {
+    let frame: Ask = Box::new(|solver| {
+        let at = |d: f64| {
+            let case = format!("picture frame: shear at {:.0} mm", 1e3 * d);
+            let angles = [frame_angle(d), picture_frame(solver, d, 20)];
+            Answer::new(case, "deg", angles.map(f64::to_degrees))
+        };
+        [0.02, 0.04, 0.06].map(at).into()
+    });
+    let cells = if quick { 5 } else { 10 };
+    // The diagonals of the mesh along the pull and across it.
+    let bias = [(45.0, "across"), (-45.0, "along")].map(|(turn, diagonals)| -> Ask {
+        Box::new(move |solver| {
+            let drawn = draw_out(solver, specimen(cells, turn), &[0.01, 0.02, 0.03]);
+            let answers = drawn.iter().flat_map(|&[d, shear, pull]| {
+                let [gamma, force] = bias_extension(d);
+                let d = 1e3 * d;
+                let of =
+                    |what| format!("bias extension, diagonals {diagonals}: {what} at {d:.0} mm");
+                let angles = [gamma, shear].map(f64::to_degrees);
+                [
+                    Answer::new(of("shear"), "deg", angles),
+                    Answer::new(of("force"), "N", [force, pull]),
+                ]
+            });
+            answers.collect()
+        })
+    });
+    std::iter::once(frame).chain(bias).collect()
+}
 
 /// The built-in fabric with that stiffness in both directions.
 fn fabric() -> Material {
@@ -41,19 +73,16 @@ fn pull(solver: &dyn Solve, piece: &mut Piece, target: &Snapshot, seconds: f64) 
 /// Angle by which the yarns at a vertex have left the right one [rad]: between the directions to
 /// its neighbours along warp and weft, in the middle of both sides.
 pub fn shear_at(lamina: &Lamina, state: &Snapshot, vertex: u32) -> Option<f64> {
-    let place = lamina.place(vertex);
     // Between the neighbours along an axis of the mesh, 1 that of the warps.
     let direction = |axis: usize| {
-        let at = |k: Option<usize>| {
-            let mut place = place;
-            place[axis] = k?;
-            let [row, column] = place;
-            let is_there = row < lamina.rows && column < lamina.columns;
-            let v = is_there.then(|| lamina.vertex_at(row, column))??;
+        let at = |step: isize| {
+            let mut place = lamina.place(vertex);
+            place[axis] = place[axis].checked_add_signed(step)?;
+            let is_there = place[0] < lamina.rows && place[1] < lamina.columns;
+            let v = is_there.then(|| lamina.vertex_at(place[0], place[1]))??;
             Some(Vec3::from(state.position[v as usize]))
         };
-        let ends = [place[axis].checked_sub(1), Some(place[axis] + 1)].map(at);
-        Some((ends[1]? - ends[0]?).normalize())
+        Some((at(1)? - at(-1)?).normalize())
     };
     let (warp, weft) = (direction(1)?, direction(0)?);
     Some(FRAC_PI_2 - warp.dot(&weft).clamp(-1.0, 1.0).acos())

@@ -1,9 +1,41 @@
-//! Whoever is asked where a piece of cloth goes: the fast solver, and the finite-element twin.
+//! Whoever is asked where a piece of cloth goes, the fast solver and the finite-element twin, and
+//! the numbers that are got of them.
 
 use crate::cloth::Piece;
 use drape_cloth::sim::{Accuracy, Backend, Bending, BendingStiffness, Control, Cpu};
 use drape_cloth::sim::{PhysicsConfig, Precision, Snapshot, Solver};
 use drape_cloth::twin::{Twin, TwinConfig};
+
+/// A number that is known, and what was found instead.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answer {
+    pub case: String,
+    /// Of both numbers; "-" for none.
+    pub unit: &'static str,
+    pub expected: f64,
+    /// NaN where the simulation did not come to it.
+    pub found: f64,
+}
+
+impl Answer {
+    pub(super) fn new(
+        case: impl Into<String>,
+        unit: &'static str,
+        [expected, found]: [f64; 2],
+    ) -> Self {
+        let case = case.into();
+        Self {
+            case,
+            unit,
+            expected,
+            found,
+        }
+    }
+}
+
+/// A question whose answer is known, one simulation or a few: what a solver finds; nothing where it
+/// cannot be asked.
+pub type Ask = Box<dyn Fn(&dyn Solve) -> Vec<Answer> + Send + Sync>;
 
 /// Who is asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
