@@ -87,7 +87,7 @@ fn begun(name: &str) -> (RunConfig, Arc<Scene>, RunFolder) {
     let scene = Arc::new(Scene::new(&config.scene, |_| ()).unwrap());
     let mut training = Training::new(
         config.clone(),
-        vec![scene.clone()],
+        vec![(scene.clone(), None)],
         run.clone(),
         &Cluster::default(),
     )
@@ -121,7 +121,7 @@ fn checkpoints() {
         fs::write(&run.metrics, &metrics).unwrap();
         let resumed = Training::resume(
             config.clone(),
-            vec![scene.clone()],
+            vec![(scene.clone(), None)],
             run.clone(),
             &Cluster::default(),
         );
@@ -177,7 +177,7 @@ fn metrics() {
         fs::copy(path, &run.metrics).unwrap();
         let resumed = Training::resume(
             config.clone(),
-            vec![scene.clone()],
+            vec![(scene.clone(), None)],
             run.clone(),
             &Cluster::default(),
         );

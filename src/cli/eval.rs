@@ -17,7 +17,7 @@ use drape_cloth::sim::{Accuracy, Observation};
 use drape_learn::policy::DeviceKind;
 use drape_learn::ppo::{Agent, Sampling};
 use drape_study::presses::again;
-use drape_study::proof::{Case, Row};
+use drape_study::proof::{Case, Row, Sensitivity};
 use drape_study::study::{Context, region};
 use drape_task::env::{Draping, End, Played, Tasks};
 use drape_task::path::PathFigures;
@@ -83,13 +83,14 @@ pub struct EvalArgs {
     #[arg(long, value_name = "DEVICE")]
     device: Option<DeviceKind>,
 
-    /// Also play the best paths of the run at `accurate`, beside K random orders, sweeps and orders
-    /// outwards from a place, and keep the best for `export`
+    /// Also play the best paths of the run, beside K random orders, sweeps and orders outwards from a
+    /// place, in worlds that scatter as the configuration says, in the finest of its steps, or at `accurate`
+    /// if nothing scatters; keep the best for `export`, and say which quantity by itself hurts it most
     #[arg(long)]
     prove: bool,
 
-    /// Take the best of them and a quarter of the random orders to the finite-element twin, which
-    /// has the last word; minutes a path
+    /// Take the best of each to the finite-element twin, which has the last word: in the world of the
+    /// scene, and in six others where anything scatters; minutes
     #[arg(long, requires = "prove")]
     twin: bool,
 
@@ -127,6 +128,9 @@ struct Report {
     /// What `--prove` has found.
     #[serde(skip_serializing_if = "Option::is_none")]
     proof: Option<Vec<Row>>,
+    /// What each quantity that scatters does to the proved path by itself, what hurts most first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    sensitivity: Vec<Sensitivity>,
     /// Where the pictures are.
     pictures: PathBuf,
 }
@@ -174,11 +178,15 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
             play,
         )?);
     }
-    let mut proof = None;
+    let (mut proof, mut sensitivity) = (None, Vec::new());
     if let Some(best) = best {
         // In the run's own steps, whatever the episode was played in.
         let (task, orders) = ((scene, &loaded.config), (count, args.twin));
         proof = Some(proof::proved(&loaded.folder, task, best, orders, json)?);
+        if let Some(proved) = loaded.folder.read_proof()? {
+            let case = proof::case(scene, &loaded.config);
+            sensitivity = proof::sensitivity(case, &proved.path.vertices, json)?;
+        }
     }
     if let (Some(agent), Some(_), true) = (&agent, &args.scene, args.prove) {
         let greedy = played.recording.vertices();
@@ -197,6 +205,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         sampled,
         random,
         proof,
+        sensitivity,
         pictures: pictures.path.clone(),
     };
     print(&report, json, text)
@@ -384,6 +393,7 @@ fn text(report: &Report) -> String {
     if let Some(rows) = &report.proof {
         lines.push(proof::text(rows));
     }
+    lines.extend(report.sensitivity.iter().map(proof::of_one));
     lines.push(format!("pictures in {}", report.pictures.display()));
     lines.join("\n")
 }

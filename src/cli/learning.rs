@@ -220,7 +220,7 @@ fn read(training: &Training) -> Result<LearnedRun, Failure> {
             let rows = all["proof"].as_array();
             let of_paths =
                 |row: &&Value| row["order"] == "path" && row["physics"] == proved.physics.name();
-            rows.and_then(|rows| rows.iter().find(of_paths)?["best_undraped_inner"].as_f64())
+            rows.and_then(|rows| rows.iter().find(of_paths)?["undraped_inner"].as_f64())
         }
     };
     Ok(LearnedRun {

@@ -9,7 +9,7 @@ use super::output::Progress;
 use super::result::{episode_progress, path, rollout_failure, write_recording};
 use crate::run::{BestSequence, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, replay};
 use drape_cloth::scene::Scene;
-use drape_study::proof::{Case, Physics, Proof, Row, prove};
+use drape_study::proof::{Case, Physics, Proof, Row, Sensitivity, prove};
 use drape_study::study::Context;
 use drape_task::env::Draping;
 use drape_task::path::write_json;
@@ -81,6 +81,34 @@ pub(super) fn found(
     };
     let found = prove(case, paths, orders, &context);
     found.map_err(|error| study_failure(error, place))
+}
+
+/// See [`sensitivity`](drape_study::proof::sensitivity).
+pub(super) fn sensitivity(
+    case: Case,
+    path: &[u32],
+    json: bool,
+) -> Result<Vec<Sensitivity>, Failure> {
+    let progress = Progress::new("one quantity at a time", json);
+    let context = Context {
+        progress: &|share, doing| progress.tell(share, doing),
+        ..Context::quiet()
+    };
+    let found = drape_study::proof::sensitivity(case, path, &context);
+    found.map_err(|error| study_failure(error, None))
+}
+
+/// A line of a quantity, with a bar as long as what it takes at worst.
+pub(super) fn of_one(one: &Sensitivity) -> String {
+    let lost = 100.0 * (1.0 - one.worst_score);
+    let bar = "#".repeat((2.0 * lost).clamp(0.0, 60.0) as usize);
+    format!(
+        "{:>16} alone: {:.2} %, worst {:.2} of {} worlds {bar}",
+        one.quantity.name(),
+        100.0 * one.score,
+        100.0 * one.worst_score,
+        one.worlds
+    )
 }
 
 /// What is to be proved of a run.

@@ -279,49 +279,15 @@ fn twin_presses_no_path_of_a_run_that_is_not_as_it_was() {
 }
 
 #[test]
-fn transfer_has_a_row_for_every_setting() {
-    let folder = folder();
-    let path = folder.path();
-    tiny(path);
-    let args = ["study", "transfer", "--count=4", "--json"];
-    let report = json(path, &[&args[..], &TINY[..]].concat());
-    let [objective, distance, places] =
-        ["objective", "distance", "orders"].map(|table| rows(&report, table));
-    let count = report["sequences"].as_array().unwrap().len();
-    // Three presets, three rates, Gauss-Seidel, two twins.
-    assert_eq!([objective.len(), distance.len(), places.len()], [9; 3]);
-    assert_eq!(rows(&report, "paths").len(), 9 * count);
-    for row in objective.iter().chain(distance) {
-        assert!(number(&row["left_m"]) >= 0.0 && number(&row["lost_m"]) >= 0.0);
-        let rank = &row["rank_twin"];
-        assert!(rank.is_null() || number(rank).abs() <= 1.0);
-    }
-    for row in places {
-        assert!(number(&row["outside_mm"]) >= 0.0 && number(&row["cpu_s"]) >= 0.0);
-    }
-    assert_eq!(
-        (&places[7]["setting"], number(&distance[7]["lost_m"])),
-        (&"twin".into(), 0.0)
-    );
-    assert_eq!(number(&places[7]["off_the_twin_inside_mm"]), 0.0);
-    assert!(path.join("out/scatter.png").exists());
-}
-
-#[test]
 fn studies_with_a_twin_refuse_what_it_cannot_do() {
     let folder = folder();
     let path = folder.path();
     let text = format!("{}[physics]\nshear = false\n", super::scene(RIB));
     fs::write(path.join("tiny.toml"), text).unwrap();
-    for study in ["twin", "transfer"] {
-        let output = drape(path, &[&["study", study], &TINY[..]].concat());
-        assert_failure(
-            &output,
-            2,
-            &["tiny.toml", "`physics.shear` is false", "expected true"],
-        );
-        assert_eq!(names(path), ["tiny.toml"]);
-    }
+    let output = drape(path, &[&["study", "twin"], &TINY[..]].concat());
+    let words = ["tiny.toml", "`physics.shear` is false", "expected true"];
+    assert_failure(&output, 2, &words);
+    assert_eq!(names(path), ["tiny.toml"]);
     tiny(path);
     let args = ["study", "twin", "tiny.toml", "--path=none.json"];
     assert_failure(&drape(path, &args), 2, &["none.json"]);

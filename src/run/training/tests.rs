@@ -22,7 +22,7 @@ fn begun(reward: Reward, change: impl Fn(&mut RunConfig)) -> (Training, tempfile
     scene.tool.grid.spacing_mm = Some(8.0);
     (scene.fall.fall_s, scene.fall.settle_s) = (0.5, 0.0);
     let scene = Arc::new(Scene::new(&scene, |_| {}).unwrap());
-    let scenes = vec![scene; 1 + config.scenes.len()];
+    let scenes = vec![(scene, None); 1 + config.scenes.len()];
     let root = tempfile::tempdir().unwrap();
     let info = RunInfo::new(config.seed, SystemTime::now());
     let folder =

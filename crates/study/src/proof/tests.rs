@@ -1,7 +1,32 @@
 use super::*;
-use crate::episodes::play;
-use crate::transfer::tests::{env, scene};
-use drape_cloth::measure::surplus;
+use drape_task::env::{Draping, Spread};
+
+fn scene() -> Arc<Scene> {
+    Arc::new(Scene::new(&crate::twin::tests::config(), |_| {}).unwrap())
+}
+
+fn env() -> EnvConfig {
+    EnvConfig {
+        region_mm: Some([-186.0, -186.0, -30.0, -30.0]),
+        crop: true,
+        stencil_mm: 80.0,
+        ..EnvConfig::default()
+    }
+}
+
+fn scatter() -> Scatter {
+    let spreads = [
+        (Quantity::ShiftMm, Spread::Range([-4.0, 4.0])),
+        (Quantity::Friction, Spread::Deviation(0.2)),
+        (Quantity::Stencil, Spread::Deviation(0.05)),
+        (Quantity::PressOffsetMm, Spread::Deviation(4.0)),
+    ];
+    Scatter {
+        risk: 0.5,
+        substep_rates: vec![1200.0],
+        spreads: spreads.into_iter().collect(),
+    }
+}
 
 fn row(proof: &Proof, physics: Physics, order: &str) -> Row {
     let mut rows = proof.rows.iter();
@@ -9,89 +34,103 @@ fn row(proof: &Proof, physics: Physics, order: &str) -> Row {
     found.expect("a row for each").clone()
 }
 
-/// A path that is among the random ones has the same figures, and the best of several is chosen
-/// by what it leaves in the finer physics, not by its place in the list.
+/// Without scatter there is one world, that of the scene: a path that is among the random ones has the same
+/// figures, and the best of several is chosen by what it leaves there, in steps as fine as `accurate`.
 #[test]
-fn paths_are_held_against_orders_in_the_same_physics() {
-    let (scene, env) = (scene(), env());
+fn paths_are_held_against_orders_in_the_same_world() {
+    let (scene, env, none) = (scene(), env(), Scatter::default());
+    let case = Case {
+        scene: &scene,
+        env: &env,
+        scatter: &none,
+        seed: 0,
+    };
     let random = sequences(&scene, &env, Order::Random, 5, 0).unwrap();
-    let found = prove(&scene, &env, &random, (5, false), &Context::quiet()).unwrap();
-    let [path, same] =
-        ["path", "random"].map(|order| row(&found, Physics::Accurate, order).figures);
-    assert_eq!(path, same);
-    let counts = ["path", "random", "sweep", "outwards"]
-        .map(|order| row(&found, Physics::Accurate, order).count);
-    assert_eq!(counts, [5, 5, 2, 3]);
-    let Best {
-        index: best, score, ..
-    } = found.best.unwrap();
-    assert_eq!(score, path.best_score);
-    assert!(path.least_surplus_m < path.surplus_m && path.score < path.best_score);
-
-    let mut draping = Draping::new(scene.clone(), &finely(&env), 1).unwrap();
-    draping.replay(&[&random[best]], |_, _, _| ())[0].unwrap();
-    assert!((draping.score(0, &draping.points(0), &draping.state(0)) - score).abs() < 1e-12);
+    let found = prove(case, &random, (5, false), &Context::quiet()).unwrap();
+    let [path, same] = ["path", "random"].map(|order| row(&found, Physics::Solver, order));
+    assert_eq!(path.best, same.best);
+    let rows =
+        ["path", "random", "sweep", "outwards"].map(|order| row(&found, Physics::Solver, order));
+    assert_eq!(rows.each_ref().map(|row| row.count), [5, 5, 2, 3]);
+    assert!(rows.iter().all(|row| row.worlds == 1));
+    let Best { index, score, .. } = found.best.unwrap();
+    let figures = path.best;
+    for equal in [figures.score, figures.nominal_score, figures.worst_score] {
+        assert_eq!(equal, score);
+    }
+    assert!(path.mean_score < score && path.deviation_score > 0.0);
+    let mut draping = Draping::new(scene.clone(), &none.finest(&env), 1).unwrap();
+    draping.replay(&[&random[index]], |_, _, _| ())[0].unwrap();
+    assert!((draping.task(0).score(&draping.state(0)) - score).abs() < 1e-12);
     // The steps of the task end elsewhere.
-    let own = play(&scene, &env, Order::Random, 5, 0, |_| ()).unwrap();
-    let region = env.region(&scene.lamina).unwrap().vertices;
-    let own = surplus(
-        &scene.lamina,
-        &scene.tool,
-        &own[best].end.cloth().position,
-        &region,
-    );
-    assert_ne!(own, path.least_surplus_m);
+    let mut own = Draping::new(scene.clone(), &env, 1).unwrap();
+    own.replay(&[&random[index]], |_, _, _| ())[0].unwrap();
+    assert_ne!(own.task(0).score(&own.state(0)), score);
 }
 
-/// What a path costs decides, as where it is polished.
+/// What a path costs decides, and is not taken off the score that is told.
 #[test]
 fn costs_decide_which_path_is_best() {
-    let (scene, mut env) = (scene(), env());
+    let (scene, mut env, none) = (scene(), env(), Scatter::default());
     let paths = sequences(&scene, &env, Order::Random, 5, 0).unwrap();
     let proved = |env: &EnvConfig| {
-        let found = prove(&scene, env, &paths, (1, false), &Context::quiet());
-        found.unwrap().best.unwrap()
+        let case = Case {
+            scene: &scene,
+            env,
+            scatter: &none,
+            seed: 0,
+        };
+        prove(case, &paths, (1, false), &Context::quiet()).unwrap()
     };
     let free = proved(&env);
-    env.costs.metre = 1.0;
+    env.costs.second = 1.0;
     let costly = proved(&env);
-    let mut draping = Draping::new(scene.clone(), &finely(&env), 5)
-        .unwrap()
-        .costly();
-    let lists: Vec<&[u32]> = paths.iter().map(|path| &path[..]).collect();
-    let _ = draping.replay(&lists, |_, _, _| ());
-    let scores: Vec<f64> = (0..5)
-        .map(|k| draping.score(k, &draping.points(k), &draping.state(k)))
-        .collect();
-    let best = scores.iter().copied().max_by(f64::total_cmp).unwrap();
-    assert!((costly.score - best).abs() < 1e-12 && (scores[costly.index] - best).abs() < 1e-12);
-    assert!(costly.score < free.score);
+    let seconds = |proof: &Proof| row(proof, Physics::Solver, "path").best.robot_s;
+    assert!(seconds(&costly) < seconds(&free));
+    let score = |proof: &Proof| row(proof, Physics::Solver, "path").best.score;
+    assert!(score(&costly) < score(&free) && score(&costly) > 0.0);
 }
 
-/// The best four at `accurate` go on to the twin, and the best there is chosen.
+/// In scattered worlds the solver and the twin press the same paths, from falls of their own; the twin has the
+/// last word; and what one quantity alone does is less than what all do.
 #[test]
-fn the_twin_has_the_last_word() {
-    let (scene, env) = (scene(), env());
-    let paths = sequences(&scene, &env, Order::Random, 6, 3).unwrap();
-    let found = prove(&scene, &env, &paths, (4, true), &Context::quiet()).unwrap();
-    let counts = ["path", "random", "sweep", "outwards"]
-        .map(|order| [Physics::Accurate, Physics::Twin].map(|p| row(&found, p, order).count));
-    assert_eq!(counts, [[6, 4], [4, 1], [1, 1], [2, 2]]);
-    let twin = row(&found, Physics::Twin, "path").figures;
+fn paths_are_proved_in_worlds_that_chose_none() {
+    let (scene, env, scatter) = (scene(), env(), scatter());
+    let case = Case {
+        scene: &scene,
+        env: &env,
+        scatter: &scatter,
+        seed: 3,
+    };
+    let paths = sequences(&scene, &env, Order::Random, 3, 3).unwrap();
+    let found = prove(case, &paths, (2, true), &Context::quiet()).unwrap();
+    for (physics, worlds) in [(Physics::Solver, PROVING), (Physics::Twin, TWIN)] {
+        let path = row(&found, physics, "path");
+        assert_eq!((path.count, path.worlds), (3, worlds));
+        let figures = &path.best;
+        assert!(figures.worst_score < figures.worst_quarter_score || worlds < 9);
+        assert!(figures.worst_quarter_score < figures.score);
+        assert_ne!(figures.nominal_score, figures.score);
+    }
+    let twin = row(&found, Physics::Twin, "path").best;
     let best = found.best.unwrap();
-    assert_eq!((best.score, best.physics), (twin.best_score, Physics::Twin));
-    let best = best.index;
-    let again = prove(
-        &scene,
-        &env,
-        &paths[best..=best],
-        (4, true),
-        &Context::quiet(),
-    )
-    .unwrap();
-    assert_eq!(again.best.map(|found| found.score), Some(twin.best_score));
+    assert_eq!((best.score, best.physics), (twin.score, Physics::Twin));
+    // The world of the scene is the one that is recorded.
+    let recording = found.recording.unwrap();
+    assert!(recording.by_twin && recording.vertices() == paths[best.index]);
+    let last = recording.frames.last().unwrap();
+    assert!((last.score - twin.nominal_score).abs() < 1e-12);
+    let alone = sensitivity(case, &paths[best.index], &Context::quiet()).unwrap();
+    assert_eq!(alone.len(), scatter.spreads.len());
+    assert!(
+        alone
+            .windows(2)
+            .all(|pair| pair[0].worst_score <= pair[1].worst_score)
+    );
+    assert!(alone.iter().all(|one| one.worst_score < one.score));
 }
 
+/// What diverges in one of its worlds has no figures.
 #[test]
 fn what_diverged_counts_in_no_figure() {
     let left = |score| {
@@ -99,40 +138,27 @@ fn what_diverged_counts_in_no_figure() {
             distance_m: 1.0 - score,
             surplus_m: 0.0,
             score,
+            worth: score,
             undraped_inner: 2,
             shear_deg: 10.0,
             path: PathFigures::default(),
         })
     };
-    let groups = [
-        ("path", vec![vec![0], vec![1], vec![2]], 3),
-        ("random", vec![vec![3]], 2),
-    ];
-    let all = [left(0.25), None, left(0.75), None];
-    let rows = summed(Physics::Twin, &groups, &all);
-    assert_eq!(ranked(&all[..3]), [(2, 0.75), (0, 0.25)]);
-    assert_eq!((rows[0].count, rows[0].diverged), (2, 1));
-    let figures = &rows[0].figures;
-    assert_eq!(
-        (figures.score, figures.distance_m, figures.undraped_inner),
-        (0.5, 0.5, 2.0)
-    );
-    // One had diverged where it was looked for.
-    assert_eq!((rows[1].count, rows[1].diverged), (0, 2));
-    let json = serde_json::to_value(&rows[1]).unwrap();
-    assert!(json["score"].is_null() && json["least_surplus_m"].is_null());
-    assert_eq!(
-        (&json["physics"], &json["count"]),
-        (&"twin".into(), &0.into())
-    );
+    let figures = Figures::new(&[left(0.9), left(0.25), left(0.75)], &env());
+    assert_eq!((figures.score, figures.distance_m), (0.5, 0.5));
+    assert_eq!((figures.worst_score, figures.nominal_score), (0.25, 0.9));
+    let figures = Figures::new(&[left(0.9), None, left(0.75)], &env());
+    let json = serde_json::to_value(&figures).unwrap();
+    assert!(json["score"].is_null() && json["worst_score"].is_null());
 }
 
 /// Steps that are finer than `accurate` stay.
 #[test]
 fn a_proof_is_never_coarser_than_the_training() {
-    let mut env = env();
-    assert_eq!(finely(&env).stepping(), Accuracy::Accurate.stepping());
+    let (mut env, none) = (env(), Scatter::default());
+    let fine = drape_cloth::sim::Accuracy::Accurate.stepping();
+    assert_eq!(none.finest(&env).stepping(), fine);
     env.substep_rate = Some(48_000.0);
-    let found = finely(&env).stepping();
+    let found = none.finest(&env).stepping();
     assert_eq!((found.substep_rate, found.contact_rate), (48_000.0, 1200.0));
 }
