@@ -75,7 +75,7 @@ impl Stepping {
 }
 
 /// A name for a point between speed and accuracy. `drape study verify` holds each against closed
-/// forms, `drape study tradeoff` against the converged solution, and `drape study transfer` against
+/// forms, `drape study tradeoff` against the converged solution; `drape eval --prove --twin` against
 /// finite elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -24,7 +24,12 @@ pub fn config() -> SceneConfig {
 #[test]
 fn clamps_of_both_end_in_the_same_places() {
     let scene = Scene::new(&config(), |_| {}).unwrap();
-    let twin = fallen(&scene, &twin_config(&scene.config).unwrap()).unwrap();
+    let twin = fallen(
+        &scene,
+        &twin_config(&scene.config).unwrap(),
+        &drape_cloth::scene::Misplacement::default(),
+    )
+    .unwrap();
     assert!(scene.initial.fixed.count_ones(..) == 3);
     let positions = twin.positions();
     for v in scene.initial.fixed.ones() {

@@ -349,8 +349,11 @@ impl Draping {
 
     /// Scores of all environments as they are now, see [`score`].
     pub fn scores(&self) -> Vec<f64> {
-        let score = |index| self.task(index).score(&self.state(index));
-        (0..self.count()).into_par_iter().map(score).collect()
+        // In order: other processes may have to be asked.
+        let states: Vec<Snapshot> = (0..self.count()).map(|index| self.state(index)).collect();
+        let all = states.par_iter().enumerate();
+        all.map(|(index, state)| self.task(index).score(state))
+            .collect()
     }
 
     /// Where the episode of an environment has come to.
