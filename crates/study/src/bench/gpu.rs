@@ -2,12 +2,13 @@
 
 use std::time::Instant;
 
-use super::{solved_by, training};
+use super::training;
 use crate::study::{Context, Report, StudyError};
 use crate::table::Table;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{
-    Adapter, Backend, Control, Cpu, DeviceError, Gpu, Model, Precision, Snapshot, Solver, World,
+    Adapter, Backend, Control, Cpu, DeviceError, Gpu, Model, PhysicsConfig, Precision, Snapshot,
+    Solver, World,
 };
 
 /// Environments that are stepped together.
@@ -122,8 +123,11 @@ pub fn run(
 }
 
 fn world(scene: &Scene, solver: Solver) -> World {
-    let model = Model::new(&scene.lamina, &solved_by(solver));
-    World::new(model, scene.tool.clone())
+    let physics = PhysicsConfig {
+        solver,
+        ..PhysicsConfig::default()
+    };
+    World::new(Model::new(&scene.lamina, &physics), scene.tool.clone())
 }
 
 /// Environments times substeps in a second, after a step that compiles and fills caches.
