@@ -123,7 +123,7 @@ impl Training {
         let own_tasks = members[0].environments;
         let members = scenes.iter().zip(members);
         let members = members.map(|((scene, worlds), own)| Member {
-            worlds: worlds.clone(),
+            worlds: worlds.clone().filter(|_| config.scatter.training),
             ..member(scene, &own.env, own.environments)
         });
         let tasks = Draping::on(members.collect(), cluster)?;

@@ -24,6 +24,7 @@ fn scatter() -> Scatter {
     Scatter {
         risk: 0.5,
         substep_rates: vec![1200.0],
+        training: false,
         spreads: spreads.into_iter().collect(),
     }
 }

@@ -64,6 +64,9 @@ pub struct Scatter {
     /// given. Proofs take the greatest.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub substep_rates: Vec<f64>,
+    /// Whether every episode of a training is in a world of its own, too.
+    #[serde(default)]
+    pub training: bool,
     #[serde(flatten)]
     pub spreads: BTreeMap<Quantity, Spread>,
 }

@@ -26,7 +26,7 @@ impl Default for Moves {
     fn default() -> Self {
         Self {
             chains: 8,
-            candidates: 96,
+            candidates: 48,
             hot: 6e-3,
             cold: 2e-4,
         }

@@ -18,6 +18,7 @@ fn worlds() -> Arc<Worlds> {
     let scatter = Scatter {
         risk: 0.5,
         substep_rates: vec![600.0, 1200.0],
+        training: true,
         spreads: spreads.into_iter().collect(),
     };
     Worlds::new(&COARSE, &scatter, (3, 5), |_| ())

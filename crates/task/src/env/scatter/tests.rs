@@ -8,7 +8,7 @@ fn read(text: &str) -> Scatter {
 
 #[test]
 fn what_is_written_reads_back_and_unknown_quantities_are_named() {
-    let text = "risk = 0.5\nsubstep_rates = [2400.0]\nshift_mm = [-2.0, 2.0]\nfriction = 0.1\n";
+    let text = "risk = 0.5\nsubstep_rates = [2400.0]\ntraining = true\nshift_mm = [-2.0, 2.0]\nfriction = 0.1\n";
     let scatter = read(text);
     assert_eq!(toml::to_string(&scatter).unwrap(), text);
     assert_eq!(scatter.spreads[&Quantity::Friction], Spread::Deviation(0.1));
@@ -17,7 +17,7 @@ fn what_is_written_reads_back_and_unknown_quantities_are_named() {
     let only = scatter.only(Quantity::Friction);
     assert_eq!(
         only,
-        read("risk = 0.5\nsubstep_rates = [2400.0]\nfriction = 0.1")
+        read("risk = 0.5\nsubstep_rates = [2400.0]\ntraining = true\nfriction = 0.1")
     );
 }
 
