@@ -137,7 +137,11 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
     let (mut config, place) = read_config(args.config.as_deref())?;
     config.seed = args.seed.unwrap_or(config.seed);
     config.steps = args.steps.unwrap_or(config.steps);
-    config.polish = 0;
+    // What moves find keeps to no mask, as what is polished does not.
+    config.polish = match args.policy {
+        Policy::Moves => config.steps,
+        _ => 0,
+    };
     let (scene, kept) = set_up_run(&config, &place, args.json)?;
     let draping = Draping::new(scene.clone(), &config.env, config.environments);
     let mut draping = draping.or_invalid_in(&place)?;

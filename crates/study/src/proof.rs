@@ -375,8 +375,8 @@ fn pressed(
     let jobs: Vec<Job> = jobs.collect();
     let ended = judge.press(&jobs, None, Left::new, told).into_iter();
     let left: Vec<Option<Left>> = ended.map(|one| one.found).collect();
-    let rows = left.chunks(worlds.len().max(1));
-    rows.map(<[_]>::to_vec).collect()
+    let row = |k: usize| left[k * worlds.len()..(k + 1) * worlds.len()].to_vec();
+    (0..lists.len()).map(row).collect()
 }
 
 /// What lists leave in the same worlds of the twin, `[list][world]`, and the first list as it was pressed in the

@@ -5,7 +5,6 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::config::{EnvConfig, Region};
-use super::draping::EpisodeState;
 use super::objective::Goal;
 use super::reward::score;
 use super::task::ImageShape;
@@ -164,14 +163,9 @@ impl Task {
         costs.of(path, undraped)
     }
 
-    /// What presses that have ended so are worth: their score less their cost; none if the end is beyond
-    /// belief.
-    pub fn worth(&self, end: &EpisodeState) -> Option<f64> {
-        let (cloth, points) = (end.cloth(), self.points(end.presses()));
-        let measures = self.goal.measures(&cloth.position);
-        let score = || score(self.initial, self.left(&measures));
-        let is_believable = self.is_believable(&measures);
-        is_believable.then(|| score() - self.cost(&self.figures(&points), cloth))
+    /// What is measured of a state.
+    pub(super) fn measures(&self, state: &Snapshot) -> Measures {
+        self.goal.measures(&state.position)
     }
 
     /// Inner vertices of the region farther than `env.drape_threshold_mm` from the tool.

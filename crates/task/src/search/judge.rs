@@ -236,8 +236,8 @@ impl Judge {
         let jobs: Vec<Job> = jobs.collect();
         let ended = self.press(&jobs, None, Task::worth, told).into_iter();
         let scores: Vec<f64> = ended.map(|one| one.found.unwrap_or(DIVERGED)).collect();
-        let rows = scores.chunks(worlds.len().max(1));
-        rows.map(<[f64]>::to_vec).collect()
+        let row = |k: usize| scores[k * worlds.len()..(k + 1) * worlds.len()].to_vec();
+        (0..lists.len()).map(row).collect()
     }
 
     /// The best of some lists, best first, with what they come to: all are pressed in three worlds, then the
