@@ -516,18 +516,6 @@ impl Draping {
     }
 }
 
-impl Task {
-    /// What presses that have ended so are worth: their score less their cost; none if the end is beyond
-    /// belief.
-    pub fn worth(&self, end: &EpisodeState) -> Option<f64> {
-        let (cloth, points) = (end.cloth(), self.points(end.presses()));
-        let measures = self.measures(cloth);
-        let score = || score(self.initial, self.left(&measures));
-        let is_believable = self.is_believable(&measures);
-        is_believable.then(|| score() - self.cost(&self.figures(&points), cloth))
-    }
-}
-
 impl Tasks for Draping {
     fn shape(&self) -> ImageShape {
         self.tasks[0].shape()

@@ -1,4 +1,6 @@
 use super::draping::{Draping, EpisodeState};
+use super::reward::score;
+use super::rules::Task;
 use super::task::{Episode, Tasks};
 
 /// An episode that was played from its start to its end.
@@ -77,5 +79,17 @@ impl Draping {
             }
         }
         ends
+    }
+}
+
+impl Task {
+    /// What presses that have ended so are worth: their score less their cost; none if the end is beyond
+    /// belief.
+    pub fn worth(&self, end: &EpisodeState) -> Option<f64> {
+        let (cloth, points) = (end.cloth(), self.points(end.presses()));
+        let measures = self.measures(cloth);
+        let score = || score(self.initial, self.left(&measures));
+        let is_believable = self.is_believable(&measures);
+        is_believable.then(|| score() - self.cost(&self.figures(&points), cloth))
     }
 }
