@@ -44,7 +44,10 @@ pub enum Quantity {
 
 /// How a quantity varies.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "expected a standard deviation, or the two ends of a range"
+)]
 pub enum Spread {
     /// By the standard deviation of a normal distribution that is cut off at twice that; of a factor's
     /// logarithm.
