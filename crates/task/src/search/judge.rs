@@ -43,7 +43,7 @@ pub struct Judge {
     benches: Vec<(usize, Draping)>,
     rates: usize,
     worlds: Arc<Worlds>,
-    /// Presses made so far, those included that lanes made for nothing.
+    /// Presses made so far.
     spent: u64,
 }
 
@@ -101,7 +101,7 @@ impl Judge {
         &self.worlds
     }
 
-    /// Presses made so far, those included that lanes made for nothing.
+    /// Presses made so far.
     pub fn spent(&self) -> u64 {
         self.spent
     }
@@ -138,7 +138,7 @@ impl Judge {
             let queue = queues[rate(jobs[k].world)].get_mut();
             queue.expect("nobody has panicked").push_back(k);
         }
-        let (made, spent) = (AtomicU64::new(0), AtomicU64::new(0));
+        let made = AtomicU64::new(0);
         let worlds = &self.worlds;
         let work = |(rate, env): &mut (usize, Draping)| {
             let next = || queues[*rate].lock().expect("nobody panics").pop_front();
@@ -181,7 +181,6 @@ impl Judge {
                     return ended;
                 }
                 let finite = env.press(&vertices);
-                spent.fetch_add(open.len() as u64, Ordering::Relaxed);
                 for (index, lane) in open.iter_mut().enumerate() {
                     let Some((k, one)) = lane else { continue };
                     made.fetch_add(1, Ordering::Relaxed);
@@ -208,7 +207,7 @@ impl Judge {
         };
         let ended: Vec<(usize, Ended<T>)> =
             self.benches.par_iter_mut().flat_map_iter(work).collect();
-        self.spent += spent.into_inner();
+        self.spent += made.into_inner();
         let mut sorted: Vec<Option<Ended<T>>> = Vec::new();
         sorted.resize_with(jobs.len(), || None);
         for (k, one) in ended {
