@@ -15,7 +15,7 @@ use drape_study::proof::Row;
 use drape_task::env::{Draping, Episode, Worlds};
 use drape_task::path::PathFigures;
 use drape_task::search::{
-    Arena, CrossEntropy, Judge, cross_entropy, drawn, in_order, outwards, sweeps, uniform,
+    Arena, CrossEntropy, Judge, at_random, cross_entropy, in_order, outwards, sweeps,
 };
 
 /// Search the best path of a task without learning: what a trained policy has to beat
@@ -75,7 +75,7 @@ impl Policy {
     fn play(self, arena: &mut Arena, start: &Draping, config: &RunConfig) -> bool {
         let seed = config.seed;
         match self {
-            Self::Random => drawn(arena, &mut uniform, seed),
+            Self::Random => at_random(arena, seed),
             Self::Sweep => return !in_order(arena, sweeps(start)),
             Self::Outwards => return !in_order(arena, outwards(start)),
             Self::Cem => cross_entropy(arena, CrossEntropy::alike(config.search_alike), seed),
@@ -167,14 +167,16 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         let worlds = set_up_worlds(
             &scene,
             &config.scatter,
-            (LIES, config.seed),
+            LIES,
+            config.seed,
             &place,
             args.json,
         )?;
         let worlds = worlds.unwrap_or_else(|| Worlds::nominal(&scene).into());
-        let mut judge = Judge::new(&scene, &config.env, &worlds, false).or_invalid_in(&place)?;
-        let task = (&scene, &config);
-        let moved = search_by_moves(&mut judge, task, Vec::new(), config.steps, |at| {
+        let mut judge = Judge::new(&scene, &worlds, &config.scatter.rated(&config.env))
+            .or_invalid_in(&place)?;
+        let known = Vec::new();
+        let moved = search_by_moves(&mut judge, &scene, &config, known, config.steps, |at| {
             progress.searching(at);
             env_steps = at.map_or(0, |at| at.spent);
             !stop()

@@ -193,7 +193,7 @@ pub(super) fn set_up_scenes(
     let lies = (LIES / all.len()).max(2);
     let with_worlds = |(k, scene): (usize, Arc<Scene>)| {
         let seed = config.seed.wrapping_add(k as u64);
-        let worlds = set_up_worlds(&scene, &config.scatter, (lies, seed), place, quiet)?;
+        let worlds = set_up_worlds(&scene, &config.scatter, lies, seed, place, quiet)?;
         Ok((scene, worlds))
     };
     all.into_iter().enumerate().map(with_worlds).collect()
@@ -206,7 +206,8 @@ pub(super) const LIES: usize = 16;
 pub(super) fn set_up_worlds(
     scene: &Arc<Scene>,
     scatter: &Scatter,
-    (lies, seed): (usize, u64),
+    lies: usize,
+    seed: u64,
     place: &str,
     quiet: bool,
 ) -> Result<Option<Arc<Worlds>>, Failure> {
@@ -214,7 +215,7 @@ pub(super) fn set_up_worlds(
         return Ok(None);
     }
     let progress = Progress::new("scattering", quiet);
-    let worlds = Worlds::new(scene, scatter, (lies, seed), |share| progress.set(share));
+    let worlds = Worlds::new(scene, scatter, lies, seed, |share| progress.set(share));
     let worlds = worlds.with_context(|| format!("{place}: `scatter`"))?;
     Ok(Some(worlds.into()))
 }

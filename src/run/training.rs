@@ -336,8 +336,9 @@ impl Training {
         let config = &self.config;
         let known: Vec<Vec<u32>> = self.memory.best.lists().cloned().collect();
         let scene = self.evaluation.scene();
-        let mut judge = Judge::new(scene, &config.env, &self.worlds, false)?;
-        let found = search_by_moves(&mut judge, (scene, config), known, config.polish, go_on)?;
+        let rated = config.scatter.rated(&config.env);
+        let mut judge = Judge::new(scene, &self.worlds, &rated)?;
+        let found = search_by_moves(&mut judge, scene, config, known, config.polish, go_on)?;
         let best = Best::judged(found.orders);
         self.memory.best = best.before(&self.memory.best);
         self.write_best()
@@ -464,7 +465,8 @@ const KNOWN: usize = 32;
 /// `go_on` is told where the search is, nothing before it begins, and whether to go on is what it says.
 pub fn search_by_moves(
     judge: &mut Judge,
-    (scene, config): (&Arc<Scene>, &RunConfig),
+    scene: &Arc<Scene>,
+    config: &RunConfig,
     known: Vec<Vec<u32>>,
     presses: u64,
     mut go_on: impl FnMut(Option<Searching>) -> bool,
@@ -484,7 +486,7 @@ pub fn search_by_moves(
     let chosen: Vec<Vec<u32>> = chosen.map(|&(k, _)| starts[k].clone()).collect();
     let left = presses.saturating_sub(judge.spent() - before);
     let watch = |at: Searching| go_on(Some(at));
-    Ok(moves(judge, &chosen, method, (left, config.seed), watch))
+    Ok(moves(judge, &chosen, method, left, config.seed, watch))
 }
 
 /// What a learner that imitates is shown first by one of the environments on a scene: half of them press

@@ -174,7 +174,7 @@ pub fn prove(
     let listed = groups.iter().zip(&bests);
     let listed = listed.map(|((_, paths, _), best)| best.map_or(&[][..], |k| &paths[k]));
     let lists: Vec<&[u32]> = listed.collect();
-    let worlds = case.worlds((LIES, SEEDS[1]), context)?;
+    let worlds = case.worlds(LIES, SEEDS[1], context)?;
     let row = |physics, k: usize, left: &[Option<Left>]| {
         let scores: Vec<f64> = chosen[k].1.iter().flatten().copied().collect();
         let [mean_score, deviation_score] = mean_and_deviation(&scores);
@@ -192,7 +192,7 @@ pub fn prove(
     };
     let mut rows = Vec::new();
     let numbers: Vec<Option<u64>> = case.numbers(0..PROVING as u64);
-    let mut judge = Judge::new(scene, env, &worlds, true)?;
+    let mut judge = Judge::new(scene, &worlds, &[case.scatter.finest(env)])?;
     let told = |done, of| (context.progress)(done as f64 / of as f64, "proving");
     let found = pressed(&mut judge, &lists, &numbers, told);
     rows.extend(
@@ -245,8 +245,8 @@ pub fn sensitivity(
             scatter: &scatter,
             ..case
         };
-        let worlds = alone.worlds((SENSITIVITY, SEEDS[2]), &Context::quiet())?;
-        let mut judge = Judge::new(case.scene, case.env, &worlds, true)?;
+        let worlds = alone.worlds(SENSITIVITY, SEEDS[2], &Context::quiet())?;
+        let mut judge = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
         let numbers: Vec<Option<u64>> = (0..SENSITIVITY as u64).map(Some).collect();
         let left = pressed(&mut judge, &[path], &numbers, |_, _| ()).remove(0);
         let scores: Vec<f64> = left
@@ -273,13 +273,9 @@ pub fn sensitivity(
 
 impl Case<'_> {
     /// Worlds to draw from, under a seed of their own.
-    fn worlds(
-        &self,
-        (lies, seed): (usize, u64),
-        context: &Context,
-    ) -> Result<Arc<Worlds>, StudyError> {
+    fn worlds(&self, lies: usize, seed: u64, context: &Context) -> Result<Arc<Worlds>, StudyError> {
         let told = |share| (context.progress)(share, "falling");
-        let worlds = Worlds::new(self.scene, self.scatter, (lies, self.seed ^ seed), told)?;
+        let worlds = Worlds::new(self.scene, self.scatter, lies, self.seed ^ seed, told)?;
         Ok(worlds.into())
     }
 
@@ -301,8 +297,8 @@ fn choose(
     groups: &[(&str, Vec<Vec<u32>>, usize)],
     context: &Context,
 ) -> Result<Vec<Chosen>, StudyError> {
-    let worlds = case.worlds((9, SEEDS[0]), context)?;
-    let mut judge = Judge::new(case.scene, case.env, &worlds, true)?;
+    let worlds = case.worlds(CHOOSING.iter().sum::<u64>() as usize, SEEDS[0], context)?;
+    let mut judge = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
     let all: Vec<(usize, usize)> = (groups.iter().enumerate())
         .flat_map(|(group, (_, paths, _))| (0..paths.len()).map(move |k| (group, k)))
         .collect();

@@ -57,12 +57,6 @@ impl Agent {
         observations.iter().zip(rows).map(choose).collect()
     }
 
-    /// Log-probabilities `[observation * pixel]`; those of actions that a mask forbids are about
-    /// [`masked::FILL`].
-    pub fn log_probs(&self, observations: &[Observation]) -> Vec<f32> {
-        self.evaluate(observations).0
-    }
-
     /// Expected return of each observation, as a share of the reward scale if the training
     /// scaled its rewards. Masks may be empty.
     pub fn value(&self, observations: &[Observation]) -> Vec<f32> {

@@ -29,6 +29,15 @@ fn scatter() -> Scatter {
     }
 }
 
+fn case<'a>(scene: &'a Arc<Scene>, env: &'a EnvConfig, scatter: &'a Scatter) -> Case<'a> {
+    Case {
+        scene,
+        env,
+        scatter,
+        seed: 3,
+    }
+}
+
 fn row(proof: &Proof, physics: Physics, order: &str) -> Row {
     let mut rows = proof.rows.iter();
     let found = rows.find(|row| row.physics == physics && row.order == order);
@@ -40,13 +49,8 @@ fn row(proof: &Proof, physics: Physics, order: &str) -> Row {
 #[test]
 fn paths_are_held_against_orders_in_the_same_world() {
     let (scene, env, none) = (scene(), env(), Scatter::default());
-    let case = Case {
-        scene: &scene,
-        env: &env,
-        scatter: &none,
-        seed: 0,
-    };
-    let random = sequences(&scene, &env, Order::Random, 5, 0).unwrap();
+    let case = case(&scene, &env, &none);
+    let random = sequences(&scene, &env, Order::Random, 5, 3).unwrap();
     let found = prove(case, &random, (5, false), &Context::quiet()).unwrap();
     let [path, same] = ["path", "random"].map(|order| row(&found, Physics::Solver, order));
     assert_eq!(path.best, same.best);
@@ -73,23 +77,34 @@ fn paths_are_held_against_orders_in_the_same_world() {
 #[test]
 fn costs_decide_which_path_is_best() {
     let (scene, mut env, none) = (scene(), env(), Scatter::default());
-    let paths = sequences(&scene, &env, Order::Random, 5, 0).unwrap();
+    let paths = sequences(&scene, &env, Order::Random, 5, 3).unwrap();
     let proved = |env: &EnvConfig| {
-        let case = Case {
-            scene: &scene,
-            env,
-            scatter: &none,
-            seed: 0,
-        };
-        prove(case, &paths, (1, false), &Context::quiet()).unwrap()
+        prove(
+            case(&scene, env, &none),
+            &paths,
+            (1, false),
+            &Context::quiet(),
+        )
+        .unwrap()
     };
     let free = proved(&env);
     env.costs.second = 1.0;
     let costly = proved(&env);
     let seconds = |proof: &Proof| row(proof, Physics::Solver, "path").best.robot_s;
-    assert!(seconds(&costly) < seconds(&free));
+    let all = paths.iter().map(|path| {
+        let one = [path.clone()];
+        let alone = prove(
+            case(&scene, &env, &none),
+            &one,
+            (1, false),
+            &Context::quiet(),
+        );
+        seconds(&alone.unwrap())
+    });
+    // A second costs more than any score.
+    assert_eq!(seconds(&costly), all.fold(f64::INFINITY, f64::min));
     let score = |proof: &Proof| row(proof, Physics::Solver, "path").best.score;
-    assert!(score(&costly) < score(&free) && score(&costly) > 0.0);
+    assert!(score(&costly) <= score(&free) && score(&costly) > 0.0);
 }
 
 /// In scattered worlds the solver and the twin press the same paths, from falls of their own; the twin has the
@@ -97,12 +112,7 @@ fn costs_decide_which_path_is_best() {
 #[test]
 fn paths_are_proved_in_worlds_that_chose_none() {
     let (scene, env, scatter) = (scene(), env(), scatter());
-    let case = Case {
-        scene: &scene,
-        env: &env,
-        scatter: &scatter,
-        seed: 3,
-    };
+    let case = case(&scene, &env, &scatter);
     let paths = sequences(&scene, &env, Order::Random, 3, 3).unwrap();
     let found = prove(case, &paths, (2, true), &Context::quiet()).unwrap();
     for (physics, worlds) in [(Physics::Solver, PROVING), (Physics::Twin, TWIN)] {
@@ -128,7 +138,10 @@ fn paths_are_proved_in_worlds_that_chose_none() {
             .windows(2)
             .all(|pair| pair[0].worst_score <= pair[1].worst_score)
     );
-    assert!(alone.iter().all(|one| one.worst_score < one.score));
+    assert!(alone.iter().all(|one| one.worst_score <= one.score + 1e-12));
+    // On this mesh a stencil a little wider has the vertices of before under it.
+    let hurts = |one: &&Sensitivity| one.worst_score < one.score - 1e-6;
+    assert!(alone.iter().filter(hurts).count() >= 3, "{alone:?}");
 }
 
 /// What diverges in one of its worlds has no figures.

@@ -74,7 +74,7 @@ impl Task {
         })
     }
 
-    /// The same where the blank comes to lie otherwise; it is seen over the same terrain.
+    /// The task from another lie of the blank, which is seen over this terrain.
     pub(super) fn lying(&self, scene: &Arc<Scene>) -> Self {
         let (objective, at) = (self.config.objective, &scene.initial.position);
         let goal = Goal::new(objective, scene.clone(), self.region.vertices.clone(), at);

@@ -290,10 +290,14 @@ pub struct World {
 impl Worlds {
     /// Worlds round `scene`, the blanks of which fall now, `count` if they differ. Everything is drawn
     /// under `seed`. `progress` is told the simulated share 0..1.
+    ///
+    /// # Errors
+    /// If a fall diverges.
     pub fn new(
         scene: &Arc<Scene>,
         scatter: &Scatter,
-        (count, seed): (usize, u64),
+        count: usize,
+        seed: u64,
         progress: impl FnMut(f64),
     ) -> Result<Self, SceneError> {
         let stream = |k| Stream::new(seed, Purpose::Worlds, k);
@@ -327,7 +331,7 @@ impl Worlds {
     /// The one world that is as the scene says.
     pub fn nominal(scene: &Arc<Scene>) -> Self {
         let none = Scatter::default();
-        Self::new(scene, &none, (1, 0), |_| ()).expect("nothing falls")
+        Self::new(scene, &none, 1, 0, |_| ()).expect("nothing falls")
     }
 
     /// Whether anything tells them apart.

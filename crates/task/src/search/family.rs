@@ -40,6 +40,25 @@ pub fn in_order(arena: &mut Arena, orders: impl IntoIterator<Item = Ranks>) -> b
     true
 }
 
+/// Plays episodes of random allowed actions until the steps are spent.
+pub fn at_random(arena: &mut Arena, seed: u64) {
+    let mut streams = arena.streams(seed);
+    loop {
+        let each = streams.iter_mut().enumerate();
+        let actions = each.map(|(index, stream)| {
+            let allowed = arena.env.observation(index).allowed();
+            let drawn = allowed.map(|action| (stream.uniform(), action));
+            drawn
+                .min_by(|a, b| a.0.total_cmp(&b.0))
+                .map(|(_, action)| action)
+        });
+        let actions: Vec<Option<u32>> = actions.collect();
+        if arena.step(&actions).is_none() {
+            return;
+        }
+    }
+}
+
 /// The allowed action of least rank, the lowest of equals.
 pub(super) fn first(seen: Observation, rank: impl Fn(usize) -> f64) -> u32 {
     let rank = |action: u32| rank(action as usize);

@@ -48,22 +48,20 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// For the task `env` in `worlds` round `scene`, in steps of the rates by which these are judged, or of
-    /// the finest alone.
+    /// For the task on `scene`, in `worlds` round it that take the steps of the `rated` tasks in turn, as
+    /// [`Scatter::rated`](crate::env::Scatter::rated) gives them, or of one alone.
     ///
     /// # Errors
     /// If a value is out of range, or the device does not compute the scene.
+    ///
+    /// # Panics
+    /// If no task is given.
     pub fn new(
         scene: &Arc<Scene>,
-        env: &EnvConfig,
         worlds: &Arc<Worlds>,
-        is_finest: bool,
+        rated: &[EnvConfig],
     ) -> Result<Self, ValueError> {
-        let rated = match is_finest {
-            true => vec![worlds.scatter.finest(env)],
-            false => worlds.scatter.rated(env),
-        };
-        let (copies, count) = match env.device {
+        let (copies, count) = match rated[0].device {
             Device::Cpu => (rayon::current_num_threads(), ON_CPU),
             Device::Gpu(_) => (1, ON_GPU),
         };

@@ -5,7 +5,6 @@
 
 mod arena;
 mod cem;
-mod draw;
 mod family;
 mod judge;
 mod moves;
@@ -13,8 +12,7 @@ mod order;
 
 pub use arena::Arena;
 pub use cem::{CrossEntropy, cross_entropy};
-pub use draw::{Policy, drawn, uniform};
-pub use family::{in_order, outwards, sweeps};
+pub use family::{at_random, in_order, outwards, sweeps};
 pub use judge::{Ended, Job, Judge};
 pub use moves::{Found, Moves, Searching, moves};
 pub use order::{Order, choose};

@@ -77,7 +77,7 @@ impl Chain {
 }
 
 /// Searches from `starts` on for so many presses. `watch` is told where it is and whether to go on is what it
-/// says. Gives the orders of all chains, each once.
+/// says. Gives the orders of the chains that are left and those they began with, each once, the better ones.
 ///
 /// # Panics
 /// If there is nothing to start from.
@@ -85,7 +85,8 @@ pub fn moves(
     judge: &mut Judge,
     starts: &[Vec<u32>],
     method: Moves,
-    (presses, seed): (u64, u64),
+    presses: u64,
+    seed: u64,
     mut watch: impl FnMut(Searching) -> bool,
 ) -> Found {
     let (board, mut stream) = (
@@ -117,71 +118,35 @@ pub fn moves(
             chains.sort_by(|a, b| b.mean().total_cmp(&a.mean()));
             chains.truncate(count);
         }
-        let each = method.candidates / chains.len();
+        let each = (method.candidates / chains.len()).max(1);
         let first = round * count_of_worlds as u64;
         let worlds: Vec<u64> = (first..first + count_of_worlds as u64).collect();
-        // Parents, whose states the candidates go on from.
-        let jobs = chains.iter().flat_map(|chain| {
-            worlds.iter().map(|&world| Job {
-                list: &chain.order,
-                world: Some(world),
-                from: None,
-            })
-        });
-        let jobs: Vec<Job> = jobs.collect();
-        let parents = judge.press(&jobs, Some(stride), Task::worth, |_, _| ());
-        let score = |k: usize, w: usize| parents[k * worlds.len() + w].found.unwrap_or(DIVERGED);
-        let own: Vec<Vec<f64>> = (0..chains.len())
-            .map(|k| (0..worlds.len()).map(|w| score(k, w)).collect())
-            .collect();
+        let heat = method.hot * (method.cold / method.hot).powf(share);
+        let parents = press_parents(judge, &chains, &worlds, stride);
         let mut changed: Vec<Vec<u32>> = Vec::new();
         for chain in &chains {
             changed.extend((0..each).map(|_| board.changed(&chain.order, &mut stream)));
         }
-        // A candidate that is clearly worse in the first world is seen in no other.
-        let heat = method.hot * (method.cold / method.hot).powf(share);
-        let from = |candidate: usize, world: usize| -> Option<Arc<EpisodeState>> {
-            let k = candidate / each;
-            let pairs = chains[k].order.iter().zip(&changed[candidate]);
-            let same = pairs.take_while(|(a, b)| a == b).count();
-            let states = &parents[k * worlds.len() + world].states;
-            states.get(same / stride).or(states.last()).cloned()
-        };
-        let mut scores: Vec<Vec<f64>> = vec![Vec::new(); changed.len()];
-        let mut open: Vec<usize> = (0..changed.len()).collect();
-        for stage in stages {
-            let jobs = open.iter().flat_map(|&c| {
-                let list = &changed[c];
-                stage.clone().map(move |w| (c, w, list))
-            });
-            let jobs = jobs.map(|(c, w, list)| Job {
-                list,
-                world: Some(worlds[w]),
-                from: from(c, w),
-            });
-            let jobs: Vec<Job> = jobs.collect();
-            let ended = judge.press(&jobs, None, Task::worth, |_, _| ());
-            for (k, one) in ended.into_iter().enumerate() {
-                scores[open[k / stage.len()]].push(one.found.unwrap_or(DIVERGED));
-            }
-            let mean = |scores: &[f64]| scores.iter().sum::<f64>() / stage.end as f64;
-            open.retain(|&c| mean(&scores[c]) > mean(&own[c / each][..stage.end]) - 2.0 * heat);
-        }
+        let seen: Vec<(&[u32], &Parent)> = (changed.iter().enumerate())
+            .map(|(c, order)| (&**order, &parents[c / each]))
+            .collect();
+        let scores = press_candidates(judge, &seen, &worlds, stages, 2.0 * heat);
         let worth = |scores: &[f64]| judge.worlds().scatter.judge(scores);
-        for (chain, own) in chains.iter_mut().zip(&own) {
-            chain.sum += worth(own);
+        for (k, (chain, parent)) in chains.iter_mut().zip(&parents).enumerate() {
+            let mut now = worth(&parent.scores);
+            chain.sum += now;
             chain.rounds += 1.0;
-        }
-        let mut now: Vec<f64> = own.iter().map(|own| worth(own)).collect();
-        for c in open {
-            let (k, new, chance) = (c / each, worth(&scores[c]), stream.uniform());
-            if new > now[k] || chance < ((new - now[k]) / heat).exp() {
-                now[k] = new;
-                chains[k] = Chain {
-                    order: changed[c].clone(),
-                    sum: new,
-                    rounds: 1.0,
-                };
+            for c in k * each..(k + 1) * each {
+                let Some(scores) = &scores[c] else { continue };
+                let (new, chance) = (worth(scores), stream.uniform());
+                if new > now || chance < ((new - now) / heat).exp() {
+                    now = new;
+                    *chain = Chain {
+                        order: changed[c].clone(),
+                        sum: new,
+                        rounds: 1.0,
+                    };
+                }
             }
         }
         round += 1;
@@ -201,7 +166,10 @@ pub fn moves(
             best,
         });
     };
+    // None is worse than what it began with.
+    let begun = starts.iter().take(method.chains).cloned();
     let mut orders: Vec<Vec<u32>> = chains.into_iter().map(|chain| chain.order).collect();
+    orders.extend(begun);
     orders.sort();
     orders.dedup();
     let lists: Vec<&[u32]> = orders.iter().map(|order| &**order).collect();
@@ -215,6 +183,86 @@ pub fn moves(
         rounds: round,
         has_converged,
     }
+}
+
+/// An order as it was pressed in the worlds of a round.
+struct Parent {
+    order: Vec<u32>,
+    /// What it is worth in each world, and the states that candidates go on from.
+    scores: Vec<f64>,
+    states: Vec<Vec<Arc<EpisodeState>>>,
+}
+
+/// Presses the orders of chains.
+fn press_parents(
+    judge: &mut Judge,
+    chains: &[Chain],
+    worlds: &[u64],
+    stride: usize,
+) -> Vec<Parent> {
+    let jobs = chains.iter().flat_map(|chain| {
+        worlds.iter().map(|&world| Job {
+            list: &chain.order,
+            world: Some(world),
+            from: None,
+        })
+    });
+    let jobs: Vec<Job> = jobs.collect();
+    let mut ended = judge
+        .press(&jobs, Some(stride), Task::worth, |_, _| ())
+        .into_iter();
+    let parent = |chain: &Chain| {
+        let own = ended.by_ref().take(worlds.len());
+        let (scores, states) = own
+            .map(|one| (one.found.unwrap_or(DIVERGED), one.states))
+            .unzip();
+        Parent {
+            order: chain.order.clone(),
+            scores,
+            states,
+        }
+    };
+    chains.iter().map(parent).collect()
+}
+
+/// Presses candidates, each beside its parent, stage by stage. Who is worse than that on average by more than
+/// `least` is seen in no further world. Gives what those that are left are worth in each.
+fn press_candidates(
+    judge: &mut Judge,
+    candidates: &[(&[u32], &Parent)],
+    worlds: &[u64],
+    stages: &[Range<usize>],
+    least: f64,
+) -> Vec<Option<Vec<f64>>> {
+    // From the last state that it shares with its parent.
+    let job = |c: usize, world: usize| {
+        let (list, parent) = candidates[c];
+        let same = list.iter().zip(&parent.order);
+        let same = same.take_while(|(a, b)| a == b).count();
+        let mut states = parent.states[world].iter().rev();
+        Job {
+            list,
+            world: Some(worlds[world]),
+            from: states.find(|state| state.presses().len() <= same).cloned(),
+        }
+    };
+    let mut scores = vec![Some(Vec::new()); candidates.len()];
+    for stage in stages {
+        let open: Vec<usize> = (0..scores.len()).filter(|&c| scores[c].is_some()).collect();
+        let jobs = open
+            .iter()
+            .flat_map(|&c| stage.clone().map(move |w| (c, w)));
+        let jobs: Vec<Job> = jobs.map(|(c, w)| job(c, w)).collect();
+        let ended = judge.press(&jobs, None, Task::worth, |_, _| ());
+        let mean = |scores: &[f64]| scores.iter().sum::<f64>() / stage.end as f64;
+        for (c, ended) in open.into_iter().zip(ended.chunks(stage.len())) {
+            let mut own = scores[c].take().unwrap_or_default();
+            own.extend(ended.iter().map(|one| one.found.unwrap_or(DIVERGED)));
+            let parent = &candidates[c].1.scores[..stage.end];
+            scores[c] = (mean(&own) > mean(parent) - least).then_some(own);
+        }
+    }
+    scores
 }
 
 /// Where orders are changed: the flat blank.

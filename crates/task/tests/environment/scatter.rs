@@ -21,9 +21,7 @@ fn worlds() -> Arc<Worlds> {
         training: true,
         spreads: spreads.into_iter().collect(),
     };
-    Worlds::new(&COARSE, &scatter, (3, 5), |_| ())
-        .unwrap()
-        .into()
+    Worlds::new(&COARSE, &scatter, 3, 5, |_| ()).unwrap().into()
 }
 
 fn scattered(count: usize, worlds: &Arc<Worlds>) -> Draping {
@@ -117,7 +115,7 @@ fn lists(count: usize) -> Vec<Vec<u32>> {
 #[test]
 fn judgements_depend_on_list_and_world_alone() {
     let (worlds, lists) = (worlds(), lists(5));
-    let judge = || Judge::new(&COARSE, &small_region(), &worlds, false).unwrap();
+    let judge = || Judge::new(&COARSE, &worlds, &worlds.scatter.rated(&small_region())).unwrap();
     let all: Vec<&[u32]> = lists.iter().map(|list| &**list).collect();
     let expected = judge().scores(&all, &[0, 1, 2, 9], |_, _| ());
     let pool = |threads| {
@@ -156,7 +154,7 @@ fn judgements_depend_on_list_and_world_alone() {
 #[test]
 fn races_end_with_the_best() {
     let (worlds, lists) = (worlds(), lists(6));
-    let mut judge = Judge::new(&COARSE, &small_region(), &worlds, false).unwrap();
+    let mut judge = Judge::new(&COARSE, &worlds, &worlds.scatter.rated(&small_region())).unwrap();
     let all: Vec<&[u32]> = lists.iter().map(|list| &**list).collect();
     let ranked = judge.race(&all, 0..9, 2, |_, _| ());
     assert_eq!(ranked.len(), 3);
@@ -168,8 +166,8 @@ fn races_end_with_the_best() {
     }
 }
 
-/// From random orders, moves come to what holds in worlds that chose nothing, from every seed, and again to the
-/// same.
+/// From random orders, moves come to what holds in worlds that chose nothing, better than the best of them on
+/// average over seeds, and again to the same.
 #[test]
 fn moves_find_orders_that_hold() {
     let (worlds, lists) = (worlds(), lists(4));
@@ -182,27 +180,33 @@ fn moves_find_orders_that_hold() {
         ..Moves::default()
     };
     let search = |seed| {
-        let mut judge = Judge::new(&COARSE, &config, &worlds, false).unwrap();
+        let mut judge = Judge::new(&COARSE, &worlds, &worlds.scatter.rated(&config)).unwrap();
         let mut rounds = 0;
-        let found = moves(&mut judge, &lists, method, (60_000, seed), |at| {
+        let found = moves(&mut judge, &lists, method, 25_000, seed, |at| {
             rounds = at.round;
             true
         });
         assert!(found.rounds == rounds || found.has_converged);
         found
     };
-    let mut judge = Judge::new(&COARSE, &config, &worlds, false).unwrap();
+    let mut judge = Judge::new(&COARSE, &worlds, &worlds.scatter.rated(&config)).unwrap();
     let mut worth = |list: &[u32]| {
         let scores = judge.scores(&[list], &fresh, |_, _| ()).remove(0);
         worlds.scatter.judge(&scores)
     };
-    let before = lists.iter().map(|list| worth(list)).sum::<f64>() / lists.len() as f64;
+    let before: Vec<f64> = lists.iter().map(|list| worth(list)).collect();
+    let best = before.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let mut mean = 0.0;
     for seed in 1..4 {
         let found = search(seed);
-        let (best, judged) = &found.orders[0];
-        let after = worth(best);
-        assert!(after > before, "{before} {after}");
-        assert!((after - judged).abs() < 0.15, "{judged} {after}");
+        let (order, judged) = &found.orders[0];
+        let after = worth(order);
+        mean += after / 3.0;
+        // Better than three of the four by far.
+        let is_better = |&&other: &&f64| after > other + 0.1;
+        assert_eq!(before.iter().filter(is_better).count(), 3, "{after}");
+        assert!((after - judged).abs() < 0.05, "{judged} {after}");
         assert!(seed > 1 || search(seed).orders == found.orders);
     }
+    assert!(mean > best, "{mean} {before:?}");
 }

@@ -112,7 +112,7 @@ fn worlds_fall_only_where_they_have_to() {
     (config.fall.fall_s, config.fall.settle_s) = (0.3, 0.05);
     config.fall.substep_rate = 2400.0;
     let scene = Arc::new(Scene::new(&config, |_| ()).unwrap());
-    let worlds = |text: &str| Worlds::new(&scene, &read(text), (3, 7), |_| ()).unwrap();
+    let worlds = |text: &str| Worlds::new(&scene, &read(text), 3, 7, |_| ()).unwrap();
     let pressed = worlds("pressure = 0.1\nsubstep_rates = [600.0]");
     assert!(pressed.differ() && pressed.scenes().all(|own| Arc::ptr_eq(own, &scene)));
     assert!(!Worlds::nominal(&scene).differ());
