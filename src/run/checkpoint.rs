@@ -9,11 +9,12 @@ use drape_learn::ppo::Sections;
 
 /// Its files. Newest formats:
 /// 8: observations are without the last presses;
-/// 9: states have parameters, and of its configuration a checkpoint has the digest only.
+/// 9: states have parameters, and of its configuration a checkpoint has the digest only;
+/// 10: episodes are numbered, as what their worlds are drawn by.
 const FILE: Sealed = Sealed {
     name: "a checkpoint",
     kind: 0,
-    format: 9,
+    format: 10,
 };
 
 /// What a run goes on from exactly where it was, or is played by, in one file.

@@ -169,7 +169,7 @@ fn action_outside_the_region_panics() {
 }
 
 /// The layout of saved environments: presses, total reward, and the cloth.
-type Saved = (Vec<(u32, [f64; 3])>, f32, Snapshot);
+type Saved = (Vec<(u32, [f64; 3])>, f32, u64, Snapshot);
 
 #[test]
 fn diverged_environment_ends_alone() {
@@ -231,8 +231,8 @@ fn ends_alone(spoil: impl Fn(&mut Snapshot, usize)) {
     play(&mut env, &mut Player::new(6, 4), 5);
     let bytes = env.save();
     let mut saved: Vec<Saved> = postcard::from_bytes(&bytes).unwrap();
-    let corner = saved[2].2.position.len() - 1;
-    spoil(&mut saved[2].2, corner);
+    let corner = saved[2].3.position.len() - 1;
+    spoil(&mut saved[2].3, corner);
     let mut spoiled = small(&COARSE, 4);
     spoiled
         .load(&postcard::to_allocvec(&saved).unwrap())
@@ -273,7 +273,7 @@ fn unusable_saved_states_change_nothing() {
     let error = env.load(&bytes[..bytes.len() / 2]).unwrap_err();
     assert!(error.starts_with("not saved environments: "), "{error}");
     let mut saved: Vec<Saved> = postcard::from_bytes(&bytes).unwrap();
-    saved[1].2.velocity[3][0] = f64::NAN;
+    saved[1].3.velocity[3][0] = f64::NAN;
     assert_eq!(
         env.load(&postcard::to_allocvec(&saved).unwrap())
             .unwrap_err(),
