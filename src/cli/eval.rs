@@ -7,6 +7,7 @@ use super::args::accuracy;
 use super::failure::OrInvalid;
 use super::loaded::Loaded;
 use super::output::{OutFolder, Progress, print};
+use super::picture;
 use super::proof;
 use super::result::{EpisodeStatistics, write_recording};
 use crate::run::{EpisodeSummary, parallel_episodes};
@@ -186,6 +187,10 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         if let Some(proved) = loaded.folder.read_proof()? {
             let case = proof::case(scene, &loaded.config);
             sensitivity = proof::sensitivity(case, &proved.path.vertices, json)?;
+            if !sensitivity.is_empty() {
+                let bars = picture::sensitivity(&sensitivity);
+                bars.save_png(&pictures.path.join("sensitivity.png"))?;
+            }
         }
     }
     if let (Some(agent), Some(_), true) = (&agent, &args.scene, args.prove) {

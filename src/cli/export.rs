@@ -16,6 +16,7 @@ use drape_cloth::scene::hung;
 use drape_cloth::sim::{Bending, BendingStiffness};
 use drape_learn::policy::DeviceKind;
 use drape_study::proof::Physics;
+use drape_task::env::Scatter;
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
 use drape_task::path::{DrapingPoint, PathFigures, write_csv, write_json};
 
@@ -69,6 +70,8 @@ struct Report {
     score: f64,
     /// The physics in which the path was proved; none if it was not.
     proved: Option<Physics>,
+    /// How the worlds scatter in which it was proved.
+    scatter: Option<Scatter>,
 }
 
 /// Runs `drape export`.
@@ -100,6 +103,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         score: proof
             .as_ref()
             .map_or(played.summary.score, |p| p.path.score),
+        scatter: proof.as_ref().map(|_| loaded.config.scatter.clone()),
         proved: proof.map(|proved| proved.physics),
         file,
     };
@@ -108,10 +112,18 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
 
 fn text(report: &Report) -> String {
     let (file, path) = (report.file.display(), report.path.text());
-    let proved = match report.proved {
+    let mut proved = match report.proved {
         Some(physics) => format!("proved: {}", physics.name()),
         None => "not proved".into(),
     };
+    let scatter = report
+        .scatter
+        .iter()
+        .flat_map(|scatter| scatter.spreads.keys());
+    let vary: Vec<String> = scatter.map(|quantity| quantity.name()).collect();
+    if !vary.is_empty() {
+        proved += &format!(" in worlds in which these vary: {}", vary.join(", "));
+    }
     format!(
         "{file}: {path}, score {:.2} %, {proved}",
         100.0 * report.score

@@ -39,7 +39,7 @@ pub(super) fn print<R: Serialize>(
 }
 
 /// Whether there has been a Ctrl-C or termination signal; the second one ends the program at once.
-pub(super) fn stop_on_signal() -> Result<impl Fn() -> bool, Failure> {
+pub(super) fn stop_on_signal() -> Result<impl Fn() -> bool + Sync, Failure> {
     static STOP: AtomicBool = AtomicBool::new(false);
     ctrlc::set_handler(|| {
         if STOP.swap(true, Ordering::Relaxed) {

@@ -222,7 +222,11 @@ fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
 }
 
 /// What comes before the first rollout.
-fn prepare(training: &mut Training, stop: &dyn Fn() -> bool, json: bool) -> Result<(), Failure> {
+fn prepare(
+    training: &mut Training,
+    stop: &(dyn Fn() -> bool + Sync),
+    json: bool,
+) -> Result<(), Failure> {
     let mut bar = ("", None);
     training.prepare(|doing, share| {
         let (title, told) = match doing {
@@ -240,7 +244,11 @@ fn prepare(training: &mut Training, stop: &dyn Fn() -> bool, json: bool) -> Resu
 }
 
 /// Searches on from the best paths of a training that is complete.
-fn polish(training: &mut Training, stop: &dyn Fn() -> bool, json: bool) -> Result<(), Failure> {
+fn polish(
+    training: &mut Training,
+    stop: &(dyn Fn() -> bool + Sync),
+    json: bool,
+) -> Result<(), Failure> {
     if !json {
         eprintln!("polishing the best paths");
     }

@@ -14,7 +14,7 @@ use drape_learn::ppo::Sections;
 const FILE: Sealed = Sealed {
     name: "a checkpoint",
     kind: 0,
-    format: 10,
+    format: 11,
 };
 
 /// What a run goes on from exactly where it was, or is played by, in one file.

@@ -332,7 +332,7 @@ impl Training {
     /// is found comes before them, with what it comes to there. `go_on` is told where the search is; none while
     /// it looks for where to begin. No checkpoint is to follow: a run that is resumed polishes again, to the
     /// same end.
-    pub fn polish(&mut self, go_on: impl FnMut(Option<Searching>) -> bool) -> Result<()> {
+    pub fn polish(&mut self, go_on: impl FnMut(Option<Searching>) -> bool + Send) -> Result<()> {
         let config = &self.config;
         let known: Vec<Vec<u32>> = self.memory.best.lists().cloned().collect();
         let scene = self.evaluation.scene();
@@ -459,7 +459,7 @@ impl Training {
 }
 
 /// Lists that a search by moves looks at before it begins.
-const KNOWN: usize = 32;
+const KNOWN: usize = 16;
 
 /// The best of `known` lists and of orders that anybody could think of, each changed by moves for so many presses.
 /// `go_on` is told where the search is, nothing before it begins, and whether to go on is what it says.
@@ -469,11 +469,11 @@ pub fn search_by_moves(
     config: &RunConfig,
     known: Vec<Vec<u32>>,
     presses: u64,
-    mut go_on: impl FnMut(Option<Searching>) -> bool,
+    mut go_on: impl FnMut(Option<Searching>) -> bool + Send,
 ) -> Result<Found> {
     let mut starts = known;
     starts.truncate(KNOWN);
-    for (order, count) in [(Order::Outwards, 12), (Order::Sweep, 8), (Order::Random, 4)] {
+    for (order, count) in [(Order::Outwards, 8), (Order::Sweep, 4), (Order::Random, 4)] {
         starts.extend(sequences(scene, &config.env, order, count, config.seed)?);
     }
     let method = Moves::default();
@@ -481,7 +481,7 @@ pub fn search_by_moves(
     let before = judge.spent();
     go_on(None);
     // Numbers that the search comes to never.
-    let ranked = judge.race(&lists, 1 << 40..(1 << 40) + 9, method.chains, |_, _| ());
+    let ranked = judge.race(&lists, 1 << 40..(1 << 40) + 9, 0, method.chains);
     let chosen = ranked.iter().take(method.chains);
     let chosen: Vec<Vec<u32>> = chosen.map(|&(k, _)| starts[k].clone()).collect();
     let left = presses.saturating_sub(judge.spent() - before);

@@ -127,6 +127,10 @@ fn moves_are_searched_in_scattered_worlds() {
         ],
     );
     assert_eq!(proved["sensitivity"].as_array().unwrap().len(), 2);
+    let pictures = path.join(proved["pictures"].as_str().unwrap());
+    assert!(pictures.join("sensitivity.png").exists());
+    let exported = json(path, &["export", run, "--json"]);
+    assert_eq!(exported["scatter"]["friction"], 0.2, "{exported}");
 }
 
 /// Two seeds draw other episodes; a family that is exhausted spends no more.

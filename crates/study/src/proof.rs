@@ -358,18 +358,15 @@ fn pressed(
     judge: &mut Judge,
     lists: &[&[u32]],
     worlds: &[Option<u64>],
-    told: impl Fn(u64, u64) + Sync,
+    told: impl Fn(usize, usize) + Sync,
 ) -> Vec<Vec<Option<Left>>> {
-    let job = |list, world| Job {
-        list,
-        world,
-        from: None,
-    };
     let jobs = lists
         .iter()
-        .flat_map(|list| worlds.iter().map(|&world| job(*list, world)));
+        .flat_map(|list| worlds.iter().map(|&world| Job::new(list, world, 0)));
     let jobs: Vec<Job> = jobs.collect();
-    let ended = judge.press(&jobs, None, Left::new, told).into_iter();
+    let all = jobs.len();
+    let ended = judge.press(jobs, Left::new, |count| told(count, all));
+    let ended = ended.into_iter();
     let left: Vec<Option<Left>> = ended.map(|one| one.found).collect();
     let row = |k: usize| left[k * worlds.len()..(k + 1) * worlds.len()].to_vec();
     (0..lists.len()).map(row).collect()

@@ -38,6 +38,8 @@ pub struct Parameters {
     /// Standard deviations of both from press to press, drawn under `seed`.
     pub offset_deviation_mm: f64,
     pub tilt_deviation_deg: f64,
+    /// Share of presses that do not reach the cloth, drawn so, too.
+    pub misses: f64,
     pub seed: u64,
 }
 
@@ -49,6 +51,9 @@ pub struct Aim {
     /// Turns of the stencil about its sides [rad].
     pub tilt: [f64; 2],
 }
+
+/// Where a press that misses lands: beyond any blank [m].
+const BESIDE: [f64; 2] = [1e4; 2];
 
 impl Default for Parameters {
     fn default() -> Self {
@@ -65,6 +70,7 @@ impl Default for Parameters {
             tilt_deg: [0.0; 2],
             offset_deviation_mm: 0.0,
             tilt_deviation_deg: 0.0,
+            misses: 0.0,
             seed: 0,
         }
     }
@@ -92,6 +98,7 @@ impl Parameters {
                 &[self.tilt_deviation_deg],
                 more_tilted,
             ),
+            ("misses", &[self.misses], [0.0, 1.0]),
         ] {
             for &value in values {
                 ValueError::unless_within(key, value, range)?;
@@ -120,6 +127,7 @@ impl Parameters {
             tilt_deg: plus(self.tilt_deg, other.tilt_deg),
             offset_deviation_mm: self.offset_deviation_mm.hypot(other.offset_deviation_mm),
             tilt_deviation_deg: self.tilt_deviation_deg.hypot(other.tilt_deviation_deg),
+            misses: 1.0 - (1.0 - self.misses) * (1.0 - other.misses),
             seed: other.seed,
         }
     }
@@ -134,11 +142,14 @@ impl Parameters {
             offset: self.offset_mm.map(|mm| 1e-3 * mm),
             tilt: self.tilt_deg.map(f64::to_radians),
         };
-        if offset > 0.0 || tilt > 0.0 {
+        if offset > 0.0 || tilt > 0.0 || self.misses > 0.0 {
             let mut stream = Stream::new(self.seed, Purpose::Presses, press);
             let mut drawn = |mean: f64, deviation: f64| mean + deviation * stream.normal();
             aim.offset = aim.offset.map(|mean| drawn(mean, offset));
             aim.tilt = aim.tilt.map(|mean| drawn(mean, tilt));
+            if stream.uniform() < self.misses {
+                aim.offset = BESIDE;
+            }
         }
         aim
     }
@@ -174,6 +185,12 @@ mod tests {
             assert!((spread / deviation - 1.0).abs() < 0.06, "{spread}");
         }
         assert_eq!(Parameters::default().aim(7), Aim::default());
+        let half = Parameters {
+            misses: 0.5,
+            ..Parameters::default()
+        };
+        let count = (0..1000).filter(|&k| half.aim(k).offset == BESIDE).count();
+        assert!((450..550).contains(&count), "{count}");
     }
 
     #[test]

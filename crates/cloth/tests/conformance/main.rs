@@ -217,6 +217,7 @@ static PARAMETERS: LazyLock<Vec<(&str, Own)>> = LazyLock::new(|| {
             "deviation of tilts",
             law(|own| own.tilt_deviation_deg = 11.0),
         ),
+        ("misses", law(|own| own.misses = 0.6)),
         ("all", all),
     ]
 });

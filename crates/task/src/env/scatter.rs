@@ -37,9 +37,11 @@ pub enum Quantity {
     /// Where all presses of a world land, along either side of the stencil [mm] and about it [degrees],
     OffsetMm,
     TiltDeg,
-    /// and how far single ones scatter about that, normally.
+    /// how far single ones scatter about that, normally,
     PressOffsetMm,
     PressTiltDeg,
+    /// and the share of them that do not reach the cloth.
+    PressMisses,
 }
 
 /// How a quantity varies.
@@ -63,8 +65,8 @@ pub struct Scatter {
     /// Judges by the mean over worlds (0), by that of their worst quarter (1), or in between.
     #[serde(default)]
     pub risk: f64,
-    /// Substeps [1/s] that worlds take in turn where paths are judged, as fine as `accurate` if none are
-    /// given. Proofs take the greatest.
+    /// Substeps [1/s] by which paths are judged, as fine as `accurate` if none are given. A search takes each for an
+    /// equal share of its presses, the first first; proofs take the last.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub substep_rates: Vec<f64>,
     /// Whether every episode of a training is in a world of its own, too.
@@ -79,6 +81,7 @@ impl Quantity {
     fn range(self) -> [f64; 2] {
         match self {
             _ if self.is_factor() => [1e-2, 1e2],
+            Self::PressMisses => [0.0, 1.0],
             Self::TurnDeg | Self::TiltDeg | Self::PressTiltDeg => [-20.0, 20.0],
             _ => [-50.0, 50.0],
         }
@@ -118,7 +121,11 @@ impl Scatter {
                     least <= *low && low <= high && *high <= greatest && !is_single,
                 ),
             };
-            let mut expected = format!("a standard deviation from 0 to {most}");
+            let kind = match quantity {
+                Quantity::PressMisses => "share",
+                _ => "standard deviation",
+            };
+            let mut expected = format!("a {kind} from 0 to {most}");
             if !is_single {
                 expected += &format!(", or two ends of a range from {least} to {greatest}");
             }
@@ -130,6 +137,11 @@ impl Scatter {
             let checked = with_rate(rate).check();
             checked.map_err(|error| ValueError::new(key, rate, error.expected))?;
         }
+        let (found, expected) = (
+            format!("{:?}", self.substep_rates),
+            "no rate below the one before",
+        );
+        ValueError::unless(self.substep_rates.is_sorted(), key, found, expected)?;
         ValueError::unless_within("risk", self.risk, [0.0, 1.0])
     }
 
@@ -167,12 +179,9 @@ impl Scatter {
         }
     }
 
-    /// The task in the finest of these steps.
+    /// The task in the last of these steps.
     pub fn finest(&self, env: &EnvConfig) -> EnvConfig {
-        let rate = |env: &EnvConfig| env.stepping().substep_rate;
-        let all = self.rated(env).into_iter();
-        all.max_by(|a, b| rate(a).total_cmp(&rate(b)))
-            .expect("one at least")
+        self.rated(env).pop().expect("one at least")
     }
 
     /// One draw: a factor or a number, 1 or 0 where nothing varies.
@@ -196,7 +205,7 @@ impl Scatter {
         }
     }
 
-    /// Standard deviation from press to press.
+    /// Standard deviation from press to press, or the share of presses.
     fn deviation(&self, quantity: Quantity) -> f64 {
         match self.spreads.get(&quantity) {
             Some(Spread::Deviation(deviation)) => *deviation,
@@ -239,6 +248,7 @@ impl Scatter {
             tilt_deg: [Quantity::TiltDeg; 2].map(&mut draw),
             offset_deviation_mm: self.deviation(Quantity::PressOffsetMm),
             tilt_deviation_deg: self.deviation(Quantity::PressTiltDeg),
+            misses: self.deviation(Quantity::PressMisses),
             seed: stream.bits() >> 1,
             ..Parameters::default()
         }
@@ -336,7 +346,7 @@ impl Worlds {
 
     /// Whether anything tells them apart.
     pub fn differ(&self) -> bool {
-        !self.scatter.spreads.is_empty() || self.scatter.substep_rates.len() > 1
+        !self.scatter.spreads.is_empty()
     }
 
     /// The scene of each lie.
@@ -349,9 +359,10 @@ impl Worlds {
         self.lies[lie].off
     }
 
-    /// The world of a number, always the same. Lies take turns.
+    /// The world of a number, always the same. Lies take turns, and begin one later each time.
     pub fn world(&self, number: u64) -> World {
-        let lie = (number % self.lies.len() as u64) as usize;
+        let count = self.lies.len() as u64;
+        let lie = ((number + number / count) % count) as usize;
         // Beyond the streams of lies.
         let index = (number as u32) | 1 << 31;
         let presses = self

@@ -1,11 +1,10 @@
 //! Lists of presses, judged in worlds that differ.
 
+use std::cmp::Reverse;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
-
-use rayon::prelude::*;
+use std::sync::{Arc, Condvar, Mutex};
 
 use crate::cluster::Cluster;
 use crate::env::{Draping, EnvConfig, EpisodeState, Member, Task, Tasks, Worlds};
@@ -21,34 +20,76 @@ const ON_GPU: usize = 1024;
 
 /// A list to be pressed in a world.
 #[derive(Clone)]
-pub struct Job<'a> {
-    pub list: &'a [u32],
+pub struct Job {
+    pub list: Arc<[u32]>,
     /// Number of the world; none for that of the scene.
     pub world: Option<u64>,
+    /// Number of the rate of substeps.
+    pub rate: usize,
     /// Where a list with the same beginning has come to in that world, if it is known.
     pub from: Option<Arc<EpisodeState>>,
+    /// Keeps the states before the first press and after each so many.
+    pub stride: Option<usize>,
+}
+
+impl Job {
+    /// From the beginning to the end.
+    pub fn new(list: &[u32], world: Option<u64>, rate: usize) -> Self {
+        Self {
+            list: list.into(),
+            world,
+            rate,
+            from: None,
+            stride: None,
+        }
+    }
+
+    /// Presses that are to be made.
+    pub fn left(&self) -> usize {
+        let made = self.from.as_ref().map_or(0, |from| from.presses().len());
+        self.list.len() - made
+    }
 }
 
 /// How a list has ended.
 pub struct Ended<T> {
     /// What was asked of its end; none if the simulation diverged or the end is beyond belief.
     pub found: Option<T>,
-    /// States on the way, before the first press and after each so many.
+    /// States on the way.
     pub states: Vec<Arc<EpisodeState>>,
 }
 
 /// Environments in which lists are pressed, each in a world of its own, on all cores.
 pub struct Judge {
-    /// With the number of their rate. All of one rate take from one queue.
-    benches: Vec<(usize, Draping)>,
-    rates: usize,
+    /// Of each core, one a rate that differs from those before.
+    benches: Vec<Vec<Bench>>,
+    /// The bench of each rate.
+    of_rate: Vec<usize>,
     worlds: Arc<Worlds>,
     /// Presses made so far.
     spent: u64,
 }
 
+/// Environments that go in step.
+struct Bench(Draping);
+
+/// A list that is pressed in an environment.
+struct Running<K, T> {
+    key: K,
+    job: Job,
+    ended: Ended<T>,
+}
+
+/// What all cores take from.
+struct Queue<K> {
+    /// Of each bench.
+    waiting: Vec<VecDeque<(K, Job)>>,
+    /// Lists that are pressed now; what ends may bring more.
+    running: usize,
+}
+
 impl Judge {
-    /// For the task on `scene`, in `worlds` round it that take the steps of the `rated` tasks in turn, as
+    /// For the task on `scene`, in `worlds` round it, in the steps of the `rated` tasks, as
     /// [`Scatter::rated`](crate::env::Scatter::rated) gives them, or of one alone.
     ///
     /// # Errors
@@ -65,25 +106,29 @@ impl Judge {
             Device::Cpu => (rayon::current_num_threads(), ON_CPU),
             Device::Gpu(_) => (1, ON_GPU),
         };
-        let mut benches = Vec::new();
-        for (rate, config) in rated.iter().enumerate() {
-            // Worlds of a rate that stands twice come to the benches of the first.
-            if rated[..rate].contains(config) {
-                continue;
-            }
-            for _ in 0..copies {
-                let member = Member {
-                    scene: scene.clone(),
-                    config: config.clone(),
-                    count,
-                    worlds: Some(worlds.clone()),
-                };
-                benches.push((rate, Draping::on(vec![member], &Cluster::default())?));
+        // Worlds of a rate that stands twice come to one bench.
+        let mut apart: Vec<&EnvConfig> = Vec::new();
+        let mut of_rate = Vec::new();
+        for config in rated {
+            let known = apart.iter().position(|known| *known == config);
+            of_rate.push(known.unwrap_or(apart.len()));
+            if known.is_none() {
+                apart.push(config);
             }
         }
+        let bench = |config: &EnvConfig| {
+            let member = Member {
+                scene: scene.clone(),
+                config: config.clone(),
+                count,
+                worlds: Some(worlds.clone()),
+            };
+            Draping::on(vec![member], &Cluster::default()).map(Bench)
+        };
+        let of_core = |_| apart.iter().map(|config| bench(config)).collect();
         Ok(Self {
-            benches,
-            rates: rated.len(),
+            benches: (0..copies).map(of_core).collect::<Result<_, _>>()?,
+            of_rate,
             worlds: worlds.clone(),
             spent: 0,
         })
@@ -91,7 +136,7 @@ impl Judge {
 
     /// The task as the scene says.
     pub fn task(&self) -> &Task {
-        &self.benches[0].1.tasks()[0]
+        &self.benches[0][0].0.tasks()[0]
     }
 
     /// By what worlds scatter, and how they are judged.
@@ -104,134 +149,130 @@ impl Judge {
         self.spent
     }
 
-    /// Presses lists, as many at once as there are lanes, and asks `of` the end of each in the task of its
-    /// world. With a `stride` gives the states before the first press and after each so many. `told` hears
-    /// how many presses are made, of how many.
+    /// Presses lists, as many at once as there are lanes, asks `of` the end of each in the task of its world, and
+    /// presses what `then` brings when it is told that. Waits for none but those.
     ///
-    /// What is found depends on lists and worlds alone.
-    pub fn press<T: Send>(
+    /// What is found depends on lists and worlds alone, but not the order in which `then` hears of it.
+    pub fn press_on<K: Send, T: Send>(
         &mut self,
-        jobs: &[Job],
-        stride: Option<usize>,
+        jobs: Vec<(K, Job)>,
         of: impl Fn(&Task, &EpisodeState) -> Option<T> + Sync,
-        told: impl Fn(u64, u64) + Sync,
-    ) -> Vec<Ended<T>> {
-        let begun = |job: &Job| job.from.as_ref().map_or(0, |from| from.presses().len());
-        let left = |job: &Job| job.list.len() - begun(job);
-        let all = jobs.iter().map(|job| left(job) as u64).sum();
-        let mut order: Vec<usize> = (0..jobs.len()).collect();
-        order.sort_by_key(|&k| std::cmp::Reverse(left(&jobs[k])));
-        // By the first of equal rates.
-        let mut queues: Vec<Mutex<VecDeque<usize>>> = Vec::new();
-        queues.resize_with(self.rates, Mutex::default);
-        let rate = |world: Option<u64>| {
-            let rate = (world.unwrap_or(0) % self.rates as u64) as usize;
-            let known = self.benches.iter().map(|(known, _)| *known);
-            known
-                .filter(|&known| known <= rate)
-                .max()
-                .expect("the first is there")
-        };
-        for k in order {
-            let queue = queues[rate(jobs[k].world)].get_mut();
-            queue.expect("nobody has panicked").push_back(k);
+        then: impl FnMut(K, &Job, Ended<T>) -> Vec<(K, Job)> + Send,
+    ) {
+        let bench = |job: &Job| self.of_rate[job.rate];
+        let mut waiting: Vec<VecDeque<(K, Job)>> = Vec::new();
+        waiting.resize_with(self.benches[0].len(), VecDeque::new);
+        for (key, job) in jobs {
+            waiting[bench(&job)].push_back((key, job));
         }
-        let made = AtomicU64::new(0);
+        let queue = Queue {
+            waiting,
+            running: 0,
+        };
+        let (shared, changed, made) =
+            (Mutex::new((queue, then)), Condvar::new(), AtomicU64::new(0));
         let worlds = &self.worlds;
-        let work = |(rate, env): &mut (usize, Draping)| {
-            let next = || queues[*rate].lock().expect("nobody panics").pop_front();
-            let mut ended = Vec::new();
-            let mut open: Vec<Option<(usize, Ended<T>)>> = Vec::new();
-            open.resize_with(env.count(), || None);
+        let work = |benches: &mut Vec<Bench>| {
+            let lock = || shared.lock().expect("nobody has panicked");
+            let mut lanes: Vec<Vec<Option<Running<K, T>>>> = Vec::new();
+            for Bench(env) in &*benches {
+                lanes.push((0..env.count()).map(|_| None).collect());
+            }
+            let busy = |lanes: &[Option<_>]| lanes.iter().flatten().count();
             loop {
-                for (index, lane) in open.iter_mut().enumerate() {
-                    while lane.is_none() {
-                        let Some(k) = next() else { break };
-                        let job = &jobs[k];
-                        match &job.from {
-                            Some(from) => env.go_on(index, from),
-                            None => {
-                                let world = job.world.map(|number| worlds.world(number));
-                                env.enter(index, world.as_ref());
-                            }
-                        }
-                        let mut one = Ended {
-                            found: None,
-                            states: Vec::new(),
+                let (which, new) = {
+                    let mut guard = lock();
+                    // The bench that can be filled best: registers that are half empty take as long.
+                    let which = loop {
+                        let (queue, _) = &mut *guard;
+                        let could_be = |which: &usize| {
+                            let has = busy(&lanes[*which]);
+                            let all = has + queue.waiting[*which].len();
+                            (all.min(lanes[*which].len()), has)
                         };
-                        if stride.is_some() {
-                            one.states.push(Arc::new(env.episode(index)));
+                        let which = (0..lanes.len()).max_by_key(could_be);
+                        let which = which.expect("one at least");
+                        if could_be(&which).0 > 0 {
+                            break which;
                         }
-                        if left(job) == 0 {
-                            one.found = of(env.task(index), &env.episode(index));
-                            ended.push((k, one));
-                            continue;
+                        if queue.running == 0 {
+                            changed.notify_all();
+                            return;
                         }
-                        *lane = Some((k, one));
-                    }
-                }
-                let pressed = |(index, lane): (usize, &Option<(usize, Ended<T>)>)| {
-                    let (k, _) = lane.as_ref()?;
-                    Some(jobs[*k].list[env.pressed(index)])
-                };
-                let vertices: Vec<Option<u32>> = open.iter().enumerate().map(pressed).collect();
-                if vertices.iter().all(Option::is_none) {
-                    return ended;
-                }
-                let finite = env.press(&vertices);
-                for (index, lane) in open.iter_mut().enumerate() {
-                    let Some((k, one)) = lane else { continue };
-                    made.fetch_add(1, Ordering::Relaxed);
-                    let (count, is_last) = {
-                        let count = env.pressed(index);
-                        (count, count == jobs[*k].list.len())
+                        // What others press may bring more.
+                        guard = changed.wait(guard).expect("nobody has panicked");
                     };
-                    let is_kept = stride.is_some_and(|stride| count.is_multiple_of(stride));
-                    if finite[index] && (is_last || is_kept) {
-                        let state = env.episode(index);
-                        if is_last {
-                            one.found = of(env.task(index), &state);
-                        }
-                        if is_kept {
-                            one.states.push(Arc::new(state));
+                    let (queue, _) = &mut *guard;
+                    let mut new = Vec::new();
+                    for (index, lane) in lanes[which].iter().enumerate() {
+                        if lane.is_none()
+                            && let Some(next) = queue.waiting[which].pop_front()
+                        {
+                            queue.running += 1;
+                            new.push((index, next));
                         }
                     }
-                    if is_last || !finite[index] {
-                        ended.extend(lane.take());
+                    (which, new)
+                };
+                for (index, (key, job)) in new {
+                    let ended = benches[which].begin(index, &job, worlds);
+                    lanes[which][index] = Some(Running { key, job, ended });
+                }
+                let ended = benches[which].press(&mut lanes[which], &of, &made);
+                let (queue, then) = &mut *lock();
+                for Running { key, job, ended } in ended {
+                    queue.running -= 1;
+                    for (key, job) in then(key, &job, ended) {
+                        queue.waiting[bench(&job)].push_back((key, job));
                     }
                 }
-                told(made.load(Ordering::Relaxed), all);
+                changed.notify_all();
             }
         };
-        let ended: Vec<(usize, Ended<T>)> =
-            self.benches.par_iter_mut().flat_map_iter(work).collect();
+        // Not in rayon's pool: there a core that waits might wait for what it has itself put aside.
+        std::thread::scope(|scope| {
+            for benches in &mut self.benches {
+                scope.spawn(|| work(benches));
+            }
+        });
         self.spent += made.into_inner();
-        let mut sorted: Vec<Option<Ended<T>>> = Vec::new();
-        sorted.resize_with(jobs.len(), || None);
-        for (k, one) in ended {
-            sorted[k] = Some(one);
-        }
-        let sorted: Option<Vec<Ended<T>>> = sorted.into_iter().collect();
-        sorted.expect("every queue has a bench")
+    }
+
+    /// Presses lists. `told` hears how many have ended.
+    pub fn press<T: Send>(
+        &mut self,
+        mut jobs: Vec<Job>,
+        of: impl Fn(&Task, &EpisodeState) -> Option<T> + Sync,
+        mut told: impl FnMut(usize) + Send,
+    ) -> Vec<Ended<T>> {
+        let mut all: Vec<Option<Ended<T>>> = Vec::new();
+        all.resize_with(jobs.len(), || None);
+        let mut keyed: Vec<(usize, Job)> = jobs.drain(..).enumerate().collect();
+        keyed.sort_by_key(|(_, job)| Reverse(job.left()));
+        let mut count = 0;
+        self.press_on(keyed, of, |k, _, ended| {
+            all[k] = Some(ended);
+            count += 1;
+            told(count);
+            Vec::new()
+        });
+        let all: Option<Vec<Ended<T>>> = all.into_iter().collect();
+        all.expect("every list has ended")
+    }
+
+    /// How many rates there are.
+    pub fn rates(&self) -> usize {
+        self.of_rate.len()
     }
 
     /// Scores of lists, each in the same worlds, less what they cost, `[list][world]`; -1 where the simulation
     /// diverges.
-    pub fn scores(
-        &mut self,
-        lists: &[&[u32]],
-        worlds: &[u64],
-        told: impl Fn(u64, u64) + Sync,
-    ) -> Vec<Vec<f64>> {
-        let jobs = lists.iter().flat_map(|list| {
-            worlds.iter().map(|&world| Job {
-                list,
-                world: Some(world),
-                from: None,
-            })
-        });
-        let jobs: Vec<Job> = jobs.collect();
-        let ended = self.press(&jobs, None, Task::worth, told).into_iter();
+    pub fn scores(&mut self, lists: &[&[u32]], worlds: &[u64], rate: usize) -> Vec<Vec<f64>> {
+        let job = |list: &&[u32], world: &u64| Job::new(list, Some(*world), rate);
+        let jobs = lists
+            .iter()
+            .flat_map(|list| worlds.iter().map(|world| job(list, world)));
+        let ended = self.press(jobs.collect(), Task::worth, |_| ()).into_iter();
         let scores: Vec<f64> = ended.map(|one| one.found.unwrap_or(DIVERGED)).collect();
         let row = |k: usize| scores[k * worlds.len()..(k + 1) * worlds.len()].to_vec();
         (0..lists.len()).map(row).collect()
@@ -244,8 +285,8 @@ impl Judge {
         &mut self,
         lists: &[&[u32]],
         worlds: Range<u64>,
+        rate: usize,
         kept: usize,
-        told: impl Fn(u64, u64) + Sync,
     ) -> Vec<(usize, f64)> {
         let mut left: Vec<usize> = (0..lists.len()).collect();
         let mut scores: Vec<Vec<f64>> = vec![Vec::new(); lists.len()];
@@ -259,7 +300,7 @@ impl Judge {
             let to = (from + count).min(end);
             let own: Vec<&[u32]> = left.iter().map(|&k| lists[k]).collect();
             let new: Vec<u64> = (from..to).collect();
-            for (&k, more) in left.iter().zip(self.scores(&own, &new, &told)) {
+            for (&k, more) in left.iter().zip(self.scores(&own, &new, rate)) {
                 scores[k].extend(more);
             }
             let worth = |k: usize| self.worlds.scatter.judge(&scores[k]);
@@ -270,6 +311,70 @@ impl Judge {
             left.truncate(left.len().div_ceil(2).max(kept));
             (from, count) = (to, 2 * count);
         }
+    }
+}
+
+impl Bench {
+    /// Puts an environment to where a job begins.
+    fn begin<T>(&mut self, index: usize, job: &Job, worlds: &Worlds) -> Ended<T> {
+        let Self(env) = self;
+        match &job.from {
+            Some(from) => env.go_on(index, from),
+            None => {
+                let world = job.world.map(|number| worlds.world(number));
+                env.enter(index, world.as_ref());
+            }
+        }
+        let kept = job.stride.map(|_| Arc::new(env.episode(index)));
+        Ended {
+            found: None,
+            states: kept.into_iter().collect(),
+        }
+    }
+
+    /// Presses the next of each list, if one is left. Gives those that are over.
+    fn press<K, T>(
+        &mut self,
+        lanes: &mut [Option<Running<K, T>>],
+        of: impl Fn(&Task, &EpisodeState) -> Option<T>,
+        made: &AtomicU64,
+    ) -> Vec<Running<K, T>> {
+        let Self(env) = self;
+        let next = |(index, lane): (usize, &Option<Running<K, T>>)| {
+            let list = &lane.as_ref()?.job.list;
+            list.get(env.pressed(index)).copied()
+        };
+        let vertices: Vec<Option<u32>> = lanes.iter().enumerate().map(next).collect();
+        made.fetch_add(vertices.iter().flatten().count() as u64, Ordering::Relaxed);
+        // A list without presses ends as it began.
+        let finite = match vertices.iter().any(Option::is_some) {
+            true => env.press(&vertices),
+            false => vec![true; lanes.len()],
+        };
+        let mut over = Vec::new();
+        for (index, lane) in lanes.iter_mut().enumerate() {
+            let Some(Running { job, ended, .. }) = lane else {
+                continue;
+            };
+            let count = env.pressed(index);
+            let is_last = count == job.list.len();
+            let is_kept = job
+                .stride
+                .is_some_and(|stride| count.is_multiple_of(stride));
+            if finite[index] && (is_last || is_kept) {
+                let state = env.episode(index);
+                if is_last {
+                    ended.found = of(env.task(index), &state);
+                }
+                if is_kept && vertices[index].is_some() {
+                    ended.states.push(Arc::new(state));
+                }
+            }
+            if is_last || !finite[index] {
+                over.extend(lane.take());
+            }
+        }
+        over
     }
 }
 

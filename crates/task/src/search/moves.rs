@@ -6,16 +6,15 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::judge::{DIVERGED, Job, Judge};
-use crate::env::{EpisodeState, Task};
+use crate::env::{EpisodeState, Scatter, Task};
 use drape_cloth::math::{Purpose, Stream};
 
 /// How orders are searched.
 #[derive(Clone, Copy, Debug)]
 pub struct Moves {
-    /// Orders that are changed side by side in the beginning; at each third of the search the worse half is
-    /// given up.
+    /// Orders that are changed side by side. At the end of each generation the worse half goes on from the better.
     pub chains: usize,
-    /// Candidates of a round, shared by the chains.
+    /// Candidates of a chain and a round.
     pub candidates: usize,
     /// How much worse a candidate may be, by a chance of 1 in e, in the beginning and at the end [-].
     pub hot: f64,
@@ -25,29 +24,34 @@ pub struct Moves {
 impl Default for Moves {
     fn default() -> Self {
         Self {
-            chains: 8,
-            candidates: 48,
+            chains: 12,
+            candidates: 6,
             hot: 6e-3,
             cold: 2e-4,
         }
     }
 }
 
-/// Worlds of a round. Candidates are seen in the first, those that are left in the second, and so on.
-/// Where worlds do not differ one is enough.
-const STAGES: [Range<usize>; 3] = [0..1, 1..2, 2..4];
-/// A search has converged when so many rounds in a row have brought its best chain no more than this.
-const CONVERGED: (u64, f64) = (60, 1e-3);
+/// Worlds of a round. Candidates are seen in the first, those that are left in the second. Where worlds do not
+/// differ one is enough. More steps on few worlds come to better orders than few steps on more (docs/SCATTER.md).
+const STAGES: [Range<usize>; 2] = [0..1, 1..2];
+/// Least number of generations, and most presses of one.
+const GENERATIONS: (u64, u64) = (5, 60_000);
+/// A search has converged when two generations in a row have brought its chains no more than this on average.
+const CONVERGED: f64 = 1e-3;
+/// What the last round counts in the running mean of a chain.
+const RECENT: f64 = 0.3;
 /// Bytes of the states that may be kept of a round.
 const MOST_BYTES: usize = 512 << 20;
 
 /// Where a search is.
 #[derive(Clone, Copy, Debug)]
 pub struct Searching {
-    pub round: u64,
+    /// Of all chains together.
+    pub rounds: u64,
     /// Presses made since it began.
     pub spent: u64,
-    /// What the best chain has come to, on average since it changed.
+    /// What the best chain comes to, as a running mean.
     pub best: f64,
 }
 
@@ -61,23 +65,8 @@ pub struct Found {
     pub has_converged: bool,
 }
 
-/// An order that is changed.
-#[derive(Clone)]
-struct Chain {
-    order: Vec<u32>,
-    /// What it was worth in the rounds since it changed, summed, and their number.
-    sum: f64,
-    rounds: f64,
-}
-
-impl Chain {
-    fn mean(&self) -> f64 {
-        self.sum / self.rounds.max(1.0)
-    }
-}
-
-/// Searches from `starts` on for so many presses. `watch` is told where it is and whether to go on is what it
-/// says. Gives the orders of the chains that are left and those they began with, each once, the better ones.
+/// Searches from `starts` on, the best first, for so many presses. `watch` is told where it is and whether to go
+/// on is what it says. Gives the orders of the chains and the first start, each once, the better ones.
 ///
 /// # Panics
 /// If there is nothing to start from.
@@ -87,182 +76,360 @@ pub fn moves(
     method: Moves,
     presses: u64,
     seed: u64,
-    mut watch: impl FnMut(Searching) -> bool,
+    watch: impl FnMut(Searching) -> bool + Send,
 ) -> Found {
-    let (board, mut stream) = (
-        Board::new(judge.task()),
-        Stream::new(seed, Purpose::Search, 0),
-    );
     let stages = match judge.worlds().differ() {
         true => &STAGES[..],
         false => &STAGES[..1],
     };
-    let count_of_worlds = stages[stages.len() - 1].end;
-    let stride = board.stride(method.chains * count_of_worlds);
+    let worlds = stages[stages.len() - 1].end;
+    let board = Board::new(judge.task());
     let chain = |k: usize| Chain {
-        order: starts[k % starts.len()].clone(),
-        sum: 0.0,
-        rounds: 0.0,
+        order: starts[k % starts.len()][..].into(),
+        mean: f64::NEG_INFINITY,
+        proposals: Vec::new(),
+        stream: Stream::new(seed, Purpose::Search, k as u32),
+        rounds: 0,
+        spent: 0,
+        open: 0,
+        parents: Vec::new(),
+        candidates: Vec::new(),
     };
-    let mut chains: Vec<Chain> = (0..method.chains).map(chain).collect();
-    let before = judge.spent();
-    let (mut round, mut at_best, mut goes_on) = (0, (0, f64::NEG_INFINITY), true);
-    let has_converged = loop {
-        let spent = judge.spent() - before;
-        if spent >= presses || !goes_on {
-            break false;
-        }
-        let share = spent as f64 / presses as f64;
-        let count = (method.chains >> (3.0 * share) as usize).max(1);
-        if count < chains.len() {
-            chains.sort_by(|a, b| b.mean().total_cmp(&a.mean()));
-            chains.truncate(count);
-        }
-        let each = (method.candidates / chains.len()).max(1);
-        let first = round * count_of_worlds as u64;
-        let worlds: Vec<u64> = (first..first + count_of_worlds as u64).collect();
-        let heat = method.hot * (method.cold / method.hot).powf(share);
-        let parents = press_parents(judge, &chains, &worlds, stride);
-        let mut changed: Vec<Vec<u32>> = Vec::new();
-        for chain in &chains {
-            changed.extend((0..each).map(|_| board.changed(&chain.order, &mut stream)));
-        }
-        let seen: Vec<(&[u32], &Parent)> = (changed.iter().enumerate())
-            .map(|(c, order)| (&**order, &parents[c / each]))
-            .collect();
-        let scores = press_candidates(judge, &seen, &worlds, stages, 2.0 * heat);
-        let worth = |scores: &[f64]| judge.worlds().scatter.judge(scores);
-        for (k, (chain, parent)) in chains.iter_mut().zip(&parents).enumerate() {
-            let mut now = worth(&parent.scores);
-            chain.sum += now;
-            chain.rounds += 1.0;
-            for c in k * each..(k + 1) * each {
-                let Some(scores) = &scores[c] else { continue };
-                let (new, chance) = (worth(scores), stream.uniform());
-                if new > now || chance < ((new - now) / heat).exp() {
-                    now = new;
-                    *chain = Chain {
-                        order: changed[c].clone(),
-                        sum: new,
-                        rounds: 1.0,
-                    };
-                }
-            }
-        }
-        round += 1;
-        let mean = |k: &usize| chains[*k].mean();
-        let by_mean = |a: &usize, b: &usize| mean(a).total_cmp(&mean(b));
-        let best = (0..chains.len()).max_by(by_mean).expect("a chain at least");
-        let best = chains[best].mean();
-        let (rounds, more) = CONVERGED;
-        if best > at_best.1 + more {
-            at_best = (round, best);
-        } else if round - at_best.0 >= rounds {
-            break true;
-        }
-        goes_on = watch(Searching {
-            round,
-            spent: judge.spent() - before,
-            best,
+    let mut search = Search {
+        stride: board.stride(method.chains * worlds),
+        board,
+        scatter: judge.worlds().scatter.clone(),
+        stages,
+        method,
+        chains: (0..method.chains).map(chain).collect(),
+        heat: method.hot,
+        rate: 0,
+        until: 0,
+        rounds: 0,
+        found: (0.0, 0),
+        goes_on: true,
+        watch,
+    };
+    let (least, most) = GENERATIONS;
+    let generations = least.max(presses.div_ceil(most));
+    // What chains have come to in the generation before, and how many have brought no more.
+    let (mut before, mut idle) = (f64::NEG_INFINITY, 0);
+    for generation in 0..generations {
+        let share = generation as f64 / (generations - 1) as f64;
+        search.heat = method.hot * (method.cold / method.hot).powf(share);
+        let rate = search.rate;
+        search.rate = ((share * judge.rates() as f64) as usize).min(judge.rates() - 1);
+        search.until = presses * (generation + 1) / generations / method.chains as u64;
+        search.found = (0.0, 0);
+        let first = (0..method.chains).flat_map(|k| search.begin(k)).collect();
+        judge.press_on(first, Task::worth, |key, job, ended| {
+            search.hear(key, job, ended.found.unwrap_or(DIVERGED), ended.states)
         });
-    };
+        let (sum, rounds) = search.found;
+        let mean = sum / rounds as f64;
+        search.chains.sort_by(|a, b| b.mean.total_cmp(&a.mean));
+        // Scores at another rate are others.
+        idle = match mean < before + CONVERGED && rate == search.rate {
+            true => idle + 1,
+            false => 0,
+        };
+        if idle == 2 || !search.goes_on {
+            break;
+        }
+        before = mean;
+        let half = method.chains.div_ceil(2);
+        // No two are ever in the worlds of one round.
+        let most = search.chains.iter().map(|chain| chain.rounds).max();
+        for chain in &mut search.chains {
+            chain.rounds = most.unwrap_or(0);
+        }
+        for k in half..method.chains {
+            let better = &search.chains[k - half];
+            let (order, mean) = (better.order.clone(), better.mean);
+            let proposals = better.proposals.clone();
+            let chain = &mut search.chains[k];
+            (chain.order, chain.mean, chain.proposals) = (order, mean, proposals);
+        }
+    }
+    let (goes_on, all) = (search.goes_on, &search.chains);
+    let mut orders: Vec<&[u32]> = all.iter().map(|chain| &*chain.order).collect();
     // None is worse than what it began with.
-    let begun = starts.iter().take(method.chains).cloned();
-    let mut orders: Vec<Vec<u32>> = chains.into_iter().map(|chain| chain.order).collect();
-    orders.extend(begun);
+    orders.push(&starts[0]);
     orders.sort();
     orders.dedup();
-    let lists: Vec<&[u32]> = orders.iter().map(|order| &**order).collect();
-    let first = round * count_of_worlds as u64;
-    let ranked = judge.race(&lists, first..first + 21, 2, |_, _| ());
+    let first = search.worlds_of(all.iter().map(|chain| chain.rounds).max().unwrap_or(0), 0);
+    let ranked = judge
+        .race(&orders, first..first + 21, judge.rates() - 1, 2)
+        .into_iter();
     Found {
         orders: ranked
-            .into_iter()
-            .map(|(k, worth)| (orders[k].clone(), worth))
+            .map(|(k, worth)| (orders[k].to_vec(), worth))
             .collect(),
-        rounds: round,
-        has_converged,
+        rounds: search.rounds,
+        has_converged: idle == 2 && goes_on,
     }
 }
 
-/// An order as it was pressed in the worlds of a round.
-struct Parent {
-    order: Vec<u32>,
-    /// What it is worth in each world, and the states that candidates go on from.
-    scores: Vec<f64>,
-    states: Vec<Vec<Arc<EpisodeState>>>,
-}
-
-/// Presses the orders of chains.
-fn press_parents(
-    judge: &mut Judge,
-    chains: &[Chain],
-    worlds: &[u64],
+/// Chains that are changed, each in rounds of its own.
+struct Search<W> {
+    board: Board,
+    scatter: Scatter,
+    stages: &'static [Range<usize>],
+    method: Moves,
+    /// Presses between two states that are kept.
     stride: usize,
-) -> Vec<Parent> {
-    let jobs = chains.iter().flat_map(|chain| {
-        worlds.iter().map(|&world| Job {
-            list: &chain.order,
-            world: Some(world),
-            from: None,
-        })
-    });
-    let jobs: Vec<Job> = jobs.collect();
-    let mut ended = judge
-        .press(&jobs, Some(stride), Task::worth, |_, _| ())
-        .into_iter();
-    let parent = |chain: &Chain| {
-        let own = ended.by_ref().take(worlds.len());
-        let (scores, states) = own
-            .map(|one| (one.found.unwrap_or(DIVERGED), one.states))
-            .unzip();
-        Parent {
-            order: chain.order.clone(),
-            scores,
-            states,
-        }
-    };
-    chains.iter().map(parent).collect()
+    chains: Vec<Chain>,
+    heat: f64,
+    rate: usize,
+    /// Presses of a chain at which its generation ends.
+    until: u64,
+    /// Of all chains together.
+    rounds: u64,
+    /// What chains were worth in this generation, summed, and in how many rounds.
+    found: (f64, u64),
+    goes_on: bool,
+    watch: W,
 }
 
-/// Presses candidates, each beside its parent, stage by stage. Who is worse than that on average by more than
-/// `least` is seen in no further world. Gives what those that are left are worth in each.
-fn press_candidates(
-    judge: &mut Judge,
-    candidates: &[(&[u32], &Parent)],
-    worlds: &[u64],
-    stages: &[Range<usize>],
-    least: f64,
-) -> Vec<Option<Vec<f64>>> {
-    // From the last state that it shares with its parent.
-    let job = |c: usize, world: usize| {
-        let (list, parent) = candidates[c];
-        let same = list.iter().zip(&parent.order);
-        let same = same.take_while(|(a, b)| a == b).count();
-        let mut states = parent.states[world].iter().rev();
-        Job {
-            list,
-            world: Some(worlds[world]),
-            from: states.find(|state| state.presses().len() <= same).cloned(),
+/// An order that is changed.
+struct Chain {
+    order: Arc<[u32]>,
+    /// Running mean of what it is worth, each time in new worlds.
+    mean: f64,
+    /// What has been good apart, together: candidates of the next round.
+    proposals: Vec<Arc<[u32]>>,
+    stream: Stream,
+    rounds: u64,
+    spent: u64,
+    /// Lists of this round that have not ended yet.
+    open: usize,
+    /// The order in each world: what it is worth and the states that candidates go on from.
+    parents: Vec<Option<(f64, Vec<Arc<EpisodeState>>)>>,
+    candidates: Vec<Candidate>,
+}
+
+struct Candidate {
+    order: Arc<[u32]>,
+    /// What it is worth in each world where it has been seen.
+    scores: Vec<Option<f64>>,
+    /// Stages that it has begun.
+    begun: usize,
+    /// Whether it is not yet worse than its parent.
+    is_left: bool,
+}
+
+/// What is pressed: the order of a chain or one of its candidates, in a world of the round.
+#[derive(Clone, Copy)]
+struct Key {
+    chain: usize,
+    candidate: Option<usize>,
+    world: usize,
+}
+
+impl<W: FnMut(Searching) -> bool> Search<W> {
+    /// Number of the first world of a round.
+    fn worlds_of(&self, round: u64, chain: usize) -> u64 {
+        let worlds = self.stages[self.stages.len() - 1].end;
+        (round * self.chains.len() as u64 + chain as u64) * worlds as u64
+    }
+
+    /// Begins the next round of a chain.
+    fn begin(&mut self, k: usize) -> Vec<(Key, Job)> {
+        let worlds = self.stages[self.stages.len() - 1].end;
+        let first = self.worlds_of(self.chains[k].rounds, k);
+        let chain = &mut self.chains[k];
+        let mut orders = std::mem::take(&mut chain.proposals);
+        while orders.len() < self.method.candidates {
+            orders.push(self.board.changed(&chain.order, &mut chain.stream).into());
         }
-    };
-    let mut scores = vec![Some(Vec::new()); candidates.len()];
-    for stage in stages {
-        let open: Vec<usize> = (0..scores.len()).filter(|&c| scores[c].is_some()).collect();
-        let jobs = open
-            .iter()
-            .flat_map(|&c| stage.clone().map(move |w| (c, w)));
-        let jobs: Vec<Job> = jobs.map(|(c, w)| job(c, w)).collect();
-        let ended = judge.press(&jobs, None, Task::worth, |_, _| ());
-        let mean = |scores: &[f64]| scores.iter().sum::<f64>() / stage.end as f64;
-        for (c, ended) in open.into_iter().zip(ended.chunks(stage.len())) {
-            let mut own = scores[c].take().unwrap_or_default();
-            own.extend(ended.iter().map(|one| one.found.unwrap_or(DIVERGED)));
-            let parent = &candidates[c].1.scores[..stage.end];
-            scores[c] = (mean(&own) > mean(parent) - least).then_some(own);
+        let candidate = |order| Candidate {
+            order,
+            scores: vec![None; worlds],
+            begun: 0,
+            is_left: true,
+        };
+        chain.candidates = orders.into_iter().map(candidate).collect();
+        chain.parents = (0..worlds).map(|_| None).collect();
+        chain.open = worlds;
+        let job = |world: usize| {
+            let key = Key {
+                chain: k,
+                candidate: None,
+                world,
+            };
+            let job = Job {
+                list: chain.order.clone(),
+                world: Some(first + world as u64),
+                rate: self.rate,
+                from: None,
+                stride: Some(self.stride),
+            };
+            (key, job)
+        };
+        (0..worlds).map(job).collect()
+    }
+
+    /// Hears what a list is worth in a world; gives what is to be pressed because of it.
+    fn hear(
+        &mut self,
+        key: Key,
+        job: &Job,
+        worth: f64,
+        states: Vec<Arc<EpisodeState>>,
+    ) -> Vec<(Key, Job)> {
+        let k = key.chain;
+        let first = self.worlds_of(self.chains[k].rounds, k);
+        let chain = &mut self.chains[k];
+        chain.open -= 1;
+        chain.spent += job.left() as u64;
+        match key.candidate {
+            None => chain.parents[key.world] = Some((worth, states)),
+            Some(c) => chain.candidates[c].scores[key.world] = Some(worth),
+        }
+        let mut jobs = Vec::new();
+        for (c, candidate) in chain.candidates.iter_mut().enumerate() {
+            let worlds = candidate.next(&chain.parents, self.stages, 2.0 * self.heat);
+            for world in worlds {
+                let key = Key {
+                    chain: k,
+                    candidate: Some(c),
+                    world,
+                };
+                let (_, states) = chain.parents[world].as_ref().expect("it has ended");
+                jobs.push((
+                    key,
+                    candidate.job(&chain.order, states, first + world as u64, self.rate),
+                ));
+            }
+        }
+        chain.open += jobs.len();
+        if chain.open > 0 {
+            return jobs;
+        }
+        self.end(k);
+        match self.goes_on && self.chains[k].spent < self.until {
+            true => self.begin(k),
+            false => Vec::new(),
         }
     }
-    scores
+
+    /// Ends a round of a chain: the best of its candidates takes its place, if it is better or by chance.
+    fn end(&mut self, k: usize) {
+        let chain = &mut self.chains[k];
+        let worth = |scores: &mut dyn Iterator<Item = Option<f64>>| {
+            let scores: Option<Vec<f64>> = scores.collect();
+            scores.map(|scores| self.scatter.judge(&scores))
+        };
+        let parents = &mut chain
+            .parents
+            .iter()
+            .map(|one| one.as_ref().map(|one| one.0));
+        let now = worth(parents).expect("it was pressed in all");
+        let mut left = Vec::new();
+        for candidate in chain.candidates.iter().filter(|one| one.is_left) {
+            let new = worth(&mut candidate.scores.iter().copied());
+            left.extend(new.map(|new| (new, candidate.order.clone())));
+        }
+        left.sort_by(|a, b| b.0.total_cmp(&a.0));
+        chain.mean = match chain.mean.is_finite() {
+            true => chain.mean + RECENT * (now - chain.mean),
+            false => now,
+        };
+        let chance = chain.stream.uniform();
+        if let Some((new, order)) = left.first()
+            && (*new > now || chance < ((new - now) / self.heat).exp())
+        {
+            let better = left.iter().filter(|one| one.0 > now);
+            let better: Vec<&[u32]> = better.map(|one| &*one.1).collect();
+            chain.proposals = together(&chain.order, &better);
+            chain.order = order.clone();
+        }
+        chain.rounds += 1;
+        self.rounds += 1;
+        self.found.0 += now;
+        self.found.1 += 1;
+        let all = &self.chains;
+        let best = all.iter().map(|chain| chain.mean);
+        self.goes_on &= (self.watch)(Searching {
+            rounds: self.rounds,
+            spent: all.iter().map(|chain| chain.spent).sum(),
+            best: best.fold(f64::NEG_INFINITY, f64::max),
+        });
+    }
+}
+
+impl Candidate {
+    /// The worlds in which it is to be seen next; it is dropped where it is worse than its parent on average by more
+    /// than `least`.
+    fn next<S>(
+        &mut self,
+        parents: &[Option<(f64, S)>],
+        stages: &[Range<usize>],
+        least: f64,
+    ) -> Range<usize> {
+        if !self.is_left {
+            return 0..0;
+        }
+        if self.begun > 0 {
+            let seen = 0..stages[self.begun - 1].end;
+            let own: Option<f64> = self.scores[seen.clone()].iter().copied().sum();
+            let of_parent = parents[seen.clone()].iter().flatten().map(|one| one.0);
+            let of_parent: f64 = of_parent.sum();
+            match own {
+                None => return 0..0,
+                Some(own) => self.is_left = own > of_parent - least * seen.len() as f64,
+            }
+        }
+        let next = stages.get(self.begun).filter(|_| self.is_left).cloned();
+        let next = next.filter(|worlds| parents[worlds.clone()].iter().all(Option::is_some));
+        self.begun += usize::from(next.is_some());
+        next.unwrap_or(0..0)
+    }
+
+    /// From the last state that it shares with its parent.
+    fn job(&self, parent: &[u32], states: &[Arc<EpisodeState>], world: u64, rate: usize) -> Job {
+        let same = self.order.iter().zip(parent).take_while(|(a, b)| a == b);
+        let same = same.count();
+        let mut shared = states.iter().rev();
+        Job {
+            list: self.order.clone(),
+            world: Some(world),
+            rate,
+            from: shared.find(|state| state.presses().len() <= same).cloned(),
+            stride: None,
+        }
+    }
+}
+
+/// Orders that have more than one of the changes which have been good apart: the first two that touch different
+/// presses, and all such.
+fn together(parent: &[u32], better: &[&[u32]]) -> Vec<Arc<[u32]>> {
+    let mut changes: Vec<(Range<usize>, &[u32])> = Vec::new();
+    let mut found: Vec<Arc<[u32]>> = Vec::new();
+    for order in better {
+        let same = |(a, b): &(&u32, &u32)| a == b;
+        let from = parent.iter().zip(*order).take_while(same).count();
+        let ends = parent[from..].iter().rev().zip(order[from..].iter().rev());
+        let behind = ends.take_while(same).count();
+        let (to, new) = (parent.len() - behind, &order[from..order.len() - behind]);
+        if changes
+            .iter()
+            .any(|(range, _)| from <= range.end && range.start <= to)
+        {
+            continue;
+        }
+        changes.push((from..to, new));
+        if changes.len() > 1 {
+            changes.sort_by_key(|(range, _)| range.start);
+            let mut all = parent.to_vec();
+            for (range, new) in changes.iter().rev() {
+                all.splice(range.clone(), new.iter().copied());
+            }
+            found.truncate(1);
+            found.push(all.into());
+        }
+    }
+    found
 }
 
 /// Where orders are changed: the flat blank.

@@ -117,7 +117,7 @@ fn judgements_depend_on_list_and_world_alone() {
     let (worlds, lists) = (worlds(), lists(5));
     let judge = || Judge::new(&COARSE, &worlds, &worlds.scatter.rated(&small_region())).unwrap();
     let all: Vec<&[u32]> = lists.iter().map(|list| &**list).collect();
-    let expected = judge().scores(&all, &[0, 1, 2, 9], |_, _| ());
+    let expected = judge().scores(&all, &[0, 1, 2, 9], 0);
     let pool = |threads| {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -125,7 +125,7 @@ fn judgements_depend_on_list_and_world_alone() {
             .unwrap()
     };
     for threads in [1, 3] {
-        let found = pool(threads).install(|| judge().scores(&all[1..2], &[1, 9], |_, _| ()));
+        let found = pool(threads).install(|| judge().scores(&all[1..2], &[1, 9], 0));
         assert_eq!(found, [[expected[1][1], expected[1][3]]]);
     }
     assert!(expected[1][0] != expected[1][1] && expected[1][1] != expected[1][3]);
@@ -133,21 +133,26 @@ fn judgements_depend_on_list_and_world_alone() {
     let mut other = lists[0].clone();
     let at = other.len() / 2;
     other[at..].reverse();
-    let job = |list, from| Job {
-        list,
-        world: Some(2),
-        from,
-    };
+    let job = |list: &[u32]| Job::new(list, Some(2), 0);
     let mut judge = judge();
-    let whole = judge.press(&[job(&other, None)], None, Task::worth, |_, _| ());
-    let parent = judge.press(&[job(&lists[0], None)], Some(3), Task::worth, |_, _| ());
-    assert_eq!(parent[0].found, Some(expected[0][2]));
-    assert_eq!(parent[0].states.len(), 1 + lists[0].len() / 3);
-    let before = judge.spent();
-    let from = Some(parent[0].states[at / 3].clone());
-    let rest = judge.press(&[job(&other, from)], None, Task::worth, |_, _| ());
-    assert!(whole[0].found.is_some() && whole[0].found == rest[0].found);
-    assert_eq!(judge.spent() - before, (other.len() - at / 3 * 3) as u64);
+    let mut press = |job| {
+        let before = judge.spent();
+        let ended = judge.press(vec![job], Task::worth, |_| ()).remove(0);
+        (ended, judge.spent() - before)
+    };
+    let (whole, _) = press(job(&other));
+    let (parent, _) = press(Job {
+        stride: Some(3),
+        ..job(&lists[0])
+    });
+    assert_eq!(parent.found, Some(expected[0][2]));
+    assert_eq!(parent.states.len(), 1 + lists[0].len() / 3);
+    let (rest, spent) = press(Job {
+        from: Some(parent.states[at / 3].clone()),
+        ..job(&other)
+    });
+    assert!(whole.found.is_some() && whole.found == rest.found);
+    assert_eq!(spent, (other.len() - at / 3 * 3) as u64);
 }
 
 /// A race gives the order of all its worlds to those that stay in it.
@@ -156,12 +161,12 @@ fn races_end_with_the_best() {
     let (worlds, lists) = (worlds(), lists(6));
     let mut judge = Judge::new(&COARSE, &worlds, &worlds.scatter.rated(&small_region())).unwrap();
     let all: Vec<&[u32]> = lists.iter().map(|list| &**list).collect();
-    let ranked = judge.race(&all, 0..9, 2, |_, _| ());
+    let ranked = judge.race(&all, 0..9, 0, 2);
     assert_eq!(ranked.len(), 3);
     assert!(ranked.windows(2).all(|pair| pair[0].1 >= pair[1].1));
     let worlds_of_all: Vec<u64> = (0..9).collect();
     for &(k, worth) in &ranked {
-        let scores = judge.scores(&[all[k]], &worlds_of_all, |_, _| ()).remove(0);
+        let scores = judge.scores(&[all[k]], &worlds_of_all, 0).remove(0);
         assert_eq!(worth, worlds.scatter.judge(&scores));
     }
 }
@@ -176,14 +181,13 @@ fn moves_find_orders_that_hold() {
     let fresh: Vec<u64> = (1000..1012).collect();
     let method = Moves {
         chains: 4,
-        candidates: 24,
         ..Moves::default()
     };
     let search = |seed| {
         let mut judge = Judge::new(&COARSE, &worlds, &worlds.scatter.rated(&config)).unwrap();
         let mut rounds = 0;
         let found = moves(&mut judge, &lists, method, 25_000, seed, |at| {
-            rounds = at.round;
+            rounds = at.rounds;
             true
         });
         assert!(found.rounds == rounds || found.has_converged);
@@ -191,7 +195,7 @@ fn moves_find_orders_that_hold() {
     };
     let mut judge = Judge::new(&COARSE, &worlds, &worlds.scatter.rated(&config)).unwrap();
     let mut worth = |list: &[u32]| {
-        let scores = judge.scores(&[list], &fresh, |_, _| ()).remove(0);
+        let scores = judge.scores(&[list], &fresh, 1).remove(0);
         worlds.scatter.judge(&scores)
     };
     let before: Vec<f64> = lists.iter().map(|list| worth(list)).collect();

@@ -41,8 +41,16 @@ fn values_out_of_range_are_named() {
             "press_offset_mm = [0.0, 1.0]",
             "`press_offset_mm` is [0, 1], expected a standard deviation from 0 to 25",
         ),
+        (
+            "press_misses = 0.7",
+            "`press_misses` is 0.7, expected a share from 0 to 0.5",
+        ),
         ("risk = 2.0", "`risk` is 2, expected"),
         ("substep_rates = [0.0]", "`substep_rates` is 0, expected"),
+        (
+            "substep_rates = [2400.0, 1200.0]",
+            "`substep_rates` is [2400.0, 1200.0], expected no rate below the one before",
+        ),
     ] {
         let error = read(text).check().unwrap_err().to_string();
         assert!(error.starts_with(message), "{error}");
