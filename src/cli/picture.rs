@@ -173,6 +173,41 @@ impl<'a> Studio<'a> {
     }
 }
 
+/// What each quantity costs by itself: a bar as long as what is lost in the worst world, up to where it is lost on
+/// average in the colour of draped cloth.
+pub fn sensitivity(all: &[Sensitivity]) -> Image {
+    let (row, left, longest, width) = (26, 190, 320, 640);
+    let mut image = Image::new(width, row * (all.len() + 1), BACKGROUND);
+    let lost = |score: f64| (1.0 - score).max(0.0);
+    let losses = all.iter().map(|one| lost(one.worst_score));
+    let most = losses.fold(1e-3, f64::max);
+    let title = "share that is left where one quantity varies alone: on average, at worst";
+    image.label([8, 7], title, MIN_TEXT, TEXT_COLOR);
+    for (k, one) in all.iter().enumerate() {
+        let top = row * (k + 1);
+        let at = top as i32 + 7;
+        image.label([8, at], &one.quantity.name(), MIN_TEXT, TEXT_COLOR);
+        for (score, color) in [(one.worst_score, TOUCHED), (one.score, DRAPED)] {
+            let length = (longest as f64 * lost(score) / most) as usize;
+            for y in top + 4..top + row - 4 {
+                image.pixels[y * width + left..][..length].fill(color);
+            }
+        }
+        let [mean, worst] = [one.score, one.worst_score].map(|score| 100.0 * lost(score));
+        let text = match one.score.is_finite() {
+            true => format!("{mean:.1}, {worst:.1} %"),
+            false => "diverges".into(),
+        };
+        image.label(
+            [(left + longest + 10) as i32, at],
+            &text,
+            MIN_TEXT,
+            TEXT_COLOR,
+        );
+    }
+    image
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -311,36 +346,4 @@ mod tests {
             assert_eq!(image.pixels.len(), size[0] * size[1]);
         }
     }
-}
-
-/// What each quantity costs by itself: a bar as long as what is lost in the worst world, up to where it is lost on
-/// average in the colour of draped cloth.
-pub fn sensitivity(all: &[Sensitivity]) -> Image {
-    let (row, left, width) = (26, 190, 320);
-    let mut image = Image::new(640, row * (all.len() + 1), BACKGROUND);
-    let lost = |score: f64| (1.0 - score).max(0.0);
-    let losses = all.iter().map(|one| lost(one.worst_score));
-    let most = losses.fold(1e-3, f64::max);
-    let title = "share that is left where one quantity varies alone: on average, at worst";
-    image.label([8, 7], title, MIN_TEXT, TEXT_COLOR);
-    for (k, one) in all.iter().enumerate() {
-        let top = row * (k + 1);
-        let at = top as i32 + 7;
-        image.label([8, at], &one.quantity.name(), MIN_TEXT, TEXT_COLOR);
-        for (score, color) in [(one.worst_score, TOUCHED), (one.score, DRAPED)] {
-            let length = (width as f64 * lost(score) / most) as usize;
-            for y in top + 4..top + row - 4 {
-                image.pixels[y * 640 + left..][..length].fill(color);
-            }
-        }
-        let [mean, worst] = [one.score, one.worst_score].map(|score| 100.0 * lost(score));
-        let text = format!("{mean:.1}, {worst:.1} %");
-        image.label(
-            [(left + width + 10) as i32, at],
-            &text,
-            MIN_TEXT,
-            TEXT_COLOR,
-        );
-    }
-    image
 }

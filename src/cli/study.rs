@@ -10,18 +10,17 @@ use super::Failure;
 use super::failure::{OrInvalid, study_failure};
 use super::learning;
 use super::output::{OutFolder, Progress, print, write_together};
-use crate::run::{RunConfig, RunFolder, dated_folder};
+use crate::run::{BestSequence, RunConfig, RunFolder, dated_folder};
 use drape_cloth::file::{WriteError, check_writable, read_text, write_atomic};
-use drape_cloth::scene::SceneConfig;
 use drape_study::episodes::Episodes;
 use drape_study::learning::Learning;
+use drape_study::proof::Judging;
 use drape_study::stability::Stability;
-use drape_study::study::{Context, Report, Study, StudyError, TrainedPath};
+use drape_study::study::{Context, KeptPaths, Report, Study, StudyError, TrainedPath};
 use drape_study::table::replace_tables;
 use drape_study::tradeoff::Tradeoff;
 use drape_study::twin::TwinStudy;
 use drape_study::verify::Verify;
-use drape_task::env::EnvConfig;
 
 /// Measure the simulator itself
 #[derive(Debug, clap::Args)]
@@ -38,6 +37,7 @@ enum Name {
     Tradeoff(Measure<Tradeoff>),
     Verify(Measure<Verify>),
     Twin(Measure<TwinStudy>),
+    Judge(Measure<Judging>),
 }
 
 /// Runs `drape study`.
@@ -50,6 +50,7 @@ pub fn run(args: StudyArgs) -> Result<(), Failure> {
         Name::Tradeoff(study) => study.run(prefix),
         Name::Verify(study) => study.run(prefix),
         Name::Twin(study) => study.run(prefix),
+        Name::Judge(study) => study.run(prefix),
     }
 }
 
@@ -105,16 +106,17 @@ impl<S: clap::Args + Study> Measure<S> {
         let found = self.study.run(&Context {
             progress: &tell,
             read_task: &|path| {
-                let (_, task) = read_task(path)?;
+                let (_, RunConfig { scene, env, .. }) = read_config(path)?;
                 if !self.json {
                     let run = path.display();
                     eprintln!(
                         "using the scene and the focus region of {run}, not what it has learnt"
                     );
                 }
-                Ok(task)
+                Ok((scene, env))
             },
             read_run: &read_run,
+            read_kept: &read_kept,
             train: &|options| {
                 let out = out.as_ref().expect("a study of the command has a folder");
                 learning::train(options, &out.path, &tell)
@@ -201,20 +203,31 @@ fn replaced<S: Study>(
     new.map_err(|message| Failure::invalid(anyhow!("{}: {message}", path.display())))
 }
 
-/// A run folder with its scene and task.
-fn read_task(path: &Path) -> Result<(RunFolder, (SceneConfig, EnvConfig)), StudyError> {
+/// A run folder with its configuration.
+fn read_config(path: &Path) -> Result<(RunFolder, RunConfig), StudyError> {
     let unread = |error: anyhow::Error| StudyError::Read(error.into());
     let folder = RunFolder::open(path).map_err(unread)?;
     let config = RunConfig::read(&folder.config).map_err(unread)?;
-    Ok((folder, (config.scene, config.env)))
+    Ok((folder, config))
 }
 
-/// The path of a run folder, proved or before that its best sequence, which is refused where its
-/// configuration has changed.
+/// A path that a run folder has, which is refused where its configuration has changed since.
+fn checked(
+    folder: &RunFolder,
+    best: BestSequence,
+    place: &Path,
+) -> Result<BestSequence, StudyError> {
+    let digest = folder.config_digest();
+    let digest = digest.map_err(|error| StudyError::Read(error.into()))?;
+    let fault = |fault| StudyError::Invalid(format!("{}: {fault}", place.display()));
+    best.check_config(&digest).map_err(fault)?;
+    Ok(best)
+}
+
+/// The path of a run folder, proved or before that its best sequence.
 fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
-    let unread = |error: anyhow::Error| StudyError::Read(error.into());
     let damaged = |error: anyhow::Error| StudyError::Damaged(error.into());
-    let (folder, (scene, env)) = read_task(path)?;
+    let (folder, RunConfig { scene, env, .. }) = read_config(path)?;
     let (best, place) = match folder.read_proof().map_err(damaged)? {
         Some(proved) => (proved.path, &folder.proof),
         None => {
@@ -222,12 +235,29 @@ fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
             (best, &folder.best_sequence)
         }
     };
-    let digest = folder.config_digest().map_err(unread)?;
-    let fault = |fault| StudyError::Invalid(format!("{}: {fault}", place.display()));
-    best.check_config(&digest).map_err(fault)?;
     Ok(TrainedPath {
         scene,
         env,
-        vertices: best.vertices,
+        vertices: checked(&folder, best, place)?.vertices,
+    })
+}
+
+/// All paths that a run folder has kept.
+fn read_kept(path: &Path) -> Result<KeptPaths, StudyError> {
+    let damaged = |error: anyhow::Error| StudyError::Damaged(error.into());
+    let (folder, config) = read_config(path)?;
+    let best = folder.read_best_sequence().map_err(damaged)?;
+    let best = checked(&folder, best, &folder.best_sequence)?;
+    let RunConfig {
+        scene,
+        env,
+        scatter,
+        ..
+    } = config;
+    Ok(KeptPaths {
+        scene,
+        env,
+        scatter,
+        lists: best.all().cloned().collect(),
     })
 }

@@ -481,7 +481,7 @@ pub fn search_by_moves(
     let before = judge.spent();
     go_on(None);
     // Numbers that the search comes to never.
-    let ranked = judge.race(&lists, 1 << 40..(1 << 40) + 9, 0, method.chains);
+    let ranked = judge.race(0, &lists, 1 << 30..(1 << 30) + 9, method.chains);
     let chosen = ranked.iter().take(method.chains);
     let chosen: Vec<Vec<u32>> = chosen.map(|&(k, _)| starts[k].clone()).collect();
     let left = presses.saturating_sub(judge.spent() - before);

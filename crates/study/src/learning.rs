@@ -1,7 +1,7 @@
 //! How well trainings learn over several seeds, and whether one configuration learns better than
 //! another. Reads what runs have left; whoever runs the study trains them.
 
-mod statistics;
+pub(crate) mod statistics;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

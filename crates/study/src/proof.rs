@@ -1,6 +1,8 @@
 //! Whether a path holds: played in worlds that chose none, in finer steps and in the twin, beside orders
 //! that anybody could think of.
 
+mod judging;
+
 use std::sync::{Arc, Mutex};
 
 use serde::{Deserialize, Serialize};
@@ -19,6 +21,8 @@ use drape_task::env::{
 use drape_task::path::PathFigures;
 use drape_task::recording::Recording;
 use drape_task::search::{Job, Judge, Order};
+
+pub use judging::Judging;
 
 /// Where a path is proved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -264,9 +268,11 @@ pub fn sensitivity(
                 .unwrap_or(f64::NAN),
         })
     };
-    let all: Result<Vec<Sensitivity>, StudyError> =
-        context.each(&quantities, of).into_iter().collect();
-    let mut all = all?;
+    // One after the other: each takes all cores.
+    let told = |k: usize| (context.progress)(k as f64 / quantities.len() as f64, "");
+    let each = quantities.iter().enumerate();
+    let all = each.map(|(k, quantity)| of(quantity).inspect(|_| told(k + 1)));
+    let mut all: Vec<Sensitivity> = all.collect::<Result<_, StudyError>>()?;
     all.sort_by(|a, b| a.worst_score.total_cmp(&b.worst_score));
     Ok(all)
 }
@@ -362,10 +368,10 @@ fn pressed(
 ) -> Vec<Vec<Option<Left>>> {
     let jobs = lists
         .iter()
-        .flat_map(|list| worlds.iter().map(|&world| Job::new(list, world, 0)));
+        .flat_map(|list| worlds.iter().map(|&world| Job::new(list, world)));
     let jobs: Vec<Job> = jobs.collect();
     let all = jobs.len();
-    let ended = judge.press(jobs, Left::new, |count| told(count, all));
+    let ended = judge.press(0, jobs, Left::new, |count| told(count, all));
     let ended = ended.into_iter();
     let left: Vec<Option<Left>> = ended.map(|one| one.found).collect();
     let row = |k: usize| left[k * worlds.len()..(k + 1) * worlds.len()].to_vec();

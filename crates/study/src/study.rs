@@ -11,7 +11,7 @@ use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::{SceneConfig, SceneError};
 use drape_report::Image;
-use drape_task::env::EnvConfig;
+use drape_task::env::{EnvConfig, Scatter};
 
 /// A study: its options are its fields. It prints and writes nothing.
 pub trait Study {
@@ -46,6 +46,8 @@ pub struct Context<'a> {
     pub read_task: Reader<'a, (SceneConfig, EnvConfig)>,
     /// Reads its best path, too.
     pub read_run: Reader<'a, TrainedPath>,
+    /// Reads all paths that it has kept.
+    pub read_kept: Reader<'a, KeptPaths>,
     /// Trains in the folder of the study, and reads what the runs have left.
     pub train: &'a dyn Fn(&Trainings) -> Result<Vec<Arm>, StudyError>,
 }
@@ -63,6 +65,14 @@ pub struct TrainedPath {
     pub vertices: Vec<u32>,
 }
 
+/// All paths that a run has kept, best first, what they were found for, and how its worlds scatter.
+pub struct KeptPaths {
+    pub scene: SceneConfig,
+    pub env: EnvConfig,
+    pub scatter: Scatter,
+    pub lists: Vec<Vec<u32>>,
+}
+
 impl Context<'_> {
     /// One that tells nobody and knows no runs.
     pub fn quiet() -> Context<'static> {
@@ -70,6 +80,7 @@ impl Context<'_> {
             progress: &|_, _| (),
             read_task: &|_| Err(StudyError::Invalid("there are no runs".into())),
             read_run: &|_| Err(StudyError::Invalid("there are no runs".into())),
+            read_kept: &|_| Err(StudyError::Invalid("there are no runs".into())),
             train: &|_| Err(StudyError::Invalid("there are no runs".into())),
         }
     }

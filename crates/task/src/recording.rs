@@ -17,7 +17,7 @@ use drape_cloth::sim::Snapshot;
 const FILE: Sealed = Sealed {
     name: "a recording",
     kind: 1,
-    format: 1,
+    format: 2,
 };
 
 /// An episode, or any list of presses, as either physics has gone through it.

@@ -52,8 +52,15 @@ pub struct Aim {
     pub tilt: [f64; 2],
 }
 
-/// Where a press that misses lands: beyond any blank [m].
-const BESIDE: [f64; 2] = [1e4; 2];
+impl Aim {
+    /// How far away a press lands that does not reach the cloth: beyond any blank [m].
+    pub(super) const MISSED: f64 = 1e4;
+
+    /// Whether it does not reach the cloth.
+    pub fn misses(&self) -> bool {
+        self.offset[0] >= Self::MISSED
+    }
+}
 
 impl Default for Parameters {
     fn default() -> Self {
@@ -98,7 +105,7 @@ impl Parameters {
                 &[self.tilt_deviation_deg],
                 more_tilted,
             ),
-            ("misses", &[self.misses], [0.0, 1.0]),
+            ("misses", &[self.misses], [0.0, 0.9]),
         ] {
             for &value in values {
                 ValueError::unless_within(key, value, range)?;
@@ -127,7 +134,7 @@ impl Parameters {
             tilt_deg: plus(self.tilt_deg, other.tilt_deg),
             offset_deviation_mm: self.offset_deviation_mm.hypot(other.offset_deviation_mm),
             tilt_deviation_deg: self.tilt_deviation_deg.hypot(other.tilt_deviation_deg),
-            misses: 1.0 - (1.0 - self.misses) * (1.0 - other.misses),
+            misses: self.misses + other.misses - self.misses * other.misses,
             seed: other.seed,
         }
     }
@@ -148,7 +155,7 @@ impl Parameters {
             aim.offset = aim.offset.map(|mean| drawn(mean, offset));
             aim.tilt = aim.tilt.map(|mean| drawn(mean, tilt));
             if stream.uniform() < self.misses {
-                aim.offset = BESIDE;
+                aim.offset = [Aim::MISSED; 2];
             }
         }
         aim
@@ -189,7 +196,7 @@ mod tests {
             misses: 0.5,
             ..Parameters::default()
         };
-        let count = (0..1000).filter(|&k| half.aim(k).offset == BESIDE).count();
+        let count = (0..1000).filter(|&k| half.aim(k).misses()).count();
         assert!((450..550).contains(&count), "{count}");
     }
 

@@ -99,6 +99,9 @@ pub fn under_stencil(
     aim: Aim,
     position: impl Fn(u32) -> [f64; 3],
 ) -> Vec<u32> {
+    if aim.misses() {
+        return Vec::new();
+    }
     let mut centre = Vec3::from(position(vertex));
     let mut normal = Vec3::from(tool.distance(centre.into()).1);
     let [mut along, mut across] = sides(&normal);

@@ -363,7 +363,10 @@ impl Worlds {
     pub fn world(&self, number: u64) -> World {
         let count = self.lies.len() as u64;
         let lie = ((number + number / count) % count) as usize;
-        // Beyond the streams of lies.
+        debug_assert!(
+            number < 1 << 31,
+            "numbers and lies have streams of their own"
+        );
         let index = (number as u32) | 1 << 31;
         let presses = self
             .scatter

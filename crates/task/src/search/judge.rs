@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 use crate::cluster::Cluster;
 use crate::env::{Draping, EnvConfig, EpisodeState, Member, Task, Tasks, Worlds};
@@ -17,6 +17,8 @@ use drape_cloth::sim::Device;
 const ON_CPU: usize = 16;
 /// And on a GPU.
 const ON_GPU: usize = 1024;
+/// Score of a list that diverges.
+pub(super) const DIVERGED: f64 = -1.0;
 
 /// A list to be pressed in a world.
 #[derive(Clone)]
@@ -24,8 +26,6 @@ pub struct Job {
     pub list: Arc<[u32]>,
     /// Number of the world; none for that of the scene.
     pub world: Option<u64>,
-    /// Number of the rate of substeps.
-    pub rate: usize,
     /// Where a list with the same beginning has come to in that world, if it is known.
     pub from: Option<Arc<EpisodeState>>,
     /// Keeps the states before the first press and after each so many.
@@ -34,11 +34,10 @@ pub struct Job {
 
 impl Job {
     /// From the beginning to the end.
-    pub fn new(list: &[u32], world: Option<u64>, rate: usize) -> Self {
+    pub fn new(list: &[u32], world: Option<u64>) -> Self {
         Self {
             list: list.into(),
             world,
-            rate,
             from: None,
             stride: None,
         }
@@ -61,17 +60,14 @@ pub struct Ended<T> {
 
 /// Environments in which lists are pressed, each in a world of its own, on all cores.
 pub struct Judge {
-    /// Of each core, one a rate that differs from those before.
-    benches: Vec<Vec<Bench>>,
-    /// The bench of each rate.
+    /// Of each rate that differs from those before, one a core.
+    benches: Vec<Vec<Draping>>,
+    /// Which of them each rate has.
     of_rate: Vec<usize>,
     worlds: Arc<Worlds>,
     /// Presses made so far.
     spent: u64,
 }
-
-/// Environments that go in step.
-struct Bench(Draping);
 
 /// A list that is pressed in an environment.
 struct Running<K, T> {
@@ -82,10 +78,27 @@ struct Running<K, T> {
 
 /// What all cores take from.
 struct Queue<K> {
-    /// Of each bench.
-    waiting: Vec<VecDeque<(K, Job)>>,
+    waiting: VecDeque<(K, Job)>,
     /// Lists that are pressed now; what ends may bring more.
     running: usize,
+    /// A core has panicked, so that what it has will never end.
+    has_failed: bool,
+}
+
+/// Tells the other cores where one panics: they would wait for ever.
+struct Alarm<'a, K, F> {
+    shared: &'a Mutex<(Queue<K>, F)>,
+    changed: &'a Condvar,
+}
+
+impl<K, F> Drop for Alarm<'_, K, F> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+            shared.0.has_failed = true;
+            self.changed.notify_all();
+        }
+    }
 }
 
 impl Judge {
@@ -106,7 +119,6 @@ impl Judge {
             Device::Cpu => (rayon::current_num_threads(), ON_CPU),
             Device::Gpu(_) => (1, ON_GPU),
         };
-        // Worlds of a rate that stands twice come to one bench.
         let mut apart: Vec<&EnvConfig> = Vec::new();
         let mut of_rate = Vec::new();
         for config in rated {
@@ -123,11 +135,11 @@ impl Judge {
                 count,
                 worlds: Some(worlds.clone()),
             };
-            Draping::on(vec![member], &Cluster::default()).map(Bench)
+            Draping::on(vec![member], &Cluster::default())
         };
-        let of_core = |_| apart.iter().map(|config| bench(config)).collect();
+        let of_cores = |config| (0..copies).map(|_| bench(config)).collect();
         Ok(Self {
-            benches: (0..copies).map(of_core).collect::<Result<_, _>>()?,
+            benches: apart.into_iter().map(of_cores).collect::<Result<_, _>>()?,
             of_rate,
             worlds: worlds.clone(),
             spent: 0,
@@ -136,7 +148,7 @@ impl Judge {
 
     /// The task as the scene says.
     pub fn task(&self) -> &Task {
-        &self.benches[0][0].0.tasks()[0]
+        &self.benches[0][0].tasks()[0]
     }
 
     /// By what worlds scatter, and how they are judged.
@@ -149,108 +161,100 @@ impl Judge {
         self.spent
     }
 
-    /// Presses lists, as many at once as there are lanes, asks `of` the end of each in the task of its world, and
-    /// presses what `then` brings when it is told that. Waits for none but those.
+    /// Numbers of the rates.
+    pub fn rates(&self) -> Range<usize> {
+        0..self.of_rate.len()
+    }
+
+    /// Whether two rates are one.
+    pub fn are_alike(&self, a: usize, b: usize) -> bool {
+        self.of_rate[a] == self.of_rate[b]
+    }
+
+    /// Presses lists at a rate, as many at once as there are lanes, asks `of` the end of each in the task of its
+    /// world, and presses what `then` brings when it is told that. Waits for none but those.
     ///
-    /// What is found depends on lists and worlds alone, but not the order in which `then` hears of it.
+    /// What is found depends on lists and worlds alone, but not the order in which `then` hears of it. Not to be
+    /// called by a thread of rayon's pool, which the simulation needs.
     pub fn press_on<K: Send, T: Send>(
         &mut self,
+        rate: usize,
         jobs: Vec<(K, Job)>,
         of: impl Fn(&Task, &EpisodeState) -> Option<T> + Sync,
         then: impl FnMut(K, &Job, Ended<T>) -> Vec<(K, Job)> + Send,
     ) {
-        let bench = |job: &Job| self.of_rate[job.rate];
-        let mut waiting: Vec<VecDeque<(K, Job)>> = Vec::new();
-        waiting.resize_with(self.benches[0].len(), VecDeque::new);
-        for (key, job) in jobs {
-            waiting[bench(&job)].push_back((key, job));
-        }
         let queue = Queue {
-            waiting,
+            waiting: jobs.into(),
             running: 0,
+            has_failed: false,
         };
-        let (shared, changed, made) =
-            (Mutex::new((queue, then)), Condvar::new(), AtomicU64::new(0));
-        let worlds = &self.worlds;
-        let work = |benches: &mut Vec<Bench>| {
+        let (shared, changed) = (Mutex::new((queue, then)), Condvar::new());
+        let (made, worlds) = (AtomicU64::new(0), &self.worlds);
+        let work = |env: &mut Draping| {
+            let _alarm = Alarm {
+                shared: &shared,
+                changed: &changed,
+            };
             let lock = || shared.lock().expect("nobody has panicked");
-            let mut lanes: Vec<Vec<Option<Running<K, T>>>> = Vec::new();
-            for Bench(env) in &*benches {
-                lanes.push((0..env.count()).map(|_| None).collect());
-            }
-            let busy = |lanes: &[Option<_>]| lanes.iter().flatten().count();
+            let mut lanes: Vec<Option<Running<K, T>>> = Vec::new();
+            lanes.resize_with(env.count(), || None);
             loop {
-                let (which, new) = {
-                    let mut guard = lock();
-                    // The bench that can be filled best: registers that are half empty take as long.
-                    let which = loop {
-                        let (queue, _) = &mut *guard;
-                        let could_be = |which: &usize| {
-                            let has = busy(&lanes[*which]);
-                            let all = has + queue.waiting[*which].len();
-                            (all.min(lanes[*which].len()), has)
-                        };
-                        let which = (0..lanes.len()).max_by_key(could_be);
-                        let which = which.expect("one at least");
-                        if could_be(&which).0 > 0 {
-                            break which;
-                        }
-                        if queue.running == 0 {
-                            changed.notify_all();
-                            return;
-                        }
-                        // What others press may bring more.
-                        guard = changed.wait(guard).expect("nobody has panicked");
+                let is_idle = lanes.iter().all(Option::is_none);
+                let mut new = Vec::new();
+                {
+                    // An idle core waits for what others bring.
+                    let waits = |(queue, _): &mut (Queue<K>, _)| {
+                        let may_come = queue.running > 0 && !queue.has_failed;
+                        is_idle && queue.waiting.is_empty() && may_come
                     };
-                    let (queue, _) = &mut *guard;
-                    let mut new = Vec::new();
-                    for (index, lane) in lanes[which].iter().enumerate() {
-                        if lane.is_none()
-                            && let Some(next) = queue.waiting[which].pop_front()
-                        {
-                            queue.running += 1;
-                            new.push((index, next));
-                        }
+                    let guard = changed.wait_while(lock(), waits);
+                    let (queue, _) = &mut *guard.expect("nobody has panicked");
+                    if queue.has_failed || (is_idle && queue.waiting.is_empty()) {
+                        return;
                     }
-                    (which, new)
-                };
-                for (index, (key, job)) in new {
-                    let ended = benches[which].begin(index, &job, worlds);
-                    lanes[which][index] = Some(Running { key, job, ended });
+                    for (index, _) in lanes.iter().enumerate().filter(|(_, lane)| lane.is_none()) {
+                        new.extend(queue.waiting.pop_front().map(|next| (index, next)));
+                    }
+                    queue.running += new.len();
                 }
-                let ended = benches[which].press(&mut lanes[which], &of, &made);
+                for (index, (key, job)) in new {
+                    let ended = begin(env, index, &job, worlds);
+                    lanes[index] = Some(Running { key, job, ended });
+                }
+                let ended = press(env, &mut lanes, &of, &made);
+                if ended.is_empty() {
+                    continue;
+                }
                 let (queue, then) = &mut *lock();
                 for Running { key, job, ended } in ended {
                     queue.running -= 1;
-                    for (key, job) in then(key, &job, ended) {
-                        queue.waiting[bench(&job)].push_back((key, job));
-                    }
+                    queue.waiting.extend(then(key, &job, ended));
                 }
                 changed.notify_all();
             }
         };
-        // Not in rayon's pool: there a core that waits might wait for what it has itself put aside.
         std::thread::scope(|scope| {
-            for benches in &mut self.benches {
-                scope.spawn(|| work(benches));
+            for env in &mut self.benches[self.of_rate[rate]] {
+                scope.spawn(|| work(env));
             }
         });
         self.spent += made.into_inner();
     }
 
-    /// Presses lists. `told` hears how many have ended.
+    /// Presses lists at a rate. `told` hears how many have ended.
     pub fn press<T: Send>(
         &mut self,
-        mut jobs: Vec<Job>,
+        rate: usize,
+        jobs: Vec<Job>,
         of: impl Fn(&Task, &EpisodeState) -> Option<T> + Sync,
         mut told: impl FnMut(usize) + Send,
     ) -> Vec<Ended<T>> {
         let mut all: Vec<Option<Ended<T>>> = Vec::new();
         all.resize_with(jobs.len(), || None);
-        let mut keyed: Vec<(usize, Job)> = jobs.drain(..).enumerate().collect();
+        let mut keyed: Vec<(usize, Job)> = jobs.into_iter().enumerate().collect();
         keyed.sort_by_key(|(_, job)| Reverse(job.left()));
         let mut count = 0;
-        self.press_on(keyed, of, |k, _, ended| {
+        self.press_on(rate, keyed, of, |k, _, ended| {
             all[k] = Some(ended);
             count += 1;
             told(count);
@@ -260,20 +264,16 @@ impl Judge {
         all.expect("every list has ended")
     }
 
-    /// How many rates there are.
-    pub fn rates(&self) -> usize {
-        self.of_rate.len()
-    }
-
     /// Scores of lists, each in the same worlds, less what they cost, `[list][world]`; -1 where the simulation
     /// diverges.
-    pub fn scores(&mut self, lists: &[&[u32]], worlds: &[u64], rate: usize) -> Vec<Vec<f64>> {
-        let job = |list: &&[u32], world: &u64| Job::new(list, Some(*world), rate);
+    pub fn scores(&mut self, rate: usize, lists: &[&[u32]], worlds: &[u64]) -> Vec<Vec<f64>> {
+        let job = |list: &&[u32], world: &u64| Job::new(list, Some(*world));
         let jobs = lists
             .iter()
             .flat_map(|list| worlds.iter().map(|world| job(list, world)));
-        let ended = self.press(jobs.collect(), Task::worth, |_| ()).into_iter();
-        let scores: Vec<f64> = ended.map(|one| one.found.unwrap_or(DIVERGED)).collect();
+        let ended = self.press(rate, jobs.collect(), Task::worth, |_| ());
+        let scores = ended.into_iter().map(|one| one.found.unwrap_or(DIVERGED));
+        let scores: Vec<f64> = scores.collect();
         let row = |k: usize| scores[k * worlds.len()..(k + 1) * worlds.len()].to_vec();
         (0..lists.len()).map(row).collect()
     }
@@ -283,9 +283,9 @@ impl Judge {
     /// numbers of the first and of one behind the last.
     pub fn race(
         &mut self,
+        rate: usize,
         lists: &[&[u32]],
         worlds: Range<u64>,
-        rate: usize,
         kept: usize,
     ) -> Vec<(usize, f64)> {
         let mut left: Vec<usize> = (0..lists.len()).collect();
@@ -300,7 +300,7 @@ impl Judge {
             let to = (from + count).min(end);
             let own: Vec<&[u32]> = left.iter().map(|&k| lists[k]).collect();
             let new: Vec<u64> = (from..to).collect();
-            for (&k, more) in left.iter().zip(self.scores(&own, &new, rate)) {
+            for (&k, more) in left.iter().zip(self.scores(rate, &own, &new)) {
                 scores[k].extend(more);
             }
             let worth = |k: usize| self.worlds.scatter.judge(&scores[k]);
@@ -314,69 +314,62 @@ impl Judge {
     }
 }
 
-impl Bench {
-    /// Puts an environment to where a job begins.
-    fn begin<T>(&mut self, index: usize, job: &Job, worlds: &Worlds) -> Ended<T> {
-        let Self(env) = self;
-        match &job.from {
-            Some(from) => env.go_on(index, from),
-            None => {
-                let world = job.world.map(|number| worlds.world(number));
-                env.enter(index, world.as_ref());
-            }
-        }
-        let kept = job.stride.map(|_| Arc::new(env.episode(index)));
-        Ended {
-            found: None,
-            states: kept.into_iter().collect(),
+/// Puts an environment to where a job begins.
+fn begin<T>(env: &mut Draping, index: usize, job: &Job, worlds: &Worlds) -> Ended<T> {
+    match &job.from {
+        Some(from) => env.go_on(index, from),
+        None => {
+            let world = job.world.map(|number| worlds.world(number));
+            env.enter(index, world.as_ref());
         }
     }
-
-    /// Presses the next of each list, if one is left. Gives those that are over.
-    fn press<K, T>(
-        &mut self,
-        lanes: &mut [Option<Running<K, T>>],
-        of: impl Fn(&Task, &EpisodeState) -> Option<T>,
-        made: &AtomicU64,
-    ) -> Vec<Running<K, T>> {
-        let Self(env) = self;
-        let next = |(index, lane): (usize, &Option<Running<K, T>>)| {
-            let list = &lane.as_ref()?.job.list;
-            list.get(env.pressed(index)).copied()
-        };
-        let vertices: Vec<Option<u32>> = lanes.iter().enumerate().map(next).collect();
-        made.fetch_add(vertices.iter().flatten().count() as u64, Ordering::Relaxed);
-        // A list without presses ends as it began.
-        let finite = match vertices.iter().any(Option::is_some) {
-            true => env.press(&vertices),
-            false => vec![true; lanes.len()],
-        };
-        let mut over = Vec::new();
-        for (index, lane) in lanes.iter_mut().enumerate() {
-            let Some(Running { job, ended, .. }) = lane else {
-                continue;
-            };
-            let count = env.pressed(index);
-            let is_last = count == job.list.len();
-            let is_kept = job
-                .stride
-                .is_some_and(|stride| count.is_multiple_of(stride));
-            if finite[index] && (is_last || is_kept) {
-                let state = env.episode(index);
-                if is_last {
-                    ended.found = of(env.task(index), &state);
-                }
-                if is_kept && vertices[index].is_some() {
-                    ended.states.push(Arc::new(state));
-                }
-            }
-            if is_last || !finite[index] {
-                over.extend(lane.take());
-            }
-        }
-        over
+    let kept = job.stride.map(|_| Arc::new(env.episode(index)));
+    Ended {
+        found: None,
+        states: kept.into_iter().collect(),
     }
 }
 
-/// Score of a list that diverges.
-pub(super) const DIVERGED: f64 = -1.0;
+/// Presses the next of each list, if one is left. Gives those that are over.
+fn press<K, T>(
+    env: &mut Draping,
+    lanes: &mut [Option<Running<K, T>>],
+    of: impl Fn(&Task, &EpisodeState) -> Option<T>,
+    made: &AtomicU64,
+) -> Vec<Running<K, T>> {
+    let next = |(index, lane): (usize, &Option<Running<K, T>>)| {
+        let list = &lane.as_ref()?.job.list;
+        list.get(env.pressed(index)).copied()
+    };
+    let vertices: Vec<Option<u32>> = lanes.iter().enumerate().map(next).collect();
+    made.fetch_add(vertices.iter().flatten().count() as u64, Ordering::Relaxed);
+    // A list without presses ends as it began.
+    let finite = match vertices.iter().any(Option::is_some) {
+        true => env.press(&vertices),
+        false => vec![true; lanes.len()],
+    };
+    let mut over = Vec::new();
+    for (index, lane) in lanes.iter_mut().enumerate() {
+        let Some(Running { job, ended, .. }) = lane else {
+            continue;
+        };
+        let count = env.pressed(index);
+        let is_last = count == job.list.len();
+        let is_kept = job
+            .stride
+            .is_some_and(|stride| count.is_multiple_of(stride));
+        if finite[index] && (is_last || is_kept) {
+            let state = env.episode(index);
+            if is_last {
+                ended.found = of(env.task(index), &state);
+            }
+            if is_kept && vertices[index].is_some() {
+                ended.states.push(Arc::new(state));
+            }
+        }
+        if is_last || !finite[index] {
+            over.extend(lane.take());
+        }
+    }
+    over
+}

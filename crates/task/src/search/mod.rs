@@ -4,6 +4,7 @@
 //! Everything random comes from streams of a seed, so that what is found depends on nothing else.
 
 mod arena;
+mod board;
 mod cem;
 mod family;
 mod judge;

@@ -5,6 +5,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::board::Board;
 use super::judge::{DIVERGED, Job, Judge};
 use crate::env::{EpisodeState, Scatter, Task};
 use drape_cloth::math::{Purpose, Stream};
@@ -35,15 +36,14 @@ impl Default for Moves {
 /// Worlds of a round. Candidates are seen in the first, those that are left in the second. Where worlds do not
 /// differ one is enough. More steps on few worlds come to better orders than few steps on more (docs/SCATTER.md).
 const STAGES: [Range<usize>; 2] = [0..1, 1..2];
-/// Least number of generations, and most presses of one.
-const GENERATIONS: (u64, u64) = (5, 60_000);
-/// A search has converged when two generations in a row have brought its chains no more than this on average.
+/// Generations of a search at least, and presses of one at most.
+const GENERATIONS: u64 = 5;
+const LONGEST: u64 = 60_000;
+/// A search has converged when two generations in a row at its last rate have brought its chains no more than this
+/// on average.
 const CONVERGED: f64 = 1e-3;
 /// What the last round counts in the running mean of a chain.
 const RECENT: f64 = 0.3;
-/// Bytes of the states that may be kept of a round.
-const MOST_BYTES: usize = 512 << 20;
-
 /// Where a search is.
 #[derive(Clone, Copy, Debug)]
 pub struct Searching {
@@ -65,8 +65,8 @@ pub struct Found {
     pub has_converged: bool,
 }
 
-/// Searches from `starts` on, the best first, for so many presses. `watch` is told where it is and whether to go
-/// on is what it says. Gives the orders of the chains and the first start, each once, the better ones.
+/// Searches from `starts` on, the best first, for so many presses, or as many more as the round of each chain takes
+/// that is then begun. `watch` is told where it is and whether to go on is what it says. Gives the orders of the chains and the first start, each once, the better ones.
 ///
 /// # Panics
 /// If there is nothing to start from.
@@ -89,6 +89,7 @@ pub fn moves(
         mean: f64::NEG_INFINITY,
         proposals: Vec::new(),
         stream: Stream::new(seed, Purpose::Search, k as u32),
+        found: Vec::new(),
         rounds: 0,
         spent: 0,
         open: 0,
@@ -103,53 +104,50 @@ pub fn moves(
         method,
         chains: (0..method.chains).map(chain).collect(),
         heat: method.hot,
-        rate: 0,
         until: 0,
         rounds: 0,
-        found: (0.0, 0),
         goes_on: true,
         watch,
     };
-    let (least, most) = GENERATIONS;
-    let generations = least.max(presses.div_ceil(most));
-    // What chains have come to in the generation before, and how many have brought no more.
-    let (mut before, mut idle) = (f64::NEG_INFINITY, 0);
+    let rates = judge.rates().len() as u64;
+    let generations = GENERATIONS.max(presses.div_ceil(LONGEST)).max(rates);
+    // What chains have come to at this rate at most, and how many generations have brought no more.
+    let (mut best, mut idle) = (f64::NEG_INFINITY, 0);
     for generation in 0..generations {
         let share = generation as f64 / (generations - 1) as f64;
         search.heat = method.hot * (method.cold / method.hot).powf(share);
-        let rate = search.rate;
-        search.rate = ((share * judge.rates() as f64) as usize).min(judge.rates() - 1);
-        search.until = presses * (generation + 1) / generations / method.chains as u64;
-        search.found = (0.0, 0);
-        let first = (0..method.chains).flat_map(|k| search.begin(k)).collect();
-        judge.press_on(first, Task::worth, |key, job, ended| {
+        let rate = (generation * rates / generations) as usize;
+        let until = u128::from(presses) * u128::from(generation + 1) / u128::from(generations);
+        search.until = until as u64 / method.chains as u64;
+        let open = (0..method.chains).filter(|&k| search.chains[k].spent < search.until);
+        let open: Vec<usize> = open.collect();
+        if open.is_empty() {
+            continue;
+        }
+        let first = open.into_iter().flat_map(|k| search.begin(k)).collect();
+        judge.press_on(rate, first, Task::worth, |key, job, ended| {
             search.hear(key, job, ended.found.unwrap_or(DIVERGED), ended.states)
         });
-        let (sum, rounds) = search.found;
-        let mean = sum / rounds as f64;
+        // In the order of the chains, not in that in which rounds have ended.
+        let chains = search.chains.iter_mut();
+        let found: Vec<f64> = chains.flat_map(|chain| chain.found.drain(..)).collect();
+        let mean = found.iter().sum::<f64>() / found.len() as f64;
         search.chains.sort_by(|a, b| b.mean.total_cmp(&a.mean));
-        // Scores at another rate are others.
-        idle = match mean < before + CONVERGED && rate == search.rate {
+        idle = match mean < best + CONVERGED {
             true => idle + 1,
             false => 0,
         };
-        if idle == 2 || !search.goes_on {
+        best = best.max(mean);
+        let is_last = generation + 1 == generations;
+        let last_rate = judge.rates().len() - 1;
+        if is_last || !search.goes_on || (idle >= 2 && judge.are_alike(rate, last_rate)) {
             break;
         }
-        before = mean;
-        let half = method.chains.div_ceil(2);
-        // No two are ever in the worlds of one round.
-        let most = search.chains.iter().map(|chain| chain.rounds).max();
-        for chain in &mut search.chains {
-            chain.rounds = most.unwrap_or(0);
+        if !judge.are_alike(rate, ((generation + 1) * rates / generations) as usize) {
+            // Scores at another rate are others.
+            (best, idle) = (f64::NEG_INFINITY, 0);
         }
-        for k in half..method.chains {
-            let better = &search.chains[k - half];
-            let (order, mean) = (better.order.clone(), better.mean);
-            let proposals = better.proposals.clone();
-            let chain = &mut search.chains[k];
-            (chain.order, chain.mean, chain.proposals) = (order, mean, proposals);
-        }
+        search.select();
     }
     let (goes_on, all) = (search.goes_on, &search.chains);
     let mut orders: Vec<&[u32]> = all.iter().map(|chain| &*chain.order).collect();
@@ -158,15 +156,15 @@ pub fn moves(
     orders.sort();
     orders.dedup();
     let first = search.worlds_of(all.iter().map(|chain| chain.rounds).max().unwrap_or(0), 0);
-    let ranked = judge
-        .race(&orders, first..first + 21, judge.rates() - 1, 2)
-        .into_iter();
+    let last_rate = judge.rates().len() - 1;
+    let ranked = judge.race(last_rate, &orders, first..first + 21, 2);
     Found {
         orders: ranked
+            .into_iter()
             .map(|(k, worth)| (orders[k].to_vec(), worth))
             .collect(),
         rounds: search.rounds,
-        has_converged: idle == 2 && goes_on,
+        has_converged: idle >= 2 && goes_on,
     }
 }
 
@@ -180,13 +178,10 @@ struct Search<W> {
     stride: usize,
     chains: Vec<Chain>,
     heat: f64,
-    rate: usize,
     /// Presses of a chain at which its generation ends.
     until: u64,
     /// Of all chains together.
     rounds: u64,
-    /// What chains were worth in this generation, summed, and in how many rounds.
-    found: (f64, u64),
     goes_on: bool,
     watch: W,
 }
@@ -199,6 +194,8 @@ struct Chain {
     /// What has been good apart, together: candidates of the next round.
     proposals: Vec<Arc<[u32]>>,
     stream: Stream,
+    /// What it was worth in each round of this generation.
+    found: Vec<f64>,
     rounds: u64,
     spent: u64,
     /// Lists of this round that have not ended yet.
@@ -233,6 +230,23 @@ impl<W: FnMut(Searching) -> bool> Search<W> {
         (round * self.chains.len() as u64 + chain as u64) * worlds as u64
     }
 
+    /// Lets the worse half of the chains go on from the better.
+    fn select(&mut self) {
+        // No two are ever in the worlds of one round.
+        let rounds = self.chains.iter().map(|chain| chain.rounds).max();
+        let half = self.chains.len().div_ceil(2);
+        for k in 0..self.chains.len() {
+            self.chains[k].rounds = rounds.expect("a chain at least");
+            if k >= half {
+                let (better, worse) = self.chains.split_at_mut(k);
+                let better = &better[k - half];
+                worse[0].order = better.order.clone();
+                worse[0].proposals = better.proposals.clone();
+                worse[0].mean = better.mean;
+            }
+        }
+    }
+
     /// Begins the next round of a chain.
     fn begin(&mut self, k: usize) -> Vec<(Key, Job)> {
         let worlds = self.stages[self.stages.len() - 1].end;
@@ -260,7 +274,6 @@ impl<W: FnMut(Searching) -> bool> Search<W> {
             let job = Job {
                 list: chain.order.clone(),
                 world: Some(first + world as u64),
-                rate: self.rate,
                 from: None,
                 stride: Some(self.stride),
             };
@@ -298,7 +311,7 @@ impl<W: FnMut(Searching) -> bool> Search<W> {
                 let (_, states) = chain.parents[world].as_ref().expect("it has ended");
                 jobs.push((
                     key,
-                    candidate.job(&chain.order, states, first + world as u64, self.rate),
+                    candidate.job(&chain.order, states, first + world as u64),
                 ));
             }
         }
@@ -344,10 +357,9 @@ impl<W: FnMut(Searching) -> bool> Search<W> {
             chain.proposals = together(&chain.order, &better);
             chain.order = order.clone();
         }
+        chain.found.push(now);
         chain.rounds += 1;
         self.rounds += 1;
-        self.found.0 += now;
-        self.found.1 += 1;
         let all = &self.chains;
         let best = all.iter().map(|chain| chain.mean);
         self.goes_on &= (self.watch)(Searching {
@@ -387,14 +399,13 @@ impl Candidate {
     }
 
     /// From the last state that it shares with its parent.
-    fn job(&self, parent: &[u32], states: &[Arc<EpisodeState>], world: u64, rate: usize) -> Job {
+    fn job(&self, parent: &[u32], states: &[Arc<EpisodeState>], world: u64) -> Job {
         let same = self.order.iter().zip(parent).take_while(|(a, b)| a == b);
         let same = same.count();
         let mut shared = states.iter().rev();
         Job {
             list: self.order.clone(),
             world: Some(world),
-            rate,
             from: shared.find(|state| state.presses().len() <= same).cloned(),
             stride: None,
         }
@@ -430,163 +441,4 @@ fn together(parent: &[u32], better: &[&[u32]]) -> Vec<Arc<[u32]>> {
         }
     }
     found
-}
-
-/// Where orders are changed: the flat blank.
-struct Board {
-    /// Vertices of the region.
-    vertices: Vec<u32>,
-    rest: Vec<[f64; 2]>,
-    /// Vertices beside each, of the region.
-    beside: Vec<Vec<u32>>,
-    /// Presses nearer than this are of one stroke [m].
-    join: f64,
-}
-
-impl Board {
-    fn new(task: &Task) -> Self {
-        let lamina = &task.scene.lamina;
-        let vertices: Vec<u32> = task
-            .region_vertices()
-            .filter(|&v| task.action(v).is_some())
-            .collect();
-        let mut is_inside = vec![false; lamina.vertex_count()];
-        vertices.iter().for_each(|&v| is_inside[v as usize] = true);
-        let beside = |v: u32| {
-            lamina
-                .neighbors(v)
-                .filter(|&w| is_inside[w as usize])
-                .collect()
-        };
-        Self {
-            beside: (0..lamina.vertex_count() as u32).map(beside).collect(),
-            rest: lamina.rest.clone(),
-            join: task.config.join_distance(),
-            vertices,
-        }
-    }
-
-    /// Presses between two states that are kept, so that those of so many lists fit into the memory.
-    fn stride(&self, lists: usize) -> usize {
-        let presses = self.vertices.len().div_ceil(5);
-        let state = 150 * self.rest.len();
-        (lists * presses * state).div_ceil(MOST_BYTES).max(1)
-    }
-
-    fn apart(&self, a: u32, b: u32) -> f64 {
-        let [[x0, y0], [x1, y1]] = [a, b].map(|v| self.rest[v as usize]);
-        (x1 - x0).hypot(y1 - y0)
-    }
-
-    /// Where each stroke begins, and the length of the order.
-    fn strokes(&self, order: &[u32]) -> Vec<usize> {
-        let is_new = |k: &usize| *k == 0 || self.apart(order[k - 1], order[*k]) > self.join;
-        let mut begins: Vec<usize> = (0..order.len()).filter(is_new).collect();
-        begins.push(order.len());
-        begins
-    }
-
-    /// One that differs by one to three moves.
-    fn changed(&self, order: &[u32], stream: &mut Stream) -> Vec<u32> {
-        let mut new = order.to_vec();
-        let count = 1 + [0, 0, 0, 1, 1, 2][stream.below(6)];
-        for _ in 0..count {
-            self.change(&mut new, stream);
-        }
-        if new == order {
-            self.change(&mut new, stream);
-        }
-        new
-    }
-
-    fn change(&self, order: &mut Vec<u32>, stream: &mut Stream) {
-        let n = order.len();
-        if n < 4 {
-            let vertex = self.vertices[stream.below(self.vertices.len())];
-            return order.push(vertex);
-        }
-        match stream.below(20) {
-            // A piece is reversed,
-            0..3 => {
-                let from = stream.below(n - 1);
-                let to = (from + 2 + stream.below(11)).min(n);
-                order[from..to].reverse();
-            }
-            // put elsewhere,
-            3..8 => {
-                let from = stream.below(n - 3);
-                let piece: Vec<u32> = order.drain(from..from + 1 + stream.below(4)).collect();
-                self.put(order, piece, stream);
-            }
-            // a stroke is reversed, or put elsewhere,
-            8..11 => {
-                let strokes = self.strokes(order);
-                let k = stream.below(strokes.len() - 1);
-                let own = strokes[k]..strokes[k + 1];
-                if stream.below(3) == 0 || own.len() == n {
-                    order[own].reverse();
-                } else {
-                    let piece: Vec<u32> = order.drain(own).collect();
-                    self.put(order, piece, stream);
-                }
-            }
-            // a press is shifted,
-            11..15 => {
-                let k = stream.below(n);
-                let beside = &self.beside[order[k] as usize];
-                if !beside.is_empty() {
-                    order[k] = beside[stream.below(beside.len())];
-                }
-            }
-            // one or two are dropped,
-            15..18 => {
-                let k = stream.below(n - 1);
-                order.drain(k..k + 1 + stream.below(2));
-            }
-            // one is put in: half way to the next, or anywhere.
-            18 => {
-                let k = stream.below(n - 1);
-                let [a, b] = [order[k], order[k + 1]].map(|v| self.rest[v as usize]);
-                let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-                let off = |&v: &u32| {
-                    let [x, y] = self.rest[v as usize];
-                    (x - middle[0]).hypot(y - middle[1])
-                };
-                let all = self.vertices.iter().copied();
-                let nearest = all.min_by(|a, b| off(a).total_cmp(&off(b)));
-                order.insert(k + 1, nearest.expect("a region has vertices"));
-            }
-            _ => {
-                let vertex = self.vertices[stream.below(self.vertices.len())];
-                self.put(order, vec![vertex], stream);
-            }
-        }
-    }
-
-    /// Puts a piece, either way round, beside a press that is near to one of its ends, or anywhere.
-    fn put(&self, order: &mut Vec<u32>, mut piece: Vec<u32>, stream: &mut Stream) {
-        let (first, last) = (piece[0], piece[piece.len() - 1]);
-        let place = match stream.below(4) {
-            0 => stream.below(order.len() + 1),
-            _ => {
-                let mut nearest = (f64::INFINITY, 0, false);
-                for (k, &v) in order.iter().enumerate() {
-                    for (end, is_last) in [(first, false), (last, true)] {
-                        let off = self.apart(v, end) + 0.7 * self.join * stream.uniform();
-                        if off < nearest.0 {
-                            nearest = (off, k, is_last);
-                        }
-                    }
-                }
-                let (_, k, is_last) = nearest;
-                // Behind it the piece begins with that end, before it it ends so.
-                let is_behind = stream.below(2) == 0;
-                if is_last == is_behind {
-                    piece.reverse();
-                }
-                k + usize::from(is_behind)
-            }
-        };
-        order.splice(place..place, piece);
-    }
 }

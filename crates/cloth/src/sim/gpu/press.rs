@@ -3,6 +3,7 @@
 
 use cubecl::prelude::*;
 
+use super::super::parameters::Aim;
 use super::super::state::{DRAPED, STENCIL, TOUCHED};
 use super::cloth::{ClothBuffers, SheetBuffers};
 use super::own::{FIELDS, HALF, PRESSURE, REACH, tool_of};
@@ -73,7 +74,8 @@ pub(super) fn lay_stencil(
             let x = Vec3g::load(&cloth.position, vectors, n, v);
             let offset = x.minus(centre);
             let below = offset.dot(along).abs() <= half && offset.dot(across).abs() <= half;
-            let is_under = v == p || (right <= reach && up <= reach && below);
+            let is_under = (v == p && right_off < comptime!(Aim::MISSED as f32))
+                || (right <= reach && up <= reach && below);
             let mut mark = marks[environment * n + v] & comptime!(!(STENCIL as u32));
             let mut force = 0.0f32;
             if is_under {

@@ -1,0 +1,239 @@
+//! How well a judge tells which path holds: the ranks of what it says beside those of the twin.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use cpu_time::ProcessTime;
+
+use super::{Case, LIES, Left, SEEDS, in_twin, pressed};
+use crate::learning::statistics::bootstrap;
+use crate::ranking::rank_correlation;
+use crate::study::{Context, KeptPaths, Report, Study, StudyError};
+use crate::table::Table;
+use drape_cloth::scene::Scene;
+use drape_cloth::sim::Stepping;
+use drape_report::{Chart, SERIES, Series};
+use drape_task::env::mean_and_worst_quarter;
+use drape_task::search::Judge;
+
+/// Tell how well few worlds and coarse steps say which path holds: the rank correlation with the
+/// finite-element twin's mean over worlds
+///
+/// Presses paths that runs on one task have kept, in scattered worlds of the fast solver at several rates of
+/// substeps and in others of the twin. Correlations are means over disjoint sets of worlds, with 95 % intervals
+/// over paths.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape study judge runs/a runs/b
+  drape study judge runs/a runs/b runs/c --paths 30 --twin-worlds 6 --json > judge.json")]
+pub struct Judging {
+    /// Run folders of one task and one scatter
+    #[arg(required = true, value_name = "RUN")]
+    runs: Vec<PathBuf>,
+
+    /// Paths, as many of each run, rounded up, evenly from its best to its worst that it has kept
+    #[arg(long, default_value_t = 30, value_name = "N", value_parser = clap::value_parser!(u16).range(4..=100))]
+    paths: u16,
+
+    /// Worlds of the twin
+    #[arg(long, default_value_t = 6, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=100))]
+    twin_worlds: u16,
+}
+
+/// Substeps [1/s] of the judges.
+const RATES: [f64; 4] = [600.0, 1200.0, 2400.0, 12_000.0];
+/// Worlds that they see.
+const COUNTS: [usize; 5] = [1, 3, 6, 12, 24];
+
+/// What a judge's worlds come to.
+type Measure = fn(&[f64]) -> f64;
+const MEASURES: [(&str, Measure); 3] = [
+    ("mean", mean),
+    ("worst quarter", worst_quarter),
+    ("worst", worst),
+];
+
+fn mean(scores: &[f64]) -> f64 {
+    mean_and_worst_quarter(scores)[0]
+}
+
+fn worst_quarter(scores: &[f64]) -> f64 {
+    mean_and_worst_quarter(scores)[1]
+}
+
+fn worst(scores: &[f64]) -> f64 {
+    scores.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+struct Judged {
+    rate: f64,
+    count: usize,
+    /// Of each measure.
+    correlations: [f64; 3],
+    /// Of the worst quarter.
+    interval: [f64; 2],
+    /// CPU time for a path [s].
+    cpu_s: f64,
+}
+
+impl Study for Judging {
+    const NAME: &'static str = "judge";
+    const TABLES: &'static [&'static str] = &["judges", "paths"];
+
+    fn run(&self, context: &Context) -> Result<Report, StudyError> {
+        let read = |path: &PathBuf| (context.read_kept)(path);
+        let kept: Vec<KeptPaths> = self.runs.iter().map(read).collect::<Result<_, _>>()?;
+        let first = &kept[0];
+        let is_other = |one: &KeptPaths| {
+            (&one.scene, &one.env, &one.scatter) != (&first.scene, &first.env, &first.scatter)
+        };
+        if let Some(k) = kept.iter().position(is_other) {
+            let [other, own] = [&self.runs[k], &self.runs[0]].map(|run| run.display());
+            let message = format!("{other} has another task or scatter, expected those of {own}");
+            return Err(StudyError::Invalid(message));
+        }
+        if first.scatter.spreads.is_empty() {
+            let run = self.runs[0].display();
+            let message =
+                format!("`[scatter]` of {run} lets nothing vary, expected worlds that differ");
+            return Err(StudyError::Invalid(message));
+        }
+        let lists = self.chosen(&kept);
+        let scene = Arc::new(Scene::new(&first.scene, |_| ())?);
+        let case = Case {
+            scene: &scene,
+            env: &first.env,
+            scatter: &first.scatter,
+            seed: 0,
+        };
+        let refs: Vec<&[u32]> = lists.iter().map(|(_, list)| list.as_slice()).collect();
+        let worlds = case.worlds(LIES, SEEDS[1], context)?;
+        let numbers: Vec<Option<u64>> = (0..u64::from(self.twin_worlds)).map(Some).collect();
+        let (truth, _) = in_twin(case, &worlds, &refs, &numbers, context)?;
+        let truth = scores(&truth);
+        let means: Vec<f64> = truth.iter().map(|scores| mean(scores)).collect();
+        let judges = judges(case, &refs, &means, context)?;
+        let mut rows: Vec<(usize, &Path, usize)> = Vec::new();
+        for (k, (run, list)) in lists.iter().enumerate() {
+            rows.push((k, &self.runs[*run], list.len()));
+        }
+        let paths = Table::of("paths", "", &rows)
+            .text("run", |(_, run, _)| run.display().to_string())
+            .text("presses", |(.., presses)| *presses)
+            .number("twin, mean [%]", 1, |(k, ..)| 1e2 * means[*k])
+            .number("worst [%]", 1, |(k, ..)| 1e2 * worst(&truth[*k]))
+            .end();
+        let title = format!(
+            "Rank correlation with the mean of {} worlds of the twin, {} paths",
+            self.twin_worlds,
+            lists.len()
+        );
+        let mut report = Report::new([table(&judges, title), paths]);
+        report.image("judge.png", chart(&judges).image());
+        Ok(report)
+    }
+}
+
+impl Judging {
+    /// Numbers of runs, and lists.
+    fn chosen<'a>(&self, kept: &'a [KeptPaths]) -> Vec<(usize, &'a Vec<u32>)> {
+        let each = usize::from(self.paths).div_ceil(kept.len());
+        let of = |(run, kept): (usize, &'a KeptPaths)| {
+            let all = &kept.lists;
+            let count = each.min(all.len());
+            let last = (count - 1).max(1);
+            (0..count).map(move |k| (run, &all[k * (all.len() - 1) / last]))
+        };
+        kept.iter().enumerate().flat_map(of).collect()
+    }
+}
+
+/// `[list][world]`; what diverges scores nothing.
+fn scores(left: &[Vec<Option<Left>>]) -> Vec<Vec<f64>> {
+    let score = |left: &Option<Left>| left.map_or(0.0, |left| left.score);
+    let row = |left: &Vec<Option<Left>>| left.iter().map(score).collect();
+    left.iter().map(row).collect()
+}
+
+fn judges(
+    case: Case,
+    lists: &[&[u32]],
+    truth: &[f64],
+    context: &Context,
+) -> Result<Vec<Judged>, StudyError> {
+    let most = COUNTS[COUNTS.len() - 1];
+    let worlds = case.worlds(LIES, SEEDS[0], context)?;
+    let numbers: Vec<Option<u64>> = (0..most as u64).map(Some).collect();
+    let mut found = Vec::new();
+    for rate in RATES {
+        let mut env = case.env.clone();
+        let contact_rate = 0.2 * rate;
+        env.set_stepping(Stepping {
+            substep_rate: rate,
+            contact_rate,
+        });
+        let mut judge = Judge::new(case.scene, &worlds, &[env])?;
+        let (began, doing) = (ProcessTime::now(), format!("{rate} substeps a second"));
+        let told = |done, of| (context.progress)(done as f64 / of as f64, &doing);
+        let scores = scores(&pressed(&mut judge, lists, &numbers, told));
+        let seconds = began.elapsed().as_secs_f64() / (lists.len() * most) as f64;
+        for count in COUNTS {
+            // Over the lists of these numbers, mean over disjoint sets of worlds.
+            let correlation = |of: Measure, numbers: &[usize]| {
+                let own: Vec<f64> = numbers.iter().map(|&k| truth[k]).collect();
+                let sets = (0..most / count).map(|set| {
+                    let worlds = set * count..(set + 1) * count;
+                    let judged = numbers.iter().map(|&k| of(&scores[k][worlds.clone()]));
+                    rank_correlation(&judged.collect::<Vec<_>>(), &own)
+                });
+                sets.sum::<f64>() / (most / count) as f64
+            };
+            let all: Vec<usize> = (0..lists.len()).collect();
+            let indices: Vec<f64> = all.iter().map(|&k| k as f64).collect();
+            found.push(Judged {
+                rate,
+                count,
+                correlations: MEASURES.map(|(_, of)| correlation(of, &all)),
+                interval: bootstrap([&indices], |[drawn]| {
+                    let drawn: Vec<usize> = drawn.iter().map(|&k| k as usize).collect();
+                    correlation(worst_quarter, &drawn)
+                }),
+                cpu_s: count as f64 * seconds,
+            });
+        }
+    }
+    Ok(found)
+}
+
+fn table(judges: &[Judged], title: String) -> Table {
+    let mut table = Table::of("judges", title, judges)
+        .number("rate [1/s]", 0, |judged| judged.rate)
+        .text("worlds", |judged| judged.count);
+    for (k, (name, _)) in MEASURES.into_iter().enumerate() {
+        table = table.number(name, 2, move |judged| judged.correlations[k]);
+    }
+    table
+        .number("worst quarter, low", 2, |judged| judged.interval[0])
+        .number("high", 2, |judged| judged.interval[1])
+        .number("CPU a path [s]", 2, |judged| judged.cpu_s)
+        .end()
+}
+
+fn chart(judges: &[Judged]) -> Chart {
+    let series = RATES.iter().zip(SERIES).map(|(&rate, color)| {
+        let own = judges.iter().filter(|judged| judged.rate == rate);
+        let at = |judged: &Judged| [judged.count as f64, judged.correlations[1]];
+        Series {
+            label: format!("{rate} substeps a second"),
+            points: own.map(at).collect(),
+            color,
+        }
+    });
+    Chart {
+        title: "Judging by the worst quarter of worlds".into(),
+        x_label: "worlds".into(),
+        y_label: "rank correlation with the twin [-]".into(),
+        series: series.collect(),
+        ..Chart::default()
+    }
+}
