@@ -484,8 +484,12 @@ pub fn search_by_moves(
     let ranked = judge.race(0, &lists, 1 << 30..(1 << 30) + 9, method.chains);
     let chosen = ranked.iter().take(method.chains);
     let chosen: Vec<Vec<u32>> = chosen.map(|&(k, _)| starts[k].clone()).collect();
-    let left = presses.saturating_sub(judge.spent() - before);
-    let watch = |at: Searching| go_on(Some(at));
+    let spent = judge.spent() - before;
+    let left = presses.saturating_sub(spent);
+    let watch = |at: Searching| {
+        let spent = spent + at.spent;
+        go_on(Some(Searching { spent, ..at }))
+    };
     Ok(moves(judge, &chosen, method, left, config.seed, watch))
 }
 

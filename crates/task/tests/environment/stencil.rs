@@ -1,6 +1,6 @@
 //! The stencil on flat cloth, where its vertices can be counted by hand.
 
-use drape_cloth::sim::Pressed;
+use drape_cloth::sim::{Parameters, Pressed};
 use drape_cloth::tool::{Plate, Shape, Source};
 
 use super::*;
@@ -49,4 +49,30 @@ fn stencil_covers_one_vertex_of_a_coarse_blank() {
 #[test]
 fn stencil_covers_more_of_a_finer_blank() {
     assert_eq!(press(129, [64, 64]), [49, 32]);
+}
+
+/// A press that misses touches nothing, one that lands touches its vertex.
+#[test]
+fn presses_that_miss_touch_nothing() {
+    let parameters = Parameters {
+        misses: 0.5,
+        seed: 3,
+        ..Parameters::default()
+    };
+    let config = EnvConfig {
+        parameters: parameters.clone(),
+        ..EnvConfig::default()
+    };
+    let mut env = Draping::new(flat(33), &config, 1).unwrap();
+    let (mut touched, mut missed) = (0, 0);
+    for press in 0..12 {
+        let action = env.observation(0).allowed().next().unwrap();
+        env.step(&[action]);
+        let before = touched;
+        touched = env.state(0).pressed.touched.count_ones(..);
+        let misses = parameters.aim(press).misses();
+        assert_eq!(touched > before, !misses, "press {press}");
+        missed += usize::from(misses);
+    }
+    assert!((1..12).contains(&missed), "{missed}");
 }
