@@ -217,7 +217,7 @@ static PARAMETERS: LazyLock<Vec<(&str, Own)>> = LazyLock::new(|| {
             "deviation of tilts",
             law(|own| own.tilt_deviation_deg = 11.0),
         ),
-        ("misses", law(|own| own.misses = 0.6)),
+        ("misses", law(|own| (own.misses, own.seed) = (0.5, 2))),
         ("all", all),
     ]
 });
