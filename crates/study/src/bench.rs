@@ -11,7 +11,7 @@ use cpu_time::ThreadTime;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::ranking::{extremes, median};
+use crate::statistics::{extremes, median};
 use crate::study::{CORNER, Context, Report, Study, StudyError};
 use crate::table::Table;
 use drape_cloth::fabric::{Lamina, Material};

@@ -7,7 +7,7 @@
 
 use std::sync::Arc;
 
-use crate::ranking::extremes;
+use crate::statistics::extremes;
 use crate::study::{Context, Report, SceneOptions, Study, StudyError, stencil_mm};
 use crate::table::Table;
 use drape_cloth::file::ValueError;

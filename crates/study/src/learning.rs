@@ -1,17 +1,14 @@
 //! How well trainings learn over several seeds, and whether one configuration learns better than
 //! another. Reads what runs have left; whoever runs the study trains them.
 
-pub(crate) mod statistics;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::ranking::extremes;
+use crate::statistics::{bootstrap, extremes, interquartile_mean, probability_of_improvement};
 use crate::study::{Context, Report, Study, StudyError};
 use crate::table::{Format::Digits, Table};
 use crate::trainings::{Arm, Curve, LearnedRun, Trainings};
 use drape_report::{Band, Chart, SERIES, Series};
-use statistics::{bootstrap, interquartile_mean, probability_of_improvement};
 
 /// Train with several seeds and tell how well it is learned: interquartile means of scores with 95 %
 /// bootstrap intervals, by configuration, and the probability that one learns better than the first

@@ -23,7 +23,7 @@ use cpu_time::ProcessTime;
 
 use crate::points::{apart_mm, nearest, same_points, summed_m};
 use crate::presses::{pushed, replay};
-use crate::ranking::median;
+use crate::statistics::median;
 use crate::study::{CORNER, Context, Report, Study, StudyError, lamina};
 use crate::table::Table;
 use drape_cloth::math::{Isa, mean_and_deviation};

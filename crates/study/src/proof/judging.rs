@@ -6,8 +6,7 @@ use std::sync::Arc;
 use cpu_time::ProcessTime;
 
 use super::{Case, LIES, Left, SEEDS, in_twin, pressed};
-use crate::learning::statistics::bootstrap;
-use crate::ranking::rank_correlation;
+use crate::statistics::{bootstrap, rank_correlation};
 use crate::study::{Context, KeptPaths, Report, Study, StudyError};
 use crate::table::Table;
 use drape_cloth::scene::Scene;

@@ -139,9 +139,14 @@ impl Scatter {
         }
         let (found, expected) = (
             format!("{:?}", self.substep_rates),
-            "no rate below the one before",
+            "each rate above the one before",
         );
-        ValueError::unless(self.substep_rates.is_sorted(), key, found, expected)?;
+        ValueError::unless(
+            self.substep_rates.is_sorted_by(|a, b| a < b),
+            key,
+            found,
+            expected,
+        )?;
         ValueError::unless_within("risk", self.risk, [0.0, 1.0])
     }
 

@@ -60,10 +60,8 @@ pub struct Ended<T> {
 
 /// Environments in which lists are pressed, each in a world of its own, on all cores.
 pub struct Judge {
-    /// Of each rate that differs from those before, one a core.
+    /// Of each rate, one a core.
     benches: Vec<Vec<Draping>>,
-    /// Which of them each rate has.
-    of_rate: Vec<usize>,
     worlds: Arc<Worlds>,
     /// Presses made so far.
     spent: u64,
@@ -119,15 +117,6 @@ impl Judge {
             Device::Cpu => (rayon::current_num_threads(), ON_CPU),
             Device::Gpu(_) => (1, ON_GPU),
         };
-        let mut apart: Vec<&EnvConfig> = Vec::new();
-        let mut of_rate = Vec::new();
-        for config in rated {
-            let known = apart.iter().position(|known| *known == config);
-            of_rate.push(known.unwrap_or(apart.len()));
-            if known.is_none() {
-                apart.push(config);
-            }
-        }
         let bench = |config: &EnvConfig| {
             let member = Member {
                 scene: scene.clone(),
@@ -139,8 +128,7 @@ impl Judge {
         };
         let of_cores = |config| (0..copies).map(|_| bench(config)).collect();
         Ok(Self {
-            benches: apart.into_iter().map(of_cores).collect::<Result<_, _>>()?,
-            of_rate,
+            benches: rated.iter().map(of_cores).collect::<Result<_, _>>()?,
             worlds: worlds.clone(),
             spent: 0,
         })
@@ -161,14 +149,9 @@ impl Judge {
         self.spent
     }
 
-    /// Numbers of the rates.
-    pub fn rates(&self) -> Range<usize> {
-        0..self.of_rate.len()
-    }
-
-    /// Whether two rates are one.
-    pub fn are_alike(&self, a: usize, b: usize) -> bool {
-        self.of_rate[a] == self.of_rate[b]
+    /// How many rates there are.
+    pub fn rates(&self) -> usize {
+        self.benches.len()
     }
 
     /// Presses lists at a rate, as many at once as there are lanes, asks `of` the end of each in the task of its
@@ -234,7 +217,7 @@ impl Judge {
             }
         };
         std::thread::scope(|scope| {
-            for env in &mut self.benches[self.of_rate[rate]] {
+            for env in &mut self.benches[rate] {
                 scope.spawn(|| work(env));
             }
         });

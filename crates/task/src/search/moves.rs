@@ -44,6 +44,7 @@ const LONGEST: u64 = 60_000;
 const CONVERGED: f64 = 1e-3;
 /// What the last round counts in the running mean of a chain.
 const RECENT: f64 = 0.3;
+
 /// Where a search is.
 #[derive(Clone, Copy, Debug)]
 pub struct Searching {
@@ -66,7 +67,8 @@ pub struct Found {
 }
 
 /// Searches from `starts` on, the best first, for so many presses, or as many more as the round of each chain takes
-/// that is then begun. `watch` is told where it is and whether to go on is what it says. Gives the orders of the chains and the first start, each once, the better ones.
+/// that is then begun. `watch` is told where it is and whether to go on is what it says. Gives the orders of the
+/// chains and the first start, each once, the better ones.
 ///
 /// # Panics
 /// If there is nothing to start from.
@@ -109,7 +111,7 @@ pub fn moves(
         goes_on: true,
         watch,
     };
-    let rates = judge.rates().len() as u64;
+    let rates = judge.rates() as u64;
     let generations = GENERATIONS.max(presses.div_ceil(LONGEST)).max(rates);
     // What chains have come to at this rate at most, and how many generations have brought no more.
     let (mut best, mut idle) = (f64::NEG_INFINITY, 0);
@@ -139,11 +141,10 @@ pub fn moves(
         };
         best = best.max(mean);
         let is_last = generation + 1 == generations;
-        let last_rate = judge.rates().len() - 1;
-        if is_last || !search.goes_on || (idle >= 2 && judge.are_alike(rate, last_rate)) {
+        if is_last || !search.goes_on || (idle >= 2 && rate + 1 == judge.rates()) {
             break;
         }
-        if !judge.are_alike(rate, ((generation + 1) * rates / generations) as usize) {
+        if rate != ((generation + 1) * rates / generations) as usize {
             // Scores at another rate are others.
             (best, idle) = (f64::NEG_INFINITY, 0);
         }
@@ -156,8 +157,7 @@ pub fn moves(
     orders.sort();
     orders.dedup();
     let first = search.worlds_of(all.iter().map(|chain| chain.rounds).max().unwrap_or(0), 0);
-    let last_rate = judge.rates().len() - 1;
-    let ranked = judge.race(last_rate, &orders, first..first + 21, 2);
+    let ranked = judge.race(judge.rates() - 1, &orders, first..first + 21, 2);
     Found {
         orders: ranked
             .into_iter()

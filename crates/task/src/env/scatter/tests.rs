@@ -49,7 +49,7 @@ fn values_out_of_range_are_named() {
         ("substep_rates = [0.0]", "`substep_rates` is 0, expected"),
         (
             "substep_rates = [2400.0, 1200.0]",
-            "`substep_rates` is [2400.0, 1200.0], expected no rate below the one before",
+            "`substep_rates` is [2400.0, 1200.0], expected each rate above the one before",
         ),
     ] {
         let error = read(text).check().unwrap_err().to_string();
