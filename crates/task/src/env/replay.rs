@@ -92,4 +92,10 @@ impl Task {
         let is_believable = self.is_believable(&measures);
         is_believable.then(|| score() - self.cost(&self.figures(&points), cloth))
     }
+
+    pub fn off(&self, end: &EpisodeState) -> Vec<f64> {
+        let at = &end.cloth().position;
+        let of = |p: &[f64; 3]| (self.scene.tool.distance(*p).0 - 2e-4).max(0.0);
+        at.iter().map(of).collect()
+    }
 }

@@ -88,6 +88,7 @@ pub fn moves(
     let board = Board::new(judge.task());
     let chain = |k: usize| Chain {
         order: starts[k % starts.len()][..].into(),
+        off: vec![1.0; 100000],
         mean: f64::NEG_INFINITY,
         proposals: Vec::new(),
         stream: Stream::new(seed, Purpose::Search, k as u32),
@@ -127,8 +128,13 @@ pub fn moves(
             continue;
         }
         let first = open.into_iter().flat_map(|k| search.begin(k)).collect();
-        judge.press_on(rate, first, Task::worth, |key, job, ended| {
-            search.hear(key, job, ended.found.unwrap_or(DIVERGED), ended.states)
+        let worth = |task: &Task, end: &EpisodeState| Some((task.worth(end)?, task.off(end)));
+        judge.press_on(rate, first, worth, |key, job, ended| {
+            let (worth, off) = ended.found.unwrap_or((DIVERGED, Vec::new()));
+            if key.candidate.is_none() && !off.is_empty() {
+                search.chains[key.chain].off = off;
+            }
+            search.hear(key, job, worth, ended.states)
         });
         // In the order of the chains, not in that in which rounds have ended.
         let chains = search.chains.iter_mut();
@@ -189,6 +195,7 @@ struct Search<W> {
 /// An order that is changed.
 struct Chain {
     order: Arc<[u32]>,
+    off: Vec<f64>,
     /// Running mean of what it is worth, each time in new worlds.
     mean: f64,
     /// What has been good apart, together: candidates of the next round.
@@ -241,6 +248,7 @@ impl<W: FnMut(Searching) -> bool> Search<W> {
                 let (better, worse) = self.chains.split_at_mut(k);
                 let better = &better[k - half];
                 worse[0].order = better.order.clone();
+                worse[0].off = better.off.clone();
                 worse[0].proposals = better.proposals.clone();
                 worse[0].mean = better.mean;
             }
@@ -254,7 +262,11 @@ impl<W: FnMut(Searching) -> bool> Search<W> {
         let chain = &mut self.chains[k];
         let mut orders = std::mem::take(&mut chain.proposals);
         while orders.len() < self.method.candidates {
-            orders.push(self.board.changed(&chain.order, &mut chain.stream).into());
+            orders.push(
+                self.board
+                    .changed(&chain.order, &chain.off, &mut chain.stream)
+                    .into(),
+            );
         }
         let candidate = |order| Candidate {
             order,
