@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use crate::file::{ReadError, read_bytes};
+use crate::file::{ReadError, plain, read_bytes};
 
 /// Coordinates of an outline are at most this large [mm].
 const MAX_MM: f64 = 1e5;
@@ -40,9 +40,10 @@ impl Outline {
 
     /// Reads an outline; the error names file, line, found and expected.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
+        let bytes = read_bytes(path, 16)?;
+        let text = plain(&bytes).map_err(|fault| ReadError::fault(path, fault))?;
         // What is not text is quoted as the line that cannot be understood.
-        let text = String::from_utf8_lossy(&read_bytes(path, 16)?).into_owned();
-        Self::parse(&text).map_err(|(line, fault)| ReadError::Fault {
+        Self::parse(&String::from_utf8_lossy(&text)).map_err(|(line, fault)| ReadError::Fault {
             path: path.into(),
             place: format!(":{line}"),
             fault,

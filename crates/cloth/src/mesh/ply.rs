@@ -1,5 +1,8 @@
 //! PLY files (Turk 1994): ASCII, and binary in both byte orders.
 
+use super::check_facet_count;
+use super::polygon::cut;
+use super::stl::Facet;
 use crate::math::Vec3;
 
 /// Types of numbers and how many bytes they take, by both of their names.
@@ -17,14 +20,14 @@ const KINDS: [(&str, &str, usize); 8] = [
 /// Index of a type in [`KINDS`].
 type Kind = usize;
 
-struct Element<'a> {
-    name: &'a str,
+struct Element {
+    name: String,
     count: usize,
-    properties: Vec<Property<'a>>,
+    properties: Vec<Property>,
 }
 
-struct Property<'a> {
-    name: &'a str,
+struct Property {
+    name: String,
     kind: Kind,
     /// Type of the length, of a list.
     length: Option<Kind>,
@@ -32,24 +35,28 @@ struct Property<'a> {
 
 /// What stands behind the header.
 enum Body<'a> {
-    Ascii(std::str::SplitAsciiWhitespace<'a>),
+    Ascii(std::str::SplitWhitespace<'a>),
     Binary { rest: &'a [u8], is_big: bool },
 }
 
 /// Whether a file begins as PLY files do.
 pub(super) fn is_ply(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r")
+    let word = bytes.trim_ascii_start().first_chunk();
+    word.is_some_and(|[p @ .., end]: &[u8; 4]| {
+        p.eq_ignore_ascii_case(b"ply") && end.is_ascii_whitespace()
+    })
 }
 
-/// Corners of the facets of a PLY file, as it has them. Polygons become fans; what is no vertex and
-/// no face is skipped. Memory grows with the file, not with the counts it declares.
-pub(super) fn facets(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, String> {
+/// Corners of the facets of a PLY file, as it has them. Polygons and triangle strips are cut into
+/// triangles; what is no vertex, face or strip is skipped. Memory grows with the file, not with the
+/// counts it declares.
+pub(super) fn facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
     let text;
-    let (format, elements, rest) = header(bytes)?;
-    let mut body = match format {
+    let (format, elements, rest) = header(bytes.trim_ascii_start())?;
+    let mut body = match &*format {
         "ascii" => {
-            text = str::from_utf8(rest).map_err(|_| "what follows the header is no text")?;
-            Body::Ascii(text.split_ascii_whitespace())
+            text = String::from_utf8_lossy(rest);
+            Body::Ascii(text.split_whitespace())
         }
         "binary_little_endian" | "binary_big_endian" => Body::Binary {
             rest,
@@ -57,72 +64,124 @@ pub(super) fn facets(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, String> {
         },
         other => return Err(format!("unknown format {other:?}")),
     };
-    let (mut vertices, mut facets) = (Vec::new(), Vec::new());
+    let all = elements.iter().filter(|element| element.name == "vertex");
+    let vertex_count = all.fold(0, |sum: usize, all| sum.saturating_add(all.count));
+    let mut vertices = Vec::new();
+    // Faces may stand before their vertices: the corners of all, the number of each and where it ends.
+    let (mut corners, mut faces) = (Vec::<usize>::new(), Vec::new());
     for element in &elements {
+        let is_face = element.name == "face";
+        let is_strip = element.name.starts_with("tristrip");
         for i in 1..=element.count {
             let at = |fault: String| format!("{} {i} of {}: {fault}", element.name, element.count);
             let mut place = Vec3::zeros();
             for property in &element.properties {
-                let is_face = element.name == "face" && property.name.starts_with("vertex_ind");
                 let axis = ["x", "y", "z"].iter().position(|a| *a == property.name);
-                let length = match property.length {
-                    Some(kind) => body.number(kind).map_err(at)? as usize,
-                    None => 1,
-                };
-                let mut corners: Vec<Vec3> = Vec::new();
-                for _ in 0..length {
+                let Some(kind) = property.length else {
                     let number = body.number(property.kind).map_err(at)?;
-                    if let (Some(axis), None) = (axis, property.length) {
+                    if let Some(axis) = axis {
                         place[axis] = number;
                     }
+                    continue;
+                };
+                let length = body.number(kind).map_err(at)?;
+                let Some(length) = whole(length) else {
+                    return Err(at(format!(
+                        "a list of {length}, expected a whole number >= 0"
+                    )));
+                };
+                let is_indices = (is_face || is_strip) && property.name.starts_with("vertex_ind");
+                // Of the strip that has begun last.
+                let (mut strip, mut is_odd) = (Vec::new(), false);
+                for _ in 0..length {
+                    let number = body.number(property.kind).map_err(at)?;
+                    if !is_indices {
+                        continue;
+                    }
+                    let Some(vertex) = whole(number).filter(|v| *v < vertex_count) else {
+                        if is_strip && is_restart(number, property.kind) {
+                            (strip, is_odd) = (Vec::new(), false);
+                            continue;
+                        }
+                        let expected = format!("expected one of its {vertex_count} vertices");
+                        return Err(at(format!("vertex {number}, {expected}")));
+                    };
                     if is_face {
-                        // The cast makes 0 of a negative number and cuts fractions.
-                        let is_index = number >= 0.0 && number.fract() == 0.0;
-                        let corner = vertices.get(number as usize).filter(|_| is_index);
-                        let fault = || {
-                            let count = vertices.len();
-                            at(format!(
-                                "vertex {number}, expected one of the {count} before it"
-                            ))
-                        };
-                        corners.push(*corner.ok_or_else(fault)?);
+                        corners.push(vertex);
+                        continue;
+                    }
+                    strip.push(vertex);
+                    if let [a, b, c] = strip[..] {
+                        // A vertex that is there twice leads from one part of a strip to the next.
+                        if a != b && b != c && c != a {
+                            corners.extend(if is_odd { [b, a, c] } else { [a, b, c] });
+                            faces.push((i, corners.len()));
+                        }
+                        strip.remove(0);
+                        is_odd = !is_odd;
                     }
                 }
-                let fan = corners.windows(2).skip(1);
-                facets.extend(fan.map(|pair| [corners[0], pair[0], pair[1]]));
+                if is_indices && is_face {
+                    faces.push((i, corners.len()));
+                }
             }
             if element.name == "vertex" {
                 vertices.push(place);
             }
         }
     }
-    match body.is_at_its_end() {
-        true => Ok(facets),
-        false => Err("more than the header declares".into()),
+    if !body.is_at_its_end() {
+        return Err("more than the header declares".into());
     }
+    let (mut facets, mut start) = (Vec::new(), 0);
+    for (number, end) in faces {
+        let of_face: Vec<Vec3> = corners[start..end].iter().map(|&v| vertices[v]).collect();
+        let count = end - start;
+        start = end;
+        facets.extend(cut(&of_face).ok_or_else(|| {
+            format!(
+                "face {number}: its border of {count} corners crosses or touches itself, expected a \
+                 polygon that can be cut into triangles"
+            )
+        })?);
+        check_facet_count(facets.len())?;
+    }
+    Ok(facets)
 }
 
-/// Format, elements and what follows.
-fn header(bytes: &[u8]) -> Result<(&str, Vec<Element<'_>>, &[u8]), String> {
-    let (mut rest, mut format, mut elements) = (bytes, "", Vec::<Element>::new());
+/// A number that is whole and not negative.
+fn whole(number: f64) -> Option<usize> {
+    (number >= 0.0 && number.fract() == 0.0).then_some(number as usize)
+}
+
+/// Whether an index ends a triangle strip: -1, also where its type has no sign.
+fn is_restart(number: f64, kind: Kind) -> bool {
+    number == -1.0 || number == 2f64.powi(8 * KINDS[kind].2 as i32) - 1.0
+}
+
+/// Format, elements and what follows. Its words may be in capitals and its lines may end with line
+/// feeds, carriage returns or both, as the first line does.
+fn header(bytes: &[u8]) -> Result<(String, Vec<Element>, &[u8]), String> {
+    let (mut rest, mut format, mut elements) = (bytes, String::new(), Vec::<Element>::new());
+    let first = bytes.iter().position(|b| matches!(b, b'\n' | b'\r'));
+    let is_alone = first.is_some_and(|at| bytes[at] == b'\r' && bytes.get(at + 1) != Some(&b'\n'));
+    let end_of_line = if is_alone { b'\r' } else { b'\n' };
     for number in 1.. {
-        let end = rest.iter().position(|b| *b == b'\n');
+        let end = rest.iter().position(|b| *b == end_of_line);
         let Some(end) = end else {
             return Err("truncated in the header, end_header is missing".into());
         };
-        let line = &rest[..end];
+        // Comments may be in any encoding.
+        let line = String::from_utf8_lossy(&rest[..end]).to_ascii_lowercase();
         rest = &rest[end + 1..];
         let fault = |what: &str| Err(format!("line {number} of the header: {what}"));
-        let Ok(line) = str::from_utf8(line) else {
-            return fault("no text");
-        };
-        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        let words: Vec<&str> = line.split_whitespace().collect();
         let kind = |word: &str| KINDS.iter().position(|k| k.0 == word || k.1 == word);
         match words[..] {
-            ["format", name, _] => format = name,
+            ["format", name, _] => format = name.into(),
             ["element", name, count] => match count.parse() {
                 Ok(count) => elements.push(Element {
-                    name,
+                    name: name.into(),
                     count,
                     properties: Vec::new(),
                 }),
@@ -136,7 +195,7 @@ fn header(bytes: &[u8]) -> Result<(&str, Vec<Element<'_>>, &[u8]), String> {
                     return fault("a property before the first element");
                 };
                 element.properties.push(Property {
-                    name,
+                    name: name.into(),
                     kind: of,
                     length: (words.len() == 5).then_some(length),
                 });

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use super::ply;
 use super::stl::{self, MeshFile};
-use crate::file::{ReadError, read_bytes};
+use crate::file::{ReadError, read_bytes, unmarked};
 
 /// How files begin that are no meshes we read, and what they are.
 const OTHERS: [(&[u8], &str); 11] = [
@@ -33,10 +33,14 @@ pub fn read_mesh(path: &Path, scale: f64) -> Result<MeshFile, ReadError> {
 }
 
 fn parse(bytes: &[u8], scale: f64) -> Result<MeshFile, String> {
+    if stl::is_binary(bytes) {
+        return stl::parse(bytes, scale);
+    }
+    let bytes = unmarked(bytes)?;
     if ply::is_ply(bytes) {
         return stl::weld_scaled(ply::facets(bytes)?, scale);
     }
-    match other(bytes).filter(|_| !stl::is_binary(bytes)) {
+    match other(bytes) {
         Some(kind) => Err(format!("{kind}, expected an STL or PLY file")),
         None => stl::parse(bytes, scale),
     }
