@@ -212,6 +212,17 @@ mod tests {
         let hole = [[0.01, 0.01], [0.02, 0.01], [0.02, 0.02]];
         assert_eq!(outline.loops, [&corners[..], &hole[..]]);
         // Loops may run either way round.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        let returns = text.replace('\n', "\r");
+        for bytes in [
+            format!("\u{feff}{text}"),
+            returns.clone(),
+            format!("\u{feff}{returns}"),
+        ] {
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(Outline::read(&path).unwrap(), outline);
+        }
         let turned = Outline::parse("0,0\n0,50\n100,50\n100,0\n\n10,10\n20,10\n20,20").unwrap();
         assert_eq!(turned.loops[1], hole);
     }

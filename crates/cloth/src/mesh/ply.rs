@@ -17,6 +17,9 @@ const KINDS: [(&str, &str, usize); 8] = [
     ("double", "float64", 8),
 ];
 
+/// Names of a vertex's coordinates.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
 /// Index of a type in [`KINDS`].
 type Kind = usize;
 
@@ -66,63 +69,57 @@ pub(super) fn facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
     };
     let all = elements.iter().filter(|element| element.name == "vertex");
     let vertex_count = all.fold(0, |sum: usize, all| sum.saturating_add(all.count));
-    let mut vertices = Vec::new();
+    for axis in AXES {
+        let has = |of: &Property| of.name == axis && of.length.is_none();
+        let mut all = elements.iter().filter(|element| element.name == "vertex");
+        if !all.all(|element| element.properties.iter().any(has)) {
+            return Err(format!("its vertices have no {axis}, expected x, y and z"));
+        }
+    }
+    let (mut vertices, mut list) = (Vec::new(), Vec::new());
     // Faces may stand before their vertices: the corners of all, the number of each and where it ends.
     let (mut corners, mut faces) = (Vec::<usize>::new(), Vec::new());
     for element in &elements {
-        let is_face = element.name == "face";
         let is_strip = element.name.starts_with("tristrip");
         for i in 1..=element.count {
             let at = |fault: String| format!("{} {i} of {}: {fault}", element.name, element.count);
+            let vertex = |number: &f64| {
+                let index = whole(*number).filter(|index| *index < vertex_count);
+                let expected = || format!("expected one of its {vertex_count} vertices");
+                index.ok_or_else(|| at(format!("vertex {number}, {}", expected())))
+            };
             let mut place = Vec3::zeros();
             for property in &element.properties {
-                let axis = ["x", "y", "z"].iter().position(|a| *a == property.name);
-                let Some(kind) = property.length else {
+                let Some(length) = property.length else {
                     let number = body.number(property.kind).map_err(at)?;
-                    if let Some(axis) = axis {
+                    if let Some(axis) = AXES.iter().position(|axis| *axis == property.name) {
                         place[axis] = number;
                     }
                     continue;
                 };
-                let length = body.number(kind).map_err(at)?;
-                let Some(length) = whole(length) else {
-                    return Err(at(format!(
-                        "a list of {length}, expected a whole number >= 0"
-                    )));
-                };
-                let is_indices = (is_face || is_strip) && property.name.starts_with("vertex_ind");
-                // Of the strip that has begun last.
-                let (mut strip, mut is_odd) = (Vec::new(), false);
-                for _ in 0..length {
-                    let number = body.number(property.kind).map_err(at)?;
-                    if !is_indices {
-                        continue;
+                body.list(length, property.kind, &mut list).map_err(at)?;
+                if !property.name.starts_with("vertex_ind") {
+                } else if element.name == "face" {
+                    for number in &list {
+                        corners.push(vertex(number)?);
                     }
-                    let Some(vertex) = whole(number).filter(|v| *v < vertex_count) else {
-                        if is_strip && is_restart(number, property.kind) {
-                            (strip, is_odd) = (Vec::new(), false);
-                            continue;
-                        }
-                        let expected = format!("expected one of its {vertex_count} vertices");
-                        return Err(at(format!("vertex {number}, {expected}")));
-                    };
-                    if is_face {
-                        corners.push(vertex);
-                        continue;
-                    }
-                    strip.push(vertex);
-                    if let [a, b, c] = strip[..] {
-                        // A vertex that is there twice leads from one part of a strip to the next.
-                        if a != b && b != c && c != a {
-                            corners.extend(if is_odd { [b, a, c] } else { [a, b, c] });
-                            faces.push((i, corners.len()));
-                        }
-                        strip.remove(0);
-                        is_odd = !is_odd;
-                    }
-                }
-                if is_indices && is_face {
                     faces.push((i, corners.len()));
+                } else if is_strip {
+                    // A -1 ends a strip, also where its type has no sign.
+                    let last = 2f64.powi(8 * KINDS[property.kind].2 as i32) - 1.0;
+                    let is_end = |n: &f64| *n == -1.0 || (*n == last && vertex(n).is_err());
+                    for strip in list.split(is_end) {
+                        let strip: Vec<usize> =
+                            strip.iter().map(vertex).collect::<Result<_, _>>()?;
+                        for (k, three) in strip.windows(3).enumerate() {
+                            let [a, b, c] = [three[k % 2], three[1 - k % 2], three[2]];
+                            // One with a vertex twice leads from a part of the strip to the next.
+                            if a != b && b != c && c != a {
+                                corners.extend([a, b, c]);
+                                faces.push((i, corners.len()));
+                            }
+                        }
+                    }
                 }
             }
             if element.name == "vertex" {
@@ -154,11 +151,6 @@ fn whole(number: f64) -> Option<usize> {
     (number >= 0.0 && number.fract() == 0.0).then_some(number as usize)
 }
 
-/// Whether an index ends a triangle strip: -1, also where its type has no sign.
-fn is_restart(number: f64, kind: Kind) -> bool {
-    number == -1.0 || number == 2f64.powi(8 * KINDS[kind].2 as i32) - 1.0
-}
-
 /// Format, elements and what follows. Its words may be in capitals and its lines may end with line
 /// feeds, carriage returns or both, as the first line does.
 fn header(bytes: &[u8]) -> Result<(String, Vec<Element>, &[u8]), String> {
@@ -178,7 +170,7 @@ fn header(bytes: &[u8]) -> Result<(String, Vec<Element>, &[u8]), String> {
         let words: Vec<&str> = line.split_whitespace().collect();
         let kind = |word: &str| KINDS.iter().position(|k| k.0 == word || k.1 == word);
         match words[..] {
-            ["format", name, _] => format = name.into(),
+            ["format", name, ..] => format = name.into(),
             ["element", name, count] => match count.parse() {
                 Ok(count) => elements.push(Element {
                     name: name.into(),
@@ -217,6 +209,17 @@ impl Body<'_> {
             Self::Ascii(words) => words.clone().next().is_none(),
             Self::Binary { rest, .. } => rest.trim_ascii().is_empty(),
         }
+    }
+
+    /// Puts the numbers of a list that follows into `list`.
+    fn list(&mut self, length: Kind, of: Kind, list: &mut Vec<f64>) -> Result<(), String> {
+        list.clear();
+        let length = self.number(length)?;
+        let fault = || format!("a list of {length}, expected a whole number >= 0");
+        for _ in 0..whole(length).ok_or_else(fault)? {
+            list.push(self.number(of)?);
+        }
+        Ok(())
     }
 
     /// The next number.
@@ -326,6 +329,66 @@ mod tests {
         }
     }
 
+    /// Facets by the numbers of their vertices, which lie at x = number.
+    fn numbered(header: &str, rest: &[u8]) -> Result<Vec<[f64; 3]>, String> {
+        let bytes = [header.as_bytes(), b"\nend_header\n", rest].concat();
+        let facets = facets(&bytes)?;
+        Ok(facets.iter().map(|facet| facet.map(|x| x.x)).collect())
+    }
+
+    /// Strips turn every other triangle over, end at -1 in any type, and pass over a vertex that is
+    /// there twice; faces may stand before vertices that have lists of their own.
+    #[test]
+    fn strips_and_faces_before_vertices_are_understood() {
+        let vertices = "element vertex 5\nproperty list uchar int near\nproperty char x\n\
+             property char y\nproperty char z\nproperty list uchar int seen\n";
+        let places = [0, 1, 2, 3, 4].map(|x| [1, 0, 0, 0, 7, x, x * x, 0, 0]);
+        let expected = [
+            [0., 1., 2.],
+            [2., 1., 3.],
+            [4., 3., 1.],
+            [0., 1., 4.],
+            [2., 4., 3.],
+        ];
+        let indices = [0, 1, 2, 3, -1, 4, 3, 1, 1, -1, 0, 1, 4, 4, 2, 3];
+        let kinds = [
+            ("int", 4, true),
+            ("int", 4, false),
+            ("ushort", 2, true),
+            ("uchar", 1, false),
+        ];
+        for (kind, size, is_big) in kinds {
+            let order = if is_big { "big" } else { "little" };
+            let header = format!(
+                "ply\nformat binary_{order}_endian 1.0\nelement tristrips 1\n\
+                 property list uchar {kind} vertex_indices\n{vertices}"
+            );
+            let mut rest = vec![indices.len() as u8];
+            for index in indices {
+                let mut number = i32::to_be_bytes(index)[4 - size..].to_vec();
+                if !is_big {
+                    number.reverse();
+                }
+                rest.extend(number);
+            }
+            rest.extend(places.iter().flat_map(|place| {
+                let [count, list @ .., x, y, z, none] = *place;
+                let mut list = list.map(|byte| byte as u8);
+                if !is_big {
+                    list.reverse();
+                }
+                [
+                    &[count as u8][..],
+                    &list,
+                    &[x as u8, y as u8, z as u8, none as u8],
+                ]
+                .concat()
+            }));
+            let found = numbered(header.trim_end(), &rest);
+            assert_eq!(found.unwrap(), expected, "{kind} {is_big}");
+        }
+    }
+
     #[test]
     fn truncations_and_damaged_bytes_are_survived() {
         for format in FORMATS {
@@ -357,15 +420,15 @@ mod tests {
         );
         assert_eq!(
             fault("3  0  1  2", "3 0 1 4"),
-            "face 1 of 2: vertex 4, expected one of the 4 before it"
+            "face 1 of 2: vertex 4, expected one of its 4 vertices"
         );
         assert_eq!(
             fault("3  0  1  2", "3 0 1 -1"),
-            "face 1 of 2: vertex -1, expected one of the 4 before it"
+            "face 1 of 2: vertex -1, expected one of its 4 vertices"
         );
         assert_eq!(
             fault("3  0  1  2", "3 0 1 2.5"),
-            "face 1 of 2: vertex 2.5, expected one of the 4 before it"
+            "face 1 of 2: vertex 2.5, expected one of its 4 vertices"
         );
         assert_eq!(
             fault("vertex 4", "vertex x"),
@@ -379,6 +442,19 @@ mod tests {
         let found = fault("vertex 4", "vertex 4000000000");
         assert!(found.ends_with("of 4000000000: truncated"), "{found}");
         assert_eq!(fault("ascii", "ebcdic"), "unknown format \"ebcdic\"");
+        assert_eq!(
+            fault("short z", "short w"),
+            "its vertices have no z, expected x, y and z"
+        );
+        assert_eq!(
+            fault("3  0  1  2", "-3 0 1 2"),
+            "face 1 of 2: a list of -3, expected a whole number >= 0"
+        );
+        assert_eq!(
+            fault("3  0  1  2", "6 0 1 2 0 2 1"),
+            "face 1: its border of 6 corners crosses or touches itself, expected a polygon that can be \
+             cut into triangles"
+        );
     }
 
     #[test]
