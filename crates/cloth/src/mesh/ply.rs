@@ -125,6 +125,7 @@ pub(super) fn facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
             if element.name == "vertex" {
                 vertices.push(place);
             }
+            check_facet_count(faces.len())?;
         }
     }
     if !body.is_at_its_end() {

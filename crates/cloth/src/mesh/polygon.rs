@@ -46,18 +46,18 @@ fn triangulate(corners: &[Vec3], normal: Vec3) -> Option<Vec<Facet>> {
     let reach = corners.iter().map(|x| (x - corners[0]).amax());
     let reach = reach.fold(0.0, f64::max);
     let mut plane = ConstrainedDelaunayTriangulation::<Point2<f64>>::new();
-    let (mut loop_, mut places) = (Vec::new(), HashMap::new());
+    let (mut ring, mut places) = (Vec::new(), HashMap::new());
     for &corner in corners {
         let x = (corner - corners[0]) / reach;
         let point = Point2::new(x.dot(&along), x.dot(&across));
         let vertex = plane.insert(mitigate_underflow(point)).ok()?;
         places.entry(vertex).or_insert(corner);
-        loop_.push(vertex);
+        ring.push(vertex);
     }
     // How often the border runs along an edge, less how often it runs back.
     let mut runs = HashMap::new();
-    for (k, &from) in loop_.iter().enumerate() {
-        let to = loop_[(k + 1) % loop_.len()];
+    for (k, &from) in ring.iter().enumerate() {
+        let to = ring[(k + 1) % ring.len()];
         if from != to {
             if !plane.can_add_constraint(from, to) {
                 return None;
