@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard};
 
-use damage::{folder, survives};
+use damage::{dialects, folder, survives};
 use drape_cloth::fabric::{BlankConfig, Lamina, Material};
 use drape_cloth::file::in_words;
 use drape_cloth::mesh::{TriMesh, read_mesh};
@@ -47,20 +47,6 @@ fn tool(mesh: TriMesh) -> Result<(), String> {
 const ASCII: &str = "solid a\n facet normal 0 0 nan\n  outer loop\n   vertex 0 0 0\n   \
     vertex 0 10 0\n   vertex 1e1 0 0\n  endloop\n endfacet\n facet normal 0 0 1\n  outer loop\n   \
     vertex 0 0 0\n   vertex 10 0 0\n   vertex 0 0 10\n  endloop\n endfacet\nendsolid a\n";
-
-/// The same text with a byte-order mark, with other line ends, in Latin-1 and in UTF-16.
-fn dialects(text: &str) -> Vec<Vec<u8>> {
-    let returns = text.replace('\n', "\r");
-    let wide = |text: &str| text.encode_utf16().flat_map(u16::to_le_bytes).collect();
-    vec![
-        format!("\u{feff}{text}").into(),
-        text.replace('\n', "\r\n").into(),
-        format!("\u{feff}{returns}").into(),
-        [text.to_uppercase().as_bytes(), b"\xb5 "].concat(),
-        wide(text),
-        wide(&format!("\u{feff}{text}")),
-    ]
-}
 
 fn binary() -> Vec<u8> {
     let corners = [
