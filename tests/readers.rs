@@ -228,7 +228,7 @@ fn states_and_scans() {
         \"position\":[[0,0,0.1],[0.1,0,0.1],[0,0.1,0.1],[0.1,0.1,0.2]],\
         \"triangles\":[[0,1,3],[0,3,2]]}\n";
     let long = state.replace("[0.1,0]", "[0.1,0,7]");
-    let mut corpus = vec![state.into(), long.into()];
+    let mut corpus: Vec<Vec<u8>> = vec![state.into(), long.into()];
     corpus.extend(dialects(state));
     survives("state.json", &corpus, 1500, |path| {
         let drape = Drape::read(path).map_err(line)?;
@@ -242,7 +242,7 @@ fn states_and_scans() {
         property float z\nelement face 4\nproperty list uchar int vertex_indices\nend_header\n";
     let ring = "10 10 0\n20 10 0\n20 20 0\n10 20 0\n0 0 0\n30 0 0\n30 30 0\n0 30 0\n\
         4 4 5 1 0\n4 5 6 2 1\n4 6 7 3 2\n4 7 4 0 3\n";
-    let corpus = [sheet.into(), format!("{head}{ring}").into()];
+    let corpus: [Vec<u8>; 2] = [sheet.into(), format!("{head}{ring}").into()];
     survives("scan.stl", &corpus, 1000, |path| {
         let mesh = read_mesh(path, 1e-3).map_err(line)?.mesh;
         compared(Surveyed::scan(mesh).map_err(line)?);

@@ -93,6 +93,8 @@ mod tests {
         vertex 1 1e0 0\nendloop\nendfacet\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 1 0\n\
         vertex 0 1 0\nendloop\nendfacet\nendsolid by hand\n";
 
+    type Dialect<'a> = (&'static str, &'a dyn Fn(&str) -> Vec<u8>);
+
     /// Whatever editors, systems and other programs make of the same text.
     #[test]
     fn dialects_are_read_alike() {
@@ -101,7 +103,7 @@ mod tests {
             let text: Vec<char> = text.replacen("by hand", "für 1 µm", 1).chars().collect();
             text.into_iter().map(|c| c as u8).collect()
         };
-        let dialects: [(&str, &dyn Fn(&str) -> Vec<u8>); 9] = [
+        let dialects: [Dialect; 9] = [
             ("line feeds", &|text| text.into()),
             ("mark", &mark),
             ("both", &|text| text.replace('\n', "\r\n").into()),
