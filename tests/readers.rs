@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::SystemTime;
 
-use damage::{folder, survives};
+use damage::{dialects, folder, survives};
 use drape::run::{
     Checkpoint, Rules, RunConfig, RunFolder, RunInfo, Training, curve, digest, read_metrics, replay,
 };
@@ -57,6 +57,7 @@ fn run_configurations() {
     let samples = "ppo.imitation.samples = 9223372036854775807\n";
     let margin = format!("{TINY}grid.margin_mm = nan\n");
     corpus.extend([TINY, values, samples, &margin].map(Into::into));
+    corpus.extend(dialects(TINY));
     survives("run.toml", &corpus, 3000, |path| {
         let config = RunConfig::read(path).map_err(line)?;
         config.policy.validate(17, 17).map_err(line)?;
@@ -227,14 +228,22 @@ fn states_and_scans() {
         \"position\":[[0,0,0.1],[0.1,0,0.1],[0,0.1,0.1],[0.1,0.1,0.2]],\
         \"triangles\":[[0,1,3],[0,3,2]]}\n";
     let long = state.replace("[0.1,0]", "[0.1,0,7]");
-    survives("state.json", &[state.into(), long.into()], 1500, |path| {
+    let mut corpus: Vec<Vec<u8>> = vec![state.into(), long.into()];
+    corpus.extend(dialects(state));
+    survives("state.json", &corpus, 1500, |path| {
         let drape = Drape::read(path).map_err(line)?;
         compared(Surveyed::draped(drape).map_err(line)?);
         Ok(())
     });
     let sheet = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 10 0 0\nvertex 0 10 0\n\
         endloop\nendfacet\nendsolid\n";
-    survives("scan.stl", &[sheet.into()], 1000, |path| {
+    // A square with a hole, its inner corners first.
+    let head = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\n\
+        property float z\nelement face 4\nproperty list uchar int vertex_indices\nend_header\n";
+    let ring = "10 10 0\n20 10 0\n20 20 0\n10 20 0\n0 0 0\n30 0 0\n30 30 0\n0 30 0\n\
+        4 4 5 1 0\n4 5 6 2 1\n4 6 7 3 2\n4 7 4 0 3\n";
+    let corpus: [Vec<u8>; 2] = [sheet.into(), format!("{head}{ring}").into()];
+    survives("scan.stl", &corpus, 1000, |path| {
         let mesh = read_mesh(path, 1e-3).map_err(line)?.mesh;
         compared(Surveyed::scan(mesh).map_err(line)?);
         Ok(())

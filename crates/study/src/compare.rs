@@ -12,7 +12,7 @@ use drape_cloth::fabric::{Drape, Family, Tangents};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::mesh::compare::{
-    Foot, Sheet, SheetError, Spread, WrinkleFilter, contour_deviation, wrinkles,
+    Contour, Foot, Sheet, SheetError, Spread, WrinkleFilter, wrinkles,
 };
 use drape_cloth::tool::Surface;
 
@@ -110,18 +110,20 @@ pub fn compare(a: &Surveyed, b: &Surveyed, criteria: &Criteria) -> Comparison {
     if criteria.tool.is_none() {
         missing(&["tool"], "no tool: give a configuration, or a run");
     }
-    let contours = [(a, b), (b, a)].map(|(a, b)| {
-        let mut contour = contour_deviation(&a.mesh, &b.mesh)?;
-        contour.mean *= MM;
-        contour.max *= MM;
-        Some(contour)
+    let [of_a, of_b] = [a, b].map(|surface| Contour::new(&surface.mesh));
+    let contours = [(&of_a, &of_b), (&of_b, &of_a)].map(|(a, b)| {
+        let mut deviation = a.as_ref()?.deviation(b.as_ref()?)?;
+        deviation.mean *= MM;
+        deviation.max *= MM;
+        Some(deviation)
     });
     if contours[0].is_none() {
         let metrics = ["contour_a_to_b_mm", "contour_b_to_a_mm"];
         missing(&metrics, "a surface has no border");
     }
 
-    let [a_alone, b_alone] = [a, b].map(|surface| measures(surface, criteria));
+    let [a_alone, b_alone] =
+        [(a, of_a), (b, of_b)].map(|(surface, contour)| measures(surface, contour, criteria));
     let tools = [&a_alone, &b_alone].map(|alone| alone.tool.as_ref());
     if tools.iter().flatten().any(|tool| tool.surplus_mm.is_none()) {
         missing(
@@ -231,7 +233,7 @@ fn fibre_angles(a: &Drape, b: &Drape, flat: &Sheet, part: Part) -> Option<[Angle
 }
 
 /// What one drape is measured by alone.
-fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
+fn measures(surface: &Surveyed, contour: Option<Contour>, criteria: &Criteria) -> Measures {
     let mesh = &surface.mesh;
     let wrinkles = wrinkles(mesh, WRINKLE).map(|mut found| {
         found.amplitude *= MM;
@@ -264,6 +266,11 @@ fn measures(surface: &Surveyed, criteria: &Criteria) -> Measures {
         vertices: mesh.vertices.len(),
         triangles: mesh.triangles.len(),
         area_mm2: MM * MM * mesh.area(),
+        pieces: contour.as_ref().map(|contour| contour.piece_count),
+        holes_mm2: contour.map(|Contour { mut holes, .. }| {
+            holes.area *= MM * MM;
+            holes
+        }),
         wrinkles_mm: wrinkles,
         shear_deg: shear.map(|spread| Shear {
             spread,

@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use crate::file::{ReadError, read_bytes};
+use crate::file::{ReadError, plain, read_bytes};
 
 /// Coordinates of an outline are at most this large [mm].
 const MAX_MM: f64 = 1e5;
@@ -40,9 +40,10 @@ impl Outline {
 
     /// Reads an outline; the error names file, line, found and expected.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
+        let bytes = read_bytes(path, 16)?;
+        let text = plain(&bytes).map_err(|fault| ReadError::fault(path, fault))?;
         // What is not text is quoted as the line that cannot be understood.
-        let text = String::from_utf8_lossy(&read_bytes(path, 16)?).into_owned();
-        Self::parse(&text).map_err(|(line, fault)| ReadError::Fault {
+        Self::parse(&String::from_utf8_lossy(&text)).map_err(|(line, fault)| ReadError::Fault {
             path: path.into(),
             place: format!(":{line}"),
             fault,
@@ -211,6 +212,17 @@ mod tests {
         let hole = [[0.01, 0.01], [0.02, 0.01], [0.02, 0.02]];
         assert_eq!(outline.loops, [&corners[..], &hole[..]]);
         // Loops may run either way round.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        let returns = text.replace('\n', "\r");
+        for bytes in [
+            format!("\u{feff}{text}"),
+            returns.clone(),
+            format!("\u{feff}{returns}"),
+        ] {
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(Outline::read(&path).unwrap(), outline);
+        }
         let turned = Outline::parse("0,0\n0,50\n100,50\n100,0\n\n10,10\n20,10\n20,20").unwrap();
         assert_eq!(turned.loops[1], hole);
     }

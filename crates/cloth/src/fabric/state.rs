@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::lamina::Lamina;
 use super::material::Family;
 use super::membrane::Membrane;
-use crate::file::{ReadError, WriteError, in_words, read_bytes, write_atomic};
+use crate::file::{ReadError, WriteError, read_json, write_atomic};
 use crate::math::Vec3;
 use crate::mesh::TriMesh;
 
@@ -63,8 +63,7 @@ impl Drape {
     /// Reads and checks what [`Drape::write`] wrote.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let fault = |fault: String| ReadError::fault(path, fault);
-        let drape: Self = serde_json::from_slice(&read_bytes(path, 1024)?)
-            .map_err(|error| fault(format!("not a state file: {}", in_words(error))))?;
+        let drape: Self = read_json(path, "a state file")?;
         drape.check().map_err(fault)?;
         Ok(drape)
     }

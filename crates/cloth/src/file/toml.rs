@@ -2,7 +2,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeString, DeTable, DeValue};
 use toml::{Spanned, Value};
 
 use super::read::{ReadError, read_text};
@@ -10,6 +10,9 @@ use super::words::{NAMELESS, in_words};
 
 /// Longest part of a line that a message quotes [characters].
 const QUOTE: usize = 60;
+
+/// What to do about the backslashes of paths, which TOML takes for escapes in double quotes.
+const SINGLE_QUOTES: &str = "put a path with backslashes into single quotes";
 
 /// Reads the TOML file at `path`.
 pub fn read_toml<T: DeserializeOwned + Serialize>(path: &Path) -> Result<T, ReadError> {
@@ -51,7 +54,7 @@ pub fn parse_toml_with<T: Serialize>(
     // Of a list that is longer than it wants the parser drops the rest.
     let kept = Value::try_from(&value).expect("what was read is representable");
     let given = DeTable::parse(text).expect("it has been read").into_inner();
-    match changed_in_table(&given, &kept, "") {
+    match changed_in_table(&given, &kept, "").or_else(|| given.iter().find_map(controlled)) {
         Some((start, message)) => Err(located(text, path, start, message)),
         None => Ok(value),
     }
@@ -65,6 +68,10 @@ fn located(text: &str, path: &Path, start: usize, mut message: String) -> ReadEr
     let key = line.split('=').next().unwrap_or_default().trim();
     if !key.is_empty() && !message.contains(&format!("`{key}`")) {
         message += &format!(" in `{}`", quote(line));
+    }
+    // Where the file is no TOML at all, a backslash is most often that of a path.
+    if line.contains('\\') && DeTable::parse(text).is_err() {
+        message += &format!(", {SINGLE_QUOTES}");
     }
     let line = before.matches('\n').count() + 1;
     let column = before[line_start..].chars().count() + 1;
@@ -119,6 +126,21 @@ fn changed_in_table(given: &DeTable, kept: &Value, before: &str) -> Option<(usiz
         let key = key.get_ref();
         changed(given, kept.get(&**key)?, &format!("{before}{key}"))
     })
+}
+
+/// The first text at or below a key, at its byte, with a control character: the tab that `"C:\tools"`
+/// has, for no key means one.
+fn controlled((key, given): (&Spanned<DeString>, &Spanned<DeValue>)) -> Option<(usize, String)> {
+    match given.get_ref() {
+        DeValue::String(text) if text.contains(char::is_control) => {
+            let (key, text) = (key.get_ref(), text.chars().take(QUOTE).collect::<String>());
+            let fault = format!("`{key}` has control characters in {text:?}, {SINGLE_QUOTES}");
+            Some((given.span().start, fault))
+        }
+        DeValue::Array(list) => list.iter().find_map(|given| controlled((key, given))),
+        DeValue::Table(table) => table.iter().find_map(controlled),
+        _ => None,
+    }
 }
 
 /// `message` with what was `found` and the names that may stand there, if it wants a name: those that
@@ -206,6 +228,41 @@ mod tests {
             let message = message(text);
             assert!(message.starts_with("a.toml:"), "{message}");
             assert!(!message.contains('\n'), "{message}");
+        }
+    }
+
+    /// Paths of Windows in double quotes: escapes that TOML knows, and others.
+    #[test]
+    fn backslashes_of_paths_are_seen() {
+        let read = |text: &str| parse_toml::<toml::Table>(text, Path::new("a.toml"));
+        let control = "`path` has control characters in ";
+        for (path, start) in [
+            (
+                r"C:\tools\new.stl",
+                format!("2:8: {control}{:?}", "C:\tools\new.stl"),
+            ),
+            (
+                r"C:\before.stl",
+                format!("2:8: {control}{:?}", "C:\u{8}efore.stl"),
+            ),
+            (r"C:\dome.stl", "2:12: missing escaped value, ".into()),
+            (r"C:\users\dome.stl", "2:13: too few unicode ".into()),
+            (r"C:\parts\", "2:12: missing escaped value, ".into()),
+        ] {
+            for text in [format!("path = \"{path}\""), format!("path = [\"{path}\"]")] {
+                let text = format!("other = 'C:\\tools\\a.stl'\n{text}");
+                let found = read(&text).unwrap_err().to_string();
+                let column = usize::from(text.contains('['));
+                assert!(
+                    column == 1 || found.starts_with(&format!("a.toml:{start}")),
+                    "{found}"
+                );
+                assert!(
+                    found.ends_with(SINGLE_QUOTES) && !found.contains('\n'),
+                    "{found}"
+                );
+            }
+            assert!(read(&format!("path = '{path}'")).is_ok());
         }
     }
 

@@ -9,7 +9,7 @@ mod sheet;
 mod spread;
 mod wrinkles;
 
-pub use contour::{ContourDeviation, contour_deviation};
+pub use contour::{Contour, ContourDeviation, Holes};
 pub use sheet::{Foot, Sheet, SheetError};
 pub use spread::Spread;
 pub use wrinkles::{WrinkleFilter, Wrinkles, wrinkles};

@@ -5,6 +5,7 @@ pub mod compare;
 mod crossing;
 mod patches;
 mod ply;
+mod polygon;
 mod read;
 mod stl;
 

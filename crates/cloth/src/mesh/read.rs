@@ -2,7 +2,7 @@ use std::path::Path;
 
 use super::ply;
 use super::stl::{self, MeshFile};
-use crate::file::{ReadError, read_bytes};
+use crate::file::{ReadError, read_bytes, unmarked};
 
 /// How files begin that are no meshes we read, and what they are.
 const OTHERS: [(&[u8], &str); 11] = [
@@ -33,10 +33,14 @@ pub fn read_mesh(path: &Path, scale: f64) -> Result<MeshFile, ReadError> {
 }
 
 fn parse(bytes: &[u8], scale: f64) -> Result<MeshFile, String> {
+    if stl::is_binary(bytes) {
+        return stl::parse(bytes, scale);
+    }
+    let bytes = unmarked(bytes)?;
     if ply::is_ply(bytes) {
         return stl::weld_scaled(ply::facets(bytes)?, scale);
     }
-    match other(bytes).filter(|_| !stl::is_binary(bytes)) {
+    match other(bytes) {
         Some(kind) => Err(format!("{kind}, expected an STL or PLY file")),
         None => stl::parse(bytes, scale),
     }
@@ -79,6 +83,91 @@ mod tests {
             assert_eq!(fault, format!("{kind}, expected an STL or PLY file"));
         }
         assert_eq!(parse(b"", 1.0).unwrap_err(), "file is empty");
+    }
+
+    const PLY: &str = "ply\nformat ascii 1.0\ncomment by hand\nobj_info 3\nelement vertex 4\n\
+        property float x\nproperty float y\nproperty float z\nelement face 2\n\
+        property list uchar int vertex_index\nend_header\n0 0 0\n1 0 0\n1 1e0 0\n0 1 0\n3 0 1 2\n\
+        3 0 2 3\n";
+    const STL: &str = "solid by hand\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n\
+        vertex 1 1e0 0\nendloop\nendfacet\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 1 0\n\
+        vertex 0 1 0\nendloop\nendfacet\nendsolid by hand\n";
+
+    type Dialect<'a> = (&'static str, &'a dyn Fn(&str) -> Vec<u8>);
+
+    /// Whatever editors, systems and other programs make of the same text.
+    #[test]
+    fn dialects_are_read_alike() {
+        let mark = |text: &str| [b"\xef\xbb\xbf", text.as_bytes()].concat();
+        let latin = |text: &str| {
+            let text: Vec<char> = text.replacen("by hand", "für 1 µm", 1).chars().collect();
+            text.into_iter().map(|c| c as u8).collect()
+        };
+        let dialects: [Dialect; 9] = [
+            ("line feeds", &|text| text.into()),
+            ("mark", &mark),
+            ("both", &|text| text.replace('\n', "\r\n").into()),
+            ("returns", &|text| text.replace('\n', "\r").into()),
+            ("mark and returns", &|text| mark(&text.replace('\n', "\r"))),
+            ("blank lines", &|text| {
+                format!("\n \r\n{}", text.replace('\n', " \n")).into()
+            }),
+            ("capitals", &|text| text.to_ascii_uppercase().into()),
+            ("blanks", &|text| text.replace(' ', "\t \u{b}").into()),
+            ("Latin-1", &latin),
+        ];
+        for text in [PLY, STL] {
+            let expected = parse(text.as_bytes(), 1.0).unwrap();
+            assert_eq!(expected.mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
+            for (name, dialect) in dialects {
+                let found = parse(&dialect(text), 1.0);
+                assert_eq!(found.as_ref(), Ok(&expected), "{name}: {}", &text[..5]);
+            }
+            let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+            for bytes in [wide.clone(), [b"\xff\xfe", &*wide].concat()] {
+                assert_eq!(
+                    parse(&bytes, 1.0),
+                    Err("text in UTF-16, expected UTF-8".into())
+                );
+            }
+        }
+        // One facet a line, all of it on one, and a number a line.
+        let lines = STL
+            .replace("\nouter", " outer")
+            .replace("\nvertex", " vertex");
+        let lines = lines
+            .replace("\nend", " end")
+            .replace(" endsolid", "\nendsolid");
+        assert_eq!(lines.lines().count(), 4);
+        for text in [
+            lines,
+            STL.replace('\n', " "),
+            STL.replace("vertex ", "vertex\n"),
+        ] {
+            assert_eq!(
+                parse(text.as_bytes(), 1.0),
+                parse(STL.as_bytes(), 1.0),
+                "{text}"
+            );
+        }
+    }
+
+    /// After a header whose lines end with carriage returns, a line feed is the body's.
+    #[test]
+    fn binary_bodies_begin_where_the_header_ends() {
+        let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty char x\n\
+            property char y\nproperty char z\nelement face 1\nproperty list uchar char vertex_index\n\
+            end_header\n";
+        for ends in ["\n", "\r\n", "\r"] {
+            let header = header.replace('\n', ends);
+            let bytes = [
+                header.as_bytes(),
+                &[10, 0, 0, 0, 10, 0, 0, 0, 10, 3, 0, 1, 2],
+            ]
+            .concat();
+            let mesh = parse(&bytes, 1.0).unwrap().mesh;
+            assert_eq!(mesh.vertices[0], crate::math::Vec3::x() * 10.0);
+        }
     }
 
     #[test]

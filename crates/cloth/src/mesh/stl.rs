@@ -3,7 +3,7 @@ use std::io::Write;
 use std::path::Path;
 
 use super::{TriMesh, check_facet_count};
-use crate::file::{WriteError, write_atomic};
+use crate::file::{WriteError, plain, write_atomic};
 use crate::math::Vec3;
 
 /// Bytes before the first facet of a binary file: 80 free ones, then the facet count.
@@ -20,6 +20,11 @@ const MM_PER_M: f64 = 1e3;
 /// Farthest that a coordinate lies from the origin [m]: a single one beyond belief would weld all
 /// others together.
 const FAR: f64 = 1e3;
+/// Words with which the parts of an ASCII file begin and end.
+const KEYWORDS: [&str; 7] = [
+    "solid", "facet", "outer", "vertex", "endloop", "endfacet", "endsolid",
+];
+
 /// A mesh as read from a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshFile {
@@ -30,7 +35,13 @@ pub struct MeshFile {
 }
 
 /// Corners of a facet [m].
-type Facet = [Vec3; 3];
+pub(super) type Facet = [Vec3; 3];
+
+/// Whether a facet has a usable normal.
+pub(super) fn has_area([a, b, c]: &Facet) -> bool {
+    let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
+    (b - a).cross(&(c - a)).norm() > FLAT * longest * longest
+}
 
 /// The mesh as a binary STL file in millimetres; the same bytes for the same mesh.
 ///
@@ -114,7 +125,7 @@ pub(super) fn weld_scaled(mut facets: Vec<Facet>, scale: f64) -> Result<MeshFile
 /// file that is not empty never passes: its facet count has a byte below 9, or says 150 million.
 fn is_text(bytes: &[u8], word: &[u8]) -> bool {
     let start = bytes.trim_ascii_start().get(..word.len());
-    let is_shown = |b: &u8| *b >= b' ' || b.is_ascii_whitespace();
+    let is_shown = |b: &u8| matches!(b, 9..=13 | b' '..);
     start.is_some_and(|start| start.eq_ignore_ascii_case(word))
         && bytes.iter().take(1024).all(is_shown)
 }
@@ -139,18 +150,23 @@ fn binary_facets(bytes: &[u8], declared: usize) -> Result<Vec<Facet>, String> {
     Ok(facets.map(facet).collect())
 }
 
-/// A keyword leads every line; what is left of the lines of `solid`, `facet` and `outer` says nothing
-/// (some exporters write nan for a normal, which follows from the corners anyway).
+/// Keywords and numbers may stand on lines of their own or all on one. What is left of the lines of
+/// `solid`, `endsolid`, `facet` and `outer` says nothing as far as the next keyword (some exporters write
+/// nan for a normal, which follows from the corners anyway).
 fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
     let (mut facets, mut corners, mut is_complete) = (Vec::new(), Vec::new(), true);
-    for (i, line) in String::from_utf8_lossy(bytes).lines().enumerate() {
-        let mut words = line.split_ascii_whitespace();
-        let Some(word) = words.next() else { continue };
+    let bytes = plain(bytes)?;
+    let text = String::from_utf8_lossy(&bytes);
+    let words = |(number, line)| str::split_whitespace(line).map(move |word| (number, word));
+    let mut words = (1..).zip(text.lines()).flat_map(words).peekable();
+    let keyword = |word: &str| KEYWORDS.into_iter().find(|k| word.eq_ignore_ascii_case(k));
+    while let Some((line, word)) = words.next() {
         let fault = |expected, found: &str| {
             let found: String = found.chars().take(40).collect();
-            format!("line {}: expected {expected}, found {found:?}", i + 1)
+            format!("line {line}: expected {expected}, found {found:?}")
         };
-        match word.to_ascii_lowercase().as_str() {
+        let found = keyword(word).unwrap_or_default();
+        match found {
             "solid" if is_complete => is_complete = false,
             "solid" => return Err(fault("endsolid first", word)),
             _ if is_complete => return Err(fault("solid", word)),
@@ -163,11 +179,8 @@ fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
             "vertex" => {
                 let mut corner = Vec3::zeros();
                 for coordinate in corner.iter_mut() {
-                    let number = words.next().unwrap_or_default();
+                    let number = words.next().map_or("", |(_, word)| word);
                     *coordinate = number.parse().map_err(|_| fault("a number", number))?;
-                }
-                if let Some(word) = words.next() {
-                    return Err(fault("three numbers only", word));
                 }
                 corners.push(corner);
             }
@@ -179,6 +192,19 @@ fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
             _ => {
                 let expected = "facet, outer, vertex, endloop, endfacet or endsolid";
                 return Err(fault(expected, word));
+            }
+        }
+        let is_named = found.ends_with("solid");
+        while let Some(&(at, next)) = words.peek()
+            && at == line
+            && (is_named || ["facet", "outer"].contains(&found))
+        {
+            let after = || words.clone().nth(1).map_or("", |(_, word)| word);
+            match keyword(next) {
+                // Names may have keywords in them, but not how a facet begins.
+                Some("facet") if after().eq_ignore_ascii_case("normal") => break,
+                Some(_) if !is_named => break,
+                _ => drop(words.next()),
             }
         }
     }
@@ -201,9 +227,7 @@ fn weld(facets: &[Facet]) -> Result<MeshFile, String> {
     let mut triangles = Vec::with_capacity(facets.len());
     for facet in facets {
         let triangle = facet.map(|corner| welder.index(corner));
-        let [a, b, c] = triangle.map(|i| welder.vertices[i as usize]);
-        let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
-        if (b - a).cross(&(c - a)).norm() > FLAT * longest * longest {
+        if has_area(&triangle.map(|i| welder.vertices[i as usize])) {
             triangles.push(triangle);
         }
     }
@@ -419,7 +443,7 @@ mod tests {
             (
                 "0e0 0 0",
                 "0e0 0 0 0",
-                "line 4: expected three numbers only, found \"0\"",
+                "line 4: expected facet, outer, vertex, endloop, endfacet or endsolid, found \"0\"",
             ),
         ] {
             assert_eq!(fault(text.replacen(from, to, 1).as_bytes()), expected);

@@ -14,8 +14,8 @@ pub enum ToolError {
     Orientation(#[from] OrientationFault),
     #[error(
         "the tool is no solid: {count} of its {facets} facets have none behind them, the largest is \
-         facet {facet} at ({:.1}, {:.1}, {:.1}) mm: close the holes that show its back, or turn it \
-         over",
+         facet {facet} at ({:.1}, {:.1}, {:.1}) mm: close the holes and undercuts that show its \
+         back, or turn it over",
         place_mm[0], place_mm[1], place_mm[2]
     )]
     NoSolid {
@@ -34,6 +34,8 @@ pub enum ToolError {
         edges: usize,
         place_mm: [f64; 3],
     },
+    #[error("the tool faces downwards, and turned over {0}")]
+    TurnedOver(Box<Self>),
     #[error(
         "a grid of {} x {} x {} nodes at spacing {spacing_mm} mm takes {mib:.0} MiB, expected at most \
          {limit_mib}: {advice}",

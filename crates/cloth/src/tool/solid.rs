@@ -62,11 +62,15 @@ impl Tool {
         }
         let surface = match bounded(&mesh) {
             // An open mesh that faces down: its solid shall be below it.
-            Err(error @ ToolError::NoSolid { .. }) => {
+            Err(error @ ToolError::NoSolid { count, .. }) => {
                 flipped = !flipped;
                 mesh.flip();
-                // What is wrong either way is told of the mesh as it was.
-                bounded(&mesh).map_err(|_| error)?
+                // What is wrong either way is told of the way in which less is wrong.
+                bounded(&mesh).map_err(|turned| match turned {
+                    ToolError::NoSolid { count: other, .. } if other >= count => error,
+                    turned if is_open(&mesh) => ToolError::TurnedOver(turned.into()),
+                    _ => error,
+                })?
             }
             surface => surface?,
         };

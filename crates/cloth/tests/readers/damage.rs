@@ -55,6 +55,20 @@ pub fn folder() -> PathBuf {
     folder
 }
 
+/// The same text with a byte-order mark, with other line ends, in Latin-1 and in UTF-16.
+pub fn dialects(text: &str) -> Vec<Vec<u8>> {
+    let returns = text.replace('\n', "\r");
+    let wide = |text: &str| text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    vec![
+        format!("\u{feff}{text}").into(),
+        text.replace('\n', "\r\n").into(),
+        format!("\u{feff}{returns}").into(),
+        [text.to_uppercase().as_bytes(), b"\xb5 "].concat(),
+        wide(text),
+        wide(&format!("\u{feff}{text}")),
+    ]
+}
+
 /// Reads every file of the `corpus` and as many damaged ones as `DRAPE_DAMAGED` says, `count`
 /// without, as `name` in [`folder`]. What has shown a behaviour that is new is damaged further.
 /// `read` also makes of what it has read whatever comes next.

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard};
 
-use damage::{folder, survives};
+use damage::{dialects, folder, survives};
 use drape_cloth::fabric::{BlankConfig, Lamina, Material};
 use drape_cloth::file::in_words;
 use drape_cloth::mesh::{TriMesh, read_mesh};
@@ -74,6 +74,14 @@ fn stl() {
             .replace("10", "1e-200")
             .into(),
     );
+    corpus.extend(dialects(ASCII));
+    corpus.push(
+        ASCII
+            .replace("\n  ", " ")
+            .replace("\n endfacet", " endfacet")
+            .into(),
+    );
+    corpus.push(ASCII.replace('\n', " ").into());
     survives("a.stl", &corpus, 3000, |path| {
         tool(read_mesh(path, 1e-3).map_err(line)?.mesh)
     });
@@ -118,7 +126,18 @@ fn ply() {
     }
     big.extend([0xf9, 0, 4]);
     big.extend([0u32, 1, 2, 3].iter().flat_map(|v| v.to_be_bytes()));
-    let corpus = [text.into(), bytes, rich_text.into(), big];
+    // Strips before their vertices, and faces of many corners: concave, cut open to a hole, crossed.
+    let strips = "ply\nformat ascii 1.0\nelement tristrips 1\nproperty list int int vertex_indices\n\
+        element vertex 4\nproperty float x\nproperty float y\nproperty float z\nend_header\n\
+        7 0 1 3 -1 1 2 3\n0 0 0\n10 0 0\n10 10 0\n0 10 0\n";
+    let polygons = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\n\
+        property float z\nelement face 3\nproperty list uchar int vertex_indices\nend_header\n\
+        0 0 0\n40 0 0\n40 40 0\n0 40 0\n10 10 0\n10 30 0\n30 30 0\n30 10 0\n10 0 1 2 3 0 4 5 6 7 4\n\
+        5 4 5 6 0 1\n4 0 2 1 3\n";
+    let cut = polygons.replace("\n4 0 2 1 3", "\n4 4 7 6 5");
+    let mut corpus = vec![text.clone().into(), bytes, rich_text.into(), big];
+    corpus.extend([strips, polygons, &cut].map(Into::into));
+    corpus.extend(dialects(&text).into_iter().chain(dialects(strips)));
     survives("a.ply", &corpus, 3000, |path| {
         tool(read_mesh(path, 1e-3).map_err(line)?.mesh)
     });
@@ -129,7 +148,8 @@ fn outlines() {
     let _alone = alone();
     let plate = include_bytes!("../../../../assets/outlines/plate-with-hole.csv");
     let square = "0,0\n400;0 # corner\n400 400\n0,400\n0,0\n\n100,100\n300\t100\n300,300\n";
-    let corpus = [plate.to_vec(), square.into()];
+    let mut corpus = vec![plate.to_vec(), square.into()];
+    corpus.extend(dialects(square));
     survives("a.csv", &corpus, 2000, |path| {
         let config = BlankConfig {
             outline: Some(path.into()),
@@ -196,7 +216,10 @@ fn scenes() {
     let texts = [&rib, &fold, hole, keys, lists]
         .into_iter()
         .chain(shapes.iter().map(|s| &**s));
-    let corpus: Vec<Vec<u8>> = texts.map(|text: &str| text.into()).collect();
+    let mut corpus: Vec<Vec<u8>> = texts.map(|text: &str| text.into()).collect();
+    corpus.extend(dialects(keys));
+    // A path of Windows, taken for escapes.
+    corpus.push(keys.replace("b.stl", "C:\\tools\\b.stl").into());
     survives("scene.toml", &corpus, 1500, |path| {
         set_up(SceneConfig::read(path).map_err(line)?)
     });
@@ -208,7 +231,8 @@ const MATERIAL: &str = include_str!("../../../../configs/materials/interglas-921
 fn materials() {
     let _alone = alone();
     let listed = MATERIAL.replace("[0.0, 0.0]", "[0, 0, 0]");
-    let corpus = [MATERIAL.into(), listed.into()];
+    let mut corpus = vec![MATERIAL.into(), listed.into()];
+    corpus.extend(dialects(MATERIAL));
     let scene = "material = \"material.toml\"\n[blank]\nvertices = [5, 5]\n[tool.source.shape]\n\
         kind = \"plate\"\n[physics]\ntension = \"material\"\nbending_stiffness = \"material\"\n\
         shear_locking = true\n";

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::table::{Format::Digits, Table};
-use drape_cloth::mesh::compare::{ContourDeviation, Spread, Wrinkles};
+use drape_cloth::mesh::compare::{ContourDeviation, Holes, Spread, Wrinkles};
 
 /// How drape A differs from the reference B, and what each is like.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -11,7 +11,7 @@ pub struct Comparison {
     /// Over the whole blank.
     #[serde(flatten)]
     pub all: Parts,
-    /// Border of A, sampled along its length, from that of B, and the other way round [mm].
+    /// Outer contour of A, sampled along its length, from that of B, and the other way round [mm].
     pub contour_a_to_b_mm: Option<ContourDeviation>,
     pub contour_b_to_a_mm: Option<ContourDeviation>,
     /// Within the region and outside of it; none without a region.
@@ -26,7 +26,10 @@ pub struct Comparison {
 /// A figure of one drape for a reader: its name, its unit, and how it is got.
 type Alone = (&'static str, &'static str, fn(&Measures) -> Option<f64>);
 
-const ALONE: [Alone; 15] = [
+const ALONE: [Alone; 18] = [
+    ("pieces", "", |m| Some(m.pieces? as f64)),
+    ("holes", "", |m| Some(m.holes_mm2?.count as f64)),
+    ("their area", "mm2", |m| Some(m.holes_mm2?.area)),
     ("wrinkles", "", |m| Some(m.wrinkles_mm?.count as f64)),
     ("their amplitude", "mm", |m| Some(m.wrinkles_mm?.amplitude)),
     ("their rms", "mm", |m| Some(m.wrinkles_mm?.rms)),
@@ -139,6 +142,10 @@ pub struct Measures {
     pub triangles: usize,
     /// Area as it lies [mm^2].
     pub area_mm2: f64,
+    /// Pieces that do not hang together; the contour is that of the largest. None without a border.
+    pub pieces: Option<usize>,
+    /// Holes in it, which are no contour, and their area [mm^2]; none without a border.
+    pub holes_mm2: Option<Holes>,
     /// Heights [mm]; see [`Wrinkles`].
     pub wrinkles_mm: Option<Wrinkles>,
     /// None for a scan, as `strain`.

@@ -4,7 +4,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::DrapingPoint;
-use drape_cloth::file::{ReadError, ValueError, WriteError, in_words, read_bytes, write_atomic};
+use drape_cloth::file::{self, ReadError, ValueError, WriteError, write_atomic};
 use drape_cloth::math::Vec3;
 
 /// Largest deviation of a unit vector's length from 1, and of the cosine between two
@@ -66,8 +66,7 @@ pub fn write_json(path: &Path, points: &[DrapingPoint]) -> Result<(), WriteError
 /// Reads what [`write_json`] wrote and checks numbering and directions.
 pub fn read_json(path: &Path) -> Result<Vec<DrapingPoint>, ReadError> {
     let fault = |fault: String| ReadError::fault(path, fault);
-    let document: Document = serde_json::from_slice(&read_bytes(path, 1024)?)
-        .map_err(|error| fault(format!("not a draping path: {}", in_words(error))))?;
+    let document: Document = file::read_json(path, "a draping path")?;
     if document.conventions != Header::new() {
         return Err(fault("conventions differ from those of this drape".into()));
     }

@@ -157,17 +157,51 @@ fn collapsed_triangles_are_passed_over() {
     }
 }
 
+fn contours_apart(a: &TriMesh, b: &TriMesh) -> Option<ContourDeviation> {
+    Contour::new(a)?.deviation(&Contour::new(b)?)
+}
+
+/// Holes say nothing about the outer contour, be they one or twelve cells, touch each other or the
+/// border at a corner, or have a piece in them.
+#[test]
+fn holes_and_islands_are_no_contour() {
+    let whole = square(20, |_, y| y * y);
+    // From column, row to column, row; and the second triangle of a cell at the border.
+    let holes = [[3, 4, 4, 5], [4, 5, 5, 6], [9, 8, 13, 11]];
+    let (island, half) = ([10, 9, 11, 10], 35);
+    let mut scan = whole.clone();
+    let mut numbers = 0..;
+    scan.triangles.retain(|_| {
+        let t: usize = numbers.next().expect("without end");
+        let (x, y) = (t / 2 % 20, t / 40);
+        let is_in = |[x0, y0, x1, y1]: [usize; 4]| (x0..x1).contains(&x) && (y0..y1).contains(&y);
+        t != half && (!holes.iter().any(|&hole| is_in(hole)) || is_in(island))
+    });
+    let contour = Contour::new(&scan).unwrap();
+    assert_eq!((contour.holes.count, contour.piece_count), (4, 2));
+    // A cell's width times the chord over rows.
+    let row = |from: i32, to: i32| {
+        let [a, b] = [from, to].map(|k| 0.05 * f64::from(k) - 0.5);
+        0.05 * f64::hypot(b - a, b * b - a * a)
+    };
+    let exact = row(4, 5) + row(5, 6) + 4.0 * row(8, 11) + 0.5 * row(0, 1);
+    let found = contour.holes.area;
+    assert!((found - exact).abs() < 1e-12, "{found} for {exact}");
+    let off = |a: &TriMesh, b: &TriMesh| contours_apart(a, b).unwrap().max;
+    assert!(off(&scan, &whole) < 1e-15 && off(&whole, &scan) < 1e-15);
+}
+
 /// One side moves outwards by s. The opposite one moves inwards by s, but its ends stay nearer
 /// to the sides across; of these a length s sticks out, which makes up for it.
 #[test]
 fn contour_of_a_shifted_square() {
     let s = 0.06;
     let a = moved(square(6, |_, _| 0.0), Vec3::new(s, 0.0, 0.0));
-    let found = contour_deviation(&a, &square(5, |_, _| 0.0)).unwrap();
+    let found = contours_apart(&a, &square(5, |_, _| 0.0)).unwrap();
     assert!((found.max - s).abs() < 1e-12);
     let mean = s / 2.0;
     assert!((found.mean / mean - 1.0).abs() < 1e-4, "{found:?}");
-    let same = contour_deviation(&a, &a).unwrap();
+    let same = contours_apart(&a, &a).unwrap();
     assert!(same.max < 1e-15);
 }
 
@@ -178,8 +212,7 @@ fn closed_surfaces_have_no_contour() {
     closed
         .triangles
         .extend(open.triangles.iter().map(|&[a, b, c]| [a, c, b]));
-    assert_eq!(contour_deviation(&closed, &open), None);
-    assert_eq!(contour_deviation(&open, &closed), None);
+    assert!(Contour::new(&closed).is_none() && Contour::new(&open).is_some());
 }
 
 /// Five waves of a known amplitude on a plane, much shorter than the cutoff.

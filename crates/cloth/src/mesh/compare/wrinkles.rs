@@ -118,7 +118,7 @@ pub(super) fn high_pass(mesh: &TriMesh, cutoff: f64) -> Vec<f64> {
 }
 
 /// The vertices next to each vertex, ascending.
-fn neighbors_of(mesh: &TriMesh) -> Vec<Vec<usize>> {
+pub(super) fn neighbors_of(mesh: &TriMesh) -> Vec<Vec<usize>> {
     let mut neighbors = vec![Vec::new(); mesh.vertices.len()];
     for triangle in &mesh.triangles {
         let [a, b, c] = triangle.map(|v| v as usize);
