@@ -1,3 +1,4 @@
+use super::between::Touch;
 use super::line::{Along, Chain, Direction, Scratch};
 use super::parameters::Own;
 use super::scales::Scales;
@@ -33,6 +34,8 @@ pub(super) struct Cloth<V: Lanes> {
     pub scratch: Scratch<V>,
     /// Greatest pull of the tool's tack on each vertex [N]; empty without.
     pub tack: Vec<V>,
+    /// Points between vertices near the tool, as last refreshed.
+    pub touches: Vec<Touch>,
     /// Of each environment that is used.
     pub own: Vec<Own>,
     pub scales: Scales<V>,
@@ -57,6 +60,7 @@ impl<V: Lanes> Cloth<V> {
             density: vec![V::zero(); edges],
             scratch: Scratch::new(longest),
             tack: Vec::new(),
+            touches: Vec::new(),
             own: vec![Own::default()],
             scales: Scales::new(),
         }

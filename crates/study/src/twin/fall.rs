@@ -47,9 +47,17 @@ pub fn press_config(env: &EnvConfig, hold: Hold) -> PressConfig {
 /// A twin that has fallen as the scene says, from so far off its place. Clamps move evenly during the fall, then stay;
 /// settling has the scene's own damping unless the twin has none at all.
 pub fn fallen(scene: &Scene, config: &TwinConfig, off: &Misplacement) -> Result<Twin, StudyError> {
+    let expected = "one that is smooth at the scale of a cell: the twin feels vertices alone";
+    let is_felt = !scene.model.feels_between();
+    ValueError::unless(
+        is_felt,
+        "tool",
+        "finer than the cells of the blank",
+        expected,
+    )?;
     let [fall_s, settle_s] = scene.config.fall.durations();
     let mut start = hung(&scene.config, &scene.lamina, &scene.tool, fall_s)?;
-    off.apply(&mut start.position, &scene.tool);
+    off.apply(&mut start.position, &scene.lamina, &scene.tool);
     let mut twin = Twin::new(&scene.lamina, config)?;
     twin.set_positions(&start.position);
     for v in start.fixed.ones() {
