@@ -99,7 +99,8 @@ fn warn_of_depth(scene: &Scene, place: &str) {
     let Deepest { depth, at } = scene.tool.surface.deepest(&sheet);
     let unseen = depth + scene.tool.distance(at.into()).0;
     let [x, y, z] = (1e3 * (at + scene.tool.origin)).into();
-    let [mm, unseen_mm, held_mm] = [depth, unseen, scene.tolerance()].map(|x| 1e3 * x);
+    let held = scene.tolerance();
+    let [mm, unseen_mm, held_mm] = [depth, unseen, held.depth].map(|x| 1e3 * x);
     let found = format!(
         "warning: {place}: at ({x:.1}, {y:.1}, {z:.1}) mm the blank is {mm:.2} mm inside the tool"
     );
@@ -114,7 +115,7 @@ fn warn_of_depth(scene: &Scene, place: &str) {
         eprintln!(
             "{found}, expected at most {held_mm:.2} mm: the tool is finer than cells of {cell_mm:.1} mm, \
              expected {:.1} mm or less (`blank.vertices` or `blank.cell_mm`)",
-            cell_mm * held_mm / mm
+            (cell_mm * held_mm / mm).min(1e3 * held.cell)
         );
     }
 }

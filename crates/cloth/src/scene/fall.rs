@@ -4,7 +4,8 @@ use std::sync::Arc;
 use super::config::{Clamp, FRAME, Over, Placement, SceneConfig, SceneError};
 use crate::fabric::Lamina;
 use crate::sim::{
-    Backend, Cpu, Model, Own, Parameters, PhysicsConfig, Precision, Snapshot, World, felt,
+    Backend, Cpu, Model, Own, Parameters, PhysicsConfig, Precision, Snapshot, Tolerance, World,
+    felt,
 };
 use crate::tool::{SMOOTH, Tool};
 
@@ -134,10 +135,13 @@ impl Scene {
         scene
     }
 
-    /// How deep the sheet may lie in the tool [m]: what cells of this size cannot but reach through curves,
+    /// How deep the sheet may lie in the tool: what cells of this size cannot but reach through curves,
     /// or less where the tool is finer than they are.
-    pub fn tolerance(&self) -> f64 {
-        let smooth = SMOOTH * self.lamina.cell_diagonal();
+    pub fn tolerance(&self) -> Tolerance {
+        let smooth = Tolerance {
+            depth: SMOOTH * self.lamina.cell_diagonal(),
+            cell: f64::INFINITY,
+        };
         self.model.tolerance().unwrap_or(smooth)
     }
 

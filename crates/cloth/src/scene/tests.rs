@@ -80,7 +80,10 @@ fn cloth_hangs_from_what_is_finer_than_its_cells() {
         assert!(scene.model.feels_between(), "{name}");
         let sheet = scene.lamina.mesh(&scene.initial.position);
         let deepest = scene.tool.surface.deepest(&sheet);
-        assert!(deepest.depth <= scene.tolerance(), "{name}: {deepest:?}");
+        assert!(
+            deepest.depth <= scene.tolerance().depth,
+            "{name}: {deepest:?}"
+        );
         let over = Surface::new(&sheet).unwrap().crossings(x, -0.0185);
         let (height, _) = over[over.len() - 1];
         assert!((-5e-4..1e-3).contains(&(height - top)), "{name}: {height}");

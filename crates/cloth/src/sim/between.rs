@@ -43,6 +43,15 @@ struct Triangle {
     owns: [bool; 3],
 }
 
+/// What contact holds over a tool that is finer than the cells of a blank.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerance {
+    /// How deep cloth may come to lie in the tool [m].
+    pub depth: f64,
+    /// The widest cells that hold its thinnest wall [m].
+    pub cell: f64,
+}
+
 /// A point near the tool and its tangent plane, as last refreshed.
 #[derive(Clone)]
 pub(super) struct Touch {
@@ -90,10 +99,14 @@ impl Between {
         })
     }
 
-    /// How deep cloth may come to lie in the tool all the same [m].
-    pub fn tolerance(&self) -> f64 {
-        let by_lattice = SMOOTH * self.length;
-        by_lattice.min(0.25 * self.features.thinnest)
+    /// How deep cloth may come to lie in the tool all the same [m], and the widest cells whose lattice
+    /// holds it at both edges of its thinnest wall [m].
+    pub fn tolerance(&self) -> Tolerance {
+        let wall = self.features.thinnest;
+        Tolerance {
+            depth: (0.25 * wall).min(SMOOTH * self.length),
+            cell: 0.5 * PARTS[1] * wall,
+        }
     }
 
     /// The vertices of a sheet [m] and all points that contact looks at between them.

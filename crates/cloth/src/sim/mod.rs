@@ -52,6 +52,7 @@ mod storage;
 mod tests;
 mod view;
 
+pub use between::Tolerance;
 pub(crate) use between::felt;
 
 pub use backend::{Backend, Observed, World};

@@ -1,7 +1,7 @@
 //! All that is fixed between resets: masses, and the stages which a scene asks for.
 
 use super::bend::{BendTriple, bending_stiffness, project_triples, triples};
-use super::between::Between;
+use super::between::{Between, Tolerance};
 use super::cloth::Cloth;
 use super::collision::Layers;
 use super::edges::{EdgeClass, project_edges};
@@ -170,8 +170,8 @@ impl Model {
         self.between.is_some()
     }
 
-    /// How deep cloth may come to lie in a tool that is finer than its cells [m]; none where none is.
-    pub fn tolerance(&self) -> Option<f64> {
+    /// What contact holds between the vertices; none where it has no need to.
+    pub fn tolerance(&self) -> Option<Tolerance> {
         self.between.as_ref().map(|between| between.tolerance())
     }
 

@@ -1,5 +1,3 @@
-use std::collections::HashMap;
-
 use fixedbitset::FixedBitSet;
 
 use super::solid::Tool;
@@ -40,7 +38,7 @@ impl Tool {
         between: [[f64; 2]; 2],
         reach: f64,
     ) -> Option<Features> {
-        let edges: Vec<Edge> = self.sharp_edges(length, between).collect();
+        let edges = self.sharp_edges(length, between);
         let ends = || edges.iter().flat_map(|edge| edge.ends);
         let first = ends().next()?;
         let (mut low, mut high) = ends().fold((first, first), |(l, h), x| (l.inf(&x), h.sup(&x)));
@@ -74,19 +72,18 @@ impl Tool {
     }
 
     /// The convex edges under a blank through which cells of this `length` [m] would let the tool.
-    fn sharp_edges(&self, length: f64, between: [[f64; 2]; 2]) -> impl Iterator<Item = Edge> {
+    fn sharp_edges(&self, length: f64, between: [[f64; 2]; 2]) -> Vec<Edge> {
         let mesh = &self.mesh;
-        let mut beside: HashMap<[u32; 2], Vec<usize>> = HashMap::new();
+        let mut beside: Vec<([u32; 2], usize)> = Vec::new();
         for (t, &[a, b, c]) in mesh.triangles.iter().enumerate() {
-            for [v, w] in [[a, b], [b, c], [c, a]] {
-                beside.entry([v.min(w), v.max(w)]).or_default().push(t);
-            }
+            let sides = [[a, b], [b, c], [c, a]];
+            beside.extend(sides.map(|[v, w]| ([v.min(w), v.max(w)], t)));
         }
-        let mut beside: Vec<_> = beside.into_iter().collect();
         beside.sort_unstable();
         let step = step(mesh);
         let is_open = self.surface.is_open();
-        beside.into_iter().filter_map(move |([v, w], facets)| {
+        let edge = |beside: &[([u32; 2], usize)]| {
+            let [v, w] = beside[0].0;
             let ends = [v, w].map(|v| mesh.vertices[v as usize]);
             let [a, b] = ends;
             let is_apart =
@@ -96,7 +93,7 @@ impl Tool {
                 return None;
             }
             let middle = (a + b) * 0.5;
-            let side = |&t: &usize| {
+            let side = |&(_, t): &([u32; 2], usize)| {
                 let [p, q, r] = mesh.corners(t);
                 let normal = (q - p).cross(&(r - p)).try_normalize(0.0)?;
                 let opposite = mesh.triangles[t].iter().find(|&&u| u != v && u != w)?;
@@ -107,7 +104,7 @@ impl Tool {
                     middle + inwards * 0.1,
                 ))
             };
-            let found: Vec<(Vec3, Vec3, Vec3)> = facets.iter().filter_map(side).collect();
+            let found: Vec<(Vec3, Vec3, Vec3)> = beside.iter().filter_map(side).collect();
             let (turn, width) = match &found[..] {
                 [(n, p, _), (m, q, _)] if n.dot(q) < 0.0 => (n.angle(m), p.norm().max(q.norm())),
                 // Below its border an open mesh goes on straight down.
@@ -123,7 +120,11 @@ impl Tool {
             let is_bare = || !self.surface.is_inside(middle + normal * step);
             let sides = found.iter().map(|&(normal, _, at)| (normal, at)).collect();
             (through > SMOOTH && is_bare()).then_some(Edge { ends, sides })
-        })
+        };
+        beside
+            .chunk_by(|a, b| a.0 == b.0)
+            .filter_map(edge)
+            .collect()
     }
 }
 
