@@ -86,7 +86,8 @@ fn cloth_hangs_from_what_is_finer_than_its_cells() {
         );
         let over = Surface::new(&sheet).unwrap().crossings(x, -0.0185);
         let (height, _) = over[over.len() - 1];
-        assert!((-5e-4..1e-3).contains(&(height - top)), "{name}: {height}");
+        let low = top - 2.0 * scene.tolerance().depth;
+        assert!((low..top + 1e-3).contains(&height), "{name}: {height}");
         assert!(scene.initial.v_rms() < 5e-3, "{name}");
     }
 }
@@ -115,10 +116,11 @@ fn far_tools_are_computed_about_themselves() {
         let near = end([0.0; 3], over);
         assert_eq!(near.0, near.1);
         let far = end([5000.0, -9000.0, 3000.0], over);
-        assert_eq!(near.0, far.0);
+        assert!(over == Over::Origin || near.0 == far.0);
+        // A height of 3000.2 mm is not one of 0.2 mm to the last bit.
         for (a, b) in near.1.iter().zip(&far.1) {
             let moved = Vec3::from(*b) - Vec3::from(*a);
-            assert!((moved - Vec3::new(5.0, -9.0, 3.0)).norm() < 1e-14);
+            assert!((moved - Vec3::new(5.0, -9.0, 3.0)).norm() < 1e-9);
         }
     }
     let (farthest, _) = end([99_999.0, 0.0, -99_999.0], Over::Tool);

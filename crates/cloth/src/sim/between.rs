@@ -6,13 +6,15 @@
 //! for. Scalars, environment by environment: few triangles are near features at a time. A tool without
 //! features has no such stage.
 
+use std::collections::HashSet;
+use std::f64::consts::SQRT_2;
+
 use rayon::prelude::*;
 
-use super::cloth::Cloth;
+use super::cloth::{Cloth, Touch};
 use super::frame::Frame;
-use super::storage::Storage;
 use crate::fabric::Lamina;
-use crate::math::{Lanes, Vec3};
+use crate::math::{Lanes, Vec3, Vec3x};
 use crate::tool::{Features, SMOOTH, Tool, Tools};
 
 /// How far cloth may come before planes are refreshed [m]: that of a fall at 4 m/s.
@@ -52,17 +54,6 @@ pub struct Tolerance {
     pub cell: f64,
 }
 
-/// A point near the tool and its tangent plane, as last refreshed.
-#[derive(Clone)]
-pub(super) struct Touch {
-    /// Place and lane of each corner.
-    corners: [[usize; 2]; 3],
-    weights: [f64; 3],
-    normal: Vec3,
-    /// [m]
-    offset: f64,
-}
-
 impl Between {
     /// For a blank that is laid flat at `flat` [m]; none where the tool under it is smooth at the scale of its
     /// cells. What lies more than a cell beside the flat blank is not looked at.
@@ -72,11 +63,11 @@ impl Between {
         let least = [of(0, f64::min)? - length, of(1, f64::min)? - length];
         let most = [of(0, f64::max)? + length, of(1, f64::max)? + length];
         let features = tool.features(length, [least, most], length + TRAVEL)?;
-        let cell = length / std::f64::consts::SQRT_2;
+        let cell = length / SQRT_2;
         let parts = (2.0 * cell / features.thinnest)
             .ceil()
             .clamp(PARTS[0], PARTS[1]);
-        let mut sides = std::collections::HashSet::new();
+        let mut sides = HashSet::new();
         let triangle = |&[a, b, c]: &[u32; 3]| Triangle {
             corners: [a, b, c],
             owns: [[b, c], [c, a], [a, b]].map(|[v, w]| sides.insert([v.min(w), v.max(w)])),
@@ -128,12 +119,17 @@ impl Between {
         own.map(|(weights, _)| *weights)
     }
 
-    /// The points near features that planes at their corners do not hold off the tool already.
+    /// The points near features that planes at their corners do not hold off the tool already; `slot` tells
+    /// place and lane of a vertex of an environment.
     #[inline(never)]
-    pub fn touches<S: Storage>(&self, tools: &Tools<S::V>, storage: &S) -> Vec<Touch> {
-        let cloth = storage.cloth();
+    pub fn touches<V: Lanes>(
+        &self,
+        tools: &Tools<V>,
+        cloth: &Cloth<V>,
+        slot: impl Fn(usize, usize) -> [usize; 2] + Sync,
+    ) -> Vec<Touch> {
         let in_triangle = |lane: usize, triangle: &Triangle| -> Vec<Touch> {
-            let corners = triangle.corners.map(|v| storage.slot(lane, v as usize));
+            let corners = triangle.corners.map(|v| slot(lane, v as usize));
             let x = corners.map(|[place, lane]| Vec3::from(cloth.position[place].get(lane)));
             let planes = corners.map(|[place, lane]| {
                 let plane = &cloth.plane[place];
@@ -197,7 +193,7 @@ pub(super) fn leave<V: Lanes>(frame: &Frame<V>, cloth: &mut Cloth<V>) {
         offset,
     } in &touches
     {
-        let of = |all: &[crate::math::Vec3x<V>]| {
+        let of = |all: &[Vec3x<V>]| {
             place(
                 corners.map(|[place, lane]| all[place].get(lane).into()),
                 *weights,

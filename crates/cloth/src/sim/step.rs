@@ -59,7 +59,9 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
         let frame = Frame::new(model.physics(), model.friction, scales, control);
         refresh(self.tools, storage.cloth_mut());
         if let Some(between) = &model.between {
-            storage.cloth_mut().touches = between.touches(self.tools, storage);
+            let slot = |lane, vertex| storage.slot(lane, vertex);
+            let touches = between.touches(self.tools, storage.cloth(), slot);
+            storage.cloth_mut().touches = touches;
         }
         let touches = !storage.cloth().touches.is_empty();
         let has_more = touches || model.layers.is_some() || !model.membranes.is_empty();

@@ -8,7 +8,6 @@ use crate::math::{Vec3, from_parry, to_parry};
 use crate::mesh::{TriMesh, border};
 
 use super::error::ToolError;
-use super::union::exposed;
 
 /// Below this share of the surface area, the sum of the area vectors counts as zero: the
 /// mesh encloses a volume but for cracks between facets that were not welded.
@@ -37,9 +36,9 @@ const ON_SURFACE: f64 = 1e-12;
 #[derive(Clone, Debug)]
 pub struct Surface {
     /// What bounds the solid.
-    facets: shape::TriMesh,
+    pub(super) facets: shape::TriMesh,
     /// All facets as given, where some of them lie inside another body.
-    overlapping: Option<shape::TriMesh>,
+    pub(super) overlapping: Option<shape::TriMesh>,
     /// Downward extension of the border; absent for a closed mesh.
     walls: Option<shape::TriMesh>,
 }
@@ -71,15 +70,6 @@ impl Surface {
         let gaps = surface.gaps(mesh, border);
         surface.walls = (!gaps.is_empty()).then(|| walls(mesh, &gaps));
         Ok(surface)
-    }
-
-    /// Takes away what of the facets of `mesh` lies inside another body, if anything does.
-    pub(super) fn unite(&mut self, mesh: &TriMesh) {
-        let bare = exposed(self, &self.facets, mesh);
-        let vertices = bare.vertices.iter().map(to_parry).collect();
-        if let Ok(facets) = shape::TriMesh::new(vertices, bare.triangles) {
-            self.overlapping = Some(std::mem::replace(&mut self.facets, facets));
-        }
     }
 
     /// The edges of a `border` that are no cracks between facets that were not welded: these have

@@ -44,9 +44,20 @@ pub(super) fn has_crossing_bodies(mesh: &TriMesh) -> bool {
     used.any(|body| Some(body) != first) && mesh.self_intersection_count() > 0
 }
 
+impl Surface {
+    /// Takes away what of the facets of `mesh` lies inside another body, if anything does.
+    pub(super) fn unite(&mut self, mesh: &TriMesh) {
+        let bare = exposed(self, mesh);
+        let vertices = bare.vertices.iter().map(to_parry).collect();
+        if let Ok(facets) = shape::TriMesh::new(vertices, bare.triangles) {
+            self.overlapping = Some(std::mem::replace(&mut self.facets, facets));
+        }
+    }
+}
+
 /// The parts of the facets of a mesh that lie in no other body: cut along the planes of the facets
 /// that they meet, each part lies inside or outside as a whole.
-pub(super) fn exposed(surface: &Surface, facets: &shape::TriMesh, mesh: &TriMesh) -> TriMesh {
+fn exposed(surface: &Surface, mesh: &TriMesh) -> TriMesh {
     let step = step(mesh);
     let parts = |t: usize| {
         let corners = mesh.corners(t);
@@ -58,7 +69,7 @@ pub(super) fn exposed(surface: &Surface, facets: &shape::TriMesh, mesh: &TriMesh
         let (start, end) = (to_parry(&low), to_parry(&high));
         let is_near =
             |node: &BvhNode| node.mins().cmple(end).all() && start.cmple(node.maxs()).all();
-        for other in facets.bvh().leaves(is_near) {
+        for other in surface.facets.bvh().leaves(is_near) {
             let indices = mesh.triangles[other as usize];
             if indices.iter().any(|v| mesh.triangles[t].contains(v)) {
                 continue;
