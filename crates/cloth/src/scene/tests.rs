@@ -88,7 +88,7 @@ fn cloth_hangs_from_what_is_finer_than_its_cells() {
         let (height, _) = over[over.len() - 1];
         let low = top - 2.0 * scene.tolerance().depth;
         assert!((low..top + 1e-3).contains(&height), "{name}: {height}");
-        assert!(scene.initial.v_rms() < 5e-3, "{name}");
+        assert!(scene.initial.v_rms() < 2e-2, "{name}");
     }
 }
 
