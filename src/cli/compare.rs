@@ -1,5 +1,6 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::anyhow;
 use serde::Serialize;
@@ -13,9 +14,10 @@ use super::setup::{absurd, extent};
 use crate::run::RunConfig;
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::{check_writable, read_text};
+use drape_cloth::math::Vec3;
 use drape_cloth::mesh::read_mesh;
 use drape_cloth::scene::{Scene, SceneConfig};
-use drape_cloth::tool::Tool;
+use drape_cloth::tool::{GridConfig, Tool};
 use drape_study::compare::{Comparison, Criteria, Surveyed, compare, picture};
 use drape_study::study::region;
 
@@ -100,9 +102,9 @@ pub fn run(args: CompareArgs) -> Result<(), Failure> {
     let (a, a_scene, a_kind) = survey(&args.a, &args)?;
     let (b, b_scene, b_kind) = survey(&args.b, &args)?;
     let (tool, tool_source) = match &args.config {
-        Some(path) => (Some(tool(path)?.into()), Some(path.clone())),
+        Some(path) => (Some(Arc::new(tool(path)?)), Some(path.clone())),
         None => match (a_scene, b_scene) {
-            (Some(a), Some(b)) if a.tool.mesh != b.tool.mesh => {
+            (Some(a), Some(b)) if a.tool.mesh_in_scene() != b.tool.mesh_in_scene() => {
                 return Err(Failure::invalid(anyhow!(
                     "{} and {} have different tools, expected the same: choose what both are \
                      measured against by --config",
@@ -114,6 +116,15 @@ pub fn run(args: CompareArgs) -> Result<(), Failure> {
             (None, Some(scene)) => (Some(scene.tool), Some(args.b.clone())),
             (None, None) => (None, None),
         },
+    };
+    // Measured where the drapes are.
+    let tool = match tool {
+        Some(tool) if tool.origin != Vec3::zeros() => Some(
+            Tool::from_mesh(tool.mesh_in_scene(), &GridConfig::default())
+                .or_invalid()?
+                .into(),
+        ),
+        tool => tool,
     };
     if let Some(region) = args.region {
         for (surface, path) in [(&a, &args.a), (&b, &args.b)] {
@@ -175,9 +186,13 @@ fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, K
     let (surveyed, scene, kind) = if path.is_dir() {
         let loaded = Loaded::open(path, None, None, args.json)?;
         let (played, _) = loaded.play_path()?;
-        let drape = Drape::new(&loaded.scene.lamina, played.recording.end());
-        let scene = (*loaded.scene).clone();
-        (Surveyed::draped(drape), Some(scene), Kind::Run)
+        let Scene { lamina, tool, .. } = &*loaded.scene;
+        let drape = Drape::new(lamina, &tool.in_scene(played.recording.end()));
+        (
+            Surveyed::draped(drape),
+            Some((*loaded.scene).clone()),
+            Kind::Run,
+        )
     } else if is_stl(path) {
         let stl = read_mesh(path, args.scale.unwrap_or(1e-3)).or_invalid()?;
         if let Some(size) = absurd(extent(stl.mesh.vertices.iter().copied())) {

@@ -162,7 +162,8 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     let (played, agent) = loaded.play(checkpoint)?;
     let Loaded { env, scene, .. } = &loaded;
     if let Some(file) = &args.state {
-        Drape::new(&scene.lamina, played.recording.end()).write(file)?;
+        let end = scene.tool.in_scene(played.recording.end());
+        Drape::new(&scene.lamina, &end).write(file)?;
     }
 
     let (count, json) = (args.episodes, args.json);

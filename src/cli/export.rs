@@ -145,7 +145,7 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
         }
         Dialect::Abaqus => (*scene.initial).clone(),
     };
-    let drape = Drape::new(lamina, &start.position);
+    let drape = Drape::new(lamina, &scene.tool.in_scene(&start.position));
     let count = drape.triangles.len();
     let yarns: Vec<[Vec3; 2]> = (0..count)
         .map(|t| drape.tangents(t))
@@ -196,7 +196,7 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
         lamina: &drape.mesh(),
         yarns: &yarns,
         clamped: &clamped,
-        tool: &scene.tool.mesh,
+        tool: &scene.tool.mesh_in_scene(),
         fabric: &fabric,
         presses: &presses,
         press_s: loaded.config.env.press_s,

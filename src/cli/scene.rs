@@ -75,7 +75,8 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
     let summary = scene.summary(&scene.initial);
     write_together(folder, |folder| write_files(&scene, &summary, folder))?;
     if let Some(file) = &args.state {
-        Drape::new(&scene.lamina, &scene.initial.position).write(file)?;
+        let position = scene.tool.in_scene(&scene.initial.position);
+        Drape::new(&scene.lamina, &position).write(file)?;
     }
 
     print(&Report { summary, seconds }, args.json, |report| {
@@ -86,9 +87,9 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
 
 fn write_files(scene: &Scene, summary: &Summary, folder: &Path) -> Result<(), Failure> {
     let state = &scene.initial;
-    let lamina = scene.lamina.mesh(&state.position);
+    let lamina = scene.lamina.mesh(&scene.tool.in_scene(&state.position));
     write_stl(folder.join("lamina.stl"), &lamina, "lamina")?;
-    write_stl(folder.join("tool.stl"), &scene.tool.mesh, "tool")?;
+    write_stl(folder.join("tool.stl"), &scene.tool.mesh_in_scene(), "tool")?;
     let caption = caption(summary);
     let draw = |name: &str, view: View| {
         let image = Studio::new(scene, view, SIZE).distance(&state.position, &caption);

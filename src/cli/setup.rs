@@ -10,7 +10,7 @@ use super::output::Progress;
 use crate::run::{Input, RunConfig, RunFolder, Scenes};
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
-use drape_cloth::tool::Source;
+use drape_cloth::tool::{Deepest, Source};
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, EnvConfig, ImageShape, Member, Scatter, Task, Tasks, Worlds};
 
@@ -72,7 +72,7 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
             "warning: {place}: beside a blank of {blank:.0} mm the tool has an odd size: {advice}"
         );
     }
-    warn_of_what_the_grid_does_not_see(&scene, place);
+    warn_of_depth(&scene, place);
     let strain = scene.lamina.yarn_strain(&scene.initial.position);
     let tension = 1e2 * strain.into_iter().fold(0.0, f64::max);
     let believable = 1e2 * EnvConfig::default().max_tension;
@@ -92,21 +92,30 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
     Ok(scene)
 }
 
-/// A grid of a given spacing swallows what is thinner.
-fn warn_of_what_the_grid_does_not_see(scene: &Scene, place: &str) {
-    let Some(spacing) = scene.config.tool.grid.spacing_mm else {
-        return;
-    };
-    let (depth, vertex) = scene.tool.deepest(&scene.initial.position);
-    let at = scene.initial.position[vertex];
-    let unseen = depth + scene.tool.distance(at).0;
-    if unseen.min(depth) > UNSEEN {
-        let [x, y, z] = at.map(|x| 1e3 * x);
-        let [depth, unseen] = [depth, unseen].map(|x| 1e3 * x);
+/// What of the tool reaches through the cloth: a grid of a given spacing swallows what is thinner, and cells
+/// do what is finer than they are.
+fn warn_of_depth(scene: &Scene, place: &str) {
+    let sheet = scene.lamina.mesh(&scene.initial.position);
+    let Deepest { depth, at } = scene.tool.surface.deepest(&sheet);
+    let unseen = depth + scene.tool.distance(at.into()).0;
+    let [x, y, z] = (1e3 * (at + scene.tool.origin)).into();
+    let held = scene.tolerance();
+    let [mm, unseen_mm, held_mm] = [depth, unseen, held.depth].map(|x| 1e3 * x);
+    let found = format!(
+        "warning: {place}: at ({x:.1}, {y:.1}, {z:.1}) mm the blank is {mm:.2} mm inside the tool"
+    );
+    let spacing = scene.config.tool.grid.spacing_mm;
+    if let Some(spacing) = spacing.filter(|_| unseen.min(depth) > UNSEEN) {
         eprintln!(
-            "warning: {place}: at ({x:.1}, {y:.1}, {z:.1}) mm the blank is {depth:.2} mm inside the \
-             tool, {unseen:.2} mm more than a distance grid of {spacing} mm sees: leave out \
+            "{found}, {unseen_mm:.2} mm more than a distance grid of {spacing} mm sees: leave out \
              `tool.grid.spacing_mm`, and distances at edges and thin walls are exact"
+        );
+    } else if mm > held_mm {
+        let cell_mm = 1e3 * scene.lamina.cell_diagonal() / std::f64::consts::SQRT_2;
+        eprintln!(
+            "{found}, expected at most {held_mm:.2} mm: the tool is finer than cells of {cell_mm:.1} mm, \
+             expected {:.1} mm or less (`blank.vertices` or `blank.cell_mm`)",
+            (cell_mm * held_mm / mm).min(1e3 * held.cell)
         );
     }
 }

@@ -27,7 +27,8 @@ fn shipped_scenes_come_to_rest() {
         let number = |key: &str| report[key].as_f64().unwrap();
         assert!(number("strain_p95") < strain, "{name}: {report}");
         assert!(number("v_rms_mm_s") < 1.0, "{name}: {report}");
-        assert!(number("penetration_mm") < 0.1, "{name}: {report}");
+        // A diagonal of 11.3 mm is a chord of the dome of 75 mm, 0.21 mm deep, and its grid errs by 0.1.
+        assert!(number("penetration_mm") < 0.31, "{name}: {report}");
         assert_eq!(names(&folder.path().join(name)).len(), 5);
     }
 }

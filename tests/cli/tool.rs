@@ -231,6 +231,15 @@ fn thin_walls_are_seen_unless_a_spacing_is_given() {
     };
     let (depth, stderr) = penetration("");
     assert!(depth < 0.01 && stderr.is_empty(), "{depth} {stderr}");
+    // On edge, it is thinner than the cells can hold.
+    let upright = "[tool.pose]\nrotation_deg = [0, 90, 0]\n[blank]\nvertices = [9, 9]\n\
+                   [placement]\nover = \"tool\"\nheight_mm = 1\n[fall]\nfall_s = 0.1\n\
+                   settle_s = 0.1\nsubstep_rate = 1200\n[tool.source.mesh]\npath = \"a.stl\"\nscale = 1e-4\n";
+    let stderr = String::from_utf8(set_up(path, upright).stderr).unwrap();
+    assert!(
+        stderr.contains("finer than cells of 46.2 mm, expected 2.4 mm or less"),
+        "{stderr}"
+    );
     let (depth, stderr) = penetration("[tool.grid]\nspacing_mm = 4\n");
     assert!(depth > 0.2, "{depth}");
     assert!(

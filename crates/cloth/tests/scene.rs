@@ -21,7 +21,8 @@ fn rib_leaves_two_wrinkles_in_a_believable_state() {
     let summary = RIB.summary(&RIB.initial);
     assert_eq!(summary.wrinkles, 2, "{summary:?}");
     assert!(summary.strain_p95 < 0.01, "{summary:?}");
-    assert!(summary.penetration_mm < 0.1, "{summary:?}");
+    // Cells lie on its crest as chords do, 8.2 mm long where it has a radius of 28 mm.
+    assert!(summary.penetration_mm < 0.3, "{summary:?}");
     assert!(summary.v_rms_mm_s < 5.0, "{summary:?}");
     // Glass hardly stretches: 2e-4 found. Some edges next to clamps stretch by 0.7 %.
     assert!(summary.tension_p95 < 4e-4, "{summary:?}");

@@ -323,7 +323,10 @@ pub struct Timed(Cpu);
 impl Timed {
     /// `lamina` under `physics` on `on`, over the tool of `scene`.
     pub fn new(scene: &Scene, lamina: &Lamina, physics: &PhysicsConfig, on: Device) -> Self {
-        let world = World::new(Model::new(lamina, physics), scene.tool.clone());
+        let world = World::new(
+            Model::new(lamina, physics).over_that_of(&scene.model),
+            scene.tool.clone(),
+        );
         Self(Cpu::on(&world, on.lanes, on.precision, on.isa))
     }
 

@@ -331,7 +331,7 @@ fn tooling(surface: &Surveyed, tool: &Surface, region: Option<[f64; 4]>) -> Tool
         bridged_area_mm2: MM * MM * bridged,
         bridged_share: bridged / total.max(f64::MIN_POSITIVE),
         surplus_mm: drape.and_then(|drape| surplus_mm(drape, tool, region)),
-        penetration_mm: MM * phi.iter().fold(0.0f64, |deepest, phi| deepest.max(-phi)),
+        penetration_mm: MM * tool.deepest(mesh).depth,
     }
 }
 

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::episodes::sequences;
 use crate::presses::{replay_in_twin, resting};
 use crate::study::{Context, StudyError};
-use crate::twin::fall::{fallen, twin_config};
+use crate::twin::fall::{fallen, twin_of};
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::measure::sheared;
 use drape_cloth::scene::{Misplacement, Scene};
@@ -163,7 +163,7 @@ pub fn prove(
     let Case { scene, env, .. } = case;
     if twin {
         // Refused before the work.
-        twin_config(&scene.config)?;
+        twin_of(scene)?;
     }
     let mut groups = vec![("path", paths.to_vec(), paths.len())];
     for (name, order, count) in [
@@ -399,7 +399,7 @@ fn in_twin(
         })
         .collect();
     let falls = context.each(&drawn, |(off, parameters)| {
-        let mut config = twin_config(&scene.config)?;
+        let mut config = twin_of(scene)?;
         config.parameters = parameters.clone();
         Ok(fallen(scene, &config, off)?.positions())
     });

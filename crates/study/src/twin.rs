@@ -340,11 +340,13 @@ fn pictures(report: &mut Report, scene: &Scene, compared: &[Compared], region: [
 /// Every state as STL and state file.
 fn states(report: &mut Report, scene: Arc<Scene>, runs: &[Ran; 3]) {
     let tool = scene.tool.clone();
-    report.file("tool.stl", move |path| write_stl(path, &tool.mesh, "tool"));
+    report.file("tool.stl", move |path| {
+        write_stl(path, &tool.mesh_in_scene(), "tool")
+    });
     for ran in runs {
         for (moment, position) in ["initial", "draped"].into_iter().zip(&ran.ends) {
             let name = format!("{moment}-{}", ran.name);
-            let drape = Drape::new(&scene.lamina, position);
+            let drape = Drape::new(&scene.lamina, &scene.tool.in_scene(position));
             let mesh = drape.mesh();
             report.file(format!("{name}.json"), move |path| drape.write(path));
             let file = format!("{name}.stl");

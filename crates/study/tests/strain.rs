@@ -33,7 +33,9 @@ fn random_episodes_stretch_single_edges_only() {
         assert!(summary.compression_p95 <= 0.01, "{rested:?}");
         assert!(rested.tension_max <= 0.08, "{rested:?}");
         assert!(rested.v_rms_mm_s <= 2.0, "{rested:?}");
-        assert!(summary.penetration_mm <= 0.2, "{rested:?}");
+        // Cells lie on curves as chords do.
+        let held_mm = 1e3 * rib.tolerance().depth;
+        assert!(summary.penetration_mm <= held_mm, "{rested:?}");
         let apart = summary.tension_max.max(summary.compression_max);
         assert_eq!(summary.strain_max, apart);
     }

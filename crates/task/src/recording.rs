@@ -17,7 +17,7 @@ use drape_cloth::sim::Snapshot;
 const FILE: Sealed = Sealed {
     name: "a recording",
     kind: 1,
-    format: 2,
+    format: 3,
 };
 
 /// An episode, or any list of presses, as either physics has gone through it.
@@ -32,11 +32,13 @@ pub struct Recording {
     pub rest: Vec<[f64; 2]>,
     /// Its triangles.
     pub triangles: Vec<[u32; 3]>,
+    /// Where in the scene the frame lies in which tool, start and frames are [m]: see `Tool::origin`.
+    pub origin: Vec3,
     /// The tool.
     pub tool: TriMesh,
     /// State before the first press, with what the environment has of its own.
     pub start: Snapshot,
-    /// Where on the tool it was pressed, in order.
+    /// Where in the scene it was pressed, in order.
     pub presses: Vec<PressedPoint>,
     /// What there was before the first press, and after each.
     pub frames: Vec<Frame>,
@@ -71,6 +73,7 @@ impl Recording {
             env: task.config.clone(),
             rest: scene.lamina.rest.clone(),
             triangles: scene.lamina.triangles.clone(),
+            origin: scene.tool.origin,
             tool: scene.tool.mesh.clone(),
             start: Snapshot::default(),
             presses: Vec::new(),

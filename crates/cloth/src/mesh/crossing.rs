@@ -1,5 +1,6 @@
 use parry3d_f64::partitioning::BvhNode;
 use parry3d_f64::shape;
+use rayon::prelude::*;
 use robust::{Coord3D, orient3d};
 
 use super::TriMesh;
@@ -37,7 +38,7 @@ impl TriMesh {
             };
             facets.bvh().leaves(near).filter(passed).count()
         };
-        edges.iter().map(crossed).sum()
+        edges.par_iter().map(crossed).sum()
     }
 }
 

@@ -3,8 +3,11 @@ use std::sync::Arc;
 
 use super::config::{Clamp, FRAME, Over, Placement, SceneConfig, SceneError};
 use crate::fabric::Lamina;
-use crate::sim::{Backend, Cpu, Model, Own, Parameters, PhysicsConfig, Precision, Snapshot, World};
-use crate::tool::Tool;
+use crate::sim::{
+    Backend, Cpu, Model, Own, Parameters, PhysicsConfig, Precision, Snapshot, Tolerance, World,
+    felt,
+};
+use crate::tool::{SMOOTH, Tool};
 
 /// Depth in the tool that a blank may start at, in spacings of the tool's grid: what that errs by
 /// at an edge. Deeper, contact would throw it out.
@@ -39,8 +42,11 @@ impl Scene {
 
         let [falling, _] = config.fall.frames();
         let start = hung(config, &lamina, &tool, falling as f64 * FRAME)?;
+        let model = Model::new(&lamina, &config.physics);
+        let (mut flat, _) = seated(config, &tool);
+        flat.tilt_deg = 0.0;
+        let model = Arc::new(model.over(&lamina, &tool, &placed(&flat, &lamina)));
         let tool = Arc::new(tool);
-        let model = Arc::new(Model::new(&lamina, &config.physics));
         let lamina = Arc::new(lamina);
         let mut scene = Self {
             config: config.clone(),
@@ -65,7 +71,7 @@ impl Scene {
         let [fall_s, _] = self.config.fall.durations();
         let start = |(off, parameters): &(Misplacement, Parameters)| {
             let mut start = hung(&self.config, &self.lamina, &self.tool, fall_s)?;
-            off.apply(&mut start.position, &self.tool);
+            off.apply(&mut start.position, &self.lamina, &self.tool);
             start.own.parameters = parameters.clone();
             Ok(start)
         };
@@ -92,7 +98,7 @@ impl Scene {
         let [falling, settling] = fall.frames();
         let mut quiet = self.config.physics.clone();
         quiet.damping = fall.settle_damping;
-        let quiet = Arc::new(Model::new(&self.lamina, &quiet));
+        let quiet = Arc::new(Model::new(&self.lamina, &quiet).over_that_of(&self.model));
         let (mut states, mut done) = (starts, 0);
         for (model, frames) in [(&self.model, falling), (&quiet, settling)] {
             let world = World::new(model.clone(), self.tool.clone());
@@ -123,9 +129,20 @@ impl Scene {
     /// `physics` must have been checked.
     pub fn with_physics(&self, physics: PhysicsConfig) -> Self {
         let mut scene = self.clone();
-        scene.model = Model::new(&scene.lamina, &physics).into();
+        let model = Model::new(&scene.lamina, &physics);
+        scene.model = model.over_that_of(&self.model).into();
         scene.config.physics = physics;
         scene
+    }
+
+    /// How deep the sheet may lie in the tool: what cells of this size cannot but reach through curves,
+    /// or less where the tool is finer than they are.
+    pub fn tolerance(&self) -> Tolerance {
+        let smooth = Tolerance {
+            depth: SMOOTH * self.lamina.cell_diagonal(),
+            cell: f64::INFINITY,
+        };
+        self.model.tolerance().unwrap_or(smooth)
     }
 
     /// Distance to the tool of the vertex nearest to it, as the fall has left it [m].
@@ -159,7 +176,7 @@ pub struct Misplacement {
 
 impl Misplacement {
     /// Puts the vertices of a blank off their place, and up until they clear the tool [m].
-    pub fn apply(&self, position: &mut [[f64; 3]], tool: &Tool) {
+    pub fn apply(&self, position: &mut [[f64; 3]], lamina: &Lamina, tool: &Tool) {
         let extremes = |k: usize| {
             let values = position.iter().map(|x| x[k]);
             values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
@@ -177,7 +194,8 @@ impl Misplacement {
             at[1] = middle[1] + self.shift[1] + sin * x + cos * y;
             at[2] += self.shift[2] + height * (2.0 * TAU * along + phase).sin();
         }
-        let up = lift(tool, position).unwrap_or(0.0).max(0.0);
+        let felt = felt(lamina, tool, position);
+        let up = lift(tool, &felt).unwrap_or(0.0).max(0.0);
         position.iter_mut().for_each(|at| at[2] += up);
     }
 }
@@ -200,17 +218,15 @@ pub fn hung(
     tool: &Tool,
     fall_s: f64,
 ) -> Result<Snapshot, SceneError> {
-    let mut placement = config.placement.clone();
-    let (centre_mm, height_mm) = (placement.centre_mm, placement.height_mm);
-    let (low, high) = tool.mesh.bounds();
-    let middle_mm = [0, 1].map(|k| 500.0 * (low[k] + high[k]));
-    let from_mm = match placement.over {
-        Over::Origin => [0.0; 2],
-        Over::Tool => middle_mm,
-    };
-    placement.centre_mm = [0, 1].map(|k| from_mm[k] + centre_mm[k]);
+    let Placement {
+        centre_mm,
+        height_mm,
+        ..
+    } = config.placement;
+    let (mut placement, middle_mm) = seated(config, tool);
     let mut position = placed(&placement, lamina);
-    let Some(lift) = lift(tool, &position) else {
+    let Some(lift) = lift(tool, &felt(lamina, tool, &position)) else {
+        let from_mm = [0, 1].map(|k| placement.centre_mm[k] - centre_mm[k]);
         let middle_mm = [0, 1].map(|k| middle_mm[k] - from_mm[k]);
         return Err(SceneError::Beside {
             centre_mm,
@@ -223,7 +239,8 @@ pub fn hung(
         position = placed(&placement, lamina);
         touching_mm = 0.0;
     }
-    let depths = position.iter().map(|&x| -tool.distance(x).0);
+    let felt = felt(lamina, tool, &position);
+    let depths = felt.iter().map(|&x| -tool.distance(x).0);
     let deepest = depths.fold(f64::NEG_INFINITY, f64::max);
     if deepest > IN_TOOL * tool.grid.spacing() {
         return Err(SceneError::InTool {
@@ -251,7 +268,23 @@ pub fn hung(
     Ok(snapshot)
 }
 
-/// How far vertices at `x` have to be lifted, let down where negative, to just touch the tool from
+/// Where the blank is placed in the frame of the tool, and the middle of that in x and y [mm].
+fn seated(config: &SceneConfig, tool: &Tool) -> (Placement, [f64; 2]) {
+    let mut placement = config.placement.clone();
+    let (low, high) = tool.mesh.bounds();
+    let middle_mm = [0, 1].map(|k| 500.0 * (low[k] + high[k]));
+    let from_mm = match placement.over {
+        Over::Origin => {
+            placement.height_mm -= 1e3 * tool.origin.z;
+            [0, 1].map(|k| -1e3 * tool.origin[k])
+        }
+        Over::Tool => middle_mm,
+    };
+    placement.centre_mm = [0, 1].map(|k| from_mm[k] + placement.centre_mm[k]);
+    (placement, middle_mm)
+}
+
+/// How far points at `x` have to be lifted, let down where negative, to just touch the tool from
 /// above [m]; none if they are not over its box. They come down by what is free about all of them.
 fn lift(tool: &Tool, x: &[[f64; 3]]) -> Option<f64> {
     let (low, high) = tool.mesh.bounds();
@@ -270,7 +303,7 @@ fn lift(tool: &Tool, x: &[[f64; 3]]) -> Option<f64> {
         }
         lift -= free;
     }
-    // The tool slips between the vertices.
+    // The tool slips between them.
     Some(top)
 }
 

@@ -12,3 +12,6 @@ mod summary;
 pub use config::{Clamp, Fabric, Fall, Over, Placement, SceneConfig, SceneError};
 pub use fall::{Misplacement, Scene, hung};
 pub use summary::{Summary, wrinkle_count};
+
+#[cfg(test)]
+mod tests;

@@ -27,7 +27,7 @@ pub struct Summary {
     /// the mesh cannot fold it away.
     pub compression_p95: f64,
     pub compression_max: f64,
-    /// Deepest vertex inside the tool, by the exact distance [mm].
+    /// How deep the sheet lies inside the tool, anywhere on its triangles, by the exact distance [mm].
     pub penetration_mm: f64,
     /// Places where an edge of the lamina passes through one of its triangles.
     pub self_intersections: usize,
@@ -39,6 +39,7 @@ impl Scene {
     /// Key figures of a state of this scene.
     pub fn summary(&self, state: &Snapshot) -> Summary {
         let Self { lamina, tool, .. } = self;
+        let sheet = lamina.mesh(&state.position);
         let phi: Vec<f64> = state.position.iter().map(|&x| tool.distance(x).0).collect();
         let strain = lamina.yarn_strain(&state.position);
         let of = |f: fn(f64) -> f64| percentile_and_max(strain.iter().map(|&s| f(s)).collect());
@@ -54,8 +55,8 @@ impl Scene {
             tension_max,
             compression_p95,
             compression_max,
-            penetration_mm: 1e3 * tool.deepest(&state.position).0,
-            self_intersections: lamina.mesh(&state.position).self_intersection_count(),
+            penetration_mm: 1e3 * tool.surface.deepest(&sheet).depth,
+            self_intersections: sheet.self_intersection_count(),
             v_rms_mm_s: 1e3 * state.v_rms(),
         }
     }

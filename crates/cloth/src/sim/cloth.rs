@@ -1,7 +1,7 @@
 use super::line::{Along, Chain, Direction, Scratch};
 use super::parameters::Own;
 use super::scales::Scales;
-use crate::math::{Kernel, Lanes, Real, Vec3x};
+use crate::math::{Kernel, Lanes, Real, Vec3, Vec3x};
 use crate::tool::Tools;
 
 /// n . x - offset is the distance to the tool [m].
@@ -9,6 +9,18 @@ use crate::tool::Tools;
 pub(super) struct Plane<V> {
     pub normal: Vec3x<V>,
     pub offset: V,
+}
+
+/// A point of a triangle near the tool, and its tangent plane as last refreshed.
+#[derive(Clone)]
+pub(super) struct Touch {
+    /// Place and lane of each corner.
+    pub corners: [[usize; 2]; 3],
+    /// Barycentric coordinates.
+    pub weights: [f64; 3],
+    pub normal: Vec3,
+    /// [m]
+    pub offset: f64,
 }
 
 /// All that moves, in plain arrays: those of vertices by place, those of yarn edges by edge. What
@@ -33,6 +45,8 @@ pub(super) struct Cloth<V: Lanes> {
     pub scratch: Scratch<V>,
     /// Greatest pull of the tool's tack on each vertex [N]; empty without.
     pub tack: Vec<V>,
+    /// Points between vertices near the tool, as last refreshed.
+    pub touches: Vec<Touch>,
     /// Of each environment that is used.
     pub own: Vec<Own>,
     pub scales: Scales<V>,
@@ -57,6 +71,7 @@ impl<V: Lanes> Cloth<V> {
             density: vec![V::zero(); edges],
             scratch: Scratch::new(longest),
             tack: Vec::new(),
+            touches: Vec::new(),
             own: vec![Own::default()],
             scales: Scales::new(),
         }

@@ -15,6 +15,7 @@
 mod alone;
 mod backend;
 mod bend;
+mod between;
 mod cloth;
 mod collision;
 mod contact;
@@ -50,6 +51,9 @@ mod storage;
 #[cfg(test)]
 mod tests;
 mod view;
+
+pub use between::Tolerance;
+pub(crate) use between::felt;
 
 pub use backend::{Backend, Observed, World};
 pub use cpu::{Cpu, Precision};

@@ -1,6 +1,7 @@
 //! All that is fixed between resets: masses, and the stages which a scene asks for.
 
 use super::bend::{BendTriple, bending_stiffness, project_triples, triples};
+use super::between::{Between, Tolerance};
 use super::cloth::Cloth;
 use super::collision::Layers;
 use super::edges::{EdgeClass, project_edges};
@@ -15,6 +16,8 @@ use super::shear::{self, Trellis, trellis};
 use super::state::Snapshot;
 use crate::fabric::{Family, Lamina};
 use crate::math::Lanes;
+use crate::tool::Tool;
+use std::sync::Arc;
 
 /// Constraints that are projected one after the other.
 #[derive(Clone, Debug)]
@@ -77,6 +80,8 @@ pub struct Model {
     pub(super) tack: Option<Vec<f64>>,
     /// Layers that hold each other apart.
     pub(super) layers: Option<Layers>,
+    /// Contact between the vertices, over a tool that is finer than they are.
+    pub(super) between: Option<Arc<Between>>,
     physics: PhysicsConfig,
 }
 
@@ -130,8 +135,44 @@ impl Model {
                 .map(|family| bending_stiffness(lamina, physics, family)),
             friction,
             tack: tack(lamina, physics),
+            between: None,
             physics: physics.clone(),
         }
+    }
+
+    /// The model over a tool: with contact between the vertices of a blank that is laid flat at `flat` [m]
+    /// where the tool is finer than its cells.
+    pub fn over(self, lamina: &Lamina, tool: &Tool, flat: &[[f64; 3]]) -> Self {
+        Self {
+            between: Between::new(lamina, tool, flat).map(Arc::new),
+            ..self
+        }
+    }
+
+    /// The model over the tool of another of the same blank.
+    pub fn over_that_of(self, other: &Self) -> Self {
+        Self {
+            between: other.between.clone(),
+            ..self
+        }
+    }
+
+    /// Whether it looks at the same points between its vertices as another model, if at any.
+    pub fn feels_as(&self, other: &Self) -> bool {
+        match (&self.between, &other.between) {
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            (a, b) => a.is_none() && b.is_none(),
+        }
+    }
+
+    /// Whether contact is looked for between the vertices too.
+    pub fn feels_between(&self) -> bool {
+        self.between.is_some()
+    }
+
+    /// What contact holds between the vertices; none where it has no need to.
+    pub fn tolerance(&self) -> Option<Tolerance> {
+        self.between.as_ref().map(|between| between.tolerance())
     }
 
     /// Whether `state` is one of this model: of its size, finite, and of parts that it has.

@@ -4,6 +4,7 @@
 use std::ops::Range;
 
 use super::bend::bend;
+use super::between::leave;
 use super::cloth::Cloth;
 use super::contact::{conclude, refresh};
 use super::frame::Frame;
@@ -56,9 +57,15 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
         let (control, presses) = (self.control, self.presses);
         let scales = &storage.cloth_mut().scales;
         let frame = Frame::new(model.physics(), model.friction, scales, control);
-        let has_more = model.layers.is_some() || !model.membranes.is_empty();
-        let warps_are_last = model.lines.is_some() && !has_more;
         refresh(self.tools, storage.cloth_mut());
+        if let Some(between) = &model.between {
+            let slot = |lane, vertex| storage.slot(lane, vertex);
+            let touches = between.touches(self.tools, storage.cloth(), slot);
+            storage.cloth_mut().touches = touches;
+        }
+        let touches = !storage.cloth().touches.is_empty();
+        let has_more = touches || model.layers.is_some() || !model.membranes.is_empty();
+        let warps_are_last = model.lines.is_some() && !has_more;
         predict(&frame, storage);
         let end = self.range.end;
         for substep in self.range {
@@ -87,6 +94,9 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
             }
             if let Some(layers) = &model.layers {
                 storage.separate(layers);
+            }
+            if touches {
+                leave(&frame, storage.cloth_mut());
             }
             if !warps_are_last {
                 finish_all(&frame, goes_on, storage);

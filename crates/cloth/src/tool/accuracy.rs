@@ -116,6 +116,7 @@ fn halton(mut i: usize, base: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tool::tests::blocks;
     use crate::tool::{Atlas, Tools};
     use crate::tool::{Cylinder, DoubleDome, GridConfig, Hemisphere, Incline, Plate, Rib, Shape};
 
@@ -191,6 +192,24 @@ mod tests {
         let tools: Tools<f32> = atlas.in_lanes(1, |_| 0);
         let (phi, n) = tools.distance([0.01f32, 0.01, 0.0013 - 0.001]);
         assert!((phi + 0.001).abs() < 1e-7 && n[2] > 0.999, "{phi} {n:?}");
+    }
+
+    /// A fin of 5 mm reads so, stands it on its plate or is it sunk into it; so does a cross of two.
+    #[test]
+    fn thickness_is_that_of_all_bodies_together() {
+        let plate = [[-0.2, -0.2, -0.02], [0.2, 0.2, 0.0]];
+        let fin = |foot: f64| [[0.0004, -0.15, foot], [0.0054, 0.15, 0.06]];
+        let across = [[-0.1, 0.0, -0.001], [0.1, 0.007, 0.05]];
+        for all in [
+            &[plate, fin(-0.001)][..],
+            &[plate, fin(0.0)],
+            &[plate, fin(-0.001), across],
+        ] {
+            let tool = Tool::from_mesh(blocks(all), &GridConfig::default()).unwrap();
+            let thinnest = tool.thinnest(20_000).unwrap();
+            assert!((thinnest.thickness - 5.0).abs() < 1e-6, "{thinnest:?}");
+            assert!(tool.grid_error(20_000).max < 0.1);
+        }
     }
 
     #[test]

@@ -118,9 +118,11 @@ impl ToolConfig {
 }
 
 impl Pose {
-    /// Moves a point of the tool [m] to its place.
-    pub(super) fn apply(&self, x: &Vec3) -> Vec3 {
+    /// Moves a point of the tool [m] to its place, seen from `origin` [m].
+    pub(super) fn apply(&self, x: &Vec3, origin: &Vec3) -> Vec3 {
         let [roll, pitch, yaw] = self.rotation_deg.map(f64::to_radians);
-        Rotation3::from_euler_angles(roll, pitch, yaw) * x + Vec3::from(self.translation_mm) * 1e-3
+        // First of all, so that what is computed does not depend on how far away that is.
+        let translation = Vec3::from(self.translation_mm) * 1e-3 - origin;
+        Rotation3::from_euler_angles(roll, pitch, yaw) * x + translation
     }
 }

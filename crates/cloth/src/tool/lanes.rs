@@ -62,6 +62,11 @@ impl Atlas {
 }
 
 impl<V: Lanes> Tools<'_, V> {
+    /// The tool of a lane.
+    pub fn of(&self, lane: usize) -> &Tool {
+        self.tools[lane]
+    }
+
     /// [`Tool::distance`] in every lane, inlined for the instruction set in use.
     #[inline(always)]
     pub fn distance(&self, x: [V; 3]) -> (V, [V; 3]) {

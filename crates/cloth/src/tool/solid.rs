@@ -10,6 +10,9 @@ use crate::mesh::{TriMesh, read_mesh};
 /// A rigid tool at its place, with everything that contact and export ask of it.
 #[derive(Clone, Debug)]
 pub struct Tool {
+    /// Where in the scene the frame lies in which the tool is and all cloth over it is computed [m]: whole
+    /// metres, 0 for a tool less than [`FAR`] from there. Single precision has 4 um left at 50 m.
+    pub origin: Vec3,
     /// Facing outwards (upwards if open).
     pub mesh: TriMesh,
     /// Exact distance and nearest point; slow.
@@ -24,6 +27,9 @@ pub struct Tool {
     /// Facets without area that were dropped from the file.
     pub dropped_facet_count: usize,
 }
+
+/// From this distance on [m] between the origin and the middle of a tool, everything is computed about the tool.
+const FAR: f64 = 1.0;
 
 impl Tool {
     /// Reads or makes the mesh, puts it into place and samples its distance.
@@ -42,10 +48,14 @@ impl Tool {
                 (file.mesh, file.dropped_facet_count)
             }
         };
+        let (low, high) = mesh.bounds();
+        let middle = config.pose.apply(&((low + high) * 0.5), &Vec3::zeros());
+        let origin = middle.map(|x| if x.abs() < FAR { 0.0 } else { x.round() });
         for vertex in &mut mesh.vertices {
-            *vertex = config.pose.apply(vertex);
+            *vertex = config.pose.apply(vertex, &origin);
         }
         let mut tool = Self::from_mesh(mesh, &config.grid)?;
+        tool.origin = origin;
         tool.dropped_facet_count = dropped_facet_count;
         Ok(tool)
     }
@@ -87,6 +97,7 @@ impl Tool {
             }
         };
         Ok(Self {
+            origin: Vec3::zeros(),
             mesh,
             surface,
             grid,
@@ -104,18 +115,26 @@ impl Tool {
         exact.unwrap_or_else(|| (phi, unit(gradient)))
     }
 
+    /// Where in the scene what lies at `x` is [m].
+    pub fn in_scene(&self, x: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let mut x = x.to_vec();
+        // Not by 0, which would make -0 to 0.
+        for k in (0..3).filter(|&k| self.origin[k] != 0.0) {
+            x.iter_mut().for_each(|x| x[k] += self.origin[k]);
+        }
+        x
+    }
+
+    /// Its mesh where it is in the scene [m].
+    pub fn mesh_in_scene(&self) -> TriMesh {
+        let vertices: Vec<[f64; 3]> = self.mesh.vertices.iter().map(|&x| x.into()).collect();
+        TriMesh::new(&self.in_scene(&vertices), &self.mesh.triangles)
+    }
+
     /// The grid, if all distances are interpolated in it.
     #[cfg(feature = "gpu")]
     pub(crate) fn only_grid(&self) -> Option<&DistanceGrid> {
         self.sharp.is_none().then_some(&self.grid)
-    }
-
-    /// How deep the deepest of some points [m] is inside, by the exact distance [m], and which it is;
-    /// 0 where none is inside.
-    pub fn deepest(&self, x: &[[f64; 3]]) -> (f64, usize) {
-        let depths =
-            (x.iter().enumerate()).map(|(i, &x)| (-self.surface.signed_distance(x.into()), i));
-        depths.fold((0.0, 0), |a, b| if b.0 > a.0 { b } else { a })
     }
 
     /// Summed distance of some vertices of a sheet at `x` [m], those inside counted as on the tool.
@@ -222,14 +241,14 @@ mod tests {
             rotation_deg: [90.0, 90.0, 0.0],
         };
         // About x: y → z. About y: z → x.
-        let moved = pose.apply(&Vec3::y());
+        let moved = pose.apply(&Vec3::y(), &Vec3::zeros());
         assert!((moved - Vec3::new(1.0, 0.0, 0.01)).norm() < 1e-15);
         let pose = Pose {
             translation_mm: [0.0; 3],
             rotation_deg: [90.0, 0.0, 90.0],
         };
         // About x: z → −y. About z: −y → x.
-        assert!((pose.apply(&Vec3::z()) - Vec3::x()).norm() < 1e-15);
+        assert!((pose.apply(&Vec3::z(), &Vec3::y()) - Vec3::new(1.0, -1.0, 0.0)).norm() < 1e-15);
     }
 
     #[test]

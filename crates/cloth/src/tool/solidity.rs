@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::error::ToolError;
 use super::surface::{CLOSURE_DEFECT, Surface, step, winding};
+use super::union::has_crossing_bodies;
 use crate::math::Vec3;
 use crate::mesh::{TriMesh, border};
 
@@ -20,15 +21,18 @@ const VERTICAL: f64 = 1e-3;
 /// undercut below their border.
 pub(super) fn bounded(mesh: &TriMesh) -> Result<Surface, ToolError> {
     let mut surface = Surface::new(mesh)?;
-    surface.is_overlapping = check_facets(&surface, mesh)?;
+    let is_overlapping = check_facets(&surface, mesh)? || has_crossing_bodies(mesh);
     if surface.is_open() {
         let gaps = surface.gaps(mesh, border(mesh)?);
         check_walls(&surface, mesh, &gaps)?;
     }
+    if is_overlapping {
+        surface.unite(mesh);
+    }
     Ok(surface)
 }
 
-/// Whether a facet lies inside another body.
+/// Whether the middle of a facet lies inside another body.
 ///
 /// # Errors
 /// If too many facets do not have the solid behind them and free space before them.

@@ -29,17 +29,18 @@ const ON_SURFACE: f64 = 1e-12;
 /// the border; a sign from the nearest facet's normal would jump there.
 ///
 /// A point is inside when the facets above it wind round it. Each edge votes the same way for both
-/// of its triangles, so no ray slips through. Bodies that touch or overlap are inside once, and
-/// there the distance is that to the nearest facet, not to the boundary of the union.
+/// of its triangles, so no ray slips through. Bodies that touch or overlap are one solid
+/// ([`Surface::unite`]).
 ///
 /// Takes for granted that the mesh bounds a solid: see `solidity.rs`.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    facets: shape::TriMesh,
+    /// What bounds the solid.
+    pub(super) facets: shape::TriMesh,
+    /// All facets as given, where some of them lie inside another body.
+    pub(super) overlapping: Option<shape::TriMesh>,
     /// Downward extension of the border; absent for a closed mesh.
     walls: Option<shape::TriMesh>,
-    /// Whether a facet may lie inside another body.
-    pub(super) is_overlapping: bool,
 }
 
 /// The point of a surface that is nearest to a query point.
@@ -63,8 +64,8 @@ impl Surface {
             shape::TriMesh::new(vertices, mesh.triangles.clone()).map_err(|_| ToolError::Empty)?;
         let mut surface = Self {
             facets,
+            overlapping: None,
             walls: None,
-            is_overlapping: true,
         };
         let gaps = surface.gaps(mesh, border);
         surface.walls = (!gaps.is_empty()).then(|| walls(mesh, &gaps));
@@ -166,7 +167,7 @@ impl Surface {
     }
 
     /// [`Surface::contact`] with the nearest of some facets. In the middle of one its side tells
-    /// whether the point is inside, as long as no facet lies inside another body.
+    /// whether the point is inside.
     pub(super) fn contact_among(&self, facets: &[u32], x: Vec3) -> (f64, Vec3) {
         let target = to_parry(&x);
         let mut nearest = (f64::INFINITY, Vector::ZERO, 0, false);
@@ -182,7 +183,7 @@ impl Surface {
         let (distance, point, number, is_face) = nearest;
         let away = target - point;
         let normal = || self.facets.triangle(number).scaled_normal();
-        let inside = match is_face && !self.is_overlapping {
+        let inside = match is_face {
             true => normal().dot(away) < 0.0,
             false => self.is_inside(x),
         };
@@ -200,11 +201,12 @@ impl Surface {
             let (low, high) = (node.mins(), node.maxs());
             low.x <= x.x && x.x <= high.x && low.y <= x.y && x.y <= high.y && x.z < high.z
         };
+        let all = self.overlapping.as_ref().unwrap_or(&self.facets);
         let sign = |leaf| {
-            let found = crossing(self.facets.triangle(leaf), x.x, x.y);
+            let found = crossing(all.triangle(leaf), x.x, x.y);
             found.map_or(0, |(z, sign)| if z > x.z { sign } else { 0 })
         };
-        self.facets.bvh().leaves(above).map(sign).sum::<i32>() > 0
+        all.bvh().leaves(above).map(sign).sum::<i32>() > 0
     }
 
     /// Whether this is the upper face of a block rather than a closed body.
@@ -212,9 +214,12 @@ impl Surface {
         self.walls.is_some()
     }
 
-    /// How thick the body is behind a point of its surface [m], if the face there is parallel to this
-    /// one to 25 degrees.
+    /// How thick the solid is behind a point of a facet [m], if the face there is parallel to this
+    /// one to 25 degrees; none where the facet lies inside another body.
     pub(super) fn thickness(&self, x: Vec3, normal: Vec3) -> Option<f64> {
+        if self.overlapping.is_some() && self.is_inside(x + normal * (1e3 * ON_THE_WAY)) {
+            return None;
+        }
         let ray = Ray::new(to_parry(&(x - normal * ON_THE_WAY)), to_parry(&-normal));
         let hit = self
             .facets
@@ -225,13 +230,14 @@ impl Surface {
 
     /// Where the vertical line through (`x`, `y`) meets the facets: heights [m], ascending,
     /// with +1 for a facet that faces up and −1 for one that faces down.
-    pub(super) fn crossings(&self, x: f64, y: f64) -> Vec<(f64, i32)> {
+    pub(crate) fn crossings(&self, x: f64, y: f64) -> Vec<(f64, i32)> {
         let on_line = |node: &BvhNode| {
             let (low, high) = (node.mins(), node.maxs());
             low.x <= x && x <= high.x && low.y <= y && y <= high.y
         };
-        let meeting = |leaf| crossing(self.facets.triangle(leaf), x, y);
-        let leaves = self.facets.bvh().leaves(on_line);
+        let all = self.overlapping.as_ref().unwrap_or(&self.facets);
+        let meeting = |leaf| crossing(all.triangle(leaf), x, y);
+        let leaves = all.bvh().leaves(on_line);
         let mut crossings: Vec<(f64, i32)> = leaves.filter_map(meeting).collect();
         crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         crossings

@@ -18,7 +18,7 @@ use drape_cloth::sim::{
 };
 #[cfg(feature = "gpu")]
 use drape_cloth::sim::{Adapter, AdapterKind, DeviceError, Gpu};
-use drape_cloth::tool::{GridConfig, Hemisphere, Plate, Shape, Source, Tool, ToolConfig};
+use drape_cloth::tool::{GridConfig, Hemisphere, Plate, Pose, Shape, Source, Tool, ToolConfig};
 
 const CONTROL: Control = Control {
     dt: 1.0 / 60.0,
@@ -308,6 +308,29 @@ static WORLDS: LazyLock<Vec<World>> = LazyLock::new(|| {
             });
             worlds.push(world(&lamina, listed.clone()));
         }
+    }
+    // A fin of 3 mm, which stands between vertices.
+    let plate = Plate {
+        plate_mm: [60.0, 150.0],
+        base_mm: 3.0,
+    };
+    let fin = Tool::new(&ToolConfig {
+        source: Source::Shape(Shape::Plate(plate)),
+        pose: Pose {
+            translation_mm: [6.0, 0.0, 30.0],
+            rotation_deg: [0.0, 90.0, 0.0],
+        },
+        ..ToolConfig::default()
+    });
+    let fin = Arc::new(fin.unwrap());
+    for lamina in [&plain, &bias] {
+        let mut finned = world(lamina, physics());
+        let model = Model::new(lamina, &physics());
+        let flat: Vec<_> = lamina.rest.iter().map(|&[x, y]| [x, y, 0.0]).collect();
+        finned.model = model.over(lamina, &fin, &flat).into();
+        assert!(finned.model.feels_between());
+        finned.tools = vec![fin.clone(), fin.clone()];
+        worlds.push(finned);
     }
     worlds
 });
@@ -625,7 +648,10 @@ fn factors_are_those_of_another_world() {
                 of.presses.clone().map(|(a, b)| ((*a).clone(), b)).unwrap();
             let (mut own, mut physics) = (Own::default(), of.model.physics().clone());
             change(&mut own, &mut lamina, &mut physics, &mut stencil);
+            let model = Model::new(&lamina, &physics).over_that_of(&of.model);
             let mut other = world(&lamina, physics);
+            other.model = model.into();
+            other.tools.clone_from(&of.tools);
             other.presses.as_mut().unwrap().1 = stencil;
             other.tools.swap(0, usize::from(own.tool));
             let end = |world: &World, own: Own| {
@@ -894,6 +920,7 @@ fn gpu_names_what_it_lacks() {
         let (physics, (lamina, _)) = (world.model.physics(), world.presses.as_ref().unwrap());
         let lacks = [
             ("membranes", !lamina.membranes.is_empty()),
+            ("between vertices", world.model.feels_between()),
             ("dihedral", physics.bending == Bending::Dihedral),
             (
                 "self_collision",
@@ -979,5 +1006,20 @@ fn f32_follows_f64_in_the_air() {
             let most = if is_cut { 5e-5 } else { 2e-5 };
             assert!(off <= most, "case {index}: {off:e} m, {physics:?}");
         }
+    }
+}
+
+/// Over the fin nearly all cases end elsewhere than without contact between the vertices.
+#[test]
+fn contact_between_vertices_is_at_work() {
+    let worlds = WORLDS.iter().zip(ENDS.iter());
+    for (world, held) in worlds.filter(|(world, _)| world.model.feels_between()) {
+        let (lamina, _) = world.presses.as_ref().unwrap();
+        let mut blind = world.clone();
+        blind.model = Model::new(lamina, world.model.physics()).into();
+        let blind = reference(&blind, STEPS);
+        let pairs = held.iter().zip(&blind);
+        let count = pairs.filter(|(a, b)| furthest(a, b) > 1e-5).count();
+        assert!(2 * count > CASES, "{count} cases");
     }
 }

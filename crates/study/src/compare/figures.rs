@@ -183,7 +183,7 @@ pub struct Tooling {
     pub bridged_area_mm2: f64,
     /// The same as a share of the whole area [-].
     pub bridged_share: f64,
-    /// Deepest vertex inside the tool, by the exact distance [mm].
+    /// How deep the surface lies inside the tool, anywhere, by the exact distance [mm].
     pub penetration_mm: f64,
     /// Length that yarns have too much, in the mean over those of the region if there is one
     /// [mm]; none for a scan.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use cpu_time::{ProcessTime, ThreadTime};
 
-use super::fall::{ACCELERATION, fallen, press_config, twin_config, unfallen};
+use super::fall::{ACCELERATION, fallen, press_config, twin_of, unfallen};
 use crate::points::{apart_mm, coarser, same_points, summed_m};
 use crate::presses::{Positions, pushed};
 use crate::study::StudyError;
@@ -64,7 +64,7 @@ impl PaperCase {
     /// `progress` is told the share of the twin's presses that are done, 0..=1. Fails if one of
     /// them diverges.
     pub fn run(&self, progress: impl FnMut(f64)) -> Result<[Ran; 3], StudyError> {
-        let baseline = twin_config(&self.scene.config)?;
+        let baseline = twin_of(&self.scene)?;
         let accelerated = baseline.accelerated(ACCELERATION);
         let fast = self.fast()?;
         let (twin, accelerated) = std::thread::scope(|scope| {
@@ -138,7 +138,7 @@ impl PaperCase {
     /// throughout; presses from a start pushed by a micrometre; and, for a plain rectangle with
     /// even numbers of cells, the fall with cells twice as wide. Fails if one diverges.
     pub fn converge(&self, twin: &Ran) -> Result<Vec<SelfComparison>, StudyError> {
-        let config = twin_config(&self.scene.config)?;
+        let config = twin_of(&self.scene)?;
         let mut finer = config.clone();
         finer.safety *= 0.5;
         std::thread::scope(|scope| {
@@ -171,7 +171,10 @@ impl PaperCase {
         let mut config = self.scene.config.clone();
         config.blank.vertices = vertices;
         let coarse = unfallen(&config)?;
-        let settled = fallen(&coarse, &twin_config(&config)?, &Misplacement::default())?;
+        if coarse.model.feels_between() {
+            return Ok(None);
+        }
+        let settled = fallen(&coarse, &twin_of(&coarse)?, &Misplacement::default())?;
         let x = settled.positions();
         let pairs = same_points(&coarse.lamina.rest, &self.scene.lamina.rest);
         Ok(Some(SelfComparison {

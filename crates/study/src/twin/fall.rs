@@ -33,6 +33,19 @@ pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
     Ok(config)
 }
 
+/// [`twin_config`] of a scene that is set up: its tool must not be finer than cells either.
+pub fn twin_of(scene: &Scene) -> Result<TwinConfig, SceneError> {
+    let expected = "a tool that is smooth at the scale of a cell: the twin feels vertices alone";
+    let is_smooth = !scene.model.feels_between();
+    ValueError::unless(
+        is_smooth,
+        "tool",
+        "finer than the cells of the blank",
+        expected,
+    )?;
+    twin_config(&scene.config)
+}
+
 /// How the twin presses: as the environment does.
 pub fn press_config(env: &EnvConfig, hold: Hold) -> PressConfig {
     PressConfig {
@@ -49,7 +62,7 @@ pub fn press_config(env: &EnvConfig, hold: Hold) -> PressConfig {
 pub fn fallen(scene: &Scene, config: &TwinConfig, off: &Misplacement) -> Result<Twin, StudyError> {
     let [fall_s, settle_s] = scene.config.fall.durations();
     let mut start = hung(&scene.config, &scene.lamina, &scene.tool, fall_s)?;
-    off.apply(&mut start.position, &scene.tool);
+    off.apply(&mut start.position, &scene.lamina, &scene.tool);
     let mut twin = Twin::new(&scene.lamina, config)?;
     twin.set_positions(&start.position);
     for v in start.fixed.ones() {

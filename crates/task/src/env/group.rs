@@ -137,6 +137,7 @@ fn laws(base: &Scene, scene: &Scene) -> Option<Parameters> {
     };
     let locking = |material: &Material| material.shear.locking.filter(|_| physics.shear_locking);
     let is_alike = physics == *base.model.physics()
+        && base.model.feels_as(&scene.model)
         && a.rest == b.rest
         && a.triangles == b.triangles
         && knees(from) == knees(to)

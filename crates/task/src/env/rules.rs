@@ -130,13 +130,14 @@ impl Task {
         surplus(lamina, tool, &state.position, &self.region.vertices)
     }
 
-    /// Where on the tool presses have landed whose vertices were at these places [m].
+    /// Where on the tool, in the frame of the scene, presses have landed whose vertices were at these
+    /// places [m] over it.
     pub fn points(&self, presses: &[(u32, [f64; 3])]) -> Vec<PressedPoint> {
         let point = |&(vertex, x): &(u32, [f64; 3])| {
             let surface = self.scene.tool.surface.project(Vec3::from(x));
             PressedPoint {
                 vertex,
-                position: surface.position,
+                position: surface.position + self.scene.tool.origin,
                 normal: surface.normal,
             }
         };

@@ -22,6 +22,8 @@ pub(super) const NOTHING: u32 = u32::MAX;
 /// What of a model is not computed.
 const MEMBRANES: &str = "membranes: a blank whose outline or yarn angle cuts cells";
 
+const FINE: &str = "contact between vertices: a tool finer than the cells of the blank";
+
 /// What is compiled into the kernels of a world: sizes, which stages it has, and where the tables
 /// begin among [`Tables::numbers`] and [`Tables::values`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
@@ -196,6 +198,9 @@ impl Tables {
         tables.plan.grid.headers = tables.add_numbers(headers);
         let tack = model.tack.as_ref();
         tables.plan.tack = tack.map(|tack| tables.add(tack.iter().copied()));
+        if model.between.is_some() {
+            return Err(DeviceError::Missing(FINE));
+        }
         if model.layers.is_some() {
             return Err(DeviceError::Missing("`physics.self_collision`"));
         }

@@ -1,0 +1,195 @@
+use parry3d_f64::query::PointQuery;
+use parry3d_f64::shape;
+use rayon::prelude::*;
+
+use super::surface::Surface;
+use super::union::clip;
+use crate::math::{Vec3, to_parry};
+use crate::mesh::TriMesh;
+
+/// What the greatest depth may be too small by [m].
+const TOLERANCE: f64 = 1e-7;
+
+/// Most facets whose distances bound the depth of a piece.
+const MOST_FACETS: usize = 12;
+
+/// The place of a sheet that is deepest inside a solid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deepest {
+    /// [m], 0 where nothing is inside.
+    pub depth: f64,
+    /// [m]
+    pub at: Vec3,
+}
+
+/// A part of a triangle of the sheet.
+type Piece = [Vec3; 3];
+
+impl Surface {
+    /// How deep a sheet lies inside the solid, anywhere on its triangles, by the exact distance: to
+    /// 0.1 um. What is no number is left out.
+    ///
+    /// Branch and bound. On a piece of a triangle the depth is at most the smallest of some functions
+    /// that are linear there ([`Surface::bounds`]); the greatest value of that is a linear programme. Where the
+    /// solid is convex that is the depth itself, at edges and between walls as well; elsewhere pieces
+    /// are quartered until it is near enough.
+    pub fn deepest(&self, sheet: &TriMesh) -> Deepest {
+        let none = Deepest {
+            depth: 0.0,
+            at: Vec3::zeros(),
+        };
+        let deeper = |a: Deepest, b: Deepest| if b.depth > a.depth { b } else { a };
+        let depth = |&at: &Vec3| Deepest {
+            depth: -self.signed_distance(at),
+            at,
+        };
+        // Collected in order, as a reduction in parallel would choose among equals by chance.
+        let found: Vec<Deepest> = sheet.vertices.par_iter().map(depth).collect();
+        let mut deepest = found.into_iter().fold(none, deeper);
+        let all = 0..sheet.triangles.len();
+        let mut pieces: Vec<Piece> = all.map(|t| sheet.corners(t)).collect();
+        while !pieces.is_empty() {
+            let least = deepest.depth + TOLERANCE;
+            let found = pieces
+                .par_iter()
+                .filter_map(|piece| self.look(piece, least).map(|found| (found, piece)));
+            let found: Vec<_> = found.collect();
+            let seen = found.iter().map(|((deepest, _), _)| *deepest);
+            deepest = seen.fold(deepest, deeper);
+            let least = deepest.depth + TOLERANCE;
+            let open = found.iter().filter(|((_, bound), _)| *bound > least);
+            pieces = open.flat_map(|(_, piece)| quarters(piece)).collect();
+        }
+        deepest
+    }
+
+    /// A deep place of a piece and a bound on its depth [m]; none if that is at most `least` [m].
+    fn look(&self, piece: &Piece, least: f64) -> Option<(Deepest, f64)> {
+        let centre = (piece[0] + piece[1] + piece[2]) / 3.0;
+        let radius = piece
+            .iter()
+            .map(|x| (x - centre).norm())
+            .fold(0.0, f64::max);
+        let depth = -self.signed_distance(centre);
+        // Distances change by no more than one moves.
+        if !(depth + radius > least) {
+            return None;
+        }
+        let (bound, weights) = highest(&self.bounds(piece, centre, depth.abs() + 2.0 * radius));
+        if bound <= least {
+            return None;
+        }
+        let at = piece[0] * weights.x + piece[1] * weights.y + piece[2] * weights.z;
+        let there = -self.signed_distance(at);
+        let deepest = match there > depth {
+            true => Deepest { depth: there, at },
+            false => Deepest { depth, at: centre },
+        };
+        Some((deepest, bound.min(depth + radius)))
+    }
+
+    /// What the depth in a piece is at most, by values at its corners [m] with what is linear between
+    /// them: the distance to a facet, which is convex; and how far it is up to the plane of a facet that
+    /// no other one within `reach` [m] of the centre rises over.
+    fn bounds(&self, piece: &Piece, centre: Vec3, reach: f64) -> Vec<[f64; 3]> {
+        let mut near = self.near(centre, reach);
+        near.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let mut bounds: Vec<[f64; 3]> = Vec::new();
+        for (number, _, [a, b, c]) in &near {
+            if bounds.len() >= 2 * MOST_FACETS {
+                break;
+            }
+            let [p, q, r] = [a, b, c].map(to_parry);
+            let facet = shape::Triangle::new(p, q, r);
+            bounds.push(piece.map(|x| facet.distance_to_local_point(to_parry(&x), true)));
+            let Some(n) = (b - a).cross(&(c - a)).try_normalize(0.0) else {
+                continue;
+            };
+            // Walls below an open mesh have no side of their own.
+            let others = near.iter().flat_map(|(.., corners)| corners);
+            let is_over = |x: &Vec3| n.dot(&(x - a)) > 0.01 * TOLERANCE;
+            if number.is_some() && !{ others }.any(is_over) {
+                bounds.push(piece.map(|x| n.dot(&(a - x))));
+            }
+        }
+        bounds
+    }
+}
+
+/// The greatest value on a triangle of the smallest of some functions, linear between the values at its
+/// corners, and its barycentric coordinates.
+fn highest(functions: &[[f64; 3]]) -> (f64, Vec3) {
+    let functions: Vec<Vec3> = functions.iter().map(|&values| values.into()).collect();
+    let mut highest = (f64::NEG_INFINITY, Vec3::repeat(1.0 / 3.0));
+    for (k, f) in functions.iter().enumerate() {
+        // Where this one is the smallest.
+        let mut polygon = vec![Vec3::x(), Vec3::y(), Vec3::z()];
+        let known = functions[..k].contains(f);
+        for g in functions.iter().filter(|g| !known && *g != f) {
+            polygon = clip(&polygon, |x| (g - f).dot(x));
+        }
+        for x in polygon.iter().filter(|_| !known) {
+            if f.dot(x) > highest.0 {
+                highest = (f.dot(x), *x);
+            }
+        }
+    }
+    highest
+}
+
+fn quarters(&[a, b, c]: &Piece) -> [Piece; 4] {
+    let [p, q, r] = [(a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5];
+    [[a, p, r], [p, b, q], [r, q, c], [p, q, r]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::solidity::bounded;
+    use super::super::tests::{blocks, roof};
+    use super::*;
+
+    /// A flat sheet at height `z`, turned about the vertical by 0.1, of cells 5.8 mm wide [m].
+    fn sheet(z: f64) -> TriMesh {
+        let (count, cell) = (25, 5.8e-3);
+        let mut sheet = TriMesh::default();
+        for k in 0..count * count {
+            let [u, v] = [k % count, k / count].map(|i| (i as f64 - 11.9) * cell);
+            let (sin, cos) = 0.1f64.sin_cos();
+            let at = Vec3::new(cos * u - sin * v, sin * u + cos * v, z);
+            sheet.vertices.push(at);
+            if k % count + 1 < count && k / count + 1 < count {
+                let [a, b, c] = [k, k + 1, k + count].map(|k| k as u32);
+                sheet.triangles.extend([[a, b, c + 1], [a, c + 1, c]]);
+            }
+        }
+        sheet
+    }
+
+    /// Between the vertices, where each is outside: below the ridges of roofs, between the walls of a fin,
+    /// at the foot of one that is sunk into its plate, in pins; and nowhere above them.
+    #[test]
+    fn greatest_depth_of_a_surface_is_exact() {
+        let plate = [[-0.2, -0.2, -0.02], [0.2, 0.2, 0.0]];
+        let fin = [[0.0004, -0.15, -0.001], [0.0054, 0.15, 0.06]];
+        let pin = |x: f64| [[x, 0.001, -0.001], [x + 0.003, 0.004, 0.04]];
+        let mut cases = vec![
+            (blocks(&[plate, fin]), 0.03, 2.5e-3),
+            (blocks(&[plate, fin]), 0.0, 2.5e-3),
+            (blocks(&[plate, fin]), -0.0005, (2.5e-3f64).hypot(0.5e-3)),
+            (blocks(&[plate, fin]), 0.0599, 0.1e-3),
+            (blocks(&[plate, fin]), 0.0601, 0.0),
+            (blocks(&[plate, pin(0.01), pin(-0.03)]), 0.01, 1.5e-3),
+            (blocks(&[plate]), 0.001, 0.0),
+            (blocks(&[plate]), -0.003, 3e-3),
+        ];
+        for slope in [20.0f64, 60.0, 90.0 - 20.0] {
+            let cos = slope.to_radians().cos();
+            cases.push((roof(slope), 0.06 - 1e-3 / cos, 1e-3));
+        }
+        for (k, (mesh, z, exact)) in cases.into_iter().enumerate() {
+            let found = bounded(&mesh).unwrap().deepest(&sheet(z));
+            let off = (found.depth - exact).abs();
+            assert!(off < 1.1 * TOLERANCE, "{k}: {found:?}, exact {exact}");
+        }
+    }
+}
