@@ -20,8 +20,9 @@ const SIZE: [usize; 2] = [960, 720];
 
 /// Let the blank fall on to the tool and show how it lies
 ///
-/// Writes lamina.stl and tool.stl (millimetres), top.png and isometric.png, coloured by the
-/// distance to the tool, and summary.json. Files of an earlier run are replaced.
+/// Writes lamina.stl and tool.stl (millimetres, where they lie in the scene), top.png and
+/// isometric.png, coloured by the distance to the tool, and summary.json. Files of an earlier run are
+/// replaced.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape scene --out rib
@@ -114,7 +115,8 @@ pub(super) fn caption(summary: &Summary) -> String {
 
 fn text(scene: &Scene, summary: &Summary) -> String {
     let (lamina, tool) = (&scene.lamina, &scene.tool);
-    let cut = match lamina.membranes.len() {
+    let along = lamina.membranes.iter().filter(|m| !m.has_yarns).count();
+    let cut = match along {
         0 => String::new(),
         count => format!(", {count} of them along the outline"),
     };

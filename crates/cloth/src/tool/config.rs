@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use nalgebra::Rotation3;
+use nalgebra::{IsometryMatrix3, Rotation3};
 use serde::{Deserialize, Serialize};
 
 use super::shapes::Shape;
@@ -118,9 +118,11 @@ impl ToolConfig {
 }
 
 impl Pose {
-    /// Moves a point of the tool [m] to its place.
-    pub(super) fn apply(&self, x: &Vec3) -> Vec3 {
+    /// From the frame of the tool's file, or of its formula, to the scene's [m].
+    pub fn isometry(&self) -> IsometryMatrix3<f64> {
         let [roll, pitch, yaw] = self.rotation_deg.map(f64::to_radians);
-        Rotation3::from_euler_angles(roll, pitch, yaw) * x + Vec3::from(self.translation_mm) * 1e-3
+        let translation = Vec3::from(self.translation_mm) * 1e-3;
+        let rotation = Rotation3::from_euler_angles(roll, pitch, yaw);
+        IsometryMatrix3::from_parts(translation.into(), rotation)
     }
 }

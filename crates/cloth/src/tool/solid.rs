@@ -1,3 +1,5 @@
+use nalgebra::Point3;
+
 use super::config::{GridConfig, Source, ToolConfig};
 use super::error::ToolError;
 use super::grid::DistanceGrid;
@@ -42,8 +44,9 @@ impl Tool {
                 (file.mesh, file.dropped_facet_count)
             }
         };
+        let pose = config.pose.isometry();
         for vertex in &mut mesh.vertices {
-            *vertex = config.pose.apply(vertex);
+            *vertex = (pose * Point3::from(*vertex)).coords;
         }
         let mut tool = Self::from_mesh(mesh, &config.grid)?;
         tool.dropped_facet_count = dropped_facet_count;
@@ -218,14 +221,14 @@ mod tests {
             rotation_deg: [90.0, 90.0, 0.0],
         };
         // About x: y → z. About y: z → x.
-        let moved = pose.apply(&Vec3::y());
-        assert!((moved - Vec3::new(1.0, 0.0, 0.01)).norm() < 1e-15);
+        let moved = pose.isometry() * Point3::new(0.0, 1.0, 0.0);
+        assert!((moved.coords - Vec3::new(1.0, 0.0, 0.01)).norm() < 1e-15);
         let pose = Pose {
             translation_mm: [0.0; 3],
             rotation_deg: [90.0, 0.0, 90.0],
         };
         // About x: z → −y. About z: −y → x.
-        assert!((pose.apply(&Vec3::z()) - Vec3::x()).norm() < 1e-15);
+        assert!((pose.isometry() * Vec3::z() - Vec3::x()).norm() < 1e-15);
     }
 
     #[test]

@@ -44,7 +44,7 @@ fn yarn_compliances_are_those_of_table_2() {
 #[test]
 fn knee_and_limit_are_branches_of_a_yarn() {
     let material = PhysicsConfig {
-        tension: Tension::Material,
+        tension: Some(Tension::Material),
         ..PhysicsConfig::default()
     };
     let lines = lines(material.clone());
@@ -80,7 +80,7 @@ fn knee_and_limit_are_branches_of_a_yarn() {
     let by_edge = |solver, tension, strain_limit| {
         let passes = model(PhysicsConfig {
             solver,
-            tension,
+            tension: Some(tension),
             strain_limit,
             ..PhysicsConfig::default()
         })
@@ -194,12 +194,15 @@ fn passes_hold_everything_once_without_conflict() {
             let members: Vec<Vec<u32>> = match pass {
                 Pass::Edges(class, _)
                 | Pass::Diagonals(class, _)
+                | Pass::CurvedDiagonals(class, _)
                 | Pass::LockingDiagonals(class, _) => {
                     class.vertices.iter().map(|v| v.to_vec()).collect()
                 }
                 Pass::Triples(triples) => triples.iter().map(|t| t.vertices.to_vec()).collect(),
                 Pass::Hinges(hinges) => hinges.iter().map(|h| h.vertices.to_vec()).collect(),
-                Pass::Membrane(elements) | Pass::LockingMembrane(elements, _) => {
+                Pass::Membrane(elements)
+                | Pass::CurvedMembrane(elements, _)
+                | Pass::LockingMembrane(elements, _) => {
                     elements.iter().map(|e| e.vertices.to_vec()).collect()
                 }
             };
