@@ -9,7 +9,7 @@ use super::failure::OrInvalid;
 use super::output::{OutFolder, print, write_together};
 use super::picture::{Studio, View};
 use super::setup::{missed, set_up};
-use drape_cloth::fabric::Drape;
+use drape_cloth::fabric::{Drape, Membrane};
 use drape_cloth::file::{check_writable, write_atomic};
 use drape_cloth::mesh::write_stl;
 use drape_cloth::scene::{Scene, SceneConfig, Summary};
@@ -115,8 +115,9 @@ pub(super) fn caption(summary: &Summary) -> String {
 
 fn text(scene: &Scene, summary: &Summary) -> String {
     let (lamina, tool) = (&scene.lamina, &scene.tool);
-    let along = lamina.membranes.iter().filter(|m| !m.has_yarns).count();
-    let cut = match along {
+    // Where yarns stretch, halves of whole cells are membranes, too.
+    let is_cut = |m: &&Membrane| !m.has_yarns || !lamina.diagonals.is_empty();
+    let cut = match lamina.membranes.iter().filter(is_cut).count() {
         0 => String::new(),
         count => format!(", {count} of them along the outline"),
     };
