@@ -25,7 +25,8 @@ use drape_study::study::region;
 ///
 /// A and B are each a run folder (the path that `drape export` writes is played again), a state
 /// file of `drape scene --state` or `drape eval --state`, or an STL file of a lamina. B is the
-/// reference. Both must be in the frame of the tool: nothing is moved to fit.
+/// reference. Both must be in the frame of the scene, into which
+/// tool.pose has moved the tool: nothing is moved to fit.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape compare runs/a runs/b

@@ -18,7 +18,7 @@ use drape_learn::policy::DeviceKind;
 use drape_study::proof::Physics;
 use drape_task::env::Scatter;
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
-use drape_task::path::{DrapingPoint, PathFigures, write_csv, write_json};
+use drape_task::path::{DrapingPoint, Frame, PathFigures, write_csv, write_json};
 
 /// Write the ordered draping points for the robot, or the whole case for finite elements
 #[derive(Debug, clap::Args)]
@@ -30,6 +30,11 @@ pub struct ExportArgs {
     /// the fabric's test data, CalculiX an elastic approximation
     #[arg(long, value_enum, default_value_t = Format::Json)]
     format: Format,
+
+    /// What coordinates count from: the tool's own file, or the scene, where tool.pose has moved it. Every
+    /// format says which, and has the pose
+    #[arg(long, value_enum, default_value_t = Axes::Tool)]
+    frame: Axes,
 
     /// File to write; trajectory.json, trajectory.csv or draping.inp in the run folder if not
     /// given
@@ -59,10 +64,18 @@ enum Format {
     Abaqus,
 }
 
+#[derive(Clone, Copy, Debug, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+enum Axes {
+    Tool,
+    Scene,
+}
+
 /// What is printed.
 #[derive(Serialize)]
 struct Report {
     file: PathBuf,
+    frame: Axes,
     points: usize,
     #[serde(flatten)]
     path: PathFigures,
@@ -91,11 +104,16 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         None => loaded.play_path()?,
     };
     let points = path(&played.recording)?;
+    let pose = &loaded.scene.config.tool.pose;
+    let frame = match args.frame {
+        Axes::Tool => Frame::tool(pose),
+        Axes::Scene => Frame::scene(pose),
+    };
     match args.format {
-        Format::Json => write_json(&file, &points)?,
-        Format::Csv => write_csv(&file, &points)?,
-        Format::Calculix => deck(&loaded, &points, Dialect::Calculix)?.write(&file)?,
-        Format::Abaqus => deck(&loaded, &points, Dialect::Abaqus)?.write(&file)?,
+        Format::Json => write_json(&file, &points, &frame)?,
+        Format::Csv => write_csv(&file, &points, &frame)?,
+        Format::Calculix => deck(&loaded, &points, frame, Dialect::Calculix)?.write(&file)?,
+        Format::Abaqus => deck(&loaded, &points, frame, Dialect::Abaqus)?.write(&file)?,
     }
     let report = Report {
         points: points.len(),
@@ -106,6 +124,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         scatter: proof.as_ref().map(|_| loaded.config.scatter.clone()),
         proved: proof.map(|proved| proved.physics),
         file,
+        frame: args.frame,
     };
     print(&report, args.json, text)
 }
@@ -133,7 +152,12 @@ fn text(report: &Report) -> String {
 /// The lamina with the presses of `points`: for CalculiX before the fall, for Abaqus after it.
 /// Under the stencil are the triangles whose middle is, on the flat blank, within half of its side
 /// of the pressed vertex.
-fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<Deck, Failure> {
+fn deck(
+    loaded: &Loaded,
+    points: &[DrapingPoint],
+    frame: Frame,
+    dialect: Dialect,
+) -> Result<Deck, Failure> {
     let scene = &loaded.scene;
     let (lamina, material) = (&scene.lamina, &scene.lamina.material);
     let place = loaded.folder.config.display().to_string();
@@ -202,6 +226,7 @@ fn deck(loaded: &Loaded, points: &[DrapingPoint], dialect: Dialect) -> Result<De
         press_s: loaded.config.env.press_s,
         pressure: loaded.config.env.roller().pressure,
         gravity: physics.gravity,
+        frame,
     }
     .deck(dialect))
 }

@@ -12,7 +12,7 @@ use drape_cloth::scene::Scene;
 use drape_study::proof::{Case, Physics, Proof, Row, Sensitivity, prove};
 use drape_study::study::Context;
 use drape_task::env::Draping;
-use drape_task::path::write_json;
+use drape_task::path::{Frame, write_json};
 use drape_task::recording::Recording;
 
 /// Proves the best sequences of a run against `count` random orders, see [`prove`], and keeps the
@@ -53,7 +53,8 @@ pub(super) fn proved(
         })?,
     };
     let played = play(&proved, case, &folder.proof, json)?.recording;
-    write_json(&folder.trajectory, &path(&played)?)?;
+    let frame = Frame::tool(&scene.config.tool.pose);
+    write_json(&folder.trajectory, &path(&played)?, &frame)?;
     let old = Recording::read(&folder.recording).ok();
     let is_proof = |recording: &Recording| {
         proved.physics == Physics::Twin

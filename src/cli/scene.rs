@@ -9,7 +9,7 @@ use super::failure::OrInvalid;
 use super::output::{OutFolder, print, write_together};
 use super::picture::{Studio, View};
 use super::setup::{missed, set_up};
-use drape_cloth::fabric::Drape;
+use drape_cloth::fabric::{Drape, Membrane};
 use drape_cloth::file::{check_writable, write_atomic};
 use drape_cloth::mesh::write_stl;
 use drape_cloth::scene::{Scene, SceneConfig, Summary};
@@ -20,8 +20,9 @@ const SIZE: [usize; 2] = [960, 720];
 
 /// Let the blank fall on to the tool and show how it lies
 ///
-/// Writes lamina.stl and tool.stl (millimetres), top.png and isometric.png, coloured by the
-/// distance to the tool, and summary.json. Files of an earlier run are replaced.
+/// Writes lamina.stl and tool.stl (millimetres, where they lie in the scene), top.png and
+/// isometric.png, coloured by the distance to the tool, and summary.json. Files of an earlier run are
+/// replaced.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape scene --out rib
@@ -115,7 +116,9 @@ pub(super) fn caption(summary: &Summary) -> String {
 
 fn text(scene: &Scene, summary: &Summary) -> String {
     let (lamina, tool) = (&scene.lamina, &scene.tool);
-    let cut = match lamina.membranes.len() {
+    // Where yarns stretch, halves of whole cells are membranes, too.
+    let is_cut = |m: &&Membrane| !m.has_yarns || !lamina.diagonals.is_empty();
+    let cut = match lamina.membranes.iter().filter(is_cut).count() {
         0 => String::new(),
         count => format!(", {count} of them along the outline"),
     };

@@ -164,3 +164,39 @@ fn what_needs_a_policy_says_that_there_is_none() {
     let args = ["baseline", "none.toml", "--policy", "random"];
     assert_failure(&drape(path, &args), 2, &["none.toml"]);
 }
+
+/// Points of a tool that `tool.pose` has moved come from one frame to the other by the pose in their
+/// file, and each file says which it has.
+#[test]
+fn exports_have_the_frame_that_they_say() {
+    let folder = folder();
+    let path = folder.path();
+    let pose = "[scene.tool.pose]\nrotation_deg = [0, 0, 180]\ntranslation_mm = [3, 4, 0.5]\n";
+    fs::write(path.join("config.toml"), format!("{CONFIG}\n{pose}")).unwrap();
+    let search = ["baseline", "config.toml", "--policy", "random", "--steps"];
+    json(
+        path,
+        &[&search[..], &["200", "--name", "a", "--json"]].concat(),
+    );
+    let export = |frame: &str| {
+        let args = ["export", "runs/a", "--out", "a.json", "--json", "--frame"];
+        let report = json(path, &[&args[..], &[frame]].concat());
+        assert_eq!(report["frame"], frame);
+        let file = read_json(&path.join("a.json"));
+        let words = file["conventions"]["frame"].as_str().unwrap();
+        assert!(words.starts_with(frame), "{words}");
+        file
+    };
+    let [tool, scene] = ["tool", "scene"].map(export);
+    assert_eq!(tool, read_json(&path.join("runs/a/trajectory.json")));
+    let [points, expected] = [&tool, &scene].map(|file| file["points"].as_array().unwrap());
+    assert!(!points.is_empty() && points.len() == expected.len());
+    for (point, expected) in points.iter().zip(expected) {
+        for axis in 0..3 {
+            let row = &tool["tool_pose"]["matrix"][axis];
+            let turned = (0..3).map(|k| number(&row[k]) * number(&point["position"][k]));
+            let found = turned.sum::<f64>() + number(&row[3]);
+            assert!((found - number(&expected["position"][axis])).abs() < 1e-12);
+        }
+    }
+}

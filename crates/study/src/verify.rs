@@ -7,8 +7,8 @@
 //! | Group | Held against |
 //! | --- | --- |
 //! | bending | heavy elastica; stiffness of the bimodulus |
-//! | length | tension curve; weight of a chain; catenary |
-//! | shear | picture frame; bias extension by the kinematics of a trellis |
+//! | length | tension curve; weight of a chain and of soft sheets; catenary |
+//! | shear | picture frame; weight of a cell by a curve; bias extension by the kinematics of a trellis |
 //! | drape | fishnet on a sphere |
 //! | contact | angle of friction; capstan; lift-off from a cylinder |
 //! | motion | momentum; damping of implicit Euler |

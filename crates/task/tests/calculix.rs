@@ -11,8 +11,9 @@ use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::{SceneConfig, hung};
 use drape_cloth::sim::{Aim, Roller, under_stencil};
-use drape_cloth::tool::Tool;
+use drape_cloth::tool::{Pose, Tool};
 use drape_cloth::twin::{PressConfig, Twin, TwinConfig};
+use drape_task::path::Frame;
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
 
 /// Runs the deck `name`.inp of `folder` and gives what `ccx` printed. It names what it cannot
@@ -263,6 +264,7 @@ fn draping_deck() -> Deck {
         press_s: 0.1,
         pressure: 1e6,
         gravity: 9.81,
+        frame: Frame::scene(&Pose::default()),
     }
     .deck(Dialect::Calculix)
 }
@@ -387,6 +389,7 @@ fn sheet_pressed_on_a_rib_lies_where_the_twin_has_it() {
         press_s: 0.1,
         pressure,
         gravity: scene.physics.gravity,
+        frame: Frame::scene(&scene.tool.pose),
     }
     .deck(Dialect::Calculix);
     let folder = tempfile::tempdir().unwrap();

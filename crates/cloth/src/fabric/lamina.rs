@@ -54,9 +54,9 @@ pub struct Lamina {
     /// All warp yarns, then all weft yarns: along the sides of whole cells. A yarn that the
     /// outline interrupts is several.
     pub yarns: Vec<Yarn>,
-    /// Those of whole cells, which carry their shear.
+    /// Those of whole cells, which carry their shear where yarns hardly stretch.
     pub diagonals: Vec<[u32; 2]>,
-    /// Triangles that are no part of whole cells.
+    /// Triangles that are no part of whole cells; and those of whole cells whose yarns stretch.
     pub membranes: Vec<Membrane>,
     /// Unit vector along the warp on the flat blank; the weft is that turned to the left.
     pub warp: [f64; 2],
@@ -111,6 +111,7 @@ impl Lamina {
             MassModel::Paper => 1e-3 * material.areal_mass_g_m2.paper,
             MassModel::Datasheet => 1e-3 * material.areal_mass_g_m2.datasheet,
         };
+        let is_trellis = is_trellis(&material, grid.cell);
         let third = areal_mass * grid.cell[0] * grid.cell[1] / 6.0;
         let mut mass = vec![0.0; rest.len()];
         for (index, cell) in cells.iter().enumerate() {
@@ -118,8 +119,15 @@ impl Lamina {
                 Cell::Whole => {
                     let corners = grid.corners(index);
                     let [a, b, c, d] = corners.map(|node| at(node / columns, node % columns));
-                    triangles.extend([[a, b, d], [a, d, c]]);
-                    diagonals.push([a, d]);
+                    let halves = [[a, b, d], [a, d, c]];
+                    triangles.extend(halves);
+                    match is_trellis {
+                        true => diagonals.push([a, d]),
+                        false => membranes.extend(halves.map(|half| {
+                            let corners = half.map(|v| rest[v as usize]);
+                            Membrane::of_yarns(half, corners, [cos, sin])
+                        })),
+                    }
                     for v in [a, b, d, a, d, c] {
                         mass[v as usize] += third;
                     }
@@ -131,10 +139,11 @@ impl Lamina {
             triangles.extend(cut);
             for &vertices in cut {
                 let corners = vertices.map(|v| rest[v as usize]);
-                let membrane = Membrane {
-                    has_yarns: matches!(cell, Cell::Half(_)),
-                    ..Membrane::new(vertices, corners, [cos, sin])
+                let make = match cell {
+                    Cell::Half(_) => Membrane::of_yarns,
+                    _ => Membrane::new,
                 };
+                let membrane = make(vertices, corners, [cos, sin]);
                 for v in vertices {
                     mass[v as usize] += areal_mass * membrane.area / 3.0;
                 }
@@ -322,6 +331,21 @@ impl Lamina {
         }
         strain
     }
+}
+
+/// Shear stiffness over that of yarns up to which a diagonal tells of shear. Yarns of length b that are
+/// strained by e lengthen the diagonal of a cell as a shear of e b / a would, so it holds the cloth as
+/// if these were G b^2 / (E a^2) stiffer, and pulls it sideways; less than the hundredth to which
+/// closed forms are met.
+const STRETCH: f64 = 0.01;
+
+/// Whether the yarns of a cell stretch so little that its diagonal knows its shear, by the first
+/// slopes. Compression does not count: cloth buckles.
+fn is_trellis(material: &Material, [a, b]: [f64; 2]) -> bool {
+    let shear = &material.shear;
+    let shear = shear.positive.modulus().max(shear.negative.modulus());
+    let [warp, weft] = [&material.warp, &material.weft].map(|yarn| yarn.tension.modulus());
+    shear * (a / b).powi(2) <= STRETCH * warp && shear * (b / a).powi(2) <= STRETCH * weft
 }
 
 /// The yarns along one line of the grid, `edges` saying how many cells lie beside each

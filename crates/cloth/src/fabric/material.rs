@@ -10,10 +10,19 @@ use crate::file::{ReadError, ValueError, read_toml};
 pub struct Curve(Vec<[f64; 2]>);
 
 impl Curve {
+    /// Greatest angle of a shear curve that bends [rad]: yarns that turn farther lie on each other.
+    pub(crate) const MAX_ANGLE: f64 = 1.4;
+
     /// A straight law of one modulus [Pa]; an infinite one makes yarns of compliance 0.
     pub fn line(modulus: f64) -> Self {
         // The largest stress that a file can hold, in MPa, is infinite in Pa.
         Self(vec![[0.0, 0.0], [1.0, (1e-6 * modulus).min(f64::MAX)]])
+    }
+
+    /// Of points of strain and stress as in the file [MPa]; [`Material::check`] tells whether they are
+    /// a law.
+    pub fn new(points: Vec<[f64; 2]>) -> Self {
+        Self(points)
     }
 
     /// Points of strain and stress as in the file [MPa], ascending from [0, 0].
@@ -27,7 +36,7 @@ impl Curve {
     }
 
     /// Stress [Pa] at a strain >= 0; beyond the last point its slope goes on.
-    pub(crate) fn stress(&self, strain: f64) -> f64 {
+    pub fn stress(&self, strain: f64) -> f64 {
         let last = self.0.len() - 2;
         let mut inner = self.0[1..=last].iter();
         let segment = inner.position(|p| strain < p[0]).unwrap_or(last);
@@ -47,12 +56,22 @@ impl Curve {
         Self(strains.into_iter().map(point).collect())
     }
 
-    /// Strain at which the second slope begins, and that slope over the first; none of a straight
-    /// law.
-    pub fn knee(&self) -> Option<[f64; 2]> {
-        let [p, q] = [self.0.get(1)?, self.0.get(2)?];
-        let slope = 1e6 * ((q[1] - p[1]) / (q[0] - p[0]));
-        Some([p[0], slope / self.modulus()])
+    /// Strains at which the slope changes, and the slope from there on over the first. Points on a
+    /// straight line, to a millionth, are none.
+    pub fn kinks(&self) -> Vec<[f64; 2]> {
+        let mut last = 1.0;
+        let pairs = self.0[1..].windows(2);
+        let kink = |pair: &[[f64; 2]]| {
+            let [p, q] = [pair[0], pair[1]];
+            let slope = 1e6 * ((q[1] - p[1]) / (q[0] - p[0]));
+            let over = slope / self.modulus();
+            let bends = (over / last - 1.0).abs() > 1e-6;
+            bends.then(|| {
+                last = over;
+                [p[0], over]
+            })
+        };
+        pairs.filter_map(kink).collect()
     }
 
     /// Slope at strain 0 [Pa].
@@ -92,6 +111,13 @@ pub struct ShearLaw {
 }
 
 impl ShearLaw {
+    /// Whether either curve has more than one slope, locking aside.
+    pub fn bends(&self) -> bool {
+        [&self.positive, &self.negative]
+            .iter()
+            .any(|curve| !curve.kinks().is_empty())
+    }
+
     /// Positive and negative curve, with locking if asked for.
     pub fn curves(&self, with_locking: bool) -> [Curve; 2] {
         let locking = self.locking.filter(|_| with_locking);
@@ -165,6 +191,23 @@ impl Material {
         ] {
             let expected = "finite points from [0, 0] on, both coordinates growing";
             ValueError::unless(curve.is_valid(), key, format!("{:?}", curve.0), expected)?;
+        }
+        for (key, curve) in [
+            ("shear.positive", &self.shear.positive),
+            ("shear.negative", &self.shear.negative),
+        ] {
+            let last = curve.0[curve.0.len() - 1][0];
+            let is_valid = curve.kinks().is_empty() || last <= Curve::MAX_ANGLE;
+            let expected = "angles up to 1.4 rad, of a curve that bends";
+            ValueError::unless(is_valid, key, format!("{:?}", curve.0), expected)?;
+        }
+        for (key, curve) in [
+            ("warp.compression", &self.warp.compression),
+            ("weft.compression", &self.weft.compression),
+        ] {
+            let is_valid = curve.kinks().is_empty();
+            let expected = "points on one straight line: yarns buckle long before a second slope";
+            ValueError::unless(is_valid, key, format!("{:?}", curve.0), expected)?;
         }
         for (key, value) in [
             ("thickness_mm", self.thickness_mm),
@@ -263,13 +306,22 @@ mod tests {
     #[test]
     fn knee_is_where_the_slope_changes() {
         let material = Material::interglas_92125();
-        let [strain, slope] = material.warp.tension.knee().unwrap();
+        let [strain, slope] = material.warp.tension.kinks()[0];
         close(strain, 0.005, 1e-12);
         close(slope, 37.0 / 9.0, 1e-12);
-        let [strain, slope] = material.weft.tension.knee().unwrap();
+        let [strain, slope] = material.weft.tension.kinks()[0];
         close(strain, 0.006, 1e-12);
         close(slope, 55.0 / 19.0 * 6.0 / 5.0, 1e-12);
-        assert_eq!(material.shear.positive.knee(), None);
+        let straight = Curve(vec![[0.0, 0.0], [0.1, 0.3], [0.2, 0.6], [0.5, 1.5]]);
+        assert!(straight.kinks().is_empty() && !material.shear.bends());
+        let bent = Curve(vec![
+            [0.0, 0.0],
+            [1.0, 1.0],
+            [2.0, 2.0],
+            [3.0, 5.0],
+            [4.0, 5.5],
+        ]);
+        assert_eq!(bent.kinks(), [[2.0, 3.0], [3.0, 0.5]]);
     }
 
     /// Half a radian beyond the angle, 20 times the slope is on top of what came before; the points
@@ -349,6 +401,18 @@ mod tests {
                 "stiffening = 20.0",
                 "stiffening = 1.0",
                 "`shear.locking.stiffening` is 1, expected a number from 1.01 to 10000",
+            ),
+            (
+                "compression = [[0.0, 0.0], [0.02, 0.12]]",
+                "compression = [[0.0, 0.0], [0.02, 0.12], [0.04, 0.2]]",
+                "`warp.compression` is [[0.0, 0.0], [0.02, 0.12], [0.04, 0.2]], expected points on \
+                 one straight line: yarns buckle long before a second slope",
+            ),
+            (
+                "positive = [[0.0, 0.0], [0.1, 0.005]]",
+                "positive = [[0.0, 0.0], [10.0, 0.005], [40.0, 0.1]]",
+                "`shear.positive` is [[0.0, 0.0], [10.0, 0.005], [40.0, 0.1]], expected angles up to \
+                 1.4 rad, of a curve that bends",
             ),
         ] {
             let bad = INTERGLAS_92125.replace(good, bad);

@@ -40,6 +40,14 @@ impl Membrane {
         }
     }
 
+    /// The same, half of a cell with yarns along two of its sides.
+    pub(crate) fn of_yarns(vertices: [u32; 3], rest: [[f64; 2]; 3], warp: [f64; 2]) -> Self {
+        Self {
+            has_yarns: true,
+            ..Self::new(vertices, rest, warp)
+        }
+    }
+
     /// F a and F b at `position` [-]; their lengths are the stretch.
     pub fn columns(&self, position: &[[f64; 3]]) -> [Vec3; 2] {
         [0, 1].map(|family| {

@@ -23,7 +23,7 @@ pub struct Drape {
     pub warp: [f64; 2],
     /// Rest positions on the flat blank [m], in the order of the lamina's vertices.
     pub rest: Vec<[f64; 2]>,
-    /// Positions in the frame of the tool [m].
+    /// Positions in the frame of the scene, into which `tool.pose` has moved the tool [m].
     pub position: Vec<[f64; 3]>,
     /// Counter-clockwise from above, on the flat blank.
     pub triangles: Vec<[u32; 3]>,

@@ -1,10 +1,12 @@
 //! Vectors, SIMD lanes and seeded random streams: what every other module counts with.
 
+mod asin;
 pub mod bits;
 mod lanes;
 mod statistics;
 mod stream;
 
+pub(crate) use asin::{P as ASIN_P, Q as ASIN_Q, asin};
 #[cfg(target_arch = "x86_64")]
 pub use lanes::{F32x8, F32x16, F64x4, F64x8};
 pub use lanes::{Isa, Kernel, Lanes, Portable, Real, Tables, Vec3x};

@@ -22,6 +22,7 @@ pub(super) struct Alone<V: Lanes> {
 
 struct Crossing<V> {
     position: Vec<Vec3x<V>>,
+    previous: Vec<Vec3x<V>>,
     mobility: Vec<V>,
     held: Held<V>,
 }
@@ -47,6 +48,7 @@ impl<V: Lanes> Alone<V> {
         Some(Self {
             crossing: Crossing {
                 position: vec![Vec3x::zero(); fold.longest],
+                previous: vec![Vec3x::zero(); fold.longest],
                 mobility: vec![V::zero(); fold.longest],
                 held: Held::new(fold.longest),
             },
@@ -129,7 +131,7 @@ impl<V: Lanes> Storage for Alone<V> {
     #[inline(always)]
     fn take<'a>(
         &'a mut self,
-        _: &'a Lines,
+        lines: &'a Lines,
         direction: Direction,
         i: usize,
     ) -> Along<'a, V, Bundle<V>> {
@@ -138,10 +140,15 @@ impl<V: Lanes> Storage for Alone<V> {
         let x = Vec3x::components_mut(&mut crossing.position);
         places.copy::<V, 3, false>(Vec3x::components_mut(&mut cloth.position), x);
         places.copy::<V, 1, false>(&mut cloth.mobility, &mut crossing.mobility);
+        if direction == Direction::Diagonal && lines.curve.is_some() {
+            let previous = Vec3x::components_mut(&mut crossing.previous);
+            places.copy::<V, 3, false>(Vec3x::components_mut(&mut cloth.previous), previous);
+        }
         Along {
             line,
             law: cloth.scales.of_line(direction, line.law()),
             x: &mut crossing.position,
+            previous: &crossing.previous,
             mobility: &crossing.mobility,
             density: &mut cloth.density[line.edges()],
             scratch: &mut cloth.scratch,

@@ -88,6 +88,7 @@ impl<V: Lanes> Cloth<V> {
             line,
             law: self.scales.of_line(direction, line.law()),
             x: &mut self.position,
+            previous: &self.previous,
             mobility: &self.mobility,
             density: &mut self.density[line.edges()],
             scratch: &mut self.scratch,

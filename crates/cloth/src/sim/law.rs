@@ -93,9 +93,10 @@ impl Limit {
             return Some(Self::new(law, strain * yarn.rest_length, LIMITED));
         }
         match physics.tension {
-            Tension::FirstBranch => None,
-            Tension::Material => {
-                let [strain, slope] = lamina.material.yarn(yarn.family).tension.knee()?;
+            None | Some(Tension::FirstBranch) => None,
+            Some(Tension::Material) => {
+                let kinks = lamina.material.yarn(yarn.family).tension.kinks();
+                let [strain, slope] = *kinks.first()?;
                 Some(Self::new(law, strain * yarn.rest_length, 1.0 / slope))
             }
         }

@@ -135,6 +135,8 @@ pub(super) struct Along<'a, V: Lanes, C> {
     pub law: LineLaw<V>,
     /// [m]
     pub x: &'a mut [Vec3x<V>],
+    /// The same at the start of the substep [m]; of a row of diagonals, where its law bends.
+    pub previous: &'a [Vec3x<V>],
     /// [m/N]
     pub mobility: &'a [V],
     /// Force density of each edge [N/m], > 0 in tension.
@@ -150,6 +152,7 @@ impl<V: Lanes, C> Along<'_, V, C> {
             line: self.line,
             law: self.law,
             x: self.x,
+            previous: self.previous,
             mobility: self.mobility,
             density: self.density,
             scratch: self.scratch,

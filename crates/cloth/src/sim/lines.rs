@@ -1,6 +1,7 @@
 //! The lines of a lamina, built from what their stages say.
 
 use super::bend::along_yarn;
+use super::curve::{ShearCurve, shear_curve};
 use super::law::{EdgeLaw, Limit};
 use super::length::yarn_law;
 use super::line::{Direction, Line};
@@ -18,6 +19,8 @@ pub(super) struct Lines {
     pub diagonals: Vec<Line>,
     /// Law of the diagonals; none without shear.
     pub trellis: Option<Trellis>,
+    /// That of a curve with several slopes.
+    pub curve: Option<ShearCurve>,
     /// What they gain at large shear, where listed.
     pub locking: Option<Locking>,
     /// The edges of wefts beside each vertex.
@@ -80,6 +83,7 @@ impl Lines {
             wefts,
             diagonals,
             trellis,
+            curve: shear_curve(lamina, physics),
             locking: locking(lamina, physics),
             edge_count,
         }

@@ -41,9 +41,10 @@ pub(super) struct Locking {
     least: f64,
 }
 
-/// The locking of a lamina, where listed.
+/// The locking of a lamina, where listed; a curve that bends has it within, see [`super::curve`].
 pub(super) fn locking(lamina: &Lamina, physics: &PhysicsConfig) -> Option<Locking> {
-    let law = (lamina.material.shear.locking).filter(|_| physics.shear_locking)?;
+    let shear = &lamina.material.shear;
+    let law = (shear.locking).filter(|_| physics.shear_locking && !shear.bends())?;
     let (angle, sine) = (law.angle_rad, law.angle_rad.sin());
     // (|sin gamma| - sine) / force, the force being (|gamma| - angle) / cos gamma times moduli.
     let onset = angle.cos().powi(2);

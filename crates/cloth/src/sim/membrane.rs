@@ -10,6 +10,7 @@
 //! follow inextensible yarns in bending lines, and lock; `docs/PHYSICS.md` says by how much.
 
 use super::bend::along_yarn;
+use super::curve::{Lagged, of_sign, within};
 use super::edges::in_colors;
 use super::law::{EdgeLaw, branch};
 use super::line::{Direction, MAX_WARM};
@@ -253,6 +254,33 @@ pub(super) fn project_elements<V: Lanes>(
             let alpha = branch(law, c) * share_of_sine(c);
             apply(c, gradient, alpha, &mut x, &w);
         }
+        for k in 0..3 {
+            position[v[k]] = x[k];
+        }
+    }
+}
+
+/// Projects the shear of the elements of one colour by a curve.
+#[inline(always)]
+pub(super) fn shear_elements_by_curve<V: Lanes>(
+    elements: &[Element],
+    lagged: &Lagged<V>,
+    position: &mut [Vec3x<V>],
+    mobility: &[V],
+    scales: Option<&Scales<V>>,
+) {
+    for element in elements {
+        let Some(law) = &element.shear else { continue };
+        let v = element.vertices.map(|v| v as usize);
+        let (mut x, w) = (v.map(|v| position[v]), v.map(|v| mobility[v]));
+        let slopes = element.slopes();
+        let (before, _) = sine(&v.map(|v| lagged.previous[v]), slopes);
+        let before = within(before);
+        let [force, slope] = lagged.curve.of_sine(before);
+        let (now, gradient) = sine(&x, slopes);
+        let factors = Scales::on_compliance(scales, Direction::Diagonal as usize);
+        let alpha = of_sign(law.in_lanes(factors), before) / slope;
+        apply(now - before + force / slope, gradient, alpha, &mut x, &w);
         for k in 0..3 {
             position[v[k]] = x[k];
         }

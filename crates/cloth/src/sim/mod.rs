@@ -20,6 +20,7 @@ mod cloth;
 mod collision;
 mod contact;
 mod cpu;
+mod curve;
 mod device;
 mod device_error;
 mod edges;

@@ -4,13 +4,16 @@ use super::bend::{BendTriple, bending_stiffness, project_triples, triples};
 use super::between::{Between, Tolerance};
 use super::cloth::Cloth;
 use super::collision::Layers;
+use super::curve::{Lagged, ShearCurve, shear_curve};
 use super::edges::{EdgeClass, project_edges};
 use super::hinge::{BendHinge, hinges, project_hinges};
 use super::law::Limit;
 use super::length::{self, Limited, Plain};
 use super::lines::Lines;
 use super::locking::{Locking, locking};
-use super::membrane::{Element, elements, project_elements, project_locking, split};
+use super::membrane::{
+    Element, elements, project_elements, project_locking, shear_elements_by_curve, split,
+};
 use super::physics::{PhysicsConfig, Solver};
 use super::shear::{self, Trellis, trellis};
 use super::state::Snapshot;
@@ -26,6 +29,8 @@ pub(super) enum Pass {
     Edges(EdgeClass, Vec<Limit>),
     /// Diagonals, one colour.
     Diagonals(EdgeClass, Trellis),
+    /// The same by a curve of several slopes.
+    CurvedDiagonals(EdgeClass, ShearCurve),
     /// Their locking.
     LockingDiagonals(EdgeClass, Locking),
     /// Three-node bending, one colour.
@@ -34,6 +39,8 @@ pub(super) enum Pass {
     Hinges(Vec<BendHinge>),
     /// Triangles whose sides are no yarns, one colour.
     Membrane(Vec<Element>),
+    /// Their shear by a curve of several slopes.
+    CurvedMembrane(Vec<Element>, ShearCurve),
     /// Their locking.
     LockingMembrane(Vec<Element>, Locking),
 }
@@ -43,6 +50,7 @@ impl Pass {
     #[inline(always)]
     pub fn project<V: Lanes>(&self, cloth: &mut Cloth<V>, differ: bool) {
         let (x, w) = (&mut cloth.position[..], &cloth.mobility[..]);
+        let previous = &cloth.previous[..];
         let s = if differ { Some(&cloth.scales) } else { None };
         match self {
             Self::Edges(class, limits) if limits.is_empty() => {
@@ -50,10 +58,16 @@ impl Pass {
             }
             Self::Edges(class, limits) => project_edges(class, &Limited(limits), x, w, s),
             Self::Diagonals(class, trellis) => project_edges(class, trellis, x, w, s),
+            Self::CurvedDiagonals(class, curve) => {
+                project_edges(class, &Lagged { curve, previous }, x, w, s);
+            }
             Self::LockingDiagonals(class, locking) => project_edges(class, locking, x, w, s),
             Self::Triples(triples) => project_triples(triples, x, w, s),
             Self::Hinges(hinges) => project_hinges(hinges, x, w, s),
             Self::Membrane(elements) => project_elements(elements, x, w, &mut cloth.density, s),
+            Self::CurvedMembrane(elements, curve) => {
+                shear_elements_by_curve(elements, &Lagged { curve, previous }, x, w, s);
+            }
             Self::LockingMembrane(elements, locking) => project_locking(elements, locking, x, w, s),
         }
     }
@@ -89,6 +103,7 @@ impl Model {
     /// Builds the stages for a lamina under `physics`, which must have been checked.
     pub fn new(lamina: &Lamina, physics: &PhysicsConfig) -> Self {
         let trellis = trellis(lamina, physics);
+        let curve = shear_curve(lamina, physics);
         let locking = locking(lamina, physics);
         let by_edge = physics.solver == Solver::GaussSeidel;
         let mut passes = Vec::new();
@@ -99,11 +114,19 @@ impl Model {
         let lines = (!by_edge).then(|| Lines::new(lamina, physics, trellis.clone()));
         let yarn_edges = lines.as_ref().map(|lines| lines.edge_count);
         let classes = elements(lamina, physics, yarn_edges);
-        let [membranes, classes] = match by_edge {
-            true => [Vec::new(), classes],
-            false => split(&classes),
+        let [membranes, classes] = match (by_edge, &curve) {
+            (true, None) => [Vec::new(), classes],
+            _ => split(&classes),
         };
-        passes.extend(classes.iter().cloned().map(Pass::Membrane));
+        let sheared = classes.iter().cloned();
+        match &curve {
+            None => passes.extend(sheared.map(Pass::Membrane)),
+            Some(curve) => {
+                let along = membranes.iter().filter(|_| by_edge);
+                passes.extend(along.cloned().map(Pass::Membrane));
+                passes.extend(sheared.map(|class| Pass::CurvedMembrane(class, curve.clone())));
+            }
+        }
         if let Some(locking) = &locking {
             let lock = |class| Pass::LockingMembrane(class, locking.clone());
             passes.extend(classes.into_iter().map(lock));
@@ -112,7 +135,10 @@ impl Model {
             if let Some(trellis) = &trellis {
                 let classes = shear::edges(lamina, trellis);
                 let sheared = classes.iter().cloned();
-                passes.extend(sheared.map(|class| Pass::Diagonals(class, trellis.clone())));
+                passes.extend(sheared.map(|class| match &curve {
+                    Some(curve) => Pass::CurvedDiagonals(class, curve.clone()),
+                    None => Pass::Diagonals(class, trellis.clone()),
+                }));
                 if let Some(locking) = &locking {
                     let lock = |class| Pass::LockingDiagonals(class, locking.clone());
                     passes.extend(classes.into_iter().map(lock));
@@ -129,7 +155,7 @@ impl Model {
             }),
             lines,
             passes,
-            membranes,
+            membranes: if by_edge { Vec::new() } else { membranes },
             layers: Layers::new(lamina, physics.self_collision, friction),
             bending_stiffness: [Family::Warp, Family::Weft]
                 .map(|family| bending_stiffness(lamina, physics, family)),

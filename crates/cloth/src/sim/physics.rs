@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use crate::fabric::Lamina;
+use crate::fabric::{Lamina, Material};
 use crate::file::ValueError;
 
 /// How the yarns' length is kept.
@@ -52,11 +52,10 @@ pub enum BendingStiffness {
 }
 
 /// What a yarn does in tension.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Tension {
     /// The first slope of the material's law at any strain.
-    #[default]
     FirstBranch,
     /// Its first two slopes, the second going on; under a strain limit the first alone.
     Material,
@@ -82,7 +81,9 @@ pub struct PhysicsConfig {
     pub solver: Solver,
     pub bending: Bending,
     pub bending_stiffness: BendingStiffness,
-    pub tension: Tension,
+    /// The first slope if none, which has to be said of other curves than the built-in material's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tension: Option<Tension>,
     /// Resistance of the weave to shear.
     pub shear: bool,
     /// The material's locking at large shear; without, its first slope goes on as in the paper.
@@ -110,7 +111,7 @@ impl Default for PhysicsConfig {
             solver: Solver::Yarn,
             bending: Bending::Yarns,
             bending_stiffness: BendingStiffness::NewtonMetre(2e-4),
-            tension: Tension::FirstBranch,
+            tension: None,
             shear: true,
             shear_locking: false,
             friction: true,
@@ -139,7 +140,34 @@ impl PhysicsConfig {
             self.shear_locking,
             "false where the material has no `shear.locking`",
         )?;
+        self.check_tension(&lamina.material)?;
         self.self_collision.check(lamina)
+    }
+
+    /// No slope of a tension curve goes unused without a word.
+    fn check_tension(&self, material: &Material) -> Result<(), ValueError> {
+        let paper = Material::interglas_92125();
+        for (key, yarn, paper) in [
+            ("warp.tension", &material.warp, &paper.warp),
+            ("weft.tension", &material.weft, &paper.weft),
+        ] {
+            let slopes = 1 + yarn.tension.kinks().len();
+            let (found, is_valid, expected) = match self.tension {
+                Some(Tension::FirstBranch) => break,
+                Some(Tension::Material) => ("material", slopes <= 2, "first_branch"),
+                None => {
+                    let is_known = slopes == 1 || yarn.tension == paper.tension;
+                    (
+                        "not given",
+                        is_known,
+                        "first_branch or material (two slopes)",
+                    )
+                }
+            };
+            let expected = format!("{expected} where `{key}` has {slopes} slopes");
+            ValueError::unless(is_valid, "physics.tension", found, expected)?;
+        }
+        Ok(())
     }
 
     fn check_values(&self) -> Result<(), ValueError> {

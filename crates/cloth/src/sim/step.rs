@@ -7,6 +7,7 @@ use super::bend::bend;
 use super::between::leave;
 use super::cloth::Cloth;
 use super::contact::{conclude, refresh};
+use super::curve::shear_by_curve;
 use super::frame::Frame;
 use super::length::{give_way, pull_after, stretch};
 use super::line::{Chain, Direction};
@@ -165,7 +166,10 @@ fn shear_along_diagonals<S: Storage>(lines: &Lines, storage: &mut S) {
     if let Some(trellis) = &lines.trellis {
         for i in 0..storage.count(lines, Direction::Diagonal) {
             let mut row = storage.take(lines, Direction::Diagonal, i);
-            shear(row.again(), trellis);
+            match &lines.curve {
+                Some(curve) => shear_by_curve(row.again(), curve),
+                None => shear(row.again(), trellis),
+            }
             if let Some(locking) = &lines.locking {
                 lock(row, locking);
             }

@@ -97,6 +97,7 @@ impl Case {
             line: &self.line,
             law: self.line.law(),
             x: &mut x,
+            previous: &[],
             mobility: &self.mobility,
             density,
             scratch: &mut scratch(),

@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use nalgebra::Rotation3;
+use nalgebra::{IsometryMatrix3, Rotation3};
 use serde::{Deserialize, Serialize};
 
 use super::shapes::Shape;
@@ -120,9 +120,16 @@ impl ToolConfig {
 impl Pose {
     /// Moves a point of the tool [m] to its place, seen from `origin` [m].
     pub(super) fn apply(&self, x: &Vec3, origin: &Vec3) -> Vec3 {
-        let [roll, pitch, yaw] = self.rotation_deg.map(f64::to_radians);
+        let pose = self.isometry();
         // First of all, so that what is computed does not depend on how far away that is.
-        let translation = Vec3::from(self.translation_mm) * 1e-3 - origin;
-        Rotation3::from_euler_angles(roll, pitch, yaw) * x + translation
+        pose.rotation * x + (pose.translation.vector - origin)
+    }
+
+    /// From the frame of the tool's file, or of its formula, to the scene's [m].
+    pub fn isometry(&self) -> IsometryMatrix3<f64> {
+        let [roll, pitch, yaw] = self.rotation_deg.map(f64::to_radians);
+        let translation = Vec3::from(self.translation_mm) * 1e-3;
+        let rotation = Rotation3::from_euler_angles(roll, pitch, yaw);
+        IsometryMatrix3::from_parts(translation.into(), rotation)
     }
 }

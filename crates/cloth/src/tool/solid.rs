@@ -1,3 +1,5 @@
+use nalgebra::Point3;
+
 use super::config::{GridConfig, Source, ToolConfig};
 use super::error::ToolError;
 use super::grid::DistanceGrid;

@@ -8,6 +8,7 @@
 use super::law::Laws;
 use super::pack::{Block, Field, Lane, WIDTH, pack};
 use crate::fabric::{Lamina, Membrane};
+use crate::math::{ASIN_P, ASIN_Q};
 
 /// Below this stretch a yarn has no direction [-].
 const MIN_STRETCH: f64 = 1e-6;
@@ -278,24 +279,11 @@ impl Triangles {
     }
 }
 
-/// Arc sine, to two units in the last place: rational approximation of fdlibm's `e_asin.c`,
-/// in plain arithmetic, so that it is vectorised and has the same bits everywhere.
+/// Arc sine as the lanes of the fast solver have it.
 #[inline(always)]
 fn asin(x: &Lane) -> Lane {
-    const P: [f64; 6] = [
-        0.166_666_666_666_666_66,
-        -0.325_565_818_622_400_9,
-        0.201_212_532_134_862_93,
-        -0.040_055_534_500_679_41,
-        0.000_791_534_994_289_814_5,
-        3.479_331_075_960_212e-5,
-    ];
-    const Q: [f64; 4] = [
-        -2.403_394_911_734_414,
-        2.020_945_760_233_505_7,
-        -0.688_283_971_605_453_3,
-        0.077_038_150_555_901_94,
-    ];
+    const P: [f64; 6] = ASIN_P;
+    const Q: [f64; 4] = ASIN_Q;
     let mut angle = [0.0; WIDTH];
     for l in 0..WIDTH {
         let size = x[l].abs();

@@ -8,7 +8,7 @@ mod stages;
 
 use std::sync::{Arc, LazyLock};
 
-use drape_cloth::fabric::{BlankConfig, Lamina, MassModel, Material, ShearLocking};
+use drape_cloth::fabric::{BlankConfig, Curve, Lamina, MassModel, Material, ShearLocking};
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::measure::Measures;
 use drape_cloth::sim::{
@@ -245,7 +245,7 @@ static WORLDS: LazyLock<Vec<World>> = LazyLock::new(|| {
         worlds.push(world(&plain, held));
         let knee = PhysicsConfig {
             solver,
-            tension: Tension::Material,
+            tension: Some(Tension::Material),
             ..physics()
         };
         worlds.push(world(&plain, knee));
@@ -307,6 +307,11 @@ static WORLDS: LazyLock<Vec<World>> = LazyLock::new(|| {
                 stiffening: 20.0,
             });
             worlds.push(world(&lamina, listed.clone()));
+            // The same by a curve that bends, stiffer one way and softer the other.
+            let shear = &mut lamina.material.shear;
+            shear.positive = curve([[0.05, 0.0025], [0.2, 0.03], [0.9, 1.0]]);
+            shear.negative = curve([[0.02, 0.002], [0.1, 0.004], [0.9, 0.02]]);
+            worlds.push(world(&lamina, listed.clone()));
         }
     }
     // A fin of 3 mm, which stands between vertices.
@@ -332,8 +337,19 @@ static WORLDS: LazyLock<Vec<World>> = LazyLock::new(|| {
         finned.tools = vec![fin.clone(), fin.clone()];
         worlds.push(finned);
     }
+    // By the angle, as wefts stretch.
+    let mut soft = Material::interglas_92125();
+    soft.weft.tension = Curve::line(1e6);
+    let soft = Lamina::new(&BLANK, soft).unwrap();
+    assert!(soft.diagonals.is_empty());
+    worlds.push(world(&soft, physics()));
     worlds
 });
+
+/// A law of three points beside [0, 0].
+fn curve(points: [[f64; 2]; 3]) -> Curve {
+    Curve::new(std::iter::once([0.0; 2]).chain(points).collect())
+}
 
 /// A buckled sheet that falls on the dome, another in every case; in some it is clamped.
 fn case(world: &World, index: usize) -> Snapshot {
@@ -921,6 +937,7 @@ fn gpu_names_what_it_lacks() {
         let lacks = [
             ("membranes", !lamina.membranes.is_empty()),
             ("between vertices", world.model.feels_between()),
+            ("curve", lamina.material.shear.bends()),
             ("dihedral", physics.bending == Bending::Dihedral),
             (
                 "self_collision",

@@ -97,11 +97,7 @@ const STAGES: [Stage; 17] = [
     // What was pulled beyond it in the substep before.
     ("knee", |s, on| {
         (s.own.parameters.areal_mass, s.density) = (100.0, 60.0);
-        s.physics.tension = if on {
-            Tension::Material
-        } else {
-            Tension::FirstBranch
-        };
+        s.physics.tension = on.then_some(Tension::Material);
     }),
     ("limit", |s, on| {
         (s.own.parameters.areal_mass, s.density) = (100.0, 60.0);

@@ -2,10 +2,10 @@
 
 use super::solve::{Answer, Ask, Fast, Solve};
 use crate::cloth::{
-    AREAL_MASS, GRAVITY, Piece, evened, fix, hung, mean_at, placed, rigid, section, strip,
-    yarns_alone,
+    AREAL_MASS, GRAVITY, Piece, evened, fix, hung, laid, mean_at, placed, rigid, section, shearing,
+    sheet, strip, yarns_alone,
 };
-use drape_cloth::fabric::{Family, Lamina, Material};
+use drape_cloth::fabric::{Curve, Family, Lamina, Material};
 use drape_cloth::sim::{PhysicsConfig, Solver, Tension};
 
 /// Points of the tension curves: family, strain, force per width [N/m].
@@ -16,7 +16,7 @@ pub const UNIAXIAL: [(Family, f64, f64); 4] = [
     (Family::Weft, 0.025, 21_000.0),
 ];
 
-/// Points of the tension curves, the hanging chain, and the catenary.
+/// Points of the tension curves, the hanging chain, soft sheets, and the catenary.
 pub(super) fn asks() -> Vec<Ask> {
     let mut asks: Vec<Ask> = Vec::new();
     for (family, strain, force) in UNIAXIAL {
@@ -41,6 +41,16 @@ pub(super) fn asks() -> Vec<Ask> {
         };
         fast.map(answer).into_iter().collect()
     }));
+    for (name, warp) in [("unidirectional", 600e6), ("biaxial", SOFT)] {
+        asks.push(Box::new(move |solver| {
+            let [shortest, longest] = soft_columns(solver, warp);
+            let answer = |what, found| {
+                let case = format!("soft wefts, {name}: {what} column's stretch");
+                Answer::new(case, "-", [soft_stretch(), found])
+            };
+            vec![answer("shortest", shortest), answer("longest", longest)]
+        }));
+    }
     asks.push(Box::new(|solver| {
         let numbers = [SAG, catenary_sag(solver, 64)];
         vec![Answer::new("catenary: sag", "m", numbers)]
@@ -71,7 +81,7 @@ fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
         strip.mass[v] = 0.5 * force * width / GRAVITY;
     }
     let mut physics = yarns_alone(200.0);
-    physics.tension = Tension::Material;
+    physics.tension = Some(Tension::Material);
     hanging_strain(solver, strip, (edges, length), physics, 1e-8)
 }
 
@@ -113,6 +123,40 @@ pub fn elastic_stretch(family: Family) -> f64 {
 pub fn one_pass_stretch(h: f64) -> f64 {
     let (edges, length) = CHAIN;
     GRAVITY * h * h * (edges * edges) as f64 / (2.0 * length)
+}
+
+/// Modulus of soft wefts, twice that of the sheet's shear [Pa].
+const SOFT: f64 = 0.1e6;
+/// Width and length of a sheet of soft wefts [m], and its vertices.
+const SOFT_SHEET: ([f64; 2], [usize; 2]) = ([0.04, 0.3], [5, 31]);
+
+/// What its weight strains it by: rho g L / (2 E t).
+pub fn soft_stretch() -> f64 {
+    let thickness = Material::interglas_92125().thickness();
+    AREAL_MASS * GRAVITY * SOFT_SHEET.0[1] / (2.0 * SOFT * thickness)
+}
+
+/// Least and greatest mean strain of the wefts of a sheet that hangs along them by its first row, its
+/// warps of modulus `warp` [Pa]: that it resists shear changes nothing.
+pub fn soft_columns(solver: &dyn Solve, warp: f64) -> [f64; 2] {
+    let mut material = shearing(0.5 * SOFT);
+    material.warp.tension = Curve::line(warp);
+    material.weft.tension = Curve::line(SOFT);
+    let (size, [columns, rows]) = SOFT_SHEET;
+    let sheet = sheet(size, [columns, rows], material);
+    let mut start = laid(&sheet, |[x, y]| [x, 0.0, -y]);
+    start.fixed.extend(0..columns);
+    let physics = PhysicsConfig {
+        shear: true,
+        ..yarns_alone(20.0)
+    };
+    let piece = Piece::new(sheet, physics, start);
+    let end = solver.settle(&piece, [1e-7, 4.0]);
+    let fall = |v: usize| piece.start.position[v % columns][2] - end.position[v][2];
+    let strains = (columns * (rows - 1)..columns * rows).map(|v| fall(v) / size[1] - 1.0);
+    strains.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], x| {
+        [least.min(x), most.max(x)]
+    })
 }
 
 /// Length and span of the catenary [m].

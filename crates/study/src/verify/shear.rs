@@ -1,17 +1,18 @@
-//! Shear in the plane: picture frame and bias extension.
+//! Shear in the plane: picture frame, a curve of several slopes, and bias extension.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
 
 use super::solve::{Answer, Ask, Solve};
-use crate::cloth::{Piece, laid, shearing, sheet, yarns_alone};
+use crate::cloth::{Piece, laid, rigid, shearing, sheet, yarns_alone};
 use drape_cloth::fabric::{BlankConfig, Curve, Family, Lamina, MassModel, Material};
 use drape_cloth::math::Vec3;
-use drape_cloth::sim::{PhysicsConfig, Snapshot};
+use drape_cloth::measure::shear;
+use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig, Snapshot};
 
 /// Shear stiffness G h of the test pieces [N/m].
 const SHEAR_STIFFNESS: f64 = 17.5;
 
-/// Picture frame and bias extension; the specimen of the latter is coarser where the study is `quick`.
+/// Picture frame, hanging cells and bias extension; the specimen of the latter is coarser where the study is `quick`.
 pub(super) fn asks(quick: bool) -> Vec<Ask> {
     let frame: Ask = Box::new(|solver| {
         let at = |d: f64| {
@@ -20,6 +21,14 @@ pub(super) fn asks(quick: bool) -> Vec<Ask> {
             Answer::new(case, "deg", angles.map(f64::to_degrees))
         };
         [0.02, 0.04, 0.06].map(at).into()
+    });
+    let curve: Ask = Box::new(|solver| {
+        let at = |degrees: f64| {
+            let found = hanging_cell(solver, degrees.to_radians()).to_degrees();
+            let case = format!("curve of five points: shear at {degrees:.0} deg");
+            Answer::new(case, "deg", [degrees, found])
+        };
+        [4.0, 20.0, 35.0, 50.0].map(at).into()
     });
     let cells = if quick { 5 } else { 10 };
     // The diagonals of the mesh along the pull and across it.
@@ -40,7 +49,7 @@ pub(super) fn asks(quick: bool) -> Vec<Ask> {
             answers.collect()
         })
     });
-    std::iter::once(frame).chain(bias).collect()
+    [frame, curve].into_iter().chain(bias).collect()
 }
 
 /// The built-in fabric with that stiffness in both directions.
@@ -94,6 +103,49 @@ fn mean_shear(lamina: &Lamina, state: &Snapshot, inside: impl Fn([f64; 2]) -> bo
     let angles = chosen.filter_map(|v| shear_at(lamina, state, v as u32));
     let angles: Vec<f64> = angles.map(f64::abs).collect();
     angles.iter().sum::<f64>() / angles.len() as f64
+}
+
+/// A measured kind of curve: soft, then stiffer and stiffer as yarns touch. rad and MPa.
+const CURVE: [[f64; 2]; 5] = [
+    [0.0, 0.0],
+    [0.1, 0.005],
+    [0.4, 0.03],
+    [0.7, 0.3],
+    [0.9, 2.0],
+];
+
+/// Shear [rad] of a square cell of inextensible yarns that hangs by a corner and whose weight shears
+/// it to `angle` [rad]: the corner below and half of those beside it pull at the diagonal of length l
+/// with dE/dl = t tau(angle) l / cos angle.
+pub fn hanging_cell(solver: &dyn Solve, angle: f64) -> f64 {
+    let (side, gravity) = (0.01, 200.0);
+    let mut material = fabric();
+    material.shear.positive = Curve::new(CURVE.to_vec());
+    let mut cell = rigid(sheet([side; 2], [2; 2], material));
+    let material = &cell.material;
+    let length = side * (2.0 + 2.0 * angle.sin()).sqrt();
+    let stress = material.shear.positive.stress(angle);
+    let force = material.thickness() * stress * length / angle.cos();
+    let scale = force / gravity / (cell.mass[3] + 0.5 * (cell.mass[1] + cell.mass[2]));
+    cell.mass.iter_mut().for_each(|mass| *mass *= scale);
+    let [first, last] = [0, 3].map(|v: usize| Vec3::new(cell.rest[v][0], cell.rest[v][1], 0.0));
+    let down = (last - first).normalize();
+    let mut start = laid(&cell, |[x, y]| {
+        let r = Vec3::new(x, y, 0.0) - first;
+        [r.x * -down.y + r.y * down.x, 0.0, -r.dot(&down)]
+    });
+    start.fixed.insert(0);
+    let physics = PhysicsConfig {
+        // Nothing bends in a cell, but only stiff yarns keep the compression of the lower sides.
+        bending: Bending::Yarns,
+        bending_stiffness: BendingStiffness::NewtonMetre(1.0),
+        gravity,
+        ..sheared(50.0)
+    };
+    let piece = Piece::new(cell, physics, start);
+    let end = solver.settle(&piece, [1e-7, 2.0]);
+    let found = shear(&piece.lamina, &end.position);
+    0.5 * (found[0] + found[1])
 }
 
 /// Side of the picture frame [m].

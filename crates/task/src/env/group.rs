@@ -126,21 +126,26 @@ fn laws(base: &Scene, scene: &Scene) -> Option<Parameters> {
     let [from, to] = [&a.material, &b.material];
     let families = [Family::Warp, Family::Weft];
     let knees = |material: &Material| {
-        families.map(|family| match physics.tension {
-            Tension::Material => material.yarn(family).tension.knee(),
-            Tension::FirstBranch => None,
-        })
+        let is_used = physics.tension == Some(Tension::Material);
+        families.map(|family| is_used.then(|| material.yarn(family).tension.kinks()))
     };
     let thickness = |material: &Material| match physics.self_collision {
         SelfCollision::Material => material.thickness_mm,
         _ => 0.0,
     };
     let locking = |material: &Material| material.shear.locking.filter(|_| physics.shear_locking);
+    let curves = |material: &Material| {
+        let shear = &material.shear;
+        let curves = shear.bends().then(|| shear.curves(physics.shear_locking));
+        curves.map(|curves| curves.map(|curve| curve.kinks()))
+    };
     let is_alike = physics == *base.model.physics()
         && base.model.feels_as(&scene.model)
         && a.rest == b.rest
         && a.triangles == b.triangles
+        && a.membranes.len() == b.membranes.len()
         && knees(from) == knees(to)
+        && curves(from) == curves(to)
         && thickness(from) == thickness(to)
         && locking(from) == locking(to);
     if !is_alike {

@@ -1,30 +1,36 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::DrapingPoint;
+use super::{DrapingPoint, Frame};
 use drape_cloth::file::{WriteError, write_atomic};
 
 /// What a reader has to know; each line of it is a comment of the file.
 const HEADER: &str = "\
 # drape draping path, one point a line in the order of draping
-# x, y, z: position [mm] in the frame of the tool's mesh
+# x, y, z: position [mm]
 # i, j, k: outward unit normal of the tool
 # tx, ty, tz: unit direction of travel along the surface; empty where there is none
 # robot frame at a point: z = -(i, j, k), into the surface; x = (tx, ty, tz); y = z cross x,
 #   along the axis of the roller; origin on the roller's line of contact
 # kind: stroke (travel in contact) or press (no travel); starts_stroke: 1 after a jump
+";
+const COLUMNS: &str = "\
 index,vertex,x,y,z,i,j,k,tx,ty,tz,kind,stroke,starts_stroke
 ";
 
-/// Writes the path as comma-separated values in millimetres, to the nearest nanometre;
-/// comment lines at the top begin with `#` and state units and frame.
-pub fn write_csv(path: &Path, points: &[DrapingPoint]) -> Result<(), WriteError> {
-    write_atomic(path, |file| write(file, points))
+/// Writes a path of the scene in `frame` as comma-separated values in millimetres, to the nearest
+/// nanometre; comment lines at the top begin with `#` and state units, frame and the tool's pose.
+pub fn write_csv(path: &Path, points: &[DrapingPoint], frame: &Frame) -> Result<(), WriteError> {
+    write_atomic(path, |file| write(file, points, frame))
 }
 
-fn write(out: &mut impl Write, points: &[DrapingPoint]) -> io::Result<()> {
+fn write(out: &mut impl Write, points: &[DrapingPoint], frame: &Frame) -> io::Result<()> {
     out.write_all(HEADER.as_bytes())?;
-    for point in points {
+    for remark in frame.remarks() {
+        writeln!(out, "# {remark}")?;
+    }
+    out.write_all(COLUMNS.as_bytes())?;
+    for point in frame.path(points) {
         write!(out, "{},{}", point.index, point.vertex)?;
         let millimetres = point.position * 1e3;
         for coordinate in millimetres.iter().chain(&point.normal) {
@@ -59,10 +65,11 @@ mod tests {
     use super::*;
     use crate::path::{PressedPoint, strokes};
     use drape_cloth::math::Vec3;
+    use drape_cloth::tool::Pose;
 
     fn text(points: &[DrapingPoint]) -> String {
         let mut bytes = Vec::new();
-        write(&mut bytes, points).unwrap();
+        write(&mut bytes, points, &Frame::tool(&Pose::default())).unwrap();
         String::from_utf8(bytes).unwrap()
     }
 
@@ -128,6 +135,8 @@ mod tests {
 
     #[test]
     fn empty_path_is_a_file_with_names_only() {
-        assert_eq!(text(&[]), HEADER);
+        let text = text(&[]);
+        let rows: Vec<_> = text.lines().filter(|line| !line.starts_with('#')).collect();
+        assert_eq!(rows, [COLUMNS.trim_end()]);
     }
 }

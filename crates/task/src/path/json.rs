@@ -4,6 +4,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::DrapingPoint;
+use super::frame::{Axes, Frame, ToolPose};
 use drape_cloth::file::{self, ReadError, ValueError, WriteError, write_atomic};
 use drape_cloth::math::Vec3;
 
@@ -18,6 +19,7 @@ struct Header {
     format: String,
     units: String,
     frame: String,
+    tool_pose: String,
     normal: String,
     travel: String,
     robot_frame: String,
@@ -25,11 +27,12 @@ struct Header {
 }
 
 impl Header {
-    fn new() -> Self {
+    fn new(axes: Axes) -> Self {
         Self {
-            format: "drape path 1".into(),
+            format: "drape path 2".into(),
             units: "position in metres; normal and travel are unit vectors".into(),
-            frame: "the tool's mesh".into(),
+            frame: axes.words().into(),
+            tool_pose: Frame::POSE.into(),
             normal: "out of the tool".into(),
             travel: "along the surface towards the next point of the stroke, at its last \
                      point from the one before; null where there is none"
@@ -48,14 +51,17 @@ impl Header {
 #[serde(deny_unknown_fields)]
 struct Document {
     conventions: Header,
+    tool_pose: ToolPose,
     points: Vec<DrapingPoint>,
 }
 
-/// Writes the path with all its conventions, in SI units: the form other tools should read.
-pub fn write_json(path: &Path, points: &[DrapingPoint]) -> Result<(), WriteError> {
+/// Writes a path of the scene in `frame` with all its conventions, in SI units: the form other
+/// tools should read.
+pub fn write_json(path: &Path, points: &[DrapingPoint], frame: &Frame) -> Result<(), WriteError> {
     let document = Document {
-        conventions: Header::new(),
-        points: points.to_vec(),
+        conventions: Header::new(frame.axes()),
+        tool_pose: frame.tool_pose(1.0),
+        points: frame.path(points),
     };
     write_atomic(path, |file| {
         serde_json::to_writer_pretty(&mut *file, &document)?;
@@ -63,11 +69,12 @@ pub fn write_json(path: &Path, points: &[DrapingPoint]) -> Result<(), WriteError
     })
 }
 
-/// Reads what [`write_json`] wrote and checks numbering and directions.
+/// Reads what [`write_json`] wrote, in either frame, and checks numbering and directions.
 pub fn read_json(path: &Path) -> Result<Vec<DrapingPoint>, ReadError> {
     let fault = |fault: String| ReadError::fault(path, fault);
     let document: Document = file::read_json(path, "a draping path")?;
-    if document.conventions != Header::new() {
+    let known = [Axes::Tool, Axes::Scene].map(Header::new);
+    if !known.contains(&document.conventions) {
         return Err(fault("conventions differ from those of this drape".into()));
     }
     for (index, point) in document.points.iter().enumerate() {
@@ -97,6 +104,7 @@ mod tests {
 
     use super::*;
     use crate::path::{PressedPoint, strokes};
+    use drape_cloth::tool::Pose;
     use serde_json::json;
 
     fn sample() -> Vec<DrapingPoint> {
@@ -118,7 +126,7 @@ mod tests {
     fn read_edited(from: &str, to: &str) -> Result<Vec<DrapingPoint>, ReadError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("path.json");
-        write_json(&path, &sample()).unwrap();
+        write_json(&path, &sample(), &Frame::tool(&Pose::default())).unwrap();
         let text = fs::read_to_string(&path).unwrap();
         assert!(text.contains(from), "{text}");
         fs::write(&path, text.replacen(from, to, 1)).unwrap();
@@ -130,7 +138,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("path.json");
         for points in [sample(), vec![]] {
-            write_json(&path, &points).unwrap();
+            write_json(&path, &points, &Frame::tool(&Pose::default())).unwrap();
             assert_eq!(read_json(&path).unwrap(), points);
         }
     }
@@ -139,7 +147,7 @@ mod tests {
     fn file_holds_what_other_tools_expect() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("path.json");
-        write_json(&path, &sample()).unwrap();
+        write_json(&path, &sample(), &Frame::tool(&Pose::default())).unwrap();
         let text = fs::read_to_string(&path).unwrap();
         let file: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert!(

@@ -6,17 +6,20 @@
 //!
 //! # Frame
 //!
-//! Everything is in the frame of the tool's mesh. Normals point out of the tool. A robot's
+//! What is computed is in the frame of the scene; what is written is in that or in the frame of the
+//! tool's file, as its [`Frame`] says, and has the tool's pose with it. Normals point out of the tool. A robot's
 //! roller frame at a point follows from them: z = −normal, **into** the surface; x = travel;
 //! y = z × x, along the axis of the roller; its origin is on the roller's line of contact.
 
 mod csv;
 mod figures;
+mod frame;
 pub mod inp;
 mod json;
 mod strokes;
 
 pub use csv::write_csv;
 pub use figures::PathFigures;
+pub use frame::Frame;
 pub use json::{read_json, write_json};
 pub use strokes::{DrapingPoint, PressKind, PressedPoint, UnusablePoint, stroke_points, strokes};

@@ -20,7 +20,9 @@ pub(super) const MOST_UNITS: usize = 256;
 pub(super) const NOTHING: u32 = u32::MAX;
 
 /// What of a model is not computed.
-const MEMBRANES: &str = "membranes: a blank whose outline or yarn angle cuts cells";
+const CURVE: &str = "shear by a curve of several slopes (`shear.positive`, `shear.negative`)";
+const MEMBRANES: &str = "membranes: a blank whose outline or yarn angle cuts cells, or whose yarns \
+                         stretch";
 
 const FINE: &str = "contact between vertices: a tool finer than the cells of the blank";
 
@@ -207,6 +209,13 @@ impl Tables {
         if !model.membranes.is_empty() {
             return Err(DeviceError::Missing(MEMBRANES));
         }
+        if model
+            .lines
+            .as_ref()
+            .is_some_and(|lines| lines.curve.is_some())
+        {
+            return Err(DeviceError::Missing(CURVE));
+        }
         if let Some(lines) = &model.lines {
             tables.add_lines(lines);
         }
@@ -347,7 +356,8 @@ impl Tables {
                 let kind = PassKind::LockingDiagonals;
                 (kind, edge_ends(class), edge_laws(class))
             }
-            Pass::Membrane(_) | Pass::LockingMembrane(..) => {
+            Pass::CurvedDiagonals(..) => return Err(DeviceError::Missing(CURVE)),
+            Pass::Membrane(_) | Pass::CurvedMembrane(..) | Pass::LockingMembrane(..) => {
                 return Err(DeviceError::Missing(MEMBRANES));
             }
         };

@@ -2,7 +2,7 @@ use super::super::law::LIMITED;
 use super::super::line::Line;
 use super::super::physics::{Bending, BendingStiffness, Tension};
 use super::*;
-use crate::fabric::{BlankConfig, Material};
+use crate::fabric::{BlankConfig, Curve, Material};
 
 fn model(physics: PhysicsConfig) -> Model {
     let blank = BlankConfig::default();
@@ -44,7 +44,7 @@ fn yarn_compliances_are_those_of_table_2() {
 #[test]
 fn knee_and_limit_are_branches_of_a_yarn() {
     let material = PhysicsConfig {
-        tension: Tension::Material,
+        tension: Some(Tension::Material),
         ..PhysicsConfig::default()
     };
     let lines = lines(material.clone());
@@ -80,7 +80,7 @@ fn knee_and_limit_are_branches_of_a_yarn() {
     let by_edge = |solver, tension, strain_limit| {
         let passes = model(PhysicsConfig {
             solver,
-            tension,
+            tension: Some(tension),
             strain_limit,
             ..PhysicsConfig::default()
         })
@@ -194,12 +194,15 @@ fn passes_hold_everything_once_without_conflict() {
             let members: Vec<Vec<u32>> = match pass {
                 Pass::Edges(class, _)
                 | Pass::Diagonals(class, _)
+                | Pass::CurvedDiagonals(class, _)
                 | Pass::LockingDiagonals(class, _) => {
                     class.vertices.iter().map(|v| v.to_vec()).collect()
                 }
                 Pass::Triples(triples) => triples.iter().map(|t| t.vertices.to_vec()).collect(),
                 Pass::Hinges(hinges) => hinges.iter().map(|h| h.vertices.to_vec()).collect(),
-                Pass::Membrane(elements) | Pass::LockingMembrane(elements, _) => {
+                Pass::Membrane(elements)
+                | Pass::CurvedMembrane(elements, _)
+                | Pass::LockingMembrane(elements, _) => {
                     elements.iter().map(|e| e.vertices.to_vec()).collect()
                 }
             };
@@ -275,4 +278,38 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
         message(|p| p.bending_stiffness = BendingStiffness::NewtonMetre(-1e-4)),
         "`physics.bending_stiffness` is -0.0001, expected a number >= 0"
     );
+}
+
+/// Of tension curves other than the built-in material's no slope goes unused without a word.
+#[test]
+fn slopes_of_tension_are_used_or_refused() {
+    let mut material = Material::interglas_92125();
+    let check = |material: &Material, tension| {
+        let lamina = Lamina::new(&BlankConfig::default(), material.clone()).unwrap();
+        let physics = PhysicsConfig {
+            tension,
+            ..PhysicsConfig::default()
+        };
+        let checked = physics.check_for(&lamina);
+        checked.map_or_else(|error| error.to_string(), |()| String::new())
+    };
+    assert_eq!(check(&material, None), "");
+    let points = [[0.0, 0.0], [0.01, 1.0], [0.02, 5.0], [0.03, 20.0]];
+    material.weft.tension = Curve::new(points[..3].to_vec());
+    assert_eq!(check(&material, Some(Tension::Material)), "");
+    material.weft.tension = Curve::new(points.to_vec());
+    for (tension, expected) in [
+        (Some(Tension::FirstBranch), ""),
+        (
+            Some(Tension::Material),
+            "`physics.tension` is material, expected first_branch where `weft.tension` has 3 slopes",
+        ),
+        (
+            None,
+            "`physics.tension` is not given, expected first_branch or material (two slopes) where \
+             `weft.tension` has 3 slopes",
+        ),
+    ] {
+        assert_eq!(check(&material, tension), expected);
+    }
 }

@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 
 use super::{Deck, MM, number};
+use crate::path::Frame;
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 
@@ -68,17 +69,22 @@ pub struct DrapingDeck<'a> {
     pub press_s: f64,
     /// Pressure on a triangle from its first press on [Pa].
     pub pressure: f64,
-    /// Along -z [m/s^2].
+    /// Along -z of the scene [m/s^2].
     pub gravity: f64,
+    /// What the deck's coordinates count from; all the above are of the scene.
+    pub frame: Frame,
 }
 
 impl DrapingDeck<'_> {
     /// The deck. A press that meets no new triangle has no step.
     pub fn deck(&self, dialect: Dialect) -> Deck {
         let mut deck = Deck::new(self.title);
-        deck.comment("written by drape; mm, N, s, t, MPa; frame of the tool's mesh, z up")
-            .comment("LAMINA: nodes and elements in the order of drape's vertices and triangles")
-            .nodes("LAMINA_NODES", 1, &self.lamina.vertices);
+        deck.comment("written by drape; mm, N, s, t, MPa");
+        for remark in self.frame.remarks() {
+            deck.comment(&remark);
+        }
+        deck.comment("LAMINA: nodes and elements in the order of drape's vertices and triangles")
+            .nodes("LAMINA_NODES", 1, &self.placed(&self.lamina.vertices));
         let first_node = 1 + self.lamina.vertices.len();
         let first = 1 + self.lamina.triangles.len();
         let cells = self.cells(dialect);
@@ -88,24 +94,19 @@ impl DrapingDeck<'_> {
                 let first_tool = first_node + shells.middles.len();
                 let thickness = self.fabric.elastic_thickness() / MM;
                 let (nodes, wedges) = wedges(self.tool, 0.5 * thickness);
-                deck.nodes("MIDDLE_NODES", first_node, &shells.middles);
+                deck.nodes("MIDDLE_NODES", first_node, &self.placed(&shells.middles));
                 let (labels, corners) = &shells.of_cells;
                 deck.elements("S8R", "LAMINA", labels.iter().copied(), 1, corners);
                 let (labels, corners) = &shells.of_triangles;
                 if !labels.is_empty() {
                     deck.elements("S6", "LAMINA", labels.iter().copied(), 1, corners);
                 }
-                deck.nodes("TOOL_NODES", first_tool, &nodes).elements(
-                    "C3D6",
-                    "TOOL",
-                    first..,
-                    first_tool,
-                    &wedges,
-                );
+                deck.nodes("TOOL_NODES", first_tool, &self.placed(&nodes))
+                    .elements("C3D6", "TOOL", first.., first_tool, &wedges);
             }
             Dialect::Abaqus => {
                 deck.elements("S3", "LAMINA", 1.., 1, &self.lamina.triangles)
-                    .nodes("TOOL_NODES", first_node, &self.tool.vertices)
+                    .nodes("TOOL_NODES", first_node, &self.placed(&self.tool.vertices))
                     .elements("R3D3", "TOOL", first.., first_node, &self.tool.triangles);
             }
         }
@@ -135,7 +136,11 @@ impl DrapingDeck<'_> {
         // tool.
         let pressure = number(-1e-6 * self.pressure);
         let press = |k| format!("PRESS_{}, P, {pressure}", k + 1);
-        let gravity = format!("LAMINA, GRAV, {}, 0., 0., -1.", number(MM * self.gravity));
+        let down = self.frame.direction(&-Vec3::z());
+        // No sign on zero.
+        let down: Vec<String> = down.iter().map(|x| number(x + 0.0)).collect();
+        let strength = number(MM * self.gravity);
+        let gravity = format!("LAMINA, GRAV, {strength}, {}", down.join(", "));
         let loads: Vec<String> = std::iter::once(gravity)
             .chain((0..presses.len()).map(press))
             .collect();
@@ -149,6 +154,11 @@ impl DrapingDeck<'_> {
             }
         }
         deck
+    }
+
+    /// Points of the scene in the deck's frame.
+    fn placed(&self, points: &[Vec3]) -> Vec<Vec3> {
+        points.iter().map(|x| self.frame.point(x)).collect()
     }
 
     /// The triangle by which the element of each is called: the first of two that are a
@@ -201,7 +211,10 @@ impl DrapingDeck<'_> {
             .enumerate()
             .filter(|(t, _)| cells[*t] == *t);
         for (t, [warp, weft]) in elements {
-            let unit = |v: &Vec3, other: Vec3| v.try_normalize(0.0).unwrap_or(other);
+            let unit = |v: &Vec3, other: Vec3| {
+                let unit = v.try_normalize(0.0).unwrap_or(other);
+                self.frame.direction(&unit)
+            };
             let (a, b) = (unit(warp, Vec3::x()), unit(weft, Vec3::y()));
             let numbers: Vec<String> = a.iter().chain(&b).map(|x| format!("{x:.6}")).collect();
             deck.line(&format!("{}, {}", t + 1, numbers.join(", ")));
@@ -230,7 +243,7 @@ impl DrapingDeck<'_> {
         let moved = self.clamped.iter().filter(|(_, by)| *by != Vec3::zeros());
         for (v, by) in moved {
             deck.card("BOUNDARY, AMPLITUDE=LOAD_0");
-            for (axis, by) in by.iter().enumerate() {
+            for (axis, by) in self.frame.direction(by).iter().enumerate() {
                 let (node, axis) = (1 + v, axis + 1);
                 deck.line(&format!("{node}, {axis}, {axis}, {}", number(MM * by)));
             }
@@ -437,6 +450,7 @@ fn explicit_step(deck: &mut Deck, seconds: f64, load: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use drape_cloth::tool::Pose;
 
     fn fabric() -> FabricCard {
         FabricCard {
@@ -481,6 +495,7 @@ mod tests {
             press_s: 0.1,
             pressure: 1e6,
             gravity: 1.5,
+            frame: Frame::tool(&Pose::default()),
         }
         .deck(dialect);
         deck.text().into()
@@ -516,7 +531,9 @@ mod tests {
         assert!(text.contains(clamp), "{text}");
         assert!(text.contains("*NSET, NSET=CLAMPS\n4\n"));
         assert!(
-            text.contains("\nLAMINA, GRAV, 1.50000000e3, 0., 0., -1.\n"),
+            text.contains(
+                "\nLAMINA, GRAV, 1.50000000e3, 0.00000000e0, 0.00000000e0, -1.00000000e0\n"
+            ),
             "{text}"
         );
         // Tool after lamina: four vertices and four sides, then four nodes above and below.
