@@ -1,8 +1,9 @@
-use std::io::{self, Write};
 use std::path::Path;
 
 use anyhow::{Context, Error};
 
+use super::signals::Interrupted;
+use super::terminal::tell;
 use crate::run::RunError;
 use drape_cloth::file::{ValueError, WriteError};
 use drape_cloth::scene::SceneError;
@@ -39,10 +40,13 @@ impl Failure {
         self
     }
 
-    /// Prints the chain of causes as one line on stderr and gives the exit code.
+    /// Prints the chain of causes as one line on stderr and gives the exit code. What was interrupted has been
+    /// told already.
     pub fn report(&self) -> u8 {
-        // Without stderr there is nobody left to tell.
-        let _ = writeln!(io::stderr(), "error: {}", self.line());
+        if let Some(interrupted) = self.error.downcast_ref::<Interrupted>() {
+            return interrupted.exit_code();
+        }
+        tell(format_args!("error: {}", self.line()));
         if self.is_input { 2 } else { 1 }
     }
 
