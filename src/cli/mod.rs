@@ -25,7 +25,7 @@ mod terminal;
 mod tool;
 mod train;
 
-use anyhow::Context as _;
+use anyhow::anyhow;
 use clap::{Parser, Subcommand};
 
 use crate::cluster::check_alone;
@@ -77,7 +77,9 @@ impl Cli {
         signals::survive()?;
         // Later it would be a panic that there are too few.
         let threads = rayon::ThreadPoolBuilder::new().build_global();
-        threads.context("cannot start threads: ask for fewer by RAYON_NUM_THREADS")?;
+        threads.map_err(|error| {
+            anyhow!("cannot start threads: {error}; ask for fewer by RAYON_NUM_THREADS")
+        })?;
         if !matches!(self.command, Command::Train(_) | Command::Devices(_)) {
             check_alone().map_err(Failure::invalid)?;
         }

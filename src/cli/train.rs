@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Instant, SystemTime};
 
+use anyhow::Context as _;
 use serde::Serialize;
 
 use super::Failure;
@@ -281,8 +282,8 @@ fn prepare(
     stop: &(dyn Fn() -> bool + Sync),
     json: bool,
 ) -> Result<(), Failure> {
-    let mut bar = ("", None);
-    training.prepare(|doing, share| {
+    let (mut bar, place) = (("", None), training.folder.config.display().to_string());
+    let prepared = training.prepare(|doing, share| {
         let (title, told) = match doing {
             Preparation::Searching { best } => ("searching", format!("best {}", percent(best))),
             Preparation::Imitating { loss } => ("imitating", format!("{loss:.3} nat off")),
@@ -293,8 +294,8 @@ fn prepare(
         let progress = bar.1.as_ref().expect("it has been started");
         progress.tell(share, &format!("{title}, {told}"));
         !stop()
-    })?;
-    Ok(())
+    });
+    Ok(prepared.context(place)?)
 }
 
 /// Searches on from the best paths of a training that is complete.
