@@ -136,6 +136,7 @@ fn names_say_nothing_to_a_terminal_and_need_be_no_unicode() {
     assert_failure(&output, 2, &[".drape-x.new begins with `.drape-`"]);
 
     fs::write(path.join("config.toml"), CONFIG).unwrap();
+    fs::write(path.join("scene.toml"), scene(RIB)).unwrap();
     let name = OsStr::from_bytes(b"r\xff");
     let told = |args: &[&str], option: &str| {
         let mut command = command(path, args);
@@ -147,7 +148,10 @@ fn names_say_nothing_to_a_terminal_and_need_be_no_unicode() {
     };
     let outcome = told(&["train", "config.toml", "--json", "--name", "a"], "--runs");
     assert_eq!(outcome["run"], "r\u{fffd}/a");
-    let report = told(&["study", "verify", "--quick", "--json"], "--out");
+    let report = told(
+        &["study", "episodes", "scene.toml", "--count", "1", "--json"],
+        "--out",
+    );
     assert_eq!(report["out"], "r\u{fffd}");
 }
 
