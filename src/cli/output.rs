@@ -240,7 +240,9 @@ mod tests {
     #[test]
     fn lines_come_until_the_work_ends() {
         let (said, heard) = mpsc::channel();
-        let say = move || drop(said.send(()));
+        let say = move || {
+            let _ = said.send(());
+        };
         let (sender, thread) = every(Duration::from_millis(1), say).unwrap();
         for _ in 0..3 {
             heard.recv().unwrap();

@@ -112,7 +112,7 @@ fn search_that_no_episode_can_end_in_is_refused() {
     for (key, words) in [
         (
             "placement.tilt_deg",
-            "config.toml: `scenes.0`, member 1: `placement.tilt_deg` is 9",
+            "config.toml: `scenes.0`, member 0: `placement.tilt_deg` is 91.",
         ),
         (
             "env.stencil_mm",
@@ -122,7 +122,7 @@ fn search_that_no_episode_can_end_in_is_refused() {
         let range = if key == "env.stencil_mm" {
             "[-9.0, -1.0]"
         } else {
-            "[80.0, 92.0]"
+            "[91.0, 92.0]"
         };
         let config =
             format!("{CONFIG}[[scenes]]\nmembers = 3\n[scenes.vary]\n\"{key}\" = {range}\n");
