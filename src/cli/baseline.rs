@@ -5,12 +5,12 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::Failure;
-use super::failure::OrInvalid;
+use super::failure::{Interrupted, OrInvalid};
 use super::output::{Progress, percent, print};
 use super::proof;
 use super::result::rollout_failure;
 use super::setup::{LIES, read_config, set_up_run, set_up_worlds};
-use super::signals::{Interrupted, stop_on_signal};
+use super::signals::stop_on_signal;
 use super::terminal::{Told, tell};
 use crate::run::{Best, Rules, RunConfig, RunFolder, RunInfo, replay, search_by_moves};
 use drape_study::proof::Row;

@@ -1,13 +1,25 @@
+use std::ffi::c_int;
 use std::path::Path;
 
 use anyhow::{Context, Error};
 
-use super::signals::Interrupted;
 use super::terminal::tell;
 use crate::run::RunError;
 use drape_cloth::file::{ValueError, WriteError};
 use drape_cloth::scene::SceneError;
 use drape_study::study::StudyError;
+
+/// What a command ends with that a signal has stopped before its work was done.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted")]
+pub(super) struct Interrupted(pub c_int);
+
+impl Interrupted {
+    /// As shells have it: 129 for SIGHUP, 130 for SIGINT, 143 for SIGTERM.
+    pub fn exit_code(&self) -> u8 {
+        128 + self.0 as u8
+    }
+}
 
 /// Why a command ended early, and whose turn it is.
 ///

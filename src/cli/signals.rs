@@ -27,18 +27,6 @@ const SURVIVED: [(c_int, bool); 0] = [];
 static STOP: AtomicI32 = AtomicI32::new(0);
 static SAVE: AtomicBool = AtomicBool::new(false);
 
-/// What a command ends with that a signal has stopped before its work was done.
-#[derive(Debug, thiserror::Error)]
-#[error("interrupted")]
-pub(super) struct Interrupted(pub c_int);
-
-impl Interrupted {
-    /// As shells have it: 129 for SIGHUP, 130 for SIGINT, 143 for SIGTERM.
-    pub fn exit_code(&self) -> u8 {
-        128 + self.0 as u8
-    }
-}
-
 /// Lets no command end by a signal that does not ask for that.
 pub(super) fn survive() -> Result<(), Failure> {
     SURVIVED

@@ -8,12 +8,12 @@ use serde::Serialize;
 
 use super::Failure;
 use super::args::accuracy;
-use super::failure::OrInvalid;
+use super::failure::{Interrupted, OrInvalid};
 use super::output::{Progress, percent, print};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
-use super::signals::{Interrupted, is_checkpoint_wanted, stop_on_signal};
+use super::signals::{is_checkpoint_wanted, stop_on_signal};
 use super::terminal::{Told, tell};
 use crate::cluster::Session;
 use crate::run::{Preparation, RunConfig, RunFolder, RunInfo, Training, changed};
