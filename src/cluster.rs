@@ -16,6 +16,27 @@ pub struct Session {
     universe: mpi::environment::Universe,
 }
 
+/// Refuses to be one of several processes that would all do the same work and write the same files.
+///
+/// # Errors
+/// `mpirun` or SLURM has started several.
+pub fn check_alone() -> Result<(), StartError> {
+    refuse_several("only `drape train` shares its work")
+}
+
+fn refuse_several(advice: &str) -> Result<(), StartError> {
+    // Open MPI, MPICH and those derived from it, SLURM.
+    for name in ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS"] {
+        let size = std::env::var(name).ok().and_then(|size| size.parse().ok());
+        if let Some(size @ 2_usize..) = size {
+            return Err(StartError(format!(
+                "started as one of {size} processes, expected one: {advice}"
+            )));
+        }
+    }
+    Ok(())
+}
+
 #[cfg(not(feature = "cluster"))]
 impl Session {
     /// This process alone.
@@ -23,16 +44,7 @@ impl Session {
     /// # Errors
     /// It is one of several, which this build cannot be.
     pub fn start() -> Result<Self, StartError> {
-        // Open MPI, MPICH and those derived from it, SLURM.
-        for name in ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS"] {
-            let size = std::env::var(name).ok().and_then(|size| size.parse().ok());
-            if let Some(size @ 2..) = size {
-                let size: usize = size;
-                return Err(StartError(format!(
-                    "started as one of {size} processes, expected one: rebuild with `--features cluster`"
-                )));
-            }
-        }
+        refuse_several("rebuild with `--features cluster`")?;
         Ok(Self {
             cluster: Cluster::default(),
             local_rank: 0,
@@ -40,7 +52,7 @@ impl Session {
     }
 
     /// Gives the result of the command.
-    pub fn end<E>(self, result: Result<(), E>, _: impl FnOnce(&E) -> i32) -> Result<(), E> {
+    pub fn end<T, E>(self, result: Result<T, E>, _: impl FnOnce(&E) -> i32) -> Result<T, E> {
         result
     }
 }
@@ -86,11 +98,11 @@ mod processes {
 
         /// Gives the result of the command; where it has failed, `report` says so and gives the exit code
         /// with which all processes end.
-        pub fn end<E>(
+        pub fn end<T, E>(
             self,
-            result: Result<(), E>,
+            result: Result<T, E>,
             report: impl FnOnce(&E) -> i32,
-        ) -> Result<(), E> {
+        ) -> Result<T, E> {
             match result {
                 Err(error) if self.cluster.size() > 1 => {
                     self.universe.world().abort(report(&error))

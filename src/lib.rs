@@ -3,6 +3,8 @@
 
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
 #![allow(rustdoc::broken_intra_doc_links)]
+// They panic where nobody reads; `cli::terminal` does not.
+#![deny(clippy::print_stderr, clippy::print_stdout)]
 
 pub mod cli;
 mod cluster;

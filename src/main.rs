@@ -1,17 +1,15 @@
 //! Parses the command line, runs the command and says why it failed, if it did.
 
+#![deny(clippy::print_stderr, clippy::print_stdout)]
+
 use std::process::ExitCode;
 
-use clap::Parser;
 use drape::cli::Cli;
 
 fn main() -> ExitCode {
-    // A file that grows beyond a limit of the system's is an error like a full disk, not the end.
-    #[cfg(unix)]
-    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Default::default());
     #[cfg(feature = "gpu")]
     end_with_the_gpu();
-    match Cli::parse().run() {
+    match Cli::read().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failure.report().into(),
     }

@@ -64,7 +64,7 @@ fn run_configurations() {
         config.policy.validate(17, 17).map_err(line)?;
         let blank = &config.scene.blank;
         if blank.vertices.iter().all(|&n| n <= 65) && blank.is_plain() {
-            config.check_memory().map_err(line)?;
+            config.check_before_fall().map_err(line)?;
             // What is left is no NaN.
             let (text, again) = (config.to_toml(), path.with_extension("again.toml"));
             fs::write(&again, &text).unwrap();

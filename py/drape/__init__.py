@@ -8,7 +8,8 @@ with reward 0.
 
 Nothing is drawn: equal actions give equal bits, on any number of threads and in any number of
 environments. A seed sets the generator that Gymnasium keeps and nothing else. RAYON_NUM_THREADS says
-how many threads step the environments.
+how many threads step the environments of a process. They may be pickled and deeply copied, which sets the
+scene up again, and go on exactly from where they were; processes may be forked.
 """
 
 from __future__ import annotations
@@ -36,6 +37,13 @@ def _info(episode: Episode) -> dict[str, Any]:
     diverged, and the vertices of the blank in the order they were pressed."""
     score = np.nan if episode.score is None else episode.score
     return {"score": score, "diverged": episode.diverged, "vertices": episode.vertices}
+
+
+def _whole(actions: ArrayLike) -> list[int]:
+    given = np.asarray(actions).ravel()
+    if not np.issubdtype(given.dtype, np.integer):
+        raise ValueError(f"`actions` are {given.tolist()}, expected whole numbers")
+    return given.tolist()
 
 
 def _spaces(environments: Environments) -> tuple[spaces.Box, spaces.Discrete]:
@@ -102,7 +110,7 @@ class DrapingVectorEnv(VectorEnv[Observation, ArrayLike, np.ndarray]):
     ) -> tuple[
         Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
     ]:
-        given, episodes = self.environments.step(np.asarray(actions).ravel().tolist())
+        given, episodes = self.environments.step(_whole(actions))
         rewards = np.array(given, np.float64)
         terminated, truncated = np.zeros((2, self.num_envs), np.bool_)
         info: dict[str, Any] = {}
@@ -126,9 +134,10 @@ class _Allowed(spaces.Discrete):
             mask = _masks(self._environments)[0].astype(np.int8)
         return super().sample(mask, probability)
 
-    def __reduce__(self) -> tuple[type[spaces.Discrete], tuple[int]]:
+    def __reduce__(self) -> tuple[type[spaces.Discrete], tuple[int], dict[str, Any]]:
         # Learners keep a space in their files: it goes there without its environment.
-        return spaces.Discrete, (int(self.n),)
+        state = {key: value for key, value in vars(self).items() if key != "_environments"}
+        return spaces.Discrete, (int(self.n),), state
 
 
 class DrapingEnv(gymnasium.Env[Observation, np.int64]):
@@ -141,6 +150,12 @@ class DrapingEnv(gymnasium.Env[Observation, np.int64]):
         self.environments = Environments(config, 1, scale_rewards)
         self.observation_space, actions = _spaces(self.environments)
         self.action_space = _Allowed(self.environments, int(actions.n))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        alone = self.action_space
+        self.action_space = _Allowed(self.environments, int(alone.n))
+        vars(self.action_space).update(vars(alone))
 
     def action_masks(self) -> NDArray[np.bool_]:
         """The allowed actions [rows * columns]; never none."""
@@ -157,7 +172,7 @@ class DrapingEnv(gymnasium.Env[Observation, np.int64]):
     def step(
         self, action: np.int64 | int
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        (reward,), episodes = self.environments.step([int(action)])
+        (reward,), episodes = self.environments.step(_whole(action))
         if not episodes:
             return _observations(self.environments)[0], reward, False, False, {}
         (episode,) = episodes

@@ -1,15 +1,19 @@
 //! The tasks that `drape train` learns on, for Python. Arrays cross the border as bytes; the spaces
 //! and customs of Gymnasium stand on its other side (`drape/__init__.py`).
 
+use std::mem::forget;
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
 
 use drape::cli::{Failure, read_config, set_up_tasks};
+use drape::run::digest;
 use drape_cloth::file::ValueError;
 use drape_cloth::sim::{ALLOWED, DRAPED, Observation, TOUCHED};
 use drape_task::env::{Draping, End, StepOutcome, Tasks};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// Channels of an observation: draped, distance, touched, allowed.
 const CHANNELS: usize = 4;
@@ -21,7 +25,16 @@ struct Environments {
     /// 1 / distance that is seen as 1 [1/m].
     distance_factor: f32,
     reward_factor: f32,
+    /// What they are made from, and a digest of what came of it.
+    config: Option<PathBuf>,
+    scale_rewards: bool,
+    origin: String,
 }
+
+/// As [`Environments`] are made with them.
+type Arguments = (Option<PathBuf>, Option<usize>, bool);
+/// What they have been made from, and where their episodes are.
+type State<'py> = (String, Bound<'py, PyBytes>);
 
 /// A finished episode.
 #[pyclass(frozen, get_all, module = "drape._drape")]
@@ -52,18 +65,50 @@ fn failed(failure: Failure) -> PyErr {
     }
 }
 
+/// Computes on threads of this process, without the interpreter's lock. Rayon's own are lost in a fork, in which whoever
+/// waits for them waits for ever.
+fn on_threads<T: Send>(py: Python<'_>, compute: impl FnOnce() -> T + Send) -> PyResult<T> {
+    // Locked under the interpreter's lock only, so that no other thread holds it in a fork.
+    static THREADS: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
+    let pool = {
+        let mut threads = THREADS.lock().expect("nobody panics with it");
+        let own = std::process::id();
+        match &*threads {
+            Some((process, pool)) if *process == own => pool.clone(),
+            _ => {
+                let started = ThreadPoolBuilder::new().build();
+                let cannot =
+                    |error| PyRuntimeError::new_err(format!("cannot start threads: {error}"));
+                let pool = Arc::new(started.map_err(cannot)?);
+                // Of the process that this was forked from there is nothing that could be ended.
+                forget(threads.replace((own, pool.clone())));
+                pool
+            }
+        }
+    };
+    Ok(py.detach(|| pool.install(compute)))
+}
+
 fn set_up(
     path: Option<PathBuf>,
     count: Option<usize>,
     scale_rewards: bool,
 ) -> Result<Environments, Failure> {
+    // Others may be made from it where another folder is the current one.
+    let path = path.map(|path| std::path::absolute(&path).unwrap_or(path));
     let (mut config, place) = read_config(path.as_deref())?;
     config.environments = count.unwrap_or(config.environments);
     let (found, expected) = (config.environments, "a number from 1 to 4096");
     ValueError::unless((1..=4096).contains(&found), "num_envs", found, expected)
         .map_err(Failure::invalid)?;
     let draping = set_up_tasks(&config, config.environments, &place, true)?;
+    let at = draping.scene().initial.position.as_flattened().iter();
+    let mut origin = config.to_toml().into_bytes();
+    origin.extend(at.flat_map(|x| x.to_le_bytes()));
     Ok(Environments {
+        config: path,
+        scale_rewards,
+        origin: digest(origin),
         distance_factor: 1000.0 / config.policy.distance_scale_mm,
         reward_factor: match scale_rewards {
             true => 1.0 / draping.reward_scale(0),
@@ -89,6 +134,13 @@ impl Environments {
         }
     }
 
+    /// Looks at all environments, so that nothing is computed where their observations are read.
+    fn observe(&self, py: Python<'_>) -> PyResult<()> {
+        on_threads(py, || {
+            self.draping.observations();
+        })
+    }
+
     /// Bytes of an observation.
     fn size(&self) -> usize {
         CHANNELS * self.draping.shape().pixel_count() * size_of::<f32>()
@@ -105,8 +157,31 @@ impl Environments {
         num_envs: Option<usize>,
         scale_rewards: bool,
     ) -> PyResult<Self> {
-        py.detach(|| set_up(config, num_envs, scale_rewards))
-            .map_err(failed)
+        on_threads(py, || set_up(config, num_envs, scale_rewards))?.map_err(failed)
+    }
+
+    /// How pickles and deep copies are made: from the same configuration, and put to the same state.
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, Arguments, State<'py>)> {
+        let (py, of) = (slf.py(), slf.borrow());
+        let of = &*of;
+        let saved = on_threads(py, || of.draping.save())?;
+        let state = (of.origin.clone(), PyBytes::new(py, &saved));
+        let arguments = (of.config.clone(), Some(of.num_envs()), of.scale_rewards);
+        Ok((slf.get_type().into_any(), arguments, state))
+    }
+
+    fn __setstate__(&mut self, py: Python<'_>, state: State<'_>) -> PyResult<()> {
+        let (origin, saved) = state;
+        if origin != self.origin {
+            let place = self.config.as_ref().map(|path| path.display().to_string());
+            let place = place.unwrap_or("built-in quickstart".into());
+            let fault = "the environments were made from another configuration or scene";
+            return Err(value_error(format!("{place}: {fault}")));
+        }
+        let saved = saved.as_bytes();
+        on_threads(py, || self.draping.load(saved))?.map_err(value_error)
     }
 
     #[getter]
@@ -139,6 +214,7 @@ impl Environments {
     /// All observations, `[num_envs, channels, rows, columns]` in single precision.
     fn observations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let size = self.size();
+        self.observe(py)?;
         PyBytes::new_with(py, self.draping.count() * size, |out| {
             for (index, out) in out.chunks_exact_mut(size).enumerate() {
                 self.write(self.draping.observation(index), out);
@@ -150,6 +226,7 @@ impl Environments {
     /// The allowed actions, `[num_envs, rows * columns]`, one byte each.
     fn masks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let pixels = self.draping.shape().pixel_count();
+        self.observe(py)?;
         PyBytes::new_with(py, self.draping.count() * pixels, |out| {
             for (index, out) in out.chunks_exact_mut(pixels).enumerate() {
                 let marks = self.draping.observation(index).marks.iter();
@@ -163,20 +240,20 @@ impl Environments {
     }
 
     /// Puts one environment back to its start.
-    fn reset(&mut self, index: usize) -> PyResult<()> {
+    fn reset(&mut self, py: Python<'_>, index: usize) -> PyResult<()> {
         let expected = format!("a number below {}", self.draping.count());
         ValueError::unless(index < self.draping.count(), "index", index, expected)
             .map_err(value_error)?;
-        self.draping.reset(index);
-        Ok(())
+        on_threads(py, || self.draping.reset(index))
     }
 
     /// Takes one action in every environment: gives the rewards, and the episodes that have ended.
     /// Nothing has happened where an action is refused.
-    fn step(&mut self, py: Python<'_>, actions: Vec<i64>) -> PyResult<(Vec<f32>, Vec<Episode>)> {
+    fn step(&mut self, py: Python<'_>, actions: Vec<i128>) -> PyResult<(Vec<f32>, Vec<Episode>)> {
         let (count, found) = (self.draping.count(), actions.len());
         ValueError::unless(found == count, "actions", found, format!("{count} of them"))
             .map_err(value_error)?;
+        self.observe(py)?;
         let mut allowed = Vec::with_capacity(count);
         for (index, action) in actions.into_iter().enumerate() {
             let seen = self.draping.observation(index);
@@ -186,7 +263,7 @@ impl Environments {
                 .map_err(value_error)?;
             allowed.push(action as u32);
         }
-        let outcomes = py.detach(|| self.draping.step(&allowed));
+        let outcomes = on_threads(py, || self.draping.step(&allowed))?;
         let (mut rewards, mut episodes) = (Vec::with_capacity(count), Vec::new());
         for (index, StepOutcome { reward, episode }) in outcomes.into_iter().enumerate() {
             rewards.push(reward * self.reward_factor);

@@ -1,5 +1,7 @@
+import copy
 import json
 import os
+import pickle
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -135,6 +137,64 @@ def test_refused_actions_change_nothing(config: Write) -> None:
         with pytest.raises(ValueError, match=message):
             envs.step(given)
     assert np.array_equal(envs.step(legal)[0], others.step(legal)[0])
+
+
+def test_fractional_actions_are_refused(config: Write) -> None:
+    env, envs = DrapingEnv(config()), DrapingVectorEnv(config(), 2)
+    for step, given in [(env.step, 0.5), (env.step, np.nan), (envs.step, [0.0, 1.0]), (envs.step, ["a", "b"])]:
+        with pytest.raises(ValueError, match="`actions` are .*, expected whole numbers") as error:
+            step(given)
+        assert "\n" not in str(error.value)
+    with pytest.raises(ValueError, match="is 18446744073709551615, expected one that the mask allows"):
+        env.step(np.uint64(2**64 - 1))
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_copies_go_on_exactly(config: Write, copied: Callable[[Any], Any]) -> None:
+    env, envs = DrapingEnv(config()), DrapingVectorEnv(config(), 3, scale_rewards=False)
+    env.action_space.seed(5)
+    for _ in range(7):
+        env.step(env.action_space.sample())
+        envs.step(envs.action_masks().argmax(1))
+    other, others = copied(env), copied(envs)
+    assert (other.action_masks() == env.action_masks()).all()
+    for _ in range(30):
+        action, actions = env.action_space.sample(), envs.action_masks().argmax(1)
+        assert other.action_space.sample() == action
+        first, second = env.step(action), other.step(action)
+        assert str(first[1:]) == str(second[1:]) and np.array_equal(first[0], second[0])
+        first, second = envs.step(actions), others.step(actions)
+        assert str(first[1:]) == str(second[1:]) and np.array_equal(first[0], second[0])
+        if env.action_masks().sum() == 0:
+            env.reset(), other.reset()
+    saved = pickle.dumps(env)
+    config("press_mpa = 0.5")
+    with pytest.raises(ValueError, match="config.toml: the environments were made from another"):
+        pickle.loads(saved)
+
+
+# What Python says of any fork of a process with threads.
+@pytest.mark.filterwarnings("ignore:.*fork")
+@pytest.mark.parametrize("context", ["fork", "spawn"])
+def test_environments_step_in_other_processes(config: Write, context: str) -> None:
+    here = DrapingEnv(config())
+    expected, _ = here.reset()
+    envs = gymnasium.make_vec(
+        "drape/Draping-v0",
+        num_envs=2,
+        vectorization_mode="async",
+        vector_kwargs={"context": context},
+        config=config(),
+    )
+    envs.reset_async()
+    found, _ = envs.reset_wait(timeout=60)
+    assert all(np.array_equal(one, expected) for one in found)
+    action = int(here.action_masks().argmax())
+    expected = here.step(action)[0]
+    envs.step_async(np.array([action, action]))
+    found, *_ = envs.step_wait(timeout=60)
+    assert all(np.array_equal(one, expected) for one in found)
+    envs.close()
 
 
 def test_what_cannot_be_is_told_in_one_line(config: Write, tmp_path: Path) -> None:

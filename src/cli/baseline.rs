@@ -5,11 +5,13 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::Failure;
-use super::failure::OrInvalid;
-use super::output::{Progress, percent, print, stop_on_signal};
+use super::failure::{Interrupted, OrInvalid};
+use super::output::{Progress, percent, print};
 use super::proof;
 use super::result::rollout_failure;
 use super::setup::{LIES, read_config, set_up_run, set_up_worlds};
+use super::signals::stop_on_signal;
+use super::terminal::{Told, tell};
 use crate::run::{Best, Rules, RunConfig, RunFolder, RunInfo, replay, search_by_moves};
 use drape_study::proof::Row;
 use drape_task::env::{Draping, Episode, Worlds};
@@ -20,7 +22,8 @@ use drape_task::search::{
 
 /// Search the best path of a task without learning: what a trained policy has to beat
 ///
-/// Leaves a run folder as `train` does, without metrics and checkpoints.
+/// Leaves a run folder as `train` does, without metrics and checkpoints. Ctrl-C, SIGTERM and SIGHUP stop it, with the
+/// exit code 130, 143 or 129.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape baseline --policy moves
@@ -94,7 +97,7 @@ impl Policy {
 /// What `--json` prints.
 #[derive(Serialize)]
 struct Outcome {
-    run: PathBuf,
+    run: Told,
     policy: Policy,
     /// Not interrupted. It may have run out of orders before the steps were spent.
     complete: bool,
@@ -154,10 +157,11 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
     let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info)?;
     let _lock = folder.lock()?;
     if !args.json {
-        eprintln!("writing {}", folder.path.display());
+        tell(format_args!("writing {}", folder.path.display()));
     }
 
-    let stop = stop_on_signal()?;
+    let asked = stop_on_signal()?;
+    let stop = || asked().is_some();
     let progress = Progress::of_steps(0, config.steps, args.json);
     let began = Instant::now();
     let digest = folder.config_digest()?;
@@ -206,13 +210,14 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
     written?;
     let seconds = began.elapsed().as_secs_f64();
     drop(progress);
-    let was_stopped = stop();
+    let interrupted = asked();
+    let was_stopped = interrupted.is_some();
 
     let (mut path, mut rows) = (None, Vec::new());
     match best.sequence(start.task(0), digest) {
-        None => eprintln!(
+        None => tell(
             "warning: every episode has diverged or none has ended, so there is no best sequence: raise \
-             --steps or `env.substep_rate`"
+             --steps or `env.substep_rate`",
         ),
         Some(sequence) => {
             folder.write_best_sequence(&sequence)?;
@@ -221,7 +226,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
             path = Some(played.summary.path);
             if !was_stopped {
                 if !args.json {
-                    eprintln!("proving the best paths");
+                    tell("proving the best paths");
                 }
                 let (task, orders) = ((&scene, &config), (config.proof_paths, false));
                 rows = proof::proved(&folder, task, sequence, orders, args.json)?;
@@ -229,7 +234,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         }
     }
     let outcome = Outcome {
-        run: folder.path.clone(),
+        run: (&folder.path).into(),
         policy: args.policy,
         complete: !was_stopped,
         env_steps,
@@ -239,7 +244,8 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         path,
         proof: rows,
     };
-    print(&outcome, args.json, |outcome| text(outcome, is_spent))
+    print(&outcome, args.json, |outcome| text(outcome, is_spent))?;
+    interrupted.map_or(Ok(()), |signal| Err(Interrupted(signal).into()))
 }
 
 fn text(outcome: &Outcome, is_spent: bool) -> String {

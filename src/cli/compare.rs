@@ -11,6 +11,7 @@ use super::failure::OrInvalid;
 use super::loaded::Loaded;
 use super::output::print;
 use super::setup::{absurd, extent};
+use super::terminal::{Told, tell};
 use crate::run::RunConfig;
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::{check_writable, read_text};
@@ -71,17 +72,17 @@ struct Report {
     a_source: Origin,
     b_source: Origin,
     /// Where the tool came from.
-    tool_source: Option<PathBuf>,
+    tool_source: Option<Told>,
     /// Least x, least y, greatest x, greatest y on the flat blank.
     region_mm: Option<[f64; 4]>,
     #[serde(flatten)]
     comparison: Comparison,
-    picture: Option<PathBuf>,
+    picture: Option<Told>,
 }
 
 #[derive(Serialize)]
 struct Origin {
-    path: PathBuf,
+    path: Told,
     kind: Kind,
 }
 
@@ -150,10 +151,10 @@ pub fn run(args: CompareArgs) -> Result<(), Failure> {
     let report = Report {
         a_source: origin(&args.a, a_kind),
         b_source: origin(&args.b, b_kind),
-        tool_source,
+        tool_source: tool_source.map(Told::from),
         region_mm: args.region,
         comparison,
-        picture: args.out,
+        picture: args.out.map(Told::from),
     };
     print(&report, args.json, text)
 }
@@ -197,7 +198,10 @@ fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, K
     } else if is_stl(path) {
         let stl = read_mesh(path, args.scale.unwrap_or(1e-3)).or_invalid()?;
         if let Some(size) = absurd(extent(stl.mesh.vertices.iter().copied())) {
-            eprintln!("warning: {} measures {size}: check --scale", path.display());
+            tell(format_args!(
+                "warning: {} measures {size}: check --scale",
+                path.display()
+            ));
         }
         (Surveyed::scan(stl.mesh), None, Kind::Stl)
     } else if path.exists() {

@@ -2,6 +2,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::output::print;
+use super::terminal::tell;
 use drape_cloth::math::Isa;
 
 /// List what `--device` can name on this machine
@@ -43,7 +44,7 @@ pub fn run(args: DevicesArgs) -> Result<(), Failure> {
     devices.extend(gpus());
     print(&Report { devices }, args.json, text)?;
     if !args.json && cfg!(not(feature = "gpu")) {
-        eprintln!("this build computes on no GPU: rebuild with `--features gpu` to see them");
+        tell("this build computes on no GPU: rebuild with `--features gpu` to see them");
     }
     Ok(())
 }

@@ -10,6 +10,7 @@ use super::output::{OutFolder, Progress, print};
 use super::picture;
 use super::proof;
 use super::result::{EpisodeStatistics, write_recording};
+use super::terminal::Told;
 use crate::run::{EpisodeSummary, parallel_episodes};
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
@@ -20,7 +21,7 @@ use drape_learn::ppo::{Agent, Sampling};
 use drape_study::presses::again;
 use drape_study::proof::{Case, Row, Sensitivity};
 use drape_study::study::{Context, region};
-use drape_task::env::{Draping, End, Played, Tasks};
+use drape_task::env::{Draping, End, Played, Task, Tasks, most_environments};
 use drape_task::path::PathFigures;
 use drape_task::recording::Recording;
 
@@ -112,7 +113,7 @@ pub struct EvalArgs {
 /// What is printed.
 #[derive(Serialize)]
 struct Report {
-    run: PathBuf,
+    run: Told,
     /// `best`, `last`, a file, or `sequence`.
     played: String,
     /// What `--accuracy` asked for.
@@ -133,7 +134,7 @@ struct Report {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     sensitivity: Vec<Sensitivity>,
     /// Where the pictures are.
-    pictures: PathBuf,
+    pictures: Told,
 }
 
 /// Runs `drape eval`.
@@ -203,7 +204,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
 
     let above = played.summary.score - random.mean_score;
     let report = Report {
-        run: args.run.clone(),
+        run: (&args.run).into(),
         played: checkpoint.unwrap_or("sequence").into(),
         accuracy: args.accuracy,
         deviations_above_random: (random.deviation > 0.0).then(|| above / random.deviation),
@@ -212,7 +213,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         random,
         proof,
         sensitivity,
-        pictures: pictures.path.clone(),
+        pictures: (&pictures.path).into(),
     };
     print(&report, json, text)
 }
@@ -220,7 +221,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
 /// What is printed of a recording that was pressed again.
 #[derive(Serialize)]
 struct Again {
-    recording: PathBuf,
+    recording: Told,
     by_twin: bool,
     /// At its end [m], [m], [-].
     distance_m: f64,
@@ -232,7 +233,7 @@ struct Again {
     same_bits: bool,
     /// Greatest distance between the same vertices in any frame [m].
     apart_m: f64,
-    pictures: PathBuf,
+    pictures: Told,
 }
 
 fn press_again(file: &Path, loaded: &Loaded, pictures: &Path) -> Result<(), Failure> {
@@ -298,16 +299,21 @@ fn proved_elsewhere(
     count: usize,
 ) -> Result<Vec<Row>, Failure> {
     let (scene, env) = (&loaded.scene, &loaded.env);
-    let mut draping = Draping::new(scene.clone(), env, count).or_invalid()?;
+    let most = most_environments(scene.lamina.vertex_count());
     let mut stream = Stream::new(0, Purpose::Evaluation, 0);
-    let played = draping.play(|draping| {
-        let seen: Vec<_> = (0..count).map(|k| draping.observation(k)).collect();
+    let choose = |draping: &Draping, _| {
+        let seen: Vec<_> = (0..draping.count())
+            .map(|k| draping.observation(k))
+            .collect();
         agent.act(&seen, Sampling::Drawn(&mut stream))
-    });
-    let vertices = |played: &Played| played.end.presses().iter().map(|&(v, _)| v).collect();
-    let ended = played.iter().filter(|p| p.episode.end != End::Diverged);
-    let mut paths = vec![greedy];
-    paths.extend(ended.map(vertices));
+    };
+    let vertices = |_: &Task, played: Played| {
+        let vertices = played.end.presses().iter().map(|&(v, _)| v).collect();
+        (played.episode.end != End::Diverged).then_some(vertices)
+    };
+    let drawn = Draping::play_all((scene, env), (count, most), choose, vertices).or_invalid()?;
+    let mut paths: Vec<Vec<u32>> = vec![greedy];
+    paths.extend(drawn.into_iter().flatten());
     let case = Case {
         env,
         ..proof::case(scene, &loaded.config)

@@ -9,6 +9,7 @@ use super::failure::OrInvalid;
 use super::loaded::Loaded;
 use super::output::print;
 use super::result::path;
+use super::terminal::Told;
 use drape_cloth::fabric::{Curve, Drape, Family};
 use drape_cloth::file::{ValueError, check_writable};
 use drape_cloth::math::Vec3;
@@ -74,7 +75,7 @@ enum Axes {
 /// What is printed.
 #[derive(Serialize)]
 struct Report {
-    file: PathBuf,
+    file: Told,
     frame: Axes,
     points: usize,
     #[serde(flatten)]
@@ -123,7 +124,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
             .map_or(played.summary.score, |p| p.path.score),
         scatter: proof.as_ref().map(|_| loaded.config.scatter.clone()),
         proved: proof.map(|proved| proved.physics),
-        file,
+        file: file.into(),
         frame: args.frame,
     };
     print(&report, args.json, text)

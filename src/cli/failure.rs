@@ -1,12 +1,25 @@
-use std::io::{self, Write};
+use std::ffi::c_int;
 use std::path::Path;
 
 use anyhow::{Context, Error};
 
+use super::terminal::tell;
 use crate::run::RunError;
 use drape_cloth::file::{ValueError, WriteError};
 use drape_cloth::scene::SceneError;
 use drape_study::study::StudyError;
+
+/// What a command ends with that a signal has stopped before its work was done.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted")]
+pub(super) struct Interrupted(pub c_int);
+
+impl Interrupted {
+    /// As shells have it: 129 for SIGHUP, 130 for SIGINT, 143 for SIGTERM.
+    pub fn exit_code(&self) -> u8 {
+        128 + self.0 as u8
+    }
+}
 
 /// Why a command ended early, and whose turn it is.
 ///
@@ -39,10 +52,13 @@ impl Failure {
         self
     }
 
-    /// Prints the chain of causes as one line on stderr and gives the exit code.
+    /// Prints the chain of causes as one line on stderr and gives the exit code. What was interrupted has been
+    /// told already.
     pub fn report(&self) -> u8 {
-        // Without stderr there is nobody left to tell.
-        let _ = writeln!(io::stderr(), "error: {}", self.line());
+        if let Some(interrupted) = self.error.downcast_ref::<Interrupted>() {
+            return interrupted.exit_code();
+        }
+        tell(format_args!("error: {}", self.line()));
         if self.is_input { 2 } else { 1 }
     }
 

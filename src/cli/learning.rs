@@ -2,6 +2,7 @@
 //! tells what it has learnt.
 
 use std::collections::BTreeSet;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Mutex;
@@ -12,8 +13,9 @@ use serde_json::Value;
 
 use super::Failure;
 use super::failure::OrInvalid;
+use super::result::is_proved;
 use super::setup::read_config;
-use crate::run::{RunFolder, curve, read_metrics};
+use crate::run::{RunFolder, UNFINISHED, curve, read_metrics};
 use drape_cloth::file::read_text;
 use drape_study::study::StudyError;
 use drape_study::trainings::{Arm, LearnedRun, Trainings};
@@ -52,6 +54,19 @@ fn learnt(
     let (mut arms, mut trainings, mut names) = (Vec::new(), Vec::new(), BTreeSet::new());
     for config in configs {
         let name = config.map_or("quickstart".into(), name_of);
+        // Beside the folders of runs stand the files of the study.
+        let end = Path::new(&name).extension().unwrap_or_default();
+        let is_file = ["csv", "json", "md", "png"]
+            .iter()
+            .any(|of| end.eq_ignore_ascii_case(of));
+        if is_file
+            || Path::new(&name).file_name() != Some(name.as_ref())
+            || name.starts_with(UNFINISHED)
+        {
+            return Err(Failure::invalid(anyhow!(
+                "a configuration is called `{name}`, expected the name of a folder that no file of the study has"
+            )));
+        }
         if !names.insert(name.clone()) {
             return Err(Failure::invalid(anyhow!(
                 "two configurations are called `{name}`, expected different names of files"
@@ -136,9 +151,11 @@ fn run_all(
     };
     progress(0.0, &format!("0 of {count} runs"));
     std::thread::scope(|scope| {
-        for _ in 0..jobs.min(count) {
-            scope.spawn(work);
+        for _ in 1..jobs.min(count) {
+            // Where no thread can be started there is one less.
+            let _ = std::thread::Builder::new().spawn_scoped(scope, work);
         }
+        work();
     });
     let failed = failed.into_inner().expect("nobody panics with it");
     failed.map_or(Ok(()), Err)
@@ -154,23 +171,29 @@ fn complete(training: &Training, threads: usize) -> Result<(), Failure> {
     let mut command = Command::new(drape);
     command.arg("train");
     if folder.exists() {
-        command.arg("--resume").arg(folder);
+        command.args([option("resume", folder), "--json".into()]);
     } else {
         let arm = folder.parent().expect("it stands in the folder of its arm");
-        command.args(&training.config).arg("--runs").arg(arm);
+        command.arg(option("runs", arm));
         let values = [("seed", training.seed), ("steps", training.steps)];
         for (key, value) in values {
             command.args([format!("--{key}"), value.to_string()]);
         }
-        command.args(["--name", &format!("seed-{}", training.seed)]);
+        command.args(["--name", &format!("seed-{}", training.seed), "--json"]);
+        // Behind all options: its name may begin like one.
+        command.arg("--").args(&training.config);
     }
     // Results are the same on any number of threads.
     if std::env::var_os("RAYON_NUM_THREADS").is_none() {
         command.env("RAYON_NUM_THREADS", threads.to_string());
     }
-    command.arg("--json").stdin(Stdio::null());
+    command.stdin(Stdio::null());
+    end_with_this(&mut command);
     let output = command.output().context("cannot start a training")?;
     let place = folder.display();
+    if output.status.code() > Some(128) {
+        return Err(anyhow!("{place}: interrupted; go on with `--resume`").into());
+    }
     if !output.status.success() {
         let said = String::from_utf8_lossy(&output.stderr);
         let last = said.lines().last().unwrap_or("ended without a word");
@@ -183,8 +206,37 @@ fn complete(training: &Training, threads: usize) -> Result<(), Failure> {
     let outcome: Value = serde_json::from_slice(&output.stdout)?;
     match outcome["complete"] == true {
         true => Ok(()),
-        false => Err(anyhow!("{place}: interrupted; go on with `--resume`").into()),
+        false => Err(anyhow!("{place}: not complete").into()),
     }
+}
+
+/// An option whose value may begin like one.
+fn option(name: &str, value: &Path) -> OsString {
+    let mut option = OsString::from(format!("--{name}="));
+    option.push(value);
+    option
+}
+
+/// Lets a training stop, as after Ctrl-C, when this process ends, however it ends.
+fn end_with_this(command: &mut Command) {
+    #[cfg(target_os = "linux")]
+    {
+        use std::os::unix::process::CommandExt;
+        let own = std::process::id();
+        // SAFETY: both may be called between fork and exec.
+        unsafe {
+            command.pre_exec(move || {
+                libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGTERM);
+                // It may have ended before.
+                match libc::getppid() as u32 == own {
+                    true => Ok(()),
+                    false => Err(std::io::ErrorKind::Interrupted.into()),
+                }
+            })
+        };
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = command;
 }
 
 /// Whether all steps are taken, and proved where there is something to be proved.
@@ -195,8 +247,7 @@ fn is_complete(training: &Training) -> Result<bool, Failure> {
     let folder = RunFolder::open(&training.folder)?;
     // Drawn between the last step and the proof.
     let is_drawn = folder.pictures.join("reward.png").exists();
-    let has_proof = folder.proof.exists() || !folder.best_sequence.exists();
-    let last = match is_drawn && has_proof {
+    let last = match is_drawn && (is_proved(&folder) || !folder.best_sequence.exists()) {
         true => read_metrics(&folder.metrics)?.pop(),
         false => None,
     };

@@ -100,9 +100,12 @@ impl Loaded {
     pub fn best_sequence(&self) -> Result<BestSequence, Failure> {
         let place = &self.folder.best_sequence;
         if !place.exists() {
+            let advice = match self.folder.check_trained() {
+                Ok(()) => "resume the run, or train a new one",
+                Err(_) => "search again, for more steps",
+            };
             return Err(Failure::invalid(anyhow!(
-                "{} has no best sequence, as every episode has diverged or none has ended: resume \
-                 the run, or train a new one",
+                "{} has no best sequence, as every episode has diverged or none has ended: {advice}",
                 self.folder.path.display()
             )));
         }

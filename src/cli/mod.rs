@@ -19,12 +19,16 @@ mod proof;
 mod result;
 mod scene;
 mod setup;
+mod signals;
 mod study;
+mod terminal;
 mod tool;
 mod train;
 
+use anyhow::anyhow;
 use clap::{Parser, Subcommand};
 
+use crate::cluster::check_alone;
 pub use failure::Failure;
 pub use setup::{read_config, set_up_tasks};
 
@@ -37,7 +41,8 @@ pub struct Cli {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed at work (disk full, simulation diverged, ...); \
-                          2 wrong usage or configuration.";
+                          2 wrong usage or configuration; 130 interrupted by Ctrl-C (SIGINT), 143 by SIGTERM, \
+                          129 by SIGHUP.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -54,8 +59,30 @@ enum Command {
 }
 
 impl Cli {
+    /// What the command line asks for; ends the program where that is help, or nothing that can be.
+    pub fn read() -> Self {
+        Self::try_parse().unwrap_or_else(|error| {
+            if error.use_stderr() {
+                // Not as it prints itself: it quotes what was given.
+                let message = error.render().to_string();
+                message.trim_end().lines().for_each(terminal::tell);
+                std::process::exit(error.exit_code());
+            }
+            error.exit()
+        })
+    }
+
     /// Runs the command that was asked for.
     pub fn run(self) -> Result<(), Failure> {
+        signals::survive()?;
+        // Later it would be a panic that there are too few.
+        let threads = rayon::ThreadPoolBuilder::new().build_global();
+        threads.map_err(|error| {
+            anyhow!("cannot start threads: {error}; ask for fewer by RAYON_NUM_THREADS")
+        })?;
+        if !matches!(self.command, Command::Train(_) | Command::Devices(_)) {
+            check_alone().map_err(Failure::invalid)?;
+        }
         match self.command {
             Command::Train(args) => train::run(args),
             Command::Baseline(args) => baseline::run(args),

@@ -1,17 +1,18 @@
 use std::fmt;
 use std::fs;
-use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
 use super::Failure;
+use super::terminal::{show, tell};
+use crate::run::UNFINISHED;
 use drape_cloth::file::check_writable;
 use drape_task::search::Searching;
 
@@ -21,7 +22,7 @@ pub(super) fn percent(score: Option<f64>) -> String {
 }
 
 /// Prints what was found on stdout: as one `json` object, in which numbers that are not finite become
-/// `null`, or else as `text` has it. A reader that has left early is no failure.
+/// `null`, or else as `text` has it.
 pub(super) fn print<R: Serialize>(
     found: &R,
     json: bool,
@@ -31,23 +32,7 @@ pub(super) fn print<R: Serialize>(
         true => serde_json::to_string_pretty(found)?,
         false => text(found),
     };
-    let mut stdout = io::stdout().lock();
-    match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-        written => Ok(written.context("cannot write to standard output")?),
-    }
-}
-
-/// Whether there has been a Ctrl-C or termination signal; the second one ends the program at once.
-pub(super) fn stop_on_signal() -> Result<impl Fn() -> bool + Sync, Failure> {
-    static STOP: AtomicBool = AtomicBool::new(false);
-    ctrlc::set_handler(|| {
-        if STOP.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-        eprintln!("stopping after this iteration, search or proof; again to stop at once");
-    })?;
-    Ok(|| STOP.load(Ordering::Relaxed))
+    Ok(show(&text).context("cannot write to standard output")?)
 }
 
 /// A folder to write to. What was made for it, folders above it included, and is still empty goes
@@ -62,6 +47,12 @@ impl OutFolder {
     /// Makes the folder where it is missing. For before the work: one that cannot be made would
     /// waste it.
     pub fn make(path: &Path) -> Result<Self, Failure> {
+        let name = path.file_name().unwrap_or_default();
+        if name.to_string_lossy().starts_with(UNFINISHED) {
+            let (path, expected) = (path.display(), "the name of a folder that stays");
+            let error = anyhow!("{path} begins with `{UNFINISHED}`, expected {expected}");
+            return Err(Failure::invalid(error));
+        }
         let missing = |at: &&Path| !at.as_os_str().is_empty() && !at.exists();
         let folder = Self {
             path: path.to_path_buf(),
@@ -148,9 +139,7 @@ impl Progress {
             bar.set_draw_target(ProgressDrawTarget::stderr());
         } else if !json {
             let bar = bar.clone();
-            lines = Some(every(INTERVAL, move || {
-                let _ = writeln!(io::stderr(), "{}", line(&bar, begun));
-            }));
+            lines = every(INTERVAL, move || tell(line(&bar, begun)));
         }
         Self { bar, lines }
     }
@@ -194,18 +183,19 @@ impl Drop for Progress {
     }
 }
 
-/// Calls `say` again and again, first after the `interval`, until the sender is dropped.
+/// Calls `say` again and again, first after the `interval`, until the sender is dropped; never where no thread can
+/// be started for it.
 fn every(
     interval: Duration,
     mut say: impl FnMut() + Send + 'static,
-) -> (Sender<()>, JoinHandle<()>) {
+) -> Option<(Sender<()>, JoinHandle<()>)> {
     let (sender, stopped) = mpsc::channel();
-    let thread = std::thread::spawn(move || {
+    let thread = std::thread::Builder::new().spawn(move || {
         while stopped.recv_timeout(interval) == Err(RecvTimeoutError::Timeout) {
             say();
         }
     });
-    (sender, thread)
+    Some((sender, thread.ok()?))
 }
 
 /// As in `proof, proving at accurate: 35 %, 40 seconds left`, or where steps are counted, of which some had
@@ -250,9 +240,10 @@ mod tests {
     #[test]
     fn lines_come_until_the_work_ends() {
         let (said, heard) = mpsc::channel();
-        let (sender, thread) = every(Duration::from_millis(1), move || {
+        let say = move || {
             let _ = said.send(());
-        });
+        };
+        let (sender, thread) = every(Duration::from_millis(1), say).unwrap();
         for _ in 0..3 {
             heard.recv().unwrap();
         }

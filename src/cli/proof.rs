@@ -7,6 +7,7 @@ use super::Failure;
 use super::failure::study_failure;
 use super::output::Progress;
 use super::result::{episode_progress, path, rollout_failure, write_recording};
+use super::terminal::tell;
 use crate::run::{BestSequence, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, replay};
 use drape_cloth::scene::Scene;
 use drape_study::proof::{Case, Physics, Proof, Row, Sensitivity, prove};
@@ -30,7 +31,7 @@ pub(super) fn proved(
     let (case, place) = (case(scene, config), folder.config.display().to_string());
     let found = found(case, &paths, (count, twin), Some(place), json)?;
     let Some(chosen) = found.best else {
-        eprintln!("warning: all of the best paths diverge where they are to be proved");
+        tell("warning: all of the best paths diverge where they are to be proved");
         return Ok(found.rows);
     };
     // A damaged one is replaced.

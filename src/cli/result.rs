@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::Failure;
 use super::output::{Progress, write_together};
 use super::picture::Studio;
+use super::terminal::tell;
 use crate::run::{
     EpisodeSummary, RolloutError, RunFolder, Training, curve, random_episodes, read_metrics,
 };
@@ -91,7 +92,9 @@ impl EpisodeStatistics {
 /// The random baseline of a training.
 pub(super) fn baseline(training: &Training, json: bool) -> Result<EpisodeStatistics, Failure> {
     if !json {
-        eprintln!("playing {BASELINE_EPISODES} random episodes for comparison");
+        tell(format_args!(
+            "playing {BASELINE_EPISODES} random episodes for comparison"
+        ));
     }
     let (scene, env) = (training.scene(), &training.config.env);
     EpisodeStatistics::random(scene, env, BASELINE_EPISODES, json)
@@ -141,6 +144,23 @@ pub(super) fn episode_progress(draping: &Draping, json: bool) -> impl FnMut(usiz
     let progress = Progress::new("episode", json);
     let expected = draping.task(0).expected_presses() as f64;
     move |presses| progress.set((presses as f64 / expected).min(1.0))
+}
+
+/// What [`write_recording`] writes.
+const RECORDING: [&str; 6] = [
+    "recording.drape",
+    "before.png",
+    "after.png",
+    "crushed.png",
+    "path.png",
+    "rollout.gif",
+];
+
+/// Whether a run has all that a training which has proved its path leaves.
+pub(super) fn is_proved(folder: &RunFolder) -> bool {
+    let drawn = RECORDING.map(|name| folder.pictures.join(name));
+    let files = [&folder.proof, &folder.trajectory];
+    files.into_iter().chain(&drawn).all(|file| file.exists())
 }
 
 /// Writes a recording, its pictures and its film into a folder.

@@ -9,6 +9,7 @@ use super::failure::OrInvalid;
 use super::output::{OutFolder, print, write_together};
 use super::picture::{Studio, View};
 use super::setup::{missed, set_up};
+use super::terminal::tell;
 use drape_cloth::fabric::{Drape, Membrane};
 use drape_cloth::file::{check_writable, write_atomic};
 use drape_cloth::mesh::write_stl;
@@ -70,7 +71,7 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
     let start = Instant::now();
     let scene = set_up(&config, &place, args.json)?;
     if let Some(fault) = missed(&scene) {
-        eprintln!("warning: {place}: {fault}");
+        tell(format_args!("warning: {place}: {fault}"));
     }
     let seconds = start.elapsed().as_secs_f64();
     let summary = scene.summary(&scene.initial);

@@ -7,12 +7,14 @@ use anyhow::{Context, anyhow};
 use super::Failure;
 use super::failure::OrInvalid;
 use super::output::Progress;
+use super::terminal::tell;
 use crate::run::{Input, RunConfig, RunFolder, Scenes};
+use drape_cloth::fabric::Lamina;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::{Deepest, Source};
 use drape_task::cluster::Cluster;
-use drape_task::env::{Draping, EnvConfig, ImageShape, Member, Scatter, Task, Tasks, Worlds};
+use drape_task::env::{Draping, EnvConfig, Member, Scatter, Task, Worlds};
 
 /// A blank that is nowhere as near to the tool as this has missed it [mm].
 const MISSED: f64 = 50.0;
@@ -52,42 +54,44 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
     let blank = extent(scene.lamina.rest.iter().map(|&[x, y]| Vec3::new(x, y, 0.0)));
     for (what, key, size) in [("tool", of_tool, tool), ("blank", in_mm, blank)] {
         if let Some(size) = absurd(size) {
-            eprintln!("warning: {place}: the {what} measures {size}: check {key}");
+            tell(format_args!(
+                "warning: {place}: the {what} measures {size}: check {key}"
+            ));
         }
     }
     let lies = missed(&scene).is_none();
     let clamp = scene.farthest_clamp().map(|(k, off)| (k, 1e3 * off));
     if let Some((k, off)) = clamp.filter(|(_, off)| lies && *off > IN_THE_AIR) {
-        eprintln!(
+        tell(format_args!(
             "warning: {place}: `clamps[{k}]` holds the blank {off:.1} mm off the tool, expected at \
              most {IN_THE_AIR}: bring it down by `move_mm` or `placement`"
-        );
+        ));
     }
     if let Source::Mesh(file) = &config.tool.source
         && absurd(tool).is_none()
         && let Some(advice) = unit_advice(tool, file.scale, 0.2 * blank..=20.0 * blank)
     {
         let blank = 1e3 * blank;
-        eprintln!(
+        tell(format_args!(
             "warning: {place}: beside a blank of {blank:.0} mm the tool has an odd size: {advice}"
-        );
+        ));
     }
     warn_of_depth(&scene, place);
     let strain = scene.lamina.yarn_strain(&scene.initial.position);
     let tension = 1e2 * strain.into_iter().fold(0.0, f64::max);
     let believable = 1e2 * EnvConfig::default().max_tension;
     if tension > believable {
-        eprintln!(
+        tell(format_args!(
             "warning: {place}: after the fall a yarn is stretched by {tension:.0} %, expected at most \
              {believable:.0}: raise `fall.substep_rate`, or check `[physics]`"
-        );
+        ));
     }
     let v_rms = 1e3 * scene.initial.v_rms();
     if v_rms > RESTLESS && lies {
-        eprintln!(
+        tell(format_args!(
             "warning: {place}: after the fall the blank still moves at {v_rms:.1} mm/s, expected \
              at most {RESTLESS}: raise `fall.substep_rate` or `fall.settle_s`"
-        );
+        ));
     }
     Ok(scene)
 }
@@ -106,17 +110,17 @@ fn warn_of_depth(scene: &Scene, place: &str) {
     );
     let spacing = scene.config.tool.grid.spacing_mm;
     if let Some(spacing) = spacing.filter(|_| unseen.min(depth) > UNSEEN) {
-        eprintln!(
+        tell(format_args!(
             "{found}, {unseen_mm:.2} mm more than a distance grid of {spacing} mm sees: leave out \
              `tool.grid.spacing_mm`, and distances at edges and thin walls are exact"
-        );
+        ));
     } else if mm > held_mm {
         let cell_mm = 1e3 * scene.lamina.cell_diagonal() / std::f64::consts::SQRT_2;
-        eprintln!(
+        tell(format_args!(
             "{found}, expected at most {held_mm:.2} mm: the tool is finer than cells of {cell_mm:.1} mm, \
              expected {:.1} mm or less (`blank.vertices` or `blank.cell_mm`)",
             (cell_mm * held_mm / mm).min(1e3 * held.cell)
-        );
+        ));
     }
 }
 
@@ -174,11 +178,8 @@ pub(super) fn set_up_scenes(
 ) -> Result<Scenes, Failure> {
     let mut all = vec![first];
     let members = config.members().or_invalid_in(place)?;
-    let (count, mut each) = (config.environments, members.iter());
-    let fits = each.try_for_each(|member| member.check_memory(count));
-    fits.or_invalid_in(place)?;
-    for (k, member) in members.iter().enumerate().skip(1) {
-        let place = format!("{place}, member {k} of `scenes`");
+    for member in &members[1..] {
+        let place = [place, member.name.as_deref().unwrap_or_default()].join(": ");
         // Members that differ in their task alone lie on the same scene, others perhaps over the same tool.
         let mut known = all.iter().zip(members.iter().map(|other| &other.scene));
         if let Some((scene, _)) = known.clone().find(|(_, other)| **other == member.scene) {
@@ -241,20 +242,21 @@ pub fn set_up_tasks(
     place: &str,
     quiet: bool,
 ) -> Result<Draping, Failure> {
-    config.check_memory().or_invalid_in(place)?;
+    config.check_before_fall().or_invalid_in(place)?;
     let scene = set_up_member((&config.scene, &config.env), place, quiet)?;
-    let draping = Draping::new(scene, &config.env, count).or_invalid_in(place)?;
-    let ImageShape { rows, columns } = draping.shape();
-    let policy = config.policy.validate(rows, columns).context("policy");
-    policy.or_invalid_in(place)?;
-    Ok(draping)
+    Draping::new(scene, &config.env, count).or_invalid_in(place)
 }
 
+/// Sets up a scene with a task on it.
 pub(super) fn set_up_member(
     (scene, env): (&SceneConfig, &EnvConfig),
     place: &str,
     quiet: bool,
 ) -> Result<Arc<Scene>, Failure> {
+    // A region that is not on the blank shows before the fall.
+    let material = scene.read_material().or_invalid_in(place)?;
+    let lamina = Lamina::new(&scene.blank, material).or_invalid_in(place)?;
+    env.region(&lamina).or_invalid_in(place)?;
     let scene = Arc::new(set_up_over_tool(scene, place, quiet)?);
     let task = Task::new(scene.clone(), env).or_invalid_in(place)?;
     // Below a micrometre there is nothing to win, and scores divide by it.

@@ -10,6 +10,7 @@ use super::Failure;
 use super::failure::{OrInvalid, study_failure};
 use super::learning;
 use super::output::{OutFolder, Progress, print, write_together};
+use super::terminal::{Told, tell};
 use crate::run::{BestSequence, RunConfig, RunFolder, dated_folder};
 use drape_cloth::file::{WriteError, check_writable, read_text, write_atomic};
 use drape_study::episodes::Episodes;
@@ -102,16 +103,16 @@ impl<S: clap::Args + Study> Measure<S> {
         };
         let start = Instant::now();
         let progress = Progress::new(S::NAME, self.json);
-        let tell = |share: f64, doing: &str| progress.tell(share, doing);
+        let told = |share: f64, doing: &str| progress.tell(share, doing);
         let found = self.study.run(&Context {
-            progress: &tell,
+            progress: &told,
             read_task: &|path| {
                 let (_, RunConfig { scene, env, .. }) = read_config(path)?;
                 if !self.json {
                     let run = path.display();
-                    eprintln!(
+                    tell(format_args!(
                         "using the scene and the focus region of {run}, not what it has learnt"
-                    );
+                    ));
                 }
                 Ok((scene, env))
             },
@@ -119,7 +120,7 @@ impl<S: clap::Args + Study> Measure<S> {
             read_kept: &read_kept,
             train: &|options| {
                 let out = out.as_ref().expect("a study of the command has a folder");
-                learning::train(options, &out.path, &tell)
+                learning::train(options, &out.path, &told)
             },
         });
         drop(progress);
@@ -161,7 +162,7 @@ fn object(name: &str, report: &Report, seconds: f64, out: Option<&Path>) -> Valu
     let files: Vec<&str> = report.files.iter().map(|(name, _)| &**name).collect();
     all.insert("study".into(), name.into());
     all.insert("seconds".into(), seconds.into());
-    all.insert("out".into(), json!(out));
+    all.insert("out".into(), json!(out.map(Told::from)));
     all.insert("files".into(), json!(out.map(|_| files)));
     all.into()
 }

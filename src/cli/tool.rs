@@ -9,6 +9,7 @@ use super::args::{png, positive};
 use super::failure::OrInvalid;
 use super::output::print;
 use super::setup::unit_advice;
+use super::terminal::Told;
 use drape_cloth::file::{ReadError, check_writable, parse_toml};
 use drape_cloth::mesh::{TriMesh, read_mesh, write_stl};
 use drape_cloth::tool::{GridConfig, GridError, Shape, Thinnest, Tool};
@@ -75,7 +76,7 @@ pub struct ToolArgs {
 /// What is printed.
 #[derive(Debug, Serialize)]
 struct Report {
-    file: PathBuf,
+    file: Told,
     #[serde(skip_serializing_if = "Option::is_none")]
     shape: Option<Shape>,
     vertices: usize,
@@ -135,7 +136,7 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
     let (low, high) = mesh.bounds();
     let written = args.out.as_ref().filter(|_| !is_file);
     let mut report = Report {
-        file: written.unwrap_or(&args.tool).clone(),
+        file: written.unwrap_or(&args.tool).into(),
         shape,
         vertices: mesh.vertices.len(),
         triangles: mesh.triangles.len(),

@@ -1,18 +1,23 @@
+use std::ffi::c_int;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Instant, SystemTime};
 
+use anyhow::Context as _;
 use serde::Serialize;
 
 use super::Failure;
 use super::args::accuracy;
-use super::failure::OrInvalid;
-use super::output::{Progress, percent, print, stop_on_signal};
+use super::failure::{Interrupted, OrInvalid};
+use super::output::{Progress, percent, print};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
+use super::signals::{is_checkpoint_wanted, stop_on_signal};
+use super::terminal::{Told, tell};
 use crate::cluster::Session;
-use crate::run::{Preparation, RunConfig, RunFolder, RunInfo, Training};
+use crate::run::{Preparation, RunConfig, RunFolder, RunInfo, Training, changed};
+use drape_cloth::file::{ValueError, read_text};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
 use drape_study::proof::Row;
@@ -22,7 +27,14 @@ use drape_task::env::End;
 const CHECKPOINT_INTERVAL: u64 = 10;
 
 /// Train a draping policy
+///
+/// Ctrl-C, SIGTERM and SIGHUP stop it after the iteration, with the exit code 130, 143 or 129; SIGUSR1 and SIGUSR2
+/// write a checkpoint.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape train task.toml --name a
+  drape train --resume runs/a
+  drape train --resume runs/a --steps 400000 --set ppo.learning_rate=5e-4 --set environments=64")]
 pub struct TrainArgs {
     /// Configuration file; the built-in quickstart if not given
     #[arg(conflicts_with = "resume")]
@@ -37,20 +49,23 @@ pub struct TrainArgs {
           conflicts_with = "resume")]
     seed: Option<u64>,
 
-    /// Environment steps of the whole training, instead of the configuration's
-    #[arg(long, value_parser = clap::value_parser!(u64).range(1..=RunConfig::MAX_STEPS),
-          conflicts_with = "resume")]
+    /// Environment steps of the whole training, instead of the configuration's; more of them go on with a run that
+    /// is complete
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..=RunConfig::MAX_STEPS))]
     steps: Option<u64>,
 
     /// Environment steps of search after the training, by moves of the order from its best paths on,
     /// instead of the configuration's
-    #[arg(long, value_parser = clap::value_parser!(u64).range(..=RunConfig::MAX_STEPS),
-          conflicts_with = "resume")]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..=RunConfig::MAX_STEPS))]
     polish: Option<u64>,
 
-    /// Go on with a run that was interrupted
+    /// Go on with a run that was interrupted, or that is to take more steps
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,
+
+    /// Changes a key of the run that is gone on with, in TOML; one that may not change lists those that may
+    #[arg(long, value_name = "KEY=VALUE", requires = "resume")]
+    set: Vec<String>,
 
     /// Where networks and cloth are computed: flex or ndarray (the CPU), gpu or gpu:N
     #[arg(long, value_name = "DEVICE")]
@@ -78,7 +93,7 @@ pub struct TrainArgs {
 /// What `--json` prints.
 #[derive(Serialize)]
 struct Outcome {
-    run: PathBuf,
+    run: Told,
     complete: bool,
     env_steps: u64,
     /// Of learning, without what comes before it and after.
@@ -102,16 +117,19 @@ struct Outcome {
 pub fn run(args: TrainArgs) -> Result<(), Failure> {
     let session = Session::start().map_err(Failure::invalid)?;
     let result = train(args, &session);
-    session.end(result, |failure| failure.report().into())
+    let interrupted = session.end(result, |failure| failure.report().into())?;
+    interrupted.map_or(Ok(()), |signal| Err(Interrupted(signal).into()))
 }
 
-fn train(args: TrainArgs, session: &Session) -> Result<(), Failure> {
+/// Gives the signal by which it was interrupted.
+fn train(args: TrainArgs, session: &Session) -> Result<Option<c_int>, Failure> {
     let cluster = &session.cluster;
     let quiet = args.json || !cluster.is_first();
     let mut training = begin(&args, session)?;
-    let stop = stop_on_signal()?;
+    let asked = stop_on_signal()?;
     // All processes stop together, so all ask.
-    let stop = || cluster.any(stop());
+    let asked = || cluster.gather(asked()).into_iter().flatten().next();
+    let stop = || asked().is_some();
     let baseline = match cluster.is_first() {
         true => Some(result::baseline(&training, args.json)?),
         false => None,
@@ -136,8 +154,13 @@ fn train(args: TrainArgs, session: &Session) -> Result<(), Failure> {
         let spent = &report.iteration.seconds;
         let spent = [spent.simulation, spent.inference, spent.update];
         seconds = std::array::from_fn(|k| seconds[k] + spent[k]);
-        if report.iteration.number.is_multiple_of(CHECKPOINT_INTERVAL) {
+        let is_wanted = cluster.any(is_checkpoint_wanted());
+        if is_wanted || report.iteration.number.is_multiple_of(CHECKPOINT_INTERVAL) {
             training.checkpoint()?;
+        }
+        if is_wanted && cluster.is_first() {
+            let steps = training.env_steps();
+            tell(format_args!("checkpoint written after {steps} steps"));
         }
     }
     training.checkpoint()?;
@@ -147,9 +170,10 @@ fn train(args: TrainArgs, session: &Session) -> Result<(), Failure> {
         polish(&mut training, &stop, quiet)?;
     }
     // Who has asked to stop need not wait for a proof: resuming makes it.
-    let complete = training.is_complete() && !stop();
+    let interrupted = asked();
+    let complete = training.is_complete() && interrupted.is_none();
     let Some(baseline) = baseline else {
-        return Ok(());
+        return Ok(None);
     };
     let proof = match complete {
         true => finish(&training, &baseline, args.json)?,
@@ -158,7 +182,7 @@ fn train(args: TrainArgs, session: &Session) -> Result<(), Failure> {
 
     let taken = (training.env_steps() - first) as f64;
     let outcome = Outcome {
-        run: training.folder.path.clone(),
+        run: (&training.folder.path).into(),
         complete,
         env_steps: training.env_steps(),
         seconds: elapsed,
@@ -173,7 +197,8 @@ fn train(args: TrainArgs, session: &Session) -> Result<(), Failure> {
         diverged_episodes,
         proof,
     };
-    print(&outcome, args.json, text)
+    print(&outcome, args.json, text)?;
+    Ok(interrupted.filter(|_| !complete))
 }
 
 /// A new run, or the one to be resumed.
@@ -186,7 +211,24 @@ fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
         folder.check_trained()?;
     }
     let file = resumed.as_ref().map(|folder| &*folder.config);
-    let (mut config, place) = read_config(file.or(args.config.as_deref()))?;
+    let mut new = None;
+    if let Some(file) = file {
+        let given = [("steps", args.steps), ("polish", args.polish)];
+        let given = given.map(|(key, value)| value.map(|value| format!("{key} = {value}")));
+        let changes: Vec<String> = given
+            .into_iter()
+            .flatten()
+            .chain(args.set.clone())
+            .collect();
+        new = changed(&read_text(file).or_invalid()?, &changes).or_invalid_in(file.display())?;
+    }
+    let (mut config, place) = match (&new, file) {
+        (Some(text), Some(file)) => {
+            let config = RunConfig::parse(text, file).or_invalid()?;
+            (config, file.display().to_string())
+        }
+        _ => read_config(file.or(args.config.as_deref()))?,
+    };
     config.seed = args.seed.unwrap_or(config.seed);
     config.steps = args.steps.unwrap_or(config.steps);
     config.polish = args.polish.unwrap_or(config.polish);
@@ -200,9 +242,22 @@ fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
     if let Some(folder) = resumed {
+        config.check_before_fall().or_invalid_in(&place)?;
         let scene = Arc::new(set_up_over_tool(&config.scene, &place, quiet)?);
         let scenes = set_up_scenes(&config, scene, &place, quiet)?;
-        return Ok(Training::resume(config, scenes, folder, cluster)?);
+        let training = Training::resume(config, scenes, folder, cluster)?;
+        if let Some(text) = new {
+            let (config, taken) = (&training.config, training.env_steps());
+            // Of whole rollouts, the last of which may have taken more than it had to.
+            let rollout = (config.environments * config.ppo.rollout_steps) as u64;
+            let expected = format!("at least {taken}, which are taken");
+            let is_left = config.steps.next_multiple_of(rollout) >= taken;
+            ValueError::unless(is_left, "steps", config.steps, expected).or_invalid_in(place)?;
+            if cluster.is_first() {
+                training.folder.write_config(&text)?;
+            }
+        }
+        return Ok(training);
     }
     let (scene, kept) = set_up_run(&config, &place, quiet)?;
     let scenes = set_up_scenes(&config, scene, &place, quiet)?;
@@ -216,7 +271,7 @@ fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
     let path = path.into_iter().flatten().next();
     let folder = RunFolder::open(&path.expect("the first has made it"))?;
     if !quiet {
-        eprintln!("writing {}", folder.path.display());
+        tell(format_args!("writing {}", folder.path.display()));
     }
     Ok(Training::new(config, scenes, folder, cluster)?)
 }
@@ -227,8 +282,8 @@ fn prepare(
     stop: &(dyn Fn() -> bool + Sync),
     json: bool,
 ) -> Result<(), Failure> {
-    let mut bar = ("", None);
-    training.prepare(|doing, share| {
+    let (mut bar, place) = (("", None), training.folder.config.display().to_string());
+    let prepared = training.prepare(|doing, share| {
         let (title, told) = match doing {
             Preparation::Searching { best } => ("searching", format!("best {}", percent(best))),
             Preparation::Imitating { loss } => ("imitating", format!("{loss:.3} nat off")),
@@ -239,8 +294,8 @@ fn prepare(
         let progress = bar.1.as_ref().expect("it has been started");
         progress.tell(share, &format!("{title}, {told}"));
         !stop()
-    })?;
-    Ok(())
+    });
+    Ok(prepared.context(place)?)
 }
 
 /// Searches on from the best paths of a training that is complete.
@@ -250,7 +305,7 @@ fn polish(
     json: bool,
 ) -> Result<(), Failure> {
     if !json {
-        eprintln!("polishing the best paths");
+        tell("polishing the best paths");
     }
     let progress = Progress::of_steps(0, training.config.polish, json);
     training.polish(|at| {
@@ -269,14 +324,14 @@ fn finish(
     let (folder, config) = (&training.folder, &training.config);
     result::reward_curve(folder, baseline)?;
     if training.best_score().is_none() {
-        eprintln!(
+        tell(
             "warning: every episode has diverged or none has ended, so there is no best sequence to \
-             draw: raise `steps` or `env.substep_rate`"
+             draw: raise `steps` or `env.substep_rate`",
         );
         return Ok(Vec::new());
     }
     if !json {
-        eprintln!("proving the best paths");
+        tell("proving the best paths");
     }
     let best = folder.read_best_sequence()?;
     let (task, orders) = ((training.scene(), config), (config.proof_paths, false));

@@ -10,11 +10,12 @@ use drape_learn::ppo::Sections;
 /// Its files. Newest formats:
 /// 8: observations are without the last presses;
 /// 9: states have parameters, and of its configuration a checkpoint has the digest only;
-/// 10: episodes are numbered, as what their worlds are drawn by.
+/// 10: episodes are numbered, as what their worlds are drawn by;
+/// 12: the digest is of what may not change in a configuration.
 const FILE: Sealed = Sealed {
     name: "a checkpoint",
     kind: 0,
-    format: 11,
+    format: 12,
 };
 
 /// What a run goes on from exactly where it was, or is played by, in one file.
@@ -23,7 +24,7 @@ const FILE: Sealed = Sealed {
 /// stream turns it into a section.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// [`digest`](super::digest) of the configuration that stands in the run folder.
+    /// See [`RunFolder::config_digest`].
     pub config_digest: String,
     /// Binary content by name.
     pub sections: Sections,

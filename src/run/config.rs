@@ -9,14 +9,13 @@ use toml::{Spanned, Table, Value};
 
 use super::folder::{Input, digest};
 use super::scenes::{Member, SceneRange};
-use drape_cloth::fabric::Lamina;
 use drape_cloth::file::{
     ReadError, ValueError, parse_toml_with, read_bytes, read_text, refuse_lists,
 };
 use drape_cloth::scene::SceneConfig;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
-use drape_task::env::{EnvConfig, MOST_MIB, Scatter, check_memory};
+use drape_task::env::{EnvConfig, ImageShape, MOST_MIB, Scatter};
 
 /// Most that a file which a run keeps may hold [MiB]: as much as a mesh.
 const MAX_INPUT_MIB: u64 = 2048;
@@ -203,33 +202,31 @@ impl RunConfig {
         }
     }
 
-    /// Refuses environments and rollouts that exhaust the memory, by the blank alone: before its
-    /// fall, which takes long where it is large.
-    ///
-    /// # Errors
-    /// Those of a blank that cannot be cut and of a region off it, too.
-    pub fn check_memory(&self) -> Result<()> {
-        self.scene.check()?;
-        let lamina = Lamina::new(&self.scene.blank, self.scene.read_material()?)?;
-        check_memory(self.environments, lamina.vertex_count())?;
-        let region = self.env.region(&lamina)?;
-        let pixels = match self.env.crop {
-            true => region.rows.len() * region.columns.len(),
-            false => lamina.rows * lamina.columns,
-        };
+    /// Refuses what the blanks alone tell to be impossible, before their falls, which take long where they are large:
+    /// members that cannot be, see [`Member::check`], images that differ in size, rollouts that exhaust the memory, and
+    /// networks that do not fit the image.
+    pub fn check_before_fall(&self) -> Result<()> {
+        let members = self.members()?;
+        let check = |member: &Member| member.check(self.environments, self.search);
+        let shapes: Vec<ImageShape> = members.iter().map(check).collect::<Result<_>>()?;
+        let size = |of: ImageShape| format!("{} x {} pixels", of.rows, of.columns);
+        for (member, &shape) in members.iter().zip(&shapes) {
+            let is_alike = shape == shapes[0];
+            let alike = ValueError::unless(is_alike, "env.region_mm", size(shape), size(shapes[0]));
+            member.located(alike.map_err(Into::into))?;
+        }
+        let ImageShape { rows, columns } = shapes[0];
+        let pixels = rows * columns;
         let samples = self.environments * self.ppo.rollout_steps;
         let mib = samples as f64 * pixels as f64 * PIXEL_BYTES / f64::from(1 << 20);
         let found = format!("{samples} samples of {pixels} pixels, {mib:.0} MiB");
         let expected = format!("at most {MOST_MIB} MiB");
-        Ok(ValueError::unless(
-            mib <= MOST_MIB,
-            "ppo.rollout_steps",
-            found,
-            expected,
-        )?)
+        ValueError::unless(mib <= MOST_MIB, "ppo.rollout_steps", found, expected)?;
+        self.policy.validate(rows, columns).context("policy")
     }
 
-    fn parse(text: &str, path: &Path) -> Result<Self> {
+    /// As [`RunConfig::read`] from the text of a file at `path`.
+    pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let mut config = parse_toml_with(text, path, Self::over_preset)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         for (input, expected) in &config.inputs {
@@ -303,14 +300,17 @@ impl RunConfig {
     /// # Errors
     /// If a scene cannot be drawn, or there are fewer environments than scenes.
     pub fn members(&self) -> Result<Vec<Member>, ValueError> {
-        let mut scenes = vec![(self.scene.clone(), self.env.clone())];
+        let mut scenes = vec![(None, (self.scene.clone(), self.env.clone()))];
         for (number, range) in self.scenes.iter().enumerate() {
-            scenes.extend(range.draw((&self.scene, &self.env), (self.seed, number))?);
+            let drawn = range.draw((&self.scene, &self.env), (self.seed, number))?;
+            let name = |member| Some(format!("`scenes.{number}`, member {member}"));
+            scenes.extend(drawn.into_iter().enumerate().map(|(k, one)| (name(k), one)));
         }
         let (all, count) = (self.environments, scenes.len());
         let expected = format!("one at least for each of {count} scenes");
         ValueError::unless(all >= count, "environments", all, expected)?;
-        let member = |(k, (scene, env)): (usize, (SceneConfig, EnvConfig))| Member {
+        let member = |(k, (name, (scene, env)))| Member {
+            name,
             scene,
             env,
             environments: all * (k + 1) / count - all * k / count,
@@ -342,7 +342,7 @@ impl RunConfig {
         let max = (Self::MAX_SAMPLES / self.environments) as u64;
         range("ppo.rollout_steps", self.ppo.rollout_steps as u64, max)?;
         for member in &self.members()?[1..] {
-            member.scene.check()?;
+            member.located(member.scene.check().map_err(Into::into))?;
         }
         self.ppo.validate().context("ppo")
     }

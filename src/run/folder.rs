@@ -7,6 +7,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use humantime::format_rfc3339_seconds;
 use serde::{Deserialize, Serialize};
 
+use super::changes::fixed;
 use drape_cloth::file::{in_words, read_bytes, read_text, remove_temporaries, write_atomic};
 use drape_study::proof::{Physics, Row};
 use drape_task::env::ImageShape;
@@ -158,15 +159,16 @@ pub type Input = (PathBuf, Vec<u8>);
 /// A run that cannot be made, or not be written to.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    #[error("{0:?} cannot name a run: expected one name of a folder")]
+    #[error(
+        "{0:?} cannot name a run: expected one name of a folder, without control characters, that does not \
+         begin with `{UNFINISHED}`"
+    )]
     Name(String),
     #[error("{} is in use: another drape writes into it", .0.display())]
     InUse(PathBuf),
-    #[error(
-        "run {} already exists: choose another name, resume it, or remove the folder",
-        .0.display()
-    )]
-    Taken(PathBuf),
+    /// A training can be resumed, what was searched cannot.
+    #[error("run {} already exists: choose another name, {_1}or remove the folder", .0.display())]
+    Taken(PathBuf, &'static str),
     #[error(
         "{} has no policy, as `drape baseline --policy {_1}` made it: `eval --sequence` replays \
          its best path",
@@ -208,8 +210,11 @@ fn cannot_create(path: &Path) -> String {
     format!("cannot create {}", path.display())
 }
 
-/// Begin and end of the name of a run that is being made. It is moved when it is whole.
-const UNFINISHED: [&str; 2] = [".drape-", ".new"];
+/// Begin of the names of folders and files that are being made, which are moved when they are whole and may be removed
+/// when they were left behind.
+pub const UNFINISHED: &str = ".drape-";
+/// End of that of a run.
+const NEW: &str = ".new";
 
 /// An unfinished run this old was left by a drape that was killed: making one takes no second.
 const STALE: Duration = Duration::from_secs(3600);
@@ -221,8 +226,7 @@ fn remove_stale(root: &Path) {
         let name = name.to_string_lossy();
         let modified = entry.metadata().and_then(|found| found.modified()).ok();
         let age = modified.and_then(|then| then.elapsed().ok());
-        let [begin, end] = UNFINISHED;
-        if name.starts_with(begin) && name.ends_with(end) && age > Some(STALE) {
+        if name.starts_with(UNFINISHED) && name.ends_with(NEW) && age > Some(STALE) {
             let _ = fs::remove_dir_all(entry.path());
         }
     }
@@ -275,7 +279,11 @@ impl RunFolder {
     ) -> Result<Self> {
         let names: Box<dyn Iterator<Item = String>> = match name {
             None => Box::new(dated_names("", SystemTime::now())),
-            Some(name) if Path::new(name).file_name() == Some(name.as_ref()) => {
+            Some(name)
+                if Path::new(name).file_name() == Some(name.as_ref())
+                    && !name.starts_with(UNFINISHED)
+                    && !name.contains(char::is_control) =>
+            {
                 Box::new(std::iter::once(name.into()))
             }
             Some(name) => bail!(RunError::Name(name.into())),
@@ -283,7 +291,7 @@ impl RunFolder {
         fs::create_dir_all(root).with_context(|| cannot_create(root))?;
         remove_stale(root);
         let mut unfinished = tempfile::Builder::new();
-        unfinished.prefix(UNFINISHED[0]).suffix(UNFINISHED[1]);
+        unfinished.prefix(UNFINISHED).suffix(NEW);
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
@@ -303,7 +311,10 @@ impl RunFolder {
             }
             last = path;
         }
-        bail!(RunError::Taken(last))
+        let other = Self::open(&last).and_then(|other| other.check_trained());
+        let is_training = info.search.is_none() && other.is_ok();
+        let advice = if is_training { "resume it, " } else { "" };
+        bail!(RunError::Taken(last, advice))
     }
 
     fn fill(&self, (config, inputs): (&str, &[Input]), info: &RunInfo) -> Result<()> {
@@ -375,9 +386,16 @@ impl RunFolder {
         }
     }
 
-    /// [`digest`] of what stands in [`RunFolder::config`].
+    /// [`digest`] of what may not change in [`RunFolder::config`], see [`changed`](super::changed).
     pub fn config_digest(&self) -> Result<String> {
-        Ok(digest(read_text(&self.config)?))
+        Ok(digest(fixed(&read_text(&self.config)?)?))
+    }
+
+    /// Replaces the configuration by one that says the same but for what may change.
+    pub fn write_config(&self, text: &str) -> Result<()> {
+        Ok(write_atomic(&self.config, |file| {
+            file.write_all(text.as_bytes())
+        })?)
     }
 
     /// Replaces the best sequence.
@@ -529,7 +547,17 @@ mod tests {
     #[test]
     fn names_that_leave_the_root_are_refused() {
         let root = tempfile::tempdir().unwrap();
-        for name in ["", ".", "..", "a/b", "a/", "./a", "/a"] {
+        for name in [
+            "",
+            ".",
+            "..",
+            "a/b",
+            "a/",
+            "./a",
+            "/a",
+            ".drape-q.new",
+            "a\u{1b}b",
+        ] {
             let error =
                 RunFolder::create(root.path(), Some(name), (CONFIG, &[]), &info()).unwrap_err();
             assert!(error.is::<RunError>(), "{name}: {error}");

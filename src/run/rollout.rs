@@ -8,7 +8,9 @@ use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::measure::{sheared, surplus};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Observation, Snapshot};
-use drape_task::env::{Draping, End, EnvConfig, EpisodeState, Played, ReplayDiverged, Task, Tasks};
+use drape_task::env::{
+    Draping, End, EnvConfig, EpisodeState, Played, ReplayDiverged, Task, Tasks, most_environments,
+};
 use drape_task::path::PathFigures;
 use drape_task::recording::Recording;
 
@@ -195,22 +197,31 @@ pub fn parallel_episodes(
     mut progress: impl FnMut(f64),
 ) -> Result<Vec<EpisodeSummary>, RolloutError> {
     let start = Instant::now();
-    let mut draping = Draping::new(scene.clone(), config, count)?;
+    let most = most_environments(scene.lamina.vertex_count());
     let stream = |index| Stream::new(SEED, Purpose::Evaluation, index);
     let mut streams: Vec<Stream> = (0..count as u32).map(stream).collect();
-    let expected = draping.task(0).expected_presses() as f64;
     let mut steps = 0.0;
-    let all = draping.play(|draping| {
-        progress(f64::min(steps / expected, 1.0));
+    let choose = |draping: &Draping, first: usize| {
+        let expected = draping.task(0).expected_presses() as f64;
+        let share = f64::min(steps / expected, 1.0);
+        progress((first as f64 + share * draping.count() as f64) / count as f64);
         steps += 1.0;
-        let each = streams.iter_mut().enumerate();
+        let each = streams[first..]
+            .iter_mut()
+            .take(draping.count())
+            .enumerate();
         let each = each.map(|(k, stream)| choose(draping.observation(k), stream));
         each.collect()
-    });
+    };
+    let ended = |task: &Task, one: Played| {
+        let is_whole = one.episode.end != End::Diverged;
+        is_whole.then(|| summarise(task, &one.end, 0.0))
+    };
+    let all = Draping::play_all((scene, config), (count, most), choose, ended)?;
+    let mut summaries: Vec<EpisodeSummary> = all.into_iter().flatten().collect();
     let seconds = start.elapsed().as_secs_f64() / count as f64;
-    let ended = all.iter().filter(|one| one.episode.end != End::Diverged);
-    let summaries = ended.map(|one| summarise(draping.task(0), &one.end, seconds));
-    Ok(summaries.collect())
+    summaries.iter_mut().for_each(|one| one.seconds = seconds);
+    Ok(summaries)
 }
 
 /// Measures how presses have ended.

@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
@@ -8,7 +9,7 @@ use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::{SceneConfig, SceneError};
-use drape_task::env::{EnvConfig, check_memory};
+use drape_task::env::{EnvConfig, ImageShape, check_memory};
 
 /// Further scenes to be learned on: one with other numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -73,7 +74,10 @@ impl SceneRange {
         }
         let mut stream = Stream::new(seed, Purpose::Scenes, number as u32);
         let mut draw = || {
-            let mut drawn = Value::try_from(&base).expect("a scene is a table");
+            // Nothing else in a scene has no place in TOML.
+            let drawn = Value::try_from(&base);
+            let (found, expected) = ("of a scene with paths that are no Unicode", "other names");
+            let mut drawn = drawn.map_err(|_| ValueError::new(&key("vary"), found, expected))?;
             let own = Value::try_from(&base.env.parameters).expect("they are a table");
             drawn["env"]
                 .as_table_mut()
@@ -107,6 +111,8 @@ struct Both {
 /// One of the scenes that a policy learns on.
 #[derive(Clone, Debug)]
 pub struct Member {
+    /// What messages call it, as in "`scenes.0`, member 2", which counts from 0; none of the run's own scene.
+    pub name: Option<String>,
     pub scene: SceneConfig,
     pub env: EnvConfig,
     /// Environments on it.
@@ -114,10 +120,45 @@ pub struct Member {
 }
 
 impl Member {
-    /// Refuses blanks of which `count` environments exhaust the memory, before their fall.
-    pub fn check_memory(&self, count: usize) -> anyhow::Result<()> {
+    /// Refuses what needs no fall to be refused: values that cannot be, blanks of which `count` environments exhaust the
+    /// memory, and regions off them; where they `search`, too few steps for episodes to end. Gives the size of the
+    /// images.
+    pub fn check(&self, count: usize, search: u64) -> Result<ImageShape> {
+        self.located(self.checked(count, search))
+    }
+
+    fn checked(&self, count: usize, search: u64) -> Result<ImageShape> {
+        self.scene.check()?;
         let lamina = Lamina::new(&self.scene.blank, self.scene.read_material()?)?;
-        Ok(check_memory(count, lamina.vertex_count())?)
+        check_memory(count, lamina.vertex_count())?;
+        let region = self.env.region(&lamina)?;
+        if search > 0 {
+            // A stencil holds so many vertices of the flat blank, and of wrinkles under it not twice as many.
+            let cell = lamina.cell_diagonal() / std::f64::consts::SQRT_2;
+            let side = 1e-3 * self.env.stencil_mm * self.env.parameters.stencil;
+            let side = (side / cell).floor() + 1.0;
+            let least = region.vertices.count_ones(..) as f64 / (2.0 * side * side);
+            let least = least.ceil() as u64;
+            let expected = |least| format!("at least {least}, for an episode of `search` to end");
+            let found = self.env.max_steps.unwrap_or(usize::MAX);
+            let can_end = found as u64 >= least;
+            ValueError::unless(can_end, "env.max_steps", found, expected(least))?;
+            let least = least * count as u64;
+            ValueError::unless(search >= least, "search", search, expected(least))?;
+        }
+        let [rows, columns] = match self.env.crop {
+            true => [region.rows.len(), region.columns.len()],
+            false => [lamina.rows, lamina.columns],
+        };
+        Ok(ImageShape { rows, columns })
+    }
+
+    /// What an error is about, beside the configuration.
+    pub fn located<T>(&self, result: Result<T>) -> Result<T> {
+        match &self.name {
+            Some(name) => result.with_context(|| name.clone()),
+            None => result,
+        }
     }
 }
 

@@ -13,6 +13,7 @@ use super::events::{create_events, scalar_record};
 use super::folder::RunFolder;
 use super::log::Log;
 use super::metrics::{metrics_line, read_lines};
+use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{
@@ -68,6 +69,9 @@ struct Memory {
     /// Lines of the metrics.
     lines: u64,
 }
+
+/// Episodes of a search, all cut off by `env.max_steps`, after which none is expected to end.
+const HOPELESS: usize = 64;
 
 /// Episodes that the mean score of a report is taken over.
 const RECENT: usize = 50;
@@ -277,12 +281,15 @@ impl Training {
             let member = member(&task.scene, &task.config, count);
             let mut draping = Draping::on(vec![member], &self.cluster)?;
             let mut best = Best::default();
+            let (mut truncated, mut can_end) = (0, true);
             let mut watch = |spent: u64, ended: &[Episode]| {
                 for episode in ended.iter().filter(|e| e.end == End::Terminated) {
                     best.remember(episode.score, &episode.actions, task);
                 }
+                truncated += ended.iter().filter(|e| e.end == End::Truncated).count();
+                can_end = best.score().is_some() || truncated < HOPELESS;
                 is_whole = go_on(best.score(), (before + spent) as f64 / all as f64);
-                is_whole
+                is_whole && can_end
             };
             let mut arena = Arena::new(&mut draping, steps, &mut watch);
             let method = CrossEntropy::alike(self.config.search_alike);
@@ -291,7 +298,16 @@ impl Training {
                 return Ok(None);
             }
             if best.score().is_none() {
-                bail!("`search` is {all}, too few steps for an episode to end on scene {number}");
+                let place = format!("for an episode of `search` to end on scene {number}");
+                let (key, found, what) = match (task.config.max_steps, can_end) {
+                    (Some(most), false) => ("env.max_steps", most as u64, "presses"),
+                    _ => ("search", all, "steps"),
+                };
+                bail!(ValueError::new(
+                    key,
+                    found,
+                    format!("enough {what} {place}")
+                ));
             }
             before += steps;
             found.push(best.actions(task));

@@ -159,6 +159,23 @@ fn what_needs_a_policy_says_that_there_is_none() {
         let words = ["runs/sweep-1 has no policy, as `drape baseline --policy sweep` made it"];
         assert_failure(&drape(path, args), 2, &words);
     }
+    fs::remove_file(path.join("runs/sweep-1/proof.json")).unwrap();
+    fs::remove_file(path.join("runs/sweep-1/best_sequence.json")).unwrap();
+    let words = [
+        "runs/sweep-1 has no best sequence, as",
+        ": search again, for more steps",
+    ];
+    assert_failure(&drape(path, &["export", "runs/sweep-1"]), 2, &words);
+    let again = [
+        "baseline",
+        "config.toml",
+        "--policy",
+        "sweep",
+        "--name",
+        "sweep-1",
+    ];
+    let words = ["already exists: choose another name, or remove the folder"];
+    assert_failure(&drape(path, &again), 2, &words);
     let args = ["baseline", "config.toml", "--policy", "best"];
     assert_eq!(drape(path, &args).status.code(), Some(2));
     let args = ["baseline", "none.toml", "--policy", "random"];

@@ -107,7 +107,7 @@ fn options_that_cannot_be_are_refused() {
     let folder = folder();
     let path = folder.path();
     fs::write(path.join("config.toml"), CONFIG).unwrap();
-    for name in ["", ".", "..", "a/b", "/a", "a/"] {
+    for name in ["", ".", "..", "a/b", "/a", "a/", ".drape-q.new", "a\u{1b}"] {
         let output = drape(path, &["train", "config.toml", "--json", "--name", name]);
         assert_failure(
             &output,
@@ -158,11 +158,19 @@ fn options_that_cannot_be_are_refused() {
 fn one_of_several_processes_says_what_to_build() {
     let folder = folder();
     for name in ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS"] {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_drape"));
-        command.arg("train").env(name, "4").current_dir(&folder);
-        let words =
-            "started as one of 4 processes, expected one: rebuild with `--features cluster`";
-        assert_failure(&command.output().unwrap(), 2, &[words]);
+        for (args, advice) in [
+            (&["train"][..], "rebuild with `--features cluster`"),
+            (
+                &["baseline", "--policy", "sweep"],
+                "only `drape train` shares its work",
+            ),
+            (&["eval", "runs/a"], "only `drape train` shares its work"),
+        ] {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_drape"));
+            command.args(args).env(name, "4").current_dir(&folder);
+            let words = format!("started as one of 4 processes, expected one: {advice}");
+            assert_failure(&command.output().unwrap(), 2, &[&words]);
+        }
     }
     assert!(!folder.path().join("runs").exists());
 }

@@ -57,13 +57,15 @@ fn seeds_are_trained_compared_and_gone_on_with() {
         assert_eq!(read("s/a/seed-2"), read("runs/x"), "{file}");
     }
 
-    // One run is complete but for its proof, one is missing; the others stay as they are.
+    // One run is complete but for its proof, one but for its pictures, one is missing; the others stay as they are.
+    fs::remove_file(out.join("b/seed-1/pictures/after.png")).unwrap();
     let [lost, kept] = ["b/seed-2/proof.json", "a/seed-1/proof.json"].map(|name| out.join(name));
     let old = fs::read(&lost).unwrap();
     fs::remove_file(&lost).unwrap();
     fs::write(&kept, fs::read_to_string(&kept).unwrap() + " ").unwrap();
     let again = report(&["--seeds", "3", "--resume", "s"]);
     assert_eq!(fs::read(&lost).unwrap(), old);
+    assert!(out.join("b/seed-1/pictures/after.png").exists());
     assert!(fs::read_to_string(&kept).unwrap().ends_with(' '));
     let runs = again["runs"].as_array().unwrap();
     let seconds = |row: &Value| number(&row["seconds"]);
@@ -83,7 +85,12 @@ fn what_cannot_be_studied_is_refused_before_the_first_training() {
     let path = folder.path();
     fs::write(path.join("a.toml"), CONFIG).unwrap();
     fs::write(path.join("b.toml"), "seed = -1").unwrap();
+    fs::write(path.join("runs.csv.toml"), CONFIG).unwrap();
     for (args, words) in [
+        (
+            &["runs.csv.toml"][..],
+            "a configuration is called `runs.csv`, expected",
+        ),
         (&["a.toml", "b.toml"][..], "b.toml:1:8: invalid value"),
         (
             &["a.toml", "./a.toml"][..],
@@ -97,5 +104,36 @@ fn what_cannot_be_studied_is_refused_before_the_first_training() {
         let output = drape(path, &[&["study", "learning"], args].concat());
         assert_failure(&output, 2, &[words]);
         assert!(names(path).iter().all(|name| name.ends_with(".toml")));
+    }
+}
+
+/// A name may begin like an option, and no training lives on without its study.
+#[cfg(target_os = "linux")]
+#[test]
+fn trainings_are_of_their_study() {
+    let folder = folder();
+    let path = folder.path();
+    fs::write(
+        path.join("-a.toml"),
+        CONFIG.replace("steps = 240", "steps = 1000000"),
+    )
+    .unwrap();
+    let mut study = Command::new(env!("CARGO_BIN_EXE_drape"));
+    study.args([
+        "study", "learning", "--seeds", "1", "--out", "s", "--", "-a.toml",
+    ]);
+    let mut study = begun(study.current_dir(path), &[]);
+    let run = path.join("s/-a/seed-1");
+    wait_for_lines(&run, 1);
+    study.kill().unwrap();
+    study.wait().unwrap();
+    let start = std::time::Instant::now();
+    // It has let go of its run, and can be gone on with.
+    while fs::File::open(run.join(".lock"))
+        .unwrap()
+        .try_lock()
+        .is_err()
+    {
+        assert!(start.elapsed().as_secs() < 60, "it trains on");
     }
 }

@@ -3,6 +3,7 @@
 mod baseline;
 mod bench;
 mod blank;
+mod changes;
 mod compare;
 mod damage;
 mod eval;
@@ -14,6 +15,7 @@ mod scene;
 mod study;
 mod tool;
 mod train;
+mod unheard;
 mod unseen;
 
 use std::fs;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::process::Child;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
@@ -162,19 +163,56 @@ pub fn interrupted(
     let run = folder.join("runs").join(name);
     let mut command = Command::new(env!("CARGO_BIN_EXE_drape"));
     command.args(["train", "config.toml", "--name", name, "--json"]);
-    command.current_dir(folder);
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped());
-    let mut child = child.spawn().unwrap();
+    let mut child = begun(command.current_dir(folder), &[]);
+    wait_for_lines(&run, count);
+    assert_eq!(child.try_wait().unwrap(), None, "ended by itself");
+    send(signal, child.id());
+    (run, child.wait_with_output().unwrap())
+}
+
+/// A command in which these signals are ignored and all others are not, whatever they are here.
+#[cfg(unix)]
+pub fn begun(command: &mut Command, ignored: &[libc::c_int]) -> Child {
+    use std::os::unix::process::CommandExt;
+    let signals = [
+        libc::SIGINT,
+        libc::SIGTERM,
+        libc::SIGHUP,
+        libc::SIGUSR1,
+        libc::SIGUSR2,
+    ];
+    let act = |signal| match ignored.contains(&signal) {
+        true => libc::SIG_IGN,
+        false => libc::SIG_DFL,
+    };
+    let actions = signals.map(|signal| (signal, act(signal)));
+    // SAFETY: `signal` may be called between fork and exec.
+    unsafe {
+        command.pre_exec(move || {
+            let _ = actions.map(|(signal, action)| libc::signal(signal, action));
+            Ok(())
+        })
+    };
+    let piped = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    piped.spawn().unwrap()
+}
+
+/// Waits until a run has written so many lines of metrics.
+pub fn wait_for_lines(run: &Path, count: usize) {
     let start = Instant::now();
-    let written = || fs::read(run.join("metrics.jsonl")).unwrap_or_default();
-    let has_begun = || run.join("metrics.jsonl").exists();
-    while !has_begun() || written().iter().filter(|&&byte| byte == b'\n').count() < count {
-        assert_eq!(child.try_wait().unwrap(), None, "ended by itself");
+    let lines = || {
+        let written = fs::read(run.join("metrics.jsonl")).ok()?;
+        Some(written.iter().filter(|&&byte| byte == b'\n').count())
+    };
+    while lines().is_none_or(|found| found < count) {
         assert!(start.elapsed() < Duration::from_secs(60));
         std::thread::sleep(Duration::from_millis(2));
     }
-    let script = format!("kill -{signal} {}", child.id());
+}
+
+#[cfg(unix)]
+pub fn send(signal: &str, process: u32) {
+    let script = format!("kill -{signal} {process}");
     let status = Command::new("sh").args(["-c", &script]).status();
     assert!(status.unwrap().success());
-    (run, child.wait_with_output().unwrap())
 }

@@ -393,7 +393,7 @@ fn interrupted_training_goes_on_exactly() {
 
     // Asked to stop: it ends the iteration, saves and says so.
     let (run, output) = interrupted(path, &config, "int", "INT", 3);
-    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(output.status.code(), Some(130));
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert_eq!(
         stderr,

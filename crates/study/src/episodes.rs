@@ -15,7 +15,7 @@ use drape_cloth::math::{Purpose, Stream, mean_and_deviation};
 use drape_cloth::measure::surplus;
 use drape_cloth::scene::{Scene, Summary};
 use drape_cloth::sim::{Backend, Cpu, Precision, Snapshot, World};
-use drape_task::env::{Draping, End, EnvConfig, EpisodeState, Played, Region};
+use drape_task::env::{Draping, End, EnvConfig, Played, Region, Task, Tasks, most_environments};
 use drape_task::search::{Order, choose};
 
 /// Play whole episodes in fixed orders: strain, rest and penetration after them, and how much
@@ -69,12 +69,10 @@ impl Study for Episodes {
         let mut rows = Vec::new();
         for order in Order::ALL {
             let told = |steps| (context.progress)((steps as f64 / expected).min(1.0), order.name());
-            let played = play(&scene, &env, order, self.count.into(), 1, told)?;
-            let finite = played.iter().filter(|p| p.episode.end != End::Diverged);
-            let ends: Vec<Rested> = finite
-                .map(|p| rest(&scene, &env, &region, p.end.cloth()))
-                .collect();
-            let diverged = played.len() - ends.len();
+            let count = usize::from(self.count);
+            let rested = |played: Played| rest(&scene, &env, &region, played.end.cloth());
+            let ends: Vec<Rested> = play(&scene, &env, order, (count, 1), told, rested)?;
+            let diverged = count - ends.len();
             rows.extend(FIGURES.map(|(name, of)| {
                 let values: Vec<f64> = ends.iter().map(of).collect();
                 let (means, range) = (mean_and_deviation(&values), extremes(&values));
@@ -117,29 +115,36 @@ const FIGURES: [Figure; 11] = [
     ("tension max at rest [%]", |r| 1e2 * r.tension_max),
 ];
 
-/// Plays `count` episodes in an order. `progress` is told the number of steps taken.
-pub fn play(
+/// Plays `count` episodes in an order, drawn under a seed, and keeps what `of` makes of those that do not diverge.
+/// `progress` is told the number of steps taken.
+fn play<T>(
     scene: &Arc<Scene>,
     config: &EnvConfig,
     order: Order,
-    count: usize,
-    seed: u64,
+    (count, seed): (usize, u64),
     mut progress: impl FnMut(usize),
-) -> Result<Vec<Played>, ValueError> {
-    let mut env = Draping::new(scene.clone(), config, count)?;
+    of: impl Fn(Played) -> T,
+) -> Result<Vec<T>, ValueError> {
     let stream = |index| Stream::new(seed, Purpose::Evaluation, index as u32);
     let mut streams: Vec<Stream> = (0..count).map(stream).collect();
     let mut steps = 0;
-    let played = env.play(|env| {
+    let choose = |env: &Draping, first: usize| {
         progress(steps);
         steps += 1;
         let choose = |(index, stream): (usize, &mut Stream)| {
-            let share = index as f64 / count as f64;
+            let share = (first + index) as f64 / count as f64;
             choose(env, index, order, share, stream)
         };
-        streams.iter_mut().enumerate().map(choose).collect()
-    });
-    Ok(played)
+        let streams = streams[first..].iter_mut().take(env.count());
+        streams.enumerate().map(choose).collect()
+    };
+    let of = |_: &Task, played: Played| {
+        let is_whole = played.episode.end != End::Diverged;
+        is_whole.then(|| of(played))
+    };
+    let most = most_environments(scene.lamina.vertex_count());
+    let kept = Draping::play_all((scene, config), (count, most), choose, of)?;
+    Ok(kept.into_iter().flatten().collect())
 }
 
 /// The vertices that `count` episodes in an order press, without those that diverge.
@@ -150,10 +155,10 @@ pub fn sequences(
     count: usize,
     seed: u64,
 ) -> Result<Vec<Vec<u32>>, ValueError> {
-    let mut played = play(scene, config, order, count, seed, |_| ())?;
-    played.retain(|p| p.episode.end != End::Diverged && !p.episode.actions.is_empty());
-    let vertices = |end: &EpisodeState| end.presses().iter().map(|&(v, _)| v).collect();
-    Ok(played.iter().map(|played| vertices(&played.end)).collect())
+    let vertices = |played: Played| played.end.presses().iter().map(|&(v, _)| v).collect();
+    let mut lists: Vec<Vec<u32>> = play(scene, config, order, (count, seed), |_| (), vertices)?;
+    lists.retain(|list| !list.is_empty());
+    Ok(lists)
 }
 
 /// Measures a state and lets it come to rest.

@@ -165,6 +165,8 @@ pub enum StudyError {
     Named(&'static str, #[source] Failed),
     #[error("cannot start threads")]
     Threads(#[from] rayon::ThreadPoolBuildError),
+    #[error("cannot start a thread")]
+    Thread(#[from] std::io::Error),
 }
 
 impl StudyError {

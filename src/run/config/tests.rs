@@ -1,5 +1,5 @@
 use super::*;
-use drape_cloth::fabric::Material;
+use drape_cloth::fabric::{Lamina, Material};
 
 fn parse(text: &str) -> Result<RunConfig, String> {
     RunConfig::parse(text, Path::new("c.toml")).map_err(|e| format!("{e:#}"))

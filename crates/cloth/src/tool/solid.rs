@@ -1,4 +1,3 @@
-use nalgebra::Point3;
 
 use super::config::{GridConfig, Source, ToolConfig};
 use super::error::ToolError;

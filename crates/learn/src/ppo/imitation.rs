@@ -141,20 +141,24 @@ impl Memory {
     }
 
     /// The memory that [`Memory::save`] wrote, of as much room as this and with possible moves on images of
-    /// `pixel_count` pixels only; or why it is none.
+    /// `pixel_count` pixels only; or why it is none. Episodes that were going on in another number of tasks are
+    /// forgotten.
     pub fn loaded(&self, bytes: &[u8], pixel_count: usize) -> Result<Self, String> {
         let Saved { best, open } = decode(bytes)?;
         let views = self.best.len();
         let kept = best.iter().flatten().map(|kept| &kept.moves);
-        let fits = open.len() == self.open.len()
-            && best.len() == views
-            && best.iter().all(|best| best.len() <= self.capacity)
-            && { kept.chain(&open) }.all(|moves| moves.fit(pixel_count, views));
+        let fits = best.len() == views && best.iter().all(|best| best.len() <= self.capacity) && {
+            kept.chain(&open)
+        }
+        .all(|moves| moves.fit(pixel_count, views));
         match fits {
             true => Ok(Self {
                 capacity: self.capacity,
                 best,
-                open: open.into_iter().map(Moves::apart).collect(),
+                open: match open.len() == self.open.len() {
+                    true => open.into_iter().map(Moves::apart).collect(),
+                    false => vec![Vec::new(); self.open.len()],
+                },
             }),
             false => Err("is of other tasks or another number of episodes".into()),
         }
@@ -211,7 +215,9 @@ mod tests {
         );
         let again = Memory::new(2, 1, 1).loaded(&memory.save(), 8).unwrap();
         assert_eq!(again.save(), memory.save());
-        assert!(Memory::new(2, 1, 2).loaded(&memory.save(), 8).is_err());
+        let more = Memory::new(2, 1, 2).loaded(&memory.save(), 8).unwrap();
+        assert_eq!((more.open.len(), &more.best), (2, &memory.best));
+        assert!(Memory::new(2, 2, 1).loaded(&memory.save(), 8).is_err());
         assert!(Memory::new(2, 1, 1).loaded(&memory.save(), 9).is_err());
     }
 }

@@ -374,6 +374,22 @@ fn resumed_training_is_the_uninterrupted_one() {
     assert!(whole.save() == resumed.save());
 }
 
+/// Parameters, moments, counters and what is imitated stay; tasks begin anew.
+#[test]
+fn other_numbers_of_tasks_go_on_with_what_was_learned() {
+    let mut whole = trainer(everything(), 5);
+    whole.iterate().unwrap();
+    for count in [3, 20] {
+        let tasks = Order::new(count);
+        let other = Trainer::new(everything(), &policy(), tasks, 99, DeviceKind::Flex);
+        let mut other = other.unwrap();
+        other.load(&whole.save()).unwrap();
+        assert!(other.agent().save() == whole.agent().save());
+        let next = other.iterate().unwrap();
+        assert_eq!((next.number, next.env_steps), (2, 160 + 10 * count as u64));
+    }
+}
+
 #[test]
 fn threads_do_not_change_a_bit() {
     let run = |threads| {

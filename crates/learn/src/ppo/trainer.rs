@@ -233,27 +233,30 @@ impl<T: Tasks> Trainer<T> {
         named.map(|(name, bytes)| (name.into(), bytes)).collect()
     }
 
-    /// Goes back to what [`Trainer::save`] returned, for the same configuration and tasks of
-    /// the same kind. Fails, changing nothing, if they are of another training.
+    /// Goes back to what [`Trainer::save`] returned, for the same network and tasks of the same kind. Where there is
+    /// another number of them they begin anew, and keep their random streams as far as they had some. Fails,
+    /// changing nothing, if they are of another training.
     pub fn load(&mut self, sections: &Sections) -> Result<(), SectionError> {
         let mut actor_critic = self.actor_critic.clone();
         read_section(sections, NETWORK, |bytes| actor_critic.load(bytes))?;
         let adam = read_section(sections, ADAM, |bytes| self.adam.loaded(bytes))?;
+        let mut progress: Progress = read_section(sections, PROGRESS, decode)?;
         let count = self.tasks.count();
-        let progress = read_section(sections, PROGRESS, |bytes| {
-            let progress: Progress = decode(bytes)?;
-            let found = progress.actions.len();
-            match found == count {
-                true => Ok(progress),
-                false => Err(format!("is of {found} tasks, expected {count}")),
-            }
-        })?;
+        let is_same = progress.actions.len() == count;
+        progress.actions.truncate(count);
+        let known = progress.actions.len();
+        progress
+            .actions
+            .extend_from_slice(&self.progress.actions[known..]);
         let pixel_count = self.tasks.shape().pixel_count();
         let fitting = |own: &Memory| {
             read_section(sections, IMITATION, |bytes| own.loaded(bytes, pixel_count))
         };
         let memory = self.memory.as_ref().map(fitting).transpose()?;
-        read_section(sections, TASKS, |bytes| self.tasks.load(bytes))?;
+        read_section(sections, TASKS, |bytes| match is_same {
+            true => self.tasks.load(bytes),
+            false => Ok(()),
+        })?;
         self.actor_critic = actor_critic;
         self.adam = adam;
         self.progress = progress;

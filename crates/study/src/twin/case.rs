@@ -1,6 +1,7 @@
 //! The case: fall and presses of the fast solver, of the twin, and of the twin with scaled mass.
 
 use std::sync::Arc;
+use std::thread::Builder;
 
 use cpu_time::{ProcessTime, ThreadTime};
 
@@ -67,12 +68,13 @@ impl PaperCase {
         let baseline = twin_of(&self.scene)?;
         let accelerated = baseline.accelerated(ACCELERATION);
         let fast = self.fast()?;
-        let (twin, accelerated) = std::thread::scope(|scope| {
-            let other = scope.spawn(|| self.twin("accelerated", &accelerated, false, |_| ()));
+        std::thread::scope(|scope| {
+            let other = || self.twin("accelerated", &accelerated, false, |_| ());
+            let other = Builder::new().spawn_scoped(scope, other)?;
             let twin = self.twin("twin", &baseline, false, progress);
-            (twin, other.join().expect("the twin does not panic"))
-        });
-        Ok([fast, twin?, accelerated?])
+            let accelerated = other.join().expect("the twin does not panic");
+            Ok([fast, twin?, accelerated?])
+        })
     }
 
     fn fast(&self) -> Result<Ran, StudyError> {
@@ -142,8 +144,10 @@ impl PaperCase {
         let mut finer = config.clone();
         finer.safety *= 0.5;
         std::thread::scope(|scope| {
-            let half = scope.spawn(|| self.twin("half step", &finer, false, |_| ()));
-            let pushed = scope.spawn(|| self.twin("pushed start", &config, true, |_| ()));
+            let half = || self.twin("half step", &finer, false, |_| ());
+            let half = Builder::new().spawn_scoped(scope, half)?;
+            let pushed = || self.twin("pushed start", &config, true, |_| ());
+            let pushed = Builder::new().spawn_scoped(scope, pushed)?;
             let coarse = self.coarser_fall(twin);
             let (tool, mut found) = (&self.scene.tool, Vec::new());
             for ran in [half, pushed] {

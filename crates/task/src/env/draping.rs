@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{EnvConfig, Region};
 use super::group::{Group, groups};
+use super::memory::check_memory;
 use super::reward::{Reward, Taken, score};
 use super::rules::Task;
 use super::scatter::{World as Drawn, Worlds};
@@ -17,20 +18,6 @@ use drape_cloth::file::ValueError;
 use drape_cloth::measure::Measures;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Backend, Observations, Observed, Own, Presses, Snapshot, World};
-
-/// What an environment keeps of a vertex: its state, the last observation, the end of the last
-/// episode, and all of that again where a checkpoint is written [bytes].
-const VERTEX_BYTES: f64 = 300.0;
-/// Most memory of environments, and as much again for rollouts [MiB].
-pub const MOST_MIB: f64 = 16_384.0;
-
-/// Refuses more environments than [`MOST_MIB`] hold, each with a blank of `vertex_count`.
-pub fn check_memory(count: usize, vertex_count: usize) -> Result<(), ValueError> {
-    let mib = count as f64 * vertex_count as f64 * VERTEX_BYTES / f64::from(1 << 20);
-    let found = format!("{count} of {vertex_count} vertices, {mib:.0} MiB");
-    let expected = format!("at most {MOST_MIB} MiB");
-    ValueError::unless(mib <= MOST_MIB, "environments", found, expected)
-}
 
 /// Environments on one of the scenes that a [`Draping`] has.
 #[derive(Clone)]

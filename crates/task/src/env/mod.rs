@@ -7,6 +7,7 @@ mod config;
 mod costs;
 mod draping;
 mod group;
+mod memory;
 mod objective;
 mod replay;
 mod reward;
@@ -17,7 +18,8 @@ mod terrain;
 
 pub use config::{EnvConfig, Region};
 pub use costs::Costs;
-pub use draping::{Draping, EpisodeState, MOST_MIB, Member, check_memory};
+pub use draping::{Draping, EpisodeState, Member};
+pub use memory::{MOST_MIB, check_memory, most_environments};
 pub use objective::{Goal, Objective};
 pub use replay::{Played, ReplayDiverged};
 pub use reward::{Reward, Taken, Term, score};

@@ -1,7 +1,12 @@
+use std::sync::Arc;
+
+use super::config::EnvConfig;
 use super::draping::{Draping, EpisodeState};
 use super::reward::score;
 use super::rules::Task;
 use super::task::{Episode, Tasks};
+use drape_cloth::file::ValueError;
+use drape_cloth::scene::Scene;
 
 /// An episode that was played from its start to its end.
 #[derive(Clone, Debug)]
@@ -22,6 +27,26 @@ pub struct ReplayDiverged {
 }
 
 impl Draping {
+    /// Plays `count` episodes of a task, `most` at a time, and keeps what `of` makes of each. `choose` is given the
+    /// environments and the number of the episode that the first of them plays, and gives their actions.
+    ///
+    /// # Errors
+    /// Those of [`Draping::new`].
+    pub fn play_all<T>(
+        (scene, config): (&Arc<Scene>, &EnvConfig),
+        (count, most): (usize, usize),
+        mut choose: impl FnMut(&Self, usize) -> Vec<u32>,
+        of: impl Fn(&Task, Played) -> T,
+    ) -> Result<Vec<T>, ValueError> {
+        let mut all = Vec::with_capacity(count);
+        for first in (0..count).step_by(most) {
+            let mut draping = Self::new(scene.clone(), config, most.min(count - first))?;
+            let played = draping.play(|draping| choose(draping, first));
+            all.extend(played.into_iter().map(|one| of(draping.task(0), one)));
+        }
+        Ok(all)
+    }
+
     /// Plays one episode in every environment, from the start. `choose` gives each an action; who
     /// ends early plays on until all have ended, which counts no more.
     pub fn play(&mut self, mut choose: impl FnMut(&Self) -> Vec<u32>) -> Vec<Played> {

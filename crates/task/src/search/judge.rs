@@ -7,7 +7,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 use crate::cluster::Cluster;
-use crate::env::{Draping, EnvConfig, EpisodeState, Member, Task, Tasks, Worlds};
+use crate::env::{
+    Draping, EnvConfig, EpisodeState, Member, Task, Tasks, Worlds, most_environments,
+};
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::Device;
@@ -113,9 +115,14 @@ impl Judge {
         worlds: &Arc<Worlds>,
         rated: &[EnvConfig],
     ) -> Result<Self, ValueError> {
+        // What is found does not depend on how many there are.
+        let most = most_environments(scene.lamina.vertex_count()) / rated.len();
         let (copies, count) = match rated[0].device {
-            Device::Cpu => (rayon::current_num_threads(), ON_CPU),
-            Device::Gpu(_) => (1, ON_GPU),
+            Device::Cpu => (
+                rayon::current_num_threads().min((most / ON_CPU).max(1)),
+                ON_CPU,
+            ),
+            Device::Gpu(_) => (1, ON_GPU.min(most.max(1))),
         };
         let bench = |config: &EnvConfig| {
             let member = Member {
@@ -216,10 +223,14 @@ impl Judge {
                 changed.notify_all();
             }
         };
+        let work = &work;
         std::thread::scope(|scope| {
-            for env in &mut self.benches[rate] {
-                scope.spawn(|| work(env));
+            let (own, others) = self.benches[rate].split_first_mut().expect("one a core");
+            for env in others {
+                // Where no thread can be started there is one less.
+                let _ = std::thread::Builder::new().spawn_scoped(scope, move || work(env));
             }
+            work(own);
         });
         self.spent += made.into_inner();
     }

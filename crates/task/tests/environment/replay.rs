@@ -1,7 +1,7 @@
 //! Lists of presses pressed again: side by side as alone, with an observer, until they diverge.
 
 use drape_cloth::sim::Snapshot;
-use drape_task::env::ReplayDiverged;
+use drape_task::env::{Played, ReplayDiverged, Task};
 
 use super::*;
 
@@ -33,6 +33,25 @@ fn lists_side_by_side_end_as_each_alone_and_as_they_were_played() {
         assert_eq!(alone.replay(&[list], |_, _, _| ()), [Ok(())]);
         assert!(alone.state(0) == seen[list.len()]);
     }
+}
+
+/// However many are played at a time.
+#[test]
+fn episodes_of_a_task_do_not_depend_on_their_company() {
+    let play = |most| {
+        let choose = |env: &Draping, first: usize| {
+            let choose = |k| {
+                let allowed: Vec<u32> = env.observation(k).allowed().collect();
+                allowed[7 * (first + k) % allowed.len()]
+            };
+            (0..env.count()).map(choose).collect()
+        };
+        let task = (&*COARSE, &small_region());
+        let end = |_: &Task, played: Played| played.episode;
+        Draping::play_all(task, (5, most), choose, end).unwrap()
+    };
+    let all = play(5);
+    assert_eq!((all.len(), play(2), play(1)), (5, all.clone(), all));
 }
 
 #[test]
