@@ -117,7 +117,7 @@ const FIGURES: [Figure; 11] = [
 
 /// Plays `count` episodes in an order, drawn under a seed, and keeps what `of` makes of those that do not diverge.
 /// `progress` is told the number of steps taken.
-fn play<T>(
+pub fn play<T>(
     scene: &Arc<Scene>,
     config: &EnvConfig,
     order: Order,

@@ -201,7 +201,7 @@ pub(super) fn leave<V: Lanes>(frame: &Frame<V>, cloth: &mut Cloth<V>) {
         };
         let x = of(&cloth.position);
         let depth = offset - normal.dot(&x);
-        if !(depth > 0.0) {
+        if depth <= 0.0 || depth.is_nan() {
             continue;
         }
         let mobile = [0, 1, 2].map(|k| {

@@ -72,7 +72,8 @@ impl Surface {
             .fold(0.0, f64::max);
         let depth = -self.signed_distance(centre);
         // Distances change by no more than one moves.
-        if !(depth + radius > least) {
+        let most = depth + radius;
+        if most <= least || most.is_nan() {
             return None;
         }
         let (bound, weights) = highest(&self.bounds(piece, centre, depth.abs() + 2.0 * radius));
@@ -85,7 +86,7 @@ impl Surface {
             true => Deepest { depth: there, at },
             false => Deepest { depth, at: centre },
         };
-        Some((deepest, bound.min(depth + radius)))
+        Some((deepest, bound.min(most)))
     }
 
     /// What the depth in a piece is at most, by values at its corners [m] with what is linear between

@@ -1,4 +1,3 @@
-
 use super::config::{GridConfig, Source, ToolConfig};
 use super::error::ToolError;
 use super::grid::DistanceGrid;

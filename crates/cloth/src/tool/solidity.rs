@@ -204,7 +204,7 @@ mod tests {
                 let surface = bounded(&trough(angle, steps)).unwrap_or_else(|error| {
                     panic!("{angle} degrees, {steps}: {error}");
                 });
-                assert!(!surface.is_overlapping);
+                assert!(surface.overlapping.is_none());
                 // In the middle the sides are equally near.
                 let [height, cos] = [0.07, angle.to_radians().cos()];
                 let phi = surface.signed_distance(at(0.0, height));
