@@ -125,6 +125,7 @@ fn preparation_is_whole_or_not_at_all() {
 fn search_without_an_episode_is_refused() {
     let (mut training, _root) = begun(Reward::default(), |config| config.search = 6);
     let error = training.prepare(|_, _| true).unwrap_err().to_string();
-    let expected = "`search` is 6, too few steps for an episode to end on scene 0";
+    let expected =
+        "`search` is 6, expected enough steps for an episode of `search` to end on scene 0";
     assert_eq!(error, expected);
 }

@@ -1,6 +1,6 @@
-//! Search over the order itself, in scattered worlds: pieces and whole strokes are reversed or put
-//! elsewhere, single presses shifted, dropped, put in (2-opt and Or-opt of tours; annealing after Kirkpatrick
-//! et al. 1983), beside the order that it was made from and in the same worlds, which are new every round.
+//! Search over the order itself, in scattered worlds: it is changed as [`Board`] does (2-opt and Or-opt of tours;
+//! annealing after Kirkpatrick et al. 1983) and judged beside the order that it was made from, in the same worlds,
+//! which are new every round.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -86,9 +86,10 @@ pub fn moves(
     };
     let worlds = stages[stages.len() - 1].end;
     let board = Board::new(judge.task());
+    let vertices = judge.task().scene.lamina.vertex_count();
     let chain = |k: usize| Chain {
         order: starts[k % starts.len()][..].into(),
-        off: vec![1.0; 100000],
+        off: vec![1.0; vertices],
         mean: f64::NEG_INFINITY,
         proposals: Vec::new(),
         stream: Stream::new(seed, Purpose::Search, k as u32),
@@ -130,11 +131,7 @@ pub fn moves(
         let first = open.into_iter().flat_map(|k| search.begin(k)).collect();
         let worth = |task: &Task, end: &EpisodeState| Some((task.worth(end)?, task.off(end)));
         judge.press_on(rate, first, worth, |key, job, ended| {
-            let (worth, off) = ended.found.unwrap_or((DIVERGED, Vec::new()));
-            if key.candidate.is_none() && !off.is_empty() {
-                search.chains[key.chain].off = off;
-            }
-            search.hear(key, job, worth, ended.states)
+            search.hear(key, job, ended.found, ended.states)
         });
         // In the order of the chains, not in that in which rounds have ended.
         let chains = search.chains.iter_mut();
@@ -195,6 +192,7 @@ struct Search<W> {
 /// An order that is changed.
 struct Chain {
     order: Arc<[u32]>,
+    /// How far it has left each vertex off the tool, in the world of its last round.
     off: Vec<f64>,
     /// Running mean of what it is worth, each time in new worlds.
     mean: f64,
@@ -262,11 +260,10 @@ impl<W: FnMut(Searching) -> bool> Search<W> {
         let chain = &mut self.chains[k];
         let mut orders = std::mem::take(&mut chain.proposals);
         while orders.len() < self.method.candidates {
-            orders.push(
-                self.board
-                    .changed(&chain.order, &chain.off, &mut chain.stream)
-                    .into(),
-            );
+            let Chain {
+                order, off, stream, ..
+            } = chain;
+            orders.push(self.board.changed(order, off, stream).into());
         }
         let candidate = |order| Candidate {
             order,
@@ -294,21 +291,29 @@ impl<W: FnMut(Searching) -> bool> Search<W> {
         (0..worlds).map(job).collect()
     }
 
-    /// Hears what a list is worth in a world; gives what is to be pressed because of it.
+    /// Hears what a list is worth in a world and how far it has left each vertex off the tool, if it has not
+    /// diverged; gives what is to be pressed because of it.
     fn hear(
         &mut self,
         key: Key,
         job: &Job,
-        worth: f64,
+        found: Option<(f64, Vec<f64>)>,
         states: Vec<Arc<EpisodeState>>,
     ) -> Vec<(Key, Job)> {
+        let (worth, off) = found.map_or((DIVERGED, None), |(worth, off)| (worth, Some(off)));
         let k = key.chain;
         let first = self.worlds_of(self.chains[k].rounds, k);
         let chain = &mut self.chains[k];
         chain.open -= 1;
         chain.spent += job.left() as u64;
         match key.candidate {
-            None => chain.parents[key.world] = Some((worth, states)),
+            None => {
+                // Of one world, the same whichever ends first.
+                if let Some(off) = off.filter(|_| key.world == 0) {
+                    chain.off = off;
+                }
+                chain.parents[key.world] = Some((worth, states));
+            }
             Some(c) => chain.candidates[c].scores[key.world] = Some(worth),
         }
         let mut jobs = Vec::new();
