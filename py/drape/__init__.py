@@ -42,7 +42,7 @@ def _info(episode: Episode) -> dict[str, Any]:
 def _whole(actions: ArrayLike) -> list[int]:
     given = np.asarray(actions).ravel()
     if not np.issubdtype(given.dtype, np.integer):
-        raise ValueError(f"`actions` are {given.tolist()}, expected whole numbers")
+        raise ValueError(f"`actions` are {given.tolist()}, expected an integer type")
     return given.tolist()
 
 

@@ -101,7 +101,11 @@ fn set_up(
     let (found, expected) = (config.environments, "a number from 1 to 4096");
     ValueError::unless((1..=4096).contains(&found), "num_envs", found, expected)
         .map_err(Failure::invalid)?;
+    // Nothing is searched for here.
+    config.search = 0;
     let draping = set_up_tasks(&config, config.environments, &place, true)?;
+    // By what its files hold, wherever they are.
+    config.keep_inputs()?;
     let at = draping.scene().initial.position.as_flattened().iter();
     let mut origin = config.to_toml().into_bytes();
     origin.extend(at.flat_map(|x| x.to_le_bytes()));

@@ -142,7 +142,7 @@ def test_refused_actions_change_nothing(config: Write) -> None:
 def test_fractional_actions_are_refused(config: Write) -> None:
     env, envs = DrapingEnv(config()), DrapingVectorEnv(config(), 2)
     for step, given in [(env.step, 0.5), (env.step, np.nan), (envs.step, [0.0, 1.0]), (envs.step, ["a", "b"])]:
-        with pytest.raises(ValueError, match="`actions` are .*, expected whole numbers") as error:
+        with pytest.raises(ValueError, match="`actions` are .*, expected an integer type") as error:
             step(given)
         assert "\n" not in str(error.value)
     with pytest.raises(ValueError, match="is 18446744073709551615, expected one that the mask allows"):

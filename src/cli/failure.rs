@@ -71,13 +71,16 @@ impl Failure {
 }
 
 impl<E: Into<Error>> From<E> for Failure {
-    /// The user can mend a name that is taken, a run in use, another configuration, a value or a scene
-    /// that cannot be, but no full disk.
+    /// The user can mend a name that is taken or of what is unfinished, a run in use, another configuration, a value or
+    /// a scene that cannot be, but no full disk.
     fn from(error: E) -> Self {
         let error = error.into();
         let is_input = match error.downcast_ref() {
             Some(scene) => !matches!(scene, SceneError::Diverged { .. }),
-            None => error.is::<RunError>() || error.is::<ValueError>(),
+            None => match error.downcast_ref() {
+                Some(written) => matches!(written, WriteError::Name { .. }),
+                None => error.is::<RunError>() || error.is::<ValueError>(),
+            },
         };
         Self { error, is_input }
     }

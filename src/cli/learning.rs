@@ -15,8 +15,8 @@ use super::Failure;
 use super::failure::OrInvalid;
 use super::result::is_proved;
 use super::setup::read_config;
-use crate::run::{RunFolder, UNFINISHED, curve, read_metrics};
-use drape_cloth::file::read_text;
+use crate::run::{RunFolder, curve, read_metrics};
+use drape_cloth::file::{check_name, read_text};
 use drape_study::study::StudyError;
 use drape_study::trainings::{Arm, LearnedRun, Trainings};
 
@@ -59,10 +59,8 @@ fn learnt(
         let is_file = ["csv", "json", "md", "png"]
             .iter()
             .any(|of| end.eq_ignore_ascii_case(of));
-        if is_file
-            || Path::new(&name).file_name() != Some(name.as_ref())
-            || name.starts_with(UNFINISHED)
-        {
+        check_name(Path::new(&name))?;
+        if is_file || Path::new(&name).file_name() != Some(name.as_ref()) {
             return Err(Failure::invalid(anyhow!(
                 "a configuration is called `{name}`, expected the name of a folder that no file of the study has"
             )));
@@ -226,7 +224,7 @@ fn end_with_this(command: &mut Command) {
         // SAFETY: both may be called between fork and exec.
         unsafe {
             command.pre_exec(move || {
-                libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGTERM);
+                libc::prctl(libc::PR_SET_PDEATHSIG, super::signals::ORPHANED);
                 // It may have ended before.
                 match libc::getppid() as u32 == own {
                     true => Ok(()),

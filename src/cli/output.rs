@@ -6,14 +6,13 @@ use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
 use super::Failure;
 use super::terminal::{show, tell};
-use crate::run::UNFINISHED;
-use drape_cloth::file::check_writable;
+use drape_cloth::file::{UNFINISHED, check_name, check_writable};
 use drape_task::search::Searching;
 
 /// A score, or a dash for none.
@@ -47,12 +46,7 @@ impl OutFolder {
     /// Makes the folder where it is missing. For before the work: one that cannot be made would
     /// waste it.
     pub fn make(path: &Path) -> Result<Self, Failure> {
-        let name = path.file_name().unwrap_or_default();
-        if name.to_string_lossy().starts_with(UNFINISHED) {
-            let (path, expected) = (path.display(), "the name of a folder that stays");
-            let error = anyhow!("{path} begins with `{UNFINISHED}`, expected {expected}");
-            return Err(Failure::invalid(error));
-        }
+        check_name(path)?;
         let missing = |at: &&Path| !at.as_os_str().is_empty() && !at.exists();
         let folder = Self {
             path: path.to_path_buf(),
@@ -81,7 +75,7 @@ pub(super) fn write_together(
 ) -> Result<(), Failure> {
     let cannot = || format!("cannot write to {}", folder.display());
     let mut staged = tempfile::Builder::new();
-    let staged = staged.prefix(".drape-").suffix(".tmp").tempdir_in(folder);
+    let staged = staged.prefix(UNFINISHED).suffix(".tmp").tempdir_in(folder);
     let staged = staged.with_context(cannot)?;
     write(staged.path()).map_err(|failure| failure.moved_to(folder))?;
     let files = fs::read_dir(staged.path()).and_then(|files| files.collect::<Result<Vec<_>, _>>());

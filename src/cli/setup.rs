@@ -178,8 +178,12 @@ pub(super) fn set_up_scenes(
 ) -> Result<Scenes, Failure> {
     let mut all = vec![first];
     let members = config.members().or_invalid_in(place)?;
+    let place_of = |member: &crate::run::Member| match &member.name {
+        Some(name) => format!("{place}: {name}"),
+        None => place.into(),
+    };
     for member in &members[1..] {
-        let place = [place, member.name.as_deref().unwrap_or_default()].join(": ");
+        let place = place_of(member);
         // Members that differ in their task alone lie on the same scene, others perhaps over the same tool.
         let mut known = all.iter().zip(members.iter().map(|other| &other.scene));
         if let Some((scene, _)) = known.clone().find(|(_, other)| **other == member.scene) {
@@ -203,7 +207,8 @@ pub(super) fn set_up_scenes(
     let lies = (LIES / all.len()).max(2);
     let with_worlds = |(k, scene): (usize, Arc<Scene>)| {
         let seed = config.seed.wrapping_add(k as u64);
-        let worlds = set_up_worlds(&scene, &config.scatter, lies, seed, place, quiet)?;
+        let place = place_of(&members[k]);
+        let worlds = set_up_worlds(&scene, &config.scatter, lies, seed, &place, quiet)?;
         Ok((scene, worlds))
     };
     all.into_iter().enumerate().map(with_worlds).collect()

@@ -1,7 +1,7 @@
 //! What signals ask for. One that was ignored when the program began, as SIGHUP is after `nohup`, stays ignored.
 
 use std::ffi::c_int;
-use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI32, Ordering::Relaxed};
 
 use anyhow::Context;
 #[cfg(unix)]
@@ -11,11 +11,18 @@ use signal_hook::low_level;
 
 use super::Failure;
 
-/// Those that ask to stop.
-#[cfg(unix)]
-const STOPPING: [c_int; 3] = [SIGINT, SIGTERM, SIGHUP];
+/// Those that ask to stop, and again to stop at once.
+const URGENT: [c_int; 2] = [SIGINT, SIGTERM];
+/// Those that come beside these, so that they ask to stop once at most: of a terminal that closes, and [`ORPHANED`].
+#[cfg(target_os = "linux")]
+const BESIDE: [c_int; 2] = [SIGHUP, ORPHANED];
+#[cfg(all(unix, not(target_os = "linux")))]
+const BESIDE: [c_int; 1] = [SIGHUP];
 #[cfg(not(unix))]
-const STOPPING: [c_int; 2] = [SIGINT, SIGTERM];
+const BESIDE: [c_int; 0] = [];
+/// What a command gets that this program has begun when this ends. Nothing else sends it or lets it be ignored.
+#[cfg(target_os = "linux")]
+pub(super) const ORPHANED: c_int = libc::SIGPWR;
 /// Those that end no work, and whether they ask for a checkpoint, as job scripts do before the time is up. A file that
 /// grows beyond a limit of the system's is an error like a full disk.
 #[cfg(unix)]
@@ -23,39 +30,41 @@ const SURVIVED: [(c_int, bool); 3] = [(SIGUSR1, true), (SIGUSR2, true), (SIGXFSZ
 #[cfg(not(unix))]
 const SURVIVED: [(c_int, bool); 0] = [];
 
-/// The signal that has asked to stop; 0 before.
+/// The first signal that has asked to stop; 0 before.
 static STOP: AtomicI32 = AtomicI32::new(0);
+/// Whether there has been one of [`URGENT`].
+static IS_URGENT: AtomicBool = AtomicBool::new(false);
 static SAVE: AtomicBool = AtomicBool::new(false);
 
 /// Lets no command end by a signal that does not ask for that.
 pub(super) fn survive() -> Result<(), Failure> {
     SURVIVED
         .into_iter()
-        .try_for_each(|(signal, asks)| on(signal, move || SAVE.fetch_or(asks, Ordering::Relaxed)))
+        .try_for_each(|(signal, asks)| on(signal, move || SAVE.fetch_or(asks, Relaxed)))
 }
 
 /// Whether there has been a signal that asks for a checkpoint since this was asked last.
 pub(super) fn is_checkpoint_wanted() -> bool {
-    SAVE.swap(false, Ordering::Relaxed)
+    SAVE.swap(false, Relaxed)
 }
 
 /// Lets the work come to a point from which it can be gone on with, and tells which signal has asked to stop. The
-/// second one ends the program at once, but a terminal that closes sends more than one.
+/// second of [`URGENT`] ends the program at once.
 pub(super) fn stop_on_signal() -> Result<impl Fn() -> Option<c_int> + Sync, Failure> {
     const SAID: &str = "stopping after this iteration, search or proof; again to stop at once\n";
-    for signal in STOPPING {
+    for signal in URGENT.into_iter().chain(BESIDE) {
         on(signal, move || {
-            let before = STOP.swap(signal, Ordering::Relaxed);
-            if before == 0 {
+            if STOP.compare_exchange(0, signal, Relaxed, Relaxed).is_ok() {
                 // Not by the writer of all else: its lock may be held by the very code that this interrupts.
                 // SAFETY: `write` may be called in a handler, and reads so many bytes of a text that stays.
                 unsafe { libc::write(2, SAID.as_ptr().cast(), SAID.len() as _) };
-            } else if [SIGINT, SIGTERM].contains(&signal) {
+            }
+            if URGENT.contains(&signal) && IS_URGENT.swap(true, Relaxed) {
                 low_level::exit(128 + signal);
             }
         })?;
     }
-    Ok(|| Some(STOP.load(Ordering::Relaxed)).filter(|&signal| signal != 0))
+    Ok(|| Some(STOP.load(Relaxed)).filter(|&signal| signal != 0))
 }
 
 /// Lets `act` handle a signal unless it is ignored. It may do only what a handler may: nothing that locks or allocates.

@@ -107,7 +107,9 @@ struct Body {
 
 /// Runs `drape tool`.
 pub fn run(args: ToolArgs) -> Result<(), Failure> {
-    args.picture.as_deref().map(check_writable).transpose()?;
+    for file in args.picture.iter().chain(&args.out) {
+        check_writable(file)?;
+    }
     let name = args.tool.to_string_lossy();
     let is_file = !SHAPES.contains(&&*name) && (args.tool.is_file() || name.contains('.'));
     let scale = args.scale.unwrap_or(1e-3);

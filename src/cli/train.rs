@@ -28,8 +28,8 @@ const CHECKPOINT_INTERVAL: u64 = 10;
 
 /// Train a draping policy
 ///
-/// Ctrl-C, SIGTERM and SIGHUP stop it after the iteration, with the exit code 130, 143 or 129; SIGUSR1 and SIGUSR2
-/// write a checkpoint.
+/// Ctrl-C, SIGTERM and SIGHUP stop it after the iteration, with the exit code 130, 143 or 129; after one, SIGUSR1 and
+/// SIGUSR2 write a checkpoint.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape train task.toml --name a
@@ -242,21 +242,22 @@ fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
     if let Some(folder) = resumed {
-        config.check_before_fall().or_invalid_in(&place)?;
-        let scene = Arc::new(set_up_over_tool(&config.scene, &place, quiet)?);
-        let scenes = set_up_scenes(&config, scene, &place, quiet)?;
-        let training = Training::resume(config, scenes, folder, cluster)?;
-        if let Some(text) = new {
-            let (config, taken) = (&training.config, training.env_steps());
+        let taken = Training::taken(&folder)?;
+        let mut checked = config.clone();
+        if let Some(taken) = taken {
             // Of whole rollouts, the last of which may have taken more than it had to.
             let rollout = (config.environments * config.ppo.rollout_steps) as u64;
             let expected = format!("at least {taken}, which are taken");
-            let is_left = config.steps.next_multiple_of(rollout) >= taken;
-            ValueError::unless(is_left, "steps", config.steps, expected).or_invalid_in(place)?;
-            if cluster.is_first() {
-                training.folder.write_config(&text)?;
-            }
+            let is_left = config.steps.next_multiple_of(rollout) >= taken || new.is_none();
+            ValueError::unless(is_left, "steps", config.steps, expected).or_invalid_in(&place)?;
+            // It has been done.
+            checked.search = 0;
         }
+        checked.check_before_fall().or_invalid_in(&place)?;
+        let scene = Arc::new(set_up_over_tool(&config.scene, &place, quiet)?);
+        let scenes = set_up_scenes(&config, scene, &place, quiet)?;
+        let mut training = Training::resume(config, scenes, folder, cluster)?;
+        new.map_or(Ok(()), |text| training.reconfigure(&text))?;
         return Ok(training);
     }
     let (scene, kept) = set_up_run(&config, &place, quiet)?;
@@ -333,7 +334,7 @@ fn finish(
     if !json {
         tell("proving the best paths");
     }
-    let best = folder.read_best_sequence()?;
+    let best = training.best_sequence()?;
     let (task, orders) = ((training.scene(), config), (config.proof_paths, false));
     proof::proved(folder, task, best, orders, json)
 }

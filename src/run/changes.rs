@@ -38,16 +38,20 @@ const FREE: [&str; 23] = [
 /// The configuration `text` of a run with `changes`, each as `KEY=VALUE` in TOML; none where it says so already.
 ///
 /// # Errors
-/// A change is no TOML, or of a key that may not change.
+/// A change is no TOML, of a key that may not change, or of one that another sets otherwise.
 pub fn changed(text: &str, changes: &[String]) -> Result<Option<String>> {
     let mut config = table(text)?;
-    let (before, mut is_changed) = (values(&config), false);
+    let (before, mut all, mut is_changed) = (values(&config), BTreeMap::new(), false);
     for change in changes {
         let given: Table = parse_toml(change, Path::new("--set")).map_err(|error| match error {
             ReadError::Fault { fault, .. } => ValueError::new("--set", change, fault).into(),
             error => anyhow::Error::from(error),
         })?;
         for (key, value) in values(&given) {
+            if let Some(other) = all.insert(key.clone(), value.clone()) {
+                let expected = format!("{other} as it is given too");
+                ValueError::unless(other == value, &key, &value, expected)?;
+            }
             if before.get(&key) == Some(&value) {
                 continue;
             }
@@ -138,8 +142,9 @@ mod tests {
             ("steqs=1", "`steqs` is 1, expected none as in the run"),
             ("ppo.scale_rewards=true", "`ppo.scale_rewards` is true"),
             ("steps", "`--set` is steps, expected"),
+            ("steps=5", "`steps` is 9, expected 5 as it is given too"),
         ] {
-            let error = set(&[change]).unwrap_err().to_string();
+            let error = set(&[change, "steps=9"]).unwrap_err().to_string();
             assert!(error.starts_with(words) || error.contains(words), "{error}");
         }
     }

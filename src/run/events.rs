@@ -1,8 +1,11 @@
+use std::fs;
 use std::path::Path;
 
 use anyhow::Result;
 
+use super::folder::RunFolder;
 use super::log::Log;
+use super::metrics::kept_lines;
 
 /// Starts a file of scalars for TensorBoard at `wall_time`, in seconds since 1970. TensorBoard
 /// finds it if `tfevents` is in its name. Fails if `path` exists.
@@ -91,6 +94,23 @@ fn masked_crc(bytes: &[u8]) -> u32 {
     crc32c::crc32c(bytes)
         .rotate_right(15)
         .wrapping_add(0xa282_ead8)
+}
+
+/// Cuts the metrics back to their first `lines` and writes the events anew from them.
+pub(super) fn reopen_logs(folder: &RunFolder, lines: u64, wall_time: f64) -> Result<[Log; 2]> {
+    let kept = kept_lines(&folder.metrics, lines)?;
+    let metrics = Log::resume(&folder.metrics, kept.iter().map(|(_, length)| length).sum())?;
+    let _ = fs::remove_file(&folder.events);
+    let mut events = create_events(&folder.events, wall_time)?;
+    for (line, _) in &kept {
+        let number = |v: Option<f64>| v.unwrap_or(f64::NAN);
+        let values = line.values.iter();
+        let values: Vec<(&str, f64)> = values.map(|(k, &v)| (k.as_str(), number(v))).collect();
+        let wall_time = line.values.get("wall_time").copied().flatten();
+        let record = scalar_record(wall_time.unwrap_or_default(), line.step, &values);
+        events.append(&record)?;
+    }
+    Ok([metrics, events])
 }
 
 #[cfg(test)]

@@ -3,12 +3,14 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use humantime::format_rfc3339_seconds;
 use serde::{Deserialize, Serialize};
 
 use super::changes::fixed;
-use drape_cloth::file::{in_words, read_bytes, read_text, remove_temporaries, write_atomic};
+use drape_cloth::file::{
+    UNFINISHED, check_name, read_json, read_text, remove_temporaries, write_atomic,
+};
 use drape_study::proof::{Physics, Row};
 use drape_task::env::ImageShape;
 
@@ -210,10 +212,7 @@ fn cannot_create(path: &Path) -> String {
     format!("cannot create {}", path.display())
 }
 
-/// Begin of the names of folders and files that are being made, which are moved when they are whole and may be removed
-/// when they were left behind.
-pub const UNFINISHED: &str = ".drape-";
-/// End of that of a run.
+/// End of the name of a run that is [`UNFINISHED`].
 const NEW: &str = ".new";
 
 /// An unfinished run this old was left by a drape that was killed: making one takes no second.
@@ -288,6 +287,7 @@ impl RunFolder {
             }
             Some(name) => bail!(RunError::Name(name.into())),
         };
+        check_name(root)?;
         fs::create_dir_all(root).with_context(|| cannot_create(root))?;
         remove_stale(root);
         let mut unfinished = tempfile::Builder::new();
@@ -379,7 +379,7 @@ impl RunFolder {
     /// Refuses a run that was never trained, but searched.
     pub fn check_trained(&self) -> Result<()> {
         // Nothing else of it counts here, damaged or not.
-        let info = read_json::<RunInfo>(&self.info).ok();
+        let info = read_json::<RunInfo>(&self.info, "what tells of a run").ok();
         match info.and_then(|info| info.search) {
             None => Ok(()),
             Some(name) => bail!(RunError::Searched(self.path.clone(), name)),
@@ -407,7 +407,7 @@ impl RunFolder {
     /// on its grid.
     pub fn read_best_sequence(&self) -> Result<BestSequence> {
         let path = &self.best_sequence;
-        let sequence: BestSequence = read_json(path)?;
+        let sequence: BestSequence = read_json(path, "a best sequence")?;
         sequence.check_vertices(path)?;
         Ok(sequence)
     }
@@ -424,16 +424,10 @@ impl RunFolder {
         if !path.try_exists().with_context(cannot)? {
             return Ok(None);
         }
-        let proved: Proved = read_json(path)?;
+        let proved: Proved = read_json(path, "a proof")?;
         proved.path.check_vertices(path)?;
         Ok(Some(proved))
     }
-}
-
-fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    let bytes = read_bytes(path, 1024)?;
-    serde_json::from_slice(&bytes)
-        .map_err(|error| anyhow!("{} is damaged: {}", path.display(), in_words(error)))
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
@@ -593,6 +587,9 @@ mod tests {
         );
         fs::write(&run.best_sequence, &text[..text.len() / 2]).unwrap();
         let error = run.read_best_sequence().unwrap_err();
-        assert!(error.to_string().contains("is damaged: EOF"), "{error}");
+        assert!(
+            error.to_string().contains("not a best sequence: EOF"),
+            "{error}"
+        );
     }
 }

@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Result, anyhow};
+use anyhow::{Result, anyhow, bail};
 use serde_json::Value;
 
 use drape_cloth::file::{in_words, read_bytes};
@@ -27,7 +27,7 @@ pub struct MetricsLine {
 
 /// The first lines of the metrics file at `path`, `most` of them, in order, each with its length
 /// [bytes]. A last line without its line break is still being written and is left out.
-pub(super) fn read_lines(path: &Path, most: usize) -> Result<Vec<(MetricsLine, u64)>> {
+fn read_lines(path: &Path, most: usize) -> Result<Vec<(MetricsLine, u64)>> {
     let bytes = read_bytes(path, 1024)?;
     let lines = bytes.split_inclusive(|&byte| byte == b'\n');
     let whole = lines.filter(|line| line.ends_with(b"\n")).take(most);
@@ -39,6 +39,17 @@ pub(super) fn read_lines(path: &Path, most: usize) -> Result<Vec<(MetricsLine, u
         Ok((parsed, line.len() as u64))
     };
     whole.enumerate().map(parse).collect()
+}
+
+/// The first `lines` of the metrics file at `path`, which has them, each with its length [bytes].
+pub(super) fn kept_lines(path: &Path, lines: u64) -> Result<Vec<(MetricsLine, u64)>> {
+    let kept = read_lines(path, lines as usize)?;
+    let found = kept.len();
+    if (found as u64) < lines {
+        let place = path.display();
+        bail!("{place} has {found} lines, expected {lines} at least");
+    }
+    Ok(kept)
 }
 
 /// All whole lines of the metrics file at `path`, in order.

@@ -23,7 +23,7 @@ pub use changes::changed;
 pub use checkpoint::Checkpoint;
 pub use config::RunConfig;
 pub use folder::{
-    BestSequence, Input, Proved, RunError, RunFolder, RunInfo, UNFINISHED, dated_folder, digest,
+    BestSequence, Input, Proved, RunError, RunFolder, RunInfo, dated_folder, digest,
 };
 pub use metrics::{curve, read_metrics};
 pub use rollout::{

@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 use super::best::Best;
 use super::checkpoint::Checkpoint;
 use super::config::RunConfig;
-use super::events::{create_events, scalar_record};
-use super::folder::RunFolder;
+use super::events::{create_events, reopen_logs, scalar_record};
+use super::folder::{BestSequence, RunFolder, Scored};
 use super::log::Log;
-use super::metrics::{metrics_line, read_lines};
+use super::metrics::{kept_lines, metrics_line};
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
@@ -28,6 +28,8 @@ use drape_task::search::{
 
 /// Checkpoint section of what the run itself remembers.
 const RUN: &str = "run";
+/// Checkpoint section of the path that was proved before the run went on, where it was polished.
+const POLISHED: &str = "polished";
 
 /// Those that a policy learns on, in the order of [`RunConfig::members`]: the run's own first.
 /// Each with the worlds round it, if they scatter.
@@ -49,6 +51,8 @@ pub struct Training {
     /// Worlds round the run's own scene.
     worlds: Arc<Worlds>,
     memory: Memory,
+    /// What an earlier polish has come to, which the memory knows nothing of.
+    polished: Option<Vec<u32>>,
     cluster: Cluster,
     /// Metrics and events; only the first process of a cluster writes.
     logs: Option<[Log; 2]>,
@@ -70,8 +74,8 @@ struct Memory {
     lines: u64,
 }
 
-/// Episodes of a search, all cut off by `env.max_steps`, after which none is expected to end.
-const HOPELESS: usize = 64;
+/// Episodes of a search, all cut off by `env.max_steps`, after which none is expected to end: eight of its generations.
+const HOPELESS: usize = 8 * 64;
 
 /// Episodes that the mean score of a report is taken over.
 const RECENT: usize = 50;
@@ -143,6 +147,7 @@ impl Training {
             config,
             folder,
             memory: Memory::default(),
+            polished: None,
             cluster: cluster.clone(),
             logs: None,
             _lock: lock,
@@ -186,10 +191,58 @@ impl Training {
         let Checkpoint { sections, .. } = Checkpoint::of_run(&path, folder)?;
         training.trainer.load(&sections).with_context(name)?;
         training.memory = read_section(&sections, RUN, decode).with_context(name)?;
+        if sections.contains_key(POLISHED) {
+            training.polished = read_section(&sections, POLISHED, decode).with_context(name)?;
+        }
         if cluster.is_first() {
-            training.logs = Some(reopen_logs(&training.folder, training.memory.lines)?);
+            let (folder, lines) = (&training.folder, training.memory.lines);
+            training.logs = Some(reopen_logs(folder, lines, wall_time())?);
         }
         Ok(training)
+    }
+
+    /// Environment steps that the run in `folder` had taken at its last checkpoint; none where what comes before them is
+    /// still to be done.
+    pub fn taken(folder: &RunFolder) -> Result<Option<u64>> {
+        let path = &folder.last_checkpoint;
+        if !path.exists() {
+            return Ok(None);
+        }
+        let name = || path.display().to_string();
+        let Checkpoint { sections, .. } = Checkpoint::of_run(path, folder)?;
+        let memory: Memory = read_section(&sections, RUN, decode).with_context(name)?;
+        let last = kept_lines(&folder.metrics, memory.lines)?.pop();
+        let before = memory.is_prepared.then_some(0);
+        Ok(last.map(|(line, _)| line.step).or(before))
+    }
+
+    /// Makes `text` the configuration of the run that it is gone on with. Where it was polished its best sequences are
+    /// those of its checkpoint again, and what it has proved is one that the next polish begins from.
+    pub fn reconfigure(&mut self, text: &str) -> Result<()> {
+        let polish = RunConfig::read(&self.folder.config)?.polish;
+        // All have read before the first writes.
+        if self.cluster.any(polish > 0) {
+            let proved = self.folder.read_proof().unwrap_or(None);
+            let path = proved.map(|proved| proved.path);
+            let path = path.filter(|path| path.check_config(&self.config_digest).is_ok());
+            self.polished = path.map(|path| path.vertices).or(self.polished.take());
+        }
+        if self.cluster.is_first() {
+            self.folder.write_config(text)?;
+        }
+        self.write_best()?;
+        self.checkpoint()
+    }
+
+    /// What is to be proved: the best sequences, and what has been proved before the run went on.
+    pub fn best_sequence(&self) -> Result<BestSequence> {
+        let mut best = self.folder.read_best_sequence()?;
+        let is_new = |path: &&Vec<u32>| best.all().all(|other| other != *path);
+        if let Some(path) = self.polished.as_ref().filter(is_new) {
+            let (vertices, score) = (path.clone(), best.score);
+            best.others.insert(0, Scored { vertices, score });
+        }
+        Ok(best)
     }
 
     /// The scene of the run.
@@ -281,15 +334,14 @@ impl Training {
             let member = member(&task.scene, &task.config, count);
             let mut draping = Draping::on(vec![member], &self.cluster)?;
             let mut best = Best::default();
-            let (mut truncated, mut can_end) = (0, true);
+            let mut truncated = 0;
             let mut watch = |spent: u64, ended: &[Episode]| {
                 for episode in ended.iter().filter(|e| e.end == End::Terminated) {
                     best.remember(episode.score, &episode.actions, task);
                 }
                 truncated += ended.iter().filter(|e| e.end == End::Truncated).count();
-                can_end = best.score().is_some() || truncated < HOPELESS;
                 is_whole = go_on(best.score(), (before + spent) as f64 / all as f64);
-                is_whole && can_end
+                is_whole && (best.score().is_some() || truncated < HOPELESS)
             };
             let mut arena = Arena::new(&mut draping, steps, &mut watch);
             let method = CrossEntropy::alike(self.config.search_alike);
@@ -299,8 +351,8 @@ impl Training {
             }
             if best.score().is_none() {
                 let place = format!("for an episode of `search` to end on scene {number}");
-                let (key, found, what) = match (task.config.max_steps, can_end) {
-                    (Some(most), false) => ("env.max_steps", most as u64, "presses"),
+                let (key, found, what) = match task.config.max_steps {
+                    Some(most) if truncated > 0 => ("env.max_steps", most as u64, "presses"),
                     _ => ("search", all, "steps"),
                 };
                 bail!(ValueError::new(
@@ -350,7 +402,8 @@ impl Training {
     /// same end.
     pub fn polish(&mut self, go_on: impl FnMut(Option<Searching>) -> bool + Send) -> Result<()> {
         let config = &self.config;
-        let known: Vec<Vec<u32>> = self.memory.best.lists().cloned().collect();
+        let known = self.polished.iter().chain(self.memory.best.lists());
+        let known: Vec<Vec<u32>> = known.cloned().collect();
         let scene = self.evaluation.scene();
         let rated = config.scatter.rated(&config.env);
         let mut judge = Judge::new(scene, &self.worlds, &rated)?;
@@ -367,6 +420,9 @@ impl Training {
         }
         let mut sections = self.trainer.save();
         sections.insert(RUN.into(), encode(&self.memory));
+        if self.polished.is_some() {
+            sections.insert(POLISHED.into(), encode(&self.polished));
+        }
         self.save(sections, &self.folder.last_checkpoint)
     }
 
@@ -537,29 +593,6 @@ fn member(scene: &Arc<Scene>, config: &EnvConfig, count: usize) -> Member {
 fn wall_time() -> f64 {
     let elapsed = SystemTime::now().duration_since(UNIX_EPOCH);
     elapsed.unwrap_or_default().as_secs_f64()
-}
-
-/// Cuts the metrics back to their first `lines` and writes the events anew from them.
-fn reopen_logs(folder: &RunFolder, lines: u64) -> Result<[Log; 2]> {
-    let path = &folder.metrics;
-    let kept = read_lines(path, lines as usize)?;
-    let found = kept.len();
-    if (found as u64) < lines {
-        let place = path.display();
-        bail!("{place} has {found} lines, expected {lines} at least");
-    }
-    let metrics = Log::resume(path, kept.iter().map(|(_, length)| length).sum())?;
-    let _ = fs::remove_file(&folder.events);
-    let mut events = create_events(&folder.events, wall_time())?;
-    for (line, _) in &kept {
-        let number = |v: Option<f64>| v.unwrap_or(f64::NAN);
-        let values = line.values.iter();
-        let values: Vec<(&str, f64)> = values.map(|(k, &v)| (k.as_str(), number(v))).collect();
-        let wall_time = line.values.get("wall_time").copied().flatten();
-        let record = scalar_record(wall_time.unwrap_or_default(), line.step, &values);
-        events.append(&record)?;
-    }
-    Ok([metrics, events])
 }
 
 #[cfg(test)]

@@ -98,6 +98,11 @@ fn search_that_no_episode_can_end_in_is_refused() {
             "config.toml: `env.max_steps` is 14, expected enough presses for an episode of `search`",
         ),
         (
+            400,
+            14,
+            "config.toml: `env.max_steps` is 14, expected enough presses for an episode of `search`",
+        ),
+        (
             20,
             400,
             "config.toml: `search` is 20, expected at least 52, for an episode of `search` to end",

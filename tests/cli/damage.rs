@@ -304,7 +304,7 @@ fn damaged_sequences_and_metrics_are_located() {
     for (content, words) in [
         (
             text_of_proof[..200].to_owned(),
-            "proof.json is damaged: EOF",
+            "proof.json: not a proof: EOF",
         ),
         (
             text_of_proof.replacen("\"vertices\": [", "\"vertices\": [9999,", 1),
@@ -352,7 +352,7 @@ fn damaged_sequences_and_metrics_are_located() {
         (
             text[..text.len() / 2].into(),
             1,
-            &["best_sequence.json is damaged: EOF"][..],
+            &["best_sequence.json: not a best sequence: EOF"][..],
         ),
         (
             with(&[]),

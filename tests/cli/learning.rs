@@ -107,7 +107,8 @@ fn what_cannot_be_studied_is_refused_before_the_first_training() {
     }
 }
 
-/// A name may begin like an option, and no training lives on without its study.
+/// A name may begin like an option, and no training lives on without its study: it keeps what it has learnt, also
+/// where it is asked to stop itself, as by Ctrl-C at a terminal.
 #[cfg(target_os = "linux")]
 #[test]
 fn trainings_are_of_their_study() {
@@ -118,22 +119,36 @@ fn trainings_are_of_their_study() {
         CONFIG.replace("steps = 240", "steps = 1000000"),
     )
     .unwrap();
-    let mut study = Command::new(env!("CARGO_BIN_EXE_drape"));
-    study.args([
-        "study", "learning", "--seeds", "1", "--out", "s", "--", "-a.toml",
-    ]);
-    let mut study = begun(study.current_dir(path), &[]);
-    let run = path.join("s/-a/seed-1");
-    wait_for_lines(&run, 1);
-    study.kill().unwrap();
-    study.wait().unwrap();
-    let start = std::time::Instant::now();
-    // It has let go of its run, and can be gone on with.
-    while fs::File::open(run.join(".lock"))
-        .unwrap()
-        .try_lock()
-        .is_err()
-    {
-        assert!(start.elapsed().as_secs() < 60, "it trains on");
+    for (out, signal) in [("r", "KILL"), ("s", "INT")] {
+        let mut study = Command::new(env!("CARGO_BIN_EXE_drape"));
+        study.args([
+            "study", "learning", "--seeds", "1", "--out", out, "--", "-a.toml",
+        ]);
+        let mut study = begun(study.current_dir(path), &[]);
+        let run = path.join(out).join("-a/seed-1");
+        wait_for_lines(&run, 1);
+        let checkpoint = || fs::read(run.join("checkpoints/last.drape")).unwrap();
+        let (before, id) = (checkpoint(), study.id());
+        let children = format!("/proc/{id}/task/{id}/children");
+        let training: u32 = fs::read_to_string(children)
+            .unwrap()
+            .trim()
+            .parse()
+            .unwrap();
+        if signal == "INT" {
+            send(signal, training);
+        }
+        send(signal, id);
+        study.wait().unwrap();
+        let start = std::time::Instant::now();
+        // It has let go of its run, and can be gone on with.
+        while fs::File::open(run.join(".lock"))
+            .unwrap()
+            .try_lock()
+            .is_err()
+        {
+            assert!(start.elapsed().as_secs() < 60, "it trains on");
+        }
+        assert!(checkpoint() != before, "{out}");
     }
 }

@@ -330,6 +330,27 @@ fn interrupted_polish_begins_again() {
             assert!(found[name] == expected[name], "{signal}: {name}");
         }
     }
+    // What it has proved it keeps, without polish, with more steps, and polished again.
+    let score = || number(&read_json(&path.join("runs/whole/proof.json"))["path"]["score"]);
+    let before = score();
+    for (key, value) in [("--polish", "0"), ("--steps", "320"), ("--polish", "500")] {
+        json(
+            path,
+            &["train", "--resume", "runs/whole", key, value, "--json"],
+        );
+        assert!(score() >= before, "{key} {value}");
+        json(
+            path,
+            &[
+                "eval",
+                "runs/whole",
+                "--sequence",
+                "--episodes",
+                "1",
+                "--json",
+            ],
+        );
+    }
 }
 
 /// Killed or asked to stop as soon as it has begun, a run that searches comes to the same end. The best that

@@ -132,11 +132,20 @@ fn names_say_nothing_to_a_terminal_and_need_be_no_unicode() {
     assert_failure(&output, 2, &["cannot read a\\u001b[31m\\u009b.toml"]);
     let text = stdout(path, &["tool", "plate", "--out", "\u{1b}[2J.stl"]);
     assert!(text.starts_with("\\u001b[2J.stl: 9 vertices"), "{text}");
-    let output = drape(path, &["scene", "--out", ".drape-x.new"]);
-    assert_failure(&output, 2, &[".drape-x.new begins with `.drape-`"]);
 
     fs::write(path.join("config.toml"), CONFIG).unwrap();
     fs::write(path.join("scene.toml"), scene(RIB)).unwrap();
+    // What has a name of something unfinished would not stay.
+    for args in [
+        &["scene", "--out", ".drape-x.new"][..],
+        &["scene", "--out", ".drape-x.new/a"],
+        &["tool", "plate", "--out", "a/.drape-x.tmp"],
+        &["train", "config.toml", "--json", "--runs", ".drape-x.new"],
+    ] {
+        let found = args[args.len() - 1];
+        let words = format!("cannot write {found}: it has a name that begins with `.drape-`");
+        assert_failure(&drape(path, args), 2, &[&words]);
+    }
     let name = OsStr::from_bytes(b"r\xff");
     let told = |args: &[&str], option: &str| {
         let mut command = command(path, args);

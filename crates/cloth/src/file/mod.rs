@@ -15,4 +15,6 @@ pub use toml::{parse_toml, parse_toml_with, read_toml, refuse_lists};
 pub use value::ValueError;
 pub(crate) use value::is_default;
 pub use words::in_words;
-pub use write::{WriteError, check_writable, remove_temporaries, write_atomic};
+pub use write::{
+    UNFINISHED, WriteError, check_name, check_writable, remove_temporaries, write_atomic,
+};

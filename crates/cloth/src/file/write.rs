@@ -1,9 +1,12 @@
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// Of the names of temporary files.
-const PREFIX: &str = ".drape-";
+/// Begin of the names of files and folders that are being made, which are moved when they are whole and may be removed
+/// when they were left behind.
+pub const UNFINISHED: &str = ".drape-";
+/// End of those of temporary files.
 const SUFFIX: &str = ".tmp";
 
 /// Why a file could not be written. The previous file, if any, is as it was.
@@ -15,6 +18,9 @@ pub enum WriteError {
     /// A device, pipe or socket: renaming over it would remove it.
     #[error("cannot write {}: it is not a regular file", path.display())]
     NotAFile { path: PathBuf },
+    /// It would be removed some day.
+    #[error("cannot write {}: it has a name that begins with `{UNFINISHED}`", path.display())]
+    Name { path: PathBuf },
     /// The system or the caller's writer refused: disk full, no permission, ...
     #[error("cannot write {}", path.display())]
     Io {
@@ -40,9 +46,19 @@ pub fn write_atomic(
     replace(path, folder, write).map_err(|source| error(path, source))
 }
 
-/// Whether [`write_atomic`] could begin to write the file at `path`: for work that takes long
+/// Refuses a path with a name of what is [`UNFINISHED`]: what is written there would not stay.
+pub fn check_name(path: &Path) -> Result<(), WriteError> {
+    let is_unfinished = |name: &OsStr| name.as_encoded_bytes().starts_with(UNFINISHED.as_bytes());
+    match path.iter().any(is_unfinished) {
+        true => Err(WriteError::Name { path: path.into() }),
+        false => Ok(()),
+    }
+}
+
+/// Whether [`write_atomic`] could begin to write the file at `path`, where it stays: for work that takes long
 /// and ends with that. Nothing is left behind.
 pub fn check_writable(path: &Path) -> Result<(), WriteError> {
+    check_name(path)?;
     check_kind(path)?;
     let begun = match path.is_dir() {
         true => Err(io::ErrorKind::IsADirectory.into()),
@@ -57,7 +73,7 @@ pub fn remove_temporaries(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();
         let name = name.to_string_lossy();
-        if name.starts_with(PREFIX) && name.ends_with(SUFFIX) {
+        if name.starts_with(UNFINISHED) && name.ends_with(SUFFIX) {
             let path = entry.path();
             let _ = std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir_all(&path));
         }
@@ -107,7 +123,7 @@ fn replace(
 
 fn create_temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(PREFIX).suffix(SUFFIX);
+    builder.prefix(UNFINISHED).suffix(SUFFIX);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;

@@ -452,7 +452,7 @@ mod tests {
             "face 1 of 2: a list of -3, expected a whole number >= 0"
         );
         assert_eq!(
-            fault("3  0  1  2", "6 0 1 2 0 2 1"),
+            fault("3  0  1  2", "6 0 1 2 0 1 2"),
             "face 1: its border of 6 corners crosses or touches itself, expected a polygon that can be \
              cut into triangles"
         );

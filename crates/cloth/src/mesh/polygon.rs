@@ -12,7 +12,7 @@ use crate::math::Vec3;
 /// also one on a straight side. What has no area at all becomes facets without one.
 ///
 /// None of a polygon whose border crosses or touches itself; it may run there and back again, as a cut
-/// to a hole does.
+/// to a hole does. One with a corner that is nowhere keeps it.
 pub(super) fn cut(corners: &[Vec3]) -> Option<Vec<Facet>> {
     let fan = |first: usize| {
         let at = |k: usize| corners[(first + k) % corners.len()];
@@ -20,7 +20,7 @@ pub(super) fn cut(corners: &[Vec3]) -> Option<Vec<Facet>> {
         facets.collect::<Vec<Facet>>()
     };
     let area = |[a, b, c]: &Facet| (b - a).cross(&(c - a));
-    let normal: Vec3 = fan(0).iter().map(area).sum();
+    let mut normal: Vec3 = fan(0).iter().map(area).sum();
     let is_upward = |facet: &Facet| has_area(facet) && area(facet).dot(&normal) > 0.0;
     match corners.len() {
         0..=3 => return Some(fan(0)),
@@ -33,8 +33,15 @@ pub(super) fn cut(corners: &[Vec3]) -> Option<Vec<Facet>> {
         }
         _ => {}
     }
-    if !fan(0).iter().any(has_area) {
+    if !fan(0).iter().any(has_area) || !normal.iter().all(|x| x.is_finite()) {
         return Some(fan(0));
+    }
+    let areas = fan(0).into_iter().map(|facet| area(&facet));
+    let largest = areas.max_by(|a, b| a.norm().total_cmp(&b.norm()));
+    let largest = largest.expect("some have an area");
+    // All of it runs there and back, but for rounding.
+    if normal.norm() < 1e-12 * largest.norm() {
+        normal = largest;
     }
     triangulate(corners, normal.try_normalize(0.0)?)
 }
@@ -225,5 +232,19 @@ mod tests {
         ]);
         assert_eq!(measured(&line).unwrap(), (Vec3::zeros(), 0.0, 3));
         assert_eq!(cut(&line[..2]), Some(Vec::new()));
+        let [a, b, c, d] = [
+            [0.1, 0.2, 0.],
+            [3.3, 1.7, 0.],
+            [1.1, 2.9, 0.],
+            [0.3, 0.7, 0.],
+        ];
+        for spike in [&[a, b, c, b][..], &[a, b, c, d, c, b]] {
+            assert_eq!(cut(&points(spike)), Some(Vec::new()), "{spike:?}");
+        }
+        // Whose place is told where it is read.
+        for x in [f64::NAN, f64::INFINITY] {
+            let facets = cut(&points(&[a, b, [x, 0., 0.], c, d])).unwrap();
+            assert!(facets.iter().flatten().any(|p| !p.x.is_finite()), "{x}");
+        }
     }
 }

@@ -21,8 +21,8 @@ const MM_PER_M: f64 = 1e3;
 /// others together.
 const FAR: f64 = 1e3;
 /// Words with which the parts of an ASCII file begin and end.
-const KEYWORDS: [&str; 7] = [
-    "solid", "facet", "outer", "vertex", "endloop", "endfacet", "endsolid",
+const KEYWORDS: [&str; 9] = [
+    "solid", "facet", "normal", "outer", "loop", "vertex", "endloop", "endfacet", "endsolid",
 ];
 
 /// A mesh as read from a file.
@@ -150,9 +150,8 @@ fn binary_facets(bytes: &[u8], declared: usize) -> Result<Vec<Facet>, String> {
     Ok(facets.map(facet).collect())
 }
 
-/// Keywords and numbers may stand on lines of their own or all on one. What is left of the lines of
-/// `solid`, `endsolid`, `facet` and `outer` says nothing as far as the next keyword (some exporters write
-/// nan for a normal, which follows from the corners anyway).
+/// Words count, wherever lines end. Names, and what is left of the lines of `facet`, `normal`, `outer` and `loop` as far
+/// as the next keyword, say nothing (some exporters write nan for a normal, which follows from the corners anyway).
 fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
     let (mut facets, mut corners, mut is_complete) = (Vec::new(), Vec::new(), true);
     let bytes = plain(bytes)?;
@@ -160,11 +159,12 @@ fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
     let words = |(number, line)| str::split_whitespace(line).map(move |word| (number, word));
     let mut words = (1..).zip(text.lines()).flat_map(words).peekable();
     let keyword = |word: &str| KEYWORDS.into_iter().find(|k| word.eq_ignore_ascii_case(k));
+    let fault_at = |line, expected, found: &str| {
+        let found: String = found.chars().take(40).collect();
+        format!("line {line}: expected {expected}, found {found:?}")
+    };
     while let Some((line, word)) = words.next() {
-        let fault = |expected, found: &str| {
-            let found: String = found.chars().take(40).collect();
-            format!("line {line}: expected {expected}, found {found:?}")
-        };
+        let fault = |expected, found: &str| fault_at(line, expected, found);
         let found = keyword(word).unwrap_or_default();
         match found {
             "solid" if is_complete => is_complete = false,
@@ -174,13 +174,17 @@ fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
                 return Err(fault("endfacet first", word));
             }
             "endsolid" => is_complete = true,
-            "facet" | "outer" | "endloop" => {}
+            "facet" | "outer" | "loop" | "endloop" => {}
+            "normal" => (0..3).for_each(|_| {
+                words.next_if(|(_, word)| keyword(word).is_none());
+            }),
             "vertex" if corners.len() == 3 => return Err(fault("endfacet first", word)),
             "vertex" => {
                 let mut corner = Vec3::zeros();
                 for coordinate in corner.iter_mut() {
-                    let number = words.next().map_or("", |(_, word)| word);
-                    *coordinate = number.parse().map_err(|_| fault("a number", number))?;
+                    let (at, number) = words.next().unwrap_or((line, ""));
+                    let number_fault = |_| fault_at(at, "a number", number);
+                    *coordinate = number.parse().map_err(number_fault)?;
                 }
                 corners.push(corner);
             }
@@ -195,17 +199,27 @@ fn text_facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
             }
         }
         let is_named = found.ends_with("solid");
+        let is_alone = words.peek().is_some_and(|&(at, _)| at != line);
         while let Some(&(at, next)) = words.peek()
-            && at == line
-            && (is_named || ["facet", "outer"].contains(&found))
+            && (is_named || ["facet", "normal", "outer", "loop"].contains(&found))
         {
-            let after = || words.clone().nth(1).map_or("", |(_, word)| word);
-            match keyword(next) {
-                // Names may have keywords in them, but not how a facet begins.
-                Some("facet") if after().eq_ignore_ascii_case("normal") => break,
-                Some(_) if !is_named => break,
-                _ => drop(words.next()),
+            let left = words.clone().take_while(|&(at, _)| at == line);
+            let is_facet = |a, b| [a, b].map(keyword) == [Some("facet"), Some("normal")];
+            let mut pairs = left
+                .zip(words.clone().skip(1))
+                .map(|(a, b)| is_facet(a.1, b.1));
+            let ends = match keyword(next) {
+                None => at != line && !(is_named && is_alone),
+                Some(_) if !is_named || at != line => true,
+                // Names may have keywords in them, but not how a facet begins, be it that of the next solid.
+                Some("facet") => pairs.next() == Some(true),
+                Some("solid") => is_complete && pairs.any(|is_facet| is_facet),
+                Some(_) => false,
+            };
+            if ends {
+                break;
             }
+            words.next();
         }
     }
     if !is_complete {
@@ -350,12 +364,22 @@ mod tests {
         // A header that pretends to be text, and bytes after the end.
         binary[..6].copy_from_slice(b"solid ");
         welded(&binary);
-        // Two solids in one file, here the same.
-        let twice = parse(text(&mesh).repeat(2).as_bytes(), 1e-3).unwrap();
+        // With a word on each line, and a name that could begin another solid.
+        let named = |name| text(&mesh).replace("a facet of vertex", name);
+        let words = named("the punch").replace([' ', '\n'], "\n");
+        for text in [&*words, &named("my solid")] {
+            welded(text.as_bytes());
+        }
         assert_eq!(
-            (twice.mesh.vertices.len(), twice.mesh.triangles.len()),
-            (4, 8)
+            fault(words.replacen("0e0", "0,0", 1).as_bytes()),
+            "line 18: expected a number, found \"0,0\""
         );
+        // Two solids in one file, here the same, and all on one line.
+        let twice = text(&mesh).repeat(2);
+        for text in [&twice, &twice.replace('\n', " ")] {
+            let mesh = parse(text.as_bytes(), 1e-3).unwrap().mesh;
+            assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (4, 8));
+        }
     }
 
     #[test]
