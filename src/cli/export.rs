@@ -13,7 +13,6 @@ use super::terminal::Told;
 use drape_cloth::fabric::{Curve, Drape, Family};
 use drape_cloth::file::{ValueError, check_writable};
 use drape_cloth::math::Vec3;
-use drape_cloth::scene::hung;
 use drape_cloth::sim::{Bending, BendingStiffness};
 use drape_learn::policy::DeviceKind;
 use drape_study::proof::Physics;
@@ -164,10 +163,7 @@ fn deck(
     let place = loaded.folder.config.display().to_string();
     let start = match dialect {
         // In a fall of a second velocities are displacements.
-        Dialect::Calculix => {
-            let hung = hung(&scene.config, lamina, &scene.tool, 1.0);
-            hung.with_context(|| place.clone())?
-        }
+        Dialect::Calculix => scene.hung(1.0).with_context(|| place.clone())?,
         Dialect::Abaqus => (*scene.initial).clone(),
     };
     let drape = Drape::new(lamina, &scene.tool.in_scene(&start.position));

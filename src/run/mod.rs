@@ -22,9 +22,7 @@ pub use best::Best;
 pub use changes::changed;
 pub use checkpoint::Checkpoint;
 pub use config::RunConfig;
-pub use folder::{
-    BestSequence, Input, Proved, RunError, RunFolder, RunInfo, dated_folder, digest,
-};
+pub use folder::{BestSequence, Input, Proved, RunError, RunFolder, RunInfo, dated_folder, digest};
 pub use metrics::{curve, read_metrics};
 pub use rollout::{
     EpisodeSummary, PlayedEpisode, RolloutError, Rules, parallel_episodes, play, random_episodes,

@@ -9,7 +9,7 @@ use std::process::Command;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
-use drape_cloth::scene::{SceneConfig, hung};
+use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::{Aim, Roller, under_stencil};
 use drape_cloth::tool::{Pose, Tool};
 use drape_cloth::twin::{PressConfig, Twin, TwinConfig};
@@ -321,7 +321,13 @@ fn sheet_pressed_on_a_rib_lies_where_the_twin_has_it() {
     let material = scene.read_material().unwrap();
     let lamina = Lamina::new(&scene.blank, material.clone()).unwrap();
     let tool = Tool::new(&scene.tool).unwrap();
-    let start = hung(&scene, &lamina, &tool, 0.0).unwrap();
+    let mut unfallen = scene.clone();
+    (unfallen.fall.fall_s, unfallen.fall.settle_s) = (0.0, 0.0);
+    unfallen
+        .clamps
+        .iter_mut()
+        .for_each(|c| c.move_mm = [0.0; 3]);
+    let start = Scene::new(&unfallen, |_| ()).unwrap().initial;
     // Pressure [Pa], 400 times the weight, side of the stencil [m], bending stiffness [N m].
     let (pressure, side, bending) = (1e3, 0.04, 2e-4);
 

@@ -3,7 +3,7 @@ use std::collections::{HashMap, HashSet};
 use super::blank::{BlankConfig, BlankError, MassModel};
 use super::cut::{Cell, Cells};
 use super::grid::Grid;
-use super::material::{Family, Material};
+use super::material::{Curve, Family, Material};
 use super::membrane::Membrane;
 use super::outline::Outline;
 use crate::math::Vec3;
@@ -339,12 +339,13 @@ impl Lamina {
 /// closed forms are met.
 const STRETCH: f64 = 0.01;
 
-/// Whether the yarns of a cell stretch so little that its diagonal knows its shear, by the first
-/// slopes. Compression does not count: cloth buckles.
+/// Whether the yarns of a cell stretch so little that its diagonal knows its shear, by the steepest slope of
+/// shear, locked if it locks, and the flattest of tension. Compression does not count: cloth buckles.
 fn is_trellis(material: &Material, [a, b]: [f64; 2]) -> bool {
-    let shear = &material.shear;
-    let shear = shear.positive.modulus().max(shear.negative.modulus());
-    let [warp, weft] = [&material.warp, &material.weft].map(|yarn| yarn.tension.modulus());
+    let shear = material.shear.curves(true);
+    let shear = shear.iter().flat_map(Curve::moduli).fold(0.0, f64::max);
+    let [warp, weft] = [&material.warp, &material.weft]
+        .map(|yarn| yarn.tension.moduli().fold(f64::INFINITY, f64::min));
     shear * (a / b).powi(2) <= STRETCH * warp && shear * (b / a).powi(2) <= STRETCH * weft
 }
 

@@ -74,6 +74,13 @@ impl Curve {
         pairs.filter_map(kink).collect()
     }
 
+    /// All its slopes [Pa].
+    pub fn moduli(&self) -> impl Iterator<Item = f64> {
+        let first = self.modulus();
+        let others = self.kinks().into_iter().map(move |[_, over]| first * over);
+        std::iter::once(first).chain(others)
+    }
+
     /// Slope at strain 0 [Pa].
     pub fn modulus(&self) -> f64 {
         1e6 * self.0[1][1] / self.0[1][0]

@@ -5,7 +5,6 @@ use super::config::{Clamp, FRAME, Over, Placement, SceneConfig, SceneError};
 use crate::fabric::Lamina;
 use crate::sim::{
     Backend, Cpu, Model, Own, Parameters, PhysicsConfig, Precision, Snapshot, Tolerance, World,
-    felt,
 };
 use crate::tool::{SMOOTH, Tool};
 
@@ -41,11 +40,9 @@ impl Scene {
         let tool = Tool::new(&config.tool)?;
 
         let [falling, _] = config.fall.frames();
-        let start = hung(config, &lamina, &tool, falling as f64 * FRAME)?;
-        let model = Model::new(&lamina, &config.physics);
-        let (mut flat, _) = seated(config, &tool);
-        flat.tilt_deg = 0.0;
-        let model = Arc::new(model.over(&lamina, &tool, &placed(&flat, &lamina)));
+        let model = model_over(config, &lamina, &tool);
+        let start = hung(config, &lamina, &tool, &model, falling as f64 * FRAME)?;
+        let model = Arc::new(model);
         let tool = Arc::new(tool);
         let lamina = Arc::new(lamina);
         let mut scene = Self {
@@ -70,8 +67,8 @@ impl Scene {
     ) -> Result<Vec<Self>, SceneError> {
         let [fall_s, _] = self.config.fall.durations();
         let start = |(off, parameters): &(Misplacement, Parameters)| {
-            let mut start = hung(&self.config, &self.lamina, &self.tool, fall_s)?;
-            off.apply(&mut start.position, &self.lamina, &self.tool);
+            let mut start = self.hung(fall_s)?;
+            off.apply(&mut start.position, self);
             start.own.parameters = parameters.clone();
             Ok(start)
         };
@@ -85,6 +82,12 @@ impl Scene {
             }
         };
         Ok(states.map(scene).collect())
+    }
+
+    /// The flat blank before the fall; clamps already have the velocity of their displacement, which
+    /// takes `fall_s` seconds.
+    pub fn hung(&self, fall_s: f64) -> Result<Snapshot, SceneError> {
+        hung(&self.config, &self.lamina, &self.tool, &self.model, fall_s)
     }
 
     /// Lets blanks fall and settle, side by side.
@@ -176,7 +179,7 @@ pub struct Misplacement {
 
 impl Misplacement {
     /// Puts the vertices of a blank off their place, and up until they clear the tool [m].
-    pub fn apply(&self, position: &mut [[f64; 3]], lamina: &Lamina, tool: &Tool) {
+    pub fn apply(&self, position: &mut [[f64; 3]], scene: &Scene) {
         let extremes = |k: usize| {
             let values = position.iter().map(|x| x[k]);
             values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
@@ -194,8 +197,8 @@ impl Misplacement {
             at[1] = middle[1] + self.shift[1] + sin * x + cos * y;
             at[2] += self.shift[2] + height * (2.0 * TAU * along + phase).sin();
         }
-        let felt = felt(lamina, tool, position);
-        let up = lift(tool, &felt).unwrap_or(0.0).max(0.0);
+        let felt = scene.model.felt(position);
+        let up = lift(&scene.tool, &felt).unwrap_or(0.0).max(0.0);
         position.iter_mut().for_each(|at| at[2] += up);
     }
 }
@@ -209,13 +212,27 @@ fn nearest(clamp: &Clamp, lamina: &Lamina) -> (usize, f64) {
     nearest.expect("a blank has vertices")
 }
 
-/// The flat blank before the fall; clamps already have the velocity of their displacement, which
-/// takes `fall_s` seconds. Fails if the blank is not over the tool or inside it, or if a clamp is
+/// The physics of a scene: what its tool is like under the blank and where clamps take it tells whether contact
+/// looks between the vertices.
+fn model_over(config: &SceneConfig, lamina: &Lamina, tool: &Tool) -> Model {
+    let (mut placement, _) = seated(config, tool);
+    placement.tilt_deg = 0.0;
+    let flat = placed(&placement, lamina);
+    let mut under = flat.clone();
+    for clamp in &config.clamps {
+        let [dx, dy, _] = clamp.move_mm.map(|m| m * 1e-3);
+        under.extend(flat.iter().map(|[x, y, z]| [x + dx, y + dy, *z]));
+    }
+    Model::new(lamina, &config.physics).over(lamina, tool, &under)
+}
+
+/// See [`Scene::hung`]. Fails if the blank is not over the tool or inside it, or if a clamp is
 /// further from the blank than a cell is long.
-pub fn hung(
+fn hung(
     config: &SceneConfig,
     lamina: &Lamina,
     tool: &Tool,
+    model: &Model,
     fall_s: f64,
 ) -> Result<Snapshot, SceneError> {
     let Placement {
@@ -225,7 +242,7 @@ pub fn hung(
     } = config.placement;
     let (mut placement, middle_mm) = seated(config, tool);
     let mut position = placed(&placement, lamina);
-    let Some(lift) = lift(tool, &felt(lamina, tool, &position)) else {
+    let Some(lift) = lift(tool, &model.felt(&position)) else {
         let from_mm = [0, 1].map(|k| placement.centre_mm[k] - centre_mm[k]);
         let middle_mm = [0, 1].map(|k| middle_mm[k] - from_mm[k]);
         return Err(SceneError::Beside {
@@ -239,8 +256,8 @@ pub fn hung(
         position = placed(&placement, lamina);
         touching_mm = 0.0;
     }
-    let felt = felt(lamina, tool, &position);
-    let depths = felt.iter().map(|&x| -tool.distance(x).0);
+    let depths = model.felt(&position).into_iter();
+    let depths = depths.map(|x| -tool.distance(x).0);
     let deepest = depths.fold(f64::NEG_INFINITY, f64::max);
     if deepest > IN_TOOL * tool.grid.spacing() {
         return Err(SceneError::InTool {

@@ -10,7 +10,7 @@ mod fall;
 mod summary;
 
 pub use config::{Clamp, Fabric, Fall, Over, Placement, SceneConfig, SceneError};
-pub use fall::{Misplacement, Scene, hung};
+pub use fall::{Misplacement, Scene};
 pub use summary::{Summary, wrinkle_count};
 
 #[cfg(test)]

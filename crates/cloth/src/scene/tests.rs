@@ -4,7 +4,8 @@ use super::{Over, Placement, Scene, SceneConfig};
 use crate::fabric::BlankConfig;
 use crate::math::Vec3;
 use crate::mesh::{TriMesh, write_stl};
-use crate::tool::tests::{blocks, roof};
+use crate::sim::{Accuracy, Backend, Cpu, Precision, Roller, World};
+use crate::tool::tests::{blocks, cone, roof};
 use crate::tool::{MeshSource, Source, Surface};
 
 /// A blank of `cells` x `cells` cells that falls flat on to a mesh from 1 mm over it.
@@ -74,6 +75,22 @@ fn cloth_hangs_from_what_is_finer_than_its_cells() {
         ),
         ("pins", blocks(&pins), 10.0, [-0.0185, 0.03]),
         ("roof", roof(60.0), 6.0, [0.0, 0.06]),
+        (
+            "fins that cross",
+            blocks(&[
+                PLATE,
+                [[-0.09, -0.0025, -0.001], [0.09, 0.0025, 0.02]],
+                [[-0.0025, -0.09, -0.001], [0.0025, 0.09, 0.03]],
+            ]),
+            6.0,
+            [0.0, 0.03],
+        ),
+        (
+            "cone",
+            cone(0.02, 0.03, [0.002, -0.0185]),
+            6.0,
+            [0.002, 0.03],
+        ),
     ];
     for (name, mesh, cell_mm, [x, top]) in cases {
         let scene = fallen(&mesh, 14, cell_mm);
@@ -140,4 +157,40 @@ fn smooth_tools_have_no_such_stage() {
             .depth
             < 1e-6
     );
+}
+
+/// Presses beside a fin take no cloth through it, however rarely planes would be refreshed without it.
+#[test]
+fn presses_beside_a_fin_leave_cloth_on_it() {
+    let fin = [[0.0004, -0.09, -0.001], [0.0054, 0.09, 0.02]];
+    let scene = fallen(&blocks(&[PLATE, fin]), 14, 6.0);
+    let world = World::new(scene.model.clone(), scene.tool.clone());
+    let roller = Roller {
+        pressure: 1e6,
+        speed: 4.0,
+    };
+    for accuracy in [Accuracy::Fast, Accuracy::Balanced] {
+        let mut cloth = Cpu::new(&world, 1, Precision::F32);
+        cloth.load(0, &scene.initial);
+        for x in [0.012, -0.006, 0.024, -0.018] {
+            let is_under = |at: &[f64; 2]| (at[0] - x).abs() < 1e-3 && at[1].abs() < 0.02;
+            let rest = scene.lamina.rest.iter().enumerate();
+            let under: Vec<u32> = rest
+                .filter(|(_, at)| is_under(at))
+                .map(|(v, _)| v as u32)
+                .collect();
+            let areas = vec![3.6e-5; scene.lamina.vertex_count()];
+            let press = roller.press(0, &under, &areas);
+            cloth.step(&accuracy.stepping().press(0.1), &[press]);
+        }
+        let sheet = scene.lamina.mesh(&cloth.snapshot(0).position);
+        let deepest = scene.tool.surface.deepest(&sheet);
+        assert!(
+            deepest.depth <= scene.tolerance().depth,
+            "{accuracy:?}: {deepest:?}"
+        );
+        let over = Surface::new(&sheet).unwrap().crossings(0.003, 0.001);
+        let (height, _) = over[over.len() - 1];
+        assert!(height > 0.019, "{accuracy:?}: {height}");
+    }
 }

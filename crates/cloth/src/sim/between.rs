@@ -17,15 +17,24 @@ use crate::fabric::Lamina;
 use crate::math::{Lanes, Vec3, Vec3x};
 use crate::tool::{Features, SMOOTH, Tool, Tools};
 
-/// How far cloth may come before planes are refreshed [m]: that of a fall at 4 m/s.
-const TRAVEL: f64 = 4e-3;
+/// How far cloth may come before planes are refreshed [m]: a few substeps at the speed of presses. It is refreshed
+/// as often as that asks for.
+const TRAVEL: f64 = 14e-3;
 
-/// Fewest and most parts of a side of a triangle. A roof of 90 degrees then lies in the cloth by a sixteenth of
+/// Fastest that cloth is expected to move without a cap on its speed [m/s].
+const FASTEST: f64 = 4.0;
+
+/// Fewest and most parts of a side of a triangle. A ridge of 90 degrees then lies in the cloth by an eleventh of
 /// a cell at most, and walls of a quarter of a cell are held at both of their edges.
 const PARTS: [f64; 2] = [4.0, 16.0];
 
-/// Corners whose tangent planes deviate by less than this [m] hold what is between them.
-const HELD: f64 = 1e-6;
+/// Parts of a side over the slope of a tip, which then reaches a tenth of a diagonal through at most.
+const AT_TIPS: f64 = 5.3;
+
+/// What is less deep when its corners lie on their planes, in lengths of a cell's diagonal, is held by those, if the
+/// cosines between all normals are greater.
+const HELD: f64 = 0.02;
+const ALIKE: f64 = 0.9;
 
 /// What contact between vertices looks at.
 #[derive(Debug)]
@@ -64,9 +73,8 @@ impl Between {
         let most = [of(0, f64::max)? + length, of(1, f64::max)? + length];
         let features = tool.features(length, [least, most], length + TRAVEL)?;
         let cell = length / SQRT_2;
-        let parts = (2.0 * cell / features.thinnest)
-            .ceil()
-            .clamp(PARTS[0], PARTS[1]);
+        let parts = (2.0 * cell / features.thinnest).max(AT_TIPS * features.steepest);
+        let parts = parts.ceil().clamp(PARTS[0], PARTS[1]);
         let mut sides = HashSet::new();
         let triangle = |&[a, b, c]: &[u32; 3]| Triangle {
             corners: [a, b, c],
@@ -100,16 +108,24 @@ impl Between {
         }
     }
 
-    /// The vertices of a sheet [m] and all points that contact looks at between them.
-    fn points(&self, x: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    /// The points between the vertices of a sheet at `x` [m] that may come near features on the way down.
+    pub fn points(&self, x: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let between = |t: &Triangle| {
             let corners = t.corners.map(|v| Vec3::from(x[v as usize]));
-            self.of(t)
-                .map(move |weights| place(corners, weights).into())
+            let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+            let is_near = self.features.may_reach_column(middle);
+            let points = self.of(t).filter(|_| is_near);
+            points
+                .map(|weights| place(corners, weights).into())
                 .collect::<Vec<_>>()
         };
-        let all = x.iter().copied();
-        all.chain(self.triangles.iter().flat_map(between)).collect()
+        self.triangles.iter().flat_map(between).collect()
+    }
+
+    /// Most substeps of `h` [s] between two refreshes, at a speed of `cap` [m/s] at most, 0 without.
+    pub fn most_substeps(&self, h: f64, cap: f64) -> usize {
+        let speed = if cap > 0.0 { cap } else { FASTEST };
+        ((TRAVEL / (speed * h)) as usize).max(1)
     }
 
     /// The lattice of a triangle, without what is another's.
@@ -119,7 +135,7 @@ impl Between {
         own.map(|(weights, _)| *weights)
     }
 
-    /// The points near features that planes at their corners do not hold off the tool already; `slot` tells
+    /// The points near features that planes at their corners do not hold off the tool; `slot` tells
     /// place and lane of a vertex of an environment.
     #[inline(never)]
     pub fn touches<V: Lanes>(
@@ -140,16 +156,19 @@ impl Between {
                 return Vec::new();
             }
             let tool = tools.of(lane);
+            let lying = [0, 1, 2].map(|k| {
+                let (normal, offset) = planes[k];
+                x[k] - normal * (normal.dot(&x[k]) - offset)
+            });
             let touch = |weights: [f64; 3]| {
                 let at = place(x, weights);
                 let (phi, normal) = tool.distance(at.into());
                 let normal = Vec3::from(normal);
                 let offset = normal.dot(&at) - phi;
-                let off =
-                    |k: usize| normal.dot(&x[k]) - offset - (planes[k].0.dot(&x[k]) - planes[k].1);
-                let is_same =
-                    |k: usize| (normal - planes[k].0).norm() < 1e-3 && off(k).abs() < HELD;
-                (phi < TRAVEL && !(0..3).all(is_same)).then_some(Touch {
+                let depth = offset - normal.dot(&place(lying, weights));
+                let is_alike = planes.iter().all(|(other, _)| normal.dot(other) > ALIKE);
+                let is_held = is_alike && depth < HELD * self.length;
+                (phi < TRAVEL && !is_held).then_some(Touch {
                     corners,
                     weights,
                     normal,
@@ -165,15 +184,6 @@ impl Between {
                 .collect::<Vec<_>>()
         };
         lanes.flat_map(of_lane).collect()
-    }
-}
-
-/// The vertices of a sheet at `x` [m], and the points between them that a tool which is finer than its cells
-/// may touch.
-pub(crate) fn felt(lamina: &Lamina, tool: &Tool, x: &[[f64; 3]]) -> Vec<[f64; 3]> {
-    match Between::new(lamina, tool, x) {
-        Some(between) => between.points(x),
-        None => x.to_vec(),
     }
 }
 

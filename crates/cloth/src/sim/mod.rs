@@ -54,7 +54,6 @@ mod tests;
 mod view;
 
 pub use between::Tolerance;
-pub(crate) use between::felt;
 
 pub use backend::{Backend, Observed, World};
 pub use cpu::{Cpu, Precision};

@@ -191,6 +191,17 @@ impl Model {
         }
     }
 
+    /// The vertices of a sheet at `x` [m], and the points between them that may touch the tool under it.
+    pub fn felt(&self, x: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let mut felt = x.to_vec();
+        felt.extend(
+            { &self.between }
+                .iter()
+                .flat_map(|between| between.points(x)),
+        );
+        felt
+    }
+
     /// Whether contact is looked for between the vertices too.
     pub fn feels_between(&self) -> bool {
         self.between.is_some()

@@ -39,13 +39,18 @@ pub(super) fn step<S: Storage>(
     presses: &[Press],
     storage: &mut S,
 ) {
-    for first in (0..control.substeps).step_by(control.contact_interval) {
+    let mut interval = control.contact_interval;
+    if let Some(between) = &model.between {
+        let h = control.dt / control.substeps as f64;
+        interval = interval.min(between.most_substeps(h, model.physics().speed_cap));
+    }
+    for first in (0..control.substeps).step_by(interval) {
         S::V::vectorize(Substeps {
             model,
             tools,
             control,
             presses,
-            range: first..(first + control.contact_interval).min(control.substeps),
+            range: first..(first + interval).min(control.substeps),
             storage,
         });
     }

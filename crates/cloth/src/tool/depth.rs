@@ -76,7 +76,12 @@ impl Surface {
         if most <= least || most.is_nan() {
             return None;
         }
-        let (bound, weights) = highest(&self.bounds(piece, centre, depth.abs() + 2.0 * radius));
+        let near = self.near(centre, depth.abs() + 2.0 * radius);
+        // What no facet passes through is outside as a whole.
+        if depth < 0.0 && near.iter().all(|(.., facet)| are_apart(piece, facet)) {
+            return None;
+        }
+        let (bound, weights) = highest(&bounds(piece, near));
         if bound <= least {
             return None;
         }
@@ -88,33 +93,42 @@ impl Surface {
         };
         Some((deepest, bound.min(most)))
     }
+}
 
-    /// What the depth in a piece is at most, by values at its corners [m] with what is linear between
-    /// them: the distance to a facet, which is convex; and how far it is up to the plane of a facet that
-    /// no other one within `reach` [m] of the centre rises over.
-    fn bounds(&self, piece: &Piece, centre: Vec3, reach: f64) -> Vec<[f64; 3]> {
-        let mut near = self.near(centre, reach);
-        near.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let mut bounds: Vec<[f64; 3]> = Vec::new();
-        for (number, _, [a, b, c]) in &near {
-            if bounds.len() >= 2 * MOST_FACETS {
-                break;
-            }
-            let [p, q, r] = [a, b, c].map(to_parry);
-            let facet = shape::Triangle::new(p, q, r);
-            bounds.push(piece.map(|x| facet.distance_to_local_point(to_parry(&x), true)));
-            let Some(n) = (b - a).cross(&(c - a)).try_normalize(0.0) else {
-                continue;
-            };
-            // Walls below an open mesh have no side of their own.
-            let others = near.iter().flat_map(|(.., corners)| corners);
-            let is_over = |x: &Vec3| n.dot(&(x - a)) > 0.01 * TOLERANCE;
-            if number.is_some() && !{ others }.any(is_over) {
-                bounds.push(piece.map(|x| n.dot(&(a - x))));
-            }
+/// What the depth in a piece is at most, by values at its corners [m] with what is linear between
+/// them: the distance to a facet, which is convex; and how far it is up to the plane of a facet that
+/// no other one `near` rises over.
+fn bounds(piece: &Piece, mut near: Vec<(Option<u32>, f64, [Vec3; 3])>) -> Vec<[f64; 3]> {
+    near.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let mut bounds: Vec<[f64; 3]> = Vec::new();
+    for (number, _, [a, b, c]) in &near {
+        if bounds.len() >= 2 * MOST_FACETS {
+            break;
         }
-        bounds
+        let [p, q, r] = [a, b, c].map(to_parry);
+        let facet = shape::Triangle::new(p, q, r);
+        bounds.push(piece.map(|x| facet.distance_to_local_point(to_parry(&x), true)));
+        let Some(n) = (b - a).cross(&(c - a)).try_normalize(0.0) else {
+            continue;
+        };
+        // Walls below an open mesh have no side of their own.
+        let others = near.iter().flat_map(|(.., corners)| corners);
+        let is_over = |x: &Vec3| n.dot(&(x - a)) > 0.01 * TOLERANCE;
+        if number.is_some() && !{ others }.any(is_over) {
+            bounds.push(piece.map(|x| n.dot(&(a - x))));
+        }
     }
+    bounds
+}
+
+/// Whether the plane of one of two triangles has the other on one side.
+fn are_apart(a: &[Vec3; 3], b: &[Vec3; 3]) -> bool {
+    let has_on_one_side = |[p, q, r]: &[Vec3; 3], other: &[Vec3; 3]| {
+        let n = (q - p).cross(&(r - p));
+        let heights = other.map(|x| n.dot(&(x - p)));
+        heights.iter().all(|h| *h > 0.0) || heights.iter().all(|h| *h < 0.0)
+    };
+    has_on_one_side(a, b) || has_on_one_side(b, a)
 }
 
 /// The greatest value on a triangle of the smallest of some functions, linear between the values at its
@@ -192,5 +206,28 @@ mod tests {
             let off = (found.depth - exact).abs();
             assert!(off < 1.1 * TOLERANCE, "{k}: {found:?}, exact {exact}");
         }
+    }
+
+    /// Over a hollow, near its facets everywhere, pieces are told to be outside as a whole, at once.
+    #[test]
+    fn sheets_that_bridge_hollows_take_no_time() {
+        let at = |k: i32| f64::from(k) * 1e-3;
+        let hollow = |x: f64, y: f64| Vec3::new(x, y, (x * x + y * y) / 0.4);
+        let mut mesh = TriMesh::default();
+        for (i, j) in (-60..=60).flat_map(|i| (-60..=60).map(move |j| (i, j))) {
+            mesh.vertices.push(hollow(at(j), at(i)));
+            if i < 60 && j < 60 {
+                let a = (mesh.vertices.len() - 1) as u32;
+                mesh.triangles
+                    .extend([[a, a + 1, a + 122], [a, a + 122, a + 121]]);
+            }
+        }
+        let mut above = sheet(0.0);
+        for x in &mut above.vertices {
+            *x = hollow(0.7 * x.x, 0.7 * x.y) + Vec3::z() * 1.5e-5;
+        }
+        let surface = bounded(&mesh).unwrap();
+        let found = surface.deepest(&above);
+        assert!(found.depth < 1e-5, "{found:?}");
     }
 }

@@ -1,4 +1,5 @@
 use crate::file::{ReadError, ValueError};
+use crate::math::Vec3;
 use crate::mesh::OrientationFault;
 
 /// A tool that cannot be made.
@@ -10,12 +11,12 @@ pub enum ToolError {
     Read(#[from] ReadError),
     #[error("the tool has no facets")]
     Empty,
-    #[error("the tool cannot be told from its outside, repair the mesh: {0}")]
+    #[error("the tool cannot be told from its outside, repair the mesh")]
     Orientation(#[from] OrientationFault),
     #[error(
         "the tool is no solid: {count} of its {facets} facets have none behind them, the largest is \
          facet {facet} at ({:.1}, {:.1}, {:.1}) mm: close the holes and undercuts that show its \
-         back, or turn it over",
+         back, turn it over, or give walls that are vertical up to the border a flange",
         place_mm[0], place_mm[1], place_mm[2]
     )]
     NoSolid {
@@ -34,7 +35,7 @@ pub enum ToolError {
         edges: usize,
         place_mm: [f64; 3],
     },
-    #[error("the tool faces downwards, and turned over {0}")]
+    #[error("the tool faces downwards, and the other way round {0}")]
     TurnedOver(Box<Self>),
     #[error(
         "a grid of {} x {} x {} nodes at spacing {spacing_mm} mm takes {mib:.0} MiB, expected at most \
@@ -49,4 +50,21 @@ pub enum ToolError {
         /// A spacing that would fit, if there is one.
         advice: String,
     },
+}
+
+impl ToolError {
+    /// The error of a tool that was moved by -`origin` [m].
+    pub(super) fn moved_back(mut self, origin: &Vec3) -> Self {
+        match &mut self {
+            Self::NoSolid { place_mm, .. } | Self::Hanging { place_mm, .. } => {
+                *place_mm = (Vec3::from(*place_mm) + origin * 1e3).into();
+            }
+            Self::TurnedOver(error) => {
+                let inner = std::mem::replace(&mut **error, Self::Empty);
+                **error = inner.moved_back(origin);
+            }
+            _ => {}
+        }
+        self
+    }
 }

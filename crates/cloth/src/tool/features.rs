@@ -1,4 +1,5 @@
 use fixedbitset::FixedBitSet;
+use rayon::prelude::*;
 
 use super::solid::Tool;
 use super::surface::step;
@@ -14,19 +15,30 @@ pub const SMOOTH: f64 = 0.1;
 pub(crate) struct Features {
     /// Thinnest wall that ends at one of them [m]; infinite where none does.
     pub thinnest: f64,
+    /// Steepest slope of a tip [-]; 0 where there are none.
+    pub steepest: f64,
     /// Corner [m], side [m] and numbers of the boxes in which space is cut up here.
     low: Vec3,
     side: f64,
     dims: [usize; 3],
-    /// Those that come within reach of a feature.
+    /// Those that come within reach of a feature, and the columns in which one does.
     near: FixedBitSet,
+    columns: FixedBitSet,
 }
 
-/// An edge, from end to end, with what is beside it.
+/// An edge, from end to end, or a tip, whose ends are one.
 struct Edge {
     ends: [Vec3; 2],
-    /// Outward normals of its facets, and a place on each [m].
+    /// Outward normals of its facets, and places on each along the edge [m].
     sides: Vec<(Vec3, Vec3)>,
+}
+
+/// A facet beside an edge.
+struct Side {
+    normal: Vec3,
+    /// Its third corner [m], and the way there straight from the edge [m].
+    opposite: Vec3,
+    inwards: Vec3,
 }
 
 impl Tool {
@@ -38,7 +50,10 @@ impl Tool {
         between: [[f64; 2]; 2],
         reach: f64,
     ) -> Option<Features> {
-        let edges = self.sharp_edges(length, between);
+        let mut edges = self.sharp_edges(length, between);
+        let tips = self.tips(between);
+        let steepest = tips.iter().map(|&(_, slope)| slope).fold(0.0, f64::max);
+        edges.extend(tips.into_iter().map(|(tip, _)| tip));
         let ends = || edges.iter().flat_map(|edge| edge.ends);
         let first = ends().next()?;
         let (mut low, mut high) = ends().fold((first, first), |(l, h), x| (l.inf(&x), h.sup(&x)));
@@ -51,16 +66,17 @@ impl Tool {
         let (low, high) = (low - margin, high + margin);
         let dims = [0, 1, 2].map(|k| ((high[k] - low[k]) / side).ceil().max(1.0) as usize);
         let thickness = |&(normal, at): &(Vec3, Vec3)| self.surface.thickness(at, normal);
-        let walls = edges
-            .iter()
-            .flat_map(|edge| &edge.sides)
-            .filter_map(thickness);
+        let walls: Vec<f64> = (edges.par_iter())
+            .flat_map_iter(|edge| edge.sides.iter().filter_map(thickness))
+            .collect();
         let mut features = Features {
-            thinnest: walls.fold(f64::INFINITY, f64::min),
+            thinnest: walls.into_iter().fold(f64::INFINITY, f64::min),
+            steepest,
             low,
             side,
             dims,
             near: FixedBitSet::with_capacity(dims.iter().product()),
+            columns: FixedBitSet::with_capacity(dims[0] * dims[1]),
         };
         for Edge { ends: [a, b], .. } in &edges {
             let count = ((b - a).norm() / side).ceil().max(1.0) as usize;
@@ -79,53 +95,126 @@ impl Tool {
             let sides = [[a, b], [b, c], [c, a]];
             beside.extend(sides.map(|[v, w]| ([v.min(w), v.max(w)], t)));
         }
-        beside.sort_unstable();
+        beside.par_sort_unstable();
         let step = step(mesh);
-        let is_open = self.surface.is_open();
         let edge = |beside: &[([u32; 2], usize)]| {
-            let [v, w] = beside[0].0;
-            let ends = [v, w].map(|v| mesh.vertices[v as usize]);
+            let ends = beside[0].0.map(|v| mesh.vertices[v as usize]);
             let [a, b] = ends;
-            let is_apart =
-                |k: usize| a[k].max(b[k]) < between[0][k] || a[k].min(b[k]) > between[1][k];
             let along = (b - a).try_normalize(step)?;
-            if is_apart(0) || is_apart(1) {
+            if is_apart(ends, between) {
                 return None;
             }
             let middle = (a + b) * 0.5;
-            let side = |&(_, t): &([u32; 2], usize)| {
-                let [p, q, r] = mesh.corners(t);
-                let normal = (q - p).cross(&(r - p)).try_normalize(0.0)?;
-                let opposite = mesh.triangles[t].iter().find(|&&u| u != v && u != w)?;
-                let inwards = mesh.vertices[*opposite as usize] - middle;
-                Some((
-                    normal,
-                    inwards - along * along.dot(&inwards),
-                    middle + inwards * 0.1,
-                ))
+            let side = |corners: [Vec3; 3], opposite: Vec3| {
+                let [p, q, r] = corners;
+                let inwards = opposite - middle;
+                Some(Side {
+                    normal: (q - p).cross(&(r - p)).try_normalize(0.0)?,
+                    opposite,
+                    inwards: inwards - along * along.dot(&inwards),
+                })
             };
-            let found: Vec<(Vec3, Vec3, Vec3)> = beside.iter().filter_map(side).collect();
-            let (turn, width) = match &found[..] {
-                [(n, p, _), (m, q, _)] if n.dot(q) < 0.0 => (n.angle(m), p.norm().max(q.norm())),
+            let of_mesh = |&([v, w], t): &([u32; 2], usize)| {
+                let other = mesh.triangles[t].iter().find(|&&u| u != v && u != w)?;
+                side(mesh.corners(t), mesh.vertices[*other as usize])
+            };
+            let mut found: Vec<Side> = beside.iter().filter_map(of_mesh).collect();
+            if let [one] = &found[..] {
+                // Across a crack.
+                let near = self.surface.near(middle, 10.0 * step).into_iter();
+                let near = near.filter(|(number, ..)| number.is_some());
+                let sides = near.filter_map(|(.., [p, q, r])| side([p, q, r], (p + q + r) / 3.0));
+                let is_other = |s: &Side| {
+                    one.normal.dot(&s.normal) < 0.999 || one.inwards.dot(&s.inwards) < 0.0
+                };
+                found.extend({ sides }.find(is_other));
+            }
+            // How far the surface turns, and how far it then goes on.
+            let (turn, width, wall) = match &found[..] {
+                [one, other] if one.normal.dot(&other.inwards) < 0.0 => {
+                    let width = one.inwards.norm().max(other.inwards.norm());
+                    (one.normal.angle(&other.normal), width, None)
+                }
                 // Below its border an open mesh goes on straight down.
-                [(n, p, _)] if is_open => (n.z.clamp(-1.0, 1.0).asin(), p.norm()),
+                [one] if self.surface.is_open() => {
+                    let outwards = -Vec3::new(one.inwards.x, one.inwards.y, 0.0);
+                    let wall = outwards.try_normalize(step)?;
+                    (one.normal.angle(&wall), one.inwards.norm(), Some(wall))
+                }
                 _ => return None,
             };
             // How deep a straight piece of the length lies at one edge, or at several that follow each other.
-            let through = 0.5
-                * (0.5 * turn)
-                    .sin()
-                    .max(0.25 * turn * length / width.max(step));
-            let normal = found.iter().map(|side| side.0).sum::<Vec3>();
-            let is_bare = || !self.surface.is_inside(middle + normal * step);
-            let sides = found.iter().map(|&(normal, _, at)| (normal, at)).collect();
-            (through > SMOOTH && is_bare()).then_some(Edge { ends, sides })
+            let normal =
+                found.iter().map(|side| side.normal).sum::<Vec3>() + wall.unwrap_or_default();
+            let normal = normal.try_normalize(0.0)?;
+            let is_sharp = 0.5 * (0.5 * turn).sin() > SMOOTH;
+            let is_round = || {
+                // Not the roughness of a scan: there such a piece ends in the tool.
+                let [down, across] = [
+                    normal * (SMOOTH * length),
+                    along.cross(&normal) * (0.5 * length),
+                ];
+                let is_free = |x: Vec3| !self.surface.is_inside(x);
+                0.125 * turn * length / width.max(step) > SMOOTH
+                    && (is_free(middle - down + across) || is_free(middle - down - across))
+            };
+            if !is_sharp && !is_round() {
+                return None;
+            }
+            let count = ((b - a).norm() / length).ceil().max(1.0) as usize;
+            let places = (0..count).map(|k| a + (b - a) * ((k as f64 + 0.5) / count as f64));
+            let is_bare = |x: &Vec3| !self.surface.is_inside(x + normal * step);
+            let mut sides = Vec::new();
+            for x in places.filter(is_bare) {
+                sides.extend(found.iter().map(|s| (s.normal, x + (s.opposite - x) * 0.1)));
+                sides.extend(wall.map(|wall| (wall, x - Vec3::z() * (0.1 * length))));
+            }
+            (!sides.is_empty()).then_some(Edge { ends, sides })
         };
-        beside
-            .chunk_by(|a, b| a.0 == b.0)
-            .filter_map(edge)
-            .collect()
+        let edges: Vec<_> = beside.chunk_by(|a, b| a.0 == b.0).collect();
+        edges.into_par_iter().filter_map(edge).collect()
     }
+
+    /// The tips under a blank, where no edge need be sharp, and how steep they are [-].
+    fn tips(&self, between: [[f64; 2]; 2]) -> Vec<(Edge, f64)> {
+        let mesh = &self.mesh;
+        let normals = mesh.vertex_normals();
+        let step = step(mesh);
+        // Of each vertex: whether nothing beside it rises over it, and its facets.
+        let mut found = vec![(true, Vec::new()); mesh.vertices.len()];
+        for (t, triangle) in mesh.triangles.iter().enumerate() {
+            let corners = mesh.corners(t);
+            let [a, b, c] = corners;
+            let Some(n) = (b - a).cross(&(c - a)).try_normalize(0.0) else {
+                continue;
+            };
+            for (&v, at) in triangle.iter().zip(corners) {
+                let m = normals[v as usize];
+                let (is_tip, sides) = &mut found[v as usize];
+                let is_steep = 0.5 * n.cross(&m).norm() > SMOOTH;
+                *is_tip &= is_steep && corners.iter().all(|x| m.dot(&(x - at)) <= step);
+                sides.push((n, at + ((a + b + c) / 3.0 - at) * 0.1));
+            }
+        }
+        let tip = |(v, (is_tip, sides)): (usize, (bool, Vec<(Vec3, Vec3)>))| {
+            let (x, m) = (mesh.vertices[v], normals[v]);
+            let slopes = sides
+                .iter()
+                .map(|(n, _)| n.cross(&m).norm() / n.dot(&m).max(0.01));
+            let slope = slopes.fold(0.0, f64::max);
+            let is_left = is_tip && slope > 0.0 && !is_apart([x; 2], between);
+            let is_bare = is_left && !self.surface.is_inside(x + m * step);
+            let ends = [x; 2];
+            is_bare.then_some((Edge { ends, sides }, slope))
+        };
+        found.into_iter().enumerate().filter_map(tip).collect()
+    }
+}
+
+/// Whether the box about two points lies beside a rectangle in x and y.
+fn is_apart([a, b]: [Vec3; 2], between: [[f64; 2]; 2]) -> bool {
+    let is_apart = |k: usize| a[k].max(b[k]) < between[0][k] || a[k].min(b[k]) > between[1][k];
+    is_apart(0) || is_apart(1)
 }
 
 impl Features {
@@ -140,19 +229,28 @@ impl Features {
             .flat_map(|(i, j)| w.clone().map(move |k| (i, j, k)))
         {
             self.near.insert(i + self.dims[0] * (j + self.dims[1] * k));
+            self.columns.insert(i + self.dims[0] * j);
         }
     }
 
     /// Whether a feature may be within reach of `x` [m].
     pub(crate) fn may_reach(&self, x: Vec3) -> bool {
-        let mut number = 0;
-        for k in [2, 1, 0] {
+        self.number([2, 1, 0], x)
+            .is_some_and(|n| self.near.contains(n))
+    }
+
+    /// Whether a feature may be within reach of a place over or under `x` [m].
+    pub(crate) fn may_reach_column(&self, x: Vec3) -> bool {
+        self.number([1, 0], x)
+            .is_some_and(|n| self.columns.contains(n))
+    }
+
+    /// Number of the box or column that has `x` [m]; none beside them.
+    fn number<const N: usize>(&self, axes: [usize; N], x: Vec3) -> Option<usize> {
+        axes.iter().try_fold(0, |number, &k| {
             let at = (x[k] - self.low[k]) / self.side;
-            if !(at >= 0.0 && at < self.dims[k] as f64) {
-                return false;
-            }
-            number = number * self.dims[k] + at as usize;
-        }
-        self.near.contains(number)
+            let is_in = at >= 0.0 && at < self.dims[k] as f64;
+            is_in.then(|| number * self.dims[k] + at as usize)
+        })
     }
 }

@@ -58,6 +58,22 @@ pub(crate) mod tests {
         mesh
     }
 
+    /// A cone with its tip over `at` [m], on a wider plate.
+    pub(crate) fn cone(radius: f64, height: f64, at: [f64; 2]) -> TriMesh {
+        let mut mesh = blocks(&[[[-0.1, -0.1, -0.02], [0.1, 0.1, 0.0]]]);
+        let first = mesh.vertices.len() as u32;
+        let ends = [height, -0.001].map(|z| Vec3::new(at[0], at[1], z));
+        mesh.vertices.extend(ends);
+        for k in 0..32 {
+            let (sin, cos) = (f64::from(k) / 32.0 * std::f64::consts::TAU).sin_cos();
+            mesh.vertices
+                .push(ends[1] + Vec3::new(cos, sin, 0.0) * radius);
+            let [a, b] = [k, (k + 1) % 32].map(|k| first + 2 + k);
+            mesh.triangles.extend([[first, a, b], [first + 1, b, a]]);
+        }
+        mesh
+    }
+
     /// A roof with its ridge along y at a height of 60 mm, open below [m].
     pub(crate) fn roof(slope_deg: f64) -> TriMesh {
         let half = 0.06 / slope_deg.to_radians().tan();

@@ -54,7 +54,8 @@ impl Tool {
         for vertex in &mut mesh.vertices {
             *vertex = config.pose.apply(vertex, &origin);
         }
-        let mut tool = Self::from_mesh(mesh, &config.grid)?;
+        let tool = Self::from_mesh(mesh, &config.grid);
+        let mut tool = tool.map_err(|error| error.moved_back(&origin))?;
         tool.origin = origin;
         tool.dropped_facet_count = dropped_facet_count;
         Ok(tool)

@@ -248,7 +248,7 @@ mod tests {
             (leaning, "2 of its 6 facets have none behind them"),
             (shelf, "has an undercut: "),
         ] {
-            for before in ["", "the tool faces downwards, and turned over "] {
+            for before in ["", "the tool faces downwards, and the other way round "] {
                 let found = error(mesh.clone());
                 assert!(
                     found.starts_with(before) && found.contains(fault),

@@ -221,9 +221,12 @@ impl Surface {
             return None;
         }
         let ray = Ray::new(to_parry(&(x - normal * ON_THE_WAY)), to_parry(&-normal));
-        let hit = self
-            .facets
-            .cast_local_ray_and_get_normal(&ray, f64::MAX, false)?;
+        let meshes = [Some(&self.facets), self.walls.as_ref()];
+        let hits = meshes
+            .into_iter()
+            .flatten()
+            .filter_map(|mesh| mesh.cast_local_ray_and_get_normal(&ray, f64::MAX, false));
+        let hit = hits.min_by(|a, b| a.time_of_impact.total_cmp(&b.time_of_impact))?;
         let is_parallel = hit.normal.dot(ray.dir).abs() > 0.9;
         is_parallel.then_some(hit.time_of_impact + ON_THE_WAY)
     }

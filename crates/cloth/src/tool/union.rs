@@ -82,10 +82,9 @@ fn exposed(surface: &Surface, mesh: &TriMesh) -> TriMesh {
             if over.iter().all(|h| *h > step) || over.iter().all(|h| *h < -step) {
                 continue;
             }
-            let cut = bounds(&across);
             parts = parts
                 .into_iter()
-                .flat_map(|part| split(part, n, offset, cut, step))
+                .flat_map(|part| split(part, across, (n, offset), step))
                 .collect();
         }
         let is_bare = |part: &Vec<Vec3>| {
@@ -109,13 +108,15 @@ fn exposed(surface: &Surface, mesh: &TriMesh) -> TriMesh {
     exposed
 }
 
-/// Both sides of a polygon, if the box of a facet in this plane reaches it.
-fn split(part: Vec<Vec3>, n: Vec3, offset: f64, cut: (Vec3, Vec3), step: f64) -> Vec<Vec<Vec3>> {
+/// Both sides of a polygon along the plane of a facet, if that reaches it.
+fn split(part: Vec<Vec3>, facet: [Vec3; 3], (n, offset): (Vec3, f64), step: f64) -> Vec<Vec<Vec3>> {
     let height = |x: &Vec3| n.dot(x) - offset;
-    let (low, high) = bounds(&part);
-    let is_apart = (0..3).any(|k| high[k] < cut.0[k] || low[k] > cut.1[k]);
+    let is_beside = |k: usize| {
+        let outwards = (facet[(k + 1) % 3] - facet[k]).cross(&n);
+        part.iter().all(|x| outwards.dot(&(x - facet[k])) > 0.0)
+    };
     let is_above = part.iter().all(|x| height(x) >= -step);
-    if is_apart || is_above || part.iter().all(|x| height(x) <= step) {
+    if is_above || part.iter().all(|x| height(x) <= step) || (0..3).any(is_beside) {
         return vec![part];
     }
     let sides = [clip(&part, height), clip(&part, |x| -height(x))];

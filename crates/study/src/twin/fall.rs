@@ -3,7 +3,7 @@
 use crate::study::StudyError;
 use crate::verify::solve::twin_physics;
 use drape_cloth::file::ValueError;
-use drape_cloth::scene::{Misplacement, Scene, SceneConfig, SceneError, hung};
+use drape_cloth::scene::{Misplacement, Scene, SceneConfig, SceneError};
 use drape_cloth::sim::{Bending, SelfCollision};
 use drape_cloth::twin::{Diverged, Hold, PressConfig, Twin, TwinConfig};
 use drape_task::env::EnvConfig;
@@ -61,8 +61,8 @@ pub fn press_config(env: &EnvConfig, hold: Hold) -> PressConfig {
 /// settling has the scene's own damping unless the twin has none at all.
 pub fn fallen(scene: &Scene, config: &TwinConfig, off: &Misplacement) -> Result<Twin, StudyError> {
     let [fall_s, settle_s] = scene.config.fall.durations();
-    let mut start = hung(&scene.config, &scene.lamina, &scene.tool, fall_s)?;
-    off.apply(&mut start.position, &scene.lamina, &scene.tool);
+    let mut start = scene.hung(fall_s)?;
+    off.apply(&mut start.position, scene);
     let mut twin = Twin::new(&scene.lamina, config)?;
     twin.set_positions(&start.position);
     for v in start.fixed.ones() {

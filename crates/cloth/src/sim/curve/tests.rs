@@ -135,15 +135,18 @@ fn hanging_cell_has_the_shear_of_the_curve() {
                 let place = |v: usize| Vec3::new(cell.rest[v][0], cell.rest[v][1], 0.0);
                 let (from, down) = (place(top), (place(bottom) - place(top)).normalize());
                 let across = Vec3::new(-down.y, down.x, 0.0);
+                // Nearly there: let go at rest, a cell under a flat curve would swing through itself.
+                let sine = f64::sin(0.9 * angle);
+                let [narrow, long] = [1.0 - sine, 1.0 + sine].map(f64::sqrt);
                 let at = |r: &[f64; 2]| {
                     let r = Vec3::new(r[0], r[1], 0.0) - from;
-                    [r.dot(&across), 0.0, -r.dot(&down)]
+                    [narrow * r.dot(&across), 0.0, -long * r.dot(&down)]
                 };
                 let mut start = Snapshot::at_rest(cell.rest.iter().map(at).collect());
                 start.fixed.insert(top);
                 // Halves are solved one after the other, which errs with the square of the substep.
                 let (rates, tolerances) = match cell.membranes.is_empty() {
-                    true => ([600.0, 6000.0], [2e-6; 2]),
+                    true => ([600.0, 1200.0], [2e-6; 2]),
                     false => ([6000.0, 24_000.0], [1e-3, 1e-4]),
                 };
                 for (solver, rate, tolerance) in [
@@ -249,7 +252,7 @@ fn soft_wefts_hang_straight_and_even() {
         }
         let physics = PhysicsConfig {
             bending: Bending::Off,
-            damping: 20.0,
+            damping: 50.0,
             ..physics(Solver::Yarn, 9.81)
         };
         let end = rest(&sheet, &physics, &start, 6000.0);
