@@ -40,7 +40,10 @@ fn decks_hold_lamina_clamps_and_presses() {
     assert_eq!(data(&abaqus, "*ELEMENT, TYPE=R3D3, ELSET=TOOL").len(), 9146);
     // The clamps at the front left corner and in the middle of the front edge.
     assert_eq!(data(&calculix, "*NSET, NSET=CLAMPS"), ["1, 9"]);
-    assert!(calculix.contains("\nLAMINA, GRAV, 9.81000000e3, 0., 0., -1.\n"));
+    assert!(
+        calculix
+            .contains("\nLAMINA, GRAV, 9.81000000e3, 0.00000000e0, 0.00000000e0, -1.00000000e0\n")
+    );
     let count = |deck: &str, card: &str| deck.matches(card).count();
     let presses = count(&calculix, "*ELSET, ELSET=PRESS_");
     assert!(presses > 10, "{presses}");

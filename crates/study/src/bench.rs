@@ -18,7 +18,7 @@ use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
 use drape_cloth::sim::{Backend as _, Control, Cpu, Device as Backend, Model, PhysicsConfig};
-use drape_cloth::sim::{Precision, Solver, World};
+use drape_cloth::sim::{Precision, Solver, Tension, World};
 use drape_cloth::tool::{Shape, Source};
 use drape_learn::benchmark::{Benchmark, Implementation};
 use drape_task::cluster::Cluster;
@@ -305,6 +305,7 @@ fn differing() -> Result<Vec<Arc<Scene>>, SceneError> {
             law.static_friction *= 1.0 - 0.1 * off;
         }
         config.material = Some(material.into());
+        config.physics.tension = Some(Tension::FirstBranch);
         Ok(Arc::new(Scene::new(&config, |_| ())?))
     };
     (0..SCENES).into_par_iter().map(scene).collect()

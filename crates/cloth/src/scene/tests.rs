@@ -144,6 +144,22 @@ fn far_tools_are_computed_about_themselves() {
     assert!(farthest.iter().flatten().all(|x| x.abs() < 0.5));
 }
 
+/// Shipped scenes cost what they cost without.
+#[test]
+fn shipped_tools_are_smooth() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/scenes");
+    let files = std::fs::read_dir(folder).unwrap();
+    for path in files.map(|file| file.unwrap().path()) {
+        let mut config = SceneConfig::read(&path).unwrap();
+        (config.fall.fall_s, config.fall.settle_s) = (0.0, 0.0);
+        config.clamps.iter_mut().for_each(|c| c.move_mm = [0.0; 3]);
+        let scene = Scene::new(&config, |_| ()).unwrap();
+        // The rim of its plate lies under its blank.
+        let expected = path.ends_with("outline-with-hole.toml");
+        assert_eq!(scene.model.feels_between(), expected, "{}", path.display());
+    }
+}
+
 /// Plates, and edges that lie beside the blank, need no contact between vertices.
 #[test]
 fn smooth_tools_have_no_such_stage() {

@@ -28,8 +28,8 @@ const FASTEST: f64 = 4.0;
 /// a cell at most, and walls of a quarter of a cell are held at both of their edges.
 const PARTS: [f64; 2] = [4.0, 16.0];
 
-/// Parts of a side over the slope of a tip, which then reaches a tenth of a diagonal through at most.
-const AT_TIPS: f64 = 5.3;
+/// Parts of a side over the slope of a tip, which then reaches through the cloth by no more than edges may.
+const AT_TIPS: f64 = 3.6;
 
 /// What is less deep when its corners lie on their planes, in lengths of a cell's diagonal, is held by those, if the
 /// cosines between all normals are greater.

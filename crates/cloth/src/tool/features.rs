@@ -6,8 +6,8 @@ use super::surface::step;
 use crate::math::Vec3;
 
 /// Share of the length of a straight piece of cloth that an edge of the tool may reach through it before
-/// it is a feature: 23 degrees between two planes, or a radius of 1.25 lengths.
-pub const SMOOTH: f64 = 0.1;
+/// it is a feature: 35 degrees between two planes, or a radius of 0.8 lengths.
+pub const SMOOTH: f64 = 0.15;
 
 /// Where a tool is finer than the cells of a blank: at convex edges and round small radii, which lie between
 /// vertices and reach through the cloth. On nothing else do cells lie deeper than [`SMOOTH`] of their length.
