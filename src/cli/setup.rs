@@ -76,7 +76,7 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
             "warning: {place}: beside a blank of {blank:.0} mm the tool has an odd size: {advice}"
         ));
     }
-    warn_of_depth(&scene, place);
+    warn_of_depth(&scene, &scene.initial.position, place);
     let strain = scene.lamina.yarn_strain(&scene.initial.position);
     let tension = 1e2 * strain.into_iter().fold(0.0, f64::max);
     let believable = 1e2 * EnvConfig::default().max_tension;
@@ -98,8 +98,8 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
 
 /// What of the tool reaches through the cloth: a grid of a given spacing swallows what is thinner, and cells
 /// do what is finer than they are.
-fn warn_of_depth(scene: &Scene, place: &str) {
-    let sheet = scene.lamina.mesh(&scene.initial.position);
+pub(super) fn warn_of_depth(scene: &Scene, position: &[[f64; 3]], place: &str) {
+    let sheet = scene.lamina.mesh(position);
     let Deepest { depth, at } = scene.tool.surface.deepest(&sheet);
     let unseen = depth + scene.tool.distance(at.into()).0;
     let [x, y, z] = (1e3 * (at + scene.tool.origin)).into();
