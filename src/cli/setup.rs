@@ -109,7 +109,9 @@ pub(super) fn warn_of_depth(scene: &Scene, position: &[[f64; 3]], place: &str) {
         "warning: {place}: at ({x:.1}, {y:.1}, {z:.1}) mm the blank is {mm:.2} mm inside the tool"
     );
     let spacing = scene.config.tool.grid.spacing_mm;
-    if let Some(spacing) = spacing.filter(|_| unseen.min(depth) > UNSEEN) {
+    // Most of it: between vertices the cloth may lie in the tool as well.
+    let is_grid = unseen.min(depth) > UNSEEN && unseen > 0.5 * depth;
+    if let Some(spacing) = spacing.filter(|_| is_grid) {
         tell(format_args!(
             "{found}, {unseen_mm:.2} mm more than a distance grid of {spacing} mm sees: leave out \
              `tool.grid.spacing_mm`, and distances at edges and thin walls are exact"

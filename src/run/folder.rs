@@ -407,7 +407,7 @@ impl RunFolder {
     /// on its grid.
     pub fn read_best_sequence(&self) -> Result<BestSequence> {
         let path = &self.best_sequence;
-        let sequence: BestSequence = read_json(path, "a best sequence")?;
+        let sequence: BestSequence = read_json(path, "a best path")?;
         sequence.check_vertices(path)?;
         Ok(sequence)
     }

@@ -197,7 +197,7 @@ fn tiny(folder: &Path) {
 
 const TINY: [&str; 4] = [
     "tiny.toml",
-    "--mesh=13",
+    "--mesh=17",
     "--region=-186,-186,-90,-90",
     "--out=out",
 ];
@@ -238,7 +238,7 @@ fn twin_writes_states_that_can_be_compared() {
     assert!((ratio - 1.0).abs() < 0.2, "{pushed}");
     assert!(0.0 < number(&pushed["presses_mean_mm"]));
     assert_eq!(coarse["variant"], "twice the cell");
-    assert_eq!(coarse["vertices"], 49);
+    assert_eq!(coarse["vertices"], 81);
     assert!(number(&coarse["fall_mean_mm"]) < 10.0 && coarse["presses_mean_mm"].is_null());
     for extension in ["stl", "json"] {
         let state = format!("out/draped-accelerated.{extension}");

@@ -217,11 +217,10 @@ fn nearest(clamp: &Clamp, lamina: &Lamina) -> (usize, f64) {
 fn model_over(config: &SceneConfig, lamina: &Lamina, tool: &Tool) -> Model {
     let (mut placement, _) = seated(config, tool);
     placement.tilt_deg = 0.0;
-    let flat = placed(&placement, lamina);
-    let mut under = flat.clone();
+    let mut under = placed(&placement, lamina);
     for clamp in &config.clamps {
-        let [dx, dy, _] = clamp.move_mm.map(|m| m * 1e-3);
-        under.extend(flat.iter().map(|[x, y, z]| [x + dx, y + dy, *z]));
+        let ([x, y, z], by) = (under[nearest(clamp, lamina).0], clamp.move_mm);
+        under.push([x + 1e-3 * by[0], y + 1e-3 * by[1], z]);
     }
     Model::new(lamina, &config.physics).over(lamina, tool, &under)
 }

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use super::cloth::{Cloth, Touch};
 use super::frame::Frame;
+use super::press::Press;
 use crate::fabric::Lamina;
 use crate::math::{Lanes, Vec3, Vec3x};
 use crate::tool::{Features, SMOOTH, Tool, Tools};
@@ -20,6 +21,9 @@ use crate::tool::{Features, SMOOTH, Tool, Tools};
 /// How far cloth may come before planes are refreshed [m]: a few substeps at the speed of presses. It is refreshed
 /// as often as that asks for.
 const TRAVEL: f64 = 14e-3;
+
+/// The same of cloth that nothing presses and that moves slowly [m].
+const CALM: f64 = 2e-3;
 
 /// Fastest that cloth is expected to move without a cap on its speed [m/s].
 const FASTEST: f64 = 4.0;
@@ -71,7 +75,9 @@ impl Between {
         let of = |k: usize, pick: fn(f64, f64) -> f64| flat.iter().map(|x| x[k]).reduce(pick);
         let least = [of(0, f64::min)? - length, of(1, f64::min)? - length];
         let most = [of(0, f64::max)? + length, of(1, f64::max)? + length];
-        let features = tool.features(length, [least, most], length + TRAVEL)?;
+        // The middle of a triangle lies no farther from any place on it.
+        let reach = [CALM, TRAVEL].map(|travel| length / 1.5 + travel);
+        let features = tool.features(length, [least, most], reach)?;
         let cell = length / SQRT_2;
         let parts = (2.0 * cell / features.thinnest).max(AT_TIPS * features.steepest);
         let parts = parts.ceil().clamp(PARTS[0], PARTS[1]);
@@ -113,7 +119,7 @@ impl Between {
         let between = |t: &Triangle| {
             let corners = t.corners.map(|v| Vec3::from(x[v as usize]));
             let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
-            let is_near = self.features.may_reach_column(middle);
+            let is_near = self.features.zones[1].has_column(middle);
             let points = self.of(t).filter(|_| is_near);
             points
                 .map(|weights| place(corners, weights).into())
@@ -136,39 +142,49 @@ impl Between {
     }
 
     /// The points near features that planes at their corners do not hold off the tool; `slot` tells
-    /// place and lane of a vertex of an environment.
+    /// place and lane of a vertex of an environment, `presses` who is pressed, and `span` how long planes stay [s].
     #[inline(never)]
     pub fn touches<V: Lanes>(
         &self,
         tools: &Tools<V>,
         cloth: &Cloth<V>,
         slot: impl Fn(usize, usize) -> [usize; 2] + Sync,
+        (presses, span): (&[Press], f64),
     ) -> Vec<Touch> {
         let in_triangle = |lane: usize, triangle: &Triangle| -> Vec<Touch> {
             let corners = triangle.corners.map(|v| slot(lane, v as usize));
-            let x = corners.map(|[place, lane]| Vec3::from(cloth.position[place].get(lane)));
+            let of =
+                |all: &[Vec3x<V>]| corners.map(|[place, lane]| Vec3::from(all[place].get(lane)));
+            let (x, velocity) = (of(&cloth.position), of(&cloth.velocity));
+            let is_pressed = presses.iter().any(|press| press.environment == lane);
+            let is_calm = |v: &Vec3| 2.0 * v.norm() * span < CALM;
+            let (zone, travel) = match !is_pressed && velocity.iter().all(is_calm) {
+                true => (&self.features.zones[0], CALM),
+                false => (&self.features.zones[1], TRAVEL),
+            };
+            if !zone.has((x[0] + x[1] + x[2]) / 3.0) {
+                return Vec::new();
+            }
             let planes = corners.map(|[place, lane]| {
                 let plane = &cloth.plane[place];
                 (Vec3::from(plane.normal.get(lane)), plane.offset.get(lane))
             });
-            let is_far = |k: usize| planes[k].0.dot(&x[k]) - planes[k].1 > self.length + TRAVEL;
-            if (0..3).any(is_far) || !self.features.may_reach((x[0] + x[1] + x[2]) / 3.0) {
-                return Vec::new();
-            }
+            let heights = [0, 1, 2].map(|k| planes[k].0.dot(&x[k]) - planes[k].1);
+            let lying = [0, 1, 2].map(|k| x[k] - planes[k].0 * heights[k]);
             let tool = tools.of(lane);
-            let lying = [0, 1, 2].map(|k| {
-                let (normal, offset) = planes[k];
-                x[k] - normal * (normal.dot(&x[k]) - offset)
-            });
             let touch = |weights: [f64; 3]| {
                 let at = place(x, weights);
+                // Distances change by no more than one moves.
+                if (0..3).any(|k| heights[k] - (at - x[k]).norm() > travel) {
+                    return None;
+                }
                 let (phi, normal) = tool.distance(at.into());
                 let normal = Vec3::from(normal);
                 let offset = normal.dot(&at) - phi;
                 let depth = offset - normal.dot(&place(lying, weights));
                 let is_alike = planes.iter().all(|(other, _)| normal.dot(other) > ALIKE);
                 let is_held = is_alike && depth < HELD * self.length;
-                (phi < TRAVEL && !is_held).then_some(Touch {
+                (phi < travel && !is_held).then_some(Touch {
                     corners,
                     weights,
                     normal,

@@ -66,7 +66,8 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
         refresh(self.tools, storage.cloth_mut());
         if let Some(between) = &model.between {
             let slot = |lane, vertex| storage.slot(lane, vertex);
-            let touches = between.touches(self.tools, storage.cloth(), slot);
+            let span = frame.h * self.range.len() as f64;
+            let touches = between.touches(self.tools, storage.cloth(), slot, (presses, span));
             storage.cloth_mut().touches = touches;
         }
         let touches = !storage.cloth().touches.is_empty();

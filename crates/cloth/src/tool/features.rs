@@ -1,4 +1,5 @@
-use fixedbitset::FixedBitSet;
+use std::collections::HashSet;
+
 use rayon::prelude::*;
 
 use super::solid::Tool;
@@ -17,13 +18,18 @@ pub(crate) struct Features {
     pub thinnest: f64,
     /// Steepest slope of a tip [-]; 0 where there are none.
     pub steepest: f64,
-    /// Corner [m], side [m] and numbers of the boxes in which space is cut up here.
-    low: Vec3,
-    side: f64,
-    dims: [usize; 3],
-    /// Those that come within reach of a feature, and the columns in which one does.
-    near: FixedBitSet,
-    columns: FixedBitSet,
+    /// What lies near, by how near that is.
+    pub zones: [Zone; 2],
+}
+
+/// What lies within reach of a feature.
+#[derive(Debug)]
+pub(crate) struct Zone {
+    /// [m]
+    reach: f64,
+    /// Numbers of the cubes of half that side that lie near, and of the columns that have one.
+    cubes: HashSet<[i32; 3]>,
+    columns: HashSet<[i32; 2]>,
 }
 
 /// An edge, from end to end, or a tip, whose ends are one.
@@ -43,48 +49,29 @@ struct Side {
 
 impl Tool {
     /// Features under a blank of cells whose longest side is `length` [m], `between` these corners in x
-    /// and y [m], with what lies within `reach` [m] of them; none where the tool is smooth at this scale.
+    /// and y [m], with what lies within each `reach` [m] of them; none where the tool is smooth at this scale.
     pub(crate) fn features(
         &self,
         length: f64,
         between: [[f64; 2]; 2],
-        reach: f64,
+        reach: [f64; 2],
     ) -> Option<Features> {
         let mut edges = self.sharp_edges(length, between);
         let tips = self.tips(between);
         let steepest = tips.iter().map(|&(_, slope)| slope).fold(0.0, f64::max);
         edges.extend(tips.into_iter().map(|(tip, _)| tip));
-        let ends = || edges.iter().flat_map(|edge| edge.ends);
-        let first = ends().next()?;
-        let (mut low, mut high) = ends().fold((first, first), |(l, h), x| (l.inf(&x), h.sup(&x)));
-        for k in 0..2 {
-            low[k] = low[k].max(between[0][k]);
-            high[k] = high[k].min(between[1][k]);
+        if edges.is_empty() {
+            return None;
         }
-        let side = 0.5 * reach;
-        let margin = Vec3::repeat(reach + side);
-        let (low, high) = (low - margin, high + margin);
-        let dims = [0, 1, 2].map(|k| ((high[k] - low[k]) / side).ceil().max(1.0) as usize);
         let thickness = |&(normal, at): &(Vec3, Vec3)| self.surface.thickness(at, normal);
         let walls: Vec<f64> = (edges.par_iter())
             .flat_map_iter(|edge| edge.sides.iter().filter_map(thickness))
             .collect();
-        let mut features = Features {
+        Some(Features {
             thinnest: walls.into_iter().fold(f64::INFINITY, f64::min),
             steepest,
-            low,
-            side,
-            dims,
-            near: FixedBitSet::with_capacity(dims.iter().product()),
-            columns: FixedBitSet::with_capacity(dims[0] * dims[1]),
-        };
-        for Edge { ends: [a, b], .. } in &edges {
-            let count = ((b - a).norm() / side).ceil().max(1.0) as usize;
-            for k in 0..=count {
-                features.mark(a + (b - a) * (k as f64 / count as f64), reach);
-            }
-        }
-        Some(features)
+            zones: reach.map(|reach| Zone::new(&edges, between, reach)),
+        })
     }
 
     /// The convex edges under a blank through which cells of this `length` [m] would let the tool.
@@ -217,40 +204,48 @@ fn is_apart([a, b]: [Vec3; 2], between: [[f64; 2]; 2]) -> bool {
     is_apart(0) || is_apart(1)
 }
 
-impl Features {
-    /// Marks the boxes that come within `reach` [m] of `x` [m].
-    fn mark(&mut self, x: Vec3, reach: f64) {
-        let [u, v, w] = [0, 1, 2].map(|k| {
-            let box_of = |x: f64| ((x - self.low[k]) / self.side).max(0.0) as usize;
-            box_of(x[k] - reach)..=box_of(x[k] + reach).min(self.dims[k] - 1)
-        });
-        for (i, j, k) in u
-            .flat_map(|i| v.clone().map(move |j| (i, j)))
-            .flat_map(|(i, j)| w.clone().map(move |k| (i, j, k)))
-        {
-            self.near.insert(i + self.dims[0] * (j + self.dims[1] * k));
-            self.columns.insert(i + self.dims[0] * j);
+impl Zone {
+    fn new(edges: &[Edge], between: [[f64; 2]; 2], reach: f64) -> Self {
+        let (cubes, columns) = (HashSet::new(), HashSet::new());
+        let mut zone = Self {
+            reach,
+            cubes,
+            columns,
+        };
+        let is_under = |x: &Vec3| {
+            (0..2).all(|k| (between[0][k] - reach..=between[1][k] + reach).contains(&x[k]))
+        };
+        for Edge { ends: [a, b], .. } in edges {
+            let count = (2.0 * (b - a).norm() / reach).ceil().max(1.0) as usize;
+            let places = (0..=count).map(|k| a + (b - a) * (k as f64 / count as f64));
+            places.filter(is_under).for_each(|x| zone.mark(x));
+        }
+        zone
+    }
+
+    fn mark(&mut self, x: Vec3) {
+        let reach = Vec3::repeat(self.reach);
+        let (from, to) = (self.cube(x - reach), self.cube(x + reach));
+        for i in from[0]..=to[0] {
+            for j in from[1]..=to[1] {
+                self.columns.insert([i, j]);
+                self.cubes.extend((from[2]..=to[2]).map(|k| [i, j, k]));
+            }
         }
     }
 
     /// Whether a feature may be within reach of `x` [m].
-    pub(crate) fn may_reach(&self, x: Vec3) -> bool {
-        self.number([2, 1, 0], x)
-            .is_some_and(|n| self.near.contains(n))
+    pub(crate) fn has(&self, x: Vec3) -> bool {
+        self.cubes.contains(&self.cube(x))
     }
 
     /// Whether a feature may be within reach of a place over or under `x` [m].
-    pub(crate) fn may_reach_column(&self, x: Vec3) -> bool {
-        self.number([1, 0], x)
-            .is_some_and(|n| self.columns.contains(n))
+    pub(crate) fn has_column(&self, x: Vec3) -> bool {
+        let [i, j, _] = self.cube(x);
+        self.columns.contains(&[i, j])
     }
 
-    /// Number of the box or column that has `x` [m]; none beside them.
-    fn number<const N: usize>(&self, axes: [usize; N], x: Vec3) -> Option<usize> {
-        axes.iter().try_fold(0, |number, &k| {
-            let at = (x[k] - self.low[k]) / self.side;
-            let is_in = at >= 0.0 && at < self.dims[k] as f64;
-            is_in.then(|| number * self.dims[k] + at as usize)
-        })
+    fn cube(&self, x: Vec3) -> [i32; 3] {
+        [0, 1, 2].map(|k| (2.0 * x[k] / self.reach).floor() as i32)
     }
 }

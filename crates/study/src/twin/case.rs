@@ -5,7 +5,7 @@ use std::thread::Builder;
 
 use cpu_time::{ProcessTime, ThreadTime};
 
-use super::fall::{ACCELERATION, fallen, press_config, twin_of, unfallen};
+use super::fall::{ACCELERATION, fallen, press_config, twin_config, twin_of, unfallen};
 use crate::points::{apart_mm, coarser, same_points, summed_m};
 use crate::presses::{Positions, pushed};
 use crate::study::StudyError;
@@ -175,10 +175,8 @@ impl PaperCase {
         let mut config = self.scene.config.clone();
         config.blank.vertices = vertices;
         let coarse = unfallen(&config)?;
-        if coarse.model.feels_between() {
-            return Ok(None);
-        }
-        let settled = fallen(&coarse, &twin_of(&coarse)?, &Misplacement::default())?;
+        // By vertices alone as well where such cells are coarser than the tool: that is what it shows.
+        let settled = fallen(&coarse, &twin_config(&config)?, &Misplacement::default())?;
         let x = settled.positions();
         let pairs = same_points(&coarse.lamina.rest, &self.scene.lamina.rest);
         Ok(Some(SelfComparison {
