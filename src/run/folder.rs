@@ -588,7 +588,7 @@ mod tests {
         fs::write(&run.best_sequence, &text[..text.len() / 2]).unwrap();
         let error = run.read_best_sequence().unwrap_err();
         assert!(
-            error.to_string().contains("not a best sequence: EOF"),
+            error.to_string().contains("not a best path: EOF"),
             "{error}"
         );
     }

@@ -352,7 +352,7 @@ fn damaged_sequences_and_metrics_are_located() {
         (
             text[..text.len() / 2].into(),
             1,
-            &["best_sequence.json: not a best sequence: EOF"][..],
+            &["best_sequence.json: not a best path: EOF"][..],
         ),
         (
             with(&[]),

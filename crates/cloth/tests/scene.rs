@@ -21,8 +21,9 @@ fn rib_leaves_two_wrinkles_in_a_believable_state() {
     let summary = RIB.summary(&RIB.initial);
     assert_eq!(summary.wrinkles, 2, "{summary:?}");
     assert!(summary.strain_p95 < 0.01, "{summary:?}");
-    // Cells lie on its crest as chords do, 8.2 mm long where it has a radius of 28 mm.
-    assert!(summary.penetration_mm < 0.3, "{summary:?}");
+    // Cells lie on its crest as chords do, 8.2 mm long where it has a radius of 28 mm: 0.3 mm. The distance grid
+    // errs by a tenth there.
+    assert!(summary.penetration_mm < 0.4, "{summary:?}");
     assert!(summary.v_rms_mm_s < 5.0, "{summary:?}");
     // Glass hardly stretches: 2e-4 found. Some edges next to clamps stretch by 0.7 %.
     assert!(summary.tension_p95 < 4e-4, "{summary:?}");
@@ -152,7 +153,8 @@ fn placement_counts_from_the_tool() {
             (at, Scene::new(&config, |_| {}).unwrap())
         });
         let x = |(at, scene): &([f64; 3], Scene), v: usize| -> [f64; 3] {
-            std::array::from_fn(|k| 1e3 * scene.initial.position[v][k] - at[k])
+            let placed = scene.tool.in_scene(&scene.initial.position);
+            std::array::from_fn(|k| 1e3 * placed[v][k] - at[k])
         };
         for v in 0..231 {
             let [a, b] = [x(&scenes[0], v), x(&scenes[1], v)];

@@ -240,7 +240,13 @@ impl<T: Tasks> Trainer<T> {
         let mut actor_critic = self.actor_critic.clone();
         read_section(sections, NETWORK, |bytes| actor_critic.load(bytes))?;
         let adam = read_section(sections, ADAM, |bytes| self.adam.loaded(bytes))?;
-        let mut progress: Progress = read_section(sections, PROGRESS, decode)?;
+        let mut progress = read_section(sections, PROGRESS, |bytes| {
+            let progress: Progress = decode(bytes)?;
+            match progress.actions.is_empty() {
+                true => Err("is of no tasks".to_string()),
+                false => Ok(progress),
+            }
+        })?;
         let count = self.tasks.count();
         let is_same = progress.actions.len() == count;
         progress.actions.truncate(count);

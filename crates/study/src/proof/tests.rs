@@ -1,8 +1,14 @@
 use super::*;
+use drape_cloth::tool::{Shape, Source};
 use drape_task::env::{Draping, Spread};
 
 fn scene() -> Arc<Scene> {
-    Arc::new(Scene::new(&crate::twin::tests::config(), |_| {}).unwrap())
+    let mut config = crate::twin::tests::config();
+    // Wide enough to be no finer than these cells.
+    if let Source::Shape(Shape::Rib(rib)) = &mut config.tool.source {
+        (rib.half_width_mm, rib.plate_mm) = (120.0, [480.0; 2]);
+    }
+    Arc::new(Scene::new(&config, |_| {}).unwrap())
 }
 
 fn env() -> EnvConfig {

@@ -181,7 +181,8 @@ fn yarns_and_membranes_carry_together() {
         ..BlankConfig::default()
     };
     let sheet = Lamina::new(&config, soft()).unwrap();
-    assert!(sheet.diagonals.len() == 8 && sheet.membranes.len() == 32);
+    // Eight whole cells among them, since these yarns stretch.
+    assert!(sheet.diagonals.is_empty() && sheet.membranes.len() == 48);
     close(sheet.area(), 0.04 * 0.012, 1e-12);
     let mut state = placed(&sheet, |_, _| [0.0; 3]);
     for (v, [x, y]) in sheet.rest.iter().enumerate() {

@@ -195,7 +195,10 @@ mod tests {
             error.ends_with("point 2: `normal` is [0.0, -1.1, 0.0], expected a unit vector"),
             "{error}"
         );
-        let error = message("1.0,\n        0.0,\n        0.0\n", "0.0, 0.0, 1.0\n");
+        let error = message(
+            "\"travel\": [\n        1.0,\n        0.0,\n        0.0\n",
+            "\"travel\": [0.0, 0.0, 1.0\n",
+        );
         assert!(
             error.ends_with("point 0: `travel` is [0.0, 0.0, 1.0], expected a unit tangent"),
             "{error}"
