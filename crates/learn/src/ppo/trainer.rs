@@ -24,9 +24,13 @@ pub struct Trainer<T: Tasks> {
     progress: Progress,
 }
 
+const KIND: [u8; 8] = *b"progress";
+
 /// Counters and random streams: what is small, stored as a whole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
+    /// [`KIND`]: what else is short may read like this.
+    kind: [u8; 8],
     iteration: u64,
     env_steps: u64,
     /// `[task]`.
@@ -69,6 +73,7 @@ impl<T: Tasks> Trainer<T> {
             adam: Adam::new(&actor_critic.network, config.adam_epsilon),
             memory: config.imitation.as_ref().map(memory),
             progress: Progress {
+                kind: KIND,
                 iteration: 0,
                 env_steps: 0,
                 actions: (0..count as u32)
@@ -242,9 +247,9 @@ impl<T: Tasks> Trainer<T> {
         let adam = read_section(sections, ADAM, |bytes| self.adam.loaded(bytes))?;
         let mut progress = read_section(sections, PROGRESS, |bytes| {
             let progress: Progress = decode(bytes)?;
-            match progress.actions.is_empty() {
-                true => Err("is of no tasks".to_string()),
-                false => Ok(progress),
+            match progress.kind == KIND {
+                true => Ok(progress),
+                false => Err("is no progress of a training".to_string()),
             }
         })?;
         let count = self.tasks.count();
