@@ -11,7 +11,7 @@ use std::f64::consts::SQRT_2;
 
 use rayon::prelude::*;
 
-use super::cloth::{Cloth, Touch};
+use super::cloth::{Cloth, Touch, Touched};
 use super::frame::Frame;
 use super::press::Press;
 use crate::fabric::Lamina;
@@ -24,6 +24,9 @@ const TRAVEL: f64 = 14e-3;
 
 /// The same of cloth that nothing presses and that moves slowly [m].
 const CALM: f64 = 2e-3;
+
+/// A triangle whose corners have moved less than this is not looked at again [m].
+const STILL: f64 = 2e-5;
 
 /// Fastest that cloth is expected to move without a cap on its speed [m/s].
 const FASTEST: f64 = 4.0;
@@ -141,17 +144,19 @@ impl Between {
         own.map(|(weights, _)| *weights)
     }
 
-    /// The points near features that planes at their corners do not hold off the tool; `slot` tells
-    /// place and lane of a vertex of an environment, `presses` who is pressed, and `span` how long planes stay [s].
+    /// The triangles near features, with those of their points that planes at their corners do not hold off the tool;
+    /// `slot` tells place and lane of a vertex of an environment, `presses` who is pressed, and `span` how long
+    /// planes stay [s].
     #[inline(never)]
-    pub fn touches<V: Lanes>(
+    pub fn look<V: Lanes>(
         &self,
         tools: &Tools<V>,
         cloth: &Cloth<V>,
         slot: impl Fn(usize, usize) -> [usize; 2] + Sync,
         (presses, span): (&[Press], f64),
-    ) -> Vec<Touch> {
-        let in_triangle = |lane: usize, triangle: &Triangle| -> Vec<Touch> {
+    ) -> Vec<Touched> {
+        let in_triangle = |lane: usize, number: usize| -> Option<Touched> {
+            let triangle = &self.triangles[number];
             let corners = triangle.corners.map(|v| slot(lane, v as usize));
             let of =
                 |all: &[Vec3x<V>]| corners.map(|[place, lane]| Vec3::from(all[place].get(lane)));
@@ -163,7 +168,18 @@ impl Between {
                 false => (&self.features.zones[1], TRAVEL),
             };
             if !zone.has((x[0] + x[1] + x[2]) / 3.0) {
-                return Vec::new();
+                return None;
+            }
+            let name = [lane, number];
+            let known = cloth
+                .touched
+                .binary_search_by_key(&name, |one| one.triangle);
+            let known = known.ok().map(|k| &cloth.touched[k]);
+            let is_still = |one: &&Touched| {
+                (0..3).all(|k| (x[k] - one.x[k]).norm() < STILL) && one.travel >= travel
+            };
+            if let Some(known) = known.filter(is_still) {
+                return Some(known.clone());
             }
             let planes = corners.map(|[place, lane]| {
                 let plane = &cloth.plane[place];
@@ -191,12 +207,18 @@ impl Between {
                     offset,
                 })
             };
-            self.of(triangle).filter_map(touch).collect()
+            let touches = self.of(triangle).filter_map(touch).collect();
+            Some(Touched {
+                triangle: name,
+                x,
+                travel,
+                touches,
+            })
         };
         let lanes = 0..cloth.own.len();
         let of_lane = |lane: usize| {
-            let all = self.triangles.par_iter().with_min_len(256);
-            all.flat_map_iter(move |triangle| in_triangle(lane, triangle))
+            let all = (0..self.triangles.len()).into_par_iter().with_min_len(256);
+            all.filter_map(move |number| in_triangle(lane, number))
                 .collect::<Vec<_>>()
         };
         lanes.flat_map(of_lane).collect()
@@ -211,13 +233,13 @@ fn place(corners: [Vec3; 3], weights: [f64; 3]) -> Vec3 {
 /// does with vertices: a corner of weight w moves by w m⁻¹ / (sum of w² m⁻¹) of what the point has to.
 #[inline(never)]
 pub(super) fn leave<V: Lanes>(frame: &Frame<V>, cloth: &mut Cloth<V>) {
-    let touches = std::mem::take(&mut cloth.touches);
+    let touched = std::mem::take(&mut cloth.touched);
     for Touch {
         corners,
         weights,
         normal,
         offset,
-    } in &touches
+    } in touched.iter().flat_map(|one| &one.touches)
     {
         let of = |all: &[Vec3x<V>]| {
             place(
@@ -254,5 +276,5 @@ pub(super) fn leave<V: Lanes>(frame: &Frame<V>, cloth: &mut Cloth<V>) {
             cloth.position[*place].set(*lane, at.into());
         }
     }
-    cloth.touches = touches;
+    cloth.touched = touched;
 }

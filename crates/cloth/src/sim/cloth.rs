@@ -11,6 +11,17 @@ pub(super) struct Plane<V> {
     pub offset: V,
 }
 
+/// A triangle near what is finer than it, as last looked at.
+#[derive(Clone)]
+pub(super) struct Touched {
+    /// Its environment and its number.
+    pub triangle: [usize; 2],
+    /// Its corners then, and how far it was expected to move [m].
+    pub x: [Vec3; 3],
+    pub travel: f64,
+    pub touches: Vec<Touch>,
+}
+
 /// A point of a triangle near the tool, and its tangent plane as last refreshed.
 #[derive(Clone)]
 pub(super) struct Touch {
@@ -45,8 +56,8 @@ pub(super) struct Cloth<V: Lanes> {
     pub scratch: Scratch<V>,
     /// Greatest pull of the tool's tack on each vertex [N]; empty without.
     pub tack: Vec<V>,
-    /// Points between vertices near the tool, as last refreshed.
-    pub touches: Vec<Touch>,
+    /// Triangles that may touch the tool between their vertices, in order.
+    pub touched: Vec<Touched>,
     /// Of each environment that is used.
     pub own: Vec<Own>,
     pub scales: Scales<V>,
@@ -71,7 +82,7 @@ impl<V: Lanes> Cloth<V> {
             density: vec![V::zero(); edges],
             scratch: Scratch::new(longest),
             tack: Vec::new(),
-            touches: Vec::new(),
+            touched: Vec::new(),
             own: vec![Own::default()],
             scales: Scales::new(),
         }

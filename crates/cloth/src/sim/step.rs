@@ -65,12 +65,18 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
         let frame = Frame::new(model.physics(), model.friction, scales, control);
         refresh(self.tools, storage.cloth_mut());
         if let Some(between) = &model.between {
+            if self.range.start == 0 {
+                // Control steps begin from what snapshots hold.
+                storage.cloth_mut().touched.clear();
+            }
             let slot = |lane, vertex| storage.slot(lane, vertex);
             let span = frame.h * self.range.len() as f64;
-            let touches = between.touches(self.tools, storage.cloth(), slot, (presses, span));
-            storage.cloth_mut().touches = touches;
+            let touched = between.look(self.tools, storage.cloth(), slot, (presses, span));
+            storage.cloth_mut().touched = touched;
         }
-        let touches = !storage.cloth().touches.is_empty();
+        let touches = { &storage.cloth().touched }
+            .iter()
+            .any(|one| !one.touches.is_empty());
         let has_more = touches || model.layers.is_some() || !model.membranes.is_empty();
         let warps_are_last = model.lines.is_some() && !has_more;
         predict(&frame, storage);

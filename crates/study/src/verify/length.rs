@@ -143,7 +143,11 @@ pub fn soft_columns(solver: &dyn Solve, warp: f64) -> [f64; 2] {
     material.warp.tension = Curve::line(warp);
     material.weft.tension = Curve::line(SOFT);
     let (size, [columns, rows]) = SOFT_SHEET;
-    let sheet = sheet(size, [columns, rows], material);
+    let mut sheet = sheet(size, [columns, rows], material);
+    // Corners at the ends of diagonals are heavier, which draws out the columns that they hang on.
+    let mirrored = |v: usize| v + columns - 1 - 2 * (v % columns);
+    let even = |v: usize| 0.5 * (sheet.mass[v] + sheet.mass[mirrored(v)]);
+    sheet.mass = (0..columns * rows).map(even).collect();
     let mut start = laid(&sheet, |[x, y]| [x, 0.0, -y]);
     start.fixed.extend(0..columns);
     let physics = PhysicsConfig {
