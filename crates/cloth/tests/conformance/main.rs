@@ -826,7 +826,8 @@ fn fixed_vertices_obey_nothing(device: &Device, rounding: f64) {
     }
 }
 
-/// A long control step is that of its halves, to the bit: no device leaves out a substep.
+/// A long control step is that of its halves, to the bit: no device leaves out a substep. Between vertices
+/// triangles that lie still are looked at again by every control step only.
 fn long_steps_are_the_sum_of_their_parts(device: &Device) {
     for (_, world) in device.worlds() {
         let end = |parts: usize| {
@@ -841,7 +842,12 @@ fn long_steps_are_the_sum_of_their_parts(device: &Device) {
             (0..parts).for_each(|_| backend.step(&control, &[]));
             [backend.snapshot(0), backend.snapshot(1)]
         };
-        same_bits(&end(1), &end(8), world);
+        let (whole, parts) = (end(1), end(8));
+        if !world.model.feels_between() {
+            same_bits(&whole, &parts, world);
+        }
+        let off = whole.iter().zip(&parts).map(|(a, b)| furthest(a, b));
+        assert!(off.fold(0.0, f64::max) < 1e-5);
     }
 }
 

@@ -169,6 +169,22 @@ impl Tables {
     /// Names what of the world the GPU cannot compute.
     pub fn new(world: &World) -> Result<Self, DeviceError> {
         let model = &*world.model;
+        if model.between.is_some() {
+            return Err(DeviceError::Missing(FINE));
+        }
+        if model.layers.is_some() {
+            return Err(DeviceError::Missing("`physics.self_collision`"));
+        }
+        if !model.membranes.is_empty() {
+            return Err(DeviceError::Missing(MEMBRANES));
+        }
+        if model
+            .lines
+            .as_ref()
+            .is_some_and(|lines| lines.curve.is_some())
+        {
+            return Err(DeviceError::Missing(CURVE));
+        }
         let expected = "exact distances at sharp edges: give `tool.grid.spacing_mm`";
         let grids = world.tools.iter().map(|tool| tool.only_grid());
         let grids: Option<Vec<_>> = grids.collect();
@@ -200,22 +216,6 @@ impl Tables {
         tables.plan.grid.headers = tables.add_numbers(headers);
         let tack = model.tack.as_ref();
         tables.plan.tack = tack.map(|tack| tables.add(tack.iter().copied()));
-        if model.between.is_some() {
-            return Err(DeviceError::Missing(FINE));
-        }
-        if model.layers.is_some() {
-            return Err(DeviceError::Missing("`physics.self_collision`"));
-        }
-        if !model.membranes.is_empty() {
-            return Err(DeviceError::Missing(MEMBRANES));
-        }
-        if model
-            .lines
-            .as_ref()
-            .is_some_and(|lines| lines.curve.is_some())
-        {
-            return Err(DeviceError::Missing(CURVE));
-        }
         if let Some(lines) = &model.lines {
             tables.add_lines(lines);
         }
