@@ -826,8 +826,9 @@ fn fixed_vertices_obey_nothing(device: &Device, rounding: f64) {
     }
 }
 
-/// A long control step is that of its halves, to the bit: no device leaves out a substep. Between vertices
-/// triangles that lie still are looked at again by every control step only.
+/// A long control step is that of its parts, to the bit: no device leaves out a substep. Only what contact between
+/// vertices knows of triangles that have moved by less than 20 um ends with a control step, so that over a fine tool
+/// both may differ by less than that.
 fn long_steps_are_the_sum_of_their_parts(device: &Device) {
     for (_, world) in device.worlds() {
         let end = |parts: usize| {
@@ -843,11 +844,12 @@ fn long_steps_are_the_sum_of_their_parts(device: &Device) {
             [backend.snapshot(0), backend.snapshot(1)]
         };
         let (whole, parts) = (end(1), end(8));
-        if !world.model.feels_between() {
+        if world.model.feels_between() {
+            let off = whole.iter().zip(&parts).map(|(a, b)| furthest(a, b));
+            assert!(off.fold(0.0, f64::max) < 5e-6);
+        } else {
             same_bits(&whole, &parts, world);
         }
-        let off = whole.iter().zip(&parts).map(|(a, b)| furthest(a, b));
-        assert!(off.fold(0.0, f64::max) < 1e-5);
     }
 }
 

@@ -23,7 +23,6 @@ pub(super) const NOTHING: u32 = u32::MAX;
 const CURVE: &str = "shear by a curve of several slopes (`shear.positive`, `shear.negative`)";
 const MEMBRANES: &str = "membranes: a blank whose outline or yarn angle cuts cells, or whose yarns \
                          stretch";
-
 const FINE: &str = "contact between vertices: a tool finer than the cells of the blank";
 
 /// What is compiled into the kernels of a world: sizes, which stages it has, and where the tables
@@ -169,21 +168,15 @@ impl Tables {
     /// Names what of the world the GPU cannot compute.
     pub fn new(world: &World) -> Result<Self, DeviceError> {
         let model = &*world.model;
-        if model.between.is_some() {
-            return Err(DeviceError::Missing(FINE));
-        }
-        if model.layers.is_some() {
-            return Err(DeviceError::Missing("`physics.self_collision`"));
-        }
-        if !model.membranes.is_empty() {
-            return Err(DeviceError::Missing(MEMBRANES));
-        }
-        if model
-            .lines
-            .as_ref()
-            .is_some_and(|lines| lines.curve.is_some())
-        {
-            return Err(DeviceError::Missing(CURVE));
+        let curve = model.lines.as_ref().and_then(|lines| lines.curve.as_ref());
+        let listed = [
+            (model.between.is_some(), FINE),
+            (model.layers.is_some(), "`physics.self_collision`"),
+            (!model.membranes.is_empty(), MEMBRANES),
+            (curve.is_some(), CURVE),
+        ];
+        if let Some((_, what)) = listed.into_iter().find(|(is_listed, _)| *is_listed) {
+            return Err(DeviceError::Missing(what));
         }
         let expected = "exact distances at sharp edges: give `tool.grid.spacing_mm`";
         let grids = world.tools.iter().map(|tool| tool.only_grid());
