@@ -94,7 +94,7 @@ pub fn plain(bytes: &[u8]) -> Result<Cow<'_, [u8]>, String> {
     Ok(owned.into())
 }
 
-/// Text in the file at `path`, of at most 16 MiB, as [`plain`] has it.
+/// Text in the file at `path`, of at most 16 MiB, as `plain` has it.
 pub fn read_text(path: &Path) -> Result<String, ReadError> {
     let bytes = read_bytes(path, 16)?;
     let text = plain(&bytes).map_err(|fault| ReadError::fault(path, fault))?;

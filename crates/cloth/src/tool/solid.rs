@@ -11,7 +11,7 @@ use crate::mesh::{TriMesh, read_mesh};
 #[derive(Clone, Debug)]
 pub struct Tool {
     /// Where in the scene the frame lies in which the tool is and all cloth over it is computed [m]: whole
-    /// metres, 0 for a tool less than [`FAR`] from there. Single precision has 4 um left at 50 m.
+    /// metres, 0 for a tool less than one metre from there. Single precision has 4 um left at 50 m.
     pub origin: Vec3,
     /// Facing outwards (upwards if open).
     pub mesh: TriMesh,

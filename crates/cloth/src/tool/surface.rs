@@ -29,8 +29,7 @@ const ON_SURFACE: f64 = 1e-12;
 /// the border; a sign from the nearest facet's normal would jump there.
 ///
 /// A point is inside when the facets above it wind round it. Each edge votes the same way for both
-/// of its triangles, so no ray slips through. Bodies that touch or overlap are one solid
-/// ([`Surface::unite`]).
+/// of its triangles, so no ray slips through. Bodies that touch or overlap are one solid.
 ///
 /// Takes for granted that the mesh bounds a solid: see `solidity.rs`.
 #[derive(Clone, Debug)]
