@@ -228,8 +228,7 @@ pub fn parallel_episodes(
 fn summarise(task: &Task, end: &EpisodeState, seconds: f64) -> EpisodeSummary {
     let path = task.figures(&task.points(end.presses()));
     let (scene, steps, end) = (&task.scene, end.presses().len(), end.cloth());
-    let at_start = scene.summary(&scene.initial);
-    let at_end = scene.summary(end);
+    let [strain_p95, strain_max] = scene.strain(end);
     let mut sheet = task.region.vertices.clone();
     sheet.insert_range(..);
     let sheet_surplus =
@@ -243,20 +242,20 @@ fn summarise(task: &Task, end: &EpisodeState, seconds: f64) -> EpisodeSummary {
         region_final_m: task.distance(end),
         surplus_initial_m: task.surplus(&scene.initial),
         surplus_final_m: task.surplus(end),
-        sheet_initial_m: at_start.distance_m,
-        sheet_final_m: at_end.distance_m,
+        sheet_initial_m: scene.distance(&scene.initial),
+        sheet_final_m: scene.distance(end),
         sheet_surplus_initial_m: sheet_surplus(&scene.initial),
         sheet_surplus_final_m: sheet_surplus(end),
         undraped_inner: task.undraped_inner(end),
         steps,
         jumps: (path.strokes as usize).saturating_sub(1),
         path,
-        strain_p95: at_end.strain_p95,
-        strain_max: at_end.strain_max,
+        strain_p95,
+        strain_max,
         shear_max_deg: sheared.max.to_degrees(),
         locked_share: locking.map(|_| sheared.share_beyond),
-        self_intersections: at_end.self_intersections,
-        v_rms_mm_s: at_end.v_rms_mm_s,
+        self_intersections: scene.lamina.mesh(&end.position).self_intersection_count(),
+        v_rms_mm_s: 1e3 * end.v_rms(),
         seconds,
     }
 }

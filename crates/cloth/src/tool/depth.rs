@@ -10,7 +10,7 @@ use crate::mesh::TriMesh;
 /// What the greatest depth may be too small by [m].
 const TOLERANCE: f64 = 1e-7;
 
-/// Most facets whose distances bound the depth of a piece.
+/// Most facets that bound the depth of a piece before it is quartered.
 const MOST_FACETS: usize = 12;
 
 /// The place of a sheet that is deepest inside a solid.
@@ -30,9 +30,9 @@ impl Surface {
     /// 0.1 um. What is no number is left out.
     ///
     /// Branch and bound. On a piece of a triangle the depth is at most the smallest of some functions
-    /// that are linear there ([`Surface::bounds`]); the greatest value of that is a linear programme. Where the
-    /// solid is convex that is the depth itself, at edges and between walls as well; elsewhere pieces
-    /// are quartered until it is near enough.
+    /// that are linear there; the greatest value of that is a linear programme. Where the
+    /// solid is convex that comes to the depth itself (Kelley 1960); elsewhere pieces are quartered until it is
+    /// near enough.
     pub fn deepest(&self, sheet: &TriMesh) -> Deepest {
         let none = Deepest {
             depth: 0.0,
@@ -44,10 +44,11 @@ impl Surface {
             at,
         };
         // Collected in order, as a reduction in parallel would choose among equals by chance.
-        let found: Vec<Deepest> = sheet.vertices.par_iter().map(depth).collect();
-        let mut deepest = found.into_iter().fold(none, deeper);
         let all = 0..sheet.triangles.len();
         let mut pieces: Vec<Piece> = all.map(|t| sheet.corners(t)).collect();
+        let places = [sheet.vertices.clone(), pieces.iter().map(middle).collect()].concat();
+        let found: Vec<Deepest> = places.par_iter().map(depth).collect();
+        let mut deepest = found.into_iter().fold(none, deeper);
         while !pieces.is_empty() {
             let least = deepest.depth + TOLERANCE;
             let found = pieces
@@ -65,7 +66,7 @@ impl Surface {
 
     /// A deep place of a piece and a bound on its depth [m]; none if that is at most `least` [m].
     fn look(&self, piece: &Piece, least: f64) -> Option<(Deepest, f64)> {
-        let centre = (piece[0] + piece[1] + piece[2]) / 3.0;
+        let centre = middle(piece);
         let radius = piece
             .iter()
             .map(|x| (x - centre).norm())
@@ -81,44 +82,68 @@ impl Surface {
         if depth < 0.0 && near.iter().all(|(.., facet)| are_apart(piece, facet)) {
             return None;
         }
-        let (bound, weights) = highest(&bounds(piece, near));
-        if bound <= least {
-            return None;
+        let mut deepest = Deepest { depth, at: centre };
+        let (mut bound, mut next) = (most, centre);
+        let (mut known, mut functions) = (Vec::new(), Vec::new());
+        // Cutting planes: what bounds the depth where it would be greatest by those that are known.
+        while known.len() < MOST_FACETS {
+            let k = nearest(&near, next)?;
+            if known.contains(&k) {
+                break;
+            }
+            known.push(k);
+            functions.extend(bounds(piece, &near, k));
+            let (highest, weights) = highest(&functions);
+            bound = bound.min(highest);
+            if bound <= least {
+                return None;
+            }
+            next = piece[0] * weights.x + piece[1] * weights.y + piece[2] * weights.z;
+            let there = -self.signed_distance(next);
+            if there > deepest.depth {
+                (deepest.depth, deepest.at) = (there, next);
+            }
+            if bound <= deepest.depth + TOLERANCE {
+                break;
+            }
         }
-        let at = piece[0] * weights.x + piece[1] * weights.y + piece[2] * weights.z;
-        let there = -self.signed_distance(at);
-        let deepest = match there > depth {
-            true => Deepest { depth: there, at },
-            false => Deepest { depth, at: centre },
-        };
-        Some((deepest, bound.min(most)))
+        Some((deepest, bound))
     }
 }
 
-/// What the depth in a piece is at most, by values at its corners [m] with what is linear between
-/// them: the distance to a facet, which is convex; and how far it is up to the plane of a facet that
-/// no other one `near` rises over.
-fn bounds(piece: &Piece, mut near: Vec<(Option<u32>, f64, [Vec3; 3])>) -> Vec<[f64; 3]> {
-    near.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let mut bounds: Vec<[f64; 3]> = Vec::new();
-    for (number, _, [a, b, c]) in &near {
-        if bounds.len() >= 2 * MOST_FACETS {
-            break;
-        }
-        let [p, q, r] = [a, b, c].map(to_parry);
-        let facet = shape::Triangle::new(p, q, r);
-        bounds.push(piece.map(|x| facet.distance_to_local_point(to_parry(&x), true)));
-        let Some(n) = (b - a).cross(&(c - a)).try_normalize(0.0) else {
-            continue;
-        };
-        // Walls below an open mesh have no side of their own.
-        let others = near.iter().flat_map(|(.., corners)| corners);
-        let is_over = |x: &Vec3| n.dot(&(x - a)) > 0.01 * TOLERANCE;
-        if number.is_some() && !{ others }.any(is_over) {
-            bounds.push(piece.map(|x| n.dot(&(a - x))));
-        }
-    }
-    bounds
+/// A facet or wall, as [`Surface::near`] tells it.
+type Facet = (Option<u32>, f64, [Vec3; 3]);
+
+/// The number among `near` of what is nearest to `x`.
+fn nearest(near: &[Facet], x: Vec3) -> Option<usize> {
+    let off = |(.., facet): &Facet| distance(facet, x);
+    let all = near.iter().map(off).enumerate();
+    all.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
+}
+
+fn distance(facet: &[Vec3; 3], x: Vec3) -> f64 {
+    let [a, b, c] = facet.each_ref().map(to_parry);
+    shape::Triangle::new(a, b, c).distance_to_local_point(to_parry(&x), true)
+}
+
+/// What the depth in a piece is at most because of one facet, by values at its corners [m] with what is linear
+/// between them: the distance to it, which is convex; and how far it is up to its plane, if no other one
+/// `near` rises over that.
+fn bounds(piece: &Piece, near: &[Facet], k: usize) -> impl Iterator<Item = [f64; 3]> {
+    let (number, _, [a, b, c]) = &near[k];
+    let n = (b - a).cross(&(c - a)).try_normalize(0.0);
+    let is_over = |n: &Vec3, x: &Vec3| n.dot(&(x - a)) > 0.01 * TOLERANCE;
+    let rises = |n: &Vec3| {
+        near.iter()
+            .flat_map(|(.., other)| other)
+            .any(|x| is_over(n, x))
+    };
+    // Walls below an open mesh have no side of their own.
+    let plane = n.filter(|n| number.is_some() && !rises(n));
+    let up = plane.map(|n| piece.map(|x| n.dot(&(a - x))));
+    [piece.map(|x| distance(&[*a, *b, *c], x))]
+        .into_iter()
+        .chain(up)
 }
 
 /// Whether the plane of one of two triangles has the other on one side.
@@ -150,6 +175,10 @@ fn highest(functions: &[[f64; 3]]) -> (f64, Vec3) {
         }
     }
     highest
+}
+
+fn middle([a, b, c]: &Piece) -> Vec3 {
+    (a + b + c) / 3.0
 }
 
 fn quarters(&[a, b, c]: &Piece) -> [Piece; 4] {
