@@ -42,7 +42,7 @@ fn bench_prints_rows_of_one_shape() {
     for row in rows("learner") {
         assert_eq!(
             (&row["network"], &row["batch"]),
-            (&"benchmark".into(), &400.into())
+            (&"benchmark".into(), &40.into())
         );
         assert!(row["seconds"].as_f64().unwrap() > 0.0);
         let by = row["implementation"].as_str().unwrap().to_owned();

@@ -105,6 +105,8 @@ impl Study for Bench {
         let repeats = self.repeats.map_or(repeats, usize::from);
         // Steps of training take long.
         let trainings = repeats.div_ceil(3);
+        // Turns that say nothing about speed take as little as they can.
+        let batch = BATCH / if self.repeats.is_some() { 10 } else { 1 };
         let told = |from: f64, to: f64, doing: &'static str| {
             move |share: f64| (context.progress)(from + share * (to - from), doing)
         };
@@ -151,7 +153,7 @@ impl Study for Bench {
             for by in Implementation::ALL {
                 let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
                 // The first step is not timed: it makes the memory that the others use.
-                let mut learner = Benchmark::new(side, BATCH, by);
+                let mut learner = Benchmark::new(side, batch, by);
                 pool.install(|| learner.step());
                 cases.push(((side, by, threads), (pool, learner)));
             }
@@ -196,7 +198,7 @@ impl Study for Bench {
             .text("network", |_| "benchmark")
             .text("implementation", |((_, by, _), _)| by.name())
             .text("side", |((side, _, _), _)| *side)
-            .text("batch", |_| BATCH)
+            .text("batch", |_| batch)
             .text("threads", |((_, _, threads), _)| *threads)
             .number("seconds", 4, |(_, seconds)| median(seconds));
         Ok(Report::new([
