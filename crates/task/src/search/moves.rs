@@ -36,11 +36,12 @@ impl Default for Moves {
 /// Worlds of a round. Candidates are seen in the first, those that are left in the second. Where worlds do not
 /// differ one is enough. More steps on few worlds come to better orders than few steps on more (docs/NOTES.md).
 const STAGES: [Range<usize>; 2] = [0..1, 1..2];
-/// Generations of a search at least, and presses of one at most.
-const GENERATIONS: u64 = 5;
+/// Generations of a search at least, and presses of one at most. Rates take turns by generation: what is judged by one
+/// alone is tuned to its steps, and holds less in the twin.
+const GENERATIONS: u64 = 10;
 const LONGEST: u64 = 60_000;
-/// A search has converged when two generations in a row at its last rate have brought its chains no more than this
-/// on average.
+/// A search has converged when so many generations in a row have brought its chains no more than this on average.
+const IDLE: usize = 4;
 const CONVERGED: f64 = 1e-3;
 /// What the last round counts in the running mean of a chain.
 const RECENT: f64 = 0.3;
@@ -115,12 +116,13 @@ pub fn moves(
     };
     let rates = judge.rates() as u64;
     let generations = GENERATIONS.max(presses.div_ceil(LONGEST)).max(rates);
-    // What chains have come to at this rate at most, and how many generations have brought no more.
-    let (mut best, mut idle) = (f64::NEG_INFINITY, 0);
+    // What chains have come to at each rate at most, and how many generations have brought no more.
+    let (mut best, mut idle) = (vec![f64::NEG_INFINITY; judge.rates()], 0);
     for generation in 0..generations {
         let share = generation as f64 / (generations - 1) as f64;
         search.heat = method.hot * (method.cold / method.hot).powf(share);
-        let rate = (generation * rates / generations) as usize;
+        // The finest last.
+        let rate = (rates - 1 - (generations - 1 - generation) % rates) as usize;
         let until = u128::from(presses) * u128::from(generation + 1) / u128::from(generations);
         search.until = until as u64 / method.chains as u64;
         let open = (0..method.chains).filter(|&k| search.chains[k].spent < search.until);
@@ -138,18 +140,14 @@ pub fn moves(
         let found: Vec<f64> = chains.flat_map(|chain| chain.found.drain(..)).collect();
         let mean = found.iter().sum::<f64>() / found.len() as f64;
         search.chains.sort_by(|a, b| b.mean.total_cmp(&a.mean));
-        idle = match mean < best + CONVERGED {
+        idle = match mean < best[rate] + CONVERGED {
             true => idle + 1,
             false => 0,
         };
-        best = best.max(mean);
+        best[rate] = best[rate].max(mean);
         let is_last = generation + 1 == generations;
-        if is_last || !search.goes_on || (idle >= 2 && rate + 1 == judge.rates()) {
+        if is_last || !search.goes_on || idle >= IDLE {
             break;
-        }
-        if rate != ((generation + 1) * rates / generations) as usize {
-            // Scores at another rate are others.
-            (best, idle) = (f64::NEG_INFINITY, 0);
         }
         search.select();
     }
@@ -167,7 +165,7 @@ pub fn moves(
             .map(|(k, worth)| (orders[k].to_vec(), worth))
             .collect(),
         rounds: search.rounds,
-        has_converged: idle >= 2 && goes_on,
+        has_converged: idle >= IDLE && goes_on,
     }
 }
 
