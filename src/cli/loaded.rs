@@ -91,7 +91,7 @@ impl Loaded {
         let agent = self.agent(name, &draping)?;
         let choose = |seen: &Draping| agent.act(&[seen.observation(0)], Sampling::Greedy)[0];
         let played = play(&mut draping, choose, told);
-        let place = self.checkpoint_path(name);
+        let place = checkpoint_path(&self.folder, name);
         let played = played.map_err(|error| rollout_failure(error, &place))?;
         Ok((played, Some(agent)))
     }
@@ -153,34 +153,44 @@ impl Loaded {
         Ok(())
     }
 
-    fn checkpoint_path(&self, name: &str) -> PathBuf {
-        match name {
-            "best" => self.folder.best_checkpoint.clone(),
-            "last" => self.folder.last_checkpoint.clone(),
-            file => file.into(),
-        }
-    }
-
     /// The policy of a checkpoint of this run.
     fn agent(&self, name: &str, draping: &Draping) -> Result<Agent, Failure> {
-        self.folder.check_trained()?;
-        let path = self.checkpoint_path(name);
-        if !matches!(name, "best" | "last") && !path.exists() {
-            return Err(Failure::invalid(anyhow!("there is no checkpoint {name}")));
-        }
-        if name == "best" && !path.exists() && self.folder.last_checkpoint.exists() {
-            return Err(Failure::invalid(anyhow!(
-                "{} has no best checkpoint yet, as no greedy episode has been played: use \
-                 --checkpoint last, or resume the run",
-                self.folder.path.display()
-            )));
-        }
-        let checkpoint = Checkpoint::of_run(&path, &self.folder)?;
-        let (config, seen) = (&self.config, (draping.shape(), &*draping.terrains()));
-        let agent = Agent::new(&config.policy, seen, config.seed, config.device);
-        let mut agent = agent.or_invalid()?;
-        read_section(&checkpoint.sections, NETWORK, |bytes| agent.load(bytes))
-            .with_context(|| path.display().to_string())?;
-        Ok(agent)
+        load_agent(&self.folder, &self.config, name, draping)
     }
+}
+
+fn checkpoint_path(folder: &RunFolder, name: &str) -> PathBuf {
+    match name {
+        "best" => folder.best_checkpoint.clone(),
+        "last" => folder.last_checkpoint.clone(),
+        file => file.into(),
+    }
+}
+
+/// The policy of a checkpoint of a run, for tasks that look like its own.
+pub(super) fn load_agent(
+    folder: &RunFolder,
+    config: &RunConfig,
+    name: &str,
+    draping: &Draping,
+) -> Result<Agent, Failure> {
+    folder.check_trained()?;
+    let path = checkpoint_path(folder, name);
+    if !matches!(name, "best" | "last") && !path.exists() {
+        return Err(Failure::invalid(anyhow!("there is no checkpoint {name}")));
+    }
+    if name == "best" && !path.exists() && folder.last_checkpoint.exists() {
+        return Err(Failure::invalid(anyhow!(
+            "{} has no best checkpoint yet, as no greedy episode has been played: use \
+             --checkpoint last, or resume the run",
+            folder.path.display()
+        )));
+    }
+    let checkpoint = Checkpoint::of_run(&path, folder)?;
+    let seen = (draping.shape(), &*draping.terrains());
+    let agent = Agent::new(&config.policy, seen, config.seed, config.device);
+    let mut agent = agent.or_invalid()?;
+    read_section(&checkpoint.sections, NETWORK, |bytes| agent.load(bytes))
+        .with_context(|| path.display().to_string())?;
+    Ok(agent)
 }

@@ -24,6 +24,7 @@ mod study;
 mod terminal;
 mod tool;
 mod train;
+mod view;
 
 use anyhow::anyhow;
 use clap::{Parser, Subcommand};
@@ -55,6 +56,7 @@ enum Command {
     Scene(scene::SceneArgs),
     Compare(compare::CompareArgs),
     Study(study::StudyArgs),
+    View(view::ViewArgs),
     Bench(study::Measure<drape_study::bench::Bench>),
 }
 
@@ -93,6 +95,7 @@ impl Cli {
             Command::Scene(args) => scene::run(args),
             Command::Compare(args) => compare::run(args),
             Command::Study(args) => study::run(args),
+            Command::View(args) => view::run(args),
             Command::Bench(study) => study.run(None),
         }
     }

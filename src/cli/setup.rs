@@ -45,6 +45,13 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
     let scene = Scene::new(config, |share| progress.set(share));
     drop(progress);
     let scene = scene.with_context(|| place.to_string())?;
+    warn(&scene, place);
+    Ok(scene)
+}
+
+/// Tells what is odd about a scene that was read from `place`.
+pub(super) fn warn(scene: &Scene, place: &str) {
+    let config = &scene.config;
     let in_mm = "that its lengths are in mm";
     let of_tool = match config.tool.source {
         Source::Mesh(_) => "the unit of its file",
@@ -59,7 +66,7 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
             ));
         }
     }
-    let lies = missed(&scene).is_none();
+    let lies = missed(scene).is_none();
     let clamp = scene.farthest_clamp().map(|(k, off)| (k, 1e3 * off));
     if let Some((k, off)) = clamp.filter(|(_, off)| lies && *off > IN_THE_AIR) {
         tell(format_args!(
@@ -76,7 +83,7 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
             "warning: {place}: beside a blank of {blank:.0} mm the tool has an odd size: {advice}"
         ));
     }
-    warn_of_depth(&scene, &scene.initial.position, place);
+    warn_of_depth(scene, &scene.initial.position, place);
     let strain = scene.lamina.yarn_strain(&scene.initial.position);
     let tension = 1e2 * strain.into_iter().fold(0.0, f64::max);
     let believable = 1e2 * EnvConfig::default().max_tension;
@@ -93,7 +100,6 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
              at most {RESTLESS}: raise `fall.substep_rate` or `fall.settle_s`"
         ));
     }
-    Ok(scene)
 }
 
 /// What of the tool reaches through the cloth: a grid of a given spacing swallows what is thinner, and cells

@@ -154,6 +154,21 @@ impl RunConfig {
         }
     }
 
+    /// The same training of another task, whose scene is read from where its files are now.
+    ///
+    /// # Errors
+    /// If there is no folder from which they count.
+    pub fn with_task(&self, scene: &SceneConfig, env: &EnvConfig) -> std::io::Result<Self> {
+        let (mut scene, mut config) = (scene.clone(), self.clone());
+        for path in scene.files_mut() {
+            *path = std::path::absolute(&path)?;
+        }
+        config.inputs.clear();
+        config.scenes.clear();
+        (config.scene, config.env) = (scene, env.clone());
+        Ok(config)
+    }
+
     /// Lets the scene be read from copies of its files in the folder of a run, so that it stays
     /// as it is wherever that goes. Gives these copies, whose paths count from there.
     pub fn keep_inputs(&mut self) -> Result<Vec<Input>, ReadError> {

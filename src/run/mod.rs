@@ -21,7 +21,7 @@ mod training;
 pub use best::Best;
 pub use changes::changed;
 pub use checkpoint::Checkpoint;
-pub use config::RunConfig;
+pub use config::{RunConfig, TrainingPreset};
 pub use folder::{BestSequence, Input, Proved, RunError, RunFolder, RunInfo, dated_folder, digest};
 pub use metrics::{curve, read_metrics};
 pub use rollout::{

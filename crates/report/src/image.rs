@@ -3,6 +3,7 @@ use super::{BACKGROUND, Color, ColorMap};
 use drape_cloth::file::{WriteError, write_atomic};
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
+use std::io::{self, Write};
 use std::path::Path;
 
 /// Pixels between images that stand beside each other.
@@ -121,14 +122,26 @@ impl Image {
 
     /// Writes the image as PNG, atomically.
     pub fn save_png(&self, path: &Path) -> Result<(), WriteError> {
-        write_atomic(path, |file| {
-            let [width, height] = [self.width, self.height].map(|side| side as u32);
-            let mut encoder = png::Encoder::new(file, width, height);
-            encoder.set_color(png::ColorType::Rgb);
-            let mut writer = encoder.write_header()?;
-            writer.write_image_data(self.pixels.as_flattened())?;
-            Ok(writer.finish()?)
-        })
+        write_atomic(path, |file| Ok(self.encode(file)?))
+    }
+
+    /// The image as PNG.
+    ///
+    /// # Errors
+    /// If it has no pixels.
+    pub fn png(&self) -> io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        self.encode(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    fn encode(&self, to: impl Write) -> Result<(), png::EncodingError> {
+        let [width, height] = [self.width, self.height].map(|side| side as u32);
+        let mut encoder = png::Encoder::new(to, width, height);
+        encoder.set_color(png::ColorType::Rgb);
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(self.pixels.as_flattened())?;
+        writer.finish()
     }
 }
 

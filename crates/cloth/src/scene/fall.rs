@@ -34,6 +34,15 @@ impl Scene {
     /// The fall is computed in f64 with many substeps, since every episode starts from its
     /// result. Equal configurations give equal bits.
     pub fn new(config: &SceneConfig, mut progress: impl FnMut(f64)) -> Result<Self, SceneError> {
+        Self::watched(config, |_, share, _| progress(share))
+    }
+
+    /// The same for who wants to see it fall: `watch` is told the scene, which has no initial state yet, the
+    /// simulated share and where the blank is then.
+    pub fn watched(
+        config: &SceneConfig,
+        mut watch: impl FnMut(&Self, f64, &dyn Fn() -> Snapshot),
+    ) -> Result<Self, SceneError> {
         config.check()?;
         let lamina = Lamina::new(&config.blank, config.read_material()?)?;
         config.physics.check_for(&lamina)?;
@@ -52,7 +61,9 @@ impl Scene {
             model,
             initial: Arc::default(),
         };
-        let state = scene.fall(vec![start], &mut progress)?.remove(0);
+        watch(&scene, 0.0, &|| start.clone());
+        let mut told = |share, cloth: &Cpu| watch(&scene, share, &|| cloth.snapshot(0));
+        let state = scene.fall(vec![start.clone()], &mut told)?.remove(0);
         scene.initial = Arc::new(state);
         Ok(scene)
     }
@@ -73,7 +84,9 @@ impl Scene {
             Ok(start)
         };
         let starts: Result<Vec<_>, SceneError> = blanks.iter().map(start).collect();
-        let states = self.fall(starts?, &mut progress)?.into_iter();
+        let states = self
+            .fall(starts?, &mut |share, _| progress(share))?
+            .into_iter();
         let scene = |mut state: Snapshot| {
             state.own = Own::default();
             Self {
@@ -94,7 +107,7 @@ impl Scene {
     fn fall(
         &self,
         starts: Vec<Snapshot>,
-        progress: &mut dyn FnMut(f64),
+        progress: &mut dyn FnMut(f64, &Cpu),
     ) -> Result<Vec<Snapshot>, SceneError> {
         let fall = &self.config.fall;
         let control = fall.stepping().control(FRAME);
@@ -115,7 +128,7 @@ impl Scene {
                     let time_s = f64::from(done) * FRAME;
                     return Err(SceneError::Diverged { time_s });
                 }
-                progress(f64::from(done) / (falling + settling) as f64);
+                progress(f64::from(done) / (falling + settling) as f64, &cloth);
             }
             for (k, state) in states.iter_mut().enumerate() {
                 *state = cloth.snapshot(k);

@@ -57,6 +57,12 @@ impl Agent {
         observations.iter().zip(rows).map(choose).collect()
     }
 
+    /// The probability of every action of an observation; 0 for those that its mask does not allow.
+    pub fn probabilities(&self, observation: Observation) -> Vec<f32> {
+        let (log_probs, _) = self.evaluate(&[observation]);
+        log_probs.iter().map(|log_prob| log_prob.exp()).collect()
+    }
+
     /// Expected return of each observation, as a share of the reward scale if the training
     /// scaled its rewards. Masks may be empty.
     pub fn value(&self, observations: &[Observation]) -> Vec<f32> {

@@ -1,0 +1,66 @@
+use drape_cloth::scene::{Clamp, Placement};
+use drape_cloth::sim::Accuracy;
+use serde::Deserialize;
+
+/// What a page asks of the session.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Command {
+    /// Presses vertices in turn.
+    Press {
+        vertices: Vec<u32>,
+    },
+    Undo {},
+    Redo {},
+    /// Back to where the blank lay before the first press.
+    Reset {},
+    /// Shows a moment: of the fall, and then after so many presses.
+    Seek {
+        to: usize,
+    },
+    /// Goes on through the moments, or with what the policy wants.
+    Play {
+        on: bool,
+    },
+    /// Lets the policy press on.
+    Follow {
+        on: bool,
+    },
+    Pause {
+        on: bool,
+    },
+    /// One press that waits, or one moment.
+    Step {},
+    /// Moments a second.
+    Speed {
+        rate: f64,
+    },
+    Accuracy {
+        name: Accuracy,
+    },
+    /// Holds a vertex and pulls it to a place in the frame of the tool [m].
+    Pull {
+        vertex: u32,
+        to: [f64; 3],
+    },
+    Release {},
+    /// Another task.
+    Task {
+        change: Change,
+    },
+    SavePresses {},
+    SaveTask {},
+}
+
+/// What a page changes of the task; all else stays.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Change {
+    /// Least x and y, greatest x and y; all of the blank if not given.
+    pub region_mm: Option<[f64; 4]>,
+    pub placement: Option<Placement>,
+    pub clamps: Option<Vec<Clamp>>,
+    /// Names of those that are offered.
+    pub tool: Option<String>,
+    pub material: Option<String>,
+}

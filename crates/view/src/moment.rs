@@ -1,0 +1,171 @@
+//! What a page is shown, and where all find it.
+
+use std::sync::atomic::{AtomicU64, Ordering::SeqCst};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::message::Message;
+use super::shade::Shade;
+use super::stage::Stage;
+
+/// How well presses have done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Numbers {
+    /// Summed distance of the region to the tool [m].
+    pub distance_m: f64,
+    /// Mean surplus of its yarns [mm].
+    pub surplus_mm: f64,
+    pub score: f64,
+    /// Inner vertices off the tool.
+    pub undraped: usize,
+    pub presses: usize,
+    pub strokes: usize,
+    /// What a robot takes for it [s].
+    pub robot_s: f64,
+}
+
+/// What others have come to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Rival {
+    pub name: String,
+    pub score: f64,
+}
+
+/// All that is told in words and single numbers.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Status {
+    /// `falling` or `ready`.
+    pub phase: &'static str,
+    /// Share of the fall that is done.
+    pub share: f64,
+    /// Number of the moment that is shown, how many there are, and how many of them are of the fall.
+    pub at: usize,
+    pub count: usize,
+    pub fall: usize,
+    pub waiting: usize,
+    pub paused: bool,
+    pub playing: bool,
+    pub following: bool,
+    pub rate: f64,
+    pub accuracy: &'static str,
+    pub has_policy: bool,
+    /// Something was pulled by hand: no task has this.
+    pub pulled: bool,
+    pub over: bool,
+    pub numbers: Numbers,
+    pub rivals: Vec<Rival>,
+    /// Vertices that were pressed, stroke by stroke.
+    pub strokes: Vec<Vec<u32>>,
+    /// The last words to the user, numbered.
+    pub notices: Vec<(u64, String)>,
+    pub curves: Value,
+    /// Names of tools and materials to choose from.
+    pub tools: Vec<String>,
+    pub materials: Vec<String>,
+    /// Digest of the positions' bits.
+    pub bits: String,
+}
+
+/// A state of the cloth, and all that is told about it.
+pub struct Moment {
+    /// Each has a greater one than those before.
+    pub number: u64,
+    pub stage: Option<Arc<Stage>>,
+    /// In the frame of the tool [m].
+    pub position: Vec<[f64; 3]>,
+    /// See [`Stage`] and [`drape_cloth::sim::Observations::marks`] `[vertex]`.
+    pub marks: Vec<u8>,
+    /// Probability of each press, as the policy has it `[vertex]`; empty without one.
+    pub advice: Vec<f32>,
+    pub status: Status,
+}
+
+impl Moment {
+    /// As it is sent to a page that wants this `shade`.
+    pub fn message(&self, shade: Shade) -> Message {
+        #[derive(Serialize)]
+        struct Header<'a> {
+            kind: &'static str,
+            number: u64,
+            stage: u64,
+            low: [f64; 3],
+            size: [f64; 3],
+            /// Least and greatest value.
+            range: [f32; 2],
+            #[serde(flatten)]
+            status: &'a Status,
+        }
+        let extreme = |k: usize, start: f64, of: fn(f64, f64) -> f64| {
+            self.position.iter().map(|x| x[k]).fold(start, of)
+        };
+        let low = [0, 1, 2].map(|k| extreme(k, f64::INFINITY, f64::min));
+        let high = [0, 1, 2].map(|k| extreme(k, f64::NEG_INFINITY, f64::max));
+        let size = [0, 1, 2].map(|k| (high[k] - low[k]).max(1e-9));
+        let values = match &self.stage {
+            Some(stage) => shade.values(stage, self),
+            None => Vec::new(),
+        };
+        let least = values.iter().copied().fold(f32::INFINITY, f32::min);
+        let most = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        let span = (most - least).max(1e-9);
+        let short = |share: f64| (65535.0 * share).round() as u16;
+        let place = |x: &[f64; 3]| [0, 1, 2].map(|k| short((x[k] - low[k]) / size[k]));
+        let normal = |&x: &[f64; 3]| {
+            let normal = self
+                .stage
+                .as_ref()
+                .map(|stage| stage.scene.tool.distance(x).1);
+            normal
+                .unwrap_or_default()
+                .map(|n| (127.0 * n).round() as i8)
+        };
+        let header = Header {
+            kind: "moment",
+            number: self.number,
+            stage: self.stage.as_ref().map_or(0, |stage| stage.number),
+            low,
+            size,
+            range: [least, most],
+            status: &self.status,
+        };
+        Message::new(&header)
+            .with("position", self.position.iter().flat_map(place))
+            .with(
+                "value",
+                values.iter().map(|v| short(f64::from((v - least) / span))),
+            )
+            .with("marks", self.marks.iter().copied())
+            .with("normal", self.position.iter().flat_map(normal))
+    }
+}
+
+/// Where the session puts the newest moment, and pages find it.
+#[derive(Default)]
+pub struct Shared {
+    newest: Mutex<Option<Arc<Moment>>>,
+    number: AtomicU64,
+}
+
+impl Shared {
+    /// The newest moment; none before the first.
+    pub fn newest(&self) -> Option<Arc<Moment>> {
+        self.newest
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+
+    /// Its number; 0 before the first.
+    pub fn number(&self) -> u64 {
+        self.number.load(SeqCst)
+    }
+
+    pub(super) fn publish(&self, mut moment: Moment) {
+        let number = self.number() + 1;
+        moment.number = number;
+        *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(moment.into());
+        self.number.store(number, SeqCst);
+    }
+}

@@ -1,0 +1,578 @@
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::thread::{self, sleep};
+use std::time::{Duration, Instant};
+
+use drape_cloth::file::ValueError;
+use drape_cloth::scene::Scene;
+use drape_cloth::sim::{Accuracy, DRAPED, Snapshot, TOUCHED};
+use drape_task::env::{Draping, Task, Tasks};
+use drape_task::path::stroke_points;
+use drape_task::recording::Recording;
+
+use super::command::{Change, Command};
+use super::export::still_page;
+use super::host::{Host, Offer, Spec};
+use super::moment::{Moment, Numbers, Rival, Shared, Status};
+use super::past::Past;
+use super::shade::Shade;
+use super::stage::{PULLED, Stage};
+
+/// Duration of a frame of the fall, which is shown no faster than it would be [s].
+const FRAME: f64 = 1.0 / 60.0;
+/// Frames of a fall that are kept; of longer ones every second, fourth, ...
+const MOST_FRAMES: usize = 240;
+/// Moments a second.
+const RATE: f64 = 30.0;
+/// Words that are kept for pages.
+const NOTICES: usize = 8;
+/// Presses that may wait.
+const MOST_WAITING: usize = 4096;
+/// Time between two looks at what trainings have written.
+const CURVES: Duration = Duration::from_secs(2);
+
+/// The cloth, what has been done to it, and what is to be done.
+pub struct Session<H: Host> {
+    host: H,
+    shared: Arc<Shared>,
+    commands: Receiver<Command>,
+    spec: Spec,
+    stage: Arc<Stage>,
+    /// How many stages there have been, those that could not be set up included.
+    stages: u64,
+    /// Where the blank was while it fell [m].
+    fall: Vec<Vec<[f32; 3]>>,
+    draping: Draping,
+    past: Past,
+    /// Number of the moment that is shown, those of the fall first.
+    at: usize,
+    waiting: VecDeque<u32>,
+    pull: Option<(u32, [f64; 3])>,
+    status: Status,
+    said: u64,
+    rivals: Option<Receiver<Vec<Rival>>>,
+    looked: Instant,
+}
+
+impl<H: Host> Session<H> {
+    /// Lets the blank of a task fall, and shows it. `presses` can be gone through from there.
+    ///
+    /// # Errors
+    /// Those of the host, and what it says of a value that is out of range.
+    pub fn new(
+        mut host: H,
+        spec: Spec,
+        presses: &[u32],
+        (shared, commands): (Arc<Shared>, Receiver<Command>),
+    ) -> Result<Self, H::Error> {
+        let status = Status {
+            rate: RATE,
+            tools: names(&host, |offer| matches!(offer, Offer::Tool(..))),
+            materials: names(&host, |offer| matches!(offer, Offer::Material(..))),
+            ..Status::default()
+        };
+        let (stage, fall, draping) = fallen(&mut host, &spec, (&shared, &status), 1)?;
+        let count = draping.scene().lamina.vertex_count();
+        if let Some(vertex) = presses.iter().find(|&&v| v as usize >= count) {
+            let expected = format!("one below {count}, the vertices of this blank");
+            return Err(host.refuse(ValueError::new("vertex", vertex, expected)));
+        }
+        let past = Past::new(&draping, presses);
+        let mut session = Self {
+            at: fall.len(),
+            rivals: None,
+            looked: Instant::now(),
+            host,
+            shared,
+            commands,
+            spec,
+            stage,
+            stages: 1,
+            fall,
+            draping,
+            past,
+            waiting: VecDeque::new(),
+            pull: None,
+            status,
+            said: 0,
+        };
+        session.ask_rivals();
+        session.publish();
+        Ok(session)
+    }
+
+    /// Obeys commands until nobody can give one any more.
+    pub fn run(mut self) {
+        let mut due = Instant::now();
+        loop {
+            let wait = match self.is_busy() {
+                true => due.saturating_duration_since(Instant::now()),
+                false => CURVES,
+            };
+            match self.commands.recv_timeout(wait) {
+                Ok(command) => {
+                    self.obey(command);
+                    // What has come since belongs to the same moment.
+                    while let Ok(command) = self.commands.try_recv() {
+                        self.obey(command);
+                    }
+                    self.publish();
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+            if self.is_busy() && Instant::now() >= due {
+                let start = Instant::now();
+                self.advance();
+                let pace = if self.pull.is_some() {
+                    FRAME
+                } else {
+                    1.0 / self.status.rate
+                };
+                due = start + Duration::from_secs_f64(pace);
+                self.publish();
+            }
+            self.look();
+        }
+    }
+
+    /// A page that goes through all presses without a server.
+    pub fn export(mut self) -> String {
+        let presses = self.fall.len()..self.count();
+        let moments = presses.filter_map(|at| {
+            self.go(at);
+            self.status.has_policy = false;
+            self.publish();
+            Some(self.shared.newest()?.message(Shade::Distance).bytes())
+        });
+        let moments: Vec<_> = moments.collect();
+        still_page(&self.stage.message(), &moments)
+    }
+
+    /// Something goes on by itself.
+    fn is_busy(&self) -> bool {
+        let status = &self.status;
+        let goes_on = !self.waiting.is_empty() || status.playing || status.following;
+        self.pull.is_some() || goes_on && !status.paused
+    }
+
+    fn obey(&mut self, command: Command) {
+        match command {
+            Command::Press { vertices } => {
+                let count = self.stage.scene.lamina.vertex_count();
+                let is_new = vertices.iter().all(|&v| (v as usize) < count);
+                if !is_new || self.waiting.len() + vertices.len() > MOST_WAITING {
+                    return self.say("these presses are too many, or beyond the blank".into());
+                }
+                self.status.playing = false;
+                self.waiting.extend(vertices);
+            }
+            Command::Undo {} => self.go(self.at.saturating_sub(1).max(self.fall.len())),
+            Command::Redo {} => self.go(self.at + 1),
+            Command::Reset {} => self.go(self.fall.len()),
+            Command::Seek { to } => self.go(to),
+            Command::Play { on } => {
+                if on && self.at + 1 >= self.count() {
+                    self.go(0);
+                }
+                self.status.playing = on;
+            }
+            Command::Follow { on } => self.status.following = on && self.status.has_policy,
+            Command::Pause { on } => self.status.paused = on,
+            Command::Step {} => {
+                self.status.paused = true;
+                match self.waiting.is_empty() && !self.status.following {
+                    true => self.go(self.at + 1),
+                    false => self.advance(),
+                }
+            }
+            Command::Speed { rate } => self.status.rate = rate.clamp(0.1, 1000.0),
+            Command::Accuracy { name } => self.refine(name),
+            Command::Pull { vertex, to } => self.grab(vertex, to),
+            Command::Release {} => self.let_go(),
+            Command::Task { change } => self.change(change),
+            Command::SavePresses {} => self.save_presses(),
+            Command::SaveTask {} => match self.host.save_task(&self.spec) {
+                Ok(name) => self.say(format!("saved {name}: drape train {name}")),
+                Err(error) => self.say(error.to_string()),
+            },
+        }
+    }
+
+    /// All that has been gone through and can be gone through again.
+    fn count(&self) -> usize {
+        self.fall.len() + self.past.len()
+    }
+
+    /// Shows another moment.
+    fn go(&mut self, to: usize) {
+        self.stop();
+        self.at = to.min(self.count() - 1);
+        if self.at >= self.fall.len() {
+            self.past
+                .enter(self.at - self.fall.len(), &mut self.draping);
+        }
+    }
+
+    fn stop(&mut self) {
+        self.waiting.clear();
+        self.let_go();
+        (self.status.playing, self.status.following) = (false, false);
+    }
+
+    /// Does what is next.
+    fn advance(&mut self) {
+        if let Some((vertex, to)) = self.pull {
+            return self.past.pull(vertex, to, &mut self.draping);
+        }
+        if let Some(vertex) = self.waiting.pop_front() {
+            return self.press(vertex);
+        }
+        if self.status.following {
+            let advice = self.host.advise(&self.draping).unwrap_or_default();
+            let best = (0..advice.len()).max_by(|&a, &b| advice[a].total_cmp(&advice[b]));
+            let vertex = best.and_then(|action| self.draping.vertex(action as u32));
+            match vertex.filter(|_| !self.draping.is_over(0)) {
+                Some(vertex) => self.press(vertex),
+                None => self.status.following = false,
+            }
+        } else if self.status.playing {
+            let to = self.at + 1;
+            self.go(to);
+            self.status.playing = to + 1 < self.count();
+        }
+    }
+
+    /// Takes the cloth to be pressed or pulled from the moment that is shown.
+    fn take_hold(&mut self) {
+        let from = self.at.saturating_sub(self.fall.len());
+        self.past.enter(from, &mut self.draping);
+        self.past.forget_after(from);
+        self.at = self.fall.len() + from;
+    }
+
+    fn press(&mut self, vertex: u32) {
+        self.take_hold();
+        match self.past.press(vertex, &mut self.draping) {
+            true => self.at += 1,
+            false => {
+                self.stop();
+                self.say(format!(
+                    "the cloth diverges when vertex {vertex} is pressed here"
+                ));
+            }
+        }
+    }
+
+    fn grab(&mut self, vertex: u32, to: [f64; 3]) {
+        let is_new = (vertex as usize) < self.stage.scene.lamina.vertex_count();
+        let is_place = to.iter().all(|x| x.abs() < 10.0);
+        if !is_new || !is_place {
+            return self.say("that cannot be pulled".into());
+        }
+        if self.pull.is_none() {
+            self.stop();
+            self.take_hold();
+            if self.draping.state(0).fixed.contains(vertex as usize) {
+                return self.say("a vertex that is draped or clamped cannot be pulled".into());
+            }
+            self.past.begin_pull(vertex);
+            self.at += 1;
+        }
+        self.pull = Some((self.pull.map_or(vertex, |(held, _)| held), to));
+    }
+
+    fn let_go(&mut self) {
+        if self.pull.take().is_some() && !self.past.end_pull(&mut self.draping) {
+            self.at -= 1;
+            self.say("the cloth diverges when it is pulled so".into());
+        }
+    }
+
+    /// Presses as finely as this from now on. What has been done so far was done as it was.
+    fn refine(&mut self, name: Accuracy) {
+        self.stop();
+        let mut spec = self.spec.clone();
+        spec.env.set_accuracy(name);
+        let scene = self.draping.scene().clone();
+        match Draping::new(scene, &spec.env, 1) {
+            Ok(draping) => {
+                // The same presses come to another end.
+                let presses: Vec<u32> = self.past.vertices(self.past.len() - 1).collect();
+                (self.spec, self.draping) = (spec, draping);
+                self.past = Past::new(&self.draping, &presses);
+                self.go(self.at);
+            }
+            Err(error) => self.say(error.to_string()),
+        }
+    }
+
+    fn change(&mut self, change: Change) {
+        self.stop();
+        let mut spec = self.spec.clone();
+        for offer in self.host.offers() {
+            match offer {
+                Offer::Tool(name, tool) if change.tool.as_ref() == Some(name) => {
+                    spec.scene.tool = tool.clone();
+                }
+                Offer::Material(name, fabric) if change.material.as_ref() == Some(name) => {
+                    spec.scene.material = Some(fabric.clone());
+                }
+                _ => {}
+            }
+        }
+        spec.env.region_mm = change.region_mm;
+        if let Some(placement) = change.placement {
+            spec.scene.placement = placement;
+        }
+        if let Some(clamps) = change.clamps {
+            spec.scene.clamps = clamps;
+        }
+        self.stages += 1;
+        let number = self.stages;
+        // The same blank on the same tool lies as it did.
+        let lies = (spec.scene == self.spec.scene).then(|| self.draping.scene().clone());
+        let set_up = match lies {
+            Some(scene) => Draping::new(scene.clone(), &spec.env, 1)
+                .map(|draping| {
+                    let stage = Stage::new(number, &scene, &spec, &scene.initial.position);
+                    (stage, std::mem::take(&mut self.fall), draping)
+                })
+                .map_err(|error| error.to_string()),
+            None => fallen(&mut self.host, &spec, (&self.shared, &self.status), number)
+                .map_err(|error| error.to_string()),
+        };
+        match set_up {
+            Ok((stage, fall, draping)) => {
+                self.past = Past::new(&draping, &[]);
+                self.at = fall.len();
+                (self.spec, self.stage, self.fall, self.draping) = (spec, stage, fall, draping);
+                self.ask_rivals();
+            }
+            Err(error) => self.say(error),
+        }
+    }
+
+    fn save_presses(&mut self) {
+        let to = self.at.saturating_sub(self.fall.len());
+        if self.past.is_pulled(to) {
+            return self.say("not saved: no task pulls at cloth, undo that first".into());
+        }
+        let vertices: Vec<u32> = self.past.vertices(to).collect();
+        if vertices.is_empty() {
+            return self.say("not saved: nothing has been pressed".into());
+        }
+        let mut made = Recording::new(self.draping.task(0), false);
+        self.draping.replay(&[&vertices], |draping, _, _| {
+            made.see(draping.task(0), &draping.episode(0));
+        });
+        self.past.enter(to, &mut self.draping);
+        let lamina = &self.stage.scene.lamina;
+        match self.host.save_presses((&self.spec, lamina), &made) {
+            Ok(names) => self.say(format!("saved {}", names.join(", "))),
+            Err(error) => self.say(error.to_string()),
+        }
+    }
+
+    fn ask_rivals(&mut self) {
+        let asked = self.host.rivals(self.draping.scene(), &self.spec);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        self.status.rivals.clear();
+        self.rivals = Some(receiver);
+        thread::spawn(move || sender.send(asked()));
+    }
+
+    /// Looks at what others have found meanwhile.
+    fn look(&mut self) {
+        let mut is_new = false;
+        if let Some(found) = self
+            .rivals
+            .as_ref()
+            .and_then(|rivals| rivals.try_recv().ok())
+        {
+            (self.status.rivals, self.rivals, is_new) = (found, None, true);
+        }
+        if self.looked.elapsed() > CURVES {
+            self.looked = Instant::now();
+            let curves = self.host.curves();
+            is_new |= curves != self.status.curves;
+            self.status.curves = curves;
+        }
+        if is_new {
+            self.publish();
+        }
+    }
+
+    fn say(&mut self, words: String) {
+        self.said += 1;
+        self.status.notices.push((self.said, words));
+        if self.status.notices.len() > NOTICES {
+            self.status.notices.remove(0);
+        }
+    }
+
+    fn publish(&mut self) {
+        let state = self.draping.state(0);
+        let falls = self.at < self.fall.len();
+        let position = match falls {
+            true => self.fall[self.at]
+                .iter()
+                .map(|x| x.map(f64::from))
+                .collect(),
+            false => state.position.clone(),
+        };
+        let task = self.draping.task(0);
+        let marks = match falls {
+            true => self.stage.marks.clone(),
+            false => self.marks(&state),
+        };
+        let points = self.draping.points(0);
+        let strokes = stroke_points(&points, task.config.join_distance());
+        let strokes = strokes.map(|stroke| stroke.iter().map(|point| point.vertex).collect());
+        let idle = !falls && self.waiting.is_empty() && self.pull.is_none();
+        let advice = self.host.advise(&self.draping);
+        self.status.has_policy = advice.is_some();
+        let mut by_vertex = Vec::new();
+        if let Some(advice) = advice.filter(|_| idle) {
+            by_vertex = vec![0.0; position.len()];
+            for (action, p) in advice.into_iter().enumerate() {
+                if let Some(v) = self.draping.vertex(action as u32) {
+                    by_vertex[v as usize] = p;
+                }
+            }
+        }
+        let status = Status {
+            phase: "ready",
+            share: 1.0,
+            at: self.at,
+            count: self.count(),
+            fall: self.fall.len(),
+            waiting: self.waiting.len(),
+            accuracy: self.spec.env.accuracy.name(),
+            pulled: self.past.is_pulled(self.at.saturating_sub(self.fall.len())),
+            over: !falls && self.draping.is_over(0),
+            numbers: match falls {
+                true => Numbers::default(),
+                false => numbers(task, &state, &self.draping),
+            },
+            strokes: if falls { Vec::new() } else { strokes.collect() },
+            bits: digest(&position),
+            ..self.status.clone()
+        };
+        self.shared.publish(Moment {
+            number: 0,
+            stage: Some(self.stage.clone()),
+            position,
+            marks,
+            advice: by_vertex,
+            status,
+        });
+    }
+
+    /// What has become of each vertex, and whether a press on it is allowed.
+    fn marks(&self, state: &Snapshot) -> Vec<u8> {
+        let seen = self.draping.observation(0);
+        let pulled = self.past.pulled();
+        let mark = |(v, &fixed): (usize, &u8)| {
+            let action = self.draping.action(v as u32);
+            let mut mark = fixed | action.map_or(0, |action| seen.marks[action as usize]);
+            for (bits, set) in [
+                (&state.pressed.touched, TOUCHED),
+                (&state.pressed.draped, DRAPED),
+            ] {
+                mark |= if bits.contains(v) { set } else { 0 };
+            }
+            mark | if pulled == Some(v as u32) { PULLED } else { 0 }
+        };
+        self.stage.marks.iter().enumerate().map(mark).collect()
+    }
+}
+
+fn names<H: Host>(host: &H, is_one: fn(&Offer) -> bool) -> Vec<String> {
+    let all = host.offers().iter().filter(|offer| is_one(offer));
+    all.map(|(Offer::Tool(name, _) | Offer::Material(name, _))| name.clone())
+        .collect()
+}
+
+fn numbers(task: &Task, state: &Snapshot, draping: &Draping) -> Numbers {
+    let path = task.figures(&draping.points(0));
+    Numbers {
+        distance_m: task.distance(state),
+        surplus_mm: 1e3 * task.surplus(state),
+        score: task.score(state),
+        undraped: task.undraped_inner(state),
+        presses: path.presses as usize,
+        strokes: path.strokes as usize,
+        robot_s: task.config.costs.seconds(&path),
+    }
+}
+
+/// What is set up of a task: what is shown of it, how its blank fell, and the cloth.
+type Fallen = (Arc<Stage>, Vec<Vec<[f32; 3]>>, Draping);
+
+/// Lets the blank of a task fall, no faster than it would, while all look on.
+fn fallen<H: Host>(
+    host: &mut H,
+    spec: &Spec,
+    (shared, status): (&Shared, &Status),
+    number: u64,
+) -> Result<Fallen, H::Error> {
+    let (mut stage, mut frames) = (None, Vec::new());
+    let (mut due, mut stride, mut seen) = (Instant::now(), 1, 0);
+    let scene: Arc<Scene> = host.set_up(spec, &mut |scene, share, cloth| {
+        seen += 1;
+        if (seen - 1) % stride != 0 {
+            return;
+        }
+        let position = cloth().position;
+        let stage = stage.get_or_insert_with(|| Stage::new(number, scene, spec, &position));
+        frames.push(
+            position
+                .iter()
+                .map(|x| x.map(|x| x as f32))
+                .collect::<Vec<_>>(),
+        );
+        if frames.len() > MOST_FRAMES {
+            stride *= 2;
+            let mut index = 0;
+            frames.retain(|_| {
+                index += 1;
+                index % 2 == 1
+            });
+        }
+        shared.publish(Moment {
+            number: 0,
+            stage: Some(stage.clone()),
+            marks: stage.marks.clone(),
+            advice: Vec::new(),
+            status: Status {
+                phase: "falling",
+                share,
+                at: frames.len() - 1,
+                count: frames.len(),
+                fall: frames.len(),
+                bits: digest(&position),
+                ..status.clone()
+            },
+            position,
+        });
+        due += Duration::from_secs_f64(FRAME * stride as f64);
+        let now = Instant::now();
+        sleep(due.saturating_duration_since(now));
+        due = due.max(now);
+    })?;
+    let draping = Draping::new(scene, &spec.env, 1);
+    let draping = draping.map_err(|error| host.refuse(error))?;
+    Ok((stage.expect("the start was seen"), frames, draping))
+}
+
+/// Of all bits of some places: tells different ones apart.
+fn digest(position: &[[f64; 3]]) -> String {
+    let words = position.as_flattened().iter().map(|x| x.to_bits());
+    let mix = |hash: u64, word: u64| {
+        let mixed = (hash ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        mixed ^ mixed >> 32
+    };
+    format!("{:016x}", words.fold(1, mix))
+}

@@ -1,0 +1,435 @@
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::mpsc::sync_channel;
+
+use anyhow::{Context, Error, anyhow};
+use serde_json::{Value, json};
+use toml::Table;
+
+use super::Failure;
+use super::args::accuracy;
+use super::failure::OrInvalid;
+use super::loaded::load_agent;
+use super::setup::{missed, open_run, warn};
+use super::terminal::{show, tell};
+use crate::run::{
+    BestSequence, RunConfig, RunFolder, TrainingPreset, curve, digest, random_episodes,
+    read_metrics,
+};
+use drape_cloth::fabric::Lamina;
+use drape_cloth::file::{ValueError, check_name, check_writable, read_toml, write_atomic};
+use drape_cloth::scene::{Fabric, Scene, SceneConfig};
+use drape_cloth::sim::{Accuracy, Snapshot};
+use drape_cloth::tool::{
+    Cylinder, DoubleDome, GridConfig, Hemisphere, Incline, MeshSource, Plate, Pose, Rib, Shape,
+    Source, ToolConfig,
+};
+use drape_learn::ppo::Agent;
+use drape_task::env::{Draping, ImageShape, Tasks};
+use drape_task::recording::Recording;
+use drape_view::{Host, Offer, Rival, Server, Session, Shared, Spec, Watch};
+
+/// Random episodes that presses by hand are shown beside, and vertices of the largest blank on which they are played.
+const RANDOM: usize = 8;
+const MOST_VERTICES: usize = 5000;
+/// Commands that may wait for the session.
+const COMMANDS: usize = 1024;
+
+/// Show cloth in a browser, to be turned, pressed and pulled
+///
+/// Serves one page on this machine until Ctrl-C, and prints its address. All pages with the address see the same cloth.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape view --open
+  drape view configs/scenes/rib.toml
+  drape view runs/a --watch runs/b --watch runs/c
+  drape view runs/a --recording runs/a/pictures/eval/recording.drape
+  drape view runs/a --export page.html
+  ssh -L 9000:127.0.0.1:8000 host drape view --port 8000 --no-open")]
+pub struct ViewArgs {
+    /// Scene or task file, or run folder, whose path can be gone through; the built-in quickstart if not given
+    what: Option<PathBuf>,
+
+    /// Go through what a recording has pressed instead of the run's path
+    #[arg(long, value_name = "FILE")]
+    recording: Option<PathBuf>,
+
+    /// Which checkpoint of the run to ask: best, last, or a file
+    #[arg(long, value_name = "best|last|FILE", default_value = "best")]
+    checkpoint: String,
+
+    /// Show the curves of this run too, while it trains; may be given again
+    #[arg(long, value_name = "RUN")]
+    watch: Vec<PathBuf>,
+
+    /// Offer this STL or PLY file as a tool, in millimetres; may be given again
+    #[arg(long, value_name = "FILE")]
+    tool: Vec<PathBuf>,
+
+    /// Offer this material file; may be given again
+    #[arg(long, value_name = "FILE")]
+    material: Vec<PathBuf>,
+
+    /// How finely presses are stepped, fast, balanced or accurate, instead of the configuration's rates
+    #[arg(long, value_parser = accuracy, value_name = "NAME")]
+    accuracy: Option<Accuracy>,
+
+    /// Folder that the page saves presses and tasks to; must exist
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    out: PathBuf,
+
+    /// Write a page that replays the presses without a server, instead of serving one
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "open", "allow_host"])]
+    export: Option<PathBuf>,
+
+    /// Port to listen on; a free one if not given
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    port: u16,
+
+    /// Another name by which pages may call this host, as behind a proxy; may be given again
+    #[arg(long, value_name = "NAME")]
+    allow_host: Vec<String>,
+
+    /// Open the page in the browser
+    #[arg(long, overrides_with = "no_open")]
+    open: bool,
+
+    /// Do not open it, which is the default
+    #[arg(long)]
+    no_open: bool,
+
+    /// Print one line of JSON, with address and token, instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs `drape view`.
+pub fn run(args: ViewArgs) -> Result<(), Failure> {
+    let (folder, mut config, place) = match &args.what {
+        Some(path) if path.is_dir() => {
+            let (folder, config) = open_run(path)?;
+            let place = folder.config.display().to_string();
+            (Some(folder), config, place)
+        }
+        Some(path) => (None, read_task(path)?, path.display().to_string()),
+        None => (None, RunConfig::quickstart(), "built-in quickstart".into()),
+    };
+    if let Some(accuracy) = args.accuracy {
+        config.env.set_accuracy(accuracy);
+    }
+    let spec = Spec {
+        scene: config.scene.clone(),
+        env: config.env.clone(),
+    };
+    let (presses, path_score) = presses(&args, folder.as_ref())?;
+    let watched = args.watch.iter().map(|path| RunFolder::open(path));
+    let mut watched: Vec<RunFolder> = watched.collect::<Result<_, _>>().or_invalid()?;
+    let runs: Vec<RunFolder> = folder.iter().cloned().chain(watched.drain(..)).collect();
+    if !args.out.is_dir() {
+        let fault = anyhow!("--out {}: there is no such folder", args.out.display());
+        return Err(Failure::invalid(fault));
+    }
+    let host = Desk {
+        agent: None,
+        run: folder.map(|folder| (folder, args.checkpoint.clone())),
+        offers: offers(&args),
+        out: args.out.clone(),
+        first: spec.clone(),
+        path_score,
+        config,
+        place,
+        runs,
+    };
+
+    let (sender, commands) = sync_channel(COMMANDS);
+    let shared = Arc::new(Shared::default());
+    if let Some(file) = &args.export {
+        check_writable(file)?;
+        let session = Session::new(host, spec, &presses, (shared, commands))?;
+        let page = session.export();
+        write_atomic(file, |file| file.write_all(page.as_bytes()))?;
+        return Ok(show(&format!("written to {}", file.display()))?);
+    }
+    let server = Server::open(args.port, &args.allow_host, (shared.clone(), sender));
+    let server = server.with_context(|| format!("cannot listen on port {}", args.port))?;
+    let (address, token) = (
+        format!("http://{}/", server.address()?),
+        server.token().to_owned(),
+    );
+    let page = format!("{address}#{token}");
+    server.start();
+    let said = match args.json {
+        true => json!({ "address": address, "token": token }).to_string(),
+        false => format!("{page}\nCtrl-C ends it"),
+    };
+    show(&said)?;
+    if args.open {
+        open(&page);
+    }
+    Session::new(host, spec, &presses, (shared, commands))?.run();
+    Ok(())
+}
+
+/// The task of a file, or that of a whole blank where it is a scene.
+fn read_task(path: &Path) -> Result<RunConfig, Failure> {
+    let is_scene = read_toml::<Table>(path).is_ok_and(|table| table.contains_key("tool"));
+    if !is_scene {
+        return RunConfig::read(path).or_invalid();
+    }
+    let mut config = RunConfig::preset(TrainingPreset::Compact);
+    config.scene = SceneConfig::read(path).or_invalid()?;
+    Ok(config)
+}
+
+/// What can be gone through, and the score of a run's path: that of a recording, or the path that a run has proved or
+/// has found so far.
+fn presses(
+    args: &ViewArgs,
+    folder: Option<&RunFolder>,
+) -> Result<(Vec<u32>, Option<f64>), Failure> {
+    if let Some(file) = &args.recording {
+        return Ok((Recording::read(file).or_invalid()?.vertices(), None));
+    }
+    let Some(folder) = folder else {
+        return Ok((Vec::new(), None));
+    };
+    let best = match folder.read_proof()? {
+        Some(proved) => proved.path,
+        None if folder.best_sequence.exists() => folder.read_best_sequence()?,
+        None => return Ok((Vec::new(), None)),
+    };
+    let place = folder.best_sequence.display();
+    let checked = best.check_config(&folder.config_digest()?);
+    checked.map_err(|fault| Failure::invalid(anyhow!("{place}: {fault}")))?;
+    Ok((best.vertices, Some(best.score)))
+}
+
+/// Built-in shapes and the files that were given.
+fn offers(args: &ViewArgs) -> Vec<Offer> {
+    let name = |path: &Path| {
+        path.file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
+    };
+    let tool = |source| ToolConfig {
+        source,
+        pose: Pose::default(),
+        grid: GridConfig::default(),
+    };
+    let shapes = [
+        ("rib", Shape::Rib(Rib::default())),
+        ("hemisphere", Shape::Hemisphere(Hemisphere::default())),
+        ("double-dome", Shape::DoubleDome(DoubleDome::default())),
+        ("plate", Shape::Plate(Plate::default())),
+        ("cylinder", Shape::Cylinder(Cylinder::default())),
+        ("incline", Shape::Incline(Incline::default())),
+    ];
+    let shapes = shapes.map(|(name, shape)| Offer::Tool(name.into(), tool(Source::Shape(shape))));
+    let mesh = |path: &PathBuf| {
+        let (path, scale) = (path.clone(), 1e-3);
+        Offer::Tool(name(&path), tool(Source::Mesh(MeshSource { path, scale })))
+    };
+    let material = |path: &PathBuf| Offer::Material(name(path), Fabric::File(path.clone()));
+    let files = args.tool.iter().map(mesh);
+    let files = files.chain(args.material.iter().map(material));
+    shapes.into_iter().chain(files).collect()
+}
+
+/// Lets the desktop open a page. Where there is none, the address was printed.
+fn open(page: &str) {
+    let mut command = match std::env::consts::OS {
+        "macos" => Command::new("open"),
+        "windows" => Command::new("explorer"),
+        _ => Command::new("xdg-open"),
+    };
+    command
+        .arg(page)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    if let Err(error) = command.spawn() {
+        tell(format_args!("warning: cannot open the browser: {error}"));
+    }
+}
+
+/// What the session asks for beside cloth.
+struct Desk {
+    config: RunConfig,
+    place: String,
+    run: Option<(RunFolder, String)>,
+    /// The policy of the run, for tasks that look like its own.
+    agent: Option<Agent>,
+    /// The task that was asked for.
+    first: Spec,
+    path_score: Option<f64>,
+    runs: Vec<RunFolder>,
+    offers: Vec<Offer>,
+    out: PathBuf,
+}
+
+impl Desk {
+    /// A name in the folder for what is saved that nothing has, with these ends.
+    fn free_name(&self, start: &str, ends: &[&str]) -> String {
+        let mut names = (1..).map(|number| format!("{start}-{number}"));
+        let is_free = |name: &String| {
+            let mut files = ends
+                .iter()
+                .map(|end| self.out.join(format!("{name}.{end}")));
+            files.all(|file| file.symlink_metadata().is_err())
+        };
+        names.find(is_free).expect("names do not run out")
+    }
+
+    /// Writes a task. Gives the text of it.
+    fn write_task(&self, spec: &Spec, file: &Path) -> Result<String, Error> {
+        let text = self.config.with_task(&spec.scene, &spec.env)?.to_toml();
+        write_atomic(file, |file| file.write_all(text.as_bytes()))?;
+        Ok(text)
+    }
+}
+
+/// A failure that can be told in a page.
+struct Refused(Failure);
+
+impl From<Refused> for Failure {
+    fn from(refused: Refused) -> Self {
+        refused.0
+    }
+}
+
+impl std::fmt::Display for Refused {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str(&self.0.line())
+    }
+}
+
+impl<E: Into<Error>> From<E> for Refused {
+    fn from(error: E) -> Self {
+        Self(error.into().into())
+    }
+}
+
+impl Host for Desk {
+    type Error = Refused;
+
+    fn refuse(&self, error: ValueError) -> Refused {
+        let error = Error::new(error).context(self.place.clone());
+        Refused(Failure::invalid(error))
+    }
+
+    fn set_up(&mut self, spec: &Spec, watch: Watch) -> Result<Arc<Scene>, Refused> {
+        let watch =
+            |scene: &Scene, share: f64, cloth: &dyn Fn() -> Snapshot| watch(scene, share, cloth);
+        let scene = Scene::watched(&spec.scene, watch).with_context(|| self.place.clone())?;
+        warn(&scene, &self.place);
+        if let Some(fault) = missed(&scene) {
+            tell(format_args!("warning: {}: {fault}", self.place));
+        }
+        let scene = Arc::new(scene);
+        if let (Some((folder, checkpoint)), true) = (&self.run, *spec == self.first)
+            && folder.check_trained().is_ok()
+            && (checkpoint != "best" || folder.best_checkpoint.exists())
+        {
+            let draping =
+                Draping::new(scene.clone(), &spec.env, 1).map_err(|error| self.refuse(error))?;
+            self.agent =
+                Some(load_agent(folder, &self.config, checkpoint, &draping).map_err(Refused)?);
+        }
+        Ok(scene)
+    }
+
+    fn advise(&self, draping: &Draping) -> Option<Vec<f32>> {
+        let is_own = draping.config().region_mm == self.first.env.region_mm
+            && draping.scene().config == self.first.scene;
+        let agent = self.agent.as_ref().filter(|_| is_own)?;
+        // Where all is touched, nothing is allowed.
+        match draping.is_over(0) {
+            true => Some(Vec::new()),
+            false => Some(agent.probabilities(draping.observation(0))),
+        }
+    }
+
+    fn rivals(&self, scene: &Arc<Scene>, spec: &Spec) -> Box<dyn FnOnce() -> Vec<Rival> + Send> {
+        let (scene, env) = (scene.clone(), spec.env.clone());
+        let path = self.path_score.filter(|_| *spec == self.first);
+        Box::new(move || {
+            let rival = |name: &str, score| Rival {
+                name: name.into(),
+                score,
+            };
+            let mut rivals: Vec<Rival> = path
+                .map(|score| rival("the run's path", score))
+                .into_iter()
+                .collect();
+            let is_small = scene.lamina.vertex_count() <= MOST_VERTICES;
+            let played = is_small.then(|| random_episodes(&scene, &env, RANDOM, |_| ()));
+            let scores = played
+                .into_iter()
+                .flatten()
+                .flatten()
+                .map(|episode| episode.score);
+            let scores: Vec<f64> = scores.filter(|score| score.is_finite()).collect();
+            if let Some(best) = scores.iter().copied().reduce(f64::max) {
+                let mean = scores.iter().sum::<f64>() / scores.len() as f64;
+                rivals.extend([
+                    rival("random orders", mean),
+                    rival("the best of them", best),
+                ]);
+            }
+            rivals
+        })
+    }
+
+    fn save_presses(
+        &mut self,
+        (spec, lamina): (&Spec, &Lamina),
+        made: &Recording,
+    ) -> Result<Vec<String>, Refused> {
+        let name = self.free_name("presses", &["drape", "json", "toml"]);
+        let file = |end: &str| self.out.join(format!("{name}.{end}"));
+        let text = self.write_task(spec, &file("toml"))?;
+        made.write(&file("drape"))?;
+        let sequence = BestSequence {
+            vertices: made.vertices(),
+            score: made.frames.last().map_or(0.0, |frame| frame.score),
+            grid: ImageShape {
+                rows: lamina.rows,
+                columns: lamina.columns,
+            },
+            config_digest: digest(text),
+            others: Vec::new(),
+        };
+        let json = serde_json::to_string_pretty(&sequence)?;
+        write_atomic(&file("json"), |file| writeln!(file, "{json}"))?;
+        Ok(["drape", "json", "toml"]
+            .map(|end| file(end).display().to_string())
+            .into())
+    }
+
+    fn save_task(&mut self, spec: &Spec) -> Result<String, Refused> {
+        let file = self.out.join(self.free_name("task", &["toml"]) + ".toml");
+        check_name(&file)?;
+        self.write_task(spec, &file)?;
+        Ok(file.display().to_string())
+    }
+
+    fn curves(&self) -> Value {
+        let of = |run: &RunFolder| {
+            // Not yet, or just being written.
+            let metrics = read_metrics(&run.metrics).ok()?;
+            Some(json!({
+                "name": run.path.file_name().unwrap_or_default().to_string_lossy(),
+                "best": curve(&metrics, "best_score"),
+                "mean": curve(&metrics, "mean_score"),
+            }))
+        };
+        self.runs.iter().filter_map(of).collect::<Vec<_>>().into()
+    }
+
+    fn offers(&self) -> &[Offer] {
+        &self.offers
+    }
+}
