@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Instant, SystemTime};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 
 use super::Failure;
@@ -16,7 +16,7 @@ use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
 use super::signals::{is_checkpoint_wanted, stop_on_signal};
 use super::terminal::{Told, tell};
 use crate::cluster::Session;
-use crate::run::{Preparation, RunConfig, RunFolder, RunInfo, Training, changed};
+use crate::run::{Demonstrations, Preparation, RunConfig, RunFolder, RunInfo, Training, changed};
 use drape_cloth::file::{ValueError, read_text};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
@@ -33,6 +33,7 @@ const CHECKPOINT_INTERVAL: u64 = 10;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape train task.toml --name a
+  drape train task.toml --demonstrate presses-1.drape presses-2.drape
   drape train --resume runs/a
   drape train --resume runs/a --steps 400000 --set ppo.learning_rate=5e-4 --set environments=64")]
 pub struct TrainArgs {
@@ -66,6 +67,12 @@ pub struct TrainArgs {
     /// Changes a key of the run that is gone on with, in TOML; one that may not change lists those that may
     #[arg(long, value_name = "KEY=VALUE", requires = "resume")]
     set: Vec<String>,
+
+    /// Imitate presses before learning, and keep them as rivals: recordings, or sequences as `best_sequence.json` has
+    /// them, made by hand in `drape view` or by other runs on this blank. Presses that the task does not allow are passed
+    /// over
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "resume")]
+    demonstrate: Vec<PathBuf>,
 
     /// Where networks and cloth are computed: flex or ndarray (the CPU), gpu or gpu:N
     #[arg(long, value_name = "DEVICE")]
@@ -239,6 +246,18 @@ fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
     if let Some(accuracy) = args.accuracy {
         config.env.set_accuracy(accuracy);
     }
+    let count = args.demonstrate.len();
+    if count > 0 {
+        let most = config.members().or_invalid_in(&place)?[0].environments;
+        let Some(imitation) = config.ppo.imitation.as_mut().filter(|_| count <= most) else {
+            return Err(Failure::invalid(anyhow!(
+                "{place}: {count} demonstrations, expected `ppo.imitation`, and at most `environments` of them, {most}"
+            )));
+        };
+        if imitation.pretraining == 0 {
+            imitation.pretraining = Demonstrations::PRETRAINING;
+        }
+    }
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
     if let Some(folder) = resumed {
@@ -261,11 +280,15 @@ fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
         return Ok(training);
     }
     let (scene, kept) = set_up_run(&config, &place, quiet)?;
+    let shown = Demonstrations::read(&args.demonstrate, &scene.lamina).or_invalid()?;
     let scenes = set_up_scenes(&config, scene, &place, quiet)?;
 
     let info = RunInfo::new(config.seed, SystemTime::now());
     let kept = (&*kept.0, &*kept.1);
-    let create = || RunFolder::create(&args.runs, args.name.as_deref(), kept, &info);
+    let create = || {
+        let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info)?;
+        shown.keep(&folder).map(|()| folder)
+    };
     let made = cluster.is_first().then(create).transpose()?;
     // The first has made it, where all can see it.
     let path = cluster.gather(made.map(|folder| folder.path));

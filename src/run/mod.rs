@@ -10,6 +10,7 @@ mod best;
 mod changes;
 mod checkpoint;
 mod config;
+mod demonstrations;
 mod events;
 mod folder;
 mod log;
@@ -22,6 +23,7 @@ pub use best::Best;
 pub use changes::changed;
 pub use checkpoint::Checkpoint;
 pub use config::{RunConfig, TrainingPreset};
+pub use demonstrations::Demonstrations;
 pub use folder::{BestSequence, Input, Proved, RunError, RunFolder, RunInfo, dated_folder, digest};
 pub use metrics::{curve, read_metrics};
 pub use rollout::{

@@ -9,12 +9,12 @@ use serde::{Deserialize, Serialize};
 use super::best::Best;
 use super::checkpoint::Checkpoint;
 use super::config::RunConfig;
+use super::demonstrations::{Demonstrations, beginners_order};
 use super::events::{create_events, reopen_logs, scalar_record};
 use super::folder::{BestSequence, RunFolder, Scored};
 use super::log::Log;
 use super::metrics::{kept_lines, metrics_line};
 use drape_cloth::file::ValueError;
-use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{
     EpisodeRecord, Iteration, NETWORK, Sampling, Sections, Trainer, decode, encode, read_section,
@@ -23,7 +23,7 @@ use drape_study::episodes::sequences;
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, End, EnvConfig, Episode, Member, Reward, Tasks, Worlds};
 use drape_task::search::{
-    Arena, CrossEntropy, Found, Judge, Moves, Order, Searching, choose, cross_entropy, moves,
+    Arena, CrossEntropy, Found, Judge, Moves, Order, Searching, cross_entropy, moves,
 };
 
 /// Checkpoint section of what the run itself remembers.
@@ -289,15 +289,26 @@ impl Training {
             return Ok(());
         };
         let mut presses = vec![0; self.trainer.tasks().count()];
+        let demonstrations = Demonstrations::of(&self.folder)?;
         let shown = self.trainer.show(|tasks, task| {
             let scene = usize::from(tasks.observations().views[task]);
             let own: Vec<usize> = tasks.environments(scene).collect();
             let number = own.iter().take_while(|&&other| other != task).count();
-            let next = found[scene].get(number);
-            let next = next.and_then(|actions| actions.get(presses[task]));
+            let pressed = &mut presses[task];
+            let before = if scene == 0 {
+                demonstrations.count()
+            } else {
+                0
+            };
+            if number < before {
+                let next = demonstrations.next(number, pressed, (tasks, task));
+                return next.unwrap_or_else(|| beginners_order(tasks, &own, number));
+            }
+            let next = found[scene].get(number - before);
+            let next = next.and_then(|actions| actions.get(*pressed));
             // In another world than it was found in it may not be.
             let next = next.filter(|&&action| tasks.observation(task).allows(action));
-            presses[task] += 1;
+            *pressed += 1;
             next.copied()
                 .unwrap_or_else(|| beginners_order(tasks, &own, number))
         });
@@ -563,20 +574,6 @@ pub fn search_by_moves(
         go_on(Some(Searching { spent, ..at }))
     };
     Ok(moves(judge, &chosen, method, left, config.seed, watch))
-}
-
-/// What a learner that imitates is shown first by one of the environments on a scene: half of them press
-/// outwards from places, the others sweep in all directions.
-fn beginners_order(tasks: &Draping, alike: &[usize], number: usize) -> u32 {
-    let half = alike.len().div_ceil(2);
-    let (order, index, count) = match number.checked_sub(half) {
-        None => (Order::Outwards, number, half),
-        Some(index) => (Order::Sweep, index, alike.len() - half),
-    };
-    // Neither order is drawn.
-    let mut stream = Stream::new(0, Purpose::Evaluation, 0);
-    let share = index as f64 / count as f64;
-    choose(tasks, alike[number], order, share, &mut stream)
 }
 
 /// `count` environments on a scene.
