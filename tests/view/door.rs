@@ -150,7 +150,7 @@ fn what_cannot_be_shown_is_told_in_one_line() {
     failed(&["missing.toml"], 2, &["missing.toml"]);
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
-    failed(&[&path("")], 2, &["config.toml"]);
+    failed(&[&path("")], 2, &["is not a run folder"]);
     std::fs::write(path("a.toml"), "[tool]\nsorce = 1").unwrap();
     failed(&[&path("a.toml")], 2, &["a.toml", "sorce"]);
     failed(&["--out", &path("none")], 2, &["--out", "no such folder"]);

@@ -1,5 +1,6 @@
 //! `drape view`: what a page sees and may do, over the socket alone and in a real browser.
 
+mod browser;
 mod door;
 mod flood;
 mod pages;
@@ -28,6 +29,6 @@ height_mm = 80.0
 tilt_deg = 0.0
 [scene.fall]
 fall_s = 0.3
-settle_s = 0.1
+settle_s = 1.0
 substep_rate = 1200.0
 "#;

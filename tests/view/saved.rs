@@ -20,7 +20,7 @@ fn a_task_made_in_the_page_is_one_that_train_takes() {
     let start = page.ready();
     let change = json!({
         "region_mm": [-100.0, -100.0, 0.0, 20.0],
-        "placement": { "centre_mm": [5.0, 0.0], "height_mm": 82.0, "tilt_deg": 4.0 },
+        "placement": { "centre_mm": [5.0, 0.0], "height_mm": 105.0, "tilt_deg": 4.0 },
         "clamps": [{ "at_mm": [-130, -130], "radius_mm": 10, "move_mm": [0, 0, -60] }],
         "tool": "cylinder",
     });
@@ -34,7 +34,7 @@ fn a_task_made_in_the_page_is_one_that_train_takes() {
     page.words("region_mm");
     assert_eq!(page.bits(), lies);
     page.say(&json!({ "do": "save_task" }));
-    assert!(page.words("saved").contains("task-1.toml"));
+    page.words("task-1.toml");
     let folder = viewer.folder.path();
     run(
         folder,
@@ -71,7 +71,7 @@ fn presses_by_hand_are_recorded_proved_and_imitated() {
     page.press(&order);
     let score = page.moment["numbers"]["score"].as_f64().unwrap();
     page.say(&json!({ "do": "save_presses" }));
-    assert!(page.words("saved").contains("presses-1.drape"));
+    assert!(page.words("presses-1").contains("presses-1.drape"));
     page.say(&json!({ "do": "save_presses" }));
     page.words("presses-2.drape");
     let made: Value =

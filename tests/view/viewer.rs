@@ -14,7 +14,7 @@ use tungstenite::{Message, WebSocket, client};
 use super::TASK;
 
 /// Longest that anything may take.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(30);
 
 pub fn drape() -> Command {
     Command::new(env!("CARGO_BIN_EXE_drape"))
@@ -141,8 +141,10 @@ impl Page {
         let asked = json!({ "next": next, "stage": stage.unwrap_or(0), "shade": "distance" });
         self.say(&asked);
         loop {
-            let Message::Binary(bytes) = self.socket.read().unwrap() else {
-                continue;
+            let bytes = match self.socket.read() {
+                Ok(Message::Binary(bytes)) => bytes,
+                Ok(_) => continue,
+                Err(error) => panic!("{error}: {}", self.moment),
             };
             let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
             let said: Value = serde_json::from_slice(&bytes[4..4 + length]).unwrap();
