@@ -81,10 +81,7 @@ impl Browser {
             complaints: Vec::new(),
             _profile: profile,
         };
-        let target = browser.call(
-            "Target.createTarget",
-            &json!({ "url": "about:blank", "width": 1200, "height": 700 }),
-        );
+        let target = browser.call("Target.createTarget", &json!({ "url": "about:blank" }));
         let attached = browser.call(
             "Target.attachToTarget",
             &json!({ "targetId": target["targetId"], "flatten": true }),
@@ -113,7 +110,9 @@ impl Browser {
             };
             let mut said: Value = serde_json::from_str(&text).unwrap();
             if said["id"] == self.count {
-                assert!(said.get("error").is_none(), "{method}: {said}");
+                // It may just be loading another.
+                let is_gone = said["error"]["message"].to_string().contains("navigated");
+                assert!(is_gone || said.get("error").is_none(), "{method}: {said}");
                 return said["result"].take();
             }
             if said["method"] == "Runtime.exceptionThrown"
@@ -275,9 +274,10 @@ fn cloth_falls_is_clicked_and_comes_back() {
     browser.eval(&scrub("0"));
     browser.until("moment.at === 0 && !isDirty");
     let hangs = browser.picture();
+    let far = count(&hangs, is_far);
     assert!(
-        count(&hangs, is_near) == 0 && count(&hangs, is_far) > 2 * counts[0],
-        "{counts:?}"
+        far > counts[0] + 5_000 && count(&hangs, is_near) < counts[1] / 2,
+        "{far} {counts:?}"
     );
     browser.eval(&scrub("moment.fall"));
     browser.until("moment.at === moment.fall && !isDirty");
@@ -339,10 +339,10 @@ fn every_view_and_colouring_shows_cloth() {
     assert!(seen[0] != seen[1] && seen[1] != seen[2]);
     browser.key("2");
     for shade in ["surplus", "shear", "angle", "warp", "weft", "progress"] {
+        let heard = browser.eval("told.heard");
         browser.eval(&format!(
             "$('shade').value = '{shade}', $('fit').checked = true, $('shade').onchange()"
         ));
-        let heard = browser.eval("told.heard");
         browser.until(&format!("told.heard > {heard} && !isDirty"));
         let picture = browser.picture();
         assert!(picture != seen[1], "{shade}");
@@ -499,7 +499,9 @@ fn pages_that_are_loaded_again_and_again_do_no_harm() {
     let mut browser = page(&viewer, &[]);
     let start = browser.bits();
     for _ in 0..20 {
-        browser.eval("location.reload()");
+        browser.eval("window.isOld = true");
+        browser.call("Page.reload", &json!({}));
+        browser.until("!window.isOld");
         browser.ready();
     }
     assert_eq!(browser.bits(), start);

@@ -55,8 +55,8 @@ class Live {
     url.protocol = url.protocol.replace("http", "ws"); url.hash = "";
     const socket = this.socket = new WebSocket(url);
     socket.binaryType = "arraybuffer";
-    socket.onopen = () => { socket.send(JSON.stringify({ token: location.hash.slice(1) })); stage = null; this.ask(0); };
-    socket.onmessage = ({ data }) => { if (hear(data)) { lost = ""; requestAnimationFrame(() => this.ask()); } };
+    socket.onopen = () => { socket.send(JSON.stringify({ token: location.hash.slice(1) })); stage = null; lost = ""; this.ask(0); };
+    socket.onmessage = ({ data }) => { if (hear(data)) requestAnimationFrame(() => this.ask()); };
     socket.onclose = ({ code, reason }) => {
       lost = code === 1008 ? `closed: ${reason}` : "no connection";
       tell();
@@ -158,7 +158,7 @@ function tell() {
     $("moment").textContent = falls ? `fall ${m.at + 1} of ${m.fall}` : `press ${m.at - m.fall} of ${m.count - m.fall - 1}` + (m.waiting ? `, ${m.waiting} waiting` : "") + (m.over ? ", all touched" : "");
     for (const [id, on] of [["play", m.playing], ["pause", m.paused], ["follow", m.following]]) $(id).classList.toggle("on", on);
     $("accuracy").value = m.accuracy; $("follow").hidden = !m.has_policy;
-    $("shade").querySelector("[value=policy]").hidden = !m.has_policy;
+    for (const option of $("shade").options) option.hidden = option.value === "policy" && !m.has_policy;
     drawCurves(m.curves || []);
   }
   $("words").textContent = words.filter((text) => text).join("\n");
