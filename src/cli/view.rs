@@ -49,12 +49,17 @@ const COMMANDS: usize = 1024;
   drape view runs/a --export page.html
   ssh -L 9000:127.0.0.1:8000 host drape view --port 8000 --no-open")]
 pub struct ViewArgs {
-    /// Scene or task file, or run folder, whose path can be gone through; the built-in quickstart if not given
+    /// Scene or task file, run folder, whose path can be gone through, or a recording in one or beside its task; the
+    /// built-in quickstart if not given
     what: Option<PathBuf>,
 
     /// Go through what a recording has pressed instead of the run's path
     #[arg(long, value_name = "FILE")]
     recording: Option<PathBuf>,
+
+    /// Show what another recording has pressed beside it: of the same blank, by either physics
+    #[arg(long, value_name = "FILE")]
+    beside: Option<PathBuf>,
 
     /// Which checkpoint of the run to ask: best, last, or a file
     #[arg(long, value_name = "best|last|FILE", default_value = "best")]
@@ -106,8 +111,13 @@ pub struct ViewArgs {
 }
 
 /// Runs `drape view`.
-pub fn run(args: ViewArgs) -> Result<(), Failure> {
-    let (folder, mut config, place) = match &args.what {
+pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
+    let mut what = args.what.clone();
+    if let Some(file) = what.take_if(|path| path.extension().is_some_and(|end| end == "drape")) {
+        what = Some(task_of(&file)?);
+        args.recording = args.recording.or(Some(file));
+    }
+    let (folder, mut config, place) = match &what {
         Some(path) if path.is_dir() => {
             let (folder, config) = open_run(path)?;
             let place = folder.config.display().to_string();
@@ -131,10 +141,12 @@ pub fn run(args: ViewArgs) -> Result<(), Failure> {
         let fault = anyhow!("--out {}: there is no such folder", args.out.display());
         return Err(Failure::invalid(fault));
     }
+    let beside = args.beside.as_deref().map(Recording::read).transpose();
     let host = Desk {
         agent: None,
         run: folder.map(|folder| (folder, args.checkpoint.clone())),
         offers: offers(&args),
+        beside: beside.or_invalid()?,
         out: args.out.clone(),
         first: spec.clone(),
         path_score,
@@ -170,6 +182,22 @@ pub fn run(args: ViewArgs) -> Result<(), Failure> {
     }
     Session::new(host, spec, &presses, (shared, commands))?.run();
     Ok(())
+}
+
+/// Where the task of a recording is: the run whose folder it is in, or the file beside it that has its name.
+fn task_of(recording: &Path) -> Result<PathBuf, Failure> {
+    let mut folders = recording.ancestors().skip(1).take(3);
+    let run = folders.find(|folder| folder.join("run.json").exists());
+    let beside = recording.with_extension("toml");
+    match run {
+        Some(run) => Ok(run.into()),
+        None if beside.exists() => Ok(beside),
+        None => Err(Failure::invalid(anyhow!(
+            "{}: expected a recording in the folder of a run, or {} beside it: show it by --recording",
+            recording.display(),
+            beside.display()
+        ))),
+    }
 }
 
 /// The task of a file, or that of a whole blank where it is a scene.
@@ -265,6 +293,7 @@ struct Desk {
     /// The task that was asked for.
     first: Spec,
     path_score: Option<f64>,
+    beside: Option<Recording>,
     runs: Vec<RunFolder>,
     offers: Vec<Offer>,
     out: PathBuf,
@@ -427,6 +456,10 @@ impl Host for Desk {
             }))
         };
         self.runs.iter().filter_map(of).collect::<Vec<_>>().into()
+    }
+
+    fn beside(&self) -> Option<&Recording> {
+        self.beside.as_ref()
     }
 
     fn offers(&self) -> &[Offer] {

@@ -92,7 +92,7 @@ fn the_fall_can_be_watched_again() {
     let bits =
         |page: &mut super::viewer::Page, to: u64| page.order(&json!({ "do": "seek", "to": to }));
     let hung = bits(&mut page, 0);
-    let height = |moment: &Value| moment["low"][2].as_f64().unwrap();
+    let height = |moment: &Value| moment["boxes"][0]["low"][2].as_f64().unwrap();
     let before = height(&page.moment);
     assert_ne!(bits(&mut page, 12), hung);
     assert!(height(&page.moment) < before - 1e-3);
@@ -109,12 +109,15 @@ fn cloth_can_be_pulled_and_comes_back_bit_for_bit() {
     let start = page.ready();
     let at = page.moment["at"].clone();
     let top = |page: &super::viewer::Page| {
-        page.moment["low"][2].as_f64().unwrap() + page.moment["size"][2].as_f64().unwrap()
+        page.moment["boxes"][0]["low"][2].as_f64().unwrap()
+            + page.moment["boxes"][0]["size"][2].as_f64().unwrap()
     };
     let before = top(&page);
     page.say(&json!({ "do": "pull", "vertex": vertex(16, 16), "to": [0.13, 0.13, 0.2] }));
     page.until(|moment| {
-        moment["low"][2].as_f64().unwrap() + moment["size"][2].as_f64().unwrap() > 0.15
+        moment["boxes"][0]["low"][2].as_f64().unwrap()
+            + moment["boxes"][0]["size"][2].as_f64().unwrap()
+            > 0.15
     });
     assert!(top(&page) > before + 0.05 && page.moment["pulled"] == true);
     page.order(&json!({ "do": "release" }));

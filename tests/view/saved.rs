@@ -198,7 +198,7 @@ fn a_run_is_replayed_and_its_policy_asked() {
     let page_range = loop {
         if let tungstenite::Message::Binary(bytes) = page.socket.read().unwrap() {
             let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
-            break serde_json::from_slice::<Value>(&bytes[4..4 + length]).unwrap()["range"].clone();
+            break serde_json::from_slice::<Value>(&bytes[4..4 + length]).unwrap()["boxes"][0]["range"].clone();
         }
     };
     // Probabilities in per cent.
@@ -240,4 +240,49 @@ fn a_run_is_replayed_and_its_policy_asked() {
         presses + 1
     );
     assert!(!page.contains("http://") && !page.contains("https://"));
+}
+
+#[test]
+fn a_recording_finds_its_task_and_another_stands_beside_it() {
+    let first = Viewer::new();
+    let mut page = first.page();
+    page.ready();
+    let mut ends = Vec::new();
+    for (number, order) in [[72, 73, 74, 75], [90, 107, 124, 141]]
+        .into_iter()
+        .enumerate()
+    {
+        page.order(&json!({ "do": "reset" }));
+        page.press(&order);
+        ends.push((page.bits(), page.moment["numbers"]["score"].clone()));
+        page.say(&json!({ "do": "save_presses" }));
+        page.words(&format!("presses-{}.drape", number + 1));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["presses-1.drape", "presses-1.toml", "presses-2.drape"] {
+        fs::copy(first.folder.path().join(name), folder.path().join(name)).unwrap();
+    }
+    let viewer = Viewer::of(folder, &["presses-1.drape", "--beside", "presses-2.drape"]);
+    let mut page = viewer.page();
+    page.ready();
+    let at = page.moment["at"].as_u64().unwrap();
+    page.order(&json!({ "do": "seek", "to": at + 4 }));
+    assert_eq!(
+        (page.bits(), &page.moment["numbers"]["score"]),
+        (ends[0].0.clone(), &ends[0].1)
+    );
+    assert_eq!(page.moment["beside"][2], ends[1].1);
+    let boxes = page.moment["boxes"].as_array().unwrap();
+    assert!(boxes[1]["low"].is_array() && boxes[0] != boxes[1]);
+
+    let folder = viewer.folder.path();
+    fs::remove_file(folder.join("presses-1.toml")).unwrap();
+    let output = drape()
+        .args(["view", "presses-1.drape"])
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    assert!(stderr.contains("presses-1.toml beside it"), "{stderr}");
 }

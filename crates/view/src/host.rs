@@ -59,6 +59,9 @@ pub trait Host {
     /// Curves of trainings, as they are now: a list of objects with `name` and lists of [step, value] a curve.
     fn curves(&self) -> Value;
 
+    /// What is shown beside the presses, step by step.
+    fn beside(&self) -> Option<&Recording>;
+
     /// Tools and materials to choose from.
     fn offers(&self) -> &[Offer];
 }

@@ -54,7 +54,7 @@ impl Message {
     pub fn bytes(mut self) -> Vec<u8> {
         self.header["parts"] = self.parts.into();
         let mut header = self.header.to_string();
-        while header.len() % 4 != 0 {
+        while !header.len().is_multiple_of(4) {
             header.push(' ');
         }
         let length = (header.len() as u32).to_le_bytes();

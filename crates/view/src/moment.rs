@@ -55,6 +55,8 @@ pub struct Status {
     pub pulled: bool,
     pub over: bool,
     pub numbers: Numbers,
+    /// Distance [m], surplus [mm] and score of what is shown beside.
+    pub beside: Option<[f64; 3]>,
     pub rivals: Vec<Rival>,
     /// Vertices that were pressed, stroke by stroke.
     pub strokes: Vec<Vec<u32>>,
@@ -75,6 +77,8 @@ pub struct Moment {
     pub stage: Option<Arc<Stage>>,
     /// In the frame of the tool [m].
     pub position: Vec<[f64; 3]>,
+    /// The sheet beside it [m].
+    pub beside: Option<Vec<[f64; 3]>>,
     /// See [`Stage`] and [`drape_cloth::sim::Observations::marks`] `[vertex]`.
     pub marks: Vec<u8>,
     /// Probability of each press, as the policy has it `[vertex]`; empty without one.
@@ -90,54 +94,80 @@ impl Moment {
             kind: &'static str,
             number: u64,
             stage: u64,
-            low: [f64; 3],
-            size: [f64; 3],
-            /// Least and greatest value.
-            range: [f32; 2],
+            /// Where the sheet and that beside it lie [m], and their values.
+            boxes: [Option<Packed>; 2],
             #[serde(flatten)]
             status: &'a Status,
         }
-        let extreme = |k: usize, start: f64, of: fn(f64, f64) -> f64| {
-            self.position.iter().map(|x| x[k]).fold(start, of)
+        let stage = self.stage.as_ref();
+        let packed = |at: &[[f64; 3]], advice: &[f32]| {
+            let values = stage.map(|stage| shade.values(stage, at, advice));
+            Packed::new(at, values.unwrap_or_default())
         };
+        let own = packed(&self.position, &self.advice);
+        let beside = self.beside.as_ref().map(|at| packed(at, &[]));
+        let normal = |&x: &[f64; 3]| {
+            let normal = stage.map(|stage| stage.scene.tool.distance(x).1);
+            normal
+                .unwrap_or_default()
+                .map(|n| (127.0 * n).round() as i8)
+        };
+        let columns = [Some(&own), beside.as_ref()].map(|packed| packed.map(Packed::columns));
+        let header = Header {
+            kind: "moment",
+            number: self.number,
+            stage: stage.map_or(0, |stage| stage.number),
+            boxes: [Some(own), beside],
+            status: &self.status,
+        };
+        let mut message = Message::new(&header)
+            .with("marks", self.marks.iter().copied())
+            .with("normal", self.position.iter().flat_map(normal));
+        for (name, (place, value)) in ["", "beside_"].iter().zip(columns.into_iter().flatten()) {
+            message = message.with(&format!("{name}position"), place);
+            message = message.with(&format!("{name}value"), value);
+        }
+        message
+    }
+}
+
+/// A sheet in 16 bits a number.
+#[derive(Serialize)]
+struct Packed {
+    low: [f64; 3],
+    size: [f64; 3],
+    /// Least and greatest value.
+    range: [f32; 2],
+    #[serde(skip)]
+    columns: (Vec<u16>, Vec<u16>),
+}
+
+impl Packed {
+    fn new(at: &[[f64; 3]], values: Vec<f32>) -> Self {
+        let extreme =
+            |k: usize, start: f64, of: fn(f64, f64) -> f64| at.iter().map(|x| x[k]).fold(start, of);
         let low = [0, 1, 2].map(|k| extreme(k, f64::INFINITY, f64::min));
         let high = [0, 1, 2].map(|k| extreme(k, f64::NEG_INFINITY, f64::max));
         let size = [0, 1, 2].map(|k| (high[k] - low[k]).max(1e-9));
-        let values = match &self.stage {
-            Some(stage) => shade.values(stage, self),
-            None => Vec::new(),
-        };
         let least = values.iter().copied().fold(f32::INFINITY, f32::min);
         let most = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
         let span = (most - least).max(1e-9);
         let short = |share: f64| (65535.0 * share).round() as u16;
         let place = |x: &[f64; 3]| [0, 1, 2].map(|k| short((x[k] - low[k]) / size[k]));
-        let normal = |&x: &[f64; 3]| {
-            let normal = self
-                .stage
-                .as_ref()
-                .map(|stage| stage.scene.tool.distance(x).1);
-            normal
-                .unwrap_or_default()
-                .map(|n| (127.0 * n).round() as i8)
-        };
-        let header = Header {
-            kind: "moment",
-            number: self.number,
-            stage: self.stage.as_ref().map_or(0, |stage| stage.number),
+        let value = |v: &f32| short(f64::from((v - least) / span));
+        Self {
             low,
             size,
             range: [least, most],
-            status: &self.status,
-        };
-        Message::new(&header)
-            .with("position", self.position.iter().flat_map(place))
-            .with(
-                "value",
-                values.iter().map(|v| short(f64::from((v - least) / span))),
-            )
-            .with("marks", self.marks.iter().copied())
-            .with("normal", self.position.iter().flat_map(normal))
+            columns: (
+                at.iter().flat_map(place).collect(),
+                values.iter().map(value).collect(),
+            ),
+        }
+    }
+
+    fn columns(&self) -> (Vec<u16>, Vec<u16>) {
+        self.columns.clone()
     }
 }
 

@@ -134,8 +134,8 @@ impl Past {
         let Some(Step { act, .. }) = self.steps.pop() else {
             return true;
         };
-        let rest = (0..REST).map(|_| draping.press(&[None])[0]);
-        let finite = rest.fold(true, |all, one| all && one);
+        (0..REST).for_each(|_| drop(draping.press(&[None])));
+        let finite = draping.state(0).is_finite();
         self.keep(act, finite, draping)
     }
 

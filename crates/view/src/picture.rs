@@ -39,7 +39,7 @@ pub fn picture(moment: &Moment, shade: Shade, look: &Look) -> Option<Vec<u8>> {
     drawing.mesh(&stage.tool, |_| TOOL, 0.0);
     let [from, to] = look.range;
     let share = |value: &f32| (f64::from(*value) - from) / (to - from);
-    let values = shade.values(stage, moment);
+    let values = shade.values(stage, &moment.position, &moment.advice);
     let colors: Vec<_> = values
         .iter()
         .map(|v| ColorMap::Distance.at(share(v)))

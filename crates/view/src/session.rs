@@ -442,6 +442,10 @@ impl<H: Host> Session<H> {
                 }
             }
         }
+        let frame = self.at.saturating_sub(self.fall.len());
+        let is_alike = |made: &&Recording| made.rest == self.stage.scene.lamina.rest;
+        let frames = self.host.beside().filter(is_alike).map(|made| &made.frames);
+        let beside = frames.and_then(|all| all.get(frame).or(all.last()));
         let status = Status {
             phase: "ready",
             share: 1.0,
@@ -456,6 +460,7 @@ impl<H: Host> Session<H> {
                 true => Numbers::default(),
                 false => numbers(task, &state, &self.draping),
             },
+            beside: beside.map(|of| [of.distance, 1e3 * of.surplus, of.score]),
             strokes: if falls { Vec::new() } else { strokes.collect() },
             bits: digest(&position),
             ..self.status.clone()
@@ -464,6 +469,7 @@ impl<H: Host> Session<H> {
             number: 0,
             stage: Some(self.stage.clone()),
             position,
+            beside: beside.map(|frame| frame.position.clone()),
             marks,
             advice: by_vertex,
             status,
@@ -545,6 +551,7 @@ fn fallen<H: Host>(
             number: 0,
             stage: Some(stage.clone()),
             marks: stage.marks.clone(),
+            beside: None,
             advice: Vec::new(),
             status: Status {
                 phase: "falling",

@@ -4,7 +4,6 @@ use drape_cloth::fabric::Drape;
 use drape_cloth::measure::crushed;
 use serde::Deserialize;
 
-use super::moment::Moment;
 use super::stage::Stage;
 
 /// A quantity of every vertex, in the unit that is shown.
@@ -30,10 +29,9 @@ pub enum Shade {
 }
 
 impl Shade {
-    /// The quantity `[vertex]`.
-    pub fn values(self, stage: &Stage, moment: &Moment) -> Vec<f32> {
+    /// The quantity `[vertex]` of a sheet `at` these places [m], for which a policy has this advice.
+    pub fn values(self, stage: &Stage, at: &[[f64; 3]], advice: &[f32]) -> Vec<f32> {
         let (lamina, tool) = (&stage.scene.lamina, &stage.scene.tool);
-        let at = &moment.position;
         match self {
             Self::Distance => {
                 let distance = |&x: &[f64; 3]| (1e3 * tool.distance(x).0.max(0.0)) as f32;
@@ -44,8 +42,8 @@ impl Shade {
                 shares.map(|share| (1e2 * share) as f32).collect()
             }
             Self::Progress => vec![0.0; at.len()],
-            Self::Policy => match moment.advice.len() == at.len() {
-                true => moment.advice.iter().map(|p| 1e2 * p).collect(),
+            Self::Policy => match advice.len() == at.len() {
+                true => advice.iter().map(|p| 1e2 * p).collect(),
                 false => vec![0.0; at.len()],
             },
             Self::Shear | Self::Angle | Self::Warp | Self::Weft => self.of_yarns(stage, at),

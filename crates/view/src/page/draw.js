@@ -116,15 +116,15 @@ class Drawing {
     this.keep(name + ".position", position); this.keep(name + ".normal", normals(position, triangles)); this.keep(name + ".tint", tint);
     this.keep(name + ".triangles", triangles, this.gl.ELEMENT_ARRAY_BUFFER);
   }
-  begin(seen, back) {
+  clear(back) { this.gl.clearColor(...back.map((x) => x / 255), 1); this.gl.clear(this.gl.COLOR_BUFFER_BIT | this.gl.DEPTH_BUFFER_BIT); }
+  // What follows is seen so, so far from the left.
+  begin(seen, left, wide) {
     const { gl } = this, { axes, scale, middle, width, height, depth } = seen;
-    gl.viewport(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight);
-    gl.clearColor(...back.map((x) => x / 255), 1); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.viewport(left, 0, wide, gl.drawingBufferHeight);
     const by = [2 * scale / width, 2 * scale / height, -1 / depth], view = new Float32Array(16);
     for (let r = 0; r < 3; r++) { for (let c = 0; c < 3; c++) view[4 * c + r] = by[r] * axes[r][c]; view[12 + r] = -by[r] * dot(axes[r], middle); }
     view[15] = 1;
     gl.uniformMatrix4fv(this.at.view, false, view);
-    this.turned = by;
   }
   // Draws kept positions, as listed by kept numbers; in one colour, or in their own and lit.
   draw(name, indices, kind, { tint = null, near = 0, size = 1 } = {}) {

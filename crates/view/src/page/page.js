@@ -27,10 +27,10 @@ function hear(buffer) {
   const said = decode(buffer);
   told.bytes = buffer.byteLength;
   if (said.kind === "stage") { setStage(said); return false; }
-  const count = said.marks.length, position = new Float32Array(3 * count), value = new Float32Array(count), span = said.range[1] - said.range[0];
-  for (let i = 0; i < 3 * count; i++) position[i] = said.low[i % 3] + said.size[i % 3] * said.position[i] / 65535;
-  for (let v = 0; v < count; v++) value[v] = said.range[0] + span * said.value[v] / 65535;
-  moment = { ...said, position, value };
+  const unpacked = (is, place, value) => is && { range: is.range,
+    position: Float32Array.from(place, (x, i) => is.low[i % 3] + is.size[i % 3] * x / 65535),
+    value: Float32Array.from(value, (x) => is.range[0] + (is.range[1] - is.range[0]) * x / 65535) };
+  moment = { ...said, ...unpacked(said.boxes[0], said.position, said.value), other: unpacked(said.boxes[1], said.beside_position, said.beside_value) };
   told.heard++;
   tell(); isDirty = true;
   return true;
@@ -91,18 +91,18 @@ class Still {
 }
 
 // What is seen.
-const size = () => [$("stage").clientWidth, $("stage").clientHeight];
+const size = () => [$("stage").clientWidth / (moment && moment.other ? 2 : 1), $("stage").clientHeight];
 function range() {
   const own = SHADES[shade][2];
   if (!moment || !moment.value || !($("fit").checked || shade === "policy")) return own;
   const most = Math.max(Math.abs(moment.range[0]), Math.abs(moment.range[1]), 1e-6);
   return own[0] < 0 ? [-most, most] : [0, most];
 }
-function tints() {
+function tints(of) {
   const [low, high] = range(), map = SHADES[shade][3], out = new Uint8Array(3 * moment.marks.length);
   for (let v = 0; v < moment.marks.length; v++) {
     const mark = moment.marks[v];
-    let c = map ? color(map, (moment.value[v] - low) / (high - low)) : mark & MARK.draped ? TINT.draped : mark & MARK.touched ? TINT.touched : TINT.cloth;
+    let c = map ? color(map, (of.value[v] - low) / (high - low)) : mark & MARK.draped ? TINT.draped : mark & MARK.touched ? TINT.touched : TINT.cloth;
     if (!(mark & MARK.region)) c = c.map((x) => 0.55 * x + 0.45 * 128);
     out.set(c, 3 * v);
   }
@@ -122,13 +122,17 @@ function draw() {
   isDirty = false; told.frames++;
   if (!drawing) { showPicture(); return; }
   const ratio = window.devicePixelRatio || 1, [width, height] = size(), gl = drawing.gl;
-  [canvas.width, canvas.height] = [width * ratio, height * ratio];
+  [canvas.width, canvas.height] = [width * (moment.other ? 2 : 1) * ratio, height * ratio];
   const seen = eye.onto(width, height), look = (tint, size = 1) => ({ tint, near: 2e-3, size: size * ratio });
-  drawing.begin(seen, rgb(getComputedStyle(document.documentElement).getPropertyValue("--back").trim().slice(1)));
-  drawing.draw("tool", "tool.triangles", "TRIANGLES");
-  drawing.keepMesh("sheet", moment.position, stage.triangles, tints());
-  drawing.draw("sheet", "sheet.triangles", "TRIANGLES", { near: 1e-3 });
-  if ($("yarns").checked) { drawing.draw("sheet", "warp", "LINES", look([60, 60, 70])); drawing.draw("sheet", "weft", "LINES", look([110, 60, 60])); }
+  drawing.clear(rgb(getComputedStyle(document.documentElement).getPropertyValue("--back").trim().slice(1)));
+  for (const of of [moment.other, moment]) {
+    if (!of) continue;
+    drawing.begin(seen, of === moment.other ? width * ratio : 0, width * ratio);
+    drawing.draw("tool", "tool.triangles", "TRIANGLES");
+    drawing.keepMesh("sheet", of.position, stage.triangles, tints(of));
+    drawing.draw("sheet", "sheet.triangles", "TRIANGLES", { near: 1e-3 });
+    if ($("yarns").checked) { drawing.draw("sheet", "warp", "LINES", look([60, 60, 70])); drawing.draw("sheet", "weft", "LINES", look([110, 60, 60])); }
+  }
   const all = (mark) => [...moment.marks.keys()].filter((v) => moment.marks[v] & mark).map(place);
   if ($("allowed").checked) drawing.mark(all(MARK.allowed), "POINTS", { ...look(TINT.allowed, 4), near: 1.2e-2 });
   drawing.mark(all(MARK.clamped | MARK.pulled), "POINTS", { ...look(TINT.clamp, 8), near: 1.2e-2 });
@@ -152,6 +156,7 @@ function tell() {
     if (m.pulled) words.push("pulled by hand: this is not of the task");
     words.push(...m.notices.slice(-3).map(([, text]) => text));
     const rows = falls ? [] : [["distance", `${n.distance_m.toFixed(3)} m`], ["surplus", `${n.surplus_mm.toFixed(2)} mm`], ["score", `${(100 * n.score).toFixed(1)} %`], ["undraped", n.undraped], ["presses", `${n.presses} in ${n.strokes} strokes`], ["robot's time", `${n.robot_s.toFixed(1)} s`]];
+    if (m.beside && !falls) [m.beside[0].toFixed(3), m.beside[1].toFixed(2), (100 * m.beside[2]).toFixed(1)].forEach((text, k) => { rows[k][1] += ` (beside: ${text})`; });
     $("numbers").replaceChildren(...rows.map((row) => { const tr = document.createElement("tr"); row.forEach((text) => { tr.insertCell().textContent = text; }); return tr; }));
     $("rivals").textContent = m.rivals.map((rival) => `${rival.name} ${number(100 * rival.score)} %`).join(", ");
     if (document.activeElement !== $("time") || !dragging) [$("time").max, $("time").value] = [m.count - 1, m.at];
