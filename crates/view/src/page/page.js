@@ -122,7 +122,9 @@ function draw() {
   isDirty = false; told.frames++;
   if (!drawing) { showPicture(); return; }
   const ratio = window.devicePixelRatio || 1, [width, height] = size(), gl = drawing.gl;
-  [canvas.width, canvas.height] = [width * (moment.other ? 2 : 1) * ratio, height * ratio];
+  const wide = Math.round(width * (moment.other ? 2 : 1) * ratio), high = Math.round(height * ratio);
+  // Even to the same size it would be made anew.
+  if (canvas.width !== wide || canvas.height !== high) [canvas.width, canvas.height] = [wide, high];
   const seen = eye.onto(width, height), look = (tint, size = 1) => ({ tint, near: 2e-3, size: size * ratio });
   drawing.clear(rgb(getComputedStyle(document.documentElement).getPropertyValue("--back").trim().slice(1)));
   for (const of of [moment.other, moment]) {
