@@ -12,24 +12,25 @@ use super::Failure;
 use super::args::accuracy;
 use super::failure::OrInvalid;
 use super::loaded::load_agent;
-use super::setup::{missed, open_run, warn};
+use super::setup::{missed, open_run, read_config, warn};
 use super::terminal::{show, tell};
 use crate::run::{
-    BestSequence, RunConfig, RunFolder, TrainingPreset, curve, digest, random_episodes,
-    read_metrics,
+    BestSequence, Demonstrations, RunConfig, RunFolder, TrainingPreset, curve, digest, play,
+    random_episodes, read_metrics,
 };
-use drape_cloth::fabric::Lamina;
+use drape_cloth::fabric::{Drape, Lamina};
 use drape_cloth::file::{ValueError, check_name, check_writable, read_toml, write_atomic};
+use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Fabric, Scene, SceneConfig};
 use drape_cloth::sim::{Accuracy, Snapshot};
 use drape_cloth::tool::{
     Cylinder, DoubleDome, GridConfig, Hemisphere, Incline, MeshSource, Plate, Pose, Rib, Shape,
     Source, ToolConfig,
 };
-use drape_learn::ppo::Agent;
-use drape_task::env::{Draping, ImageShape, Tasks};
-use drape_task::recording::Recording;
-use drape_view::{Host, Offer, Rival, Server, Session, Shared, Spec, Watch};
+use drape_learn::ppo::{Agent, Sampling};
+use drape_task::env::{Draping, EpisodeState, ImageShape, Tasks};
+use drape_task::recording::{Frame, Recording};
+use drape_view::{Host, Offers, Rival, Server, Session, Shared, Spec, Watch};
 
 /// Random episodes that presses by hand are shown beside, and vertices of the largest blank on which they are played.
 const RANDOM: usize = 8;
@@ -45,19 +46,15 @@ const COMMANDS: usize = 1024;
   drape view --open
   drape view configs/scenes/rib.toml
   drape view runs/a --watch runs/b --watch runs/c
-  drape view runs/a --recording runs/a/pictures/eval/recording.drape
+  drape view runs/a/pictures/eval/recording.drape --beside twin.drape
   drape view runs/a --export page.html
   ssh -L 9000:127.0.0.1:8000 host drape view --port 8000 --no-open")]
 pub struct ViewArgs {
-    /// Scene or task file, run folder, whose path can be gone through, or a recording in one or beside its task; the
-    /// built-in quickstart if not given
+    /// Scene or task file, run folder, or a recording, a sequence of presses or a state, in the folder of a run or beside
+    /// its task; the built-in quickstart if not given
     what: Option<PathBuf>,
 
-    /// Go through what a recording has pressed instead of the run's path
-    #[arg(long, value_name = "FILE")]
-    recording: Option<PathBuf>,
-
-    /// Show what another recording has pressed beside it: of the same blank, by either physics
+    /// Show a recording or a state of the same blank beside it, by whatever physics
     #[arg(long, value_name = "FILE")]
     beside: Option<PathBuf>,
 
@@ -112,19 +109,29 @@ pub struct ViewArgs {
 
 /// Runs `drape view`.
 pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
-    let mut what = args.what.clone();
-    if let Some(file) = what.take_if(|path| path.extension().is_some_and(|end| end == "drape")) {
+    let (mut what, mut pressed) = (args.what.take(), None);
+    if let Some(file) = what.take_if(|path| {
+        path.extension()
+            .is_some_and(|end| end == "drape" || end == "json")
+    }) {
         what = Some(task_of(&file)?);
-        args.recording = args.recording.or(Some(file));
+        match Drape::read(&file) {
+            Ok(_) => args.beside = args.beside.or(Some(file)),
+            Err(_) => pressed = Some(file),
+        }
     }
-    let (folder, mut config, place) = match &what {
+    let (folder, (mut config, place)) = match what.as_deref() {
         Some(path) if path.is_dir() => {
             let (folder, config) = open_run(path)?;
             let place = folder.config.display().to_string();
-            (Some(folder), config, place)
+            (Some(folder), (config, place))
         }
-        Some(path) => (None, read_task(path)?, path.display().to_string()),
-        None => (None, RunConfig::quickstart(), "built-in quickstart".into()),
+        Some(path) if read_toml::<Table>(path).is_ok_and(|table| table.contains_key("tool")) => {
+            let mut config = RunConfig::preset(TrainingPreset::Compact);
+            config.scene = SceneConfig::read(path).or_invalid()?;
+            (None, (config, path.display().to_string()))
+        }
+        path => (None, read_config(path)?),
     };
     if let Some(accuracy) = args.accuracy {
         config.env.set_accuracy(accuracy);
@@ -133,34 +140,31 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
         scene: config.scene.clone(),
         env: config.env.clone(),
     };
-    let (presses, path_score) = presses(&args, folder.as_ref())?;
     let watched = args.watch.iter().map(|path| RunFolder::open(path));
-    let mut watched: Vec<RunFolder> = watched.collect::<Result<_, _>>().or_invalid()?;
-    let runs: Vec<RunFolder> = folder.iter().cloned().chain(watched.drain(..)).collect();
+    let watched: Vec<RunFolder> = watched.collect::<Result<_, _>>().or_invalid()?;
     if !args.out.is_dir() {
         let fault = anyhow!("--out {}: there is no such folder", args.out.display());
         return Err(Failure::invalid(fault));
     }
-    let beside = args.beside.as_deref().map(Recording::read).transpose();
     let host = Desk {
         agent: None,
+        runs: folder.iter().cloned().chain(watched).collect(),
         run: folder.map(|folder| (folder, args.checkpoint.clone())),
         offers: offers(&args),
-        beside: beside.or_invalid()?,
+        pressed,
+        beside: args.beside.clone(),
         out: args.out.clone(),
         first: spec.clone(),
-        path_score,
+        path_score: None,
         config,
         place,
-        runs,
     };
 
     let (sender, commands) = sync_channel(COMMANDS);
     let shared = Arc::new(Shared::default());
     if let Some(file) = &args.export {
         check_writable(file)?;
-        let session = Session::new(host, spec, &presses, (shared, commands))?;
-        let page = session.export();
+        let page = Session::new(host, spec, (shared, commands))?.export();
         write_atomic(file, |file| file.write_all(page.as_bytes()))?;
         return Ok(show(&format!("written to {}", file.display()))?);
     }
@@ -172,70 +176,36 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
     );
     let page = format!("{address}#{token}");
     server.start();
-    let said = match args.json {
+    show(&match args.json {
         true => json!({ "address": address, "token": token }).to_string(),
         false => format!("{page}\nCtrl-C ends it"),
-    };
-    show(&said)?;
+    })?;
     if args.open {
         open(&page);
     }
-    Session::new(host, spec, &presses, (shared, commands))?.run();
+    Session::new(host, spec, (shared, commands))?.run();
     Ok(())
 }
 
-/// Where the task of a recording is: the run whose folder it is in, or the file beside it that has its name.
-fn task_of(recording: &Path) -> Result<PathBuf, Failure> {
-    let mut folders = recording.ancestors().skip(1).take(3);
+/// Where the task of presses or of a state is: the run whose folder they are in, or the file beside them that has their
+/// name.
+fn task_of(made: &Path) -> Result<PathBuf, Failure> {
+    let mut folders = made.ancestors().skip(1).take(3);
     let run = folders.find(|folder| folder.join("run.json").exists());
-    let beside = recording.with_extension("toml");
-    match run {
-        Some(run) => Ok(run.into()),
-        None if beside.exists() => Ok(beside),
-        None => Err(Failure::invalid(anyhow!(
-            "{}: expected a recording in the folder of a run, or {} beside it: show it by --recording",
-            recording.display(),
-            beside.display()
-        ))),
-    }
-}
-
-/// The task of a file, or that of a whole blank where it is a scene.
-fn read_task(path: &Path) -> Result<RunConfig, Failure> {
-    let is_scene = read_toml::<Table>(path).is_ok_and(|table| table.contains_key("tool"));
-    if !is_scene {
-        return RunConfig::read(path).or_invalid();
-    }
-    let mut config = RunConfig::preset(TrainingPreset::Compact);
-    config.scene = SceneConfig::read(path).or_invalid()?;
-    Ok(config)
-}
-
-/// What can be gone through, and the score of a run's path: that of a recording, or the path that a run has proved or
-/// has found so far.
-fn presses(
-    args: &ViewArgs,
-    folder: Option<&RunFolder>,
-) -> Result<(Vec<u32>, Option<f64>), Failure> {
-    if let Some(file) = &args.recording {
-        return Ok((Recording::read(file).or_invalid()?.vertices(), None));
-    }
-    let Some(folder) = folder else {
-        return Ok((Vec::new(), None));
-    };
-    let best = match folder.read_proof()? {
-        Some(proved) => proved.path,
-        None if folder.best_sequence.exists() => folder.read_best_sequence()?,
-        None => return Ok((Vec::new(), None)),
-    };
-    let place = folder.best_sequence.display();
-    let checked = best.check_config(&folder.config_digest()?);
-    checked.map_err(|fault| Failure::invalid(anyhow!("{place}: {fault}")))?;
-    Ok((best.vertices, Some(best.score)))
+    let beside = made.with_extension("toml");
+    run.map(PathBuf::from)
+        .or(beside.exists().then_some(beside.clone()))
+        .ok_or_else(|| {
+            Failure::invalid(anyhow!(
+                "{}: its task is unknown, expected the folder of a run around it or {} beside it",
+                made.display(),
+                beside.display()
+            ))
+        })
 }
 
 /// Built-in shapes and the files that were given.
-fn offers(args: &ViewArgs) -> Vec<Offer> {
+fn offers(args: &ViewArgs) -> Offers {
     let name = |path: &Path| {
         path.file_name()
             .unwrap_or_default()
@@ -255,15 +225,23 @@ fn offers(args: &ViewArgs) -> Vec<Offer> {
         ("cylinder", Shape::Cylinder(Cylinder::default())),
         ("incline", Shape::Incline(Incline::default())),
     ];
-    let shapes = shapes.map(|(name, shape)| Offer::Tool(name.into(), tool(Source::Shape(shape))));
-    let mesh = |path: &PathBuf| {
-        let (path, scale) = (path.clone(), 1e-3);
-        Offer::Tool(name(&path), tool(Source::Mesh(MeshSource { path, scale })))
+    let shapes = shapes.map(|(name, shape)| (name.into(), tool(Source::Shape(shape))));
+    let mesh = |path: &PathBuf| MeshSource {
+        path: path.clone(),
+        scale: 1e-3,
     };
-    let material = |path: &PathBuf| Offer::Material(name(path), Fabric::File(path.clone()));
-    let files = args.tool.iter().map(mesh);
-    let files = files.chain(args.material.iter().map(material));
-    shapes.into_iter().chain(files).collect()
+    let files = args
+        .tool
+        .iter()
+        .map(|path| (name(path), tool(Source::Mesh(mesh(path)))));
+    let materials = args
+        .material
+        .iter()
+        .map(|path| (name(path), Fabric::File(path.clone())));
+    Offers {
+        tools: shapes.into_iter().chain(files).collect(),
+        materials: materials.collect(),
+    }
 }
 
 /// Lets the desktop open a page. Where there is none, the address was printed.
@@ -292,10 +270,13 @@ struct Desk {
     agent: Option<Agent>,
     /// The task that was asked for.
     first: Spec,
+    /// Of the path that can be gone through, where a run has found it.
     path_score: Option<f64>,
-    beside: Option<Recording>,
+    /// Files of what is gone through and of what stands beside it.
+    pressed: Option<PathBuf>,
+    beside: Option<PathBuf>,
     runs: Vec<RunFolder>,
-    offers: Vec<Offer>,
+    offers: Offers,
     out: PathBuf,
 }
 
@@ -303,11 +284,10 @@ impl Desk {
     /// A name in the folder for what is saved that nothing has, with these ends.
     fn free_name(&self, start: &str, ends: &[&str]) -> String {
         let mut names = (1..).map(|number| format!("{start}-{number}"));
+        let file = |name: &String, end| self.out.join(format!("{name}.{end}"));
         let is_free = |name: &String| {
-            let mut files = ends
-                .iter()
-                .map(|end| self.out.join(format!("{name}.{end}")));
-            files.all(|file| file.symlink_metadata().is_err())
+            ends.iter()
+                .all(|end| file(name, end).symlink_metadata().is_err())
         };
         names.find(is_free).expect("names do not run out")
     }
@@ -382,18 +362,17 @@ impl Host for Desk {
     }
 
     fn rivals(&self, scene: &Arc<Scene>, spec: &Spec) -> Box<dyn FnOnce() -> Vec<Rival> + Send> {
-        let (scene, env) = (scene.clone(), spec.env.clone());
-        let path = self.path_score.filter(|_| *spec == self.first);
+        let (scene, env, is_first) = (scene.clone(), spec.env.clone(), *spec == self.first);
+        let path = self.path_score.filter(|_| is_first);
+        let agent = self.agent.clone().filter(|_| is_first);
+        let is_small = scene.lamina.vertex_count() <= MOST_VERTICES;
         Box::new(move || {
-            let rival = |name: &str, score| Rival {
-                name: name.into(),
-                score,
-            };
-            let mut rivals: Vec<Rival> = path
-                .map(|score| rival("the run's path", score))
-                .into_iter()
-                .collect();
-            let is_small = scene.lamina.vertex_count() <= MOST_VERTICES;
+            let by_policy = agent.and_then(|agent| {
+                let choose =
+                    |seen: &Draping| agent.act(&[seen.observation(0)], Sampling::Greedy)[0];
+                let mut draping = Draping::new(scene.clone(), &env, 1).ok()?;
+                Some(play(&mut draping, choose, |_| ()).ok()?.summary.score)
+            });
             let played = is_small.then(|| random_episodes(&scene, &env, RANDOM, |_| ()));
             let scores = played
                 .into_iter()
@@ -401,20 +380,27 @@ impl Host for Desk {
                 .flatten()
                 .map(|episode| episode.score);
             let scores: Vec<f64> = scores.filter(|score| score.is_finite()).collect();
-            if let Some(best) = scores.iter().copied().reduce(f64::max) {
-                let mean = scores.iter().sum::<f64>() / scores.len() as f64;
-                rivals.extend([
-                    rival("random orders", mean),
-                    rival("the best of them", best),
-                ]);
-            }
-            rivals
+            let mean = scores.iter().sum::<f64>() / scores.len() as f64;
+            let rivals = [
+                ("the run's path", path),
+                ("the policy", by_policy),
+                ("random orders", Some(mean).filter(|mean| mean.is_finite())),
+                ("the best of them", scores.into_iter().reduce(f64::max)),
+            ];
+            let known = |(name, score): (&str, Option<f64>)| {
+                Some(Rival {
+                    name: name.into(),
+                    score: score?,
+                })
+            };
+            rivals.into_iter().filter_map(known).collect()
         })
     }
 
     fn save_presses(
         &mut self,
-        (spec, lamina): (&Spec, &Lamina),
+        spec: &Spec,
+        lamina: &Lamina,
         made: &Recording,
     ) -> Result<Vec<String>, Refused> {
         let name = self.free_name("presses", &["drape", "json", "toml"]);
@@ -458,11 +444,71 @@ impl Host for Desk {
         self.runs.iter().filter_map(of).collect::<Vec<_>>().into()
     }
 
-    fn beside(&self) -> Option<&Recording> {
-        self.beside.as_ref()
+    fn path(&mut self, draping: &Draping) -> Result<Vec<u32>, Refused> {
+        let lamina = &draping.scene().lamina;
+        if let Some(file) = &self.pressed {
+            let read = Demonstrations::read(std::slice::from_ref(file), lamina);
+            return Ok(read
+                .map_err(Failure::invalid)
+                .map_err(Refused)?
+                .lists()
+                .concat());
+        }
+        let Some((folder, _)) = &self.run else {
+            return Ok(Vec::new());
+        };
+        let best = match folder.read_proof()? {
+            Some(proved) => proved.path,
+            None if folder.best_sequence.exists() => folder.read_best_sequence()?,
+            None => return Ok(Vec::new()),
+        };
+        let is_alike = [best.grid.rows, best.grid.columns] == [lamina.rows, lamina.columns];
+        let checked = best
+            .check_config(&folder.config_digest()?)
+            .and(is_alike.then_some(()).ok_or("is of another blank".into()));
+        let place = folder.best_sequence.display();
+        checked.map_err(|fault| Refused(Failure::invalid(anyhow!("{place}: {fault}"))))?;
+        self.path_score = Some(best.score);
+        Ok(best.vertices)
     }
 
-    fn offers(&self) -> &[Offer] {
+    fn beside(&self, draping: &Draping) -> Result<Vec<Frame>, Refused> {
+        let Some(file) = &self.beside else {
+            return Ok(Vec::new());
+        };
+        let refused = |error: Error| Refused(Failure::invalid(error));
+        let (scene, task) = (draping.scene(), draping.task(0));
+        let (rest, frames) = match file.extension().is_some_and(|end| end == "json") {
+            false => {
+                let made = Recording::read(file).map_err(|error| refused(error.into()))?;
+                (made.rest, made.frames)
+            }
+            true => {
+                let state = Drape::read(file).map_err(|error| refused(error.into()))?;
+                let (mut cloth, origin) = (draping.state(0), scene.tool.origin);
+                let place = |&x: &[f64; 3]| (Vec3::from(x) - origin).into();
+                cloth.position = state.position.iter().map(place).collect();
+                let mut made = Recording::new(task, false);
+                if state.rest.len() == scene.lamina.vertex_count() {
+                    made.see(task, &EpisodeState::new(Vec::new(), cloth));
+                }
+                (state.rest, made.frames)
+            }
+        };
+        // States are read to the last bit but one.
+        let near = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).hypot(a[1] - b[1]) < 1e-9;
+        let own = &scene.lamina.rest;
+        match own.len() == rest.len() && own.iter().zip(&rest).all(near) {
+            true => Ok(frames),
+            false => Err(refused(anyhow!(
+                "{}: is of another blank than that of {}",
+                file.display(),
+                self.place
+            ))),
+        }
+    }
+
+    fn offers(&self) -> &Offers {
         &self.offers
     }
 }

@@ -50,9 +50,9 @@ impl Demonstrations {
         Ok(Self(files.iter().map(read).collect::<Result<_>>()?))
     }
 
-    /// How many there are.
-    pub fn count(&self) -> usize {
-        self.0.len()
+    /// The vertices of each, in order.
+    pub fn lists(&self) -> &[Vec<u32>] {
+        &self.0
     }
 
     /// Keeps them with a run.

@@ -296,7 +296,7 @@ impl Training {
             let number = own.iter().take_while(|&&other| other != task).count();
             let pressed = &mut presses[task];
             let before = if scene == 0 {
-                demonstrations.count()
+                demonstrations.lists().len()
             } else {
                 0
             };

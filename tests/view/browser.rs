@@ -19,7 +19,7 @@ const PATIENCE: Duration = Duration::from_secs(40);
 const SIZE: [f64; 2] = [880.0, 700.0];
 
 /// A browser with one page, ended with this.
-struct Browser {
+pub struct Browser {
     child: Child,
     socket: WebSocket<TcpStream>,
     session: Option<String>,
@@ -30,7 +30,7 @@ struct Browser {
 }
 
 impl Browser {
-    fn open(address: &str, flags: &[&str]) -> Self {
+    pub fn open(address: &str, flags: &[&str]) -> Self {
         let profile = tempfile::tempdir().unwrap();
         let mut child = Command::new("chromium")
             .args([
@@ -97,7 +97,7 @@ impl Browser {
         browser
     }
 
-    fn call(&mut self, method: &str, params: &Value) -> Value {
+    pub fn call(&mut self, method: &str, params: &Value) -> Value {
         self.count += 1;
         let mut call = json!({ "id": self.count, "method": method, "params": params });
         if let Some(session) = &self.session {
@@ -123,7 +123,7 @@ impl Browser {
         }
     }
 
-    fn eval(&mut self, script: &str) -> Value {
+    pub fn eval(&mut self, script: &str) -> Value {
         let params = json!({ "expression": script, "returnByValue": true, "awaitPromise": true });
         let mut found = self.call("Runtime.evaluate", &params);
         assert!(found.get("exceptionDetails").is_none(), "{script}: {found}");
@@ -131,7 +131,7 @@ impl Browser {
     }
 
     /// Waits until a script says so.
-    fn until(&mut self, script: &str) {
+    pub fn until(&mut self, script: &str) {
         let start = Instant::now();
         while self.eval(&format!("Boolean({script})")) != json!(true) {
             let words = || "document.body.innerText.slice(0, 400)";
@@ -220,8 +220,8 @@ impl Drop for Browser {
     }
 }
 
-fn page(viewer: &Viewer, flags: &[&str]) -> Browser {
-    let mut browser = Browser::open(&format!("http://{}/#{}", viewer.host, viewer.token), flags);
+pub fn page(viewer: &Viewer, flags: &[&str]) -> Browser {
+    let mut browser = Browser::open(&viewer.page_address(), flags);
     browser.ready();
     browser
 }
@@ -445,14 +445,7 @@ fn regions_are_dragged_and_policies_asked() {
 
 fn export(folder: &Path) {
     let exported = drape()
-        .args([
-            "view",
-            "task.toml",
-            "--recording",
-            "presses-1.drape",
-            "--export",
-            "page.html",
-        ])
+        .args(["view", "presses-1.drape", "--export", "page.html"])
         .current_dir(folder)
         .output()
         .unwrap();

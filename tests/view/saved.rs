@@ -220,9 +220,24 @@ fn a_run_is_replayed_and_its_policy_asked() {
     let rivals = page.until(|moment| {
         moment["rivals"]
             .as_array()
-            .is_some_and(|all| all.len() == 3)
+            .is_some_and(|all| all.len() == 4)
     });
     assert_eq!(rivals["rivals"][0]["name"], "the run's path");
+    assert_eq!(rivals["rivals"][1]["name"], "the policy");
+
+    // What was pressed by hand gives way to what the run has found, and stays beside it if it is kept there.
+    page.order(&json!({ "do": "reset" }));
+    let by_hand = page.press(&[72, 73]);
+    assert_ne!(by_hand, end);
+    let score = page.moment["numbers"]["score"].clone();
+    page.order(&json!({ "do": "beside" }));
+    assert_eq!(page.moment["beside"][2], score);
+    page.order(&json!({ "do": "path" }));
+    assert_eq!(page.moment["count"], start + presses + 1);
+    page.order(&json!({ "do": "seek", "to": start + presses }));
+    assert_eq!((page.bits(), &page.moment["beside"][2]), (end, &score));
+    page.order(&json!({ "do": "beside" }));
+    assert_eq!(page.moment["beside"], Value::Null);
 
     let folder = viewer.folder.path();
     run(folder, &["view", "runs/a", "--export", "page.html"]);
@@ -275,14 +290,42 @@ fn a_recording_finds_its_task_and_another_stands_beside_it() {
     let boxes = page.moment["boxes"].as_array().unwrap();
     assert!(boxes[1]["low"].is_array() && boxes[0] != boxes[1]);
 
+    // A state stands beside its task, as far as that is of the same blank.
     let folder = viewer.folder.path();
+    let task = fs::read_to_string(folder.join("task.toml")).unwrap();
+    let (_, scene) = task.split_once("[scene.tool.grid]").unwrap();
+    let scene = format!("[tool.grid]{scene}").replace("[scene.", "[");
+    fs::write(folder.join("state.toml"), &scene).unwrap();
+    run(
+        folder,
+        &["scene", "state.toml", "--state", "state.json", "--out", "s"],
+    );
+    let other = folder.join("other.toml");
+    fs::write(&other, scene.replace("[17, 17]", "[19, 19]")).unwrap();
+    let refused = |what: &str, beside: &str, words: &str| {
+        let mut args = vec!["view", what, "--export", "page.html"];
+        args.extend(["--beside", beside].iter().filter(|_| !beside.is_empty()));
+        let output = drape().args(args).current_dir(folder).output().unwrap();
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.contains(words), "{stderr}");
+    };
+    refused(
+        "other.toml",
+        "state.json",
+        "state.json: is of another blank",
+    );
+    refused(
+        "other.toml",
+        "presses-1.drape",
+        "presses-1.drape: is of another blank",
+    );
+    run(folder, &["view", "state.json", "--export", "page.html"]);
+    let page = fs::read_to_string(folder.join("page.html")).unwrap();
+    assert!(page.contains("const DATA = {\"moments\":[\""));
+    fs::copy(folder.join("presses-1.drape"), folder.join("other.drape")).unwrap();
+    refused("other.drape", "", "its presses are on another blank");
+
     fs::remove_file(folder.join("presses-1.toml")).unwrap();
-    let output = drape()
-        .args(["view", "presses-1.drape"])
-        .current_dir(folder)
-        .output()
-        .unwrap();
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{stderr}");
-    assert!(stderr.contains("presses-1.toml beside it"), "{stderr}");
+    refused("presses-1.drape", "", "presses-1.toml beside it");
 }

@@ -61,6 +61,11 @@ impl Viewer {
         }
     }
 
+    /// What the browser is given.
+    pub fn page_address(&self) -> String {
+        format!("http://{}/#{}", self.host, self.token)
+    }
+
     /// What is answered to a request whose head has these lines, up to the end of the connection.
     pub fn answer(&self, head: &str) -> String {
         let mut stream = TcpStream::connect(&self.host).unwrap();

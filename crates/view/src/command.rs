@@ -48,6 +48,10 @@ pub enum Command {
     Task {
         change: Change,
     },
+    /// Takes what the run has found so far instead of what was pressed.
+    Path {},
+    /// Keeps what was pressed beside what is pressed next; puts away what stands there.
+    Beside {},
     SavePresses {},
     SaveTask {},
 }

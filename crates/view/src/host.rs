@@ -6,7 +6,7 @@ use drape_cloth::scene::{Fabric, Scene, SceneConfig};
 use drape_cloth::sim::Snapshot;
 use drape_cloth::tool::ToolConfig;
 use drape_task::env::{Draping, EnvConfig};
-use drape_task::recording::Recording;
+use drape_task::recording::{Frame, Recording};
 use serde_json::Value;
 
 use super::moment::Rival;
@@ -18,11 +18,11 @@ pub struct Spec {
     pub env: EnvConfig,
 }
 
-/// Another tool or material that a page may choose, by its name.
-#[derive(Clone, Debug)]
-pub enum Offer {
-    Tool(String, ToolConfig),
-    Material(String, Fabric),
+/// Other tools and materials that a page may choose, by their names.
+#[derive(Clone, Debug, Default)]
+pub struct Offers {
+    pub tools: Vec<(String, ToolConfig)>,
+    pub materials: Vec<(String, Fabric)>,
 }
 
 /// Is told, while a blank falls, the scene without its initial state, the share that is done, and how to get at the
@@ -46,10 +46,11 @@ pub trait Host {
     /// What others come to in this task. Called on a thread of its own.
     fn rivals(&self, scene: &Arc<Scene>, spec: &Spec) -> Box<dyn FnOnce() -> Vec<Rival> + Send>;
 
-    /// Writes presses as a recording and as a sequence, beside their task. Gives the names.
+    /// Writes presses on a blank as a recording and as a sequence, beside their task. Gives the names.
     fn save_presses(
         &mut self,
-        of: (&Spec, &Lamina),
+        spec: &Spec,
+        lamina: &Lamina,
         made: &Recording,
     ) -> Result<Vec<String>, Self::Error>;
 
@@ -59,9 +60,12 @@ pub trait Host {
     /// Curves of trainings, as they are now: a list of objects with `name` and lists of [step, value] a curve.
     fn curves(&self) -> Value;
 
-    /// What is shown beside the presses, step by step.
-    fn beside(&self) -> Option<&Recording>;
+    /// Vertices to go through: of a recording, or of the best path that a run has found so far.
+    fn path(&mut self, draping: &Draping) -> Result<Vec<u32>, Self::Error>;
+
+    /// What is shown beside them at first, step by step.
+    fn beside(&self, draping: &Draping) -> Result<Vec<Frame>, Self::Error>;
 
     /// Tools and materials to choose from.
-    fn offers(&self) -> &[Offer];
+    fn offers(&self) -> &Offers;
 }

@@ -12,6 +12,7 @@
 mod command;
 mod door;
 mod export;
+mod fall;
 mod host;
 mod message;
 mod moment;
@@ -23,7 +24,7 @@ mod shade;
 mod stage;
 
 pub use command::{Change, Command};
-pub use host::{Host, Offer, Spec, Watch};
+pub use host::{Host, Offers, Spec, Watch};
 pub use moment::{Moment, Numbers, Rival, Shared};
 pub use server::Server;
 pub use session::Session;

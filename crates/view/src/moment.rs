@@ -71,6 +71,7 @@ pub struct Status {
 }
 
 /// A state of the cloth, and all that is told about it.
+#[derive(Default)]
 pub struct Moment {
     /// Each has a greater one than those before.
     pub number: u64,
@@ -95,7 +96,7 @@ impl Moment {
             number: u64,
             stage: u64,
             /// Where the sheet and that beside it lie [m], and their values.
-            boxes: [Option<Packed>; 2],
+            boxes: [Option<&'a Packed>; 2],
             #[serde(flatten)]
             status: &'a Status,
         }
@@ -112,20 +113,21 @@ impl Moment {
                 .unwrap_or_default()
                 .map(|n| (127.0 * n).round() as i8)
         };
-        let columns = [Some(&own), beside.as_ref()].map(|packed| packed.map(Packed::columns));
         let header = Header {
             kind: "moment",
             number: self.number,
             stage: stage.map_or(0, |stage| stage.number),
-            boxes: [Some(own), beside],
+            boxes: [Some(&own), beside.as_ref()],
             status: &self.status,
         };
         let mut message = Message::new(&header)
             .with("marks", self.marks.iter().copied())
             .with("normal", self.position.iter().flat_map(normal));
-        for (name, (place, value)) in ["", "beside_"].iter().zip(columns.into_iter().flatten()) {
-            message = message.with(&format!("{name}position"), place);
-            message = message.with(&format!("{name}value"), value);
+        for (name, packed) in [("", Some(own)), ("beside_", beside)] {
+            if let Some(Packed { place, value, .. }) = packed {
+                message = message.with(&format!("{name}position"), place);
+                message = message.with(&format!("{name}value"), value);
+            }
         }
         message
     }
@@ -139,7 +141,9 @@ struct Packed {
     /// Least and greatest value.
     range: [f32; 2],
     #[serde(skip)]
-    columns: (Vec<u16>, Vec<u16>),
+    place: Vec<u16>,
+    #[serde(skip)]
+    value: Vec<u16>,
 }
 
 impl Packed {
@@ -159,15 +163,9 @@ impl Packed {
             low,
             size,
             range: [least, most],
-            columns: (
-                at.iter().flat_map(place).collect(),
-                values.iter().map(value).collect(),
-            ),
+            place: at.iter().flat_map(place).collect(),
+            value: values.iter().map(value).collect(),
         }
-    }
-
-    fn columns(&self) -> (Vec<u16>, Vec<u16>) {
-        self.columns.clone()
     }
 }
 
@@ -194,8 +192,18 @@ impl Shared {
 
     pub(super) fn publish(&self, mut moment: Moment) {
         let number = self.number() + 1;
-        moment.number = number;
+        (moment.number, moment.status.bits) = (number, digest(&moment.position));
         *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(moment.into());
         self.number.store(number, SeqCst);
     }
+}
+
+/// Of all bits of some places: tells different ones apart.
+fn digest(position: &[[f64; 3]]) -> String {
+    let words = position.as_flattened().iter().map(|x| x.to_bits());
+    let mix = |hash: u64, word: u64| {
+        let mixed = (hash ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        mixed ^ mixed >> 32
+    };
+    format!("{:016x}", words.fold(1, mix))
 }

@@ -1,28 +1,25 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::thread::{self, sleep};
+use std::thread;
 use std::time::{Duration, Instant};
 
-use drape_cloth::file::ValueError;
-use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Accuracy, DRAPED, Snapshot, TOUCHED};
 use drape_task::env::{Draping, Task, Tasks};
 use drape_task::path::stroke_points;
-use drape_task::recording::Recording;
+use drape_task::recording::{Frame, Recording};
 
 use super::command::{Change, Command};
 use super::export::still_page;
-use super::host::{Host, Offer, Spec};
+use super::fall::fallen;
+use super::host::{Host, Spec};
 use super::moment::{Moment, Numbers, Rival, Shared, Status};
 use super::past::Past;
 use super::shade::Shade;
 use super::stage::{PULLED, Stage};
 
-/// Duration of a frame of the fall, which is shown no faster than it would be [s].
+/// Time between two pulls [s].
 const FRAME: f64 = 1.0 / 60.0;
-/// Frames of a fall that are kept; of longer ones every second, fourth, ...
-const MOST_FRAMES: usize = 240;
 /// Moments a second.
 const RATE: f64 = 30.0;
 /// Words that are kept for pages.
@@ -49,6 +46,8 @@ pub struct Session<H: Host> {
     at: usize,
     waiting: VecDeque<u32>,
     pull: Option<(u32, [f64; 3])>,
+    /// What is shown beside the presses, step by step.
+    beside: Vec<Frame>,
     status: Status,
     said: u64,
     rivals: Option<Receiver<Vec<Rival>>>,
@@ -56,31 +55,31 @@ pub struct Session<H: Host> {
 }
 
 impl<H: Host> Session<H> {
-    /// Lets the blank of a task fall, and shows it. `presses` can be gone through from there.
+    /// Lets the blank of a task fall, and shows it.
     ///
     /// # Errors
     /// Those of the host, and what it says of a value that is out of range.
     pub fn new(
         mut host: H,
         spec: Spec,
-        presses: &[u32],
         (shared, commands): (Arc<Shared>, Receiver<Command>),
     ) -> Result<Self, H::Error> {
+        let offers = host.offers();
         let status = Status {
             rate: RATE,
-            tools: names(&host, |offer| matches!(offer, Offer::Tool(..))),
-            materials: names(&host, |offer| matches!(offer, Offer::Material(..))),
+            tools: offers.tools.iter().map(|(name, _)| name.clone()).collect(),
+            materials: offers
+                .materials
+                .iter()
+                .map(|(name, _)| name.clone())
+                .collect(),
             ..Status::default()
         };
         let (stage, fall, draping) = fallen(&mut host, &spec, (&shared, &status), 1)?;
-        let count = draping.scene().lamina.vertex_count();
-        if let Some(vertex) = presses.iter().find(|&&v| v as usize >= count) {
-            let expected = format!("one below {count}, the vertices of this blank");
-            return Err(host.refuse(ValueError::new("vertex", vertex, expected)));
-        }
-        let past = Past::new(&draping, presses);
         let mut session = Self {
             at: fall.len(),
+            past: Past::new(&draping, &host.path(&draping)?),
+            beside: host.beside(&draping)?,
             rivals: None,
             looked: Instant::now(),
             host,
@@ -91,7 +90,6 @@ impl<H: Host> Session<H> {
             stages: 1,
             fall,
             draping,
-            past,
             waiting: VecDeque::new(),
             pull: None,
             status,
@@ -192,11 +190,17 @@ impl<H: Host> Session<H> {
             Command::Pull { vertex, to } => self.grab(vertex, to),
             Command::Release {} => self.let_go(),
             Command::Task { change } => self.change(change),
-            Command::SavePresses {} => self.save_presses(),
-            Command::SaveTask {} => match self.host.save_task(&self.spec) {
-                Ok(name) => self.say(format!("saved {name}: drape train {name}")),
-                Err(error) => self.say(error.to_string()),
+            Command::Path {} => self.take_path(),
+            Command::Beside {} => match self.beside.is_empty() {
+                true => self.beside = self.recorded().map_or(Vec::new(), |made| made.frames),
+                false => self.beside.clear(),
             },
+            Command::SavePresses {} => self.save_presses(),
+            Command::SaveTask {} => {
+                let saved = self.host.save_task(&self.spec);
+                let told = saved.map(|name| format!("saved {name}: drape train {name}"));
+                self.say(told.unwrap_or_else(|error| error.to_string()));
+            }
         }
     }
 
@@ -311,16 +315,20 @@ impl<H: Host> Session<H> {
     fn change(&mut self, change: Change) {
         self.stop();
         let mut spec = self.spec.clone();
-        for offer in self.host.offers() {
-            match offer {
-                Offer::Tool(name, tool) if change.tool.as_ref() == Some(name) => {
-                    spec.scene.tool = tool.clone();
-                }
-                Offer::Material(name, fabric) if change.material.as_ref() == Some(name) => {
-                    spec.scene.material = Some(fabric.clone());
-                }
-                _ => {}
-            }
+        let offers = self.host.offers();
+        if let Some((_, tool)) = offers
+            .tools
+            .iter()
+            .find(|(name, _)| Some(name) == change.tool.as_ref())
+        {
+            spec.scene.tool = tool.clone();
+        }
+        if let Some((_, material)) = offers
+            .materials
+            .iter()
+            .find(|(name, _)| Some(name) == change.material.as_ref())
+        {
+            spec.scene.material = Some(material.clone());
         }
         spec.env.region_mm = change.region_mm;
         if let Some(placement) = change.placement {
@@ -345,6 +353,9 @@ impl<H: Host> Session<H> {
         };
         match set_up {
             Ok((stage, fall, draping)) => {
+                if spec.scene != self.spec.scene {
+                    self.beside.clear();
+                }
                 self.past = Past::new(&draping, &[]);
                 self.at = fall.len();
                 (self.spec, self.stage, self.fall, self.draping) = (spec, stage, fall, draping);
@@ -354,24 +365,45 @@ impl<H: Host> Session<H> {
         }
     }
 
-    fn save_presses(&mut self) {
-        let to = self.at.saturating_sub(self.fall.len());
-        if self.past.is_pulled(to) {
-            return self.say("not saved: no task pulls at cloth, undo that first".into());
+    /// Takes what the run has found so far instead of what was pressed.
+    fn take_path(&mut self) {
+        match self.host.path(&self.draping) {
+            Ok(path) if path.is_empty() => self.say("no path has been found yet".into()),
+            Ok(path) => {
+                self.go(self.fall.len());
+                self.past = Past::new(&self.draping, &path);
+            }
+            Err(error) => self.say(error.to_string()),
         }
+    }
+
+    /// The presses up to what is shown; none, with a word on why, if no task has what was done.
+    fn recorded(&mut self) -> Option<Recording> {
+        let to = self.at.saturating_sub(self.fall.len());
         let vertices: Vec<u32> = self.past.vertices(to).collect();
-        if vertices.is_empty() {
-            return self.say("not saved: nothing has been pressed".into());
+        let fault = match self.past.is_pulled(to) {
+            true => Some("no task pulls at cloth, undo that first"),
+            false => vertices.is_empty().then_some("nothing has been pressed"),
+        };
+        if let Some(fault) = fault {
+            self.say(fault.into());
+            return None;
         }
         let mut made = Recording::new(self.draping.task(0), false);
         self.draping.replay(&[&vertices], |draping, _, _| {
             made.see(draping.task(0), &draping.episode(0));
         });
         self.past.enter(to, &mut self.draping);
-        let lamina = &self.stage.scene.lamina;
-        match self.host.save_presses((&self.spec, lamina), &made) {
-            Ok(names) => self.say(format!("saved {}", names.join(", "))),
-            Err(error) => self.say(error.to_string()),
+        Some(made)
+    }
+
+    fn save_presses(&mut self) {
+        if let Some(made) = self.recorded() {
+            let saved = self
+                .host
+                .save_presses(&self.spec, &self.stage.scene.lamina, &made);
+            let told = saved.map(|names| format!("saved {}", names.join(", ")));
+            self.say(told.unwrap_or_else(|error| error.to_string()));
         }
     }
 
@@ -442,10 +474,8 @@ impl<H: Host> Session<H> {
                 }
             }
         }
-        let frame = self.at.saturating_sub(self.fall.len());
-        let is_alike = |made: &&Recording| made.rest == self.stage.scene.lamina.rest;
-        let frames = self.host.beside().filter(is_alike).map(|made| &made.frames);
-        let beside = frames.and_then(|all| all.get(frame).or(all.last()));
+        let step = self.at.saturating_sub(self.fall.len());
+        let beside = self.beside.get(step).or(self.beside.last());
         let status = Status {
             phase: "ready",
             share: 1.0,
@@ -454,7 +484,7 @@ impl<H: Host> Session<H> {
             fall: self.fall.len(),
             waiting: self.waiting.len(),
             accuracy: self.spec.env.accuracy.name(),
-            pulled: self.past.is_pulled(self.at.saturating_sub(self.fall.len())),
+            pulled: self.past.is_pulled(step),
             over: !falls && self.draping.is_over(0),
             numbers: match falls {
                 true => Numbers::default(),
@@ -462,7 +492,7 @@ impl<H: Host> Session<H> {
             },
             beside: beside.map(|of| [of.distance, 1e3 * of.surplus, of.score]),
             strokes: if falls { Vec::new() } else { strokes.collect() },
-            bits: digest(&position),
+
             ..self.status.clone()
         };
         self.shared.publish(Moment {
@@ -495,12 +525,6 @@ impl<H: Host> Session<H> {
     }
 }
 
-fn names<H: Host>(host: &H, is_one: fn(&Offer) -> bool) -> Vec<String> {
-    let all = host.offers().iter().filter(|offer| is_one(offer));
-    all.map(|(Offer::Tool(name, _) | Offer::Material(name, _))| name.clone())
-        .collect()
-}
-
 fn numbers(task: &Task, state: &Snapshot, draping: &Draping) -> Numbers {
     let path = task.figures(&draping.points(0));
     Numbers {
@@ -512,74 +536,4 @@ fn numbers(task: &Task, state: &Snapshot, draping: &Draping) -> Numbers {
         strokes: path.strokes as usize,
         robot_s: task.config.costs.seconds(&path),
     }
-}
-
-/// What is set up of a task: what is shown of it, how its blank fell, and the cloth.
-type Fallen = (Arc<Stage>, Vec<Vec<[f32; 3]>>, Draping);
-
-/// Lets the blank of a task fall, no faster than it would, while all look on.
-fn fallen<H: Host>(
-    host: &mut H,
-    spec: &Spec,
-    (shared, status): (&Shared, &Status),
-    number: u64,
-) -> Result<Fallen, H::Error> {
-    let (mut stage, mut frames) = (None, Vec::new());
-    let (mut due, mut stride, mut seen) = (Instant::now(), 1, 0);
-    let scene: Arc<Scene> = host.set_up(spec, &mut |scene, share, cloth| {
-        seen += 1;
-        if (seen - 1) % stride != 0 {
-            return;
-        }
-        let position = cloth().position;
-        let stage = stage.get_or_insert_with(|| Stage::new(number, scene, spec, &position));
-        frames.push(
-            position
-                .iter()
-                .map(|x| x.map(|x| x as f32))
-                .collect::<Vec<_>>(),
-        );
-        if frames.len() > MOST_FRAMES {
-            stride *= 2;
-            let mut index = 0;
-            frames.retain(|_| {
-                index += 1;
-                index % 2 == 1
-            });
-        }
-        shared.publish(Moment {
-            number: 0,
-            stage: Some(stage.clone()),
-            marks: stage.marks.clone(),
-            beside: None,
-            advice: Vec::new(),
-            status: Status {
-                phase: "falling",
-                share,
-                at: frames.len() - 1,
-                count: frames.len(),
-                fall: frames.len(),
-                bits: digest(&position),
-                ..status.clone()
-            },
-            position,
-        });
-        due += Duration::from_secs_f64(FRAME * stride as f64);
-        let now = Instant::now();
-        sleep(due.saturating_duration_since(now));
-        due = due.max(now);
-    })?;
-    let draping = Draping::new(scene, &spec.env, 1);
-    let draping = draping.map_err(|error| host.refuse(error))?;
-    Ok((stage.expect("the start was seen"), frames, draping))
-}
-
-/// Of all bits of some places: tells different ones apart.
-fn digest(position: &[[f64; 3]]) -> String {
-    let words = position.as_flattened().iter().map(|x| x.to_bits());
-    let mix = |hash: u64, word: u64| {
-        let mixed = (hash ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        mixed ^ mixed >> 32
-    };
-    format!("{:016x}", words.fold(1, mix))
 }

@@ -163,7 +163,7 @@ function tell() {
     $("rivals").textContent = m.rivals.map((rival) => `${rival.name} ${number(100 * rival.score)} %`).join(", ");
     if (document.activeElement !== $("time") || !dragging) [$("time").max, $("time").value] = [m.count - 1, m.at];
     $("moment").textContent = falls ? `fall ${m.at + 1} of ${m.fall}` : `press ${m.at - m.fall} of ${m.count - m.fall - 1}` + (m.waiting ? `, ${m.waiting} waiting` : "") + (m.over ? ", all touched" : "");
-    for (const [id, on] of [["play", m.playing], ["pause", m.paused], ["follow", m.following]]) $(id).classList.toggle("on", on);
+    for (const [id, on] of [["play", m.playing], ["pause", m.paused], ["follow", m.following], ["beside", m.beside]]) $(id).classList.toggle("on", !!on);
     $("accuracy").value = m.accuracy; $("follow").hidden = !m.has_policy;
     for (const option of $("shade").options) option.hidden = option.value === "policy" && !m.has_policy;
     drawCurves(m.curves || []);
@@ -211,7 +211,6 @@ function press(found) {
   // A stroke is of presses that overlap by about half.
   if (held.last !== undefined && distance(held.last, found.vertex) < 0.5 * stage.stencil_mm) return;
   held.last = found.vertex;
-  told.pressed = performance.now();
   link.send("press", { vertices: [found.vertex] });
 }
 function pull([x, y]) {
@@ -265,7 +264,7 @@ function chooseRegion([x, y]) {
 }
 const KEYS = {
   z: () => link.send("undo"), y: () => link.send("redo"), r: () => link.send("reset"), ".": () => link.send("step"),
-  p: () => $("play").click(), f: () => $("follow").click(), " ": () => $("pause").click(),
+  b: () => link.send("path"), k: () => link.send("beside"), s: () => link.send("save_presses"), p: () => $("play").click(), f: () => $("follow").click(), " ": () => $("pause").click(),
   1: () => view("free"), 2: () => view("top"), 3: () => view("side"), "+": () => zoom(1.1), "-": () => zoom(1 / 1.1),
   ArrowLeft: () => turn(-12, 0), ArrowRight: () => turn(12, 0), ArrowUp: () => turn(0, -12), ArrowDown: () => turn(0, 12),
 };
@@ -277,8 +276,7 @@ const view = (name) => { eye.view(name); changed(); };
 for (const button of document.querySelectorAll("[data-view]")) button.onclick = () => view(button.dataset.view);
 for (const name of ["undo", "redo", "reset", "step"]) $(name).onclick = () => link.send(name);
 for (const [id, key] of [["play", "playing"], ["pause", "paused"], ["follow", "following"]]) $(id).onclick = () => link.send(id, { on: DATA ? !link.on : !moment[key] });
-$("save").onclick = () => link.send("save_presses");
-$("task").onclick = () => link.send("save_task");
+for (const [id, order] of [["save", "save_presses"], ["task", "save_task"], ["best", "path"], ["beside", "beside"]]) $(id).onclick = () => link.send(order);
 $("time").oninput = () => { dragging = true; link.send("seek", { to: Number($("time").value) }); };
 $("time").onchange = () => { dragging = false; };
 $("speed").oninput = () => link.send("speed", { rate: 10 ** $("speed").value });
