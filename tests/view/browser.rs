@@ -14,7 +14,7 @@ use tungstenite::{Message, WebSocket, client};
 
 use super::viewer::{Viewer, drape};
 
-const PATIENCE: Duration = Duration::from_secs(40);
+const PATIENCE: Duration = Duration::from_secs(300);
 /// Of the page without the panel beside it [px].
 const SIZE: [f64; 2] = [880.0, 700.0];
 

@@ -136,23 +136,23 @@ fn the_papers_corner_by_hand() {
     let folder = tempfile::tempdir().unwrap();
     let out =
         std::env::var("DRAPE_VIEW_OUT").unwrap_or_else(|_| folder.path().display().to_string());
-    let corner = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/corner.toml");
+    let corner = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/tasks/rib-corner.toml");
     let viewer = Viewer::of(folder, &[corner, "--out", &out]);
     let mut page = viewer.page();
     page.until(|moment| moment["phase"] == "ready");
-    // 65 x 65 vertices, a stencil of three by three, and a region of 22 x 22 in the corner.
-    let (side, step) = (65, 3);
+    // 33 x 33 vertices, a stencil of three by three, and a region of 11 x 11 in the corner.
+    let (side, step) = (33, 2);
     for way in 0..10 {
         let turn = f64::to_radians(9.0 * f64::from(way) + 4.5);
         let lines = |at: [i32; 2]| {
-            let [x, y] = at.map(|k| f64::from(21 - k));
+            let [x, y] = at.map(|k| f64::from(10 - k));
             let [along, across] = [
                 turn.cos() * x + turn.sin() * y,
                 turn.cos() * y - turn.sin() * x,
             ];
             ((along / f64::from(step)).round() as i32, across)
         };
-        let places = (0..22).step_by(step as usize);
+        let places = (0..11).step_by(step as usize);
         let mut order: Vec<[i32; 2]> = places
             .clone()
             .flat_map(|x| places.clone().map(move |y| [x, y]))

@@ -14,7 +14,7 @@ use tungstenite::{Message, WebSocket, client};
 use super::TASK;
 
 /// Longest that anything may take.
-const PATIENCE: Duration = Duration::from_secs(30);
+const PATIENCE: Duration = Duration::from_secs(300);
 
 pub fn drape() -> Command {
     Command::new(env!("CARGO_BIN_EXE_drape"))
