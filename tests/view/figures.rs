@@ -55,15 +55,7 @@ fn figures() {
     println!("| --- | --- | --- | --- | --- |");
     for side in [33, 65, 129] {
         let viewer = Viewer::of(task(side), &["quickstart.toml"]);
-        let mut browser = Browser::open(&viewer.page_address(), &[]);
-        let start = Instant::now();
-        while browser.eval("Boolean(moment && moment.phase === 'ready')") != json!(true) {
-            assert!(
-                start.elapsed() < Duration::from_secs(300),
-                "the blank still falls"
-            );
-            std::thread::sleep(Duration::from_millis(100));
-        }
+        let mut browser = page(&viewer, &[]);
         let frames = browser.eval(FRAMES).as_f64().unwrap();
         browser.eval("link.send('reset')");
         browser.until("moment.numbers.presses === 0 && moment.at === moment.fall && !isDirty");

@@ -93,8 +93,10 @@ pub fn asked(head: &[u8], hosts: &[String]) -> Asked {
 
 /// A host without its port.
 fn name_of(host: &str) -> &str {
-    let port = host.rfind(':').filter(|&at| !host[at..].contains(']'));
-    &host[..port.unwrap_or(host.len())]
+    match host.rsplit_once(':') {
+        Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
+        _ => host,
+    }
 }
 
 #[cfg(test)]
@@ -129,6 +131,7 @@ mod tests {
             "evil.example",
             "localhost.evil.example",
             "127.0.0.1.nip.io:80",
+            "localhost:80@evil.example",
             "",
             "[::2]",
         ] {
@@ -153,6 +156,7 @@ mod tests {
             "http://evil.example",
             "null",
             "https://localhost.evil.example:80",
+            "http://localhost:80@evil.example",
             "",
         ] {
             assert_eq!(from(origin), refused, "{origin}");

@@ -5,6 +5,8 @@ use drape_task::env::{Draping, EpisodeState};
 const MOST: usize = 256 << 20;
 /// Time that cloth is given to come to rest after a pull, in presses.
 const REST: usize = 20;
+/// Longest pull, in presses: then it is let go, as by a page that has left meanwhile.
+const LONGEST_PULL: usize = 3600;
 /// Speed of a vertex that is pulled [m/s].
 const PULL_SPEED: f64 = 1.0;
 
@@ -117,16 +119,16 @@ impl Past {
         });
     }
 
-    /// Pulls it on, for the time of a press.
-    pub fn pull(&mut self, vertex: u32, to: [f64; 3], draping: &mut Draping) {
-        if let Some(Step {
-            act: Act::Pull(_, path),
-            ..
-        }) = self.steps.last_mut()
-        {
-            path.push(to);
-        }
+    /// Pulls it on, for the time of a press; false if that is the last time.
+    pub fn pull(&mut self, vertex: u32, to: [f64; 3], draping: &mut Draping) -> bool {
         drag(vertex, to, draping);
+        match self.steps.last_mut().map(|step| &mut step.act) {
+            Some(Act::Pull(_, path)) => {
+                path.push(to);
+                path.len() < LONGEST_PULL
+            }
+            _ => false,
+        }
     }
 
     /// Lets it go; false, and nothing has been done, if the cloth has diverged.

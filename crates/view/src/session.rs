@@ -228,7 +228,10 @@ impl<H: Host> Session<H> {
     /// Does what is next.
     fn advance(&mut self) {
         if let Some((vertex, to)) = self.pull {
-            return self.past.pull(vertex, to, &mut self.draping);
+            if !self.past.pull(vertex, to, &mut self.draping) {
+                self.let_go();
+            }
+            return;
         }
         if let Some(vertex) = self.waiting.pop_front() {
             return self.press(vertex);
