@@ -210,7 +210,7 @@ fn pictures() {
         ));
         std::thread::sleep(Duration::from_secs(1));
         browser.until("!isDirty");
-        let clip = json!({ "x": 0, "y": 0, "width": 1200, "height": 700, "scale": 0.6 });
+        let clip = json!({ "x": 0, "y": 0, "width": 1200, "height": 700, "scale": 0.5 });
         let shot = browser.call(
             "Page.captureScreenshot",
             &json!({ "format": "png", "clip": clip }),

@@ -93,9 +93,11 @@ void main() {
 // Draws meshes, lines and points by WebGL 2.
 class Drawing {
   constructor(canvas) {
-    const open = (antialias) => canvas.getContext("webgl2", { antialias, preserveDrawingBuffer: true, failIfMajorPerformanceCaveat: antialias });
     // Where a processor stands in for the card, smooth edges take half of its time.
-    const gl = this.gl = open(true) || open(false);
+    const asked = document.createElement("canvas").getContext("webgl2"), named = asked && asked.getExtension("WEBGL_debug_renderer_info");
+    const antialias = !/swiftshader|llvmpipe|software/i.test(asked ? asked.getParameter(named ? named.UNMASKED_RENDERER_WEBGL : asked.RENDERER) : "");
+    if (asked) asked.getExtension("WEBGL_lose_context")?.loseContext();
+    const gl = this.gl = canvas.getContext("webgl2", { antialias, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser has no WebGL 2");
     const program = this.program = gl.createProgram();
     for (const [type, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
