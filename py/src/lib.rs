@@ -60,8 +60,8 @@ fn value_error(error: impl std::fmt::Display) -> PyErr {
 /// What the user can mend is a `ValueError`.
 fn failed(failure: Failure) -> PyErr {
     match failure.is_input {
-        true => PyValueError::new_err(failure.line()),
-        false => PyRuntimeError::new_err(failure.line()),
+        true => PyValueError::new_err(failure.to_string()),
+        false => PyRuntimeError::new_err(failure.to_string()),
     }
 }
 

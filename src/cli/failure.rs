@@ -1,4 +1,5 @@
 use std::ffi::c_int;
+use std::fmt;
 use std::path::Path;
 
 use anyhow::{Context, Error};
@@ -58,15 +59,17 @@ impl Failure {
         if let Some(interrupted) = self.error.downcast_ref::<Interrupted>() {
             return interrupted.exit_code();
         }
-        tell(format_args!("error: {}", self.line()));
+        tell(format_args!("error: {self}"));
         if self.is_input { 2 } else { 1 }
     }
+}
 
-    /// The chain of causes, outermost first, as one line.
-    pub fn line(&self) -> String {
+/// The chain of causes, outermost first, as one line.
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let chain = format!("{:#}", self.error);
         let lines = chain.lines().map(str::trim).filter(|line| !line.is_empty());
-        lines.collect::<Vec<_>>().join(" ")
+        f.write_str(&lines.collect::<Vec<_>>().join(" "))
     }
 }
 
@@ -127,7 +130,7 @@ mod tests {
     fn chain_becomes_one_line() {
         let error = anyhow::anyhow!("cause\n  in two lines\n");
         let failure = Failure::from(error.context("attempt"));
-        assert_eq!(failure.line(), "attempt: cause in two lines");
+        assert_eq!(failure.to_string(), "attempt: cause in two lines");
     }
 
     #[test]
@@ -136,7 +139,7 @@ mod tests {
         assert!(fail().or_invalid().unwrap_err().is_input);
         let failure = fail().or_invalid_in("a.toml").unwrap_err();
         assert!(failure.is_input);
-        assert_eq!(failure.line(), "a.toml: cause");
+        assert_eq!(failure.to_string(), "a.toml: cause");
         assert!(!Failure::from(fail().unwrap_err()).is_input);
         assert!(!Failure::from(SceneError::Diverged { time_s: 0.5 }).is_input);
     }

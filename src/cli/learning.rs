@@ -36,8 +36,8 @@ pub(super) fn train(
     progress: &(dyn Fn(f64, &str) + Sync),
 ) -> Result<Vec<Arm>, StudyError> {
     learnt(options, out, progress).map_err(|failure| match failure.is_input {
-        true => StudyError::Invalid(failure.line()),
-        false => StudyError::Damaged(failure.line().into()),
+        true => StudyError::Invalid(failure.to_string()),
+        false => StudyError::Damaged(failure.to_string().into()),
     })
 }
 

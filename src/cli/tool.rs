@@ -19,7 +19,7 @@ use drape_report::{Camera, Drawing, TOOL, creased};
 const GRID_SAMPLES: usize = 20_000;
 
 /// Names of the shapes.
-const SHAPES: [&str; 6] = [
+pub(super) const SHAPES: [&str; 6] = [
     "rib",
     "hemisphere",
     "double-dome",
@@ -183,7 +183,7 @@ fn picture(mesh: &TriMesh, file: &Path) -> Result<(), Failure> {
 }
 
 /// A shape with the values of `set` in place of its own.
-fn shape(name: &str, set: &[String]) -> Result<Shape, Error> {
+pub(super) fn shape(name: &str, set: &[String]) -> Result<Shape, Error> {
     let kind = toml::Table::from_iter([("kind".to_owned(), name.into())]);
     ensure!(
         SHAPES.contains(&name),

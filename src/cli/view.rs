@@ -14,6 +14,7 @@ use super::failure::OrInvalid;
 use super::loaded::load_agent;
 use super::setup::{missed, open_run, read_config, warn};
 use super::terminal::{show, tell};
+use super::tool::{SHAPES, shape};
 use crate::run::{
     BestSequence, Demonstrations, RunConfig, RunFolder, TrainingPreset, curve, digest, play,
     random_episodes, read_metrics,
@@ -23,10 +24,7 @@ use drape_cloth::file::{ValueError, check_name, check_writable, read_toml, write
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Fabric, Scene, SceneConfig};
 use drape_cloth::sim::{Accuracy, Snapshot};
-use drape_cloth::tool::{
-    Cylinder, DoubleDome, GridConfig, Hemisphere, Incline, MeshSource, Plate, Pose, Rib, Shape,
-    Source, ToolConfig,
-};
+use drape_cloth::tool::{GridConfig, MeshSource, Pose, Source, ToolConfig};
 use drape_learn::ppo::{Agent, Sampling};
 use drape_task::env::{Draping, EpisodeState, ImageShape, Tasks};
 use drape_task::recording::{Frame, Recording};
@@ -217,15 +215,8 @@ fn offers(args: &ViewArgs) -> Offers {
         pose: Pose::default(),
         grid: GridConfig::default(),
     };
-    let shapes = [
-        ("rib", Shape::Rib(Rib::default())),
-        ("hemisphere", Shape::Hemisphere(Hemisphere::default())),
-        ("double-dome", Shape::DoubleDome(DoubleDome::default())),
-        ("plate", Shape::Plate(Plate::default())),
-        ("cylinder", Shape::Cylinder(Cylinder::default())),
-        ("incline", Shape::Incline(Incline::default())),
-    ];
-    let shapes = shapes.map(|(name, shape)| (name.into(), tool(Source::Shape(shape))));
+    let by_default = |name| shape(name, &[]).expect("a shape has defaults");
+    let shapes = SHAPES.map(|name| (name.into(), tool(Source::Shape(by_default(name)))));
     let mesh = |path: &PathBuf| MeshSource {
         path: path.clone(),
         scale: 1e-3,
@@ -300,36 +291,14 @@ impl Desk {
     }
 }
 
-/// A failure that can be told in a page.
-struct Refused(Failure);
-
-impl From<Refused> for Failure {
-    fn from(refused: Refused) -> Self {
-        refused.0
-    }
-}
-
-impl std::fmt::Display for Refused {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str(&self.0.line())
-    }
-}
-
-impl<E: Into<Error>> From<E> for Refused {
-    fn from(error: E) -> Self {
-        Self(error.into().into())
-    }
-}
-
 impl Host for Desk {
-    type Error = Refused;
+    type Error = Failure;
 
-    fn refuse(&self, error: ValueError) -> Refused {
-        let error = Error::new(error).context(self.place.clone());
-        Refused(Failure::invalid(error))
+    fn refuse(&self, error: ValueError) -> Failure {
+        Error::new(error).context(self.place.clone()).into()
     }
 
-    fn set_up(&mut self, spec: &Spec, watch: Watch) -> Result<Arc<Scene>, Refused> {
+    fn set_up(&mut self, spec: &Spec, watch: Watch) -> Result<Arc<Scene>, Failure> {
         let watch =
             |scene: &Scene, share: f64, cloth: &dyn Fn() -> Snapshot| watch(scene, share, cloth);
         let scene = Scene::watched(&spec.scene, watch).with_context(|| self.place.clone())?;
@@ -344,8 +313,7 @@ impl Host for Desk {
         {
             let draping =
                 Draping::new(scene.clone(), &spec.env, 1).map_err(|error| self.refuse(error))?;
-            self.agent =
-                Some(load_agent(folder, &self.config, checkpoint, &draping).map_err(Refused)?);
+            self.agent = Some(load_agent(folder, &self.config, checkpoint, &draping)?);
         }
         Ok(scene)
     }
@@ -402,7 +370,7 @@ impl Host for Desk {
         spec: &Spec,
         lamina: &Lamina,
         made: &Recording,
-    ) -> Result<Vec<String>, Refused> {
+    ) -> Result<Vec<String>, Failure> {
         let name = self.free_name("presses", &["drape", "json", "toml"]);
         let file = |end: &str| self.out.join(format!("{name}.{end}"));
         let text = self.write_task(spec, &file("toml"))?;
@@ -424,7 +392,7 @@ impl Host for Desk {
             .into())
     }
 
-    fn save_task(&mut self, spec: &Spec) -> Result<String, Refused> {
+    fn save_task(&mut self, spec: &Spec) -> Result<String, Failure> {
         let file = self.out.join(self.free_name("task", &["toml"]) + ".toml");
         check_name(&file)?;
         self.write_task(spec, &file)?;
@@ -444,15 +412,11 @@ impl Host for Desk {
         self.runs.iter().filter_map(of).collect::<Vec<_>>().into()
     }
 
-    fn path(&mut self, draping: &Draping) -> Result<Vec<u32>, Refused> {
+    fn path(&mut self, draping: &Draping) -> Result<Vec<u32>, Failure> {
         let lamina = &draping.scene().lamina;
         if let Some(file) = &self.pressed {
             let read = Demonstrations::read(std::slice::from_ref(file), lamina);
-            return Ok(read
-                .map_err(Failure::invalid)
-                .map_err(Refused)?
-                .lists()
-                .concat());
+            return Ok(read.or_invalid()?.lists().concat());
         }
         let Some((folder, _)) = &self.run else {
             return Ok(Vec::new());
@@ -467,24 +431,23 @@ impl Host for Desk {
             .check_config(&folder.config_digest()?)
             .and(is_alike.then_some(()).ok_or("is of another blank".into()));
         let place = folder.best_sequence.display();
-        checked.map_err(|fault| Refused(Failure::invalid(anyhow!("{place}: {fault}"))))?;
+        checked.map_err(|fault| Failure::invalid(anyhow!("{place}: {fault}")))?;
         self.path_score = Some(best.score);
         Ok(best.vertices)
     }
 
-    fn beside(&self, draping: &Draping) -> Result<Vec<Frame>, Refused> {
+    fn beside(&self, draping: &Draping) -> Result<Vec<Frame>, Failure> {
         let Some(file) = &self.beside else {
             return Ok(Vec::new());
         };
-        let refused = |error: Error| Refused(Failure::invalid(error));
         let (scene, task) = (draping.scene(), draping.task(0));
         let (rest, frames) = match file.extension().is_some_and(|end| end == "json") {
             false => {
-                let made = Recording::read(file).map_err(|error| refused(error.into()))?;
+                let made = Recording::read(file).or_invalid()?;
                 (made.rest, made.frames)
             }
             true => {
-                let state = Drape::read(file).map_err(|error| refused(error.into()))?;
+                let state = Drape::read(file).or_invalid()?;
                 let (mut cloth, origin) = (draping.state(0), scene.tool.origin);
                 let place = |&x: &[f64; 3]| (Vec3::from(x) - origin).into();
                 cloth.position = state.position.iter().map(place).collect();
@@ -500,7 +463,7 @@ impl Host for Desk {
         let own = &scene.lamina.rest;
         match own.len() == rest.len() && own.iter().zip(&rest).all(near) {
             true => Ok(frames),
-            false => Err(refused(anyhow!(
+            false => Err(Failure::invalid(anyhow!(
                 "{}: is of another blank than that of {}",
                 file.display(),
                 self.place

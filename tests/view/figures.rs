@@ -41,20 +41,40 @@ const CLICK: &str = "new Promise((done) => {
 
 /// Draws for ten seconds as fast as moments come, and gives the frames.
 const FRAMES: &str = "new Promise((done) => {
-    link.send('speed', { rate: 1000 }); link.send('seek', { to: 0 }); link.send('play', { on: true });
+    link.send('speed', { rate: 60 }); link.send('seek', { to: 0 }); link.send('play', { on: true });
     const start = told.frames, again = setInterval(() => { if (!moment.playing) link.send('play', { on: true }); }, 50);
     setTimeout(() => { clearInterval(again); link.send('play', { on: false }); done((told.frames - start) / 10); }, 10000);
 })";
+
+/// Moments a second that a page gets which draws nothing.
+fn alone(viewer: &Viewer) -> f64 {
+    let mut page = viewer.page();
+    page.ready();
+    for order in [
+        json!({ "do": "speed", "rate": 1000.0 }),
+        json!({ "do": "seek", "to": 0 }),
+        json!({ "do": "play", "on": true }),
+    ] {
+        page.say(&order);
+    }
+    page.until(|moment| moment["playing"] == true);
+    let (start, mut count) = (Instant::now(), 0);
+    while page.next()["playing"] == true {
+        count += 1;
+    }
+    f64::from(count) / start.elapsed().as_secs_f64()
+}
 
 #[test]
 #[ignore = "measures, needs chromium"]
 fn figures() {
     println!(
-        "| Blank | Frames a second | Click to picture: median, longest of 20 [ms] | Bytes a frame | Memory: server, scripts [MiB] |"
+        "| Blank | Frames a second | Without a browser | Click to picture: median, longest of 20 [ms] | Bytes a frame | Memory: server, scripts [MiB] |"
     );
-    println!("| --- | --- | --- | --- | --- |");
+    println!("| --- | --- | --- | --- | --- | --- |");
     for side in [33, 65, 129] {
         let viewer = Viewer::of(task(side), &["quickstart.toml"]);
+        let alone = alone(&viewer);
         let mut browser = page(&viewer, &[]);
         let frames = browser.eval(FRAMES).as_f64().unwrap();
         browser.eval("link.send('reset')");
@@ -72,7 +92,7 @@ fn figures() {
         times.sort_by(f64::total_cmp);
         let bytes = browser.eval("told.bytes");
         println!(
-            "| {side} x {side} | {frames:.1} | {:.0}, {:.0} | {bytes} | {:.0}, {:.1} |",
+            "| {side} x {side} | {frames:.1} | {alone:.0} | {:.0}, {:.0} | {bytes} | {:.0}, {:.1} |",
             times[10],
             times[19],
             viewer.memory() as f64 / f64::from(1 << 20),

@@ -66,5 +66,6 @@ fn floods_do_no_harm() {
     let pressed = page.press(&[91]);
     other.until(|moment| moment["bits"] == pressed);
     let grown = viewer.memory().saturating_sub(before);
+    println!("memory grew by {} KiB", grown >> 10);
     assert!(grown < MOST, "{grown} bytes more");
 }
