@@ -276,7 +276,7 @@ pub(super) fn set_up_member(
     let initial = task.initial;
     if initial < 1e-6 {
         return Err(Failure::invalid(anyhow!(
-            "{place}: `env.region_mm` has {initial} m to bring down, expected a region of cloth that \
+            "{place}: `env.region_mm` has {initial:.1e} m to bring down, expected a region of cloth that \
              does not lie on the tool yet"
         )));
     }
