@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::Failure;
 use super::output::{Progress, write_together};
 use super::picture::Studio;
-use super::setup::warn_of_depth;
+use super::setup::{odd_depth, warn};
 use super::terminal::tell;
 use crate::run::{
     EpisodeSummary, RolloutError, RunFolder, Training, curve, random_episodes, read_metrics,
@@ -171,7 +171,7 @@ pub(super) fn write_recording(
     folder: &Path,
     title: &str,
 ) -> Result<(), Failure> {
-    warn_of_depth(scene, recording.end(), title);
+    warn(odd_depth(scene, recording.end()), title);
     let frames = &recording.frames;
     let last = frames.len() - 1;
     let step = last.div_ceil(FRAMES).max(1);

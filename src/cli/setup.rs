@@ -15,6 +15,7 @@ use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::{Deepest, Source};
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, EnvConfig, Member, Scatter, Task, Worlds};
+use drape_view::LEAST;
 
 /// A blank that is nowhere as near to the tool as this has missed it [mm].
 const MISSED: f64 = 50.0;
@@ -45,13 +46,20 @@ pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Sc
     let scene = Scene::new(config, |share| progress.set(share));
     drop(progress);
     let scene = scene.with_context(|| place.to_string())?;
-    warn(&scene, place);
+    warn(oddities(&scene), place);
     Ok(scene)
 }
 
-/// Tells what is odd about a scene that was read from `place`.
-pub(super) fn warn(scene: &Scene, place: &str) {
-    let config = &scene.config;
+/// Tells what is odd about something that was read from `place`.
+pub(super) fn warn(oddities: impl IntoIterator<Item = String>, place: &str) {
+    for oddity in oddities {
+        tell(format_args!("warning: {place}: {oddity}"));
+    }
+}
+
+/// What is odd about a scene.
+pub(super) fn oddities(scene: &Scene) -> Vec<String> {
+    let (config, mut found) = (&scene.config, Vec::new());
     let in_mm = "that its lengths are in mm";
     let of_tool = match config.tool.source {
         Source::Mesh(_) => "the unit of its file",
@@ -61,16 +69,14 @@ pub(super) fn warn(scene: &Scene, place: &str) {
     let blank = extent(scene.lamina.rest.iter().map(|&[x, y]| Vec3::new(x, y, 0.0)));
     for (what, key, size) in [("tool", of_tool, tool), ("blank", in_mm, blank)] {
         if let Some(size) = absurd(size) {
-            tell(format_args!(
-                "warning: {place}: the {what} measures {size}: check {key}"
-            ));
+            found.push(format!("the {what} measures {size}: check {key}"));
         }
     }
     let lies = missed(scene).is_none();
     let clamp = scene.farthest_clamp().map(|(k, off)| (k, 1e3 * off));
     if let Some((k, off)) = clamp.filter(|(_, off)| lies && *off > IN_THE_AIR) {
-        tell(format_args!(
-            "warning: {place}: `clamps[{k}]` holds the blank {off:.1} mm off the tool, expected at \
+        found.push(format!(
+            "`clamps[{k}]` holds the blank {off:.1} mm off the tool, expected at \
              most {IN_THE_AIR}: bring it down by `move_mm` or `placement`"
         ));
     }
@@ -79,56 +85,57 @@ pub(super) fn warn(scene: &Scene, place: &str) {
         && let Some(advice) = unit_advice(tool, file.scale, 0.2 * blank..=20.0 * blank)
     {
         let blank = 1e3 * blank;
-        tell(format_args!(
-            "warning: {place}: beside a blank of {blank:.0} mm the tool has an odd size: {advice}"
+        found.push(format!(
+            "beside a blank of {blank:.0} mm the tool has an odd size: {advice}"
         ));
     }
-    warn_of_depth(scene, &scene.initial.position, place);
+    found.extend(odd_depth(scene, &scene.initial.position));
     let strain = scene.lamina.yarn_strain(&scene.initial.position);
     let tension = 1e2 * strain.into_iter().fold(0.0, f64::max);
     let believable = 1e2 * EnvConfig::default().max_tension;
     if tension > believable {
-        tell(format_args!(
-            "warning: {place}: after the fall a yarn is stretched by {tension:.0} %, expected at most \
+        found.push(format!(
+            "after the fall a yarn is stretched by {tension:.0} %, expected at most \
              {believable:.0}: raise `fall.substep_rate`, or check `[physics]`"
         ));
     }
     let v_rms = 1e3 * scene.initial.v_rms();
     if v_rms > RESTLESS && lies {
-        tell(format_args!(
-            "warning: {place}: after the fall the blank still moves at {v_rms:.1} mm/s, expected \
+        found.push(format!(
+            "after the fall the blank still moves at {v_rms:.1} mm/s, expected \
              at most {RESTLESS}: raise `fall.substep_rate` or `fall.settle_s`"
         ));
     }
+    found
 }
 
 /// What of the tool reaches through the cloth: a grid of a given spacing swallows what is thinner, and cells
 /// do what is finer than they are.
-pub(super) fn warn_of_depth(scene: &Scene, position: &[[f64; 3]], place: &str) {
+pub(super) fn odd_depth(scene: &Scene, position: &[[f64; 3]]) -> Option<String> {
     let sheet = scene.lamina.mesh(position);
     let Deepest { depth, at } = scene.tool.surface.deepest(&sheet);
     let unseen = depth + scene.tool.distance(at.into()).0;
     let [x, y, z] = (1e3 * (at + scene.tool.origin)).into();
     let held = scene.tolerance();
     let [mm, unseen_mm, held_mm] = [depth, unseen, held.depth].map(|x| 1e3 * x);
-    let found = format!(
-        "warning: {place}: at ({x:.1}, {y:.1}, {z:.1}) mm the blank is {mm:.2} mm inside the tool"
-    );
+    let found = format!("at ({x:.1}, {y:.1}, {z:.1}) mm the blank is {mm:.2} mm inside the tool");
     let spacing = scene.config.tool.grid.spacing_mm;
     // Most of it: between vertices the cloth may lie in the tool as well.
     let is_grid = unseen.min(depth) > UNSEEN && unseen > 0.5 * depth;
     if let Some(spacing) = spacing.filter(|_| is_grid) {
-        tell(format_args!(
+        Some(format!(
             "{found}, {unseen_mm:.2} mm more than a distance grid of {spacing} mm sees: leave out \
              `tool.grid.spacing_mm`, and distances at edges and thin walls are exact"
-        ));
+        ))
     } else if mm > held_mm {
         let cell_mm = 1e3 * scene.lamina.cell_diagonal() / std::f64::consts::SQRT_2;
-        tell(format_args!(
+        Some(format!(
             "{found}, expected at most {held_mm:.2} mm: the tool is finer than cells of {cell_mm:.1} mm, \
              expected {:.1} mm or less (`blank.vertices` or `blank.cell_mm`)",
             (cell_mm * held_mm / mm).min(1e3 * held.cell)
-        ));
+        ))
+    } else {
+        None
     }
 }
 
@@ -272,9 +279,8 @@ pub(super) fn set_up_member(
     env.region(&lamina).or_invalid_in(place)?;
     let scene = Arc::new(set_up_over_tool(scene, place, quiet)?);
     let task = Task::new(scene.clone(), env).or_invalid_in(place)?;
-    // Below a micrometre there is nothing to win, and scores divide by it.
     let initial = task.initial;
-    if initial < 1e-6 {
+    if initial < LEAST {
         return Err(Failure::invalid(anyhow!(
             "{place}: `env.region_mm` has {initial:.1e} m to bring down, expected a region of cloth that \
              does not lie on the tool yet"

@@ -12,7 +12,7 @@ use super::Failure;
 use super::args::accuracy;
 use super::failure::OrInvalid;
 use super::loaded::load_agent;
-use super::setup::{missed, open_run, read_config, warn};
+use super::setup::{missed, oddities, open_run, read_config, warn};
 use super::terminal::{show, tell};
 use super::tool::{SHAPES, shape};
 use crate::run::{
@@ -28,11 +28,13 @@ use drape_cloth::tool::{GridConfig, MeshSource, Pose, Source, ToolConfig};
 use drape_learn::ppo::{Agent, Sampling};
 use drape_task::env::{Draping, EpisodeState, ImageShape, Tasks};
 use drape_task::recording::{Frame, Recording};
-use drape_view::{Host, Offers, Rival, Server, Session, Shared, Spec, Watch};
+use drape_view::{Host, LEAST, Offers, Rival, Server, Session, Shared, Spec, Watch};
 
 /// Random episodes that presses by hand are shown beside, and vertices of the largest blank on which they are played.
 const RANDOM: usize = 8;
 const MOST_VERTICES: usize = 5000;
+/// Points of a curve.
+const MOST_POINTS: usize = 300;
 /// Commands that may wait for the session.
 const COMMANDS: usize = 1024;
 
@@ -56,9 +58,9 @@ pub struct ViewArgs {
     #[arg(long, value_name = "FILE")]
     beside: Option<PathBuf>,
 
-    /// Which checkpoint of the run to ask: best, last, or a file
-    #[arg(long, value_name = "best|last|FILE", default_value = "best")]
-    checkpoint: String,
+    /// Which checkpoint of the run to ask: best, which is the default, last, or a file
+    #[arg(long, value_name = "best|last|FILE")]
+    checkpoint: Option<String>,
 
     /// Show the curves of this run too, while it trains; may be given again
     #[arg(long, value_name = "RUN")]
@@ -114,7 +116,11 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
     }) {
         what = Some(task_of(&file)?);
         match Drape::read(&file) {
-            Ok(_) => args.beside = args.beside.or(Some(file)),
+            Ok(_) if args.beside.is_some() => {
+                let fault = anyhow!("{}: a state stands beside itself", file.display());
+                return Err(Failure::invalid(fault));
+            }
+            Ok(_) => args.beside = Some(file),
             Err(_) => pressed = Some(file),
         }
     }
@@ -144,13 +150,25 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
         let fault = anyhow!("--out {}: there is no such folder", args.out.display());
         return Err(Failure::invalid(fault));
     }
+    if let (None, Some(name)) = (&folder, &args.checkpoint) {
+        let fault = anyhow!("--checkpoint {name}: {place} is no run");
+        return Err(Failure::invalid(fault));
+    }
+    // What cannot be read shows before the fall.
+    let material = spec.scene.read_material().or_invalid_in(&place)?;
+    let lamina = Lamina::new(&spec.scene.blank, material).or_invalid_in(&place)?;
+    let read = Demonstrations::read(pressed.as_slice(), &lamina).or_invalid()?;
+    let beside = args
+        .beside
+        .as_deref()
+        .map(|file| Beside::read(file, &lamina));
     let host = Desk {
         agent: None,
         runs: folder.iter().cloned().chain(watched).collect(),
         run: folder.map(|folder| (folder, args.checkpoint.clone())),
         offers: offers(&args),
-        pressed,
-        beside: args.beside.clone(),
+        pressed: read.lists().first().cloned(),
+        beside: beside.transpose()?,
         out: args.out.clone(),
         first: spec.clone(),
         path_score: None,
@@ -164,7 +182,10 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
         check_writable(file)?;
         let page = Session::new(host, spec, (shared, commands))?.export();
         write_atomic(file, |file| file.write_all(page.as_bytes()))?;
-        return Ok(show(&format!("written to {}", file.display()))?);
+        return Ok(show(&match args.json {
+            true => json!({ "file": file }).to_string(),
+            false => format!("written to {}", file.display()),
+        })?);
     }
     let server = Server::open(args.port, &args.allow_host, (shared.clone(), sender));
     let server = server.with_context(|| format!("cannot listen on port {}", args.port))?;
@@ -188,6 +209,7 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
 /// Where the task of presses or of a state is: the run whose folder they are in, or the file beside them that has their
 /// name.
 fn task_of(made: &Path) -> Result<PathBuf, Failure> {
+    let made = std::path::absolute(made)?;
     let mut folders = made.ancestors().skip(1).take(3);
     let run = folders.find(|folder| folder.join("run.json").exists());
     let beside = made.with_extension("toml");
@@ -204,12 +226,7 @@ fn task_of(made: &Path) -> Result<PathBuf, Failure> {
 
 /// Built-in shapes and the files that were given.
 fn offers(args: &ViewArgs) -> Offers {
-    let name = |path: &Path| {
-        path.file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned()
-    };
+    let name = |path: &Path| path.display().to_string();
     let tool = |source| ToolConfig {
         source,
         pose: Pose::default(),
@@ -252,20 +269,53 @@ fn open(page: &str) {
     }
 }
 
+/// What stands beside the presses.
+enum Beside {
+    Frames(Vec<Frame>),
+    /// Places in the frame of the scene [m].
+    State(Vec<[f64; 3]>),
+}
+
+impl Beside {
+    /// A recording, or a state where the file ends in `.json`, of this blank.
+    fn read(file: &Path, lamina: &Lamina) -> Result<Self, Failure> {
+        let (rest, read) = match file.extension().is_some_and(|end| end == "json") {
+            false => {
+                let made = Recording::read(file).or_invalid()?;
+                (made.rest, Self::Frames(made.frames))
+            }
+            true => {
+                let state = Drape::read(file).or_invalid()?;
+                (state.rest, Self::State(state.position))
+            }
+        };
+        // States are read to the last bit but one.
+        let near = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).hypot(a[1] - b[1]) < 1e-9;
+        match lamina.rest.len() == rest.len() && lamina.rest.iter().zip(&rest).all(near) {
+            true => Ok(read),
+            false => Err(Failure::invalid(anyhow!(
+                "{}: is of another blank than that of the task",
+                file.display()
+            ))),
+        }
+    }
+}
+
 /// What the session asks for beside cloth.
 struct Desk {
     config: RunConfig,
     place: String,
-    run: Option<(RunFolder, String)>,
+    /// With the checkpoint that was asked for.
+    run: Option<(RunFolder, Option<String>)>,
     /// The policy of the run, for tasks that look like its own.
     agent: Option<Agent>,
     /// The task that was asked for.
     first: Spec,
     /// Of the path that can be gone through, where a run has found it.
     path_score: Option<f64>,
-    /// Files of what is gone through and of what stands beside it.
-    pressed: Option<PathBuf>,
-    beside: Option<PathBuf>,
+    /// The vertices that are gone through, if they are not those of a run, and what stands beside them.
+    pressed: Option<Vec<u32>>,
+    beside: Option<Beside>,
     runs: Vec<RunFolder>,
     offers: Offers,
     out: PathBuf,
@@ -283,6 +333,12 @@ impl Desk {
         names.find(is_free).expect("names do not run out")
     }
 
+    /// Whether a policy of the run knows this task.
+    fn looks_alike(&self, draping: &Draping) -> bool {
+        draping.config().region_mm == self.first.env.region_mm
+            && draping.scene().config == self.first.scene
+    }
+
     /// Writes a task. Gives the text of it.
     fn write_task(&self, spec: &Spec, file: &Path) -> Result<String, Error> {
         let text = self.config.with_task(&spec.scene, &spec.env)?.to_toml();
@@ -298,30 +354,17 @@ impl Host for Desk {
         Error::new(error).context(self.place.clone()).into()
     }
 
-    fn set_up(&mut self, spec: &Spec, watch: Watch) -> Result<Arc<Scene>, Failure> {
+    fn set_up(&mut self, spec: &Spec, watch: Watch) -> Result<(Arc<Scene>, Vec<String>), Failure> {
         let watch =
             |scene: &Scene, share: f64, cloth: &dyn Fn() -> Snapshot| watch(scene, share, cloth);
         let scene = Scene::watched(&spec.scene, watch).with_context(|| self.place.clone())?;
-        warn(&scene, &self.place);
-        if let Some(fault) = missed(&scene) {
-            tell(format_args!("warning: {}: {fault}", self.place));
-        }
-        let scene = Arc::new(scene);
-        if let (Some((folder, checkpoint)), true) = (&self.run, *spec == self.first)
-            && folder.check_trained().is_ok()
-            && (checkpoint != "best" || folder.best_checkpoint.exists())
-        {
-            let draping =
-                Draping::new(scene.clone(), &spec.env, 1).map_err(|error| self.refuse(error))?;
-            self.agent = Some(load_agent(folder, &self.config, checkpoint, &draping)?);
-        }
-        Ok(scene)
+        let oddities: Vec<String> = missed(&scene).into_iter().chain(oddities(&scene)).collect();
+        warn(oddities.iter().cloned(), &self.place);
+        Ok((Arc::new(scene), oddities))
     }
 
     fn advise(&self, draping: &Draping) -> Option<Vec<f32>> {
-        let is_own = draping.config().region_mm == self.first.env.region_mm
-            && draping.scene().config == self.first.scene;
-        let agent = self.agent.as_ref().filter(|_| is_own)?;
+        let agent = self.agent.as_ref().filter(|_| self.looks_alike(draping))?;
         // Where all is touched, nothing is allowed.
         match draping.is_over(0) {
             true => Some(Vec::new()),
@@ -329,11 +372,13 @@ impl Host for Desk {
         }
     }
 
-    fn rivals(&self, scene: &Arc<Scene>, spec: &Spec) -> Box<dyn FnOnce() -> Vec<Rival> + Send> {
-        let (scene, env, is_first) = (scene.clone(), spec.env.clone(), *spec == self.first);
+    fn rivals(&self, draping: &Draping) -> Box<dyn FnOnce() -> Vec<Rival> + Send> {
+        let (scene, env) = (draping.scene().clone(), draping.config().clone());
+        let is_first = env == self.first.env && scene.config == self.first.scene;
         let path = self.path_score.filter(|_| is_first);
         let agent = self.agent.clone().filter(|_| is_first);
-        let is_small = scene.lamina.vertex_count() <= MOST_VERTICES;
+        let wins = draping.task(0).initial > LEAST;
+        let is_small = wins && scene.lamina.vertex_count() <= MOST_VERTICES;
         Box::new(move || {
             let by_policy = agent.and_then(|agent| {
                 let choose =
@@ -350,7 +395,7 @@ impl Host for Desk {
             let scores: Vec<f64> = scores.filter(|score| score.is_finite()).collect();
             let mean = scores.iter().sum::<f64>() / scores.len() as f64;
             let rivals = [
-                ("the run's path", path),
+                ("the run's path, as it was judged", path),
                 ("the policy", by_policy),
                 ("random orders", Some(mean).filter(|mean| mean.is_finite())),
                 ("the best of them", scores.into_iter().reduce(f64::max)),
@@ -403,24 +448,37 @@ impl Host for Desk {
         let of = |run: &RunFolder| {
             // Not yet, or just being written.
             let metrics = read_metrics(&run.metrics).ok()?;
+            let curve = |of| {
+                let all = curve(&metrics, of);
+                let every = all.len().div_ceil(MOST_POINTS).max(1);
+                let from_end = all.into_iter().rev().step_by(every);
+                from_end.rev().collect::<Vec<_>>()
+            };
             Some(json!({
                 "name": run.path.file_name().unwrap_or_default().to_string_lossy(),
-                "best": curve(&metrics, "best_score"),
-                "mean": curve(&metrics, "mean_score"),
+                "best": curve("best_score"),
+                "mean": curve("mean_score"),
             }))
         };
         self.runs.iter().filter_map(of).collect::<Vec<_>>().into()
     }
 
     fn path(&mut self, draping: &Draping) -> Result<Vec<u32>, Failure> {
-        let lamina = &draping.scene().lamina;
-        if let Some(file) = &self.pressed {
-            let read = Demonstrations::read(std::slice::from_ref(file), lamina);
-            return Ok(read.or_invalid()?.lists().concat());
+        // A training may have written one since.
+        if let Some((folder, checkpoint)) = self.run.as_ref().filter(|_| self.looks_alike(draping))
+            && (checkpoint.is_some()
+                || folder.check_trained().is_ok() && folder.best_checkpoint.exists())
+        {
+            let name = checkpoint.as_deref().unwrap_or("best");
+            self.agent = Some(load_agent(folder, &self.config, name, draping)?);
+        }
+        if let Some(pressed) = &self.pressed {
+            return Ok(pressed.clone());
         }
         let Some((folder, _)) = &self.run else {
             return Ok(Vec::new());
         };
+        let lamina = &draping.scene().lamina;
         let best = match folder.read_proof()? {
             Some(proved) => proved.path,
             None if folder.best_sequence.exists() => folder.read_best_sequence()?,
@@ -436,38 +494,18 @@ impl Host for Desk {
         Ok(best.vertices)
     }
 
-    fn beside(&self, draping: &Draping) -> Result<Vec<Frame>, Failure> {
-        let Some(file) = &self.beside else {
-            return Ok(Vec::new());
-        };
-        let (scene, task) = (draping.scene(), draping.task(0));
-        let (rest, frames) = match file.extension().is_some_and(|end| end == "json") {
-            false => {
-                let made = Recording::read(file).or_invalid()?;
-                (made.rest, made.frames)
-            }
-            true => {
-                let state = Drape::read(file).or_invalid()?;
-                let (mut cloth, origin) = (draping.state(0), scene.tool.origin);
+    fn beside(&self, draping: &Draping) -> Vec<Frame> {
+        match &self.beside {
+            None => Vec::new(),
+            Some(Beside::Frames(frames)) => frames.clone(),
+            Some(Beside::State(position)) => {
+                let (mut cloth, origin) = (draping.state(0), draping.scene().tool.origin);
                 let place = |&x: &[f64; 3]| (Vec3::from(x) - origin).into();
-                cloth.position = state.position.iter().map(place).collect();
-                let mut made = Recording::new(task, false);
-                if state.rest.len() == scene.lamina.vertex_count() {
-                    made.see(task, &EpisodeState::new(Vec::new(), cloth));
-                }
-                (state.rest, made.frames)
+                cloth.position = position.iter().map(place).collect();
+                let mut made = Recording::new(draping.task(0), false);
+                made.see(draping.task(0), &EpisodeState::new(Vec::new(), cloth));
+                made.frames
             }
-        };
-        // States are read to the last bit but one.
-        let near = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).hypot(a[1] - b[1]) < 1e-9;
-        let own = &scene.lamina.rest;
-        match own.len() == rest.len() && own.iter().zip(&rest).all(near) {
-            true => Ok(frames),
-            false => Err(Failure::invalid(anyhow!(
-                "{}: is of another blank than that of {}",
-                file.display(),
-                self.place
-            ))),
         }
     }
 

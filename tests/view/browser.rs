@@ -434,6 +434,7 @@ fn regions_are_dragged_and_policies_asked() {
     browser.mouse("mouseDragged", [x1, y1]);
     browser.mouse("mouseReleased", [x1 + 2.0, y1 - 2.0]);
     browser.until("stage.region_mm && stage.region_mm[2] > 0 && !moment.has_policy");
+    assert!(browser.eval("Boolean(moment.marks[0] & moment.marks[182] & MARK.region)") == true);
     browser.eval("$('task').click()");
     browser.until("$('words').textContent.includes('task-1.toml')");
     let trained = drape()
@@ -482,6 +483,8 @@ fn a_file_replays_without_a_server() {
     assert_eq!(browser.bits(), end);
     browser.key("z");
     browser.until("moment.numbers.presses === 3 && !isDirty");
+    browser.eval("$('time').value = 2, $('time').oninput(), $('time').onchange()");
+    browser.until("moment.numbers.presses === 2 && !isDirty");
     assert!(count(&browser.picture(), is_far) > 2_000);
 }
 

@@ -45,6 +45,10 @@ fn presses_change_the_sheet_and_undo_brings_back_the_bits() {
     assert_eq!(page.moment["count"], at - 1);
     page.say(&json!({ "do": "press", "vertices": [289] }));
     page.words("beyond the blank");
+    // What is not offered changes nothing.
+    page.say(&json!({ "do": "task", "change": { "tool": "nonsense" } }));
+    page.words("there is no tool nonsense");
+    assert_eq!(page.bits(), other);
 }
 
 #[test]

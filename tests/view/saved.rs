@@ -210,6 +210,12 @@ fn a_run_is_replayed_and_its_policy_asked() {
     page.order(&json!({ "do": "follow", "on": true }));
     page.until(|moment| moment["following"] == false);
     assert_eq!(page.moment["over"], true);
+    // From wherever the fall is looked at, it begins where the blank lies.
+    let followed = page.bits();
+    page.order(&json!({ "do": "seek", "to": 2 }));
+    page.order(&json!({ "do": "follow", "on": true }));
+    page.until(|moment| moment["following"] == false);
+    assert_eq!(page.bits(), followed);
     let curves = page.until(|moment| {
         moment["curves"]
             .as_array()
@@ -222,7 +228,10 @@ fn a_run_is_replayed_and_its_policy_asked() {
             .as_array()
             .is_some_and(|all| all.len() == 4)
     });
-    assert_eq!(rivals["rivals"][0]["name"], "the run's path");
+    assert_eq!(
+        rivals["rivals"][0]["name"],
+        "the run's path, as it was judged"
+    );
     assert_eq!(rivals["rivals"][1]["name"], "the policy");
 
     // What was pressed by hand gives way to what the run has found, and stays beside it if it is kept there.

@@ -56,7 +56,7 @@ pub enum Command {
     SaveTask {},
 }
 
-/// What a page changes of the task; all else stays.
+/// What a page changes of the task. What is not given stays, but for the region.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Change {

@@ -23,12 +23,13 @@ pub type Fallen = (Arc<Stage>, Vec<Vec<[f32; 3]>>, Draping);
 pub fn fallen<H: Host>(
     host: &mut H,
     spec: &Spec,
-    (shared, status): (&Shared, &Status),
+    (shared, status): (&Shared, &mut Status),
     number: u64,
 ) -> Result<Fallen, H::Error> {
     let (mut stage, mut frames) = (None, Vec::new());
     let (mut due, mut stride, mut seen) = (Instant::now(), 1, 0);
-    let scene: Arc<Scene> = host.set_up(spec, &mut |scene, share, cloth| {
+    let told = status.clone();
+    let (scene, oddities): (Arc<Scene>, _) = host.set_up(spec, &mut |scene, share, cloth| {
         seen += 1;
         if (seen - 1) % stride != 0 {
             return;
@@ -50,7 +51,7 @@ pub fn fallen<H: Host>(
                 at: frames.len() - 1,
                 count: frames.len(),
                 fall: frames.len(),
-                ..status.clone()
+                ..told.clone()
             },
             position,
             ..Moment::default()
@@ -62,5 +63,6 @@ pub fn fallen<H: Host>(
     })?;
     let draping = Draping::new(scene, &spec.env, 1);
     let draping = draping.map_err(|error| host.refuse(error))?;
+    status.oddities = oddities;
     Ok((stage.expect("the start was seen"), frames, draping))
 }

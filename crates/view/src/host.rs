@@ -37,14 +37,18 @@ pub trait Host {
     /// The error of a value that is out of range.
     fn refuse(&self, error: ValueError) -> Self::Error;
 
-    /// Lets the blank of a scene fall.
-    fn set_up(&mut self, spec: &Spec, watch: Watch) -> Result<Arc<Scene>, Self::Error>;
+    /// Lets the blank of a scene fall. Tells what is odd about it.
+    fn set_up(
+        &mut self,
+        spec: &Spec,
+        watch: Watch,
+    ) -> Result<(Arc<Scene>, Vec<String>), Self::Error>;
 
     /// The probability of each allowed press, by action; none if there is no policy for this task.
     fn advise(&self, draping: &Draping) -> Option<Vec<f32>>;
 
     /// What others come to in this task. Called on a thread of its own.
-    fn rivals(&self, scene: &Arc<Scene>, spec: &Spec) -> Box<dyn FnOnce() -> Vec<Rival> + Send>;
+    fn rivals(&self, draping: &Draping) -> Box<dyn FnOnce() -> Vec<Rival> + Send>;
 
     /// Writes presses on a blank as a recording and as a sequence, beside their task. Gives the names.
     fn save_presses(
@@ -64,7 +68,7 @@ pub trait Host {
     fn path(&mut self, draping: &Draping) -> Result<Vec<u32>, Self::Error>;
 
     /// What is shown beside them at first, step by step.
-    fn beside(&self, draping: &Draping) -> Result<Vec<Frame>, Self::Error>;
+    fn beside(&self, draping: &Draping) -> Vec<Frame>;
 
     /// Tools and materials to choose from.
     fn offers(&self) -> &Offers;

@@ -27,4 +27,4 @@ pub use command::{Change, Command};
 pub use host::{Host, Offers, Spec, Watch};
 pub use moment::{Moment, Numbers, Rival, Shared};
 pub use server::Server;
-pub use session::Session;
+pub use session::{LEAST, Session};

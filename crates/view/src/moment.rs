@@ -17,7 +17,8 @@ pub struct Numbers {
     pub distance_m: f64,
     /// Mean surplus of its yarns [mm].
     pub surplus_mm: f64,
-    pub score: f64,
+    /// None where there is nothing to win.
+    pub score: Option<f64>,
     /// Inner vertices off the tool.
     pub undraped: usize,
     pub presses: usize,
@@ -60,6 +61,8 @@ pub struct Status {
     pub rivals: Vec<Rival>,
     /// Vertices that were pressed, stroke by stroke.
     pub strokes: Vec<Vec<u32>>,
+    /// What is odd about the scene.
+    pub oddities: Vec<String>,
     /// The last words to the user, numbered.
     pub notices: Vec<(u64, String)>,
     pub curves: Value,
@@ -80,7 +83,7 @@ pub struct Moment {
     pub position: Vec<[f64; 3]>,
     /// The sheet beside it [m].
     pub beside: Option<Vec<[f64; 3]>>,
-    /// See [`Stage`] and [`drape_cloth::sim::Observations::marks`] `[vertex]`.
+    /// Those of [`drape_cloth::sim::Observations::marks`], 16 in the region, 32 clamped, 64 pulled `[vertex]`.
     pub marks: Vec<u8>,
     /// Probability of each press, as the policy has it `[vertex]`; empty without one.
     pub advice: Vec<f32>,

@@ -24,7 +24,7 @@ struct Step {
 
 /// Something that was done.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Act {
+enum Act {
     /// The blank has fallen.
     Start,
     /// This vertex was pressed.
@@ -81,8 +81,9 @@ impl Past {
         }
     }
 
-    /// Puts the cloth to where it was after a step: from the nearest state before it that is known.
-    pub fn enter(&mut self, to: usize, draping: &mut Draping) {
+    /// Puts the cloth to where it was after a step: from the nearest state before it that is known. Gives the step: one
+    /// before it if the cloth diverges on the way, and then what comes later is forgotten.
+    pub fn enter(&mut self, to: usize, draping: &mut Draping) -> usize {
         let known = |&k: &usize| self.steps[k].state.is_some();
         let from = (0..=to).rev().find(known).expect("the start is known");
         draping.go_on(0, self.steps[from].state.as_ref().expect("it is known"));
@@ -95,9 +96,14 @@ impl Past {
                     (0..REST).for_each(|_| drop(draping.press(&[None])));
                 }
             }
+            if !draping.state(0).is_finite() {
+                self.forget_after(k - 1);
+                return self.enter(k - 1, draping);
+            }
             self.steps[k].state = Some(draping.episode(0));
+            self.thin_out(k);
         }
-        self.thin_out(to);
+        to
     }
 
     /// Forgets what was done after a step.

@@ -1,4 +1,4 @@
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
@@ -27,6 +27,8 @@ const MOST_MESSAGE: usize = 64 * 1024;
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Time in which a page has to give the token.
 const TOKEN_TIME: Duration = Duration::from_secs(5);
+/// How long a page is heard out that is sent away.
+const FAREWELL: Duration = Duration::from_secs(1);
 /// How long a page is listened to before it is looked for something to tell it.
 const TURN: Duration = Duration::from_millis(4);
 
@@ -174,15 +176,18 @@ impl Door {
         let config = WebSocketConfig::default()
             .max_message_size(Some(MOST_MESSAGE))
             .max_frame_size(Some(MOST_MESSAGE));
-        self.converse(WebSocket::from_raw_socket(
-            stream,
-            Role::Server,
-            Some(config),
-        ))
+        let mut holds = false;
+        let socket = WebSocket::from_raw_socket(stream, Role::Server, Some(config));
+        let ended = self.converse(socket, &mut holds);
+        if holds {
+            // A page that is gone lets go.
+            let _ = self.commands.send(Command::Release {});
+        }
+        ended
     }
 
-    /// Talks with a page until it leaves or says what none should.
-    fn converse(&self, mut socket: WebSocket<TcpStream>) -> Result<(), Error> {
+    /// Talks with a page until it leaves or says what none should. `holds` tells whether it pulls at the cloth.
+    fn converse(&self, mut socket: WebSocket<TcpStream>, holds: &mut bool) -> Result<(), Error> {
         let (start, mut is_known) = (Instant::now(), false);
         let mut next: Option<Next> = None;
         loop {
@@ -202,13 +207,20 @@ impl Door {
                     return close(socket, "no token");
                 }
                 Some(Ok(Said::Next(asked))) => next = Some(asked),
-                Some(Ok(Said::Command(command))) => match self.commands.try_send(command) {
-                    Ok(()) => {}
-                    Err(TrySendError::Full(_)) => return close(socket, "too many commands"),
-                    Err(TrySendError::Disconnected(_)) => {
-                        return close(socket, "the session is over");
+                Some(Ok(Said::Command(command))) => {
+                    *holds = match command {
+                        Command::Pull { .. } => true,
+                        Command::Release {} => false,
+                        _ => *holds,
+                    };
+                    match self.commands.try_send(command) {
+                        Ok(()) => {}
+                        Err(TrySendError::Full(_)) => return close(socket, "too many commands"),
+                        Err(TrySendError::Disconnected(_)) => {
+                            return close(socket, "the session is over");
+                        }
                     }
-                },
+                }
                 Some(_) => return close(socket, "not a command"),
                 None => {}
             }
@@ -262,5 +274,17 @@ fn close(mut socket: WebSocket<TcpStream>, reason: &'static str) -> Result<(), E
         reason: reason.into(),
     };
     socket.close(Some(frame))?;
-    socket.flush()
+    socket.flush()?;
+    // With something unread the connection would be reset, and the reason lost.
+    let (mut stream, start) = (socket.get_ref(), Instant::now());
+    stream.shutdown(Shutdown::Write)?;
+    let mut bytes = [0; 4096];
+    while start.elapsed() < FAREWELL {
+        match stream.read(&mut bytes) {
+            Ok(0) => break,
+            Err(error) if !is_quiet(&error) => break,
+            _ => {}
+        }
+    }
+    Ok(())
 }

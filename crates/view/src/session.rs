@@ -1,6 +1,6 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -26,6 +26,8 @@ const RATE: f64 = 30.0;
 const NOTICES: usize = 8;
 /// Presses that may wait.
 const MOST_WAITING: usize = 4096;
+/// Where there is less to bring down there is nothing to win, and scores divide by it [m].
+pub const LEAST: f64 = 1e-6;
 /// Time between two looks at what trainings have written.
 const CURVES: Duration = Duration::from_secs(2);
 
@@ -51,6 +53,8 @@ pub struct Session<H: Host> {
     status: Status,
     said: u64,
     rivals: Option<Receiver<Vec<Rival>>>,
+    /// The task has changed since they were asked.
+    asks_again: bool,
     looked: Instant,
 }
 
@@ -65,8 +69,9 @@ impl<H: Host> Session<H> {
         (shared, commands): (Arc<Shared>, Receiver<Command>),
     ) -> Result<Self, H::Error> {
         let offers = host.offers();
-        let status = Status {
+        let mut status = Status {
             rate: RATE,
+            accuracy: spec.env.accuracy.name(),
             tools: offers.tools.iter().map(|(name, _)| name.clone()).collect(),
             materials: offers
                 .materials
@@ -75,12 +80,13 @@ impl<H: Host> Session<H> {
                 .collect(),
             ..Status::default()
         };
-        let (stage, fall, draping) = fallen(&mut host, &spec, (&shared, &status), 1)?;
+        let (stage, fall, draping) = fallen(&mut host, &spec, (&shared, &mut status), 1)?;
         let mut session = Self {
             at: fall.len(),
             past: Past::new(&draping, &host.path(&draping)?),
-            beside: host.beside(&draping)?,
+            beside: host.beside(&draping),
             rivals: None,
+            asks_again: false,
             looked: Instant::now(),
             host,
             shared,
@@ -102,10 +108,10 @@ impl<H: Host> Session<H> {
 
     /// Obeys commands until nobody can give one any more.
     pub fn run(mut self) {
-        let mut due = Instant::now();
+        let mut last = Instant::now();
         loop {
             let wait = match self.is_busy() {
-                true => due.saturating_duration_since(Instant::now()),
+                true => self.due(last).saturating_duration_since(Instant::now()),
                 false => CURVES,
             };
             match self.commands.recv_timeout(wait) {
@@ -120,15 +126,9 @@ impl<H: Host> Session<H> {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
-            if self.is_busy() && Instant::now() >= due {
-                let start = Instant::now();
+            if self.is_busy() && Instant::now() >= self.due(last) {
+                last = Instant::now();
                 self.advance();
-                let pace = if self.pull.is_some() {
-                    FRAME
-                } else {
-                    1.0 / self.status.rate
-                };
-                due = start + Duration::from_secs_f64(pace);
                 self.publish();
             }
             self.look();
@@ -137,15 +137,23 @@ impl<H: Host> Session<H> {
 
     /// A page that goes through all presses without a server.
     pub fn export(mut self) -> String {
-        let presses = self.fall.len()..self.count();
-        let moments = presses.filter_map(|at| {
+        self.fall.clear();
+        let moments = (0..self.count()).filter_map(|at| {
             self.go(at);
-            self.status.has_policy = false;
             self.publish();
             Some(self.shared.newest()?.message(Shade::Distance).bytes())
         });
         let moments: Vec<_> = moments.collect();
         still_page(&self.stage.message(), &moments)
+    }
+
+    /// When what goes on by itself goes on, if it last did so then.
+    fn due(&self, last: Instant) -> Instant {
+        let pace = match self.pull {
+            Some(_) => FRAME,
+            None => 1.0 / self.status.rate,
+        };
+        last + Duration::from_secs_f64(pace)
     }
 
     /// Something goes on by itself.
@@ -166,7 +174,8 @@ impl<H: Host> Session<H> {
                 self.status.playing = false;
                 self.waiting.extend(vertices);
             }
-            Command::Undo {} => self.go(self.at.saturating_sub(1).max(self.fall.len())),
+            Command::Undo {} if self.at > self.fall.len() => self.go(self.at - 1),
+            Command::Undo {} => {}
             Command::Redo {} => self.go(self.at + 1),
             Command::Reset {} => self.go(self.fall.len()),
             Command::Seek { to } => self.go(to),
@@ -213,9 +222,11 @@ impl<H: Host> Session<H> {
     fn go(&mut self, to: usize) {
         self.stop();
         self.at = to.min(self.count() - 1);
-        if self.at >= self.fall.len() {
-            self.past
-                .enter(self.at - self.fall.len(), &mut self.draping);
+        let step = self.at.saturating_sub(self.fall.len());
+        let reached = self.past.enter(step, &mut self.draping);
+        if reached < step {
+            self.at = self.fall.len() + reached;
+            self.say(format!("the cloth diverges after {reached} of these"));
         }
     }
 
@@ -254,7 +265,6 @@ impl<H: Host> Session<H> {
     /// Takes the cloth to be pressed or pulled from the moment that is shown.
     fn take_hold(&mut self) {
         let from = self.at.saturating_sub(self.fall.len());
-        self.past.enter(from, &mut self.draping);
         self.past.forget_after(from);
         self.at = self.fall.len() + from;
     }
@@ -297,7 +307,7 @@ impl<H: Host> Session<H> {
         }
     }
 
-    /// Presses as finely as this from now on. What has been done so far was done as it was.
+    /// Presses as finely as this, what has been pressed so far too: it comes to another end.
     fn refine(&mut self, name: Accuracy) {
         self.stop();
         let mut spec = self.spec.clone();
@@ -305,11 +315,20 @@ impl<H: Host> Session<H> {
         let scene = self.draping.scene().clone();
         match Draping::new(scene, &spec.env, 1) {
             Ok(draping) => {
-                // The same presses come to another end.
-                let presses: Vec<u32> = self.past.vertices(self.past.len() - 1).collect();
+                let last = self.past.len() - 1;
+                let presses: Vec<u32> = self.past.vertices(last).collect();
+                if self.past.is_pulled(last) {
+                    self.say("what was pulled by hand is left out".into());
+                }
+                let pressed = self
+                    .at
+                    .checked_sub(self.fall.len())
+                    .map(|step| self.past.vertices(step).count());
                 (self.spec, self.draping) = (spec, draping);
                 self.past = Past::new(&self.draping, &presses);
-                self.go(self.at);
+                self.status.accuracy = name.name();
+                self.go(pressed.map_or(self.at, |count| self.fall.len() + count));
+                self.ask_rivals();
             }
             Err(error) => self.say(error.to_string()),
         }
@@ -319,19 +338,17 @@ impl<H: Host> Session<H> {
         self.stop();
         let mut spec = self.spec.clone();
         let offers = self.host.offers();
-        if let Some((_, tool)) = offers
-            .tools
-            .iter()
-            .find(|(name, _)| Some(name) == change.tool.as_ref())
-        {
-            spec.scene.tool = tool.clone();
+        if let Some(name) = change.tool {
+            match offers.tools.iter().find(|(known, _)| *known == name) {
+                Some((_, tool)) => spec.scene.tool = tool.clone(),
+                None => return self.say(format!("there is no tool {name}")),
+            }
         }
-        if let Some((_, material)) = offers
-            .materials
-            .iter()
-            .find(|(name, _)| Some(name) == change.material.as_ref())
-        {
-            spec.scene.material = Some(material.clone());
+        if let Some(name) = change.material {
+            match offers.materials.iter().find(|(known, _)| *known == name) {
+                Some((_, material)) => spec.scene.material = Some(material.clone()),
+                None => return self.say(format!("there is no material {name}")),
+            }
         }
         spec.env.region_mm = change.region_mm;
         if let Some(placement) = change.placement {
@@ -342,6 +359,7 @@ impl<H: Host> Session<H> {
         }
         self.stages += 1;
         let number = self.stages;
+        self.status.rivals.clear();
         // The same blank on the same tool lies as it did.
         let lies = (spec.scene == self.spec.scene).then(|| self.draping.scene().clone());
         let set_up = match lies {
@@ -351,14 +369,18 @@ impl<H: Host> Session<H> {
                     (stage, std::mem::take(&mut self.fall), draping)
                 })
                 .map_err(|error| error.to_string()),
-            None => fallen(&mut self.host, &spec, (&self.shared, &self.status), number)
-                .map_err(|error| error.to_string()),
+            None => fallen(
+                &mut self.host,
+                &spec,
+                (&self.shared, &mut self.status),
+                number,
+            )
+            .map_err(|error| error.to_string()),
         };
         match set_up {
             Ok((stage, fall, draping)) => {
-                if spec.scene != self.spec.scene {
-                    self.beside.clear();
-                }
+                // Its numbers are of the task before.
+                self.beside.clear();
                 self.past = Past::new(&draping, &[]);
                 self.at = fall.len();
                 (self.spec, self.stage, self.fall, self.draping) = (spec, stage, fall, draping);
@@ -375,6 +397,7 @@ impl<H: Host> Session<H> {
             Ok(path) => {
                 self.go(self.fall.len());
                 self.past = Past::new(&self.draping, &path);
+                self.ask_rivals();
             }
             Err(error) => self.say(error.to_string()),
         }
@@ -410,23 +433,29 @@ impl<H: Host> Session<H> {
         }
     }
 
+    /// Asks what others come to, one after the other: of tasks that are changed meanwhile only the last is of use.
     fn ask_rivals(&mut self) {
-        let asked = self.host.rivals(self.draping.scene(), &self.spec);
-        let (sender, receiver) = std::sync::mpsc::channel();
         self.status.rivals.clear();
-        self.rivals = Some(receiver);
-        thread::spawn(move || sender.send(asked()));
+        self.asks_again = self.rivals.is_some();
+        if !self.asks_again {
+            let asked = self.host.rivals(&self.draping);
+            let (sender, receiver) = std::sync::mpsc::channel();
+            let begun = thread::Builder::new().spawn(move || sender.send(asked()));
+            self.rivals = begun.ok().map(|_| receiver);
+        }
     }
 
     /// Looks at what others have found meanwhile.
     fn look(&mut self) {
         let mut is_new = false;
-        if let Some(found) = self
-            .rivals
-            .as_ref()
-            .and_then(|rivals| rivals.try_recv().ok())
-        {
-            (self.status.rivals, self.rivals, is_new) = (found, None, true);
+        let found = self.rivals.as_ref().map(Receiver::try_recv);
+        if let Some(Ok(_) | Err(TryRecvError::Disconnected)) = found {
+            self.rivals = None;
+            match (found, self.asks_again) {
+                (_, true) => self.ask_rivals(),
+                (Some(Ok(found)), _) => (self.status.rivals, is_new) = (found, true),
+                _ => {}
+            }
         }
         if self.looked.elapsed() > CURVES {
             self.looked = Instant::now();
@@ -486,7 +515,6 @@ impl<H: Host> Session<H> {
             count: self.count(),
             fall: self.fall.len(),
             waiting: self.waiting.len(),
-            accuracy: self.spec.env.accuracy.name(),
             pulled: self.past.is_pulled(step),
             over: !falls && self.draping.is_over(0),
             numbers: match falls {
@@ -495,7 +523,6 @@ impl<H: Host> Session<H> {
             },
             beside: beside.map(|of| [of.distance, 1e3 * of.surplus, of.score]),
             strokes: if falls { Vec::new() } else { strokes.collect() },
-
             ..self.status.clone()
         };
         self.shared.publish(Moment {
@@ -533,7 +560,7 @@ fn numbers(task: &Task, state: &Snapshot, draping: &Draping) -> Numbers {
     Numbers {
         distance_m: task.distance(state),
         surplus_mm: 1e3 * task.surplus(state),
-        score: task.score(state),
+        score: (task.initial > LEAST).then(|| task.score(state)),
         undraped: task.undraped_inner(state),
         presses: path.presses as usize,
         strokes: path.strokes as usize,

@@ -55,17 +55,17 @@ impl Stage {
             }
         }
         let tool = creased(&scene.tool.mesh);
+        // Of the tool what is near the blank, as seen from above.
         let (low, high) = lamina.mesh(at).bounds();
-        let bounds = (low.inf(&tool.bounds().0), high.sup(&tool.bounds().1));
+        let margin = Vec3::new(0.1, 0.1, f64::INFINITY);
+        let low = low.inf(&tool.bounds().0.sup(&(low - margin)));
+        let high = high.sup(&tool.bounds().1.inf(&(high + margin)));
         let mut stage = Self {
             number,
             scene: scene.clone(),
             tool,
             marks,
-            bounds: (
-                bounds.0.sup(&(low - Vec3::repeat(0.1))),
-                bounds.1.inf(&(high + Vec3::repeat(0.1))),
-            ),
+            bounds: (low, high),
             message: Vec::new(),
         };
         stage.message = stage.encode(spec);
@@ -93,11 +93,8 @@ impl Stage {
             "bounds": [floats(&self.bounds.0), floats(&self.bounds.1)],
             "stencil_mm": spec.env.stencil_mm,
             "region_mm": spec.env.region_mm,
-            "size_mm": spec.scene.blank.size_mm,
             "placement": spec.scene.placement,
             "clamps": spec.scene.clamps,
-            "accuracy": spec.env.accuracy,
-            "vertices": lamina.vertex_count(),
         });
         Message::new(&header)
             .with("tool", self.tool.vertices.iter().flat_map(floats))

@@ -69,7 +69,8 @@ class Live {
     const look = drawing ? null : eye.look(width, height, range());
     this.socket.send(JSON.stringify({ next, stage: stage ? stage.stage : 0, shade, look }));
   }
-  send(name, more = {}) { if (this.socket.readyState === 1) this.socket.send(JSON.stringify({ do: name, ...more })); }
+  // What is asked of cloth that falls would come too late.
+  send(name, more = {}) { if (this.socket.readyState === 1 && !(moment && moment.phase === "falling")) this.socket.send(JSON.stringify({ do: name, ...more })); }
 }
 // What a file holds: moments to go through, without a server.
 class Still {
@@ -139,7 +140,7 @@ function draw() {
   if ($("allowed").checked) drawing.mark(all(MARK.allowed), "POINTS", { ...look(TINT.allowed, 4), near: 1.2e-2 });
   drawing.mark(all(MARK.clamped | MARK.pulled), "POINTS", { ...look(TINT.clamp, 8), near: 1.2e-2 });
   if ($("path").checked) for (const stroke of moment.strokes) drawing.mark(stroke.map(place), stroke.length > 1 ? "LINE_STRIP" : "POINTS", { ...look(TINT.path, 5), near: 4e-3 });
-  const next = shade === "policy" && moment.has_policy && moment.range[1] > 0 ? moment.value.indexOf(Math.max(...moment.value)) : -1;
+  const next = shade === "policy" && moment.has_policy && moment.range[1] > 0 ? moment.value.reduce((best, p, v, all) => p > all[best] ? v : best, 0) : -1;
   for (const [v, tint] of [[next, TINT.touched], [mode === "press" && hovered ? hovered.vertex : -1, TINT.stencil]]) if (v >= 0) drawing.mark(stencil(v), "LINE_LOOP", { ...look(tint), near: 6e-3 });
 }
 let url = "";
@@ -148,17 +149,27 @@ function showPicture() {
   URL.revokeObjectURL(url);
   $("picture").src = url = URL.createObjectURL(new Blob([moment.picture], { type: "image/png" }));
 }
+const fixed = (x, digits) => { const text = x === null ? "–" : x.toFixed(digits); return Number(text) === 0 ? (0).toFixed(digits) : text; };
 const number = (x, digits = 3) => x === null || x === undefined ? "–" : Number(x).toPrecision(digits);
+// Words to the user are shown for a while.
+const WHILE = 10000;
+const came = new Map();
+function news(notices) {
+  const now = performance.now(), isFirst = told.heard < 2;
+  for (const [k] of notices) if (!came.has(k)) { came.set(k, isFirst ? -WHILE : now); setTimeout(tell, WHILE); }
+  return notices.filter(([k]) => now - came.get(k) < WHILE).slice(-3).map(([, text]) => text);
+}
 function tell() {
   const words = [lost];
+  if (!moment && !lost) words.push("the tool is being set up");
   if (!drawing) words.push(`${noDrawing}: the server draws the pictures.`);
   if (moment) {
     const m = moment, n = m.numbers, falls = m.at < m.fall;
     if (m.phase === "falling") words.push(`the blank falls, ${Math.round(100 * m.share)} %`);
     if (m.pulled) words.push("pulled by hand: this is not of the task");
-    words.push(...m.notices.slice(-3).map(([, text]) => text));
-    const rows = falls ? [] : [["distance", `${n.distance_m.toFixed(3)} m`], ["surplus", `${n.surplus_mm.toFixed(2)} mm`], ["score", `${(100 * n.score).toFixed(1)} %`], ["undraped", n.undraped], ["presses", `${n.presses} in ${n.strokes} strokes`], ["robot's time", `${n.robot_s.toFixed(1)} s`]];
-    if (m.beside && !falls) [m.beside[0].toFixed(3), m.beside[1].toFixed(2), (100 * m.beside[2]).toFixed(1)].forEach((text, k) => { rows[k][1] += ` (beside: ${text})`; });
+    words.push(...m.oddities, ...news(m.notices));
+    const rows = falls ? [] : [["distance", `${fixed(n.distance_m, 3)} m`], ["surplus", `${fixed(n.surplus_mm, 2)} mm`], ["score", `${fixed(n.score === null ? null : 100 * n.score, 1)} %`], ["undraped", n.undraped], ["presses", `${n.presses} in ${n.strokes} strokes`], ["robot's time", `${fixed(n.robot_s, 1)} s`]];
+    if (m.beside && !falls) [fixed(m.beside[0], 3), fixed(m.beside[1], 2), fixed(m.beside[2] && 100 * m.beside[2], 1)].forEach((text, k) => { rows[k][1] += ` (beside: ${text})`; });
     $("numbers").replaceChildren(...rows.map((row) => { const tr = document.createElement("tr"); row.forEach((text) => { tr.insertCell().textContent = text; }); return tr; }));
     $("rivals").textContent = m.rivals.map((rival) => `${rival.name} ${number(100 * rival.score)} %`).join(", ");
     if (document.activeElement !== $("time") || !dragging) [$("time").max, $("time").value] = [m.count - 1, m.at];
@@ -223,6 +234,7 @@ for (const seen of [canvas, $("picture")]) {
     try { seen.setPointerCapture(event.pointerId); } catch {}
     fingers.set(event.pointerId, [x, y]); canvas.focus();
     const looks = fingers.size > 1 || event.button !== 0 || event.shiftKey || mode === "look" || DATA || !found && mode !== "region";
+    if (held && held.kind === "pull") link.send("release");
     held = { kind: looks ? "look" : mode, x, y, shift: event.shiftKey };
     if (held.kind === "press") press(found);
     if (held.kind === "pull") { held.vertex = found.vertex; held.from = place(found.vertex); }
@@ -245,7 +257,7 @@ for (const seen of [canvas, $("picture")]) {
   });
   for (const end of ["pointerup", "pointercancel"]) seen.addEventListener(end, (event) => {
     if (held && held.kind === "pull") link.send("release");
-    if (held && held.kind === "region") chooseRegion(at(event));
+    if (held && held.kind === "region" && end === "pointerup") chooseRegion(at(event));
     $("region").hidden = true;
     fingers.delete(event.pointerId);
     if (!fingers.size) held = null;
@@ -259,8 +271,10 @@ function chooseRegion([x, y]) {
   const seen = eye.onto(...size()), inside = (a, b, c) => Math.min(a, b) <= c && c <= Math.max(a, b);
   const all = [...moment.marks.keys()].filter((v) => { const [px, py] = project(seen, ...place(v)); return inside(x, held.x, px) && inside(y, held.y, py); });
   if (!all.length) return;
-  const mm = (k, of) => Math.round(1e4 * of(...all.map((v) => stage.rest[2 * v + k]))) / 10;
-  link.send("task", { change: { region_mm: [mm(0, Math.min), mm(1, Math.min), mm(0, Math.max), mm(1, Math.max)] } });
+  // To a tenth beyond the vertices, so that they are in it.
+  const least = (k) => Math.floor(1e4 * all.reduce((low, v) => Math.min(low, stage.rest[2 * v + k]), Infinity)) / 10;
+  const most = (k) => Math.ceil(1e4 * all.reduce((high, v) => Math.max(high, stage.rest[2 * v + k]), -Infinity)) / 10;
+  link.send("task", { change: { region_mm: [least(0), least(1), most(0), most(1)] } });
 }
 const KEYS = {
   z: () => link.send("undo"), y: () => link.send("redo"), r: () => link.send("reset"), ".": () => link.send("step"),
@@ -314,7 +328,7 @@ $("tool").onfocus = $("material").onfocus = () => { for (const id of ["tool", "m
 
 // Pictures and films.
 function download(blob, name) { const a = document.createElement("a"); a.href = URL.createObjectURL(blob); a.download = name; a.click(); setTimeout(() => URL.revokeObjectURL(a.href), 1e4); }
-$("shot").onclick = () => drawing ? canvas.toBlob((blob) => download(blob, "drape.png")) : download(new Blob([moment.picture], { type: "image/png" }), "drape.png");
+$("shot").onclick = () => !moment || !drawing && !moment.picture ? null : drawing ? canvas.toBlob((blob) => download(blob, "drape.png")) : download(new Blob([moment.picture], { type: "image/png" }), "drape.png");
 let film = null;
 $("film").onclick = () => {
   if (film) { film.stop(); film = null; } else {
@@ -333,5 +347,6 @@ canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault();
 canvas.addEventListener("webglcontextrestored", () => { open(); tell(); isDirty = true; });
 if (matchMedia("(prefers-color-scheme: light)").matches) $("light").click();
 open();
+tell();
 link = DATA ? new Still(DATA) : new Live();
 draw();
