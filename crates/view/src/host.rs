@@ -7,9 +7,8 @@ use drape_cloth::sim::Snapshot;
 use drape_cloth::tool::ToolConfig;
 use drape_task::env::{Draping, EnvConfig};
 use drape_task::recording::{Frame, Recording};
+use serde::Serialize;
 use serde_json::Value;
-
-use super::moment::Rival;
 
 /// A scene and the task on it.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +22,13 @@ pub struct Spec {
 pub struct Offers {
     pub tools: Vec<(String, ToolConfig)>,
     pub materials: Vec<(String, Fabric)>,
+}
+
+/// What others have come to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Rival {
+    pub name: String,
+    pub score: f64,
 }
 
 /// Is told, while a blank falls, the scene without its initial state, the share that is done, and how to get at the

@@ -24,7 +24,7 @@ mod shade;
 mod stage;
 
 pub use command::{Change, Command};
-pub use host::{Host, Offers, Spec, Watch};
-pub use moment::{Moment, Numbers, Rival, Shared};
+pub use host::{Host, Offers, Rival, Spec, Watch};
+pub use moment::{Moment, Numbers, Shared};
 pub use server::Server;
 pub use session::{LEAST, Session};

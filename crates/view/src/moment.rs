@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use serde::Serialize;
 use serde_json::Value;
 
+use super::host::Rival;
 use super::message::Message;
 use super::shade::Shade;
 use super::stage::Stage;
@@ -25,13 +26,6 @@ pub struct Numbers {
     pub strokes: usize,
     /// What a robot takes for it [s].
     pub robot_s: f64,
-}
-
-/// What others have come to.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Rival {
-    pub name: String,
-    pub score: f64,
 }
 
 /// All that is told in words and single numbers.
