@@ -238,14 +238,14 @@ fn clamps_that_hold_the_blank_in_the_air_are_told() {
 }
 
 #[test]
-fn progress_runs_from_the_first_frame_to_one() {
+fn progress_runs_from_zero_to_one() {
     let mut seen = Vec::new();
     let mut config = coarse();
     config.fall.fall_s = 0.05;
     config.fall.settle_s = 0.05;
     Scene::new(&config, |share| seen.push(share)).unwrap();
-    assert_eq!(seen.len(), 6);
-    assert!(seen.is_sorted() && seen[5] == 1.0);
+    assert_eq!(seen.len(), 7);
+    assert!(seen.is_sorted() && seen[0] == 0.0 && seen[6] == 1.0);
 }
 
 #[test]
