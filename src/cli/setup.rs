@@ -15,7 +15,6 @@ use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::{Deepest, Source};
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, EnvConfig, Member, Scatter, Task, Worlds};
-use drape_view::LEAST;
 
 /// A blank that is nowhere as near to the tool as this has missed it [mm].
 const MISSED: f64 = 50.0;
@@ -279,11 +278,11 @@ pub(super) fn set_up_member(
     env.region(&lamina).or_invalid_in(place)?;
     let scene = Arc::new(set_up_over_tool(scene, place, quiet)?);
     let task = Task::new(scene.clone(), env).or_invalid_in(place)?;
-    let initial = task.initial;
-    if initial < LEAST {
+    if !task.can_win() {
         return Err(Failure::invalid(anyhow!(
-            "{place}: `env.region_mm` has {initial:.1e} m to bring down, expected a region of cloth that \
-             does not lie on the tool yet"
+            "{place}: `env.region_mm` has {:.1e} m to bring down, expected a region of cloth that \
+             does not lie on the tool yet",
+            task.initial
         )));
     }
     Ok(scene)

@@ -28,7 +28,7 @@ use drape_cloth::tool::{GridConfig, MeshSource, Pose, Source, ToolConfig};
 use drape_learn::ppo::{Agent, Sampling};
 use drape_task::env::{Draping, EpisodeState, ImageShape, Tasks};
 use drape_task::recording::{Frame, Recording};
-use drape_view::{Host, LEAST, Offers, Rival, Server, Session, Shared, Spec, Watch};
+use drape_view::{Host, Offers, Rival, Server, Session, Shared, Spec, Watch};
 
 /// Random episodes that presses by hand are shown beside, and vertices of the largest blank on which they are played.
 const RANDOM: usize = 8;
@@ -377,8 +377,8 @@ impl Host for Desk {
         let is_first = env == self.first.env && scene.config == self.first.scene;
         let path = self.path_score.filter(|_| is_first);
         let agent = self.agent.clone().filter(|_| is_first);
-        let wins = draping.task(0).initial > LEAST;
-        let is_small = wins && scene.lamina.vertex_count() <= MOST_VERTICES;
+        let is_small = scene.lamina.vertex_count() <= MOST_VERTICES;
+        let is_played = is_small && draping.task(0).can_win();
         Box::new(move || {
             let by_policy = agent.and_then(|agent| {
                 let choose =
@@ -386,7 +386,7 @@ impl Host for Desk {
                 let mut draping = Draping::new(scene.clone(), &env, 1).ok()?;
                 Some(play(&mut draping, choose, |_| ()).ok()?.summary.score)
             });
-            let played = is_small.then(|| random_episodes(&scene, &env, RANDOM, |_| ()));
+            let played = is_played.then(|| random_episodes(&scene, &env, RANDOM, |_| ()));
             let scores = played
                 .into_iter()
                 .flatten()

@@ -49,6 +49,14 @@ fn presses_change_the_sheet_and_undo_brings_back_the_bits() {
     page.say(&json!({ "do": "task", "change": { "tool": "nonsense" } }));
     page.words("there is no tool nonsense");
     assert_eq!(page.bits(), other);
+    // Where all lies on the tool there is no score, and no rival has one.
+    let flat = json!({ "tool": "plate", "region_mm": null });
+    page.say(&json!({ "do": "task", "change": flat }));
+    page.until(|moment| moment["phase"] == "falling");
+    page.ready();
+    assert!(page.moment["numbers"]["score"].is_null());
+    assert_eq!(page.moment["oddities"], json!([]));
+    assert_eq!(page.moment["rivals"], json!([]));
 }
 
 #[test]

@@ -27,4 +27,4 @@ pub use command::{Change, Command};
 pub use host::{Host, Offers, Rival, Spec, Watch};
 pub use moment::{Moment, Numbers, Shared};
 pub use server::Server;
-pub use session::{LEAST, Session};
+pub use session::Session;

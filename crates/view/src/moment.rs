@@ -77,7 +77,7 @@ pub struct Moment {
     pub position: Vec<[f64; 3]>,
     /// The sheet beside it [m].
     pub beside: Option<Vec<[f64; 3]>>,
-    /// Those of [`drape_cloth::sim::Observations::marks`], 16 in the region, 32 clamped, 64 pulled `[vertex]`.
+    /// Those of [`drape_cloth::sim::Observations::marks`], and `REGION`, `CLAMPED` and `PULLED` of `stage.rs` `[vertex]`.
     pub marks: Vec<u8>,
     /// Probability of each press, as the policy has it `[vertex]`; empty without one.
     pub advice: Vec<f32>,

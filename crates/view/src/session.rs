@@ -26,8 +26,6 @@ const RATE: f64 = 30.0;
 const NOTICES: usize = 8;
 /// Presses that may wait.
 const MOST_WAITING: usize = 4096;
-/// Where there is less to bring down there is nothing to win, and scores divide by it [m].
-pub const LEAST: f64 = 1e-6;
 /// Time between two looks at what trainings have written.
 const CURVES: Duration = Duration::from_secs(2);
 
@@ -386,7 +384,10 @@ impl<H: Host> Session<H> {
                 (self.spec, self.stage, self.fall, self.draping) = (spec, stage, fall, draping);
                 self.ask_rivals();
             }
-            Err(error) => self.say(error),
+            Err(error) => {
+                self.say(error);
+                self.ask_rivals();
+            }
         }
     }
 
@@ -560,7 +561,7 @@ fn numbers(task: &Task, state: &Snapshot, draping: &Draping) -> Numbers {
     Numbers {
         distance_m: task.distance(state),
         surplus_mm: 1e3 * task.surplus(state),
-        score: (task.initial > LEAST).then(|| task.score(state)),
+        score: task.can_win().then(|| task.score(state)),
         undraped: task.undraped_inner(state),
         presses: path.presses as usize,
         strokes: path.strokes as usize,

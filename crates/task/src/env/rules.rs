@@ -22,7 +22,7 @@ pub struct Task {
     pub config: EnvConfig,
     /// The focus region.
     pub region: Region,
-    /// The objective at the start [m].
+    /// The objective at the start [m], see [`Task::can_win`].
     pub initial: f64,
     /// What it shows that never changes.
     pub terrain: Arc<Terrain>,
@@ -34,6 +34,11 @@ pub struct Task {
 }
 
 impl Task {
+    /// Whether there is anything to bring down, a micrometre at least: scores divide by it.
+    pub fn can_win(&self) -> bool {
+        self.initial >= 1e-6
+    }
+
     /// A task.
     ///
     /// # Errors
