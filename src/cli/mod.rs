@@ -17,6 +17,7 @@ mod output;
 mod picture;
 mod proof;
 mod result;
+mod robot;
 mod scene;
 mod setup;
 mod signals;
@@ -51,6 +52,7 @@ enum Command {
     Baseline(baseline::BaselineArgs),
     Eval(eval::EvalArgs),
     Export(export::ExportArgs),
+    Robot(robot::RobotArgs),
     Devices(devices::DevicesArgs),
     Tool(tool::ToolArgs),
     Scene(scene::SceneArgs),
@@ -90,6 +92,7 @@ impl Cli {
             Command::Baseline(args) => baseline::run(args),
             Command::Eval(args) => eval::run(args),
             Command::Export(args) => export::run(args),
+            Command::Robot(args) => robot::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Tool(args) => tool::run(args),
             Command::Scene(args) => scene::run(args),

@@ -15,6 +15,7 @@ mod events;
 mod folder;
 mod log;
 mod metrics;
+mod robot;
 mod rollout;
 mod scenes;
 mod training;
@@ -26,6 +27,7 @@ pub use config::{RunConfig, TrainingPreset};
 pub use demonstrations::Demonstrations;
 pub use folder::{BestSequence, Input, Proved, RunError, RunFolder, RunInfo, dated_folder, digest};
 pub use metrics::{curve, read_metrics};
+pub use robot::{ReachMap, cell};
 pub use rollout::{
     EpisodeSummary, PlayedEpisode, RolloutError, Rules, parallel_episodes, play, random_episodes,
     replay,

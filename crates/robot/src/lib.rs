@@ -2,15 +2,37 @@
 //! so to its controller (paper, Sections 6 and 7.4).
 //!
 //! Lengths are metres, angles radians, but for keys of files that say otherwise. The crate knows no cloth: a path is a
-//! list of contact frames on a tool, and what stands in the way is triangles.
+//! list of points on a tool, and what stands in the way is triangles.
 
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
 #![allow(rustdoc::broken_intra_doc_links)]
 
 mod arm;
+mod cell;
+mod inverse;
+mod kinematics;
+mod obstacles;
+mod path;
+mod plan;
 mod program;
+mod remedy;
 mod roller;
+mod strokes;
+mod transfer;
+mod workcell;
 
-pub use arm::{Arm, Joint, Joints, Pose};
-pub use program::{Contact, Program, ProgramStroke, Speeds, Station};
+pub use arm::{Arm, ArmError, Joint, Joints, Pose};
+pub use cell::{
+    BlockConfig, CapsuleConfig, CellConfig, CellError, LimitsConfig, MotionConfig, Place, RollerConfig,
+    TurntableConfig,
+};
+pub use inverse::Solver;
+/// A place [m].
+pub type Point = nalgebra::Point3<f64>;
+pub use obstacles::{Clearance, Obstacles, Pair, Surface, Touch};
+pub use path::{PathPoint, contact};
+pub use plan::{FailedPoint, NoHome, Plan, Reached};
+pub use program::{Contact, Moment, Motion, Program, ProgramStroke, Speeds, Station};
+pub use remedy::BaseProposal;
 pub use roller::Roller;
+pub use workcell::{Cell, Check};

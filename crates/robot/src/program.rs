@@ -13,6 +13,8 @@ pub struct Program<'a> {
     /// The angles of the turntable that are used; one where there is none.
     pub stations: Vec<Station>,
     pub strokes: Vec<ProgramStroke>,
+    /// Corners of the free way home from the last stroke, both ends left out.
+    pub way_home: Vec<Joints>,
 }
 
 /// How fast and how hard.
@@ -27,6 +29,8 @@ pub struct Speeds {
     pub force: f64,
     /// How long it stays on a point that is pressed without travel [s].
     pub press_s: f64,
+    /// How long the turntable takes for a turn [s].
+    pub turn_s: f64,
 }
 
 /// An angle of the turntable.
@@ -64,7 +68,118 @@ pub struct Contact {
     /// origin in the middle of the line of contact.
     pub frame: Pose,
     pub joints: Joints,
-    /// Least singular value of the Jacobian of the contact [m/rad and 1], and the distance to what might be hit [m].
+    /// Least singular value of the Jacobian, see [`Arm::sigma_min`], and the distance to what might be hit [m].
     pub sigma_min: f64,
     pub clearance: f64,
+}
+
+/// Where an arm is at a moment of a program, and what it does there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moment {
+    /// Since the program began [s].
+    pub at: f64,
+    pub joints: Joints,
+    pub stroke: usize,
+    pub motion: Motion,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Motion {
+    /// A corner of a free way, the turntable at the station of the stroke before or behind.
+    Free,
+    /// Above a first contact or a last one.
+    Above,
+    /// On a contact.
+    Contact,
+}
+
+impl Program<'_> {
+    /// When the arm is where: every corner, approach and contact, straight in joints between free ones and straight in
+    /// space between contacts, at constant speeds.
+    pub fn moments(&self) -> Vec<Moment> {
+        let mut moments = vec![Moment {
+            at: 0.0,
+            joints: self.home,
+            stroke: 0,
+            motion: Motion::Free,
+        }];
+        let (mut time, mut last, mut station) = (0.0, self.home, 0);
+        for (k, stroke) in self.strokes.iter().enumerate() {
+            let mut go = |joints: Joints, seconds: f64, motion: Motion| {
+                // No two at once, and no joint faster than it can.
+                time += seconds.max(self.fastest(&last, &joints)).max(1e-3);
+                last = joints;
+                moments.push(Moment {
+                    at: time,
+                    joints,
+                    stroke: k,
+                    motion,
+                });
+            };
+            let turn = if stroke.station == station { 0.0 } else { self.speeds.turn_s };
+            station = stroke.station;
+            let mut from = last_of(&self.strokes, k, &self.home);
+            for (corner, joints) in stroke.transfer.iter().chain([&stroke.approach]).enumerate() {
+                let wait = if corner == 0 { turn } else { 0.0 };
+                go(*joints, wait + self.free(&from, joints), Motion::Free);
+                from = *joints;
+            }
+            let lift = self.lift(stroke) / self.speeds.approach;
+            let mut before: Option<&Contact> = None;
+            for contact in &stroke.contacts {
+                let seconds = match before {
+                    None => lift,
+                    Some(before) => {
+                        let way = contact.frame.translation.vector - before.frame.translation.vector;
+                        way.norm() / self.speeds.contact
+                    }
+                };
+                go(contact.joints, seconds, Motion::Contact);
+                before = Some(contact);
+            }
+            if stroke.contacts.len() == 1 {
+                go(stroke.contacts[0].joints, self.speeds.press_s, Motion::Contact);
+            }
+            go(stroke.retreat, lift, Motion::Above);
+        }
+        let mut from = last;
+        for joints in self.way_home.iter().chain([&self.home]) {
+            time += self.free(&from, joints).max(1e-3);
+            from = *joints;
+            moments.push(Moment {
+                at: time,
+                joints: *joints,
+                stroke: self.strokes.len().saturating_sub(1),
+                motion: Motion::Free,
+            });
+        }
+        moments
+    }
+
+    /// How long the whole program takes [s].
+    pub fn seconds(&self) -> f64 {
+        self.moments().last().map_or(0.0, |moment| moment.at)
+    }
+
+    /// How far the roller lifts off before a stroke [m].
+    fn lift(&self, stroke: &ProgramStroke) -> f64 {
+        let [up, down] = [stroke.approach, stroke.contacts[0].joints].map(|joints| self.arm.flange_at(&joints));
+        (up.translation.vector - down.translation.vector).norm()
+    }
+
+    /// Of a free way [s].
+    fn free(&self, from: &Joints, to: &Joints) -> f64 {
+        self.fastest(from, to) / self.speeds.free
+    }
+
+    /// The least that a move takes [s].
+    fn fastest(&self, from: &Joints, to: &Joints) -> f64 {
+        let joints = self.arm.joints.iter().enumerate();
+        joints.map(|(j, joint)| (to[j] - from[j]).abs() / joint.speed).fold(0.0, f64::max)
+    }
+}
+
+/// Where the arm is before stroke `k`.
+fn last_of(strokes: &[ProgramStroke], k: usize, home: &Joints) -> Joints {
+    k.checked_sub(1).map_or(*home, |before| strokes[before].retreat)
 }

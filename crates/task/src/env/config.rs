@@ -3,6 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use super::costs::Costs;
 use super::objective::Objective;
+use crate::path::Robot;
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
@@ -59,6 +60,9 @@ pub struct EnvConfig {
     /// How its world differs from what scene and task say.
     #[serde(skip_serializing_if = "is_default")]
     pub parameters: Parameters,
+    /// Which presses are possible at all. Files do not have it: it is made from a cell, once the tool is known.
+    #[serde(skip)]
+    pub robot: Robot,
 }
 
 impl Default for EnvConfig {
@@ -84,6 +88,7 @@ impl Default for EnvConfig {
             device: Device::Cpu,
             costs: Costs::default(),
             parameters: Parameters::default(),
+            robot: Robot::default(),
         }
     }
 }

@@ -13,6 +13,8 @@ pub struct Costs {
     pub second: f64,
     /// and each inner vertex that ends off the tool, see [`Region::undraped_inner`](super::Region::undraped_inner).
     pub undraped: f64,
+    /// and each press that the run's robot cannot make, see [`Feasibility::infeasible`](crate::path::Feasibility::infeasible).
+    pub infeasible: f64,
     /// How long the robot takes for a press, beside its way [s],
     pub press_s: f64,
     /// to come down on the tool for a stroke, as [`PathFigures`] count them, and up again [s],
@@ -29,6 +31,7 @@ impl Default for Costs {
         Self {
             second: 0.0,
             undraped: 0.0,
+            infeasible: 0.05,
             press_s: 0.2,
             stroke_s: 3.0,
             turn_s: 1.0,
@@ -44,6 +47,7 @@ impl Costs {
         for (key, value, range) in [
             ("second", self.second, share),
             ("undraped", self.undraped, share),
+            ("infeasible", self.infeasible, share),
             ("press_s", self.press_s, time),
             ("stroke_s", self.stroke_s, time),
             ("turn_s", self.turn_s, time),

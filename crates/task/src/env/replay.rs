@@ -115,7 +115,7 @@ impl Task {
         let measures = self.measures(cloth);
         let score = || score(self.initial, self.left(&measures));
         let is_believable = self.is_believable(&measures);
-        is_believable.then(|| score() - self.cost(&self.figures(&points), cloth))
+        is_believable.then(|| score() - self.cost(&points, cloth))
     }
 
     /// How far an episode has left each vertex off the tool [m], what is within 0.2 mm not counted.

@@ -4,12 +4,14 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use fixedbitset::FixedBitSet;
+
 use super::config::{EnvConfig, Region};
 use super::objective::Goal;
 use super::reward::score;
 use super::task::ImageShape;
 use super::terrain::Terrain;
-use crate::path::{PathFigures, PressedPoint};
+use crate::path::{PathFigures, PressedPoint, Robot};
 use drape_cloth::file::ValueError;
 use drape_cloth::math::Vec3;
 use drape_cloth::measure::{Measures, surplus};
@@ -22,6 +24,8 @@ pub struct Task {
     pub config: EnvConfig,
     /// The focus region.
     pub region: Region,
+    /// Vertices of it that can be pressed: all, or those that the robot reaches where they lie before the first press.
+    pub pressable: FixedBitSet,
     /// The objective at the start [m], see [`Task::can_win`].
     pub initial: f64,
     /// What it shows that never changes.
@@ -59,15 +63,23 @@ impl Task {
             settle: (config.settle_s > 0.0).then(|| stepping.control(config.settle_s)),
         };
         let shape = shape(&image);
+        let allowed = pressable(&scene, &region, &config.robot);
         let seen = (0..shape.pixel_count() as u32).filter_map(|pixel| {
             let vertex = vertex(&scene, &image, pixel)?;
-            (region.vertices.contains(vertex as usize)).then_some((pixel, vertex))
+            (allowed.contains(vertex as usize)).then_some((pixel, vertex))
         });
         let view = View::new(shape.pixel_count(), seen, scene.lamina.vertex_count());
         let (objective, at) = (config.objective, &scene.initial.position);
         let goal = Goal::new(objective, scene.clone(), region.vertices.clone(), at);
+        ValueError::unless(
+            region.vertices.is_clear() || !allowed.is_clear(),
+            "cell",
+            "a robot that reaches no vertex of the region",
+            "one that reaches some",
+        )?;
         Ok(Self {
             terrain: Terrain::new(&scene, &view).into(),
+            pressable: allowed,
             initial: goal.left(at),
             config: config.clone(),
             view: view.into(),
@@ -89,6 +101,7 @@ impl Task {
             region: self.region.clone(),
             initial: goal.left(at),
             terrain: self.terrain.clone(),
+            pressable: self.pressable.clone(),
             stencil: self.stencil.clone(),
             view: self.view.clone(),
             goal,
@@ -118,6 +131,11 @@ impl Task {
         self.region.vertices.ones().map(|v| v as u32)
     }
 
+    /// Vertices that can be pressed, ascending.
+    pub fn pressable_vertices(&self) -> impl Iterator<Item = u32> + '_ {
+        self.pressable.ones().map(|v| v as u32)
+    }
+
     /// About how many presses an episode takes: one for each five vertices.
     pub fn expected_presses(&self) -> usize {
         self.view.vertices.len().div_ceil(5)
@@ -138,14 +156,7 @@ impl Task {
     /// Where on the tool, in the frame of the scene, presses have landed whose vertices were at these
     /// places [m] over it.
     pub fn points(&self, presses: &[(u32, [f64; 3])]) -> Vec<PressedPoint> {
-        let point = |&(vertex, x): &(u32, [f64; 3])| {
-            let surface = self.scene.tool.surface.project(Vec3::from(x));
-            PressedPoint {
-                vertex,
-                position: surface.position + self.scene.tool.origin,
-                normal: surface.normal,
-            }
-        };
+        let point = |&(vertex, at): &(u32, [f64; 3])| landing(&self.scene, vertex, at);
         presses.iter().map(point).collect()
     }
 
@@ -159,14 +170,20 @@ impl Task {
         score(self.initial, self.goal.left(&state.position))
     }
 
-    /// What their path costs, see [`Costs`](super::Costs).
-    pub fn cost(&self, path: &PathFigures, state: &Snapshot) -> f64 {
+    /// What the path through `points` costs, see [`Costs`](super::Costs).
+    pub fn cost(&self, points: &[PressedPoint], state: &Snapshot) -> f64 {
         let costs = &self.config.costs;
         let undraped = match costs.undraped > 0.0 {
             true => self.undraped_inner(state),
             false => 0,
         };
-        costs.of(path, undraped)
+        costs.of(&self.figures(points), undraped) + costs.infeasible * self.infeasible(points) as f64
+    }
+
+    /// Points of a path that the robot cannot press; none where there is no robot.
+    pub fn infeasible(&self, points: &[PressedPoint]) -> usize {
+        let robot = self.config.robot.0.as_ref();
+        robot.map_or(0, |robot| robot.infeasible(points, self.config.join_distance()))
     }
 
     /// What is measured of a state.
@@ -192,6 +209,28 @@ impl Task {
         measures.strain <= self.config.max_tension
             && measures.depth <= 1e-3 * self.config.max_depth_mm
     }
+}
+
+/// Where a vertex at `at` [m], over the tool, lands if it is pressed, in the scene.
+fn landing(scene: &Scene, vertex: u32, at: [f64; 3]) -> PressedPoint {
+    let surface = scene.tool.surface.project(Vec3::from(at));
+    PressedPoint {
+        vertex,
+        position: surface.position + scene.tool.origin,
+        normal: surface.normal,
+    }
+}
+
+/// Vertices of a region whose place on the tool a robot reaches.
+fn pressable(scene: &Scene, region: &Region, robot: &Robot) -> FixedBitSet {
+    let mut all = region.vertices.clone();
+    if let Some(robot) = &robot.0 {
+        for v in region.vertices.ones() {
+            let point = landing(scene, v as u32, scene.initial.position[v]);
+            all.set(v, robot.allows(&point));
+        }
+    }
+    all
 }
 
 fn shape(image: &[Range<usize>; 2]) -> ImageShape {

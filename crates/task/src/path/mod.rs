@@ -12,6 +12,7 @@
 //! y = z × x, along the axis of the roller; its origin is on the roller's line of contact.
 
 mod csv;
+mod feasibility;
 mod figures;
 mod frame;
 pub mod inp;
@@ -19,6 +20,7 @@ mod json;
 mod strokes;
 
 pub use csv::write_csv;
+pub use feasibility::{Feasibility, Robot};
 pub use figures::PathFigures;
 pub use frame::Frame;
 pub use json::{read_json, write_json};

@@ -26,7 +26,7 @@ impl Board {
     pub fn new(task: &Task) -> Self {
         let lamina = &task.scene.lamina;
         let vertices: Vec<u32> = task
-            .region_vertices()
+            .pressable_vertices()
             .filter(|&v| task.action(v).is_some())
             .collect();
         let mut board = Self {

@@ -95,7 +95,7 @@ impl Region {
 fn region(env: &Draping) -> Region {
     let shape = env.shape();
     let task = &env.tasks()[0];
-    let pixels = task.region_vertices().filter_map(|v| task.action(v));
+    let pixels = task.pressable_vertices().filter_map(|v| task.action(v));
     let mut pixels: Vec<usize> = pixels.map(|pixel| pixel as usize).collect();
     pixels.sort_unstable();
     Region {

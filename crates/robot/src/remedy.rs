@@ -1,0 +1,122 @@
+//! What would mend a point that the arm cannot press: another place for the base, more tilt, less deviation.
+
+use nalgebra::{Translation3, Vector3};
+use rayon::prelude::*;
+
+use super::arm::Pose;
+use super::path::PathPoint;
+use super::plan::{Plan, frames};
+use super::workcell::{Cell, Check};
+
+/// A place for the arm's base.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct BaseProposal {
+    /// In the scene [m].
+    pub at: [f64; 3],
+    /// Points that can be reached from there, each by itself, of so many.
+    pub points: usize,
+    pub of: usize,
+}
+
+/// Moves of the base that are tried [m]: along x and y, and z.
+const ACROSS: [f64; 5] = [0.0, -0.1, 0.1, -0.2, 0.2];
+const UP: [f64; 5] = [0.0, 0.1, -0.1, 0.2, -0.2];
+/// Tilts that are tried where the limit does not suffice [degrees].
+const TILTS: [f64; 3] = [45.0, 60.0, 75.0];
+/// Shares of the deviation.
+const SHARES: [f64; 3] = [0.75, 0.5, 0.25];
+
+impl Cell {
+    /// The same cell with its arm elsewhere.
+    pub fn moved(&self, base: Pose) -> Self {
+        let mut cell = self.clone();
+        cell.base = base;
+        cell
+    }
+
+    /// Where the base would reach most points of a path, with that many; among equals the nearest to where it stands.
+    pub fn best_base(&self, path: &[PathPoint]) -> Option<(Pose, BaseProposal)> {
+        let frames = frames(path);
+        let mut moves: Vec<Vector3<f64>> = Vec::new();
+        for x in ACROSS {
+            for y in ACROSS {
+                moves.extend(UP.map(|z| Vector3::new(x, y, z)));
+            }
+        }
+        moves.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
+        let counts: Vec<Option<usize>> = moves
+            .par_iter()
+            .map(|by| {
+                let cell = self.moved(Translation3::from(*by) * self.base);
+                if cell.base_in().is_some() {
+                    return None;
+                }
+                // Once enough have failed, none better than the first is to be had.
+                Some(frames.iter().filter(|(frame, is_press)| cell.can_reach(frame, *is_press)).count())
+            })
+            .collect();
+        let best = counts.iter().flatten().max()?;
+        let k = counts.iter().position(|count| count.as_ref() == Some(best))?;
+        let base = Translation3::from(moves[k]) * self.base;
+        let proposal = BaseProposal {
+            at: base.translation.vector.into(),
+            points: *best,
+            of: frames.len(),
+        };
+        Some((base, proposal))
+    }
+
+    fn can_reach(&self, frame: &Pose, is_press: bool) -> bool {
+        // No deviations: they cost a dozen times as much, and this ranks places only.
+        self.ways(is_press).iter().any(|way| self.reaches(frame, way, false).is_ok())
+    }
+
+    /// Says for each point that failed what would mend it, and gives the base that reaches most, if any is better.
+    pub fn find_remedies(&self, path: &[PathPoint], plan: &mut Plan) -> Option<BaseProposal> {
+        if plan.failed.is_empty() {
+            return None;
+        }
+        let frames = frames(path);
+        let best = self.best_base(path).filter(|(base, _)| *base != self.base);
+        let moved = best.as_ref().map(|(base, _)| self.moved(*base));
+        plan.failed.par_iter_mut().for_each(|failed| {
+            let (frame, is_press) = &frames[failed.index];
+            let holds = |cell: &Self| cell.effort(frame, *is_press).is_ok();
+            let with = |change: &dyn Fn(&mut Self)| {
+                let mut cell = self.clone();
+                change(&mut cell);
+                holds(&cell)
+            };
+            failed.remedy = if failed.check == Check::Transfer {
+                "name a home_deg from which the arm gets there, or move what stands between".into()
+            } else if holds(self) {
+                "it can be pressed by itself: end the stroke before it".into()
+            } else if let Some((_, (_, base))) = moved.as_ref().zip(best.as_ref()).filter(|(cell, _)| holds(cell)) {
+                let [x, y, z] = base.at.map(|x| (1e3 * x).round() + 0.0);
+                format!("move the base to {x}, {y}, {z} mm, which reaches {} of {} points", base.points, base.of)
+            } else if let Some(most) = TILTS.iter().find(|&&most| {
+                most > self.limits.tilt_deg && with(&|cell| cell.limits.tilt_deg = most)
+            }) {
+                format!("let the arm lean by {most} degrees (limits.tilt_deg)")
+            } else if let Some(share) = SHARES.iter().find(|&&share| {
+                with(&|cell| {
+                    cell.limits.deviation_mm *= share;
+                    cell.limits.deviation_deg *= share;
+                })
+            }) {
+                let [way, angle] = [self.limits.deviation_mm, self.limits.deviation_deg].map(|most| share * most);
+                format!("hold the roller to {way} mm and {angle} degrees (limits.deviation_mm, deviation_deg)")
+            } else {
+                "none found: another base, more tilt and less deviation do not reach it".into()
+            };
+        });
+        let mut reached = self.reached(path);
+        if let Some(moved) = &moved {
+            let lost: Vec<_> = frames.iter().filter(|(frame, press)| self.effort(frame, *press).is_err()).collect();
+            reached.by_moving_the_base = lost.iter().filter(|(frame, press)| moved.effort(frame, *press).is_ok()).count();
+            reached.not_at_all -= reached.by_moving_the_base;
+        }
+        plan.reached = reached;
+        best.map(|(_, proposal)| proposal)
+    }
+}

@@ -1,0 +1,127 @@
+//! Free ways between strokes: straight in joints where nothing stands there, else found by two trees that grow towards
+//! each other (RRT-Connect, Kuffner and LaValle 2000), from samples that are the same every time.
+
+use super::arm::Joints;
+use super::workcell::Cell;
+
+/// Steps at which a way is looked at [rad], and by which trees grow.
+const LOOK: f64 = 0.03;
+const GROW: f64 = 0.3;
+/// Samples at most, and tries to make a way shorter.
+pub(crate) const SAMPLES: u64 = 1500;
+const SHORTCUTS: u64 = 60;
+/// Steps of a sequence that fills six dimensions evenly (Roberts 2018).
+const EVEN: [f64; 6] = [0.898_654, 0.807_578, 0.725_733, 0.652_183, 0.586_087, 0.526_689];
+
+/// Poses and what each grew from, the first from itself.
+struct Tree(Vec<(Joints, usize)>);
+
+impl Tree {
+    fn nearest(&self, to: &Joints) -> usize {
+        let apart = |k: &usize| distance(&self.0[*k].0, to);
+        let all = 0..self.0.len();
+        all.min_by(|a, b| apart(a).total_cmp(&apart(b))).expect("a tree has a root")
+    }
+
+    /// From the root to a pose.
+    fn way(&self, mut k: usize) -> Vec<Joints> {
+        let mut way = vec![self.0[k].0];
+        while self.0[k].1 != k {
+            k = self.0[k].1;
+            way.push(self.0[k].0);
+        }
+        way.reverse();
+        way
+    }
+}
+
+fn distance(a: &Joints, b: &Joints) -> f64 {
+    (0..6).map(|j| (a[j] - b[j]).powi(2)).sum::<f64>().sqrt()
+}
+
+impl Cell {
+    /// The corners of a free way between two poses, both left out; none if none was found.
+    pub(crate) fn transfer(&self, from: &Joints, to: &Joints, station: usize) -> Option<Vec<Joints>> {
+        if self.is_free(from, to, station, LOOK) {
+            return Some(Vec::new());
+        }
+        if !self.is_clear(from, station) || !self.is_clear(to, station) {
+            return None;
+        }
+        let mut trees = [Tree(vec![(*from, 0)]), Tree(vec![(*to, 0)])];
+        for k in 0..SAMPLES {
+            let side = (k % 2) as usize;
+            let sample = std::array::from_fn(|j| {
+                let [min, max] = self.arm.joints[j].limits;
+                min + (max - min) * (0.5 + (k + 1) as f64 * EVEN[j]).fract()
+            });
+            let Some(grown) = self.grow(&mut trees[side], &sample, station) else {
+                continue;
+            };
+            let target = trees[side].0[grown].0;
+            let other = &mut trees[1 - side];
+            let mut met = None;
+            while let Some(next) = self.grow(other, &target, station) {
+                if distance(&other.0[next].0, &target) < 1e-9 {
+                    met = Some(next);
+                    break;
+                }
+            }
+            if let Some(met) = met {
+                let (mut here, mut there) = (trees[side].way(grown), trees[1 - side].way(met));
+                there.reverse();
+                here.extend(&there[1..]);
+                if side == 1 {
+                    here.reverse();
+                }
+                let way = self.shorter(here, station);
+                return Some(way[1..way.len() - 1].to_vec());
+            }
+        }
+        None
+    }
+
+    /// Grows a tree by one step towards a pose.
+    fn grow(&self, tree: &mut Tree, to: &Joints, station: usize) -> Option<usize> {
+        let from = tree.nearest(to);
+        let start = tree.0[from].0;
+        let far = distance(&start, to);
+        if far < 1e-9 {
+            return None;
+        }
+        let share = (GROW / far).min(1.0);
+        let next = match share {
+            1.0 => *to,
+            _ => std::array::from_fn(|j| start[j] + share * (to[j] - start[j])),
+        };
+        self.is_free(&start, &next, station, LOOK).then(|| {
+            tree.0.push((next, from));
+            tree.0.len() - 1
+        })
+    }
+
+    /// Leaves out corners that need not be.
+    fn shorter(&self, mut way: Vec<Joints>, station: usize) -> Vec<Joints> {
+        for k in 0..SHORTCUTS {
+            if way.len() < 3 {
+                break;
+            }
+            let share = |step: f64| (0.5 + (k + 1) as f64 * step).fract();
+            let a = (share(EVEN[0]) * way.len() as f64) as usize;
+            let b = (share(EVEN[1]) * way.len() as f64) as usize;
+            let (a, b) = (a.min(b), a.max(b).min(way.len() - 1));
+            if b > a + 1 && self.is_free(&way[a], &way[b], station, LOOK) {
+                way.drain(a + 1..b);
+            }
+        }
+        // What is left of corners one behind the other.
+        let mut a = 0;
+        while a + 2 < way.len() {
+            match self.is_free(&way[a], &way[a + 2], station, LOOK) {
+                true => drop(way.remove(a + 1)),
+                false => a += 1,
+            }
+        }
+        way
+    }
+}

@@ -1,0 +1,338 @@
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use anyhow::anyhow;
+use serde::Serialize;
+
+use super::Failure;
+use super::failure::OrInvalid;
+use super::loaded::Loaded;
+use super::output::{Progress, print, write_together};
+use super::result::path;
+use super::terminal::Told;
+use crate::run::cell;
+use drape_cloth::file::{read_toml, write_atomic};
+use drape_cloth::mesh::TriMesh;
+use drape_cloth::scene::Scene;
+use drape_report::{Camera, Color, DRAPED, Drawing, Image, TOOL, creased, save_gif};
+use drape_robot::{BaseProposal, Cell, CellConfig, FailedPoint, PathPoint, Place, Plan, Reached};
+use drape_task::path::{DrapingPoint, Frame};
+
+/// Plan how a robot arm presses the path of a run: what it reaches, what it would hit, and the program
+///
+/// Writes pictures of the arm, a film of the program and the cell as it was resolved into RUN/robot; `drape export
+/// --format rapid` and its like take the cell from there.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape robot runs/NAME
+  drape robot runs/NAME --cell cell.toml --json
+  drape export runs/NAME --format rapid --out drape.mod")]
+pub struct RobotArgs {
+    /// Run folder
+    run: PathBuf,
+
+    /// Robot, roller, table and frame, as docs/ROBOT.md has them; a CRB 15000 that stands where it reaches most if not
+    /// given
+    #[arg(long, value_name = "FILE")]
+    cell: Option<PathBuf>,
+
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is printed.
+#[derive(Serialize)]
+struct Report {
+    run: Told,
+    robot: String,
+    /// Of the arm's base in the scene [mm].
+    base_mm: [f64; 3],
+    points: usize,
+    /// Points that the program presses.
+    reachable: usize,
+    failed: Vec<FailedPoint>,
+    /// What points take, each by itself.
+    reached: Reached,
+    /// Places where the program, played at finer steps, hits something: none.
+    collisions: Vec<String>,
+    /// Points that the arm would hit something at, if it went there at once.
+    collisions_before: usize,
+    strokes: usize,
+    /// Strokes of the path that were lifted within.
+    lifted: usize,
+    /// Angles of the turntable that are used.
+    stations_deg: Vec<f64>,
+    program_s: f64,
+    /// Least over the program: of the Jacobian's singular values, and the distance to what might be hit [mm].
+    sigma_min: f64,
+    clearance_mm: f64,
+    /// Where the base would reach more.
+    better_base: Option<BaseProposal>,
+    seconds: f64,
+    folder: Told,
+}
+
+/// A cell and a path, as files and a run describe them.
+pub(super) struct Planned {
+    pub cell: Cell,
+    pub path: Vec<PathPoint>,
+    pub plan: Plan,
+    pub better_base: Option<BaseProposal>,
+    config: CellConfig,
+}
+
+/// A cell file's name in the folder of pictures and programs.
+const RESOLVED: &str = "cell.toml";
+const FOLDER: &str = "robot";
+const PICTURE: [usize; 2] = [720, 620];
+const FILM: [usize; 2] = [480, 400];
+/// Pictures of worst points, and frames of the film.
+const WORST: usize = 4;
+const FRAMES: usize = 90;
+const ARM: Color = [200, 160, 60];
+const BLOCK: Color = [120, 120, 124];
+
+impl Planned {
+    /// Plans the path of a run in a cell: that of a file, or else what `drape robot` has left in the run, or the default.
+    pub fn new(loaded: &Loaded, file: Option<&Path>) -> Result<Self, Failure> {
+        let kept = loaded.folder.path.join(FOLDER).join(RESOLVED);
+        let file = file.map(Path::to_path_buf).or_else(|| kept.exists().then_some(kept));
+        let mut config: CellConfig = match &file {
+            Some(file) => read_toml(file).or_invalid()?,
+            None => CellConfig::default(),
+        };
+        let place = file.as_deref().map_or("the default cell".into(), |file| file.display().to_string());
+        config.check().or_invalid_in(&place)?;
+        config.locate(file.as_deref().and_then(Path::parent).unwrap_or(Path::new("")));
+        let scene = &loaded.scene;
+        let mut cell = cell(&config, scene).or_invalid_in(&place)?;
+        let (played, _) = loaded.play_path()?;
+        let points = path(&played.recording)?;
+        let path = path_points(&points, &Frame::tool(&scene.config.tool.pose));
+        if config.base.is_none() {
+            // Wherever it reaches most; a shop that has a place names it.
+            let (base, _) = cell.best_base(&path).ok_or_else(|| anyhow!("{place}: the base has no place"))?;
+            cell = cell.moved(base);
+            config.base = Some(Place {
+                at_mm: base.translation.vector.map(|x| (1e6 * x).round() * 1e-3 + 0.0).into(),
+                rotation_deg: [0.0; 3],
+            });
+        }
+        let progress = Progress::new("strokes", loaded.json);
+        let done = AtomicUsize::new(0);
+        let watch = |points: usize| {
+            let done = done.fetch_add(points, Ordering::Relaxed) + points;
+            progress.set(done as f64 / path.len().max(1) as f64);
+        };
+        let mut plan = cell.plan(&path, watch).or_invalid_in(&place)?;
+        drop(progress);
+        let better_base = cell.find_remedies(&path, &mut plan);
+        if plan.failed.is_empty() {
+            plan.reached = cell.reached(&path);
+        }
+        Ok(Self {
+            cell,
+            path,
+            plan,
+            better_base,
+            config,
+        })
+    }
+}
+
+fn path_points(points: &[DrapingPoint], frame: &Frame) -> Vec<PathPoint> {
+    let of = |point: &DrapingPoint| PathPoint {
+        position: frame.point(&point.position),
+        normal: frame.direction(&point.normal),
+        travel: point.travel.map(|travel| frame.direction(&travel)),
+        stroke: point.stroke,
+    };
+    points.iter().map(of).collect()
+}
+
+/// Runs `drape robot`.
+pub fn run(args: RobotArgs) -> Result<(), Failure> {
+    let start = Instant::now();
+    let loaded = Loaded::open(&args.run, None, None, args.json)?;
+    let planned = Planned::new(&loaded, args.cell.as_deref())?;
+    let Planned { cell, path, plan, .. } = &planned;
+    let program = cell.program(plan, &name(&args.run));
+    let least = |of: fn(&drape_robot::Contact) -> f64| {
+        plan.contacts().map(|(_, contact)| of(contact)).fold(f64::INFINITY, f64::min)
+    };
+    let folder = loaded.folder.path.join(FOLDER);
+    let report = Report {
+        run: (&args.run).into(),
+        robot: cell.arm.name.clone(),
+        base_mm: cell.base.translation.vector.map(|x| 1e3 * x).into(),
+        points: path.len(),
+        reachable: path.len() - plan.failed.len(),
+        failed: plan.failed.clone(),
+        reached: plan.reached,
+        collisions: cell.collisions(plan),
+        collisions_before: cell.collisions_at_once(path),
+        strokes: plan.strokes.len(),
+        lifted: plan.lifted,
+        stations_deg: plan.stations.iter().map(|station| station.angle.to_degrees()).collect(),
+        program_s: program.seconds(),
+        sigma_min: least(|contact| contact.sigma_min),
+        clearance_mm: 1e3 * least(|contact| contact.clearance),
+        better_base: planned.better_base,
+        seconds: start.elapsed().as_secs_f64(),
+        folder: (&folder).into(),
+    };
+    std::fs::create_dir_all(&folder).map_err(|error| anyhow!("cannot create {}: {error}", folder.display()))?;
+    write_together(&folder, |to| pictures(&planned, &loaded.scene, to))?;
+    print(&report, args.json, Report::text)
+}
+
+/// What programs of a run are called.
+pub(super) fn name(run: &Path) -> String {
+    run.file_name().map_or("drape".into(), |name| name.to_string_lossy().into_owned())
+}
+
+impl Report {
+    fn text(&self) -> String {
+        let reached = &self.reached;
+        let [x, y, z] = self.base_mm;
+        let mut text = format!(
+            "{} of {} points in {} strokes by a {} at ({x:.0}, {y:.0}, {z:.0}) mm, {:.1} s\n\
+             by themselves: {} at once, {} with the roller flipped, {} by tilting, {} by turning the table, {} by moving \
+             the base, {} not at all\n\
+             collisions: {} if every point was gone to at once, {} in the program; least clearance {:.1} mm, least \
+             singular value {:.3}",
+            self.reachable,
+            self.points,
+            self.strokes,
+            self.robot,
+            self.program_s,
+            reached.at_once,
+            reached.by_flipping,
+            reached.by_tilting,
+            reached.by_turning_the_table,
+            reached.by_moving_the_base,
+            reached.not_at_all,
+            self.collisions_before,
+            self.collisions.len(),
+            self.clearance_mm,
+            self.sigma_min,
+        );
+        for hit in &self.collisions {
+            let _ = write!(text, "\n  hits: {hit}");
+        }
+        for point in &self.failed {
+            let check = serde_json::to_string(&point.check).expect("a name");
+            let _ = write!(
+                text,
+                "\n  point {}: {}: {}; tried {}; remedy: {}",
+                point.index,
+                check.trim_matches('"'),
+                point.detail,
+                point.tried,
+                point.remedy
+            );
+        }
+        let _ = write!(text, "\nwritten to {}", self.folder.display());
+        text
+    }
+}
+
+/// Pictures of the arm where it is nearest to trouble, a film of the program, and the cell.
+fn pictures(planned: &Planned, scene: &Scene, folder: &Path) -> Result<(), Failure> {
+    let text = toml::to_string(&planned.config).expect("a cell can be written");
+    write_atomic(&folder.join(RESOLVED), |file| std::io::Write::write_all(file, text.as_bytes()))?;
+    let plan = &planned.plan;
+    let stage = Stage::new(planned, scene);
+    let mut worst: Vec<_> = plan.contacts().collect();
+    worst.sort_by(|a, b| a.1.clearance.total_cmp(&b.1.clearance));
+    for (k, (stroke, contact)) in worst.iter().take(WORST).enumerate() {
+        let station = stage.station(stroke.station);
+        let caption = format!(
+            "point {}: clearance {:.1} mm, singular value {:.3}, tilt {:.0} deg",
+            contact.point,
+            1e3 * contact.clearance,
+            contact.sigma_min,
+            stroke.tilt.to_degrees()
+        );
+        let image = stage.picture(&contact.joints, station, &caption, PICTURE);
+        image.save_png(&folder.join(format!("worst-{}.png", k + 1)))?;
+    }
+    let mut frames = Vec::new();
+    for stroke in &plan.strokes {
+        let station = stage.station(stroke.station);
+        frames.extend(stroke.transfer.iter().chain([&stroke.approach]).map(|q| (*q, station)));
+        frames.extend(stroke.contacts.iter().map(|contact| (contact.joints, station)));
+        frames.push((stroke.retreat, station));
+    }
+    let skip = frames.len().div_ceil(FRAMES).max(1);
+    let images: Vec<Image> = frames
+        .iter()
+        .step_by(skip)
+        .map(|(joints, station)| stage.picture(joints, *station, "", FILM))
+        .collect();
+    if !images.is_empty() {
+        save_gif(&images, 12, 150, &folder.join("program.gif"))?;
+    }
+    Ok(())
+}
+
+/// The cell as pictures show it.
+struct Stage<'a> {
+    planned: &'a Planned,
+    tool: TriMesh,
+    camera: Camera,
+}
+
+impl<'a> Stage<'a> {
+    fn new(planned: &'a Planned, scene: &Scene) -> Self {
+        let tool = creased(&scene.tool.mesh_in_scene());
+        let (mut low, mut high) = tool.bounds();
+        for corner in planned.cell.arm_triangles(&planned.plan.home).iter().flatten() {
+            (low, high) = (low.inf(corner), high.sup(corner));
+        }
+        Self {
+            planned,
+            tool,
+            camera: Camera::isometric((low, high)),
+        }
+    }
+
+    /// The number in the cell of a station of the plan.
+    fn station(&self, of: usize) -> usize {
+        self.planned.cell.station(&self.planned.plan.stations[of])
+    }
+
+    fn picture(&self, joints: &drape_robot::Joints, station: usize, caption: &str, size: [usize; 2]) -> Image {
+        let Planned { cell, path, plan, .. } = self.planned;
+        let turn = cell.turn(station);
+        let mut drawing = Drawing::new(&self.camera, size);
+        let mut tool = self.tool.clone();
+        for vertex in &mut tool.vertices {
+            *vertex = (turn * drape_robot::Point::from(*vertex)).coords;
+        }
+        drawing.mesh(&tool, |_| TOOL, 0.0);
+        drawing.mesh(&soup(&cell.block_triangles(station)), |_| BLOCK, 0.0);
+        drawing.mesh(&soup(&cell.arm_triangles(joints)), |_| ARM, 0.0);
+        for (k, point) in path.iter().enumerate() {
+            let failed = plan.failed.iter().any(|failed| failed.index == k);
+            let at = cell.in_scene(&point.position, station);
+            drawing.disc(at, 3e-3, if failed { FAILED } else { DRAPED });
+        }
+        let mut image = drawing.image();
+        image.label([10, 8], caption, 14.0, [232, 232, 228]);
+        image
+    }
+}
+
+const FAILED: Color = [220, 60, 50];
+
+fn soup(triangles: &[[drape_cloth::math::Vec3; 3]]) -> TriMesh {
+    let count = triangles.len() as u32;
+    TriMesh {
+        vertices: triangles.as_flattened().to_vec(),
+        triangles: (0..count).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(),
+    }
+}
