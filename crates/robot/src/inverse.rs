@@ -115,8 +115,7 @@ impl Solver {
         }
     }
 
-    /// All poses within the limits that bring the flange there, each joint as near to 0 as turns allow; see
-    /// [`Solver::windings`].
+    /// All poses within the limits that bring the flange there, each joint as near to 0 as turns allow.
     pub fn solve(&self, flange: &Pose) -> Vec<Joints> {
         let link = flange * self.arm.flange.inverse();
         let found = match (self.wrist, &self.plane) {
@@ -140,25 +139,6 @@ impl Solver {
         }
         solutions.sort_by(|a, b| a.partial_cmp(b).expect("angles are finite"));
         solutions
-    }
-
-    /// The same pose with whole turns more or less, as far as limits allow.
-    pub fn windings(&self, joints: &Joints) -> Vec<Joints> {
-        let mut all = vec![*joints];
-        for (j, joint) in self.arm.joints.iter().enumerate() {
-            let [min, max] = joint.limits;
-            let turned = all.iter().flat_map(|q| {
-                let turns = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|turns| q[j] + turns * TAU);
-                let within = turns.into_iter().filter(|angle| (min..=max).contains(angle));
-                within.map(|angle| {
-                    let mut q = *q;
-                    q[j] = angle;
-                    q
-                })
-            });
-            all = turned.collect();
-        }
-        all
     }
 
     /// The pose that brings the flange there, coming from one nearby.

@@ -1,5 +1,7 @@
 //! From points to motions: every stroke in the way that costs least together with those before and behind it.
 
+use std::f64::consts::TAU;
+
 use rayon::prelude::*;
 
 use super::arm::{Joints, Pose};
@@ -253,7 +255,8 @@ impl Cell {
         let mut last: Option<(Joints, usize)> = None;
         // What is joined already stays if its candidate does.
         for (k, (piece, &c)) in pieces.iter().zip(chosen).enumerate() {
-            let to = &piece.candidates[c];
+            let from = last.map_or(*home, |(from, _)| from);
+            let to = &self.wound(&piece.candidates[c], &from);
             let is_same = strokes.get(k).is_some_and(|stroke| {
                 stroke.approach == to.approach && stroke.contacts[0].point == to.contacts[0].point
             });
@@ -288,6 +291,28 @@ impl Cell {
         }
         strokes.truncate(pieces.len());
         None
+    }
+
+    /// A candidate whose joints are wound by whole turns, as far as limits allow for all of it, so that it begins nearest to
+    /// a pose.
+    fn wound(&self, candidate: &Candidate, from: &Joints) -> Candidate {
+        let mut wound = candidate.clone();
+        for (j, joint) in self.arm.joints.iter().enumerate() {
+            let margin = self.limits.joint_deg.to_radians();
+            let all = wound.contacts.iter().map(|contact| contact.joints[j]);
+            let all = all.chain([wound.approach[j], wound.retreat[j]]);
+            let [min, max] = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[min, max], q| [q.min(min), q.max(max)]);
+            let fits = |turn: &f64| {
+                min + turn >= joint.limits[0] + margin && max + turn <= joint.limits[1] - margin
+            };
+            let far = |turn: &f64| (wound.approach[j] + turn - from[j]).abs();
+            let turns = [0.0, TAU, -TAU].into_iter().filter(|turn| *turn == 0.0 || fits(turn));
+            let turn = turns.min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(0.0);
+            wound.contacts.iter_mut().for_each(|contact| contact.joints[j] += turn);
+            wound.approach[j] += turn;
+            wound.retreat[j] += turn;
+        }
+        wound
     }
 
     fn by_home(&self, from: &Joints, home: &Joints, to: &Candidate) -> Option<Vec<Joints>> {

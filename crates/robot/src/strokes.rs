@@ -8,7 +8,7 @@ use nalgebra::{Rotation3, Translation3, Vector3};
 use super::arm::{Joints, Pose};
 use super::obstacles::Touch;
 use super::program::Contact;
-use super::workcell::{Cell, Check, FAR, Fault, Quality};
+use super::workcell::{Cell, Check, FAR, Fault};
 
 /// How a stroke is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -138,6 +138,10 @@ impl Cell {
             }
             match self.off(&contacts, way) {
                 Ok((approach, retreat)) => {
+                    let mut contacts = contacts;
+                    for contact in &mut contacts {
+                        contact.clearance = self.clearance(&contact.joints, way.station);
+                    }
                     of_station[way.station] += 1;
                     candidates.push(Candidate {
                         cost: self.cost(&way, &contacts),
@@ -200,17 +204,17 @@ impl Cell {
                 }
             };
             let passed = joints.and_then(|joints| {
-                let quality = press(&joints)?;
+                let sigma_min = press(&joints)?;
                 self.deviates(&joints, &frame, way.station, way.tilt)?;
-                Ok((joints, quality))
+                Ok((joints, sigma_min))
             });
             match passed {
-                Ok((joints, quality)) => contacts.push(Contact {
+                Ok((joints, sigma_min)) => contacts.push(Contact {
                     point,
                     frame,
                     joints,
-                    sigma_min: quality.sigma_min,
-                    clearance: quality.clearance,
+                    sigma_min,
+                    clearance: f64::NAN,
                 }),
                 Err(fault) => return (contacts, Some(fault)),
             }
@@ -290,21 +294,19 @@ impl Cell {
     }
 
     /// Whether some pose holds a contact in a way, deviations included if they are `strict`.
-    pub(crate) fn reaches(&self, frame: &Pose, way: &Way, strict: bool) -> Result<Quality, Fault> {
+    pub(crate) fn reaches(&self, frame: &Pose, way: &Way, strict: bool) -> Result<(), Fault> {
         let frame = turned(frame, way.yaw);
         let mut worst = Fault {
             check: Check::Reach,
             detail: "no pose of the arm puts the roller there".into(),
         };
         for joints in self.poses(&self.flange(way.station, &frame, way.tilt)) {
-            let passed = self.judge(&joints, way.station, Touch::Pressing, 1.0).and_then(|quality| {
-                if strict {
-                    self.deviates(&joints, &frame, way.station, way.tilt)?;
-                }
-                Ok(quality)
+            let passed = self.judge(&joints, way.station, Touch::Pressing, 1.0).and_then(|_| match strict {
+                true => self.deviates(&joints, &frame, way.station, way.tilt),
+                false => Ok(()),
             });
             match passed {
-                Ok(quality) => return Ok(quality),
+                Ok(()) => return Ok(()),
                 Err(fault) if fault.check > worst.check => worst = fault,
                 Err(_) => {}
             }

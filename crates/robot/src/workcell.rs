@@ -37,14 +37,6 @@ pub(crate) struct Fault {
     pub detail: String,
 }
 
-/// What a pose that will do is like.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Quality {
-    pub sigma_min: f64,
-    /// [m], no more than [`FAR`].
-    pub clearance: f64,
-}
-
 /// An arm in a cell, around a tool.
 #[derive(Clone)]
 pub struct Cell {
@@ -143,21 +135,22 @@ impl Cell {
         self.work_object(station) * contact * self.roller.contact(tilt).inverse()
     }
 
-    /// All poses of the arm for a flange, windings included.
+    /// All poses of the arm for a flange, each joint as near to 0 as it goes.
     pub(crate) fn poses(&self, flange: &Pose) -> Vec<Joints> {
-        let solutions = self.solver.solve(flange);
-        solutions.iter().flat_map(|q| self.solver.windings(q)).collect()
+        self.solver.solve(flange)
     }
 
-    /// Holds a pose against limits, singularities and what it might hit, `share` of the distances that are asked for.
-    pub(crate) fn judge(&self, joints: &Joints, station: usize, touch: Touch, share: f64) -> Result<Quality, Fault> {
+    /// Holds a pose against limits, singularities and what it might hit, `share` of the distances that are asked for. Gives
+    /// the least singular value.
+    pub(crate) fn judge(&self, joints: &Joints, station: usize, touch: Touch, share: f64) -> Result<f64, Fault> {
         let fault = |check, detail| Err(Fault { check, detail });
         let sigma_min = self.kinematic(joints, share)?;
-        let least = share * 1e-3 * self.limits.clearance_mm;
+        // Whatever is farther away than it has to be is not looked at: among many triangles that takes most of the time.
+        let least = (share * 1e-3 * self.limits.clearance_mm).max(1e-6);
         let found = self
             .obstacles
-            .clearance(&self.arm, &self.base, joints, &self.turns[station], touch, FAR.max(least));
-        if let Some(pair) = found.pair.filter(|_| found.distance <= least) {
+            .clearance(&self.arm, &self.base, joints, &self.turns[station], touch, least);
+        if let Some(pair) = found.pair {
             return fault(
                 Check::Collision,
                 match found.distance {
@@ -166,10 +159,14 @@ impl Cell {
                 },
             );
         }
-        Ok(Quality {
-            sigma_min,
-            clearance: found.distance,
-        })
+        Ok(sigma_min)
+    }
+
+    /// How far a pose on a contact is from what it might hit, no farther than [`FAR`] [m].
+    pub(crate) fn clearance(&self, joints: &Joints, station: usize) -> f64 {
+        let turn = &self.turns[station];
+        let found = self.obstacles.clearance(&self.arm, &self.base, joints, turn, Touch::Pressing, FAR);
+        found.distance
     }
 
     /// The part of [`Cell::judge`] that asks for no shapes: gives the least singular value.
