@@ -1,11 +1,14 @@
 //! What would mend a point that the arm cannot press: another place for the base, more tilt, less deviation.
 
+use std::f64::consts::FRAC_PI_2;
+
 use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
 
 use super::arm::Pose;
 use super::path::PathPoint;
 use super::plan::{Plan, frames};
+use super::strokes::Way;
 use super::workcell::{Cell, Check};
 
 /// A place for the arm's base.
@@ -21,6 +24,8 @@ pub struct BaseProposal {
 /// Moves of the base that are tried [m]: along x and y, and z.
 const ACROSS: [f64; 5] = [0.0, -0.1, 0.1, -0.2, 0.2];
 const UP: [f64; 5] = [0.0, 0.1, -0.1, 0.2, -0.2];
+/// Places that are tried side by side.
+const CHUNK: usize = 16;
 /// Tilts that are tried where the limit does not suffice [degrees].
 const TILTS: [f64; 3] = [45.0, 60.0, 75.0];
 /// Shares of the deviation.
@@ -44,23 +49,34 @@ impl Cell {
             }
         }
         moves.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
-        let counts: Vec<Option<usize>> = moves
-            .par_iter()
-            .map(|by| {
-                let cell = self.moved(Translation3::from(*by) * self.base);
-                if cell.base_in().is_some() {
-                    return None;
+        let count = |by: &Vector3<f64>| {
+            let cell = self.moved(Translation3::from(*by) * self.base);
+            let reaches = |(frame, is_press): &&(Pose, bool)| cell.can_reach(frame, *is_press);
+            match cell.base_in() {
+                Some(_) => None,
+                None => Some(frames.iter().filter(reaches).count()),
+            }
+        };
+        // From near to far; the first that reaches all ends the search.
+        let mut best: Option<(usize, usize)> = None;
+        for (chunk, some) in moves.chunks(CHUNK).enumerate() {
+            let counts: Vec<Option<usize>> = some.par_iter().map(count).collect();
+            for (k, count) in counts.into_iter().enumerate() {
+                if let Some(count) = count
+                    && best.is_none_or(|(_, most)| count > most)
+                {
+                    best = Some((CHUNK * chunk + k, count));
                 }
-                // Once enough have failed, none better than the first is to be had.
-                Some(frames.iter().filter(|(frame, is_press)| cell.can_reach(frame, *is_press)).count())
-            })
-            .collect();
-        let best = counts.iter().flatten().max()?;
-        let k = counts.iter().position(|count| count.as_ref() == Some(best))?;
+            }
+            if best.is_some_and(|(_, most)| most == frames.len()) {
+                break;
+            }
+        }
+        let (k, best) = best?;
         let base = Translation3::from(moves[k]) * self.base;
         let proposal = BaseProposal {
             at: base.translation.vector.into(),
-            points: *best,
+            points: best,
             of: frames.len(),
         };
         Some((base, proposal))
@@ -68,7 +84,10 @@ impl Cell {
 
     fn can_reach(&self, frame: &Pose, is_press: bool) -> bool {
         // No deviations: they cost a dozen times as much, and this ranks places only.
-        self.ways(is_press).iter().any(|way| self.reaches(frame, way, false).is_ok())
+        let tilts = |way: &&Way| way.tilt == 0.0 || way.tilt.abs() > 0.9 * self.limits.tilt_deg.to_radians();
+        let ways = self.ways(is_press);
+        let turned = |way: &&Way| !is_press || way.yaw % FRAC_PI_2 < 0.1;
+        ways.iter().filter(tilts).filter(turned).any(|way| self.reaches(frame, way, false).is_ok())
     }
 
     /// Says for each point that failed what would mend it, and gives the base that reaches most, if any is better.

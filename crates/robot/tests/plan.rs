@@ -1,6 +1,6 @@
 //! Plans round a dome on a table.
 
-use drape_robot::{Arm, BlockConfig, Cell, CellConfig, Check, PathPoint, Place, Plan, Point, Pose, Surface};
+use drape_robot::{Arm, Cell, CellConfig, PathPoint, Place, Plan, Point, Pose, Surface};
 use nalgebra::Vector3;
 
 const RADIUS: f64 = 0.075;
