@@ -174,44 +174,66 @@ impl Obstacles {
                 };
             }
         }
-        let last = self.moving.len() - 1;
-        for standing in &self.standing {
-            let at = match standing.turns {
-                true => turn * standing.at,
-                false => standing.at,
-            };
-            // The base stands on something.
-            for (k, part) in self.moving.iter().enumerate().filter(|(_, part)| part.frame > 0) {
-                if touch == Touch::Pressing && k == last && standing.name == TOOL {
-                    continue;
-                }
-                let here = frames[part.frame];
-                let centre = at.inverse() * here * nalgebra::Point3::from(part.centre);
-                let apart = standing.around.distance_to_local_point(vector(&centre.coords), true);
-                if apart - part.radius >= found.distance {
-                    continue;
-                }
-                let between = closest_points(
-                    &isometry(&(here * part.at)),
-                    &*part.shape,
-                    &isometry(&at),
-                    &*standing.shape,
-                    found.distance,
-                );
-                if let Some(distance) = within(between)
-                    && distance < found.distance
-                {
-                    found = Clearance {
-                        distance,
-                        pair: Some(Pair(part.name.clone(), standing.name.clone())),
-                    };
-                }
-            }
+        // The base stands on something.
+        let parts = self.moving.iter().enumerate().filter(|(_, part)| part.frame > 0);
+        for (k, part) in parts {
+            self.nearest(k, &frames[part.frame], turn, touch, |_| true, &mut found);
             if found.distance == 0.0 {
                 break;
             }
         }
         found
+    }
+
+    /// How near what is at the flange comes to what turns with the tool, whatever arm holds it there: `flange` in the scene.
+    pub(crate) fn clearance_of_holder(&self, flange: &Pose, turn: &Pose, most: f64) -> Clearance {
+        let mut found = Clearance {
+            distance: most,
+            pair: None,
+        };
+        let parts = self.moving.iter().enumerate().filter(|(_, part)| part.frame == FLANGE);
+        for (k, _) in parts {
+            self.nearest(k, flange, turn, Touch::Pressing, |standing| standing.turns, &mut found);
+        }
+        found
+    }
+
+    /// Brings `found` down to the distance of a moving part, whose link is at `frame`, to those that stand around.
+    fn nearest(
+        &self,
+        part: usize,
+        frame: &Pose,
+        turn: &Pose,
+        touch: Touch,
+        which: impl Fn(&Standing) -> bool,
+        found: &mut Clearance,
+    ) {
+        let is_roller = part + 1 == self.moving.len();
+        let part = &self.moving[part];
+        for standing in self.standing.iter().filter(|standing| which(standing)) {
+            if touch == Touch::Pressing && is_roller && standing.name == TOOL {
+                continue;
+            }
+            let at = match standing.turns {
+                true => turn * standing.at,
+                false => standing.at,
+            };
+            let centre = at.inverse() * frame * nalgebra::Point3::from(part.centre);
+            let apart = standing.around.distance_to_local_point(vector(&centre.coords), true);
+            if apart - part.radius >= found.distance {
+                continue;
+            }
+            let from = isometry(&(frame * part.at));
+            let between = closest_points(&from, &*part.shape, &isometry(&at), &*standing.shape, found.distance);
+            if let Some(distance) = within(between)
+                && distance < found.distance
+            {
+                *found = Clearance {
+                    distance,
+                    pair: Some(Pair(part.name.clone(), standing.name.clone())),
+                };
+            }
+        }
     }
 
     /// What the base stands in, if it does.

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::arm::Pose;
 use super::path::PathPoint;
 use super::plan::{Plan, frames};
-use super::strokes::Way;
+use super::strokes::{Way, turned};
 use super::workcell::{Cell, Check};
 
 /// A place for the arm's base.
@@ -42,6 +42,10 @@ impl Cell {
     /// Where the base would reach most points of a path, with that many; among equals the nearest to where it stands.
     pub fn best_base(&self, path: &[PathPoint]) -> Option<(Pose, BaseProposal)> {
         let frames = frames(path);
+        // Where the roller itself does not fit no arm helps.
+        let fits = |(frame, is_press): &&(Pose, bool)| self.fits_somehow(frame, *is_press);
+        let of = frames.len();
+        let frames: Vec<&(Pose, bool)> = frames.iter().filter(fits).collect();
         let mut moves: Vec<Vector3<f64>> = Vec::new();
         for x in ACROSS {
             for y in ACROSS {
@@ -51,7 +55,7 @@ impl Cell {
         moves.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
         let count = |by: &Vector3<f64>| {
             let cell = self.moved(Translation3::from(*by) * self.base);
-            let reaches = |(frame, is_press): &&(Pose, bool)| cell.can_reach(frame, *is_press);
+            let reaches = |(frame, is_press): &&&(Pose, bool)| cell.can_reach(frame, *is_press);
             match cell.base_in() {
                 Some(_) => None,
                 None => Some(frames.iter().filter(reaches).count()),
@@ -77,9 +81,15 @@ impl Cell {
         let proposal = BaseProposal {
             at: base.translation.vector.into(),
             points: best,
-            of: frames.len(),
+            of,
         };
         Some((base, proposal))
+    }
+
+    /// Whether the roller fits on a contact in any direction and at any tilt.
+    fn fits_somehow(&self, frame: &Pose, is_press: bool) -> bool {
+        let ways = self.ways(is_press).into_iter().filter(|way| way.station == 0);
+        ways.into_iter().any(|way| self.fits(&turned(frame, way.yaw), way.tilt).is_ok())
     }
 
     fn can_reach(&self, frame: &Pose, is_press: bool) -> bool {
@@ -110,6 +120,8 @@ impl Cell {
                 "name a home_deg from which the arm gets there, or move what stands between".into()
             } else if holds(self) {
                 "it can be pressed by itself: end the stroke before it".into()
+            } else if !self.fits_somehow(frame, *is_press) && !with(&|cell| cell.limits.tilt_deg = TILTS[2]) {
+                "none but a smaller roller or holder: they do not fit there, whatever arm holds them".into()
             } else if let Some((_, (_, base))) = moved.as_ref().zip(best.as_ref()).filter(|(cell, _)| holds(cell)) {
                 let [x, y, z] = base.at.map(|x| (1e3 * x).round() + 0.0);
                 format!("move the base to {x}, {y}, {z} mm, which reaches {} of {} points", base.points, base.of)

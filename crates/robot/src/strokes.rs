@@ -99,8 +99,13 @@ impl Cell {
         let ways = self.ways(is_press);
         let mut open: Vec<(f64, Way, Joints)> = Vec::new();
         let (mut faults, mut poses) = (Vec::new(), 0);
+        let mut fitting = Vec::new();
         for way in &ways {
             let first = turned(&frames[0], way.yaw);
+            if let Err(fault) = self.fits_in(&first, way, &mut fitting) {
+                faults.push((0, fault));
+                continue;
+            }
             let starts = self.poses(&self.flange(way.station, &first, way.tilt));
             poses += starts.len();
             for start in starts {
@@ -110,7 +115,7 @@ impl Cell {
                 }
             }
         }
-        if poses == 0 {
+        if faults.is_empty() && poses == 0 {
             let detail = "no pose of the arm puts the roller there".into();
             let check = Check::Reach;
             faults.push((0, Fault { check, detail }));
@@ -167,6 +172,16 @@ impl Cell {
             candidates,
             reached,
         }
+    }
+
+    /// Whether the roller fits on a contact in a way; asked once for all angles of the table.
+    fn fits_in(&self, contact: &Pose, way: &Way, known: &mut Vec<(f64, f64, Result<(), Fault>)>) -> Result<(), Fault> {
+        if let Some((.., fits)) = known.iter().find(|(yaw, tilt, _)| (*yaw, *tilt) == (way.yaw, way.tilt)) {
+            return fits.clone();
+        }
+        let fits = self.fits(contact, way.tilt);
+        known.push((way.yaw, way.tilt, fits.clone()));
+        fits
     }
 
     fn tried(&self, ways: &[Way], poses: usize) -> String {
@@ -270,7 +285,11 @@ impl Cell {
         let share = margin / self.limits.clearance_mm.max(0.1);
         let mut bits = 0;
         let ways = self.ways(false).into_iter().filter(|way| way.yaw == 0.0);
+        let mut fitting = Vec::new();
         for (k, way) in ways.enumerate().take(64) {
+            if self.fits_in(contact, &way, &mut fitting).is_err() {
+                continue;
+            }
             let poses = self.poses(&self.flange(way.station, contact, way.tilt));
             let holds = |joints: &Joints| {
                 self.kinematic(joints, 1.0).is_ok() && self.judge(joints, way.station, Touch::Pressing, share).is_ok()
@@ -282,9 +301,10 @@ impl Cell {
 
     /// The least that a point takes by itself, if it can be reached at all.
     pub(crate) fn effort(&self, frame: &Pose, is_press: bool) -> Result<Effort, Fault> {
-        let mut worst: Option<Fault> = None;
+        let (mut worst, mut fitting) = (None::<Fault>, Vec::new());
         for way in self.ways(is_press) {
-            match self.reaches(frame, &way, true) {
+            let fits = self.fits_in(&turned(frame, way.yaw), &way, &mut fitting);
+            match fits.and_then(|()| self.reaches(frame, &way, true)) {
                 Ok(_) => return Ok(way.effort),
                 Err(fault) if worst.as_ref().is_none_or(|worst| worst.check < fault.check) => worst = Some(fault),
                 Err(_) => {}
@@ -315,7 +335,8 @@ impl Cell {
     }
 }
 
-fn turned(frame: &Pose, yaw: f64) -> Pose {
+/// A contact with its roller turned about the normal.
+pub(crate) fn turned(frame: &Pose, yaw: f64) -> Pose {
     match yaw {
         0.0 => *frame,
         _ => frame * Pose::from_parts(Translation3::identity(), Rotation3::from_axis_angle(&Vector3::z_axis(), yaw)),

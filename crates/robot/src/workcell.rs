@@ -7,7 +7,7 @@ use nalgebra::{Rotation3, Translation3, Vector3};
 use super::arm::{Arm, Joints, Pose};
 use super::cell::{CellConfig, LimitsConfig, MotionConfig};
 use super::inverse::Solver;
-use super::obstacles::{Obstacles, Surface, Touch};
+use super::obstacles::{Clearance, Obstacles, Surface, Touch};
 use super::roller::Roller;
 
 /// What a point of a path has to pass, in the order in which it is asked.
@@ -35,6 +35,30 @@ pub enum Check {
 pub(crate) struct Fault {
     pub check: Check,
     pub detail: String,
+}
+
+impl Fault {
+    /// The same of a contact that is off by so much.
+    fn deviated(&self, by: &str) -> Self {
+        Self {
+            check: Check::Deviation,
+            detail: format!("off by {by}: {}", self.detail),
+        }
+    }
+}
+
+impl Clearance {
+    /// That two parts come too near, if they do.
+    fn fault(&self) -> Option<Fault> {
+        let pair = self.pair.as_ref()?;
+        Some(Fault {
+            check: Check::Collision,
+            detail: match self.distance {
+                0.0 => format!("{pair} hit each other"),
+                near => format!("{pair} come within {:.1} mm", 1e3 * near),
+            },
+        })
+    }
 }
 
 /// An arm in a cell, around a tool.
@@ -143,23 +167,57 @@ impl Cell {
     /// Holds a pose against limits, singularities and what it might hit, `share` of the distances that are asked for. Gives
     /// the least singular value.
     pub(crate) fn judge(&self, joints: &Joints, station: usize, touch: Touch, share: f64) -> Result<f64, Fault> {
-        let fault = |check, detail| Err(Fault { check, detail });
         let sigma_min = self.kinematic(joints, share)?;
         // Whatever is farther away than it has to be is not looked at: among many triangles that takes most of the time.
         let least = (share * 1e-3 * self.limits.clearance_mm).max(1e-6);
         let found = self
             .obstacles
             .clearance(&self.arm, &self.base, joints, &self.turns[station], touch, least);
-        if let Some(pair) = found.pair {
-            return fault(
-                Check::Collision,
-                match found.distance {
-                    0.0 => format!("{pair} hit each other"),
-                    near => format!("{pair} come within {:.1} mm", 1e3 * near),
-                },
-            );
+        match found.fault() {
+            Some(fault) => Err(fault),
+            None => Ok(sigma_min),
         }
-        Ok(sigma_min)
+    }
+
+    /// Whether the roller and what holds it fit on a contact, deviations included, whatever arm holds them there.
+    pub(crate) fn fits(&self, contact: &Pose, tilt: f64) -> Result<(), Fault> {
+        let holder = |contact: &Pose, least: f64| {
+            let flange = self.tool * contact * self.roller.contact(tilt).inverse();
+            let found = self.obstacles.clearance_of_holder(&flange, &self.turns[0], least.max(1e-6));
+            found.fault().map_or(Ok(()), Err)
+        };
+        holder(contact, 1e-3 * self.limits.clearance_mm)?;
+        for (deviation, name) in self.deviations() {
+            holder(&(contact * deviation), 0.0).map_err(|fault| fault.deviated(&name))?;
+        }
+        Ok(())
+    }
+
+    /// What force control lets happen to a contact: moves along and turns about its axes, one by one, and what they are
+    /// called.
+    fn deviations(&self) -> impl Iterator<Item = (Pose, String)> {
+        let LimitsConfig {
+            deviation_mm: way,
+            deviation_deg: angle,
+            ..
+        } = self.limits;
+        (0..12).filter(move |k| if *k < 6 { way > 0.0 } else { angle > 0.0 }).map(move |k| {
+            let (sign, axis) = ([1.0, -1.0][k % 2], k / 2 % 3);
+            let named = ["x", "y", "z"][axis];
+            let sense = ["+", "-"][k % 2];
+            match k < 6 {
+                true => {
+                    let by = Translation3::from(Vector3::ith(axis, sign * 1e-3 * way));
+                    let name = format!("{way} mm along {sense}{named}");
+                    (Pose::from_parts(by, Rotation3::identity()), name)
+                }
+                false => {
+                    let by = Rotation3::new(Vector3::ith(axis, sign * angle.to_radians()));
+                    let name = format!("{angle} degrees about {sense}{named}");
+                    (Pose::from_parts(Translation3::identity(), by), name)
+                }
+            }
+        })
     }
 
     /// How far a pose on a contact is from what it might hit, no farther than [`FAR`] [m].
@@ -222,33 +280,16 @@ impl Cell {
 
     /// Holds a contact against the deviations that force control allows.
     pub(crate) fn deviates(&self, joints: &Joints, contact: &Pose, station: usize, tilt: f64) -> Result<(), Fault> {
-        let way = 1e-3 * self.limits.deviation_mm;
-        let angle = self.limits.deviation_deg.to_radians();
-        let moves = (0..6).map(|k| {
-            let axis = Vector3::ith(k % 3, if k < 3 { way } else { -way });
-            Pose::from_parts(axis.into(), Rotation3::identity())
-        });
-        let turns = (0..6).map(|k| {
-            let axis = Vector3::ith(k % 3, if k < 3 { angle } else { -angle });
-            Pose::from_parts(Translation3::identity(), Rotation3::new(axis))
-        });
-        for (k, deviation) in moves.chain(turns).enumerate() {
+        for (deviation, name) in self.deviations() {
             let flange = self.flange(station, &(contact * deviation), tilt);
-            let of = |fault: &str| {
-                let by = match k < 6 {
-                    true => format!("{} mm", self.limits.deviation_mm),
-                    false => format!("{} degrees", self.limits.deviation_deg),
-                };
-                let axis = ["x", "y", "z"][k % 3];
-                let sign = if k % 6 < 3 { "+" } else { "-" };
-                Fault {
-                    check: Check::Deviation,
-                    detail: format!("off by {by} along {sign}{axis}: {fault}"),
-                }
-            };
-            let there = self.solver.follow(&flange, joints).ok_or_else(|| of("no pose"))?;
+            let there = self.solver.follow(&flange, joints).ok_or_else(|| {
+                let detail = "no pose of the arm".into();
+                let check = Check::Deviation;
+                Fault { check, detail }.deviated(&name)
+            })?;
             // Nothing may be hit; margins are for what is planned.
-            self.judge(&there, station, Touch::Pressing, 0.0).map_err(|fault| of(&fault.detail))?;
+            let judged = self.judge(&there, station, Touch::Pressing, 0.0);
+            judged.map_err(|fault| fault.deviated(&name))?;
         }
         Ok(())
     }
