@@ -8,7 +8,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{Matrix6, Rotation3, Unit, Vector3, Vector6};
+use nalgebra::{Matrix6, Rotation3, Unit, UnitQuaternion, Vector3, Vector6};
 
 use super::arm::{Arm, Joints, Pose};
 
@@ -543,7 +543,7 @@ fn rotation_vector(turned: &Rotation3<f64>) -> Vector3<f64> {
     let sine = 0.5 * Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)]);
     match sine.norm() {
         small if small < 0.1 && m.trace() > 2.0 => sine * (1.0 + small * small / 6.0),
-        _ => turned.scaled_axis(),
+        _ => UnitQuaternion::from_rotation_matrix(turned).scaled_axis(),
     }
 }
 

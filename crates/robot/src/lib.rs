@@ -32,7 +32,7 @@ pub type Point = nalgebra::Point3<f64>;
 pub use obstacles::{Clearance, Obstacles, Pair, Surface, Touch};
 pub use path::{PathPoint, contact};
 pub use plan::{FailedPoint, NoHome, Plan, Reached};
-pub use program::{Contact, Moment, Motion, Program, ProgramStroke, Speeds, Station};
+pub use program::{Contact, Moment, Motion, Program, ProgramError, ProgramStroke, Speeds, Station};
 pub use remedy::BaseProposal;
 pub use roller::Roller;
 pub use workcell::{Cell, Check};

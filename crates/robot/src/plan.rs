@@ -343,7 +343,8 @@ impl Cell {
     pub fn collisions(&self, plan: &Plan) -> Vec<String> {
         let mut hits = Vec::new();
         let mut at = plan.home;
-        let mut was = 0;
+        // Before the first stroke the table turns first.
+        let mut was = plan.strokes.first().map_or(0, |first| self.station(&plan.stations[first.station]));
         for (k, stroke) in plan.strokes.iter().enumerate() {
             let station = self.station(&plan.stations[stroke.station]);
             let mut free = |from: &Joints, to: &Joints, station: usize| {

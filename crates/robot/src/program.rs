@@ -1,3 +1,8 @@
+mod rapid;
+mod text;
+mod trajectory;
+mod urscript;
+
 use super::arm::{Arm, Joints, Pose};
 use super::roller::Roller;
 
@@ -93,7 +98,32 @@ pub enum Motion {
     Contact,
 }
 
+/// Why no program can be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ProgramError {
+    #[error("the program has no stroke, expected a point that the arm reaches")]
+    Empty,
+    #[error("{what} of the program has numbers that are not finite")]
+    NotFinite { what: &'static str },
+}
+
 impl Program<'_> {
+    /// Refuses a program without strokes, or with numbers that are none.
+    fn check(&self) -> Result<(), ProgramError> {
+        if self.strokes.is_empty() {
+            return Err(ProgramError::Empty);
+        }
+        let strokes = self.strokes.iter().flat_map(|stroke| {
+            let contacts = stroke.contacts.iter().map(|contact| &contact.joints);
+            stroke.transfer.iter().chain([&stroke.approach, &stroke.retreat]).chain(contacts)
+        });
+        let mut joints = strokes.chain([&self.home]).chain(&self.way_home);
+        match joints.all(|joints| joints.iter().all(|q| q.is_finite())) {
+            true => Ok(()),
+            false => Err(ProgramError::NotFinite { what: "a pose" }),
+        }
+    }
+
     /// When the arm is where: every corner, approach and contact, straight in joints between free ones and straight in
     /// space between contacts, at constant speeds.
     pub fn moments(&self) -> Vec<Moment> {
@@ -103,7 +133,7 @@ impl Program<'_> {
             stroke: 0,
             motion: Motion::Free,
         }];
-        let (mut time, mut last, mut station) = (0.0, self.home, 0);
+        let (mut time, mut last) = (0.0, self.home);
         for (k, stroke) in self.strokes.iter().enumerate() {
             let mut go = |joints: Joints, seconds: f64, motion: Motion| {
                 // No two at once, and no joint faster than it can.
@@ -116,11 +146,10 @@ impl Program<'_> {
                     motion,
                 });
             };
-            let turn = if stroke.station == station { 0.0 } else { self.speeds.turn_s };
-            station = stroke.station;
+            let turn_before = self.turn_before(k);
             let mut from = last_of(&self.strokes, k, &self.home);
             for (corner, joints) in stroke.transfer.iter().chain([&stroke.approach]).enumerate() {
-                let wait = if corner == 0 { turn } else { 0.0 };
+                let wait = if turn_before == Some(corner) { self.speeds.turn_s } else { 0.0 };
                 go(*joints, wait + self.free(&from, joints), Motion::Free);
                 from = *joints;
             }
@@ -159,6 +188,19 @@ impl Program<'_> {
     /// How long the whole program takes [s].
     pub fn seconds(&self) -> f64 {
         self.moments().last().map_or(0.0, |moment| moment.at)
+    }
+
+    /// Where the table turns for stroke `k`, if it does: behind so many corners of the way to it, at home.
+    pub(crate) fn turn_before(&self, k: usize) -> Option<usize> {
+        let stroke = &self.strokes[k];
+        match k.checked_sub(1).map(|last| self.strokes[last].station) {
+            None => (self.stations[stroke.station].angle != 0.0 || self.stations.len() > 1).then_some(0),
+            Some(last) if last == stroke.station => None,
+            Some(_) => {
+                let home = stroke.transfer.iter().position(|corner| *corner == self.home);
+                Some(home.map_or(0, |corner| corner + 1))
+            }
+        }
     }
 
     /// How far the roller lifts off before a stroke [m].
