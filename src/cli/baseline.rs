@@ -146,6 +146,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         _ => 0,
     };
     let (scene, kept) = set_up_run(&config, &place, args.json)?;
+    config.equip(&scene).or_invalid_in(&place)?;
     let draping = Draping::new(scene.clone(), &config.env, config.environments);
     let mut draping = draping.or_invalid_in(&place)?;
     let mut start = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;

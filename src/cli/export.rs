@@ -1,6 +1,8 @@
 use std::path::PathBuf;
 
-use anyhow::Context;
+use std::io::Write as _;
+
+use anyhow::{Context, anyhow};
 use clap::ValueEnum;
 use serde::Serialize;
 
@@ -9,12 +11,14 @@ use super::failure::OrInvalid;
 use super::loaded::Loaded;
 use super::output::print;
 use super::result::path;
+use super::robot::{Planned, name};
 use super::terminal::Told;
 use drape_cloth::fabric::{Curve, Drape, Family};
-use drape_cloth::file::{ValueError, check_writable};
+use drape_cloth::file::{ValueError, check_writable, write_atomic};
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::{Bending, BendingStiffness};
 use drape_learn::policy::DeviceKind;
+use drape_robot::{Program, ProgramError};
 use drape_study::proof::Physics;
 use drape_task::env::Scatter;
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
@@ -27,7 +31,8 @@ pub struct ExportArgs {
     run: PathBuf,
 
     /// JSON in metres, CSV in millimetres, or a deck of lamina, tool, material and presses: Abaqus has
-    /// the fabric's test data, CalculiX an elastic approximation
+    /// the fabric's test data, CalculiX an elastic approximation. Or the program of a robot (docs/ROBOT.md): RAPID,
+    /// URScript, joints over time for ROS, or points with joints
     #[arg(long, value_enum, default_value_t = Format::Json)]
     format: Format,
 
@@ -36,7 +41,11 @@ pub struct ExportArgs {
     #[arg(long, value_enum, default_value_t = Axes::Tool)]
     frame: Axes,
 
-    /// File to write; trajectory.json, trajectory.csv or draping.inp in the run folder if not
+    /// Robot, roller and table of a program; those that `drape robot` has used if not given
+    #[arg(long, value_name = "FILE")]
+    cell: Option<PathBuf>,
+
+    /// File to write; trajectory.json, trajectory.csv, draping.inp or robot/program.* in the run folder if not
     /// given
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -62,7 +71,28 @@ enum Format {
     Csv,
     Calculix,
     Abaqus,
+    Rapid,
+    Urscript,
+    Trajectory,
+    JointsJson,
+    JointsCsv,
 }
+
+impl Format {
+    /// How the program of a robot is written, with the end of its file's name; none for other formats.
+    fn program(self) -> Option<(Writer, &'static str)> {
+        match self {
+            Self::Json | Self::Csv | Self::Calculix | Self::Abaqus => None,
+            Self::Rapid => Some((|program| program.rapid(), "mod")),
+            Self::Urscript => Some((|program| program.urscript(), "script")),
+            Self::Trajectory => Some((|program| program.trajectory(), "yaml")),
+            Self::JointsJson => Some((|program| program.points_json(), "json")),
+            Self::JointsCsv => Some((|program| program.points_csv(), "csv")),
+        }
+    }
+}
+
+type Writer = fn(&Program) -> Result<String, ProgramError>;
 
 #[derive(Clone, Copy, Debug, Serialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -90,15 +120,22 @@ struct Report {
 /// Runs `drape export`.
 pub fn run(args: ExportArgs) -> Result<(), Failure> {
     let loaded = Loaded::open(&args.run, None, args.device, args.json)?;
-    let file = args.out.unwrap_or_else(|| {
+    let file = args.out.clone().unwrap_or_else(|| {
         let json = loaded.folder.trajectory.clone();
         match args.format {
             Format::Json => json,
             Format::Csv => json.with_extension("csv"),
             Format::Calculix | Format::Abaqus => json.with_file_name("draping.inp"),
+            _ => {
+                let (_, end) = args.format.program().expect("the others are programs");
+                json.with_file_name("program").with_extension(end)
+            }
         }
     });
     check_writable(&file)?;
+    if let Some((writer, _)) = args.format.program() {
+        return program(&args, &loaded, writer, file);
+    }
     let (played, proof) = match &args.checkpoint {
         Some(name) => (loaded.play(Some(name))?.0, None),
         None => loaded.play_path()?,
@@ -114,6 +151,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         Format::Csv => write_csv(&file, &points, &frame)?,
         Format::Calculix => deck(&loaded, &points, frame, Dialect::Calculix)?.write(&file)?,
         Format::Abaqus => deck(&loaded, &points, frame, Dialect::Abaqus)?.write(&file)?,
+        _ => unreachable!("programs are written above"),
     }
     let report = Report {
         points: points.len(),
@@ -147,6 +185,49 @@ fn text(report: &Report) -> String {
         "{file}: {path}, score {:.2} %, {proved}",
         100.0 * report.score
     )
+}
+
+/// What is printed of a robot's program.
+#[derive(Serialize)]
+struct ProgramReport {
+    file: Told,
+    robot: String,
+    points: usize,
+    /// Points that it presses.
+    reachable: usize,
+    strokes: usize,
+    program_s: f64,
+}
+
+/// Writes the program by which a robot presses the path of the run.
+fn program(args: &ExportArgs, loaded: &Loaded, writer: Writer, file: PathBuf) -> Result<(), Failure> {
+    if args.checkpoint.is_some() {
+        let error = "`--checkpoint` has points but no program, expected the run's path";
+        return Err(Failure::invalid(anyhow!(error)));
+    }
+    let planned = Planned::new(loaded, args.cell.as_deref())?;
+    let program = planned.cell.program(&planned.plan, &name(&args.run));
+    let text = writer(&program).with_context(|| file.display().to_string())?;
+    write_atomic(&file, |to| to.write_all(text.as_bytes()))?;
+    let report = ProgramReport {
+        robot: planned.cell.arm.name.clone(),
+        points: planned.path.len(),
+        reachable: planned.path.len() - planned.plan.failed.len(),
+        strokes: program.strokes.len(),
+        program_s: program.seconds(),
+        file: file.into(),
+    };
+    print(&report, args.json, |report| {
+        format!(
+            "{}: {} of {} points in {} strokes by a {}, {:.1} s; `drape robot` says why others are not pressed",
+            report.file.display(),
+            report.reachable,
+            report.points,
+            report.strokes,
+            report.robot,
+            report.program_s
+        )
+    })
 }
 
 /// The lamina with the presses of `points`: for CalculiX before the fall, for Abaqus after it.

@@ -46,7 +46,12 @@ impl Loaded {
         let mut env = config.env.clone();
         let place = folder.config.display();
         let scene = match on {
-            None => Arc::new(set_up(&config.scene, &place.to_string(), json)?),
+            None => {
+                let scene = Arc::new(set_up(&config.scene, &place.to_string(), json)?);
+                config.equip(&scene).or_invalid_in(place)?;
+                env = config.env.clone();
+                scene
+            }
             Some(_) if !matches!(config.policy.network, NetworkConfig::Unet(_)) => {
                 return Err(Failure::invalid(anyhow!(
                     "{place}: `policy.network` plays on the run's own scene only, expected `unet`"

@@ -96,17 +96,16 @@ const ARM: Color = [200, 160, 60];
 const BLOCK: Color = [120, 120, 124];
 
 impl Planned {
-    /// Plans the path of a run in a cell: that of a file, or else what `drape robot` has left in the run, or the default.
+    /// Plans the path of a run in a cell: that of a file, or else the run's own, what
+    /// `drape robot` has left in it, or the default.
     pub fn new(loaded: &Loaded, file: Option<&Path>) -> Result<Self, Failure> {
         let kept = loaded.folder.path.join(FOLDER).join(RESOLVED);
-        let file = file.map(Path::to_path_buf).or_else(|| kept.exists().then_some(kept));
-        let mut config: CellConfig = match &file {
-            Some(file) => read_toml(file).or_invalid()?,
-            None => CellConfig::default(),
+        let (mut config, place) = match (file, &loaded.config.cell) {
+            (Some(file), _) => read_cell(file)?,
+            (None, Some(cell)) => (cell.clone(), loaded.folder.config.display().to_string()),
+            (None, None) if kept.exists() => read_cell(&kept)?,
+            (None, None) => (CellConfig::default(), "the default cell".into()),
         };
-        let place = file.as_deref().map_or("the default cell".into(), |file| file.display().to_string());
-        config.check().or_invalid_in(&place)?;
-        config.locate(file.as_deref().and_then(Path::parent).unwrap_or(Path::new("")));
         let scene = &loaded.scene;
         let mut cell = cell(&config, scene).or_invalid_in(&place)?;
         let (played, _) = loaded.play_path()?;
@@ -141,6 +140,15 @@ impl Planned {
             config,
         })
     }
+}
+
+/// A cell of a file, and what messages call it.
+fn read_cell(file: &Path) -> Result<(CellConfig, String), Failure> {
+    let mut config: CellConfig = read_toml(file).or_invalid()?;
+    let place = file.display().to_string();
+    config.check().or_invalid_in(&place)?;
+    config.locate(file.parent().unwrap_or(Path::new(""))).or_invalid_in(&place)?;
+    Ok((config, place))
 }
 
 fn path_points(points: &[DrapingPoint], frame: &Frame) -> Vec<PathPoint> {

@@ -274,12 +274,14 @@ fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
         }
         checked.check_before_fall().or_invalid_in(&place)?;
         let scene = Arc::new(set_up_over_tool(&config.scene, &place, quiet)?);
+        config.equip(&scene).or_invalid_in(&place)?;
         let scenes = set_up_scenes(&config, scene, &place, quiet)?;
         let mut training = Training::resume(config, scenes, folder, cluster)?;
         new.map_or(Ok(()), |text| training.reconfigure(&text))?;
         return Ok(training);
     }
     let (scene, kept) = set_up_run(&config, &place, quiet)?;
+    config.equip(&scene).or_invalid_in(&place)?;
     let shown = Demonstrations::read(&args.demonstrate, &scene.lamina).or_invalid()?;
     let scenes = set_up_scenes(&config, scene, &place, quiet)?;
 

@@ -1,21 +1,25 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use serde::de::Error as _;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, Deserializer, ValueDeserializer};
 use toml::{Spanned, Table, Value};
 
 use super::folder::{Input, digest};
+use super::robot::ReachMap;
 use super::scenes::{Member, SceneRange};
 use drape_cloth::file::{
-    ReadError, ValueError, parse_toml_with, read_bytes, read_text, refuse_lists,
+    ReadError, ValueError, parse_toml_with, read_bytes, read_text, read_toml, refuse_lists,
 };
-use drape_cloth::scene::SceneConfig;
+use drape_cloth::scene::{Scene, SceneConfig};
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
+use drape_robot::CellConfig;
 use drape_task::env::{EnvConfig, ImageShape, MOST_MIB, Scatter};
+use drape_task::path::Robot;
 
 /// Most that a file which a run keeps may hold [MiB]: as much as a mesh.
 const MAX_INPUT_MIB: u64 = 2048;
@@ -67,6 +71,13 @@ pub struct RunConfig {
     /// Further scenes that the policy learns on beside it; what is proved are paths on the first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scenes: Vec<SceneRange>,
+    /// The robot that presses, and what stands around it: what it cannot press is neither learned nor found. None where
+    /// anything can be pressed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cell: Option<CellConfig>,
+    /// Where the cell is read from; not kept once it is.
+    #[serde(default, skip_serializing)]
+    cell_file: Option<PathBuf>,
     /// What a run keeps of its scene's files, see [`RunConfig::keep_inputs`]: their digests by
     /// their paths. A file that has changed is refused.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -149,6 +160,8 @@ impl RunConfig {
             ppo,
             scene: SceneConfig::rib(),
             scenes: Vec::new(),
+            cell: None,
+            cell_file: None,
             inputs: BTreeMap::new(),
             scene_file: None,
         }
@@ -276,8 +289,32 @@ impl RunConfig {
                 (None, None) => {}
             }
         }
+        if let Some(file) = config.cell_file.take() {
+            ensure!(
+                config.cell.is_none(),
+                "{}: `cell_file` and `cell` are both given, expected one",
+                path.display()
+            );
+            let file = folder.join(file);
+            let mut cell: CellConfig = read_toml(&file)?;
+            let checked = cell.check();
+            checked.with_context(|| file.display().to_string())?;
+            cell.locate(file.parent().unwrap_or(Path::new("")))?;
+            config.cell = Some(cell);
+        }
         config.check().with_context(|| path.display().to_string())?;
         Ok(config)
+    }
+
+    /// Lets the robot of its cell, if there is one, press on a scene.
+    ///
+    /// # Errors
+    /// If the cell describes none.
+    pub fn equip(&mut self, scene: &Arc<Scene>) -> Result<()> {
+        if let Some(cell) = &self.cell {
+            self.env.robot = Robot(Some(Arc::new(ReachMap::new(cell, scene)?)));
+        }
+        Ok(())
     }
 
     /// What `text` gives, and for the rest its preset.
@@ -356,6 +393,11 @@ impl RunConfig {
         // A rollout is held in memory: 17 kB a sample on the whole standard blank.
         let max = (Self::MAX_SAMPLES / self.environments) as u64;
         range("ppo.rollout_steps", self.ppo.rollout_steps as u64, max)?;
+        if let Some(cell) = &self.cell {
+            cell.check().context("cell")?;
+            let found = self.scenes.len();
+            ValueError::unless(found == 0, "scenes", found, "none beside a cell, whose robot knows one tool")?;
+        }
         for member in &self.members()?[1..] {
             member.located(member.scene.check().map_err(Into::into))?;
         }
@@ -381,7 +423,7 @@ const OPTIONAL: [(&str, &str); 6] = [
 ];
 
 /// Where a configuration has tables, beside those of its scene.
-const TABLES: [&str; 11] = [
+const TABLES: [&str; 12] = [
     "env",
     "env.costs",
     "env.parameters",
@@ -393,6 +435,7 @@ const TABLES: [&str; 11] = [
     "ppo.imitation",
     "scatter",
     "scene",
+    "cell",
 ];
 
 /// Puts `over` on top of `base`, the table `section`, table by table. `"off"` removes an optional

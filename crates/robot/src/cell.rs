@@ -280,11 +280,16 @@ impl CellConfig {
         }
     }
 
-    /// Lets the robot's file count from a folder.
-    pub fn locate(&mut self, folder: &std::path::Path) {
+    /// Lets the robot's file count from a folder, wherever the cell is kept then.
+    ///
+    /// # Errors
+    /// If there is no folder from which it counts itself.
+    pub fn locate(&mut self, folder: &std::path::Path) -> std::io::Result<()> {
         if let Some(file) = &mut self.robot_file {
-            *file = folder.join(&*file).to_string_lossy().into_owned();
+            let at = std::path::absolute(folder.join(&*file))?;
+            *file = at.to_string_lossy().into_owned();
         }
+        Ok(())
     }
 
     /// The angles at which the tool may stand [rad], the first 0.

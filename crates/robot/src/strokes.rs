@@ -51,7 +51,7 @@ pub(crate) struct Found {
 }
 
 /// Candidates of a station that are enough, and of all stations.
-const ENOUGH: [usize; 2] = [6, 24];
+const ENOUGH: [usize; 2] = [3, 12];
 /// What a tilt of 10 degrees is worth [s], a manipulability of a tenth, and a clearance of nothing.
 const TILT_S: f64 = 0.5;
 const SINGULAR_S: f64 = 1.0;
