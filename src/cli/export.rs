@@ -200,7 +200,12 @@ struct ProgramReport {
 }
 
 /// Writes the program by which a robot presses the path of the run.
-fn program(args: &ExportArgs, loaded: &Loaded, writer: Writer, file: PathBuf) -> Result<(), Failure> {
+fn program(
+    args: &ExportArgs,
+    loaded: &Loaded,
+    writer: Writer,
+    file: PathBuf,
+) -> Result<(), Failure> {
     if args.checkpoint.is_some() {
         let error = "`--checkpoint` has points but no program, expected the run's path";
         return Err(Failure::invalid(anyhow!(error)));

@@ -113,10 +113,16 @@ impl Planned {
         let path = path_points(&points, &Frame::tool(&scene.config.tool.pose));
         if config.base.is_none() {
             // Wherever it reaches most; a shop that has a place names it.
-            let (base, _) = cell.best_base(&path).ok_or_else(|| anyhow!("{place}: the base has no place"))?;
+            let (base, _) = cell
+                .best_base(&path)
+                .ok_or_else(|| anyhow!("{place}: the base has no place"))?;
             cell = cell.moved(base);
             config.base = Some(Place {
-                at_mm: base.translation.vector.map(|x| (1e6 * x).round() * 1e-3 + 0.0).into(),
+                at_mm: base
+                    .translation
+                    .vector
+                    .map(|x| (1e6 * x).round() * 1e-3 + 0.0)
+                    .into(),
                 rotation_deg: [0.0; 3],
             });
         }
@@ -147,7 +153,9 @@ fn read_cell(file: &Path) -> Result<(CellConfig, String), Failure> {
     let mut config: CellConfig = read_toml(file).or_invalid()?;
     let place = file.display().to_string();
     config.check().or_invalid_in(&place)?;
-    config.locate(file.parent().unwrap_or(Path::new(""))).or_invalid_in(&place)?;
+    config
+        .locate(file.parent().unwrap_or(Path::new("")))
+        .or_invalid_in(&place)?;
     Ok((config, place))
 }
 
@@ -166,10 +174,14 @@ pub fn run(args: RobotArgs) -> Result<(), Failure> {
     let start = Instant::now();
     let loaded = Loaded::open(&args.run, None, None, args.json)?;
     let planned = Planned::new(&loaded, args.cell.as_deref())?;
-    let Planned { cell, path, plan, .. } = &planned;
+    let Planned {
+        cell, path, plan, ..
+    } = &planned;
     let program = cell.program(plan, &name(&args.run));
     let least = |of: fn(&drape_robot::Contact) -> f64| {
-        plan.contacts().map(|(_, contact)| of(contact)).fold(f64::INFINITY, f64::min)
+        plan.contacts()
+            .map(|(_, contact)| of(contact))
+            .fold(f64::INFINITY, f64::min)
     };
     let folder = loaded.folder.path.join(FOLDER);
     let report = Report {
@@ -184,7 +196,11 @@ pub fn run(args: RobotArgs) -> Result<(), Failure> {
         collisions_before: cell.collisions_at_once(path),
         strokes: plan.strokes.len(),
         lifted: plan.lifted,
-        stations_deg: plan.stations.iter().map(|station| station.angle.to_degrees()).collect(),
+        stations_deg: plan
+            .stations
+            .iter()
+            .map(|station| station.angle.to_degrees())
+            .collect(),
         program_s: program.seconds(),
         sigma_min: least(|contact| contact.sigma_min),
         clearance_mm: 1e3 * least(|contact| contact.clearance),
@@ -192,14 +208,16 @@ pub fn run(args: RobotArgs) -> Result<(), Failure> {
         seconds: start.elapsed().as_secs_f64(),
         folder: (&folder).into(),
     };
-    std::fs::create_dir_all(&folder).map_err(|error| anyhow!("cannot create {}: {error}", folder.display()))?;
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| anyhow!("cannot create {}: {error}", folder.display()))?;
     write_together(&folder, |to| pictures(&planned, &loaded.scene, to))?;
     print(&report, args.json, Report::text)
 }
 
 /// What programs of a run are called.
 pub(super) fn name(run: &Path) -> String {
-    run.file_name().map_or("drape".into(), |name| name.to_string_lossy().into_owned())
+    run.file_name()
+        .map_or("drape".into(), |name| name.to_string_lossy().into_owned())
 }
 
 impl Report {
@@ -251,7 +269,9 @@ impl Report {
 /// Pictures of the arm where it is nearest to trouble, a film of the program, and the cell.
 fn pictures(planned: &Planned, scene: &Scene, folder: &Path) -> Result<(), Failure> {
     let text = toml::to_string(&planned.config).expect("a cell can be written");
-    write_atomic(&folder.join(RESOLVED), |file| std::io::Write::write_all(file, text.as_bytes()))?;
+    write_atomic(&folder.join(RESOLVED), |file| {
+        std::io::Write::write_all(file, text.as_bytes())
+    })?;
     let plan = &planned.plan;
     let stage = Stage::new(planned, scene);
     let mut worst: Vec<_> = plan.contacts().collect();
@@ -271,8 +291,19 @@ fn pictures(planned: &Planned, scene: &Scene, folder: &Path) -> Result<(), Failu
     let mut frames = Vec::new();
     for stroke in &plan.strokes {
         let station = stage.station(stroke.station);
-        frames.extend(stroke.transfer.iter().chain([&stroke.approach]).map(|q| (*q, station)));
-        frames.extend(stroke.contacts.iter().map(|contact| (contact.joints, station)));
+        frames.extend(
+            stroke
+                .transfer
+                .iter()
+                .chain([&stroke.approach])
+                .map(|q| (*q, station)),
+        );
+        frames.extend(
+            stroke
+                .contacts
+                .iter()
+                .map(|contact| (contact.joints, station)),
+        );
         frames.push((stroke.retreat, station));
     }
     let skip = frames.len().div_ceil(FRAMES).max(1);
@@ -298,7 +329,12 @@ impl<'a> Stage<'a> {
     fn new(planned: &'a Planned, scene: &Scene) -> Self {
         let tool = creased(&scene.tool.mesh_in_scene());
         let (mut low, mut high) = tool.bounds();
-        for corner in planned.cell.arm_triangles(&planned.plan.home).iter().flatten() {
+        for corner in planned
+            .cell
+            .arm_triangles(&planned.plan.home)
+            .iter()
+            .flatten()
+        {
             (low, high) = (low.inf(corner), high.sup(corner));
         }
         Self {
@@ -313,8 +349,16 @@ impl<'a> Stage<'a> {
         self.planned.cell.station(&self.planned.plan.stations[of])
     }
 
-    fn picture(&self, joints: &drape_robot::Joints, station: usize, caption: &str, size: [usize; 2]) -> Image {
-        let Planned { cell, path, plan, .. } = self.planned;
+    fn picture(
+        &self,
+        joints: &drape_robot::Joints,
+        station: usize,
+        caption: &str,
+        size: [usize; 2],
+    ) -> Image {
+        let Planned {
+            cell, path, plan, ..
+        } = self.planned;
         let turn = cell.turn(station);
         let mut drawing = Drawing::new(&self.camera, size);
         let mut tool = self.tool.clone();

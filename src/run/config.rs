@@ -396,7 +396,12 @@ impl RunConfig {
         if let Some(cell) = &self.cell {
             cell.check().context("cell")?;
             let found = self.scenes.len();
-            ValueError::unless(found == 0, "scenes", found, "none beside a cell, whose robot knows one tool")?;
+            ValueError::unless(
+                found == 0,
+                "scenes",
+                found,
+                "none beside a cell, whose robot knows one tool",
+            )?;
         }
         for member in &self.members()?[1..] {
             member.located(member.scene.check().map_err(Into::into))?;

@@ -31,7 +31,8 @@ pub fn cell(config: &CellConfig, scene: &Scene) -> Result<Cell> {
             let name = name.as_deref().unwrap_or_default();
             let known: Vec<_> = Arm::names().collect();
             let expected = known.join(", ");
-            Arm::shipped(name).ok_or_else(|| anyhow!("`robot` is {name:?}, expected one of {expected}"))?
+            Arm::shipped(name)
+                .ok_or_else(|| anyhow!("`robot` is {name:?}, expected one of {expected}"))?
         }
     };
     let mesh = scene.tool.mesh_in_scene();
@@ -85,13 +86,20 @@ impl ReachMap {
         }
         // The same whichever point asks first.
         let middle = Vec3::from(place.map(|k| f64::from(k) * SPACING));
-        let surface = self.scene.tool.surface.project(middle - self.scene.tool.origin);
+        let surface = self
+            .scene
+            .tool
+            .surface
+            .project(middle - self.scene.tool.origin);
         let on_tool = self.scene.config.tool.pose.isometry().inverse();
-        let position = on_tool * drape_robot::Point::from(surface.position + self.scene.tool.origin);
+        let position =
+            on_tool * drape_robot::Point::from(surface.position + self.scene.tool.origin);
         let normal = on_tool * surface.normal;
         let (sin, cos) = (direction as f64 * FRAC_PI_4).sin_cos();
         let travel = on_tool * Vec3::new(cos, sin, 0.0);
-        let ways = self.cell.reach(&contact(&position.coords, &normal, &travel));
+        let ways = self
+            .cell
+            .reach(&contact(&position.coords, &normal, &travel));
         self.found.write().expect("no panic").insert(key, ways);
         ways
     }
@@ -118,12 +126,18 @@ impl Feasibility for ReachMap {
             let (mut held, mut last) = ([u64::MAX; 2], 0);
             for (k, point) in stroke.iter().enumerate() {
                 let to = stroke.get(k + 1).unwrap_or(point);
-                let from = if k + 1 < stroke.len() { point } else { &stroke[k - 1] };
+                let from = if k + 1 < stroke.len() {
+                    point
+                } else {
+                    &stroke[k - 1]
+                };
                 let way = to.position - from.position;
                 let turns = (way.y.atan2(way.x) / FRAC_PI_4).round() as i32;
                 let mut direction = turns.rem_euclid(DIRECTIONS as i32) as usize;
                 // A roller that turns back rolls backwards.
-                let apart = direction.abs_diff(last).min(DIRECTIONS - direction.abs_diff(last));
+                let apart = direction
+                    .abs_diff(last)
+                    .min(DIRECTIONS - direction.abs_diff(last));
                 if k > 0 && apart > DIRECTIONS / 4 {
                     direction = (direction + DIRECTIONS / 2) % DIRECTIONS;
                 }

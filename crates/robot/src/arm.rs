@@ -107,21 +107,36 @@ impl Arm {
         let read: ArmFile = toml::from_str(text).map_err(|error| {
             let before = &text[..error.span().map_or(0, |span| span.start).min(text.len())];
             let line = before.matches('\n').count() + 1;
-            let message = error.message().replace('\n', " ");
-            fail(format!(":{line}"), message)
+            fail(
+                format!(":{line}"),
+                error.message().escape_debug().to_string(),
+            )
         })?;
         let found = read.joints.len();
         let joints: [JointFile; 6] = (read.joints.try_into())
             .map_err(|_| fail(String::new(), format!("`joints` has {found}, expected 6")))?;
         if read.links.len() > 7 {
-            let fault = format!("`links` has {}, expected at most 7: the base first", read.links.len());
+            let fault = format!(
+                "`links` has {}, expected at most 7: the base first",
+                read.links.len()
+            );
             return Err(fail(String::new(), fault));
         }
         let mut hulls: [Vec<Vector3<f64>>; 7] = Default::default();
         for (hull, link) in hulls.iter_mut().zip(&read.links) {
-            *hull = link.hull_mm.iter().map(|&corner| 1e-3 * Vector3::from(corner)).collect();
+            *hull = link
+                .hull_mm
+                .iter()
+                .map(|&corner| 1e-3 * Vector3::from(corner))
+                .collect();
         }
-        let place = |at_mm, rotation_deg| Place { at_mm, rotation_deg }.pose();
+        let place = |at_mm, rotation_deg| {
+            Place {
+                at_mm,
+                rotation_deg,
+            }
+            .pose()
+        };
         let arm = Self {
             name: read.name,
             flange: read.flange.pose(),
@@ -136,18 +151,16 @@ impl Arm {
         arm.checked().map_err(|fault| fail(String::new(), fault))
     }
 
-    /// Reads an arm from the text of the URDF file at `file`.
-    pub fn from_urdf(_text: &str, file: &Path) -> Result<Self, ArmError> {
-        Err(ArmError { file: file.into(), place: String::new(), fault: "URDF is not read yet".into() })
-    }
-
     /// The same with axes at unit length, or what is wrong with it.
     pub(crate) fn checked(mut self) -> Result<Self, String> {
         let finite = |pose: &Pose| pose.to_homogeneous().iter().all(|x| x.is_finite());
         let far = |v: &Vector3<f64>| v.norm() > 100.0;
         for (k, joint) in self.joints.iter_mut().enumerate() {
             let wrong = |what: &str, found: String, expected: &str| {
-                Err(format!("joint {}: {what} is {found}, expected {expected}", k + 1))
+                Err(format!(
+                    "joint {}: {what} is {found}, expected {expected}",
+                    k + 1
+                ))
             };
             if !finite(&joint.origin) || far(&joint.origin.translation.vector) {
                 let found = format!("{:?}", joint.origin.translation.vector.as_slice());
@@ -162,27 +175,45 @@ impl Arm {
             let [min, max] = joint.limits;
             if !(min < max && max - min <= 16.0 * std::f64::consts::PI) {
                 let found = format!("{min} to {max} rad");
-                return wrong("the range", found, "a lower limit below an upper one, eight turns at most");
+                return wrong(
+                    "the range",
+                    found,
+                    "a lower limit below an upper one, eight turns at most",
+                );
             }
             if !(joint.speed > 0.0 && joint.speed < 1e3) {
-                return wrong("the speed", format!("{} rad/s", joint.speed), "a number above 0");
+                return wrong(
+                    "the speed",
+                    format!("{} rad/s", joint.speed),
+                    "a number above 0",
+                );
             }
         }
         if !finite(&self.flange) || far(&self.flange.translation.vector) {
-            return Err("the flange has numbers that are not finite, expected a place within 100 m".into());
+            return Err(
+                "the flange has numbers that are not finite, expected a place within 100 m".into(),
+            );
         }
         for (k, hull) in self.hulls.iter().enumerate() {
-            if hull.iter().any(|corner| !corner.iter().all(|x| x.is_finite()) || far(corner)) {
-                return Err(format!("link {k}: its shape has corners beyond 100 m, expected some within"));
+            if hull
+                .iter()
+                .any(|corner| !corner.iter().all(|x| x.is_finite()) || far(corner))
+            {
+                return Err(format!(
+                    "link {k}: its shape has corners beyond 100 m, expected some within"
+                ));
             }
             let points: Vec<_> = hull
                 .iter()
                 .map(|p| parry3d_f64::math::Vector::new(p.x, p.y, p.z))
                 .collect();
-            let is_hull = || parry3d_f64::shape::ConvexPolyhedron::from_convex_hull(&points).is_some();
+            let is_hull =
+                || parry3d_f64::shape::ConvexPolyhedron::from_convex_hull(&points).is_some();
             if !hull.is_empty() && (hull.len() < 4 || !is_hull()) {
                 let found = hull.len();
-                return Err(format!("link {k}: its shape has {found} corners in a plane, expected a body"));
+                return Err(format!(
+                    "link {k}: its shape has {found} corners in a plane, expected a body"
+                ));
             }
         }
         Ok(self)

@@ -217,7 +217,13 @@ impl CellConfig {
             })
         };
         match (&self.robot, &self.robot_file) {
-            (Some(robot), Some(_)) => return fail("robot", format!("{robot:?} beside robot_file"), "one of the two"),
+            (Some(robot), Some(_)) => {
+                return fail(
+                    "robot",
+                    format!("{robot:?} beside robot_file"),
+                    "one of the two",
+                );
+            }
             (None, None) => return fail("robot", "missing".into(), "a robot, or robot_file"),
             _ => {}
         }
@@ -247,16 +253,36 @@ impl CellConfig {
         add("roller.middle_mm", &roller.middle_mm, [-2e3, 2e3]);
         add("roller.turned_deg", &[roller.turned_deg], angle);
         add("roller.mass_kg", &[roller.mass_kg], [0.01, 100.0]);
-        add("roller.centre_of_mass_mm", &roller.centre_of_mass_mm, [-2e3, 2e3]);
+        add(
+            "roller.centre_of_mass_mm",
+            &roller.centre_of_mass_mm,
+            [-2e3, 2e3],
+        );
         for (k, body) in roller.body.iter().enumerate() {
-            add(&format!("roller.body[{k}].from_mm"), &body.from_mm, [-2e3, 2e3]);
+            add(
+                &format!("roller.body[{k}].from_mm"),
+                &body.from_mm,
+                [-2e3, 2e3],
+            );
             add(&format!("roller.body[{k}].to_mm"), &body.to_mm, [-2e3, 2e3]);
-            add(&format!("roller.body[{k}].radius_mm"), &[body.radius_mm], [0.1, 1e3]);
+            add(
+                &format!("roller.body[{k}].radius_mm"),
+                &[body.radius_mm],
+                [0.1, 1e3],
+            );
         }
         for (k, block) in self.obstacles.iter().enumerate() {
-            add(&format!("obstacles[{k}].size_mm"), &block.size_mm, [0.1, 1e5]);
+            add(
+                &format!("obstacles[{k}].size_mm"),
+                &block.size_mm,
+                [0.1, 1e5],
+            );
             add(&format!("obstacles[{k}].at_mm"), &block.at_mm, far);
-            add(&format!("obstacles[{k}].rotation_deg"), &block.rotation_deg, angle);
+            add(
+                &format!("obstacles[{k}].rotation_deg"),
+                &block.rotation_deg,
+                angle,
+            );
         }
         let motion = &self.motion;
         add("motion.contact_mm_s", &[motion.contact_mm_s], [0.1, 1e4]);
@@ -273,9 +299,14 @@ impl CellConfig {
         add("limits.joint_deg", &[limits.joint_deg], [0.0, 90.0]);
         add("limits.deviation_mm", &[limits.deviation_mm], [0.0, 100.0]);
         add("limits.deviation_deg", &[limits.deviation_deg], [0.0, 45.0]);
-        let wrong = |(_, found, [min, max]): &&(String, f64, [f64; 2])| !(*min..=*max).contains(found);
+        let wrong =
+            |(_, found, [min, max]): &&(String, f64, [f64; 2])| !(*min..=*max).contains(found);
         match numbers.iter().find(wrong) {
-            Some((key, found, [min, max])) => fail(key, found.to_string(), &format!("a number from {min} to {max}")),
+            Some((key, found, [min, max])) => fail(
+                key,
+                found.to_string(),
+                &format!("a number from {min} to {max}"),
+            ),
             None => Ok(()),
         }
     }

@@ -75,8 +75,12 @@ impl Solver {
         let spherical = meet(4, 5).filter(|p| (p - at(6)).cross(&axis(6)).norm() < SAME);
         let is_across = |a: usize, b: usize| !parallel(a, b);
         let (wrist, point) = match (is_planar, spherical, meet(4, 5), meet(5, 6)) {
-            (true, Some(point), _, _) if is_across(4, 5) && is_across(5, 6) => (Wrist::Spherical, Some(point)),
-            (true, _, _, Some(point)) if parallel(3, 4) && is_across(5, 6) && axis(4).dot(&axis(5)).abs() < SAME => {
+            (true, Some(point), _, _) if is_across(4, 5) && is_across(5, 6) => {
+                (Wrist::Spherical, Some(point))
+            }
+            (true, _, _, Some(point))
+                if parallel(3, 4) && is_across(5, 6) && axis(4).dot(&axis(5)).abs() < SAME =>
+            {
                 (Wrist::Parallel, Some(point))
             }
             (true, _, Some(point), _) if is_across(4, 5) => (Wrist::Offset, Some(point)),
@@ -96,7 +100,8 @@ impl Solver {
                 [p.x, p.z]
             };
             let (shoulder, elbow, end) = (flat(at(2)), flat(at(3)), flat(end));
-            let [upper, lower] = [[shoulder, elbow], [elbow, end]].map(|[a, b]| [b[0] - a[0], b[1] - a[1]]);
+            let [upper, lower] =
+                [[shoulder, elbow], [elbow, end]].map(|[a, b]| [b[0] - a[0], b[1] - a[1]]);
             Plane {
                 frame,
                 sign: axis(2).dot(&axis(3)).signum(),
@@ -144,7 +149,10 @@ impl Solver {
     /// The pose that brings the flange there, coming from one nearby.
     pub fn follow(&self, flange: &Pose, from: &Joints) -> Option<Joints> {
         let joints = self.newton(flange, *from, STEPS)?;
-        let is_near = joints.iter().zip(from).all(|(a, b)| (a - b).abs() < FOLLOWED);
+        let is_near = joints
+            .iter()
+            .zip(from)
+            .all(|(a, b)| (a - b).abs() < FOLLOWED);
         (is_near && self.arm.is_within_limits(&joints)).then_some(joints)
     }
 
@@ -173,7 +181,10 @@ impl Solver {
 
     /// What a closed form has found, to the last digits; none if it was none.
     fn refine(&self, flange: &Pose, joints: Joints, steps: usize) -> Option<Joints> {
-        joints.iter().all(|q| q.is_finite()).then(|| self.newton(flange, joints, steps))?
+        joints
+            .iter()
+            .all(|q| q.is_finite())
+            .then(|| self.newton(flange, joints, steps))?
     }
 
     /// Levenberg and Marquardt from a pose on.
@@ -182,7 +193,10 @@ impl Solver {
             let at = self.arm.flange_at(joints);
             let turned = rotation_vector(&(flange.rotation * at.rotation.inverse()));
             let moved = flange.translation.vector - at.translation.vector;
-            (Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z), at)
+            (
+                Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z),
+                at,
+            )
         };
         let (mut error, mut at) = miss(&joints);
         let mut damping: f64 = 0.0;
@@ -197,8 +211,11 @@ impl Solver {
                 let step = match damping {
                     0.0 => jacobian.lu().solve(&error),
                     _ => {
-                        let square = jacobian.transpose() * jacobian + Matrix6::identity() * damping;
-                        square.cholesky().map(|factor| factor.solve(&(jacobian.transpose() * error)))
+                        let square =
+                            jacobian.transpose() * jacobian + Matrix6::identity() * damping;
+                        square
+                            .cholesky()
+                            .map(|factor| factor.solve(&(jacobian.transpose() * error)))
                     }
                 };
                 // No farther than linear.
@@ -226,7 +243,9 @@ impl Solver {
 
     /// Poses from which any arm is tried.
     fn starts(&self) -> impl Iterator<Item = Joints> + '_ {
-        let steps = [0.898_654, 0.807_578, 0.725_733, 0.652_183, 0.586_087, 0.526_689];
+        let steps = [
+            0.898_654, 0.807_578, 0.725_733, 0.652_183, 0.586_087, 0.526_689,
+        ];
         (0..48).map(move |k| {
             std::array::from_fn(|j| {
                 let [min, max] = self.arm.joints[j].limits.map(|limit| limit.clamp(-PI, PI));
@@ -239,7 +258,8 @@ impl Solver {
     fn before_wrist(&self, arm: [f64; 3]) -> Rotation3<f64> {
         let mut turned = Rotation3::identity();
         for (joint, angle) in self.arm.joints.iter().zip(arm) {
-            turned = turned * joint.origin.rotation * Rotation3::from_axis_angle(&joint.axis, angle);
+            turned =
+                turned * joint.origin.rotation * Rotation3::from_axis_angle(&joint.axis, angle);
         }
         turned * self.arm.joints[3].origin.rotation
     }
@@ -247,8 +267,15 @@ impl Solver {
     fn spherical(&self, plane: &Plane, link: &Pose) -> Vec<Joints> {
         let [_, _, _, four, five, six] = &self.arm.joints;
         // On axis 6, and so where it is whatever that joint does.
-        let (frames, axis) = (self.arm.forward(&[0.0; 6]), |k: usize| self.arm.joints[k - 1].axis);
-        let line = |k: usize| (frames[k].translation.vector, frames[k].rotation * axis(k).into_inner());
+        let (frames, axis) = (self.arm.forward(&[0.0; 6]), |k: usize| {
+            self.arm.joints[k - 1].axis
+        });
+        let line = |k: usize| {
+            (
+                frames[k].translation.vector,
+                frames[k].rotation * axis(k).into_inner(),
+            )
+        };
         let Some(point) = meeting(line(4), line(5)) else {
             return Vec::new();
         };
@@ -265,8 +292,10 @@ impl Solver {
             };
             for q5 in angles_of(&from, &four.axis, to.dot(&four.axis)) {
                 let q4 = angle_about(&four.axis, &from(q5), &to);
-                let turned = before * Rotation3::from_axis_angle(&four.axis, q4) * five.origin.rotation;
-                let turned = turned * Rotation3::from_axis_angle(&five.axis, q5) * six.origin.rotation;
+                let turned =
+                    before * Rotation3::from_axis_angle(&four.axis, q4) * five.origin.rotation;
+                let turned =
+                    turned * Rotation3::from_axis_angle(&five.axis, q5) * six.origin.rotation;
                 let q6 = turn_about(&six.axis, &(turned.inverse() * link.rotation));
                 all.push([arm[0], arm[1], arm[2], q4, q5, q6]);
             }
@@ -277,7 +306,12 @@ impl Solver {
     fn offset(&self, plane: &Plane, link: &Pose) -> Vec<Joints> {
         let [.., four, five, six] = &self.arm.joints;
         let frames = self.arm.forward(&[0.0; 6]);
-        let line = |k: usize| (frames[k].translation.vector, frames[k].rotation * self.arm.joints[k - 1].axis.into_inner());
+        let line = |k: usize| {
+            (
+                frames[k].translation.vector,
+                frames[k].rotation * self.arm.joints[k - 1].axis.into_inner(),
+            )
+        };
         let Some(point) = meeting(line(4), line(5)) else {
             return Vec::new();
         };
@@ -286,7 +320,8 @@ impl Solver {
         let between = (frames[4].rotation * four.axis.into_inner()).dot(&line(5).1);
         let link_5 = |q6: f64| {
             let turned = Rotation3::from_axis_angle(&six.axis, -q6);
-            link * Pose::from_parts(nalgebra::Translation3::identity(), turned) * six.origin.inverse()
+            link * Pose::from_parts(nalgebra::Translation3::identity(), turned)
+                * six.origin.inverse()
         };
         let into_plane = plane.frame.inverse();
         // Where the point and axis 5 are in the plane's frame.
@@ -297,7 +332,9 @@ impl Solver {
         // What is missing from the angle between axes 4 and 5, in one of four branches.
         let missing = |q6: f64, branch: usize| {
             let (point, axis) = at(q6);
-            plane.axis_4(&point.coords, branch).map_or(f64::NAN, |axis_4| axis_4.dot(&axis) - between)
+            plane
+                .axis_4(&point.coords, branch)
+                .map_or(f64::NAN, |axis_4| axis_4.dot(&axis) - between)
         };
         let step = TAU / SAMPLES as f64;
         let sample = |k: usize| {
@@ -331,7 +368,11 @@ impl Solver {
                     add(bisect(value, [q6, q6 + step], here), branch);
                 } else if here.is_nan() != next.is_nan() {
                     // A branch begins or ends between: a root may lie beside its end.
-                    let known = if here.is_nan() { [q6 + step, q6] } else { [q6, q6 + step] };
+                    let known = if here.is_nan() {
+                        [q6 + step, q6]
+                    } else {
+                        [q6, q6 + step]
+                    };
                     let (end, last) = edge(value, known);
                     let first = value(known[0]);
                     if first * last <= 0.0 {
@@ -347,7 +388,8 @@ impl Solver {
                             add(end, branch);
                         }
                     }
-                } else if (here.abs() < before.abs() || before.is_nan()) && here.abs() <= next.abs() {
+                } else if (here.abs() < before.abs() || before.is_nan()) && here.abs() <= next.abs()
+                {
                     // Nearest to 0 here: perhaps it touches it, or passes twice.
                     let (low, least) = lowest(value, [q6 - step, q6 + step], here.signum());
                     if least * here.signum() < 0.0 {
@@ -365,7 +407,12 @@ impl Solver {
     fn parallel(&self, plane: &Plane, link: &Pose) -> Vec<Joints> {
         let [_, _, _, four, five, six] = &self.arm.joints;
         let frames = self.arm.forward(&[0.0; 6]);
-        let line = |k: usize| (frames[k].translation.vector, frames[k].rotation * self.arm.joints[k - 1].axis.into_inner());
+        let line = |k: usize| {
+            (
+                frames[k].translation.vector,
+                frames[k].rotation * self.arm.joints[k - 1].axis.into_inner(),
+            )
+        };
         let Some(point) = meeting(line(5), line(6)) else {
             return Vec::new();
         };
@@ -377,7 +424,8 @@ impl Solver {
             let one = &self.arm.joints[0];
             let first = one.origin.rotation * Rotation3::from_axis_angle(&one.axis, q1);
             // In which 2, 3 and 4 turn as one about an axis that stays.
-            let axis_2 = first * (self.arm.joints[1].origin.rotation * self.arm.joints[1].axis.into_inner());
+            let axis_2 =
+                first * (self.arm.joints[1].origin.rotation * self.arm.joints[1].axis.into_inner());
             let sense = line(2).1.dot(&line(4).1).signum();
             // Axis 6 against axis 4 is joint 5's.
             let from = |q5: f64| {
@@ -386,11 +434,15 @@ impl Solver {
             };
             for q5 in angles_of(&from, &four.axis, sense * axis_6.dot(&axis_2)) {
                 // What 2, 3 and 4 have turned together: axis 6 goes where it shall; where it lies along them, anywhere.
-                let straight = first * self.rest_of(1) ;
+                let straight = first * self.rest_of(1);
                 let here = straight * from(q5);
                 let total = angle_about(&Unit::new_normalize(axis_2), &here, &axis_6);
-                let turned = Rotation3::from_axis_angle(&Unit::new_normalize(axis_2), total) * straight;
-                let turned = turned * five.origin.rotation * Rotation3::from_axis_angle(&five.axis, q5) * six.origin.rotation;
+                let turned =
+                    Rotation3::from_axis_angle(&Unit::new_normalize(axis_2), total) * straight;
+                let turned = turned
+                    * five.origin.rotation
+                    * Rotation3::from_axis_angle(&five.axis, q5)
+                    * six.origin.rotation;
                 let q6 = turn_about(&six.axis, &(turned.inverse() * link.rotation));
                 // Where axis 4 then is: back from joint 6.
                 let five_frame = link * (six.origin * about(&six.axis, q6)).inverse();
@@ -409,7 +461,9 @@ impl Solver {
     /// Rotation from behind joint `from` to before joint 5 at angles 0.
     fn rest_of(&self, from: usize) -> Rotation3<f64> {
         let joints = &self.arm.joints[from..4];
-        joints.iter().fold(Rotation3::identity(), |turned, joint| turned * joint.origin.rotation)
+        joints.iter().fold(Rotation3::identity(), |turned, joint| {
+            turned * joint.origin.rotation
+        })
     }
 }
 
@@ -470,7 +524,11 @@ impl Plane {
         if square < 0.0 {
             return None;
         }
-        let out = if branch < 2 { square.sqrt() } else { -square.sqrt() };
+        let out = if branch < 2 {
+            square.sqrt()
+        } else {
+            -square.sqrt()
+        };
         let [x, z] = [out - self.shoulder[0], p.z - self.shoulder[1]];
         let [a, b] = self.lengths;
         let far = x * x + z * z;
@@ -508,7 +566,10 @@ fn angle([x, z]: [f64; 2]) -> f64 {
 }
 
 fn about(axis: &Unit<Vector3<f64>>, angle: f64) -> Pose {
-    Pose::from_parts(nalgebra::Translation3::identity(), Rotation3::from_axis_angle(axis, angle))
+    Pose::from_parts(
+        nalgebra::Translation3::identity(),
+        Rotation3::from_axis_angle(axis, angle),
+    )
 }
 
 /// By which `from` has to turn about an axis to point where `to` does, seen along it.
@@ -528,7 +589,11 @@ fn turn_about(axis: &Unit<Vector3<f64>>, turned: &Rotation3<f64>) -> f64 {
 }
 
 /// Both angles at which a vector that turns about an axis has a given component along another: `a cos q + b sin q + c`.
-fn angles_of(turned: &impl Fn(f64) -> Vector3<f64>, along: &Unit<Vector3<f64>>, component: f64) -> [f64; 2] {
+fn angles_of(
+    turned: &impl Fn(f64) -> Vector3<f64>,
+    along: &Unit<Vector3<f64>>,
+    component: f64,
+) -> [f64; 2] {
     let [here, quarter, half] = [0.0, 0.5 * PI, PI].map(|q| turned(q).dot(along));
     let (c, a) = (0.5 * (here + half), 0.5 * (here - half));
     let b = quarter - c;
@@ -540,7 +605,12 @@ fn angles_of(turned: &impl Fn(f64) -> Vector3<f64>, along: &Unit<Vector3<f64>>, 
 /// Axis times angle; to the last digit where that is small, which the trace would lose.
 fn rotation_vector(turned: &Rotation3<f64>) -> Vector3<f64> {
     let m = turned.matrix();
-    let sine = 0.5 * Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)]);
+    let sine = 0.5
+        * Vector3::new(
+            m[(2, 1)] - m[(1, 2)],
+            m[(0, 2)] - m[(2, 0)],
+            m[(1, 0)] - m[(0, 1)],
+        );
     match sine.norm() {
         small if small < 0.1 && m.trace() > 2.0 => sine * (1.0 + small * small / 6.0),
         _ => UnitQuaternion::from_rotation_matrix(turned).scaled_axis(),
@@ -548,7 +618,10 @@ fn rotation_vector(turned: &Rotation3<f64>) -> Vector3<f64> {
 }
 
 /// Where two lines meet, if they do.
-fn meeting((a, u): (Vector3<f64>, Vector3<f64>), (b, v): (Vector3<f64>, Vector3<f64>)) -> Option<Vector3<f64>> {
+fn meeting(
+    (a, u): (Vector3<f64>, Vector3<f64>),
+    (b, v): (Vector3<f64>, Vector3<f64>),
+) -> Option<Vector3<f64>> {
     let normal = u.cross(&v);
     let square = normal.norm_squared();
     if square < SAME {

@@ -37,7 +37,9 @@ impl Arm {
             let frame = frames[k + 1];
             let axis = frame.rotation * joint.axis.into_inner();
             let arm = at - frame.translation.vector;
-            jacobian.fixed_view_mut::<3, 1>(0, k).copy_from(&axis.cross(&arm));
+            jacobian
+                .fixed_view_mut::<3, 1>(0, k)
+                .copy_from(&axis.cross(&arm));
             jacobian.fixed_view_mut::<3, 1>(3, k).copy_from(&axis);
         }
         jacobian

@@ -19,12 +19,13 @@ mod remedy;
 mod roller;
 mod strokes;
 mod transfer;
+mod urdf;
 mod workcell;
 
 pub use arm::{Arm, ArmError, Joint, Joints, Pose};
 pub use cell::{
-    BlockConfig, CapsuleConfig, CellConfig, CellError, LimitsConfig, MotionConfig, Place, RollerConfig,
-    TurntableConfig,
+    BlockConfig, CapsuleConfig, CellConfig, CellError, LimitsConfig, MotionConfig, Place,
+    RollerConfig, TurntableConfig,
 };
 pub use inverse::Solver;
 /// A place [m].

@@ -98,15 +98,30 @@ impl Obstacles {
         for capsule in &config.roller.body {
             let ends = [capsule.from_mm, capsule.to_mm].map(|end| vector(&metres(end)));
             let shape = SharedShape::new(Capsule::new(ends[0], ends[1], 1e-3 * capsule.radius_mm));
-            moving.push(Part::new("roller's holder".into(), shape, FLANGE, Pose::identity()));
+            moving.push(Part::new(
+                "roller's holder".into(),
+                shape,
+                FLANGE,
+                Pose::identity(),
+            ));
         }
         let roller = config.roller.roller();
         let cylinder = Cylinder::new(0.5 * roller.width, roller.radius);
-        moving.push(Part::new("roller".into(), SharedShape::new(cylinder), FLANGE, roller.middle));
+        moving.push(Part::new(
+            "roller".into(),
+            SharedShape::new(cylinder),
+            FLANGE,
+            roller.middle,
+        ));
         let corners = tool.corners.iter().map(vector).collect();
         let mut standing = Vec::new();
         if let Ok(mesh) = TriMesh::new(corners, tool.triangles.clone()) {
-            standing.push(Standing::new(TOOL, SharedShape::new(mesh), Pose::identity(), true));
+            standing.push(Standing::new(
+                TOOL,
+                SharedShape::new(mesh),
+                Pose::identity(),
+                true,
+            ));
         }
         for block in &config.obstacles {
             let half = 0.5 * metres(block.size_mm);
@@ -175,7 +190,11 @@ impl Obstacles {
             }
         }
         // The base stands on something.
-        let parts = self.moving.iter().enumerate().filter(|(_, part)| part.frame > 0);
+        let parts = self
+            .moving
+            .iter()
+            .enumerate()
+            .filter(|(_, part)| part.frame > 0);
         for (k, part) in parts {
             self.nearest(k, &frames[part.frame], turn, touch, |_| true, &mut found);
             if found.distance == 0.0 {
@@ -191,9 +210,20 @@ impl Obstacles {
             distance: most,
             pair: None,
         };
-        let parts = self.moving.iter().enumerate().filter(|(_, part)| part.frame == FLANGE);
+        let parts = self
+            .moving
+            .iter()
+            .enumerate()
+            .filter(|(_, part)| part.frame == FLANGE);
         for (k, _) in parts {
-            self.nearest(k, flange, turn, Touch::Pressing, |standing| standing.turns, &mut found);
+            self.nearest(
+                k,
+                flange,
+                turn,
+                Touch::Pressing,
+                |standing| standing.turns,
+                &mut found,
+            );
         }
         found
     }
@@ -219,12 +249,20 @@ impl Obstacles {
                 false => standing.at,
             };
             let centre = at.inverse() * frame * nalgebra::Point3::from(part.centre);
-            let apart = standing.around.distance_to_local_point(vector(&centre.coords), true);
+            let apart = standing
+                .around
+                .distance_to_local_point(vector(&centre.coords), true);
             if apart - part.radius >= found.distance {
                 continue;
             }
             let from = isometry(&(frame * part.at));
-            let between = closest_points(&from, &*part.shape, &isometry(&at), &*standing.shape, found.distance);
+            let between = closest_points(
+                &from,
+                &*part.shape,
+                &isometry(&at),
+                &*standing.shape,
+                found.distance,
+            );
             if let Some(distance) = within(between)
                 && distance < found.distance
             {
@@ -248,9 +286,16 @@ impl Obstacles {
             };
             // A base may stand upon something, a millimetre deep.
             let depth = parry3d_f64::query::contact(&poses.0, shapes.0, &poses.1, shapes.1, 0.0);
-            depth.ok().flatten().is_some_and(|contact| contact.dist < -1e-3) || inside()
+            depth
+                .ok()
+                .flatten()
+                .is_some_and(|contact| contact.dist < -1e-3)
+                || inside()
         };
-        self.standing.iter().find(hit).map(|standing| &*standing.name)
+        self.standing
+            .iter()
+            .find(hit)
+            .map(|standing| &*standing.name)
     }
 
     /// Triangles of all parts of the arm in the scene [m], for pictures.
@@ -266,19 +311,26 @@ impl Obstacles {
 
     /// Triangles of what stands around but the tool, turned by the table.
     pub fn blocks(&self, turn: &Pose) -> Vec<[Vector3<f64>; 3]> {
-        let others = self.standing.iter().filter(|standing| standing.name != TOOL);
+        let others = self
+            .standing
+            .iter()
+            .filter(|standing| standing.name != TOOL);
         let turned = others.map(|standing| match standing.turns {
             true => (standing, turn * standing.at),
             false => (standing, standing.at),
         });
-        turned.flat_map(|(standing, at)| triangles(&*standing.shape, &at)).collect()
+        turned
+            .flat_map(|(standing, at)| triangles(&*standing.shape, &at))
+            .collect()
     }
 }
 
 /// Number of the flange among the frames of [`frames`].
 const FLANGE: usize = 7;
 /// Powers of the root of x^7 = x + 1, whose multiples fill six dimensions evenly (Roberts 2018).
-const STEPS: [f64; 6] = [0.898_654, 0.807_578, 0.725_733, 0.652_183, 0.586_087, 0.526_689];
+const STEPS: [f64; 6] = [
+    0.898_654, 0.807_578, 0.725_733, 0.652_183, 0.586_087, 0.526_689,
+];
 
 /// Frames of all links and of the flange in the scene.
 fn frames(arm: &Arm, joints: &Joints, base: &Pose) -> [Pose; 8] {
@@ -324,7 +376,14 @@ fn distance(a: &Part, b: &Part, frames: &[Pose; 8], most: f64) -> f64 {
         return most;
     }
     let [from, to] = [a, b].map(|part| isometry(&(frames[part.frame] * part.at)));
-    within(closest_points(&from, &*a.shape, &to, &*b.shape, most.max(1e-9))).unwrap_or(most.max(1e-9))
+    within(closest_points(
+        &from,
+        &*a.shape,
+        &to,
+        &*b.shape,
+        most.max(1e-9),
+    ))
+    .unwrap_or(most.max(1e-9))
 }
 
 /// None if two shapes are farther apart than was asked.
@@ -380,5 +439,8 @@ fn from_vector(v: math::Vector) -> Vector3<f64> {
 
 fn isometry(pose: &Pose) -> math::Pose {
     let [x, y, z, w] = UnitQuaternion::from(pose.rotation).coords.into();
-    math::Pose::from_parts(vector(&pose.translation.vector), math::Rotation::from_xyzw(x, y, z, w))
+    math::Pose::from_parts(
+        vector(&pose.translation.vector),
+        math::Rotation::from_xyzw(x, y, z, w),
+    )
 }

@@ -45,7 +45,9 @@ pub fn contact(position: &Vector3<f64>, normal: &Vector3<f64>, x: &Vector3<f64>)
 fn tangent(x: &Vector3<f64>, z: &Vector3<f64>) -> Vector3<f64> {
     let across = |x: &Vector3<f64>| (x - z * x.dot(z)).try_normalize(1e-6);
     let instead = Vector3::ith(z.iamin(), 1.0);
-    across(x).or_else(|| across(&instead)).expect("an axis lies across")
+    across(x)
+        .or_else(|| across(&instead))
+        .expect("an axis lies across")
 }
 
 #[cfg(test)]

@@ -54,7 +54,9 @@ pub struct Reached {
 
 /// No pose in which the arm could wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the arm has no pose above the tool in which it hits nothing: name one by home_deg, or move the base")]
+#[error(
+    "the arm has no pose above the tool in which it hits nothing: name one by home_deg, or move the base"
+)]
 pub struct NoHome;
 
 /// Contacts of a stroke, and what they are of the path.
@@ -167,7 +169,10 @@ impl Cell {
                         index: contact.point,
                         check: Check::Transfer,
                         detail: "no free way to it from where the arm waits was found".into(),
-                        tried: format!("straight, and by trees of {} samples", super::transfer::SAMPLES),
+                        tried: format!(
+                            "straight, and by trees of {} samples",
+                            super::transfer::SAMPLES
+                        ),
                         remedy: String::new(),
                     });
                 }
@@ -186,7 +191,10 @@ impl Cell {
         });
         let stations = stations.collect();
         for stroke in &mut strokes {
-            stroke.station = used.iter().position(|&station| station == stroke.station).expect("it is used");
+            stroke.station = used
+                .iter()
+                .position(|&station| station == stroke.station)
+                .expect("it is used");
         }
         (strokes, stations)
     }
@@ -194,7 +202,8 @@ impl Cell {
     /// How long the arm takes from one pose to another, joints at their share of speed [s].
     fn seconds(&self, from: &Joints, to: &Joints) -> f64 {
         let joints = self.arm.joints.iter().enumerate();
-        let each = joints.map(|(j, joint)| (to[j] - from[j]).abs() / (joint.speed * self.motion.free));
+        let each =
+            joints.map(|(j, joint)| (to[j] - from[j]).abs() / (joint.speed * self.motion.free));
         each.fold(0.0, f64::max)
     }
 
@@ -205,11 +214,20 @@ impl Cell {
         for (k, piece) in pieces.iter().enumerate() {
             let costs = piece.candidates.iter().map(|to| {
                 let (before, from) = match k {
-                    0 => (self.turn_s(0, to.way.station) + self.seconds(home, &to.approach), 0),
+                    0 => (
+                        self.turn_s(0, to.way.station) + self.seconds(home, &to.approach),
+                        0,
+                    ),
                     _ => {
-                        let last = pieces[k - 1].candidates.iter().zip(&table[k - 1]).enumerate();
-                        let each = last.map(|(c, (from, (cost, _)))| (cost + self.between(from, to, home), c));
-                        each.min_by(|a, b| a.0.total_cmp(&b.0)).expect("no piece is empty")
+                        let last = pieces[k - 1]
+                            .candidates
+                            .iter()
+                            .zip(&table[k - 1])
+                            .enumerate();
+                        let each = last
+                            .map(|(c, (from, (cost, _)))| (cost + self.between(from, to, home), c));
+                        each.min_by(|a, b| a.0.total_cmp(&b.0))
+                            .expect("no piece is empty")
                     }
                 };
                 (before + to.cost, from)
@@ -217,7 +235,10 @@ impl Cell {
             table.push(costs.collect());
         }
         let last = table.last().expect("there are pieces").iter().enumerate();
-        let mut at = last.min_by(|a, b| a.1.0.total_cmp(&b.1.0)).expect("no piece is empty").0;
+        let mut at = last
+            .min_by(|a, b| a.1.0.total_cmp(&b.1.0))
+            .expect("no piece is empty")
+            .0;
         let mut chosen = vec![0; pieces.len()];
         for k in (0..pieces.len()).rev() {
             chosen[k] = at;
@@ -266,14 +287,16 @@ impl Cell {
                 let from_home = || self.transfer(home, &to.approach, station);
                 let transfer = match last {
                     None => from_home(),
-                    Some((from, before)) if before == station => {
-                        self.transfer(&from, &to.approach, station).or_else(|| self.by_home(&from, home, to))
+                    Some((from, before)) if before == station => self
+                        .transfer(&from, &to.approach, station)
+                        .or_else(|| self.by_home(&from, home, to)),
+                    Some((from, before)) => {
+                        self.transfer(&from, home, before).and_then(|mut way| {
+                            way.push(*home);
+                            way.extend(from_home()?);
+                            Some(way)
+                        })
                     }
-                    Some((from, before)) => self.transfer(&from, home, before).and_then(|mut way| {
-                        way.push(*home);
-                        way.extend(from_home()?);
-                        Some(way)
-                    }),
                 };
                 let Some(transfer) = transfer else {
                     return Some(k);
@@ -301,14 +324,23 @@ impl Cell {
             let margin = self.limits.joint_deg.to_radians();
             let all = wound.contacts.iter().map(|contact| contact.joints[j]);
             let all = all.chain([wound.approach[j], wound.retreat[j]]);
-            let [min, max] = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[min, max], q| [q.min(min), q.max(max)]);
+            let [min, max] = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[min, max], q| {
+                [q.min(min), q.max(max)]
+            });
             let fits = |turn: &f64| {
                 min + turn >= joint.limits[0] + margin && max + turn <= joint.limits[1] - margin
             };
             let far = |turn: &f64| (wound.approach[j] + turn - from[j]).abs();
-            let turns = [0.0, TAU, -TAU].into_iter().filter(|turn| *turn == 0.0 || fits(turn));
-            let turn = turns.min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(0.0);
-            wound.contacts.iter_mut().for_each(|contact| contact.joints[j] += turn);
+            let turns = [0.0, TAU, -TAU]
+                .into_iter()
+                .filter(|turn| *turn == 0.0 || fits(turn));
+            let turn = turns
+                .min_by(|a, b| far(a).total_cmp(&far(b)))
+                .unwrap_or(0.0);
+            wound
+                .contacts
+                .iter_mut()
+                .for_each(|contact| contact.joints[j] += turn);
             wound.approach[j] += turn;
             wound.retreat[j] += turn;
         }
@@ -344,7 +376,10 @@ impl Cell {
         let mut hits = Vec::new();
         let mut at = plan.home;
         // Before the first stroke the table turns first.
-        let mut was = plan.strokes.first().map_or(0, |first| self.station(&plan.stations[first.station]));
+        let mut was = plan
+            .strokes
+            .first()
+            .map_or(0, |first| self.station(&plan.stations[first.station]));
         for (k, stroke) in plan.strokes.iter().enumerate() {
             let station = self.station(&plan.stations[stroke.station]);
             let mut free = |from: &Joints, to: &Joints, station: usize| {
@@ -362,11 +397,15 @@ impl Cell {
             was = station;
             for pair in stroke.contacts.windows(2) {
                 let ends = [&pair[0].frame, &pair[1].frame];
-                let hit = |joints: &Joints| self.judge(joints, station, Touch::Pressing, 0.0).map(drop);
+                let hit =
+                    |joints: &Joints| self.judge(joints, station, Touch::Pressing, 0.0).map(drop);
                 let end = self.follow(&pair[0].joints, ends, station, stroke.tilt, hit);
                 let far = |q: &Joints| (0..6).any(|j| (q[j] - pair[1].joints[j]).abs() > 1e-6);
                 if end.as_ref().map_or(true, far) {
-                    hits.push(format!("between points {} and {}", pair[0].point, pair[1].point));
+                    hits.push(format!(
+                        "between points {} and {}",
+                        pair[0].point, pair[1].point
+                    ));
                 }
             }
             for contact in &stroke.contacts {
@@ -389,7 +428,9 @@ impl Cell {
     pub fn collisions_at_once(&self, path: &[PathPoint]) -> usize {
         let hits = frames(path).into_iter().filter(|(frame, _)| {
             let poses = self.poses(&self.flange(0, frame, 0.0));
-            let first = poses.first().map(|joints| self.judge(joints, 0, Touch::Pressing, 0.0));
+            let first = poses
+                .first()
+                .map(|joints| self.judge(joints, 0, Touch::Pressing, 0.0));
             matches!(first, Some(Err(fault)) if fault.check == Check::Collision)
         });
         hits.count()
@@ -398,7 +439,10 @@ impl Cell {
     /// The number in this cell of a station of one of its plans.
     pub fn station(&self, station: &Station) -> usize {
         let same = |angle: &f64| *angle == station.angle;
-        self.angles.iter().position(same).expect("plans are of their cell")
+        self.angles
+            .iter()
+            .position(same)
+            .expect("plans are of their cell")
     }
 
     /// The program of a plan.
@@ -419,7 +463,12 @@ impl Cell {
 impl Plan {
     /// All contacts, in the order of the program.
     pub fn contacts(&self) -> impl Iterator<Item = (&ProgramStroke, &Contact)> {
-        let each = |stroke| <&ProgramStroke>::clone(&stroke).contacts.iter().map(move |contact| (stroke, contact));
+        let each = |stroke| {
+            <&ProgramStroke>::clone(&stroke)
+                .contacts
+                .iter()
+                .map(move |contact| (stroke, contact))
+        };
         self.strokes.iter().flat_map(each)
     }
 }
@@ -440,7 +489,9 @@ fn strokes(path: &[PathPoint]) -> Vec<(usize, &[PathPoint])> {
 pub(crate) fn frames(path: &[PathPoint]) -> Vec<(Pose, bool)> {
     let each = strokes(path).into_iter().flat_map(|(_, points)| {
         let is_press = points.iter().all(|point| point.travel.is_none());
-        contacts(points).into_iter().map(move |frame| (frame, is_press))
+        contacts(points)
+            .into_iter()
+            .map(move |frame| (frame, is_press))
     });
     each.collect()
 }

@@ -115,7 +115,11 @@ impl Program<'_> {
         }
         let strokes = self.strokes.iter().flat_map(|stroke| {
             let contacts = stroke.contacts.iter().map(|contact| &contact.joints);
-            stroke.transfer.iter().chain([&stroke.approach, &stroke.retreat]).chain(contacts)
+            stroke
+                .transfer
+                .iter()
+                .chain([&stroke.approach, &stroke.retreat])
+                .chain(contacts)
         });
         let mut joints = strokes.chain([&self.home]).chain(&self.way_home);
         match joints.all(|joints| joints.iter().all(|q| q.is_finite())) {
@@ -149,7 +153,11 @@ impl Program<'_> {
             let turn_before = self.turn_before(k);
             let mut from = last_of(&self.strokes, k, &self.home);
             for (corner, joints) in stroke.transfer.iter().chain([&stroke.approach]).enumerate() {
-                let wait = if turn_before == Some(corner) { self.speeds.turn_s } else { 0.0 };
+                let wait = if turn_before == Some(corner) {
+                    self.speeds.turn_s
+                } else {
+                    0.0
+                };
                 go(*joints, wait + self.free(&from, joints), Motion::Free);
                 from = *joints;
             }
@@ -159,7 +167,8 @@ impl Program<'_> {
                 let seconds = match before {
                     None => lift,
                     Some(before) => {
-                        let way = contact.frame.translation.vector - before.frame.translation.vector;
+                        let way =
+                            contact.frame.translation.vector - before.frame.translation.vector;
                         way.norm() / self.speeds.contact
                     }
                 };
@@ -167,7 +176,11 @@ impl Program<'_> {
                 before = Some(contact);
             }
             if stroke.contacts.len() == 1 {
-                go(stroke.contacts[0].joints, self.speeds.press_s, Motion::Contact);
+                go(
+                    stroke.contacts[0].joints,
+                    self.speeds.press_s,
+                    Motion::Contact,
+                );
             }
             go(stroke.retreat, lift, Motion::Above);
         }
@@ -194,10 +207,15 @@ impl Program<'_> {
     pub(crate) fn turn_before(&self, k: usize) -> Option<usize> {
         let stroke = &self.strokes[k];
         match k.checked_sub(1).map(|last| self.strokes[last].station) {
-            None => (self.stations[stroke.station].angle != 0.0 || self.stations.len() > 1).then_some(0),
+            None => {
+                (self.stations[stroke.station].angle != 0.0 || self.stations.len() > 1).then_some(0)
+            }
             Some(last) if last == stroke.station => None,
             Some(_) => {
-                let home = stroke.transfer.iter().position(|corner| *corner == self.home);
+                let home = stroke
+                    .transfer
+                    .iter()
+                    .position(|corner| *corner == self.home);
                 Some(home.map_or(0, |corner| corner + 1))
             }
         }
@@ -205,7 +223,8 @@ impl Program<'_> {
 
     /// How far the roller lifts off before a stroke [m].
     fn lift(&self, stroke: &ProgramStroke) -> f64 {
-        let [up, down] = [stroke.approach, stroke.contacts[0].joints].map(|joints| self.arm.flange_at(&joints));
+        let [up, down] =
+            [stroke.approach, stroke.contacts[0].joints].map(|joints| self.arm.flange_at(&joints));
         (up.translation.vector - down.translation.vector).norm()
     }
 
@@ -217,11 +236,14 @@ impl Program<'_> {
     /// The least that a move takes [s].
     fn fastest(&self, from: &Joints, to: &Joints) -> f64 {
         let joints = self.arm.joints.iter().enumerate();
-        joints.map(|(j, joint)| (to[j] - from[j]).abs() / joint.speed).fold(0.0, f64::max)
+        joints
+            .map(|(j, joint)| (to[j] - from[j]).abs() / joint.speed)
+            .fold(0.0, f64::max)
     }
 }
 
 /// Where the arm is before stroke `k`.
 fn last_of(strokes: &[ProgramStroke], k: usize, home: &Joints) -> Joints {
-    k.checked_sub(1).map_or(*home, |before| strokes[before].retreat)
+    k.checked_sub(1)
+        .map_or(*home, |before| strokes[before].retreat)
 }

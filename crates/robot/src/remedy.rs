@@ -88,16 +88,25 @@ impl Cell {
 
     /// Whether the roller fits on a contact in any direction and at any tilt.
     fn fits_somehow(&self, frame: &Pose, is_press: bool) -> bool {
-        let ways = self.ways(is_press).into_iter().filter(|way| way.station == 0);
-        ways.into_iter().any(|way| self.fits(&turned(frame, way.yaw), way.tilt).is_ok())
+        let ways = self
+            .ways(is_press)
+            .into_iter()
+            .filter(|way| way.station == 0);
+        ways.into_iter()
+            .any(|way| self.fits(&turned(frame, way.yaw), way.tilt).is_ok())
     }
 
     fn can_reach(&self, frame: &Pose, is_press: bool) -> bool {
         // No deviations: they cost a dozen times as much, and this ranks places only.
-        let tilts = |way: &&Way| way.tilt == 0.0 || way.tilt.abs() > 0.9 * self.limits.tilt_deg.to_radians();
+        let tilts = |way: &&Way| {
+            way.tilt == 0.0 || way.tilt.abs() > 0.9 * self.limits.tilt_deg.to_radians()
+        };
         let ways = self.ways(is_press);
         let turned = |way: &&Way| !is_press || way.yaw % FRAC_PI_2 < 0.1;
-        ways.iter().filter(tilts).filter(turned).any(|way| self.reaches(frame, way, false).is_ok())
+        ways.iter()
+            .filter(tilts)
+            .filter(turned)
+            .any(|way| self.reaches(frame, way, false).is_ok())
     }
 
     /// Says for each point that failed what would mend it, and gives the base that reaches most, if any is better.
@@ -143,8 +152,14 @@ impl Cell {
         });
         let mut reached = self.reached(path);
         if let Some(moved) = &moved {
-            let lost: Vec<_> = frames.iter().filter(|(frame, press)| self.effort(frame, *press).is_err()).collect();
-            reached.by_moving_the_base = lost.iter().filter(|(frame, press)| moved.effort(frame, *press).is_ok()).count();
+            let lost: Vec<_> = frames
+                .iter()
+                .filter(|(frame, press)| self.effort(frame, *press).is_err())
+                .collect();
+            reached.by_moving_the_base = lost
+                .iter()
+                .filter(|(frame, press)| moved.effort(frame, *press).is_ok())
+                .count();
             reached.not_at_all -= reached.by_moving_the_base;
         }
         plan.reached = reached;

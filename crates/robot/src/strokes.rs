@@ -126,7 +126,9 @@ impl Cell {
         let mut of_station = vec![0; self.angles.len()];
         for (_, way, start) in open {
             let is_whole = reached == frames.len();
-            if of_station[way.station] >= ENOUGH[0] && is_whole || candidates.len() >= ENOUGH[1] && is_whole {
+            if of_station[way.station] >= ENOUGH[0] && is_whole
+                || candidates.len() >= ENOUGH[1] && is_whole
+            {
                 continue;
             }
             let (contacts, fault) = self.roll(frames, points, way, start);
@@ -164,19 +166,33 @@ impl Cell {
         }
         candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         // The check that most nearly passed.
-        let there = faults.into_iter().filter(|(at, _)| *at == reached || reached == 0);
-        let fault = there.map(|(_, fault)| fault).max_by_key(|fault| fault.check);
+        let there = faults
+            .into_iter()
+            .filter(|(at, _)| *at == reached || reached == 0);
+        let fault = there
+            .map(|(_, fault)| fault)
+            .max_by_key(|fault| fault.check);
         let tried = self.tried(&ways, poses);
         Found {
-            fault: fault.filter(|_| reached < frames.len()).map(|fault| (fault, tried)),
+            fault: fault
+                .filter(|_| reached < frames.len())
+                .map(|fault| (fault, tried)),
             candidates,
             reached,
         }
     }
 
     /// Whether the roller fits on a contact in a way; asked once for all angles of the table.
-    fn fits_in(&self, contact: &Pose, way: &Way, known: &mut Vec<(f64, f64, Result<(), Fault>)>) -> Result<(), Fault> {
-        if let Some((.., fits)) = known.iter().find(|(yaw, tilt, _)| (*yaw, *tilt) == (way.yaw, way.tilt)) {
+    fn fits_in(
+        &self,
+        contact: &Pose,
+        way: &Way,
+        known: &mut Vec<(f64, f64, Result<(), Fault>)>,
+    ) -> Result<(), Fault> {
+        if let Some((.., fits)) = known
+            .iter()
+            .find(|(yaw, tilt, _)| (*yaw, *tilt) == (way.yaw, way.tilt))
+        {
             return fits.clone();
         }
         let fits = self.fits(contact, way.tilt);
@@ -191,16 +207,27 @@ impl Cell {
             all.dedup();
             all.len()
         };
-        let (yaws, tilts) = (count(&|way| way.yaw.to_bits()), count(&|way| way.tilt.to_bits()));
+        let (yaws, tilts) = (
+            count(&|way| way.yaw.to_bits()),
+            count(&|way| way.tilt.to_bits()),
+        );
         let angles = match self.angles.len() {
             1 => "one angle of the tool".into(),
             many => format!("{many} angles of the turntable"),
         };
-        format!("{angles}, {yaws} directions of the roller, {tilts} tilts: {poses} poses of the arm")
+        format!(
+            "{angles}, {yaws} directions of the roller, {tilts} tilts: {poses} poses of the arm"
+        )
     }
 
     /// Rolls from contact to contact as far as it goes, and why no farther.
-    fn roll(&self, frames: &[Pose], points: &[usize], way: Way, start: Joints) -> (Vec<Contact>, Option<Fault>) {
+    fn roll(
+        &self,
+        frames: &[Pose],
+        points: &[usize],
+        way: Way,
+        start: Joints,
+    ) -> (Vec<Contact>, Option<Fault>) {
         let mut contacts: Vec<Contact> = Vec::with_capacity(frames.len());
         let press = |joints: &Joints| self.judge(joints, way.station, Touch::Pressing, 1.0);
         for (frame, &point) in frames.iter().zip(points) {
@@ -245,7 +272,10 @@ impl Cell {
         );
         let above = |contact: &Contact| {
             let ends = [&contact.frame, &(contact.frame * lift)];
-            let clear = |joints: &Joints| self.judge(joints, way.station, Touch::Pressing, 0.0).map(drop);
+            let clear = |joints: &Joints| {
+                self.judge(joints, way.station, Touch::Pressing, 0.0)
+                    .map(drop)
+            };
             let joints = self.follow(&contact.joints, ends, way.station, way.tilt, clear)?;
             self.judge(&joints, way.station, Touch::Free, 1.0)?;
             Ok(joints)
@@ -254,7 +284,8 @@ impl Cell {
             check: Check::Collision,
             detail: format!("coming down or lifting: {}", fault.detail),
         };
-        let [first, last] = [contacts.first(), contacts.last()].map(|contact| contact.expect("one at least"));
+        let [first, last] =
+            [contacts.first(), contacts.last()].map(|contact| contact.expect("one at least"));
         Ok((above(first).map_err(named)?, above(last).map_err(named)?))
     }
 
@@ -292,7 +323,10 @@ impl Cell {
             }
             let poses = self.poses(&self.flange(way.station, contact, way.tilt));
             let holds = |joints: &Joints| {
-                self.kinematic(joints, 1.0).is_ok() && self.judge(joints, way.station, Touch::Pressing, share).is_ok()
+                self.kinematic(joints, 1.0).is_ok()
+                    && self
+                        .judge(joints, way.station, Touch::Pressing, share)
+                        .is_ok()
             };
             bits |= u64::from(poses.iter().any(holds)) << k;
         }
@@ -306,7 +340,9 @@ impl Cell {
             let fits = self.fits_in(&turned(frame, way.yaw), &way, &mut fitting);
             match fits.and_then(|()| self.reaches(frame, &way, true)) {
                 Ok(_) => return Ok(way.effort),
-                Err(fault) if worst.as_ref().is_none_or(|worst| worst.check < fault.check) => worst = Some(fault),
+                Err(fault) if worst.as_ref().is_none_or(|worst| worst.check < fault.check) => {
+                    worst = Some(fault)
+                }
                 Err(_) => {}
             }
         }
@@ -321,10 +357,12 @@ impl Cell {
             detail: "no pose of the arm puts the roller there".into(),
         };
         for joints in self.poses(&self.flange(way.station, &frame, way.tilt)) {
-            let passed = self.judge(&joints, way.station, Touch::Pressing, 1.0).and_then(|_| match strict {
-                true => self.deviates(&joints, &frame, way.station, way.tilt),
-                false => Ok(()),
-            });
+            let passed = self
+                .judge(&joints, way.station, Touch::Pressing, 1.0)
+                .and_then(|_| match strict {
+                    true => self.deviates(&joints, &frame, way.station, way.tilt),
+                    false => Ok(()),
+                });
             match passed {
                 Ok(()) => return Ok(()),
                 Err(fault) if fault.check > worst.check => worst = fault,
@@ -339,6 +377,12 @@ impl Cell {
 pub(crate) fn turned(frame: &Pose, yaw: f64) -> Pose {
     match yaw {
         0.0 => *frame,
-        _ => frame * Pose::from_parts(Translation3::identity(), Rotation3::from_axis_angle(&Vector3::z_axis(), yaw)),
+        _ => {
+            frame
+                * Pose::from_parts(
+                    Translation3::identity(),
+                    Rotation3::from_axis_angle(&Vector3::z_axis(), yaw),
+                )
+        }
     }
 }

@@ -11,7 +11,9 @@ const GROW: f64 = 0.3;
 pub(crate) const SAMPLES: u64 = 1500;
 const SHORTCUTS: u64 = 60;
 /// Steps of a sequence that fills six dimensions evenly (Roberts 2018).
-const EVEN: [f64; 6] = [0.898_654, 0.807_578, 0.725_733, 0.652_183, 0.586_087, 0.526_689];
+const EVEN: [f64; 6] = [
+    0.898_654, 0.807_578, 0.725_733, 0.652_183, 0.586_087, 0.526_689,
+];
 
 /// Poses and what each grew from, the first from itself.
 struct Tree(Vec<(Joints, usize)>);
@@ -20,7 +22,8 @@ impl Tree {
     fn nearest(&self, to: &Joints) -> usize {
         let apart = |k: &usize| distance(&self.0[*k].0, to);
         let all = 0..self.0.len();
-        all.min_by(|a, b| apart(a).total_cmp(&apart(b))).expect("a tree has a root")
+        all.min_by(|a, b| apart(a).total_cmp(&apart(b)))
+            .expect("a tree has a root")
     }
 
     /// From the root to a pose.
@@ -41,7 +44,12 @@ fn distance(a: &Joints, b: &Joints) -> f64 {
 
 impl Cell {
     /// The corners of a free way between two poses, both left out; none if none was found.
-    pub(crate) fn transfer(&self, from: &Joints, to: &Joints, station: usize) -> Option<Vec<Joints>> {
+    pub(crate) fn transfer(
+        &self,
+        from: &Joints,
+        to: &Joints,
+        station: usize,
+    ) -> Option<Vec<Joints>> {
         if self.is_free(from, to, station, LOOK) {
             return Some(Vec::new());
         }

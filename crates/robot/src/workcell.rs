@@ -95,7 +95,9 @@ impl Cell {
         let bounds = surface
             .corners
             .iter()
-            .fold([infinite, -infinite], |[min, max], p| [min.inf(p), max.sup(p)]);
+            .fold([infinite, -infinite], |[min, max], p| {
+                [min.inf(p), max.sup(p)]
+            });
         let middle = 0.5 * (bounds[0] + bounds[1]);
         let axis = config.turntable.and_then(|table| table.at_mm);
         let [x, y] = axis.map_or([middle.x, middle.y], |at| at.map(|x| 1e-3 * x));
@@ -107,7 +109,11 @@ impl Cell {
         };
         let turns = angles.iter().map(turn).collect();
         let beside = Translation3::new(middle.x - 0.55, middle.y, bounds[0].z);
-        let base = config.base.map_or(Pose::from_parts(beside, Rotation3::identity()), |base| base.pose());
+        let base = config
+            .base
+            .map_or(Pose::from_parts(beside, Rotation3::identity()), |base| {
+                base.pose()
+            });
         Self {
             solver: Solver::new(&arm),
             obstacles: Obstacles::new(&arm, config, surface),
@@ -166,13 +172,24 @@ impl Cell {
 
     /// Holds a pose against limits, singularities and what it might hit, `share` of the distances that are asked for. Gives
     /// the least singular value.
-    pub(crate) fn judge(&self, joints: &Joints, station: usize, touch: Touch, share: f64) -> Result<f64, Fault> {
+    pub(crate) fn judge(
+        &self,
+        joints: &Joints,
+        station: usize,
+        touch: Touch,
+        share: f64,
+    ) -> Result<f64, Fault> {
         let sigma_min = self.kinematic(joints, share)?;
         // Whatever is farther away than it has to be is not looked at: among many triangles that takes most of the time.
         let least = (share * 1e-3 * self.limits.clearance_mm).max(1e-6);
-        let found = self
-            .obstacles
-            .clearance(&self.arm, &self.base, joints, &self.turns[station], touch, least);
+        let found = self.obstacles.clearance(
+            &self.arm,
+            &self.base,
+            joints,
+            &self.turns[station],
+            touch,
+            least,
+        );
         match found.fault() {
             Some(fault) => Err(fault),
             None => Ok(sigma_min),
@@ -183,7 +200,9 @@ impl Cell {
     pub(crate) fn fits(&self, contact: &Pose, tilt: f64) -> Result<(), Fault> {
         let holder = |contact: &Pose, least: f64| {
             let flange = self.tool * contact * self.roller.contact(tilt).inverse();
-            let found = self.obstacles.clearance_of_holder(&flange, &self.turns[0], least.max(1e-6));
+            let found =
+                self.obstacles
+                    .clearance_of_holder(&flange, &self.turns[0], least.max(1e-6));
             found.fault().map_or(Ok(()), Err)
         };
         holder(contact, 1e-3 * self.limits.clearance_mm)?;
@@ -201,29 +220,33 @@ impl Cell {
             deviation_deg: angle,
             ..
         } = self.limits;
-        (0..12).filter(move |k| if *k < 6 { way > 0.0 } else { angle > 0.0 }).map(move |k| {
-            let (sign, axis) = ([1.0, -1.0][k % 2], k / 2 % 3);
-            let named = ["x", "y", "z"][axis];
-            let sense = ["+", "-"][k % 2];
-            match k < 6 {
-                true => {
-                    let by = Translation3::from(Vector3::ith(axis, sign * 1e-3 * way));
-                    let name = format!("{way} mm along {sense}{named}");
-                    (Pose::from_parts(by, Rotation3::identity()), name)
+        (0..12)
+            .filter(move |k| if *k < 6 { way > 0.0 } else { angle > 0.0 })
+            .map(move |k| {
+                let (sign, axis) = ([1.0, -1.0][k % 2], k / 2 % 3);
+                let named = ["x", "y", "z"][axis];
+                let sense = ["+", "-"][k % 2];
+                match k < 6 {
+                    true => {
+                        let by = Translation3::from(Vector3::ith(axis, sign * 1e-3 * way));
+                        let name = format!("{way} mm along {sense}{named}");
+                        (Pose::from_parts(by, Rotation3::identity()), name)
+                    }
+                    false => {
+                        let by = Rotation3::new(Vector3::ith(axis, sign * angle.to_radians()));
+                        let name = format!("{angle} degrees about {sense}{named}");
+                        (Pose::from_parts(Translation3::identity(), by), name)
+                    }
                 }
-                false => {
-                    let by = Rotation3::new(Vector3::ith(axis, sign * angle.to_radians()));
-                    let name = format!("{angle} degrees about {sense}{named}");
-                    (Pose::from_parts(Translation3::identity(), by), name)
-                }
-            }
-        })
+            })
     }
 
     /// How far a pose on a contact is from what it might hit, no farther than [`FAR`] [m].
     pub(crate) fn clearance(&self, joints: &Joints, station: usize) -> f64 {
         let turn = &self.turns[station];
-        let found = self.obstacles.clearance(&self.arm, &self.base, joints, turn, Touch::Pressing, FAR);
+        let found =
+            self.obstacles
+                .clearance(&self.arm, &self.base, joints, turn, Touch::Pressing, FAR);
         found.distance
     }
 
@@ -235,7 +258,11 @@ impl Cell {
             !(min + margin..=max - margin).contains(q)
         });
         if let Some(k) = near {
-            let detail = format!("joint {} at {:.0} degrees, near its limit", k + 1, joints[k].to_degrees());
+            let detail = format!(
+                "joint {} at {:.0} degrees, near its limit",
+                k + 1,
+                joints[k].to_degrees()
+            );
             let check = Check::Limits;
             return Err(Fault { check, detail });
         }
@@ -279,7 +306,13 @@ impl Cell {
     }
 
     /// Holds a contact against the deviations that force control allows.
-    pub(crate) fn deviates(&self, joints: &Joints, contact: &Pose, station: usize, tilt: f64) -> Result<(), Fault> {
+    pub(crate) fn deviates(
+        &self,
+        joints: &Joints,
+        contact: &Pose,
+        station: usize,
+        tilt: f64,
+    ) -> Result<(), Fault> {
         for (deviation, name) in self.deviations() {
             let flange = self.flange(station, &(contact * deviation), tilt);
             let there = self.solver.follow(&flange, joints).ok_or_else(|| {
@@ -314,7 +347,9 @@ impl Cell {
     pub(crate) fn is_clear(&self, joints: &Joints, station: usize) -> bool {
         let least = (1e-3 * self.limits.clearance_mm).max(1e-6);
         let turn = &self.turns[station];
-        let found = self.obstacles.clearance(&self.arm, &self.base, joints, turn, Touch::Free, least);
+        let found =
+            self.obstacles
+                .clearance(&self.arm, &self.base, joints, turn, Touch::Free, least);
         found.pair.is_none()
     }
 

@@ -15,13 +15,18 @@ fn random(arm: &Arm, rng: &mut ChaCha8Rng) -> Joints {
 fn the_crb_stands_where_its_description_says() {
     let arm = Arm::shipped("crb15000-5").unwrap();
     let at = arm.flange_at(&[0.0; 6]).translation.vector;
-    assert!((at - nalgebra::Vector3::new(0.571, 0.0, 0.899)).norm() < 1e-12, "{at}");
+    assert!(
+        (at - nalgebra::Vector3::new(0.571, 0.0, 0.899)).norm() < 1e-12,
+        "{at}"
+    );
 }
 
 /// Every pose that is found brings the flange there, and the one that it was made with is among them.
 #[test]
 fn inverse_undoes_forward() {
-    for name in Arm::names().filter(|n| std::env::var("ARM").is_err() || std::env::var("ARM").unwrap() == *n) {
+    for name in Arm::names()
+        .filter(|n| std::env::var("ARM").is_err() || std::env::var("ARM").unwrap() == *n)
+    {
         let arm = Arm::shipped(name).unwrap();
         let solver = Solver::new(&arm);
         let mut rng = ChaCha8Rng::seed_from_u64(7);
@@ -34,8 +39,10 @@ fn inverse_undoes_forward() {
             let all = solver.solve(&flange);
             for one in &all {
                 let there = arm.flange_at(one);
-                worst_way = worst_way.max((there.translation.vector - flange.translation.vector).norm());
-                worst_angle = worst_angle.max((there.rotation.matrix() - flange.rotation.matrix()).norm());
+                worst_way =
+                    worst_way.max((there.translation.vector - flange.translation.vector).norm());
+                worst_angle =
+                    worst_angle.max((there.rotation.matrix() - flange.rotation.matrix()).norm());
                 assert!(arm.is_within_limits(one));
             }
             solutions += all.len();
@@ -45,7 +52,13 @@ fn inverse_undoes_forward() {
                     d.min(std::f64::consts::TAU - d) < 1e-5
                 })
             };
-            if !all.iter().any(same) && name != "x" { println!("{joints:.4?} sigma {:.4} -> {}", arm.sigma_min(&joints), all.len()); }
+            if !all.iter().any(same) && name != "x" {
+                println!(
+                    "{joints:.4?} sigma {:.4} -> {}",
+                    arm.sigma_min(&joints),
+                    all.len()
+                );
+            }
             found += usize::from(all.iter().any(same));
         }
         let seconds = start.elapsed().as_secs_f64();

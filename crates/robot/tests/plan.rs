@@ -38,7 +38,11 @@ fn both_arms_press_a_dome() {
         let pressed = plan.contacts().map(|(_, contact)| contact.point);
         assert!(pressed.eq(0..path.len()));
         let again = cell.plan(&path, |_| {}).unwrap();
-        assert!(plan.contacts().map(|(_, c)| c.joints).eq(again.contacts().map(|(_, c)| c.joints)));
+        assert!(
+            plan.contacts()
+                .map(|(_, c)| c.joints)
+                .eq(again.contacts().map(|(_, c)| c.joints))
+        );
         let reached = cell.reached(&path);
         assert_eq!(reached.not_at_all, 0, "{reached:?}");
         assert!(reached.at_once < path.len(), "{reached:?}");
@@ -104,10 +108,18 @@ fn no_point_is_dropped_without_a_word() {
     });
     let mut plan = cell.plan(&path, |_| {}).unwrap();
     cell.find_remedies(&path, &mut plan);
-    let failed: Vec<(usize, Check)> = plan.failed.iter().map(|point| (point.index, point.check)).collect();
+    let failed: Vec<(usize, Check)> = plan
+        .failed
+        .iter()
+        .map(|point| (point.index, point.check))
+        .collect();
     assert_eq!(failed.len(), 3, "{:#?}", plan.failed);
     assert_eq!(failed[1], (1, Check::Reach));
-    assert!(plan.failed[2].check >= Check::Collision, "{:?}", plan.failed[2]);
+    assert!(
+        plan.failed[2].check >= Check::Collision,
+        "{:?}",
+        plan.failed[2]
+    );
     assert!(plan.failed.iter().all(|point| !point.remedy.is_empty()));
     let pressed: Vec<usize> = plan.contacts().map(|(_, contact)| contact.point).collect();
     assert_eq!(pressed, [3]);
@@ -120,7 +132,9 @@ fn paths_of_one_point_and_of_two_thousand() {
     let one = stroke(0, 0.0, 1);
     let plan = cell.plan(&one, |_| {}).unwrap();
     assert_eq!((plan.strokes.len(), plan.failed.len()), (1, 0));
-    let many: Vec<PathPoint> = (0..400).flat_map(|k| stroke(k, 0.1 * k as f64, 5)).collect();
+    let many: Vec<PathPoint> = (0..400)
+        .flat_map(|k| stroke(k, 0.1 * k as f64, 5))
+        .collect();
     let plan = cell.plan(&many, |_| {}).unwrap();
     assert_eq!(plan.contacts().count() + plan.failed.len(), 2000);
     assert!(plan.failed.len() < 20, "{:?}", plan.failed.first());

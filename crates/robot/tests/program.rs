@@ -50,19 +50,30 @@ fn read(text: &str) -> Module {
             procedure = None;
         } else if let Some(procedure) = &procedure {
             let code = code.strip_suffix(';').expect("instructions end so");
-            module.procedures.get_mut(procedure).unwrap().push(code.into());
+            module
+                .procedures
+                .get_mut(procedure)
+                .unwrap()
+                .push(code.into());
         } else {
             let (declared, value) = code.strip_suffix(';').unwrap().split_once(":=").unwrap();
             let declared: Vec<&str> = declared.split(' ').collect();
-            let [_, kind, name] = declared[..] else { panic!("{line}") };
+            let [_, kind, name] = declared[..] else {
+                panic!("{line}")
+            };
             let n = numbers(value);
             match kind {
                 "jointtarget" => {
-                    let known = module.joints.insert(name.into(), n[..6].try_into().unwrap());
+                    let known = module
+                        .joints
+                        .insert(name.into(), n[..6].try_into().unwrap());
                     assert!(known.is_none() && n.len() == 12);
                 }
                 "robtarget" | "tooldata" | "wobjdata" => {
-                    assert!(module.poses.insert(name.into(), pose(&n)).is_none(), "{name} twice");
+                    assert!(
+                        module.poses.insert(name.into(), pose(&n)).is_none(),
+                        "{name} twice"
+                    );
                 }
                 "speeddata" | "num" => {}
                 _ => panic!("{line}"),
@@ -119,13 +130,17 @@ fn rapid_puts_the_roller_on_the_points() {
     with_program("crb15000-5", |program| {
         let module = read(&program.rapid().unwrap());
         let places = play(&module);
-        let contacts = program.strokes.iter().flat_map(|stroke| {
-            stroke.contacts.iter().map(move |contact| (stroke, contact))
-        });
+        let contacts = program
+            .strokes
+            .iter()
+            .flat_map(|stroke| stroke.contacts.iter().map(move |contact| (stroke, contact)));
         let mut count = 0;
         for ((stroke, contact), (flange, tool)) in contacts.zip(&places) {
             assert_alike(&program.arm.flange_at(&contact.joints), flange);
-            assert_alike(&(program.stations[stroke.station].tool * contact.frame), &(flange * tool));
+            assert_alike(
+                &(program.stations[stroke.station].tool * contact.frame),
+                &(flange * tool),
+            );
             count += 1;
         }
         assert_eq!((count, places.len()), (31, 31));
@@ -142,22 +157,34 @@ fn rapid_puts_the_roller_on_the_points() {
 fn urscript_puts_the_roller_on_the_points() {
     with_program("ur5e", |program| {
         let text = program.urscript().unwrap();
-        let lines = text.lines().filter(|line| line.trim().starts_with("movel(p["));
-        let contacts = program.strokes.iter().flat_map(|stroke| {
-            stroke.contacts.iter().map(move |contact| (stroke, contact))
-        });
+        let lines = text
+            .lines()
+            .filter(|line| line.trim().starts_with("movel(p["));
+        let contacts = program
+            .strokes
+            .iter()
+            .flat_map(|stroke| stroke.contacts.iter().map(move |contact| (stroke, contact)));
         let mut count = 0;
         for ((stroke, contact), line) in contacts.zip(lines) {
             let n = numbers(line.split("p[").nth(1).unwrap());
             let turned = Rotation3::new(Vector3::new(n[3], n[4], n[5]));
             let at = Pose::from_parts(Translation3::new(n[0], n[1], n[2]), turned);
             let tcp = program.roller.contact(stroke.tilt);
-            assert_alike(&(at * tcp.inverse()), &program.arm.flange_at(&contact.joints));
+            assert_alike(
+                &(at * tcp.inverse()),
+                &program.arm.flange_at(&contact.joints),
+            );
             count += 1;
         }
         assert_eq!(count, 31);
-        let opened = text.lines().filter(|line| line.trim().starts_with("def ")).count();
-        assert_eq!(opened, text.lines().filter(|line| line.trim() == "end").count());
+        let opened = text
+            .lines()
+            .filter(|line| line.trim().starts_with("def "))
+            .count();
+        assert_eq!(
+            opened,
+            text.lines().filter(|line| line.trim() == "end").count()
+        );
     });
 }
 
@@ -166,7 +193,13 @@ fn urscript_puts_the_roller_on_the_points() {
 fn trajectories_keep_to_the_joints_speeds() {
     with_program("ur5e", |program| {
         let moments = program.moments();
-        assert_eq!(moments.iter().filter(|moment| moment.motion == Motion::Contact).count(), 31 + 1);
+        assert_eq!(
+            moments
+                .iter()
+                .filter(|moment| moment.motion == Motion::Contact)
+                .count(),
+            31 + 1
+        );
         for pair in moments.windows(2) {
             let dt = pair[1].at - pair[0].at;
             assert!(dt > 0.0);
@@ -180,11 +213,16 @@ fn trajectories_keep_to_the_joints_speeds() {
         let last = text.lines().last().unwrap();
         let time = numbers(&last.replace(['{', '}', ':'], " "));
         assert!((time[0] + 1e-9 * time[1] - program.seconds()).abs() < 1e-6);
-        let json: serde_json::Value = serde_json::from_str(&program.points_json().unwrap()).unwrap();
+        let json: serde_json::Value =
+            serde_json::from_str(&program.points_json().unwrap()).unwrap();
         assert_eq!(json["points"].as_array().unwrap().len(), 31);
         assert_eq!(json["seconds"], program.seconds());
         let csv = program.points_csv().unwrap();
-        assert!(csv.lines().skip(1).all(|line| line.split(',').count() == 20));
+        assert!(
+            csv.lines()
+                .skip(1)
+                .all(|line| line.split(',').count() == 20)
+        );
     });
 }
 
@@ -195,7 +233,12 @@ fn programs_that_cannot_be_are_errors() {
         empty.strokes.clear();
         let mut lost = program.clone();
         lost.strokes[0].approach[2] = f64::NAN;
-        for write in [Program::rapid, Program::urscript, Program::trajectory, Program::points_csv] {
+        for write in [
+            Program::rapid,
+            Program::urscript,
+            Program::trajectory,
+            Program::points_csv,
+        ] {
             let error = write(&empty).unwrap_err().to_string();
             assert!(error.contains("no stroke"), "{error}");
             let error = write(&lost).unwrap_err().to_string();
@@ -212,8 +255,13 @@ fn rapidchecker_passes_modules() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("drape.mod");
         std::fs::write(&file, program.rapid().unwrap()).unwrap();
-        let run = Command::new("python3").args(["-m", "rapidchecker"]).arg(&file).output().unwrap();
-        let said = String::from_utf8_lossy(&run.stdout).into_owned() + &String::from_utf8_lossy(&run.stderr);
+        let run = Command::new("python3")
+            .args(["-m", "rapidchecker"])
+            .arg(&file)
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&run.stdout).into_owned()
+            + &String::from_utf8_lossy(&run.stderr);
         assert!(run.status.success(), "{said}");
     });
 }

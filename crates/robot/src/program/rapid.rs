@@ -43,7 +43,12 @@ impl Program<'_> {
                 number(y, 2),
                 number(z, 2)
             );
-            let _ = writeln!(out, "  PERS tooldata {}:=[TRUE,{},{load}];", tool_name(tilt), pose(&tool));
+            let _ = writeln!(
+                out,
+                "  PERS tooldata {}:=[TRUE,{},{load}];",
+                tool_name(tilt),
+                pose(&tool)
+            );
         }
         for (k, station) in self.stations.iter().enumerate() {
             let tool = finite(&station.tool, "the work object")?;
@@ -55,19 +60,35 @@ impl Program<'_> {
             );
         }
         let speed = |name: &str, metres: f64| {
-            format!("  CONST speeddata {name}:=[{},500,5000,1000];\n", number(1e3 * metres, 3))
+            format!(
+                "  CONST speeddata {name}:=[{},500,5000,1000];\n",
+                number(1e3 * metres, 3)
+            )
         };
         out += &speed("v_contact", self.speeds.contact);
         out += &speed("v_approach", self.speeds.approach);
         out += &speed("v_free", FREE * self.speeds.free);
-        let _ = writeln!(out, "  CONST num press_force:={}; ! N, into the surface", number(self.speeds.force, 3));
+        let _ = writeln!(
+            out,
+            "  CONST num press_force:={}; ! N, into the surface",
+            number(self.speeds.force, 3)
+        );
         let _ = writeln!(out, "  CONST jointtarget home:={};", joints(&self.home));
         for (k, stroke) in self.strokes.iter().enumerate() {
             let number = k + 1;
             for (j, corner) in stroke.transfer.iter().enumerate() {
-                let _ = writeln!(out, "  CONST jointtarget s{number}_way_{}:={};", j + 1, joints(corner));
+                let _ = writeln!(
+                    out,
+                    "  CONST jointtarget s{number}_way_{}:={};",
+                    j + 1,
+                    joints(corner)
+                );
             }
-            let _ = writeln!(out, "  CONST jointtarget s{number}_above:={};", joints(&stroke.approach));
+            let _ = writeln!(
+                out,
+                "  CONST jointtarget s{number}_above:={};",
+                joints(&stroke.approach)
+            );
             for contact in &stroke.contacts {
                 let frame = finite(&contact.frame, "a contact")?;
                 let _ = writeln!(
@@ -78,10 +99,19 @@ impl Program<'_> {
                     configuration(&contact.joints)
                 );
             }
-            let _ = writeln!(out, "  CONST jointtarget s{number}_off:={};", joints(&stroke.retreat));
+            let _ = writeln!(
+                out,
+                "  CONST jointtarget s{number}_off:={};",
+                joints(&stroke.retreat)
+            );
         }
         for (k, corner) in self.way_home.iter().enumerate() {
-            let _ = writeln!(out, "  CONST jointtarget way_home_{}:={};", k + 1, joints(corner));
+            let _ = writeln!(
+                out,
+                "  CONST jointtarget way_home_{}:={};",
+                k + 1,
+                joints(corner)
+            );
         }
         self.procedures(&mut out);
         let _ = writeln!(out, "ENDMODULE");
@@ -91,7 +121,11 @@ impl Program<'_> {
     fn procedures(&self, out: &mut String) {
         let _ = writeln!(out, "\n  PROC main()");
         let _ = writeln!(out, "    ConfL\\Off;");
-        let _ = writeln!(out, "    MoveAbsJ home,v_free,fine,{};", tool_name(self.tilts()[0]));
+        let _ = writeln!(
+            out,
+            "    MoveAbsJ home,v_free,fine,{};",
+            tool_name(self.tilts()[0])
+        );
         let _ = writeln!(out, "    WaitTime\\InPos,0.1;");
         let _ = writeln!(out, "    FCCalib {}.tload;", tool_name(self.tilts()[0]));
         for k in 0..self.strokes.len() {
@@ -106,17 +140,28 @@ impl Program<'_> {
             self.procedure(k + 1, stroke, out);
         }
         if (0..self.strokes.len()).any(|k| self.turn_before(k).is_some()) {
-            let _ = writeln!(out, "\n  ! Replace by whatever turns the table; the arm waits at home.");
+            let _ = writeln!(
+                out,
+                "\n  ! Replace by whatever turns the table; the arm waits at home."
+            );
             let _ = writeln!(out, "  PROC TurnTable(num angle)");
-            let _ = writeln!(out, "    TPWrite \"Turn the table to [degrees]:\"\\Num:=angle;");
+            let _ = writeln!(
+                out,
+                "    TPWrite \"Turn the table to [degrees]:\"\\Num:=angle;"
+            );
             let _ = writeln!(out, "    Stop;");
             let _ = writeln!(out, "  ENDPROC");
         }
     }
 
     fn procedure(&self, number_of: usize, stroke: &ProgramStroke, out: &mut String) {
-        let (tool, object) = (tool_name(stroke.tilt), format!("wobj_{}", stroke.station + 1));
-        let least = |of: fn(&super::Contact) -> f64| stroke.contacts.iter().map(of).fold(f64::INFINITY, f64::min);
+        let (tool, object) = (
+            tool_name(stroke.tilt),
+            format!("wobj_{}", stroke.station + 1),
+        );
+        let least = |of: fn(&super::Contact) -> f64| {
+            stroke.contacts.iter().map(of).fold(f64::INFINITY, f64::min)
+        };
         let _ = writeln!(
             out,
             "\n  ! {} points, tilt {} degrees, table {} degrees, clearance {} mm, singular value {}",
@@ -137,8 +182,16 @@ impl Program<'_> {
         for k in 0..stroke.transfer.len() {
             turn(k, out);
             // Where the table turns the arm has to stand still.
-            let zone = if turn_before == Some(k + 1) { "fine" } else { "z10" };
-            let _ = writeln!(out, "    MoveAbsJ s{number_of}_way_{},v_free,{zone},{tool};", k + 1);
+            let zone = if turn_before == Some(k + 1) {
+                "fine"
+            } else {
+                "z10"
+            };
+            let _ = writeln!(
+                out,
+                "    MoveAbsJ s{number_of}_way_{},v_free,{zone},{tool};",
+                k + 1
+            );
         }
         turn(stroke.transfer.len(), out);
         let _ = writeln!(out, "    MoveAbsJ s{number_of}_above,v_free,fine,{tool};");
@@ -180,7 +233,11 @@ impl Program<'_> {
 
     /// What a reader has to know first.
     fn remarks(&self) -> Vec<String> {
-        let points: usize = self.strokes.iter().map(|stroke| stroke.contacts.len()).sum();
+        let points: usize = self
+            .strokes
+            .iter()
+            .map(|stroke| stroke.contacts.len())
+            .sum();
         vec![
             format!("{}: written by drape for a {}", ascii(&self.name), ascii(&self.arm.name)),
             format!(
@@ -219,7 +276,9 @@ fn tool_name(tilt: f64) -> String {
 fn name(of: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
     let mut name: String = of.chars().map(plain).take(NAME).collect();
-    if !name.starts_with(|c: char| c.is_ascii_alphabetic()) || RESERVED.contains(&&*name.to_lowercase()) {
+    if !name.starts_with(|c: char| c.is_ascii_alphabetic())
+        || RESERVED.contains(&&*name.to_lowercase())
+    {
         name.insert_str(0, "drape_");
         name.truncate(NAME);
     }

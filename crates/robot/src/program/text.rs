@@ -23,7 +23,13 @@ pub(super) fn angles(joints: &Joints) -> Joints {
 
 /// What a controller shows of a text: printable ASCII on one line.
 pub(super) fn ascii(text: &str) -> String {
-    let plain = |c: char| if c.is_ascii_graphic() || c == ' ' { c } else { '_' };
+    let plain = |c: char| {
+        if c.is_ascii_graphic() || c == ' ' {
+            c
+        } else {
+            '_'
+        }
+    };
     text.chars().map(plain).take(60).collect()
 }
 
@@ -41,7 +47,14 @@ mod tests {
 
     #[test]
     fn numbers_are_short_and_without_a_sign_on_zero() {
-        let all = [(1.0, "1"), (-1e-17, "0"), (0.12345, "0.123"), (-12.5, "-12.5"), (1e6, "1000000"), (100.0, "100")];
+        let all = [
+            (1.0, "1"),
+            (-1e-17, "0"),
+            (0.12345, "0.123"),
+            (-12.5, "-12.5"),
+            (1e6, "1000000"),
+            (100.0, "100"),
+        ];
         for (x, expected) in all {
             assert_eq!(number(x, 3), expected);
         }

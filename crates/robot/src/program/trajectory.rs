@@ -108,12 +108,15 @@ impl Program<'_> {
         );
         for row in self.rows() {
             let [i, j, k, w] = row.quaternion;
-            let numbers = [row.station_angle.to_degrees(), row.tilt.to_degrees()].map(|x| number(x, 3));
+            let numbers =
+                [row.station_angle.to_degrees(), row.tilt.to_degrees()].map(|x| number(x, 3));
             let place = row.position.map(|x| number(1e3 * x, 4));
             let turned = [w, i, j, k].map(|q| number(q, 8));
             let joints = angles(&row.joints).map(|q| number(q, 5));
             let rest = [number(row.sigma_min, 5), number(1e3 * row.clearance, 3)];
-            let all = [&numbers[..], &place, &turned, &joints, &rest].concat().join(",");
+            let all = [&numbers[..], &place, &turned, &joints, &rest]
+                .concat()
+                .join(",");
             let _ = writeln!(out, "{},{},{},{all}", row.point, row.stroke, row.kind);
         }
         Ok(out)
@@ -123,17 +126,28 @@ impl Program<'_> {
         let row = |(k, stroke): (usize, &ProgramStroke), contact: &Contact| Row {
             point: contact.point,
             stroke: k,
-            kind: if stroke.contacts.len() == 1 { "press" } else { "stroke" },
+            kind: if stroke.contacts.len() == 1 {
+                "press"
+            } else {
+                "stroke"
+            },
             station_angle: self.stations[stroke.station].angle,
             tilt: stroke.tilt,
             position: contact.frame.translation.vector.into(),
-            quaternion: UnitQuaternion::from_rotation_matrix(&contact.frame.rotation).coords.into(),
+            quaternion: UnitQuaternion::from_rotation_matrix(&contact.frame.rotation)
+                .coords
+                .into(),
             joints: contact.joints,
             sigma_min: contact.sigma_min,
             clearance: contact.clearance,
         };
         let strokes = self.strokes.iter().enumerate();
-        let rows = strokes.flat_map(|(k, stroke)| stroke.contacts.iter().map(move |contact| row((k, stroke), contact)));
+        let rows = strokes.flat_map(|(k, stroke)| {
+            stroke
+                .contacts
+                .iter()
+                .map(move |contact| row((k, stroke), contact))
+        });
         rows.collect()
     }
 }

@@ -17,13 +17,33 @@ impl Program<'_> {
     pub fn urscript(&self) -> Result<String, ProgramError> {
         self.check()?;
         let mut out = String::new();
-        let slowest = self.arm.joints.iter().map(|joint| joint.speed).fold(f64::INFINITY, f64::min);
+        let slowest = self
+            .arm
+            .joints
+            .iter()
+            .map(|joint| joint.speed)
+            .fold(f64::INFINITY, f64::min);
         let free = number(self.speeds.free * slowest, 5);
-        let (rolling, approach) = (number(self.speeds.contact, 5), number(self.speeds.approach, 5));
+        let (rolling, approach) = (
+            number(self.speeds.contact, 5),
+            number(self.speeds.approach, 5),
+        );
         let _ = writeln!(out, "def drape_program():");
-        let _ = writeln!(out, "  # {}: written by drape for a {}", ascii(&self.name), ascii(&self.arm.name));
-        let _ = writeln!(out, "  # Metres, radians and seconds; poses of contacts are in the robot's base: z into the");
-        let _ = writeln!(out, "  # surface, x along the travel, y along the roller's axis. About {} s.", number(self.seconds(), 0));
+        let _ = writeln!(
+            out,
+            "  # {}: written by drape for a {}",
+            ascii(&self.name),
+            ascii(&self.arm.name)
+        );
+        let _ = writeln!(
+            out,
+            "  # Metres, radians and seconds; poses of contacts are in the robot's base: z into the"
+        );
+        let _ = writeln!(
+            out,
+            "  # surface, x along the travel, y along the roller's axis. About {} s.",
+            number(self.seconds(), 0)
+        );
         let [x, y, z] = self.roller.centre_of_mass.into();
         let _ = writeln!(
             out,
@@ -34,7 +54,11 @@ impl Program<'_> {
             number(z, 5)
         );
         let move_j = |joints: &Joints, radius: f64| {
-            format!("movej({}, a=1.4, v={free}, r={})", list(joints), number(radius, 3))
+            format!(
+                "movej({}, a=1.4, v={free}, r={})",
+                list(joints),
+                number(radius, 3)
+            )
         };
         for (k, stroke) in self.strokes.iter().enumerate() {
             let tool = finite(&self.roller.contact(stroke.tilt), "the roller")?;
@@ -45,7 +69,10 @@ impl Program<'_> {
             for (corner, joints) in stroke.transfer.iter().chain([&stroke.approach]).enumerate() {
                 if turn_before == Some(corner) {
                     let angle = number(self.stations[stroke.station].angle.to_degrees(), 3);
-                    let _ = writeln!(out, "    popup(\"Turn the table to {angle} degrees\", blocking=True)");
+                    let _ = writeln!(
+                        out,
+                        "    popup(\"Turn the table to {angle} degrees\", blocking=True)"
+                    );
                 }
                 let _ = writeln!(out, "    {}", move_j(joints, 0.0));
             }
@@ -56,7 +83,11 @@ impl Program<'_> {
                     // While nothing is touched yet.
                     let _ = writeln!(out, "    zero_ftsensor()");
                 }
-                let _ = writeln!(out, "    movel({at}, a=0.5, v={speed}) # point {}", contact.point);
+                let _ = writeln!(
+                    out,
+                    "    movel({at}, a=0.5, v={speed}) # point {}",
+                    contact.point
+                );
                 if j == 0 {
                     let _ = writeln!(
                         out,
@@ -69,7 +100,11 @@ impl Program<'_> {
                 let _ = writeln!(out, "    sleep({})", number(self.speeds.press_s, 3));
             }
             let _ = writeln!(out, "    end_force_mode()");
-            let _ = writeln!(out, "    movel({}, a=0.5, v={approach})", list(&stroke.retreat));
+            let _ = writeln!(
+                out,
+                "    movel({}, a=0.5, v={approach})",
+                list(&stroke.retreat)
+            );
             let _ = writeln!(out, "  end");
         }
         let _ = writeln!(out, "\n  {}", move_j(&self.home, 0.0));

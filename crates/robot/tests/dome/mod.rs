@@ -27,7 +27,11 @@ pub fn dome() -> Surface {
             let [c, d] = [at(row + 1, column), at(row + 1, column + 1)];
             triangles.extend([[a, c, d], [a, d, b]]);
         }
-        triangles.push([at(rows, column), corners.len() as u32 - 1, at(rows, column + 1)]);
+        triangles.push([
+            at(rows, column),
+            corners.len() as u32 - 1,
+            at(rows, column + 1),
+        ]);
     }
     Surface { corners, triangles }
 }
@@ -69,5 +73,10 @@ pub fn cell(robot: &str, change: impl FnOnce(&mut CellConfig)) -> Cell {
     };
     change(&mut config);
     config.check().unwrap();
-    Cell::new(Arm::shipped(robot).unwrap(), &config, &dome(), &Pose::identity())
+    Cell::new(
+        Arm::shipped(robot).unwrap(),
+        &config,
+        &dome(),
+        &Pose::identity(),
+    )
 }

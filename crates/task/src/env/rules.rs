@@ -177,13 +177,16 @@ impl Task {
             true => self.undraped_inner(state),
             false => 0,
         };
-        costs.of(&self.figures(points), undraped) + costs.infeasible * self.infeasible(points) as f64
+        costs.of(&self.figures(points), undraped)
+            + costs.infeasible * self.infeasible(points) as f64
     }
 
     /// Points of a path that the robot cannot press; none where there is no robot.
     pub fn infeasible(&self, points: &[PressedPoint]) -> usize {
         let robot = self.config.robot.0.as_ref();
-        robot.map_or(0, |robot| robot.infeasible(points, self.config.join_distance()))
+        robot.map_or(0, |robot| {
+            robot.infeasible(points, self.config.join_distance())
+        })
     }
 
     /// What is measured of a state.

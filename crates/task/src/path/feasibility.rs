@@ -29,6 +29,10 @@ impl PartialEq for Robot {
 
 impl fmt::Debug for Robot {
     fn fmt(&self, to: &mut fmt::Formatter) -> fmt::Result {
-        to.write_str(if self.0.is_some() { "Robot(Some)" } else { "Robot(None)" })
+        to.write_str(if self.0.is_some() {
+            "Robot(Some)"
+        } else {
+            "Robot(None)"
+        })
     }
 }
