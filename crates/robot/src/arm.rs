@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use nalgebra::{IsometryMatrix3, Unit, Vector3};
+use nalgebra::{IsometryMatrix3, Matrix3, Unit, Vector3};
 use serde::Deserialize;
 
 use super::cell::Place;
@@ -46,6 +46,9 @@ pub struct ArmError {
     pub(crate) place: String,
     pub(crate) fault: String,
 }
+
+/// Thickness below which a shape is none [m].
+const FLAT: f64 = 1e-5;
 
 /// Robots that need no file: what cells call them, and what describes them.
 const SHIPPED: [(&str, &str); 2] = [
@@ -203,17 +206,12 @@ impl Arm {
                     "link {k}: its shape has corners beyond 100 m, expected some within"
                 ));
             }
-            let points: Vec<_> = hull
-                .iter()
-                .map(|p| parry3d_f64::math::Vector::new(p.x, p.y, p.z))
-                .collect();
-            let is_hull =
-                || parry3d_f64::shape::ConvexPolyhedron::from_convex_hull(&points).is_some();
-            if !hull.is_empty() && (hull.len() < 4 || !is_hull()) {
+            let around = |v: &Vector3<f64>| v - hull[0];
+            let spread: Matrix3<f64> = hull.iter().map(|p| around(p) * around(p).transpose()).sum();
+            let least = spread.symmetric_eigenvalues().min();
+            if !hull.is_empty() && least < FLAT * FLAT {
                 let found = hull.len();
-                return Err(format!(
-                    "link {k}: its shape has {found} corners in a plane, expected a body"
-                ));
+                return Err(format!("link {k}: its shape has {found} corners in a plane, expected a body"));
             }
         }
         Ok(self)
