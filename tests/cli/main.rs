@@ -10,6 +10,7 @@ mod eval;
 mod inp;
 mod inputs;
 mod learning;
+mod robot;
 mod run;
 mod scene;
 mod study;

@@ -1,6 +1,9 @@
 //! Forward and inverse kinematics against each other.
 
-use drape_robot::{Arm, Joints, Solver};
+use std::f64::consts::TAU;
+
+use drape_robot::{Arm, Joints, Pose, Solver};
+use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3, Vector4};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -24,9 +27,7 @@ fn the_crb_stands_where_its_description_says() {
 /// Every pose that is found brings the flange there, and the one that it was made with is among them.
 #[test]
 fn inverse_undoes_forward() {
-    for name in Arm::names()
-        .filter(|n| std::env::var("ARM").is_err() || std::env::var("ARM").unwrap() == *n)
-    {
+    for name in Arm::names() {
         let arm = Arm::shipped(name).unwrap();
         let solver = Solver::new(&arm);
         let mut rng = ChaCha8Rng::seed_from_u64(7);
@@ -52,13 +53,6 @@ fn inverse_undoes_forward() {
                     d.min(std::f64::consts::TAU - d) < 1e-5
                 })
             };
-            if !all.iter().any(same) && name != "x" {
-                println!(
-                    "{joints:.4?} sigma {:.4} -> {}",
-                    arm.sigma_min(&joints),
-                    all.len()
-                );
-            }
             found += usize::from(all.iter().any(same));
         }
         let seconds = start.elapsed().as_secs_f64();
@@ -70,5 +64,48 @@ fn inverse_undoes_forward() {
         );
         assert!(worst_way < 1e-9 && worst_angle < 2e-9);
         assert!(found as f64 >= 0.999 * f64::from(count), "{name}: {found}");
+    }
+}
+
+/// Against an independent solver, all branches: what it finds within the limits is found, and nothing else.
+#[test]
+fn branches_are_those_of_another_solver() {
+    for name in Arm::names() {
+        let arm = Arm::shipped(name).unwrap();
+        let solver = Solver::new(&arm);
+        let file = format!("{}/tests/fixtures/{name}.json", env!("CARGO_MANIFEST_DIR"));
+        let text = std::fs::read_to_string(file).unwrap();
+        let fixture: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let list = |value: &serde_json::Value| -> Vec<f64> {
+            let all = value.as_array().unwrap().iter();
+            all.map(|x| x.as_f64().unwrap()).collect()
+        };
+        let (mut theirs_all, mut ours_all, mut missed, mut more) = (0, 0, 0, 0);
+        for pose in fixture["poses"].as_array().unwrap() {
+            let at = Translation3::from(Vector3::from_vec(list(&pose["position"])));
+            let turned = Vector4::from_vec(list(&pose["quaternion_xyzw"]));
+            let turned = UnitQuaternion::from_quaternion(Quaternion::from_vector(turned));
+            let flange = Pose::from_parts(at, turned.to_rotation_matrix());
+            let ours = solver.solve(&flange);
+            let theirs: Vec<Joints> = pose["joints"].as_array().unwrap().iter().map(|joints| list(joints).try_into().unwrap()).collect();
+            let turns = |angle: f64, limits: [f64; 2]| {
+                let all = [0.0, TAU, -TAU].map(|turn| angle + turn);
+                all.into_iter().any(|angle| (limits[0]..=limits[1]).contains(&angle))
+            };
+            let within = |joints: &&Joints| joints.iter().zip(&arm.joints).all(|(&q, joint)| turns(q, joint.limits));
+            let same = |a: &Joints, b: &Joints| {
+                a.iter().zip(b).all(|(a, b)| {
+                    let d = (a - b).rem_euclid(TAU);
+                    d.min(TAU - d) < 1e-4
+                })
+            };
+            let theirs: Vec<&Joints> = theirs.iter().filter(within).collect();
+            theirs_all += theirs.len();
+            ours_all += ours.len();
+            missed += theirs.iter().filter(|one| !ours.iter().any(|other| same(one, other))).count();
+            more += ours.iter().filter(|one| !theirs.iter().any(|other| same(one, other))).count();
+        }
+        println!("{name}: {theirs_all} of theirs, {missed} missed; {ours_all} of ours, {more} more");
+        assert_eq!((missed, more), (0, 0), "{name}");
     }
 }
