@@ -29,14 +29,20 @@ fn a_run_becomes_a_program() {
     assert_eq!(report["collisions"], serde_json::json!([]));
     for point in failed {
         for key in ["check", "detail", "tried", "remedy"] {
-            assert!(point[key].as_str().is_some_and(|text| !text.is_empty()), "{point}");
+            assert!(
+                point[key].as_str().is_some_and(|text| !text.is_empty()),
+                "{point}"
+            );
         }
     }
     let reached = report["reached"].as_object().unwrap();
     let all: u64 = reached.values().map(|count| count.as_u64().unwrap()).sum();
     assert_eq!(all, count("points"));
     let left = names(&path.join("runs/a/robot"));
-    assert!(left.contains(&"cell.toml".into()) && left.contains(&"program.gif".into()), "{left:?}");
+    assert!(
+        left.contains(&"cell.toml".into()) && left.contains(&"program.gif".into()),
+        "{left:?}"
+    );
     // The same again, from the cell that the run keeps now.
     let again = json(path, &["robot", "runs/a", "--json"]);
     assert_eq!(again["failed"], report["failed"]);
@@ -48,7 +54,9 @@ fn a_run_becomes_a_program() {
         ("joints-json", "{"),
         ("joints-csv", "# drape robot points 1"),
     ] {
-        let args = ["export", "runs/a", "--format", format, "--out", "program", "--json"];
+        let args = [
+            "export", "runs/a", "--format", format, "--out", "program", "--json",
+        ];
         let exported = json(path, &args);
         for key in ["points", "reachable", "strokes", "program_s"] {
             assert_eq!(exported[key], report[key], "{format}");
@@ -63,12 +71,31 @@ fn wrong_cells_are_one_line() {
     let folder = trained();
     let path = folder.path();
     for (cell, words) in [
-        ("robot = \"r2d2\"", &["cell.toml", "`robot` is \"r2d2\"", "crb15000-5, ur5e"][..]),
-        ("robot = \"ur5e\"\nrobot_file = \"a\"", &["cell.toml", "expected one of the two"]),
+        (
+            "robot = \"r2d2\"",
+            &["cell.toml", "`robot` is \"r2d2\"", "crb15000-5, ur5e"][..],
+        ),
+        (
+            "robot = \"ur5e\"\nrobot_file = \"a\"",
+            &["cell.toml", "expected one of the two"],
+        ),
         ("wheels = 4", &["cell.toml:1", "wheels"]),
-        ("[limits]\ntilt_deg = nan", &["cell.toml", "limits.tilt_deg", "expected a number from 0 to 80"]),
-        ("[base]\nat_mm = [0, 0, 0]", &["cell.toml", "`base.at_mm`", "into the tool"]),
-        ("[roller]\nwidth_mm = -1", &["cell.toml", "roller.width_mm", "-1"]),
+        (
+            "[limits]\ntilt_deg = nan",
+            &[
+                "cell.toml",
+                "limits.tilt_deg",
+                "expected a number from 0 to 80",
+            ],
+        ),
+        (
+            "[base]\nat_mm = [0, 0, 0]",
+            &["cell.toml", "`base.at_mm`", "into the tool"],
+        ),
+        (
+            "[roller]\nwidth_mm = -1",
+            &["cell.toml", "roller.width_mm", "-1"],
+        ),
         ("robot_file = \"arm.urdf\"", &["arm.urdf", "No such file"]),
     ] {
         fs::write(path.join("cell.toml"), cell).unwrap();
@@ -84,8 +111,14 @@ fn what_a_robot_cannot_press_is_masked() {
     let folder = folder();
     let path = folder.path();
     // So far away that the arm ends over the region.
-    let cell = CELL.replace("[-550, -150, 0]", "[-950, -150, 0]").replace("[turntable]\nstep_deg = 90\n", "");
-    fs::write(path.join("cell.toml"), format!("{cell}\n[limits]\ndeviation_mm = 0\ndeviation_deg = 0\n")).unwrap();
+    let cell = CELL
+        .replace("[-550, -150, 0]", "[-950, -150, 0]")
+        .replace("[turntable]\nstep_deg = 90\n", "");
+    fs::write(
+        path.join("cell.toml"),
+        format!("{cell}\n[limits]\ndeviation_mm = 0\ndeviation_deg = 0\n"),
+    )
+    .unwrap();
     let with = format!("cell_file = \"cell.toml\"\n{CONFIG}");
     train(path, &with, "with");
     let report = json(path, &["robot", "runs/with", "--json"]);
@@ -93,8 +126,15 @@ fn what_a_robot_cannot_press_is_masked() {
     let none = failed.iter().filter(|point| point["check"] == "reach");
     assert_eq!(none.count(), 0, "{report}");
     let without = trained();
-    fs::write(without.path().join("cell.toml"), fs::read(path.join("cell.toml")).unwrap()).unwrap();
+    fs::write(
+        without.path().join("cell.toml"),
+        fs::read(path.join("cell.toml")).unwrap(),
+    )
+    .unwrap();
     let args = ["robot", "runs/a", "--cell", "cell.toml", "--json"];
     let other = json(without.path(), &args);
-    assert!(other["failed"].as_array().unwrap().len() > failed.len(), "{other}");
+    assert!(
+        other["failed"].as_array().unwrap().len() > failed.len(),
+        "{other}"
+    );
 }

@@ -211,7 +211,9 @@ impl Arm {
             let least = spread.symmetric_eigenvalues().min();
             if !hull.is_empty() && least < FLAT * FLAT {
                 let found = hull.len();
-                return Err(format!("link {k}: its shape has {found} corners in a plane, expected a body"));
+                return Err(format!(
+                    "link {k}: its shape has {found} corners in a plane, expected a body"
+                ));
             }
         }
         Ok(self)

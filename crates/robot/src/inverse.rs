@@ -11,6 +11,11 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Matrix6, Rotation3, Unit, UnitQuaternion, Vector3, Vector6};
 
 use super::arm::{Arm, Joints, Pose};
+use plane::{BRANCHES, Plane, angle};
+use roots::{bisect, edge, lowest};
+
+mod plane;
+mod roots;
 
 /// Solves an arm.
 #[derive(Clone, Debug)]
@@ -29,26 +34,6 @@ enum Wrist {
     /// Axis 4 is parallel to those before it, 5 and 6 meet.
     Parallel,
     Other,
-}
-
-/// The plane in which joints 2 and 3 move a point, turned by joint 1 about the base's first axis.
-#[derive(Clone, Copy, Debug)]
-struct Plane {
-    /// The frame of the first axis: its z is the axis, y that of joints 2 and 3.
-    frame: Pose,
-    /// -1 where joint 3 turns about the negative y.
-    sign: f64,
-    /// Of joints 2 and 3 across y, in x and z.
-    shoulder: [f64; 2],
-    /// Lengths of both links, and how they point at angles 0.
-    lengths: [f64; 2],
-    angles: [f64; 2],
-    /// The second as a unit vector.
-    lower: [f64; 2],
-    /// How far beyond the plane through the first axis the point is, along y.
-    beside: f64,
-    /// Axis 4 at angles 0, in this frame.
-    axis_4: Vector3<f64>,
 }
 
 /// Places [m] and directions alike to this are the same.
@@ -358,8 +343,9 @@ impl Solver {
             let q5 = turn_about(&five.axis, &(turned.inverse() * to));
             all.push([arm[0], arm[1], arm[2], q4, q5, q6]);
         };
-        for branch in 0..4 {
-            let at = |k: usize| samples[k % SAMPLES][branch];
+        let sampled = |k: usize, branch: usize| samples[k % SAMPLES][branch];
+        for branch in 0..BRANCHES {
+            let at = |k: usize| sampled(k, branch);
             for k in 0..SAMPLES {
                 let [before, here, next] = [at(k + SAMPLES - 1), at(k), at(k + 1)];
                 let q6 = k as f64 * step;
@@ -467,104 +453,6 @@ impl Solver {
     }
 }
 
-impl Plane {
-    /// Angles of joint 1 that bring a point into the plane, and how far out it then is; in front or behind.
-    fn turns(&self, point: &Vector3<f64>) -> [Option<(f64, [f64; 2])>; 2] {
-        let p = (self.frame.inverse() * nalgebra::Point3::from(*point)).coords;
-        let square = p.x * p.x + p.y * p.y - self.beside * self.beside;
-        if square < 0.0 {
-            return [None; 2];
-        }
-        let out = square.sqrt();
-        [out, -out].map(|out| {
-            let q1 = p.y.atan2(p.x) - self.beside.atan2(out);
-            Some((q1, [out, p.z]))
-        })
-    }
-
-    /// Joints 2 and 3 that bring the end of the chain to a point, both ways to fold, for an angle of joint 1.
-    fn fold(&self, point: &Vector3<f64>, q1: f64) -> [Option<[f64; 3]>; 2] {
-        let p = (self.frame.inverse() * nalgebra::Point3::from(*point)).coords;
-        let (sin, cos) = q1.sin_cos();
-        self.fold_flat([cos * p.x + sin * p.y, p.z], q1)
-    }
-
-    fn fold_flat(&self, [x, z]: [f64; 2], q1: f64) -> [Option<[f64; 3]>; 2] {
-        let to = [x - self.shoulder[0], z - self.shoulder[1]];
-        let [a, b] = self.lengths;
-        let cos = (to[0] * to[0] + to[1] * to[1] - a * a - b * b) / (2.0 * a * b);
-        // Stretched out by rounding.
-        if !(cos.abs() <= 1.0 + 1e-9) {
-            return [None; 2];
-        }
-        let bend = cos.clamp(-1.0, 1.0).acos();
-        [bend, -bend].map(|bend| {
-            let upper = angle(to) - (b * bend.sin()).atan2(a + b * bend.cos());
-            let q2 = upper - self.angles[0];
-            let q3 = bend - (self.angles[1] - self.angles[0]);
-            Some([q1, q2, self.sign * q3])
-        })
-    }
-
-    /// Joints 1 to 3 that bring the wrist to a point, none where it is out of reach: in front or behind, folded one way or
-    /// the other.
-    fn branches(&self, point: &Vector3<f64>) -> [Option<[f64; 3]>; 4] {
-        let [front, behind] = self.turns(point).map(|turn| match turn {
-            Some((q1, flat)) => self.fold_flat(flat, q1),
-            None => [None; 2],
-        });
-        [front[0], front[1], behind[0], behind[1]]
-    }
-
-    /// Axis 4 in this frame where a branch, counted as in [`Plane::branches`], has the wrist at a point of this frame:
-    /// without angles, as roots are searched with it.
-    fn axis_4(&self, p: &Vector3<f64>, branch: usize) -> Option<Vector3<f64>> {
-        let radius = p.x * p.x + p.y * p.y;
-        let square = radius - self.beside * self.beside;
-        if square < 0.0 {
-            return None;
-        }
-        let out = if branch < 2 {
-            square.sqrt()
-        } else {
-            -square.sqrt()
-        };
-        let [x, z] = [out - self.shoulder[0], p.z - self.shoulder[1]];
-        let [a, b] = self.lengths;
-        let far = x * x + z * z;
-        let cos = (far + a * a - b * b) / (2.0 * a * far.sqrt());
-        if !(cos.abs() <= 1.0) {
-            return None;
-        }
-        let sin = (1.0 - cos * cos).sqrt() * if branch % 2 == 0 { 1.0 } else { -1.0 };
-        // The upper link is turned back from the way to the wrist, towards -x where that leads along z.
-        let scale = a / far.sqrt();
-        let upper = [scale * (cos * x - sin * z), scale * (cos * z + sin * x)];
-        let lower = [(x - upper[0]) / b, (z - upper[1]) / b];
-        // By which it is turned from where it points at angles 0.
-        let (c, s) = (
-            lower[0] * self.lower[0] + lower[1] * self.lower[1],
-            lower[0] * self.lower[1] - lower[1] * self.lower[0],
-        );
-        let [ax, ay, az] = self.axis_4.into();
-        let (ax, az) = (c * ax + s * az, c * az - s * ax);
-        let (c, s) = (
-            (out * p.x + self.beside * p.y) / radius,
-            (out * p.y - self.beside * p.x) / radius,
-        );
-        Some(Vector3::new(c * ax - s * ay, s * ax + c * ay, az))
-    }
-
-    fn reach(&self, point: &Vector3<f64>) -> impl Iterator<Item = [f64; 3]> {
-        self.branches(point).into_iter().flatten()
-    }
-}
-
-/// Direction in the plane, as joints about y count it: from x towards -z.
-fn angle([x, z]: [f64; 2]) -> f64 {
-    (-z).atan2(x)
-}
-
 fn about(axis: &Unit<Vector3<f64>>, angle: f64) -> Pose {
     Pose::from_parts(
         nalgebra::Translation3::identity(),
@@ -630,57 +518,4 @@ fn meeting(
     let way = b - a;
     let meet = a + u * (way.cross(&v).dot(&normal) / square);
     (way.dot(&normal).abs() / square.sqrt() < SAME).then_some(meet)
-}
-
-/// A root between two angles, at the first of which the value is `first`.
-fn bisect(value: impl Fn(f64) -> f64, [mut from, mut to]: [f64; 2], first: f64) -> f64 {
-    for _ in 0..10 {
-        let middle = 0.5 * (from + to);
-        let found = value(middle);
-        if found * first > 0.0 || found.is_nan() {
-            from = middle;
-        } else {
-            to = middle;
-        }
-    }
-    0.5 * (from + to)
-}
-
-/// The last angle from one with a value towards one without that has one, and its value.
-fn edge(value: impl Fn(f64) -> f64, [mut with, mut without]: [f64; 2]) -> (f64, f64) {
-    for _ in 0..16 {
-        let middle = 0.5 * (with + without);
-        match value(middle).is_nan() {
-            true => without = middle,
-            false => with = middle,
-        }
-    }
-    (with, value(with))
-}
-
-/// Where a value of one sign comes nearest to 0, or passes it, between two angles (golden section).
-fn lowest(value: impl Fn(f64) -> f64, [mut from, mut to]: [f64; 2], sign: f64) -> (f64, f64) {
-    let height = |q: f64| {
-        let found = sign * value(q);
-        if found.is_nan() { f64::INFINITY } else { found }
-    };
-    let golden = 0.5 * (5f64.sqrt() - 1.0);
-    let (mut a, mut b) = (to - golden * (to - from), from + golden * (to - from));
-    let (mut at_a, mut at_b) = (height(a), height(b));
-    for _ in 0..12 {
-        if at_a < at_b {
-            (to, b, at_b) = (b, a, at_a);
-            a = to - golden * (to - from);
-            at_a = height(a);
-        } else {
-            (from, a, at_a) = (a, b, at_b);
-            b = from + golden * (to - from);
-            at_b = height(b);
-        }
-        if at_a.min(at_b) < 0.0 {
-            break;
-        }
-    }
-    let best = if at_a < at_b { a } else { b };
-    (best, sign * at_a.min(at_b))
 }

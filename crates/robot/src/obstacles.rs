@@ -86,7 +86,7 @@ impl Obstacles {
     pub fn new(arm: &Arm, config: &CellConfig, tool: &Surface) -> Self {
         let mut moving = Vec::new();
         for (k, hull) in arm.hulls.iter().enumerate() {
-            let corners: Vec<_> = hull.iter().map(|p| vector(p)).collect();
+            let corners: Vec<_> = hull.iter().map(vector).collect();
             if let Some(shape) = SharedShape::convex_hull(&corners) {
                 let name = match k {
                     0 => "base".into(),

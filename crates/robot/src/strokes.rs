@@ -126,9 +126,7 @@ impl Cell {
         let mut of_station = vec![0; self.angles.len()];
         for (_, way, start) in open {
             let is_whole = reached == frames.len();
-            if of_station[way.station] >= ENOUGH[0] && is_whole
-                || candidates.len() >= ENOUGH[1] && is_whole
-            {
+            if is_whole && (of_station[way.station] >= ENOUGH[0] || candidates.len() >= ENOUGH[1]) {
                 continue;
             }
             let (contacts, fault) = self.roll(frames, points, way, start);

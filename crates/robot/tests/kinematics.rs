@@ -87,12 +87,23 @@ fn branches_are_those_of_another_solver() {
             let turned = UnitQuaternion::from_quaternion(Quaternion::from_vector(turned));
             let flange = Pose::from_parts(at, turned.to_rotation_matrix());
             let ours = solver.solve(&flange);
-            let theirs: Vec<Joints> = pose["joints"].as_array().unwrap().iter().map(|joints| list(joints).try_into().unwrap()).collect();
+            let theirs: Vec<Joints> = pose["joints"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|joints| list(joints).try_into().unwrap())
+                .collect();
             let turns = |angle: f64, limits: [f64; 2]| {
                 let all = [0.0, TAU, -TAU].map(|turn| angle + turn);
-                all.into_iter().any(|angle| (limits[0]..=limits[1]).contains(&angle))
+                all.into_iter()
+                    .any(|angle| (limits[0]..=limits[1]).contains(&angle))
             };
-            let within = |joints: &&Joints| joints.iter().zip(&arm.joints).all(|(&q, joint)| turns(q, joint.limits));
+            let within = |joints: &&Joints| {
+                joints
+                    .iter()
+                    .zip(&arm.joints)
+                    .all(|(&q, joint)| turns(q, joint.limits))
+            };
             let same = |a: &Joints, b: &Joints| {
                 a.iter().zip(b).all(|(a, b)| {
                     let d = (a - b).rem_euclid(TAU);
@@ -102,10 +113,18 @@ fn branches_are_those_of_another_solver() {
             let theirs: Vec<&Joints> = theirs.iter().filter(within).collect();
             theirs_all += theirs.len();
             ours_all += ours.len();
-            missed += theirs.iter().filter(|one| !ours.iter().any(|other| same(one, other))).count();
-            more += ours.iter().filter(|one| !theirs.iter().any(|other| same(one, other))).count();
+            missed += theirs
+                .iter()
+                .filter(|one| !ours.iter().any(|other| same(one, other)))
+                .count();
+            more += ours
+                .iter()
+                .filter(|one| !theirs.iter().any(|other| same(one, other)))
+                .count();
         }
-        println!("{name}: {theirs_all} of theirs, {missed} missed; {ours_all} of ours, {more} more");
+        println!(
+            "{name}: {theirs_all} of theirs, {missed} missed; {ours_all} of ours, {more} more"
+        );
         assert_eq!((missed, more), (0, 0), "{name}");
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Points near each other become one stroke, driven in contact; a longer way between two
 //! points is a jump; a point on its own is pressed without travel (paper, Section 6.2).
-//! Reachability, collisions and joint angles are not considered here.
+//! Whether a robot can do that is asked of [`Feasibility`], if a task has one.
 //!
 //! # Frame
 //!
