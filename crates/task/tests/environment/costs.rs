@@ -1,5 +1,5 @@
 use drape_task::env::Costs;
-use drape_task::path::PathFigures;
+use drape_task::path::{Feasibility, PathFigures, PressedPoint, Robot};
 
 use super::*;
 
@@ -10,6 +10,7 @@ fn costs_are_taken_off_what_a_path_is_worth() {
         costs: Costs {
             second,
             undraped,
+            infeasible: 0.1,
             press_s: 0.5,
             stroke_s: 2.0,
             turn_s: 1.5,
@@ -49,4 +50,74 @@ fn costs_are_taken_off_what_a_path_is_worth() {
     let worth = task.worth(&end).unwrap();
     assert!((score - 0.001 * seconds - 0.04 * undraped - worth).abs() < 1e-12);
     assert_eq!(env.scores(), [score]);
+}
+
+/// A robot that reaches one side of the tool, and presses no two points in one stroke.
+struct OneSided;
+
+impl Feasibility for OneSided {
+    fn allows(&self, point: &PressedPoint) -> bool {
+        point.position.x < -0.08
+    }
+
+    fn infeasible(&self, path: &[PressedPoint], join_distance: f64) -> usize {
+        assert!(join_distance > 0.0);
+        path.len() - 1
+    }
+}
+
+/// What a robot cannot press is masked from the start and pressed by nobody; what it cannot roll over costs.
+#[test]
+fn a_robot_masks_and_costs() {
+    let with = EnvConfig {
+        robot: Robot(Some(Arc::new(OneSided))),
+        ..small_region()
+    };
+    let new = |config: &EnvConfig| Draping::new(COARSE.clone(), config, 1).unwrap();
+    let (free, mut env) = (new(&small_region()), new(&with));
+    let all: Vec<u32> = free.task(0).pressable_vertices().collect();
+    let some: Vec<u32> = env.task(0).pressable_vertices().collect();
+    assert!(
+        all.iter()
+            .eq(free.task(0).region_vertices().collect::<Vec<_>>().iter())
+    );
+    assert!(
+        !some.is_empty() && some.len() < all.len(),
+        "{} of {}",
+        some.len(),
+        all.len()
+    );
+    let at = &COARSE.initial.position;
+    let origin = COARSE.tool.origin;
+    for &v in &all {
+        let place = COARSE.tool.surface.project(at[v as usize].into()).position + origin;
+        assert_eq!(some.contains(&v), place.x < -0.08);
+    }
+    let mut player = Player::new(3, 1);
+    play(&mut env, &mut player, 60);
+    let end = env.episode(0);
+    assert!(end.presses().len() > 1);
+    assert!(end.presses().iter().all(|(v, _)| some.contains(v)));
+    let (worth, score) = (
+        env.task(0).worth(&end).unwrap(),
+        env.task(0).score(end.cloth()),
+    );
+    let presses = end.presses().len() as f64;
+    assert!((score - 0.05 * (presses - 1.0) - worth).abs() < 1e-12);
+    // One that reaches nothing is no task.
+    struct Nothing;
+    impl Feasibility for Nothing {
+        fn allows(&self, _: &PressedPoint) -> bool {
+            false
+        }
+        fn infeasible(&self, path: &[PressedPoint], _: f64) -> usize {
+            path.len()
+        }
+    }
+    let none = EnvConfig {
+        robot: Robot(Some(Arc::new(Nothing))),
+        ..small_region()
+    };
+    let error = Draping::new(COARSE.clone(), &none, 1).err().unwrap();
+    assert!(error.to_string().contains("reaches no vertex"), "{error}");
 }
