@@ -15,6 +15,7 @@ mod learning;
 mod loaded;
 mod output;
 mod picture;
+mod planned;
 mod proof;
 mod result;
 mod robot;

@@ -28,7 +28,7 @@ pub fn cell(config: &CellConfig, scene: &Scene) -> Result<Cell> {
             }
         }
         (None, name) => {
-            let name = name.as_deref().unwrap_or_default();
+            let name = name.as_deref().unwrap_or(CellConfig::ROBOT);
             let known: Vec<_> = Arm::names().collect();
             let expected = known.join(", ");
             Arm::shipped(name)

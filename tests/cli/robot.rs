@@ -112,7 +112,7 @@ fn what_a_robot_cannot_press_is_masked() {
     let path = folder.path();
     // So far away that the arm ends over the region.
     let cell = CELL
-        .replace("[-550, -150, 0]", "[-950, -150, 0]")
+        .replace("[-550, -150, 0]", "[-1020, -150, 0]")
         .replace("[turntable]\nstep_deg = 90\n", "");
     fs::write(
         path.join("cell.toml"),

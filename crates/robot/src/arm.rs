@@ -1,12 +1,9 @@
 use std::path::{Path, PathBuf};
 
-use nalgebra::{IsometryMatrix3, Matrix3, Unit, Vector3};
+use nalgebra::{Matrix3, Unit, Vector3};
 use serde::Deserialize;
 
-use super::cell::Place;
-
-/// A rigid motion, or the frame that it takes the base to.
-pub type Pose = IsometryMatrix3<f64>;
+use super::place::{Place, Pose};
 
 /// Angles of the six joints [rad], from the base on.
 pub type Joints = [f64; 6];

@@ -1,15 +1,15 @@
-use nalgebra::{Rotation3, Translation3, Vector3};
+use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::arm::Pose;
+use super::place::{Place, Pose, metres, pose};
 use super::program::Speeds;
 use super::roller::Roller;
 
 /// What stands around a tool: a file beside the scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CellConfig {
-    /// A robot that is shipped, see [`crate::Arm::names`],
+    /// A robot that is shipped, see [`crate::Arm::names`]; [`CellConfig::ROBOT`] where neither is given,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robot: Option<String>,
     /// or a file that describes one: URDF, or TOML as those that are shipped.
@@ -29,15 +29,6 @@ pub struct CellConfig {
     pub obstacles: Vec<BlockConfig>,
     pub motion: MotionConfig,
     pub limits: LimitsConfig,
-}
-
-/// A frame in the scene, in the tool's words.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Place {
-    pub at_mm: [f64; 3],
-    /// About x, then y, then z of the scene.
-    pub rotation_deg: [f64; 3],
 }
 
 /// A table that turns the tool, and whatever is fixed to it, about the vertical.
@@ -126,25 +117,6 @@ pub struct LimitsConfig {
     pub deviation_deg: f64,
 }
 
-impl Default for CellConfig {
-    fn default() -> Self {
-        Self {
-            robot: Some("crb15000-5".into()),
-            robot_file: None,
-            base: None,
-            home_deg: None,
-            turntable: Some(TurntableConfig {
-                at_mm: None,
-                step_deg: 45.0,
-            }),
-            roller: RollerConfig::default(),
-            obstacles: Vec::new(),
-            motion: MotionConfig::default(),
-            limits: LimitsConfig::default(),
-        }
-    }
-}
-
 /// The paper's roller, 18 mm wide and 30 mm in diameter (Section 6), on a stem whose fork holds it from both sides.
 impl Default for RollerConfig {
     fn default() -> Self {
@@ -207,6 +179,21 @@ pub struct CellError {
 }
 
 impl CellConfig {
+    /// The robot of a cell that names none.
+    pub const ROBOT: &str = "crb15000-5";
+
+    /// The cell where nobody has described one: that robot wherever it reaches most, and a turntable below the tool.
+    pub fn unnamed() -> Self {
+        Self {
+            robot: Some(Self::ROBOT.into()),
+            turntable: Some(TurntableConfig {
+                at_mm: None,
+                step_deg: 45.0,
+            }),
+            ..Self::default()
+        }
+    }
+
     /// Refuses values that are not finite or out of range.
     pub fn check(&self) -> Result<(), CellError> {
         let fail = |key: &str, found: String, expected: &str| {
@@ -216,16 +203,9 @@ impl CellConfig {
                 expected: expected.into(),
             })
         };
-        match (&self.robot, &self.robot_file) {
-            (Some(robot), Some(_)) => {
-                return fail(
-                    "robot",
-                    format!("{robot:?} beside robot_file"),
-                    "one of the two",
-                );
-            }
-            (None, None) => return fail("robot", "missing".into(), "a robot, or robot_file"),
-            _ => {}
+        if let (Some(robot), Some(_)) = (&self.robot, &self.robot_file) {
+            let found = format!("{robot:?} beside robot_file");
+            return fail("robot", found, "one of the two");
         }
         let mut numbers: Vec<(String, f64, [f64; 2])> = Vec::new();
         let mut add = |key: &str, found: &[f64], range| {
@@ -366,24 +346,8 @@ impl MotionConfig {
     }
 }
 
-impl Place {
-    pub fn pose(&self) -> Pose {
-        pose(self.at_mm, self.rotation_deg)
-    }
-}
-
 impl BlockConfig {
     pub fn pose(&self) -> Pose {
         pose(self.at_mm, self.rotation_deg)
     }
-}
-
-fn pose(at_mm: [f64; 3], rotation_deg: [f64; 3]) -> Pose {
-    let [x, y, z] = rotation_deg.map(f64::to_radians);
-    let at = Translation3::from(metres(at_mm));
-    Pose::from_parts(at, Rotation3::from_euler_angles(x, y, z))
-}
-
-pub(crate) fn metres(mm: [f64; 3]) -> Vector3<f64> {
-    1e-3 * Vector3::from(mm)
 }

@@ -10,7 +10,8 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Matrix6, Rotation3, Unit, UnitQuaternion, Vector3, Vector6};
 
-use super::arm::{Arm, Joints, Pose};
+use super::arm::{Arm, Joints};
+use super::place::Pose;
 use plane::{BRANCHES, Plane, angle};
 use roots::{bisect, edge, lowest};
 

@@ -1,6 +1,7 @@
 use nalgebra::{IsometryMatrix3, Matrix6, Rotation3, Translation3, Vector3};
 
-use super::arm::{Arm, Joint, Joints, Pose};
+use super::arm::{Arm, Joint, Joints};
+use super::place::Pose;
 
 /// Length by which turning is compared with moving [m]: about that of a forearm.
 const LENGTH: f64 = 0.5;

@@ -13,6 +13,7 @@ mod inverse;
 mod kinematics;
 mod obstacles;
 mod path;
+mod place;
 mod plan;
 mod program;
 mod remedy;
@@ -22,16 +23,17 @@ mod transfer;
 mod urdf;
 mod workcell;
 
-pub use arm::{Arm, ArmError, Joint, Joints, Pose};
+pub use arm::{Arm, ArmError, Joint, Joints};
 pub use cell::{
-    BlockConfig, CapsuleConfig, CellConfig, CellError, LimitsConfig, MotionConfig, Place,
-    RollerConfig, TurntableConfig,
+    BlockConfig, CapsuleConfig, CellConfig, CellError, LimitsConfig, MotionConfig, RollerConfig,
+    TurntableConfig,
 };
 pub use inverse::Solver;
 /// A place [m].
 pub type Point = nalgebra::Point3<f64>;
 pub use obstacles::{Clearance, Obstacles, Pair, Surface, Touch};
 pub use path::{PathPoint, contact};
+pub use place::{Place, Pose};
 pub use plan::{FailedPoint, NoHome, Plan, Reached};
 pub use program::{Contact, Moment, Motion, Program, ProgramError, ProgramStroke, Speeds, Station};
 pub use remedy::BaseProposal;

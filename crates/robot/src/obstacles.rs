@@ -8,8 +8,10 @@ use parry3d_f64::math;
 use parry3d_f64::query::{ClosestPoints, PointQuery, closest_points};
 use parry3d_f64::shape::{Capsule, Cuboid, Cylinder, Shape, SharedShape, TriMesh};
 
-use super::arm::{Arm, Joints, Pose};
-use super::cell::{CellConfig, metres};
+use super::arm::{Arm, Joints};
+use super::cell::CellConfig;
+use super::place::Pose;
+use super::place::metres;
 
 /// A surface that stands in the cell, in the scene's frame: corners [m] and triangles.
 #[derive(Clone, Debug)]

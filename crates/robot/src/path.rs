@@ -1,6 +1,6 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use super::arm::Pose;
+use super::place::Pose;
 
 /// A point that the roller presses, in the tool's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

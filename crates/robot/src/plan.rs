@@ -4,9 +4,10 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use super::arm::{Joints, Pose};
+use super::arm::Joints;
 use super::obstacles::Touch;
 use super::path::{PathPoint, contacts};
+use super::place::Pose;
 use super::program::{Contact, Program, ProgramStroke, Station};
 use super::strokes::{Candidate, Effort, Found};
 use super::workcell::{Cell, Check};
@@ -463,13 +464,8 @@ impl Cell {
 impl Plan {
     /// All contacts, in the order of the program.
     pub fn contacts(&self) -> impl Iterator<Item = (&ProgramStroke, &Contact)> {
-        let each = |stroke| {
-            <&ProgramStroke>::clone(&stroke)
-                .contacts
-                .iter()
-                .map(move |contact| (stroke, contact))
-        };
-        self.strokes.iter().flat_map(each)
+        let each = self.strokes.iter();
+        each.flat_map(|stroke| stroke.contacts.iter().map(move |contact| (stroke, contact)))
     }
 }
 

@@ -3,7 +3,8 @@ mod text;
 mod trajectory;
 mod urscript;
 
-use super::arm::{Arm, Joints, Pose};
+use super::arm::{Arm, Joints};
+use super::place::Pose;
 use super::roller::Roller;
 
 /// What a controller is told, in order.

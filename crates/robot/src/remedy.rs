@@ -5,8 +5,8 @@ use std::f64::consts::FRAC_PI_2;
 use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
 
-use super::arm::Pose;
 use super::path::PathPoint;
+use super::place::Pose;
 use super::plan::{Plan, frames};
 use super::strokes::{Way, turned};
 use super::workcell::{Cell, Check};

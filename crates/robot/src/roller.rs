@@ -1,6 +1,6 @@
 use nalgebra::{IsometryMatrix3, Rotation3, Translation3, Vector3};
 
-use super::arm::Pose;
+use super::place::Pose;
 
 /// The roller at the end of an arm: a cylinder that turns about the y axis of its frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,8 +5,9 @@ use std::f64::consts::{FRAC_PI_8, PI};
 
 use nalgebra::{Rotation3, Translation3, Vector3};
 
-use super::arm::{Joints, Pose};
+use super::arm::Joints;
 use super::obstacles::Touch;
+use super::place::Pose;
 use super::program::Contact;
 use super::workcell::{Cell, Check, FAR, Fault};
 

@@ -7,6 +7,8 @@ use super::workcell::Cell;
 /// Steps at which a way is looked at [rad], and by which trees grow.
 const LOOK: f64 = 0.03;
 const GROW: f64 = 0.3;
+/// By which samples go beyond both ends of a way [rad].
+const ROOM: f64 = 1.5;
 /// Samples at most, and tries to make a way shorter.
 pub(crate) const SAMPLES: u64 = 1500;
 const SHORTCUTS: u64 = 60;
@@ -59,8 +61,13 @@ impl Cell {
         let mut trees = [Tree(vec![(*from, 0)]), Tree(vec![(*to, 0)])];
         for k in 0..SAMPLES {
             let side = (k % 2) as usize;
+            // Not far beyond both ends: a joint that turns twice has much room that leads nowhere.
             let sample = std::array::from_fn(|j| {
                 let [min, max] = self.arm.joints[j].limits;
+                let [min, max] = [
+                    min.max(from[j].min(to[j]) - ROOM),
+                    max.min(from[j].max(to[j]) + ROOM),
+                ];
                 min + (max - min) * (0.5 + (k + 1) as f64 * EVEN[j]).fract()
             });
             let Some(grown) = self.grow(&mut trees[side], &sample, station) else {

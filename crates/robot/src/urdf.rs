@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Point3, Rotation3, Translation3, Unit, Vector3};
 use roxmltree::{Document, Node};
 
-use super::arm::{Arm, ArmError, Joint, Pose};
+use super::arm::{Arm, ArmError, Joint};
+use super::place::Pose;
 
 /// Names by which descriptions call the flange, the last first.
 const FLANGES: [&str; 3] = ["tool0", "flange", "tool"];

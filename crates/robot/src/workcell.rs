@@ -4,10 +4,11 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Rotation3, Translation3, Vector3};
 
-use super::arm::{Arm, Joints, Pose};
+use super::arm::{Arm, Joints};
 use super::cell::{CellConfig, LimitsConfig, MotionConfig};
 use super::inverse::Solver;
 use super::obstacles::{Clearance, Obstacles, Surface, Touch};
+use super::place::Pose;
 use super::roller::Roller;
 
 /// What a point of a path has to pass, in the order in which it is asked.

@@ -1,6 +1,6 @@
 use nalgebra::Vector3;
 
-use crate::arm::Pose;
+use crate::place::Pose;
 
 /// Ways in which joints 1 to 3 bring a point somewhere: in front or behind, folded one way or the other.
 pub(super) const BRANCHES: usize = 4;

@@ -7,7 +7,8 @@ use nalgebra::UnitQuaternion;
 
 use super::text::{angles, ascii, finite, number};
 use super::{Program, ProgramError, ProgramStroke};
-use crate::arm::{Joints, Pose};
+use crate::arm::Joints;
+use crate::place::Pose;
 
 /// Longest name [characters].
 const NAME: usize = 32;

@@ -1,7 +1,8 @@
 //! Numbers and words as controllers read them.
 
 use super::ProgramError;
-use crate::arm::{Joints, Pose};
+use crate::arm::Joints;
+use crate::place::Pose;
 
 /// A number with at most so many decimals, without an exponent, trailing zeros or a sign on zero.
 pub(super) fn number(x: f64, decimals: usize) -> String {

@@ -6,7 +6,8 @@ use nalgebra::UnitQuaternion;
 
 use super::text::{ascii, finite, number};
 use super::{Program, ProgramError};
-use crate::arm::{Joints, Pose};
+use crate::arm::Joints;
+use crate::place::Pose;
 
 impl Program<'_> {
     /// The program as a URScript function for each stroke; metres and radians, poses in the robot's base. The roller is

@@ -1,0 +1,109 @@
+//! A robot's plan for the path of a run, which several commands tell.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::anyhow;
+
+use super::Failure;
+use super::failure::OrInvalid;
+use super::loaded::Loaded;
+use super::output::Progress;
+use super::result::path;
+use crate::run::cell;
+use drape_cloth::file::read_toml;
+use drape_robot::{BaseProposal, Cell, CellConfig, PathPoint, Place, Plan};
+use drape_task::path::{DrapingPoint, Frame};
+
+/// In the folder of a run, what `drape robot` leaves, and in that the cell as it was resolved.
+pub(super) const FOLDER: &str = "robot";
+pub(super) const RESOLVED: &str = "cell.toml";
+
+/// A cell and a path, as files and a run describe them.
+pub(super) struct Planned {
+    pub cell: Cell,
+    pub path: Vec<PathPoint>,
+    pub plan: Plan,
+    pub better_base: Option<BaseProposal>,
+    pub config: CellConfig,
+}
+
+impl Planned {
+    /// Plans the path of a run in a cell: that of a file, or else the run's own, what
+    /// `drape robot` has left in it, or the default.
+    pub fn new(loaded: &Loaded, file: Option<&Path>) -> Result<Self, Failure> {
+        let kept = loaded.folder.path.join(FOLDER).join(RESOLVED);
+        let (mut config, place) = match (file, &loaded.config.cell) {
+            (Some(file), _) => read_cell(file)?,
+            (None, Some(cell)) => (cell.clone(), loaded.folder.config.display().to_string()),
+            (None, None) if kept.exists() => read_cell(&kept)?,
+            (None, None) => (CellConfig::unnamed(), "the default cell".into()),
+        };
+        let scene = &loaded.scene;
+        let mut cell = cell(&config, scene).or_invalid_in(&place)?;
+        let (played, _) = loaded.play_path()?;
+        let points = path(&played.recording)?;
+        let path = path_points(&points, &Frame::tool(&scene.config.tool.pose));
+        if config.base.is_none() {
+            // Wherever it reaches most; a shop that has a place names it.
+            let (base, _) = cell
+                .best_base(&path)
+                .ok_or_else(|| anyhow!("{place}: the base has no place"))?;
+            cell = cell.moved(base);
+            config.base = Some(Place {
+                at_mm: base
+                    .translation
+                    .vector
+                    .map(|x| (1e6 * x).round() * 1e-3 + 0.0)
+                    .into(),
+                rotation_deg: [0.0; 3],
+            });
+        }
+        let progress = Progress::new("strokes", loaded.json);
+        let done = AtomicUsize::new(0);
+        let watch = |points: usize| {
+            let done = done.fetch_add(points, Ordering::Relaxed) + points;
+            progress.set(done as f64 / path.len().max(1) as f64);
+        };
+        let mut plan = cell.plan(&path, watch).or_invalid_in(&place)?;
+        drop(progress);
+        let better_base = cell.find_remedies(&path, &mut plan);
+        if plan.failed.is_empty() {
+            plan.reached = cell.reached(&path);
+        }
+        Ok(Self {
+            cell,
+            path,
+            plan,
+            better_base,
+            config,
+        })
+    }
+}
+
+/// A cell of a file, and what messages call it.
+fn read_cell(file: &Path) -> Result<(CellConfig, String), Failure> {
+    let mut config: CellConfig = read_toml(file).or_invalid()?;
+    let place = file.display().to_string();
+    config.check().or_invalid_in(&place)?;
+    config
+        .locate(file.parent().unwrap_or(Path::new("")))
+        .or_invalid_in(&place)?;
+    Ok((config, place))
+}
+
+fn path_points(points: &[DrapingPoint], frame: &Frame) -> Vec<PathPoint> {
+    let of = |point: &DrapingPoint| PathPoint {
+        position: frame.point(&point.position),
+        normal: frame.direction(&point.normal),
+        travel: point.travel.map(|travel| frame.direction(&travel)),
+        stroke: point.stroke,
+    };
+    points.iter().map(of).collect()
+}
+
+/// What programs of a run are called.
+pub(super) fn name(run: &Path) -> String {
+    run.file_name()
+        .map_or("drape".into(), |name| name.to_string_lossy().into_owned())
+}
