@@ -45,8 +45,7 @@ pub struct ExportArgs {
     #[arg(long, value_name = "FILE")]
     cell: Option<PathBuf>,
 
-    /// File to write; trajectory.json, trajectory.csv, draping.inp or robot/program.* in the run folder if not
-    /// given
+    /// File to write; trajectory.json, trajectory.csv, draping.inp or program.* in the run folder if not given
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 
