@@ -58,15 +58,28 @@ impl Cell {
         if !self.is_clear(from, station) || !self.is_clear(to, station) {
             return None;
         }
+        // First not far beyond both ends, as a joint that turns twice has much room that leads nowhere; then anywhere.
+        [ROOM, f64::INFINITY]
+            .into_iter()
+            .find_map(|room| self.two_trees(from, to, station, room))
+    }
+
+    /// Two trees from samples within `room` [rad] of both ends.
+    fn two_trees(
+        &self,
+        from: &Joints,
+        to: &Joints,
+        station: usize,
+        room: f64,
+    ) -> Option<Vec<Joints>> {
         let mut trees = [Tree(vec![(*from, 0)]), Tree(vec![(*to, 0)])];
         for k in 0..SAMPLES {
             let side = (k % 2) as usize;
-            // Not far beyond both ends: a joint that turns twice has much room that leads nowhere.
             let sample = std::array::from_fn(|j| {
                 let [min, max] = self.arm.joints[j].limits;
                 let [min, max] = [
-                    min.max(from[j].min(to[j]) - ROOM),
-                    max.min(from[j].max(to[j]) + ROOM),
+                    min.max(from[j].min(to[j]) - room),
+                    max.min(from[j].max(to[j]) + room),
                 ];
                 min + (max - min) * (0.5 + (k + 1) as f64 * EVEN[j]).fract()
             });

@@ -69,7 +69,7 @@ pub fn cell(robot: &str, change: impl FnOnce(&mut CellConfig)) -> Cell {
             at_mm: [-550.0, 0.0, -100.0],
             rotation_deg: [0.0; 3],
         }),
-        ..CellConfig::default()
+        ..CellConfig::unnamed()
     };
     change(&mut config);
     config.check().unwrap();
