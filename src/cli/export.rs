@@ -210,6 +210,13 @@ fn program(
         return Err(Failure::invalid(anyhow!(error)));
     }
     let planned = Planned::new(loaded, args.cell.as_deref())?;
+    if let Some(hit) = planned.collisions.first() {
+        return Err(anyhow!(
+            "{}: the program hits something {hit}, nothing is written",
+            file.display()
+        )
+        .into());
+    }
     let program = planned.cell.program(&planned.plan, &name(&args.run));
     let text = writer(&program).with_context(|| file.display().to_string())?;
     write_atomic(&file, |to| to.write_all(text.as_bytes()))?;

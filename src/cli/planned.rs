@@ -12,7 +12,7 @@ use super::output::Progress;
 use super::result::path;
 use crate::run::cell;
 use drape_cloth::file::read_toml;
-use drape_robot::{BaseProposal, Cell, CellConfig, PathPoint, Place, Plan};
+use drape_robot::{Cell, CellConfig, PathPoint, Place, Plan};
 use drape_task::path::{DrapingPoint, Frame};
 
 /// In the folder of a run, what `drape robot` leaves, and in that the cell as it was resolved.
@@ -24,7 +24,9 @@ pub(super) struct Planned {
     pub cell: Cell,
     pub path: Vec<PathPoint>,
     pub plan: Plan,
-    pub better_base: Option<BaseProposal>,
+    /// Places where the program, played at finer steps, hits something: none.
+    pub collisions: Vec<String>,
+    /// With the base as it was found, where none was given.
     pub config: CellConfig,
 }
 
@@ -46,18 +48,16 @@ impl Planned {
         let path = path_points(&points, &Frame::tool(&scene.config.tool.pose));
         if config.base.is_none() {
             // Wherever it reaches most; a shop that has a place names it.
-            let (base, _) = cell
-                .best_base(&path)
-                .ok_or_else(|| anyhow!("{place}: the base has no place"))?;
-            cell = cell.moved(base);
-            config.base = Some(Place {
-                at_mm: base
-                    .translation
-                    .vector
-                    .map(|x| (1e6 * x).round() * 1e-3 + 0.0)
-                    .into(),
-                rotation_deg: [0.0; 3],
-            });
+            let best = cell.best_base(&path);
+            let (base, _) = best.ok_or_else(|| anyhow!("{place}: the base has no place"))?;
+            // As the file will have it, so that it gives the same again.
+            let micrometres = base.translation.vector.map(|x| (1e6 * x).round());
+            let base = Place {
+                at_mm: micrometres.map(|x| 1e-3 * x + 0.0).into(),
+                ..Place::default()
+            };
+            cell = cell.moved(base.pose());
+            config.base = Some(base);
         }
         let progress = Progress::new("strokes", loaded.json);
         let done = AtomicUsize::new(0);
@@ -65,17 +65,13 @@ impl Planned {
             let done = done.fetch_add(points, Ordering::Relaxed) + points;
             progress.set(done as f64 / path.len().max(1) as f64);
         };
-        let mut plan = cell.plan(&path, watch).or_invalid_in(&place)?;
+        let plan = cell.plan(&path, watch).or_invalid_in(&place)?;
         drop(progress);
-        let better_base = cell.find_remedies(&path, &mut plan);
-        if plan.failed.is_empty() {
-            plan.reached = cell.reached(&path);
-        }
         Ok(Self {
+            collisions: cell.collisions(&plan),
             cell,
             path,
             plan,
-            better_base,
             config,
         })
     }

@@ -83,7 +83,8 @@ const BLOCK: Color = [120, 120, 124];
 pub fn run(args: RobotArgs) -> Result<(), Failure> {
     let start = Instant::now();
     let loaded = Loaded::open(&args.run, None, None, args.json)?;
-    let planned = Planned::new(&loaded, args.cell.as_deref())?;
+    let mut planned = Planned::new(&loaded, args.cell.as_deref())?;
+    let better = planned.cell.find_remedies(&planned.path, &mut planned.plan);
     let Planned {
         cell, path, plan, ..
     } = &planned;
@@ -101,8 +102,8 @@ pub fn run(args: RobotArgs) -> Result<(), Failure> {
         points: path.len(),
         reachable: path.len() - plan.failed.len(),
         failed: plan.failed.clone(),
-        reached: plan.reached,
-        collisions: cell.collisions(plan),
+        reached: cell.reached(path, better.as_ref().map(|(cell, _)| cell)),
+        collisions: planned.collisions.clone(),
         collisions_before: cell.collisions_at_once(path),
         strokes: plan.strokes.len(),
         lifted: plan.lifted,
@@ -114,7 +115,7 @@ pub fn run(args: RobotArgs) -> Result<(), Failure> {
         program_s: program.seconds(),
         sigma_min: least(|contact| contact.sigma_min),
         clearance_mm: 1e3 * least(|contact| contact.clearance),
-        better_base: planned.better_base,
+        better_base: better.map(|(_, proposal)| proposal),
         seconds: start.elapsed().as_secs_f64(),
         folder: (&folder).into(),
     };

@@ -301,6 +301,8 @@ impl RunConfig {
             checked.with_context(|| file.display().to_string())?;
             cell.locate(file.parent().unwrap_or(Path::new("")))?;
             config.cell = Some(cell);
+        } else if let Some(cell) = &mut config.cell {
+            cell.locate(folder)?;
         }
         config.check().with_context(|| path.display().to_string())?;
         Ok(config)

@@ -48,7 +48,7 @@ fn a_run_becomes_a_program() {
     assert_eq!(again["failed"], report["failed"]);
     assert_eq!(again["program_s"], report["program_s"]);
     for (format, begins) in [
-        ("rapid", "MODULE a\n"),
+        ("rapid", "MODULE drape_a\n"),
         ("urscript", "def drape_program():"),
         ("trajectory", "# a: written by drape for a UR5e"),
         ("joints-json", "{"),

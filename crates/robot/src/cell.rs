@@ -224,7 +224,7 @@ impl CellConfig {
             add("home_deg", home, [-720.0, 720.0]);
         }
         if let Some(table) = &self.turntable {
-            add("turntable.step_deg", &[table.step_deg], [1.0, 360.0]);
+            add("turntable.step_deg", &[table.step_deg], [5.0, 360.0]);
             add("turntable.at_mm", &table.at_mm.unwrap_or_default(), far);
         }
         let roller = &self.roller;

@@ -8,7 +8,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{Matrix6, Rotation3, Unit, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, Point3, Rotation3, Unit, UnitQuaternion, Vector3, Vector6};
 
 use super::arm::{Arm, Joints};
 use super::place::Pose;
@@ -23,7 +23,12 @@ mod roots;
 pub struct Solver {
     arm: Arm,
     wrist: Wrist,
+    /// None for a wrist of no kind that is known.
     plane: Option<Plane>,
+    /// Frames of the links at angles 0, and in the base the point that the wrist turns about: where axes 4 and 5 meet, or 5
+    /// and 6 where 4 is parallel to those before it.
+    rest: [Pose; 7],
+    point: Point3<f64>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,7 +87,7 @@ impl Solver {
             let turned = Rotation3::from_basis_unchecked(&[y.cross(&z), y, z]);
             let frame = Pose::from_parts(at(1).into(), turned);
             let flat = |p: Vector3<f64>| {
-                let p = (frame.inverse() * nalgebra::Point3::from(p)).coords;
+                let p = (frame.inverse() * Point3::from(p)).coords;
                 [p.x, p.z]
             };
             let (shoulder, elbow, end) = (flat(at(2)), flat(at(3)), flat(end));
@@ -95,7 +100,7 @@ impl Solver {
                 lengths: [upper, lower].map(|[x, z]| x.hypot(z)),
                 angles: [upper, lower].map(angle),
                 lower: lower.map(|x| x / lower[0].hypot(lower[1])),
-                beside: (frame.inverse() * nalgebra::Point3::from(point)).y,
+                beside: (frame.inverse() * Point3::from(point)).y,
                 axis_4: frame.rotation.inverse() * axis(4),
             }
         });
@@ -103,7 +108,14 @@ impl Solver {
             arm: arm.clone(),
             wrist,
             plane,
+            rest: frames,
+            point: point.unwrap_or_default().into(),
         }
+    }
+
+    /// Axis `k`, counted from 1, at angles 0 in the base.
+    fn axis(&self, k: usize) -> Vector3<f64> {
+        self.rest[k].rotation * self.arm.joints[k - 1].axis.into_inner()
     }
 
     /// All poses within the limits that bring the flange there, each joint as near to 0 as turns allow.
@@ -228,16 +240,10 @@ impl Solver {
     }
 
     /// Poses from which any arm is tried.
-    fn starts(&self) -> impl Iterator<Item = Joints> + '_ {
-        let steps = [
-            0.898_654, 0.807_578, 0.725_733, 0.652_183, 0.586_087, 0.526_689,
-        ];
-        (0..48).map(move |k| {
-            std::array::from_fn(|j| {
-                let [min, max] = self.arm.joints[j].limits.map(|limit| limit.clamp(-PI, PI));
-                min + (max - min) * (0.5 + f64::from(k) * steps[j]).fract()
-            })
-        })
+    fn starts(&self) -> impl Iterator<Item = Joints> {
+        let joints = self.arm.joints.each_ref();
+        let ranges = joints.map(|joint| joint.limits.map(|limit| limit.clamp(-PI, PI)));
+        (0..48).map(move |k| Arm::spread(k, &ranges))
     }
 
     /// Rotation of link 3 in the base for its first joints, before joint 4.
@@ -253,20 +259,7 @@ impl Solver {
     fn spherical(&self, plane: &Plane, link: &Pose) -> Vec<Joints> {
         let [_, _, _, four, five, six] = &self.arm.joints;
         // On axis 6, and so where it is whatever that joint does.
-        let (frames, axis) = (self.arm.forward(&[0.0; 6]), |k: usize| {
-            self.arm.joints[k - 1].axis
-        });
-        let line = |k: usize| {
-            (
-                frames[k].translation.vector,
-                frames[k].rotation * axis(k).into_inner(),
-            )
-        };
-        let Some(point) = meeting(line(4), line(5)) else {
-            return Vec::new();
-        };
-        let point = (frames[6].inverse() * nalgebra::Point3::from(point)).coords;
-        let point = (link * nalgebra::Point3::from(point)).coords;
+        let point = (link * self.rest[6].inverse() * self.point).coords;
         let mut all = Vec::new();
         for arm in plane.reach(&point) {
             let before = self.before_wrist(arm);
@@ -291,19 +284,9 @@ impl Solver {
 
     fn offset(&self, plane: &Plane, link: &Pose) -> Vec<Joints> {
         let [.., four, five, six] = &self.arm.joints;
-        let frames = self.arm.forward(&[0.0; 6]);
-        let line = |k: usize| {
-            (
-                frames[k].translation.vector,
-                frames[k].rotation * self.arm.joints[k - 1].axis.into_inner(),
-            )
-        };
-        let Some(point) = meeting(line(4), line(5)) else {
-            return Vec::new();
-        };
-        // Of link 5, at rest: the point and axis 5.
-        let point = frames[5].inverse() * nalgebra::Point3::from(point);
-        let between = (frames[4].rotation * four.axis.into_inner()).dot(&line(5).1);
+        // Of link 5: the point and axis 5.
+        let point = self.rest[5].inverse() * self.point;
+        let between = self.axis(4).dot(&self.axis(5));
         let link_5 = |q6: f64| {
             let turned = Rotation3::from_axis_angle(&six.axis, -q6);
             link * Pose::from_parts(nalgebra::Translation3::identity(), turned)
@@ -393,18 +376,7 @@ impl Solver {
 
     fn parallel(&self, plane: &Plane, link: &Pose) -> Vec<Joints> {
         let [_, _, _, four, five, six] = &self.arm.joints;
-        let frames = self.arm.forward(&[0.0; 6]);
-        let line = |k: usize| {
-            (
-                frames[k].translation.vector,
-                frames[k].rotation * self.arm.joints[k - 1].axis.into_inner(),
-            )
-        };
-        let Some(point) = meeting(line(5), line(6)) else {
-            return Vec::new();
-        };
-        let point = frames[6].inverse() * nalgebra::Point3::from(point);
-        let point = (link * point).coords;
+        let point = (link * self.rest[6].inverse() * self.point).coords;
         let axis_6 = link.rotation * six.axis.into_inner();
         let mut all = Vec::new();
         for (q1, _) in plane.turns(&point).into_iter().flatten() {
@@ -413,7 +385,7 @@ impl Solver {
             // In which 2, 3 and 4 turn as one about an axis that stays.
             let axis_2 =
                 first * (self.arm.joints[1].origin.rotation * self.arm.joints[1].axis.into_inner());
-            let sense = line(2).1.dot(&line(4).1).signum();
+            let sense = self.axis(2).dot(&self.axis(4)).signum();
             // Axis 6 against axis 4 is joint 5's.
             let from = |q5: f64| {
                 let turned = five.origin.rotation * Rotation3::from_axis_angle(&five.axis, q5);

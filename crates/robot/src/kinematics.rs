@@ -6,6 +6,9 @@ use super::place::Pose;
 /// Length by which turning is compared with moving [m]: about that of a forearm.
 const LENGTH: f64 = 0.5;
 
+/// The root of r^7 = r + 1.
+const ROOT: f64 = 1.112_775_684_278_706;
+
 impl Joint {
     /// What the joint does to its own frame at an angle.
     fn turn(&self, angle: f64) -> Pose {
@@ -53,6 +56,16 @@ impl Arm {
         let mut jacobian = self.jacobian(joints, &at);
         jacobian.fixed_view_mut::<3, 6>(0, 0).unscale_mut(LENGTH);
         jacobian.singular_values().min()
+    }
+
+    /// The `k`-th of poses that are spread evenly over ranges of the joints [rad], the same for everyone: multiples of the
+    /// powers of 1/r, the root of r^7 = r + 1, which fill six dimensions (Roberts 2018).
+    pub(crate) fn spread(k: u64, ranges: &[[f64; 2]; 6]) -> Joints {
+        std::array::from_fn(|j| {
+            let [min, max] = ranges[j];
+            let step = ROOT.powi(-(j as i32 + 1));
+            min + (max - min) * (0.5 + k as f64 * step).fract()
+        })
     }
 
     /// Whether all joints are within their limits.

@@ -31,7 +31,7 @@ pub use cell::{
 pub use inverse::Solver;
 /// A place [m].
 pub type Point = nalgebra::Point3<f64>;
-pub use obstacles::{Clearance, Obstacles, Pair, Surface, Touch};
+pub use obstacles::Surface;
 pub use path::{PathPoint, contact};
 pub use place::{Place, Pose};
 pub use plan::{FailedPoint, NoHome, Plan, Reached};

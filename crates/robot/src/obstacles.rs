@@ -22,7 +22,7 @@ pub struct Surface {
 
 /// Two parts that come too near to each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Pair(pub String, pub String);
+pub(crate) struct Pair(pub String, pub String);
 
 impl fmt::Display for Pair {
     fn fmt(&self, to: &mut fmt::Formatter) -> fmt::Result {
@@ -32,14 +32,14 @@ impl fmt::Display for Pair {
 
 /// Whether the roller may touch the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Touch {
+pub(crate) enum Touch {
     Free,
     Pressing,
 }
 
 /// How near an arm comes to what it might hit.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Clearance {
+pub(crate) struct Clearance {
     /// [m]; no more than was asked for, 0 where two parts overlap.
     pub distance: f64,
     /// Which parts are that near.
@@ -48,7 +48,7 @@ pub struct Clearance {
 
 /// The shapes of a cell.
 #[derive(Clone)]
-pub struct Obstacles {
+pub(crate) struct Obstacles {
     /// Of the arm: links from the base on, then what is at the flange, the roller last.
     moving: Vec<Part>,
     standing: Vec<Standing>,
@@ -116,15 +116,13 @@ impl Obstacles {
             roller.middle,
         ));
         let corners = tool.corners.iter().map(vector).collect();
-        let mut standing = Vec::new();
-        if let Ok(mesh) = TriMesh::new(corners, tool.triangles.clone()) {
-            standing.push(Standing::new(
-                TOOL,
-                SharedShape::new(mesh),
-                Pose::identity(),
-                true,
-            ));
-        }
+        let mesh = TriMesh::new(corners, tool.triangles.clone()).expect("a tool has triangles");
+        let mut standing = vec![Standing::new(
+            TOOL,
+            SharedShape::new(mesh),
+            Pose::identity(),
+            true,
+        )];
         for block in &config.obstacles {
             let half = 0.5 * metres(block.size_mm);
             let shape = SharedShape::new(Cuboid::new(vector(&half)));
@@ -149,12 +147,7 @@ impl Obstacles {
     fn drop_what_always_overlaps(&mut self, arm: &Arm) {
         let poses: Vec<[Pose; 8]> = (0..32)
             .map(|k| {
-                // Low discrepancy: the same poses for everyone.
-                let q = std::array::from_fn(|j| {
-                    let [min, max] = arm.joints[j].limits;
-                    let share = (0.5 + k as f64 * STEPS[j]).fract();
-                    min + (max - min) * share
-                });
+                let q = Arm::spread(k, &arm.joints.each_ref().map(|joint| joint.limits));
                 frames(arm, &q, &Pose::identity())
             })
             .collect();
@@ -329,10 +322,6 @@ impl Obstacles {
 
 /// Number of the flange among the frames of [`frames`].
 const FLANGE: usize = 7;
-/// Powers of the root of x^7 = x + 1, whose multiples fill six dimensions evenly (Roberts 2018).
-const STEPS: [f64; 6] = [
-    0.898_654, 0.807_578, 0.725_733, 0.652_183, 0.586_087, 0.526_689,
-];
 
 /// Frames of all links and of the flange in the scene.
 fn frames(arm: &Arm, joints: &Joints, base: &Pose) -> [Pose; 8] {

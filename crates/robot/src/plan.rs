@@ -22,8 +22,6 @@ pub struct Plan {
     pub way_home: Vec<Joints>,
     /// Points that are in no stroke, and why.
     pub failed: Vec<FailedPoint>,
-    /// What points take, each by itself.
-    pub reached: Reached,
     /// Strokes of the path that had to be lifted within.
     pub lifted: usize,
 }
@@ -55,20 +53,32 @@ pub struct Reached {
 
 /// No pose in which the arm could wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "the arm has no pose above the tool in which it hits nothing: name one by home_deg, or move the base"
-)]
-pub struct NoHome;
+pub enum NoHome {
+    #[error(
+        "the arm has no pose above the tool in which it hits nothing: name one by `home_deg`, or move the base"
+    )]
+    Found,
+    #[error(
+        "`home_deg` hits something or is beyond a joint's limits, expected a pose free at every angle of the table"
+    )]
+    Named,
+}
 
-/// Contacts of a stroke, and what they are of the path.
+/// Steps at which a plan is played: of joints [rad], of a contact [m] and of its turn [rad].
+const FINE: [f64; 3] = [0.01, 1e-3, 0.02];
+
+/// Contacts of a stroke, by any of its candidates.
 struct Piece {
     candidates: Vec<Candidate>,
 }
 
 impl Cell {
-    /// Plans a path. `watch` hears how many strokes are done.
+    /// Plans a path. `watch` hears how many more of its points are done.
+    ///
+    /// # Errors
+    /// If the arm has no pose to wait in.
     pub fn plan(&self, path: &[PathPoint], watch: impl Fn(usize) + Sync) -> Result<Plan, NoHome> {
-        let home = self.find_home().ok_or(NoHome)?;
+        let home = self.find_home()?;
         let strokes: Vec<(usize, &[PathPoint])> = strokes(path);
         let tried: Vec<(Vec<Piece>, Vec<FailedPoint>)> = strokes
             .par_iter()
@@ -84,37 +94,34 @@ impl Cell {
             pieces.extend(own);
             failed.extend(without);
         }
-        let (strokes, stations) = self.join(pieces, &home, &mut failed);
-        let way_home = strokes.last().and_then(|last| {
-            let station = self.station(&stations[last.station]);
-            self.transfer(&last.retreat, &home, station)
-        });
+        let (strokes, stations, way_home) = self.join(pieces, &home, &mut failed);
         failed.sort_by_key(|point| point.index);
         Ok(Plan {
             home,
             stations,
             strokes,
-            way_home: way_home.unwrap_or_default(),
+            way_home,
             failed,
-            reached: Reached::default(),
             lifted,
         })
     }
 
     /// Where the arm waits: as named, or above the tool.
-    fn find_home(&self) -> Option<Joints> {
+    fn find_home(&self) -> Result<Joints, NoHome> {
         let stations = 0..self.angles.len();
         let clear = |q: &Joints| stations.clone().all(|station| self.is_clear(q, station));
         if let Some(home) = self.home {
-            return clear(&home).then_some(home);
+            let is_free = self.arm.is_within_limits(&home) && clear(&home);
+            return is_free.then_some(home).ok_or(NoHome::Named);
         }
-        self.above().find_map(|flange| {
+        let found = self.waiting_places().find_map(|flange| {
             let mut poses = self.poses(&flange);
             let far = |q: &Joints| q.iter().map(|q| q.abs()).fold(0.0, f64::max);
             poses.retain(|q| self.kinematic(q, 1.0).is_ok());
             poses.sort_by(|a, b| far(a).total_cmp(&far(b)));
             poses.into_iter().find(clear)
-        })
+        });
+        found.ok_or(NoHome::Found)
     }
 
     /// The fewest pieces of a stroke that the arm can roll over.
@@ -153,14 +160,18 @@ impl Cell {
         mut pieces: Vec<Piece>,
         home: &Joints,
         failed: &mut Vec<FailedPoint>,
-    ) -> (Vec<ProgramStroke>, Vec<Station>) {
+    ) -> (Vec<ProgramStroke>, Vec<Station>, Vec<Joints>) {
         let mut used: Vec<usize> = Vec::new();
         let mut strokes: Vec<ProgramStroke> = Vec::new();
+        let mut way_home = Vec::new();
         while !pieces.is_empty() {
             let chosen = self.choose(&pieces, home);
-            let blocked = self.connect(&pieces, &chosen, home, &mut strokes);
-            let Some(k) = blocked else {
-                break;
+            let k = match self.connect(&pieces, &chosen, home, &mut strokes) {
+                Ok(way) => {
+                    way_home = way;
+                    break;
+                }
+                Err(k) => k,
             };
             // That one is not to be had; perhaps another.
             let out = pieces[k].candidates.remove(chosen[k]);
@@ -169,9 +180,9 @@ impl Cell {
                     failed.push(FailedPoint {
                         index: contact.point,
                         check: Check::Transfer,
-                        detail: "no free way to it from where the arm waits was found".into(),
+                        detail: "no free way to it, or from it home, was found".into(),
                         tried: format!(
-                            "straight, and by trees of {} samples",
+                            "straight, and by trees of {} samples near both and anywhere",
                             super::transfer::SAMPLES
                         ),
                         remedy: String::new(),
@@ -197,7 +208,7 @@ impl Cell {
                 .position(|&station| station == stroke.station)
                 .expect("it is used");
         }
-        (strokes, stations)
+        (strokes, stations, way_home)
     }
 
     /// How long the arm takes from one pose to another, joints at their share of speed [s].
@@ -266,14 +277,15 @@ impl Cell {
         }
     }
 
-    /// Joins the chosen candidates by free ways, as far as there are any: the first piece that cannot be come to.
+    /// Joins the chosen candidates by free ways. Gives the corners of that home, or else the first piece that the arm cannot
+    /// come to, or home from.
     fn connect(
         &self,
         pieces: &[Piece],
         chosen: &[usize],
         home: &Joints,
         strokes: &mut Vec<ProgramStroke>,
-    ) -> Option<usize> {
+    ) -> Result<Vec<Joints>, usize> {
         let mut last: Option<(Joints, usize)> = None;
         // What is joined already stays if its candidate does.
         for (k, (piece, &c)) in pieces.iter().zip(chosen).enumerate() {
@@ -300,7 +312,7 @@ impl Cell {
                     }
                 };
                 let Some(transfer) = transfer else {
-                    return Some(k);
+                    return Err(k);
                 };
                 strokes.push(ProgramStroke {
                     station,
@@ -314,7 +326,13 @@ impl Cell {
             last = Some((to.retreat, to.way.station));
         }
         strokes.truncate(pieces.len());
-        None
+        match last {
+            None => Ok(Vec::new()),
+            Some((from, station)) => {
+                let way = self.transfer(&from, home, station);
+                way.ok_or(pieces.len() - 1)
+            }
+        }
     }
 
     /// A candidate whose joints are wound by whole turns, as far as limits allow for all of it, so that it begins nearest to
@@ -355,20 +373,23 @@ impl Cell {
         Some(way)
     }
 
-    /// What each point takes by itself.
-    pub fn reached(&self, path: &[PathPoint]) -> Reached {
-        let efforts: Vec<Option<Effort>> = frames(path)
-            .par_iter()
-            .map(|(frame, is_press)| self.effort(frame, *is_press).ok())
-            .collect();
+    /// What each point takes by itself; `moved` is the same arm on another base.
+    pub fn reached(&self, path: &[PathPoint], moved: Option<&Self>) -> Reached {
+        let frames = frames(path);
+        let effort = |(frame, is_press): &(Pose, bool)| {
+            let own = self.effort(frame, *is_press);
+            let elsewhere = || moved.is_some_and(|cell| cell.effort(frame, *is_press).is_ok());
+            own.map_err(|_| elsewhere())
+        };
+        let efforts: Vec<Result<Effort, bool>> = frames.par_iter().map(effort).collect();
         let count = |effort| efforts.iter().filter(|one| **one == effort).count();
         Reached {
-            at_once: count(Some(Effort::AtOnce)),
-            by_flipping: count(Some(Effort::Flip)),
-            by_tilting: count(Some(Effort::Tilt)),
-            by_turning_the_table: count(Some(Effort::Turn)),
-            by_moving_the_base: 0,
-            not_at_all: count(None),
+            at_once: count(Ok(Effort::AtOnce)),
+            by_flipping: count(Ok(Effort::Flip)),
+            by_tilting: count(Ok(Effort::Tilt)),
+            by_turning_the_table: count(Ok(Effort::Turn)),
+            by_moving_the_base: count(Err(true)),
+            not_at_all: count(Err(false)),
         }
     }
 
@@ -384,7 +405,7 @@ impl Cell {
         for (k, stroke) in plan.strokes.iter().enumerate() {
             let station = self.station(&plan.stations[stroke.station]);
             let mut free = |from: &Joints, to: &Joints, station: usize| {
-                if !self.is_free(from, to, station, 0.01) {
+                if !self.is_free(from, to, station, FINE[0]) {
                     hits.push(format!("on the way to stroke {}", k + 1));
                 }
             };
@@ -396,17 +417,25 @@ impl Cell {
                 at = *corner;
             }
             was = station;
+            // Whether the contact goes straight from one frame to another, and the arm ends in a pose.
+            let rolls = |from: &Contact, to: &Pose, end: &Joints| {
+                let step = [FINE[1], FINE[2]];
+                let hit = |q: &Joints| self.judge(q, station, Touch::Pressing, 0.0).map(drop);
+                let ends = [&from.frame, to];
+                let found = self.follow(&from.joints, ends, station, stroke.tilt, step, hit);
+                found.is_ok_and(|q| (0..6).all(|j| (q[j] - end[j]).abs() < 1e-6))
+            };
             for pair in stroke.contacts.windows(2) {
-                let ends = [&pair[0].frame, &pair[1].frame];
-                let hit =
-                    |joints: &Joints| self.judge(joints, station, Touch::Pressing, 0.0).map(drop);
-                let end = self.follow(&pair[0].joints, ends, station, stroke.tilt, hit);
-                let far = |q: &Joints| (0..6).any(|j| (q[j] - pair[1].joints[j]).abs() > 1e-6);
-                if end.as_ref().map_or(true, far) {
-                    hits.push(format!(
-                        "between points {} and {}",
-                        pair[0].point, pair[1].point
-                    ));
+                let [from, to] = [&pair[0], &pair[1]];
+                if !rolls(from, &to.frame, &to.joints) {
+                    hits.push(format!("between points {} and {}", from.point, to.point));
+                }
+            }
+            let last = stroke.contacts.len() - 1;
+            for (k, end) in [(0, stroke.approach), (last, stroke.retreat)] {
+                let contact = &stroke.contacts[k];
+                if !rolls(contact, &self.lifted(&contact.frame), &end) {
+                    hits.push(format!("above point {}", contact.point));
                 }
             }
             for contact in &stroke.contacts {
@@ -417,7 +446,7 @@ impl Cell {
             at = stroke.retreat;
         }
         for corner in plan.way_home.iter().chain([&plan.home]) {
-            if !self.is_free(&at, corner, was, 0.01) {
+            if !self.is_free(&at, corner, was, FINE[0]) {
                 hits.push("on the way home".into());
             }
             at = *corner;

@@ -109,14 +109,19 @@ impl Cell {
             .any(|way| self.reaches(frame, way, false).is_ok())
     }
 
-    /// Says for each point that failed what would mend it, and gives the base that reaches most, if any is better.
-    pub fn find_remedies(&self, path: &[PathPoint], plan: &mut Plan) -> Option<BaseProposal> {
+    /// Says for each point that failed what would mend it, and gives this cell with the arm where it reaches most, if that is
+    /// elsewhere.
+    pub fn find_remedies(
+        &self,
+        path: &[PathPoint],
+        plan: &mut Plan,
+    ) -> Option<(Self, BaseProposal)> {
         if plan.failed.is_empty() {
             return None;
         }
         let frames = frames(path);
         let best = self.best_base(path).filter(|(base, _)| *base != self.base);
-        let moved = best.as_ref().map(|(base, _)| self.moved(*base));
+        let best = best.map(|(base, proposal)| (self.moved(base), proposal));
         plan.failed.par_iter_mut().for_each(|failed| {
             let (frame, is_press) = &frames[failed.index];
             let holds = |cell: &Self| cell.effort(frame, *is_press).is_ok();
@@ -129,9 +134,7 @@ impl Cell {
                 "name a home_deg from which the arm gets there, or move what stands between".into()
             } else if holds(self) {
                 "it can be pressed by itself: end the stroke before it".into()
-            } else if !self.fits_somehow(frame, *is_press) && !with(&|cell| cell.limits.tilt_deg = TILTS[2]) {
-                "none but a smaller roller or holder: they do not fit there, whatever arm holds them".into()
-            } else if let Some((_, (_, base))) = moved.as_ref().zip(best.as_ref()).filter(|(cell, _)| holds(cell)) {
+            } else if let Some((_, base)) = best.as_ref().filter(|(cell, _)| holds(cell)) {
                 let [x, y, z] = base.at.map(|x| (1e3 * x).round() + 0.0);
                 format!("move the base to {x}, {y}, {z} mm, which reaches {} of {} points", base.points, base.of)
             } else if let Some(most) = TILTS.iter().find(|&&most| {
@@ -146,23 +149,12 @@ impl Cell {
             }) {
                 let [way, angle] = [self.limits.deviation_mm, self.limits.deviation_deg].map(|most| share * most);
                 format!("hold the roller to {way} mm and {angle} degrees (limits.deviation_mm, deviation_deg)")
+            } else if !self.fits_somehow(frame, *is_press) {
+                "none but a smaller roller or holder: they do not fit there, whatever arm holds them".into()
             } else {
                 "none found: another base, more tilt and less deviation do not reach it".into()
             };
         });
-        let mut reached = self.reached(path);
-        if let Some(moved) = &moved {
-            let lost: Vec<_> = frames
-                .iter()
-                .filter(|(frame, press)| self.effort(frame, *press).is_err())
-                .collect();
-            reached.by_moving_the_base = lost
-                .iter()
-                .filter(|(frame, press)| moved.effort(frame, *press).is_ok())
-                .count();
-            reached.not_at_all -= reached.by_moving_the_base;
-        }
-        plan.reached = reached;
-        best.map(|(_, proposal)| proposal)
+        best
     }
 }

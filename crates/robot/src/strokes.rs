@@ -9,7 +9,7 @@ use super::arm::Joints;
 use super::obstacles::Touch;
 use super::place::Pose;
 use super::program::Contact;
-use super::workcell::{Cell, Check, FAR, Fault};
+use super::workcell::{Cell, Check, FAR, Fault, STEP};
 
 /// How a stroke is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -130,44 +130,50 @@ impl Cell {
             if is_whole && (of_station[way.station] >= ENOUGH[0] || candidates.len() >= ENOUGH[1]) {
                 continue;
             }
-            let (contacts, fault) = self.roll(frames, points, way, start);
-            if let Some(fault) = fault {
-                faults.push((contacts.len(), fault));
-            }
-            if contacts.len() > reached {
-                reached = contacts.len();
-                candidates.clear();
-                of_station.fill(0);
-            }
-            if reached == 0 || contacts.len() < reached {
+            let (mut contacts, fault) = self.roll(frames, points, way, start);
+            faults.extend(fault.map(|fault| (contacts.len(), fault)));
+            let Some(first) = contacts.first() else {
                 continue;
-            }
-            match self.off(&contacts, way) {
-                Ok((approach, retreat)) => {
-                    let mut contacts = contacts;
-                    for contact in &mut contacts {
-                        contact.clearance = self.clearance(&contact.joints, way.station);
-                    }
-                    of_station[way.station] += 1;
-                    candidates.push(Candidate {
-                        cost: self.cost(&way, &contacts),
-                        way,
-                        contacts,
-                        approach,
-                        retreat,
-                    });
+            };
+            let approach = match self.above(first, way) {
+                Ok(joints) => joints,
+                Err(fault) => {
+                    faults.push((0, fault));
+                    continue;
                 }
-                Err(fault) => faults.push((0, fault)),
+            };
+            // Back to where the roller can lift off.
+            while contacts.len() >= reached.max(1) {
+                match self.above(&contacts[contacts.len() - 1], way) {
+                    Ok(retreat) => {
+                        if contacts.len() > reached {
+                            reached = contacts.len();
+                            candidates.clear();
+                            of_station.fill(0);
+                        }
+                        for contact in &mut contacts {
+                            contact.clearance = self.clearance(&contact.joints, way.station);
+                        }
+                        of_station[way.station] += 1;
+                        candidates.push(Candidate {
+                            cost: self.cost(&way, &contacts),
+                            way,
+                            contacts,
+                            approach,
+                            retreat,
+                        });
+                        break;
+                    }
+                    Err(fault) => {
+                        contacts.pop();
+                        faults.push((contacts.len(), fault));
+                    }
+                }
             }
-        }
-        if candidates.is_empty() {
-            reached = 0;
         }
         candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        // The check that most nearly passed.
-        let there = faults
-            .into_iter()
-            .filter(|(at, _)| *at == reached || reached == 0);
+        // The check that most nearly passed at the point that was not reached.
+        let there = faults.into_iter().filter(|(at, _)| *at == reached);
         let fault = there
             .map(|(_, fault)| fault)
             .max_by_key(|fault| fault.check);
@@ -241,7 +247,7 @@ impl Cell {
                             detail: format!("on the way from the last point: {}", fault.detail),
                         })
                     };
-                    self.follow(&last.joints, ends, way.station, way.tilt, between)
+                    self.follow(&last.joints, ends, way.station, way.tilt, STEP, between)
                 }
             };
             let passed = joints.and_then(|joints| {
@@ -263,29 +269,22 @@ impl Cell {
         (contacts, None)
     }
 
-    /// The poses above the first and the last contact.
-    fn off(&self, contacts: &[Contact], way: Way) -> Result<(Joints, Joints), Fault> {
-        let lift = Pose::from_parts(
-            Translation3::new(0.0, 0.0, -1e-3 * self.motion.lift_mm),
-            Rotation3::identity(),
-        );
-        let above = |contact: &Contact| {
-            let ends = [&contact.frame, &(contact.frame * lift)];
-            let clear = |joints: &Joints| {
-                self.judge(joints, way.station, Touch::Pressing, 0.0)
-                    .map(drop)
-            };
-            let joints = self.follow(&contact.joints, ends, way.station, way.tilt, clear)?;
+    /// The pose straight above a contact.
+    fn above(&self, contact: &Contact, way: Way) -> Result<Joints, Fault> {
+        let ends = [&contact.frame, &self.lifted(&contact.frame)];
+        let clear = |joints: &Joints| {
+            let judged = self.judge(joints, way.station, Touch::Pressing, 0.0);
+            judged.map(drop)
+        };
+        let joints = self.follow(&contact.joints, ends, way.station, way.tilt, STEP, clear);
+        let judged = joints.and_then(|joints| {
             self.judge(&joints, way.station, Touch::Free, 1.0)?;
             Ok(joints)
-        };
-        let named = |fault: Fault| Fault {
+        });
+        judged.map_err(|fault| Fault {
             check: Check::Collision,
             detail: format!("coming down or lifting: {}", fault.detail),
-        };
-        let [first, last] =
-            [contacts.first(), contacts.last()].map(|contact| contact.expect("one at least"));
-        Ok((above(first).map_err(named)?, above(last).map_err(named)?))
+        })
     }
 
     /// What is known of a candidate's cost before it is followed.
@@ -308,8 +307,8 @@ impl Cell {
         self.wish(way, least(|contact| contact.sigma_min)) - turn + NEAR_S * near
     }
 
-    /// Angles of the table and tilts at which the roller can be put on a contact, one bit each; stricter than a plan by the
-    /// deviation that is allowed, which is not tried here.
+    /// Angles of the table and tilts at which the roller can be put on a contact, one bit each for the first 64 that take least;
+    /// stricter than a plan by the deviation that is allowed, which is not tried here.
     pub fn reach(&self, contact: &Pose) -> u64 {
         let margin = 1e3 * FAR.min(1e-3 * (self.limits.clearance_mm + self.limits.deviation_mm));
         let share = margin / self.limits.clearance_mm.max(0.1);

@@ -1,7 +1,7 @@
 //! Free ways between strokes: straight in joints where nothing stands there, else found by two trees that grow towards
 //! each other (RRT-Connect, Kuffner and LaValle 2000), from samples that are the same every time.
 
-use super::arm::Joints;
+use super::arm::{Arm, Joints};
 use super::workcell::Cell;
 
 /// Steps at which a way is looked at [rad], and by which trees grow.
@@ -9,13 +9,8 @@ const LOOK: f64 = 0.03;
 const GROW: f64 = 0.3;
 /// By which samples go beyond both ends of a way [rad].
 const ROOM: f64 = 1.5;
-/// Samples at most, and tries to make a way shorter.
+/// Samples at most.
 pub(crate) const SAMPLES: u64 = 1500;
-const SHORTCUTS: u64 = 60;
-/// Steps of a sequence that fills six dimensions evenly (Roberts 2018).
-const EVEN: [f64; 6] = [
-    0.898_654, 0.807_578, 0.725_733, 0.652_183, 0.586_087, 0.526_689,
-];
 
 /// Poses and what each grew from, the first from itself.
 struct Tree(Vec<(Joints, usize)>);
@@ -73,16 +68,16 @@ impl Cell {
         room: f64,
     ) -> Option<Vec<Joints>> {
         let mut trees = [Tree(vec![(*from, 0)]), Tree(vec![(*to, 0)])];
+        let ranges = std::array::from_fn(|j| {
+            let [min, max] = self.arm.joints[j].limits;
+            [
+                min.max(from[j].min(to[j]) - room),
+                max.min(from[j].max(to[j]) + room),
+            ]
+        });
         for k in 0..SAMPLES {
             let side = (k % 2) as usize;
-            let sample = std::array::from_fn(|j| {
-                let [min, max] = self.arm.joints[j].limits;
-                let [min, max] = [
-                    min.max(from[j].min(to[j]) - room),
-                    max.min(from[j].max(to[j]) + room),
-                ];
-                min + (max - min) * (0.5 + (k + 1) as f64 * EVEN[j]).fract()
-            });
+            let sample = Arm::spread(k + 1, &ranges);
             let Some(grown) = self.grow(&mut trees[side], &sample, station) else {
                 continue;
             };
@@ -128,27 +123,16 @@ impl Cell {
         })
     }
 
-    /// Leaves out corners that need not be.
+    /// Leaves out corners that need not be: from each the farthest that can be gone to straight is the next.
     fn shorter(&self, mut way: Vec<Joints>, station: usize) -> Vec<Joints> {
-        for k in 0..SHORTCUTS {
-            if way.len() < 3 {
-                break;
-            }
-            let share = |step: f64| (0.5 + (k + 1) as f64 * step).fract();
-            let a = (share(EVEN[0]) * way.len() as f64) as usize;
-            let b = (share(EVEN[1]) * way.len() as f64) as usize;
-            let (a, b) = (a.min(b), a.max(b).min(way.len() - 1));
-            if b > a + 1 && self.is_free(&way[a], &way[b], station, LOOK) {
-                way.drain(a + 1..b);
-            }
-        }
-        // What is left of corners one behind the other.
         let mut a = 0;
         while a + 2 < way.len() {
-            match self.is_free(&way[a], &way[a + 2], station, LOOK) {
-                true => drop(way.remove(a + 1)),
-                false => a += 1,
+            let others = (a + 2..way.len()).rev();
+            let mut free = others.filter(|&b| self.is_free(&way[a], &way[b], station, LOOK));
+            if let Some(b) = free.next() {
+                way.drain(a + 1..b);
             }
+            a += 1;
         }
         way
     }

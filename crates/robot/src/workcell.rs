@@ -86,7 +86,7 @@ pub struct Cell {
 /// Distances beyond this are all alike [m].
 pub(crate) const FAR: f64 = 0.02;
 /// Along a straight way nothing is left out that is longer [m] or turns by more [rad].
-const STEP: [f64; 2] = [3e-3, 0.06];
+pub(crate) const STEP: [f64; 2] = [3e-3, 0.06];
 
 impl Cell {
     /// A cell around a tool, whose surface is in the scene and whose own frame `tool_pose` takes there. Where the
@@ -164,6 +164,11 @@ impl Cell {
     /// Where the flange has to be in the base's frame, for a contact in the tool's.
     pub(crate) fn flange(&self, station: usize, contact: &Pose, tilt: f64) -> Pose {
         self.work_object(station) * contact * self.roller.contact(tilt).inverse()
+    }
+
+    /// A contact's frame where the roller is lifted off it.
+    pub(crate) fn lifted(&self, contact: &Pose) -> Pose {
+        contact * Translation3::new(0.0, 0.0, -1e-3 * self.motion.lift_mm)
     }
 
     /// All poses of the arm for a flange, each joint as near to 0 as it goes.
@@ -277,7 +282,7 @@ impl Cell {
         }
     }
 
-    /// Follows a straight way of the contact from `from`, which is on its beginning; `judged` sees every step. Gives the
+    /// Follows a straight way of the contact from `from`, which is on its beginning; `judged` sees every `step` [m and rad]. Gives the
     /// joints at its end.
     pub(crate) fn follow(
         &self,
@@ -285,9 +290,10 @@ impl Cell {
         [begin, end]: [&Pose; 2],
         station: usize,
         tilt: f64,
+        step: [f64; 2],
         mut judged: impl FnMut(&Joints) -> Result<(), Fault>,
     ) -> Result<Joints, Fault> {
-        let steps = steps(begin, end);
+        let steps = steps(begin, end, step);
         let mut joints = *from;
         for k in 1..=steps {
             let contact = match k == steps {
@@ -355,7 +361,7 @@ impl Cell {
     }
 
     /// Poses above the middle of the tool, from low to high: where an arm may wait.
-    pub(crate) fn above(&self) -> impl Iterator<Item = Pose> {
+    pub(crate) fn waiting_places(&self) -> impl Iterator<Item = Pose> {
         let [min, max] = self.bounds;
         let middle = 0.5 * (min + max);
         let base = self.base;
@@ -379,9 +385,9 @@ impl Cell {
     }
 }
 
-/// Steps that a straight way is cut into.
-pub(crate) fn steps(begin: &Pose, end: &Pose) -> usize {
+/// Steps no longer than `step` [m and rad] that a straight way is cut into.
+fn steps(begin: &Pose, end: &Pose, step: [f64; 2]) -> usize {
     let way = (end.translation.vector - begin.translation.vector).norm();
     let angle = begin.rotation.angle_to(&end.rotation);
-    (way / STEP[0]).max(angle / STEP[1]).ceil().max(1.0) as usize
+    (way / step[0]).max(angle / step[1]).ceil().max(1.0) as usize
 }

@@ -3,7 +3,7 @@
 mod dome;
 
 use dome::{cell, path, stroke};
-use drape_robot::{Arm, BlockConfig, Cell, Check, PathPoint, Plan, Point};
+use drape_robot::{Arm, BlockConfig, Cell, Check, NoHome, PathPoint, Plan, Point};
 use nalgebra::Vector3;
 
 /// Every contact of a plan puts the roller on its point: line of contact, axis and direction.
@@ -43,7 +43,7 @@ fn both_arms_press_a_dome() {
                 .map(|(_, c)| c.joints)
                 .eq(again.contacts().map(|(_, c)| c.joints))
         );
-        let reached = cell.reached(&path);
+        let reached = cell.reached(&path, None);
         assert_eq!(reached.not_at_all, 0, "{reached:?}");
         assert!(reached.at_once < path.len(), "{reached:?}");
     }
@@ -52,26 +52,31 @@ fn both_arms_press_a_dome() {
 /// A wall between arm and dome is gone round, or over; one through the dome is not to be had.
 #[test]
 fn walls_are_gone_round() {
-    let wall = |at_mm, size_mm| {
+    let wall = |at_mm, size_mm, turns| {
         move |config: &mut drape_robot::CellConfig| {
             config.obstacles.push(BlockConfig {
                 name: "wall".into(),
                 size_mm,
                 at_mm,
                 rotation_deg: [0.0; 3],
-                turns: false,
+                turns,
             });
         }
     };
     let path: Vec<PathPoint> = [&stroke(0, 1.5, 6)[3..], &stroke(1, -1.5, 6)[3..]].concat();
-    let beside = cell("ur5e", wall([0.0, 0.0, 120.0], [100.0, 4.0, 60.0]));
+    let beside = cell("ur5e", wall([0.0, 0.0, 120.0], [100.0, 4.0, 60.0], false));
     let plan = beside.plan(&path, |_| {}).unwrap();
     assert_eq!(plan.failed, []);
     assert_eq!(beside.collisions(&plan), [""; 0]);
-    let through = cell("ur5e", wall([0.0, 80.0, 100.0], [400.0, 100.0, 200.0]));
+    let through = cell(
+        "ur5e",
+        wall([0.0, 80.0, 100.0], [400.0, 100.0, 200.0], true),
+    );
     let mut plan = through.plan(&path, |_| {}).unwrap();
     assert_eq!(through.collisions(&plan), [""; 0]);
     through.find_remedies(&path, &mut plan);
+    let failed: Vec<usize> = plan.failed.iter().map(|point| point.index).collect();
+    assert_eq!(failed, [0, 1, 2]);
     for point in &plan.failed {
         assert!(point.detail.contains("wall"), "{point:?}");
         assert!(!point.remedy.is_empty() && !point.tried.is_empty());
@@ -139,4 +144,24 @@ fn paths_of_one_point_and_of_two_thousand() {
     assert_eq!(plan.contacts().count() + plan.failed.len(), 2000);
     assert!(plan.failed.len() < 20, "{:?}", plan.failed.first());
     assert!(cell.plan(&[], |_| {}).unwrap().strokes.is_empty());
+}
+
+/// A home that is named is held against limits and collisions.
+#[test]
+fn homes_that_cannot_be_are_refused() {
+    // Beyond limits, and straight up through a beam.
+    for home in [[700.0; 6], [0.0; 6]] {
+        let cell = cell("crb15000-5", |config| {
+            config.home_deg = Some(home);
+            config.obstacles.push(BlockConfig {
+                name: "beam".into(),
+                size_mm: [100.0, 400.0, 100.0],
+                at_mm: [-550.0, 0.0, 450.0],
+                rotation_deg: [0.0; 3],
+                turns: false,
+            });
+        });
+        let error = cell.plan(&path(), |_| {}).unwrap_err();
+        assert_eq!(error, NoHome::Named, "{home:?}");
+    }
 }

@@ -118,7 +118,7 @@ fn assert_alike(a: &Pose, b: &Pose) {
     assert!(way < 1e-5 && angle < 1e-3, "{way} m, {angle} rad");
 }
 
-/// A program over the dome, with turns of the table: the arm may not lean, and stands where it does not reach round.
+/// A program over the dome.
 fn with_program(robot: &str, test: impl FnOnce(&Program)) {
     let cell = cell(robot, |_| {});
     let plan = cell.plan(&path(), |_| {}).unwrap();
@@ -130,6 +130,12 @@ fn rapid_puts_the_roller_on_the_points() {
     with_program("crb15000-5", |program| {
         let module = read(&program.rapid().unwrap());
         let places = play(&module);
+        let turns = module
+            .procedures
+            .values()
+            .flatten()
+            .filter(|code| code.starts_with("TurnTable"));
+        assert!(program.stations.len() > 1 && turns.count() >= program.stations.len());
         let contacts = program
             .strokes
             .iter()

@@ -1,6 +1,5 @@
 //! RAPID, the language of ABB's controllers: a module that a programmer can read.
 
-use std::collections::HashSet;
 use std::fmt::Write as _;
 
 use nalgebra::UnitQuaternion;
@@ -14,10 +13,6 @@ use crate::place::Pose;
 const NAME: usize = 32;
 /// Of which free ways have their share: about the greatest speed of such an arm's flange [m/s].
 const FREE: f64 = 2.2;
-/// Words that no name may be, as far as names could become one.
-const RESERVED: [&str; 12] = [
-    "and", "do", "else", "end", "for", "func", "if", "module", "not", "or", "proc", "record",
-];
 
 impl Program<'_> {
     /// The program as a RAPID module. Strokes are procedures, reached by `MoveAbsJ` and rolled with force control
@@ -273,21 +268,15 @@ fn tool_name(tilt: f64) -> String {
     }
 }
 
-/// A name that RAPID takes: a letter, then letters, digits and underscores, 32 at most, no reserved word.
+/// A name that RAPID takes, letters, digits and underscores, 32 at most; its beginning keeps it apart from RAPID's words and
+/// from the names in the module.
 fn name(of: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
-    let mut name: String = of.chars().map(plain).take(NAME).collect();
-    if !name.starts_with(|c: char| c.is_ascii_alphabetic())
-        || RESERVED.contains(&&*name.to_lowercase())
-    {
-        name.insert_str(0, "drape_");
-        name.truncate(NAME);
-    }
-    let own: HashSet<&str> = ["main", "turntable", "home"].into();
-    match own.contains(&*name.to_lowercase()) {
-        true => format!("drape_{name}"),
-        false => name,
-    }
+    "drape_"
+        .chars()
+        .chain(of.chars().map(plain))
+        .take(NAME)
+        .collect()
 }
 
 /// A pose: place and turn in a list of their own.
@@ -325,17 +314,14 @@ mod tests {
     #[test]
     fn names_are_those_that_rapid_takes() {
         for (given, expected) in [
-            ("demo", "demo"),
+            ("demo", "drape_demo"),
             ("2026-11-26 12:00", "drape_2026_11_26_12_00"),
-            ("für Müller", "f_r_M_ller"),
+            ("für Müller", "drape_f_r_M_ller"),
             ("", "drape_"),
-            ("Module", "drape_Module"),
-            ("main", "drape_main"),
         ] {
             assert_eq!(name(given), expected);
         }
         assert_eq!(name(&"x".repeat(200)).len(), NAME);
-        assert_eq!(name(&"7".repeat(200)).len(), NAME);
     }
 
     #[test]
