@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::process::Command;
 
 use dome::{cell, path};
-use drape_robot::{Motion, Pose, Program};
+use drape_robot::{CellConfig, Motion, Pose, Program};
 use nalgebra::{Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 /// Numbers of a nested list, in order.
@@ -119,15 +119,17 @@ fn assert_alike(a: &Pose, b: &Pose) {
 }
 
 /// A program over the dome.
-fn with_program(robot: &str, test: impl FnOnce(&Program)) {
-    let cell = cell(robot, |_| {});
+fn with_program(robot: &str, change: impl FnOnce(&mut CellConfig), test: impl FnOnce(&Program)) {
+    let cell = cell(robot, change);
     let plan = cell.plan(&path(), |_| {}).unwrap();
     test(&cell.program(&plan, "dome, first try"));
 }
 
 #[test]
 fn rapid_puts_the_roller_on_the_points() {
-    with_program("crb15000-5", |program| {
+    // Too far away to press the other side without turning the table.
+    let far = |cell: &mut CellConfig| cell.base.as_mut().unwrap().at_mm[0] = -850.0;
+    with_program("crb15000-5", far, |program| {
         let module = read(&program.rapid().unwrap());
         let places = play(&module);
         let turns = module
@@ -161,113 +163,129 @@ fn rapid_puts_the_roller_on_the_points() {
 
 #[test]
 fn urscript_puts_the_roller_on_the_points() {
-    with_program("ur5e", |program| {
-        let text = program.urscript().unwrap();
-        let lines = text
-            .lines()
-            .filter(|line| line.trim().starts_with("movel(p["));
-        let contacts = program
-            .strokes
-            .iter()
-            .flat_map(|stroke| stroke.contacts.iter().map(move |contact| (stroke, contact)));
-        let mut count = 0;
-        for ((stroke, contact), line) in contacts.zip(lines) {
-            let n = numbers(line.split("p[").nth(1).unwrap());
-            let turned = Rotation3::new(Vector3::new(n[3], n[4], n[5]));
-            let at = Pose::from_parts(Translation3::new(n[0], n[1], n[2]), turned);
-            let tcp = program.roller.contact(stroke.tilt);
-            assert_alike(
-                &(at * tcp.inverse()),
-                &program.arm.flange_at(&contact.joints),
+    with_program(
+        "ur5e",
+        |_| {},
+        |program| {
+            let text = program.urscript().unwrap();
+            let lines = text
+                .lines()
+                .filter(|line| line.trim().starts_with("movel(p["));
+            let contacts = program
+                .strokes
+                .iter()
+                .flat_map(|stroke| stroke.contacts.iter().map(move |contact| (stroke, contact)));
+            let mut count = 0;
+            for ((stroke, contact), line) in contacts.zip(lines) {
+                let n = numbers(line.split("p[").nth(1).unwrap());
+                let turned = Rotation3::new(Vector3::new(n[3], n[4], n[5]));
+                let at = Pose::from_parts(Translation3::new(n[0], n[1], n[2]), turned);
+                let tcp = program.roller.contact(stroke.tilt);
+                assert_alike(
+                    &(at * tcp.inverse()),
+                    &program.arm.flange_at(&contact.joints),
+                );
+                count += 1;
+            }
+            assert_eq!(count, 31);
+            let opened = text
+                .lines()
+                .filter(|line| line.trim().starts_with("def "))
+                .count();
+            assert_eq!(
+                opened,
+                text.lines().filter(|line| line.trim() == "end").count()
             );
-            count += 1;
-        }
-        assert_eq!(count, 31);
-        let opened = text
-            .lines()
-            .filter(|line| line.trim().starts_with("def "))
-            .count();
-        assert_eq!(
-            opened,
-            text.lines().filter(|line| line.trim() == "end").count()
-        );
-    });
+        },
+    );
 }
 
 /// Times rise, no joint is faster than it can, and all formats tell the same time.
 #[test]
 fn trajectories_keep_to_the_joints_speeds() {
-    with_program("ur5e", |program| {
-        let moments = program.moments();
-        assert_eq!(
-            moments
-                .iter()
-                .filter(|moment| moment.motion == Motion::Contact)
-                .count(),
-            31 + 1
-        );
-        for pair in moments.windows(2) {
-            let dt = pair[1].at - pair[0].at;
-            assert!(dt > 0.0);
-            for (j, joint) in program.arm.joints.iter().enumerate() {
-                let way = (pair[1].joints[j] - pair[0].joints[j]).abs();
-                assert!(way <= joint.speed * dt * (1.0 + 1e-9));
+    with_program(
+        "ur5e",
+        |_| {},
+        |program| {
+            let moments = program.moments();
+            assert_eq!(
+                moments
+                    .iter()
+                    .filter(|moment| moment.motion == Motion::Contact)
+                    .count(),
+                31 + 1
+            );
+            for pair in moments.windows(2) {
+                let dt = pair[1].at - pair[0].at;
+                assert!(dt > 0.0);
+                for (j, joint) in program.arm.joints.iter().enumerate() {
+                    let way = (pair[1].joints[j] - pair[0].joints[j]).abs();
+                    assert!(way <= joint.speed * dt * (1.0 + 1e-9));
+                }
             }
-        }
-        let text = program.trajectory().unwrap();
-        assert_eq!(text.matches("positions").count(), moments.len());
-        let last = text.lines().last().unwrap();
-        let time = numbers(&last.replace(['{', '}', ':'], " "));
-        assert!((time[0] + 1e-9 * time[1] - program.seconds()).abs() < 1e-6);
-        let json: serde_json::Value =
-            serde_json::from_str(&program.points_json().unwrap()).unwrap();
-        assert_eq!(json["points"].as_array().unwrap().len(), 31);
-        assert_eq!(json["seconds"], program.seconds());
-        let csv = program.points_csv().unwrap();
-        assert!(
-            csv.lines()
-                .skip(1)
-                .all(|line| line.split(',').count() == 20)
-        );
-    });
+            let text = program.trajectory().unwrap();
+            assert_eq!(text.matches("positions").count(), moments.len());
+            let last = text.lines().last().unwrap();
+            let time = numbers(&last.replace(['{', '}', ':'], " "));
+            assert!((time[0] + 1e-9 * time[1] - program.seconds()).abs() < 1e-6);
+            let json: serde_json::Value =
+                serde_json::from_str(&program.points_json().unwrap()).unwrap();
+            assert_eq!(json["points"].as_array().unwrap().len(), 31);
+            assert_eq!(json["seconds"], program.seconds());
+            let csv = program.points_csv().unwrap();
+            assert!(
+                csv.lines()
+                    .skip(1)
+                    .all(|line| line.split(',').count() == 20)
+            );
+        },
+    );
 }
 
 #[test]
 fn programs_that_cannot_be_are_errors() {
-    with_program("ur5e", |program| {
-        let mut empty = program.clone();
-        empty.strokes.clear();
-        let mut lost = program.clone();
-        lost.strokes[0].approach[2] = f64::NAN;
-        for write in [
-            Program::rapid,
-            Program::urscript,
-            Program::trajectory,
-            Program::points_csv,
-        ] {
-            let error = write(&empty).unwrap_err().to_string();
-            assert!(error.contains("no stroke"), "{error}");
-            let error = write(&lost).unwrap_err().to_string();
-            assert!(error.contains("not finite"), "{error}");
-        }
-    });
+    with_program(
+        "ur5e",
+        |_| {},
+        |program| {
+            let mut empty = program.clone();
+            empty.strokes.clear();
+            let mut lost = program.clone();
+            lost.strokes[0].approach[2] = f64::NAN;
+            for write in [
+                Program::rapid,
+                Program::urscript,
+                Program::trajectory,
+                Program::points_csv,
+            ] {
+                let error = write(&empty).unwrap_err().to_string();
+                assert!(error.contains("no stroke"), "{error}");
+                let error = write(&lost).unwrap_err().to_string();
+                assert!(error.contains("not finite"), "{error}");
+            }
+        },
+    );
 }
 
 /// An independent checker, for those who have it: `pip install rapidchecker`.
 #[test]
 #[ignore = "needs rapidchecker"]
 fn rapidchecker_passes_modules() {
-    with_program("crb15000-5", |program| {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("drape.mod");
-        std::fs::write(&file, program.rapid().unwrap()).unwrap();
-        let run = Command::new("python3")
-            .args(["-m", "rapidchecker"])
-            .arg(&file)
-            .output()
-            .unwrap();
-        let said = String::from_utf8_lossy(&run.stdout).into_owned()
-            + &String::from_utf8_lossy(&run.stderr);
-        assert!(run.status.success(), "{said}");
-    });
+    with_program(
+        "crb15000-5",
+        |_| {},
+        |program| {
+            let folder = tempfile::tempdir().unwrap();
+            let file = folder.path().join("drape.mod");
+            std::fs::write(&file, program.rapid().unwrap()).unwrap();
+            let run = Command::new("python3")
+                .args(["-m", "rapidchecker"])
+                .arg(&file)
+                .output()
+                .unwrap();
+            let said = String::from_utf8_lossy(&run.stdout).into_owned()
+                + &String::from_utf8_lossy(&run.stderr);
+            assert!(run.status.success(), "{said}");
+        },
+    );
 }
