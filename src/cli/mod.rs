@@ -5,6 +5,7 @@
 //! with `--json`, as exactly one JSON object; progress and errors go to stderr.
 
 mod args;
+mod arm;
 mod baseline;
 mod compare;
 mod devices;

@@ -10,8 +10,9 @@ use super::failure::OrInvalid;
 use super::loaded::Loaded;
 use super::output::Progress;
 use super::result::path;
-use crate::run::cell;
+use crate::run::{RunConfig, RunFolder, cell};
 use drape_cloth::file::read_toml;
+use drape_cloth::scene::Scene;
 use drape_robot::{Cell, CellConfig, PathPoint, Place, Plan};
 use drape_task::path::{DrapingPoint, Frame};
 
@@ -31,21 +32,29 @@ pub(super) struct Planned {
 }
 
 impl Planned {
-    /// Plans the path of a run in a cell: that of a file, or else the run's own, what
-    /// `drape robot` has left in it, or the default.
+    /// Plans the path of a run in the cell of [`cell_config`].
     pub fn new(loaded: &Loaded, file: Option<&Path>) -> Result<Self, Failure> {
-        let kept = loaded.folder.path.join(FOLDER).join(RESOLVED);
-        let (mut config, place) = match (file, &loaded.config.cell) {
-            (Some(file), _) => read_cell(file)?,
-            (None, Some(cell)) => (cell.clone(), loaded.folder.config.display().to_string()),
-            (None, None) if kept.exists() => read_cell(&kept)?,
-            (None, None) => (CellConfig::unnamed(), "the default cell".into()),
-        };
-        let scene = &loaded.scene;
-        let mut cell = cell(&config, scene).or_invalid_in(&place)?;
+        let cell = cell_config(file, Some(&loaded.folder), &loaded.config)?;
         let (played, _) = loaded.play_path()?;
         let points = path(&played.recording)?;
-        let path = path_points(&points, &Frame::tool(&scene.config.tool.pose));
+        let progress = Progress::new("strokes", loaded.json);
+        let done = AtomicUsize::new(0);
+        let watch = |more: usize| {
+            let done = done.fetch_add(more, Ordering::Relaxed) + more;
+            progress.set(done as f64 / points.len().max(1) as f64);
+        };
+        Self::of(&points, cell, &loaded.scene, watch)
+    }
+
+    /// Plans a path in a cell, of which messages say where it is from. `watch` hears how many more points are done.
+    pub fn of(
+        points: &[DrapingPoint],
+        (mut config, place): (CellConfig, String),
+        scene: &Scene,
+        watch: impl Fn(usize) + Sync,
+    ) -> Result<Self, Failure> {
+        let mut cell = cell(&config, scene).or_invalid_in(&place)?;
+        let path = path_points(points, scene);
         if config.base.is_none() {
             // Wherever it reaches most; a shop that has a place names it.
             let best = cell.best_base(&path);
@@ -59,14 +68,7 @@ impl Planned {
             cell = cell.moved(base.pose());
             config.base = Some(base);
         }
-        let progress = Progress::new("strokes", loaded.json);
-        let done = AtomicUsize::new(0);
-        let watch = |points: usize| {
-            let done = done.fetch_add(points, Ordering::Relaxed) + points;
-            progress.set(done as f64 / path.len().max(1) as f64);
-        };
         let plan = cell.plan(&path, watch).or_invalid_in(&place)?;
-        drop(progress);
         Ok(Self {
             collisions: cell.collisions(&plan),
             cell,
@@ -74,6 +76,24 @@ impl Planned {
             plan,
             config,
         })
+    }
+}
+
+/// The cell of a file, or else that of a run, what `drape robot` has left in it, or the default; and what messages call it.
+pub(super) fn cell_config(
+    file: Option<&Path>,
+    run: Option<&RunFolder>,
+    config: &RunConfig,
+) -> Result<(CellConfig, String), Failure> {
+    let kept = run.map(|run| run.path.join(FOLDER).join(RESOLVED));
+    match (file, &config.cell, kept.filter(|kept| kept.exists())) {
+        (Some(file), _, _) => read_cell(file),
+        (None, Some(cell), _) => {
+            let place = run.map(|run| run.config.display().to_string());
+            Ok((cell.clone(), place.unwrap_or("the task's cell".into())))
+        }
+        (None, None, Some(kept)) => read_cell(&kept),
+        (None, None, None) => Ok((CellConfig::unnamed(), "the default cell".into())),
     }
 }
 
@@ -88,7 +108,9 @@ fn read_cell(file: &Path) -> Result<(CellConfig, String), Failure> {
     Ok((config, place))
 }
 
-fn path_points(points: &[DrapingPoint], frame: &Frame) -> Vec<PathPoint> {
+/// The points of a path as robots take them.
+pub(super) fn path_points(points: &[DrapingPoint], scene: &Scene) -> Vec<PathPoint> {
+    let frame = Frame::tool(&scene.config.tool.pose);
     let of = |point: &DrapingPoint| PathPoint {
         position: frame.point(&point.position),
         normal: frame.direction(&point.normal),

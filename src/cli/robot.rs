@@ -11,10 +11,11 @@ use super::output::{print, write_together};
 use super::planned::{FOLDER, Planned, RESOLVED, name};
 use super::terminal::Told;
 use drape_cloth::file::write_atomic;
+use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::Scene;
 use drape_report::{Camera, Color, DRAPED, Drawing, Image, TOOL, creased, save_gif};
-use drape_robot::{BaseProposal, FailedPoint, Reached};
+use drape_robot::{BaseProposal, Cell, FailedPoint, Joints, Point, Pose, Reached};
 
 /// Plan how a robot arm presses the path of a run: what it reaches, what it would hit, and the program
 ///
@@ -234,14 +235,8 @@ impl<'a> Stage<'a> {
     fn new(planned: &'a Planned, scene: &Scene) -> Self {
         let tool = creased(&scene.tool.mesh_in_scene());
         let (mut low, mut high) = tool.bounds();
-        for corner in planned
-            .cell
-            .arm_triangles(&planned.plan.home)
-            .iter()
-            .flatten()
-        {
-            (low, high) = (low.inf(corner), high.sup(corner));
-        }
+        let arm = arm_mesh(&planned.cell, &planned.plan.home);
+        (low, high) = (low.inf(&arm.bounds().0), high.sup(&arm.bounds().1));
         Self {
             planned,
             tool,
@@ -254,25 +249,22 @@ impl<'a> Stage<'a> {
         self.planned.cell.station(&self.planned.plan.stations[of])
     }
 
-    fn picture(
-        &self,
-        joints: &drape_robot::Joints,
-        station: usize,
-        caption: &str,
-        size: [usize; 2],
-    ) -> Image {
+    fn picture(&self, joints: &Joints, station: usize, caption: &str, size: [usize; 2]) -> Image {
         let Planned {
             cell, path, plan, ..
         } = self.planned;
         let turn = cell.turn(station);
         let mut drawing = Drawing::new(&self.camera, size);
-        let mut tool = self.tool.clone();
-        for vertex in &mut tool.vertices {
-            *vertex = (turn * drape_robot::Point::from(*vertex)).coords;
-        }
-        drawing.mesh(&tool, |_| TOOL, 0.0);
-        drawing.mesh(&soup(&cell.block_triangles(station)), |_| BLOCK, 0.0);
-        drawing.mesh(&soup(&cell.arm_triangles(joints)), |_| ARM, 0.0);
+        let turned = |mut mesh: TriMesh| {
+            for vertex in &mut mesh.vertices {
+                *vertex = (turn * Point::from(*vertex)).coords;
+            }
+            mesh
+        };
+        drawing.mesh(&turned(self.tool.clone()), |_| TOOL, 0.0);
+        drawing.mesh(&turned(soup(cell.blocks(true))), |_| BLOCK, 0.0);
+        drawing.mesh(&soup(cell.blocks(false)), |_| BLOCK, 0.0);
+        drawing.mesh(&arm_mesh(cell, joints), |_| ARM, 0.0);
         for (k, point) in path.iter().enumerate() {
             let failed = plan.failed.iter().any(|failed| failed.index == k);
             let at = cell.in_scene(&point.position, station);
@@ -286,10 +278,22 @@ impl<'a> Stage<'a> {
 
 const FAILED: Color = [220, 60, 50];
 
-fn soup(triangles: &[[drape_cloth::math::Vec3; 3]]) -> TriMesh {
+/// The arm in the scene.
+fn arm_mesh(cell: &Cell, joints: &Joints) -> TriMesh {
+    let shapes = cell.shapes();
+    let placed = shapes.iter().zip(cell.frames(joints));
+    let corner = |pose: Pose| move |at: &Vec3| (pose * Point::from(*at)).coords;
+    let triangles = placed.flat_map(|(shape, pose)| {
+        let place = move |triangle: &[Vec3; 3]| triangle.each_ref().map(corner(pose));
+        shape.iter().map(place)
+    });
+    soup(triangles.collect())
+}
+
+fn soup(triangles: Vec<[Vec3; 3]>) -> TriMesh {
     let count = triangles.len() as u32;
     TriMesh {
-        vertices: triangles.as_flattened().to_vec(),
+        vertices: triangles.into_flattened(),
         triangles: (0..count).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(),
     }
 }

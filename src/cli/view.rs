@@ -10,8 +10,10 @@ use toml::Table;
 
 use super::Failure;
 use super::args::accuracy;
+use super::arm::robot;
 use super::failure::OrInvalid;
 use super::loaded::load_agent;
+use super::planned::cell_config;
 use super::setup::{missed, oddities, open_run, read_config, warn};
 use super::terminal::{show, tell};
 use super::tool::{SHAPES, shape};
@@ -26,9 +28,11 @@ use drape_cloth::scene::{Fabric, Scene, SceneConfig};
 use drape_cloth::sim::{Accuracy, Snapshot};
 use drape_cloth::tool::{GridConfig, MeshSource, Pose, Source, ToolConfig};
 use drape_learn::ppo::{Agent, Sampling};
+use drape_robot::CellConfig;
 use drape_task::env::{Draping, EpisodeState, ImageShape, Tasks};
+use drape_task::path::PressedPoint;
 use drape_task::recording::{Frame, Recording};
-use drape_view::{Host, Offers, Rival, Server, Session, Shared, Spec, Watch};
+use drape_view::{Host, Offers, Rival, RobotJob, RobotPlace, Server, Session, Shared, Spec, Watch};
 
 /// Random episodes that presses by hand are shown beside, and vertices of the largest blank on which they are played.
 const RANDOM: usize = 8;
@@ -48,6 +52,7 @@ const COMMANDS: usize = 1024;
   drape view runs/a --watch runs/b --watch runs/c
   drape view runs/a/pictures/eval/recording.drape --beside twin.drape
   drape view runs/a --export page.html
+  drape view runs/a --cell cell.toml
   ssh -L 9000:127.0.0.1:8000 host drape view --port 8000 --no-open")]
 pub struct ViewArgs {
     /// Scene or task file, run folder, or a recording, a sequence of presses or a state, in the folder of a run or beside
@@ -73,6 +78,11 @@ pub struct ViewArgs {
     /// Offer this material file; may be given again
     #[arg(long, value_name = "FILE")]
     material: Vec<PathBuf>,
+
+    /// Show the robot of this cell, as docs/ROBOT.md has it; the run's own, or what `drape robot` has left in it, if not
+    /// given
+    #[arg(long, value_name = "FILE")]
+    cell: Option<PathBuf>,
 
     /// How finely presses are stepped, fast, balanced or accurate, instead of the configuration's rates
     #[arg(long, value_parser = accuracy, value_name = "NAME")]
@@ -162,7 +172,10 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
         .beside
         .as_deref()
         .map(|file| Beside::read(file, &lamina));
+    let cell = cell_config(args.cell.as_deref(), folder.as_ref(), &config)?;
     let host = Desk {
+        has_robot: args.cell.is_some() || cell.0.base.is_some(),
+        cell,
         agent: None,
         runs: folder.iter().cloned().chain(watched).collect(),
         run: folder.map(|folder| (folder, args.checkpoint.clone())),
@@ -319,6 +332,9 @@ struct Desk {
     runs: Vec<RunFolder>,
     offers: Offers,
     out: PathBuf,
+    /// The robot's cell, and where it is from.
+    cell: (CellConfig, String),
+    has_robot: bool,
 }
 
 impl Desk {
@@ -507,6 +523,25 @@ impl Host for Desk {
                 made.frames
             }
         }
+    }
+
+    fn has_robot(&self) -> bool {
+        self.has_robot
+    }
+
+    fn robot(
+        &self,
+        draping: &Draping,
+        points: &[PressedPoint],
+        place: Option<RobotPlace>,
+        plan: bool,
+    ) -> RobotJob {
+        let (cell, scene) = (self.cell.clone(), draping.scene().clone());
+        let (points, join_distance) = (points.to_vec(), draping.config().join_distance());
+        Box::new(move || {
+            let found = robot(cell, &scene, (&points, join_distance), place, plan);
+            found.map_err(|error| error.to_string())
+        })
     }
 
     fn offers(&self) -> &Offers {

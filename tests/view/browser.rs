@@ -516,3 +516,46 @@ fn pages_that_are_loaded_again_and_again_do_no_harm() {
     assert_eq!(browser.eval(&script), "refused");
     browser.complaints.clear();
 }
+
+#[test]
+#[ignore = "needs chromium"]
+fn a_robot_is_driven_and_dragged() {
+    let viewer = Viewer::new();
+    let mut browser = page(&viewer, &[]);
+    browser.eval("$('allowed').click(), $('shade').value = 'progress', $('shade').onchange()");
+    browser.eval("link.send('press', { vertices: [141, 142] })");
+    browser.until("moment.numbers.presses === 2 && !moment.waiting");
+    let is_arm = |[r, g, b]: [u8; 3]| r > b.saturating_add(40) && r > g && g > b.saturating_add(20);
+    assert!(count(&browser.picture(), is_arm) < 2_000);
+    browser.eval("document.querySelector('#robot details').open = true, askRobot(null, true)");
+    browser.until("robot && !moment.plans && !isDirty");
+    let stands = browser.picture();
+    assert!(count(&stands, is_arm) > 10_000);
+    // Driven from the start, the cloth is pressed as the arm comes to it.
+    browser.eval("$('driven').value = 0, $('driven').oninput()");
+    browser.until("moment.numbers.presses === 0 && !isDirty");
+    assert!(browser.picture() != stands);
+    browser.eval("$('driven').value = $('driven').max, $('driven').oninput()");
+    browser.until("moment.numbers.presses === 2");
+    browser.eval("$('drive').click()");
+    browser.until("moment.numbers.presses === 1");
+    browser.eval("$('drive').click()");
+    // Dragged far off, it reaches nothing, and says so.
+    browser.eval("view('top'), [...document.getElementsByName('mode')].find((is) => is.value === 'robot').click()");
+    let drag = |browser: &mut Browser, from: f64, to: f64| {
+        browser.mouse("mousePressed", [from, 350.0]);
+        browser.mouse("mouseDragged", [to, 350.0]);
+        browser.mouse("mouseReleased", [to, 350.0]);
+    };
+    let before = browser.eval("robot.place.at_mm");
+    drag(&mut browser, 860.0, 10.0);
+    browser.until("!moment.plans && robot.program_s !== null && robot.faults.every(Boolean)");
+    let after = browser.eval("robot.place.at_mm");
+    let [from, to] = [before, after].map(|at| [0, 1, 2].map(|k| at[k].as_f64().unwrap()));
+    assert!(to[0] < from[0] - 500.0, "{from:?} {to:?}");
+    assert!(
+        (to[1] - from[1]).abs() < 1.0 && to[2] == from[2],
+        "{from:?} {to:?}"
+    );
+    assert_eq!(browser.eval("$('faults').children.length"), 2);
+}

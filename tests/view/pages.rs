@@ -202,3 +202,45 @@ fn pictures_are_drawn_for_those_who_cannot() {
     ];
     assert!(counts[0] > 500 && counts[1] > 2000, "{counts:?}");
 }
+
+/// Presses are asked of an arm, which is moved away and back.
+#[test]
+fn a_robot_presses_what_it_reaches() {
+    let viewer = Viewer::new();
+    let mut page = viewer.page();
+    let start = page.ready();
+    page.press(&[vertex(8, 5), vertex(8, 6)]);
+    let bits = page.bits();
+    let mut ask = |place: Value, plan: bool| {
+        let before = page.robot["robot"].as_u64().unwrap_or(0);
+        page.say(&json!({ "do": "robot", "place": place, "plan": plan }));
+        while page.robot["robot"].as_u64().unwrap_or(0) == before {
+            page.next();
+        }
+        page.robot.clone()
+    };
+    let planned = ask(json!(null), true);
+    assert_eq!(planned["faults"], json!([null, null]));
+    assert!(planned["program_s"].as_f64().unwrap() > 1.0);
+    let columns = |robot: &Value| -> Vec<u64> {
+        let parts = robot["parts"].as_array().unwrap().iter();
+        parts.map(|part| part[2].as_u64().unwrap()).collect()
+    };
+    let [vertices, parts, corners, at, pressed, poses] = columns(&planned).try_into().unwrap();
+    assert_eq!((vertices, parts, pressed, poses), (2, 10, at, 120 * at));
+    assert!(corners > 300 && at > 20);
+    let mut place = planned["place"].clone();
+    place["at_mm"] = json!([-3000, 0, 0]);
+    let away = ask(place.clone(), false);
+    assert_eq!(away["faults"], json!(["out of reach", "out of reach"]));
+    assert_eq!((&away["program_s"], columns(&away)[3]), (&json!(null), 1));
+    let back = ask(planned["place"].clone(), true);
+    assert_eq!(back["program_s"], planned["program_s"]);
+    // The cloth is as it was, and what cannot be is said.
+    page.next();
+    assert_eq!(page.bits(), bits);
+    place["at_mm"] = json!([0, 0, 20]);
+    page.say(&json!({ "do": "robot", "place": place, "plan": true }));
+    page.words("base");
+    assert_eq!(page.order(&json!({ "do": "reset" })), start);
+}

@@ -99,6 +99,7 @@ impl Viewer {
         let mut page = Page {
             socket,
             stage: json!(null),
+            robot: json!(null),
             moment: json!({ "number": 0 }),
             bytes: 0,
         };
@@ -131,6 +132,7 @@ pub struct Page {
     pub socket: WebSocket<TcpStream>,
     /// Headers of what it has been told last, and the size of the last message.
     pub stage: Value,
+    pub robot: Value,
     pub moment: Value,
     pub bytes: usize,
 }
@@ -143,7 +145,8 @@ impl Page {
     /// Asks for what has come since, and waits for it.
     pub fn next(&mut self) -> &Value {
         let (next, stage) = (&self.moment["number"], self.stage["stage"].as_u64());
-        let asked = json!({ "next": next, "stage": stage.unwrap_or(0), "shade": "distance" });
+        let robot = self.robot["robot"].as_u64().unwrap_or(0);
+        let asked = json!({ "next": next, "stage": stage.unwrap_or(0), "robot": robot, "shade": "distance" });
         self.say(&asked);
         loop {
             let bytes = match self.socket.read() {
@@ -154,9 +157,10 @@ impl Page {
             let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
             let said: Value = serde_json::from_slice(&bytes[4..4 + length]).unwrap();
             self.bytes = bytes.len();
-            match said["kind"] == "stage" {
-                true => self.stage = said,
-                false => break self.moment = said,
+            match said["kind"].as_str() {
+                Some("stage") => self.stage = said,
+                Some("robot") => self.robot = said,
+                _ => break self.moment = said,
             }
         }
         &self.moment

@@ -293,29 +293,23 @@ impl Obstacles {
             .map(|standing| &*standing.name)
     }
 
-    /// Triangles of all parts of the arm in the scene [m], for pictures.
-    pub fn triangles(&self, arm: &Arm, base: &Pose, joints: &Joints) -> Vec<[Vector3<f64>; 3]> {
-        let frames = frames(arm, joints, base);
-        let mut all = Vec::new();
+    /// Triangles of what moves with each frame of the arm, in that frame [m]: the base, its links, the flange.
+    pub fn shapes(&self) -> [Vec<[Vector3<f64>; 3]>; 8] {
+        let mut shapes: [Vec<_>; 8] = Default::default();
         for part in &self.moving {
-            let at = frames[part.frame] * part.at;
-            all.extend(triangles(&*part.shape, &at));
+            shapes[part.frame].extend(triangles(&*part.shape, &part.at));
         }
-        all
+        shapes
     }
 
-    /// Triangles of what stands around but the tool, turned by the table.
-    pub fn blocks(&self, turn: &Pose) -> Vec<[Vector3<f64>; 3]> {
+    /// Triangles of what stands around but the tool and does or does not turn with the table, at its angle 0.
+    pub fn blocks(&self, turns: bool) -> Vec<[Vector3<f64>; 3]> {
         let others = self
             .standing
             .iter()
-            .filter(|standing| standing.name != TOOL);
-        let turned = others.map(|standing| match standing.turns {
-            true => (standing, turn * standing.at),
-            false => (standing, standing.at),
-        });
-        turned
-            .flat_map(|(standing, at)| triangles(&*standing.shape, &at))
+            .filter(|standing| standing.name != TOOL && standing.turns == turns);
+        others
+            .flat_map(|standing| triangles(&*standing.shape, &standing.at))
             .collect()
     }
 }
@@ -324,7 +318,7 @@ impl Obstacles {
 const FLANGE: usize = 7;
 
 /// Frames of all links and of the flange in the scene.
-fn frames(arm: &Arm, joints: &Joints, base: &Pose) -> [Pose; 8] {
+pub(crate) fn frames(arm: &Arm, joints: &Joints, base: &Pose) -> [Pose; 8] {
     let links = arm.forward(joints);
     std::array::from_fn(|k| match k {
         FLANGE => base * links[6] * arm.flange,

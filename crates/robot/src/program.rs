@@ -87,6 +87,10 @@ pub struct Moment {
     pub joints: Joints,
     pub stroke: usize,
     pub motion: Motion,
+    /// The angle of the turntable, into the program's stations, on the way there.
+    pub station: usize,
+    /// Points of the path up to the last that was pressed.
+    pub pressed: usize,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,18 +141,24 @@ impl Program<'_> {
             joints: self.home,
             stroke: 0,
             motion: Motion::Free,
+            station: self.strokes.first().map_or(0, |stroke| stroke.station),
+            pressed: 0,
         }];
-        let (mut time, mut last) = (0.0, self.home);
+        let (mut time, mut last, mut pressed) = (0.0, self.home, 0);
         for (k, stroke) in self.strokes.iter().enumerate() {
-            let mut go = |joints: Joints, seconds: f64, motion: Motion| {
+            let before = k.checked_sub(1).map(|k| self.strokes[k].station);
+            let mut go = |joints: Joints, seconds: f64, motion: Motion, station, point| {
                 // No two at once, and no joint faster than it can.
                 time += seconds.max(self.fastest(&last, &joints)).max(1e-3);
                 last = joints;
+                pressed = pressed.max(point);
                 moments.push(Moment {
                     at: time,
                     joints,
                     stroke: k,
                     motion,
+                    station,
+                    pressed,
                 });
             };
             let turn_before = self.turn_before(k);
@@ -159,7 +169,10 @@ impl Program<'_> {
                 } else {
                     0.0
                 };
-                go(*joints, wait + self.free(&from, joints), Motion::Free);
+                let is_turned = turn_before.is_none_or(|home| corner >= home);
+                let station = before.filter(|_| !is_turned).unwrap_or(stroke.station);
+                let seconds = wait + self.free(&from, joints);
+                go(*joints, seconds, Motion::Free, station, 0);
                 from = *joints;
             }
             let lift = self.lift(stroke) / self.speeds.approach;
@@ -173,17 +186,27 @@ impl Program<'_> {
                         way.norm() / self.speeds.contact
                     }
                 };
-                go(contact.joints, seconds, Motion::Contact);
+                let point = contact.point + 1;
+                go(
+                    contact.joints,
+                    seconds,
+                    Motion::Contact,
+                    stroke.station,
+                    point,
+                );
                 before = Some(contact);
             }
             if stroke.contacts.len() == 1 {
+                let joints = stroke.contacts[0].joints;
                 go(
-                    stroke.contacts[0].joints,
+                    joints,
                     self.speeds.press_s,
                     Motion::Contact,
+                    stroke.station,
+                    0,
                 );
             }
-            go(stroke.retreat, lift, Motion::Above);
+            go(stroke.retreat, lift, Motion::Above, stroke.station, 0);
         }
         let mut from = last;
         for joints in self.way_home.iter().chain([&self.home]) {
@@ -194,6 +217,8 @@ impl Program<'_> {
                 joints: *joints,
                 stroke: self.strokes.len().saturating_sub(1),
                 motion: Motion::Free,
+                station: self.strokes.last().map_or(0, |stroke| stroke.station),
+                pressed,
             });
         }
         moments

@@ -86,6 +86,12 @@ impl Cell {
         Some((base, proposal))
     }
 
+    /// Which points of a path the arm reaches, each by itself and without deviations.
+    pub fn reachable(&self, path: &[PathPoint]) -> Vec<bool> {
+        let reach = |(frame, is_press): &(Pose, bool)| self.can_reach(frame, *is_press);
+        frames(path).par_iter().map(reach).collect()
+    }
+
     /// Whether the roller fits on a contact in any direction and at any tilt.
     fn fits_somehow(&self, frame: &Pose, is_press: bool) -> bool {
         let ways = self

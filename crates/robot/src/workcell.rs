@@ -7,7 +7,7 @@ use nalgebra::{Rotation3, Translation3, Vector3};
 use super::arm::{Arm, Joints};
 use super::cell::{CellConfig, LimitsConfig, MotionConfig};
 use super::inverse::Solver;
-use super::obstacles::{Clearance, Obstacles, Surface, Touch};
+use super::obstacles::{Clearance, Obstacles, Surface, Touch, frames};
 use super::place::Pose;
 use super::roller::Roller;
 
@@ -136,14 +136,20 @@ impl Cell {
         self.obstacles.base_in(&self.base)
     }
 
-    /// Triangles of the arm in the scene [m], for pictures.
-    pub fn arm_triangles(&self, joints: &Joints) -> Vec<[Vector3<f64>; 3]> {
-        self.obstacles.triangles(&self.arm, &self.base, joints)
+    /// What the arm looks like: triangles of what moves with each of its [`Cell::frames`], in that frame [m].
+    pub fn shapes(&self) -> [Vec<[Vector3<f64>; 3]>; 8] {
+        self.obstacles.shapes()
     }
 
-    /// Triangles of what stands around but the tool, at a station.
-    pub fn block_triangles(&self, station: usize) -> Vec<[Vector3<f64>; 3]> {
-        self.obstacles.blocks(&self.turns[station])
+    /// Frames of the arm's base, links and flange in the scene.
+    pub fn frames(&self, joints: &Joints) -> [Pose; 8] {
+        frames(&self.arm, joints, &self.base)
+    }
+
+    /// Triangles of what stands around but the tool and does or does not turn with the table, at its angle 0, in the scene
+    /// [m].
+    pub fn blocks(&self, turns: bool) -> Vec<[Vector3<f64>; 3]> {
+        self.obstacles.blocks(turns)
     }
 
     /// What the turntable does to the scene at a station.

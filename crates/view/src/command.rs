@@ -2,6 +2,8 @@ use drape_cloth::scene::{Clamp, Placement};
 use drape_cloth::sim::Accuracy;
 use serde::Deserialize;
 
+use super::robot::RobotPlace;
+
 /// What a page asks of the session.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
@@ -52,6 +54,11 @@ pub enum Command {
     Path {},
     /// Keeps what was pressed beside what is pressed next; puts away what stands there.
     Beside {},
+    /// Asks what a robot reaches, where it stands or there, and if `plan` how it moves.
+    Robot {
+        place: Option<RobotPlace>,
+        plan: bool,
+    },
     SavePresses {},
     SaveTask {},
 }

@@ -19,10 +19,12 @@ pub fn page() -> &'static str {
     &PAGE
 }
 
-/// A page that goes through moments of a stage without a server.
-pub fn still_page(stage: &[u8], moments: &[Vec<u8>]) -> String {
+/// A page that goes through moments of a stage without a server, with a robot if there is one.
+pub fn still_page(stage: &[u8], robot: Option<&[u8]>, moments: &[Vec<u8>]) -> String {
     let moments: Vec<String> = moments.iter().map(|bytes| BASE64.encode(bytes)).collect();
-    let data = serde_json::json!({ "stage": BASE64.encode(stage), "moments": moments });
+    let robot = robot.map(|bytes| BASE64.encode(bytes));
+    let data =
+        serde_json::json!({ "stage": BASE64.encode(stage), "robot": robot, "moments": moments });
     page().replacen(DATA, &data.to_string(), 1)
 }
 
@@ -45,7 +47,11 @@ mod tests {
         parts
             .iter()
             .for_each(|part| assert!(!page().contains(part), "{part}"));
-        let still = still_page(&[1, 2, 3], &[vec![4], vec![5]]);
-        assert!(still.contains(r#"const DATA = {"moments":["BA==","BQ=="],"stage":"AQID"};"#));
+        let still = still_page(&[1, 2, 3], None, &[vec![4], vec![5]]);
+        assert!(
+            still.contains(
+                r#"const DATA = {"moments":["BA==","BQ=="],"robot":null,"stage":"AQID"};"#
+            )
+        );
     }
 }

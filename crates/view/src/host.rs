@@ -6,9 +6,12 @@ use drape_cloth::scene::{Fabric, Scene, SceneConfig};
 use drape_cloth::sim::Snapshot;
 use drape_cloth::tool::ToolConfig;
 use drape_task::env::{Draping, EnvConfig};
+use drape_task::path::PressedPoint;
 use drape_task::recording::{Frame, Recording};
 use serde::Serialize;
 use serde_json::Value;
+
+use super::robot::{RobotJob, RobotPlace};
 
 /// A scene and the task on it.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,6 +78,19 @@ pub trait Host {
 
     /// What is shown beside them at first, step by step.
     fn beside(&self, draping: &Draping) -> Vec<Frame>;
+
+    /// Whether a robot is shown before anybody asks for it.
+    fn has_robot(&self) -> bool;
+
+    /// How a robot makes these presses, where it stands or there; whether it moves if it is to `plan`, or else only what it
+    /// reaches.
+    fn robot(
+        &self,
+        draping: &Draping,
+        points: &[PressedPoint],
+        place: Option<RobotPlace>,
+        plan: bool,
+    ) -> RobotJob;
 
     /// Tools and materials to choose from.
     fn offers(&self) -> &Offers;

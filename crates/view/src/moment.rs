@@ -3,11 +3,14 @@
 use std::sync::atomic::{AtomicU64, Ordering::SeqCst};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use drape_cloth::sim::Snapshot;
+use drape_task::env::{Draping, Task};
 use serde::Serialize;
 use serde_json::Value;
 
 use super::host::Rival;
 use super::message::Message;
+use super::robot::Shown;
 use super::shade::Shade;
 use super::stage::Stage;
 
@@ -26,6 +29,21 @@ pub struct Numbers {
     pub strokes: usize,
     /// What a robot takes for it [s].
     pub robot_s: f64,
+}
+
+impl Numbers {
+    pub fn of(task: &Task, state: &Snapshot, draping: &Draping) -> Self {
+        let path = task.figures(&draping.points(0));
+        Self {
+            distance_m: task.distance(state),
+            surplus_mm: 1e3 * task.surplus(state),
+            score: task.can_win().then(|| task.score(state)),
+            undraped: task.undraped_inner(state),
+            presses: path.presses as usize,
+            strokes: path.strokes as usize,
+            robot_s: task.config.costs.seconds(&path),
+        }
+    }
 }
 
 /// All that is told in words and single numbers.
@@ -63,6 +81,8 @@ pub struct Status {
     /// Names of tools and materials to choose from.
     pub tools: Vec<String>,
     pub materials: Vec<String>,
+    /// A robot is being asked.
+    pub plans: bool,
     /// Digest of the positions' bits.
     pub bits: String,
 }
@@ -73,6 +93,7 @@ pub struct Moment {
     /// Each has a greater one than those before.
     pub number: u64,
     pub stage: Option<Arc<Stage>>,
+    pub robot: Option<Arc<Shown>>,
     /// In the frame of the tool [m].
     pub position: Vec<[f64; 3]>,
     /// The sheet beside it [m].

@@ -70,6 +70,9 @@ struct Next {
     /// Numbers of the moment and the stage that the page has; 0 for none.
     next: u64,
     stage: u64,
+    /// That of the robot.
+    #[serde(default)]
+    robot: u64,
     shade: Shade,
     /// A picture is wanted beside it.
     #[serde(default)]
@@ -241,6 +244,9 @@ impl Door {
             .filter(|stage| stage.number != asked.stage)
         {
             socket.send(Message::binary(stage.message()))?;
+        }
+        if let Some(robot) = (moment.robot.as_ref()).filter(|robot| robot.number != asked.robot) {
+            socket.send(Message::binary(robot.message()))?;
         }
         let mut message = moment.message(asked.shade);
         if let Some(picture) = asked

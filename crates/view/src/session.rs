@@ -5,7 +5,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use drape_cloth::sim::{Accuracy, DRAPED, Snapshot, TOUCHED};
-use drape_task::env::{Draping, Task, Tasks};
+use drape_task::env::{Draping, Tasks};
 use drape_task::path::stroke_points;
 use drape_task::recording::{Frame, Recording};
 
@@ -15,6 +15,7 @@ use super::fall::fallen;
 use super::host::{Host, Rival, Spec};
 use super::moment::{Moment, Numbers, Shared, Status};
 use super::past::Past;
+use super::robot::Asking;
 use super::shade::Shade;
 use super::stage::{PULLED, Stage};
 
@@ -26,6 +27,8 @@ const RATE: f64 = 30.0;
 const NOTICES: usize = 8;
 /// Presses that may wait.
 const MOST_WAITING: usize = 4096;
+/// Time between two looks at a robot that is being asked.
+const ROBOT: Duration = Duration::from_millis(30);
 /// Time between two looks at what trainings have written.
 const CURVES: Duration = Duration::from_secs(2);
 
@@ -53,6 +56,7 @@ pub struct Session<H: Host> {
     rivals: Option<Receiver<Vec<Rival>>>,
     /// The task has changed since they were asked.
     asks_again: bool,
+    robot: Asking,
     looked: Instant,
 }
 
@@ -85,6 +89,7 @@ impl<H: Host> Session<H> {
             beside: host.beside(&draping),
             rivals: None,
             asks_again: false,
+            robot: Asking::default(),
             looked: Instant::now(),
             host,
             shared,
@@ -100,6 +105,10 @@ impl<H: Host> Session<H> {
             said: 0,
         };
         session.ask_rivals();
+        if session.host.has_robot() {
+            session.robot.wish(None, true);
+            session.ask_robot();
+        }
         session.publish();
         Ok(session)
     }
@@ -110,6 +119,7 @@ impl<H: Host> Session<H> {
         loop {
             let wait = match self.is_busy() {
                 true => self.due(last).saturating_duration_since(Instant::now()),
+                false if self.robot.is_asked() => ROBOT,
                 false => CURVES,
             };
             match self.commands.recv_timeout(wait) {
@@ -135,6 +145,7 @@ impl<H: Host> Session<H> {
 
     /// A page that goes through all presses without a server.
     pub fn export(mut self) -> String {
+        self.robot.wait();
         self.fall.clear();
         let moments = (0..self.count()).filter_map(|at| {
             self.go(at);
@@ -142,7 +153,8 @@ impl<H: Host> Session<H> {
             Some(self.shared.newest()?.message(Shade::Distance).bytes())
         });
         let moments: Vec<_> = moments.collect();
-        still_page(&self.stage.message(), &moments)
+        let robot = self.robot.shown().map(|robot| robot.message());
+        still_page(&self.stage.message(), robot.as_deref(), &moments)
     }
 
     /// When what goes on by itself goes on, if it last did so then.
@@ -202,6 +214,10 @@ impl<H: Host> Session<H> {
                 true => self.beside = self.recorded().map_or(Vec::new(), |made| made.frames),
                 false => self.beside.clear(),
             },
+            Command::Robot { place, plan } => {
+                self.robot.wish(place, plan);
+                self.ask_robot();
+            }
             Command::SavePresses {} => self.save_presses(),
             Command::SaveTask {} => {
                 let saved = self.host.save_task(&self.spec);
@@ -446,9 +462,27 @@ impl<H: Host> Session<H> {
         }
     }
 
+    /// Asks a robot for all presses that can be gone through, unless it is still being asked.
+    fn ask_robot(&mut self) {
+        let Some((place, plan)) = self.robot.next() else {
+            return;
+        };
+        let (at, last) = (self.at.saturating_sub(self.fall.len()), self.past.len() - 1);
+        self.past.enter(last, &mut self.draping);
+        let points = self.draping.points(0);
+        self.past.enter(at, &mut self.draping);
+        let job = self.host.robot(&self.draping, &points, place, plan);
+        self.robot.begin(job);
+    }
+
     /// Looks at what others have found meanwhile.
     fn look(&mut self) {
         let mut is_new = false;
+        if let Some(found) = self.robot.look() {
+            found.unwrap_or_else(|error| self.say(error));
+            self.ask_robot();
+            is_new = true;
+        }
         let found = self.rivals.as_ref().map(Receiver::try_recv);
         if let Some(Ok(_) | Err(TryRecvError::Disconnected)) = found {
             self.rivals = None;
@@ -518,9 +552,10 @@ impl<H: Host> Session<H> {
             waiting: self.waiting.len(),
             pulled: self.past.is_pulled(step),
             over: !falls && self.draping.is_over(0),
+            plans: self.robot.is_asked(),
             numbers: match falls {
                 true => Numbers::default(),
-                false => numbers(task, &state, &self.draping),
+                false => Numbers::of(task, &state, &self.draping),
             },
             beside: beside.map(|of| [of.distance, 1e3 * of.surplus, of.score]),
             strokes: if falls { Vec::new() } else { strokes.collect() },
@@ -529,6 +564,7 @@ impl<H: Host> Session<H> {
         self.shared.publish(Moment {
             number: 0,
             stage: Some(self.stage.clone()),
+            robot: self.robot.shown(),
             position,
             beside: beside.map(|frame| frame.position.clone()),
             marks,
@@ -553,18 +589,5 @@ impl<H: Host> Session<H> {
             mark | if pulled == Some(v as u32) { PULLED } else { 0 }
         };
         self.stage.marks.iter().enumerate().map(mark).collect()
-    }
-}
-
-fn numbers(task: &Task, state: &Snapshot, draping: &Draping) -> Numbers {
-    let path = task.figures(&draping.points(0));
-    Numbers {
-        distance_m: task.distance(state),
-        surplus_mm: 1e3 * task.surplus(state),
-        score: task.can_win().then(|| task.score(state)),
-        undraped: task.undraped_inner(state),
-        presses: path.presses as usize,
-        strokes: path.strokes as usize,
-        robot_s: task.config.costs.seconds(&path),
     }
 }

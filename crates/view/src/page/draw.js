@@ -17,7 +17,7 @@ const unit = (a) => { const length = Math.hypot(...a) || 1; return a.map((x) => 
 
 // An eye that looks at a box from afar: turned about the vertical, lifted over the horizon [degrees].
 class Eye {
-  constructor() { this.low = [-1, -1, -1]; this.high = [1, 1, 1]; this.view("free"); }
+  constructor() { this.low = [-1, -1, -1]; this.high = [1, 1, 1]; this.beyond = 0; this.view("free"); }
   view(name) {
     [this.turn, this.lift] = { free: [-35, 35], top: [0, 90], side: [0, 0] }[name];
     this.zoom = 1; this.moved = [0, 0, 0];
@@ -34,7 +34,9 @@ class Eye {
     const extent = axes.map((a) => Math.abs(a[0] * size[0]) + Math.abs(a[1] * size[1]) + Math.abs(a[2] * size[2]));
     const scale = 0.92 * this.zoom * Math.min(width / extent[0], height / extent[1]);
     const middle = add(add(this.low, this.high).map((x) => x / 2), this.moved);
-    return { axes, scale, middle, width, height, depth: Math.hypot(...size) * 2 };
+    // A robot stands beyond the box that is looked at.
+    const near = Math.hypot(...size) * 2, depth = near + this.beyond;
+    return { axes, scale, middle, width, height, depth, closer: near / depth };
   }
   // The same for the server, which fits a box into the picture.
   look(width, height, range) {
@@ -128,10 +130,20 @@ class Drawing {
     const by = [2 * scale / width, 2 * scale / height, -1 / depth], view = new Float32Array(16);
     for (let r = 0; r < 3; r++) { for (let c = 0; c < 3; c++) view[4 * c + r] = by[r] * axes[r][c]; view[12 + r] = -by[r] * dot(axes[r], middle); }
     view[15] = 1;
-    gl.uniformMatrix4fv(this.at.view, false, view);
+    this.closer = seen.closer; this.view = view;
+    this.place(null);
+  }
+  // What follows is where a pose, row by row, takes it; where it is, without one.
+  place(pose) {
+    const at = new Float32Array(this.view);
+    if (pose) for (let r = 0; r < 4; r++) for (let c = 0; c < 4; c++) {
+      at[4 * c + r] = c === 3 ? this.view[12 + r] : 0;
+      for (let k = 0; k < 3; k++) at[4 * c + r] += this.view[4 * k + r] * pose[4 * k + c];
+    }
+    this.gl.uniformMatrix4fv(this.at.view, false, at);
   }
   // Draws kept positions, as listed by kept numbers; in one colour, or in their own and lit.
-  draw(name, indices, kind, { tint = null, near = 0, size = 1 } = {}) {
+  draw(name, indices, kind, { tint = null, near = 0, size = 1, first = 0, count = null } = {}) {
     const { gl, buffers, at } = this;
     ["position", "normal", "tint"].forEach((part, k) => {
       const kept = buffers[`${name}.${part}`];
@@ -140,9 +152,9 @@ class Drawing {
       gl.vertexAttribPointer(k, 3, part === "tint" ? gl.UNSIGNED_BYTE : gl.FLOAT, part === "tint", 0, 0);
     });
     gl.uniform4fv(at.flat_tint, tint ? [...tint.map((x) => x / 255), 1] : [0, 0, 0, 0]);
-    gl.uniform1f(at.lit, tint ? 0 : 1); gl.uniform1f(at.near, near); gl.uniform1f(at.size, size);
+    gl.uniform1f(at.lit, tint ? 0 : 1); gl.uniform1f(at.near, near * this.closer); gl.uniform1f(at.size, size);
     if (indices) { gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers[indices].buffer); gl.drawElements(gl[kind], buffers[indices].count, gl.UNSIGNED_INT, 0); }
-    else gl.drawArrays(gl[kind], 0, buffers[name + ".position"].count / 3);
+    else gl.drawArrays(gl[kind], first, count ?? buffers[name + ".position"].count / 3);
   }
   // Lines or points through places [m], at once.
   mark(places, kind, look) { if (places.length) { this.keep("mark.position", new Float32Array(places.flat())); this.draw("mark", null, kind, look); } }

@@ -7,9 +7,9 @@ const SHADES = {
   progress: ["touched and draped", "", [0, 1], null], policy: ["the policy's next press", "%", [0, 100], "even"],
 };
 const MARK = { touched: 1, draped: 2, stencil: 4, allowed: 8, region: 16, clamped: 32, pulled: 64 };
-const TINT = { cloth: [214, 206, 190], draped: [38, 92, 224], touched: [240, 150, 30], tool: [150, 150, 152], path: [250, 240, 80], allowed: [255, 220, 60], clamp: [220, 40, 200], stencil: [170, 60, 220] };
+const TINT = { cloth: [214, 206, 190], draped: [38, 92, 224], touched: [240, 150, 30], tool: [150, 150, 152], path: [250, 240, 80], allowed: [255, 220, 60], clamp: [220, 40, 200], stencil: [170, 60, 220], arm: [200, 160, 60], block: [120, 120, 124], fault: [225, 40, 40] };
 const eye = new Eye(), canvas = $("canvas");
-let stage = null, moment = null, drawing = null, lost = "", hovered = null, shade = "distance", mode = "press", isDirty = true, link;
+let stage = null, robot = null, moment = null, drawing = null, lost = "", hovered = null, shade = "distance", mode = "press", isDirty = true, link;
 const told = { frames: 0, bytes: 0, heard: 0 };
 
 // A message of the server's: its header and columns.
@@ -27,6 +27,7 @@ function hear(buffer) {
   const said = decode(buffer);
   told.bytes = buffer.byteLength;
   if (said.kind === "stage") { setStage(said); return false; }
+  if (said.kind === "robot") { setRobot(said); return false; }
   const unpacked = (is, place, value) => is && { range: is.range,
     position: Float32Array.from(place, (x, i) => is.low[i % 3] + is.size[i % 3] * x / 65535),
     value: Float32Array.from(value, (x) => is.range[0] + (is.range[1] - is.range[0]) * x / 65535) };
@@ -44,6 +45,7 @@ function keepStage() {
   if (!drawing || !stage) return;
   const tint = new Uint8Array(stage.tool.length).map((_, i) => TINT.tool[i % 3]);
   drawing.keepMesh("tool", stage.tool, stage.tool_triangles, tint);
+  keepRobot();
   drawing.keep("warp", stage.warp, drawing.gl.ELEMENT_ARRAY_BUFFER); drawing.keep("weft", stage.weft, drawing.gl.ELEMENT_ARRAY_BUFFER);
 }
 
@@ -55,7 +57,7 @@ class Live {
     url.protocol = url.protocol.replace("http", "ws"); url.hash = "";
     const socket = this.socket = new WebSocket(url);
     socket.binaryType = "arraybuffer";
-    socket.onopen = () => { socket.send(JSON.stringify({ token: location.hash.slice(1) })); stage = null; lost = ""; this.ask(0); };
+    socket.onopen = () => { socket.send(JSON.stringify({ token: location.hash.slice(1) })); stage = robot = null; lost = ""; this.ask(0); };
     socket.onmessage = ({ data }) => { if (hear(data)) requestAnimationFrame(() => this.ask()); };
     socket.onclose = ({ code, reason }) => {
       lost = code === 1008 ? `closed: ${reason}` : "no connection";
@@ -67,18 +69,20 @@ class Live {
     if (this.socket.readyState !== 1) return;
     const [width, height] = size().map((x) => Math.min(Math.round(x), 1024));
     const look = drawing ? null : eye.look(width, height, range());
-    this.socket.send(JSON.stringify({ next, stage: stage ? stage.stage : 0, shade, look }));
+    this.socket.send(JSON.stringify({ next, stage: stage ? stage.stage : 0, robot: robot ? robot.robot : 0, shade, look }));
   }
   // What is asked of cloth that falls would come too late.
   send(name, more = {}) { if (this.socket.readyState === 1 && !(moment && moment.phase === "falling")) this.socket.send(JSON.stringify({ do: name, ...more })); }
 }
 // What a file holds: moments to go through, without a server.
 class Still {
-  constructor({ stage, moments }) {
+  constructor({ stage, robot, moments }) {
     const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
     this.moments = moments.map(bytes); this.at = 0; this.rate = 30; this.on = false;
     document.body.classList.add("still");
-    hear(bytes(stage)); this.go(0);
+    hear(bytes(stage)); $("robot").hidden = !robot;
+    if (robot) hear(bytes(robot));
+    this.go(0);
     const tick = () => { if (this.on) { this.go(this.at + 1); this.on = this.at + 1 < this.moments.length; } setTimeout(tick, 1000 / this.rate); };
     tick();
   }
@@ -140,8 +144,23 @@ function draw() {
   if ($("allowed").checked) drawing.mark(all(MARK.allowed), "POINTS", { ...look(TINT.allowed, 4), near: 1.2e-2 });
   drawing.mark(all(MARK.clamped | MARK.pulled), "POINTS", { ...look(TINT.clamp, 8), near: 1.2e-2 });
   if ($("path").checked) for (const stroke of moment.strokes) drawing.mark(stroke.map(place), stroke.length > 1 ? "LINE_STRIP" : "POINTS", { ...look(TINT.path, 5), near: 4e-3 });
+  drawArm(look);
   const next = shade === "policy" && moment.has_policy && moment.range[1] > 0 ? moment.value.reduce((best, p, v, all) => p > all[best] ? v : best, 0) : -1;
   for (const [v, tint] of [[next, TINT.touched], [mode === "press" && hovered ? hovered.vertex : -1, TINT.stencil]]) if (v >= 0) drawing.mark(stencil(v), "LINE_LOOP", { ...look(tint), near: 6e-3 });
+}
+// The arm where it presses what is seen, or where it is driven; what it does not press in red.
+function drawArm(look) {
+  if (!robot || !$("arm").checked) return;
+  const parts = robot.counts.length, at = 12 * parts * armAt();
+  let first = 0;
+  robot.counts.forEach((count, k) => {
+    drawing.place(robot.poses.subarray(at + 12 * k, at + 12 * k + 12));
+    drawing.draw("arm", null, "TRIANGLES", { first, count });
+    first += count;
+  });
+  drawing.place(null);
+  const faults = [...robot.vertices].filter((v, k) => robot.faults[k] && 3 * v < moment.position.length);
+  drawing.mark(faults.map(place), "POINTS", { ...look(TINT.fault, 9), near: 1.4e-2 });
 }
 let url = "";
 function showPicture() {
@@ -177,7 +196,7 @@ function tell() {
     for (const [id, on] of [["play", m.playing], ["pause", m.paused], ["follow", m.following], ["beside", m.beside]]) $(id).classList.toggle("on", !!on);
     $("accuracy").value = m.accuracy; $("follow").hidden = !m.has_policy;
     for (const option of $("shade").options) option.hidden = option.value === "policy" && !m.has_policy;
-    drawCurves(m.curves || []);
+    drawCurves(m.curves || []); tellRobot();
   }
   $("words").textContent = words.filter((text) => text).join("\n");
   const [low, high] = range(), [, unit, , map] = SHADES[shade], bar = $("bar").getContext("2d");
@@ -233,11 +252,12 @@ for (const seen of [canvas, $("picture")]) {
     const [x, y] = at(event), found = under([x, y]);
     try { seen.setPointerCapture(event.pointerId); } catch {}
     fingers.set(event.pointerId, [x, y]); canvas.focus();
-    const looks = fingers.size > 1 || event.button !== 0 || event.shiftKey || mode === "look" || DATA || !found && mode !== "region";
+    const looks = fingers.size > 1 || event.button !== 0 || event.shiftKey || mode === "look" || DATA || !found && mode !== "region" && mode !== "robot";
     if (held && held.kind === "pull") link.send("release");
     held = { kind: looks ? "look" : mode, x, y, shift: event.shiftKey };
     if (held.kind === "press") press(found);
     if (held.kind === "pull") { held.vertex = found.vertex; held.from = place(found.vertex); }
+    if (held.kind === "robot") held.base = basePlace();
     if (held.kind === "region") held.first = found && found.vertex;
   });
   seen.addEventListener("pointermove", (event) => {
@@ -250,6 +270,7 @@ for (const seen of [canvas, $("picture")]) {
       turn(dx / 2, dy / 2);
     } else if (held.kind === "look") (held.shift ? shift : turn)(dx, dy);
     else if (held.kind === "pull") pull(now);
+    else if (held.kind === "robot") moveRobot(now, false);
     else if (held.kind === "region") Object.assign($("region").style, { left: `${Math.min(now[0], held.x)}px`, top: `${Math.min(now[1], held.y)}px`, width: `${Math.abs(now[0] - held.x)}px`, height: `${Math.abs(now[1] - held.y)}px` });
     else { hovered = under(now); if (hovered) press(hovered); tellUnder(); isDirty = true; }
     if (held.kind === "region") $("region").hidden = false;
@@ -257,6 +278,7 @@ for (const seen of [canvas, $("picture")]) {
   });
   for (const end of ["pointerup", "pointercancel"]) seen.addEventListener(end, (event) => {
     if (held && held.kind === "pull") link.send("release");
+    if (held && held.kind === "robot") moveRobot(at(event), true);
     if (held && held.kind === "region" && end === "pointerup") chooseRegion(at(event));
     $("region").hidden = true;
     fingers.delete(event.pointerId);
@@ -301,6 +323,97 @@ for (const id of ["fit", "yarns", "allowed", "path"]) $(id).onchange = () => { t
 $("light").onchange = () => { document.documentElement.classList.toggle("light", $("light").checked); isDirty = true; };
 for (const radio of document.getElementsByName("mode")) radio.onchange = () => { mode = radio.value; };
 addEventListener("resize", changed);
+
+// The robot.
+const BASE = ["bx", "by", "bz"];
+const basePlace = () => robot && { at_mm: BASE.map((id) => Number($(id).value)), turn_deg: Number($("bt").value), step_deg: Number($("bs").value) };
+const askRobot = (place, plan) => link.send("robot", { place, plan });
+let driving = null;
+function setRobot(said) {
+  robot = said;
+  if (!held || held.kind !== "robot") fillBase(robot.place);
+  [$("driven").max, $("driven").value] = [robot.at.length - 1, 0]; driving = null; $("drive").classList.remove("on");
+  seeArm(); keepRobot(); tellRobot();
+}
+const fillBase = (place) => { BASE.forEach((id, k) => { $(id).value = Math.round(10 * place.at_mm[k]) / 10; }); $("bt").value = place.turn_deg; $("bs").value = place.step_deg; };
+function keepRobot() {
+  if (!drawing || !robot) return;
+  const count = robot.corners.length / 3, moving = 3 * robot.counts.slice(0, 8).reduce((a, b) => a + b, 0);
+  drawing.keepMesh("arm", robot.corners, new Uint32Array(count).map((_, k) => k), new Uint8Array(3 * count).map((_, k) => (k < moving ? TINT.arm : TINT.block)[k % 3]));
+}
+// All of the arm is looked at while it is shown.
+function seeArm() {
+  if (!stage) return;
+  [eye.low, eye.high] = stage.bounds; eye.beyond = 0;
+  if (robot && $("arm").checked) {
+    let first = 0;
+    robot.counts.forEach((count, k) => {
+      const pose = robot.poses.subarray(12 * k, 12 * k + 12);
+      for (let c = first; k < 8 && c < first + count; c++) {
+        const x = robot.corners.subarray(3 * c, 3 * c + 3), at = [0, 1, 2].map((r) => pose[4 * r] * x[0] + pose[4 * r + 1] * x[1] + pose[4 * r + 2] * x[2] + pose[4 * r + 3]);
+        eye.low = eye.low.map((low, r) => Math.min(low, at[r])); eye.high = eye.high.map((high, r) => Math.max(high, at[r]));
+      }
+      first += count;
+    });
+    eye.beyond = 4;
+  }
+  isDirty = true;
+}
+// Whether it was asked for other presses than those that are seen.
+const isStale = () => moment.strokes.flat().some((v, k) => v !== robot.vertices[k]) || moment.count - moment.fall - 1 !== robot.vertices.length;
+function armAt() {
+  if (driving !== null) return Number($("driven").value);
+  if (isStale() || moment.at < moment.fall) return 0;
+  return Math.max(0, robot.pressed.findIndex((pressed) => pressed >= moment.at - moment.fall));
+}
+function tellRobot() {
+  const words = [];
+  if (moment && moment.plans) words.push("it is being planned");
+  else if (!robot) words.push("no robot yet: plan");
+  if (robot && moment) {
+    const reached = robot.faults.filter((fault) => !fault).length;
+    words.push(`${robot.name} ${robot.program_s === null ? "reaches" : "presses"} ${reached} of ${robot.faults.length} points` + (robot.program_s === null ? "" : ` in ${fixed(robot.program_s, 1)} s`));
+    if (isStale()) words.push("these are other presses: plan anew");
+    $("faults").replaceChildren(...robot.faults.flatMap((fault, k) => {
+      if (!fault || robot.program_s === null) return [];
+      const row = document.createElement("li"); row.value = k + 1; row.textContent = fault; return [row];
+    }));
+    if (driving === null) $("driven").value = armAt();
+    $("clock").textContent = robot.program_s === null ? "" : `${fixed(robot.at[armAt()], 1)} s`;
+  }
+  $("reach").textContent = words.join("; ");
+}
+function drive(to) {
+  $("driven").value = to; isDirty = true;
+  const pressed = moment.fall + robot.pressed[to];
+  if (!isStale() && pressed !== drive.to) link.send("seek", { to: drive.to = pressed });
+  tellRobot();
+}
+$("driven").oninput = () => { driving = driving ?? NaN; drive(Number($("driven").value)); };
+$("drive").onclick = () => {
+  if (!robot || robot.program_s === null) return;
+  const isOn = $("drive").classList.toggle("on"), from = Number($("driven").value), last = robot.at.length - 1;
+  driving = isOn ? performance.now() - 1e3 * robot.at[from === last ? 0 : from] : null;
+  const step = () => {
+    if (!$("drive").classList.contains("on")) return;
+    const now = (performance.now() - driving) / 1e3, to = robot.at.findIndex((at) => at >= now);
+    drive(to < 0 ? last : to);
+    if (to < 0) { driving = null; $("drive").classList.remove("on"); } else requestAnimationFrame(step);
+  };
+  step();
+};
+// By a drag over the floor: as it is seen, but no faster than a low look has it.
+function moveRobot([x, y], isEnd) {
+  const { axes, scale } = eye.onto(...size()), right = (x - held.x) / scale, away = (held.y - y) / scale / Math.max(Math.abs(axes[2][2]), 0.3), t = eye.turn * Math.PI / 180;
+  if (!held.base) return;
+  const by = [right * Math.cos(t) - away * Math.sin(t), right * Math.sin(t) + away * Math.cos(t), 0];
+  const to = { ...held.base, at_mm: add(held.base.at_mm, by, 1e3) };
+  fillBase(to);
+  if (isEnd || performance.now() - (moveRobot.at || 0) > 80) { moveRobot.at = performance.now(); askRobot(to, isEnd); }
+}
+for (const id of [...BASE, "bt", "bs"]) $(id).onchange = () => askRobot(basePlace(), true);
+$("plan").onclick = () => askRobot(basePlace(), true);
+$("arm").onchange = seeArm;
 
 // The task.
 const FIELDS = { cx: (p) => p.centre_mm[0], cy: (p) => p.centre_mm[1], height: (p) => p.height_mm, tilt: (p) => p.tilt_deg, axis: (p) => p.tilt_axis_deg || 0 };
