@@ -86,7 +86,7 @@ fn planned(
     let program = cell.program(plan, "");
     let corners = program.moments();
     let seconds = program.seconds();
-    let count = (seconds * RATE).min(MOST).max(1.0) as usize;
+    let count = (seconds * RATE).clamp(1.0, MOST) as usize;
     let mut next = 0;
     let moments = (0..=count).map(|k| {
         let at = seconds * k as f64 / count as f64;

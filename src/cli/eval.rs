@@ -80,7 +80,7 @@ pub struct EvalArgs {
     #[arg(long, value_parser = accuracy, value_name = "NAME")]
     accuracy: Option<Accuracy>,
 
-    /// Where networks and cloth are computed: flex or ndarray (the CPU), gpu or gpu:N; as in training
+    /// Where networks and cloth are computed: flex (the CPU), gpu or gpu:N; as in training
     /// if not given
     #[arg(long, value_name = "DEVICE")]
     device: Option<DeviceKind>,

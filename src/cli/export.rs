@@ -54,7 +54,7 @@ pub struct ExportArgs {
     #[arg(long, value_name = "best|last|FILE")]
     checkpoint: Option<String>,
 
-    /// Where networks and cloth are computed: flex or ndarray (the CPU), gpu or gpu:N; as in training
+    /// Where networks and cloth are computed: flex (the CPU), gpu or gpu:N; as in training
     /// if not given
     #[arg(long, value_name = "DEVICE")]
     device: Option<DeviceKind>,

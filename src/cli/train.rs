@@ -74,7 +74,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "resume")]
     demonstrate: Vec<PathBuf>,
 
-    /// Where networks and cloth are computed: flex or ndarray (the CPU), gpu or gpu:N
+    /// Where networks and cloth are computed: flex (the CPU), gpu or gpu:N
     #[arg(long, value_name = "DEVICE")]
     device: Option<DeviceKind>,
 

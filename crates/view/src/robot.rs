@@ -112,7 +112,7 @@ impl Asking {
 
     pub fn begin(&mut self, job: RobotJob) {
         let (sender, receiver) = channel();
-        let begun = thread::Builder::new().spawn(move || sender.send(job()));
+        let begun = thread::Builder::new().spawn(move || drop(sender.send(job())));
         self.asked = begun.ok().map(|_| receiver);
     }
 

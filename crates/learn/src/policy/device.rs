@@ -5,8 +5,7 @@ use burn::tensor::Device;
 use drape_cloth::sim;
 use serde::{Deserialize, Serialize};
 
-/// Where the networks are computed: `flex`, `ndarray`, `gpu` or `gpu:N`. The simulation has a device of
-/// its own.
+/// Where the networks are computed: `flex`, `gpu` or `gpu:N`. The simulation has a device of its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum DeviceKind {
@@ -14,8 +13,6 @@ pub enum DeviceKind {
     /// thread count.
     #[default]
     Flex,
-    /// burn's deprecated `ndarray` backend on the CPU; cargo feature `ndarray`.
-    Ndarray,
     /// The graphics card of this number in `drape devices`; cargo feature `gpu`.
     Gpu(usize),
 }
@@ -23,8 +20,8 @@ pub enum DeviceKind {
 /// A device that this build or machine cannot offer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DeviceError {
-    #[error("device `{0}` is not in this build: rebuild with `--features {0}`")]
-    NotBuilt(&'static str),
+    #[error("device `gpu` is not in this build: rebuild with `--features gpu`")]
+    NotBuilt,
     #[error("device `{device}`: {error}")]
     Absent {
         device: DeviceKind,
@@ -36,7 +33,7 @@ impl DeviceKind {
     /// Where the cloth of a training on this device is computed, unless it is told otherwise.
     pub fn of_cloth(self) -> sim::Device {
         match self {
-            Self::Flex | Self::Ndarray => sim::Device::Cpu,
+            Self::Flex => sim::Device::Cpu,
             Self::Gpu(number) => sim::Device::Gpu(number),
         }
     }
@@ -53,12 +50,6 @@ impl DeviceKind {
     pub fn open(self) -> Result<Device, DeviceError> {
         match self {
             Self::Flex => Ok(Device::flex()),
-            // Kept for comparison, although burn has deprecated it.
-            #[cfg(feature = "ndarray")]
-            #[allow(deprecated)]
-            Self::Ndarray => Ok(Device::ndarray()),
-            #[cfg(not(feature = "ndarray"))]
-            Self::Ndarray => Err(DeviceError::NotBuilt("ndarray")),
             #[cfg(feature = "gpu")]
             Self::Gpu(number) => match sim::Adapter::number(number) {
                 Ok(adapter) => Ok(of_burn(&adapter)),
@@ -68,7 +59,7 @@ impl DeviceKind {
                 }),
             },
             #[cfg(not(feature = "gpu"))]
-            Self::Gpu(_) => Err(DeviceError::NotBuilt("gpu")),
+            Self::Gpu(_) => Err(DeviceError::NotBuilt),
         }
     }
 }
@@ -83,7 +74,6 @@ impl fmt::Display for DeviceKind {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
             Self::Flex => f.write_str("flex"),
-            Self::Ndarray => f.write_str("ndarray"),
             Self::Gpu(_) => self.of_cloth().fmt(f),
         }
     }
@@ -101,12 +91,9 @@ impl FromStr for DeviceKind {
     fn from_str(name: &str) -> Result<Self, String> {
         match name {
             "flex" => Ok(Self::Flex),
-            "ndarray" => Ok(Self::Ndarray),
             _ => match name.parse() {
                 Ok(sim::Device::Gpu(number)) => Ok(Self::Gpu(number)),
-                _ => Err(format!(
-                    "device {name:?}, expected flex, ndarray, gpu or gpu:N"
-                )),
+                _ => Err(format!("device {name:?}, expected flex, gpu or gpu:N")),
             },
         }
     }
@@ -138,7 +125,7 @@ mod tests {
 
     #[test]
     fn names_are_read_as_they_are_written() {
-        for name in ["flex", "ndarray", "gpu", "gpu:1"] {
+        for name in ["flex", "gpu", "gpu:1"] {
             assert_eq!(name.parse::<DeviceKind>().unwrap().to_string(), name);
         }
         for name in ["cpu", "", "gpu:", "Flex"] {

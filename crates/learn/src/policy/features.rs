@@ -297,18 +297,4 @@ mod tests {
         let expected = numbers(&convolutions, images.clone());
         assert_eq!(numbers(&valid, images.inner()), expected);
     }
-
-    /// Other devices have burn's operations.
-    #[cfg(feature = "ndarray")]
-    #[test]
-    #[allow(deprecated)]
-    fn another_device_agrees() {
-        let [expected, found] = [Device::flex(), Device::ndarray()].map(|device| {
-            let device = device.autodiff();
-            let convolutions = convolutions(&[3, 4, 5], &device);
-            let images = noise([2, 3, 9, 9], &device);
-            run(&convolutions, images, &[Kind::Pool; 2], features)
-        });
-        assert_close(&found, &expected, "ndarray");
-    }
 }
