@@ -12,9 +12,11 @@ use super::output::Progress;
 use super::result::path;
 use crate::run::{RunConfig, RunFolder, cell};
 use drape_cloth::file::read_toml;
+use drape_cloth::math::Vec3;
 use drape_cloth::scene::Scene;
-use drape_robot::{Cell, CellConfig, PathPoint, Place, Plan};
+use drape_robot::{Cell, CellConfig, PathPoint, Place, Plan, Pushed};
 use drape_task::path::{DrapingPoint, Frame};
+use drape_task::recording::Recording;
 
 /// In the folder of a run, what `drape robot` leaves, and in that the cell as it was resolved.
 pub(super) const FOLDER: &str = "robot";
@@ -25,6 +27,8 @@ pub(super) struct Planned {
     pub cell: Cell,
     pub path: Vec<PathPoint>,
     pub plan: Plan,
+    /// Presses at which the arm pushes cloth aside.
+    pub pushed: Vec<Pushed>,
     /// Places where the program, played at finer steps, hits something: none.
     pub collisions: Vec<String>,
     /// With the base as it was found, where none was given.
@@ -43,7 +47,12 @@ impl Planned {
             let done = done.fetch_add(more, Ordering::Relaxed) + more;
             progress.set(done as f64 / points.len().max(1) as f64);
         };
-        Self::of(&points, cell, &loaded.scene, watch)
+        let mut planned = Self::of(&points, cell, &loaded.scene, watch)?;
+        let sheets = sheets(&played.recording, &loaded.scene);
+        planned.pushed = planned
+            .cell
+            .pushed(&planned.plan, |point| &sheets[point + 1]);
+        Ok(planned)
     }
 
     /// Plans a path in a cell, of which messages say where it is from. `watch` hears how many more points are done.
@@ -71,6 +80,7 @@ impl Planned {
         let plan = cell.plan(&path, watch).or_invalid_in(&place)?;
         Ok(Self {
             collisions: cell.collisions(&plan),
+            pushed: Vec::new(),
             cell,
             path,
             plan,
@@ -106,6 +116,28 @@ fn read_cell(file: &Path) -> Result<(CellConfig, String), Failure> {
         .locate(file.parent().unwrap_or(Path::new("")))
         .or_invalid_in(&place)?;
     Ok((config, place))
+}
+
+/// The cloth of each frame in the tool's own frame [m]: vertices, and middles of edges and triangles, since holders are no
+/// thicker than yarns of a coarse blank are apart.
+fn sheets(recording: &Recording, scene: &Scene) -> Vec<Vec<Vec3>> {
+    let frame = Frame::tool(&scene.config.tool.pose);
+    let sheet = |position: &Vec<[f64; 3]>| {
+        let place = |&x: &[f64; 3]| frame.point(&(Vec3::from(x) + scene.tool.origin));
+        let mut places: Vec<Vec3> = position.iter().map(place).collect();
+        for triangle in &scene.lamina.triangles {
+            let [a, b, c] = triangle.map(|v| places[v as usize]);
+            places.extend([
+                (a + b) / 2.0,
+                (b + c) / 2.0,
+                (c + a) / 2.0,
+                (a + b + c) / 3.0,
+            ]);
+        }
+        places
+    };
+    let frames = recording.frames.iter();
+    frames.map(|frame| sheet(&frame.position)).collect()
 }
 
 /// The points of a path as robots take them.

@@ -15,7 +15,7 @@ use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::Scene;
 use drape_report::{Camera, Color, DRAPED, Drawing, Image, TOOL, creased, save_gif};
-use drape_robot::{BaseProposal, Cell, FailedPoint, Joints, Point, Pose, Reached};
+use drape_robot::{BaseProposal, Cell, FailedPoint, Joints, Point, Pose, Pushed, Reached};
 
 /// Plan how a robot arm presses the path of a run: what it reaches, what it would hit, and the program
 ///
@@ -55,6 +55,8 @@ struct Report {
     reached: Reached,
     /// Places where the program, played at finer steps, hits something: none.
     collisions: Vec<String>,
+    /// Presses at which the arm pushes cloth aside that stands off the tool, how deep, and with what.
+    pushed: Vec<Pushed>,
     /// Points that the arm would hit something at, if it went there at once.
     collisions_before: usize,
     strokes: usize,
@@ -105,6 +107,7 @@ pub fn run(args: RobotArgs) -> Result<(), Failure> {
         failed: plan.failed.clone(),
         reached: cell.reached(path, better.as_ref().map(|(cell, _)| cell)),
         collisions: planned.collisions.clone(),
+        pushed: planned.pushed.clone(),
         collisions_before: cell.collisions_at_once(path),
         strokes: plan.strokes.len(),
         lifted: plan.lifted,
@@ -154,6 +157,14 @@ impl Report {
         );
         for hit in &self.collisions {
             let _ = write!(text, "\n  hits: {hit}");
+        }
+        let deepest = (self.pushed.iter()).max_by(|a, b| a.depth_mm.total_cmp(&b.depth_mm));
+        if let Some(Pushed { part, depth_mm, .. }) = deepest {
+            let count = self.pushed.len();
+            let _ = write!(
+                text,
+                "\ncloth is pushed aside at {count} points, {depth_mm:.1} mm at most, by the {part}"
+            );
         }
         for point in &self.failed {
             let check = serde_json::to_string(&point.check).expect("a name");

@@ -269,6 +269,28 @@ impl Obstacles {
         }
     }
 
+    /// How deep a part of the arm but the roller, whose links are at `frames`, has one of these places in it [m], and which;
+    /// none if no part has.
+    pub fn deepest(&self, frames: &[Pose; 8], places: &[Vector3<f64>]) -> Option<(f64, &str)> {
+        let (_, others) = self.moving.split_last()?;
+        let mut found: Option<(f64, &str)> = None;
+        for part in others {
+            let centre = frames[part.frame] * nalgebra::Point3::from(part.centre);
+            let into = (frames[part.frame] * part.at).inverse();
+            for place in places {
+                if (place - centre.coords).norm() > part.radius {
+                    continue;
+                }
+                let local = vector(&(into * nalgebra::Point3::from(*place)).coords);
+                let depth = -part.shape.distance_to_local_point(local, false);
+                if depth > found.map_or(0.0, |(depth, _)| depth) {
+                    found = Some((depth, &part.name));
+                }
+            }
+        }
+        found
+    }
+
     /// What the base stands in, if it does.
     pub fn base_in(&self, base: &Pose) -> Option<&str> {
         let own = self.moving.first().filter(|part| part.frame == 0)?;

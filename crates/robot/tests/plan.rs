@@ -165,3 +165,23 @@ fn homes_that_cannot_be_are_refused() {
         assert_eq!(error, NoHome::Named, "{home:?}");
     }
 }
+
+/// A wall of soft places is pushed by what holds the roller, and nothing else is.
+#[test]
+fn soft_things_are_pushed_not_hit() {
+    let cell = cell("crb15000-5", |_| {});
+    let path = stroke(0, 0.0, 1);
+    let plan = cell.plan(&path, |_| {}).unwrap();
+    assert_eq!(plan.failed, []);
+    let above = |height: f64| vec![path[0].position + height * path[0].normal];
+    for (height, is_pushed) in [(0.0, false), (0.08, true), (2.0, false)] {
+        let soft = above(height);
+        let pushed = cell.pushed(&plan, |_| &soft);
+        assert_eq!(pushed.len(), usize::from(is_pushed), "{height}: {pushed:?}");
+        if let [pushed] = &pushed[..] {
+            assert_eq!((pushed.point, &*pushed.part), (0, "roller's holder"));
+            // A stem of 12 mm, leaning by some degrees.
+            assert!((4.0..=12.0).contains(&pushed.depth_mm), "{pushed:?}");
+        }
+    }
+}
