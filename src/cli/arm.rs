@@ -8,7 +8,7 @@ use super::planned::{Planned, path_points};
 use crate::run::cell;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::Scene;
-use drape_robot::{Cell, CellConfig, Joints, Moment, Place, Pose, TurntableConfig};
+use drape_robot::{Cell, CellConfig, Joints, Moment, Motion, Place, Pose, TurntableConfig};
 use drape_task::path::PressedPoint;
 use drape_task::path::{DrapingPoint, strokes};
 use drape_view::{Robot, RobotMoment, RobotPlace};
@@ -26,9 +26,11 @@ pub(super) fn robot(
     plan: bool,
 ) -> Result<Robot, Failure> {
     if let Some(place) = place {
+        // How it leans, no page changes.
+        let [x, y, _] = config.base.map_or([0.0; 3], |base| base.rotation_deg);
         config.base = Some(Place {
             at_mm: place.at_mm,
-            rotation_deg: [0.0, 0.0, place.turn_deg],
+            rotation_deg: [x, y, place.turn_deg],
         });
         let at_mm = config.turntable.and_then(|table| table.at_mm);
         config.turntable = (place.step_deg != 0.0).then_some(TurntableConfig {
@@ -87,9 +89,16 @@ fn planned(
     let corners = program.moments();
     let seconds = program.seconds();
     let count = (seconds * RATE).clamp(1.0, MOST) as usize;
+    let even = (0..=count).map(|k| seconds * k as f64 / count as f64);
+    // And on every point.
+    let presses = corners
+        .iter()
+        .filter(|corner| corner.motion == Motion::Contact);
+    let mut times: Vec<f64> = even.chain(presses.map(|corner| corner.at)).collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
     let mut next = 0;
-    let moments = (0..=count).map(|k| {
-        let at = seconds * k as f64 / count as f64;
+    let moments = times.into_iter().map(|at| {
         while next + 1 < corners.len() && corners[next].at < at {
             next += 1;
         }

@@ -49,13 +49,15 @@ impl Planned {
         };
         let mut planned = Self::of(&points, cell, &loaded.scene, watch)?;
         let sheets = sheets(&played.recording, &loaded.scene);
+        planned.collisions = planned.cell.collisions(&planned.plan);
         planned.pushed = planned
             .cell
             .pushed(&planned.plan, |point| &sheets[point + 1]);
         Ok(planned)
     }
 
-    /// Plans a path in a cell, of which messages say where it is from. `watch` hears how many more points are done.
+    /// Plans a path in a cell, of which messages say where it is from; it is not played. `watch` hears how many more points
+    /// are done.
     pub fn of(
         points: &[DrapingPoint],
         (mut config, place): (CellConfig, String),
@@ -79,7 +81,7 @@ impl Planned {
         }
         let plan = cell.plan(&path, watch).or_invalid_in(&place)?;
         Ok(Self {
-            collisions: cell.collisions(&plan),
+            collisions: Vec::new(),
             pushed: Vec::new(),
             cell,
             path,

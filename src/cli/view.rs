@@ -174,7 +174,7 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
         .map(|file| Beside::read(file, &lamina));
     let cell = cell_config(args.cell.as_deref(), folder.as_ref(), &config)?;
     let host = Desk {
-        has_robot: args.cell.is_some() || cell.0.base.is_some(),
+        has_robot: args.cell.is_some() || config.cell.is_some() || cell.0.base.is_some(),
         cell,
         agent: None,
         runs: folder.iter().cloned().chain(watched).collect(),
@@ -194,6 +194,7 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
     if let Some(file) = &args.export {
         check_writable(file)?;
         let page = Session::new(host, spec, (shared, commands))?.export();
+        let page = page.map_err(|error| anyhow!(error))?;
         write_atomic(file, |file| file.write_all(page.as_bytes()))?;
         return Ok(show(&match args.json {
             true => json!({ "file": file }).to_string(),

@@ -242,5 +242,11 @@ fn a_robot_presses_what_it_reaches() {
     place["at_mm"] = json!([0, 0, 20]);
     page.say(&json!({ "do": "robot", "place": place, "plan": true }));
     page.words("base");
+    // A hand that holds cloth is not made to let go, and what it did is not planned.
+    page.say(&json!({ "do": "pull", "vertex": vertex(12, 12), "to": [0.1, 0.1, 0.2] }));
+    page.say(&json!({ "do": "robot", "place": null, "plan": true }));
+    page.until(|moment| moment["pulled"] == true);
+    page.say(&json!({ "do": "release" }));
+    page.words("no robot pulls");
     assert_eq!(page.order(&json!({ "do": "reset" })), start);
 }

@@ -81,8 +81,9 @@ pub struct Status {
     /// Names of tools and materials to choose from.
     pub tools: Vec<String>,
     pub materials: Vec<String>,
-    /// A robot is being asked.
+    /// A robot is being asked, and the number of that which is shown, or 0.
     pub plans: bool,
+    pub robot: u64,
     /// Digest of the positions' bits.
     pub bits: String,
 }

@@ -96,6 +96,8 @@ impl Shown {
 #[derive(Default)]
 pub struct Asking {
     shown: Option<Arc<Shown>>,
+    /// How many have been shown.
+    count: u64,
     asked: Option<Receiver<Result<Robot, String>>>,
     wish: Option<(Option<RobotPlace>, bool)>,
 }
@@ -105,9 +107,19 @@ impl Asking {
         self.wish = Some((place, plan));
     }
 
+    /// Whether there is something to ask that can be asked now.
+    pub fn wishes(&self) -> bool {
+        self.wish.is_some() && self.asked.is_none()
+    }
+
     /// What to ask next; none while something is asked.
     pub fn next(&mut self) -> Option<(Option<RobotPlace>, bool)> {
         self.wish.take_if(|_| self.asked.is_none())
+    }
+
+    /// Nothing that was found or asked is of use any more.
+    pub fn forget(&mut self) {
+        (self.shown, self.asked, self.wish) = (None, None, None);
     }
 
     pub fn begin(&mut self, job: RobotJob) {
@@ -132,16 +144,21 @@ impl Asking {
         };
         self.asked = None;
         let failed = |_| "the robot's plan has failed".into();
-        Some(found.map_err(failed).and_then(|found| found).map(|robot| {
-            let number = self.shown.as_ref().map_or(0, |robot| robot.number) + 1;
-            self.shown = Some(Shown::new(number, &robot));
-        }))
+        let found = found.map_err(failed).and_then(|found| found);
+        Some(found.map(|robot| self.show(&robot)))
     }
 
-    /// Shows what is found of what is being asked, if anything.
-    pub fn wait(&mut self) {
-        if let Some(Ok(robot)) = self.asked.take().and_then(|asked| asked.recv().ok()) {
-            self.shown = Some(Shown::new(1, &robot));
+    /// Waits for what is being asked, if anything is, and shows it.
+    pub fn wait(&mut self) -> Result<(), String> {
+        match self.asked.take().map(|asked| asked.recv()) {
+            None => Ok(()),
+            Some(Ok(found)) => found.map(|robot| self.show(&robot)),
+            Some(Err(_)) => Err("the robot's plan has failed".into()),
         }
+    }
+
+    fn show(&mut self, robot: &Robot) {
+        self.count += 1;
+        self.shown = Some(Shown::new(self.count, robot));
     }
 }

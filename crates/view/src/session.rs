@@ -4,8 +4,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use drape_cloth::sim::{Accuracy, DRAPED, Snapshot, TOUCHED};
-use drape_task::env::{Draping, Tasks};
+use drape_cloth::sim::Accuracy;
+use drape_task::env::Draping;
 use drape_task::path::stroke_points;
 use drape_task::recording::{Frame, Recording};
 
@@ -17,7 +17,7 @@ use super::moment::{Moment, Numbers, Shared, Status};
 use super::past::Past;
 use super::robot::Asking;
 use super::shade::Shade;
-use super::stage::{PULLED, Stage};
+use super::stage::Stage;
 
 /// Time between two pulls [s].
 const FRAME: f64 = 1.0 / 60.0;
@@ -144,8 +144,11 @@ impl<H: Host> Session<H> {
     }
 
     /// A page that goes through all presses without a server.
-    pub fn export(mut self) -> String {
-        self.robot.wait();
+    ///
+    /// # Errors
+    /// If there is a robot and it cannot be planned.
+    pub fn export(mut self) -> Result<String, String> {
+        self.robot.wait()?;
         self.fall.clear();
         let moments = (0..self.count()).filter_map(|at| {
             self.go(at);
@@ -154,7 +157,11 @@ impl<H: Host> Session<H> {
         });
         let moments: Vec<_> = moments.collect();
         let robot = self.robot.shown().map(|robot| robot.message());
-        still_page(&self.stage.message(), robot.as_deref(), &moments)
+        Ok(still_page(
+            &self.stage.message(),
+            robot.as_deref(),
+            &moments,
+        ))
     }
 
     /// When what goes on by itself goes on, if it last did so then.
@@ -216,7 +223,6 @@ impl<H: Host> Session<H> {
             },
             Command::Robot { place, plan } => {
                 self.robot.wish(place, plan);
-                self.ask_robot();
             }
             Command::SavePresses {} => self.save_presses(),
             Command::SaveTask {} => {
@@ -339,6 +345,7 @@ impl<H: Host> Session<H> {
                     .checked_sub(self.fall.len())
                     .map(|step| self.past.vertices(step).count());
                 (self.spec, self.draping) = (spec, draping);
+                self.robot.forget();
                 self.past = Past::new(&self.draping, &presses);
                 self.status.accuracy = name.name();
                 self.go(pressed.map_or(self.at, |count| self.fall.len() + count));
@@ -395,6 +402,7 @@ impl<H: Host> Session<H> {
             Ok((stage, fall, draping)) => {
                 // Its numbers are of the task before.
                 self.beside.clear();
+                self.robot.forget();
                 self.past = Past::new(&draping, &[]);
                 self.at = fall.len();
                 (self.spec, self.stage, self.fall, self.draping) = (spec, stage, fall, draping);
@@ -462,15 +470,22 @@ impl<H: Host> Session<H> {
         }
     }
 
-    /// Asks a robot for all presses that can be gone through, unless it is still being asked.
+    /// Asks a robot for all presses that can be gone through, unless it is still being asked or the cloth is held.
     fn ask_robot(&mut self) {
+        if self.pull.is_some() {
+            return;
+        }
         let Some((place, plan)) = self.robot.next() else {
             return;
         };
-        let (at, last) = (self.at.saturating_sub(self.fall.len()), self.past.len() - 1);
-        self.past.enter(last, &mut self.draping);
+        if self.past.is_pulled(self.past.len() - 1) {
+            return self.say("no robot pulls at cloth, undo that first".into());
+        }
+        let at = self.at.saturating_sub(self.fall.len());
+        let reached = self.past.enter(self.past.len() - 1, &mut self.draping);
         let points = self.draping.points(0);
-        self.past.enter(at, &mut self.draping);
+        self.past.enter(at.min(reached), &mut self.draping);
+        self.at = self.at.min(self.fall.len() + reached);
         let job = self.host.robot(&self.draping, &points, place, plan);
         self.robot.begin(job);
     }
@@ -480,6 +495,9 @@ impl<H: Host> Session<H> {
         let mut is_new = false;
         if let Some(found) = self.robot.look() {
             found.unwrap_or_else(|error| self.say(error));
+            is_new = true;
+        }
+        if self.robot.wishes() {
             self.ask_robot();
             is_new = true;
         }
@@ -524,7 +542,10 @@ impl<H: Host> Session<H> {
         let task = self.draping.task(0);
         let marks = match falls {
             true => self.stage.marks.clone(),
-            false => self.marks(&state),
+            false => {
+                let pulled = self.past.pulled();
+                self.stage.marked(&self.draping, &state, pulled)
+            }
         };
         let points = self.draping.points(0);
         let strokes = stroke_points(&points, task.config.join_distance());
@@ -553,6 +574,7 @@ impl<H: Host> Session<H> {
             pulled: self.past.is_pulled(step),
             over: !falls && self.draping.is_over(0),
             plans: self.robot.is_asked(),
+            robot: self.robot.shown().map_or(0, |robot| robot.number),
             numbers: match falls {
                 true => Numbers::default(),
                 false => Numbers::of(task, &state, &self.draping),
@@ -571,23 +593,5 @@ impl<H: Host> Session<H> {
             advice: by_vertex,
             status,
         });
-    }
-
-    /// What has become of each vertex, and whether a press on it is allowed.
-    fn marks(&self, state: &Snapshot) -> Vec<u8> {
-        let seen = self.draping.observation(0);
-        let pulled = self.past.pulled();
-        let mark = |(v, &fixed): (usize, &u8)| {
-            let action = self.draping.action(v as u32);
-            let mut mark = fixed | action.map_or(0, |action| seen.marks[action as usize]);
-            for (bits, set) in [
-                (&state.pressed.touched, TOUCHED),
-                (&state.pressed.draped, DRAPED),
-            ] {
-                mark |= if bits.contains(v) { set } else { 0 };
-            }
-            mark | if pulled == Some(v as u32) { PULLED } else { 0 }
-        };
-        self.stage.marks.iter().enumerate().map(mark).collect()
     }
 }

@@ -6,7 +6,9 @@ use drape_cloth::fabric::Family;
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::Scene;
+use drape_cloth::sim::{DRAPED, Snapshot, TOUCHED};
 use drape_report::creased;
+use drape_task::env::{Draping, Tasks};
 use serde_json::json;
 
 use super::host::Spec;
@@ -70,6 +72,23 @@ impl Stage {
         };
         stage.message = stage.encode(spec);
         stage.into()
+    }
+
+    /// What has become of each vertex, of which one may be pulled, and whether a press on it is allowed.
+    pub fn marked(&self, draping: &Draping, state: &Snapshot, pulled: Option<u32>) -> Vec<u8> {
+        let seen = draping.observation(0);
+        let mark = |(v, &fixed): (usize, &u8)| {
+            let action = draping.action(v as u32);
+            let mut mark = fixed | action.map_or(0, |action| seen.marks[action as usize]);
+            for (bits, set) in [
+                (&state.pressed.touched, TOUCHED),
+                (&state.pressed.draped, DRAPED),
+            ] {
+                mark |= if bits.contains(v) { set } else { 0 };
+            }
+            mark | if pulled == Some(v as u32) { PULLED } else { 0 }
+        };
+        self.marks.iter().enumerate().map(mark).collect()
     }
 
     /// As it is sent to a page.

@@ -33,13 +33,15 @@ function hear(buffer) {
     value: Float32Array.from(value, (x) => is.range[0] + (is.range[1] - is.range[0]) * x / 65535) };
   moment = { ...said, ...unpacked(said.boxes[0], said.position, said.value), other: unpacked(said.boxes[1], said.beside_position, said.beside_value) };
   told.heard++;
+  if (robot && !moment.robot) { robot = null; seeArm(); }
+  // Another control has moved the cloth.
+  if (driving !== null && !$("drive").classList.contains("on") && moment.at !== drive.to) driving = null;
   tell(); isDirty = true;
   return true;
 }
 function setStage(said) {
   stage = said;
-  [eye.low, eye.high] = stage.bounds;
-  keepStage(); fillTask();
+  seeArm(); keepStage(); fillTask();
 }
 function keepStage() {
   if (!drawing || !stage) return;
@@ -159,7 +161,7 @@ function drawArm(look) {
     first += count;
   });
   drawing.place(null);
-  const faults = [...robot.vertices].filter((v, k) => robot.faults[k] && 3 * v < moment.position.length);
+  const faults = isStale() ? [] : [...robot.vertices].filter((v, k) => robot.faults[k]);
   drawing.mark(faults.map(place), "POINTS", { ...look(TINT.fault, 9), near: 1.4e-2 });
 }
 let url = "";
@@ -278,7 +280,7 @@ for (const seen of [canvas, $("picture")]) {
   });
   for (const end of ["pointerup", "pointercancel"]) seen.addEventListener(end, (event) => {
     if (held && held.kind === "pull") link.send("release");
-    if (held && held.kind === "robot") moveRobot(at(event), true);
+    if (held && held.kind === "robot") { if (end === "pointerup") moveRobot(at(event), true); held = null; seeArm(); }
     if (held && held.kind === "region" && end === "pointerup") chooseRegion(at(event));
     $("region").hidden = true;
     fingers.delete(event.pointerId);
@@ -326,16 +328,27 @@ addEventListener("resize", changed);
 
 // The robot.
 const BASE = ["bx", "by", "bz"];
-const basePlace = () => robot && { at_mm: BASE.map((id) => Number($(id).value)), turn_deg: Number($("bt").value), step_deg: Number($("bs").value) };
-const askRobot = (place, plan) => link.send("robot", { place, plan });
-let driving = null;
+const basePlace = () => {
+  const is = (id, was) => $(id).value === "" ? was : Number($(id).value), place = robot && robot.place;
+  return place && { at_mm: BASE.map((id, k) => is(id, place.at_mm[k])), turn_deg: is("bt", place.turn_deg), step_deg: is("bs", place.step_deg) };
+};
+let driving = null, isWanted = false;
+const askRobot = (place, plan) => { isWanted = plan; link.send("robot", { place, plan }); };
 function setRobot(said) {
   robot = said;
-  if (!held || held.kind !== "robot") fillBase(robot.place);
+  const isDragged = held && held.kind === "robot";
+  // What was reached on the way to where it is being planned says nothing of where it was left.
+  if (!isDragged && !(isWanted && said.program_s === null)) fillBase(robot.place);
+  if (said.program_s !== null) isWanted = false;
   [$("driven").max, $("driven").value] = [robot.at.length - 1, 0]; driving = null; $("drive").classList.remove("on");
-  seeArm(); keepRobot(); tellRobot();
+  // A drag is measured in what is seen.
+  if (!isDragged) seeArm();
+  isDirty = true; keepRobot(); tellRobot();
 }
-const fillBase = (place) => { BASE.forEach((id, k) => { $(id).value = Math.round(10 * place.at_mm[k]) / 10; }); $("bt").value = place.turn_deg; $("bs").value = place.step_deg; };
+function fillBase(place) {
+  const values = { ...Object.fromEntries(BASE.map((id, k) => [id, Math.round(10 * place.at_mm[k]) / 10])), bt: place.turn_deg, bs: place.step_deg };
+  for (const id in values) if (document.activeElement !== $(id)) $(id).value = values[id];
+}
 function keepRobot() {
   if (!drawing || !robot) return;
   const count = robot.corners.length / 3, moving = 3 * robot.counts.slice(0, 8).reduce((a, b) => a + b, 0);
@@ -345,10 +358,11 @@ function keepRobot() {
 function seeArm() {
   if (!stage) return;
   [eye.low, eye.high] = stage.bounds; eye.beyond = 0;
-  if (robot && $("arm").checked) {
+  const parts = robot && robot.counts.length, every = robot && Math.ceil(robot.at.length / 12);
+  for (let at = 0; robot && drawing && $("arm").checked && at < robot.at.length; at += every) {
     let first = 0;
     robot.counts.forEach((count, k) => {
-      const pose = robot.poses.subarray(12 * k, 12 * k + 12);
+      const pose = robot.poses.subarray(12 * (parts * at + k), 12 * (parts * at + k) + 12);
       for (let c = first; k < 8 && c < first + count; c++) {
         const x = robot.corners.subarray(3 * c, 3 * c + 3), at = [0, 1, 2].map((r) => pose[4 * r] * x[0] + pose[4 * r + 1] * x[1] + pose[4 * r + 2] * x[2] + pose[4 * r + 3]);
         eye.low = eye.low.map((low, r) => Math.min(low, at[r])); eye.high = eye.high.map((high, r) => Math.max(high, at[r]));
@@ -364,7 +378,8 @@ const isStale = () => moment.strokes.flat().some((v, k) => v !== robot.vertices[
 function armAt() {
   if (driving !== null) return Number($("driven").value);
   if (isStale() || moment.at < moment.fall) return 0;
-  return Math.max(0, robot.pressed.findIndex((pressed) => pressed >= moment.at - moment.fall));
+  const found = robot.pressed.findIndex((pressed) => pressed >= moment.at - moment.fall);
+  return found < 0 ? robot.at.length - 1 : found;
 }
 function tellRobot() {
   const words = [];
@@ -385,17 +400,24 @@ function tellRobot() {
 }
 function drive(to) {
   $("driven").value = to; isDirty = true;
-  const pressed = moment.fall + robot.pressed[to];
-  if (!isStale() && pressed !== drive.to) link.send("seek", { to: drive.to = pressed });
+  const pressed = moment.fall + robot.pressed[to], now = performance.now();
+  // Asked again if it was lost.
+  if (!isStale() && pressed !== moment.at && (pressed !== drive.to || now - drive.at > 500)) { drive.at = now; link.send("seek", { to: pressed }); }
+  drive.to = pressed;
   tellRobot();
 }
-$("driven").oninput = () => { driving = driving ?? NaN; drive(Number($("driven").value)); };
+$("driven").oninput = () => {
+  if (!robot || !moment) return;
+  const to = Number($("driven").value);
+  driving = performance.now() - 1e3 * robot.at[to];
+  drive(to);
+};
 $("drive").onclick = () => {
   if (!robot || robot.program_s === null) return;
   const isOn = $("drive").classList.toggle("on"), from = Number($("driven").value), last = robot.at.length - 1;
   driving = isOn ? performance.now() - 1e3 * robot.at[from === last ? 0 : from] : null;
   const step = () => {
-    if (!$("drive").classList.contains("on")) return;
+    if (!robot || !$("drive").classList.contains("on")) { $("drive").classList.remove("on"); return; }
     const now = (performance.now() - driving) / 1e3, to = robot.at.findIndex((at) => at >= now);
     drive(to < 0 ? last : to);
     if (to < 0) { driving = null; $("drive").classList.remove("on"); } else requestAnimationFrame(step);
