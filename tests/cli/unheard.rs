@@ -172,6 +172,10 @@ fn threads_that_cannot_be_started_are_told() {
     command
         .args(["-c", script, env!("CARGO_BIN_EXE_drape")])
         .current_dir(&folder);
+    // Rust's library aborts, by chance, where a thread that has been started finds no memory for its signals.
+    let is_ours = |output: &Output| !said(output.stderr.clone()).contains("alternative stack");
+    let mut outputs = (0..20).map(|_| command.output().unwrap());
+    let output = outputs.find(is_ours).expect("threads fail to start");
     let words = ["cannot start threads: ", "RAYON_NUM_THREADS"];
-    assert_failure(&command.output().unwrap(), 1, &words);
+    assert_failure(&output, 1, &words);
 }
