@@ -160,10 +160,10 @@ impl Report {
         }
         let deepest = (self.pushed.iter()).max_by(|a, b| a.depth_mm.total_cmp(&b.depth_mm));
         if let Some(Pushed { part, depth_mm, .. }) = deepest {
-            let count = self.pushed.len();
+            let (count, of) = (self.pushed.len(), self.reachable);
             let _ = write!(
                 text,
-                "\ncloth is pushed aside at {count} points, {depth_mm:.1} mm at most, by the {part}"
+                "\ncloth is pushed aside at {count} of {of} presses, {depth_mm:.1} mm at most, by the {part}"
             );
         }
         for point in &self.failed {
