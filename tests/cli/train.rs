@@ -339,6 +339,15 @@ fn interrupted_polish_begins_again() {
             &["train", "--resume", "runs/whole", key, value, "--json"],
         );
         assert!(score() >= before, "{key} {value}");
+        let args = [
+            "eval",
+            "runs/whole",
+            "--sequence",
+            "--episodes",
+            "1",
+            "--json",
+        ];
+        json(path, &args);
     }
 }
 

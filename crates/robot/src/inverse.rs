@@ -69,13 +69,19 @@ impl Solver {
         let moved = flange * self.arm.flange_at(&[0.0; 6]).inverse();
         let mut found = Found::new(&self.arm, flange);
         match &self.geometry {
-            Geometry::Spherical(wrist) => wrist.solve(&moved, |joints| found.refine(joints)),
-            Geometry::Parallel(axes) => axes.solve(&moved, |joints| found.refine(joints)),
-            Geometry::Offset(wrist) => wrist.solve(&moved, |joints| found.refine(joints)),
+            Geometry::Spherical(wrist) => {
+                wrist.solve(&moved, |joints| found.keep(&joints, refine::POLISH))
+            }
+            Geometry::Parallel(axes) => {
+                axes.solve(&moved, |joints| found.keep(&joints, refine::POLISH))
+            }
+            Geometry::Offset(wrist) => {
+                wrist.solve(&moved, |joints| found.keep(&joints, refine::POLISH))
+            }
             Geometry::General => {
                 let limits = self.arm.joints.each_ref().map(|joint| joint.limits);
                 for k in 0..STARTS {
-                    found.search(Arm::spread(k, &limits));
+                    found.keep(&Arm::spread(k, &limits), refine::SEARCH);
                 }
             }
         }
@@ -109,27 +115,9 @@ impl<'a> Found<'a> {
         }
     }
 
-    /// Keeps what `joints`, nearly a solution, lead to.
-    fn refine(&mut self, joints: Joints) {
-        self.keep(refine::refine(
-            self.arm,
-            self.flange,
-            &joints,
-            refine::POLISH,
-        ));
-    }
-
-    /// Keeps what `joints`, anywhere, lead to, if anything.
-    fn search(&mut self, joints: Joints) {
-        self.keep(refine::refine(
-            self.arm,
-            self.flange,
-            &joints,
-            refine::SEARCH,
-        ));
-    }
-
-    fn keep(&mut self, joints: Option<Joints>) {
+    /// Keeps what `joints` lead to in so many steps at most, if anything.
+    fn keep(&mut self, joints: &Joints, steps: usize) {
+        let joints = refine::refine(self.arm, self.flange, joints, steps);
         let Some(joints) = joints.and_then(|joints| self.arm.wound(&joints)) else {
             return;
         };

@@ -107,11 +107,6 @@ impl Asking {
         self.wish = Some((place, plan));
     }
 
-    /// Whether there is something to ask that can be asked now.
-    pub fn wishes(&self) -> bool {
-        self.wish.is_some() && self.asked.is_none()
-    }
-
     /// What to ask next; none while something is asked.
     pub fn next(&mut self) -> Option<(Option<RobotPlace>, bool)> {
         self.wish.take_if(|_| self.asked.is_none())

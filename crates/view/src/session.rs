@@ -470,16 +470,18 @@ impl<H: Host> Session<H> {
         }
     }
 
-    /// Asks a robot for all presses that can be gone through, unless it is still being asked or the cloth is held.
-    fn ask_robot(&mut self) {
+    /// Asks a robot for all presses that can be gone through, unless it is still being asked or the cloth is held. Whether
+    /// there is something new to show.
+    fn ask_robot(&mut self) -> bool {
         if self.pull.is_some() {
-            return;
+            return false;
         }
         let Some((place, plan)) = self.robot.next() else {
-            return;
+            return false;
         };
         if self.past.is_pulled(self.past.len() - 1) {
-            return self.say("no robot pulls at cloth, undo that first".into());
+            self.say("no robot pulls at cloth, undo that first".into());
+            return true;
         }
         let at = self.at.saturating_sub(self.fall.len());
         let reached = self.past.enter(self.past.len() - 1, &mut self.draping);
@@ -488,6 +490,7 @@ impl<H: Host> Session<H> {
         self.at = self.at.min(self.fall.len() + reached);
         let job = self.host.robot(&self.draping, &points, place, plan);
         self.robot.begin(job);
+        true
     }
 
     /// Looks at what others have found meanwhile.
@@ -497,10 +500,7 @@ impl<H: Host> Session<H> {
             found.unwrap_or_else(|error| self.say(error));
             is_new = true;
         }
-        if self.robot.wishes() {
-            self.ask_robot();
-            is_new = true;
-        }
+        is_new |= self.ask_robot();
         let found = self.rivals.as_ref().map(Receiver::try_recv);
         if let Some(Ok(_) | Err(TryRecvError::Disconnected)) = found {
             self.rivals = None;
