@@ -22,7 +22,7 @@ use drape_study::presses::again;
 use drape_study::study::Context;
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, Tasks};
-use drape_task::path::{Frame, PressedPoint, read_json, strokes, write_json};
+use drape_task::path::{Frame, PressedPoint, Rolling, read_json, strokes, write_json};
 use drape_task::recording::Recording;
 
 /// Memory is counted for the whole process: one at a time.
@@ -260,7 +260,11 @@ fn draping_paths() {
         normal: [0.0, 0.0, 1.0].into(),
     };
     let file: PathBuf = folder().join("points.json");
-    let points = strokes(&[point(5, 0.0), point(6, 0.5), point(9, 8.0)], 1.0).unwrap();
+    let points = strokes(
+        &[point(5, 0.0), point(6, 0.5), point(9, 8.0)],
+        Rolling::joining(1.0),
+    )
+    .unwrap();
     write_json(&file, &points, &Frame::tool(&Pose::default())).unwrap();
     survives("path.json", &[fs::read(&file).unwrap()], 1500, |path| {
         read_json(path).map(drop).map_err(line)

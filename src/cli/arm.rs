@@ -4,13 +4,12 @@ use std::sync::Arc;
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::planned::{Planned, path_points};
-use crate::run::cell;
+use super::planned::Planned;
+use crate::run::{cell, path_points};
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::Scene;
 use drape_robot::{Cell, CellConfig, Joints, Moment, Motion, Place, Pose, TurntableConfig};
-use drape_task::path::PressedPoint;
-use drape_task::path::{DrapingPoint, strokes};
+use drape_task::path::{DrapingPoint, PressedPoint, Rolling, strokes};
 use drape_view::{Robot, RobotMoment, RobotPlace};
 
 /// Pictures a second, and how many are sent at most: of longer programs fewer a second.
@@ -21,7 +20,7 @@ const MOST: f64 = 2000.0;
 pub(super) fn robot(
     (mut config, told): (CellConfig, String),
     scene: &Arc<Scene>,
-    (points, join_distance): (&[PressedPoint], f64),
+    (points, rolling): (&[PressedPoint], Rolling),
     place: Option<RobotPlace>,
     plan: bool,
 ) -> Result<Robot, Failure> {
@@ -39,7 +38,7 @@ pub(super) fn robot(
         });
         config.check().or_invalid_in(&told)?;
     }
-    let points = strokes(points, join_distance)?;
+    let points = strokes(points, rolling)?;
     match plan {
         true => planned(&points, (config, told), scene),
         false => reached(&points, &config, scene),

@@ -259,7 +259,7 @@ fn press_again(file: &Path, loaded: &Loaded, pictures: &Path) -> Result<(), Fail
         distance_m: last.distance,
         surplus_m: last.surplus,
         score: last.score,
-        path: PathFigures::new(&recorded.presses, recorded.env.join_distance()),
+        path: PathFigures::new(&recorded.presses, recorded.env.rolling()),
         same_bits: found == recorded,
         apart_m: found.apart(&recorded),
         pictures: pictures.into(),

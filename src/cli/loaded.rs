@@ -128,7 +128,7 @@ impl Loaded {
         let place = &self.folder.proof;
         self.check(&proved.path, place)?;
         let played = proof::play(
-            &proved,
+            &proved.path.vertices,
             proof::case(&self.scene, &self.config),
             place,
             self.json,

@@ -10,7 +10,7 @@ use super::failure::OrInvalid;
 use super::loaded::Loaded;
 use super::output::Progress;
 use super::result::path;
-use crate::run::{RunConfig, RunFolder, cell};
+use crate::run::{RunConfig, RunFolder, cell, path_points};
 use drape_cloth::file::read_toml;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::Scene;
@@ -140,18 +140,6 @@ fn sheets(recording: &Recording, scene: &Scene) -> Vec<Vec<Vec3>> {
     };
     let frames = recording.frames.iter();
     frames.map(|frame| sheet(&frame.position)).collect()
-}
-
-/// The points of a path as robots take them.
-pub(super) fn path_points(points: &[DrapingPoint], scene: &Scene) -> Vec<PathPoint> {
-    let frame = Frame::tool(&scene.config.tool.pose);
-    let of = |point: &DrapingPoint| PathPoint {
-        position: frame.point(&point.position),
-        normal: frame.direction(&point.normal),
-        travel: point.travel.map(|travel| frame.direction(&travel)),
-        stroke: point.stroke,
-    };
-    points.iter().map(of).collect()
 }
 
 /// What programs of a run are called.

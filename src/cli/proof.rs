@@ -3,12 +3,16 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use anyhow::Context as _;
+
 use super::Failure;
 use super::failure::study_failure;
 use super::output::Progress;
-use super::result::{episode_progress, path, rollout_failure, write_recording};
+use super::result::{self, episode_progress, rollout_failure, write_recording};
 use super::terminal::tell;
-use crate::run::{BestSequence, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, replay};
+use crate::run::{
+    BestSequence, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, replay, unpressable,
+};
 use drape_cloth::scene::Scene;
 use drape_study::proof::{Case, Physics, Proof, Row, Sensitivity, prove};
 use drape_study::study::Context;
@@ -27,12 +31,18 @@ pub(super) fn proved(
     json: bool,
 ) -> Result<Vec<Row>, Failure> {
     best.others.truncate(2 * config.proof_paths - 1);
-    let paths: Vec<Vec<u32>> = best.all().cloned().collect();
+    let mut paths: Vec<Vec<u32>> = best.all().cloned().collect();
     let (case, place) = (case(scene, config), folder.config.display().to_string());
-    let found = found(case, &paths, (count, twin), Some(place), json)?;
-    let Some(chosen) = found.best else {
-        tell("warning: all of the best paths diverge where they are to be proved");
-        return Ok(found.rows);
+    let (found, chosen) = loop {
+        let found = found(case, &paths, (count, twin), Some(place.clone()), json)?;
+        let Some(chosen) = found.best else {
+            tell("warning: all of the best paths diverge where they are to be proved");
+            return Ok(found.rows);
+        };
+        match pressable(&paths[chosen.index], (scene, config), &folder.proof, json)? {
+            Some(fewer) => paths[chosen.index] = fewer,
+            None => break (found, chosen),
+        }
     };
     // A damaged one is replaced.
     let old = folder.read_proof().ok().flatten().filter(|old| {
@@ -53,9 +63,9 @@ pub(super) fn proved(
             proof: found.rows.clone(),
         })?,
     };
-    let played = play(&proved, case, &folder.proof, json)?.recording;
+    let played = play(&proved.path.vertices, case, &folder.proof, json)?.recording;
     let frame = Frame::tool(&scene.config.tool.pose);
-    write_json(&folder.trajectory, &path(&played)?, &frame)?;
+    write_json(&folder.trajectory, &result::path(&played)?, &frame)?;
     let old = Recording::read(&folder.recording).ok();
     let is_proof = |recording: &Recording| {
         proved.physics == Physics::Twin
@@ -65,6 +75,24 @@ pub(super) fn proved(
     let recording = found.recording.or(old).filter(is_proof).unwrap_or(played);
     write_recording(&recording, scene, &folder.pictures, "proved path")?;
     Ok(found.rows)
+}
+
+/// What the robot of a run can press of a path, where that is not all of it: searches ask a grid, which errs by half its spacing,
+/// but no point that is proved is one that the program leaves out.
+fn pressable(
+    path: &[u32],
+    (scene, config): (&Arc<Scene>, &RunConfig),
+    place: &Path,
+    json: bool,
+) -> Result<Option<Vec<u32>>, Failure> {
+    let Some(cell) = &config.cell else {
+        return Ok(None);
+    };
+    let played = play(path, case(scene, config), place, json)?.recording;
+    let failed = unpressable(cell, scene, &result::path(&played)?).context("cell")?;
+    let pressed = played.vertices().into_iter().enumerate();
+    let left = pressed.filter(|(index, _)| !failed.contains(index));
+    Ok((!failed.is_empty()).then(|| left.map(|(_, vertex)| vertex).collect()))
 }
 
 /// What a proof of `paths` against some random orders says, see [`prove`]; nothing is kept. Errors name the
@@ -123,17 +151,17 @@ pub(super) fn case<'a>(scene: &'a Arc<Scene>, config: &'a RunConfig) -> Case<'a>
     }
 }
 
-/// Plays a proved path as a robot presses it, in the fast solver and the world of the scene, whether or not
+/// Plays a path as a robot presses it, in the fast solver and the world of the scene, whether or not
 /// the twin has proved it too.
 pub(super) fn play(
-    proved: &Proved,
+    path: &[u32],
     case: Case,
     place: &Path,
     json: bool,
 ) -> Result<PlayedEpisode, Failure> {
     let mut draping = Draping::new(case.scene.clone(), &case.scatter.finest(case.env), 1)?;
     let told = episode_progress(&draping, json);
-    let played = replay(&mut draping, &proved.path.vertices, Rules::Robot, told);
+    let played = replay(&mut draping, path, Rules::Robot, told);
     played.map_err(|error| rollout_failure(error, place))
 }
 

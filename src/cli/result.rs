@@ -103,7 +103,7 @@ pub(super) fn baseline(training: &Training, json: bool) -> Result<EpisodeStatist
 
 /// The draping points of an episode.
 pub(super) fn path(of: &Recording) -> Result<Vec<DrapingPoint>, Failure> {
-    Ok(strokes(&of.presses, of.env.join_distance())?)
+    Ok(strokes(&of.presses, of.env.rolling())?)
 }
 
 /// Scores over environment steps, with the random policy as a band.

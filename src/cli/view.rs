@@ -538,9 +538,9 @@ impl Host for Desk {
         plan: bool,
     ) -> RobotJob {
         let (cell, scene) = (self.cell.clone(), draping.scene().clone());
-        let (points, join_distance) = (points.to_vec(), draping.config().join_distance());
+        let (points, rolling) = (points.to_vec(), draping.config().rolling());
         Box::new(move || {
-            let found = robot(cell, &scene, (&points, join_distance), place, plan);
+            let found = robot(cell, &scene, (&points, rolling), place, plan);
             found.map_err(|error| error.to_string())
         })
     }

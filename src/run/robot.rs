@@ -10,8 +10,8 @@ use anyhow::{Context, Result, anyhow, ensure};
 use drape_cloth::file::read_text;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::Scene;
-use drape_robot::{Arm, Cell, CellConfig, Surface, contact};
-use drape_task::path::{Feasibility, PressedPoint, stroke_points};
+use drape_robot::{Arm, Cell, CellConfig, PathPoint, Surface, contact};
+use drape_task::path::{DrapingPoint, Feasibility, Frame, PressedPoint, Rolling, stroke_points};
 
 /// The cell that `config` describes, round the tool of a scene.
 ///
@@ -47,6 +47,31 @@ pub fn cell(config: &CellConfig, scene: &Scene) -> Result<Cell> {
         ));
     }
     Ok(cell)
+}
+
+/// The points of a path as robots take them.
+pub fn path_points(points: &[DrapingPoint], scene: &Scene) -> Vec<PathPoint> {
+    let frame = Frame::tool(&scene.config.tool.pose);
+    let of = |point: &DrapingPoint| PathPoint {
+        position: frame.point(&point.position),
+        normal: frame.direction(&point.normal),
+        travel: point.travel.map(|travel| frame.direction(&travel)),
+        stroke: point.stroke,
+    };
+    points.iter().map(of).collect()
+}
+
+/// Points of a path that the robot of `config` does not press as it comes to them.
+///
+/// # Errors
+/// If there is no such robot, or it has no pose to wait in.
+pub fn unpressable(
+    config: &CellConfig,
+    scene: &Scene,
+    points: &[DrapingPoint],
+) -> Result<Vec<usize>> {
+    let plan = cell(config, scene)?.plan(&path_points(points, scene), |_| ())?;
+    Ok(plan.failed.iter().map(|point| point.index).collect())
 }
 
 /// What a robot can press, looked up in a grid over the tool whose places are filled in as they are asked for.
@@ -115,9 +140,9 @@ impl Feasibility for ReachMap {
     }
 
     /// A point that no pose reaches counts, and each that a stroke has to be lifted at.
-    fn infeasible(&self, path: &[PressedPoint], join_distance: f64) -> usize {
+    fn infeasible(&self, path: &[PressedPoint], rolling: Rolling) -> usize {
         let mut count = 0;
-        for stroke in stroke_points(path, join_distance) {
+        for stroke in stroke_points(path, rolling) {
             if let [single] = stroke {
                 count += usize::from(!self.any(single));
                 continue;

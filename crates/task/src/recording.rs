@@ -115,7 +115,7 @@ impl Recording {
     /// The vertices of each stroke until a frame.
     pub fn strokes(&self, frame: usize) -> impl Iterator<Item = impl Iterator<Item = u32>> {
         let points = &self.presses[..frame.min(self.presses.len())];
-        let strokes = stroke_points(points, self.env.join_distance());
+        let strokes = stroke_points(points, self.env.rolling());
         strokes.map(|stroke| stroke.iter().map(|point| point.vertex))
     }
 

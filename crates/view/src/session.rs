@@ -548,7 +548,7 @@ impl<H: Host> Session<H> {
             }
         };
         let points = self.draping.points(0);
-        let strokes = stroke_points(&points, task.config.join_distance());
+        let strokes = stroke_points(&points, task.config.rolling());
         let strokes = strokes.map(|stroke| stroke.iter().map(|point| point.vertex).collect());
         let idle = !falls && self.waiting.is_empty() && self.pull.is_none();
         let advice = self.host.advise(&self.draping);

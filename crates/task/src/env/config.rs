@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use super::costs::Costs;
 use super::objective::Objective;
-use crate::path::Robot;
+use crate::path::{Robot, Rolling};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
@@ -36,6 +36,8 @@ pub struct EnvConfig {
     pub press_speed: f64,
     /// Time to settle after the press [s].
     pub settle_s: f64,
+    /// Where the way turns by more, a stroke ends [degrees], see [`Rolling`]; 90 is no bound.
+    pub roller_turn_deg: f64,
     /// How finely episodes are stepped, unless the two rates below say otherwise.
     pub accuracy: Accuracy,
     /// Substeps [1/s].
@@ -78,6 +80,7 @@ impl Default for EnvConfig {
             press_mpa: 1.0,
             press_speed: 4.0,
             settle_s: 0.0,
+            roller_turn_deg: 90.0,
             accuracy: Accuracy::default(),
             substep_rate: None,
             contact_rate: None,
@@ -174,9 +177,12 @@ impl EnvConfig {
         }
     }
 
-    /// Presses nearer to each other than this are of one stroke [m], see [`crate::path::strokes`].
-    pub fn join_distance(&self) -> f64 {
-        1e-3 * self.stencil_mm
+    /// Presses nearer to each other than the stencil is wide are of one stroke, unless the roller would have to turn too far.
+    pub fn rolling(&self) -> Rolling {
+        Rolling {
+            join_distance: 1e-3 * self.stencil_mm,
+            turn: self.roller_turn_deg.to_radians(),
+        }
     }
 
     /// Checks every value and finds the region on the blank; the error names key, found and
@@ -193,6 +199,7 @@ impl EnvConfig {
             ("drape_strain", self.drape_strain, [1e-9, 1e5]),
             ("press_mpa", self.press_mpa, [1e-6, 1e3]),
             ("press_speed", self.press_speed, [1e-3, 100.0]),
+            ("roller_turn_deg", self.roller_turn_deg, [0.0, 90.0]),
             ("max_tension", self.max_tension, [1e-3, 1e5]),
             ("max_depth_mm", self.max_depth_mm, [1e-3, 1e5]),
         ] {

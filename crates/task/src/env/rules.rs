@@ -162,7 +162,7 @@ impl Task {
 
     /// What a path asks of a robot.
     pub fn figures(&self, points: &[PressedPoint]) -> PathFigures {
-        PathFigures::new(points, self.config.join_distance())
+        PathFigures::new(points, self.config.rolling())
     }
 
     /// How well presses that have ended in `state` were done: see [`score`].
@@ -184,9 +184,7 @@ impl Task {
     /// Points of a path that the robot cannot press; none where there is no robot.
     pub fn infeasible(&self, points: &[PressedPoint]) -> usize {
         let robot = self.config.robot.0.as_ref();
-        robot.map_or(0, |robot| {
-            robot.infeasible(points, self.config.join_distance())
-        })
+        robot.map_or(0, |robot| robot.infeasible(points, self.config.rolling()))
     }
 
     /// What is measured of a state.

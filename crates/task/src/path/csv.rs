@@ -63,7 +63,7 @@ fn decimal(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::path::{PressedPoint, strokes};
+    use crate::path::{PressedPoint, Rolling, strokes};
     use drape_cloth::math::Vec3;
     use drape_cloth::tool::Pose;
 
@@ -88,7 +88,7 @@ mod tests {
             pressed(6, [0.004, 0.003, 0.02], [0.0, 0.0, 1.0]),
             pressed(90, [-0.1234567894, -1e-12, 0.5], [0.0, -1.0, 0.0]),
         ];
-        let text = text(&strokes(&points, 0.01).unwrap());
+        let text = text(&strokes(&points, Rolling::joining(0.01)).unwrap());
         let (comments, rows): (Vec<_>, Vec<_>) =
             text.lines().partition(|line| line.starts_with('#'));
         assert!(comments[1].contains("[mm]"));
@@ -114,7 +114,7 @@ mod tests {
                 pressed(i as u32, [0.3 * cos, 0.3 * sin, 0.01], [cos, sin, 0.5])
             })
             .collect();
-        let points = strokes(&points, 0.1).unwrap();
+        let points = strokes(&points, Rolling::joining(0.1)).unwrap();
         let text = text(&points);
         let rows = text.lines().filter(|line| !line.starts_with('#')).skip(1);
         let mut count = 0;

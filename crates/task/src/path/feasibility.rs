@@ -1,16 +1,15 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::PressedPoint;
+use super::{PressedPoint, Rolling};
 
 /// What a robot can press.
 pub trait Feasibility: Send + Sync {
     /// Whether it can press a point of the tool at all, in the scene.
     fn allows(&self, point: &PressedPoint) -> bool;
 
-    /// How many points of a path it cannot press as they are joined to strokes, each nearer than `join_distance` [m] to
-    /// the last.
-    fn infeasible(&self, path: &[PressedPoint], join_distance: f64) -> usize;
+    /// How many points of a path it cannot press as they are joined to strokes.
+    fn infeasible(&self, path: &[PressedPoint], rolling: Rolling) -> usize;
 }
 
 /// Who presses: a robot that cannot do everything, or nobody in particular.

@@ -1,6 +1,6 @@
 use serde::Serialize;
 
-use super::strokes::{PressedPoint, stroke_points};
+use super::strokes::{PressedPoint, Rolling, stroke_points};
 use drape_cloth::math::mean_and_deviation;
 
 /// Change of direction from which on a stroke turns [degrees]: less comes from the tool's curvature
@@ -25,13 +25,13 @@ pub struct PathFigures {
 
 impl PathFigures {
     /// Of points that are joined to strokes as [`super::strokes`] joins them.
-    pub fn new(points: &[PressedPoint], join_distance: f64) -> Self {
+    pub fn new(points: &[PressedPoint], rolling: Rolling) -> Self {
         let mut figures = Self {
             presses: points.len() as f64,
             ..Self::default()
         };
         let mut last: Option<PressedPoint> = None;
-        for stroke in stroke_points(points, join_distance) {
+        for stroke in stroke_points(points, rolling) {
             figures.strokes += 1.0;
             if let Some(last) = last {
                 figures.jump_m += (stroke[0].position - last.position).norm();
@@ -102,7 +102,7 @@ mod tests {
             normal: [0.0, 0.0, 1.0].into(),
         };
         let points = places.map(point);
-        let found = PathFigures::new(&points, 1.5);
+        let found = PathFigures::new(&points, Rolling::joining(1.5));
         let expected = PathFigures {
             strokes: 3.0,
             presses: 8.0,
@@ -114,6 +114,9 @@ mod tests {
         assert_eq!(found, expected);
         let both = PathFigures::mean(&[found, PathFigures::default()]);
         assert_eq!((both.strokes, both.jump_m), (1.5, 5.0));
-        assert_eq!(PathFigures::new(&[], 1.0), PathFigures::default());
+        assert_eq!(
+            PathFigures::new(&[], Rolling::joining(1.0)),
+            PathFigures::default()
+        );
     }
 }

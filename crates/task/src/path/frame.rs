@@ -121,7 +121,7 @@ mod tests {
 
     use super::*;
     use crate::path::inp::{Dialect, DrapingDeck, FabricCard};
-    use crate::path::{PressedPoint, strokes, write_csv, write_json};
+    use crate::path::{PressedPoint, Rolling, strokes, write_csv, write_json};
     use drape_cloth::mesh::TriMesh;
 
     /// A quarter turn about z, and a move.
@@ -145,7 +145,7 @@ mod tests {
             position: position.into(),
             normal: Vec3::new(0.6, 0.0, 0.8),
         };
-        strokes(&PLACES.map(point), 0.01).unwrap()
+        strokes(&PLACES.map(point), Rolling::joining(0.01)).unwrap()
     }
 
     /// Places [m], matrix [m] and quaternion of what a format says of these points.

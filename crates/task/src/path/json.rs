@@ -103,7 +103,7 @@ mod tests {
     use std::fs;
 
     use super::*;
-    use crate::path::{PressedPoint, strokes};
+    use crate::path::{PressedPoint, Rolling, strokes};
     use drape_cloth::tool::Pose;
     use serde_json::json;
 
@@ -119,7 +119,7 @@ mod tests {
             point(6, [0.5, 0.0, 0.25], [0.0, 0.0, 1.0]),
             point(9, [8.0, 0.0, 0.25], [0.0, -1.0, 0.0]),
         ];
-        strokes(&points, 1.0).unwrap()
+        strokes(&points, Rolling::joining(1.0)).unwrap()
     }
 
     /// The sample's file with the string `from` replaced by `to`, read back.

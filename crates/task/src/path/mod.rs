@@ -24,4 +24,6 @@ pub use feasibility::{Feasibility, Robot};
 pub use figures::PathFigures;
 pub use frame::Frame;
 pub use json::{read_json, write_json};
-pub use strokes::{DrapingPoint, PressKind, PressedPoint, UnusablePoint, stroke_points, strokes};
+pub use strokes::{
+    DrapingPoint, PressKind, PressedPoint, Rolling, UnusablePoint, stroke_points, strokes,
+};

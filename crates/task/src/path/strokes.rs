@@ -1,3 +1,5 @@
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use serde::{Deserialize, Serialize};
 
 use drape_cloth::math::Vec3;
@@ -60,17 +62,43 @@ pub struct UnusablePoint {
     fault: &'static str,
 }
 
+/// What a roller may do within a stroke: the same for costs, searches, files and robots.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rolling {
+    /// From this distance between two points on the robot jumps [m].
+    pub join_distance: f64,
+    /// Where its way turns by more, the roller is lifted [rad]. It rolls backwards as well as forwards, so that it never turns
+    /// by more than a right angle, and that is no bound.
+    pub turn: f64,
+}
+
+impl Rolling {
+    /// Joins points nearer than a distance [m], wherever the way turns.
+    pub fn joining(join_distance: f64) -> Self {
+        let turn = FRAC_PI_2;
+        Self {
+            join_distance,
+            turn,
+        }
+    }
+
+    /// By how much the roller turns on the spot from one way to the next [rad].
+    pub fn turn_between(way: &Vec3, next: &Vec3) -> f64 {
+        let angle = way.angle(next);
+        angle.min(PI - angle)
+    }
+}
+
 /// Groups points into strokes and presses and finds the directions of travel.
 ///
-/// Consecutive points nearer than `join_distance` [m] are of one stroke; from that distance
-/// on the robot jumps. A stroke whose points all coincide, as a single one does, is a press.
+/// A stroke whose points all coincide, as a single one does, is a press.
 pub fn strokes(
     points: &[PressedPoint],
-    join_distance: f64,
+    rolling: Rolling,
 ) -> Result<Vec<DrapingPoint>, UnusablePoint> {
     let normals = unit_normals(points)?;
     let mut path = Vec::with_capacity(points.len());
-    for (stroke, members) in stroke_points(points, join_distance).enumerate() {
+    for (stroke, members) in stroke_points(points, rolling).enumerate() {
         let first = path.len();
         let normals = &normals[first..first + members.len()];
         let travels: Vec<_> = (0..members.len())
@@ -99,9 +127,21 @@ pub fn strokes(
 /// The points of each stroke or press, as [`strokes`] groups them.
 pub fn stroke_points(
     points: &[PressedPoint],
-    join_distance: f64,
+    rolling: Rolling,
 ) -> impl Iterator<Item = &[PressedPoint]> {
-    points.chunk_by(move |a, b| (b.position - a.position).norm() < join_distance)
+    let mut last: Option<Vec3> = None;
+    points.chunk_by(move |a, b| {
+        let way = b.position - a.position;
+        let turn = last.map_or(0.0, |last| Rolling::turn_between(&last, &way));
+        // A right angle of rounded coordinates is none beyond it.
+        let rolls = way.norm() < rolling.join_distance && turn <= rolling.turn + 1e-6;
+        if !rolls {
+            last = None;
+        } else if way.norm() > 0.0 {
+            last = Some(way);
+        }
+        rolls
+    })
 }
 
 /// The normals at unit length, after checking that every point is usable.
@@ -155,7 +195,7 @@ mod tests {
 
     fn path(positions: &[[f64; 3]], join_distance: f64) -> Vec<DrapingPoint> {
         let points: Vec<_> = positions.iter().map(|&p| point(7, p, UP)).collect();
-        strokes(&points, join_distance).unwrap()
+        strokes(&points, Rolling::joining(join_distance)).unwrap()
     }
 
     fn travels(path: &[DrapingPoint]) -> Vec<Option<[f64; 3]>> {
@@ -164,12 +204,16 @@ mod tests {
 
     #[test]
     fn no_points_make_no_path() {
-        assert_eq!(strokes(&[], 0.01), Ok(vec![]));
+        assert_eq!(strokes(&[], Rolling::joining(0.01)), Ok(vec![]));
     }
 
     #[test]
     fn one_point_is_a_press() {
-        let path = strokes(&[point(3, [1.0, 2.0, 3.0], [0.0, -4.0, 0.0])], 0.01).unwrap();
+        let path = strokes(
+            &[point(3, [1.0, 2.0, 3.0], [0.0, -4.0, 0.0])],
+            Rolling::joining(0.01),
+        )
+        .unwrap();
         assert_eq!(
             path,
             [DrapingPoint {
@@ -222,6 +266,34 @@ mod tests {
         assert_eq!(path(&positions, 0.2501)[1].stroke, 0);
     }
 
+    /// East, north-east, south-west (straight back), south: the roller turns by 45 degrees, not at all, and by 45.
+    #[test]
+    fn strokes_end_where_the_roller_would_turn_too_far() {
+        let places = [
+            [0.00, 0.00, 0.0],
+            [0.01, 0.00, 0.0],
+            [0.02, 0.01, 0.0],
+            [0.01, 0.00, 0.0],
+            [0.01, 0.00, 0.0],
+            [0.01, -0.01, 0.0],
+            [0.02, -0.01, 0.0],
+        ];
+        let points = places.map(|place| point(7, place, UP));
+        let lengths = |turn_deg: f64| {
+            let rolling = Rolling {
+                turn: turn_deg.to_radians(),
+                ..Rolling::joining(0.1)
+            };
+            let strokes = stroke_points(&points, rolling);
+            strokes.map(<[PressedPoint]>::len).collect::<Vec<_>>()
+        };
+        assert_eq!(lengths(90.0), [7]);
+        assert_eq!(lengths(45.0), [6, 1]);
+        assert_eq!(lengths(44.0), [2, 4, 1]);
+        // Presses at the same place turn nothing.
+        assert_eq!(lengths(0.0), [2, 2, 1, 1, 1]);
+    }
+
     /// Down a slope of 3 in 4: the way across is (0.04, 0, 0.03), the tangent at the first
     /// point is level, at the second it follows the slope.
     #[test]
@@ -230,7 +302,7 @@ mod tests {
             point(0, [0.0; 3], UP),
             point(1, [0.04, 0.0, -0.03], [0.6, 0.0, 0.8]),
         ];
-        let path = strokes(&points, 0.1).unwrap();
+        let path = strokes(&points, Rolling::joining(0.1)).unwrap();
         let expected = [Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.8, 0.0, -0.6)];
         for (point, expected) in path.iter().zip(expected) {
             let travel = point.travel.unwrap();
@@ -267,7 +339,11 @@ mod tests {
     #[test]
     fn extreme_normals_keep_their_direction() {
         for length in [1e-300, 1e300] {
-            let path = strokes(&[point(0, [0.0; 3], [0.0, length, 0.0])], 0.1).unwrap();
+            let path = strokes(
+                &[point(0, [0.0; 3], [0.0, length, 0.0])],
+                Rolling::joining(0.1),
+            )
+            .unwrap();
             assert_eq!(path[0].normal, Vec3::new(0.0, 1.0, 0.0));
         }
     }
@@ -276,13 +352,15 @@ mod tests {
     fn unusable_points_are_named() {
         let sound = point(4, [0.0; 3], UP);
         for normal in [[0.0; 3], [f64::NAN, 0.0, 1.0], [f64::INFINITY, 0.0, 0.0]] {
-            let error = strokes(&[sound, point(9, [0.0; 3], normal)], 0.1).unwrap_err();
+            let error =
+                strokes(&[sound, point(9, [0.0; 3], normal)], Rolling::joining(0.1)).unwrap_err();
             assert_eq!(
                 error.to_string(),
                 format!("point 1 (vertex 9): normal {normal:?} has no direction")
             );
         }
-        let error = strokes(&[point(9, [0.0, f64::NAN, 0.0], UP)], 0.1).unwrap_err();
+        let error =
+            strokes(&[point(9, [0.0, f64::NAN, 0.0], UP)], Rolling::joining(0.1)).unwrap_err();
         assert_eq!(
             error.to_string(),
             "point 0 (vertex 9): position [0.0, NaN, 0.0] m is not finite"

@@ -33,7 +33,7 @@ impl Board {
             beside: vec![Vec::new(); lamina.vertex_count()],
             near: vec![Vec::new(); lamina.vertex_count()],
             rest: lamina.rest.clone(),
-            join: task.config.join_distance(),
+            join: task.config.rolling().join_distance,
             vertices,
         };
         for &v in &board.vertices {

@@ -1,5 +1,5 @@
 use drape_task::env::Costs;
-use drape_task::path::{Feasibility, PathFigures, PressedPoint, Robot};
+use drape_task::path::{Feasibility, PathFigures, PressedPoint, Robot, Rolling};
 
 use super::*;
 
@@ -27,7 +27,7 @@ fn costs_are_taken_off_what_a_path_is_worth() {
     play(&mut env, &mut player, 9);
     let (end, task) = (env.episode(0), other.task(0));
     let points = task.points(end.presses());
-    let path = PathFigures::new(&points, costly.join_distance());
+    let path = PathFigures::new(&points, costly.rolling());
     let undraped = task.undraped_inner(end.cloth()) as f64;
     let counts = [
         path.strokes,
@@ -60,8 +60,8 @@ impl Feasibility for OneSided {
         point.position.x < -0.08
     }
 
-    fn infeasible(&self, path: &[PressedPoint], join_distance: f64) -> usize {
-        assert!(join_distance > 0.0);
+    fn infeasible(&self, path: &[PressedPoint], rolling: Rolling) -> usize {
+        assert!(rolling.join_distance > 0.0);
         path.len() - 1
     }
 }
@@ -110,7 +110,7 @@ fn a_robot_masks_and_costs() {
         fn allows(&self, _: &PressedPoint) -> bool {
             false
         }
-        fn infeasible(&self, path: &[PressedPoint], _: f64) -> usize {
+        fn infeasible(&self, path: &[PressedPoint], _: Rolling) -> usize {
             path.len()
         }
     }
