@@ -39,9 +39,8 @@ pub type View = fn((Vec3, Vec3)) -> Camera;
 /// lamina as it lies at the start, so that pictures of later states can be compared.
 pub struct Studio<'a> {
     scene: &'a Scene,
-    /// The tool with sharp edges.
-    tool: TriMesh,
-    camera: Camera,
+    /// The tool with sharp edges, drawn once for all pictures.
+    backdrop: Drawing,
     width: usize,
     height: usize,
 }
@@ -51,10 +50,12 @@ impl<'a> Studio<'a> {
     pub fn new(scene: &'a Scene, view: View, [width, height]: [usize; 2]) -> Self {
         let (low, high) = scene.lamina.mesh(&scene.initial.position).bounds();
         let margin = Vec3::new(1.0, 1.0, 0.0) * (MARGIN * (high - low).max());
+        let camera = view((low - margin, high + margin));
+        let mut backdrop = Drawing::new(&camera, [width, height - strip(height)]);
+        backdrop.mesh(&creased(&scene.tool.mesh), |_| TOOL, 0.0);
         Self {
             scene,
-            tool: creased(&scene.tool.mesh),
-            camera: view((low - margin, high + margin)),
+            backdrop,
             width,
             height,
         }
@@ -128,9 +129,7 @@ impl<'a> Studio<'a> {
         text: &str,
     ) -> Image {
         let lamina: TriMesh = self.scene.lamina.mesh(position);
-        let size = [self.width, self.height - self.strip()];
-        let mut picture = Drawing::new(&self.camera, size);
-        picture.mesh(&self.tool, |_| TOOL, 0.0);
+        let mut picture = self.backdrop.clone();
         picture.mesh(&lamina, |v| colors[v], CLOTH_BIAS);
         picture.path(path, PATH);
         let mut image = picture.image();
@@ -138,13 +137,13 @@ impl<'a> Studio<'a> {
         image.pixels.resize(count, BACKGROUND);
         image.height = self.height;
         let (left, top) = self.text_corner();
-        image.label([left, top], text, self.text_size(), TEXT_COLOR);
+        image.label([left, top], text, text_size(self.height), TEXT_COLOR);
         image
     }
 
     /// Draws the scale of colours from 0 to `end` at the right end of the strip.
     fn color_key(&self, image: &mut Image, end: &str) {
-        let size = self.text_size();
+        let size = text_size(self.height);
         let (_, top) = self.text_corner();
         let em = |count: f32| (count * size) as i32;
         let right = self.width as i32 - em(0.8);
@@ -156,21 +155,21 @@ impl<'a> Studio<'a> {
         image.gradient([bar_left, top], size, ColorMap::Distance);
     }
 
-    fn text_size(&self) -> f32 {
-        ((TEXT * self.height as f64) as f32).max(MIN_TEXT)
-    }
-
-    /// Height of the strip that holds the caption [px].
-    fn strip(&self) -> usize {
-        ((STRIP * self.text_size()) as usize).min(self.height / 2)
-    }
-
     /// Where the caption begins [px].
     fn text_corner(&self) -> (i32, i32) {
-        let size = self.text_size();
-        let top = (self.height - self.strip()) as f32 + 0.5 * (STRIP - 0.73) * size;
+        let size = text_size(self.height);
+        let top = (self.height - strip(self.height)) as f32 + 0.5 * (STRIP - 0.73) * size;
         ((0.8 * size) as i32, top as i32)
     }
+}
+
+fn text_size(height: usize) -> f32 {
+    ((TEXT * height as f64) as f32).max(MIN_TEXT)
+}
+
+/// Height of the strip that holds the caption [px].
+fn strip(height: usize) -> usize {
+    ((STRIP * text_size(height)) as usize).min(height / 2)
 }
 
 /// What each quantity costs by itself: a bar as long as what is lost in the worst world, up to where it is lost on

@@ -57,6 +57,7 @@ impl Camera {
 }
 
 /// A camera in front of a grid of samples.
+#[derive(Clone)]
 pub(super) struct Projection {
     camera: Camera,
     /// Samples per metre.

@@ -26,6 +26,7 @@ const JUMP: f64 = 0.5;
 
 /// What a camera sees, in 2 x 2 samples per pixel with sample centres at half numbers. What is
 /// in front is decided by depth; at equal depth what was drawn first stays.
+#[derive(Clone)]
 pub struct Drawing {
     view: Projection,
     samples: Image,
