@@ -183,10 +183,10 @@ fn moves_find_orders_that_hold() {
         chains: 4,
         ..Moves::default()
     };
-    let search = |seed| {
+    let search = |seed, budget| {
         let mut judge = Judge::new(&COARSE, &worlds, &worlds.scatter.rated(&config)).unwrap();
         let mut rounds = 0;
-        let found = moves(&mut judge, &lists, method, 25_000, seed, |at| {
+        let found = moves(&mut judge, &lists, method, budget, seed, |at| {
             rounds = at.rounds;
             true
         });
@@ -202,7 +202,7 @@ fn moves_find_orders_that_hold() {
     let best = before.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let mut mean = 0.0;
     for seed in 1..4 {
-        let found = search(seed);
+        let found = search(seed, 15_000);
         let (order, judged) = &found.orders[0];
         let after = worth(order);
         mean += after / 3.0;
@@ -210,7 +210,7 @@ fn moves_find_orders_that_hold() {
         let is_better = |&&other: &&f64| after > other + 0.1;
         assert_eq!(before.iter().filter(is_better).count(), 3, "{after}");
         assert!((after - judged).abs() < 0.05, "{judged} {after}");
-        assert!(seed > 1 || search(seed).orders == found.orders);
     }
+    assert!(search(1, 3_000).orders == search(1, 3_000).orders);
     assert!(mean > best, "{mean} {before:?}");
 }
