@@ -318,7 +318,13 @@ fn proved_elsewhere(
         env,
         ..proof::case(scene, &loaded.config)
     };
-    let found = proof::found(case, &paths, (count, false), None, loaded.json)?;
+    let found = proof::found(
+        case,
+        &paths,
+        (count, false),
+        (None, |_: &mut _| Ok(())),
+        loaded.json,
+    )?;
     Ok(found.rows)
 }
 

@@ -41,7 +41,7 @@ pub struct ExportArgs {
     #[arg(long, value_enum, default_value_t = Axes::Tool)]
     frame: Axes,
 
-    /// Robot, roller and table of a program; those that `drape robot` has used if not given
+    /// Robot, roller and table of a program; those of the run if not given, else those that `drape robot` has used
     #[arg(long, value_name = "FILE")]
     cell: Option<PathBuf>,
 

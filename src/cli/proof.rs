@@ -3,18 +3,16 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::Context as _;
-
 use super::Failure;
-use super::failure::study_failure;
+use super::failure::{OrInvalid, study_failure};
 use super::output::Progress;
 use super::result::{self, episode_progress, rollout_failure, write_recording};
 use super::terminal::tell;
 use crate::run::{
-    BestSequence, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, replay, unpressable,
+    self, BestSequence, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, path_points, replay,
 };
 use drape_cloth::scene::Scene;
-use drape_study::proof::{Case, Physics, Proof, Row, Sensitivity, prove};
+use drape_study::proof::{Case, Physics, Proof, Row, Sensitivity, choose, prove};
 use drape_study::study::Context;
 use drape_task::env::Draping;
 use drape_task::path::{Frame, write_json};
@@ -31,31 +29,26 @@ pub(super) fn proved(
     json: bool,
 ) -> Result<Vec<Row>, Failure> {
     best.others.truncate(2 * config.proof_paths - 1);
-    let mut paths: Vec<Vec<u32>> = best.all().cloned().collect();
+    let paths: Vec<Vec<u32>> = best.all().cloned().collect();
     let (case, place) = (case(scene, config), folder.config.display().to_string());
-    let (found, chosen) = loop {
-        let found = found(case, &paths, (count, twin), Some(place.clone()), json)?;
-        let Some(chosen) = found.best else {
-            tell("warning: all of the best paths diverge where they are to be proved");
-            return Ok(found.rows);
-        };
-        match pressable(&paths[chosen.index], (scene, config), &folder.proof, json)? {
-            Some(fewer) => paths[chosen.index] = fewer,
-            None => break (found, chosen),
-        }
+    let prune = |path: &mut Vec<u32>| pressable(path, (scene, config), &folder.config, json);
+    let found = found(case, &paths, (count, twin), (Some(place), prune), json)?;
+    let Some(chosen) = found.best else {
+        tell("warning: all of the best paths diverge where they are to be proved");
+        return Ok(found.rows);
     };
     // A damaged one is replaced.
     let old = folder.read_proof().ok().flatten().filter(|old| {
         (old.physics, chosen.physics) == (Physics::Twin, Physics::Solver)
             && old.path.config_digest == best.config_digest
-            && paths.contains(&old.path.vertices)
+            && (paths.contains(&old.path.vertices) || chosen.path == old.path.vertices)
     });
     let proved = match old {
         Some(old) => old,
         None => folder.write_proof(Proved {
             physics: chosen.physics,
             path: BestSequence {
-                vertices: paths[chosen.index].clone(),
+                vertices: chosen.path,
                 score: chosen.score,
                 others: Vec::new(),
                 ..best
@@ -77,31 +70,51 @@ pub(super) fn proved(
     Ok(found.rows)
 }
 
-/// What the robot of a run can press of a path, where that is not all of it: searches ask a grid, which errs by half its spacing,
-/// but no point that is proved is one that the program leaves out.
+/// Takes out of a path what the robot of a run does not press as it comes to it: searches ask a grid, which errs by half its
+/// spacing, but no point that is proved is one that the program leaves out.
 fn pressable(
-    path: &[u32],
+    path: &mut Vec<u32>,
     (scene, config): (&Arc<Scene>, &RunConfig),
     place: &Path,
     json: bool,
-) -> Result<Option<Vec<u32>>, Failure> {
+) -> Result<(), Failure> {
     let Some(cell) = &config.cell else {
-        return Ok(None);
+        return Ok(());
     };
-    let played = play(path, case(scene, config), place, json)?.recording;
-    let failed = unpressable(cell, scene, &result::path(&played)?).context("cell")?;
-    let pressed = played.vertices().into_iter().enumerate();
-    let left = pressed.filter(|(index, _)| !failed.contains(index));
-    Ok((!failed.is_empty()).then(|| left.map(|(_, vertex)| vertex).collect()))
+    let name = place.display().to_string();
+    let cell = run::cell(cell, scene).or_invalid_in(&name)?;
+    let all = path.len();
+    loop {
+        let played = play(path, case(scene, config), place, json)?.recording;
+        let points = path_points(&result::path(&played)?, scene);
+        let failed = cell.plan(&points, |_| ()).or_invalid_in(&name)?.failed;
+        let pressed = played.vertices().into_iter().enumerate();
+        let left = pressed.filter(|(k, _)| failed.iter().all(|point| point.index != *k));
+        *path = left.map(|(_, vertex)| vertex).collect();
+        // Where points are gone others are joined, and what was pressed may not be.
+        if failed.is_empty() || path.is_empty() {
+            break;
+        }
+    }
+    if path.len() < all {
+        tell(&format!(
+            "the robot leaves out {} of {all} presses of the best path: proved without them",
+            all - path.len()
+        ));
+    }
+    Ok(())
 }
 
-/// What a proof of `paths` against some random orders says, see [`prove`]; nothing is kept. Errors name the
-/// `place` of the scene.
+/// What a proof of `paths` against some random orders says, see [`prove`]; nothing is kept. The best of the paths is
+/// `pruned` before. Errors name the `place` of the scene.
 pub(super) fn found(
     case: Case,
     paths: &[Vec<u32>],
-    orders: (usize, bool),
-    place: Option<String>,
+    (count, twin): (usize, bool),
+    (place, pruned): (
+        Option<String>,
+        impl Fn(&mut Vec<u32>) -> Result<(), Failure>,
+    ),
     json: bool,
 ) -> Result<Proof, Failure> {
     let progress = Progress::new("proof", json);
@@ -109,8 +122,12 @@ pub(super) fn found(
         progress: &|share, doing| progress.tell(share, doing),
         ..Context::quiet()
     };
-    let found = prove(case, paths, orders, &context);
-    found.map_err(|error| study_failure(error, place))
+    let failure = |error| study_failure(error, place.clone());
+    let mut choice = choose(case, paths, (count, twin), &context).map_err(failure)?;
+    if let Some(path) = &mut choice.path {
+        pruned(path)?;
+    }
+    prove(case, &choice, twin, &context).map_err(failure)
 }
 
 /// See [`sensitivity`](drape_study::proof::sensitivity).

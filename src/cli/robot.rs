@@ -134,7 +134,7 @@ impl Report {
         let reached = &self.reached;
         let [x, y, z] = self.base_mm;
         let mut text = format!(
-            "{} of {} points in {} strokes by a {} at ({x:.0}, {y:.0}, {z:.0}) mm, {:.1} s\n\
+            "{} of {} points in {} strokes ({} of the path lifted within) by a {} at ({x:.0}, {y:.0}, {z:.0}) mm, {:.1} s\n\
              by themselves: {} at once, {} with the roller flipped, {} by tilting, {} by turning the table, {} by moving \
              the base, {} not at all\n\
              collisions: {} if every point was gone to at once, {} in the program; least clearance {:.1} mm, least \
@@ -142,6 +142,7 @@ impl Report {
             self.reachable,
             self.points,
             self.strokes,
+            self.lifted,
             self.robot,
             self.program_s,
             reached.at_once,

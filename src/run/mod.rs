@@ -27,7 +27,7 @@ pub use config::{RunConfig, TrainingPreset};
 pub use demonstrations::Demonstrations;
 pub use folder::{BestSequence, Input, Proved, RunError, RunFolder, RunInfo, dated_folder, digest};
 pub use metrics::{curve, read_metrics};
-pub use robot::{ReachMap, cell, path_points, unpressable};
+pub use robot::{ReachMap, cell, path_points};
 pub use rollout::{
     EpisodeSummary, PlayedEpisode, RolloutError, Rules, parallel_episodes, play, random_episodes,
     replay,

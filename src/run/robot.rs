@@ -61,19 +61,6 @@ pub fn path_points(points: &[DrapingPoint], scene: &Scene) -> Vec<PathPoint> {
     points.iter().map(of).collect()
 }
 
-/// Points of a path that the robot of `config` does not press as it comes to them.
-///
-/// # Errors
-/// If there is no such robot, or it has no pose to wait in.
-pub fn unpressable(
-    config: &CellConfig,
-    scene: &Scene,
-    points: &[DrapingPoint],
-) -> Result<Vec<usize>> {
-    let plan = cell(config, scene)?.plan(&path_points(points, scene), |_| ())?;
-    Ok(plan.failed.iter().map(|point| point.index).collect())
-}
-
 /// What a robot can press, looked up in a grid over the tool whose places are filled in as they are asked for.
 pub struct ReachMap {
     cell: Cell,
@@ -95,6 +82,8 @@ impl ReachMap {
             config.base.is_some(),
             "`cell.base` is missing, expected the robot's place: `drape robot` proposes one"
         );
+        // What is proved is planned, which takes a place to wait in: better said before the training.
+        cell.find_home().context("cell")?;
         Ok(Self {
             cell,
             scene: scene.clone(),

@@ -103,6 +103,14 @@ fn wrong_cells_are_one_line() {
         assert_failure(&output, 2, words);
     }
     assert!(!path.join("runs/a/robot").exists());
+    // An arm that can wait nowhere is refused before a training that ends with its plan, not after it.
+    let folder = super::folder();
+    let cell = format!("home_deg = [0, 120, 0, 0, 0, 0]\n{CELL}");
+    fs::write(folder.path().join("cell.toml"), cell).unwrap();
+    let config = format!("cell_file = \"cell.toml\"\n{CONFIG}");
+    let output = refused(folder.path(), &config);
+    assert_failure(&output, 2, &["config.toml", "cell", "`home_deg`"]);
+    assert!(!folder.path().join("runs/a").exists());
 }
 
 /// A robot that reaches part of the region only: what it cannot press is not learned, and the proved path has none of it.

@@ -107,7 +107,10 @@ impl Cell {
     }
 
     /// Where the arm waits: as named, or above the tool.
-    fn find_home(&self) -> Result<Joints, NoHome> {
+    ///
+    /// # Errors
+    /// If there is no such pose, or something is hit in the one that was named.
+    pub fn find_home(&self) -> Result<Joints, NoHome> {
         let stations = 0..self.angles.len();
         let clear = |q: &Joints| stations.clone().all(|station| self.is_clear(q, station));
         if let Some(home) = self.home {

@@ -105,10 +105,10 @@ pub struct Proof {
     pub recording: Option<Recording>,
 }
 
-/// The path that is chosen, by its number among those given, and its score where it was proved last [-].
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The path that is chosen, and its score where it was proved last [-].
+#[derive(Clone, Debug, PartialEq)]
 pub struct Best {
-    pub index: usize,
+    pub path: Vec<u32>,
     pub physics: Physics,
     pub score: f64,
 }
@@ -148,18 +148,26 @@ const SENSITIVITY: usize = 8;
 /// What sets seeds apart: no world that a path was found in is one that it is chosen or proved by.
 const SEEDS: [u64; 3] = [0x63_686f_6f73, 0x70_726f_7665, 0x73_656e_7365];
 
-/// Proves `paths`: the best of them, and of `count` random orders, a quarter as many sweeps and half as many
-/// outwards, found in the task's own steps, in worlds that chose none of them, and with `twin` in the twin's
-/// too. Where nothing scatters there is one world.
+/// What is to be proved: the best of some paths, and of orders that anybody could think of.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// The best path, none if all have diverged. A caller may take presses out of it.
+    pub path: Option<Vec<u32>>,
+    groups: Vec<(&'static str, Vec<Vec<u32>>, usize)>,
+    chosen: Vec<Chosen>,
+}
+
+/// Chooses the best of `paths`, and of `count` random orders, a quarter as many sweeps and half as many
+/// outwards, found in the task's own steps, to be proved in the `twin` too. Where nothing scatters there is one world.
 ///
 /// # Errors
 /// If the scene has what the twin has nothing for, or a fall diverges.
-pub fn prove(
+pub fn choose(
     case: Case,
     paths: &[Vec<u32>],
     (count, twin): (usize, bool),
     context: &Context,
-) -> Result<Proof, StudyError> {
+) -> Result<Choice, StudyError> {
     let Case { scene, env, .. } = case;
     if twin {
         // Refused before the work.
@@ -173,11 +181,30 @@ pub fn prove(
     ] {
         groups.push((name, sequences(scene, env, order, count, case.seed)?, count));
     }
-    let chosen = choose(case, &groups, context)?;
-    let bests: Vec<Option<usize>> = chosen.iter().map(|&(best, _)| best).collect();
-    let listed = groups.iter().zip(&bests);
-    let listed = listed.map(|((_, paths, _), best)| best.map_or(&[][..], |k| &paths[k]));
-    let lists: Vec<&[u32]> = listed.collect();
+    let chosen = best_of(case, &groups, context)?;
+    Ok(Choice {
+        path: chosen[0].0.map(|k| paths[k].clone()),
+        groups,
+        chosen,
+    })
+}
+
+/// Proves what was chosen in worlds that chose none of it, and with `twin` in the twin's too.
+///
+/// # Errors
+/// If the scene has what the twin has nothing for, or a fall diverges.
+pub fn prove(
+    case: Case,
+    choice: &Choice,
+    twin: bool,
+    context: &Context,
+) -> Result<Proof, StudyError> {
+    let Case { scene, env, .. } = case;
+    let Choice { groups, chosen, .. } = choice;
+    let others = groups.iter().zip(chosen).skip(1);
+    let others = others.map(|((_, lists, _), (best, _))| best.map_or(&[][..], |k| &lists[k]));
+    let path = choice.path.as_deref().unwrap_or_default();
+    let lists: Vec<&[u32]> = std::iter::once(path).chain(others).collect();
     let worlds = case.worlds(LIES, SEEDS[1], context)?;
     let row = |physics, k: usize, left: &[Option<Left>]| {
         let scores: Vec<f64> = chosen[k].1.iter().flatten().copied().collect();
@@ -205,8 +232,8 @@ pub fn prove(
             .enumerate()
             .map(|(k, left)| row(Physics::Solver, k, left)),
     );
-    let mut best = bests[0].map(|index| Best {
-        index,
+    let mut best = choice.path.clone().map(|path| Best {
+        path,
         physics: Physics::Solver,
         score: rows[0].best.score,
     });
@@ -297,8 +324,8 @@ impl Case<'_> {
 /// Of each origin the number of the best list, and the scores of all [-]; none where one diverges.
 type Chosen = (Option<usize>, Vec<Option<f64>>);
 
-/// Chooses the best list of each origin.
-fn choose(
+/// The best list of each origin.
+fn best_of(
     case: Case,
     groups: &[(&str, Vec<Vec<u32>>, usize)],
     context: &Context,

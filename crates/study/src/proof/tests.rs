@@ -44,6 +44,11 @@ fn case<'a>(scene: &'a Arc<Scene>, env: &'a EnvConfig, scatter: &'a Scatter) -> 
     }
 }
 
+fn found(case: Case, paths: &[Vec<u32>], count: usize, twin: bool) -> Proof {
+    let choice = choose(case, paths, (count, twin), &Context::quiet()).unwrap();
+    prove(case, &choice, twin, &Context::quiet()).unwrap()
+}
+
 fn row(proof: &Proof, physics: Physics, order: &str) -> Row {
     let mut rows = proof.rows.iter();
     let found = rows.find(|row| row.physics == physics && row.order == order);
@@ -57,26 +62,44 @@ fn paths_are_held_against_orders_in_the_same_world() {
     let (scene, env, none) = (scene(), env(), Scatter::default());
     let case = case(&scene, &env, &none);
     let random = sequences(&scene, &env, Order::Random, 5, 3).unwrap();
-    let found = prove(case, &random, (5, false), &Context::quiet()).unwrap();
+    let found = found(case, &random, 5, false);
     let [path, same] = ["path", "random"].map(|order| row(&found, Physics::Solver, order));
     assert_eq!(path.best, same.best);
     let rows =
         ["path", "random", "sweep", "outwards"].map(|order| row(&found, Physics::Solver, order));
     assert_eq!(rows.each_ref().map(|row| row.count), [5, 5, 2, 3]);
     assert!(rows.iter().all(|row| row.worlds == 1));
-    let Best { index, score, .. } = found.best.unwrap();
+    let Best {
+        path: best, score, ..
+    } = found.best.unwrap();
     let figures = path.best;
     for equal in [figures.score, figures.nominal_score, figures.worst_score] {
         assert_eq!(equal, score);
     }
     assert!(path.mean_score < score && path.deviation_score > 0.0);
     let mut draping = Draping::new(scene.clone(), &none.finest(&env), 1).unwrap();
-    draping.replay(&[&random[index]], |_, _, _| ())[0].unwrap();
+    draping.replay(&[&best], |_, _, _| ())[0].unwrap();
     assert!((draping.task(0).score(&draping.state(0)) - score).abs() < 1e-12);
     // The steps of the task end elsewhere.
     let mut own = Draping::new(scene.clone(), &env, 1).unwrap();
-    own.replay(&[&random[index]], |_, _, _| ())[0].unwrap();
+    own.replay(&[&best], |_, _, _| ())[0].unwrap();
     assert_ne!(own.task(0).score(&own.state(0)), score);
+}
+
+/// A press that is taken out of what was chosen is not proved.
+#[test]
+fn what_is_proved_is_what_is_left_of_the_choice() {
+    let (scene, env, none) = (scene(), env(), Scatter::default());
+    let case = case(&scene, &env, &none);
+    let paths = sequences(&scene, &env, Order::Random, 2, 3).unwrap();
+    let mut choice = choose(case, &paths, (1, false), &Context::quiet()).unwrap();
+    let path = choice.path.as_mut().unwrap();
+    path.truncate(path.len() / 2);
+    let half = path.clone();
+    let found = prove(case, &choice, false, &Context::quiet()).unwrap();
+    assert_eq!(found.best.as_ref().unwrap().path, half);
+    let pressed = row(&found, Physics::Solver, "path").best.path.presses;
+    assert_eq!(pressed, half.len() as f64);
 }
 
 /// What a path costs decides, and is not taken off the score that is told.
@@ -84,28 +107,14 @@ fn paths_are_held_against_orders_in_the_same_world() {
 fn costs_decide_which_path_is_best() {
     let (scene, mut env, none) = (scene(), env(), Scatter::default());
     let paths = sequences(&scene, &env, Order::Random, 5, 3).unwrap();
-    let proved = |env: &EnvConfig| {
-        prove(
-            case(&scene, env, &none),
-            &paths,
-            (1, false),
-            &Context::quiet(),
-        )
-        .unwrap()
-    };
+    let proved = |env: &EnvConfig| found(case(&scene, env, &none), &paths, 1, false);
     let free = proved(&env);
     env.costs.second = 1.0;
     let costly = proved(&env);
     let seconds = |proof: &Proof| row(proof, Physics::Solver, "path").best.robot_s;
     let all = paths.iter().map(|path| {
         let one = [path.clone()];
-        let alone = prove(
-            case(&scene, &env, &none),
-            &one,
-            (1, false),
-            &Context::quiet(),
-        );
-        seconds(&alone.unwrap())
+        seconds(&found(case(&scene, &env, &none), &one, 1, false))
     });
     // A second costs more than any score.
     assert_eq!(seconds(&costly), all.fold(f64::INFINITY, f64::min));
@@ -120,7 +129,7 @@ fn paths_are_proved_in_worlds_that_chose_none() {
     let (scene, env, scatter) = (scene(), env(), scatter());
     let case = case(&scene, &env, &scatter);
     let paths = sequences(&scene, &env, Order::Random, 3, 3).unwrap();
-    let found = prove(case, &paths, (2, true), &Context::quiet()).unwrap();
+    let found = found(case, &paths, 2, true);
     for (physics, worlds) in [(Physics::Solver, PROVING), (Physics::Twin, TWIN)] {
         let path = row(&found, physics, "path");
         assert_eq!((path.count, path.worlds), (3, worlds));
@@ -134,10 +143,10 @@ fn paths_are_proved_in_worlds_that_chose_none() {
     assert_eq!((best.score, best.physics), (twin.score, Physics::Twin));
     // The world of the scene is the one that is recorded.
     let recording = found.recording.unwrap();
-    assert!(recording.by_twin && recording.vertices() == paths[best.index]);
+    assert!(recording.by_twin && recording.vertices() == best.path);
     let last = recording.frames.last().unwrap();
     assert!((last.score - twin.nominal_score).abs() < 1e-12);
-    let alone = sensitivity(case, &paths[best.index], &Context::quiet()).unwrap();
+    let alone = sensitivity(case, &best.path, &Context::quiet()).unwrap();
     assert_eq!(alone.len(), scatter.spreads.len());
     assert!(
         alone

@@ -62,7 +62,7 @@ pub struct UnusablePoint {
     fault: &'static str,
 }
 
-/// What a roller may do within a stroke: the same for costs, searches, files and robots.
+/// What a roller may do within a stroke: the same for costs, files and robots.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rolling {
     /// From this distance between two points on the robot jumps [m].
@@ -82,9 +82,11 @@ impl Rolling {
         }
     }
 
-    /// By how much the roller turns on the spot from one way to the next [rad].
-    pub fn turn_between(way: &Vec3, next: &Vec3) -> f64 {
-        let angle = way.angle(next);
+    /// By how much the roller turns about the normal of the tool from one way to the next [rad]; where the tool bends it only tilts.
+    fn turn_between(way: &Vec3, next: &Vec3, normal: &Vec3) -> f64 {
+        let [way, next] =
+            [way, next].map(|way| way - normal * (way.dot(normal) / normal.norm_squared()));
+        let angle = way.angle(&next);
         angle.min(PI - angle)
     }
 }
@@ -132,7 +134,7 @@ pub fn stroke_points(
     let mut last: Option<Vec3> = None;
     points.chunk_by(move |a, b| {
         let way = b.position - a.position;
-        let turn = last.map_or(0.0, |last| Rolling::turn_between(&last, &way));
+        let turn = last.map_or(0.0, |last| Rolling::turn_between(&last, &way, &a.normal));
         // A right angle of rounded coordinates is none beyond it.
         let rolls = way.norm() < rolling.join_distance && turn <= rolling.turn + 1e-6;
         if !rolls {
@@ -290,8 +292,16 @@ mod tests {
         assert_eq!(lengths(90.0), [7]);
         assert_eq!(lengths(45.0), [6, 1]);
         assert_eq!(lengths(44.0), [2, 4, 1]);
-        // Presses at the same place turn nothing.
+        // Presses at the same place turn nothing,
         assert_eq!(lengths(0.0), [2, 2, 1, 1, 1]);
+        // and straight over a ridge nothing turns.
+        let over = [[0.0, 0.0, 0.0], [0.01, 0.0, 0.01], [0.02, 0.0, 0.0]];
+        let over = over.map(|place| point(7, place, UP));
+        let rolling = Rolling {
+            turn: 0.0,
+            ..Rolling::joining(0.1)
+        };
+        assert_eq!(stroke_points(&over, rolling).count(), 1);
     }
 
     /// Down a slope of 3 in 4: the way across is (0.04, 0, 0.03), the tangent at the first
