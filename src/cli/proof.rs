@@ -83,7 +83,7 @@ fn pressable(
     };
     let name = place.display().to_string();
     let cell = run::cell(cell, scene).or_invalid_in(&name)?;
-    let all = path.len();
+    let mut without = 0;
     loop {
         let played = play(path, case(scene, config), place, json)?.recording;
         let points = path_points(&result::path(&played)?, scene);
@@ -91,15 +91,16 @@ fn pressable(
         let pressed = played.vertices().into_iter().enumerate();
         let left = pressed.filter(|(k, _)| failed.iter().all(|point| point.index != *k));
         *path = left.map(|(_, vertex)| vertex).collect();
+        without += failed.len();
         // Where points are gone others are joined, and what was pressed may not be.
         if failed.is_empty() || path.is_empty() {
             break;
         }
     }
-    if path.len() < all {
-        tell(&format!(
-            "the robot leaves out {} of {all} presses of the best path: proved without them",
-            all - path.len()
+    if without > 0 {
+        let left = path.len();
+        tell(format!(
+            "the robot cannot make {without} presses of the best path as it comes to them: {left} are proved"
         ));
     }
     Ok(())
