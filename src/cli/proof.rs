@@ -100,7 +100,7 @@ fn pressable(
     if without > 0 {
         let left = path.len();
         tell(format!(
-            "the robot cannot make {without} presses of the best path as it comes to them: {left} are proved"
+            "presses of the best path that the robot cannot make as it comes to them: {without}; the {left} others are proved"
         ));
     }
     Ok(())
