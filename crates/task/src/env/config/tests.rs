@@ -71,6 +71,7 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
         ("drape_threshold_mm", |c| c.drape_threshold_mm = f64::NAN),
         ("press_speed", |c| c.press_speed = 0.0),
         ("settle_s", |c| c.settle_s = -1.0),
+        ("roller_turn_deg", |c| c.roller_turn_deg = 91.0),
         ("press_s", |c| c.press_s = 11.0),
         ("press_s", |c| c.press_s = 1e-6),
     ] {
