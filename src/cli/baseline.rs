@@ -183,7 +183,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         let known = Vec::new();
         let moved = search_by_moves(&mut judge, &scene, &config, known, config.steps, |at| {
             progress.searching(at);
-            env_steps = at.map_or(0, |at| at.spent);
+            env_steps = at.spent;
             !stop()
         })?;
         best = Best::judged(moved.orders);

@@ -155,15 +155,12 @@ impl Progress {
         self.bar.set_message(brought);
     }
 
-    /// Shows where a search by moves is; nothing is known before it begins.
-    pub fn searching(&self, at: Option<Searching>) {
-        match at {
-            None => self.step(0, "choosing where to begin".into()),
-            Some(at) => self.step(
-                at.spent,
-                format!("worth of the best {}", percent(Some(at.best))),
-            ),
-        }
+    /// Shows where a search by moves is.
+    pub fn searching(&self, at: Searching) {
+        let best = at
+            .best
+            .map(|best| format!("worth of the best {}", percent(Some(best))));
+        self.step(at.spent, best.unwrap_or("choosing where to begin".into()));
     }
 }
 

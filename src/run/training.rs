@@ -406,12 +406,11 @@ impl Training {
         Ok(report)
     }
 
-    /// Searches for as many steps as the configuration says from the best sequences on, and from orders
-    /// that anybody could think of, in scattered worlds: what is best in one may not hold in another. What
-    /// is found comes before them, with what it comes to there. `go_on` is told where the search is; none while
-    /// it looks for where to begin. No checkpoint is to follow: a run that is resumed polishes again, to the
-    /// same end.
-    pub fn polish(&mut self, go_on: impl FnMut(Option<Searching>) -> bool + Send) -> Result<()> {
+    /// Searches for as many steps as the configuration says from the best sequences on, and from what
+    /// [`search_by_moves`] begins with beside them, in scattered worlds: what is best in one may not hold in another.
+    /// What is found comes before them, with what it comes to there. `go_on` is told where the search is. No
+    /// checkpoint is to follow: a run that is resumed polishes again, to the same end.
+    pub fn polish(&mut self, go_on: impl FnMut(Searching) -> bool + Send) -> Result<()> {
         let config = &self.config;
         let known = self.polished.iter().chain(self.memory.best.lists());
         let known: Vec<Vec<u32>> = known.cloned().collect();
@@ -544,34 +543,55 @@ impl Training {
 /// Lists that a search by moves looks at before it begins.
 const KNOWN: usize = 16;
 
-/// The best of `known` lists and of orders that anybody could think of, each changed by moves for so many presses.
-/// `go_on` is told where the search is, nothing before it begins, and whether to go on is what it says.
+/// One press in so many of a search by moves is one of the cross-entropy method before it. What one policy has learned
+/// is of one kind, which moves may not get out of.
+const DRAWN: u64 = 4;
+
+/// The best of `known` lists, of those that the cross-entropy method finds in the world of the scene and of orders that
+/// anybody could think of, changed by moves; so many presses in all. `go_on` is told where the search is, and whether to
+/// go on is what it says.
 pub fn search_by_moves(
     judge: &mut Judge,
     scene: &Arc<Scene>,
     config: &RunConfig,
     known: Vec<Vec<u32>>,
     presses: u64,
-    mut go_on: impl FnMut(Option<Searching>) -> bool + Send,
+    mut go_on: impl FnMut(Searching) -> bool + Send,
 ) -> Result<Found> {
     let mut starts = known;
     starts.truncate(KNOWN);
+    let mut draping = Draping::new(scene.clone(), &config.env, config.environments)?;
+    let (mut best, mut drawn) = (Best::default(), 0);
+    let mut watch = |spent, ended: &[Episode]| {
+        for episode in ended {
+            best.remember(episode.score, &episode.actions, judge.task());
+        }
+        drawn = spent;
+        go_on(Searching {
+            rounds: 0,
+            spent,
+            best: None,
+        })
+    };
+    let mut arena = Arena::new(&mut draping, presses / DRAWN, &mut watch);
+    let method = CrossEntropy::alike(config.search_alike);
+    cross_entropy(&mut arena, method, config.seed);
+    starts.extend(best.lists().take(KNOWN).cloned());
     for (order, count) in [(Order::Outwards, 8), (Order::Sweep, 4), (Order::Random, 4)] {
         starts.extend(sequences(scene, &config.env, order, count, config.seed)?);
     }
     let method = Moves::default();
     let lists: Vec<&[u32]> = starts.iter().map(|list| &**list).collect();
     let before = judge.spent();
-    go_on(None);
     // Numbers that the search comes to never.
     let ranked = judge.race(0, &lists, 1 << 30..(1 << 30) + 9, method.chains);
     let chosen = ranked.iter().take(method.chains);
     let chosen: Vec<Vec<u32>> = chosen.map(|&(k, _)| starts[k].clone()).collect();
-    let spent = judge.spent() - before;
+    let spent = drawn + judge.spent() - before;
     let left = presses.saturating_sub(spent);
     let watch = |at: Searching| {
         let spent = spent + at.spent;
-        go_on(Some(Searching { spent, ..at }))
+        go_on(Searching { spent, ..at })
     };
     Ok(moves(judge, &chosen, method, left, config.seed, watch))
 }

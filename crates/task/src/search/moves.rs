@@ -53,8 +53,8 @@ pub struct Searching {
     pub rounds: u64,
     /// Presses made since it began.
     pub spent: u64,
-    /// What the best chain comes to, as a running mean.
-    pub best: f64,
+    /// What the best chain comes to, as a running mean; none before the first round.
+    pub best: Option<f64>,
 }
 
 /// What a search has found.
@@ -380,7 +380,7 @@ impl<W: FnMut(Searching) -> bool> Search<W> {
         self.goes_on &= (self.watch)(Searching {
             rounds: self.rounds,
             spent: all.iter().map(|chain| chain.spent).sum(),
-            best: best.fold(f64::NEG_INFINITY, f64::max),
+            best: best.max_by(f64::total_cmp),
         });
     }
 }
