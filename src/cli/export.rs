@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::field::{FieldReport, OntoArgs, Writer as FieldWriter, write_pattern};
+use super::field::{FieldReport, OntoArgs, Writer as FieldWriter, picture, write_pattern};
 use super::loaded::Loaded;
 use super::output::print;
 use super::planned::{Planned, name};
@@ -150,6 +150,7 @@ struct Report {
 
 /// Runs `drape export`.
 pub fn run(args: ExportArgs) -> Result<(), Failure> {
+    let mesh = args.onto.read(args.format.field().is_some())?;
     let loaded = Loaded::open(&args.run, None, args.device, args.json)?;
     let file = args.out.clone().unwrap_or_else(|| {
         let json = loaded.folder.trajectory.clone();
@@ -166,7 +167,9 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         }
     });
     check_writable(&file)?;
-    let mesh = args.onto.read(args.format.field().is_some(), &file)?;
+    if args.format.field().is_some() {
+        check_writable(&picture(&file))?;
+    }
     if let Some((writer, _)) = args.format.program() {
         return program(&args, &loaded, writer, file);
     }

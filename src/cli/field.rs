@@ -13,7 +13,7 @@ use super::picture::Studio;
 use super::setup::{absurd, extent};
 use super::terminal::Told;
 use drape_cloth::fabric::Drape;
-use drape_cloth::file::{check_writable, write_atomic};
+use drape_cloth::file::write_atomic;
 use drape_cloth::math::Vec3;
 use drape_cloth::measure::feet;
 use drape_cloth::mesh::{TriMesh, read_mesh};
@@ -74,11 +74,8 @@ impl FieldReport {
 }
 
 impl OntoArgs {
-    /// Refuses a mesh where `format` has no elements, and files that cannot be written; reads the mesh.
-    pub fn read(&self, has_elements: bool, file: &Path) -> Result<Option<TriMesh>, Failure> {
-        if has_elements {
-            check_writable(&picture(file))?;
-        }
+    /// Reads the mesh, which only formats with elements may have.
+    pub fn read(&self, has_elements: bool) -> Result<Option<TriMesh>, Failure> {
         let Some(path) = &self.onto else {
             return Ok(None);
         };
@@ -134,7 +131,7 @@ impl OntoArgs {
 }
 
 /// Where the picture of a field's shear goes.
-fn picture(file: &Path) -> PathBuf {
+pub(super) fn picture(file: &Path) -> PathBuf {
     file.with_extension("shear.png")
 }
 

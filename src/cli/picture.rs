@@ -323,6 +323,21 @@ mod tests {
         assert!(red(&state) > 15_000, "{}", red(&state));
     }
 
+    /// A flat blank is blue; sheared by 45 degrees it is red.
+    #[test]
+    fn sheared_cloth_is_red() {
+        let scene = scene();
+        let studio = Studio::new(&scene, Camera::top, [320, 240]);
+        let mut state = Snapshot::clone(&scene.initial);
+        let flat = studio.shear(&state.position);
+        assert!(count(&flat, 2) > 15_000 && count(&flat, 0) < 200);
+        for x in &mut state.position {
+            x[0] += 0.71 * x[1];
+            x[1] *= 0.7;
+        }
+        assert!(count(&studio.shear(&state.position), 0) > 10_000);
+    }
+
     #[test]
     fn progress_shows_every_state_and_the_path() {
         let scene = scene();

@@ -118,11 +118,11 @@ impl Field {
         let fibres: Vec<_> = found.collect();
         if fibres.iter().all(Option::is_none) {
             let away = |t| sheet.foot(middle(&mesh, t)).distance;
-            let nearest = (0..fibres.len()).map(away).fold(f64::INFINITY, f64::min);
+            let all = (0..fibres.len()).into_par_iter().map(away);
             return Err(OntoError::Nowhere {
                 elements: fibres.len(),
-                within_mm: 1e3 * within,
-                nearest_mm: 1e3 * nearest,
+                within_mm: (1e6 * within).round() / 1e3,
+                nearest_mm: 1e3 * all.reduce(|| f64::INFINITY, f64::min),
             });
         }
         Ok(Self {
