@@ -1,6 +1,6 @@
 //! The part of HDF5 that a tree of arrays needs: superblock version 0, groups by symbol tables, contiguous arrays, and
-//! attributes (HDF5 File Format Specification, version 3.0, sections II.A, III.A to III.D, IV.A). Libraries for Rust bring
-//! the one for C.
+//! attributes (HDF5 File Format Specification, version 3.0, sections II.A, III.A to III.D, IV.A). Proven libraries for Rust
+//! bring the one for C.
 
 use std::collections::BTreeMap;
 

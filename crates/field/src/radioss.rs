@@ -28,7 +28,8 @@ pub fn radioss(field: &Field, remarks: &[String]) -> String {
         let [a, b, c] = triangle.map(|v| v + 1);
         let _ = writeln!(text, "{:10}{a:10}{b:10}{c:10}", t + 1);
     }
-    let families: [(&str, fn(&Fibre) -> Vec3); 2] = [
+    type Along = fn(&Fibre) -> Vec3;
+    let families: [(&str, Along); 2] = [
         ("/DRAPE/1\nwarp\n", |fibre| fibre.warp),
         ("/DRAPE/2\nweft\n", |fibre| fibre.weft),
     ];

@@ -104,9 +104,9 @@ fn fishnet(count: usize) -> Vec<Vec<Vec3>> {
         (along * sin + Vec3::z() * cos) * RADIUS
     };
     let mut net = vec![vec![Vec3::zeros(); count]; count];
-    for k in 0..count {
-        net[0][k] = on_circle(k, Vec3::x());
-        net[k][0] = on_circle(k, Vec3::y());
+    net[0] = (0..count).map(|k| on_circle(k, Vec3::x())).collect();
+    for (k, row) in net.iter_mut().enumerate() {
+        row[0] = on_circle(k, Vec3::y());
     }
     for j in 1..count {
         for i in 1..count {
@@ -152,7 +152,7 @@ fn shear(t: f64) -> f64 {
     y[0].copysign(t)
 }
 
-/// The field of a fishnet on a hemisphere has the shear of the smooth net, within half a degree up to 55 degrees.
+/// The field of a fishnet on a hemisphere has the shear of the smooth net, within a twentieth of a degree up to 52 degrees.
 #[test]
 fn shear_on_a_hemisphere_is_that_of_the_fishnet() {
     let (lamina, field) = draped();
@@ -168,14 +168,14 @@ fn shear_on_a_hemisphere_is_that_of_the_fishnet() {
         let exact = shear(u * v / (RADIUS * RADIUS)).to_degrees();
         greatest = greatest.max(exact.abs());
         assert!(
-            (fibre.shear_deg - exact).abs() < 0.5,
+            (fibre.shear_deg - exact).abs() < 0.05,
             "{} at {u}, {v}, exact {exact}",
             fibre.shear_deg
         );
         let factor = 1.0 / exact.to_radians().cos();
-        assert!((fibre.thickness_factor / factor - 1.0).abs() < 0.02);
+        assert!((fibre.thickness_factor / factor - 1.0).abs() < 0.002);
     }
-    assert!(greatest > 45.0, "{greatest}");
+    assert!(greatest > 52.0, "{greatest}");
 }
 
 /// Every triangle cut in four, with the new corners moved by `place`.
