@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
+use super::field::{FieldReport, OntoArgs, Writer as FieldWriter, picture, write_pattern};
 use super::loaded::Loaded;
 use super::output::print;
 use super::planned::{Planned, name};
@@ -17,6 +18,7 @@ use drape_cloth::fabric::{Curve, Drape, Family};
 use drape_cloth::file::{ValueError, check_writable, write_atomic};
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::{Bending, BendingStiffness};
+use drape_field::{abaqus, composite_cae, elements_csv, radioss, vtu};
 use drape_learn::policy::DeviceKind;
 use drape_robot::{Program, ProgramError};
 use drape_study::proof::Physics;
@@ -24,7 +26,7 @@ use drape_task::env::Scatter;
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
 use drape_task::path::{DrapingPoint, Frame, PathFigures, write_csv, write_json};
 
-/// Write the ordered draping points for the robot, or the whole case for finite elements
+/// Write the ordered draping points for the robot, or the fabric for finite elements
 #[derive(Debug, clap::Args)]
 pub struct ExportArgs {
     /// Run folder
@@ -32,7 +34,9 @@ pub struct ExportArgs {
 
     /// JSON in metres, CSV in millimetres, or a deck of lamina, tool, material and presses: Abaqus has
     /// the fabric's test data, CalculiX an elastic approximation. Or the program of a robot (docs/ROBOT.md): RAPID,
-    /// URScript, joints over time for ROS, or points with joints
+    /// URScript, joints over time for ROS, or points with joints. Or what the fabric has become (docs/FIELDS.md): yarn
+    /// directions, shear and thickness of every element as VTU, for Abaqus, for Radioss, as HDF5 Composite CAE or
+    /// as CSV, with a picture of the shear; and the flat pattern of the blank as DXF
     #[arg(long, value_enum, default_value_t = Format::Json)]
     format: Format,
 
@@ -45,7 +49,11 @@ pub struct ExportArgs {
     #[arg(long, value_name = "FILE")]
     cell: Option<PathBuf>,
 
-    /// File to write; trajectory.json, trajectory.csv, draping.inp or program.* in the run folder if not given
+    #[command(flatten)]
+    onto: OntoArgs,
+
+    /// File to write; trajectory.json, trajectory.csv, draping.inp, program.*, field.* or pattern.dxf in the run folder
+    /// if not given
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 
@@ -75,18 +83,40 @@ enum Format {
     Trajectory,
     JointsJson,
     JointsCsv,
+    Vtu,
+    AbaqusOrientation,
+    Radioss,
+    Hdf5,
+    CsvElements,
+    Dxf,
 }
 
 impl Format {
     /// How the program of a robot is written, with the end of its file's name; none for other formats.
     fn program(self) -> Option<(Writer, &'static str)> {
         match self {
-            Self::Json | Self::Csv | Self::Calculix | Self::Abaqus => None,
             Self::Rapid => Some((|program| program.rapid(), "mod")),
             Self::Urscript => Some((|program| program.urscript(), "script")),
             Self::Trajectory => Some((|program| program.trajectory(), "yaml")),
             Self::JointsJson => Some((|program| program.points_json(), "json")),
             Self::JointsCsv => Some((|program| program.points_csv(), "csv")),
+            _ => None,
+        }
+    }
+
+    /// How a fibre field is written, with the end of its file's name; none for other formats.
+    fn field(self) -> Option<(FieldWriter, &'static str)> {
+        match self {
+            Self::Vtu => Some((|field, remarks| vtu(field, remarks).into(), "vtu")),
+            Self::AbaqusOrientation => {
+                Some((|field, remarks| abaqus(field, remarks).into(), "inp"))
+            }
+            Self::Radioss => Some((|field, remarks| radioss(field, remarks).into(), "rad")),
+            Self::Hdf5 => Some((composite_cae, "h5")),
+            Self::CsvElements => {
+                Some((|field, remarks| elements_csv(field, remarks).into(), "csv"))
+            }
+            _ => None,
         }
     }
 }
@@ -114,10 +144,13 @@ struct Report {
     proved: Option<Physics>,
     /// How the worlds scatter in which it was proved.
     scatter: Option<Scatter>,
+    #[serde(flatten)]
+    field: Option<FieldReport>,
 }
 
 /// Runs `drape export`.
 pub fn run(args: ExportArgs) -> Result<(), Failure> {
+    let mesh = args.onto.read(args.format.field().is_some())?;
     let loaded = Loaded::open(&args.run, None, args.device, args.json)?;
     let file = args.out.clone().unwrap_or_else(|| {
         let json = loaded.folder.trajectory.clone();
@@ -125,13 +158,18 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
             Format::Json => json,
             Format::Csv => json.with_extension("csv"),
             Format::Calculix | Format::Abaqus => json.with_file_name("draping.inp"),
-            _ => {
-                let (_, end) = args.format.program().expect("the others are programs");
-                json.with_file_name("program").with_extension(end)
-            }
+            Format::Dxf => json.with_file_name("pattern.dxf"),
+            _ => match (args.format.program(), args.format.field()) {
+                (Some((_, end)), _) => json.with_file_name("program").with_extension(end),
+                (_, Some((_, end))) => json.with_file_name("field").with_extension(end),
+                _ => unreachable!("the others are programs and fields"),
+            },
         }
     });
     check_writable(&file)?;
+    if args.format.field().is_some() {
+        check_writable(&picture(&file))?;
+    }
     if let Some((writer, _)) = args.format.program() {
         return program(&args, &loaded, writer, file);
     }
@@ -145,12 +183,18 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         Axes::Tool => Frame::tool(pose),
         Axes::Scene => Frame::scene(pose),
     };
+    let mut field = None;
     match args.format {
         Format::Json => write_json(&file, &points, &frame)?,
         Format::Csv => write_csv(&file, &points, &frame)?,
         Format::Calculix => deck(&loaded, &points, frame, Dialect::Calculix)?.write(&file)?,
         Format::Abaqus => deck(&loaded, &points, frame, Dialect::Abaqus)?.write(&file)?,
-        _ => unreachable!("programs are written above"),
+        Format::Dxf => write_pattern(&loaded.scene, &points, &file)?,
+        _ => {
+            let (writer, _) = args.format.field().expect("programs are written above");
+            let draped = (&*loaded.scene, played.recording.end());
+            field = Some(args.onto.write(mesh, draped, &frame, writer, &file)?);
+        }
     }
     let report = Report {
         points: points.len(),
@@ -162,6 +206,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         proved: proof.map(|proved| proved.physics),
         file: file.into(),
         frame: args.frame,
+        field,
     };
     print(&report, args.json, text)
 }
@@ -180,10 +225,14 @@ fn text(report: &Report) -> String {
     if !vary.is_empty() {
         proved += &format!(" in worlds in which these vary: {}", vary.join(", "));
     }
-    format!(
+    let said = format!(
         "{file}: {path}, score {:.2} %, {proved}",
         100.0 * report.score
-    )
+    );
+    match &report.field {
+        Some(field) => format!("{said}\n{}", field.text()),
+        None => said,
+    }
 }
 
 /// What is printed of a robot's program.

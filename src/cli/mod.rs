@@ -12,6 +12,7 @@ mod devices;
 mod eval;
 mod export;
 mod failure;
+mod field;
 mod learning;
 mod loaded;
 mod output;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::Failure;
 use drape_cloth::math::Vec3;
-use drape_cloth::measure::crushed;
+use drape_cloth::measure::{crushed, shear};
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::Scene;
 use drape_report::{
@@ -20,6 +20,8 @@ use drape_task::recording::Recording;
 pub const FAR: f64 = 0.025;
 /// Share of its length that a yarn has too much from which on cloth is fully red [-].
 pub const CRUSHED: f64 = 0.1;
+/// Shear from which on cloth is fully red [degrees].
+pub const SHEARED: f64 = 45.0;
 /// Free space round the lamina, as a share of its longer side.
 const MARGIN: f64 = 0.04;
 /// Em size of a caption, as a share of the picture's height; not below [`MIN_TEXT`] px.
@@ -86,6 +88,24 @@ impl<'a> Studio<'a> {
         );
         let mut image = self.captioned(position, &colors, &[], &caption);
         self.color_key(&mut image, &format!("{:.0} %", CRUSHED * 1e2));
+        image
+    }
+
+    /// The lamina coloured by its shear, of either sign: that of the triangles around each vertex, on average; red from
+    /// [`SHEARED`] on.
+    pub fn shear(&self, position: &[[f64; 3]]) -> Image {
+        let lamina = &self.scene.lamina;
+        let mut around = vec![[0.0; 2]; position.len()];
+        for (corners, angle) in lamina.triangles.iter().zip(shear(lamina, position)) {
+            for &v in corners {
+                around[v as usize][0] += angle.abs().to_degrees();
+                around[v as usize][1] += 1.0;
+            }
+        }
+        let color = |[sum, count]: &[f64; 2]| ColorMap::Distance.at(sum / count / SHEARED);
+        let colors: Vec<Color> = around.iter().map(color).collect();
+        let mut image = self.captioned(position, &colors, &[], "shear");
+        self.color_key(&mut image, &format!("{SHEARED:.0}\u{b0}"));
         image
     }
 
@@ -301,6 +321,21 @@ mod tests {
             x[0] *= 0.8;
         }
         assert!(red(&state) > 15_000, "{}", red(&state));
+    }
+
+    /// A flat blank is blue; sheared by 45 degrees it is red.
+    #[test]
+    fn sheared_cloth_is_red() {
+        let scene = scene();
+        let studio = Studio::new(&scene, Camera::top, [320, 240]);
+        let mut state = Snapshot::clone(&scene.initial);
+        let flat = studio.shear(&state.position);
+        assert!(count(&flat, 2) > 15_000 && count(&flat, 0) < 200);
+        for x in &mut state.position {
+            x[0] += 0.71 * x[1];
+            x[1] *= 0.7;
+        }
+        assert!(count(&studio.shear(&state.position), 0) > 10_000);
     }
 
     #[test]

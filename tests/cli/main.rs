@@ -7,6 +7,7 @@ mod changes;
 mod compare;
 mod damage;
 mod eval;
+mod field;
 mod inp;
 mod inputs;
 mod learning;

@@ -100,7 +100,7 @@ impl Frame {
     }
 
     /// Frame and pose [mm] as remarks of a text file, a line each.
-    pub(super) fn remarks(&self) -> Vec<String> {
+    pub fn remarks(&self) -> Vec<String> {
         let pose = self.tool_pose(1e3);
         let row = |numbers: &[f64; 4]| numbers.map(|x| format!("{x:?}")).join(", ");
         let rows = pose.matrix.iter().map(|r| format!("matrix: {}", row(r)));

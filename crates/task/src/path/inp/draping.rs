@@ -219,11 +219,47 @@ impl DrapingDeck<'_> {
             let numbers: Vec<String> = a.iter().chain(&b).map(|x| format!("{x:.6}")).collect();
             deck.line(&format!("{}, {}", t + 1, numbers.join(", ")));
         }
-        deck.card("ORIENTATION, NAME=YARNS, SYSTEM=RECTANGULAR")
-            .line("YARN_DIRECTIONS");
-        if dialect == Dialect::Abaqus {
-            deck.line("3, 0.");
+        let system = "SYSTEM=RECTANGULAR";
+        match dialect {
+            Dialect::Calculix => {
+                deck.card(&format!("ORIENTATION, NAME=YARNS, {system}"))
+                    .line("YARN_DIRECTIONS");
+            }
+            Dialect::Abaqus => {
+                for (degrees, elements) in self.crossings() {
+                    let name = crossing(degrees);
+                    let (sin, cos) = (degrees as f64).to_radians().sin_cos();
+                    deck.card(&format!("ELSET, ELSET={name}"))
+                        .labels(&elements)
+                        .card(&format!(
+                            "ORIENTATION, NAME={name}, {system}, LOCAL DIRECTIONS=2"
+                        ))
+                        .line("YARN_DIRECTIONS")
+                        .line("3, 0.")
+                        .line("1., 0., 0.")
+                        .line(&format!("{cos:.6}, {sin:.6}, 0."));
+                }
+            }
         }
+    }
+
+    /// Labels of the elements whose yarns cross at about so many whole degrees, by these.
+    ///
+    /// A distribution gives each element axes of its own in Abaqus, but orthogonal ones. How the yarns of sheared fabric lie
+    /// between them, `LOCAL DIRECTIONS` says, once for all elements of an orientation.
+    fn crossings(&self) -> BTreeMap<u32, Vec<usize>> {
+        let mut crossings: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for (t, [warp, weft]) in self.yarns.iter().enumerate() {
+            let angle = warp.angle(weft).to_degrees().round();
+            // Never parallel; a yarn without length crosses at a right angle.
+            let degrees = if angle > 0.0 {
+                angle.clamp(1.0, 179.0)
+            } else {
+                90.0
+            };
+            crossings.entry(degrees as u32).or_default().push(t + 1);
+        }
+        crossings
     }
 
     /// One step for CalculiX in which load k grows evenly from time k to k + 1 and then stays.
@@ -262,7 +298,9 @@ impl DrapingDeck<'_> {
     fn section(&self, deck: &mut Deck, dialect: Dialect) {
         let fabric = self.fabric;
         let density = |thickness: f64| 1e-12 * fabric.areal_mass / (thickness / MM);
-        let section = "SHELL SECTION, ELSET=LAMINA, MATERIAL=FABRIC, ORIENTATION=YARNS";
+        let section = |elements: &str, orientation: &str| {
+            format!("SHELL SECTION, ELSET={elements}, MATERIAL=FABRIC, ORIENTATION={orientation}")
+        };
         deck.card("MATERIAL, NAME=FABRIC");
         match dialect {
             Dialect::Calculix => {
@@ -282,7 +320,7 @@ impl DrapingDeck<'_> {
                     .row(&[210e3, 0.3])
                     .card("DENSITY")
                     .row(&[7.85e-9])
-                    .card(section)
+                    .card(&section("LAMINA", "YARNS"))
                     .row(&[thickness])
                     .card("SOLID SECTION, ELSET=TOOL, MATERIAL=TOOL");
             }
@@ -307,11 +345,14 @@ impl DrapingDeck<'_> {
                         deck.row(&[*stress, *strain]);
                     }
                 }
-                deck.card(section)
-                    .row(&[thickness])
-                    .card("TRANSVERSE SHEAR")
-                    .row(&[TRANSVERSE_SHEAR, TRANSVERSE_SHEAR, 0.0])
-                    .card("NODE")
+                for degrees in self.crossings().into_keys() {
+                    let name = crossing(degrees);
+                    deck.card(&section(&name, &name))
+                        .row(&[thickness])
+                        .card("TRANSVERSE SHEAR")
+                        .row(&[TRANSVERSE_SHEAR, TRANSVERSE_SHEAR, 0.0]);
+                }
+                deck.card("NODE")
                     .line(&format!("{REFERENCE}, 0., 0., 0."))
                     .card(&format!("RIGID BODY, ELSET=TOOL, REF NODE={REFERENCE}"));
             }
@@ -365,6 +406,11 @@ impl FabricCard {
         };
         MM * (square(0) * square(1)).powf(0.25)
     }
+}
+
+/// What the elements whose yarns cross at so many degrees, and their orientation, are called.
+fn crossing(degrees: u32) -> String {
+    format!("YARNS_{degrees}")
 }
 
 /// Slope of a curve at its start.
@@ -448,109 +494,4 @@ fn explicit_step(deck: &mut Deck, seconds: f64, load: &str) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use drape_cloth::tool::Pose;
-
-    fn fabric() -> FabricCard {
-        FabricCard {
-            thickness: 0.35e-3,
-            areal_mass: 0.28,
-            tension: [
-                vec![[0.0, 0.0], [0.005, 3.0], [0.02, 40.0]],
-                vec![[0.0, 0.0], [0.006, 5.0], [0.025, 60.0]],
-            ],
-            compression: [
-                vec![[0.0, 0.0], [0.02, 0.12]],
-                vec![[0.0, 0.0], [0.02, 0.0405]],
-            ],
-            shear: [
-                vec![[0.0, 0.0], [0.1, 0.005]],
-                vec![[0.0, 0.0], [0.1, 0.0036]],
-            ],
-            bending: [7.09e-5, 2.63e-5],
-            friction: [0.28, 0.25],
-        }
-    }
-
-    fn square(z: f64) -> TriMesh {
-        TriMesh {
-            vertices: [[0.0, 0.0], [0.01, 0.0], [0.01, 0.01], [0.0, 0.01]]
-                .map(|[x, y]| Vec3::new(x, y, z))
-                .to_vec(),
-            triangles: vec![[0, 1, 2], [0, 2, 3]],
-        }
-    }
-
-    fn text(dialect: Dialect, presses: &[Vec<u32>]) -> String {
-        let (lamina, tool) = (square(0.001), square(0.0));
-        let deck = DrapingDeck {
-            title: "test",
-            lamina: &lamina,
-            yarns: &[[Vec3::x(), Vec3::y()]; 2],
-            clamped: &[(3, Vec3::new(0.0, 0.002, 0.0))],
-            tool: &tool,
-            fabric: &fabric(),
-            presses,
-            press_s: 0.1,
-            pressure: 1e6,
-            gravity: 1.5,
-            frame: Frame::tool(&Pose::default()),
-        }
-        .deck(dialect);
-        deck.text().into()
-    }
-
-    /// E h and E h^3 / 12 of the elastic shell against Table 2.
-    #[test]
-    fn elastic_shell_has_the_stiffness_of_the_fabric() {
-        let h = 1e-3 * fabric().elastic_thickness();
-        let bending = [600e6, 833.333e6].map(|e| e * 0.35e-3 * h * h / 12.0);
-        let mean = (bending[0] * bending[1]).sqrt();
-        assert!((mean / (7.09e-5f64 * 2.63e-5).sqrt() - 1.0).abs() < 1e-5);
-        // Each is wrong by less than two; with the fabric's own thickness it would be 30 and 113.
-        for (found, expected) in bending.into_iter().zip([7.09e-5, 2.63e-5]) {
-            assert!((0.5..2.0).contains(&(found / expected)), "{found}");
-        }
-    }
-
-    #[test]
-    fn triangles_are_pressed_once_and_stay_pressed() {
-        let presses = [vec![1], vec![1], vec![0, 1], vec![]];
-        let abaqus = text(Dialect::Abaqus, &presses);
-        assert!(abaqus.contains("*ELSET, ELSET=PRESS_1\n2\n*ELSET, ELSET=PRESS_2\n1\n"));
-        assert_eq!(abaqus.matches("*STEP").count(), 3);
-        assert_eq!(abaqus.matches("*END STEP").count(), 3);
-        // Both triangles are one cell.
-        let text = text(Dialect::Calculix, &presses);
-        assert!(text.contains("*ELSET, ELSET=PRESS_1\n1\n") && !text.contains("PRESS_2"));
-        assert_eq!(text.matches("*STEP").count(), 1);
-        assert!(text.contains("*AMPLITUDE, NAME=LOAD_1\n1., 0., 2., 1.\n"));
-        assert!(text.contains("*DLOAD, AMPLITUDE=LOAD_1\nPRESS_1, P, -1.00000000e0\n"));
-        let clamp = "*BOUNDARY, AMPLITUDE=LOAD_0\n4, 1, 1, 0.00000000e0\n4, 2, 2, 2.00000000e0\n";
-        assert!(text.contains(clamp), "{text}");
-        assert!(text.contains("*NSET, NSET=CLAMPS\n4\n"));
-        assert!(
-            text.contains(
-                "\nLAMINA, GRAV, 1.50000000e3, 0.00000000e0, 0.00000000e0, -1.00000000e0\n"
-            ),
-            "{text}"
-        );
-        // Tool after lamina: four vertices and four sides, then four nodes above and below.
-        assert!(text.contains("TYPE=S8R, ELSET=LAMINA\n1, 1, 2, 3, 4, 5, 6, 7, 8\n"));
-        assert!(text.contains("ELSET=TOOL\n3, 13, 14, 15, 9, 10, 11\n"));
-    }
-
-    #[test]
-    fn abaqus_has_the_test_data_from_compression_to_tension() {
-        let text = text(Dialect::Abaqus, &[]);
-        let warp = "*UNIAXIAL, COMPONENT=1\n*LOADING DATA, EXTRAPOLATION=LINEAR\n\
-                    -1.20000000e-1, -2.00000000e-2\n0.00000000e0, 0.00000000e0\n\
-                    3.00000000e0, 5.00000000e-3\n4.00000000e1, 2.00000000e-2\n\
-                    *UNIAXIAL, COMPONENT=2\n";
-        assert!(text.contains(warp), "{text}");
-        assert!(text.contains("*ELEMENT, TYPE=R3D3, ELSET=TOOL"));
-        // 280 g/m^2 over 0.35 mm are 800 kg/m^3.
-        assert!(text.contains("*DENSITY\n8.00000000e-10\n"));
-    }
-}
+mod tests;
