@@ -49,8 +49,7 @@ pub struct Placement {
     /// Direction of that axis, counter-clockwise from x.
     #[serde(skip_serializing_if = "is_default")]
     pub tilt_axis_deg: f64,
-    /// File of what a scanner saw of the laid blank. [`Scene`](super::Scene) leaves it to its caller to
-    /// fit the fallen blank to that.
+    /// File of what a scanner saw of the laid blank, to which the fallen one is to be fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scan: Option<PathBuf>,
     /// Unit of that file, which has to be known.
@@ -79,6 +78,15 @@ impl Default for Placement {
 }
 
 impl Placement {
+    /// Refuses a scan, from where a fall is all that a blank starts from.
+    pub(super) fn check_falls(&self) -> Result<(), ValueError> {
+        let Some(scan) = &self.scan else {
+            return Ok(());
+        };
+        let expected = "none here, where blanks start from their own fall";
+        Err(ValueError::new("placement.scan", scan.display(), expected))
+    }
+
     /// Checks what is said of a scan.
     fn check_scan(&self) -> Result<(), ValueError> {
         let is_alone = self.scan_unit.is_some()
