@@ -9,9 +9,7 @@ use drape_cloth::fabric::Lamina;
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::compare::{Foot, Sheet};
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{
-    Backend, Control, Cpu, Model, PhysicsConfig, Precision, Snapshot, World,
-};
+use drape_cloth::sim::{Backend, Control, Cpu, Model, PhysicsConfig, Precision, Snapshot, World};
 use rayon::prelude::*;
 
 use super::place::{Spot, at};
@@ -22,26 +20,28 @@ const STEPS: usize = 10;
 /// How often that is looked up while the attraction grows, and after that.
 const ROUNDS: [usize; 2] = [90, 30];
 /// Share of its way that a pulled vertex is sent in a step, at first and at last.
-const GAIN: [f64; 2] = [0.02, 0.3];
+const GAIN: [f64; 2] = [0.05, 0.3];
 /// Damping of cloth that is pulled [1/s]: half of a velocity is left after a step.
 const DAMPING: f64 = 416.0;
 /// Distance at which a point hardly counts in the end, in medians of all: noise alone has few beyond.
 const OUTLYING: f64 = 3.0;
-/// It is at least this [m].
-const NOISE: f64 = 5e-4;
+/// It is at least this share of the diagonal of a cell: what lies beside its place by that must still be drawn there.
+const NEAR: f64 = 0.5;
 /// Of the points, the share whose distances tell how far the first pull reaches.
 const REACHED: f64 = 0.98;
+/// Duration of a control step of what is let go [s].
+const FRAME: f64 = 1.0 / 60.0;
 /// Points that a mark counts for.
 const MARK: f64 = 8.0;
 
 /// Pulls a blank on to scanned points, from where it has fallen, and then lets it go. `spots` are places of it that
-/// were seen somewhere. Everything in the frame of the scene's cloth [m]. Gives the state at rest and the mean distance
-/// by which the cloth sprang back [m]; none if it diverged.
+/// were seen somewhere. Everything in the frame of the scene's cloth [m]. Gives where it was held in the end [m] and
+/// the state at rest; none if it diverged.
 pub(super) fn pulled(
     scene: &Scene,
     points: &[Vec3],
     spots: &[(Spot, Vec3)],
-) -> Option<(Snapshot, f64)> {
+) -> Option<(Vec<[f64; 3]>, Snapshot)> {
     // Pulled cloth has neither weight nor friction: what was not seen must not sag, and all may slide.
     let physics = PhysicsConfig {
         gravity: 0.0,
@@ -54,6 +54,8 @@ pub(super) fn pulled(
     let mut cloth = cloth(scene, &physics);
     let mut state = Snapshot::clone(&scene.initial);
     state.velocity.fill([0.0; 3]);
+    // Clamps are where the scan shows them, not where they were said to be.
+    let fixed = std::mem::take(&mut state.fixed);
     let [growing, staying] = ROUNDS;
     let mut reach = None;
     for round in 0..growing + staying {
@@ -63,22 +65,23 @@ pub(super) fn pulled(
         let quantile = |share: f64| distances[(share * (distances.len() - 1) as f64) as usize];
         let hardness = (round as f64 / growing as f64).min(1.0);
         let between = |[first, last]: [f64; 2]| first.powf(1.0 - hardness) * last.powf(hardness);
-        let least = (OUTLYING * quantile(0.5)).max(NOISE);
+        let least = (OUTLYING * quantile(0.5)).max(NEAR * scene.lamina.cell_diagonal());
         let most = *reach.get_or_insert_with(|| quantile(REACHED).max(least));
         let sigma = between([most, least]);
-        if std::env::var("TRACE").is_ok() && round % 10 == 0 {
-            let m: f64 = distances.iter().sum::<f64>() / distances.len() as f64;
-            eprintln!("{round} mean {:.3} median {:.3} p90 {:.3} p98 {:.3} sigma {:.3} v {:.4} strain {:?}", 1e3*m, 1e3*quantile(0.5), 1e3*quantile(0.9), 1e3*quantile(0.98), 1e3*sigma, state.v_rms(), scene.strain(&state));
-        }
         let ways = ways(&scene.lamina, &state.position, points, &feet, sigma, spots);
-        let goals: Vec<Vec3> = state.position.iter().zip(ways).map(|(&x, way)| Vec3::from(x) + way).collect();
+        let planes = state.position.iter().zip(ways).map(|(&x, way)| {
+            let normal = way.try_normalize(0.0).unwrap_or_default();
+            (normal, normal.dot(&(Vec3::from(x) + way)))
+        });
+        let planes: Vec<(Vec3, f64)> = planes.collect();
         for _ in 0..STEPS {
-            send(&mut state, &goals, between(GAIN));
+            send(&mut state, &planes, between(GAIN));
             step(&mut cloth, &control, &mut state, 1)?;
         }
     }
 
-    let before = state.position.clone();
+    let held = state.position.clone();
+    state.fixed = fixed;
     state.velocity.fill([0.0; 3]);
     let fall = &scene.config.fall;
     let quiet = PhysicsConfig {
@@ -96,9 +99,7 @@ pub(super) fn pulled(
     for vertex in state.fixed.ones() {
         state.velocity[vertex] = [0.0; 3];
     }
-    let apart = |(a, b): (&[f64; 3], &[f64; 3])| (Vec3::from(*a) - Vec3::from(*b)).norm();
-    let moved: f64 = before.iter().zip(&state.position).map(apart).sum();
-    Some((state, moved / before.len() as f64))
+    Some((held, state))
 }
 
 /// One blank of the scene under other physics.
@@ -119,9 +120,6 @@ fn step(cloth: &mut Cpu, control: &Control, state: &mut Snapshot, frames: usize)
     *state = cloth.snapshot(0);
     Some(())
 }
-
-/// Duration of a control step of settling [s].
-const FRAME: f64 = 1.0 / 60.0;
 
 /// Where points meet the cloth.
 pub(super) fn feet(lamina: &Lamina, position: &[[f64; 3]], points: &[Vec3]) -> Vec<Foot> {
@@ -161,15 +159,12 @@ fn ways(
     sums.into_iter().map(mean).collect()
 }
 
-/// Sends vertices a share of their ways to their goals [m], in a step. Those that are held go there as fast as that is.
-fn send(state: &mut Snapshot, goals: &[Vec3], gain: f64) {
-    for (vertex, goal) in goals.iter().enumerate() {
-        let way = (goal - Vec3::from(state.position[vertex])) * (gain / STEP);
+/// Sends vertices a share of their ways to the planes in which their goals are [m], in a step: they may slide.
+fn send(state: &mut Snapshot, planes: &[(Vec3, f64)], gain: f64) {
+    for (vertex, (normal, offset)) in planes.iter().enumerate() {
+        let left = offset - normal.dot(&Vec3::from(state.position[vertex]));
+        let way = normal * (left * gain / STEP);
         let velocity = &mut state.velocity[vertex];
-        *velocity = match state.fixed.contains(vertex) {
-            true => way,
-            false => Vec3::from(*velocity) + way,
-        }
-        .into();
+        *velocity = (Vec3::from(*velocity) + way).into();
     }
 }

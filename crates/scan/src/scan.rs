@@ -17,28 +17,33 @@ use super::place::{moved, placed, spots};
 const SPREAD: [f64; 2] = [0.35, 1.1];
 /// A part of the scan that hangs together and has fewer of its points than this share is stray.
 const STRAY: f64 = 0.02;
-/// Most of the points that may be far from the fitted blank, and of its vertices that may be unseen.
+/// Side of the cubes for each of which one point pulls, in cells.
+const THIN: f64 = 0.33;
+/// Most of the points that may be far from the pulled blank, and of its vertices that may be unseen.
 const MOST_FAR: f64 = 0.1;
 const MOST_UNSEEN: f64 = 0.4;
+/// Mean distance of the other points from it that cloth of this blank does not have, in diagonals of a cell.
+const MOST_OFF: f64 = 0.2;
 /// Points of the scan that the fit is measured at.
 const MEASURED: usize = 50_000;
 
-/// How well a scan and the blank that was fitted to it agree. Points and vertices farther apart than the
-/// diagonal of a cell are not compared.
+/// How well a scan and the blank that was fitted to it agree.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Fit {
-    /// Mean and 95th percentile of the distance of scanned points to the blank [mm].
+    /// Mean and 95th percentile of the distance of scanned points to the blank, as the scene starts with it [mm].
     pub mean_mm: f64,
     pub p95_mm: f64,
-    /// The same of seen vertices to the nearest scanned point.
+    /// Those of seen vertices to the nearest scanned point [mm].
     pub vertices_mean_mm: f64,
     pub vertices_p95_mm: f64,
-    /// Share of the vertices that no point is near to.
-    pub unseen_share: f64,
-    /// Share of the points that are stray.
-    pub stray_share: f64,
-    /// Mean distance by which the blank moved when it was let go [mm].
+    /// The first while the points still pulled [mm].
+    pub pulled_mean_mm: f64,
+    /// Mean distance by which the blank moved when it was let go [mm]: what its laws do not hold.
     pub spring_back_mm: f64,
+    /// Share of the vertices that no point was near to, by the diagonal of a cell.
+    pub unseen_share: f64,
+    /// Share of the points that were not near to the blank. They do not count above.
+    pub stray_share: f64,
     /// Other ways to lie in which the scan is as near to the fallen blank; 0 where its frame or marks are known.
     pub other_places: usize,
 }
@@ -87,67 +92,82 @@ fn fitted(scene: &Scene, cloud: &Cloud, points: &[Vec3]) -> Result<(Snapshot, Fi
         .into_iter()
         .map(|(spot, x)| (spot, moved(&[x], &rigid)[0]))
         .collect();
-    let (state, spring_back) = pulled(scene, &moved(points, &rigid), &spots)
+    let (held, state) = pulled(scene, &moved(points, &rigid), &spots)
         .ok_or("pulled on to it the blank diverged, expected a scan of this blank")?;
+
+    let (lamina, near) = (&scene.lamina, scene.lamina.cell_diagonal());
     let all = moved(&cloud.points, &rigid);
-    let fit = compared(&scene.lamina, &state, &all, spring_back, other_places)?;
-    Ok((state, fit))
-}
-
-/// Holds the fitted blank against the whole scan.
-fn compared(
-    lamina: &Lamina,
-    state: &Snapshot,
-    points: &[Vec3],
-    spring_back: f64,
-    other_places: usize,
-) -> Result<Fit, String> {
-    let near = lamina.cell_diagonal();
-    let stride = points.len().div_ceil(MEASURED);
-    let measured: Vec<Vec3> = points.iter().step_by(stride).copied().collect();
-    let feet = feet(lamina, &state.position, &measured);
-    let mut off: Vec<f64> = feet.iter().map(|foot| foot.distance).collect();
-    off.retain(|&distance| distance <= near);
-    let stray_share = 1.0 - off.len() as f64 / measured.len() as f64;
-
-    let tree: RTree<[f64; 3]> = RTree::bulk_load(points.iter().map(|&x| x.into()).collect());
-    let nearest = |&x: &[f64; 3]| {
-        let nearest = tree.nearest_neighbor(x)?;
-        Some((Vec3::from(*nearest) - Vec3::from(x)).norm())
+    let stride = all.len().div_ceil(MEASURED);
+    let measured: Vec<Vec3> = all.iter().step_by(stride).copied().collect();
+    let off = |position: &[[f64; 3]], points: &[Vec3]| -> Vec<f64> {
+        let feet = feet(lamina, position, points).into_iter();
+        feet.map(|foot| foot.distance).collect()
     };
-    let mut seen: Vec<f64> = state.position.iter().filter_map(nearest).collect();
-    seen.retain(|&distance| distance <= near);
-    let unseen_share = 1.0 - seen.len() as f64 / state.position.len() as f64;
+    let first = measured.iter().zip(off(&held, &measured));
+    let (kept, first): (Vec<Vec3>, Vec<f64>) = first.filter(|(_, off)| *off <= near).unzip();
+    let stray_share = 1.0 - kept.len() as f64 / measured.len() as f64;
+    refuse_above(MOST_FAR, stray_share, |found, most| {
+        format!(
+            "{found} of its points are more than {:.1} mm off the blank that was pulled on to them, expected at \
+             most {most}: cut away what is not the blank, or give `placement.scan_marks`",
+            1e3 * near
+        )
+    })?;
 
-    let (near_mm, percent) = (1e3 * near, |share: f64| 1e2 * share);
-    if stray_share > MOST_FAR {
+    let tree: RTree<[f64; 3]> = RTree::bulk_load(all.iter().map(|&x| x.into()).collect());
+    let nearest = |x: &[f64; 3]| {
+        let nearest = tree.nearest_neighbor(*x).expect("there are points");
+        (Vec3::from(*nearest) - Vec3::from(*x)).norm()
+    };
+    let is_seen = |v: &usize| nearest(&held[*v]) <= near;
+    let seen: Vec<usize> = (0..held.len()).filter(is_seen).collect();
+    let unseen_share = 1.0 - seen.len() as f64 / held.len() as f64;
+    refuse_above(MOST_UNSEEN, unseen_share, |found, most| {
+        format!(
+            "no point is within {:.1} mm of {found} of the blank, expected at most {most} unseen: is the scan of \
+             all of it?",
+            1e3 * near
+        )
+    })?;
+
+    let [pulled_mean_mm, _] = mean_and_p95(first);
+    let most_mm = 1e3 * MOST_OFF * near;
+    if pulled_mean_mm > most_mm {
         return Err(format!(
-            "{:.0} % of its points are more than {near_mm:.1} mm off the blank that was fitted to them, \
-             expected at most {:.0} %: cut away what is not the blank, and give `placement.scan_marks`",
-            percent(stray_share),
-            percent(MOST_FAR)
+            "its points are {pulled_mean_mm:.1} mm off the blank that was pulled on to them in the mean, expected at \
+             most {most_mm:.1} mm: is it one sheet, and this blank?"
         ));
     }
-    if unseen_share > MOST_UNSEEN {
-        return Err(format!(
-            "no points are within {near_mm:.1} mm of {:.0} % of the blank, expected at most {:.0} % unseen: \
-             is it all of this blank?",
-            percent(unseen_share),
-            percent(MOST_UNSEEN)
-        ));
-    }
-    let [mean_mm, p95_mm] = mean_and_p95(off);
-    let [vertices_mean_mm, vertices_p95_mm] = mean_and_p95(seen);
-    Ok(Fit {
+    let [mean_mm, p95_mm] = mean_and_p95(off(&state.position, &kept));
+    let of_seen = seen.iter().map(|&v| nearest(&state.position[v]));
+    let [vertices_mean_mm, vertices_p95_mm] = mean_and_p95(of_seen.collect());
+    let sprang = held.iter().zip(&state.position);
+    let sprang = sprang.map(|(a, b)| (Vec3::from(*a) - Vec3::from(*b)).norm());
+    let fit = Fit {
         mean_mm,
         p95_mm,
         vertices_mean_mm,
         vertices_p95_mm,
+        pulled_mean_mm,
+        spring_back_mm: 1e3 * sprang.sum::<f64>() / held.len() as f64,
         unseen_share,
         stray_share,
-        spring_back_mm: 1e3 * spring_back,
         other_places,
-    })
+    };
+    Ok((state, fit))
+}
+
+/// Refuses a share that is above `most`, in words of both as percentages.
+fn refuse_above(
+    most: f64,
+    found: f64,
+    fault: impl Fn(String, String) -> String,
+) -> Result<(), String> {
+    let percent = |share: f64| format!("{:.0} %", 1e2 * share);
+    match found > most {
+        true => Err(fault(percent(found), percent(most))),
+        false => Ok(()),
+    }
 }
 
 /// Mean and 95th percentile of lengths [m], in millimetres.
@@ -157,10 +177,10 @@ fn mean_and_p95(mut all: Vec<f64>) -> [f64; 2] {
     [mean, all[(0.95 * (all.len() - 1) as f64).round() as usize]].map(|x| 1e3 * x)
 }
 
-/// The points of a scan without parts that are too small to be of the blank, thinned to half a cell.
+/// The points of a scan without parts that are too small to be of the blank, thinned.
 fn of_the_blank(points: &[Vec3], lamina: &Lamina) -> Vec<Vec3> {
     let cell = lamina.cell()[0].min(lamina.cell()[1]);
-    let points = thinned(points, 0.5 * cell);
+    let points = thinned(points, THIN * cell);
     // Neighbours are in the same of coarser cubes, or in cubes that touch.
     let side = 2.0 * cell;
     let mut open: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
