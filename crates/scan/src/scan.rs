@@ -106,14 +106,6 @@ fn fitted(scene: &Scene, cloud: &Cloud, points: &[Vec3]) -> Result<(Snapshot, Fi
     let first = measured.iter().zip(off(&held, &measured));
     let (kept, first): (Vec<Vec3>, Vec<f64>) = first.filter(|(_, off)| *off <= near).unzip();
     let stray_share = 1.0 - kept.len() as f64 / measured.len() as f64;
-    refuse_above(MOST_FAR, stray_share, |found, most| {
-        format!(
-            "{found} of its points are more than {:.1} mm off the blank that was pulled on to them, expected at \
-             most {most}: cut away what is not the blank, or give `placement.scan_marks`",
-            1e3 * near
-        )
-    })?;
-
     let tree: RTree<[f64; 3]> = RTree::bulk_load(all.iter().map(|&x| x.into()).collect());
     let nearest = |x: &[f64; 3]| {
         let nearest = tree.nearest_neighbor(*x).expect("there are points");
@@ -126,6 +118,14 @@ fn fitted(scene: &Scene, cloud: &Cloud, points: &[Vec3]) -> Result<(Snapshot, Fi
         format!(
             "no point is within {:.1} mm of {found} of the blank, expected at most {most} unseen: is the scan of \
              all of it?",
+            1e3 * near
+        )
+    })?;
+
+    refuse_above(MOST_FAR, stray_share, |found, most| {
+        format!(
+            "{found} of its points are more than {:.1} mm off the blank that was pulled on to them, expected at \
+             most {most}: cut away what is not the blank, or give `placement.scan_marks`",
             1e3 * near
         )
     })?;

@@ -227,8 +227,6 @@ fn config(name: &str) -> SceneConfig {
     }
     let mut config = SceneConfig::read(&file("hemisphere")).unwrap();
     config.blank.vertices = [17, 17];
-    config.fall.fall_s = 0.4;
-    config.fall.settle_s = 0.5;
     config.fall.substep_rate = 1200.0;
     config.fall.contact_rate = 240.0;
     config
