@@ -317,17 +317,8 @@ fn scans_of_something_else_are_refused() {
         error.contains("is \"cm\", with which it is") && error.contains("in \"mm\" it would have"),
         "{error}"
     );
-    let mirrored: Vec<Mark> = marks
-        .iter()
-        .map(|mark| Mark {
-            seen: [-mark.seen[0] + 40.0, mark.seen[1], mark.seen[2]],
-            ..*mark
-        })
-        .map(|mark| Mark {
-            scene_mm: mark.scene_mm.map(|[x, y, z]| [x + 20.0, 1.5 * y, z]),
-            ..mark
-        })
-        .collect();
+    let mut mirrored = marks;
+    mirrored.iter_mut().for_each(|mark| mark.seen[0] *= -1.0);
     let error = refused(&text, &mirrored, Unit::Mm);
     assert!(
         error.contains("`placement.scan_marks`: its marks are mirrored"),
