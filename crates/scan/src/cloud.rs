@@ -61,7 +61,7 @@ impl Cloud {
         if let Some(far) = points.iter().position(|x| x.amax() > FAR) {
             let found = points[far].as_slice();
             return Err(format!(
-                "a point is at {found:?} m, expected coordinates within +-{FAR} m"
+                "a point is at {found:?} m, expected coordinates within +-{FAR} m: check its unit"
             ));
         }
         let (first, longest) = (points[0], |from: Vec3| {

@@ -44,6 +44,8 @@ pub struct Fit {
     pub unseen_share: f64,
     /// Share of the points that were not near to the blank. They do not count above.
     pub stray_share: f64,
+    /// Points of the file that were left out, as their coordinates are no numbers.
+    pub dropped_count: usize,
     /// Other ways to lie in which the scan is as near to the fallen blank; 0 where its frame or marks are known.
     pub other_places: usize,
 }
@@ -64,8 +66,8 @@ pub fn set_up(
     let unit = config.placement.scan_unit;
     let cloud = Cloud::read(path, unit.map_or(1e-3, Unit::metres))?;
     let refuse = |fault| ReadError::fault(path, fault);
-    let points = of_the_blank(&cloud.points, &lamina);
-    check_size(&points, &lamina, unit).map_err(refuse)?;
+    check_size(&cloud.points, &lamina, unit).map_err(refuse)?;
+    let points = of_the_blank(&cloud.points, &lamina).map_err(refuse)?;
 
     let mut falling = config.clone();
     falling.placement = Placement {
@@ -92,7 +94,19 @@ fn fitted(scene: &Scene, cloud: &Cloud, points: &[Vec3]) -> Result<(Snapshot, Fi
         .into_iter()
         .map(|(spot, x)| (spot, moved(&[x], &rigid)[0]))
         .collect();
-    let (held, state) = pulled(scene, &moved(points, &rigid), &spots)
+    let points = moved(points, &rigid);
+    let fallen = { &scene.initial.position }.iter().map(|&x| x.into());
+    let fallen: Vec<Vec3> = fallen.collect();
+    let (beside, most) = ((middle(&points) - middle(&fallen)).norm(), spread(&fallen));
+    if beside > most {
+        return Err(format!(
+            "its middle is {:.0} mm beside that of the fallen blank, expected at most {:.0} mm: check \
+             `placement.scan_frame` and `scan_marks`",
+            1e3 * beside,
+            1e3 * most
+        ));
+    }
+    let (held, state) = pulled(scene, &points, &spots)
         .ok_or("pulled on to it the blank diverged, expected a scan of this blank")?;
 
     let (lamina, near) = (&scene.lamina, scene.lamina.cell_diagonal());
@@ -152,6 +166,7 @@ fn fitted(scene: &Scene, cloud: &Cloud, points: &[Vec3]) -> Result<(Snapshot, Fi
         spring_back_mm: 1e3 * sprang.sum::<f64>() / held.len() as f64,
         unseen_share,
         stray_share,
+        dropped_count: cloud.dropped_count,
         other_places,
     };
     Ok((state, fit))
@@ -177,8 +192,8 @@ fn mean_and_p95(mut all: Vec<f64>) -> [f64; 2] {
     [mean, all[(0.95 * (all.len() - 1) as f64).round() as usize]].map(|x| 1e3 * x)
 }
 
-/// The points of a scan without parts that are too small to be of the blank, thinned.
-fn of_the_blank(points: &[Vec3], lamina: &Lamina) -> Vec<Vec3> {
+/// The points of a scan without parts that are too small to be of the blank, thinned. Refuses a scan that has no other.
+fn of_the_blank(points: &[Vec3], lamina: &Lamina) -> Result<Vec<Vec3>, String> {
     let cell = lamina.cell()[0].min(lamina.cell()[1]);
     let points = thinned(points, THIN * cell);
     // Neighbours are in the same of coarser cubes, or in cubes that touch.
@@ -203,8 +218,15 @@ fn of_the_blank(points: &[Vec3], lamina: &Lamina) -> Vec<Vec3> {
             kept.extend(part);
         }
     }
+    if kept.is_empty() {
+        return Err(format!(
+            "its points lie too far apart to hang together, expected at most {:.1} mm between them for cells of {:.1} mm",
+            1e3 * side,
+            1e3 * cell
+        ));
+    }
     kept.sort_unstable();
-    kept.into_iter().map(|k| points[k]).collect()
+    Ok(kept.into_iter().map(|k| points[k]).collect())
 }
 
 /// Refuses points that spread too far or too little for the blank, and says in which unit they would not;
@@ -239,8 +261,11 @@ fn check_size(points: &[Vec3], lamina: &Lamina, unit: Option<Unit>) -> Result<()
 
 /// Root mean square distance of points from their middle [m].
 fn spread(points: &[Vec3]) -> f64 {
-    let count = points.len() as f64;
-    let middle = points.iter().sum::<Vec3>() / count;
+    let middle = middle(points);
     let squares = points.iter().map(|x| (x - middle).norm_squared());
-    (squares.sum::<f64>() / count).sqrt()
+    (squares.sum::<f64>() / points.len() as f64).sqrt()
+}
+
+fn middle(points: &[Vec3]) -> Vec3 {
+    points.iter().sum::<Vec3>() / points.len() as f64
 }

@@ -109,7 +109,7 @@ fn what_is_no_scan_is_refused_in_words() {
         ),
         (
             b"0 0 0\n1 0 0\n0 3e9 0\n",
-            "a point is at [0.0, 3000000.0, 0.0] m, expected coordinates within +-1000 m",
+            "a point is at [0.0, 3000000.0, 0.0] m, expected coordinates within +-1000 m: check its unit",
         ),
         (
             b"\x89PNG\r\n\x1a\n",
