@@ -97,7 +97,7 @@ fn scans_that_cannot_be_are_refused_in_one_line() {
     let points = lamina(path);
     let all = text(points.iter().copied());
     let known = "scan_frame = \"scene\"\nscan_unit = \"mm\"";
-    let half = text(points.iter().copied().filter(|x| x[0] < -10.0));
+    let half = text(points.iter().copied().filter(|x| x[0] < -40.0));
     let two = all.clone() + &text(points.iter().map(|&[x, y, z]| [x, y, z + 60.0]));
     for (scan, keys, words) in [
         ("", known, &["scene.toml: scan.xyz: file is empty"][..]),

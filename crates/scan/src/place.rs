@@ -19,6 +19,8 @@ const COUNTED: f64 = 0.85;
 const ALIKE: f64 = 1.15;
 /// and is another if it is turned by more than this [rad].
 const OTHERWISE: f64 = 0.35;
+/// Marks on the tool that were seen and measured agree to this share of their distance.
+const AGREED: f64 = 0.02;
 /// A vertex this near to the tool lies on it [m].
 const LIES: f64 = 1e-3;
 /// Share of the blank that has to lie on the tool for the scan to be put there.
@@ -44,7 +46,18 @@ pub(super) fn placed(scene: &Scene, points: &[Vec3], scale: f64) -> Result<(Rigi
     };
     let fixed: Vec<(Vec3, Vec3)> = placement.scan_marks.iter().filter_map(on_tool).collect();
     if fixed.len() >= 3 {
-        return Ok((by_marks(&fixed)?, 0));
+        let (rigid, rms) = by_marks(&fixed)?;
+        let apart = fixed.iter().map(|(x, _)| (x - fixed[0].0).norm());
+        let most = AGREED * apart.fold(0.0, f64::max);
+        if rms > most {
+            return Err(format!(
+                "`placement.scan_marks`: those with `scene_mm` are {:.1} mm off each other, root mean square, expected at \
+                 most {:.1} mm: is a number wrong?",
+                1e3 * rms,
+                1e3 * most
+            ));
+        }
+        return Ok((rigid, 0));
     }
     let mut marks = fixed;
     for (spot, x) in spots(scene, scale).map_err(|error| error.to_string())? {
@@ -52,7 +65,7 @@ pub(super) fn placed(scene: &Scene, points: &[Vec3], scale: f64) -> Result<(Rigi
     }
     let (start, others) = match marks.len() {
         0 => search(scene, points)?,
-        _ => (by_marks(&marks)?, 0),
+        _ => (by_marks(&marks)?.0, 0),
     };
     Ok((on_to_tool(scene, points, start), others))
 }
@@ -61,11 +74,9 @@ fn seen(mark: &Mark, scale: f64) -> Vec3 {
     Vec3::from(mark.seen) * scale
 }
 
-fn by_marks(pairs: &[(Vec3, Vec3)]) -> Result<Rigid, String> {
+fn by_marks(pairs: &[(Vec3, Vec3)]) -> Result<(Rigid, f64), String> {
     let (from, to): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
-    let (rigid, _) =
-        kabsch(&from, &to).map_err(|error| format!("`placement.scan_marks`: {error}"))?;
-    Ok(rigid)
+    kabsch(&from, &to).map_err(|error| format!("`placement.scan_marks`: {error}"))
 }
 
 /// Marks on the blank: where they are on it, and where the scanner saw them [m].
