@@ -122,7 +122,7 @@ fn scans_that_cannot_be_are_refused_in_one_line() {
         (
             &all,
             "scan_unit = \"yd\"",
-            &["scene.toml:", "unknown variant `yd`"],
+            &["scene.toml:", "unknown name `yd`, expected one of `mm`"],
         ),
         (
             &half,
