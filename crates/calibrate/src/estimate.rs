@@ -28,7 +28,8 @@ const FARTHEST: f64 = 4.6;
 
 /// Where it ends: steps of a tenth of the deviation, so many evaluations, or so many steps in vain.
 const SMALL_STEP: f64 = 0.1;
-const EVALUATIONS: usize = 12;
+/// Most evaluations of all worlds.
+pub const EVALUATIONS: usize = 12;
 const HALVINGS: usize = 4;
 
 /// What is to be simulated.
@@ -72,9 +73,6 @@ struct Local {
     scale: f64,
     /// Standing in for the variance of independent residuals.
     variance: f64,
-    gradient: DVector<f64>,
-    /// Prior and data together.
-    precision: DMatrix<f64>,
     step: DVector<f64>,
     deviation: Vec<f64>,
 }
@@ -196,7 +194,7 @@ fn local(at: &DVector<f64>, prior: &[f64], blocks: &[usize], worlds: &[Vec<f64>]
     let variance = scale * scale * alike(blocks, &weighted);
     let prior_precision = DVector::from_iterator(parameters, prior.iter().map(|p| p.powi(-2)));
     let precision = curvature / variance + DMatrix::from_diagonal(&prior_precision);
-    let covariance = precision.clone().try_inverse();
+    let covariance = precision.try_inverse();
     let covariance = covariance.expect("the prior makes it positive definite");
     let mut step = -&covariance * (&gradient / variance + prior_precision.component_mul(at));
     let longest = step.amax();
@@ -219,10 +217,8 @@ fn local(at: &DVector<f64>, prior: &[f64], blocks: &[usize], worlds: &[Vec<f64>]
         at: at.clone(),
         scale,
         variance,
-        gradient,
         deviation: (0..parameters).map(deviation).collect(),
         residual,
-        precision,
         step,
     }
 }

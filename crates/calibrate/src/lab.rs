@@ -1,6 +1,5 @@
 use std::path::Path;
 
-use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use drape_cloth::file::{ReadError, read_text};
 
 use crate::columns::{Column, TESTS, Test};
@@ -32,7 +31,7 @@ pub struct Specimen {
 
 /// A row of a test in SI.
 struct Row {
-    line: u64,
+    line: usize,
     /// In the order of the test's columns.
     values: Vec<f64>,
     direction: Option<usize>,
@@ -159,29 +158,28 @@ fn sample(test: Test, of: impl Fn(Column) -> Option<f64>) -> Result<Sample, Stri
 
 /// Test, columns in their order, and rows.
 fn rows(text: &str) -> Result<(Test, Vec<Column>, Vec<Row>), String> {
-    let first = text.lines().find(|line| !line.trim().is_empty());
-    let first = first.ok_or("is empty, expected a header and rows")?;
+    let lines = text.lines().map(str::trim).enumerate();
+    let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+    let (top, first) = lines
+        .next()
+        .ok_or("is empty, expected a header and rows")?;
+    let top = top + 1;
     let is_semicolon = first.contains(';');
-    let mut reader = ReaderBuilder::new()
-        .delimiter(if is_semicolon { b';' } else { b',' })
-        .trim(Trim::All)
-        .comment(Some(b'#'))
-        .from_reader(text.as_bytes());
-    let header = reader.headers().map_err(fault)?.clone();
+    let header = cells(first, is_semicolon);
     let (mut direction, mut specimen) = (None, None);
     let mut places: Vec<(Column, usize, f64)> = Vec::new();
     for (place, name) in header.iter().enumerate() {
         let number = place + 1;
-        match name {
+        match *name {
             "direction" if direction.is_none() => direction = Some(place),
             "specimen" if specimen.is_none() => specimen = Some(place),
             _ => {
                 let (column, factor) = Column::named(name).map_err(|expected| {
-                    format!("line 1: column {number} is \"{name}\", expected {expected}")
+                    format!("line {top}: column {number} is \"{name}\", expected {expected}")
                 })?;
                 if places.iter().any(|&(known, ..)| known == column) {
                     return Err(format!(
-                        "line 1: column {number}, \"{name}\", says again what another says"
+                        "line {top}: column {number}, \"{name}\", says again what another says"
                     ));
                 }
                 places.push((column, place, factor));
@@ -191,22 +189,26 @@ fn rows(text: &str) -> Result<(Test, Vec<Column>, Vec<Row>), String> {
     places.sort_by_key(|&(column, ..)| column);
     let columns: Vec<Column> = places.iter().map(|&(column, ..)| column).collect();
     let test = Test::of(&columns).ok_or_else(|| {
-        let found: Vec<&str> = header.iter().collect();
-        format!("line 1: columns are {}, expected {TESTS}", found.join(", "))
+        format!("line {top}: columns are {}, expected {TESTS}", header.join(", "))
     })?;
     let (directions, is_required) = test.directions();
     if is_required && direction.is_none() {
         let [a, b] = directions;
         return Err(format!(
-            "line 1: there is no column `direction`, expected one that says {a} or {b}"
+            "line {top}: there is no column `direction`, expected one that says {a} or {b}"
         ));
     }
     let mut rows = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(fault)?;
-        let line = record.position().map_or(0, csv::Position::line);
+    for (number, line) in lines {
+        let (line, record) = (number + 1, cells(line, is_semicolon));
+        let (found, expected) = (record.len(), header.len());
+        if found != expected {
+            return Err(format!(
+                "line {line}: has {found} columns, expected {expected} as in the header"
+            ));
+        }
         let number = |&(column, place, factor): &(Column, usize, f64)| {
-            let found = &record[place];
+            let found = record[place];
             let text = match is_semicolon {
                 true => found.replace(',', "."),
                 false => found.into(),
@@ -214,7 +216,7 @@ fn rows(text: &str) -> Result<(Test, Vec<Column>, Vec<Row>), String> {
             let value = text.parse().map(|value: f64| value * factor);
             let value = value.ok().filter(|&value| column.is_valid(value));
             value.ok_or_else(|| {
-                let (name, expected) = (&header[place], column.expected());
+                let (name, expected) = (header[place], column.expected());
                 format!("line {line}: `{name}` is \"{found}\", expected {expected}")
             })
         };
@@ -234,29 +236,22 @@ fn rows(text: &str) -> Result<(Test, Vec<Column>, Vec<Row>), String> {
 }
 
 fn side(
-    record: &StringRecord,
+    record: &[&str],
     place: usize,
     directions: [&str; 2],
-    line: u64,
+    line: usize,
 ) -> Result<usize, String> {
-    let found = &record[place];
+    let found = record[place];
     let known = directions.iter().position(|&known| known == found);
     let [a, b] = directions;
     known.ok_or_else(|| format!("line {line}: `direction` is \"{found}\", expected {a} or {b}"))
 }
 
-fn fault(error: csv::Error) -> String {
-    match error.kind() {
-        ErrorKind::UnequalLengths {
-            pos,
-            expected_len,
-            len,
-        } => {
-            let line = pos.as_ref().map_or(0, csv::Position::line);
-            format!("line {line}: has {len} columns, expected {expected_len} as in the header")
-        }
-        _ => error.to_string(),
-    }
+/// What a line says between commas or semicolons, without the quotes that spreadsheets put round it. Separators within
+/// quotes separate: no column of a test has any.
+fn cells(line: &str, is_semicolon: bool) -> Vec<&str> {
+    let cells = line.split(if is_semicolon { ';' } else { ',' });
+    cells.map(|cell| cell.trim().trim_matches('"').trim()).collect()
 }
 
 #[cfg(test)]

@@ -13,12 +13,14 @@ mod fabric;
 mod file;
 mod lab;
 mod observed;
+mod scaled;
 mod specimens;
 
 pub use curve::{Sample, fewest, fit};
-pub use estimate::{Estimate, Query, estimate};
+pub use estimate::{EVALUATIONS, Estimate, Query, estimate};
 pub use fabric::{Calibrated, FitError, FittedCurve, calibrate};
 pub use file::{scatter_table, write_material};
 pub use lab::{Lab, Specimen};
 pub use observed::{FACTORS, Factors, Observed, SimulationError, explain};
+pub use scaled::{posterior, prior, scaled};
 pub use specimens::{Measured, factor_spread, measured};
