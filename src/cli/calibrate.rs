@@ -19,16 +19,16 @@ use drape_calibrate::{
 use drape_cloth::fabric::{Drape, Material};
 use drape_cloth::file::{check_writable, read_text};
 use drape_cloth::math::Vec3;
-use drape_cloth::mesh::read_mesh;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_report::{Chart, Color, Image, SERIES, Series};
+use drape_scan::Cloud;
 use drape_task::env::{EnvConfig, Scatter};
 use drape_task::path::read_json;
 
 /// Make a material file and its scatter from standard tests, or from scans of cloth
 ///
-/// Tests are CSV files whose header names quantities with units (docs/CALIBRATE.md). Scans are STL or PLY files of cloth that
-/// lies, hangs or was pressed as a scene says, in its frame, or state files; they tell factors on the scene's friction, bending,
+/// Tests are CSV files whose header names quantities with units (docs/CALIBRATE.md). Scans are STL, PLY or text
+/// files of points on cloth that lies, hangs or was pressed as a scene says, in its frame, or state files; they tell factors on the scene's friction, bending,
 /// shear and tension, by the fast solver.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -233,6 +233,19 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
     let seen = scenes.iter().map(|scene| Seen::read(scene, args));
     let seen = seen.collect::<Result<Vec<_>, _>>()?;
     let first = &seen[0];
+    for (other, path) in seen.iter().zip(scenes) {
+        let fabric = |seen: &Seen| {
+            let bending = seen.scene.model.physics().bending_stiffness;
+            (seen.scene.lamina.material.clone(), bending)
+        };
+        if fabric(other) != fabric(first) {
+            return Err(Failure::invalid(anyhow!(
+                "{} has another material or physics.bending_stiffness than {}, expected one fabric",
+                path.display(),
+                scenes[0].display()
+            )));
+        }
+    }
     let states: Vec<Observed> = scanned
         .iter()
         .enumerate()
@@ -358,7 +371,7 @@ fn points(path: &Path, scale: f64) -> Result<Vec<Vec3>, Failure> {
         .is_some_and(|end| end.eq_ignore_ascii_case("json"));
     Ok(match is_state {
         true => Drape::read(path).or_invalid()?.mesh().vertices,
-        false => read_mesh(path, scale).or_invalid()?.mesh.vertices,
+        false => Cloud::read(path, scale).or_invalid()?.points,
     })
 }
 

@@ -160,9 +160,7 @@ fn sample(test: Test, of: impl Fn(Column) -> Option<f64>) -> Result<Sample, Stri
 fn rows(text: &str) -> Result<(Test, Vec<Column>, Vec<Row>), String> {
     let lines = text.lines().map(str::trim).enumerate();
     let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-    let (top, first) = lines
-        .next()
-        .ok_or("is empty, expected a header and rows")?;
+    let (top, first) = lines.next().ok_or("is empty, expected a header and rows")?;
     let top = top + 1;
     let is_semicolon = first.contains(';');
     let header = cells(first, is_semicolon);
@@ -189,7 +187,10 @@ fn rows(text: &str) -> Result<(Test, Vec<Column>, Vec<Row>), String> {
     places.sort_by_key(|&(column, ..)| column);
     let columns: Vec<Column> = places.iter().map(|&(column, ..)| column).collect();
     let test = Test::of(&columns).ok_or_else(|| {
-        format!("line {top}: columns are {}, expected {TESTS}", header.join(", "))
+        format!(
+            "line {top}: columns are {}, expected {TESTS}",
+            header.join(", ")
+        )
     })?;
     let (directions, is_required) = test.directions();
     if is_required && direction.is_none() {
@@ -251,7 +252,9 @@ fn side(
 /// quotes separate: no column of a test has any.
 fn cells(line: &str, is_semicolon: bool) -> Vec<&str> {
     let cells = line.split(if is_semicolon { ';' } else { ',' });
-    cells.map(|cell| cell.trim().trim_matches('"').trim()).collect()
+    cells
+        .map(|cell| cell.trim().trim_matches('"').trim())
+        .collect()
 }
 
 #[cfg(test)]
