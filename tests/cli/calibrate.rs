@@ -229,8 +229,8 @@ fn scan_of_a_strip_tells_its_bending() {
     assert!(number(&bending["low"]) <= value && value <= number(&bending["high"]));
     assert_eq!(bending["told"], true);
     assert!(number(&report["scatter"]["bending"]) > 0.0);
-    // Nothing shears or stretches there.
-    for name in ["shear", "tension"] {
+    // Nothing slides or stretches there.
+    for name in ["friction", "tension"] {
         assert_eq!(parameter(name)["told"], false, "{report:#}");
     }
     assert!(number(&report["rms_mm"]) < 0.1, "{report:#}");

@@ -136,7 +136,8 @@ fn with_kinks(
     let knots: Vec<f64> = [&[0.0], kinks, &[end]].concat();
     let count = knots.len() - 1;
     let run = |strain: f64, k: usize| (strain - knots[k]).clamp(0.0, knots[k + 1] - knots[k]);
-    let (mut normal, mut right, mut values) = (Matrix3::zeros(), Vector3::zeros(), [0.0; 2]);
+    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    let (mut values, mut square) = ([0.0; 2], 0.0);
     for (sample, &w) in samples.iter().zip(weights) {
         let row = Vector3::from_fn(|k, _| match k < count {
             true => run(sample.at, k) + sample.half * run(0.5 * sample.at, k),
@@ -144,6 +145,7 @@ fn with_kinks(
         });
         normal += w * row * row.transpose();
         right += w * sample.value * row;
+        square += w * sample.value * sample.value;
         values[0] += w * sample.value;
         values[1] += w * (row.x + row.y + row.z);
     }
@@ -165,7 +167,9 @@ fn with_kinks(
             let [_, stress] = curve[k];
             curve.push([knots[k + 1], stress + slopes[k] * (knots[k + 1] - knots[k])]);
         }
-        grows.then(|| (loss(samples, weights, &curve), curve))
+        let known = slopes.map_with_location(|k, _, slope| if k < count { slope } else { 0.0 });
+        let loss = square - 2.0 * known.dot(&right) + known.dot(&(normal * known));
+        grows.then_some((loss, curve))
     });
     let best = choices.min_by(|a, b| a.0.total_cmp(&b.0));
     best.expect("all slopes at the least are a choice")

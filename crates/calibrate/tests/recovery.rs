@@ -106,7 +106,7 @@ fn table_2_comes_back_from_tests_with_noise() {
             let (_, of) = of.unwrap_or_else(|| panic!("no {name} in {:?}", found.parameters));
             let [low, high] = of.interval.unwrap();
             count += 1;
-            covered += usize::from(low <= truth && truth <= high);
+            covered += u32::from(low <= truth && truth <= high);
             if seed == 1 {
                 println!(
                     "| {name} | {truth:.4e} | {:.4e} | {low:.4e} to {high:.4e} |",
@@ -143,6 +143,8 @@ const SCENES: [&str; 2] = [
     [fall]
     fall_s = 0.5
     settle_s = 0.7
+    substep_rate = 3000
+    contact_rate = 600
     "#,
     r#"
     [tool.source.shape]
@@ -162,6 +164,8 @@ const SCENES: [&str; 2] = [
     [fall]
     fall_s = 0.5
     settle_s = 0.7
+    substep_rate = 3000
+    contact_rate = 600
     "#,
 ];
 
