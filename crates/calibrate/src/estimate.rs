@@ -2,7 +2,7 @@
 //!
 //! Gauss-Newton with finite differences (Nocedal and Wright, "Numerical Optimization", chapter 10) on Huber's loss,
 //! with a normal prior. Three things make a plain covariance too small, and widen it here: residuals of neighbours
-//! are alike (Liang and Zeger 1986), differences of chaotic simulations look like derivatives, and the
+//! are alike, which clusters tell (Liang and Zeger 1986), differences of chaotic simulations look like derivatives, and the
 //! observed state is one draw of that chaos.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
@@ -26,8 +26,8 @@ const LEAST_DEVIATION: f64 = 1e-5;
 const LONGEST: f64 = 1.0;
 const FARTHEST: f64 = 4.6;
 
-/// Where it ends: steps of a tenth of the deviation, so many evaluations, or so many steps in vain.
-const SMALL_STEP: f64 = 0.1;
+/// Where it ends: steps of a fifth of the deviation, so many evaluations, or so many steps in vain.
+const SMALL_STEP: f64 = 0.2;
 /// Most evaluations of all worlds.
 pub const EVALUATIONS: usize = 12;
 const HALVINGS: usize = 4;
@@ -180,10 +180,13 @@ fn local(at: &DVector<f64>, prior: &[f64], blocks: &[usize], worlds: &[Vec<f64>]
         DVector::zeros(parameters),
         DMatrix::zeros(parameters, parameters),
     );
+    let count = blocks.iter().max().map_or(0, |last| last + 1);
+    let mut pulls = vec![DVector::<f64>::zeros(parameters); count];
     let mut noise = 0.0;
     for &i in &counted {
         let row = DVector::from_fn(parameters, |k, _| slope(i, k));
         curvature += weights[i] * &row * row.transpose();
+        pulls[blocks[i]] += weighted[i] * &row;
         gradient += weighted[i] * row;
         let square = here.iter().map(|world| (world[i] - residual[i]).powi(2));
         noise += weights[i] * square.sum::<f64>() / (same - 1.0);
@@ -201,6 +204,13 @@ fn local(at: &DVector<f64>, prior: &[f64], blocks: &[usize], worlds: &[Vec<f64>]
     if longest > LONGEST {
         step *= LONGEST / longest;
     }
+    // How far neighbourhoods pull apart: the covariance of a sum over clusters.
+    let mut apart = DVector::<f64>::zeros(parameters);
+    let mean = &gradient / count.max(1) as f64;
+    for pull in &pulls {
+        let moved = &covariance * (pull - &mean) / variance;
+        apart += moved.component_mul(&moved) * (count as f64 / (count as f64 - 1.0).max(1.0));
+    }
     // Where each of these states would take the parameters: the observed one is another of them.
     let mut chaos = DVector::<f64>::zeros(parameters);
     for world in here {
@@ -212,7 +222,10 @@ fn local(at: &DVector<f64>, prior: &[f64], blocks: &[usize], worlds: &[Vec<f64>]
         let moved = &covariance * pull / variance;
         chaos += moved.component_mul(&moved) / (same - 1.0) * (1.0 + 1.0 / same);
     }
-    let deviation = |k: usize| (covariance[(k, k)] + chaos[k]).sqrt().min(prior[k]);
+    let deviation = |k: usize| {
+        let plain = covariance[(k, k)].max(apart[k]);
+        (plain + chaos[k]).sqrt().min(prior[k])
+    };
     Local {
         at: at.clone(),
         scale,

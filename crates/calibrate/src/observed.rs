@@ -27,7 +27,7 @@ const PUSH: f64 = 1e-6;
 const MOST_POINTS: usize = 3000;
 
 /// Neighbourhoods along the longest side of a scan.
-const BLOCKS: f64 = 6.0;
+const BLOCKS: f64 = 3.0;
 
 /// A state of cloth that was seen.
 pub struct Observed {

@@ -143,8 +143,6 @@ const SCENES: [&str; 2] = [
     [fall]
     fall_s = 0.5
     settle_s = 0.7
-    substep_rate = 3000
-    contact_rate = 600
     "#,
     r#"
     [tool.source.shape]
@@ -155,7 +153,7 @@ const SCENES: [&str; 2] = [
     spacing_mm = 4
     [blank]
     size_mm = [160, 160]
-    vertices = [17, 17]
+    vertices = [13, 13]
     [placement]
     over = "tool"
     centre_mm = [10, 5]
@@ -164,8 +162,6 @@ const SCENES: [&str; 2] = [
     [fall]
     fall_s = 0.5
     settle_s = 0.7
-    substep_rate = 3000
-    contact_rate = 600
     "#,
 ];
 
