@@ -142,7 +142,7 @@ const SCENES: [&str; 2] = [
     tilt_deg = 0
     [fall]
     fall_s = 0.5
-    settle_s = 0.7
+    settle_s = 0.4
     "#,
     r#"
     [tool.source.shape]
@@ -153,7 +153,7 @@ const SCENES: [&str; 2] = [
     spacing_mm = 4
     [blank]
     size_mm = [160, 160]
-    vertices = [13, 13]
+    vertices = [11, 11]
     [placement]
     over = "tool"
     centre_mm = [10, 5]
@@ -161,7 +161,7 @@ const SCENES: [&str; 2] = [
     tilt_deg = 0
     [fall]
     fall_s = 0.5
-    settle_s = 0.7
+    settle_s = 0.4
     "#,
 ];
 
