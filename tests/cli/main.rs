@@ -13,6 +13,7 @@ mod inputs;
 mod learning;
 mod robot;
 mod run;
+mod scan;
 mod scene;
 mod study;
 mod tool;
