@@ -3,6 +3,7 @@
 mod baseline;
 mod bench;
 mod blank;
+mod calibrate;
 mod changes;
 mod compare;
 mod damage;
