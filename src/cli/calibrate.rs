@@ -11,10 +11,10 @@ use super::loaded::Loaded;
 use super::output::{Progress, print};
 use super::setup::set_up;
 use super::terminal::Told;
-use crate::run::RunConfig;
+use crate::run::{Parameter, RunConfig};
 use drape_calibrate::{
-    Calibrated, FACTORS, FittedCurve, Lab, Observed, calibrate, explain, posterior, prior, scaled,
-    scatter_table, write_material,
+    Calibrated, Estimate, FACTORS, FittedCurve, Lab, Observed, calibrate, explain, posterior,
+    prior, scaled, scatter_table, write_material,
 };
 use drape_cloth::fabric::{Drape, Material};
 use drape_cloth::file::{check_writable, read_text};
@@ -22,7 +22,7 @@ use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_report::{Chart, Color, Image, SERIES, Series};
 use drape_scan::Cloud;
-use drape_task::env::{EnvConfig, Scatter};
+use drape_task::env::{EnvConfig, Quantity, Scatter};
 use drape_task::path::read_json;
 
 /// Make a material file and its scatter from standard tests, or from scans of cloth
@@ -88,21 +88,6 @@ struct Report {
     notes: Vec<String>,
     #[serde(flatten)]
     fit: Option<Fit>,
-}
-
-/// A quantity with the interval that holds it at 90 %.
-#[derive(Serialize)]
-struct Parameter {
-    name: String,
-    value: f64,
-    low: Option<f64>,
-    high: Option<f64>,
-    /// Of tests.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    specimens: Option<usize>,
-    /// Of scans: they say more of it than was known before.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    told: Option<bool>,
 }
 
 /// How well simulated cloth lies in scans.
@@ -251,41 +236,14 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
         .enumerate()
         .map(|(k, points)| seen[k.min(seen.len() - 1)].observed(points))
         .collect();
-    let progress = Progress::new("calibrating", args.json);
-    let told = |number: usize, share: f64| {
-        let done = (number as f64 - 1.0 + share) / drape_calibrate::EVALUATIONS as f64;
-        progress.tell(done, &format!("evaluation {number}"));
-    };
-    let estimate = explain(&states, prior(&first.scatter), told)?;
-    drop(progress);
+    let estimate = explained(&states, &first.scatter, args.json)?;
     let (lamina, physics) = (&first.scene.lamina, first.scene.model.physics());
     let (material, mut notes) = scaled(&lamina.material, physics, &estimate);
-    let untold = FACTORS.iter().zip(&estimate.is_told);
-    let untold: Vec<String> = untold
-        .filter(|(_, told)| !**told)
-        .map(|(q, _)| q.name())
-        .collect();
-    if !untold.is_empty() {
-        notes.push(format!(
-            "scans do not tell {}: intervals are nearly what was known before",
-            untold.join(", ")
-        ));
-    }
-    let parameters = FACTORS.iter().enumerate().map(|(k, quantity)| {
-        let [low, high] = estimate.interval(k).map(f64::exp);
-        Parameter {
-            name: quantity.name(),
-            value: estimate.at[k].exp(),
-            low: Some(low),
-            high: Some(high),
-            specimens: None,
-            told: Some(estimate.is_told[k]),
-        }
-    });
+    notes.extend(untold(&estimate));
     let report = Report {
         file: args.out.clone().map(Told::from),
         picture: None,
-        parameters: parameters.collect(),
+        parameters: factors(&estimate),
         scatter: posterior(&estimate),
         kept: Vec::new(),
         notes,
@@ -296,6 +254,51 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
         }),
     };
     Ok((material, report))
+}
+
+/// What explains states best, with a progress bar.
+pub(super) fn explained(
+    states: &[Observed],
+    scatter: &Scatter,
+    json: bool,
+) -> Result<Estimate, Failure> {
+    let progress = Progress::new("calibrating", json);
+    let told = |number: usize, share: f64| {
+        let done = (number as f64 - 1.0 + share) / drape_calibrate::EVALUATIONS as f64;
+        progress.tell(done, &format!("evaluation {number}"));
+    };
+    Ok(explain(states, prior(scatter), told)?)
+}
+
+/// The factors that were found.
+pub(super) fn factors(estimate: &Estimate) -> Vec<Parameter> {
+    let parameter = |(k, quantity): (usize, &Quantity)| {
+        let [low, high] = estimate.interval(k).map(f64::exp);
+        Parameter {
+            name: quantity.name(),
+            value: estimate.at[k].exp(),
+            low: Some(low),
+            high: Some(high),
+            specimens: None,
+            told: Some(estimate.is_told[k]),
+        }
+    };
+    FACTORS.iter().enumerate().map(parameter).collect()
+}
+
+/// What scans do not tell, if there is anything.
+pub(super) fn untold(estimate: &Estimate) -> Option<String> {
+    let untold = FACTORS.iter().zip(&estimate.is_told);
+    let untold: Vec<String> = untold
+        .filter(|(_, told)| !**told)
+        .map(|(quantity, _)| quantity.name())
+        .collect();
+    (!untold.is_empty()).then(|| {
+        format!(
+            "scans do not tell {}: intervals are nearly what was known before",
+            untold.join(", ")
+        )
+    })
 }
 
 /// What a scan may be of.
@@ -377,22 +380,7 @@ fn points(path: &Path, scale: f64) -> Result<Vec<Vec3>, Failure> {
 
 fn text(report: &Report) -> String {
     let mut lines: Vec<String> = Vec::new();
-    for found in &report.parameters {
-        let interval = match (found.low, found.high) {
-            (Some(low), Some(high)) => format!("{low:.4e} to {high:.4e}"),
-            _ => "interval unknown".into(),
-        };
-        let by = match (found.specimens, found.told) {
-            (Some(1), _) => "  1 specimen".into(),
-            (Some(count), _) => format!("  {count} specimens"),
-            (_, Some(false)) => "  not told".into(),
-            _ => String::new(),
-        };
-        lines.push(format!(
-            "{:32} {:.4e}  {interval}{by}",
-            found.name, found.value
-        ));
-    }
+    lines.extend(report.parameters.iter().map(line));
     if let Some(fit) = &report.fit {
         lines.push(format!(
             "{} points, {:.3} mm off the simulated cloth rms, {} evaluations",
@@ -411,4 +399,19 @@ fn text(report: &Report) -> String {
         );
     }
     lines.join("\n")
+}
+
+/// A line of a parameter.
+pub(super) fn line(found: &Parameter) -> String {
+    let interval = match (found.low, found.high) {
+        (Some(low), Some(high)) => format!("{low:.4e} to {high:.4e}"),
+        _ => "interval unknown".into(),
+    };
+    let by = match (found.specimens, found.told) {
+        (Some(1), _) => "  1 specimen".into(),
+        (Some(count), _) => format!("  {count} specimens"),
+        (_, Some(false)) => "  not told".into(),
+        _ => String::new(),
+    };
+    format!("{:32} {:.4e}  {interval}{by}", found.name, found.value)
 }

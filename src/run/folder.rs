@@ -55,7 +55,7 @@ pub struct RunInfo {
     pub platform: String,
     /// UTC, ISO 8601.
     pub created: String,
-    /// What `drape baseline` searched with; a training has none.
+    /// What `drape baseline` searched with, or `improve` after the command; a training has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<String>,
 }
@@ -172,7 +172,7 @@ pub enum RunError {
     #[error("run {} already exists: choose another name, {_1}or remove the folder", .0.display())]
     Taken(PathBuf, &'static str),
     #[error(
-        "{} has no policy, as `drape baseline --policy {_1}` made it: `eval --sequence` replays \
+        "{} has no policy, as `drape {_1}` made it: `eval --sequence` replays \
          its best path",
         .0.display()
     )]
@@ -382,7 +382,10 @@ impl RunFolder {
         let info = read_json::<RunInfo>(&self.info, "what tells of a run").ok();
         match info.and_then(|info| info.search) {
             None => Ok(()),
-            Some(name) => bail!(RunError::Searched(self.path.clone(), name)),
+            Some(name) => {
+                let command = ["baseline --policy ", ""][usize::from(name == "improve")];
+                bail!(RunError::Searched(self.path.clone(), command.to_owned() + &name))
+            }
         }
     }
 

@@ -19,6 +19,7 @@ mod robot;
 mod rollout;
 mod scenes;
 mod training;
+mod turns;
 
 pub use best::Best;
 pub use changes::changed;
@@ -34,3 +35,4 @@ pub use rollout::{
 };
 pub use scenes::{Member, SceneRange};
 pub use training::{Preparation, Scenes, Training, search_by_moves};
+pub use turns::{Parameter, ScanFile, Turn, kept_presses};

@@ -260,6 +260,19 @@ pub fn prove(
     })
 }
 
+/// What a path leaves in the worlds in which [`prove`] proves what was chosen.
+///
+/// # Errors
+/// If a fall diverges.
+pub fn figures(case: Case, path: &[u32], context: &Context) -> Result<Figures, StudyError> {
+    let worlds = case.worlds(LIES, SEEDS[1], context)?;
+    let mut judge = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
+    let numbers = case.numbers(0..PROVING as u64);
+    let told = |done, of| (context.progress)(done as f64 / of as f64, "proving");
+    let left = pressed(&mut judge, &[path], &numbers, told).remove(0);
+    Ok(Figures::new(&left, case.env))
+}
+
 /// What each quantity that scatters does to a path by itself, what hurts most first.
 ///
 /// # Errors
