@@ -108,7 +108,14 @@ fn turns_of_the_loop_in_a_twin_with_a_hidden_fabric() {
     fs::write(path.join("task.toml"), TASK).unwrap();
     let search = |steps: u64, name: &str| {
         let steps = steps.to_string();
-        let args = ["baseline", "task.toml", "--policy", "moves", "--steps", &steps];
+        let args = [
+            "baseline",
+            "task.toml",
+            "--policy",
+            "moves",
+            "--steps",
+            &steps,
+        ];
         drape(path, &[&args[..], &["--name", name]].concat());
     };
     search(steps, "before");
@@ -133,8 +140,13 @@ fn turns_of_the_loop_in_a_twin_with_a_hidden_fabric() {
             let (file, name) = (format!("{draw}-{turn}.xyz"), format!("{draw}-{turn}"));
             fs::write(path.join(&file), scan).unwrap();
             let (old, steps) = (format!("runs/{run}"), steps.to_string());
-            let args = ["improve", &old, "--scan", &file, "--unit", "mm", "--frame", "scene"];
-            drape(path, &[&args[..], &["--polish", &steps, "--name", &name]].concat());
+            let args = [
+                "improve", &old, "--scan", &file, "--unit", "mm", "--frame", "scene",
+            ];
+            drape(
+                path,
+                &[&args[..], &["--polish", &steps, "--name", &name]].concat(),
+            );
             run = name;
         }
         for run in [&*run, "alone"] {
@@ -143,7 +155,9 @@ fn turns_of_the_loop_in_a_twin_with_a_hidden_fabric() {
         let factors = factors.map(|factor| format!("{factor:.2}")).join(", ");
         let shown: Vec<String> = scores.iter().map(|s| format!("{:.1} %", 1e2 * s)).collect();
         println!("| {draw} | {factors} | {} |", shown.join(" | "));
-        sums.iter_mut().zip(scores).for_each(|(sum, score)| *sum += score);
+        sums.iter_mut()
+            .zip(scores)
+            .for_each(|(sum, score)| *sum += score);
     }
     let means = sums.map(|sum| format!("{:.1} %", 1e2 * sum / draws as f64));
     println!("| mean | | {} |", means.join(" | "));

@@ -221,9 +221,13 @@ fn beside_run(args: &CompareArgs) -> Result<(), Failure> {
     let pressed = resting(&loaded.scene, played.recording.end().to_vec());
     let seen = args.scan.seen(&args.a, &pressed)?;
     let threshold = 1e-3 * loaded.config.env.drape_threshold_mm;
-    let deviation = seen.deviation(&pressed, threshold).or_invalid_in(args.b.display())?;
+    let deviation = seen
+        .deviation(&pressed, threshold)
+        .or_invalid_in(args.b.display())?;
     if let Some(file) = &args.out {
-        let range = args.range.unwrap_or_else(|| picture::range(deviation.scan_to_run_mm.p95));
+        let range = args
+            .range
+            .unwrap_or_else(|| picture::range(deviation.scan_to_run_mm.p95));
         let tool = pressed.tool.mesh_in_scene();
         let sheet = pressed.tool.in_scene(&pressed.initial.position);
         let sheet = pressed.lamina.mesh(&sheet);
@@ -262,19 +266,37 @@ fn scan_text(report: &ScanReport) -> String {
         ..
     } = &report.deviation;
     let row = |name: &str, s: &Spread| {
-        let Spread { mean, rms, p95, min, max } = s;
+        let Spread {
+            mean,
+            rms,
+            p95,
+            min,
+            max,
+        } = s;
         format!("{name}  {mean:8.3} {rms:8.3} {p95:8.3} {min:8.3} {max:8.3}")
     };
-    let (a, b) = (report.a_source.path.display(), report.b_source.path.display());
+    let (a, b) = (
+        report.a_source.path.display(),
+        report.b_source.path.display(),
+    );
     let mut lines = vec![
         format!("A  {a} ({} points)", report.points),
         format!("B  {b} (reference)"),
         "\ndistance [mm]     mean      rms      p95      min      max".into(),
         row("scan to run ", scan_to_run_mm),
     ];
-    lines.extend(run_to_scan_mm.iter().map(|spread| row("run to scan ", spread)));
-    let [far, unseen, scan, run] = [far_share, unseen_share, undraped_share_scan, undraped_share_run]
-        .map(|share| 1e2 * share);
+    lines.extend(
+        run_to_scan_mm
+            .iter()
+            .map(|spread| row("run to scan ", spread)),
+    );
+    let [far, unseen, scan, run] = [
+        far_share,
+        unseen_share,
+        undraped_share_scan,
+        undraped_share_run,
+    ]
+    .map(|share| 1e2 * share);
     lines.push(format!(
         "\npoints far from the run {far:.1} %, vertices of the run that were not seen {unseen:.1} %\n\
          undraped: {scan:.1} % of the scan, {run:.1} % of the run\n"

@@ -117,7 +117,12 @@ pub fn run(args: ImproveArgs) -> Result<(), Failure> {
     let inputs = tempfile::tempdir().context("cannot make a temporary folder")?;
     let notes = adopt(&mut config, &scene, &estimate, inputs.path())?;
     let known = match old.best_sequence.exists() {
-        true => old.read_best_sequence().or_invalid()?.all().cloned().collect(),
+        true => old
+            .read_best_sequence()
+            .or_invalid()?
+            .all()
+            .cloned()
+            .collect(),
         false => Vec::new(),
     };
     let (folder, before, rows) = improved(&args, config, &path, known)?;
@@ -156,7 +161,11 @@ fn explain(args: &ImproveArgs) -> Result<Explained, Failure> {
         })
     };
     // Before the work: one that is missing would waste it.
-    let scans = args.scan.iter().map(scanned).collect::<Result<_, Failure>>()?;
+    let scans = args
+        .scan
+        .iter()
+        .map(scanned)
+        .collect::<Result<_, Failure>>()?;
     let loaded = Loaded::open(&args.run, None, None, args.json)?;
     let (played, _) = loaded.play_path()?;
     let (scene, path) = (&loaded.scene, played.recording.vertices());
@@ -193,9 +202,10 @@ fn adopt(
     let physics = &mut config.scene.physics;
     let (material, mut notes) = scaled(&scene.lamina.material, physics, estimate);
     notes.extend(untold(estimate));
-    if let (BendingStiffness::NewtonMetre(stiffness), true) =
-        (&mut physics.bending_stiffness, physics.bending != Bending::Off)
-    {
+    if let (BendingStiffness::NewtonMetre(stiffness), true) = (
+        &mut physics.bending_stiffness,
+        physics.bending != Bending::Off,
+    ) {
         let of_bending = FACTORS.iter().zip(&estimate.at);
         let factor = of_bending.filter(|(quantity, _)| **quantity == Quantity::Bending);
         factor.for_each(|(_, at)| *stiffness *= at.exp());

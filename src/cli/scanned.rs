@@ -8,7 +8,7 @@ use super::Failure;
 use super::failure::OrInvalid;
 use super::setup::warn;
 use drape_cloth::file::read_toml;
-use drape_cloth::scene::{Mark, Placement, Scene, ScanFrame, Unit};
+use drape_cloth::scene::{Mark, Placement, ScanFrame, Scene, Unit};
 use drape_scan::Seen;
 
 /// Where a scan lies, as the keys of a placement say it of a blank that was laid.
@@ -70,7 +70,10 @@ impl ScanArgs {
             let count = seen.other_places;
             format!("turned or tilted otherwise it lies as well in {count} more ways, expected one: give --marks")
         });
-        warn(dropped.into_iter().chain(others), &file.display().to_string());
+        warn(
+            dropped.into_iter().chain(others),
+            &file.display().to_string(),
+        );
         Ok(seen)
     }
 }

@@ -71,7 +71,11 @@ fn scan_of_what_was_pressed_lies_on_the_run() {
     let undraped = ["scan", "run"].map(|of| number(&report[&format!("undraped_share_{of}")]));
     assert!((undraped[0] - undraped[1]).abs() < 0.15, "{undraped:?}");
     assert!(0.0 < undraped[1] && undraped[1] < 1.0, "{undraped:?}");
-    assert!(fs::read(path.join("a.png")).unwrap().starts_with(b"\x89PNG"));
+    assert!(
+        fs::read(path.join("a.png"))
+            .unwrap()
+            .starts_with(b"\x89PNG")
+    );
     let text = stdout(path, &args);
     assert!(text.starts_with("A  scan.xyz ("), "{text}");
     assert!(text.contains("not applicable: surplus_mm, "), "{text}");
@@ -95,7 +99,10 @@ fn scan_of_what_was_pressed_lies_on_the_run() {
     let marks = [[0.0, 0.0, 60.0], [200.0, 0.0, 0.0], [0.0, 150.0, 30.0]].map(mark);
     fs::write(path.join("marks.toml"), marks.concat()).unwrap();
     let args = ["compare", "moved.xyz", "runs/a", "--unit", "cm"];
-    let report = json(path, &[&args[..], &["--marks", "marks.toml", "--json"]].concat());
+    let report = json(
+        path,
+        &[&args[..], &["--marks", "marks.toml", "--json"]].concat(),
+    );
     assert!(number(&report["scan_to_run_mm"]["rms"]) < 0.3, "{report}");
     assert_eq!(report["other_places"], 0);
 }
@@ -144,7 +151,10 @@ fn a_turn_learns_from_a_scan_and_leaves_the_old_run_alone() {
     }
     assert_eq!(turns[0]["scans"][0]["file"], "scan.xyz");
     let proof = read_json(&run.join("proof.json"));
-    assert!((number(&proof["path"]["score"]) - new).abs() < 1e-12, "{proof}");
+    assert!(
+        (number(&proof["path"]["score"]) - new).abs() < 1e-12,
+        "{proof}"
+    );
     // The new run has the new fabric, and what the scans tell scatters.
     let friction = number(&report["parameters"][0]["value"]);
     let text = fs::read_to_string(run.join("inputs/material.toml")).unwrap();
@@ -160,7 +170,11 @@ fn a_turn_learns_from_a_scan_and_leaves_the_old_run_alone() {
     // It can be gone on with as any run.
     json(path, &["export", "runs/b", "--json"]);
     let output = drape(path, &["train", "--resume", "runs/b"]);
-    assert_failure(&output, 2, &["runs/b has no policy, as `drape improve` made it"]);
+    assert_failure(
+        &output,
+        2,
+        &["runs/b has no policy, as `drape improve` made it"],
+    );
 }
 
 #[test]
@@ -177,17 +191,34 @@ fn what_nothing_can_be_learned_from_is_refused_in_one_line() {
         assert_eq!(names(&path.join("runs")), ["a"]);
     };
     let improve = |scan: &'static str| ["improve", "runs/a", "--scan", scan];
-    fails(&improve("scan.xyz"), &["--unit is missing, expected mm, cm, in or m"]);
+    fails(
+        &improve("scan.xyz"),
+        &["--unit is missing, expected mm, cm, in or m"],
+    );
     let missing = [&improve("none.ply")[..], &["--unit", "mm"]].concat();
     fails(&missing, &["none.ply"]);
     let metres = [&improve("scan.xyz")[..], &["--unit", "m"]].concat();
     fails(&metres, &["scan.xyz", "in \"mm\" it would have the size"]);
     let beside = [&improve("beside.xyz")[..], &IN_SCENE].concat();
-    fails(&beside, &["beside.xyz", "off the simulated blank, expected at most 25 %"]);
+    fails(
+        &beside,
+        &[
+            "beside.xyz",
+            "off the simulated blank, expected at most 25 %",
+        ],
+    );
     let compared = ["compare", "scan.xyz", "task.toml", "--unit", "mm"];
     fails(&compared, &["task.toml is no run folder"]);
-    fs::write(path.join("marks.toml"), "[[scan_marks]]\nseen = [1, 2, 3]\n").unwrap();
-    let marks = [&improve("scan.xyz")[..], &["--unit", "mm", "--marks", "marks.toml"]].concat();
+    fs::write(
+        path.join("marks.toml"),
+        "[[scan_marks]]\nseen = [1, 2, 3]\n",
+    )
+    .unwrap();
+    let marks = [
+        &improve("scan.xyz")[..],
+        &["--unit", "mm", "--marks", "marks.toml"],
+    ]
+    .concat();
     fails(&marks, &["expected one of `at_mm` and `scene_mm`"]);
     fs::remove_file(path.join("runs/a/proof.json")).unwrap();
     let unproved = [&improve("scan.xyz")[..], &IN_SCENE].concat();

@@ -117,10 +117,11 @@ impl Seen {
 
         let position = scene.tool.in_scene(&scene.initial.position);
         let position: Vec<Vec3> = position.into_iter().map(Vec3::from).collect();
-        let tree: RTree<[f64; 3]> =
-            RTree::bulk_load(self.all.iter().map(|&x| x.into()).collect());
+        let tree: RTree<[f64; 3]> = RTree::bulk_load(self.all.iter().map(|&x| x.into()).collect());
         let nearest = |x: &Vec3| {
-            let nearest = tree.nearest_neighbor((*x).into()).expect("there are points");
+            let nearest = tree
+                .nearest_neighbor((*x).into())
+                .expect("there are points");
             Vec3::from(*nearest)
         };
         let nearest: Vec<Vec3> = position.iter().map(nearest).collect();
