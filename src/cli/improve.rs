@@ -261,25 +261,27 @@ fn improved(
         !stop()
     })?;
     drop(progress);
-    let case = proof::case(&scene, &config);
-    let before = proof::score(case, path, args.json)?;
-    let mut orders = found.orders;
-    if orders.iter().all(|(list, _)| list != path) {
-        // It is a rival, whatever the search thought of it.
-        orders.insert(orders.len().min(1), (path.to_vec(), before));
-    }
     let digest = folder.config_digest()?;
-    let task = judge.task();
-    let best = Best::judged(orders).sequence(task, digest);
-    let best = best.expect("the old path is among them");
-    folder.write_best_sequence(&best)?;
+    let keep = |orders: Vec<(Vec<u32>, f64)>| {
+        let best = Best::judged(orders).sequence(judge.task(), digest.clone());
+        let best = best.expect("a search gives what it began with at least");
+        folder.write_best_sequence(&best).map(|()| best)
+    };
+    let mut orders = found.orders;
     if let Some(signal) = asked() {
+        keep(orders)?;
         tell(format_args!(
             "interrupted; prove what is found with: drape eval {} --sequence --prove",
             folder.path.display()
         ));
         return Err(Interrupted(signal).into());
     }
+    let before = proof::score(proof::case(&scene, &config), path, args.json)?;
+    if orders.iter().all(|(list, _)| list != path) {
+        // It is a rival, whatever the search thought of it.
+        orders.insert(1, (path.to_vec(), before));
+    }
+    let best = keep(orders)?;
     let orders = (config.proof_paths, false);
     let rows = proof::proved(&folder, (&scene, &config), best, orders, args.json)?;
     Ok((folder, before, rows))

@@ -10,20 +10,20 @@ use drape_task::env::Draping;
 use super::run::{CONFIG, files, number, read_json};
 use super::*;
 
-/// A run `runs/a` with a proved path, in coarse steps.
-fn pressed_run(folder: &Path) {
-    let text = format!("{CONFIG}\n[scatter]\nsubstep_rates = [600.0]\n");
+/// A run `runs/a` with a proved path, in coarse steps. `more` ends its configuration.
+fn pressed_run(folder: &Path, more: &str) {
+    let text = format!("{CONFIG}\n[scatter]\nsubstep_rates = [600.0]\n{more}");
     fs::write(folder.join("task.toml"), text).unwrap();
     let args = ["baseline", "task.toml", "--policy", "outwards"];
     let more = ["--steps", "120", "--name", "a", "--json"];
     json(folder, &[&args[..], &more].concat());
 }
 
-/// Points of the cloth where the path of `runs/a` leaves it in the scene of a configuration, in the frame of the
-/// scene [mm]: vertices and middles of triangles.
+/// [`points`] where the path of `runs/a` leaves the cloth in the scene of a configuration.
 fn pressed(folder: &Path, config: &str) -> Vec<[f64; 3]> {
     let config = RunConfig::read(&folder.join(config)).unwrap();
-    let scene = Arc::new(Scene::new(&config.scene, |_| ()).unwrap());
+    let (scene, _) = drape_scan::set_up(&config.scene, |_, _, _| ()).unwrap();
+    let scene = Arc::new(scene);
     let run = RunFolder::open(&folder.join("runs/a")).unwrap();
     let path = run.read_proof().unwrap().unwrap().path.vertices;
     let env = config.scatter.finest(&config.env);
@@ -35,7 +35,13 @@ fn pressed(folder: &Path, config: &str) -> Vec<[f64; 3]> {
         }
     });
     assert!(ended[0].is_ok());
-    let mesh = scene.lamina.mesh(&scene.tool.in_scene(&end));
+    points(&scene, &end)
+}
+
+/// Points of the cloth of a scene that lies at `position` [m], in the frame of the scene [mm]: vertices and middles of
+/// triangles.
+fn points(scene: &Scene, position: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    let mesh = scene.lamina.mesh(&scene.tool.in_scene(position));
     let corners = |t: &[u32; 3]| t.map(|v| mesh.vertices[v as usize]);
     let middle = |t: &[u32; 3]| corners(t).iter().sum::<Vec3>() / 3.0;
     let middles = mesh.triangles.iter().map(middle);
@@ -54,7 +60,7 @@ const IN_SCENE: [&str; 4] = ["--unit", "mm", "--frame", "scene"];
 fn scan_of_what_was_pressed_lies_on_the_run() {
     let folder = folder();
     let path = folder.path();
-    pressed_run(path);
+    pressed_run(path, "");
     let points = pressed(path, "task.toml");
     write_points(&path.join("scan.xyz"), points.iter().copied());
     let args = [&["compare", "scan.xyz", "runs/a"], &IN_SCENE[..]].concat();
@@ -111,7 +117,7 @@ fn scan_of_what_was_pressed_lies_on_the_run() {
 fn a_turn_learns_from_a_scan_and_leaves_the_old_run_alone() {
     let folder = folder();
     let path = folder.path();
-    pressed_run(path);
+    pressed_run(path, "");
     // As the shop has it: half the friction.
     let material = include_str!("../../configs/materials/interglas-92125.toml");
     let slippery = material
@@ -177,11 +183,34 @@ fn a_turn_learns_from_a_scan_and_leaves_the_old_run_alone() {
     );
 }
 
+/// Its laws act on the presses alone, and do not scatter.
+#[test]
+fn a_blank_that_starts_from_its_scan_is_improved_too() {
+    let folder = folder();
+    let path = folder.path();
+    fs::write(path.join("fallen.toml"), CONFIG).unwrap();
+    let config = RunConfig::read(&path.join("fallen.toml")).unwrap();
+    let scene = Scene::new(&config.scene, |_| ()).unwrap();
+    let laid = points(&scene, &scene.initial.position);
+    write_points(&path.join("laid.xyz"), laid);
+    let scan = "scan = \"laid.xyz\"\nscan_unit = \"mm\"\nscan_frame = \"scene\"\n";
+    pressed_run(path, &format!("[scene.placement]\n{scan}"));
+    write_points(&path.join("scan.xyz"), pressed(path, "task.toml"));
+    let args = [&["improve", "runs/a", "--scan", "scan.xyz"], &IN_SCENE[..]].concat();
+    let more = ["--polish", "50", "--name", "b", "--json"];
+    let report = json(path, &[&args[..], &more].concat());
+    let notes = report["notes"].to_string();
+    assert!(notes.contains("the blank starts from a scan"), "{notes}");
+    let config = RunConfig::read(&path.join("runs/b/config.toml")).unwrap();
+    assert!(config.scatter.spreads.is_empty(), "{:?}", config.scatter);
+    assert!(number(&report["rms_mm"]) < 1.0, "{report}");
+}
+
 #[test]
 fn what_nothing_can_be_learned_from_is_refused_in_one_line() {
     let folder = folder();
     let path = folder.path();
-    pressed_run(path);
+    pressed_run(path, "");
     let points = pressed(path, "task.toml");
     write_points(&path.join("scan.xyz"), points.iter().copied());
     let beside = points.iter().map(|&[x, y, z]| [x + 200.0, y, z + 80.0]);
