@@ -218,7 +218,7 @@ fn drawn_fabrics_come_back_from_scans_of_the_twin() {
     };
     let scenes: Vec<Arc<Scene>> = SCENES.iter().map(scene).collect();
     let (mut covered, mut told) = ([0; 4], [0; 4]);
-    let mut squares = [0.0; 4];
+    let (mut squares, mut found_well) = ([0.0; 4], 0);
     for draw in 0..draws {
         let mut stream = Stream::new(5, Purpose::Worlds, draw);
         let truth: [f64; 4] = [0.25, 0.3, 0.3, 0.2].map(|d| d * stream.normal());
@@ -253,6 +253,8 @@ fn drawn_fabrics_come_back_from_scans_of_the_twin() {
                 found.is_told[k]
             );
         }
+        let is_near = |k: usize| !found.is_told[k] || (found.at[k] - truth[k]).abs() < 0.1;
+        found_well += u32::from((0..4).all(is_near));
         println!(
             "{:.3} mm rms, {} evaluations",
             1e3 * found.rms,
@@ -268,7 +270,6 @@ fn drawn_fabrics_come_back_from_scans_of_the_twin() {
             told[k]
         );
     }
-    // Nine in ten are stated; fewer than three quarters would be a wrong claim.
-    let all: u32 = covered.iter().sum();
-    assert!(4 * all >= 3 * 4 * draws, "{covered:?}");
+    // Some end in a wrong place, which what is left of the distances tells.
+    assert!(4 * found_well >= 3 * draws, "{found_well}");
 }
