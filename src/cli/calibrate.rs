@@ -25,6 +25,10 @@ use drape_scan::Cloud;
 use drape_task::env::{EnvConfig, Scatter};
 use drape_task::path::read_json;
 
+/// Root mean square distance between scans and simulated cloth beyond which nothing can be believed [m]
+/// (docs/CALIBRATE.md).
+const MOST_LEFT: f64 = 1e-3;
+
 /// Make a material file and its scatter from standard tests, or from scans of cloth
 ///
 /// Tests are CSV files whose header names quantities with units (docs/CALIBRATE.md). Scans are STL, PLY or text
@@ -269,6 +273,14 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
         notes.push(format!(
             "scans do not tell {}: intervals are nearly what was known before",
             untold.join(", ")
+        ));
+    }
+    if estimate.rms > MOST_LEFT {
+        notes.push(format!(
+            "{:.1} mm are left between scans and simulated cloth, expected {} at most: the scene is another, or the \
+             search has ended in a wrong place",
+            1e3 * estimate.rms,
+            1e3 * MOST_LEFT
         ));
     }
     let parameters = FACTORS.iter().enumerate().map(|(k, quantity)| {
