@@ -25,6 +25,10 @@ use drape_scan::Cloud;
 use drape_task::env::{EnvConfig, Quantity, Scatter};
 use drape_task::path::read_json;
 
+/// Root mean square distance between scans and simulated cloth beyond which nothing can be believed [m]
+/// (docs/CALIBRATE.md).
+const MOST_LEFT: f64 = 1e-3;
+
 /// Make a material file and its scatter from standard tests, or from scans of cloth
 ///
 /// Tests are CSV files whose header names quantities with units (docs/CALIBRATE.md). Scans are STL, PLY or text
@@ -239,7 +243,7 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
     let estimate = explained(&states, &first.scatter, args.json)?;
     let (lamina, physics) = (&first.scene.lamina, first.scene.model.physics());
     let (material, mut notes) = scaled(&lamina.material, physics, &estimate);
-    notes.extend(untold(&estimate));
+    notes.extend(doubts(&estimate));
     let report = Report {
         file: args.out.clone().map(Told::from),
         picture: None,
@@ -286,19 +290,29 @@ pub(super) fn factors(estimate: &Estimate) -> Vec<Parameter> {
     FACTORS.iter().enumerate().map(parameter).collect()
 }
 
-/// What scans do not tell, if there is anything.
-pub(super) fn untold(estimate: &Estimate) -> Option<String> {
+/// What scans do not tell, and what speaks against what they do, if there is anything.
+pub(super) fn doubts(estimate: &Estimate) -> Vec<String> {
     let untold = FACTORS.iter().zip(&estimate.is_told);
     let untold: Vec<String> = untold
         .filter(|(_, told)| !**told)
         .map(|(quantity, _)| quantity.name())
         .collect();
-    (!untold.is_empty()).then(|| {
-        format!(
+    let mut notes = Vec::new();
+    if !untold.is_empty() {
+        notes.push(format!(
             "scans do not tell {}: intervals are nearly what was known before",
             untold.join(", ")
-        )
-    })
+        ));
+    }
+    if estimate.rms > MOST_LEFT {
+        notes.push(format!(
+            "{:.1} mm are left between scans and simulated cloth, expected {} at most: the scene is another, or the \
+             search has ended in a wrong place",
+            1e3 * estimate.rms,
+            1e3 * MOST_LEFT
+        ));
+    }
+    notes
 }
 
 /// What a scan may be of.

@@ -6,7 +6,7 @@ use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 
 use super::Failure;
-use super::calibrate::{explained, factors, line, untold};
+use super::calibrate::{doubts, explained, factors, line};
 use super::failure::{Interrupted, OrInvalid};
 use super::loaded::Loaded;
 use super::output::{Progress, percent, print};
@@ -201,7 +201,7 @@ fn adopt(
 ) -> Result<Vec<String>, Failure> {
     let physics = &mut config.scene.physics;
     let (material, mut notes) = scaled(&scene.lamina.material, physics, estimate);
-    notes.extend(untold(estimate));
+    notes.extend(doubts(estimate));
     if let (BendingStiffness::NewtonMetre(stiffness), true) = (
         &mut physics.bending_stiffness,
         physics.bending != Bending::Off,

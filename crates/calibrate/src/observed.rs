@@ -184,6 +184,10 @@ fn blank(query: &Query) -> (Misplacement, Parameters) {
     (off, fabric)
 }
 
+/// How much wider deviations are than residuals say: cloth is not the solver, and how both differ does not show in them.
+/// Held against states of the finite-element twin (docs/CALIBRATE.md).
+const BETWEEN_MODELS: f64 = 2.0;
+
 /// The logarithms of [`FACTORS`] that explain all states best. `prior` has the standard deviations of their
 /// logarithms. `progress` is told the number of the evaluation and the simulated share of it.
 ///
@@ -210,7 +214,11 @@ pub fn explain(
                 .zip(found)
                 .for_each(|(all, of)| all.extend(of));
         }
-        Ok(all)
+        Ok::<_, SimulationError>(all)
     };
-    estimate(&prior, &blocks, simulate)
+    let mut found = estimate(&prior, &blocks, simulate)?;
+    for (deviation, prior) in found.deviation.iter_mut().zip(prior) {
+        *deviation = (BETWEEN_MODELS * *deviation).min(prior);
+    }
+    Ok(found)
 }
