@@ -104,10 +104,8 @@ struct Fit {
 
 /// Runs `drape calibrate`.
 pub fn run(args: CalibrateArgs) -> Result<(), Failure> {
-    let files = args.out.iter().chain(&args.picture);
-    files
-        .map(|file| check_writable(file))
-        .collect::<Result<(), _>>()?;
+    let mut files = args.out.iter().chain(&args.picture);
+    files.try_for_each(|file| check_writable(file))?;
     let (material, report) = match args.scan.is_empty() {
         true => by_tests(&args)?,
         false => by_scans(&args)?,

@@ -138,24 +138,16 @@ impl Column {
         })
     }
 
-    /// Least value, and whether a value may be that. Of no column more than its greatest makes sense.
+    /// Whether it can be measured.
     pub fn is_valid(self, value: f64) -> bool {
-        let (least, most) = self.range();
         let may_be_zero = self.may_be_zero();
-        value <= most && (value > least || may_be_zero && value == least)
+        value <= self.most() && (value > 0.0 || may_be_zero && value == 0.0)
     }
 
     /// What [`Column::is_valid`] asks for, in SI.
     pub fn expected(self) -> String {
-        let (_, most) = self.range();
-        let from = match self.may_be_zero() {
-            true => "a number >= 0",
-            false => "a number > 0",
-        };
-        match most.is_finite() {
-            true => format!("{from} and at most {most:.4} in SI units"),
-            false => from.into(),
-        }
+        let sign = if self.may_be_zero() { ">=" } else { ">" };
+        format!("a number {sign} 0 and at most {} in SI units", self.most())
     }
 
     fn may_be_zero(self) -> bool {
@@ -166,12 +158,13 @@ impl Column {
         )
     }
 
-    fn range(self) -> (f64, f64) {
+    /// The most that makes sense.
+    fn most(self) -> f64 {
         match self {
-            Self::Angle => (0.0, 1.4),
-            Self::StaticAngle | Self::DynamicAngle => (0.0, 1.5),
-            Self::Strain => (0.0, 10.0),
-            _ => (0.0, f64::MAX),
+            Self::Angle => 1.4,
+            Self::StaticAngle | Self::DynamicAngle => 1.5,
+            Self::Strain => 10.0,
+            _ => 1e9,
         }
     }
 }
