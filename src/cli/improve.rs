@@ -22,7 +22,7 @@ use crate::run::{
 use drape_calibrate::{Estimate, FACTORS, Observed, posterior, scaled, write_material};
 use drape_cloth::file::read_bytes;
 use drape_cloth::scene::{Fabric, Scene};
-use drape_cloth::sim::{Bending, BendingStiffness};
+use drape_cloth::sim::{Bending, BendingStiffness, Tension};
 use drape_study::presses::resting;
 use drape_study::proof::Row;
 use drape_task::env::{Quantity, Worlds};
@@ -210,6 +210,8 @@ fn adopt(
         let factor = of_bending.filter(|(quantity, _)| **quantity == Quantity::Bending);
         factor.for_each(|(_, at)| *stiffness *= at.exp());
     }
+    // The built-in material need not say it, but a file of it has to.
+    physics.tension.get_or_insert(Tension::FirstBranch);
     let told = posterior(estimate);
     match config.scene.placement.scan {
         // Blanks of other fabrics would lie otherwise.

@@ -384,7 +384,10 @@ impl RunFolder {
             None => Ok(()),
             Some(name) => {
                 let command = ["baseline --policy ", ""][usize::from(name == "improve")];
-                bail!(RunError::Searched(self.path.clone(), command.to_owned() + &name))
+                bail!(RunError::Searched(
+                    self.path.clone(),
+                    command.to_owned() + &name
+                ))
             }
         }
     }
