@@ -6,15 +6,16 @@ use serde::Serialize;
 
 use super::Failure;
 use super::args::{png, positive};
+use super::explained::{doubts, explained, factors, line};
 use super::failure::OrInvalid;
 use super::loaded::Loaded;
-use super::output::{Progress, print};
+use super::output::print;
 use super::setup::set_up;
 use super::terminal::Told;
 use crate::run::{Parameter, RunConfig};
 use drape_calibrate::{
-    Calibrated, Estimate, FACTORS, FittedCurve, Lab, Observed, calibrate, explain, posterior,
-    prior, scaled, scatter_table, write_material,
+    Calibrated, FittedCurve, Lab, Observed, calibrate, posterior, scaled, scatter_table,
+    write_material,
 };
 use drape_cloth::fabric::{Drape, Material};
 use drape_cloth::file::{check_writable, read_text};
@@ -22,12 +23,8 @@ use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_report::{Chart, Color, Image, SERIES, Series};
 use drape_scan::Cloud;
-use drape_task::env::{EnvConfig, Quantity, Scatter};
+use drape_task::env::{EnvConfig, Scatter};
 use drape_task::path::read_json;
-
-/// Root mean square distance between scans and simulated cloth beyond which nothing can be believed [m]
-/// (docs/CALIBRATE.md).
-const MOST_LEFT: f64 = 1e-3;
 
 /// Make a material file and its scatter from standard tests, or from scans of cloth
 ///
@@ -240,6 +237,15 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
         .collect();
     let estimate = explained(&states, &first.scatter, args.json)?;
     let (lamina, physics) = (&first.scene.lamina, first.scene.model.physics());
+    if estimate.residuals == 0 || estimate.rms > lamina.cell_diagonal() {
+        return Err(Failure::invalid(anyhow!(
+            "{}: its points are {:.1} mm off the simulated cloth, root mean square, expected less than the diagonal of a \
+             cell, {:.1} mm: check --scale, and that it is in the scene's frame",
+            scans[0].display(),
+            1e3 * estimate.rms,
+            1e3 * lamina.cell_diagonal()
+        )));
+    }
     let (material, mut notes) = scaled(&lamina.material, physics, &estimate);
     notes.extend(doubts(&estimate));
     let report = Report {
@@ -258,61 +264,6 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
     Ok((material, report))
 }
 
-/// What explains states best, with a progress bar.
-pub(super) fn explained(
-    states: &[Observed],
-    scatter: &Scatter,
-    json: bool,
-) -> Result<Estimate, Failure> {
-    let progress = Progress::new("calibrating", json);
-    let told = |number: usize, share: f64| {
-        let done = (number as f64 - 1.0 + share) / drape_calibrate::EVALUATIONS as f64;
-        progress.tell(done, &format!("evaluation {number}"));
-    };
-    Ok(explain(states, prior(scatter), told)?)
-}
-
-/// The factors that were found.
-pub(super) fn factors(estimate: &Estimate) -> Vec<Parameter> {
-    let parameter = |(k, quantity): (usize, &Quantity)| {
-        let [low, high] = estimate.interval(k).map(f64::exp);
-        Parameter {
-            name: quantity.name(),
-            value: estimate.at[k].exp(),
-            low: Some(low),
-            high: Some(high),
-            specimens: None,
-            told: Some(estimate.is_told[k]),
-        }
-    };
-    FACTORS.iter().enumerate().map(parameter).collect()
-}
-
-/// What scans do not tell, and what speaks against what they do, if there is anything.
-pub(super) fn doubts(estimate: &Estimate) -> Vec<String> {
-    let untold = FACTORS.iter().zip(&estimate.is_told);
-    let untold: Vec<String> = untold
-        .filter(|(_, told)| !**told)
-        .map(|(quantity, _)| quantity.name())
-        .collect();
-    let mut notes = Vec::new();
-    if !untold.is_empty() {
-        notes.push(format!(
-            "scans do not tell {}: intervals are nearly what was known before",
-            untold.join(", ")
-        ));
-    }
-    if estimate.rms > MOST_LEFT {
-        notes.push(format!(
-            "{:.1} mm are left between scans and simulated cloth, expected {} at most: the scene is another, or the \
-             search has ended in a wrong place",
-            1e3 * estimate.rms,
-            1e3 * MOST_LEFT
-        ));
-    }
-    notes
-}
-
 /// What a scan may be of.
 struct Seen {
     scene: Arc<Scene>,
@@ -325,6 +276,11 @@ impl Seen {
     fn read(path: &Path, args: &CalibrateArgs) -> Result<Self, Failure> {
         let place = path.display().to_string();
         if path.is_dir() {
+            if args.presses.is_some() {
+                let error =
+                    "`--presses` is for scenes, expected none beside a run, whose path is pressed";
+                return Err(Failure::invalid(anyhow!("{place}: {error}")));
+            }
             let loaded = Loaded::open(path, None, None, args.json)?;
             let presses = loaded.play_path()?.0.recording.vertices();
             let config = &loaded.config;
@@ -411,19 +367,4 @@ fn text(report: &Report) -> String {
         );
     }
     lines.join("\n")
-}
-
-/// A line of a parameter.
-pub(super) fn line(found: &Parameter) -> String {
-    let interval = match (found.low, found.high) {
-        (Some(low), Some(high)) => format!("{low:.4e} to {high:.4e}"),
-        _ => "interval unknown".into(),
-    };
-    let by = match (found.specimens, found.told) {
-        (Some(1), _) => "  1 specimen".into(),
-        (Some(count), _) => format!("  {count} specimens"),
-        (_, Some(false)) => "  not told".into(),
-        _ => String::new(),
-    };
-    format!("{:32} {:.4e}  {interval}{by}", found.name, found.value)
 }

@@ -6,7 +6,7 @@ use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 
 use super::Failure;
-use super::calibrate::{doubts, explained, factors, line};
+use super::explained::{doubts, explained, factors, line};
 use super::failure::{Interrupted, OrInvalid};
 use super::loaded::Loaded;
 use super::output::{Progress, percent, print};

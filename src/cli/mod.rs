@@ -11,6 +11,7 @@ mod calibrate;
 mod compare;
 mod devices;
 mod eval;
+mod explained;
 mod export;
 mod failure;
 mod field;

@@ -7,12 +7,12 @@ use anyhow::{Context, Result, bail};
 use humantime::format_rfc3339_seconds;
 use serde::{Deserialize, Serialize};
 
+use super::best::BestSequence;
 use super::changes::fixed;
 use drape_cloth::file::{
     UNFINISHED, check_name, read_json, read_text, remove_temporaries, write_atomic,
 };
 use drape_study::proof::{Physics, Row};
-use drape_task::env::ImageShape;
 
 /// The folder of one run: `ROOT/NAME/`. Its layout is described in `runs/README.md`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,35 +75,6 @@ impl RunInfo {
     }
 }
 
-/// `best_sequence.json`: the best episode ever seen, which can be replayed without the
-/// network.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BestSequence {
-    /// Vertices in the order they were pressed, as the lamina counts them.
-    pub vertices: Vec<u32>,
-    /// Score of the episode in the task's own steps; where the run has been polished, in those of
-    /// its proof.
-    pub score: f64,
-    /// Rows and columns of the fabric's vertices.
-    pub grid: ImageShape,
-    /// [`digest`] of the configuration in which the sequence was found.
-    pub config_digest: String,
-    /// The next best episodes, best first: what polish has found before what training has.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub others: Vec<Scored>,
-}
-
-/// What an episode pressed, in order, and its score.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Scored {
-    /// As the lamina counts them.
-    pub vertices: Vec<u32>,
-    /// As that of [`BestSequence`] [-].
-    pub score: f64,
-}
-
 /// `proof.json`: the best of the best sequences in the finest physics that they were played in.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Proved {
@@ -114,39 +85,6 @@ pub struct Proved {
     /// What it is held against; for people, nothing reads it back.
     #[serde(skip_deserializing)]
     pub proof: Vec<Row>,
-}
-
-impl BestSequence {
-    /// The vertices of all of them, best first.
-    pub fn all(&self) -> impl Iterator<Item = &Vec<u32>> {
-        let others = self.others.iter().map(|other| &other.vertices);
-        std::iter::once(&self.vertices).chain(others)
-    }
-
-    fn check_vertices(&self, place: &Path) -> Result<()> {
-        let place = place.display();
-        let count = self.grid.pixel_count();
-        for vertices in self.all() {
-            if vertices.is_empty() {
-                bail!("{place} has no vertices, expected one or more");
-            }
-            if let Some(vertex) = vertices.iter().find(|&&v| v as usize >= count) {
-                bail!("{place} presses vertex {vertex}, expected one below {count}");
-            }
-        }
-        Ok(())
-    }
-
-    /// What is wrong if the sequence was found in another configuration than that of this digest.
-    pub fn check_config(&self, expected: &str) -> Result<(), String> {
-        let found = &self.config_digest;
-        match found == expected {
-            true => Ok(()),
-            false => Err(format!(
-                "found in the configuration with digest {found:.40}, this one has {expected}"
-            )),
-        }
-    }
 }
 
 /// A short name for a configuration or another file: `crc32:` and eight hexadecimal digits. Tells

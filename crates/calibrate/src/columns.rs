@@ -33,7 +33,7 @@ pub enum Column {
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// Names with their units, and what takes them to SI.
-const COLUMNS: [(&str, Column, f64); 33] = {
+const COLUMNS: [(&str, Column, f64); 32] = {
     use Column::*;
     [
         ("overhang_mm", Overhang, 1e-3),
@@ -68,7 +68,6 @@ const COLUMNS: [(&str, Column, f64); 33] = {
         ("areal_mass_kg_m2", ArealMass, 1.0),
         ("thickness_mm", Thickness, 1e-3),
         ("thickness_um", Thickness, 1e-6),
-        ("thickness_m", Thickness, 1.0),
     ]
 };
 
