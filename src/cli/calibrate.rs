@@ -8,7 +8,7 @@ use super::Failure;
 use super::args::{png, positive};
 use super::explained::{doubts, explained, factors, line};
 use super::failure::OrInvalid;
-use super::loaded::Loaded;
+use super::loaded::{Loaded, Source};
 use super::output::print;
 use super::setup::set_up;
 use super::terminal::Told;
@@ -281,7 +281,7 @@ impl Seen {
                     "`--presses` is for scenes, expected none beside a run, whose path is pressed";
                 return Err(Failure::invalid(anyhow!("{place}: {error}")));
             }
-            let loaded = Loaded::open(path, None, None, args.json)?;
+            let loaded = Loaded::open(path, Source::Path, None, None, args.json)?;
             let presses = loaded.play_path()?.0.recording.vertices();
             let config = &loaded.config;
             return Ok(Self {
@@ -320,6 +320,13 @@ impl Seen {
                     file.display()
                 )));
             }
+        }
+        if let (Some(scan), true) = (&scene.config.placement.scan, presses.is_empty()) {
+            return Err(Failure::invalid(anyhow!(
+                "{place}: `placement.scan` is {}, expected none where nothing is pressed: a blank that starts from a scan \
+                 does not fall, and tells nothing of its fabric",
+                scan.display()
+            )));
         }
         Ok(Self {
             env: scatter.finest(&env),

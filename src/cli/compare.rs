@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Failure;
 use super::args::{png, positive};
 use super::failure::OrInvalid;
-use super::loaded::Loaded;
+use super::loaded::{Loaded, Source};
 use super::output::print;
 use super::scanned::ScanArgs;
 use super::setup::{absurd, extent};
@@ -216,7 +216,7 @@ fn beside_run(args: &CompareArgs) -> Result<(), Failure> {
             args.b.display()
         )));
     }
-    let loaded = Loaded::open(&args.b, None, None, args.json)?;
+    let loaded = Loaded::open(&args.b, Source::Path, None, None, args.json)?;
     let (played, _) = loaded.play_path()?;
     let pressed = resting(&loaded.scene, played.recording.end().to_vec());
     let seen = args.scan.seen(&args.a, &pressed)?;
@@ -318,7 +318,7 @@ fn is_stl(path: &Path) -> bool {
 /// The drape at `path`, with its scene if it is a run.
 fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, Kind), Failure> {
     let (surveyed, scene, kind) = if path.is_dir() {
-        let loaded = Loaded::open(path, None, None, args.json)?;
+        let loaded = Loaded::open(path, Source::Path, None, None, args.json)?;
         let (played, _) = loaded.play_path()?;
         let Scene { lamina, tool, .. } = &*loaded.scene;
         let drape = Drape::new(lamina, &tool.in_scene(played.recording.end()));

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Failure;
 use super::explained::{doubts, explained, factors, line};
 use super::failure::{Interrupted, OrInvalid};
-use super::loaded::Loaded;
+use super::loaded::{Loaded, Source};
 use super::output::{Progress, percent, print};
 use super::proof;
 use super::scanned::ScanArgs;
@@ -101,6 +101,7 @@ pub fn run(args: ImproveArgs) -> Result<(), Failure> {
             "{run} has no proved path, expected proof.json, which `drape eval {run} --sequence --prove` writes"
         )));
     }
+    RunFolder::check_free(&args.runs, args.name.as_deref(), false)?;
     let mut turns = old.read_turns()?;
     let Explained {
         scans,
@@ -166,7 +167,7 @@ fn explain(args: &ImproveArgs) -> Result<Explained, Failure> {
         .iter()
         .map(scanned)
         .collect::<Result<_, Failure>>()?;
-    let loaded = Loaded::open(&args.run, None, None, args.json)?;
+    let loaded = Loaded::open(&args.run, Source::Path, None, None, args.json)?;
     let (played, _) = loaded.play_path()?;
     let (scene, path) = (&loaded.scene, played.recording.vertices());
     let pressed = resting(scene, played.recording.end().to_vec());
@@ -213,13 +214,7 @@ fn adopt(
     // The built-in material need not say it, but a file of it has to.
     physics.tension.get_or_insert(Tension::FirstBranch);
     let told = posterior(estimate);
-    match config.scene.placement.scan {
-        // Blanks of other fabrics would lie otherwise.
-        Some(_) => notes.push(
-            "the blank starts from a scan, so nothing of the fabric scatters in the new run".into(),
-        ),
-        None => config.scatter.spreads.extend(told.spreads.clone()),
-    }
+    config.scatter.spreads.extend(told.spreads.clone());
     let file = folder.join("material.toml");
     write_material(&file, &material, &notes, &told)?;
     config.scene.material = Some(Fabric::File(file));

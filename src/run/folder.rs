@@ -214,16 +214,10 @@ impl RunFolder {
         config: (&str, &[Input]),
         info: &RunInfo,
     ) -> Result<Self> {
+        Self::check_free(root, name, info.search.is_none())?;
         let names: Box<dyn Iterator<Item = String>> = match name {
             None => Box::new(dated_names("", SystemTime::now())),
-            Some(name)
-                if Path::new(name).file_name() == Some(name.as_ref())
-                    && !name.starts_with(UNFINISHED)
-                    && !name.contains(char::is_control) =>
-            {
-                Box::new(std::iter::once(name.into()))
-            }
-            Some(name) => bail!(RunError::Name(name.into())),
+            Some(name) => Box::new(std::iter::once(name.into())),
         };
         check_name(root)?;
         fs::create_dir_all(root).with_context(|| cannot_create(root))?;
@@ -249,10 +243,29 @@ impl RunFolder {
             }
             last = path;
         }
-        let other = Self::open(&last).and_then(|other| other.check_trained());
-        let is_training = info.search.is_none() && other.is_ok();
-        let advice = if is_training { "resume it, " } else { "" };
-        bail!(RunError::Taken(last, advice))
+        bail!(Self::taken(last, info.search.is_none()))
+    }
+
+    /// Whether a run, a training or not, can be given this name: what [`RunFolder::create`] asks again after the work.
+    pub fn check_free(root: &Path, name: Option<&str>, is_training: bool) -> Result<()> {
+        let Some(name) = name else { return Ok(()) };
+        let is_name = Path::new(name).file_name() == Some(name.as_ref())
+            && !name.starts_with(UNFINISHED)
+            && !name.contains(char::is_control);
+        if !is_name {
+            bail!(RunError::Name(name.into()));
+        }
+        let path = root.join(name);
+        match path.symlink_metadata() {
+            Ok(_) => bail!(Self::taken(path, is_training)),
+            Err(_) => Ok(()),
+        }
+    }
+
+    fn taken(path: PathBuf, is_training: bool) -> RunError {
+        let other = Self::open(&path).and_then(|other| other.check_trained());
+        let is_resumed = is_training && other.is_ok();
+        RunError::Taken(path, if is_resumed { "resume it, " } else { "" })
     }
 
     fn fill(&self, (config, inputs): (&str, &[Input]), info: &RunInfo) -> Result<()> {
@@ -384,6 +397,8 @@ pub(super) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::run::best::Scored;
+    use drape_task::env::ImageShape;
     use std::time::Duration;
 
     const CONFIG: &str = "[train]\nseed = 7\n";

@@ -92,10 +92,8 @@ impl Observed {
         let blanks: Vec<(Misplacement, Parameters)> = queries.iter().map(blank).collect();
         let scenes = match self.scene.config.placement.scan {
             // Whatever its laws, the blank lay where it was scanned.
-            Some(_) if !self.presses.is_empty() => {
-                blanks.iter().map(|(off, _)| self.begun(off)).collect()
-            }
-            _ => self.scene.fallen(&blanks, progress)?,
+            Some(_) => blanks.iter().map(|(off, _)| self.begun(off)).collect(),
+            None => self.scene.fallen(&blanks, progress)?,
         };
         let states = match self.presses.is_empty() {
             true => (scenes.iter().map(|scene| scene.initial.position.clone())).collect(),

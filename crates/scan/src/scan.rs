@@ -81,6 +81,7 @@ pub fn set_up(
     scene.config = config.clone();
     let (state, fit) = fitted(&scene, &cloud, &points).map_err(refuse)?;
     scene.initial = Arc::new(state);
+    scene.fit_error = 1e-3 * fit.mean_mm;
     Ok((scene, Some(fit)))
 }
 
