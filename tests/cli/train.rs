@@ -263,7 +263,8 @@ fn paper_preset_trains() {
     let report = json(path, &["eval", "runs/a", "--episodes", "2", "--json"]);
     assert!(number(&report["episode"]["score"]) > 0.0);
     let small = config.replace("[17, 17]", "[7, 17]");
-    let output = refused(path, &small.replace("-80.0, -80.0", "186.0, 186.0"));
+    let other = super::folder();
+    let output = refused(other.path(), &small.replace("-80.0, -80.0", "186.0, 186.0"));
     assert_failure(
         &output,
         2,
