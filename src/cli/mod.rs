@@ -24,6 +24,7 @@ mod robot;
 mod scene;
 mod setup;
 mod signals;
+mod stack;
 mod study;
 mod terminal;
 mod tool;
@@ -52,6 +53,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed at work (disk full, simul
 #[derive(Debug, Subcommand)]
 enum Command {
     Train(train::TrainArgs),
+    Stack(stack::StackArgs),
     Baseline(baseline::BaselineArgs),
     Eval(eval::EvalArgs),
     Export(export::ExportArgs),
@@ -92,6 +94,7 @@ impl Cli {
         }
         match self.command {
             Command::Train(args) => train::run(args),
+            Command::Stack(args) => stack::run(args),
             Command::Baseline(args) => baseline::run(args),
             Command::Eval(args) => eval::run(args),
             Command::Export(args) => export::run(args),

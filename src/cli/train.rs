@@ -30,7 +30,7 @@ const CHECKPOINT_INTERVAL: u64 = 10;
 ///
 /// Ctrl-C, SIGTERM and SIGHUP stop it after the iteration, with the exit code 130, 143 or 129; after one, SIGUSR1 and
 /// SIGUSR2 write a checkpoint.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 #[command(after_help = "Examples:
   drape train task.toml --name a
   drape train task.toml --demonstrate presses-1.drape presses-2.drape
@@ -39,11 +39,11 @@ const CHECKPOINT_INTERVAL: u64 = 10;
 pub struct TrainArgs {
     /// Configuration file; the built-in quickstart if not given
     #[arg(conflicts_with = "resume")]
-    config: Option<PathBuf>,
+    pub(super) config: Option<PathBuf>,
 
     /// Name of the run; date and minute (UTC) if not given
     #[arg(long, value_name = "NAME", conflicts_with = "resume")]
-    name: Option<String>,
+    pub(super) name: Option<String>,
 
     /// Seed of all random streams, instead of the configuration's
     #[arg(long, value_parser = clap::value_parser!(u64).range(..=RunConfig::MAX_SEED),
@@ -62,7 +62,7 @@ pub struct TrainArgs {
 
     /// Go on with a run that was interrupted, or that is to take more steps
     #[arg(long, value_name = "DIR")]
-    resume: Option<PathBuf>,
+    pub(super) resume: Option<PathBuf>,
 
     /// Changes a key of the run that is gone on with, in TOML; one that may not change lists those that may
     #[arg(long, value_name = "KEY=VALUE", requires = "resume")]
@@ -76,7 +76,7 @@ pub struct TrainArgs {
 
     /// Where networks and cloth are computed: flex (the CPU), gpu or gpu:N
     #[arg(long, value_name = "DEVICE")]
-    device: Option<DeviceKind>,
+    pub(super) device: Option<DeviceKind>,
 
     /// How finely episodes are stepped, fast, balanced or accurate, instead of the configuration's
     /// `env.accuracy`, `env.substep_rate` and `env.contact_rate`
@@ -90,16 +90,16 @@ pub struct TrainArgs {
         default_value = "runs",
         conflicts_with = "resume"
     )]
-    runs: PathBuf,
+    pub(super) runs: PathBuf,
 
     /// Print one JSON object instead of text
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
 }
 
 /// What `--json` prints.
 #[derive(Serialize)]
-struct Outcome {
+pub(super) struct Outcome {
     run: Told,
     complete: bool,
     env_steps: u64,
@@ -118,21 +118,31 @@ struct Outcome {
     diverged_episodes: usize,
     /// The best paths in finer steps, beside other orders; empty before the end.
     proof: Vec<Row>,
+    /// The signal that has stopped it before its end.
+    #[serde(skip)]
+    pub interrupted: Option<c_int>,
 }
 
 /// Runs `drape train`.
 pub fn run(args: TrainArgs) -> Result<(), Failure> {
     let session = Session::start().map_err(Failure::invalid)?;
-    let result = train(args, &session);
+    let printed = |outcome: Option<Outcome>| {
+        let Some(outcome) = outcome else {
+            return Ok(None);
+        };
+        print(&outcome, args.json, text)?;
+        Ok(outcome.interrupted)
+    };
+    let result = train(&args, &session).and_then(printed);
     let interrupted = session.end(result, |failure| failure.report().into())?;
     interrupted.map_or(Ok(()), |signal| Err(Interrupted(signal).into()))
 }
 
-/// Gives the signal by which it was interrupted.
-fn train(args: TrainArgs, session: &Session) -> Result<Option<c_int>, Failure> {
+/// Trains, or goes on with a training. Gives what the first process has to print.
+pub(super) fn train(args: &TrainArgs, session: &Session) -> Result<Option<Outcome>, Failure> {
     let cluster = &session.cluster;
     let quiet = args.json || !cluster.is_first();
-    let mut training = begin(&args, session)?;
+    let mut training = begin(args, session)?;
     let asked = stop_on_signal()?;
     // All processes stop together, so all ask.
     let asked = || cluster.gather(asked()).into_iter().flatten().next();
@@ -188,7 +198,7 @@ fn train(args: TrainArgs, session: &Session) -> Result<Option<c_int>, Failure> {
     };
 
     let taken = (training.env_steps() - first) as f64;
-    let outcome = Outcome {
+    Ok(Some(Outcome {
         run: (&training.folder.path).into(),
         complete,
         env_steps: training.env_steps(),
@@ -203,9 +213,8 @@ fn train(args: TrainArgs, session: &Session) -> Result<Option<c_int>, Failure> {
         random_deviation: baseline.deviation,
         diverged_episodes,
         proof,
-    };
-    print(&outcome, args.json, text)?;
-    Ok(interrupted.filter(|_| !complete))
+        interrupted,
+    }))
 }
 
 /// A new run, or the one to be resumed.

@@ -21,7 +21,7 @@ mod scenes;
 mod training;
 
 pub use best::Best;
-pub use changes::changed;
+pub use changes::{changed, fixed};
 pub use checkpoint::Checkpoint;
 pub use config::{RunConfig, TrainingPreset};
 pub use demonstrations::Demonstrations;

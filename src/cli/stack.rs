@@ -1,0 +1,321 @@
+//! Plies that are draped one on the other.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf, absolute};
+
+use anyhow::{Context, anyhow};
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+use super::Failure;
+use super::failure::{Interrupted, OrInvalid};
+use super::field::OntoArgs;
+use super::loaded::Loaded;
+use super::output::print;
+use super::setup::read_config;
+use super::terminal::{Told, tell};
+use super::train::{TrainArgs, train};
+use crate::cluster::Session;
+use crate::run::{RunConfig, RunFolder, fixed};
+use drape_cloth::file::{ValueError, read_text, read_toml, write_atomic};
+use drape_cloth::math::Vec3;
+use drape_cloth::mesh::{TriMesh, write_stl};
+use drape_cloth::scene::Scene;
+use drape_cloth::tool::{MeshSource, Source, Tool};
+use drape_field::{Gap, next_tool, vtu};
+use drape_learn::policy::DeviceKind;
+use drape_task::path::Frame;
+
+/// The tool that the next ply falls on, in the folder of a run.
+pub(super) const NEXT_TOOL: &str = "next-tool.stl";
+
+/// Train several plies, each on the one before
+///
+/// Every ply is a run of its own, NAME/ply-1 and so on in the folder of the runs, with its draping points, its fibre
+/// field as field.vtu and, as next-tool.stl, what the next ply falls on. Given again, the command goes on where it was
+/// interrupted: a ply that is proved is not trained again.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape stack dome.toml
+  drape stack dome.toml --name thick --json")]
+pub struct StackArgs {
+    /// Stack file: a run configuration, and what differs from ply to ply (docs/PLIES.md)
+    file: PathBuf,
+
+    /// Name of the folder that holds the runs of the plies; that of the file if not given
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+
+    /// Where networks and cloth are computed: flex (the CPU), gpu or gpu:N
+    #[arg(long, value_name = "DEVICE")]
+    device: Option<DeviceKind>,
+
+    /// Folder that holds the runs
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    runs: PathBuf,
+
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// A stack file.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Stack {
+    /// Run configuration of all plies; the built-in quickstart if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    config: Option<PathBuf>,
+    /// From the tool upwards.
+    plies: Vec<Ply>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Ply {
+    /// Of the warp against x, as `blank.yarn_angle_deg`.
+    angle_deg: f64,
+    /// Keys that differ from the configuration of all plies.
+    #[serde(default)]
+    config: Table,
+}
+
+/// What is printed.
+#[derive(Serialize)]
+struct Report {
+    plies: Vec<Draped>,
+}
+
+/// What is printed of a ply.
+#[derive(Serialize)]
+struct Draped {
+    run: Told,
+    angle_deg: f64,
+    /// In the physics in which its path was proved.
+    score: f64,
+    points: usize,
+    /// Vertices that are pressed on to what is below, and how far these lie over the sheet of the ply below; none for the
+    /// first, which has none below.
+    pressed: usize,
+    gap: Option<Gap>,
+    thickness_m: f64,
+    /// Greatest distance from what is below [m]: what it spans is solid for the next ply.
+    spanned_m: f64,
+    field: Told,
+    next_tool: Told,
+}
+
+/// Runs `drape stack`.
+pub fn run(args: StackArgs) -> Result<(), Failure> {
+    let stack: Stack = read_toml(&args.file).or_invalid()?;
+    let configs = configs(&stack, &args)?;
+    let name = args.name.clone().map(PathBuf::from);
+    let root = args.runs.join(name.unwrap_or_else(|| {
+        let stem = args.file.file_stem().unwrap_or_default();
+        stem.into()
+    }));
+    let session = Session::start().map_err(Failure::invalid)?;
+    let (mut plies, mut below) = (Vec::new(), None);
+    for (number, (ply, mut config)) in (1..).zip(stack.plies.iter().zip(configs)) {
+        if let Some((_, path)) = &below {
+            let path = absolute(path)?;
+            config.scene.tool.source = Source::Mesh(MeshSource { path, scale: 1e-3 });
+        }
+        let run = train_ply(&root, number, config, &args, &session)?;
+        let loaded = Loaded::open(&run, None, args.device, args.json)?;
+        let (draped, sheet) = leave(ply, &loaded, below.as_ref().map(|(sheet, _)| sheet))?;
+        below = Some((sheet, draped.next_tool.to_path_buf()));
+        plies.push(draped);
+    }
+    print(&Report { plies }, args.json, text)
+}
+
+/// The run configurations of all plies, as if each lay on the tool itself, checked as far as that needs no cloth.
+fn configs(stack: &Stack, args: &StackArgs) -> Result<Vec<RunConfig>, Failure> {
+    let name = args.file.display().to_string();
+    let count = stack.plies.len();
+    ValueError::unless(count > 0, "plies", count, "one or more").or_invalid_in(&name)?;
+    let folder = args.file.parent().unwrap_or(Path::new(""));
+    let file = stack.config.as_ref().map(|file| folder.join(file));
+    let (base, place) = read_config(file.as_deref())?;
+    let alone = |config: &RunConfig, place: &str| {
+        let found = config.scenes.len();
+        let expected = "none in a stack, whose plies lie on one another";
+        ValueError::unless(found == 0, "scenes", found, expected).or_invalid_in(place)
+    };
+    alone(&base, &place)?;
+    let base = base.with_task(&base.scene, &base.env)?;
+    let whole: Table = base.to_toml().parse().context("a configuration is TOML")?;
+    let config = |(number, ply): (usize, &Ply)| {
+        let place = format!("{name}, ply {number}");
+        let mut table = whole.clone();
+        overlay(&mut table, &ply.config);
+        let text = toml::to_string(&table).expect("what was read is representable");
+        let mut config = RunConfig::parse(&text, Path::new(&place)).or_invalid()?;
+        alone(&config, &place)?;
+        let is_same = config.scene.tool == base.scene.tool;
+        let expected = "the tool of all plies, each of which lies on the one before";
+        ValueError::unless(is_same, "scene.tool", "another", expected).or_invalid_in(&place)?;
+        config.scene.blank.yarn_angle_deg = ply.angle_deg;
+        config.set_device(args.device);
+        let config = config.with_task(&config.scene, &config.env)?;
+        config.check_before_fall().or_invalid_in(&place)?;
+        Ok(config)
+    };
+    (1..).zip(&stack.plies).map(config).collect()
+}
+
+/// Puts values in place of others, table by table.
+fn overlay(table: &mut Table, over: &Table) {
+    for (key, value) in over {
+        match (table.get_mut(key), value) {
+            (Some(Value::Table(below)), Value::Table(above)) => overlay(below, above),
+            _ => drop(table.insert(key.clone(), value.clone())),
+        }
+    }
+}
+
+/// Trains a ply, or goes on with it, unless it is proved. Gives its run.
+fn train_ply(
+    root: &Path,
+    number: usize,
+    config: RunConfig,
+    args: &StackArgs,
+    session: &Session,
+) -> Result<PathBuf, Failure> {
+    let name = format!("ply-{number}");
+    let run = root.join(&name);
+    let mut training = TrainArgs {
+        device: args.device,
+        json: args.json,
+        ..TrainArgs::default()
+    };
+    if run.exists() {
+        let folder = RunFolder::open(&run).or_invalid()?;
+        let mut kept = config;
+        kept.keep_inputs().or_invalid()?;
+        let found = fixed(&read_text(&folder.config).or_invalid()?).or_invalid()?;
+        if found != fixed(&kept.to_toml())? {
+            return Err(Failure::invalid(anyhow!(
+                "{} was draped by another configuration, or on another ply, than {} says now: choose another \
+                 --name, or remove the folder",
+                run.display(),
+                args.file.display()
+            )));
+        }
+        if folder.read_proof()?.is_some() {
+            return Ok(run);
+        }
+        training.resume = Some(run.clone());
+    } else {
+        let file = run.with_extension("toml");
+        let text = config.to_toml();
+        std::fs::create_dir_all(root)
+            .with_context(|| format!("cannot create {}", root.display()))?;
+        write_atomic(&file, |to| to.write_all(text.as_bytes()))?;
+        training.config = Some(file);
+        training.name = Some(name);
+        training.runs = root.into();
+    }
+    if !args.json {
+        tell(format_args!("ply {number}: {}", run.display()));
+    }
+    let outcome = train(&training, session)?;
+    match outcome.and_then(|outcome| outcome.interrupted) {
+        Some(signal) => Err(Interrupted(signal).into()),
+        None => Ok(run),
+    }
+}
+
+/// Writes what a ply has become. Gives what is told of it and its sheet in the scene [m].
+fn leave(
+    ply: &Ply,
+    loaded: &Loaded,
+    below: Option<&TriMesh>,
+) -> Result<(Draped, TriMesh), Failure> {
+    let (scene, folder) = (&*loaded.scene, &loaded.folder.path);
+    let (played, Some(proof)) = loaded.play_path()? else {
+        return Err(anyhow!(
+            "{} has no proved path, expected one for the next ply to lie on",
+            folder.display()
+        )
+        .into());
+    };
+    let end = played.recording.end();
+    let frame = Frame::tool(&scene.config.tool.pose);
+    let [field, next] = ["field.vtu", NEXT_TOOL].map(|name| folder.join(name));
+    let writer = |field: &_, remarks: &_| vtu(field, remarks).into();
+    OntoArgs::default().write(None, (scene, end), &frame, writer, &field)?;
+    write_next_tool((scene, end), &frame, folder, &next)?;
+
+    let distances: Vec<f64> = end.iter().map(|&x| scene.tool.distance(x).0).collect();
+    let within = 1e-3 * loaded.env.drape_threshold_mm;
+    let pressed = end
+        .iter()
+        .zip(&distances)
+        .filter(|(_, phi)| **phi <= within);
+    let pressed: Vec<[f64; 3]> = pressed.map(|(x, _)| *x).collect();
+    let pressed = scene.tool.in_scene(&pressed);
+    let gap = below.map(|below| Gap::new(below, &pressed)).transpose()?;
+    let draped = Draped {
+        run: folder.into(),
+        angle_deg: ply.angle_deg,
+        score: proof.path.score,
+        points: proof.path.vertices.len(),
+        pressed: pressed.len(),
+        gap: gap.flatten(),
+        thickness_m: scene.lamina.material.thickness(),
+        spanned_m: distances.into_iter().fold(0.0, f64::max),
+        field: field.into(),
+        next_tool: next.into(),
+    };
+    Ok((draped, sheet(scene, end)))
+}
+
+/// A blank whose vertices are at `position` [m], in the scene.
+fn sheet(scene: &Scene, position: &[[f64; 3]]) -> TriMesh {
+    scene.lamina.mesh(&scene.tool.in_scene(position))
+}
+
+/// Writes the tool that the next ply falls on, in a frame, where a blank of `run` has come to lie with its vertices at
+/// `position` [m].
+pub(super) fn write_next_tool(
+    (scene, position): (&Scene, &[[f64; 3]]),
+    frame: &Frame,
+    run: &Path,
+    file: &Path,
+) -> Result<(), Failure> {
+    let sheet = sheet(scene, position);
+    let thickness = scene.lamina.material.thickness();
+    let refused = || format!("{}: no ply can be laid on this one", run.display());
+    let next = next_tool(&scene.tool.mesh_in_scene(), &sheet, thickness);
+    let mut mesh = next.with_context(refused)?;
+    // In the scene, where z is up.
+    Tool::from_mesh(mesh.clone(), &scene.config.tool.grid).with_context(refused)?;
+    let place = |x: &Vec3| frame.point(x);
+    mesh.vertices = mesh.vertices.iter().map(place).collect();
+    Ok(write_stl(file, &mesh, "tool and ply")?)
+}
+
+fn text(report: &Report) -> String {
+    let line = |(number, ply): (usize, &Draped)| {
+        let gap = ply.gap.map_or(String::new(), |gap| {
+            format!(
+                "; {} pressed vertices lie {:.3} mm over the ply below on average, at least {:.3}",
+                ply.pressed,
+                1e3 * gap.mean_m,
+                1e3 * gap.least_m
+            )
+        });
+        format!(
+            "ply {number} at {} degrees, {}: {} points, score {:.2} %, spans up to {:.1} mm{gap}",
+            ply.angle_deg,
+            ply.run.display(),
+            ply.points,
+            100.0 * ply.score,
+            1e3 * ply.spanned_m
+        )
+    };
+    let lines: Vec<String> = (1..).zip(&report.plies).map(line).collect();
+    lines.join("\n")
+}
