@@ -7,6 +7,7 @@
 mod args;
 mod arm;
 mod baseline;
+mod calibrate;
 mod compare;
 mod devices;
 mod eval;
@@ -62,6 +63,7 @@ enum Command {
     Tool(tool::ToolArgs),
     Scene(scene::SceneArgs),
     Compare(compare::CompareArgs),
+    Calibrate(calibrate::CalibrateArgs),
     Study(study::StudyArgs),
     View(view::ViewArgs),
     Bench(study::Measure<drape_study::bench::Bench>),
@@ -103,6 +105,7 @@ impl Cli {
             Command::Tool(args) => tool::run(args),
             Command::Scene(args) => scene::run(args),
             Command::Compare(args) => compare::run(args),
+            Command::Calibrate(args) => calibrate::run(args),
             Command::Study(args) => study::run(args),
             Command::View(args) => view::run(args),
             Command::Bench(study) => study.run(None),

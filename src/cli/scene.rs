@@ -8,18 +8,21 @@ use super::Failure;
 use super::failure::OrInvalid;
 use super::output::{OutFolder, print, write_together};
 use super::picture::{Studio, View};
-use super::setup::{missed, set_up};
+use super::setup::{missed, set_up_fitted};
 use super::terminal::tell;
 use drape_cloth::fabric::{Drape, Membrane};
 use drape_cloth::file::{check_writable, write_atomic};
 use drape_cloth::mesh::write_stl;
 use drape_cloth::scene::{Scene, SceneConfig, Summary};
 use drape_report::Camera;
+use drape_scan::Fit;
 
 /// Width and height of the pictures [px].
 const SIZE: [usize; 2] = [960, 720];
 
 /// Let the blank fall on to the tool and show how it lies
+///
+/// Where the scene has a scan, the blank is fitted to it (docs/SCAN.md).
 ///
 /// Writes lamina.stl and tool.stl (millimetres, where they lie in the scene), top.png and
 /// isometric.png, coloured by the distance to the tool, and summary.json. Files of an earlier run are
@@ -51,6 +54,9 @@ pub struct SceneArgs {
 struct Report {
     #[serde(flatten)]
     summary: Summary,
+    /// How the blank fits its scan.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fit: Option<Fit>,
     /// Wall time of setting up the scene [s].
     seconds: f64,
 }
@@ -69,7 +75,7 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
     args.state.as_deref().map(check_writable).transpose()?;
 
     let start = Instant::now();
-    let scene = set_up(&config, &place, args.json)?;
+    let (scene, fit) = set_up_fitted(&config, &place, args.json)?;
     if let Some(fault) = missed(&scene) {
         tell(format_args!("warning: {place}: {fault}"));
     }
@@ -81,9 +87,15 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
         Drape::new(&scene.lamina, &position).write(file)?;
     }
 
-    print(&Report { summary, seconds }, args.json, |report| {
+    let report = Report {
+        summary,
+        fit,
+        seconds,
+    };
+    print(&report, args.json, |report| {
+        let fit = report.fit.as_ref().map(fit_text).unwrap_or_default();
         let (text, folder) = (text(&scene, &report.summary), folder.display());
-        format!("{text}\nset up in {seconds:.1} s\nwritten to {folder}")
+        format!("{text}{fit}\nset up in {seconds:.1} s\nwritten to {folder}")
     })
 }
 
@@ -112,6 +124,17 @@ pub(super) fn caption(summary: &Summary) -> String {
         summary.wrinkles,
         1e2 * summary.strain_p95,
         summary.penetration_mm,
+    )
+}
+
+fn fit_text(fit: &Fit) -> String {
+    format!(
+        "\nscan         {:.2} mm off in the mean, p95 {:.2} mm; {:.1} % of the vertices unseen\n\
+         let go       sprang back by {:.2} mm in the mean",
+        fit.mean_mm,
+        fit.p95_mm,
+        1e2 * fit.unseen_share,
+        fit.spring_back_mm,
     )
 }
 

@@ -13,6 +13,7 @@ use drape_cloth::fabric::Lamina;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::{Deepest, Source};
+use drape_scan::Fit;
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, EnvConfig, Member, Scatter, Task, Worlds};
 
@@ -41,12 +42,32 @@ pub(super) fn missed(scene: &Scene) -> Option<String> {
 
 /// Sets up the scene that was read from `place`, with a progress bar.
 pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Scene, Failure> {
+    Ok(set_up_fitted(config, place, json)?.0)
+}
+
+/// Does that, and tells how well its blank fits the scan that it starts from, if it has one.
+pub(super) fn set_up_fitted(
+    config: &SceneConfig,
+    place: &str,
+    json: bool,
+) -> Result<(Scene, Option<Fit>), Failure> {
     let progress = Progress::new("draping", json);
-    let scene = Scene::new(config, |share| progress.set(share));
+    let scene = drape_scan::set_up(config, |_, share, _| progress.set(share));
     drop(progress);
-    let scene = scene.with_context(|| place.to_string())?;
-    warn(oddities(&scene), place);
-    Ok(scene)
+    let (scene, fit) = scene.with_context(|| place.to_string())?;
+    warn(oddities(&scene).into_iter().chain(odd_fit(&fit)), place);
+    Ok((scene, fit))
+}
+
+/// What is odd about a fit: a scan without marks may lie in several ways.
+pub(super) fn odd_fit(fit: &Option<Fit>) -> Option<String> {
+    let others = fit.as_ref()?.other_places;
+    (others > 0).then(|| {
+        format!(
+            "turned or tilted otherwise the scan lies as well in {others} more ways, expected one: give \
+             `placement.scan_marks`"
+        )
+    })
 }
 
 /// Tells what is odd about something that was read from `place`.

@@ -14,7 +14,7 @@ use super::arm::robot;
 use super::failure::OrInvalid;
 use super::loaded::load_agent;
 use super::planned::cell_config;
-use super::setup::{missed, oddities, open_run, read_config, warn};
+use super::setup::{missed, odd_fit, oddities, open_run, read_config, warn};
 use super::terminal::{show, tell};
 use super::tool::{SHAPES, shape};
 use crate::run::{
@@ -374,8 +374,10 @@ impl Host for Desk {
     fn set_up(&mut self, spec: &Spec, watch: Watch) -> Result<(Arc<Scene>, Vec<String>), Failure> {
         let watch =
             |scene: &Scene, share: f64, cloth: &dyn Fn() -> Snapshot| watch(scene, share, cloth);
-        let scene = Scene::watched(&spec.scene, watch).with_context(|| self.place.clone())?;
-        let oddities: Vec<String> = missed(&scene).into_iter().chain(oddities(&scene)).collect();
+        let scene = drape_scan::set_up(&spec.scene, watch);
+        let (scene, fit) = scene.with_context(|| self.place.clone())?;
+        let odd = oddities(&scene).into_iter().chain(odd_fit(&fit));
+        let oddities: Vec<String> = missed(&scene).into_iter().chain(odd).collect();
         warn(oddities.iter().cloned(), &self.place);
         Ok((Arc::new(scene), oddities))
     }

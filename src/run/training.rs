@@ -543,11 +543,11 @@ impl Training {
 /// Lists that a search by moves looks at before it begins.
 const KNOWN: usize = 16;
 
-/// One press in so many of a search by moves is one of the cross-entropy method before it. What one policy has learned
-/// is of one kind, which moves may not get out of.
+/// Where nothing is known, one press in so many is one of the cross-entropy method: moves alone stay with the kind of path
+/// that they begin with.
 const DRAWN: u64 = 4;
 
-/// The best of `known` lists, of those that the cross-entropy method finds in the world of the scene and of orders that
+/// The best of `known` lists, or else of what the cross-entropy method finds in the world of the scene, and of orders that
 /// anybody could think of, changed by moves; so many presses in all. `go_on` is told where the search is, and whether to
 /// go on is what it says.
 pub fn search_by_moves(
@@ -558,25 +558,29 @@ pub fn search_by_moves(
     presses: u64,
     mut go_on: impl FnMut(Searching) -> bool + Send,
 ) -> Result<Found> {
-    let mut starts = known;
-    starts.truncate(KNOWN);
-    let mut draping = Draping::new(scene.clone(), &config.env, config.environments)?;
-    let (mut best, mut drawn) = (Best::default(), 0);
-    let mut watch = |spent, ended: &[Episode]| {
-        for episode in ended {
-            best.remember(episode.score, &episode.actions, judge.task());
-        }
-        drawn = spent;
-        go_on(Searching {
-            rounds: 0,
-            spent,
-            best: None,
-        })
+    let at = |spent| Searching {
+        rounds: 0,
+        spent,
+        best: None,
     };
-    let mut arena = Arena::new(&mut draping, presses / DRAWN, &mut watch);
-    let method = CrossEntropy::alike(config.search_alike);
-    cross_entropy(&mut arena, method, config.seed);
-    starts.extend(best.lists().take(KNOWN).cloned());
+    let (mut starts, mut drawn) = (known, 0);
+    go_on(at(drawn));
+    if starts.is_empty() {
+        let mut best = Best::default();
+        let mut watch = |spent, ended: &[Episode]| {
+            for episode in ended {
+                best.remember(episode.score, &episode.actions, judge.task());
+            }
+            drawn = spent;
+            go_on(at(spent))
+        };
+        let mut draping = Draping::new(scene.clone(), &config.env, config.environments)?;
+        let mut arena = Arena::new(&mut draping, presses / DRAWN, &mut watch);
+        let method = CrossEntropy::alike(config.search_alike);
+        cross_entropy(&mut arena, method, config.seed);
+        starts.extend(best.lists().cloned());
+    }
+    starts.truncate(KNOWN);
     for (order, count) in [(Order::Outwards, 8), (Order::Sweep, 4), (Order::Random, 4)] {
         starts.extend(sequences(scene, &config.env, order, count, config.seed)?);
     }

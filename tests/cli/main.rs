@@ -3,6 +3,7 @@
 mod baseline;
 mod bench;
 mod blank;
+mod calibrate;
 mod changes;
 mod compare;
 mod damage;
@@ -13,6 +14,7 @@ mod inputs;
 mod learning;
 mod robot;
 mod run;
+mod scan;
 mod scene;
 mod study;
 mod tool;

@@ -8,8 +8,8 @@ mod value;
 mod words;
 mod write;
 
-pub use read::{ReadError, read_bytes, read_json, read_text};
-pub(crate) use read::{plain, unmarked};
+pub(crate) use read::unmarked;
+pub use read::{ReadError, plain, read_bytes, read_json, read_text};
 pub use sealed::Sealed;
 pub use toml::{parse_toml, parse_toml_with, read_toml, refuse_lists};
 pub use value::ValueError;

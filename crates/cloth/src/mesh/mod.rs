@@ -11,7 +11,7 @@ mod stl;
 
 pub use border::{OrientationFault, border};
 pub(crate) use patches::patches;
-pub use read::read_mesh;
+pub use read::{mesh_points, read_mesh};
 #[cfg(test)]
 pub(crate) use stl::to_stl_bytes;
 pub use stl::{MeshFile, write_stl};

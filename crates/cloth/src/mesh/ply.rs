@@ -50,10 +50,10 @@ pub(super) fn is_ply(bytes: &[u8]) -> bool {
     })
 }
 
-/// Corners of the facets of a PLY file, as it has them. Polygons and triangle strips are cut into
+/// Vertices of a PLY file and corners of its facets, as it has them. Polygons and triangle strips are cut into
 /// triangles; what is no vertex, face or strip is skipped. Memory grows with the file, not with the
 /// counts it declares.
-pub(super) fn facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
+pub(super) fn parse(bytes: &[u8]) -> Result<(Vec<Vec3>, Vec<Facet>), String> {
     let text;
     let (format, elements, rest) = header(bytes.trim_ascii_start())?;
     let mut body = match &*format {
@@ -144,7 +144,7 @@ pub(super) fn facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
         })?);
         check_facet_count(facets.len())?;
     }
-    Ok(facets)
+    Ok((vertices, facets))
 }
 
 /// A number that is whole and not negative.
@@ -257,6 +257,10 @@ impl Body<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn facets(bytes: &[u8]) -> Result<Vec<Facet>, String> {
+        Ok(parse(bytes)?.1)
+    }
 
     const HEADER: &str = "ply\nformat FORMAT 1.0\ncomment by hand\nelement vertex 4\n\
          property float x\nproperty double y\nproperty short z\nproperty uchar red\n\

@@ -3,6 +3,7 @@ use std::path::Path;
 use super::ply;
 use super::stl::{self, MeshFile};
 use crate::file::{ReadError, read_bytes, unmarked};
+use crate::math::Vec3;
 
 /// How files begin that are no meshes we read, and what they are.
 const OTHERS: [(&[u8], &str); 11] = [
@@ -38,11 +39,35 @@ fn parse(bytes: &[u8], scale: f64) -> Result<MeshFile, String> {
     }
     let bytes = unmarked(bytes)?;
     if ply::is_ply(bytes) {
-        return stl::weld_scaled(ply::facets(bytes)?, scale);
+        return stl::weld_scaled(ply::parse(bytes)?.1, scale);
     }
     match other(bytes) {
         Some(kind) => Err(format!("{kind}, expected an STL or PLY file")),
         None => stl::parse(bytes, scale),
+    }
+}
+
+/// The points of an STL or PLY file whose unit is `scale` metres, those of a PLY file without faces too
+/// and whether they are numbers or not [m]; none of text of another kind, which may be points by themselves.
+///
+/// # Errors
+/// As for [`read_mesh`], without the path.
+pub fn mesh_points(bytes: &[u8], scale: f64) -> Result<Option<Vec<Vec3>>, String> {
+    let of_stl = |bytes: &[u8]| Ok(Some(stl::parse(bytes, scale)?.mesh.vertices));
+    if stl::is_binary(bytes) {
+        return of_stl(bytes);
+    }
+    let bytes = unmarked(bytes)?;
+    if ply::is_ply(bytes) {
+        let (vertices, _) = ply::parse(bytes)?;
+        return Ok(Some(vertices.into_iter().map(|x| x * scale).collect()));
+    }
+    if let Some(kind) = other(bytes) {
+        return Err(format!("{kind}, expected an STL, PLY or text file"));
+    }
+    match bytes.is_empty() || stl::is_text(bytes, b"solid") || !stl::is_text(bytes, b"") {
+        true => of_stl(bytes),
+        false => Ok(None),
     }
 }
 

@@ -123,7 +123,7 @@ pub(super) fn weld_scaled(mut facets: Vec<Facet>, scale: f64) -> Result<MeshFile
 
 /// Begins with `word` and holds no control characters (at first) but white space. A binary
 /// file that is not empty never passes: its facet count has a byte below 9, or says 150 million.
-fn is_text(bytes: &[u8], word: &[u8]) -> bool {
+pub(super) fn is_text(bytes: &[u8], word: &[u8]) -> bool {
     let start = bytes.trim_ascii_start().get(..word.len());
     let is_shown = |b: &u8| matches!(b, 9..=13 | b' '..);
     start.is_some_and(|start| start.eq_ignore_ascii_case(word))

@@ -5,6 +5,7 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use super::scan::{Mark, ScanFrame, Unit};
 use crate::fabric::{BlankConfig, BlankError, Material};
 use crate::file::{ReadError, ValueError, is_default, read_toml, refuse_lists};
 use crate::sim::{PhysicsConfig, Stepping};
@@ -48,6 +49,16 @@ pub struct Placement {
     /// Direction of that axis, counter-clockwise from x.
     #[serde(skip_serializing_if = "is_default")]
     pub tilt_axis_deg: f64,
+    /// File of what a scanner saw of the laid blank, to which the fallen one is to be fitted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scan: Option<PathBuf>,
+    /// Unit of that file, which has to be known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scan_unit: Option<Unit>,
+    #[serde(skip_serializing_if = "is_default")]
+    pub scan_frame: ScanFrame,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub scan_marks: Vec<Mark>,
 }
 
 impl Default for Placement {
@@ -58,7 +69,37 @@ impl Default for Placement {
             height_mm: 2.0,
             tilt_deg: 25.0,
             tilt_axis_deg: 0.0,
+            scan: None,
+            scan_unit: None,
+            scan_frame: ScanFrame::default(),
+            scan_marks: Vec::new(),
         }
+    }
+}
+
+impl Placement {
+    /// Refuses a scan, from where a fall is all that a blank starts from.
+    pub(super) fn check_falls(&self) -> Result<(), ValueError> {
+        let Some(scan) = &self.scan else {
+            return Ok(());
+        };
+        let expected = "none here, where blanks start from their own fall";
+        Err(ValueError::new("placement.scan", scan.display(), expected))
+    }
+
+    /// Checks what is said of a scan.
+    fn check_scan(&self) -> Result<(), ValueError> {
+        let is_alone = self.scan_unit.is_some()
+            || self.scan_frame != ScanFrame::default()
+            || !self.scan_marks.is_empty();
+        let expected = "a file, as the other keys of a scan are given";
+        let is_whole = self.scan.is_some() || !is_alone;
+        ValueError::unless(is_whole, "placement.scan", "missing", expected)?;
+        for (index, mark) in self.scan_marks.iter().enumerate() {
+            let key = format!("placement.scan_marks[{index}]");
+            mark.check().map_err(|error| error.within(&key))?;
+        }
+        Ok(())
     }
 }
 
@@ -236,7 +277,7 @@ const RIB: &str = include_str!("../../../../configs/scenes/rib.toml");
 
 impl SceneConfig {
     /// Where a scene file has tables, for [`refuse_lists`].
-    pub const TABLES: [&str; 12] = [
+    pub const TABLES: [&str; 13] = [
         "material",
         "tool",
         "tool.source.shape",
@@ -246,6 +287,7 @@ impl SceneConfig {
         "tool.grid",
         "blank",
         "placement",
+        "placement.scan_marks[]",
         "fall",
         "clamps[]",
         "physics",
@@ -275,8 +317,8 @@ impl SceneConfig {
             Some(Fabric::File(path)) => Some(path),
             _ => None,
         };
-        let files = [material, tool, self.blank.outline.as_mut()];
-        files.into_iter().flatten()
+        let (outline, scan) = (self.blank.outline.as_mut(), self.placement.scan.as_mut());
+        [material, tool, outline, scan].into_iter().flatten()
     }
 
     /// Makes the paths in the scene count from `folder`.
@@ -322,6 +364,7 @@ impl SceneConfig {
         let tilt = placement.tilt_deg;
         let expected = "an angle between -90 and 90 degrees, without these";
         ValueError::unless(tilt.abs() < 90.0, "placement.tilt_deg", tilt, expected)?;
+        placement.check_scan()?;
         for (index, clamp) in self.clamps.iter().enumerate() {
             let half = self.blank.size_mm.map(|s| 0.5 * s);
             let is_on = |k: usize| clamp.at_mm[k].abs() <= half[k] + 1e-6;

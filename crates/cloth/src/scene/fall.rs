@@ -33,6 +33,9 @@ impl Scene {
     ///
     /// The fall is computed in f64 with many substeps, since every episode starts from its
     /// result. Equal configurations give equal bits.
+    ///
+    /// # Errors
+    /// What cannot be set up, or starts from a scan, which is not known here.
     pub fn new(config: &SceneConfig, mut progress: impl FnMut(f64)) -> Result<Self, SceneError> {
         Self::watched(config, |_, share, _| progress(share))
     }
@@ -44,6 +47,7 @@ impl Scene {
         mut watch: impl FnMut(&Self, f64, &dyn Fn() -> Snapshot),
     ) -> Result<Self, SceneError> {
         config.check()?;
+        config.placement.check_falls()?;
         let lamina = Lamina::new(&config.blank, config.read_material()?)?;
         config.physics.check_for(&lamina)?;
         let tool = Tool::new(&config.tool)?;
@@ -71,11 +75,15 @@ impl Scene {
     /// Where blanks come to rest that start off their place or have other laws, as [`Scene::new`] lets
     /// each fall, all at once: the same scene from other initial states. `progress` is told the simulated
     /// share 0..1.
+    ///
+    /// # Errors
+    /// Where a fall diverges, or the blank does not start from its fall but from a scan.
     pub fn fallen(
         &self,
         blanks: &[(Misplacement, Parameters)],
         mut progress: impl FnMut(f64),
     ) -> Result<Vec<Self>, SceneError> {
+        self.config.placement.check_falls()?;
         let [fall_s, _] = self.config.fall.durations();
         let start = |(off, parameters): &(Misplacement, Parameters)| {
             let mut start = self.hung(fall_s)?;

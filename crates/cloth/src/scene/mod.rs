@@ -7,10 +7,12 @@
 
 mod config;
 mod fall;
+mod scan;
 mod summary;
 
 pub use config::{Clamp, Fabric, Fall, Over, Placement, SceneConfig, SceneError};
 pub use fall::{Misplacement, Scene};
+pub use scan::{Mark, ScanFrame, Unit};
 pub use summary::{Summary, wrinkle_count};
 
 #[cfg(test)]

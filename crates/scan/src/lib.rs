@@ -1,0 +1,19 @@
+//! What a 3-D scanner saw of a laid blank, and the state of the cloth that fits it.
+//!
+//! A [`Cloud`] is read from a file; [`kabsch`] puts it into the scene by marks and [`icp`] on to a
+//! surface that it lies on. [`set_up`] sets a scene up whose blank starts from its scan: it falls, is pulled
+//! on to the points by the solver itself, and let go.
+
+// Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
+#![allow(rustdoc::broken_intra_doc_links)]
+
+mod cloud;
+mod fit;
+mod place;
+mod rigid;
+mod scan;
+mod text;
+
+pub use cloud::Cloud;
+pub use rigid::{AlignError, Rigid, icp, kabsch};
+pub use scan::{Fit, set_up};

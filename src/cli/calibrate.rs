@@ -1,0 +1,426 @@
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::anyhow;
+use serde::Serialize;
+
+use super::Failure;
+use super::args::{png, positive};
+use super::failure::OrInvalid;
+use super::loaded::Loaded;
+use super::output::{Progress, print};
+use super::setup::set_up;
+use super::terminal::Told;
+use crate::run::RunConfig;
+use drape_calibrate::{
+    Calibrated, FACTORS, FittedCurve, Lab, Observed, calibrate, explain, posterior, prior, scaled,
+    scatter_table, write_material,
+};
+use drape_cloth::fabric::{Drape, Material};
+use drape_cloth::file::{check_writable, read_text};
+use drape_cloth::math::Vec3;
+use drape_cloth::scene::{Scene, SceneConfig};
+use drape_report::{Chart, Color, Image, SERIES, Series};
+use drape_scan::Cloud;
+use drape_task::env::{EnvConfig, Scatter};
+use drape_task::path::read_json;
+
+/// Root mean square distance between scans and simulated cloth beyond which nothing can be believed [m]
+/// (docs/CALIBRATE.md).
+const MOST_LEFT: f64 = 1e-3;
+
+/// Make a material file and its scatter from standard tests, or from scans of cloth
+///
+/// Tests are CSV files whose header names quantities with units (docs/CALIBRATE.md). Scans are STL, PLY or text
+/// files of points on cloth that lies, hangs or was pressed as a scene says, in its frame, or state files; they tell factors on the scene's friction, bending,
+/// shear and tension, by the fast solver.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape calibrate --test cantilever.csv tension.csv bias.csv friction.csv mass.csv --out mine.toml
+  drape calibrate --test cantilever.csv --material mine.toml --out new.toml --picture fit.png
+  drape calibrate strip.toml --scan strip.ply --out new.toml
+  drape calibrate runs/a --scan pressed.stl --json")]
+pub struct CalibrateArgs {
+    /// What was scanned: a scene file or run configuration, or a run folder, whose path is pressed. One for all
+    /// scans, or one a scan
+    #[arg(value_name = "SCENE", requires = "scan")]
+    scenes: Vec<PathBuf>,
+
+    /// Standard tests
+    #[arg(long, value_name = "FILE.csv", num_args = 1.., conflicts_with = "scan", required_unless_present = "scan")]
+    test: Vec<PathBuf>,
+
+    /// Scans of cloth
+    #[arg(long, value_name = "FILE", num_args = 1.., requires = "scenes")]
+    scan: Vec<PathBuf>,
+
+    /// Metres per unit of scans; 0.001 if not given
+    #[arg(long, value_name = "METRES", value_parser = positive, requires = "scan")]
+    scale: Option<f64>,
+
+    /// What was pressed in a scene before it was scanned: points that `drape export` wrote as JSON
+    #[arg(long, value_name = "FILE.json", requires = "scan")]
+    presses: Option<PathBuf>,
+
+    /// Material file that has what tests do not tell
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "scan")]
+    material: Option<PathBuf>,
+
+    /// Material file to write, with the scatter as a comment
+    #[arg(long, value_name = "FILE.toml", required_unless_present = "scan")]
+    out: Option<PathBuf>,
+
+    /// PNG of the curves over what tests have measured
+    #[arg(long, value_name = "FILE.png", value_parser = png, requires = "test")]
+    picture: Option<PathBuf>,
+
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is printed.
+#[derive(Serialize)]
+struct Report {
+    file: Option<Told>,
+    picture: Option<Told>,
+    parameters: Vec<Parameter>,
+    scatter: Scatter,
+    /// Keys that are those of `--material`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    kept: Vec<String>,
+    notes: Vec<String>,
+    #[serde(flatten)]
+    fit: Option<Fit>,
+}
+
+/// A quantity with the interval that holds it at 90 %.
+#[derive(Serialize)]
+struct Parameter {
+    name: String,
+    value: f64,
+    low: Option<f64>,
+    high: Option<f64>,
+    /// Of tests.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    specimens: Option<usize>,
+    /// Of scans: they say more of it than was known before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    told: Option<bool>,
+}
+
+/// How well simulated cloth lies in scans.
+#[derive(Serialize)]
+struct Fit {
+    points: usize,
+    rms_mm: f64,
+    evaluations: usize,
+}
+
+/// Runs `drape calibrate`.
+pub fn run(args: CalibrateArgs) -> Result<(), Failure> {
+    let files = args.out.iter().chain(&args.picture);
+    files
+        .map(|file| check_writable(file))
+        .collect::<Result<(), _>>()?;
+    let (material, report) = match args.scan.is_empty() {
+        true => by_tests(&args)?,
+        false => by_scans(&args)?,
+    };
+    if let Some(file) = &args.out {
+        write_material(file, &material, &report.notes, &report.scatter)?;
+    }
+    print(&report, args.json, text)
+}
+
+fn by_tests(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
+    let mut lab = Lab::default();
+    for file in &args.test {
+        lab.read(file).or_invalid()?;
+    }
+    let base = args.material.as_deref().map(Material::read);
+    let base = base.transpose().or_invalid()?;
+    let name = args.out.as_deref().and_then(Path::file_stem);
+    let name = name.unwrap_or_default().to_string_lossy();
+    let tests: Vec<String> = args.test.iter().map(|f| f.display().to_string()).collect();
+    let made = calibrate(&lab, base.as_ref(), &name).or_invalid_in(tests.join(", "))?;
+    if let Some(file) = &args.picture {
+        drawn(&made, file)?;
+    }
+    let Calibrated {
+        material,
+        scatter,
+        parameters,
+        kept,
+        notes,
+        ..
+    } = made;
+    let parameters = parameters.into_iter().map(|(name, found)| Parameter {
+        name,
+        value: found.value,
+        low: found.interval.map(|ends| ends[0]),
+        high: found.interval.map(|ends| ends[1]),
+        specimens: Some(found.specimens),
+        told: None,
+    });
+    let report = Report {
+        file: args.out.clone().map(Told::from),
+        picture: args.picture.clone().map(Told::from),
+        parameters: parameters.collect(),
+        scatter,
+        kept,
+        notes,
+        fit: None,
+    };
+    Ok((material, report))
+}
+
+/// Draws the curves that were fitted, tension beside shear.
+fn drawn(made: &Calibrated, file: &Path) -> Result<(), Failure> {
+    let chart = |kind: &str, title: &str, x_label: &str| {
+        let of_kind = |curve: &&FittedCurve| curve.key.contains(kind);
+        let curves = made.curves.iter().filter(of_kind).zip(SERIES);
+        let series: Vec<Series> = curves
+            .flat_map(|(curve, color)| series(curve, color))
+            .collect();
+        let chart = Chart {
+            title: title.into(),
+            x_label: x_label.into(),
+            y_label: "stress [MPa]".into(),
+            series,
+            ..Chart::default()
+        };
+        (!chart.series.is_empty()).then(|| chart.image())
+    };
+    let images: Vec<Image> = [
+        chart("tension", "tension", "strain"),
+        chart("shear", "shear", "change of the yarn angle [rad]"),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    if images.is_empty() {
+        return Err(Failure::invalid(anyhow!(
+            "--picture has no curve to draw, expected a test of tension or shear"
+        )));
+    }
+    Ok(Image::beside(&images).save_png(file)?)
+}
+
+/// Points, each a run of its own, and the curve through them.
+fn series(curve: &FittedCurve, color: Color) -> [Series; 2] {
+    let apart = |&point: &[f64; 2]| [point, [f64::NAN; 2]];
+    let series = |label: &str, points| Series {
+        label: label.into(),
+        points,
+        color,
+    };
+    [
+        series("", curve.points.iter().flat_map(apart).collect()),
+        series(&curve.key, curve.fit.clone()),
+    ]
+}
+
+fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
+    let (scenes, scans) = (&args.scenes, &args.scan);
+    if scenes.len() != 1 && scenes.len() != scans.len() {
+        return Err(Failure::invalid(anyhow!(
+            "there are {} scenes and {} scans, expected one scene or as many as scans",
+            scenes.len(),
+            scans.len()
+        )));
+    }
+    let scanned = scans
+        .iter()
+        .map(|scan| points(scan, args.scale.unwrap_or(1e-3)));
+    let scanned = scanned.collect::<Result<Vec<_>, _>>()?;
+    let seen = scenes.iter().map(|scene| Seen::read(scene, args));
+    let seen = seen.collect::<Result<Vec<_>, _>>()?;
+    let first = &seen[0];
+    for (other, path) in seen.iter().zip(scenes) {
+        let fabric = |seen: &Seen| {
+            let bending = seen.scene.model.physics().bending_stiffness;
+            (seen.scene.lamina.material.clone(), bending)
+        };
+        if fabric(other) != fabric(first) {
+            return Err(Failure::invalid(anyhow!(
+                "{} has another material or physics.bending_stiffness than {}, expected one fabric",
+                path.display(),
+                scenes[0].display()
+            )));
+        }
+    }
+    let states: Vec<Observed> = scanned
+        .iter()
+        .enumerate()
+        .map(|(k, points)| seen[k.min(seen.len() - 1)].observed(points))
+        .collect();
+    let progress = Progress::new("calibrating", args.json);
+    let told = |number: usize, share: f64| {
+        let done = (number as f64 - 1.0 + share) / drape_calibrate::EVALUATIONS as f64;
+        progress.tell(done, &format!("evaluation {number}"));
+    };
+    let estimate = explain(&states, prior(&first.scatter), told)?;
+    drop(progress);
+    let (lamina, physics) = (&first.scene.lamina, first.scene.model.physics());
+    let (material, mut notes) = scaled(&lamina.material, physics, &estimate);
+    let untold = FACTORS.iter().zip(&estimate.is_told);
+    let untold: Vec<String> = untold
+        .filter(|(_, told)| !**told)
+        .map(|(q, _)| q.name())
+        .collect();
+    if !untold.is_empty() {
+        notes.push(format!(
+            "scans do not tell {}: intervals are nearly what was known before",
+            untold.join(", ")
+        ));
+    }
+    if estimate.rms > MOST_LEFT {
+        notes.push(format!(
+            "{:.1} mm are left between scans and simulated cloth, expected {} at most: the scene is another, or the \
+             search has ended in a wrong place",
+            1e3 * estimate.rms,
+            1e3 * MOST_LEFT
+        ));
+    }
+    let parameters = FACTORS.iter().enumerate().map(|(k, quantity)| {
+        let [low, high] = estimate.interval(k).map(f64::exp);
+        Parameter {
+            name: quantity.name(),
+            value: estimate.at[k].exp(),
+            low: Some(low),
+            high: Some(high),
+            specimens: None,
+            told: Some(estimate.is_told[k]),
+        }
+    });
+    let report = Report {
+        file: args.out.clone().map(Told::from),
+        picture: None,
+        parameters: parameters.collect(),
+        scatter: posterior(&estimate),
+        kept: Vec::new(),
+        notes,
+        fit: Some(Fit {
+            points: estimate.residuals,
+            rms_mm: 1e3 * estimate.rms,
+            evaluations: estimate.evaluations,
+        }),
+    };
+    Ok((material, report))
+}
+
+/// What a scan may be of.
+struct Seen {
+    scene: Arc<Scene>,
+    env: EnvConfig,
+    presses: Vec<u32>,
+    scatter: Scatter,
+}
+
+impl Seen {
+    fn read(path: &Path, args: &CalibrateArgs) -> Result<Self, Failure> {
+        let place = path.display().to_string();
+        if path.is_dir() {
+            let loaded = Loaded::open(path, None, None, args.json)?;
+            let presses = loaded.play_path()?.0.recording.vertices();
+            let config = &loaded.config;
+            return Ok(Self {
+                env: config.scatter.finest(&config.env),
+                scatter: config.scatter.clone(),
+                scene: loaded.scene.clone(),
+                presses,
+            });
+        }
+        let table: Option<toml::Table> = read_text(path).or_invalid()?.parse().ok();
+        // A scene cannot do without a tool, a run configuration has it in its scene.
+        let is_run = table.is_some_and(|table| !table.contains_key("tool"));
+        let (scene, env, scatter) = match is_run {
+            true => {
+                let config = RunConfig::read(path).or_invalid()?;
+                (config.scene, config.env, config.scatter)
+            }
+            false => {
+                let scene = SceneConfig::read(path).or_invalid()?;
+                (scene, EnvConfig::default(), Scatter::default())
+            }
+        };
+        let scene = Arc::new(set_up(&scene, &place, args.json)?);
+        let mut presses = Vec::new();
+        if let Some(file) = &args.presses {
+            presses.extend(
+                read_json(file)
+                    .or_invalid()?
+                    .iter()
+                    .map(|point| point.vertex),
+            );
+            let count = scene.lamina.vertex_count();
+            if let Some(found) = presses.iter().find(|&&v| v as usize >= count) {
+                return Err(Failure::invalid(anyhow!(
+                    "{}: presses vertex {found}, expected one below {count} as in {place}",
+                    file.display()
+                )));
+            }
+        }
+        Ok(Self {
+            env: scatter.finest(&env),
+            scene,
+            presses,
+            scatter,
+        })
+    }
+
+    fn observed(&self, points: &[Vec3]) -> Observed {
+        let (env, presses) = (self.env.clone(), self.presses.clone());
+        Observed::new(self.scene.clone(), env, presses, points)
+    }
+}
+
+/// The points of a scan or a state file [m].
+fn points(path: &Path, scale: f64) -> Result<Vec<Vec3>, Failure> {
+    let is_state = path
+        .extension()
+        .is_some_and(|end| end.eq_ignore_ascii_case("json"));
+    Ok(match is_state {
+        true => Drape::read(path).or_invalid()?.mesh().vertices,
+        false => Cloud::read(path, scale).or_invalid()?.points,
+    })
+}
+
+fn text(report: &Report) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for found in &report.parameters {
+        let interval = match (found.low, found.high) {
+            (Some(low), Some(high)) => format!("{low:.4e} to {high:.4e}"),
+            _ => "interval unknown".into(),
+        };
+        let by = match (found.specimens, found.told) {
+            (Some(1), _) => "  1 specimen".into(),
+            (Some(count), _) => format!("  {count} specimens"),
+            (_, Some(false)) => "  not told".into(),
+            _ => String::new(),
+        };
+        lines.push(format!(
+            "{:32} {:.4e}  {interval}{by}",
+            found.name, found.value
+        ));
+    }
+    if let Some(fit) = &report.fit {
+        lines.push(format!(
+            "{} points, {:.3} mm off the simulated cloth rms, {} evaluations",
+            fit.points, fit.rms_mm, fit.evaluations
+        ));
+    }
+    if !report.kept.is_empty() {
+        lines.push(format!("kept: {}", report.kept.join(", ")));
+    }
+    lines.extend(report.notes.iter().cloned());
+    lines.extend(scatter_table(&report.scatter).lines().map(str::to_owned));
+    for (what, file) in [("material", &report.file), ("picture", &report.picture)] {
+        lines.extend(
+            file.iter()
+                .map(|file| format!("{what} in {}", file.display())),
+        );
+    }
+    lines.join("\n")
+}
