@@ -194,7 +194,7 @@ pub fn explain(
                 .zip(found)
                 .for_each(|(all, of)| all.extend(of));
         }
-        Ok(all)
+        Ok::<_, SimulationError>(all)
     };
     let mut found = estimate(&prior, &blocks, simulate)?;
     for (deviation, prior) in found.deviation.iter_mut().zip(prior) {
