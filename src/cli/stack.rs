@@ -185,11 +185,9 @@ fn train_ply(
 ) -> Result<PathBuf, Failure> {
     let name = format!("ply-{number}");
     let run = root.join(&name);
-    let mut training = TrainArgs {
-        device: args.device,
-        json: args.json,
-        ..TrainArgs::default()
-    };
+    let mut training = TrainArgs::default();
+    training.device = args.device;
+    training.json = args.json;
     if run.exists() {
         let folder = RunFolder::open(&run).or_invalid()?;
         let mut kept = config;
