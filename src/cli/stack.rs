@@ -16,7 +16,7 @@ use super::setup::read_config;
 use super::terminal::{Told, tell};
 use super::train::{TrainArgs, train};
 use crate::cluster::Session;
-use crate::run::{RunConfig, RunFolder, fixed};
+use crate::run::{RunConfig, RunError, RunFolder, fixed};
 use drape_cloth::file::{ValueError, read_text, read_toml, write_atomic};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::{TriMesh, write_stl};
@@ -32,8 +32,8 @@ pub(super) const NEXT_TOOL: &str = "next-tool.stl";
 /// Train several plies, each on the one before
 ///
 /// Every ply is a run of its own, NAME/ply-1 and so on in the folder of the runs, with its draping points, its fibre
-/// field as field.vtu and, as next-tool.stl, what the next ply falls on. Given again, the command goes on where it was
-/// interrupted: a ply that is proved is not trained again.
+/// field as field.vtu and, where another ply follows, what that falls on as next-tool.stl. Given again, the command goes
+/// on where it was interrupted: a ply that is proved is not trained again.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape stack dome.toml
@@ -94,28 +94,55 @@ struct Draped {
     /// In the physics in which its path was proved.
     score: f64,
     points: usize,
-    /// Vertices that are pressed on to what is below, and how far these lie over the sheet of the ply below; none for the
-    /// first, which has none below.
-    pressed: usize,
-    gap: Option<Gap>,
-    thickness_m: f64,
-    /// Greatest distance from what is below [m]: what it spans is solid for the next ply.
-    spanned_m: f64,
+    #[serde(flatten)]
+    lie: Lie,
     field: Told,
-    next_tool: Told,
+}
+
+/// How a ply lies on what is below it.
+#[derive(Serialize)]
+struct Lie {
+    thickness_m: f64,
+    /// Greatest distance of a vertex from what is below [m]: what it spans is solid for the next ply.
+    spanned_m: f64,
+    /// Vertices that are as near to what is below as draped ones.
+    pressed: usize,
+    /// How far these lie over the sheet of the ply below; none for the first ply.
+    gap: Option<Gap>,
+}
+
+impl Lie {
+    /// That of a blank whose vertices are at `position` [m], of which those `within` a distance [m] count as pressed.
+    fn new(
+        (scene, position): (&Scene, &[[f64; 3]]),
+        within: f64,
+        below: Option<&TriMesh>,
+    ) -> Result<Self, Failure> {
+        let tool = &scene.tool;
+        let distances: Vec<f64> = position.iter().map(|&x| tool.distance(x).0).collect();
+        let near = position.iter().zip(&distances);
+        let near = near.filter(|(_, phi)| **phi <= within);
+        let pressed: Vec<[f64; 3]> = near.map(|(x, _)| *x).collect();
+        let pressed = tool.in_scene(&pressed);
+        let gap = below.map(|below| Gap::new(below, &pressed)).transpose()?;
+        Ok(Self {
+            thickness_m: scene.lamina.material.thickness(),
+            spanned_m: distances.into_iter().fold(0.0, f64::max),
+            pressed: pressed.len(),
+            gap: gap.flatten(),
+        })
+    }
 }
 
 /// Runs `drape stack`.
 pub fn run(args: StackArgs) -> Result<(), Failure> {
     let stack: Stack = read_toml(&args.file).or_invalid()?;
     let configs = configs(&stack, &args)?;
-    let name = args.name.clone().map(PathBuf::from);
-    let root = args.runs.join(name.unwrap_or_else(|| {
-        let stem = args.file.file_stem().unwrap_or_default();
-        stem.into()
-    }));
+    let root = args.runs.join(name(&args)?);
     let session = Session::start().map_err(Failure::invalid)?;
-    let (mut plies, mut below) = (Vec::new(), None);
+    let mut plies = Vec::new();
+    // The sheet of the ply below in the scene [m], and the file of the tool that it makes.
+    let mut below: Option<(TriMesh, PathBuf)> = None;
     for (number, (ply, mut config)) in (1..).zip(stack.plies.iter().zip(configs)) {
         if let Some((_, path)) = &below {
             let path = absolute(path)?;
@@ -123,11 +150,49 @@ pub fn run(args: StackArgs) -> Result<(), Failure> {
         }
         let run = train_ply(&root, number, config, &args, &session)?;
         let loaded = Loaded::open(&run, None, args.device, args.json)?;
-        let (draped, sheet) = leave(ply, &loaded, below.as_ref().map(|(sheet, _)| sheet))?;
-        below = Some((sheet, draped.next_tool.to_path_buf()));
-        plies.push(draped);
+        let (played, Some(proved)) = loaded.play_path()? else {
+            let fault = "has no proved path, expected one for its fibre field and for the next ply";
+            return Err(anyhow!("{} {fault}", run.display()).into());
+        };
+        let draped = (&*loaded.scene, played.recording.end());
+        let frame = Frame::tool(&loaded.scene.config.tool.pose);
+        let field = run.join("field.vtu");
+        let onto = OntoArgs::default();
+        onto.write(
+            None,
+            draped,
+            &frame,
+            |field, remarks| vtu(field, remarks).into(),
+            &field,
+        )?;
+        let within = 1e-3 * loaded.env.drape_threshold_mm;
+        plies.push(Draped {
+            angle_deg: ply.angle_deg,
+            score: proved.path.score,
+            points: proved.path.vertices.len(),
+            lie: Lie::new(draped, within, below.as_ref().map(|(sheet, _)| sheet))?,
+            field: field.into(),
+            run: (&run).into(),
+        });
+        if number < stack.plies.len() {
+            let file = run.join(NEXT_TOOL);
+            write_next_tool(draped, &frame, &run, &file)?;
+            below = Some((sheet(draped), file));
+        }
     }
     print(&Report { plies }, args.json, text)
+}
+
+/// The name of the folder of the plies.
+fn name(args: &StackArgs) -> Result<String, Failure> {
+    let stem = args.file.file_stem().unwrap_or_default();
+    let name = args.name.clone();
+    let name = name.unwrap_or_else(|| stem.to_string_lossy().into());
+    let is_one = Path::new(&name).file_name() == Some(name.as_ref());
+    match is_one && !name.contains(char::is_control) {
+        true => Ok(name),
+        false => Err(RunError::Name(name).into()),
+    }
 }
 
 /// The run configurations of all plies, as if each lay on the tool itself, checked as far as that needs no cloth.
@@ -139,9 +204,13 @@ fn configs(stack: &Stack, args: &StackArgs) -> Result<Vec<RunConfig>, Failure> {
     let file = stack.config.as_ref().map(|file| folder.join(file));
     let (base, place) = read_config(file.as_deref())?;
     let alone = |config: &RunConfig, place: &str| {
-        let found = config.scenes.len();
         let expected = "none in a stack, whose plies lie on one another";
-        ValueError::unless(found == 0, "scenes", found, expected).or_invalid_in(place)
+        let found = config.scenes.len();
+        ValueError::unless(found == 0, "scenes", found, expected).or_invalid_in(place)?;
+        let found = config.scene.placement.scan.as_deref();
+        let told = found.unwrap_or(Path::new("")).display();
+        let is_none = found.is_none();
+        ValueError::unless(is_none, "scene.placement.scan", told, expected).or_invalid_in(place)
     };
     alone(&base, &place)?;
     let base = base.with_task(&base.scene, &base.env)?;
@@ -225,65 +294,20 @@ fn train_ply(
     }
 }
 
-/// Writes what a ply has become. Gives what is told of it and its sheet in the scene [m].
-fn leave(
-    ply: &Ply,
-    loaded: &Loaded,
-    below: Option<&TriMesh>,
-) -> Result<(Draped, TriMesh), Failure> {
-    let (scene, folder) = (&*loaded.scene, &loaded.folder.path);
-    let (played, Some(proof)) = loaded.play_path()? else {
-        return Err(anyhow!(
-            "{} has no proved path, expected one for the next ply to lie on",
-            folder.display()
-        )
-        .into());
-    };
-    let end = played.recording.end();
-    let frame = Frame::tool(&scene.config.tool.pose);
-    let [field, next] = ["field.vtu", NEXT_TOOL].map(|name| folder.join(name));
-    let writer = |field: &_, remarks: &_| vtu(field, remarks).into();
-    OntoArgs::default().write(None, (scene, end), &frame, writer, &field)?;
-    write_next_tool((scene, end), &frame, folder, &next)?;
-
-    let distances: Vec<f64> = end.iter().map(|&x| scene.tool.distance(x).0).collect();
-    let within = 1e-3 * loaded.env.drape_threshold_mm;
-    let pressed = end
-        .iter()
-        .zip(&distances)
-        .filter(|(_, phi)| **phi <= within);
-    let pressed: Vec<[f64; 3]> = pressed.map(|(x, _)| *x).collect();
-    let pressed = scene.tool.in_scene(&pressed);
-    let gap = below.map(|below| Gap::new(below, &pressed)).transpose()?;
-    let draped = Draped {
-        run: folder.into(),
-        angle_deg: ply.angle_deg,
-        score: proof.path.score,
-        points: proof.path.vertices.len(),
-        pressed: pressed.len(),
-        gap: gap.flatten(),
-        thickness_m: scene.lamina.material.thickness(),
-        spanned_m: distances.into_iter().fold(0.0, f64::max),
-        field: field.into(),
-        next_tool: next.into(),
-    };
-    Ok((draped, sheet(scene, end)))
-}
-
 /// A blank whose vertices are at `position` [m], in the scene.
-fn sheet(scene: &Scene, position: &[[f64; 3]]) -> TriMesh {
+fn sheet((scene, position): (&Scene, &[[f64; 3]])) -> TriMesh {
     scene.lamina.mesh(&scene.tool.in_scene(position))
 }
 
 /// Writes the tool that the next ply falls on, in a frame, where a blank of `run` has come to lie with its vertices at
-/// `position` [m].
+/// given positions [m].
 pub(super) fn write_next_tool(
-    (scene, position): (&Scene, &[[f64; 3]]),
+    draped: (&Scene, &[[f64; 3]]),
     frame: &Frame,
     run: &Path,
     file: &Path,
 ) -> Result<(), Failure> {
-    let sheet = sheet(scene, position);
+    let (scene, sheet) = (draped.0, sheet(draped));
     let thickness = scene.lamina.material.thickness();
     let refused = || format!("{}: no ply can be laid on this one", run.display());
     let next = next_tool(&scene.tool.mesh_in_scene(), &sheet, thickness);
@@ -297,10 +321,11 @@ pub(super) fn write_next_tool(
 
 fn text(report: &Report) -> String {
     let line = |(number, ply): (usize, &Draped)| {
-        let gap = ply.gap.map_or(String::new(), |gap| {
+        let lie = &ply.lie;
+        let gap = lie.gap.map_or(String::new(), |gap| {
             format!(
                 "; {} pressed vertices lie {:.3} mm over the ply below on average, at least {:.3}",
-                ply.pressed,
+                lie.pressed,
                 1e3 * gap.mean_m,
                 1e3 * gap.least_m
             )
@@ -311,7 +336,7 @@ fn text(report: &Report) -> String {
             ply.run.display(),
             ply.points,
             100.0 * ply.score,
-            1e3 * ply.spanned_m
+            1e3 * lie.spanned_m
         )
     };
     let lines: Vec<String> = (1..).zip(&report.plies).map(line).collect();

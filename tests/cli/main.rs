@@ -16,6 +16,7 @@ mod robot;
 mod run;
 mod scan;
 mod scene;
+mod stack;
 mod study;
 mod tool;
 mod train;
