@@ -32,8 +32,8 @@ pub(super) const NEXT_TOOL: &str = "next-tool.stl";
 /// Train several plies, each on the one before
 ///
 /// Every ply is a run of its own, NAME/ply-1 and so on in the folder of the runs, with its draping points, its fibre
-/// field as field.vtu and, where another ply follows, what that falls on as next-tool.stl. Given again, the command goes
-/// on where it was interrupted: a ply that is proved is not trained again.
+/// field as field.vtu and, where another ply follows, what that falls on as next-tool.stl. Given again, the command
+/// goes on where it was interrupted: a ply that is proved is not trained again.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape stack dome.toml

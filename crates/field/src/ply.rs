@@ -48,7 +48,8 @@ pub struct Gap {
 }
 
 impl Gap {
-    /// Distances of `points` [m] from the sheet of the ply `below`, on the side of its nearest facet; none without points.
+    /// Distances of `points` [m] from the sheet of the ply `below`, on the side of its nearest facet; none without
+    /// points.
     ///
     /// # Errors
     /// As [`next_tool`].
