@@ -119,10 +119,8 @@ struct Fit {
 
 /// Runs `drape calibrate`.
 pub fn run(args: CalibrateArgs) -> Result<(), Failure> {
-    let files = args.out.iter().chain(&args.picture);
-    files
-        .map(|file| check_writable(file))
-        .collect::<Result<(), _>>()?;
+    let mut files = args.out.iter().chain(&args.picture);
+    files.try_for_each(|file| check_writable(file))?;
     let (material, report) = match args.scan.is_empty() {
         true => by_tests(&args)?,
         false => by_scans(&args)?,
@@ -263,6 +261,15 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
     let estimate = explain(&states, prior(&first.scatter), told)?;
     drop(progress);
     let (lamina, physics) = (&first.scene.lamina, first.scene.model.physics());
+    if estimate.residuals == 0 || estimate.rms > lamina.cell_diagonal() {
+        return Err(Failure::invalid(anyhow!(
+            "{}: its points are {:.1} mm off the simulated cloth, root mean square, expected less than the diagonal of a \
+             cell, {:.1} mm: check --scale, and that it is in the scene's frame",
+            scans[0].display(),
+            1e3 * estimate.rms,
+            1e3 * lamina.cell_diagonal()
+        )));
+    }
     let (material, mut notes) = scaled(&lamina.material, physics, &estimate);
     let untold = FACTORS.iter().zip(&estimate.is_told);
     let untold: Vec<String> = untold
@@ -322,6 +329,11 @@ impl Seen {
     fn read(path: &Path, args: &CalibrateArgs) -> Result<Self, Failure> {
         let place = path.display().to_string();
         if path.is_dir() {
+            if args.presses.is_some() {
+                let error =
+                    "`--presses` is for scenes, expected none beside a run, whose path is pressed";
+                return Err(Failure::invalid(anyhow!("{place}: {error}")));
+            }
             let loaded = Loaded::open(path, None, None, args.json)?;
             let presses = loaded.play_path()?.0.recording.vertices();
             let config = &loaded.config;

@@ -18,6 +18,7 @@ mod metrics;
 mod robot;
 mod rollout;
 mod scenes;
+mod search;
 mod training;
 
 pub use best::Best;
@@ -33,4 +34,5 @@ pub use rollout::{
     replay,
 };
 pub use scenes::{Member, SceneRange};
-pub use training::{Preparation, Scenes, Training, search_by_moves};
+pub use search::search_by_moves;
+pub use training::{Preparation, Scenes, Training};

@@ -226,7 +226,7 @@ fn scan_of_a_strip_tells_its_bending() {
     let bending = parameter("bending");
     let value = number(&bending["value"]);
     assert!((value / truth - 1.0).abs() < 0.05, "{report:#}");
-    assert!(number(&bending["low"]) <= value && value <= number(&bending["high"]));
+    assert!(number(&bending["low"]) <= truth && truth <= number(&bending["high"]));
     assert_eq!(bending["told"], true);
     assert!(number(&report["scatter"]["bending"]) > 0.0);
     // Nothing slides or stretches there.
@@ -245,6 +245,19 @@ fn scan_of_a_strip_tells_its_bending() {
     };
     let two = ["strip.toml", "truth.toml", "--scan", "seen.json"];
     fails(&two, &["2 scenes and 1 scans"]);
+    let metres = [
+        "strip.toml",
+        "--scan",
+        "seen/lamina.stl",
+        "--scale",
+        "1",
+        "--out",
+        "none.toml",
+    ];
+    fails(&metres, &["seen/lamina.stl", "check --scale"]);
+    assert!(!path.join("none.toml").exists());
+    let run = [".", "--scan", "seen.json", "--presses", "points.json"];
+    fails(&run, &["`--presses` is for scenes"]);
     fs::write(path.join("scan.stl"), "solid\n").unwrap();
     fails(&["strip.toml", "--scan", "scan.stl"], &["scan.stl"]);
 }

@@ -33,7 +33,7 @@ pub enum Column {
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// Names with their units, and what takes them to SI.
-const COLUMNS: [(&str, Column, f64); 33] = {
+const COLUMNS: [(&str, Column, f64); 32] = {
     use Column::*;
     [
         ("overhang_mm", Overhang, 1e-3),
@@ -68,7 +68,6 @@ const COLUMNS: [(&str, Column, f64); 33] = {
         ("areal_mass_kg_m2", ArealMass, 1.0),
         ("thickness_mm", Thickness, 1e-3),
         ("thickness_um", Thickness, 1e-6),
-        ("thickness_m", Thickness, 1.0),
     ]
 };
 
@@ -138,24 +137,16 @@ impl Column {
         })
     }
 
-    /// Least value, and whether a value may be that. Of no column more than its greatest makes sense.
+    /// Whether it can be measured.
     pub fn is_valid(self, value: f64) -> bool {
-        let (least, most) = self.range();
         let may_be_zero = self.may_be_zero();
-        value <= most && (value > least || may_be_zero && value == least)
+        value <= self.most() && (value > 0.0 || may_be_zero && value == 0.0)
     }
 
     /// What [`Column::is_valid`] asks for, in SI.
     pub fn expected(self) -> String {
-        let (_, most) = self.range();
-        let from = match self.may_be_zero() {
-            true => "a number >= 0",
-            false => "a number > 0",
-        };
-        match most.is_finite() {
-            true => format!("{from} and at most {most:.4} in SI units"),
-            false => from.into(),
-        }
+        let sign = if self.may_be_zero() { ">=" } else { ">" };
+        format!("a number {sign} 0 and at most {} in SI units", self.most())
     }
 
     fn may_be_zero(self) -> bool {
@@ -166,12 +157,13 @@ impl Column {
         )
     }
 
-    fn range(self) -> (f64, f64) {
+    /// The most that makes sense.
+    fn most(self) -> f64 {
         match self {
-            Self::Angle => (0.0, 1.4),
-            Self::StaticAngle | Self::DynamicAngle => (0.0, 1.5),
-            Self::Strain => (0.0, 10.0),
-            _ => (0.0, f64::MAX),
+            Self::Angle => 1.4,
+            Self::StaticAngle | Self::DynamicAngle => 1.5,
+            Self::Strain => 10.0,
+            _ => 1e9,
         }
     }
 }

@@ -327,7 +327,7 @@ mod tests {
         let mut stream = Stream::new(seed, Purpose::Evaluation, 0);
         let mut patch = 0.0;
         let mut draw = |i: usize| {
-            if i % 10 == 0 {
+            if i.is_multiple_of(10) {
                 patch = noise[1] * stream.normal();
             }
             let outlier = if stream.uniform() < 0.02 { 0.05 } else { 0.0 };

@@ -3,7 +3,7 @@ use std::path::Path;
 
 use drape_cloth::fabric::Material;
 use drape_cloth::file::{WriteError, write_atomic};
-use drape_task::env::{Scatter, Spread};
+use drape_task::env::{Quantity, Scatter, Spread};
 
 /// Writes a material file, atomically, with what has to be known and the scatter as comments: a material has no place
 /// for either.
@@ -24,7 +24,7 @@ pub fn write_material(
 
 /// The table `[scatter]` of a run configuration; nothing if nothing is known to vary.
 pub fn scatter_table(scatter: &Scatter) -> String {
-    let line = |(quantity, spread): (&drape_task::env::Quantity, &Spread)| {
+    let line = |(quantity, spread): (&Quantity, &Spread)| {
         let value = match spread {
             Spread::Deviation(deviation) => format!("{deviation:?}"),
             Spread::Range(range) => format!("{range:?}"),

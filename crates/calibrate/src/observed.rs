@@ -168,7 +168,8 @@ fn blank(query: &Query) -> (Misplacement, Parameters) {
 /// Held against states of the finite-element twin (docs/CALIBRATE.md).
 const BETWEEN_MODELS: f64 = 2.0;
 
-/// The logarithms of [`FACTORS`] that explain all states best. `prior` has the standard deviations of their
+/// The logarithms of [`FACTORS`] that explain all states best, with deviations twice as wide as residuals say, but no wider
+/// than before. `prior` has the standard deviations of their
 /// logarithms. `progress` is told the number of the evaluation and the simulated share of it.
 ///
 /// # Errors

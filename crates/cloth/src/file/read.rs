@@ -80,8 +80,11 @@ pub fn unmarked(bytes: &[u8]) -> Result<&[u8], String> {
     Err(format!("text in {encoding}, expected UTF-8"))
 }
 
-/// The text that a file says, [`unmarked`], with a line feed at the end of every line that had a
-/// carriage return alone.
+/// The text that a file says behind its byte-order mark, with a line feed at the end of every line that had a carriage
+/// return alone.
+///
+/// # Errors
+/// Text in UTF-16 or UTF-32.
 pub fn plain(bytes: &[u8]) -> Result<Cow<'_, [u8]>, String> {
     let text = unmarked(bytes)?;
     let is_alone = |i: &usize| text[*i] == b'\r' && text.get(i + 1) != Some(&b'\n');
