@@ -16,8 +16,8 @@ use super::setup::read_config;
 use super::terminal::{Told, tell};
 use super::train::{TrainArgs, train};
 use crate::cluster::Session;
-use crate::run::{RunConfig, RunError, RunFolder, fixed};
-use drape_cloth::file::{ValueError, read_text, read_toml, write_atomic};
+use crate::run::{RunConfig, RunError, RunFolder};
+use drape_cloth::file::{ValueError, read_toml, write_atomic};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::{TriMesh, write_stl};
 use drape_cloth::scene::Scene;
@@ -105,9 +105,7 @@ struct Lie {
     thickness_m: f64,
     /// Greatest distance of a vertex from what is below [m]: what it spans is solid for the next ply.
     spanned_m: f64,
-    /// Vertices that are as near to what is below as draped ones.
-    pressed: usize,
-    /// How far these lie over the sheet of the ply below; none for the first ply.
+    /// How far pressed vertices lie over the sheet of the ply below; none for the first ply.
     gap: Option<Gap>,
 }
 
@@ -128,7 +126,6 @@ impl Lie {
         Ok(Self {
             thickness_m: scene.lamina.material.thickness(),
             spanned_m: distances.into_iter().fold(0.0, f64::max),
-            pressed: pressed.len(),
             gap: gap.flatten(),
         })
     }
@@ -261,11 +258,11 @@ fn train_ply(
         let folder = RunFolder::open(&run).or_invalid()?;
         let mut kept = config;
         kept.keep_inputs().or_invalid()?;
-        let found = fixed(&read_text(&folder.config).or_invalid()?).or_invalid()?;
-        if found != fixed(&kept.to_toml())? {
+        let found: Table = read_toml(&folder.config).or_invalid()?;
+        if found != kept.to_toml().parse()? {
             return Err(Failure::invalid(anyhow!(
-                "{} was draped by another configuration, or on another ply, than {} says now: choose another \
-                 --name, or remove the folder",
+                "{} was draped by another configuration, or on another ply, than {} says now, expected the same: \
+                 choose another --name, or remove the folder",
                 run.display(),
                 args.file.display()
             )));
@@ -325,7 +322,7 @@ fn text(report: &Report) -> String {
         let gap = lie.gap.map_or(String::new(), |gap| {
             format!(
                 "; {} pressed vertices lie {:.3} mm over the ply below on average, at least {:.3}",
-                lie.pressed,
+                gap.points,
                 1e3 * gap.mean_m,
                 1e3 * gap.least_m
             )

@@ -68,7 +68,7 @@ pub fn changed(text: &str, changes: &[String]) -> Result<Option<String>> {
 }
 
 /// What of a configuration may not change, in an order of its own.
-pub fn fixed(text: &str) -> Result<String> {
+pub(super) fn fixed(text: &str) -> Result<String> {
     let mut fixed = values(&table(text)?);
     fixed.retain(|key, _| !FREE.contains(&&**key));
     let lines = fixed

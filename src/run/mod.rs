@@ -22,7 +22,7 @@ mod search;
 mod training;
 
 pub use best::Best;
-pub use changes::{changed, fixed};
+pub use changes::changed;
 pub use checkpoint::Checkpoint;
 pub use config::{RunConfig, TrainingPreset};
 pub use demonstrations::Demonstrations;

@@ -39,17 +39,19 @@ pub fn next_tool(
     Ok(both)
 }
 
-/// How far points lie over a ply [m].
+/// How far points lie over a ply.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Gap {
+    /// How many lie over or beneath it; others, beside it, do not count.
+    pub points: usize,
     pub mean_m: f64,
     /// Below 0 where a point lies beneath it.
     pub least_m: f64,
 }
 
 impl Gap {
-    /// Distances of `points` [m] from the sheet of the ply `below`, on the side of its nearest facet; none without
-    /// points.
+    /// Distances of `points` [m] from the sheet of the ply `below`, along the normal of its nearest facet; none where
+    /// no point lies over it.
     ///
     /// # Errors
     /// As [`next_tool`].
@@ -58,10 +60,13 @@ impl Gap {
         let gap = |x: &[f64; 3]| {
             let nearest = surface.project(Vec3::from(*x));
             let off = Vec3::from(*x) - nearest.position;
-            off.norm().copysign(off.dot(&nearest.normal))
+            let height = off.dot(&nearest.normal);
+            // Beside the border the nearest point is to the side.
+            (height.abs() >= 0.5 * off.norm()).then_some(height)
         };
-        let gaps: Vec<f64> = points.iter().map(gap).collect();
+        let gaps: Vec<f64> = points.iter().filter_map(gap).collect();
         Ok((!gaps.is_empty()).then(|| Self {
+            points: gaps.len(),
             mean_m: gaps.iter().sum::<f64>() / gaps.len() as f64,
             least_m: gaps.iter().copied().fold(f64::INFINITY, f64::min),
         }))
@@ -139,12 +144,13 @@ mod tests {
     fn gaps_have_their_sign() {
         let ply = sheet(|x, y| [x, y, 0.1 * x]);
         let over = |h: f64| [0.01 - h * 0.1, 0.003, 0.001 + h];
-        let gap = Gap::new(&ply, &[over(0.002), over(-0.001)])
-            .unwrap()
-            .unwrap();
+        let beside = [0.2, 0.0, -0.01];
+        let gap = Gap::new(&ply, &[over(0.002), beside, over(-0.001)]);
+        let gap = gap.unwrap().unwrap();
         let length = 1.01f64.sqrt();
+        assert_eq!(gap.points, 2);
         assert!((gap.least_m + 0.001 * length).abs() < 1e-12);
         assert!((gap.mean_m - 0.0005 * length).abs() < 1e-12);
-        assert_eq!(Gap::new(&ply, &[]).unwrap(), None);
+        assert_eq!(Gap::new(&ply, &[beside]).unwrap(), None);
     }
 }
