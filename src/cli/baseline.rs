@@ -145,6 +145,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         Policy::Moves => config.steps,
         _ => 0,
     };
+    RunFolder::check_free(&args.runs, args.name.as_deref(), false)?;
     let (scene, kept) = set_up_run(&config, &place, args.json)?;
     config.equip(&scene).or_invalid_in(&place)?;
     let draping = Draping::new(scene.clone(), &config.env, config.environments);

@@ -6,15 +6,16 @@ use serde::Serialize;
 
 use super::Failure;
 use super::args::{png, positive};
+use super::explained::{doubts, explained, factors, line};
 use super::failure::OrInvalid;
-use super::loaded::Loaded;
-use super::output::{Progress, print};
+use super::loaded::{Loaded, Source};
+use super::output::print;
 use super::setup::set_up;
 use super::terminal::Told;
-use crate::run::RunConfig;
+use crate::run::{Parameter, RunConfig};
 use drape_calibrate::{
-    Calibrated, FACTORS, FittedCurve, Lab, Observed, calibrate, explain, posterior, prior, scaled,
-    scatter_table, write_material,
+    Calibrated, FittedCurve, Lab, Observed, calibrate, posterior, scaled, scatter_table,
+    write_material,
 };
 use drape_cloth::fabric::{Drape, Material};
 use drape_cloth::file::{check_writable, read_text};
@@ -24,10 +25,6 @@ use drape_report::{Chart, Color, Image, SERIES, Series};
 use drape_scan::Cloud;
 use drape_task::env::{EnvConfig, Scatter};
 use drape_task::path::read_json;
-
-/// Root mean square distance between scans and simulated cloth beyond which nothing can be believed [m]
-/// (docs/CALIBRATE.md).
-const MOST_LEFT: f64 = 1e-3;
 
 /// Make a material file and its scatter from standard tests, or from scans of cloth
 ///
@@ -92,21 +89,6 @@ struct Report {
     notes: Vec<String>,
     #[serde(flatten)]
     fit: Option<Fit>,
-}
-
-/// A quantity with the interval that holds it at 90 %.
-#[derive(Serialize)]
-struct Parameter {
-    name: String,
-    value: f64,
-    low: Option<f64>,
-    high: Option<f64>,
-    /// Of tests.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    specimens: Option<usize>,
-    /// Of scans: they say more of it than was known before.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    told: Option<bool>,
 }
 
 /// How well simulated cloth lies in scans.
@@ -253,13 +235,7 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
         .enumerate()
         .map(|(k, points)| seen[k.min(seen.len() - 1)].observed(points))
         .collect();
-    let progress = Progress::new("calibrating", args.json);
-    let told = |number: usize, share: f64| {
-        let done = (number as f64 - 1.0 + share) / drape_calibrate::EVALUATIONS as f64;
-        progress.tell(done, &format!("evaluation {number}"));
-    };
-    let estimate = explain(&states, prior(&first.scatter), told)?;
-    drop(progress);
+    let estimate = explained(&states, &first.scatter, args.json)?;
     let (lamina, physics) = (&first.scene.lamina, first.scene.model.physics());
     if estimate.residuals == 0 || estimate.rms > lamina.cell_diagonal() {
         return Err(Failure::invalid(anyhow!(
@@ -271,40 +247,11 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
         )));
     }
     let (material, mut notes) = scaled(&lamina.material, physics, &estimate);
-    let untold = FACTORS.iter().zip(&estimate.is_told);
-    let untold: Vec<String> = untold
-        .filter(|(_, told)| !**told)
-        .map(|(q, _)| q.name())
-        .collect();
-    if !untold.is_empty() {
-        notes.push(format!(
-            "scans do not tell {}: intervals are nearly what was known before",
-            untold.join(", ")
-        ));
-    }
-    if estimate.rms > MOST_LEFT {
-        notes.push(format!(
-            "{:.1} mm are left between scans and simulated cloth, expected {} at most: the scene is another, or the \
-             search has ended in a wrong place",
-            1e3 * estimate.rms,
-            1e3 * MOST_LEFT
-        ));
-    }
-    let parameters = FACTORS.iter().enumerate().map(|(k, quantity)| {
-        let [low, high] = estimate.interval(k).map(f64::exp);
-        Parameter {
-            name: quantity.name(),
-            value: estimate.at[k].exp(),
-            low: Some(low),
-            high: Some(high),
-            specimens: None,
-            told: Some(estimate.is_told[k]),
-        }
-    });
+    notes.extend(doubts(&estimate));
     let report = Report {
         file: args.out.clone().map(Told::from),
         picture: None,
-        parameters: parameters.collect(),
+        parameters: factors(&estimate),
         scatter: posterior(&estimate),
         kept: Vec::new(),
         notes,
@@ -334,7 +281,7 @@ impl Seen {
                     "`--presses` is for scenes, expected none beside a run, whose path is pressed";
                 return Err(Failure::invalid(anyhow!("{place}: {error}")));
             }
-            let loaded = Loaded::open(path, None, None, args.json)?;
+            let loaded = Loaded::open(path, Source::Path, None, None, args.json)?;
             let presses = loaded.play_path()?.0.recording.vertices();
             let config = &loaded.config;
             return Ok(Self {
@@ -374,6 +321,13 @@ impl Seen {
                 )));
             }
         }
+        if let (Some(scan), true) = (&scene.config.placement.scan, presses.is_empty()) {
+            return Err(Failure::invalid(anyhow!(
+                "{place}: `placement.scan` is {}, expected none where nothing is pressed: a blank that starts from a scan \
+                 does not fall, and tells nothing of its fabric",
+                scan.display()
+            )));
+        }
         Ok(Self {
             env: scatter.finest(&env),
             scene,
@@ -401,22 +355,7 @@ fn points(path: &Path, scale: f64) -> Result<Vec<Vec3>, Failure> {
 
 fn text(report: &Report) -> String {
     let mut lines: Vec<String> = Vec::new();
-    for found in &report.parameters {
-        let interval = match (found.low, found.high) {
-            (Some(low), Some(high)) => format!("{low:.4e} to {high:.4e}"),
-            _ => "interval unknown".into(),
-        };
-        let by = match (found.specimens, found.told) {
-            (Some(1), _) => "  1 specimen".into(),
-            (Some(count), _) => format!("  {count} specimens"),
-            (_, Some(false)) => "  not told".into(),
-            _ => String::new(),
-        };
-        lines.push(format!(
-            "{:32} {:.4e}  {interval}{by}",
-            found.name, found.value
-        ));
-    }
+    lines.extend(report.parameters.iter().map(line));
     if let Some(fit) = &report.fit {
         lines.push(format!(
             "{} points, {:.3} mm off the simulated cloth rms, {} evaluations",

@@ -8,18 +8,22 @@ use serde::Serialize;
 use super::Failure;
 use super::args::{png, positive};
 use super::failure::OrInvalid;
-use super::loaded::Loaded;
+use super::loaded::{Loaded, Source};
 use super::output::print;
+use super::scanned::ScanArgs;
 use super::setup::{absurd, extent};
 use super::terminal::{Told, tell};
 use crate::run::RunConfig;
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::{check_writable, read_text};
 use drape_cloth::math::Vec3;
+use drape_cloth::mesh::compare::Spread;
 use drape_cloth::mesh::read_mesh;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::{GridConfig, Tool};
-use drape_study::compare::{Comparison, Criteria, Surveyed, compare, picture};
+use drape_scan::Deviation;
+use drape_study::compare::{Comparison, Criteria, Inapplicable, Surveyed, compare, picture};
+use drape_study::presses::resting;
 use drape_study::study::region;
 
 /// Compare two drapes
@@ -27,12 +31,14 @@ use drape_study::study::region;
 /// A and B are each a run folder (the path that `drape export` writes is played again), a state
 /// file of `drape scene --state` or `drape eval --state`, or an STL file of a lamina. B is the
 /// reference. Both must be in the frame of the scene, into which
-/// tool.pose has moved the tool: nothing is moved to fit.
+/// tool.pose has moved the tool: nothing is moved to fit. With `--unit` A is what a scanner saw after the path of the
+/// run B was pressed, points in STL, PLY or text (docs/SCAN.md), and is put on to it.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape compare runs/a runs/b
   drape compare fast.json twin.json --region=-186,-186,-60,-60 --out deviation.png
-  drape compare scan.stl fast.json --config scene.toml --json")]
+  drape compare scan.stl fast.json --config scene.toml --json
+  drape compare pressed.ply runs/a --unit mm --marks marks.toml --out deviation.png")]
 pub struct CompareArgs {
     /// What is compared
     a: PathBuf,
@@ -42,11 +48,12 @@ pub struct CompareArgs {
 
     /// Scene or run configuration with the tool; that of the run if A or B is one, and of both if
     /// they have the same
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "unit")]
     config: Option<PathBuf>,
 
     /// Also compare inside and outside of this part of the flat blank [mm]
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region, allow_hyphen_values = true,
+          conflicts_with = "unit")]
     region: Option<[f64; 4]>,
 
     /// PNG of A coloured by its signed distance from B
@@ -58,8 +65,11 @@ pub struct CompareArgs {
     range: Option<f64>,
 
     /// Metres per unit of STL files; 0.001 if not given
-    #[arg(long, value_name = "METRES", value_parser = positive)]
+    #[arg(long, value_name = "METRES", value_parser = positive, conflicts_with = "unit")]
     scale: Option<f64>,
+
+    #[command(flatten)]
+    scan: ScanArgs,
 
     /// Print one JSON object instead of text
     #[arg(long)]
@@ -92,11 +102,31 @@ enum Kind {
     Run,
     State,
     Stl,
+    Scan,
+}
+
+/// What is printed of a scan beside a run.
+#[derive(Serialize)]
+struct ScanReport {
+    a_source: Origin,
+    b_source: Origin,
+    /// Of the scan, evenly thinned, and those left out whose coordinates are no numbers.
+    points: usize,
+    dropped_count: usize,
+    /// Other ways to lie in which the scan is as near.
+    other_places: usize,
+    #[serde(flatten)]
+    deviation: Deviation,
+    not_applicable: Vec<Inapplicable>,
+    picture: Option<Told>,
 }
 
 /// Runs `drape compare`.
 pub fn run(args: CompareArgs) -> Result<(), Failure> {
     args.out.as_deref().map(check_writable).transpose()?;
+    if args.scan.unit.is_some() {
+        return beside_run(&args);
+    }
     if args.scale.is_some() && !is_stl(&args.a) && !is_stl(&args.b) {
         let error = anyhow!("--scale is for STL files, found none, expected A or B to be one");
         return Err(Failure::invalid(error));
@@ -140,7 +170,8 @@ pub fn run(args: CompareArgs) -> Result<(), Failure> {
     };
     let comparison = compare(&a, &b, &criteria);
     if let Some(file) = &args.out {
-        let range = args.range.unwrap_or_else(|| picture::range(&comparison));
+        let p95 = (comparison.all.topology_a_to_b_mm).map_or(0.0, |off| off.p95);
+        let range = args.range.unwrap_or_else(|| picture::range(p95));
         let image = picture::deviation(&a, &b, tool.as_deref(), region, range);
         image.save_png(file)?;
     }
@@ -177,6 +208,107 @@ fn text(report: &Report) -> String {
     lines.join("\n").trim_end().into()
 }
 
+/// Compares a scan with where the path of a run has left its blank.
+fn beside_run(args: &CompareArgs) -> Result<(), Failure> {
+    if !args.b.is_dir() {
+        return Err(Failure::invalid(anyhow!(
+            "{} is no run folder, expected one whose path was pressed before the scan",
+            args.b.display()
+        )));
+    }
+    let loaded = Loaded::open(&args.b, Source::Path, None, None, args.json)?;
+    let (played, _) = loaded.play_path()?;
+    let pressed = resting(&loaded.scene, played.recording.end().to_vec());
+    let seen = args.scan.seen(&args.a, &pressed)?;
+    let threshold = 1e-3 * loaded.config.env.drape_threshold_mm;
+    let deviation = seen
+        .deviation(&pressed, threshold)
+        .or_invalid_in(args.b.display())?;
+    if let Some(file) = &args.out {
+        let range = args
+            .range
+            .unwrap_or_else(|| picture::range(deviation.scan_to_run_mm.p95));
+        let tool = pressed.tool.mesh_in_scene();
+        let sheet = pressed.tool.in_scene(&pressed.initial.position);
+        let sheet = pressed.lamina.mesh(&sheet);
+        let title = "signed distance of the scan from the run [mm], positive above, grey where nothing was seen";
+        let colors = (&deviation.at_vertices[..], range, title);
+        picture::signed(&sheet, colors, Some(&tool), &[]).save_png(file)?;
+    }
+    let origin = |path: &Path, kind| Origin {
+        path: path.into(),
+        kind,
+    };
+    let report = ScanReport {
+        a_source: origin(&args.a, Kind::Scan),
+        b_source: origin(&args.b, Kind::Run),
+        points: seen.points.len(),
+        dropped_count: seen.dropped_count,
+        other_places: seen.other_places,
+        deviation,
+        not_applicable: vec![Inapplicable {
+            metrics: vec!["surplus_mm", "material_points_mm", "fibre_angle_deg"],
+            why: "points have no yarns".into(),
+        }],
+        picture: args.out.clone().map(Told::from),
+    };
+    print(&report, args.json, scan_text)
+}
+
+fn scan_text(report: &ScanReport) -> String {
+    let Deviation {
+        scan_to_run_mm,
+        run_to_scan_mm,
+        far_share,
+        unseen_share,
+        undraped_share_scan,
+        undraped_share_run,
+        ..
+    } = &report.deviation;
+    let row = |name: &str, s: &Spread| {
+        let Spread {
+            mean,
+            rms,
+            p95,
+            min,
+            max,
+        } = s;
+        format!("{name}  {mean:8.3} {rms:8.3} {p95:8.3} {min:8.3} {max:8.3}")
+    };
+    let (a, b) = (
+        report.a_source.path.display(),
+        report.b_source.path.display(),
+    );
+    let mut lines = vec![
+        format!("A  {a} ({} points)", report.points),
+        format!("B  {b} (reference)"),
+        "\ndistance [mm]     mean      rms      p95      min      max".into(),
+        row("scan to run ", scan_to_run_mm),
+    ];
+    lines.extend(
+        run_to_scan_mm
+            .iter()
+            .map(|spread| row("run to scan ", spread)),
+    );
+    let [far, unseen, scan, run] = [
+        far_share,
+        unseen_share,
+        undraped_share_scan,
+        undraped_share_run,
+    ]
+    .map(|share| 1e2 * share);
+    lines.push(format!(
+        "\npoints far from the run {far:.1} %, vertices of the run that were not seen {unseen:.1} %\n\
+         undraped: {scan:.1} % of the scan, {run:.1} % of the run\n"
+    ));
+    for missing in &report.not_applicable {
+        let metrics = missing.metrics.join(", ");
+        lines.push(format!("not applicable: {metrics} ({})", missing.why));
+    }
+    lines.extend((report.picture.iter()).map(|file| format!("picture in {}", file.display())));
+    lines.join("\n")
+}
+
 fn is_stl(path: &Path) -> bool {
     let kinds = ["stl", "ply"];
     let is_one = |end: &OsStr| kinds.iter().any(|kind| end.eq_ignore_ascii_case(kind));
@@ -186,7 +318,7 @@ fn is_stl(path: &Path) -> bool {
 /// The drape at `path`, with its scene if it is a run.
 fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, Kind), Failure> {
     let (surveyed, scene, kind) = if path.is_dir() {
-        let loaded = Loaded::open(path, None, None, args.json)?;
+        let loaded = Loaded::open(path, Source::Path, None, None, args.json)?;
         let (played, _) = loaded.play_path()?;
         let Scene { lamina, tool, .. } = &*loaded.scene;
         let drape = Drape::new(lamina, &tool.in_scene(played.recording.end()));

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::Failure;
 use super::args::accuracy;
 use super::failure::OrInvalid;
-use super::loaded::Loaded;
+use super::loaded::{Loaded, Source};
 use super::output::{OutFolder, Progress, print};
 use super::picture;
 use super::proof;
@@ -142,7 +142,12 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     let out = args.out.as_deref().map(OutFolder::make).transpose()?;
     args.state.as_deref().map(check_writable).transpose()?;
     let on = args.scene.as_deref().map(|scene| (scene, args.region));
-    let mut loaded = Loaded::open(&args.run, on, args.device, args.json)?;
+    let source = match (&args.recording, args.sequence) {
+        (Some(_), _) => Source::Other,
+        (None, true) => Source::Sequence,
+        (None, false) => Source::Checkpoint(&args.checkpoint),
+    };
+    let mut loaded = Loaded::open(&args.run, source, on, args.device, args.json)?;
     let pictures = match out {
         Some(folder) => folder,
         None => OutFolder::make(&loaded.folder.pictures.join("eval"))?,

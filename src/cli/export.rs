@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::Failure;
 use super::failure::OrInvalid;
 use super::field::{FieldReport, OntoArgs, Writer as FieldWriter, picture, write_pattern};
-use super::loaded::Loaded;
+use super::loaded::{Loaded, Source};
 use super::output::print;
 use super::planned::{Planned, name};
 use super::result::path;
@@ -154,7 +154,11 @@ struct Report {
 /// Runs `drape export`.
 pub fn run(args: ExportArgs) -> Result<(), Failure> {
     let mesh = args.onto.read(args.format.field().is_some())?;
-    let loaded = Loaded::open(&args.run, None, args.device, args.json)?;
+    let source = match &args.checkpoint {
+        Some(name) => Source::Checkpoint(name),
+        None => Source::Path,
+    };
+    let loaded = Loaded::open(&args.run, source, None, args.device, args.json)?;
     let file = args.out.clone().unwrap_or_else(|| {
         let json = loaded.folder.trajectory.clone();
         match args.format {
@@ -310,6 +314,12 @@ fn deck(
     let scene = &loaded.scene;
     let (lamina, material) = (&scene.lamina, &scene.lamina.material);
     let place = loaded.folder.config.display().to_string();
+    if let (Dialect::Calculix, Some(scan)) = (dialect, &scene.config.placement.scan) {
+        return Err(Failure::invalid(anyhow!(
+            "{place}: `placement.scan` is {}, expected none in a deck for CalculiX, where the blank falls",
+            scan.display()
+        )));
+    }
     let start = match dialect {
         // In a fall of a second velocities are displacements.
         Dialect::Calculix => scene.hung(1.0).with_context(|| place.clone())?,

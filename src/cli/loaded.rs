@@ -13,10 +13,23 @@ use super::setup::{open_run, set_up, set_up_member};
 use crate::run::{
     BestSequence, Checkpoint, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, play, replay,
 };
+use drape_cloth::fabric::Lamina;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_learn::policy::{DeviceKind, NetworkConfig};
 use drape_learn::ppo::{Agent, NETWORK, Sampling, read_section};
 use drape_task::env::{Draping, EnvConfig, Tasks};
+
+/// What is to be played of a run.
+#[derive(Clone, Copy)]
+pub(super) enum Source<'a> {
+    /// What it has proved, or before that its best sequence.
+    Path,
+    Sequence,
+    /// A policy: `best`, `last` or a file.
+    Checkpoint(&'a str),
+    /// Something else.
+    Other,
+}
 
 /// A run folder, read and ready to be played.
 pub(super) struct Loaded {
@@ -33,9 +46,10 @@ pub(super) struct Loaded {
 
 impl Loaded {
     /// Reads the configuration of a run and sets up its scene, or `on` another: that of a file with a
-    /// focus region, where that is not the run's.
+    /// focus region, where that is not the run's. Before that falls it is seen whether `source` can be read.
     pub fn open(
         run: &Path,
+        source: Source,
         on: Option<(&Path, Option<[f64; 4]>)>,
         device: Option<DeviceKind>,
         json: bool,
@@ -45,8 +59,23 @@ impl Loaded {
         config.set_device(device);
         let mut env = config.env.clone();
         let place = folder.config.display();
+        if let Source::Checkpoint(name) = source {
+            read_checkpoint(&folder, name)?;
+        }
         let scene = match on {
             None => {
+                if matches!(source, Source::Path | Source::Sequence) {
+                    let material = config.scene.read_material().or_invalid_in(&place)?;
+                    let lamina = Lamina::new(&config.scene.blank, material);
+                    let count = lamina.or_invalid_in(&place)?.vertex_count();
+                    let proved = match source {
+                        Source::Path => read_proof(&folder, count)?,
+                        _ => None,
+                    };
+                    if proved.is_none() {
+                        read_best_sequence(&folder, count)?;
+                    }
+                }
                 let scene = Arc::new(set_up(&config.scene, &place.to_string(), json)?);
                 config.equip(&scene).or_invalid_in(place)?;
                 env = config.env.clone();
@@ -103,30 +132,17 @@ impl Loaded {
 
     /// The best sequences of the run, found in its configuration.
     pub fn best_sequence(&self) -> Result<BestSequence, Failure> {
-        let place = &self.folder.best_sequence;
-        if !place.exists() {
-            let advice = match self.folder.check_trained() {
-                Ok(()) => "resume the run, or train a new one",
-                Err(_) => "search again, for more steps",
-            };
-            return Err(Failure::invalid(anyhow!(
-                "{} has no best sequence, as every episode has diverged or none has ended: {advice}",
-                self.folder.path.display()
-            )));
-        }
-        let best = self.folder.read_best_sequence()?;
-        self.check(&best, place)?;
-        Ok(best)
+        read_best_sequence(&self.folder, self.scene.lamina.vertex_count())
     }
 
     /// Plays the path of the run: what it has proved, in the fine steps of a proof, or before that
     /// its best sequence, in the task's own.
     pub fn play_path(&self) -> Result<(PlayedEpisode, Option<Proved>), Failure> {
-        let Some(proved) = self.folder.read_proof()? else {
+        let count = self.scene.lamina.vertex_count();
+        let Some(proved) = read_proof(&self.folder, count)? else {
             return Ok((self.play(None)?.0, None));
         };
         let place = &self.folder.proof;
-        self.check(&proved.path, place)?;
         let played = proof::play(
             &proved.path.vertices,
             proof::case(&self.scene, &self.config),
@@ -136,32 +152,63 @@ impl Loaded {
         Ok((played, Some(proved)))
     }
 
-    /// Checks that sequences were found in this configuration and press vertices of its blank.
-    fn check(&self, sequence: &BestSequence, place: &Path) -> Result<(), Failure> {
-        let invalid = |fault| Failure::invalid(anyhow!("{}: {fault}", place.display()));
-        let expected = self.folder.config_digest()?;
-        sequence.check_config(&expected).map_err(invalid)?;
-        let count = self.scene.lamina.vertex_count();
-        for vertices in sequence.all() {
-            if let Some(v) = vertices.iter().find(|&&v| v as usize >= count) {
-                return Err(invalid(format!(
-                    "presses vertex {v}, expected one below {count}"
-                )));
-            }
-            let found = vertices.len();
-            if found > count {
-                return Err(invalid(format!(
-                    "has {found} presses, expected at most {count}"
-                )));
-            }
-        }
-        Ok(())
-    }
-
     /// The policy of a checkpoint of this run.
     fn agent(&self, name: &str, draping: &Draping) -> Result<Agent, Failure> {
         load_agent(&self.folder, &self.config, name, draping)
     }
+}
+
+/// The best sequences of a run, found in its configuration, for a blank of `count` vertices.
+fn read_best_sequence(folder: &RunFolder, count: usize) -> Result<BestSequence, Failure> {
+    let place = &folder.best_sequence;
+    if !place.exists() {
+        let advice = match folder.check_trained() {
+            Ok(()) => "resume the run, or train a new one",
+            Err(_) => "search again, for more steps",
+        };
+        return Err(Failure::invalid(anyhow!(
+            "{} has no best sequence, as every episode has diverged or none has ended: {advice}",
+            folder.path.display()
+        )));
+    }
+    let best = folder.read_best_sequence()?;
+    check(folder, &best, count, place)?;
+    Ok(best)
+}
+
+/// What a run has proved, if it has, likewise.
+fn read_proof(folder: &RunFolder, count: usize) -> Result<Option<Proved>, Failure> {
+    let proved = folder.read_proof()?;
+    if let Some(proved) = &proved {
+        check(folder, &proved.path, count, &folder.proof)?;
+    }
+    Ok(proved)
+}
+
+/// Checks that sequences were found in the configuration of a run and press vertices of its blank.
+fn check(
+    folder: &RunFolder,
+    sequence: &BestSequence,
+    count: usize,
+    place: &Path,
+) -> Result<(), Failure> {
+    let invalid = |fault| Failure::invalid(anyhow!("{}: {fault}", place.display()));
+    let expected = folder.config_digest()?;
+    sequence.check_config(&expected).map_err(invalid)?;
+    for vertices in sequence.all() {
+        if let Some(v) = vertices.iter().find(|&&v| v as usize >= count) {
+            return Err(invalid(format!(
+                "presses vertex {v}, expected one below {count}"
+            )));
+        }
+        let found = vertices.len();
+        if found > count {
+            return Err(invalid(format!(
+                "has {found} presses, expected at most {count}"
+            )));
+        }
+    }
+    Ok(())
 }
 
 fn checkpoint_path(folder: &RunFolder, name: &str) -> PathBuf {
@@ -179,6 +226,17 @@ pub(super) fn load_agent(
     name: &str,
     draping: &Draping,
 ) -> Result<Agent, Failure> {
+    let (path, checkpoint) = read_checkpoint(folder, name)?;
+    let seen = (draping.shape(), &*draping.terrains());
+    let agent = Agent::new(&config.policy, seen, config.seed, config.device);
+    let mut agent = agent.or_invalid()?;
+    read_section(&checkpoint.sections, NETWORK, |bytes| agent.load(bytes))
+        .with_context(|| path.display().to_string())?;
+    Ok(agent)
+}
+
+/// A checkpoint of a run, and where it is.
+fn read_checkpoint(folder: &RunFolder, name: &str) -> Result<(PathBuf, Checkpoint), Failure> {
     folder.check_trained()?;
     let path = checkpoint_path(folder, name);
     if !matches!(name, "best" | "last") && !path.exists() {
@@ -192,10 +250,5 @@ pub(super) fn load_agent(
         )));
     }
     let checkpoint = Checkpoint::of_run(&path, folder)?;
-    let seen = (draping.shape(), &*draping.terrains());
-    let agent = Agent::new(&config.policy, seen, config.seed, config.device);
-    let mut agent = agent.or_invalid()?;
-    read_section(&checkpoint.sections, NETWORK, |bytes| agent.load(bytes))
-        .with_context(|| path.display().to_string())?;
-    Ok(agent)
+    Ok((path, checkpoint))
 }

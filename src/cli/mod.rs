@@ -11,9 +11,11 @@ mod calibrate;
 mod compare;
 mod devices;
 mod eval;
+mod explained;
 mod export;
 mod failure;
 mod field;
+mod improve;
 mod learning;
 mod loaded;
 mod output;
@@ -22,6 +24,7 @@ mod planned;
 mod proof;
 mod result;
 mod robot;
+mod scanned;
 mod scene;
 mod setup;
 mod signals;
@@ -64,6 +67,7 @@ enum Command {
     Scene(scene::SceneArgs),
     Compare(compare::CompareArgs),
     Calibrate(calibrate::CalibrateArgs),
+    Improve(improve::ImproveArgs),
     Study(study::StudyArgs),
     View(view::ViewArgs),
     Bench(study::Measure<drape_study::bench::Bench>),
@@ -106,6 +110,7 @@ impl Cli {
             Command::Scene(args) => scene::run(args),
             Command::Compare(args) => compare::run(args),
             Command::Calibrate(args) => calibrate::run(args),
+            Command::Improve(args) => improve::run(args),
             Command::Study(args) => study::run(args),
             Command::View(args) => view::run(args),
             Command::Bench(study) => study.run(None),

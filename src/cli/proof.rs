@@ -131,6 +131,17 @@ pub(super) fn found(
     prove(case, &choice, twin, &context).map_err(failure)
 }
 
+/// The score of a path where paths are proved, NaN if it diverges there.
+pub(super) fn score(case: Case, path: &[u32], json: bool) -> Result<f64, Failure> {
+    let progress = Progress::new("the old path", json);
+    let context = Context {
+        progress: &|share, doing| progress.tell(share, doing),
+        ..Context::quiet()
+    };
+    let found = drape_study::proof::figures(case, path, &context);
+    Ok(found.map_err(|error| study_failure(error, None))?.score)
+}
+
 /// See [`sensitivity`](drape_study::proof::sensitivity).
 pub(super) fn sensitivity(
     case: Case,

@@ -6,7 +6,7 @@ use anyhow::anyhow;
 use serde::Serialize;
 
 use super::Failure;
-use super::loaded::Loaded;
+use super::loaded::{Loaded, Source};
 use super::output::{print, write_together};
 use super::planned::{FOLDER, Planned, RESOLVED, name};
 use super::terminal::Told;
@@ -85,7 +85,7 @@ const BLOCK: Color = [120, 120, 124];
 /// Runs `drape robot`.
 pub fn run(args: RobotArgs) -> Result<(), Failure> {
     let start = Instant::now();
-    let loaded = Loaded::open(&args.run, None, None, args.json)?;
+    let loaded = Loaded::open(&args.run, Source::Path, None, None, args.json)?;
     let mut planned = Planned::new(&loaded, args.cell.as_deref())?;
     let better = planned.cell.find_remedies(&planned.path, &mut planned.plan);
     let Planned {

@@ -289,6 +289,9 @@ fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
         new.map_or(Ok(()), |text| training.reconfigure(&text))?;
         return Ok(training);
     }
+    if cluster.is_first() {
+        RunFolder::check_free(&args.runs, args.name.as_deref(), true)?;
+    }
     let (scene, kept) = set_up_run(&config, &place, quiet)?;
     config.equip(&scene).or_invalid_in(&place)?;
     let shown = Demonstrations::read(&args.demonstrate, &scene.lamina).or_invalid()?;

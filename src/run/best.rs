@@ -1,7 +1,72 @@
+use std::path::Path;
+
+use anyhow::{Result, bail};
 use serde::{Deserialize, Serialize};
 
-use super::folder::{BestSequence, Scored};
 use drape_task::env::{ImageShape, Task};
+
+/// `best_sequence.json`: the best episode ever seen, which can be replayed without the
+/// network.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BestSequence {
+    /// Vertices in the order they were pressed, as the lamina counts them.
+    pub vertices: Vec<u32>,
+    /// Score of the episode in the task's own steps; where the run has been polished, in those of
+    /// its proof.
+    pub score: f64,
+    /// Rows and columns of the fabric's vertices.
+    pub grid: ImageShape,
+    /// [`digest`](super::digest) of the configuration in which the sequence was found.
+    pub config_digest: String,
+    /// The next best episodes, best first: what polish has found before what training has.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<Scored>,
+}
+
+/// What an episode pressed, in order, and its score.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scored {
+    /// As the lamina counts them.
+    pub vertices: Vec<u32>,
+    /// As that of [`BestSequence`] [-].
+    pub score: f64,
+}
+
+impl BestSequence {
+    /// The vertices of all of them, best first.
+    pub fn all(&self) -> impl Iterator<Item = &Vec<u32>> {
+        let others = self.others.iter().map(|other| &other.vertices);
+        std::iter::once(&self.vertices).chain(others)
+    }
+
+    /// That they are on the grid; `place` is named if not.
+    pub(super) fn check_vertices(&self, place: &Path) -> Result<()> {
+        let place = place.display();
+        let count = self.grid.pixel_count();
+        for vertices in self.all() {
+            if vertices.is_empty() {
+                bail!("{place} has no vertices, expected one or more");
+            }
+            if let Some(vertex) = vertices.iter().find(|&&v| v as usize >= count) {
+                bail!("{place} presses vertex {vertex}, expected one below {count}");
+            }
+        }
+        Ok(())
+    }
+
+    /// What is wrong if the sequence was found in another configuration than that of this digest.
+    pub fn check_config(&self, expected: &str) -> Result<(), String> {
+        let found = &self.config_digest;
+        match found == expected {
+            true => Ok(()),
+            false => Err(format!(
+                "found in the configuration with digest {found:.40}, this one has {expected}"
+            )),
+        }
+    }
+}
 
 /// The best sequences of a run, best first, each once.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -3,7 +3,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use serde::{Deserialize, Serialize};
 
-use super::folder::{BestSequence, RunFolder, write_json};
+use super::best::BestSequence;
+use super::folder::{RunFolder, write_json};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::read_json;
 use drape_cloth::math::{Purpose, Stream};

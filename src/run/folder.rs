@@ -7,12 +7,12 @@ use anyhow::{Context, Result, bail};
 use humantime::format_rfc3339_seconds;
 use serde::{Deserialize, Serialize};
 
+use super::best::BestSequence;
 use super::changes::fixed;
 use drape_cloth::file::{
     UNFINISHED, check_name, read_json, read_text, remove_temporaries, write_atomic,
 };
 use drape_study::proof::{Physics, Row};
-use drape_task::env::ImageShape;
 
 /// The folder of one run: `ROOT/NAME/`. Its layout is described in `runs/README.md`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -55,7 +55,7 @@ pub struct RunInfo {
     pub platform: String,
     /// UTC, ISO 8601.
     pub created: String,
-    /// What `drape baseline` searched with; a training has none.
+    /// What `drape baseline` searched with, or `improve` after the command; a training has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<String>,
 }
@@ -75,35 +75,6 @@ impl RunInfo {
     }
 }
 
-/// `best_sequence.json`: the best episode ever seen, which can be replayed without the
-/// network.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BestSequence {
-    /// Vertices in the order they were pressed, as the lamina counts them.
-    pub vertices: Vec<u32>,
-    /// Score of the episode in the task's own steps; where the run has been polished, in those of
-    /// its proof.
-    pub score: f64,
-    /// Rows and columns of the fabric's vertices.
-    pub grid: ImageShape,
-    /// [`digest`] of the configuration in which the sequence was found.
-    pub config_digest: String,
-    /// The next best episodes, best first: what polish has found before what training has.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub others: Vec<Scored>,
-}
-
-/// What an episode pressed, in order, and its score.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Scored {
-    /// As the lamina counts them.
-    pub vertices: Vec<u32>,
-    /// As that of [`BestSequence`] [-].
-    pub score: f64,
-}
-
 /// `proof.json`: the best of the best sequences in the finest physics that they were played in.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Proved {
@@ -114,39 +85,6 @@ pub struct Proved {
     /// What it is held against; for people, nothing reads it back.
     #[serde(skip_deserializing)]
     pub proof: Vec<Row>,
-}
-
-impl BestSequence {
-    /// The vertices of all of them, best first.
-    pub fn all(&self) -> impl Iterator<Item = &Vec<u32>> {
-        let others = self.others.iter().map(|other| &other.vertices);
-        std::iter::once(&self.vertices).chain(others)
-    }
-
-    fn check_vertices(&self, place: &Path) -> Result<()> {
-        let place = place.display();
-        let count = self.grid.pixel_count();
-        for vertices in self.all() {
-            if vertices.is_empty() {
-                bail!("{place} has no vertices, expected one or more");
-            }
-            if let Some(vertex) = vertices.iter().find(|&&v| v as usize >= count) {
-                bail!("{place} presses vertex {vertex}, expected one below {count}");
-            }
-        }
-        Ok(())
-    }
-
-    /// What is wrong if the sequence was found in another configuration than that of this digest.
-    pub fn check_config(&self, expected: &str) -> Result<(), String> {
-        let found = &self.config_digest;
-        match found == expected {
-            true => Ok(()),
-            false => Err(format!(
-                "found in the configuration with digest {found:.40}, this one has {expected}"
-            )),
-        }
-    }
 }
 
 /// A short name for a configuration or another file: `crc32:` and eight hexadecimal digits. Tells
@@ -172,7 +110,7 @@ pub enum RunError {
     #[error("run {} already exists: choose another name, {_1}or remove the folder", .0.display())]
     Taken(PathBuf, &'static str),
     #[error(
-        "{} has no policy, as `drape baseline --policy {_1}` made it: `eval --sequence` replays \
+        "{} has no policy, as `drape {_1}` made it: `eval --sequence` replays \
          its best path",
         .0.display()
     )]
@@ -276,16 +214,10 @@ impl RunFolder {
         config: (&str, &[Input]),
         info: &RunInfo,
     ) -> Result<Self> {
+        Self::check_free(root, name, info.search.is_none())?;
         let names: Box<dyn Iterator<Item = String>> = match name {
             None => Box::new(dated_names("", SystemTime::now())),
-            Some(name)
-                if Path::new(name).file_name() == Some(name.as_ref())
-                    && !name.starts_with(UNFINISHED)
-                    && !name.contains(char::is_control) =>
-            {
-                Box::new(std::iter::once(name.into()))
-            }
-            Some(name) => bail!(RunError::Name(name.into())),
+            Some(name) => Box::new(std::iter::once(name.into())),
         };
         check_name(root)?;
         fs::create_dir_all(root).with_context(|| cannot_create(root))?;
@@ -311,10 +243,29 @@ impl RunFolder {
             }
             last = path;
         }
-        let other = Self::open(&last).and_then(|other| other.check_trained());
-        let is_training = info.search.is_none() && other.is_ok();
-        let advice = if is_training { "resume it, " } else { "" };
-        bail!(RunError::Taken(last, advice))
+        bail!(Self::taken(last, info.search.is_none()))
+    }
+
+    /// Whether a run, a training or not, can be given this name: what [`RunFolder::create`] asks again after the work.
+    pub fn check_free(root: &Path, name: Option<&str>, is_training: bool) -> Result<()> {
+        let Some(name) = name else { return Ok(()) };
+        let is_name = Path::new(name).file_name() == Some(name.as_ref())
+            && !name.starts_with(UNFINISHED)
+            && !name.contains(char::is_control);
+        if !is_name {
+            bail!(RunError::Name(name.into()));
+        }
+        let path = root.join(name);
+        match path.symlink_metadata() {
+            Ok(_) => bail!(Self::taken(path, is_training)),
+            Err(_) => Ok(()),
+        }
+    }
+
+    fn taken(path: PathBuf, is_training: bool) -> RunError {
+        let other = Self::open(&path).and_then(|other| other.check_trained());
+        let is_resumed = is_training && other.is_ok();
+        RunError::Taken(path, if is_resumed { "resume it, " } else { "" })
     }
 
     fn fill(&self, (config, inputs): (&str, &[Input]), info: &RunInfo) -> Result<()> {
@@ -382,7 +333,13 @@ impl RunFolder {
         let info = read_json::<RunInfo>(&self.info, "what tells of a run").ok();
         match info.and_then(|info| info.search) {
             None => Ok(()),
-            Some(name) => bail!(RunError::Searched(self.path.clone(), name)),
+            Some(name) => {
+                let command = ["baseline --policy ", ""][usize::from(name == "improve")];
+                bail!(RunError::Searched(
+                    self.path.clone(),
+                    command.to_owned() + &name
+                ))
+            }
         }
     }
 
@@ -440,6 +397,8 @@ pub(super) fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::run::best::Scored;
+    use drape_task::env::ImageShape;
     use std::time::Duration;
 
     const CONFIG: &str = "[train]\nseed = 7\n";

@@ -20,13 +20,14 @@ mod rollout;
 mod scenes;
 mod search;
 mod training;
+mod turns;
 
-pub use best::Best;
+pub use best::{Best, BestSequence};
 pub use changes::changed;
 pub use checkpoint::Checkpoint;
 pub use config::{RunConfig, TrainingPreset};
 pub use demonstrations::Demonstrations;
-pub use folder::{BestSequence, Input, Proved, RunError, RunFolder, RunInfo, dated_folder, digest};
+pub use folder::{Input, Proved, RunError, RunFolder, RunInfo, dated_folder, digest};
 pub use metrics::{curve, read_metrics};
 pub use robot::{ReachMap, cell, path_points};
 pub use rollout::{
@@ -36,3 +37,4 @@ pub use rollout::{
 pub use scenes::{Member, SceneRange};
 pub use search::search_by_moves;
 pub use training::{Preparation, Scenes, Training};
+pub use turns::{Parameter, ScanFile, Turn, kept_presses};

@@ -6,12 +6,12 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 
-use super::best::Best;
+use super::best::{Best, BestSequence, Scored};
 use super::checkpoint::Checkpoint;
 use super::config::RunConfig;
 use super::demonstrations::{Demonstrations, beginners_order};
 use super::events::{create_events, reopen_logs, scalar_record};
-use super::folder::{BestSequence, RunFolder, Scored};
+use super::folder::RunFolder;
 use super::log::Log;
 use super::metrics::{kept_lines, metrics_line};
 use super::search::search_by_moves;

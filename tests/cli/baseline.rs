@@ -71,8 +71,6 @@ fn searches_keep_to_their_steps_and_leave_what_they_have_found() {
             &["eval", run, "--sequence", "--episodes", "1", "--json"],
         );
         assert_eq!(played["episode"]["score"], best["score"]);
-        let exported = json(path, &["export", run, "--json"]);
-        assert_eq!(exported["proved"], "solver");
         search(path, policy, "3", &["--steps", "600"]);
         let other = path.join("runs").join(format!("{policy}-3"));
         let [one, three] = [&path.join(run), &other].map(|run| files(run));
@@ -80,6 +78,8 @@ fn searches_keep_to_their_steps_and_leave_what_they_have_found() {
             assert!(one[name] == three[name], "{policy}: {name}");
         }
     }
+    let exported = json(path, &["export", "runs/sweep-1", "--json"]);
+    assert_eq!(exported["proved"], "solver");
 }
 
 /// Moves come to the same on any number of threads, better than where they begin, in worlds that scatter.

@@ -9,6 +9,7 @@ mod compare;
 mod damage;
 mod eval;
 mod field;
+mod improve;
 mod inp;
 mod inputs;
 mod learning;

@@ -103,12 +103,17 @@ pub fn trained() -> TempDir {
         files(&folder.path().join("runs/a"))
     });
     let folder = folder();
+    write_files(&folder.path().join("runs/a"), files);
+    folder
+}
+
+/// Writes what [`files`] has read.
+pub fn write_files(folder: &Path, files: &Files) {
     for (name, bytes) in files {
-        let path = folder.path().join("runs/a").join(name);
+        let path = folder.join(name);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, bytes).unwrap();
     }
-    folder
 }
 
 /// Trains `config` to the end in `runs/NAME`.

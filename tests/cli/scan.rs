@@ -160,7 +160,7 @@ fn scans_that_cannot_be_are_refused_in_one_line() {
     );
 }
 
-/// A run keeps the scan that it was made with. Blanks that fall again do not start from it, which is said.
+/// A run keeps the scan that it was made with. In scattered worlds blanks lie off where it has them.
 #[test]
 fn a_run_keeps_its_scan() {
     let folder = folder();
@@ -182,11 +182,12 @@ fn a_run_keeps_its_scan() {
     );
 
     fs::copy(path.join("runs/a/inputs/scan.stl"), path.join("scan.stl")).unwrap();
-    let scatter = "[scatter]\nshift_mm = [-1.0, 1.0]\n";
-    let output = refused(path, &config(&format!("{keys}{scatter}")));
-    assert_failure(
-        &output,
-        2,
-        &["`placement.scan` is", "blanks start from their own fall"],
-    );
+    let scatter = "[scatter]\nfriction = 0.1\nsubstep_rates = [600.0]\n";
+    fs::write(path.join("task.toml"), config(&format!("{keys}{scatter}"))).unwrap();
+    let args = ["baseline", "task.toml", "--policy", "outwards"];
+    let more = ["--steps", "120", "--name", "scattered", "--json"];
+    let outcome = json(path, &[&args[..], &more].concat());
+    let row = &outcome["proof"][0];
+    assert_eq!(row["worlds"], 24);
+    assert!(number(&row["worst_score"]) < number(&row["score"]), "{row}");
 }

@@ -90,7 +90,11 @@ impl Observed {
         progress: impl FnMut(f64),
     ) -> Result<Vec<Vec<f64>>, SimulationError> {
         let blanks: Vec<(Misplacement, Parameters)> = queries.iter().map(blank).collect();
-        let scenes = self.scene.fallen(&blanks, progress)?;
+        let scenes = match self.scene.config.placement.scan {
+            // Whatever its laws, the blank lay where it was scanned.
+            Some(_) => blanks.iter().map(|(off, _)| self.begun(off)).collect(),
+            None => self.scene.fallen(&blanks, progress)?,
+        };
         let states = match self.presses.is_empty() {
             true => (scenes.iter().map(|scene| scene.initial.position.clone())).collect(),
             false => self.pressed(scenes, &blanks)?,
@@ -112,6 +116,20 @@ impl Observed {
             Ok(self.points.iter().map(residual).collect())
         };
         states.iter().map(of_state).collect()
+    }
+
+    /// The scene with its blank shifted from where it starts.
+    fn begun(&self, off: &Misplacement) -> Scene {
+        let mut state = (*self.scene.initial).clone();
+        for (v, x) in state.position.iter_mut().enumerate() {
+            if !state.fixed.contains(v) {
+                *x = (Vec3::from(*x) + Vec3::from(off.shift)).into();
+            }
+        }
+        Scene {
+            initial: state.into(),
+            ..(*self.scene).clone()
+        }
     }
 
     /// Where each of the blanks is after the presses.

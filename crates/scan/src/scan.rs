@@ -81,6 +81,7 @@ pub fn set_up(
     scene.config = config.clone();
     let (state, fit) = fitted(&scene, &cloud, &points).map_err(refuse)?;
     scene.initial = Arc::new(state);
+    scene.fit_error = 1e-3 * fit.mean_mm;
     Ok((scene, Some(fit)))
 }
 
@@ -193,7 +194,7 @@ fn mean_and_p95(mut all: Vec<f64>) -> [f64; 2] {
 }
 
 /// The points of a scan without parts that are too small to be of the blank, thinned. Refuses a scan that has no other.
-fn of_the_blank(points: &[Vec3], lamina: &Lamina) -> Result<Vec<Vec3>, String> {
+pub(super) fn of_the_blank(points: &[Vec3], lamina: &Lamina) -> Result<Vec<Vec3>, String> {
     let cell = lamina.cell()[0].min(lamina.cell()[1]);
     let points = thinned(points, THIN * cell);
     // Neighbours are in the same of coarser cubes, or in cubes that touch.
@@ -231,7 +232,11 @@ fn of_the_blank(points: &[Vec3], lamina: &Lamina) -> Result<Vec<Vec3>, String> {
 
 /// Refuses points that spread too far or too little for the blank, and says in which unit they would not;
 /// where no unit is given, always, in millimetres.
-fn check_size(points: &[Vec3], lamina: &Lamina, unit: Option<Unit>) -> Result<(), String> {
+pub(super) fn check_size(
+    points: &[Vec3],
+    lamina: &Lamina,
+    unit: Option<Unit>,
+) -> Result<(), String> {
     let flat = lamina.rest.iter().map(|&[x, y]| Vec3::new(x, y, 0.0));
     let (found, blank) = (spread(points), spread(&flat.collect::<Vec<_>>()));
     let usual = SPREAD[0]..=SPREAD[1];

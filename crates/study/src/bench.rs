@@ -106,7 +106,8 @@ impl Study for Bench {
         // Steps of training take long.
         let trainings = repeats.div_ceil(3);
         // Turns that say nothing about speed take as little as they can.
-        let batch = BATCH / if self.repeats.is_some() { 10 } else { 1 };
+        let is_timed = self.repeats.is_none();
+        let batch = BATCH / if is_timed { 1 } else { 10 };
         let told = |from: f64, to: f64, doing: &'static str| {
             move |share: f64| (context.progress)(from + share * (to - from), doing)
         };
@@ -131,7 +132,7 @@ impl Study for Bench {
 
         // As many environments on one scene and on several that differ.
         (context.progress)(0.6, "falling");
-        let differing = differing()?;
+        let differing = differing(is_timed)?;
         let mut players = Vec::new();
         for threads in THREADS {
             for scenes in [std::slice::from_ref(&scene), &differing] {
@@ -292,11 +293,15 @@ pub fn standard_scene(progress: impl FnMut(f64)) -> Scene {
     Scene::new(&SceneConfig::rib(), progress).expect("the built-in scene is valid")
 }
 
-/// Scenes that differ from the built-in one in their tool, the place of the blank and its yarns.
-fn differing() -> Result<Vec<Arc<Scene>>, SceneError> {
+/// Scenes that differ from the built-in one in their tool, the place of the blank and its yarns; coarse where nothing is
+/// timed, since they have to fall first.
+fn differing(is_timed: bool) -> Result<Vec<Arc<Scene>>, SceneError> {
     let scene = |k: usize| {
         let off = (k as f64 - 3.5) / 3.5;
         let mut config = SceneConfig::rib();
+        if !is_timed {
+            config.blank.vertices = [17, 17];
+        }
         if let Source::Shape(Shape::Rib(rib)) = &mut config.tool.source {
             rib.height_mm *= 1.0 + 0.02 * off;
         }

@@ -5,10 +5,10 @@ use std::sync::{Arc, Mutex};
 use cpu_time::ThreadTime;
 
 use crate::study::{Context, StudyError};
-use crate::twin::fall::{lying, press_config, twin_config};
+use crate::twin::fall::{fallen, lying, press_config, twin_config, twin_of};
 use drape_cloth::math::{Purpose, Stream};
-use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Presses, Snapshot};
+use drape_cloth::scene::{Misplacement, Scene};
+use drape_cloth::sim::{Parameters, Presses, Snapshot};
 use drape_cloth::twin::{Hold, Twin};
 use drape_task::env::{Draping, EpisodeState, Task};
 use drape_task::recording::Recording;
@@ -74,6 +74,20 @@ pub fn resting(scene: &Scene, position: Positions) -> Arc<Scene> {
         initial: initial.into(),
         ..scene.clone()
     })
+}
+
+/// `scene` with its blank where it comes to rest in the twin, so far off its place and of such a fabric.
+///
+/// # Errors
+/// If the scene has what the twin has nothing for, or the fall diverges.
+pub fn resting_in_twin(
+    scene: &Scene,
+    off: &Misplacement,
+    fabric: &Parameters,
+) -> Result<Arc<Scene>, StudyError> {
+    let mut config = twin_of(scene)?;
+    config.parameters = fabric.clone();
+    Ok(resting(scene, fallen(scene, &config, off)?.positions()))
 }
 
 /// Presses what was recorded again, from where it began, in the same physics.

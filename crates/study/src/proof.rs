@@ -8,9 +8,9 @@ use std::sync::{Arc, Mutex};
 use serde::{Deserialize, Serialize};
 
 use crate::episodes::sequences;
-use crate::presses::{replay_in_twin, resting};
+use crate::presses::{replay_in_twin, resting_in_twin};
 use crate::study::{Context, StudyError};
-use crate::twin::fall::{fallen, twin_of};
+use crate::twin::fall::twin_of;
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::measure::sheared;
 use drape_cloth::scene::{Misplacement, Scene};
@@ -260,6 +260,19 @@ pub fn prove(
     })
 }
 
+/// What a path leaves in the worlds in which [`prove`] proves what was chosen.
+///
+/// # Errors
+/// If a fall diverges.
+pub fn figures(case: Case, path: &[u32], context: &Context) -> Result<Figures, StudyError> {
+    let worlds = case.worlds(LIES, SEEDS[1], context)?;
+    let mut judge = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
+    let numbers = case.numbers(0..PROVING as u64);
+    let told = |done, of| (context.progress)(done as f64 / of as f64, "proving");
+    let left = pressed(&mut judge, &[path], &numbers, told).remove(0);
+    Ok(Figures::new(&left, case.env))
+}
+
 /// What each quantity that scatters does to a path by itself, what hurts most first.
 ///
 /// # Errors
@@ -425,20 +438,13 @@ fn in_twin(
             (off.unwrap_or_default(), parameters.unwrap_or_default())
         })
         .collect();
-    let falls = context.each(&drawn, |(off, parameters)| {
-        let mut config = twin_of(scene)?;
-        config.parameters = parameters.clone();
-        Ok(fallen(scene, &config, off)?.positions())
-    });
+    let falls = context.each(&drawn, |(off, fabric)| resting_in_twin(scene, off, fabric));
     let falls: Vec<_> = falls.into_iter().collect::<Result<_, StudyError>>()?;
-    let tasks = falls
-        .into_iter()
-        .zip(&drawn)
-        .map(|(rest, (_, parameters))| {
-            let mut env = env.clone();
-            env.parameters = env.parameters.and(parameters);
-            Task::new(resting(scene, rest), &env)
-        });
+    let tasks = falls.into_iter().zip(&drawn).map(|(scene, (_, fabric))| {
+        let mut env = env.clone();
+        env.parameters = env.parameters.and(fabric);
+        Task::new(scene, &env)
+    });
     let tasks: Vec<Task> = tasks.collect::<Result<_, _>>()?;
     let recording = Mutex::new(Recording::new(&tasks[0], true));
     let see = |pressed: usize, episode: &EpisodeState| {

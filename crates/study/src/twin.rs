@@ -328,7 +328,8 @@ fn comparison_table(compared: &[Compared]) -> Table {
 fn pictures(report: &mut Report, scene: &Scene, compared: &[Compared], region: [f64; 4]) {
     let range = (compared.iter())
         .filter(|found| found.name == "fast")
-        .map(|found| picture::range(&found.comparison))
+        .filter_map(|found| found.comparison.all.topology_a_to_b_mm)
+        .map(|off| picture::range(off.p95))
         .fold(0.0, f64::max);
     for found in compared {
         let (a, b) = (&found.surface, &found.reference);

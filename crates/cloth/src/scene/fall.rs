@@ -25,6 +25,8 @@ pub struct Scene {
     pub model: Arc<Model>,
     /// The settled state.
     pub initial: Arc<Snapshot>,
+    /// How well that is known where it was fitted to a scan: mean distance between both [m]. 0 where it fell.
+    pub fit_error: f64,
 }
 
 impl Scene {
@@ -64,6 +66,7 @@ impl Scene {
             lamina,
             model,
             initial: Arc::default(),
+            fit_error: 0.0,
         };
         watch(&scene, 0.0, &|| start.clone());
         let mut told = |share, cloth: &Cpu| watch(&scene, share, &|| cloth.snapshot(0));
@@ -73,21 +76,18 @@ impl Scene {
     }
 
     /// Where blanks come to rest that start off their place or have other laws, as [`Scene::new`] lets
-    /// each fall, all at once: the same scene from other initial states. `progress` is told the simulated
-    /// share 0..1.
+    /// each fall, all at once: the same scene from other initial states. A blank that was fitted to a scan starts off
+    /// where that lies, and settles only. `progress` is told the simulated share 0..1.
     ///
     /// # Errors
-    /// Where a fall diverges, or the blank does not start from its fall but from a scan.
+    /// Where a fall diverges.
     pub fn fallen(
         &self,
         blanks: &[(Misplacement, Parameters)],
         mut progress: impl FnMut(f64),
     ) -> Result<Vec<Self>, SceneError> {
-        self.config.placement.check_falls()?;
-        let [fall_s, _] = self.config.fall.durations();
         let start = |(off, parameters): &(Misplacement, Parameters)| {
-            let mut start = self.hung(fall_s)?;
-            off.apply(&mut start.position, self);
+            let (mut start, _) = self.begun(off)?;
             start.own.parameters = parameters.clone();
             Ok(start)
         };
@@ -111,6 +111,18 @@ impl Scene {
         hung(&self.config, &self.lamina, &self.tool, &self.model, fall_s)
     }
 
+    /// A blank before it falls from `off` its place, and for how long that takes [s] before it settles; one that was fitted
+    /// to a scan lies on the tool already.
+    pub fn begun(&self, off: &Misplacement) -> Result<(Snapshot, f64), SceneError> {
+        let [fall_s, _] = self.config.fall.durations();
+        let (mut start, fall_s) = match self.config.placement.scan {
+            Some(_) => (Snapshot::clone(&self.initial), 0.0),
+            None => (self.hung(fall_s)?, fall_s),
+        };
+        off.apply(&mut start.position, self);
+        Ok((start, fall_s))
+    }
+
     /// Lets blanks fall and settle, side by side.
     fn fall(
         &self,
@@ -119,7 +131,10 @@ impl Scene {
     ) -> Result<Vec<Snapshot>, SceneError> {
         let fall = &self.config.fall;
         let control = fall.stepping().control(FRAME);
-        let [falling, settling] = fall.frames();
+        let [mut falling, settling] = fall.frames();
+        if self.config.placement.scan.is_some() {
+            falling = 0;
+        }
         let mut quiet = self.config.physics.clone();
         quiet.damping = fall.settle_damping;
         let quiet = Arc::new(Model::new(&self.lamina, &quiet).over_that_of(&self.model));

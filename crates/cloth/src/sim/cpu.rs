@@ -1,8 +1,8 @@
 use rayon::prelude::*;
 
-#[cfg(not(test))]
+#[cfg(not(any(test, debug_assertions)))]
 use crate::math::Portable;
-#[cfg(all(target_arch = "x86_64", not(test)))]
+#[cfg(all(target_arch = "x86_64", not(any(test, debug_assertions))))]
 use crate::math::{F32x8, F32x16, F64x4, F64x8};
 use crate::math::{Isa, Lanes, Vec3};
 
@@ -62,14 +62,14 @@ impl Cpu {
     pub fn on(world: &World, count: usize, precision: Precision, isa: Isa) -> Self {
         let model = &world.model;
         let make = match isa {
-            // Lanes take long to compile and give the same bits: `tests/` has them.
-            #[cfg(test)]
+            // Lanes take long to compile and give the same bits: `tests/` has them in release.
+            #[cfg(any(test, debug_assertions))]
             _ => maker::<f32, f64>(precision, count),
-            #[cfg(not(test))]
+            #[cfg(not(any(test, debug_assertions)))]
             Isa::Portable => maker::<Portable, f64>(precision, count),
-            #[cfg(all(target_arch = "x86_64", not(test)))]
+            #[cfg(all(target_arch = "x86_64", not(any(test, debug_assertions))))]
             Isa::Avx2 => maker::<F32x8, F64x4>(precision, count),
-            #[cfg(all(target_arch = "x86_64", not(test)))]
+            #[cfg(all(target_arch = "x86_64", not(any(test, debug_assertions))))]
             Isa::Avx512 => maker::<F32x16, F64x8>(precision, count),
         };
         let first = make(model, count);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{Comparison, Surveyed, is_inside};
+use super::{Surveyed, is_inside};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::{TriMesh, border};
 use drape_cloth::tool::Tool;
@@ -17,9 +17,8 @@ const MARGIN: f64 = 0.03;
 /// Finest range of the colours [mm]: rounding of STL files shows below it.
 const MIN_RANGE: f64 = 1e-3;
 
-/// The smallest of 1, 2 and 5 times a power of ten [mm] which 95 % of A's area keep within.
-pub fn range(comparison: &Comparison) -> f64 {
-    let p95 = comparison.all.topology_a_to_b_mm.map_or(0.0, |d| d.p95);
+/// The smallest of 1, 2 and 5 times a power of ten which is no less than the 95th percentile of a distance [mm].
+pub fn range(p95: f64) -> f64 {
     let least = p95.max(MIN_RANGE);
     let power = 10f64.powf(least.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * power);
@@ -39,21 +38,37 @@ pub fn deviation(
 ) -> Image {
     let feet = a.feet(b).into_iter();
     let deviations: Vec<f64> = feet.map(|foot| 1e3 * foot.deviation).collect();
-    let color = |d: &f64| ColorMap::Deviation.at(0.5 + 0.5 * d / range);
+    let outline = region.map_or(Vec::new(), |region| outline(a, region));
+    let title = "signed distance of A from B [mm], positive on B's upper side";
+    let tool = tool.map(|tool| &tool.mesh);
+    signed(&a.mesh, (&deviations, range, title), tool, &outline)
+}
+
+/// A surface from the side and from above over the tool, coloured by signed distances of its vertices up to `range` [mm],
+/// as the tool where they are NaN; `title` says what they are. Lines of `outline` are drawn on it.
+pub fn signed(
+    mesh: &TriMesh,
+    (deviations, range, title): (&[f64], f64, &str),
+    tool: Option<&TriMesh>,
+    outline: &[[Vec3; 2]],
+) -> Image {
+    let color = |d: &f64| match d.is_nan() {
+        true => TOOL,
+        false => ColorMap::Deviation.at(0.5 + 0.5 * d / range),
+    };
     let colors: Vec<Color> = deviations.iter().map(color).collect();
-    let tool = tool.map(|tool| creased(&tool.mesh));
-    let (low, high) = a.mesh.bounds();
+    let tool = tool.map(creased);
+    let (low, high) = mesh.bounds();
     let margin = Vec3::repeat(MARGIN * (high - low).max());
     let bounds = (low - margin, high + margin);
-    let outline = region.map_or(Vec::new(), |region| outline(a, region));
 
     let views = [Camera::isometric(bounds), Camera::top(bounds)].map(|camera| {
         let mut picture = Drawing::new(&camera, SIZE);
         if let Some(tool) = &tool {
             picture.mesh(tool, |_| TOOL, 0.0);
         }
-        picture.mesh(&a.mesh, |v| colors[v], CLOTH_BIAS);
-        for points in &outline {
+        picture.mesh(mesh, |v| colors[v], CLOTH_BIAS);
+        for points in outline {
             picture.line(points, LINE, PATH);
         }
         picture.image()
@@ -65,7 +80,6 @@ pub fn deviation(
     if deviations.iter().any(|d| *d > range) {
         ticks[4].insert_str(0, "≥ ");
     }
-    let title = "signed distance of A from B [mm], positive on B's upper side";
     Image::beside(&views).with_color_bar(ColorMap::Deviation, title, &ticks)
 }
 

@@ -57,12 +57,11 @@ pub fn press_config(env: &EnvConfig, hold: Hold) -> PressConfig {
     }
 }
 
-/// A twin that has fallen as the scene says, from so far off its place. Clamps move evenly during the fall, then stay;
+/// A twin that has fallen as the scene says, from so far off its place, or has settled from where a scan has it. Clamps move evenly during the fall, then stay;
 /// settling has the scene's own damping unless the twin has none at all.
 pub fn fallen(scene: &Scene, config: &TwinConfig, off: &Misplacement) -> Result<Twin, StudyError> {
-    let [fall_s, settle_s] = scene.config.fall.durations();
-    let mut start = scene.hung(fall_s)?;
-    off.apply(&mut start.position, scene);
+    let [_, settle_s] = scene.config.fall.durations();
+    let (start, fall_s) = scene.begun(off)?;
     let mut twin = Twin::new(&scene.lamina, config)?;
     twin.set_positions(&start.position);
     for v in start.fixed.ones() {

@@ -189,6 +189,20 @@ impl Scatter {
         self.rated(env).pop().expect("one at least")
     }
 
+    /// The same where a blank was fitted to a scan, `fit_error` [m] off it: it lies as far off its place and is as wavy,
+    /// unless something is said of how it lies.
+    fn about(&self, fit_error: f64) -> Self {
+        let mut about = self.clone();
+        let says = |&quantity: &Quantity| quantity <= Quantity::WavinessMm;
+        if fit_error > 0.0 && !self.spreads.is_empty() && !self.spreads.keys().any(says) {
+            let spread = Spread::Deviation(1e3 * fit_error);
+            let added =
+                [Quantity::ShiftMm, Quantity::WavinessMm].map(|quantity| (quantity, spread));
+            about.spreads.extend(added);
+        }
+        about
+    }
+
     /// One draw: a factor or a number, 1 or 0 where nothing varies.
     fn draw(&self, quantity: Quantity, stream: &mut Stream) -> f64 {
         let of = |value: f64| {
@@ -316,6 +330,7 @@ impl Worlds {
         progress: impl FnMut(f64),
     ) -> Result<Self, SceneError> {
         let stream = |k| Stream::new(seed, Purpose::Worlds, k);
+        let scatter = &scatter.about(scene.fit_error);
         let differ = scatter
             .spreads
             .keys()
