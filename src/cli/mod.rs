@@ -18,6 +18,7 @@ mod field;
 mod improve;
 mod learning;
 mod loaded;
+mod next_tool;
 mod output;
 mod picture;
 mod planned;
@@ -33,6 +34,7 @@ mod study;
 mod terminal;
 mod tool;
 mod train;
+mod training;
 mod view;
 
 use anyhow::anyhow;

@@ -10,11 +10,12 @@ use toml::{Table, Value};
 use super::Failure;
 use super::failure::{Interrupted, OrInvalid};
 use super::field::OntoArgs;
-use super::loaded::Loaded;
+use super::loaded::{self, Loaded};
+use super::next_tool::{NEXT_TOOL, sheet, write_next_tool};
 use super::output::print;
 use super::setup::read_config;
 use super::terminal::{Told, tell};
-use super::train::{TrainArgs, train};
+use super::training::{TrainArgs, train};
 use crate::cluster::Session;
 use crate::run::{RunConfig, RunError, RunFolder};
 use drape_cloth::file::{ValueError, read_toml, write_atomic};
@@ -25,9 +26,6 @@ use drape_cloth::tool::{MeshSource, Source, Tool};
 use drape_field::{Gap, next_tool, vtu};
 use drape_learn::policy::DeviceKind;
 use drape_task::path::Frame;
-
-/// The tool that the next ply falls on, in the folder of a run.
-pub(super) const NEXT_TOOL: &str = "next-tool.stl";
 
 /// Train several plies, each on the one before
 ///
@@ -146,7 +144,7 @@ pub fn run(args: StackArgs) -> Result<(), Failure> {
             config.scene.tool.source = Source::Mesh(MeshSource { path, scale: 1e-3 });
         }
         let run = train_ply(&root, number, config, &args, &session)?;
-        let loaded = Loaded::open(&run, None, args.device, args.json)?;
+        let loaded = Loaded::open(&run, loaded::Source::Path, None, args.device, args.json)?;
         let (played, Some(proved)) = loaded.play_path()? else {
             let fault = "has no proved path, expected one for its fibre field and for the next ply";
             return Err(anyhow!("{} {fault}", run.display()).into());
@@ -289,31 +287,6 @@ fn train_ply(
         Some(signal) => Err(Interrupted(signal).into()),
         None => Ok(run),
     }
-}
-
-/// A blank whose vertices are at `position` [m], in the scene.
-fn sheet((scene, position): (&Scene, &[[f64; 3]])) -> TriMesh {
-    scene.lamina.mesh(&scene.tool.in_scene(position))
-}
-
-/// Writes the tool that the next ply falls on, in a frame, where a blank of `run` has come to lie with its vertices at
-/// given positions [m].
-pub(super) fn write_next_tool(
-    draped: (&Scene, &[[f64; 3]]),
-    frame: &Frame,
-    run: &Path,
-    file: &Path,
-) -> Result<(), Failure> {
-    let (scene, sheet) = (draped.0, sheet(draped));
-    let thickness = scene.lamina.material.thickness();
-    let refused = || format!("{}: no ply can be laid on this one", run.display());
-    let next = next_tool(&scene.tool.mesh_in_scene(), &sheet, thickness);
-    let mut mesh = next.with_context(refused)?;
-    // In the scene, where z is up.
-    Tool::from_mesh(mesh.clone(), &scene.config.tool.grid).with_context(refused)?;
-    let place = |x: &Vec3| frame.point(x);
-    mesh.vertices = mesh.vertices.iter().map(place).collect();
-    Ok(write_stl(file, &mesh, "tool and ply")?)
 }
 
 fn text(report: &Report) -> String {

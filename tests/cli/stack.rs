@@ -71,7 +71,12 @@ fn second_ply_lies_on_the_first() {
     assert_eq!(plies.len(), 2);
     for (ply, run) in plies.iter().zip(["runs/dome/ply-1", "runs/dome/ply-2"]) {
         assert_eq!(ply["run"], run);
-        for file in ["proof.json", "trajectory.json", "field.vtu", "field.shear.png"] {
+        for file in [
+            "proof.json",
+            "trajectory.json",
+            "field.vtu",
+            "field.shear.png",
+        ] {
             assert!(path.join(run).join(file).is_file(), "{run}/{file}");
         }
     }
@@ -105,7 +110,12 @@ fn second_ply_lies_on_the_first() {
     assert!(again == trained["dome/ply-1/next-tool.stl"]);
 
     fs::write(path.join("dome.toml"), PLIES.replace("45", "30")).unwrap();
-    let words = ["runs/dome/ply-2", "another configuration", "dome.toml", "--name"];
+    let words = [
+        "runs/dome/ply-2",
+        "another configuration",
+        "dome.toml",
+        "--name",
+    ];
     assert_failure(&drape(path, &ARGS), 2, &words);
 }
 
@@ -116,7 +126,10 @@ fn stacks_that_cannot_be_are_refused_before_anything_is_trained() {
     for (stack, words) in [
         ("plies = []", &["dome.toml", "`plies` is 0"][..]),
         ("[[plies]]\n", &["dome.toml", "angle_deg"]),
-        ("[[plies]]\nangle_deg = 0\nturn = 1\n", &["dome.toml", "turn"]),
+        (
+            "[[plies]]\nangle_deg = 0\nturn = 1\n",
+            &["dome.toml", "turn"],
+        ),
         (
             "[[plies]]\nangle_deg = 400\n",
             &["dome.toml, ply 1", "`blank.yarn_angle_deg` is 400"],
@@ -144,5 +157,9 @@ fn stacks_that_cannot_be_are_refused_before_anything_is_trained() {
     }
     let folder = with(PLIES);
     let args = [&ARGS[..], &["--name", "a/b"]].concat();
-    assert_failure(&drape(folder.path(), &args), 2, &["a/b", "cannot name a run"]);
+    assert_failure(
+        &drape(folder.path(), &args),
+        2,
+        &["a/b", "cannot name a run"],
+    );
 }
