@@ -10,6 +10,7 @@ use super::Failure;
 use super::failure::OrInvalid;
 use super::field::{FieldReport, OntoArgs, Writer as FieldWriter, picture, write_pattern};
 use super::loaded::{Loaded, Source};
+use super::next_tool::{NEXT_TOOL, write_next_tool};
 use super::output::print;
 use super::planned::{Planned, name};
 use super::result::path;
@@ -36,7 +37,8 @@ pub struct ExportArgs {
     /// the fabric's test data, CalculiX an elastic approximation. Or the program of a robot (docs/ROBOT.md): RAPID,
     /// URScript, joints over time for ROS, or points with joints. Or what the fabric has become (docs/FIELDS.md): yarn
     /// directions, shear and thickness of every element as VTU, for Abaqus, for Radioss, as HDF5 Composite CAE or
-    /// as CSV, with a picture of the shear; and the flat pattern of the blank as DXF
+    /// as CSV, with a picture of the shear; and the flat pattern of the blank as DXF. Or the tool that the next ply falls on
+    /// (docs/PLIES.md), as STL in millimetres
     #[arg(long, value_enum, default_value_t = Format::Json)]
     format: Format,
 
@@ -52,8 +54,8 @@ pub struct ExportArgs {
     #[command(flatten)]
     onto: OntoArgs,
 
-    /// File to write; trajectory.json, trajectory.csv, draping.inp, program.*, field.* or pattern.dxf in the run folder
-    /// if not given
+    /// File to write; trajectory.json, trajectory.csv, draping.inp, program.*, field.*, pattern.dxf or next-tool.stl in the
+    /// run folder if not given
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 
@@ -89,6 +91,7 @@ enum Format {
     Hdf5,
     CsvElements,
     Dxf,
+    NextTool,
 }
 
 impl Format {
@@ -163,6 +166,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
             Format::Csv => json.with_extension("csv"),
             Format::Calculix | Format::Abaqus => json.with_file_name("draping.inp"),
             Format::Dxf => json.with_file_name("pattern.dxf"),
+            Format::NextTool => json.with_file_name(NEXT_TOOL),
             _ => match (args.format.program(), args.format.field()) {
                 (Some((_, end)), _) => json.with_file_name("program").with_extension(end),
                 (_, Some((_, end))) => json.with_file_name("field").with_extension(end),
@@ -194,6 +198,10 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         Format::Calculix => deck(&loaded, &points, frame, Dialect::Calculix)?.write(&file)?,
         Format::Abaqus => deck(&loaded, &points, frame, Dialect::Abaqus)?.write(&file)?,
         Format::Dxf => write_pattern(&loaded.scene, &points, &file)?,
+        Format::NextTool => {
+            let draped = (&*loaded.scene, played.recording.end());
+            write_next_tool(draped, &frame, &loaded.folder.path, &file)?;
+        }
         _ => {
             let (writer, _) = args.format.field().expect("programs are written above");
             let draped = (&*loaded.scene, played.recording.end());

@@ -30,7 +30,7 @@ const WITHIN_MM: f64 = 5.0;
 pub(super) type Writer = fn(&Field, &[String]) -> Vec<u8>;
 
 /// The mesh whose elements are asked for.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub struct OntoArgs {
     /// Map the fibre field on to the facets of this STL or PLY file, which is in the frame of --frame
     #[arg(long, value_name = "FILE")]

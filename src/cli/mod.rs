@@ -18,6 +18,7 @@ mod field;
 mod improve;
 mod learning;
 mod loaded;
+mod next_tool;
 mod output;
 mod picture;
 mod planned;
@@ -28,10 +29,12 @@ mod scanned;
 mod scene;
 mod setup;
 mod signals;
+mod stack;
 mod study;
 mod terminal;
 mod tool;
 mod train;
+mod training;
 mod view;
 
 use anyhow::anyhow;
@@ -56,6 +59,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed at work (disk full, simul
 #[derive(Debug, Subcommand)]
 enum Command {
     Train(train::TrainArgs),
+    Stack(stack::StackArgs),
     Baseline(baseline::BaselineArgs),
     Eval(eval::EvalArgs),
     Export(export::ExportArgs),
@@ -98,6 +102,7 @@ impl Cli {
         }
         match self.command {
             Command::Train(args) => train::run(args),
+            Command::Stack(args) => stack::run(args),
             Command::Baseline(args) => baseline::run(args),
             Command::Eval(args) => eval::run(args),
             Command::Export(args) => export::run(args),

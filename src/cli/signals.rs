@@ -52,7 +52,10 @@ pub(super) fn is_checkpoint_wanted() -> bool {
 /// second of [`URGENT`] ends the program at once.
 pub(super) fn stop_on_signal() -> Result<impl Fn() -> Option<c_int> + Sync, Failure> {
     const SAID: &str = "stopping after this iteration, search or proof; again to stop at once\n";
-    for signal in URGENT.into_iter().chain(BESIDE) {
+    // Of a command that trains several times a second handler would take the first signal for the second.
+    static IS_HANDLED: AtomicBool = AtomicBool::new(false);
+    let is_handled = IS_HANDLED.swap(true, Relaxed);
+    for signal in URGENT.into_iter().chain(BESIDE).filter(|_| !is_handled) {
         on(signal, move || {
             if STOP.compare_exchange(0, signal, Relaxed, Relaxed).is_ok() {
                 // Not by the writer of all else: its lock may be held by the very code that this interrupts.

@@ -17,6 +17,7 @@ mod robot;
 mod run;
 mod scan;
 mod scene;
+mod stack;
 mod study;
 mod tool;
 mod train;

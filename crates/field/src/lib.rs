@@ -2,7 +2,8 @@
 //! they are sheared, by how much that has thickened the fabric, and how much yarn there is too much.
 //!
 //! A [`Field`] is of the draped mesh, or has been mapped on to another; [`vtu`], [`elements_csv`], [`abaqus`], [`radioss`]
-//! and [`composite_cae`] write it. A [`FlatPattern`] is what is cut before.
+//! and [`composite_cae`] write it. A [`FlatPattern`] is what is cut before, and [`next_tool`]
+//! what the next ply falls on.
 
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
 #![allow(rustdoc::broken_intra_doc_links)]
@@ -13,6 +14,7 @@ mod elements_csv;
 mod field;
 mod flat_pattern;
 mod hdf5;
+mod ply;
 mod radioss;
 mod vtu;
 
@@ -21,5 +23,6 @@ pub use composite_cae::composite_cae;
 pub use elements_csv::elements_csv;
 pub use field::{Fibre, Field, FieldSummary, OntoError};
 pub use flat_pattern::FlatPattern;
+pub use ply::{Gap, next_tool};
 pub use radioss::radioss;
 pub use vtu::vtu;
