@@ -19,11 +19,10 @@ use super::training::{TrainArgs, train};
 use crate::cluster::Session;
 use crate::run::{RunConfig, RunError, RunFolder};
 use drape_cloth::file::{ValueError, read_toml, write_atomic};
-use drape_cloth::math::Vec3;
-use drape_cloth::mesh::{TriMesh, write_stl};
+use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::Scene;
-use drape_cloth::tool::{MeshSource, Source, Tool};
-use drape_field::{Gap, next_tool, vtu};
+use drape_cloth::tool::{MeshSource, Source};
+use drape_field::{Gap, vtu};
 use drape_learn::policy::DeviceKind;
 use drape_task::path::Frame;
 

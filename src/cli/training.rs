@@ -8,8 +8,8 @@ use serde::Serialize;
 
 use super::Failure;
 use super::args::accuracy;
-use super::failure::{Interrupted, OrInvalid};
-use super::output::{Progress, percent, print};
+use super::failure::OrInvalid;
+use super::output::{Progress, percent};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
