@@ -143,26 +143,21 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
         }
         (Some(shape.clone()), shape.mesh().or_invalid_in("--set")?, 0)
     };
-    let mut changes = None;
+    let written = args.out.as_ref().filter(|_| !is_file || args.repair);
+    let file = written.unwrap_or(&args.tool);
+    let (mut place, mut changes) = (file.display().to_string(), None);
     if args.repair {
-        let place = format!("{name}: cannot be repaired");
+        place = format!("{name}: cannot be repaired");
         let (repaired, found) = repair(&mesh, 1e-3 * args.tolerance).or_invalid_in(&place)?;
-        // Nothing is written that no scene can use.
-        Tool::from_mesh(repaired.clone(), &GridConfig::default()).or_invalid_in(place)?;
         (mesh, changes) = (repaired, Some(found));
-    }
-    if let Some(out) = &args.out {
-        // Repaired again, it is the same file.
-        write_stl(out, &mesh, if args.repair { "repaired" } else { &name })?;
     }
     if let Some(file) = &args.picture {
         picture(&mesh, file)?;
     }
 
     let (low, high) = mesh.bounds();
-    let written = args.out.as_ref().filter(|_| !is_file);
     let mut report = Report {
-        file: written.unwrap_or(&args.tool).into(),
+        file: file.into(),
         shape,
         vertices: mesh.vertices.len(),
         triangles: mesh.triangles.len(),
@@ -172,8 +167,7 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
         grid_error_mm: None,
     };
     if is_file || args.grid_error.is_some() {
-        let tool = Tool::from_mesh(mesh, &GridConfig::default());
-        let tool = tool.or_invalid_in(report.file.display())?;
+        let tool = Tool::from_mesh(mesh.clone(), &GridConfig::default()).or_invalid_in(place)?;
         report.grid_error_mm = Some(tool.grid_error(GRID_SAMPLES));
         let open = tool.surface.is_open();
         report.body = is_file.then(|| Body {
@@ -184,6 +178,10 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
             thinnest_mm: tool.thinnest(GRID_SAMPLES),
             unit: unit_advice((high - low).max(), scale, 0.1..=5.0),
         });
+    }
+    if let Some(out) = &args.out {
+        // What is repaired again is the same file.
+        write_stl(out, &mesh, if args.repair { "repaired" } else { &name })?;
     }
     print(&report, args.json, Report::text)?;
     if let (Some(bound), Some(error)) = (args.grid_error, report.grid_error_mm)

@@ -13,31 +13,28 @@ const FLAT: f64 = 1e-4;
 /// Among facets of equal area, how much the squares of edges weigh: too little for facets that overlap.
 const SHORT: f64 = 1e-3;
 
-/// The closed ways along directed edges, each through a vertex once.
-pub fn loops(mut edges: Vec<[u32; 2]>) -> Vec<Vec<u32>> {
-    edges.sort_unstable();
-    let mut is_used = vec![false; edges.len()];
+/// The closed ways along directed edges, each through a vertex once. Where several go on, the first of `edges` does:
+/// the numbers of the vertices decide nothing.
+pub fn loops(edges: Vec<[u32; 2]>) -> Vec<Vec<u32>> {
+    let mut leaving: HashMap<u32, Vec<u32>> = HashMap::new();
+    for &[from, to] in edges.iter().rev() {
+        leaving.entry(from).or_default().push(to);
+    }
     let mut loops = Vec::new();
-    for first in 0..edges.len() {
-        let (mut path, mut place) = (Vec::new(), HashMap::new());
-        let mut at = edges[first][0];
+    for [first, _] in edges {
+        let (mut path, mut places, mut at) = (Vec::new(), HashMap::new(), first);
         loop {
-            if let Some(start) = place.get(&at).copied() {
+            if let Some(&start) = places.get(&at) {
                 let closed = path.split_off(start);
-                for v in &closed {
-                    place.remove(v);
-                }
+                closed.iter().for_each(|v| _ = places.remove(v));
                 loops.push(closed);
             }
-            let from = edges.partition_point(|edge| edge[0] < at);
-            let mut leaving = (from..edges.len()).take_while(|&e| edges[e][0] == at);
-            let Some(next) = leaving.find(|&e| !is_used[e]) else {
+            let Some(next) = leaving.get_mut(&at).and_then(Vec::pop) else {
                 break;
             };
-            is_used[next] = true;
-            place.insert(at, path.len());
+            places.insert(at, path.len());
             path.push(at);
-            at = edges[next][1];
+            at = next;
         }
     }
     loops

@@ -63,12 +63,13 @@ pub fn repair(mesh: &TriMesh, tolerance: f64) -> Result<(TriMesh, Changes), Orie
     for _ in 0..ROUNDS {
         let before = changes;
         drop_doubled(&mut repaired, &mut changes);
-        let (turned, parts) = parts(&repaired.triangles);
+        let (disagrees, parts) = parts(&repaired.triangles);
         if drop_stray(&mut repaired, &parts, &mut changes) {
             continue;
         }
         kept.get_or_insert_with(|| used(&repaired));
-        close(&mut repaired, turned, &parts, &mut changes);
+        turn(&mut repaired, &disagrees, &parts, &mut changes);
+        close(&mut repaired, &parts, &mut changes);
         let finer = repaired.triangles.len();
         decimate(&repaired.vertices, &mut repaired.triangles, tolerance);
         changes.decimated_facets += finer - repaired.triangles.len();
@@ -106,12 +107,12 @@ fn drop_doubled(mesh: &mut TriMesh, changes: &mut Changes) {
     changes.doubled_facets += count - mesh.triangles.len();
 }
 
-/// The facets of each part that hangs together by edges of two facets, and which facets to turn over for all to
-/// agree with the first of their part.
+/// Which facets disagree with the first of their part on which side is out, and the facets of each part, which hangs
+/// together by edges of two facets.
 fn parts(triangles: &[[u32; 3]]) -> (Vec<bool>, Vec<Vec<usize>>) {
     let twins = twins(triangles);
-    let mut turned = vec![false; triangles.len()];
-    let (mut seen, mut parts) = (turned.clone(), Vec::new());
+    let mut disagrees = vec![false; triangles.len()];
+    let (mut seen, mut parts) = (disagrees.clone(), Vec::new());
     for first in 0..triangles.len() {
         if replace(&mut seen[first], true) {
             continue;
@@ -122,15 +123,15 @@ fn parts(triangles: &[[u32; 3]]) -> (Vec<bool>, Vec<Vec<usize>>) {
             for half in 3 * facet..3 * facet + 3 {
                 let (twin, other) = (twins[half], twins[half] / 3);
                 if other < seen.len() && !replace(&mut seen[other], true) {
-                    let disagrees = edge(triangles, half)[0] == edge(triangles, twin)[0];
-                    turned[other] = turned[facet] ^ disagrees;
+                    let [from, other_from] = [half, twin].map(|half| edge(triangles, half)[0]);
+                    disagrees[other] = disagrees[facet] ^ (from == other_from);
                     part.push(other);
                 }
             }
         }
         parts.push(part);
     }
-    (turned, parts)
+    (disagrees, parts)
 }
 
 /// Whether there were stray parts.
@@ -152,53 +153,64 @@ fn drop_stray(mesh: &mut TriMesh, parts: &[Vec<usize>], changes: &mut Changes) -
     is_stray.contains(&true)
 }
 
-/// Turns facets that are to be turned, closes the holes of each part and turns it to the right side.
-fn close(mesh: &mut TriMesh, mut turned: Vec<bool>, parts: &[Vec<usize>], changes: &mut Changes) {
-    for (facet, _) in (mesh.triangles.iter_mut().zip(&turned)).filter(|(_, turned)| **turned) {
-        facet.swap(1, 2);
+/// Turns facets over that disagree with the first of their part, and whole parts.
+fn turn(mesh: &mut TriMesh, disagrees: &[bool], parts: &[Vec<usize>], changes: &mut Changes) {
+    for part in parts {
+        // The volume is measured from a point of the part: from far away the terms would cancel.
+        let origin = mesh.corners(part[0])[0];
+        let (mut sum, mut area, mut volume) = (Vec3::zeros(), 0.0, 0.0);
+        for &facet in part {
+            let corners = mesh.corners(facet);
+            let normal = doubled_area(corners) * if disagrees[facet] { -1.0 } else { 1.0 };
+            sum += normal;
+            area += normal.norm();
+            volume += normal.dot(&(corners[0] - origin));
+        }
+        // The sum is what the borders of the part go round.
+        let outwards = if sum.norm() > OUTER * area {
+            sum.z
+        } else {
+            volume
+        };
+        for &facet in part {
+            if disagrees[facet] ^ (outwards < 0.0) {
+                mesh.triangles[facet].swap(1, 2);
+                changes.turned_facets += 1;
+            }
+        }
     }
+}
+
+/// Closes the holes of parts.
+fn close(mesh: &mut TriMesh, parts: &[Vec<usize>], changes: &mut Changes) {
     let (x, twins) = (&mesh.vertices, twins(&mesh.triangles));
     let halves = (0..twins.len()).map(|half| undirected(edge(&mesh.triangles, half)));
     let mut edges: HashSet<[u32; 2]> = halves.collect();
     changes.holes_left = 0;
     for part in parts {
+        let area: f64 = part
+            .iter()
+            .map(|&facet| doubled_area(mesh.corners(facet)).norm())
+            .sum();
         let halves = part.iter().flat_map(|facet| 3 * facet..3 * facet + 3);
         let border = halves.filter(|&half| twins[half] == half);
-        let mut borders = loops(border.map(|half| edge(&mesh.triangles, half)).collect());
-        borders.sort_by(|a, b| within(x, b).total_cmp(&within(x, a)));
-        let corners: Vec<[Vec3; 3]> = part.iter().map(|&facet| mesh.corners(facet)).collect();
-        let area: f64 = corners
-            .iter()
-            .map(|&facet| 0.5 * doubled_area(facet).norm())
-            .sum();
-        let is_open = borders
+        let mut holes = loops(border.map(|half| edge(&mesh.triangles, half)).collect());
+        holes.sort_by(|a, b| within(x, b).total_cmp(&within(x, a)));
+        let is_open = holes
             .first()
-            .is_some_and(|widest| within(x, widest) > OUTER * area);
-        // The volume is measured from a point of the part: from far away the terms would cancel.
-        let outwards = |&[a, b, c]: &[Vec3; 3]| match is_open {
-            true => doubled_area([a, b, c]).z,
-            false => doubled_area([a, b, c]).dot(&(a - corners[0][0])),
-        };
-        let is_turned = corners.iter().map(outwards).sum::<f64>() < 0.0;
-        for hole in &borders[usize::from(is_open)..] {
-            let Some(mut facets) = fill(x, hole, &mut edges) else {
+            .is_some_and(|widest| within(x, widest) > 0.5 * OUTER * area);
+        for hole in &holes[usize::from(is_open)..] {
+            let Some(facets) = fill(x, hole, &mut edges) else {
                 changes.holes_left += 1;
                 continue;
             };
-            let turn = |facet: &mut [u32; 3]| facet.swap(1, 2);
-            facets.iter_mut().filter(|_| is_turned).for_each(turn);
             mesh.triangles.extend(facets);
             let ends = hole.iter().zip(hole.iter().cycle().skip(1));
             let length = ends.map(|(&a, &b)| (x[b as usize] - x[a as usize]).norm());
             changes.longest_hole_mm = changes.longest_hole_mm.max(1e3 * length.sum::<f64>());
             changes.closed_holes += 1;
         }
-        for &facet in part.iter().filter(|_| is_turned) {
-            mesh.triangles[facet].swap(1, 2);
-            turned[facet] ^= true;
-        }
     }
-    changes.turned_facets += turned.into_iter().filter(|&turned| turned).count();
 }
 
 /// Vertices that facets have, in ascending order.

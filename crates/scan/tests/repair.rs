@@ -304,6 +304,33 @@ fn long_holes_are_closed_without_folds() {
     assert!((plate.area() - 0.04).abs() < 1e-8, "{}", plate.area());
 }
 
+/// Facets without rhyme or reason, from a bumpy sheet to any three corners of few.
+#[test]
+fn any_facets_are_repaired_once_or_refused() {
+    let mut refused = 0;
+    for seed in 0..80 {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut mesh = sheet(4 + seed as u32 % 9, 0.05, |_, _| 0.0);
+        for x in &mut mesh.vertices {
+            *x = x.map(|x| x + 3e-3 * random.random::<f64>());
+        }
+        let count = mesh.vertices.len() as u32;
+        for _ in 0..seed % 13 {
+            let [a, b, c] = [0; 3].map(|_| random.random_range(0..count));
+            if a != b && b != c && c != a {
+                mesh.triangles.push([a, b, c]);
+            }
+            let facet = random.random_range(0..mesh.triangles.len());
+            mesh.triangles.swap_remove(facet);
+        }
+        match repair(&mesh, TOLERANCE) {
+            Ok(_) => drop(repaired(&mesh, 10.0 * TOLERANCE)),
+            Err(_) => refused += 1,
+        }
+    }
+    assert!(refused < 30, "{refused}");
+}
+
 /// Prints what a scan of a million triangles takes: `cargo test --release --test repair -- --ignored --nocapture`.
 #[test]
 #[ignore = "a measurement of a minute"]
