@@ -16,6 +16,13 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+pub(super) fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(number) if (0.0..=1e6).contains(&number) => Ok(number),
+        _ => Err("expected a number from 0 to 1000000".into()),
+    }
+}
+
 /// A picture must not replace what is compared.
 pub(super) fn png(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);

@@ -5,7 +5,7 @@ use anyhow::{Error, anyhow, ensure};
 use serde::Serialize;
 
 use super::Failure;
-use super::args::{png, positive};
+use super::args::{not_negative, png, positive};
 use super::failure::OrInvalid;
 use super::output::print;
 use super::setup::unit_advice;
@@ -14,6 +14,7 @@ use drape_cloth::file::{ReadError, check_writable, parse_toml};
 use drape_cloth::mesh::{TriMesh, read_mesh, write_stl};
 use drape_cloth::tool::{GridConfig, GridError, Shape, Thinnest, Tool};
 use drape_report::{Camera, Drawing, TOOL, creased};
+use drape_scan::{Changes, repair};
 
 /// Points at which the distance grid is compared.
 const GRID_SAMPLES: usize = 20_000;
@@ -39,7 +40,8 @@ const SIZE: [usize; 2] = [960, 720];
 #[command(after_help = "Examples:
   drape tool rib --out rib.stl
   drape tool hemisphere --set radius_mm=90 --set 'plate_mm=[420, 420]' --out dome.stl
-  drape tool punch.ply --scale 0.0254 --picture punch.png --grid-error")]
+  drape tool punch.ply --scale 0.0254 --picture punch.png --grid-error
+  drape tool scan.ply --repair --out tool.stl")]
 pub struct ToolArgs {
     /// Shape of the tool: rib, hemisphere, double-dome, plate, cylinder or incline; or an STL or
     /// PLY file
@@ -53,6 +55,16 @@ pub struct ToolArgs {
     /// Metres per unit of the file; 0.001 if not given
     #[arg(long, value_name = "METRES", value_parser = positive)]
     scale: Option<f64>,
+
+    /// Close holes of the file, drop stray parts, turn facets to one side and decimate: for scanned
+    /// tools
+    #[arg(long)]
+    repair: bool,
+
+    /// How far the decimation may move facets [mm]; 0 for none
+    #[arg(long, value_name = "MM", requires = "repair", default_value = "0.2",
+          value_parser = not_negative)]
+    tolerance: f64,
 
     /// STL file to write, which a shape needs; its folder must exist
     #[arg(long, value_name = "FILE")]
@@ -85,6 +97,8 @@ struct Report {
     bounds_mm: [[f64; 3]; 2],
     #[serde(flatten)]
     body: Option<Body>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    repair: Option<Changes>,
     /// Error of the distance that the solver sees.
     #[serde(skip_serializing_if = "Option::is_none")]
     grid_error_mm: Option<GridError>,
@@ -113,7 +127,7 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
     let name = args.tool.to_string_lossy();
     let is_file = !SHAPES.contains(&&*name) && (args.tool.is_file() || name.contains('.'));
     let scale = args.scale.unwrap_or(1e-3);
-    let (shape, mesh, dropped) = if is_file {
+    let (shape, mut mesh, dropped) = if is_file {
         if let Some(set) = args.set.first() {
             let error = anyhow!("--set {set} is for shapes, found the file {name}");
             return Err(Failure::invalid(error));
@@ -122,33 +136,38 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
         (None, file.mesh, file.dropped_facet_count)
     } else {
         let shape = shape(&name, &args.set).or_invalid()?;
-        if args.out.is_none() || args.scale.is_some() {
-            let error = anyhow!("the shape {name} needs --out FILE, and has no --scale");
+        if args.out.is_none() || args.scale.is_some() || args.repair {
+            let error =
+                anyhow!("the shape {name} needs --out FILE, and has no --scale or --repair");
             return Err(Failure::invalid(error));
         }
         (Some(shape.clone()), shape.mesh().or_invalid_in("--set")?, 0)
     };
-    if let Some(out) = &args.out {
-        write_stl(out, &mesh, &name)?;
+    let written = args.out.as_ref().filter(|_| !is_file || args.repair);
+    let file = written.unwrap_or(&args.tool);
+    let (mut place, mut changes) = (file.display().to_string(), None);
+    if args.repair {
+        place = format!("{name}: cannot be repaired");
+        let (repaired, found) = repair(&mesh, 1e-3 * args.tolerance).or_invalid_in(&place)?;
+        (mesh, changes) = (repaired, Some(found));
     }
     if let Some(file) = &args.picture {
         picture(&mesh, file)?;
     }
 
     let (low, high) = mesh.bounds();
-    let written = args.out.as_ref().filter(|_| !is_file);
     let mut report = Report {
-        file: written.unwrap_or(&args.tool).into(),
+        file: file.into(),
         shape,
         vertices: mesh.vertices.len(),
         triangles: mesh.triangles.len(),
         bounds_mm: [low, high].map(|corner| (corner * 1e3).into()),
         body: None,
+        repair: changes,
         grid_error_mm: None,
     };
     if is_file || args.grid_error.is_some() {
-        let tool = Tool::from_mesh(mesh, &GridConfig::default());
-        let tool = tool.or_invalid_in(report.file.display())?;
+        let tool = Tool::from_mesh(mesh.clone(), &GridConfig::default()).or_invalid_in(place)?;
         report.grid_error_mm = Some(tool.grid_error(GRID_SAMPLES));
         let open = tool.surface.is_open();
         report.body = is_file.then(|| Body {
@@ -159,6 +178,10 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
             thinnest_mm: tool.thinnest(GRID_SAMPLES),
             unit: unit_advice((high - low).max(), scale, 0.1..=5.0),
         });
+    }
+    if let Some(out) = &args.out {
+        // What is repaired again is the same file.
+        write_stl(out, &mesh, if args.repair { "repaired" } else { &name })?;
     }
     print(&report, args.json, Report::text)?;
     if let (Some(bound), Some(error)) = (args.grid_error, report.grid_error_mm)
@@ -239,9 +262,37 @@ impl Report {
                 let _ = write!(text, "\n{unit}");
             }
         }
+        if let Some(changes) = &self.repair {
+            text += &repaired(changes);
+        }
         if let Some(error) = &self.grid_error_mm {
             let _ = write!(text, "\nerror of the distance within 2 mm: {error}");
         }
         text
     }
+}
+
+/// A line for each kind of change.
+fn repaired(changes: &Changes) -> String {
+    let mut text = String::new();
+    let mut line = |count: usize, what: &str| {
+        if count > 0 {
+            let _ = write!(text, "\n{count} {what}");
+        }
+    };
+    line(changes.doubled_facets, "doubled facets dropped");
+    line(changes.stray_facets, "facets of stray parts dropped");
+    line(changes.turned_facets, "facets turned over");
+    let longest = format!(
+        "holes closed, up to {:.1} mm round",
+        changes.longest_hole_mm
+    );
+    line(changes.closed_holes, &longest);
+    line(changes.holes_left, "cracks or holes left");
+    line(changes.decimated_facets, "facets fewer after decimation");
+    if text.is_empty() {
+        text += "\nnothing to repair";
+    }
+    let (mean, max) = (changes.mean_mm, changes.max_mm);
+    text + &format!("\nold vertices are {mean:.3} mm off in the mean, at most {max:.3} mm")
 }

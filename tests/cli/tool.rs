@@ -247,3 +247,115 @@ fn thin_walls_are_seen_unless_a_spacing_is_given() {
         "{stderr}"
     );
 }
+
+/// A dome over a square as ASCII STL [mm] whose second facets face down in 20 columns but for one hole of two, and a stray
+/// facet.
+fn scanned_dome() -> String {
+    let count = 61_i32;
+    let at = |i: i32, j: i32| {
+        let [x, y] = [i, j].map(|i| f64::from(i) * 2.0 - 60.0);
+        format!(
+            "vertex {x} {y} {}\n",
+            (100.0 * 100.0 - x * x - y * y).sqrt()
+        )
+    };
+    let facet = |corners: [String; 3]| {
+        format!(
+            "facet normal 0 0 0\nouter loop\n{}endloop\nendfacet\n",
+            corners.concat()
+        )
+    };
+    let mut text = String::from("solid\n");
+    for (i, j) in (0..count - 1).flat_map(|j| (0..count - 1).map(move |i| (i, j))) {
+        if [(20, 20), (40, 30)].contains(&(i, j)) {
+            continue;
+        }
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        let second = [[a.clone(), c.clone(), d.clone()], [a.clone(), d, c.clone()]];
+        text += &facet([a, b, c]);
+        text += &facet(second[usize::from(i % 3 == 1)].clone());
+    }
+    let stray = ["0 0 300", "1 0 300", "0 1 300"].map(|x| format!("vertex {x}\n"));
+    text + &facet(stray) + "endsolid\n"
+}
+
+#[test]
+fn scanned_tools_are_repaired_for_scenes() {
+    let folder = folder();
+    let path = folder.path();
+    fs::write(path.join("scan.stl"), scanned_dome()).unwrap();
+    assert_failure(
+        &drape(path, &["tool", "scan.stl"]),
+        2,
+        &["repair the mesh"],
+    );
+    let args = ["tool", "scan.stl", "--repair", "--out", "a.stl", "--json"];
+    let report = json(path, &args);
+    let found = &report["repair"];
+    for (key, count) in [
+        ("stray_parts", 1),
+        ("stray_facets", 1),
+        ("closed_holes", 2),
+        ("turned_facets", 1199),
+    ] {
+        assert_eq!(found[key], count, "{key}: {report}");
+    }
+    assert_eq!(report["open"], true);
+    assert!(found["max_mm"].as_f64().unwrap() < 0.2, "{report}");
+    assert!(report["triangles"].as_u64().unwrap() < 7000);
+
+    // A second time nothing changes.
+    let args = ["tool", "a.stl", "--repair", "--out", "b.stl"];
+    let text = stdout(path, &args);
+    assert!(text.contains("\nnothing to repair\n"), "{text}");
+    let read = |file| fs::read(path.join(file)).unwrap();
+    assert!(read("a.stl") == read("b.stl"));
+    assert!(read("a.stl").starts_with(b"drape: repaired\0"));
+    let finer = ["tool", "scan.stl", "--repair", "--tolerance", "0"];
+    let text = stdout(path, &finer);
+    assert!(
+        text.contains("7200 triangles") && !text.contains("decimation"),
+        "{text}"
+    );
+
+    let scene = "[blank]\nsize_mm = [60, 60]\nvertices = [9, 9]\n[fall]\nfall_s = 0.1\nsettle_s = 0.1\n\
+                 substep_rate = 1200\n[placement]\nover = \"tool\"\nheight_mm = 2\n[tool.source.mesh]\npath = \"b.stl\"\n";
+    let output = set_up(path, scene);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+}
+
+#[test]
+fn what_no_repair_helps_is_refused() {
+    let folder = folder();
+    let path = folder.path();
+    let points = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                  property float z\nend_header\n0 0 0\n1 0 0\n0 1 0\n";
+    fs::write(path.join("points.ply"), points).unwrap();
+    fs::write(path.join("empty.stl"), "").unwrap();
+    fs::write(path.join("lid.ply"), cube(100.0, false)).unwrap();
+    for (file, words) in [
+        ("points.ply", &["points.ply: no facets"][..]),
+        ("empty.stl", &["empty.stl: file is empty"]),
+        (
+            "lid.ply",
+            &["lid.ply: cannot be repaired: the tool is no solid"],
+        ),
+        ("rib", &["no --scale or --repair"]),
+    ] {
+        let args = ["tool", file, "--repair", "--out", "a.stl"];
+        assert_failure(&drape(path, &args), 2, words);
+    }
+    let args = ["tool", "lid.ply", "--repair", "--tolerance", "-1"];
+    assert_eq!(drape(path, &args).status.code(), Some(2));
+    assert_eq!(
+        drape(path, &["tool", "lid.ply", "--tolerance", "1"])
+            .status
+            .code(),
+        Some(2)
+    );
+    assert_eq!(names(path), ["empty.stl", "lid.ply", "points.ply"]);
+}
