@@ -284,11 +284,7 @@ fn scanned_tools_are_repaired_for_scenes() {
     let folder = folder();
     let path = folder.path();
     fs::write(path.join("scan.stl"), scanned_dome()).unwrap();
-    assert_failure(
-        &drape(path, &["tool", "scan.stl"]),
-        2,
-        &["repair the mesh"],
-    );
+    assert_failure(&drape(path, &["tool", "scan.stl"]), 2, &["repair the mesh"]);
     let args = ["tool", "scan.stl", "--repair", "--out", "a.stl", "--json"];
     let report = json(path, &args);
     let found = &report["repair"];

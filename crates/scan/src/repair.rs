@@ -120,8 +120,8 @@ fn parts(triangles: &[[u32; 3]]) -> (Vec<bool>, Vec<Vec<usize>>) {
         let (mut part, mut next) = (vec![first], 0);
         while let Some(&facet) = part.get(next) {
             next += 1;
-            for half in 3 * facet..3 * facet + 3 {
-                let (twin, other) = (twins[half], twins[half] / 3);
+            for (half, &twin) in (3 * facet..).zip(&twins[3 * facet..3 * facet + 3]) {
+                let other = twin / 3;
                 if other < seen.len() && !replace(&mut seen[other], true) {
                     let [from, other_from] = [half, twin].map(|half| edge(triangles, half)[0]);
                     disagrees[other] = disagrees[facet] ^ (from == other_from);
