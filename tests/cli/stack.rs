@@ -97,8 +97,8 @@ fn second_ply_lies_on_the_first() {
     // Between the vertices of so coarse a sheet the dome stands out by up to a millimetre, on which the second lies.
     let mean = number(&gap["mean_m"]);
     assert!(mean > 0.5 * thickness && mean < thickness + 1e-3, "{gap}");
-    // A grid of 4 mm errs by half of that at the edge of a crushed fold.
-    assert!(number(&gap["least_m"]) > -2e-3 - thickness, "{gap}");
+    // A grid of 4 mm does not see how far a crushed fold stands out where this is less than one of its cells.
+    assert!(number(&gap["least_m"]) > -4e-3 - thickness, "{gap}");
 
     let trained = files(&path.join("runs"));
     assert_eq!(printed(path, &ARGS), report);
