@@ -138,6 +138,8 @@ struct Left {
 
 /// Worlds that the best of each origin is chosen by, all in the first and the better in the others too,
 const CHOOSING: [u64; 2] = [3, 6];
+/// paths that the twin chooses from if it is asked, and worlds in which it does,
+const TWIN_CHOOSING: [usize; 2] = [8, 3];
 /// those that it is then proved in, and lies of the blank among them,
 const PROVING: usize = 24;
 const LIES: usize = 16;
@@ -158,7 +160,8 @@ pub struct Choice {
 }
 
 /// Chooses the best of `paths`, and of `count` random orders, a quarter as many sweeps and half as many
-/// outwards, found in the task's own steps, to be proved in the `twin` too. Where nothing scatters there is one world.
+/// outwards, found in the task's own steps. Where nothing scatters there is one world. With `twin` that has the last
+/// word on the path, among the best by the fast solver.
 ///
 /// # Errors
 /// If the scene has what the twin has nothing for, or a fall diverges.
@@ -181,7 +184,7 @@ pub fn choose(
     ] {
         groups.push((name, sequences(scene, env, order, count, case.seed)?, count));
     }
-    let chosen = best_of(case, &groups, context)?;
+    let chosen = best_of(case, &groups, twin, context)?;
     Ok(Choice {
         path: chosen[0].0.map(|k| paths[k].clone()),
         groups,
@@ -337,10 +340,11 @@ impl Case<'_> {
 /// Of each origin the number of the best list, and the scores of all [-]; none where one diverges.
 type Chosen = (Option<usize>, Vec<Option<f64>>);
 
-/// The best list of each origin.
+/// The best list of each origin; of the first by the `twin`, if that is asked.
 fn best_of(
     case: Case,
     groups: &[(&str, Vec<Vec<u32>>, usize)],
+    twin: bool,
     context: &Context,
 ) -> Result<Vec<Chosen>, StudyError> {
     let worlds = case.worlds(CHOOSING.iter().sum::<u64>() as usize, SEEDS[0], context)?;
@@ -368,6 +372,7 @@ fn best_of(
     let judged =
         |left: &[Option<Left>]| of(left, |left| left.worth).map(|all| case.scatter.judge(&all));
     let mut found: Vec<Chosen> = Vec::new();
+    let mut ranked: Vec<Vec<usize>> = Vec::new();
     for group in 0..groups.len() {
         let own: Vec<usize> = (0..all.len())
             .filter(|&place| all[place].0 == group)
@@ -393,8 +398,24 @@ fn best_of(
             let left = [&first[place][..], &second].concat();
             (all[place].1, judged(&left).unwrap_or(f64::NEG_INFINITY))
         });
-        let best = whole.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-        found.push((best.map(|(k, _)| k), scores));
+        let mut whole: Vec<(usize, f64)> = whole.collect();
+        whole.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        ranked.push(whole.into_iter().map(|(k, _)| k).collect());
+        found.push((ranked[group].first().copied(), scores));
+    }
+    if twin && ranked[0].len() > 1 {
+        ranked[0].truncate(TWIN_CHOOSING[0]);
+        let lists: Vec<&[u32]> = ranked[0].iter().map(|&k| &*groups[0].1[k]).collect();
+        let mut numbers = case.numbers(0..TWIN_CHOOSING[1] as u64);
+        if numbers.len() > 1 {
+            numbers.remove(0);
+        }
+        let (left, _) = in_twin(case, &worlds, &lists, &numbers, context)?;
+        let by_twin = ranked[0].iter().zip(&left);
+        let by_twin = by_twin.filter_map(|(&k, left)| Some((k, judged(left)?)));
+        // The better by the solver of those that are equal.
+        let best = by_twin.rev().max_by(|a, b| a.1.total_cmp(&b.1));
+        found[0].0 = best.map(|(k, _)| k).or(found[0].0);
     }
     Ok(found)
 }
