@@ -271,8 +271,9 @@ fn paths_from_a_fit_are_pressed_on_the_truth() {
         }
         let (fit, _) = drape_scan::set_up(&fitted.scene, |_, _, _| ()).unwrap();
         let run = |name| path.join("runs").join(name);
-        let mut paths: Vec<Vec<u32>> =
-            ["truth", "fit", "place"].map(|name| path_of(&run(name))).into();
+        let mut paths: Vec<Vec<u32>> = ["truth", "fit", "place"]
+            .map(|name| path_of(&run(name)))
+            .into();
         for seen in [&scene, &Arc::new(fit)] {
             paths.push(played_on(seen, &run("truth"), &truth));
         }

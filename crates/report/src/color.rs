@@ -31,7 +31,8 @@ const NOT_A_NUMBER: Color = [255, 0, 255];
 /// A colour for each number from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColorMap {
-    /// Distance to the tool: blue at 0, green half way, red at 1.
+    /// Distance to the tool, and what else grows from 0: dark violet at 0, green, yellow at 1. Its lightness grows
+    /// evenly (viridis; van der Walt and Smith 2015), so the colour-blind see the same order.
     Distance,
     /// Deviation: blue at 0, white half way, red at 1. Hue says the side, saturation how far
     /// (ColorBrewer, RdBu; Brewer 2003); told apart by the colour-blind too.
@@ -42,7 +43,17 @@ impl ColorMap {
     /// The colour of `t`; 0 and 1 hold beyond the ends, NaN is magenta.
     pub fn at(self, t: f64) -> Color {
         let stops: &[Color] = match self {
-            ColorMap::Distance => &[[18, 38, 224], [70, 196, 36], [255, 26, 38]],
+            ColorMap::Distance => &[
+                [68, 1, 84],
+                [71, 45, 123],
+                [59, 82, 139],
+                [44, 114, 142],
+                [33, 145, 140],
+                [40, 174, 128],
+                [94, 201, 98],
+                [173, 220, 48],
+                [253, 231, 37],
+            ],
             ColorMap::Deviation => &[
                 [5, 48, 97],
                 [67, 147, 195],
@@ -67,13 +78,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn distance_goes_from_blue_over_green_to_red() {
-        let strongest = |t| {
-            let color = ColorMap::Distance.at(t);
-            (0..3).max_by_key(|&i| color[i]).unwrap()
+    fn distance_grows_lighter_from_end_to_end() {
+        let lightness = |k: usize| {
+            let [r, g, b] = ColorMap::Distance.at(k as f64 / 40.0).map(f64::from);
+            0.2126 * r + 0.7152 * g + 0.0722 * b
         };
-        assert_eq!([0.0, 0.5, 1.0].map(strongest), [2, 1, 0]);
-        assert_eq!(ColorMap::Distance.at(0.25), [44, 117, 130]);
+        let all: Vec<f64> = (0..=40).map(lightness).collect();
+        assert!(all.is_sorted_by(|a, b| a < b), "{all:?}");
+        assert!(all[40] - all[0] > 190.0);
     }
 
     #[test]

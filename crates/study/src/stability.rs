@@ -202,11 +202,11 @@ fn map<'a>(sweep: &Sweep, title: String, cells: impl Iterator<Item = &'a SweepCe
 /// Numbers that are none, and panics: in no other colour, so that they are noticed.
 const FAULT: Color = [255, 0, 255];
 
-/// Green up to the threshold, yellow to orange beyond: by the logarithm of the error, 1e-6 to
+/// Blue up to the threshold, yellow to orange beyond: by the logarithm of the error, 1e-6 to
 /// the threshold and from there to 1.
 fn ramp(error: f64) -> Color {
     let (from, to, low, high) = match error <= THRESHOLD {
-        true => ([0, 104, 80], [176, 222, 150], 1e-6, THRESHOLD),
+        true => ([8, 81, 156], [189, 215, 231], 1e-6, THRESHOLD),
         false => ([252, 228, 110], [214, 84, 20], THRESHOLD, 1.0),
     };
     let t = ((error / low).log10() / f64::log10(high / low)).clamp(0.0, 1.0);
