@@ -6,10 +6,10 @@ use serde::Serialize;
 
 use super::Failure;
 use super::args::{png, positive};
-use super::explained::{doubts, explained, factors, line};
+use super::explained::{doubts, explained, factors, line, same_scan};
 use super::failure::OrInvalid;
 use super::loaded::{Loaded, Source};
-use super::output::print;
+use super::output::{check_outputs, print};
 use super::setup::set_up;
 use super::terminal::Told;
 use crate::run::{Parameter, RunConfig};
@@ -18,7 +18,7 @@ use drape_calibrate::{
     write_material,
 };
 use drape_cloth::fabric::{Drape, Material};
-use drape_cloth::file::{check_writable, read_text};
+use drape_cloth::file::read_text;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_report::{Chart, Color, Image, SERIES, Series};
@@ -101,8 +101,10 @@ struct Fit {
 
 /// Runs `drape calibrate`.
 pub fn run(args: CalibrateArgs) -> Result<(), Failure> {
-    let mut files = args.out.iter().chain(&args.picture);
-    files.try_for_each(|file| check_writable(file))?;
+    let written = args.out.iter().chain(&args.picture).map(PathBuf::as_path);
+    let read = [&args.test, &args.scan, &args.scenes].into_iter().flatten();
+    let read = read.chain(&args.material).chain(&args.presses);
+    check_outputs(written, read.map(PathBuf::as_path))?;
     let (material, report) = match args.scan.is_empty() {
         true => by_tests(&args)?,
         false => by_scans(&args)?,
@@ -235,13 +237,23 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
         .enumerate()
         .map(|(k, points)| seen[k.min(seen.len() - 1)].observed(points))
         .collect();
-    let estimate = explained(&states, &first.scatter, args.json)?;
+    for (k, points) in scanned.iter().enumerate() {
+        if let Some(first) = scanned[..k].iter().position(|other| other == points) {
+            let twins = [&scans[k], &scans[first]].map(|scan| scan.display());
+            return Err(same_scan(twins));
+        }
+    }
+    let estimate = explained((&states, scans), &first.scatter, args.json)?;
     let (lamina, physics) = (&first.scene.lamina, first.scene.model.physics());
-    if estimate.residuals == 0 || estimate.rms > lamina.cell_diagonal() {
+    if estimate.rms > lamina.cell_diagonal() {
+        let names: Vec<String> = scans
+            .iter()
+            .map(|scan| scan.display().to_string())
+            .collect();
         return Err(Failure::invalid(anyhow!(
-            "{}: its points are {:.1} mm off the simulated cloth, root mean square, expected less than the diagonal of a \
-             cell, {:.1} mm: check --scale, and that it is in the scene's frame",
-            scans[0].display(),
+            "{}: points are {:.1} mm off the simulated cloth, root mean square, expected less than the diagonal of a \
+             cell, {:.1} mm: check --scale, and that they are in the scene's frame",
+            names.join(", "),
             1e3 * estimate.rms,
             1e3 * lamina.cell_diagonal()
         )));

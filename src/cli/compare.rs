@@ -9,13 +9,13 @@ use super::Failure;
 use super::args::{png, positive};
 use super::failure::OrInvalid;
 use super::loaded::{Loaded, Source};
-use super::output::print;
+use super::output::{check_outputs, print};
 use super::scanned::ScanArgs;
 use super::setup::{absurd, extent};
 use super::terminal::{Told, tell};
 use crate::run::RunConfig;
 use drape_cloth::fabric::Drape;
-use drape_cloth::file::{check_writable, read_text};
+use drape_cloth::file::read_text;
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::compare::Spread;
 use drape_cloth::mesh::read_mesh;
@@ -123,7 +123,8 @@ struct ScanReport {
 
 /// Runs `drape compare`.
 pub fn run(args: CompareArgs) -> Result<(), Failure> {
-    args.out.as_deref().map(check_writable).transpose()?;
+    let read = [&args.a, &args.b].into_iter().chain(&args.config);
+    check_outputs(args.out.as_deref(), read.map(PathBuf::as_path))?;
     if args.scan.unit.is_some() {
         return beside_run(&args);
     }

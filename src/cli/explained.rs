@@ -1,5 +1,10 @@
 //! The fabric that explains scans of cloth, as several commands find it and tell of it.
 
+use std::fmt::Display;
+use std::path::PathBuf;
+
+use anyhow::anyhow;
+
 use super::Failure;
 use super::output::Progress;
 use crate::run::Parameter;
@@ -10,9 +15,20 @@ use drape_task::env::{Quantity, Scatter};
 /// (docs/CALIBRATE.md).
 const MOST_LEFT: f64 = 1e-3;
 
-/// What explains states best, with a progress bar.
+/// Share of the points of a scan that has to be no farther beside the simulated cloth than a cell: what lies elsewhere says
+/// nothing, and without a word others would speak for it.
+const LEAST_NEAR: f64 = 0.5;
+
+/// Of two scans that are one: taken for several they would say too much.
+pub(super) fn same_scan([one, other]: [impl Display; 2]) -> Failure {
+    Failure::invalid(anyhow!(
+        "{one} is the same as {other}, expected scans of several blanks"
+    ))
+}
+
+/// What explains states best, with a progress bar. Refuses those that lie elsewhere, by the names of their scans.
 pub(super) fn explained(
-    states: &[Observed],
+    (states, scans): (&[Observed], &[PathBuf]),
     scatter: &Scatter,
     json: bool,
 ) -> Result<Estimate, Failure> {
@@ -21,7 +37,17 @@ pub(super) fn explained(
         let done = (number as f64 - 1.0 + share) / drape_calibrate::EVALUATIONS as f64;
         progress.tell(done, &format!("evaluation {number}"));
     };
-    Ok(explain(states, prior(scatter), told)?)
+    let (estimate, near) = explain(states, prior(scatter), told)?;
+    match near.iter().zip(scans).find(|(near, _)| **near < LEAST_NEAR) {
+        None => Ok(estimate),
+        Some((near, scan)) => Err(Failure::invalid(anyhow!(
+            "{}: {:.0} % of its points are over or under the simulated cloth, expected {:.0} % at least: check --scale, \
+             and that it is in the scene's frame",
+            scan.display(),
+            1e2 * near,
+            1e2 * LEAST_NEAR
+        ))),
+    }
 }
 
 /// The factors that were found.

@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use std::io::Write as _;
 
@@ -11,12 +11,12 @@ use super::failure::OrInvalid;
 use super::field::{FieldReport, OntoArgs, Writer as FieldWriter, picture, write_pattern};
 use super::loaded::{Loaded, Source};
 use super::next_tool::{NEXT_TOOL, write_next_tool};
-use super::output::print;
+use super::output::{check_outputs, print};
 use super::planned::{Planned, name};
 use super::result::path;
 use super::terminal::Told;
 use drape_cloth::fabric::{Curve, Drape, Family};
-use drape_cloth::file::{ValueError, check_writable, write_atomic};
+use drape_cloth::file::{ValueError, write_atomic};
 use drape_cloth::math::Vec3;
 use drape_cloth::sim::{Bending, BendingStiffness};
 use drape_field::{abaqus, composite_cae, elements_csv, radioss, vtu};
@@ -174,10 +174,11 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
             },
         }
     });
-    check_writable(&file)?;
-    if args.format.field().is_some() {
-        check_writable(&picture(&file))?;
-    }
+    let drawn = args.format.field().map(|_| picture(&file));
+    let written = std::iter::once(&file).chain(&drawn);
+    let read = args.checkpoint.as_deref().map(Path::new);
+    let read = read.into_iter().chain(args.onto.onto.as_deref());
+    check_outputs(written.map(PathBuf::as_path), read)?;
     if let Some((writer, _)) = args.format.program() {
         return program(&args, &loaded, writer, file);
     }

@@ -34,7 +34,7 @@ pub(super) type Writer = fn(&Field, &[String]) -> Vec<u8>;
 pub struct OntoArgs {
     /// Map the fibre field on to the facets of this STL or PLY file, which is in the frame of --frame
     #[arg(long, value_name = "FILE")]
-    onto: Option<PathBuf>,
+    pub onto: Option<PathBuf>,
 
     /// Metres per unit of that file; 0.001 if not given
     #[arg(long, value_name = "METRES", value_parser = positive, requires = "onto")]

@@ -6,10 +6,10 @@ use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 
 use super::Failure;
-use super::explained::{doubts, explained, factors, line};
+use super::explained::{doubts, explained, factors, line, same_scan};
 use super::failure::{Interrupted, OrInvalid};
 use super::loaded::{Loaded, Source};
-use super::output::{Progress, percent, print};
+use super::output::{OutFolder, Progress, percent, print};
 use super::proof;
 use super::scanned::ScanArgs;
 use super::setup::{LIES, open_run, set_up_run, set_up_worlds};
@@ -102,6 +102,7 @@ pub fn run(args: ImproveArgs) -> Result<(), Failure> {
         )));
     }
     RunFolder::check_free(&args.runs, args.name.as_deref(), false)?;
+    let _runs = OutFolder::make(&args.runs)?;
     let mut turns = old.read_turns()?;
     let Explained {
         scans,
@@ -126,23 +127,29 @@ pub fn run(args: ImproveArgs) -> Result<(), Failure> {
             .collect(),
         false => Vec::new(),
     };
-    let (folder, before, rows) = improved(&args, config, &path, known)?;
-    let after = folder.read_proof()?.map(|proved| proved.path);
-    let pressed = after.as_ref().map_or(&[][..], |after| &after.vertices);
-    let found = Turn {
+    // What is known before the search stays known if that is interrupted.
+    turns.push(Turn {
         from: args.run.display().to_string(),
         scans,
         points: estimate.residuals,
         rms_mm: 1e3 * estimate.rms,
         parameters: factors(&estimate),
         notes,
-        score_before: Some(before).filter(|score| score.is_finite()),
-        score_after: after.as_ref().map(|after| after.score),
+        score_before: None,
+        score_after: None,
         presses_before: path.len(),
-        presses_after: pressed.len(),
-        presses_kept: kept_presses(&path, pressed),
-    };
-    turns.push(found.clone());
+        presses_after: 0,
+        presses_kept: 0,
+    });
+    let (folder, before, rows) = improved(&args, config, &path, known, &turns)?;
+    let after = folder.read_proof()?.map(|proved| proved.path);
+    let pressed = after.as_ref().map_or(&[][..], |after| &after.vertices);
+    let found = turns.last_mut().expect("it was just added");
+    found.score_before = Some(before).filter(|score| score.is_finite());
+    found.score_after = after.as_ref().map(|after| after.score);
+    found.presses_after = pressed.len();
+    found.presses_kept = kept_presses(&path, pressed);
+    let found = found.clone();
     folder.write_turns(&turns)?;
     let outcome = Outcome {
         run: (&folder.path).into(),
@@ -166,7 +173,12 @@ fn explain(args: &ImproveArgs) -> Result<Explained, Failure> {
         .scan
         .iter()
         .map(scanned)
-        .collect::<Result<_, Failure>>()?;
+        .collect::<Result<Vec<ScanFile>, Failure>>()?;
+    for (k, scan) in scans.iter().enumerate() {
+        if let Some(first) = scans[..k].iter().find(|other| other.digest == scan.digest) {
+            return Err(same_scan([&scan.file, &first.file]));
+        }
+    }
     let loaded = Loaded::open(&args.run, Source::Path, None, None, args.json)?;
     let (played, _) = loaded.play_path()?;
     let (scene, path) = (&loaded.scene, played.recording.vertices());
@@ -180,7 +192,7 @@ fn explain(args: &ImproveArgs) -> Result<Explained, Failure> {
     };
     let states = args.scan.iter().map(state);
     let states = states.collect::<Result<Vec<_>, Failure>>()?;
-    let estimate = explained(&states, scatter, args.json)?;
+    let estimate = explained((&states, &args.scan), scatter, args.json)?;
     Ok(Explained {
         scans,
         path,
@@ -221,13 +233,14 @@ fn adopt(
     Ok(notes)
 }
 
-/// Makes the new run, whose path is the best that is found from the old one and `known` ones on. Gives the score of the
-/// old path in it and the proof of the new one.
+/// Makes the new run, to which `turns` have led and whose path is the best that is found from the old one and `known` ones
+/// on. Gives the score of the old path in it and the proof of the new one.
 fn improved(
     args: &ImproveArgs,
     mut config: RunConfig,
     path: &[u32],
     known: Vec<Vec<u32>>,
+    turns: &[Turn],
 ) -> Result<(RunFolder, f64, Vec<Row>), Failure> {
     let place = format!("{} with the fabric of the scans", args.run.display());
     let (scene, kept) = set_up_run(&config, &place, args.json)?;
@@ -239,6 +252,7 @@ fn improved(
     let kept = (&*kept.0, &*kept.1);
     let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info)?;
     let _lock = folder.lock()?;
+    folder.write_turns(turns)?;
     if !args.json {
         tell(format_args!("writing {}", folder.path.display()));
     }

@@ -6,7 +6,7 @@ use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
@@ -32,6 +32,25 @@ pub(super) fn print<R: Serialize>(
         false => text(found),
     };
     Ok(show(&text).context("cannot write to standard output")?)
+}
+
+/// Checks that files can be written, before the work, and that none of them is one that is read.
+pub(super) fn check_outputs<'a>(
+    outputs: impl IntoIterator<Item = &'a Path>,
+    inputs: impl IntoIterator<Item = &'a Path>,
+) -> Result<(), Failure> {
+    let same = |path: &Path| path.canonicalize().ok();
+    let inputs: Vec<PathBuf> = inputs.into_iter().filter_map(same).collect();
+    for output in outputs {
+        check_writable(output)?;
+        if same(output).is_some_and(|output| inputs.contains(&output)) {
+            return Err(Failure::invalid(anyhow!(
+                "{} would be replaced, but is read: expected another file to write to",
+                output.display()
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// A folder to write to. What was made for it, folders above it included, and is still empty goes

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::Failure;
 use super::failure::OrInvalid;
 use super::setup::warn;
-use drape_cloth::file::read_toml;
+use drape_cloth::file::{ValueError, read_toml};
 use drape_cloth::scene::{Mark, Placement, ScanFrame, Scene, Unit};
 use drape_scan::Seen;
 
@@ -53,6 +53,14 @@ impl ScanArgs {
     pub fn seen(&self, file: &Path, scene: &Scene) -> Result<Seen, Failure> {
         let marks = self.marks.as_deref().map(read_toml::<Marks>);
         let marks = marks.transpose().or_invalid()?;
+        if let (Some(file), Some(marks)) = (&self.marks, &marks) {
+            let (place, count) = (file.display(), marks.scan_marks.len());
+            ValueError::unless(count > 2, "scan_marks", count, "three or more")
+                .or_invalid_in(&place)?;
+            let is_sought = self.frame == ScanFrame::Scanner;
+            let expected = "scanner where there are marks";
+            ValueError::unless(is_sought, "--frame", "scene", expected).or_invalid_in(&place)?;
+        }
         let mut scene = scene.clone();
         scene.config.placement = Placement {
             scan: Some(file.into()),

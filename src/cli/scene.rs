@@ -6,12 +6,12 @@ use serde::Serialize;
 
 use super::Failure;
 use super::failure::OrInvalid;
-use super::output::{OutFolder, print, write_together};
+use super::output::{OutFolder, check_outputs, print, write_together};
 use super::picture::{Studio, View};
 use super::setup::{missed, set_up_fitted};
 use super::terminal::tell;
 use drape_cloth::fabric::{Drape, Membrane};
-use drape_cloth::file::{check_writable, write_atomic};
+use drape_cloth::file::write_atomic;
 use drape_cloth::mesh::write_stl;
 use drape_cloth::scene::{Scene, SceneConfig, Summary};
 use drape_report::Camera;
@@ -72,7 +72,7 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
     };
     let out = OutFolder::make(&args.out)?;
     let folder = &out.path;
-    args.state.as_deref().map(check_writable).transpose()?;
+    check_outputs(args.state.as_deref(), args.config.as_deref())?;
 
     let start = Instant::now();
     let (scene, fit) = set_up_fitted(&config, &place, args.json)?;

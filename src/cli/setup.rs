@@ -55,19 +55,31 @@ pub(super) fn set_up_fitted(
     let scene = drape_scan::set_up(config, |_, share, _| progress.set(share));
     drop(progress);
     let (scene, fit) = scene.with_context(|| place.to_string())?;
-    warn(oddities(&scene).into_iter().chain(odd_fit(&fit)), place);
+    let of_fit = fit.iter().flat_map(|fit| odd_fit(fit, &scene));
+    warn(oddities(&scene).into_iter().chain(of_fit), place);
     Ok((scene, fit))
 }
 
 /// What is odd about a fit: a scan without marks may lie in several ways.
-pub(super) fn odd_fit(fit: &Option<Fit>) -> Option<String> {
-    let others = fit.as_ref()?.other_places;
-    (others > 0).then(|| {
+pub(super) fn odd_fit(fit: &Fit, scene: &Scene) -> Vec<String> {
+    let (others, dropped, mean) = (fit.other_places, fit.dropped_count, fit.mean_mm);
+    let others = (others > 0).then(|| {
         format!(
             "turned or tilted otherwise the scan lies as well in {others} more ways, expected one: give \
              `placement.scan_marks`"
         )
-    })
+    });
+    let dropped = (dropped > 0).then(|| {
+        format!("{dropped} points of the scan are left out, as their coordinates are no numbers")
+    });
+    let most = 1e3 * drape_scan::MOST_OFF * scene.lamina.cell_diagonal();
+    let off = (mean > most).then(|| {
+        format!(
+            "let go, the blank lies {mean:.1} mm off the scan on average, expected at most {most:.1} mm: its laws do not \
+             hold that shape, or the scan lies elsewhere"
+        )
+    });
+    others.into_iter().chain(dropped).chain(off).collect()
 }
 
 /// Tells what is odd about something that was read from `place`.

@@ -133,6 +133,12 @@ pub fn run(args: StackArgs) -> Result<(), Failure> {
     let stack: Stack = read_toml(&args.file).or_invalid()?;
     let configs = configs(&stack, &args)?;
     let root = args.runs.join(name(&args)?);
+    if root.join("run.json").exists() {
+        return Err(Failure::invalid(anyhow!(
+            "{} is a run, expected a folder of the runs of a stack: choose another --name",
+            root.display()
+        )));
+    }
     let session = Session::start().map_err(Failure::invalid)?;
     let mut plies = Vec::new();
     // The sheet of the ply below in the scene [m], and the file of the tool that it makes.
@@ -211,6 +217,15 @@ fn configs(stack: &Stack, args: &StackArgs) -> Result<Vec<RunConfig>, Failure> {
     let whole: Table = base.to_toml().parse().context("a configuration is TOML")?;
     let config = |(number, ply): (usize, &Ply)| {
         let place = format!("{name}, ply {number}");
+        let expected = "it in the configuration of all plies, whose keys it has filled in";
+        let is_free = !ply.config.contains_key("preset");
+        ValueError::unless(is_free, "preset", "it in a ply", expected).or_invalid_in(&place)?;
+        let below = |table: &Table, key: &str| table.get(key)?.as_table().cloned();
+        let blank = below(&ply.config, "scene").and_then(|scene| below(&scene, "blank"));
+        let is_free = blank.is_none_or(|blank| !blank.contains_key("yarn_angle_deg"));
+        let expected = "`angle_deg` of the ply, which is what gives it";
+        let key = "scene.blank.yarn_angle_deg";
+        ValueError::unless(is_free, key, "it in a ply", expected).or_invalid_in(&place)?;
         let mut table = whole.clone();
         overlay(&mut table, &ply.config);
         let text = toml::to_string(&table).expect("what was read is representable");

@@ -7,10 +7,10 @@ use serde::Serialize;
 use super::Failure;
 use super::args::{not_negative, png, positive};
 use super::failure::OrInvalid;
-use super::output::print;
+use super::output::{check_outputs, print};
 use super::setup::unit_advice;
 use super::terminal::Told;
-use drape_cloth::file::{ReadError, check_writable, parse_toml};
+use drape_cloth::file::{ReadError, ValueError, parse_toml};
 use drape_cloth::mesh::{TriMesh, read_mesh, write_stl};
 use drape_cloth::tool::{GridConfig, GridError, Shape, Thinnest, Tool};
 use drape_report::{Camera, Drawing, TOOL, creased};
@@ -34,6 +34,8 @@ const GRID_ERROR: &str = "0.1";
 
 /// Width and height of the picture [px].
 const SIZE: [usize; 2] = [960, 720];
+/// Greatest tolerance of a repair, over the longest side of the tool.
+const COARSEST: f64 = 0.01;
 
 /// Write a parametric tool as STL file (binary, millimetres), or examine one of yours
 #[derive(Debug, clap::Args)]
@@ -121,9 +123,8 @@ struct Body {
 
 /// Runs `drape tool`.
 pub fn run(args: ToolArgs) -> Result<(), Failure> {
-    for file in args.picture.iter().chain(&args.out) {
-        check_writable(file)?;
-    }
+    let written = args.picture.iter().chain(&args.out);
+    check_outputs(written.map(PathBuf::as_path), [&*args.tool])?;
     let name = args.tool.to_string_lossy();
     let is_file = !SHAPES.contains(&&*name) && (args.tool.is_file() || name.contains('.'));
     let scale = args.scale.unwrap_or(1e-3);
@@ -143,18 +144,32 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
         }
         (Some(shape.clone()), shape.mesh().or_invalid_in("--set")?, 0)
     };
+    if let Some(end) = args.out.as_ref().and_then(|out| out.extension())
+        && !end.eq_ignore_ascii_case("stl")
+    {
+        let end = end.display();
+        return Err(Failure::invalid(anyhow!(
+            "--out ends in .{end}, expected .stl: that is what is written"
+        )));
+    }
     let written = args.out.as_ref().filter(|_| !is_file || args.repair);
     let file = written.unwrap_or(&args.tool);
     let (mut place, mut changes) = (file.display().to_string(), None);
     if args.repair {
+        let (low, high) = mesh.bounds();
+        let most = 1e3 * COARSEST * (high - low).max();
+        let expected = format!("at most {most:.3} mm, a hundredth of the longest side");
+        ValueError::unless(
+            args.tolerance <= most,
+            "--tolerance",
+            args.tolerance,
+            expected,
+        )
+        .or_invalid_in(&name)?;
         place = format!("{name}: cannot be repaired");
         let (repaired, found) = repair(&mesh, 1e-3 * args.tolerance).or_invalid_in(&place)?;
         (mesh, changes) = (repaired, Some(found));
     }
-    if let Some(file) = &args.picture {
-        picture(&mesh, file)?;
-    }
-
     let (low, high) = mesh.bounds();
     let mut report = Report {
         file: file.into(),
@@ -178,6 +193,9 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
             thinnest_mm: tool.thinnest(GRID_SAMPLES),
             unit: unit_advice((high - low).max(), scale, 0.1..=5.0),
         });
+    }
+    if let Some(file) = &args.picture {
+        picture(&mesh, file)?;
     }
     if let Some(out) = &args.out {
         // What is repaired again is the same file.

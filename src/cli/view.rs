@@ -376,7 +376,8 @@ impl Host for Desk {
             |scene: &Scene, share: f64, cloth: &dyn Fn() -> Snapshot| watch(scene, share, cloth);
         let scene = drape_scan::set_up(&spec.scene, watch);
         let (scene, fit) = scene.with_context(|| self.place.clone())?;
-        let odd = oddities(&scene).into_iter().chain(odd_fit(&fit));
+        let odd = oddities(&scene).into_iter();
+        let odd = odd.chain(fit.iter().flat_map(|fit| odd_fit(fit, &scene)));
         let oddities: Vec<String> = missed(&scene).into_iter().chain(odd).collect();
         warn(oddities.iter().cloned(), &self.place);
         Ok((Arc::new(scene), oddities))

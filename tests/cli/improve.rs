@@ -254,7 +254,12 @@ fn what_nothing_can_be_learned_from_is_refused_in_one_line() {
         &["--unit", "mm", "--marks", "marks.toml"],
     ]
     .concat();
-    fails(&marks, &["expected one of `at_mm` and `scene_mm`"]);
+    fails(
+        &marks,
+        &["marks.toml", "`scan_marks` is 1, expected three or more"],
+    );
+    let twice = [&improve("scan.xyz")[..], &["scan.xyz"], &IN_SCENE].concat();
+    fails(&twice, &["scan.xyz is the same as scan.xyz"]);
     fs::remove_file(path.join("runs/a/proof.json")).unwrap();
     let unproved = [&improve("scan.xyz")[..], &IN_SCENE].concat();
     fails(&unproved, &["runs/a has no proved path", "--prove"]);

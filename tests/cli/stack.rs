@@ -151,6 +151,14 @@ fn stacks_that_cannot_be_are_refused_before_anything_is_trained() {
             &["dome.toml, ply 1", "`scene.tool`"],
         ),
         (
+            "[[plies]]\nangle_deg = 0\nconfig.preset = \"paper\"\n",
+            &["dome.toml, ply 1", "`preset`"],
+        ),
+        (
+            "[[plies]]\nangle_deg = 0\nconfig.scene.blank.yarn_angle_deg = 30\n",
+            &["dome.toml, ply 1", "`scene.blank.yarn_angle_deg`"],
+        ),
+        (
             "config = \"none.toml\"\n[[plies]]\nangle_deg = 0\n",
             &["none.toml"],
         ),

@@ -353,5 +353,15 @@ fn what_no_repair_helps_is_refused() {
             .code(),
         Some(2)
     );
+    let over = ["tool", "lid.ply", "--picture", "lid.ply"];
+    assert_failure(&drape(path, &over), 2, &["lid.ply would be replaced"]);
+    let coarse = ["tool", "lid.ply", "--repair", "--tolerance", "50"];
+    assert_failure(
+        &drape(path, &coarse),
+        2,
+        &["lid.ply", "`--tolerance` is 50"],
+    );
+    let drawn = ["tool", "lid.ply", "--repair", "--picture", "a.png"];
+    assert_failure(&drape(path, &drawn), 2, &["no solid"]);
     assert_eq!(names(path), ["empty.stl", "lid.ply", "points.ply"]);
 }

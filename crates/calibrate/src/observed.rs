@@ -190,14 +190,16 @@ const BETWEEN_MODELS: f64 = 2.0;
 /// than before. `prior` has the standard deviations of their
 /// logarithms. `progress` is told the number of the evaluation and the simulated share of it.
 ///
+/// Gives also the share of the points of each state that count.
+///
 /// # Errors
 /// If a world diverges on the way.
 pub fn explain(
     states: &[Observed],
     prior: Factors,
     mut progress: impl FnMut(usize, f64),
-) -> Result<Estimate, SimulationError> {
-    let mut blocks = Vec::new();
+) -> Result<(Estimate, Vec<f64>), SimulationError> {
+    let (mut blocks, mut near) = (Vec::new(), Vec::new());
     for state in states {
         let first = blocks.iter().max().map_or(0, |last| last + 1);
         blocks.extend(state.blocks(first));
@@ -205,10 +207,13 @@ pub fn explain(
     let mut number = 0;
     let simulate = |queries: &[Query]| {
         number += 1;
+        near.clear();
         let mut all: Vec<Vec<f64>> = vec![Vec::new(); queries.len()];
         for (k, state) in states.iter().enumerate() {
             let share = |share: f64| (k as f64 + share) / states.len() as f64;
             let found = state.residuals(queries, |at| progress(number, share(at)))?;
+            let counted = found[0].iter().filter(|off| !off.is_nan()).count();
+            near.push(counted as f64 / found[0].len() as f64);
             all.iter_mut()
                 .zip(found)
                 .for_each(|(all, of)| all.extend(of));
@@ -219,5 +224,5 @@ pub fn explain(
     for (deviation, prior) in found.deviation.iter_mut().zip(prior) {
         *deviation = (BETWEEN_MODELS * *deviation).min(prior);
     }
-    Ok(found)
+    Ok((found, near))
 }

@@ -237,7 +237,7 @@ fn drawn_fabrics_come_back_from_scans_of_the_twin() {
             Observed::new(scene.clone(), EnvConfig::default(), Vec::new(), &points)
         };
         let states: Vec<Observed> = scenes.iter().map(observed).collect();
-        let found = explain(&states, [0.5; 4], |_, _| ()).unwrap();
+        let (found, _) = explain(&states, [0.5; 4], |_, _| ()).unwrap();
         for (k, quantity) in FACTORS.iter().enumerate() {
             let [low, high] = found.interval(k);
             let off = (truth[k] - found.at[k]).abs();

@@ -1,6 +1,6 @@
 //! The mesh of a scanned tool, made one that bounds a solid and is no finer than it has to be.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::mem::replace;
 
 use drape_cloth::math::Vec3;
@@ -97,13 +97,58 @@ pub fn repair(mesh: &TriMesh, tolerance: f64) -> Result<(TriMesh, Changes), Orie
     Ok((repaired, changes))
 }
 
+/// Keeps one of the facets with the same corners, and none of the walls within a body: sheets of facets that face both
+/// ways, whose rims meet others that go on without them.
 fn drop_doubled(mesh: &mut TriMesh, changes: &mut Changes) {
-    let (count, mut seen) = (mesh.triangles.len(), HashSet::new());
-    mesh.triangles.retain(|triangle| {
-        let mut corners = *triangle;
+    let count = mesh.triangles.len();
+    let sorted = |mut corners: [u32; 3]| {
         corners.sort_unstable();
-        seen.insert(corners)
+        corners
+    };
+    let side = |t: [u32; 3]| (t[0] < t[1]) ^ (t[1] < t[2]) ^ (t[2] < t[0]);
+    let (mut seen, mut both) = (HashMap::new(), HashSet::new());
+    mesh.triangles.retain(|&triangle| {
+        let (corners, side) = (sorted(triangle), side(triangle));
+        match seen.insert(corners, side) {
+            None => true,
+            Some(other) => {
+                if other != side {
+                    both.insert(corners);
+                }
+                false
+            }
+        }
     });
+    // Facets of sheets and others at each edge.
+    let mut edges: HashMap<[u32; 2], [Vec<usize>; 2]> = HashMap::new();
+    for (facet, &triangle) in mesh.triangles.iter().enumerate() {
+        let is_of_sheet = both.contains(&sorted(triangle));
+        for half in 3 * facet..3 * facet + 3 {
+            let at = edges.entry(undirected(edge(&mesh.triangles, half)));
+            at.or_default()[usize::from(is_of_sheet)].push(facet);
+        }
+    }
+    let at = |half: usize| &edges[&undirected(edge(&mesh.triangles, half))];
+    let (mut is_seen, mut is_wall) = (vec![false; mesh.triangles.len()], HashSet::new());
+    for first in 0..mesh.triangles.len() {
+        if !both.contains(&sorted(mesh.triangles[first])) || replace(&mut is_seen[first], true) {
+            continue;
+        }
+        let (mut sheet, mut next, mut rim) = (vec![first], 0, Vec::new());
+        while let Some(&facet) = sheet.get(next) {
+            next += 1;
+            for [others, own] in (3 * facet..3 * facet + 3).map(at) {
+                rim.extend((own.len() == 1).then_some(others.len()));
+                sheet.extend(own.iter().filter(|&&f| !replace(&mut is_seen[f], true)));
+            }
+        }
+        if !rim.is_empty() && rim.iter().all(|&others| others > 0 && others % 2 == 0) {
+            is_wall.extend(sheet);
+        }
+    }
+    let mut facet = 0..;
+    mesh.triangles
+        .retain(|_| !is_wall.contains(&facet.next().expect("it has no end")));
     changes.doubled_facets += count - mesh.triangles.len();
 }
 
@@ -166,12 +211,17 @@ fn turn(mesh: &mut TriMesh, disagrees: &[bool], parts: &[Vec<usize>], changes: &
             area += normal.norm();
             volume += normal.dot(&(corners[0] - origin));
         }
+        let is_closed = sum.norm() <= OUTER * area;
+        // A cavity faces inwards, as all its facets say.
+        let is_cavity = is_closed
+            && volume < 0.0
+            && part.iter().all(|&facet| !disagrees[facet])
+            && parts.iter().any(|other| encloses(mesh, other, part));
+        if is_cavity {
+            continue;
+        }
         // The sum is what the borders of the part go round.
-        let outwards = if sum.norm() > OUTER * area {
-            sum.z
-        } else {
-            volume
-        };
+        let outwards = if is_closed { volume } else { sum.z };
         for &facet in part {
             if disagrees[facet] ^ (outwards < 0.0) {
                 mesh.triangles[facet].swap(1, 2);
@@ -179,6 +229,19 @@ fn turn(mesh: &mut TriMesh, disagrees: &[bool], parts: &[Vec<usize>], changes: &
             }
         }
     }
+}
+
+/// Whether the bounds of a part lie within those of another, on no side at them.
+fn encloses(mesh: &TriMesh, outer: &[usize], inner: &[usize]) -> bool {
+    let bounds = |part: &[usize]| {
+        let corners = part.iter().flat_map(|&facet| mesh.corners(facet));
+        corners.fold(
+            [Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)],
+            |[low, high], x| [low.inf(&x), high.sup(&x)],
+        )
+    };
+    let ([low, high], [least, most]) = (bounds(outer), bounds(inner));
+    (0..3).all(|k| low[k] < least[k] && most[k] < high[k])
 }
 
 /// Closes the holes of parts.

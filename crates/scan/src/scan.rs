@@ -23,7 +23,7 @@ const THIN: f64 = 0.33;
 const MOST_FAR: f64 = 0.1;
 const MOST_UNSEEN: f64 = 0.4;
 /// Mean distance of the other points from it that cloth of this blank does not have, in diagonals of a cell.
-const MOST_OFF: f64 = 0.2;
+pub const MOST_OFF: f64 = 0.2;
 /// Points of the scan that the fit is measured at.
 const MEASURED: usize = 50_000;
 

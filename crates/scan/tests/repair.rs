@@ -384,3 +384,60 @@ fn million() {
 fn gauss(random: &mut ChaCha8Rng) -> f64 {
     (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
 }
+
+/// A box between two corners [m], facing outwards or inwards.
+fn block(low: [f64; 3], high: [f64; 3], inwards: bool) -> TriMesh {
+    let corner = |n: usize| Vec3::from_fn(|k, _| if n >> k & 1 == 1 { high[k] } else { low[k] });
+    let mut triangles = Vec::new();
+    for [a, b, c, d] in [
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+    ] {
+        triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    if inwards {
+        triangles.iter_mut().for_each(|t| t.swap(0, 1));
+    }
+    TriMesh {
+        vertices: (0..8).map(corner).collect(),
+        triangles,
+    }
+}
+
+/// Boxes that share a wall are one body without it, and a cavity stays one; a sheet that has all its facets twice, once for
+/// each side, stays a sheet.
+#[test]
+fn sound_bodies_stay_what_they_are() {
+    let mut both = block([0.0; 3], [0.1, 0.1, 0.1], false);
+    add(
+        &mut both,
+        &block([0.1, 0.0, 0.0], [0.2, 0.1, 0.1], false),
+        Vec3::zeros(),
+    );
+    let mut hollow = block([0.0; 3], [0.1; 3], false);
+    add(
+        &mut hollow,
+        &block([0.02; 3], [0.08; 3], true),
+        Vec3::zeros(),
+    );
+    let folder = tempfile::tempdir().unwrap();
+    for (mesh, volume, facets) in [(both, 2e-3, 20), (hollow, 1e-3 - 2.16e-4, 24)] {
+        let (repaired, changes) = repair(&reread(&mesh, folder.path()), 0.0).unwrap();
+        assert!(
+            (repaired.signed_volume() - volume).abs() < 1e-9,
+            "{changes:?}"
+        );
+        assert_eq!(repaired.triangles.len(), facets);
+        assert_eq!(changes.turned_facets, 0);
+        assert!(border(&repaired).unwrap().is_empty());
+    }
+    let mut sheet = sheet(5, 0.1, |_, _| 0.0);
+    let turned: Vec<[u32; 3]> = sheet.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
+    sheet.triangles.extend(turned);
+    let (repaired, changes) = repair(&sheet, 0.0).unwrap();
+    assert_eq!((repaired.triangles.len(), changes.doubled_facets), (32, 32));
+}

@@ -88,8 +88,8 @@ fn errors_are_short_and_colours_change_at_the_threshold() {
     ] {
         assert_eq!(percent(error), text);
     }
-    assert_eq!(ramp(THRESHOLD), [176, 222, 150]);
-    assert_eq!(ramp(0.0), [0, 104, 80]);
+    assert_eq!(ramp(THRESHOLD), [189, 215, 231]);
+    assert_eq!(ramp(0.0), [8, 81, 156]);
     assert_eq!(ramp(1e9), [214, 84, 20]);
     assert!(ramp(1.01 * THRESHOLD)[0] > 250);
 }
