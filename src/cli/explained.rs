@@ -15,7 +15,7 @@ use drape_task::env::{Quantity, Scatter};
 /// (docs/CALIBRATE.md).
 const MOST_LEFT: f64 = 1e-3;
 
-/// Share of the points of a scan that has to be no farther beside the simulated cloth than a cell: what lies elsewhere says
+/// Share of the points of a scan that have to be within a cell's diagonal of the simulated cloth: what lies elsewhere says
 /// nothing, and without a word others would speak for it.
 const LEAST_NEAR: f64 = 0.5;
 
@@ -41,7 +41,7 @@ pub(super) fn explained(
     match near.iter().zip(scans).find(|(near, _)| **near < LEAST_NEAR) {
         None => Ok(estimate),
         Some((near, scan)) => Err(Failure::invalid(anyhow!(
-            "{}: {:.0} % of its points are over or under the simulated cloth, expected {:.0} % at least: check --scale, \
+            "{}: {:.0} % of its points are within a cell of the simulated cloth, expected {:.0} % at least: check --scale, \
              and that it is in the scene's frame",
             scan.display(),
             1e2 * near,

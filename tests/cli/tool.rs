@@ -353,7 +353,7 @@ fn what_no_repair_helps_is_refused() {
             .code(),
         Some(2)
     );
-    let over = ["tool", "lid.ply", "--picture", "lid.ply"];
+    let over = ["tool", "lid.ply", "--repair", "--out", "lid.ply"];
     assert_failure(&drape(path, &over), 2, &["lid.ply would be replaced"]);
     let coarse = ["tool", "lid.ply", "--repair", "--tolerance", "50"];
     assert_failure(

@@ -190,7 +190,7 @@ const BETWEEN_MODELS: f64 = 2.0;
 /// than before. `prior` has the standard deviations of their
 /// logarithms. `progress` is told the number of the evaluation and the simulated share of it.
 ///
-/// Gives also the share of the points of each state that count.
+/// Gives also the share of the points of each state that are within a cell's diagonal of the simulated cloth.
 ///
 /// # Errors
 /// If a world diverges on the way.
@@ -212,7 +212,8 @@ pub fn explain(
         for (k, state) in states.iter().enumerate() {
             let share = |share: f64| (k as f64 + share) / states.len() as f64;
             let found = state.residuals(queries, |at| progress(number, share(at)))?;
-            let counted = found[0].iter().filter(|off| !off.is_nan()).count();
+            let most = state.scene.lamina.cell_diagonal();
+            let counted = found[0].iter().filter(|off| off.abs() <= most).count();
             near.push(counted as f64 / found[0].len() as f64);
             all.iter_mut()
                 .zip(found)

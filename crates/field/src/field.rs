@@ -65,8 +65,8 @@ pub enum OntoError {
     #[error("the draped fabric: {0}")]
     Fabric(#[from] SheetError),
     #[error(
-        "none of its {elements} elements has fabric within {within_mm} mm that is less than 45 degrees steep against it, the \
-         nearest is {nearest_mm:.1} mm away: expected a mesh of the draped surface in the same unit and frame"
+        "none of its {elements} elements has fabric within {within_mm} mm, the nearest is {nearest_mm:.1} mm away: \
+         expected a mesh of the draped surface, within 45 degrees of it, in the same unit and frame"
     )]
     Nowhere {
         elements: usize,
