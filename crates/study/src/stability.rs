@@ -36,7 +36,7 @@ pub use trial::{Outcome, THRESHOLD};
 /// Sweep the simulator's extremes: what converges, what is wrong, what diverges
 ///
 /// Writes cells.csv, one row a cell, and a heat map of every sweep in f64 and f32: the error in per
-/// cent, green up to 1 and yellow beyond.
+/// cent, blue up to 1 and yellow beyond.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape study stability --quick
