@@ -261,7 +261,14 @@ fn scan_of_a_strip_tells_its_bending() {
     // Beside one that lies on the cloth one that does not would say nothing, and the same twice too much.
     let far = "0 0 90000\n1 0 90000\n0 1 90000\n";
     fs::write(path.join("far.xyz"), far).unwrap();
-    let both = ["strip.toml", "--scan", "seen/lamina.stl", "far.xyz"];
+    // Without progress, as this takes its time.
+    let both = [
+        "strip.toml",
+        "--json",
+        "--scan",
+        "seen/lamina.stl",
+        "far.xyz",
+    ];
     fails(&both, &["far.xyz: 0 % of its points"]);
     let twice = ["strip.toml", "--scan", "seen/lamina.stl", "seen/lamina.stl"];
     fails(&twice, &["expected scans of several blanks"]);
