@@ -161,10 +161,15 @@ pub(super) fn odd_depth(scene: &Scene, position: &[[f64; 3]]) -> Option<String> 
         ))
     } else if mm > held_mm {
         let cell_mm = 1e3 * scene.lamina.cell_diagonal() / std::f64::consts::SQRT_2;
+        let would_hold_mm = (cell_mm * held_mm / mm).min(1e3 * held.cell);
+        let expected = match would_hold_mm >= 0.05 {
+            true => format!(
+                ", expected {would_hold_mm:.1} mm or less (`blank.vertices` or `blank.cell_mm`)"
+            ),
+            false => String::new(),
+        };
         Some(format!(
-            "{found}, expected at most {held_mm:.2} mm: the tool is finer than cells of {cell_mm:.1} mm, \
-             expected {:.1} mm or less (`blank.vertices` or `blank.cell_mm`)",
-            (cell_mm * held_mm / mm).min(1e3 * held.cell)
+            "{found}, expected at most {held_mm:.2} mm: the tool is finer than cells of {cell_mm:.1} mm{expected}"
         ))
     } else {
         None

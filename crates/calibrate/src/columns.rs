@@ -143,10 +143,16 @@ impl Column {
         value <= self.most() && (value > 0.0 || may_be_zero && value == 0.0)
     }
 
-    /// What [`Column::is_valid`] asks for, in SI.
-    pub fn expected(self) -> String {
+    /// What [`Column::is_valid`] asks for, in a unit of that many of SI.
+    pub fn expected(self, factor: f64) -> String {
         let sign = if self.may_be_zero() { ">=" } else { ">" };
-        format!("a number {sign} 0 and at most {} in SI units", self.most())
+        // Four digits: factors of degrees have no end.
+        let most = self.most() / factor;
+        let digits = 10.0_f64.powf(3.0 - most.log10().floor());
+        format!(
+            "a number {sign} 0 and at most {}",
+            (most * digits).round() / digits
+        )
     }
 
     fn may_be_zero(self) -> bool {
@@ -162,7 +168,10 @@ impl Column {
         match self {
             Self::Angle => 1.4,
             Self::StaticAngle | Self::DynamicAngle => 1.5,
-            Self::Strain => 10.0,
+            Self::Strain | Self::StaticFriction | Self::DynamicFriction => 10.0,
+            Self::Overhang | Self::Length | Self::Width | Self::Displacement => 10.0,
+            Self::Thickness => 0.02,
+            Self::ArealMass => 100.0,
             _ => 1e9,
         }
     }

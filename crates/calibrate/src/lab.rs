@@ -217,7 +217,7 @@ fn rows(text: &str) -> Result<(Test, Vec<Column>, Vec<Row>), String> {
             let value = text.parse().map(|value: f64| value * factor);
             let value = value.ok().filter(|&value| column.is_valid(value));
             value.ok_or_else(|| {
-                let (name, expected) = (header[place], column.expected());
+                let (name, expected) = (header[place], column.expected(factor));
                 format!("line {line}: `{name}` is \"{found}\", expected {expected}")
             })
         };
