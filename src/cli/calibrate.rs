@@ -243,7 +243,7 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
             return Err(same_scan(twins));
         }
     }
-    let estimate = explained((&states, scans), &first.scatter, args.json)?;
+    let estimate = explained(&states, scans, &first.scatter, args.json)?;
     let (lamina, physics) = (&first.scene.lamina, first.scene.model.physics());
     if estimate.rms > lamina.cell_diagonal() {
         let names: Vec<String> = scans

@@ -28,7 +28,8 @@ pub(super) fn same_scan([one, other]: [impl Display; 2]) -> Failure {
 
 /// What explains states best, with a progress bar. Refuses those that lie elsewhere, by the names of their scans.
 pub(super) fn explained(
-    (states, scans): (&[Observed], &[PathBuf]),
+    states: &[Observed],
+    scans: &[PathBuf],
     scatter: &Scatter,
     json: bool,
 ) -> Result<Estimate, Failure> {

@@ -192,7 +192,7 @@ fn explain(args: &ImproveArgs) -> Result<Explained, Failure> {
     };
     let states = args.scan.iter().map(state);
     let states = states.collect::<Result<Vec<_>, Failure>>()?;
-    let estimate = explained((&states, &args.scan), scatter, args.json)?;
+    let estimate = explained(&states, &args.scan, scatter, args.json)?;
     Ok(Explained {
         scans,
         path,

@@ -97,59 +97,66 @@ pub fn repair(mesh: &TriMesh, tolerance: f64) -> Result<(TriMesh, Changes), Orie
     Ok((repaired, changes))
 }
 
-/// Keeps one of the facets with the same corners, and none of the walls within a body: sheets of facets that face both
-/// ways, whose rims meet others that go on without them.
+/// Keeps one of the facets with the same corners, and none of the [`walls`].
 fn drop_doubled(mesh: &mut TriMesh, changes: &mut Changes) {
     let count = mesh.triangles.len();
-    let sorted = |mut corners: [u32; 3]| {
-        corners.sort_unstable();
-        corners
-    };
     let side = |t: [u32; 3]| (t[0] < t[1]) ^ (t[1] < t[2]) ^ (t[2] < t[0]);
-    let (mut seen, mut both) = (HashMap::new(), HashSet::new());
+    let (mut sides, mut two_sided) = (HashMap::new(), HashSet::new());
     mesh.triangles.retain(|&triangle| {
         let (corners, side) = (sorted(triangle), side(triangle));
-        match seen.insert(corners, side) {
-            None => true,
-            Some(other) => {
-                if other != side {
-                    both.insert(corners);
-                }
-                false
-            }
+        let other = sides.insert(corners, side);
+        if other.is_some_and(|other| other != side) {
+            two_sided.insert(corners);
         }
+        other.is_none()
     });
-    // Facets of sheets and others at each edge.
-    let mut edges: HashMap<[u32; 2], [Vec<usize>; 2]> = HashMap::new();
-    for (facet, &triangle) in mesh.triangles.iter().enumerate() {
-        let is_of_sheet = both.contains(&sorted(triangle));
-        for half in 3 * facet..3 * facet + 3 {
-            let at = edges.entry(undirected(edge(&mesh.triangles, half)));
-            at.or_default()[usize::from(is_of_sheet)].push(facet);
+    if !two_sided.is_empty() {
+        let walls = walls(&mesh.triangles, &two_sided);
+        mesh.triangles
+            .retain(|&triangle| !walls.contains(&sorted(triangle)));
+    }
+    changes.doubled_facets += count - mesh.triangles.len();
+}
+
+fn sorted(mut corners: [u32; 3]) -> [u32; 3] {
+    corners.sort_unstable();
+    corners
+}
+
+/// Corners of walls within a body: sheets of facets that are there for both sides, at whose rims others go on without them.
+fn walls(triangles: &[[u32; 3]], two_sided: &HashSet<[u32; 3]>) -> HashSet<[u32; 3]> {
+    let edges = |[a, b, c]: [u32; 3]| [[a, b], [a, c], [b, c]];
+    // At each edge of a sheet the facets of sheets, and how many others there are.
+    let mut at: HashMap<[u32; 2], (Vec<[u32; 3]>, usize)> = HashMap::new();
+    for &corners in two_sided {
+        for edge in edges(corners) {
+            at.entry(edge).or_default().0.push(corners);
         }
     }
-    let at = |half: usize| &edges[&undirected(edge(&mesh.triangles, half))];
-    let (mut is_seen, mut is_wall) = (vec![false; mesh.triangles.len()], HashSet::new());
-    for first in 0..mesh.triangles.len() {
-        if !both.contains(&sorted(mesh.triangles[first])) || replace(&mut is_seen[first], true) {
+    let others = triangles.iter().map(|&triangle| sorted(triangle));
+    for corners in others.filter(|corners| !two_sided.contains(corners)) {
+        for edge in edges(corners) {
+            at.entry(edge).and_modify(|(_, others)| *others += 1);
+        }
+    }
+    let (mut seen, mut walls) = (HashSet::new(), HashSet::new());
+    for &first in two_sided {
+        if !seen.insert(first) {
             continue;
         }
         let (mut sheet, mut next, mut rim) = (vec![first], 0, Vec::new());
-        while let Some(&facet) = sheet.get(next) {
+        while let Some(&corners) = sheet.get(next) {
             next += 1;
-            for [others, own] in (3 * facet..3 * facet + 3).map(at) {
-                rim.extend((own.len() == 1).then_some(others.len()));
-                sheet.extend(own.iter().filter(|&&f| !replace(&mut is_seen[f], true)));
+            for (own, others) in edges(corners).map(|edge| &at[&edge]) {
+                rim.extend((own.len() == 1).then_some(*others));
+                sheet.extend(own.iter().filter(|&&other| seen.insert(other)));
             }
         }
         if !rim.is_empty() && rim.iter().all(|&others| others > 0 && others % 2 == 0) {
-            is_wall.extend(sheet);
+            walls.extend(sheet);
         }
     }
-    let mut facet = 0..;
-    mesh.triangles
-        .retain(|_| !is_wall.contains(&facet.next().expect("it has no end")));
-    changes.doubled_facets += count - mesh.triangles.len();
+    walls
 }
 
 /// Which facets disagree with the first of their part on which side is out, and the facets of each part, which hangs

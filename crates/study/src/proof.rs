@@ -406,18 +406,33 @@ fn best_of(
     if twin && ranked[0].len() > 1 {
         ranked[0].truncate(TWIN_CHOOSING[0]);
         let lists: Vec<&[u32]> = ranked[0].iter().map(|&k| &*groups[0].1[k]).collect();
-        let mut numbers = case.numbers(0..TWIN_CHOOSING[1] as u64);
-        if numbers.len() > 1 {
-            numbers.remove(0);
-        }
-        let (left, _) = in_twin(case, &worlds, &lists, &numbers, context)?;
-        let by_twin = ranked[0].iter().zip(&left);
-        let by_twin = by_twin.filter_map(|(&k, left)| Some((k, judged(left)?)));
-        // The better by the solver of those that are equal.
-        let best = by_twin.rev().max_by(|a, b| a.1.total_cmp(&b.1));
-        found[0].0 = best.map(|(k, _)| k).or(found[0].0);
+        let best = best_in_twin(case, &worlds, &lists, context)?;
+        found[0].0 = best.map(|place| ranked[0][place]).or(found[0].0);
     }
     Ok(found)
+}
+
+/// The list that the twin judges best, the first of equal ones; none if all diverge there.
+fn best_in_twin(
+    case: Case,
+    worlds: &Worlds,
+    lists: &[&[u32]],
+    context: &Context,
+) -> Result<Option<usize>, StudyError> {
+    let mut numbers = case.numbers(0..TWIN_CHOOSING[1] as u64);
+    if numbers.len() > 1 {
+        // The world of the scene is no draw.
+        numbers.remove(0);
+    }
+    let (left, _) = in_twin(case, worlds, lists, &numbers, context)?;
+    let worth = |left: &[Option<Left>]| -> Option<f64> {
+        let all: Option<Vec<f64>> = left.iter().map(|left| Some(left.as_ref()?.worth)).collect();
+        Some(case.scatter.judge(&all?))
+    };
+    let judged = left.iter().enumerate();
+    let judged = judged.filter_map(|(place, left)| Some((place, worth(left)?)));
+    let best = judged.rev().max_by(|a, b| a.1.total_cmp(&b.1));
+    Ok(best.map(|(place, _)| place))
 }
 
 /// What lists leave in some worlds, `[list][world]`.

@@ -191,3 +191,31 @@ fn a_proof_is_never_coarser_than_the_training() {
     let found = none.finest(&env).stepping();
     assert_eq!((found.substep_rate, found.contact_rate), (48_000.0, 1200.0));
 }
+
+/// Asked, the twin has the last word on the path: the one that leaves least in its worlds, which need not be the solver's.
+#[test]
+fn twin_chooses_among_the_best() {
+    let (scene, env, scatter) = (scene(), env(), scatter());
+    let case = case(&scene, &env, &scatter);
+    let quiet = Context::quiet();
+    let paths = sequences(&scene, &env, Order::Random, 8, 2).unwrap();
+    let [by_solver, by_twin] = [false, true].map(|twin| {
+        choose(case, &paths, (1, twin), &quiet)
+            .unwrap()
+            .path
+            .unwrap()
+    });
+    let worlds = case.worlds(CHOOSING.iter().sum::<u64>() as usize, SEEDS[0], &quiet);
+    let lists = [&by_solver[..], &by_twin[..]];
+    let numbers = [Some(0), Some(1), Some(2)];
+    let (left, _) = in_twin(case, &worlds.unwrap(), &lists, &numbers, &quiet).unwrap();
+    let [solver, twin] = [0, 1].map(|k| {
+        let worths: Vec<f64> = left[k].iter().map(|left| left.unwrap().worth).collect();
+        scatter.judge(&worths)
+    });
+    assert_ne!(
+        by_solver, by_twin,
+        "a draw in which they agree shows nothing"
+    );
+    assert!(twin > solver, "{twin} {solver}");
+}
