@@ -17,9 +17,9 @@ use drape_cloth::fabric::Drape;
 use drape_cloth::mesh::read_mesh;
 use drape_cloth::scene::Scene;
 use drape_cloth::tool::Pose;
-use drape_study::compare::{Criteria, Surveyed, compare};
-use drape_study::presses::again;
-use drape_study::study::Context;
+use drape_proof::Watch;
+use drape_proof::presses::again;
+use drape_proof::{Criteria, Surveyed, compare};
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, Tasks};
 use drape_task::path::{Frame, PressedPoint, Rolling, read_json, strokes, write_json};
@@ -161,7 +161,7 @@ fn recordings() {
         fs::write(&file, bytes).unwrap();
         let read = Recording::read(&file).map_err(line)?;
         let length = read.presses.len() + read.frames.len();
-        let pressed = again(&read, &scene, &Context::quiet()).map_err(line)?;
+        let pressed = again(&read, &scene, Watch::QUIET).map_err(line)?;
         assert_eq!(pressed.presses.len() + pressed.frames.len(), length);
         Ok(())
     });

@@ -13,7 +13,7 @@ use super::setup::{LIES, read_config, set_up_run, set_up_worlds};
 use super::signals::stop_on_signal;
 use super::terminal::{Told, tell};
 use crate::run::{Best, Rules, RunConfig, RunFolder, RunInfo, replay, search_by_moves};
-use drape_study::proof::Row;
+use drape_proof::Row;
 use drape_task::env::{Draping, Episode, Worlds};
 use drape_task::path::PathFigures;
 use drape_task::search::{
@@ -230,8 +230,8 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
                 if !args.json {
                     tell("proving the best paths");
                 }
-                let (task, orders) = ((&scene, &config), (config.proof_paths, false));
-                rows = proof::proved(&folder, task, sequence, orders, args.json)?;
+                let method = proof::by_solver(&config);
+                rows = proof::proved(&folder, &scene, &config, sequence, method, args.json)?;
             }
         }
     }

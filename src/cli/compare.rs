@@ -21,9 +21,9 @@ use drape_cloth::mesh::compare::Spread;
 use drape_cloth::mesh::read_mesh;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::{GridConfig, Tool};
+use drape_proof::presses::resting;
+use drape_proof::{Comparison, Criteria, Inapplicable, Surveyed, compare, picture};
 use drape_scan::Deviation;
-use drape_study::compare::{Comparison, Criteria, Inapplicable, Surveyed, compare, picture};
-use drape_study::presses::resting;
 use drape_study::study::region;
 
 /// Compare two drapes

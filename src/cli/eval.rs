@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::args::accuracy;
-use super::failure::OrInvalid;
+use super::failure::{OrInvalid, proof_failure};
 use super::loaded::{Loaded, Source};
 use super::output::{OutFolder, Progress, print};
 use super::picture;
@@ -18,9 +18,9 @@ use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::sim::{Accuracy, Observation};
 use drape_learn::policy::DeviceKind;
 use drape_learn::ppo::{Agent, Sampling};
-use drape_study::presses::again;
-use drape_study::proof::{Case, Row, Sensitivity};
-use drape_study::study::{Context, region};
+use drape_proof::presses::again;
+use drape_proof::{Case, Method, Physics, Row, Sensitivity, Watch};
+use drape_study::study::region;
 use drape_task::env::{Draping, End, Played, Task, Tasks, most_environments};
 use drape_task::path::PathFigures;
 use drape_task::recording::Recording;
@@ -189,8 +189,25 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     let (mut proof, mut sensitivity) = (None, Vec::new());
     if let Some(best) = best {
         // In the run's own steps, whatever the episode was played in.
-        let (task, orders) = ((scene, &loaded.config), (count, args.twin));
-        proof = Some(proof::proved(&loaded.folder, task, best, orders, json)?);
+        let judge = match args.twin {
+            true => Physics::Twin,
+            false => Physics::Solver,
+        };
+        let (config, method) = (
+            &loaded.config,
+            Method {
+                random: count,
+                judge,
+            },
+        );
+        proof = Some(proof::proved(
+            &loaded.folder,
+            scene,
+            config,
+            best,
+            method,
+            json,
+        )?);
         if let Some(proved) = loaded.folder.read_proof()? {
             let case = proof::case(scene, &loaded.config);
             sensitivity = proof::sensitivity(case, &proved.path.vertices, json)?;
@@ -244,17 +261,10 @@ struct Again {
 fn press_again(file: &Path, loaded: &Loaded, pictures: &Path) -> Result<(), Failure> {
     let recorded = Recording::read(file).or_invalid()?;
     let progress = Progress::new("pressing again", loaded.json);
-    let context = Context {
-        progress: &|share, doing| progress.tell(share, doing),
-        ..Context::quiet()
-    };
-    let found = again(&recorded, &loaded.scene, &context).map_err(|error| {
-        let is_input = error.is_input();
-        Failure::new(
-            anyhow::Error::new(error).context(file.display().to_string()),
-            is_input,
-        )
-    })?;
+    let told = |share: f64, doing: &str| progress.tell(share, doing);
+    let place = Some(file.display().to_string());
+    let found = again(&recorded, &loaded.scene, Watch(&told));
+    let found = found.map_err(|error| proof_failure(error, place))?;
     drop(progress);
     write_recording(&recorded, &loaded.scene, pictures, "recorded")?;
     let last = recorded.frames.last().expect("it has a start");
@@ -323,14 +333,12 @@ fn proved_elsewhere(
         env,
         ..proof::case(scene, &loaded.config)
     };
-    let found = proof::found(
-        case,
-        &paths,
-        (count, false),
-        (None, |_: &mut _| Ok(())),
-        loaded.json,
-    )?;
-    Ok(found.rows)
+    let method = Method {
+        random: count,
+        judge: Physics::Solver,
+    };
+    let all = |_: &mut Vec<u32>| Ok(());
+    Ok(proof::found(case, &paths, method, None, all, loaded.json)?.rows)
 }
 
 fn text(report: &Report) -> String {

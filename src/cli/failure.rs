@@ -8,6 +8,7 @@ use super::terminal::tell;
 use crate::run::RunError;
 use drape_cloth::file::{ValueError, WriteError};
 use drape_cloth::scene::SceneError;
+use drape_proof::ProofError;
 use drape_study::study::StudyError;
 
 /// What a command ends with that a signal has stopped before its work was done.
@@ -120,6 +121,19 @@ pub(super) fn study_failure(error: StudyError, place: Option<String>) -> Failure
         _ => error.into(),
     };
     Failure::new(error, is_input)
+}
+
+/// Names the scene that the error of a proof is about, if it is told.
+pub(super) fn proof_failure(error: ProofError, place: Option<String>) -> Failure {
+    let is_input = error.is_input();
+    let error = Error::new(error);
+    Failure::new(
+        match place {
+            Some(place) => error.context(place),
+            None => error,
+        },
+        is_input,
+    )
 }
 
 #[cfg(test)]

@@ -23,8 +23,8 @@ use drape_calibrate::{Estimate, FACTORS, Observed, posterior, scaled, write_mate
 use drape_cloth::file::read_bytes;
 use drape_cloth::scene::{Fabric, Scene};
 use drape_cloth::sim::{Bending, BendingStiffness, Tension};
-use drape_study::presses::resting;
-use drape_study::proof::Row;
+use drape_proof::Row;
+use drape_proof::presses::resting;
 use drape_task::env::{Quantity, Worlds};
 use drape_task::search::Judge;
 
@@ -293,8 +293,8 @@ fn improved(
         orders.insert(1, (path.to_vec(), before));
     }
     let best = keep(orders)?;
-    let orders = (config.proof_paths, false);
-    let rows = proof::proved(&folder, (&scene, &config), best, orders, args.json)?;
+    let method = proof::by_solver(&config);
+    let rows = proof::proved(&folder, &scene, &config, best, method, args.json)?;
     Ok((folder, before, rows))
 }
 

@@ -9,11 +9,11 @@ use drape_cloth::math::Vec3;
 use drape_cloth::measure::{crushed, shear};
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::Scene;
+use drape_proof::Sensitivity;
 use drape_report::{
     BACKGROUND, CLOTH, CLOTH_BIAS, Camera, Color, ColorMap, DRAPED, Drawing, Image, PATH, TOOL,
     TOUCHED, creased, save_gif,
 };
-use drape_study::proof::Sensitivity;
 use drape_task::recording::Recording;
 
 /// Distance to the tool from which on cloth is fully yellow [m].

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::Failure;
-use super::failure::{OrInvalid, study_failure};
+use super::failure::{OrInvalid, proof_failure};
 use super::output::Progress;
 use super::result::{self, episode_progress, rollout_failure, write_recording};
 use super::terminal::tell;
@@ -12,27 +12,27 @@ use crate::run::{
     self, BestSequence, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, path_points, replay,
 };
 use drape_cloth::scene::Scene;
-use drape_study::proof::{Case, Physics, Proof, Row, Sensitivity, choose, prove};
-use drape_study::study::Context;
+use drape_proof::{Case, Method, Physics, Proof, Row, Sensitivity, Watch, choose, prove};
 use drape_task::env::Draping;
 use drape_task::path::{Frame, write_json};
 use drape_task::recording::Recording;
 
-/// Proves the best sequences of a run against `count` random orders, see [`prove`], and keeps the
+/// Proves the best sequences of a run, see [`prove`], and keeps the
 /// best of them in the run folder with its draping points, recording and pictures, unless all diverge. What
 /// the twin has proved stays until it proves another, or the path is among the best no more.
 pub(super) fn proved(
     folder: &RunFolder,
-    (scene, config): (&Arc<Scene>, &RunConfig),
+    scene: &Arc<Scene>,
+    config: &RunConfig,
     mut best: BestSequence,
-    (count, twin): (usize, bool),
+    method: Method,
     json: bool,
 ) -> Result<Vec<Row>, Failure> {
     best.others.truncate(2 * config.proof_paths - 1);
     let paths: Vec<Vec<u32>> = best.all().cloned().collect();
     let (case, place) = (case(scene, config), folder.config.display().to_string());
-    let prune = |path: &mut Vec<u32>| pressable(path, (scene, config), &folder.config, json);
-    let found = found(case, &paths, (count, twin), (Some(place), prune), json)?;
+    let prune = |path: &mut Vec<u32>| pressable(path, scene, config, &folder.config, json);
+    let found = found(case, &paths, method, Some(place), prune, json)?;
     let Some(chosen) = found.best else {
         tell("warning: all of the best paths diverge where they are to be proved");
         return Ok(found.rows);
@@ -74,7 +74,8 @@ pub(super) fn proved(
 /// spacing, but no point that is proved is one that the program leaves out.
 fn pressable(
     path: &mut Vec<u32>,
-    (scene, config): (&Arc<Scene>, &RunConfig),
+    scene: &Arc<Scene>,
+    config: &RunConfig,
     place: &Path,
     json: bool,
 ) -> Result<(), Failure> {
@@ -106,55 +107,44 @@ fn pressable(
     Ok(())
 }
 
-/// What a proof of `paths` against some random orders says, see [`prove`]; nothing is kept. The best of the paths is
+/// What a proof of `paths` says, see [`prove`]; nothing is kept. The best of the paths is
 /// `pruned` before. Errors name the `place` of the scene.
 pub(super) fn found(
     case: Case,
     paths: &[Vec<u32>],
-    (count, twin): (usize, bool),
-    (place, pruned): (
-        Option<String>,
-        impl Fn(&mut Vec<u32>) -> Result<(), Failure>,
-    ),
+    method: Method,
+    place: Option<String>,
+    pruned: impl Fn(&mut Vec<u32>) -> Result<(), Failure>,
     json: bool,
 ) -> Result<Proof, Failure> {
     let progress = Progress::new("proof", json);
-    let context = Context {
-        progress: &|share, doing| progress.tell(share, doing),
-        ..Context::quiet()
-    };
-    let failure = |error| study_failure(error, place.clone());
-    let mut choice = choose(case, paths, (count, twin), &context).map_err(failure)?;
+    let told = |share: f64, doing: &str| progress.tell(share, doing);
+    let failure = |error| proof_failure(error, place.clone());
+    let mut choice = choose(case, paths, method, Watch(&told)).map_err(failure)?;
     if let Some(path) = &mut choice.path {
         pruned(path)?;
     }
-    prove(case, &choice, twin, &context).map_err(failure)
+    prove(case, &choice, method.judge, Watch(&told)).map_err(failure)
 }
 
 /// The score of a path where paths are proved, NaN if it diverges there.
 pub(super) fn score(case: Case, path: &[u32], json: bool) -> Result<f64, Failure> {
     let progress = Progress::new("the old path", json);
-    let context = Context {
-        progress: &|share, doing| progress.tell(share, doing),
-        ..Context::quiet()
-    };
-    let found = drape_study::proof::figures(case, path, &context);
-    Ok(found.map_err(|error| study_failure(error, None))?.score)
+    let told = |share: f64, doing: &str| progress.tell(share, doing);
+    let found = drape_proof::figures(case, path, Watch(&told));
+    Ok(found.map_err(|error| proof_failure(error, None))?.score)
 }
 
-/// See [`sensitivity`](drape_study::proof::sensitivity).
+/// See [`sensitivity`](drape_proof::sensitivity).
 pub(super) fn sensitivity(
     case: Case,
     path: &[u32],
     json: bool,
 ) -> Result<Vec<Sensitivity>, Failure> {
     let progress = Progress::new("one quantity at a time", json);
-    let context = Context {
-        progress: &|share, doing| progress.tell(share, doing),
-        ..Context::quiet()
-    };
-    let found = drape_study::proof::sensitivity(case, path, &context);
-    found.map_err(|error| study_failure(error, None))
+    let told = |share: f64, doing: &str| progress.tell(share, doing);
+    let found = drape_proof::sensitivity(case, path, Watch(&told));
+    found.map_err(|error| proof_failure(error, None))
 }
 
 /// A line of a quantity, with a bar as long as what it takes at worst.
@@ -168,6 +158,14 @@ pub(super) fn of_one(one: &Sensitivity) -> String {
         100.0 * one.worst_score,
         one.worlds
     )
+}
+
+/// As trainings and searches prove what they have found: by the fast solver.
+pub(super) fn by_solver(config: &RunConfig) -> Method {
+    Method {
+        random: config.proof_paths,
+        judge: Physics::Solver,
+    }
 }
 
 /// What is to be proved of a run.

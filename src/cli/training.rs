@@ -20,7 +20,7 @@ use crate::run::{Demonstrations, Preparation, RunConfig, RunFolder, RunInfo, Tra
 use drape_cloth::file::{ValueError, read_text};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
-use drape_study::proof::Row;
+use drape_proof::Row;
 use drape_task::env::End;
 
 /// Iterations between two checkpoints.
@@ -357,8 +357,8 @@ fn finish(
         tell("proving the best paths");
     }
     let best = training.best_sequence()?;
-    let (task, orders) = ((training.scene(), config), (config.proof_paths, false));
-    proof::proved(folder, task, best, orders, json)
+    let method = proof::by_solver(config);
+    proof::proved(folder, training.scene(), config, best, method, json)
 }
 
 pub(super) fn text(outcome: &Outcome) -> String {

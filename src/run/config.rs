@@ -58,7 +58,7 @@ pub struct RunConfig {
     /// Iterations between two evaluations of the greedy policy; each is one episode.
     pub evaluation_interval: u64,
     /// Random orders that the best paths, twice as many, are proved against at the end, see
-    /// [`drape_study::proof::prove`].
+    /// [`drape_proof::prove()`].
     pub proof_paths: usize,
     pub env: EnvConfig,
     /// What varies from world to world: of every episode in training, and of those that paths are judged by.

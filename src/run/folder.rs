@@ -12,7 +12,7 @@ use super::changes::fixed;
 use drape_cloth::file::{
     UNFINISHED, check_name, read_json, read_text, remove_temporaries, write_atomic,
 };
-use drape_study::proof::{Physics, Row};
+use drape_proof::{Physics, Row};
 
 /// The folder of one run: `ROOT/NAME/`. Its layout is described in `runs/README.md`.
 #[derive(Clone, Debug, PartialEq, Eq)]

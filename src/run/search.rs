@@ -5,7 +5,7 @@ use anyhow::Result;
 use super::best::Best;
 use super::config::RunConfig;
 use drape_cloth::scene::Scene;
-use drape_study::episodes::sequences;
+use drape_proof::orders::sequences;
 use drape_task::env::{Draping, Episode};
 use drape_task::search::{
     Arena, CrossEntropy, Found, Judge, Moves, Order, Searching, cross_entropy, moves,

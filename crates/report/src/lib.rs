@@ -1,8 +1,8 @@
-//! Pictures, curves and films, drawn on the CPU without display, driver or system font.
+//! Tables, pictures, curves and films, drawn on the CPU without display, driver or system font.
 //!
 //! A [`Drawing`] of meshes and marks seen by a [`Camera`] becomes an [`Image`]; images stand
 //! beside each other, carry labels and what their colours mean, and follow each other in a film
-//! ([`save_gif`]). A [`Chart`] draws curves, a [`HeatMap`] a table of tiles. Files are written
+//! ([`save_gif`]). A [`Table`] has rows as text, Markdown, CSV and JSON, a [`Chart`] draws curves, a [`HeatMap`] a table of tiles. Files are written
 //! atomically: whoever looks sees the old file or the new one.
 //!
 //! The rasteriser knows opaque, diffusely lit triangles under an orthographic camera: no shadows,
@@ -19,6 +19,7 @@ mod film;
 mod heat;
 mod image;
 mod legend;
+mod table;
 mod text;
 
 pub use camera::Camera;
@@ -28,3 +29,4 @@ pub use drawing::{CLOTH_BIAS, Drawing, creased};
 pub use film::save_gif;
 pub use heat::{HeatMap, Tile};
 pub use image::Image;
+pub use table::{Format, Table, TableOf, replace_tables};

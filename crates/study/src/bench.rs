@@ -13,7 +13,6 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::statistics::{extremes, median};
 use crate::study::{CORNER, Context, Report, Study, StudyError};
-use crate::table::Table;
 use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
@@ -21,6 +20,7 @@ use drape_cloth::sim::{Backend as _, Control, Cpu, Device as Backend, Model, Phy
 use drape_cloth::sim::{Precision, Solver, Tension, World};
 use drape_cloth::tool::{Shape, Source};
 use drape_learn::benchmark::{Benchmark, Implementation};
+use drape_report::Table;
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, EnvConfig, Member, Tasks};
 use drape_task::search::{Order, choose};

@@ -1,22 +1,20 @@
-//! Whole episodes in fixed orders of pressing: whether the states they end in can be believed,
+//! Whole episodes in [fixed orders](drape_proof::orders) of pressing: whether the states they end in can be believed,
 //! and how much the order matters.
 //!
-//! Three orders: masked random; straight sweeps, one direction an episode; and outwards from a
-//! place, one place of a 7 x 7 grid an episode. All are played under the rules of the task, on the
-//! allowed vertex that comes first, by rows and columns.
+//! All are played under the rules of the task, on the allowed vertex that comes first, by rows and columns.
 
 use std::sync::Arc;
 
 use crate::statistics::extremes;
 use crate::study::{Context, Report, SceneOptions, Study, StudyError, stencil_mm};
-use crate::table::Table;
-use drape_cloth::file::ValueError;
-use drape_cloth::math::{Purpose, Stream, mean_and_deviation};
+use drape_cloth::math::mean_and_deviation;
 use drape_cloth::measure::surplus;
 use drape_cloth::scene::{Scene, Summary};
 use drape_cloth::sim::{Backend, Cpu, Precision, Snapshot, World};
-use drape_task::env::{Draping, End, EnvConfig, Played, Region, Task, Tasks, most_environments};
-use drape_task::search::{Order, choose};
+use drape_proof::orders::play;
+use drape_report::Table;
+use drape_task::env::{EnvConfig, Played, Region};
+use drape_task::search::Order;
 
 /// Play whole episodes in fixed orders: strain, rest and penetration after them, and how much
 /// the order matters
@@ -114,52 +112,6 @@ const FIGURES: [Figure; 11] = [
     ("v_rms at rest [mm/s]", |r| r.v_rms_mm_s),
     ("tension max at rest [%]", |r| 1e2 * r.tension_max),
 ];
-
-/// Plays `count` episodes in an order, drawn under a seed, and keeps what `of` makes of those that do not diverge.
-/// `progress` is told the number of steps taken.
-pub fn play<T>(
-    scene: &Arc<Scene>,
-    config: &EnvConfig,
-    order: Order,
-    (count, seed): (usize, u64),
-    mut progress: impl FnMut(usize),
-    of: impl Fn(Played) -> T,
-) -> Result<Vec<T>, ValueError> {
-    let stream = |index| Stream::new(seed, Purpose::Evaluation, index as u32);
-    let mut streams: Vec<Stream> = (0..count).map(stream).collect();
-    let mut steps = 0;
-    let choose = |env: &Draping, first: usize| {
-        progress(steps);
-        steps += 1;
-        let choose = |(index, stream): (usize, &mut Stream)| {
-            let share = (first + index) as f64 / count as f64;
-            choose(env, index, order, share, stream)
-        };
-        let streams = streams[first..].iter_mut().take(env.count());
-        streams.enumerate().map(choose).collect()
-    };
-    let of = |_: &Task, played: Played| {
-        let is_whole = played.episode.end != End::Diverged;
-        is_whole.then(|| of(played))
-    };
-    let most = most_environments(scene.lamina.vertex_count());
-    let kept = Draping::play_all((scene, config), (count, most), choose, of)?;
-    Ok(kept.into_iter().flatten().collect())
-}
-
-/// The vertices that `count` episodes in an order press, without those that diverge.
-pub fn sequences(
-    scene: &Arc<Scene>,
-    config: &EnvConfig,
-    order: Order,
-    count: usize,
-    seed: u64,
-) -> Result<Vec<Vec<u32>>, ValueError> {
-    let vertices = |played: Played| played.end.presses().iter().map(|&(v, _)| v).collect();
-    let mut lists: Vec<Vec<u32>> = play(scene, config, order, (count, seed), |_| (), vertices)?;
-    lists.retain(|list| !list.is_empty());
-    Ok(lists)
-}
 
 /// Measures a state and lets it come to rest.
 pub fn rest(

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use crate::statistics::{bootstrap, extremes, interquartile_mean, probability_of_improvement};
 use crate::study::{Context, Report, Study, StudyError};
-use crate::table::{Format::Digits, Table};
 use crate::trainings::{Arm, Curve, LearnedRun, Trainings};
 use drape_report::{Band, Chart, SERIES, Series};
+use drape_report::{Format::Digits, Table};
 
 /// Train with several seeds and tell how well it is learned: interquartile means of scores with 95 %
 /// bootstrap intervals, by configuration, and the probability that one learns better than the first

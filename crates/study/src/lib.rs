@@ -1,7 +1,7 @@
 //! Studies of the simulator itself: what it gets right, how fast, and where it fails.
 //!
 //! A study is one module and one [`Study`](study::Study): its options, its cases, and a run that
-//! gives [tables](table::Table) and pictures. It prints and writes nothing; the command line does
+//! gives [tables](drape_report::Table) and pictures. It prints and writes nothing; the command line does
 //! that, for all studies alike. A new one is its module and one variant of the command.
 
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
@@ -9,16 +9,13 @@
 
 pub mod bench;
 pub mod cloth;
-pub mod compare;
 pub mod episodes;
+pub mod judge;
 pub mod learning;
 mod points;
-pub mod presses;
-pub mod proof;
 pub mod stability;
 mod statistics;
 pub mod study;
-pub mod table;
 pub mod tradeoff;
 pub mod trainings;
 pub mod truth;

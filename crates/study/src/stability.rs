@@ -25,9 +25,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Instant;
 
 use crate::study::{Context, Report, Study, StudyError, only};
-use crate::table::{Format::Hidden, Table};
 use drape_cloth::sim::{Precision, Solver};
 use drape_report::{Color, HeatMap, Image, Tile};
+use drape_report::{Format::Hidden, Table};
 use sweeps::Axis;
 
 pub use sweeps::{Sweep, sweeps};

@@ -1,16 +1,13 @@
 //! What all studies share.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-use rayon::prelude::*;
-
-use crate::table::Table;
 use crate::trainings::{Arm, Trainings};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::{SceneConfig, SceneError};
-use drape_report::Image;
+use drape_proof::{ProofError, Watch};
+use drape_report::{Image, Table};
 use drape_task::env::{EnvConfig, Scatter};
 
 /// A study: its options are its fields. It prints and writes nothing.
@@ -85,17 +82,14 @@ impl Context<'_> {
         }
     }
 
-    /// Runs every case in parallel, one by one as threads get free: they may differ in cost a
-    /// thousandfold. Results are in the order of the cases.
+    /// See [`Watch`].
+    pub fn watch(&self) -> Watch<'_> {
+        Watch(self.progress)
+    }
+
+    /// See [`Watch::each`].
     pub fn each<C: Sync, R: Send>(&self, cases: &[C], run: impl Fn(&C) -> R + Sync) -> Vec<R> {
-        let (done, count) = (AtomicUsize::new(0), cases.len());
-        let run = |case: &C| {
-            let result = run(case);
-            let done = 1 + done.fetch_add(1, Ordering::Relaxed);
-            (self.progress)(done as f64 / count as f64, &format!("{done} of {count}"));
-            result
-        };
-        cases.par_iter().with_max_len(1).map(run).collect()
+        self.watch().each(cases, run)
     }
 }
 
@@ -163,6 +157,8 @@ pub enum StudyError {
     /// What a simulation of this name has come to, or what its sheet is refused for.
     #[error("{0}")]
     Named(&'static str, #[source] Failed),
+    #[error(transparent)]
+    Proof(#[from] ProofError),
     #[error("cannot start threads")]
     Threads(#[from] rayon::ThreadPoolBuildError),
     #[error("cannot start a thread")]
@@ -175,6 +171,7 @@ impl StudyError {
         match self {
             Self::Invalid(_) | Self::Value(_) | Self::Read(_) => true,
             Self::Scene(error) => !matches!(error, SceneError::Diverged { .. }),
+            Self::Proof(error) => error.is_input(),
             _ => false,
         }
     }

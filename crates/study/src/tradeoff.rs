@@ -22,13 +22,13 @@ use std::sync::Arc;
 use cpu_time::ProcessTime;
 
 use crate::points::{apart_mm, nearest, same_points, summed_m};
-use crate::presses::{pushed, replay};
 use crate::statistics::median;
 use crate::study::{CORNER, Context, Report, Study, StudyError, lamina};
-use crate::table::Table;
 use drape_cloth::math::{Isa, mean_and_deviation};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
 use drape_cloth::sim::{Precision, Solver};
+use drape_proof::presses::{pushed, replay};
+use drape_report::Table;
 use drape_report::{Chart, SERIES, Scale, Series};
 use drape_task::env::{Draping, EnvConfig, EpisodeState};
 use variations::{Around, Variation, converged, sequences, variations};

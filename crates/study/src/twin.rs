@@ -6,7 +6,6 @@
 //! roller stops cloth by pressure where the fast solver's stencil has a place.
 
 mod case;
-pub(crate) mod fall;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -14,14 +13,10 @@ use std::sync::Arc;
 
 use cpu_time::ProcessTime;
 
-use crate::compare::{Comparison, Criteria, Parts, Surveyed, compare, picture};
-use crate::episodes::sequences;
 use crate::points::nearest;
-use crate::presses::Positions;
 use crate::study::{
     CORNER, Context, Report, SceneOptions, Study, StudyError, TrainedPath, lamina, stencil_mm,
 };
-use crate::table::Table;
 use case::{PaperCase, Ran, SelfComparison};
 use drape_cloth::fabric::{Drape, Lamina};
 use drape_cloth::measure::surplus;
@@ -29,10 +24,14 @@ use drape_cloth::mesh::write_stl;
 use drape_cloth::scene::{Scene, SceneError};
 use drape_cloth::tool::Tool;
 use drape_cloth::twin::Energies;
+use drape_proof::orders::sequences;
+use drape_proof::presses::Positions;
+use drape_proof::twin::twin_config;
+use drape_proof::{Comparison, Criteria, Parts, Surveyed, compare, picture};
+use drape_report::Table;
 use drape_task::env::EnvConfig;
 use drape_task::path::read_json;
 use drape_task::search::Order;
-use fall::twin_config;
 
 /// Solve the paper's test case in the finite-element twin and compare the fast solver with it
 ///

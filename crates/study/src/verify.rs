@@ -22,8 +22,8 @@ mod shear;
 pub mod solve;
 
 use crate::study::{Context, Report, Study, StudyError, only};
-use crate::table::Format::{Digits, Hidden};
-use crate::table::Table;
+use drape_report::Format::{Digits, Hidden};
+use drape_report::Table;
 
 use solve::{Answer, Ask};
 

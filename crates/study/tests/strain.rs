@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use drape_cloth::scene::{Scene, SceneConfig};
-use drape_study::episodes::{play, rest};
+use drape_proof::orders::play;
+use drape_study::episodes::rest;
 use drape_task::env::{EnvConfig, Played};
 use drape_task::search::Order;
 

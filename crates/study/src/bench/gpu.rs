@@ -4,12 +4,12 @@ use std::time::Instant;
 
 use super::training;
 use crate::study::{Context, Report, StudyError};
-use crate::table::Table;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{
     Adapter, Backend, Control, Cpu, DeviceError, Gpu, Model, PhysicsConfig, Precision, Snapshot,
     Solver, World,
 };
+use drape_report::Table;
 
 /// Environments that are stepped together.
 const COUNTS: [usize; 6] = [1, 8, 64, 512, 4096, 8192];

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use crate::study::{CORNER, Context, StudyError, stencil_mm};
-use crate::table::Table;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Device;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::{PpoConfig, TrainError, Trainer};
+use drape_report::Table;
 use drape_task::env::{Draping, EnvConfig};
 
 /// Vertices along a side of the sheet on the rib: as many as software Vulkan has the time for.

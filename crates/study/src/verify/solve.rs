@@ -2,9 +2,9 @@
 //! the numbers that are got of them.
 
 use crate::cloth::Piece;
-use drape_cloth::sim::{Accuracy, Backend, Bending, BendingStiffness, Control, Cpu};
-use drape_cloth::sim::{PhysicsConfig, Precision, Snapshot, Solver};
-use drape_cloth::twin::{Twin, TwinConfig};
+use drape_cloth::sim::{Accuracy, Backend, Control, Cpu, Precision, Snapshot, Solver};
+use drape_cloth::twin::Twin;
+use drape_proof::twin::twin_physics;
 
 /// A number that is known, and what was found instead.
 #[derive(Clone, Debug, PartialEq)]
@@ -179,23 +179,6 @@ impl Reference {
             state.velocity.fill([f64::NAN; 3]);
         }
         state
-    }
-}
-
-/// The fast solver's physics for the twin.
-pub fn twin_physics(physics: &PhysicsConfig) -> TwinConfig {
-    TwinConfig {
-        bending_stiffness: match (physics.bending, physics.bending_stiffness) {
-            (Bending::Off, _) => Some([0.0; 2]),
-            (_, BendingStiffness::Material) => None,
-            (_, BendingStiffness::NewtonMetre(d)) => Some([d; 2]),
-        },
-        gravity: physics.gravity,
-        shear_locking: physics.shear_locking,
-        friction: physics.friction,
-        adhesion: physics.adhesion,
-        damping: physics.damping,
-        ..TwinConfig::default()
     }
 }
 

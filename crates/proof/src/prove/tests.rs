@@ -44,9 +44,13 @@ fn case<'a>(scene: &'a Arc<Scene>, env: &'a EnvConfig, scatter: &'a Scatter) -> 
     }
 }
 
-fn found(case: Case, paths: &[Vec<u32>], count: usize, twin: bool) -> Proof {
-    let choice = choose(case, paths, (count, twin), &Context::quiet()).unwrap();
-    prove(case, &choice, twin, &Context::quiet()).unwrap()
+fn found(case: Case, paths: &[Vec<u32>], random: usize, judge: Physics) -> Proof {
+    let choice = choose(case, paths, Method { random, judge }, Watch::QUIET).unwrap();
+    prove(case, &choice, judge, Watch::QUIET).unwrap()
+}
+
+fn by(judge: Physics) -> Method {
+    Method { random: 1, judge }
 }
 
 fn row(proof: &Proof, physics: Physics, order: &str) -> Row {
@@ -62,7 +66,7 @@ fn paths_are_held_against_orders_in_the_same_world() {
     let (scene, env, none) = (scene(), env(), Scatter::default());
     let case = case(&scene, &env, &none);
     let random = sequences(&scene, &env, Order::Random, 5, 3).unwrap();
-    let found = found(case, &random, 5, false);
+    let found = found(case, &random, 5, Physics::Solver);
     let [path, same] = ["path", "random"].map(|order| row(&found, Physics::Solver, order));
     assert_eq!(path.best, same.best);
     let rows =
@@ -92,11 +96,11 @@ fn what_is_proved_is_what_is_left_of_the_choice() {
     let (scene, env, none) = (scene(), env(), Scatter::default());
     let case = case(&scene, &env, &none);
     let paths = sequences(&scene, &env, Order::Random, 2, 3).unwrap();
-    let mut choice = choose(case, &paths, (1, false), &Context::quiet()).unwrap();
+    let mut choice = choose(case, &paths, by(Physics::Solver), Watch::QUIET).unwrap();
     let path = choice.path.as_mut().unwrap();
     path.truncate(path.len() / 2);
     let half = path.clone();
-    let found = prove(case, &choice, false, &Context::quiet()).unwrap();
+    let found = prove(case, &choice, Physics::Solver, Watch::QUIET).unwrap();
     assert_eq!(found.best.as_ref().unwrap().path, half);
     let pressed = row(&found, Physics::Solver, "path").best.path.presses;
     assert_eq!(pressed, half.len() as f64);
@@ -107,14 +111,14 @@ fn what_is_proved_is_what_is_left_of_the_choice() {
 fn costs_decide_which_path_is_best() {
     let (scene, mut env, none) = (scene(), env(), Scatter::default());
     let paths = sequences(&scene, &env, Order::Random, 5, 3).unwrap();
-    let proved = |env: &EnvConfig| found(case(&scene, env, &none), &paths, 1, false);
+    let proved = |env: &EnvConfig| found(case(&scene, env, &none), &paths, 1, Physics::Solver);
     let free = proved(&env);
     env.costs.second = 1.0;
     let costly = proved(&env);
     let seconds = |proof: &Proof| row(proof, Physics::Solver, "path").best.robot_s;
     let all = paths.iter().map(|path| {
         let one = [path.clone()];
-        seconds(&found(case(&scene, &env, &none), &one, 1, false))
+        seconds(&found(case(&scene, &env, &none), &one, 1, Physics::Solver))
     });
     // A second costs more than any score.
     assert_eq!(seconds(&costly), all.fold(f64::INFINITY, f64::min));
@@ -129,7 +133,7 @@ fn paths_are_proved_in_worlds_that_chose_none() {
     let (scene, env, scatter) = (scene(), env(), scatter());
     let case = case(&scene, &env, &scatter);
     let paths = sequences(&scene, &env, Order::Random, 3, 3).unwrap();
-    let found = found(case, &paths, 2, true);
+    let found = found(case, &paths, 2, Physics::Twin);
     for (physics, worlds) in [(Physics::Solver, PROVING), (Physics::Twin, TWIN)] {
         let path = row(&found, physics, "path");
         assert_eq!((path.count, path.worlds), (3, worlds));
@@ -146,7 +150,7 @@ fn paths_are_proved_in_worlds_that_chose_none() {
     assert!(recording.by_twin && recording.vertices() == best.path);
     let last = recording.frames.last().unwrap();
     assert!((last.score - twin.nominal_score).abs() < 1e-12);
-    let alone = sensitivity(case, &best.path, &Context::quiet()).unwrap();
+    let alone = sensitivity(case, &best.path, Watch::QUIET).unwrap();
     assert_eq!(alone.len(), scatter.spreads.len());
     assert!(
         alone
@@ -197,18 +201,18 @@ fn a_proof_is_never_coarser_than_the_training() {
 fn twin_chooses_among_the_best() {
     let (scene, env, scatter) = (scene(), env(), scatter());
     let case = case(&scene, &env, &scatter);
-    let quiet = Context::quiet();
+    let quiet = Watch::QUIET;
     let paths = sequences(&scene, &env, Order::Random, 8, 2).unwrap();
-    let [by_solver, by_twin] = [false, true].map(|twin| {
-        choose(case, &paths, (1, twin), &quiet)
+    let [by_solver, by_twin] = [Physics::Solver, Physics::Twin].map(|judge| {
+        choose(case, &paths, by(judge), quiet)
             .unwrap()
             .path
             .unwrap()
     });
-    let worlds = case.worlds(CHOOSING.iter().sum::<u64>() as usize, SEEDS[0], &quiet);
+    let worlds = case.worlds(CHOOSING.iter().sum::<u64>() as usize, SEEDS[0], quiet);
     let lists = [&by_solver[..], &by_twin[..]];
     let numbers = [Some(0), Some(1), Some(2)];
-    let (left, _) = in_twin(case, &worlds.unwrap(), &lists, &numbers, &quiet).unwrap();
+    let (left, _) = in_twin(case, &worlds.unwrap(), &lists, &numbers, quiet).unwrap();
     let [solver, twin] = [0, 1].map(|k| {
         let worths: Vec<f64> = left[k].iter().map(|left| left.unwrap().worth).collect();
         scatter.judge(&worths)

@@ -1,15 +1,11 @@
 //! A twin that falls and lies as a scene says.
 
-use crate::study::StudyError;
-use crate::verify::solve::twin_physics;
+use crate::ProofError;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::{Misplacement, Scene, SceneConfig, SceneError};
-use drape_cloth::sim::{Bending, SelfCollision};
-use drape_cloth::twin::{Diverged, Hold, PressConfig, Twin, TwinConfig};
+use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig, SelfCollision};
+use drape_cloth::twin::{Hold, PressConfig, Twin, TwinConfig};
 use drape_task::env::EnvConfig;
-
-/// Inertia over mass of the paper's accelerated variant: 8.15 h become 40.2 min.
-pub const ACCELERATION: f64 = 148.0;
 
 /// The twin's configuration for the physics of a scene; the error names the first key whose value
 /// the twin has nothing for.
@@ -31,6 +27,23 @@ pub fn twin_config(scene: &SceneConfig) -> Result<TwinConfig, SceneError> {
     let config = twin_physics(physics);
     config.check().map_err(|error| error.within("physics"))?;
     Ok(config)
+}
+
+/// The fast solver's physics for the twin.
+pub fn twin_physics(physics: &PhysicsConfig) -> TwinConfig {
+    TwinConfig {
+        bending_stiffness: match (physics.bending, physics.bending_stiffness) {
+            (Bending::Off, _) => Some([0.0; 2]),
+            (_, BendingStiffness::Material) => None,
+            (_, BendingStiffness::NewtonMetre(d)) => Some([d; 2]),
+        },
+        gravity: physics.gravity,
+        shear_locking: physics.shear_locking,
+        friction: physics.friction,
+        adhesion: physics.adhesion,
+        damping: physics.damping,
+        ..TwinConfig::default()
+    }
 }
 
 /// [`twin_config`] of a scene that is set up: its tool must not be finer than cells either.
@@ -59,7 +72,7 @@ pub fn press_config(env: &EnvConfig, hold: Hold) -> PressConfig {
 
 /// A twin that has fallen as the scene says, from so far off its place, or has settled from where a scan has it. Clamps move evenly during the fall, then stay;
 /// settling has the scene's own damping unless the twin has none at all.
-pub fn fallen(scene: &Scene, config: &TwinConfig, off: &Misplacement) -> Result<Twin, StudyError> {
+pub fn fallen(scene: &Scene, config: &TwinConfig, off: &Misplacement) -> Result<Twin, ProofError> {
     let [_, settle_s] = scene.config.fall.durations();
     let (start, fall_s) = scene.begun(off)?;
     let mut twin = Twin::new(&scene.lamina, config)?;
@@ -67,16 +80,15 @@ pub fn fallen(scene: &Scene, config: &TwinConfig, off: &Misplacement) -> Result<
     for v in start.fixed.ones() {
         twin.drive(v as u32, start.velocity[v]);
     }
-    let diverged = |error: Diverged| StudyError::Named("the twin's fall", error.into());
     let tool = Some(&*scene.tool);
-    twin.advance(tool, fall_s).map_err(diverged)?;
+    twin.advance(tool, fall_s)?;
     for v in start.fixed.ones() {
         twin.fix(v as u32);
     }
     if config.damping > 0.0 {
         twin.set_damping(scene.config.fall.settle_damping);
     }
-    twin.advance(tool, settle_s).map_err(diverged)?;
+    twin.advance(tool, settle_s)?;
     twin.set_damping(config.damping);
     Ok(twin)
 }
@@ -104,3 +116,6 @@ pub fn lying(
     }
     Ok(twin)
 }
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,4 +1,4 @@
-//! A table of what a study has measured, and its form as text, Markdown, CSV and JSON.
+//! A table of what has been measured, and its form as text, Markdown, CSV and JSON.
 //!
 //! [`Table::of`] takes any rows; each column names itself, its unit and how its cells are got. A
 //! column `left [m]` is the field `left_m` of CSV and JSON.

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use crate::table::{Format::Digits, Table};
 use drape_cloth::mesh::compare::{ContourDeviation, Holes, Spread, Wrinkles};
+use drape_report::{Format::Digits, Table};
 
 /// How drape A differs from the reference B, and what each is like.
 #[derive(Clone, Debug, PartialEq, Serialize)]

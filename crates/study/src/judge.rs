@@ -3,17 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use cpu_time::ProcessTime;
-
-use super::{Case, LIES, Left, SEEDS, in_twin, pressed};
 use crate::statistics::{bootstrap, rank_correlation};
 use crate::study::{Context, KeptPaths, Report, Study, StudyError};
-use crate::table::Table;
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::Stepping;
-use drape_report::{Chart, SERIES, Series};
+use drape_proof::Case;
+use drape_report::{Chart, SERIES, Series, Table};
 use drape_task::env::mean_and_worst_quarter;
-use drape_task::search::Judge;
 
 /// Tell how well few worlds and coarse steps say which path holds: the rank correlation with the
 /// finite-element twin's mean over worlds
@@ -106,10 +102,7 @@ impl Study for Judging {
             seed: 0,
         };
         let refs: Vec<&[u32]> = lists.iter().map(|(_, list)| list.as_slice()).collect();
-        let worlds = case.worlds(LIES, SEEDS[1], context)?;
-        let numbers: Vec<Option<u64>> = (0..u64::from(self.twin_worlds)).map(Some).collect();
-        let (truth, _) = in_twin(case, &worlds, &refs, &numbers, context)?;
-        let truth = scores(&truth);
+        let truth = case.scores_in_twin(&refs, usize::from(self.twin_worlds), context.watch())?;
         let means: Vec<f64> = truth.iter().map(|scores| mean(scores)).collect();
         let judges = judges(case, &refs, &means, context)?;
         let mut rows: Vec<(usize, &Path, usize)> = Vec::new();
@@ -147,13 +140,6 @@ impl Judging {
     }
 }
 
-/// `[list][world]`; what diverges scores nothing.
-fn scores(left: &[Vec<Option<Left>>]) -> Vec<Vec<f64>> {
-    let score = |left: &Option<Left>| left.map_or(0.0, |left| left.score);
-    let row = |left: &Vec<Option<Left>>| left.iter().map(score).collect();
-    left.iter().map(row).collect()
-}
-
 fn judges(
     case: Case,
     lists: &[&[u32]],
@@ -161,8 +147,6 @@ fn judges(
     context: &Context,
 ) -> Result<Vec<Judged>, StudyError> {
     let most = COUNTS[COUNTS.len() - 1];
-    let worlds = case.worlds(LIES, SEEDS[0], context)?;
-    let numbers: Vec<Option<u64>> = (0..most as u64).map(Some).collect();
     let mut found = Vec::new();
     for rate in RATES {
         let mut env = case.env.clone();
@@ -171,11 +155,7 @@ fn judges(
             substep_rate: rate,
             contact_rate,
         });
-        let mut judge = Judge::new(case.scene, &worlds, &[env])?;
-        let (began, doing) = (ProcessTime::now(), format!("{rate} substeps a second"));
-        let told = |done, of| (context.progress)(done as f64 / of as f64, &doing);
-        let scores = scores(&pressed(&mut judge, lists, &numbers, told));
-        let seconds = began.elapsed().as_secs_f64() / (lists.len() * most) as f64;
+        let (scores, seconds) = case.scores(lists, most, env, context.watch())?;
         for count in COUNTS {
             // Over the lists of these numbers, mean over disjoint sets of worlds.
             let correlation = |of: Measure, numbers: &[usize]| {

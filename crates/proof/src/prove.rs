@@ -1,16 +1,15 @@
 //! Whether a path holds: played in worlds that chose none, in finer steps and in the twin, beside orders
 //! that anybody could think of.
 
-mod judging;
-
 use std::sync::{Arc, Mutex};
 
+use cpu_time::ProcessTime;
 use serde::{Deserialize, Serialize};
 
-use crate::episodes::sequences;
+use crate::orders::sequences;
 use crate::presses::{replay_in_twin, resting_in_twin};
-use crate::study::{Context, StudyError};
-use crate::twin::fall::twin_of;
+use crate::twin::twin_of;
+use crate::{ProofError, Watch};
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::measure::sheared;
 use drape_cloth::scene::{Misplacement, Scene};
@@ -21,8 +20,6 @@ use drape_task::env::{
 use drape_task::path::PathFigures;
 use drape_task::recording::Recording;
 use drape_task::search::{Job, Judge, Order};
-
-pub use judging::Judging;
 
 /// Where a path is proved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -53,6 +50,15 @@ pub struct Case<'a> {
     pub scatter: &'a Scatter,
     /// Worlds are drawn under it, and random orders.
     pub seed: u64,
+}
+
+/// What paths are held against, and by whom.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Method {
+    /// Random orders; sweeps are a quarter as many and orders outwards half as many.
+    pub random: usize,
+    /// Who has the last word on the best path, and proves it last.
+    pub judge: Physics,
 }
 
 /// Paths of one origin in one physics.
@@ -159,32 +165,32 @@ pub struct Choice {
     chosen: Vec<Chosen>,
 }
 
-/// Chooses the best of `paths`, and of `count` random orders, a quarter as many sweeps and half as many
-/// outwards, found in the task's own steps. Where nothing scatters there is one world. With `twin` that has the last
-/// word on the path, among the best by the fast solver.
+/// Chooses the best of `paths` and of the orders that they are held against, found in the task's own steps. Where
+/// nothing scatters there is one world. The twin as judge has the last word on the path, among the best by the fast
+/// solver.
 ///
 /// # Errors
 /// If the scene has what the twin has nothing for, or a fall diverges.
 pub fn choose(
     case: Case,
     paths: &[Vec<u32>],
-    (count, twin): (usize, bool),
-    context: &Context,
-) -> Result<Choice, StudyError> {
+    method: Method,
+    watch: Watch,
+) -> Result<Choice, ProofError> {
     let Case { scene, env, .. } = case;
-    if twin {
+    if method.judge == Physics::Twin {
         // Refused before the work.
         twin_of(scene)?;
     }
     let mut groups = vec![("path", paths.to_vec(), paths.len())];
     for (name, order, count) in [
-        ("random", Order::Random, count),
-        ("sweep", Order::Sweep, count.div_ceil(4)),
-        ("outwards", Order::Outwards, count.div_ceil(2)),
+        ("random", Order::Random, method.random),
+        ("sweep", Order::Sweep, method.random.div_ceil(4)),
+        ("outwards", Order::Outwards, method.random.div_ceil(2)),
     ] {
         groups.push((name, sequences(scene, env, order, count, case.seed)?, count));
     }
-    let chosen = best_of(case, &groups, twin, context)?;
+    let chosen = best_of(case, &groups, method.judge, watch)?;
     Ok(Choice {
         path: chosen[0].0.map(|k| paths[k].clone()),
         groups,
@@ -192,23 +198,23 @@ pub fn choose(
     })
 }
 
-/// Proves what was chosen in worlds that chose none of it, and with `twin` in the twin's too.
+/// Proves what was chosen in worlds that chose none of it, and with the twin as judge in the twin's too.
 ///
 /// # Errors
 /// If the scene has what the twin has nothing for, or a fall diverges.
 pub fn prove(
     case: Case,
     choice: &Choice,
-    twin: bool,
-    context: &Context,
-) -> Result<Proof, StudyError> {
+    judge: Physics,
+    watch: Watch,
+) -> Result<Proof, ProofError> {
     let Case { scene, env, .. } = case;
     let Choice { groups, chosen, .. } = choice;
     let others = groups.iter().zip(chosen).skip(1);
     let others = others.map(|((_, lists, _), (best, _))| best.map_or(&[][..], |k| &lists[k]));
     let path = choice.path.as_deref().unwrap_or_default();
     let lists: Vec<&[u32]> = std::iter::once(path).chain(others).collect();
-    let worlds = case.worlds(LIES, SEEDS[1], context)?;
+    let worlds = case.worlds(LIES, SEEDS[1], watch)?;
     let row = |physics, k: usize, left: &[Option<Left>]| {
         let scores: Vec<f64> = chosen[k].1.iter().flatten().copied().collect();
         let [mean_score, deviation_score] = mean_and_deviation(&scores);
@@ -226,9 +232,9 @@ pub fn prove(
     };
     let mut rows = Vec::new();
     let numbers: Vec<Option<u64>> = case.numbers(0..PROVING as u64);
-    let mut judge = Judge::new(scene, &worlds, &[case.scatter.finest(env)])?;
-    let told = |done, of| (context.progress)(done as f64 / of as f64, "proving");
-    let found = pressed(&mut judge, &lists, &numbers, told);
+    let mut solver = Judge::new(scene, &worlds, &[case.scatter.finest(env)])?;
+    let told = |done, all| watch.count(done, all, "proving");
+    let found = pressed(&mut solver, &lists, &numbers, told);
     rows.extend(
         found
             .iter()
@@ -241,9 +247,9 @@ pub fn prove(
         score: rows[0].best.score,
     });
     let mut recording = None;
-    if let (true, Some(path)) = (twin, &mut best) {
+    if let (Physics::Twin, Some(path)) = (judge, &mut best) {
         let numbers = case.numbers(0..TWIN as u64);
-        let (found, seen) = in_twin(case, &worlds, &lists, &numbers, context)?;
+        let (found, seen) = in_twin(case, &worlds, &lists, &numbers, watch)?;
         rows.extend(
             found
                 .iter()
@@ -267,11 +273,11 @@ pub fn prove(
 ///
 /// # Errors
 /// If a fall diverges.
-pub fn figures(case: Case, path: &[u32], context: &Context) -> Result<Figures, StudyError> {
-    let worlds = case.worlds(LIES, SEEDS[1], context)?;
+pub fn figures(case: Case, path: &[u32], watch: Watch) -> Result<Figures, ProofError> {
+    let worlds = case.worlds(LIES, SEEDS[1], watch)?;
     let mut judge = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
     let numbers = case.numbers(0..PROVING as u64);
-    let told = |done, of| (context.progress)(done as f64 / of as f64, "proving");
+    let told = |done, all| watch.count(done, all, "proving");
     let left = pressed(&mut judge, &[path], &numbers, told).remove(0);
     Ok(Figures::new(&left, case.env))
 }
@@ -280,11 +286,7 @@ pub fn figures(case: Case, path: &[u32], context: &Context) -> Result<Figures, S
 ///
 /// # Errors
 /// If a fall diverges.
-pub fn sensitivity(
-    case: Case,
-    path: &[u32],
-    context: &Context,
-) -> Result<Vec<Sensitivity>, StudyError> {
+pub fn sensitivity(case: Case, path: &[u32], watch: Watch) -> Result<Vec<Sensitivity>, ProofError> {
     let quantities: Vec<Quantity> = case.scatter.spreads.keys().copied().collect();
     let of = |&quantity: &Quantity| {
         let scatter = case.scatter.only(quantity);
@@ -292,7 +294,7 @@ pub fn sensitivity(
             scatter: &scatter,
             ..case
         };
-        let worlds = alone.worlds(SENSITIVITY, SEEDS[2], &Context::quiet())?;
+        let worlds = alone.worlds(SENSITIVITY, SEEDS[2], Watch::QUIET)?;
         let mut judge = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
         let numbers: Vec<Option<u64>> = (0..SENSITIVITY as u64).map(Some).collect();
         let left = pressed(&mut judge, &[path], &numbers, |_, _| ()).remove(0);
@@ -312,18 +314,56 @@ pub fn sensitivity(
         })
     };
     // One after the other: each takes all cores.
-    let told = |k: usize| (context.progress)(k as f64 / quantities.len() as f64, "");
+    let told = |k: usize| watch.count(k, quantities.len(), "");
     let each = quantities.iter().enumerate();
     let all = each.map(|(k, quantity)| of(quantity).inspect(|_| told(k + 1)));
-    let mut all: Vec<Sensitivity> = all.collect::<Result<_, StudyError>>()?;
+    let mut all: Vec<Sensitivity> = all.collect::<Result<_, ProofError>>()?;
     all.sort_by(|a, b| a.worst_score.total_cmp(&b.worst_score));
     Ok(all)
 }
 
 impl Case<'_> {
+    /// Scores of lists in worlds that no path is proved in, stepped so finely, `[list][world]` [-], nothing for what
+    /// diverges; and the CPU time of a list and world [s].
+    ///
+    /// # Errors
+    /// If a fall diverges.
+    pub fn scores(
+        &self,
+        lists: &[&[u32]],
+        count: usize,
+        env: EnvConfig,
+        watch: Watch,
+    ) -> Result<(Vec<Vec<f64>>, f64), ProofError> {
+        let worlds = self.worlds(LIES, SEEDS[0], watch)?;
+        let mut judge = Judge::new(self.scene, &worlds, &[env])?;
+        let numbers: Vec<Option<u64>> = (0..count as u64).map(Some).collect();
+        let began = ProcessTime::now();
+        let told = |done, all| watch.count(done, all, "pressing");
+        let left = pressed(&mut judge, lists, &numbers, told);
+        let seconds = began.elapsed().as_secs_f64() / (lists.len() * count) as f64;
+        Ok((scores(&left), seconds))
+    }
+
+    /// Scores of lists in so many worlds of the twin, as [`scores`](Self::scores).
+    ///
+    /// # Errors
+    /// If the scene has what the twin has nothing for, or a fall diverges.
+    pub fn scores_in_twin(
+        &self,
+        lists: &[&[u32]],
+        count: usize,
+        watch: Watch,
+    ) -> Result<Vec<Vec<f64>>, ProofError> {
+        let worlds = self.worlds(LIES, SEEDS[1], watch)?;
+        let numbers: Vec<Option<u64>> = (0..count as u64).map(Some).collect();
+        let (left, _) = in_twin(*self, &worlds, lists, &numbers, watch)?;
+        Ok(scores(&left))
+    }
+
     /// Worlds to draw from, under a seed of their own.
-    fn worlds(&self, lies: usize, seed: u64, context: &Context) -> Result<Arc<Worlds>, StudyError> {
-        let told = |share| (context.progress)(share, "falling");
+    fn worlds(&self, lies: usize, seed: u64, watch: Watch) -> Result<Arc<Worlds>, ProofError> {
+        let told = |share| watch.tell(share, "falling");
         let worlds = Worlds::new(self.scene, self.scatter, lies, self.seed ^ seed, told)?;
         Ok(worlds.into())
     }
@@ -340,15 +380,15 @@ impl Case<'_> {
 /// Of each origin the number of the best list, and the scores of all [-]; none where one diverges.
 type Chosen = (Option<usize>, Vec<Option<f64>>);
 
-/// The best list of each origin; of the first by the `twin`, if that is asked.
+/// The best list of each origin; of the first by the twin, if that is asked.
 fn best_of(
     case: Case,
     groups: &[(&str, Vec<Vec<u32>>, usize)],
-    twin: bool,
-    context: &Context,
-) -> Result<Vec<Chosen>, StudyError> {
-    let worlds = case.worlds(CHOOSING.iter().sum::<u64>() as usize, SEEDS[0], context)?;
-    let mut judge = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
+    judge: Physics,
+    watch: Watch,
+) -> Result<Vec<Chosen>, ProofError> {
+    let worlds = case.worlds(CHOOSING.iter().sum::<u64>() as usize, SEEDS[0], watch)?;
+    let mut solver = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
     let all: Vec<(usize, usize)> = (groups.iter().enumerate())
         .flat_map(|(group, (_, paths, _))| (0..paths.len()).map(move |k| (group, k)))
         .collect();
@@ -356,14 +396,14 @@ fn best_of(
         true => [0..CHOOSING[0], CHOOSING[0]..CHOOSING[0] + CHOOSING[1]],
         false => [0..1, 0..0],
     };
-    let told = |done, of| (context.progress)(done as f64 / of as f64, "choosing");
+    let told = |done, all| watch.count(done, all, "choosing");
     let mut press = |those: &[(usize, usize)], worlds: std::ops::Range<u64>| {
         let lists: Vec<&[u32]> = those
             .iter()
             .map(|&(group, k)| &*groups[group].1[k])
             .collect();
         let numbers: Vec<Option<u64>> = worlds.map(Some).collect();
-        pressed(&mut judge, &lists, &numbers, told)
+        pressed(&mut solver, &lists, &numbers, told)
     };
     let of = |left: &[Option<Left>], value: fn(&Left) -> f64| -> Option<Vec<f64>> {
         left.iter().map(|left| left.as_ref().map(value)).collect()
@@ -403,10 +443,10 @@ fn best_of(
         ranked.push(whole.into_iter().map(|(k, _)| k).collect());
         found.push((ranked[group].first().copied(), scores));
     }
-    if twin && ranked[0].len() > 1 {
+    if judge == Physics::Twin && ranked[0].len() > 1 {
         ranked[0].truncate(TWIN_CHOOSING[0]);
         let lists: Vec<&[u32]> = ranked[0].iter().map(|&k| &*groups[0].1[k]).collect();
-        let best = best_in_twin(case, &worlds, &lists, context)?;
+        let best = best_in_twin(case, &worlds, &lists, watch)?;
         found[0].0 = best.map(|place| ranked[0][place]).or(found[0].0);
     }
     Ok(found)
@@ -417,14 +457,14 @@ fn best_in_twin(
     case: Case,
     worlds: &Worlds,
     lists: &[&[u32]],
-    context: &Context,
-) -> Result<Option<usize>, StudyError> {
+    watch: Watch,
+) -> Result<Option<usize>, ProofError> {
     let mut numbers = case.numbers(0..TWIN_CHOOSING[1] as u64);
     if numbers.len() > 1 {
         // The world of the scene is no draw.
         numbers.remove(0);
     }
-    let (left, _) = in_twin(case, worlds, lists, &numbers, context)?;
+    let (left, _) = in_twin(case, worlds, lists, &numbers, watch)?;
     let worth = |left: &[Option<Left>]| -> Option<f64> {
         let all: Option<Vec<f64>> = left.iter().map(|left| Some(left.as_ref()?.worth)).collect();
         Some(case.scatter.judge(&all?))
@@ -462,10 +502,10 @@ fn in_twin(
     worlds: &Worlds,
     lists: &[&[u32]],
     numbers: &[Option<u64>],
-    context: &Context,
-) -> Result<(Vec<Vec<Option<Left>>>, Option<Recording>), StudyError> {
+    watch: Watch,
+) -> Result<(Vec<Vec<Option<Left>>>, Option<Recording>), ProofError> {
     let Case { scene, env, .. } = case;
-    (context.progress)(0.0, "the twin's falls");
+    watch.tell(0.0, "the twin's falls");
     let drawn: Vec<(Misplacement, Parameters)> = (numbers.iter())
         .map(|number| {
             let world = number.map(|number| worlds.world(number));
@@ -474,8 +514,8 @@ fn in_twin(
             (off.unwrap_or_default(), parameters.unwrap_or_default())
         })
         .collect();
-    let falls = context.each(&drawn, |(off, fabric)| resting_in_twin(scene, off, fabric));
-    let falls: Vec<_> = falls.into_iter().collect::<Result<_, StudyError>>()?;
+    let falls = watch.each(&drawn, |(off, fabric)| resting_in_twin(scene, off, fabric));
+    let falls: Vec<_> = falls.into_iter().collect::<Result<_, ProofError>>()?;
     let tasks = falls.into_iter().zip(&drawn).map(|(scene, (_, fabric))| {
         let mut env = env.clone();
         env.parameters = env.parameters.and(fabric);
@@ -492,7 +532,7 @@ fn in_twin(
     let jobs = lists
         .iter()
         .flat_map(|list| tasks.iter().map(move |task| (task, *list)));
-    let (ends, _) = replay_in_twin(&jobs.collect::<Vec<_>>(), &see, context)?;
+    let (ends, _) = replay_in_twin(&jobs.collect::<Vec<_>>(), &see, watch)?;
     let left = ends
         .iter()
         .enumerate()
@@ -500,6 +540,13 @@ fn in_twin(
     let left: Vec<Option<Left>> = left.collect();
     let rows = left.chunks(tasks.len()).map(<[_]>::to_vec).collect();
     Ok((rows, recording.into_inner().ok()))
+}
+
+/// `[list][world]`; what diverges scores nothing.
+fn scores(left: &[Vec<Option<Left>>]) -> Vec<Vec<f64>> {
+    let score = |left: &Option<Left>| left.map_or(0.0, |left| left.score);
+    let row = |left: &Vec<Option<Left>>| left.iter().map(score).collect();
+    left.iter().map(row).collect()
 }
 
 impl Left {

@@ -4,8 +4,8 @@ use std::sync::{Arc, Mutex};
 
 use cpu_time::ThreadTime;
 
-use crate::study::{Context, StudyError};
-use crate::twin::fall::{fallen, lying, press_config, twin_config, twin_of};
+use crate::twin::{fallen, lying, press_config, twin_config, twin_of};
+use crate::{ProofError, Watch};
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::{Misplacement, Scene};
 use drape_cloth::sim::{Parameters, Presses, Snapshot};
@@ -39,10 +39,10 @@ pub fn replay(
 pub fn replay_in_twin(
     lists: &[(&Task, &[u32])],
     observe: &(dyn Fn(usize, &EpisodeState) + Sync),
-    context: &Context,
-) -> Result<(Vec<Option<EpisodeState>>, f64), StudyError> {
+    watch: Watch,
+) -> Result<(Vec<Option<EpisodeState>>, f64), ProofError> {
     let numbered: Vec<usize> = (0..lists.len()).collect();
-    let played = context.each(&numbered, |&number| {
+    let played = watch.each(&numbered, |&number| {
         let (task, list) = lists[number];
         let (scene, env) = (&task.scene, &task.config);
         let mut config = twin_config(&scene.config)?;
@@ -58,7 +58,7 @@ pub fn replay_in_twin(
         let ended = ended.ok().map(|presses| state(&twin, &presses));
         Ok((ended, began.elapsed().as_secs_f64()))
     });
-    let played: Vec<_> = played.into_iter().collect::<Result<_, StudyError>>()?;
+    let played: Vec<_> = played.into_iter().collect::<Result<_, ProofError>>()?;
     let ended = played.iter().filter(|(ended, _)| ended.is_some());
     let seconds = ended.map(|(_, seconds)| seconds).sum();
     let ends = played.into_iter().map(|(ended, _)| ended);
@@ -84,7 +84,7 @@ pub fn resting_in_twin(
     scene: &Scene,
     off: &Misplacement,
     fabric: &Parameters,
-) -> Result<Arc<Scene>, StudyError> {
+) -> Result<Arc<Scene>, ProofError> {
     let mut config = twin_of(scene)?;
     config.parameters = fabric.clone();
     Ok(resting(scene, fallen(scene, &config, off)?.positions()))
@@ -94,18 +94,14 @@ pub fn resting_in_twin(
 ///
 /// # Errors
 /// If it diverges, or was recorded on another blank than that of `scene`.
-pub fn again(
-    recording: &Recording,
-    scene: &Scene,
-    context: &Context,
-) -> Result<Recording, StudyError> {
+pub fn again(recording: &Recording, scene: &Scene, watch: Watch) -> Result<Recording, ProofError> {
     if recording.rest != scene.lamina.rest || recording.tool != scene.tool.mesh {
         let fault = "recorded on another blank or tool than the scene's";
-        return Err(StudyError::Invalid(fault.into()));
+        return Err(ProofError::Invalid(fault));
     }
     if !scene.model.fits(&recording.start) {
         let fault = "its start is none of the scene's blank";
-        return Err(StudyError::Invalid(fault.into()));
+        return Err(ProofError::Invalid(fault));
     }
     let (env, vertices) = (&recording.env, recording.vertices());
     let begun = Arc::new(Scene {
@@ -124,10 +120,10 @@ pub fn again(
         let mut again = again.lock().expect("nobody panics");
         again.see(&task, episode);
         let share = again.presses.len() as f64 / vertices.len().max(1) as f64;
-        (context.progress)(share, "pressing again");
+        watch.tell(share, "pressing again");
     };
     let has_ended = match recording.by_twin {
-        true => replay_in_twin(&[(&task, &vertices)], &see, context)?.0[0].is_some(),
+        true => replay_in_twin(&[(&task, &vertices)], &see, watch)?.0[0].is_some(),
         false => {
             let mut draping = Draping::new(begun, env, 1)?;
             let watch = |draping: &Draping, index, _| see(index, &draping.episode(index));
@@ -136,7 +132,7 @@ pub fn again(
     };
     match has_ended {
         true => Ok(again.into_inner().expect("nobody panics")),
-        false => Err(StudyError::FastDiverged),
+        false => Err(ProofError::SolverDiverged),
     }
 }
 
