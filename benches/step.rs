@@ -9,13 +9,13 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use drape_cloth::math::Isa;
 use drape_cloth::scene::Scene;
 use drape_study::bench::{
-    CONTROL, Device, ENVIRONMENTS, FEATURES, Player, THREADS, Timed, physics, solved_by,
+    BenchDevice, CONTROL, ENVIRONMENTS, FEATURES, Player, THREADS, Timed, physics, solved_by,
     standard_scene, variants,
 };
 
 /// A control step; an element is a substep of one environment.
 fn step(criterion: &mut Criterion, scene: &Scene) {
-    let best = Device::group(Isa::best());
+    let best = BenchDevice::group(Isa::best());
     let core = variants().into_iter().map(|(solver, device)| {
         let name = format!("{solver:?} {device:?}");
         ("core", name, solved_by(solver), device)

@@ -8,7 +8,7 @@ use drape_task::cluster::Cluster;
 pub struct StartError(String);
 
 /// This process among those that were started together, until the command ends.
-pub struct Session {
+pub struct ClusterSession {
     pub cluster: Cluster,
     /// Number of this process among those on the same machine.
     pub local_rank: usize,
@@ -38,7 +38,7 @@ fn refuse_several(advice: &str) -> Result<(), StartError> {
 }
 
 #[cfg(not(feature = "cluster"))]
-impl Session {
+impl ClusterSession {
     /// This process alone.
     ///
     /// # Errors
@@ -64,10 +64,10 @@ mod processes {
     use mpi::topology::SimpleCommunicator;
     use mpi::traits::{Communicator as _, CommunicatorCollectives as _};
 
-    use super::{Cluster, Session, StartError};
+    use super::{Cluster, ClusterSession, StartError};
     use drape_task::cluster::Communicator;
 
-    impl Session {
+    impl ClusterSession {
         /// Meets all processes.
         ///
         /// # Errors

@@ -8,9 +8,9 @@ use super::planned::Planned;
 use crate::run::{cell, path_points};
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::Scene;
-use drape_robot::{Cell, CellConfig, Joints, Moment, Motion, Place, Pose, TurntableConfig};
+use drape_robot::{Cell, CellConfig, Joints, Motion, Place, Pose, ProgramMoment, TurntableConfig};
 use drape_task::path::{DrapingPoint, PressedPoint, Rolling, strokes};
-use drape_view::{Robot, RobotMoment, RobotPlace};
+use drape_view::{RobotMoment, RobotPlace, ViewedRobot};
 
 /// Pictures a second, and how many are sent at most: of longer programs fewer a second.
 const RATE: f64 = 20.0;
@@ -23,7 +23,7 @@ pub(super) fn robot(
     (points, rolling): (&[PressedPoint], Rolling),
     place: Option<RobotPlace>,
     plan: bool,
-) -> Result<Robot, Failure> {
+) -> Result<ViewedRobot, Failure> {
     if let Some(place) = place {
         // How it leans, no page changes.
         let [x, y, _] = config.base.map_or([0.0; 3], |base| base.rotation_deg);
@@ -50,7 +50,7 @@ fn reached(
     points: &[DrapingPoint],
     config: &CellConfig,
     scene: &Arc<Scene>,
-) -> Result<Robot, Failure> {
+) -> Result<ViewedRobot, Failure> {
     let cell = cell(config, scene)?;
     let reachable = cell.reachable(&path_points(points, scene));
     let told = |(point, is_reached): (&DrapingPoint, bool)| {
@@ -61,7 +61,7 @@ fn reached(
         pressed: 0,
         poses: poses(&cell, scene, &[0.0; 6], 0),
     };
-    Ok(Robot {
+    Ok(ViewedRobot {
         name: cell.arm.name.clone(),
         place: place(config, &cell),
         points: points.iter().zip(reachable).map(told).collect(),
@@ -76,7 +76,7 @@ fn planned(
     points: &[DrapingPoint],
     cell: (CellConfig, String),
     scene: &Arc<Scene>,
-) -> Result<Robot, Failure> {
+) -> Result<ViewedRobot, Failure> {
     let mut planned = Planned::of(points, cell, scene, |_| ())?;
     planned.cell.find_remedies(&planned.path, &mut planned.plan);
     let Planned { cell, plan, .. } = &planned;
@@ -115,7 +115,7 @@ fn planned(
             poses: poses(cell, scene, &between(before, to, at), station),
         }
     });
-    Ok(Robot {
+    Ok(ViewedRobot {
         name: cell.arm.name.clone(),
         place: place(&planned.config, cell),
         points: told,
@@ -126,7 +126,7 @@ fn planned(
 }
 
 /// Joints on the way from one moment to the next.
-fn between(from: &Moment, to: &Moment, at: f64) -> Joints {
+fn between(from: &ProgramMoment, to: &ProgramMoment, at: f64) -> Joints {
     let share = ((at - from.at) / (to.at - from.at).max(1e-9)).clamp(0.0, 1.0);
     std::array::from_fn(|j| from.joints[j] + share * (to.joints[j] - from.joints[j]))
 }

@@ -12,7 +12,7 @@ use super::result::rollout_failure;
 use super::setup::{LIES, read_config, set_up_run, set_up_worlds};
 use super::signals::stop_on_signal;
 use super::terminal::{Told, tell};
-use crate::run::{Best, Rules, RunConfig, RunFolder, RunInfo, replay, search_by_moves};
+use crate::run::{BestPaths, Rules, RunConfig, RunFolder, RunInfo, replay, search_by_moves};
 use drape_proof::Row;
 use drape_task::env::{Draping, Episode, Worlds};
 use drape_task::path::PathFigures;
@@ -167,7 +167,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
     let progress = Progress::of_steps(0, config.steps, args.json);
     let began = Instant::now();
     let digest = folder.config_digest()?;
-    let (mut best, mut found) = (Best::default(), Found::default());
+    let (mut best, mut found) = (BestPaths::default(), Found::default());
     let (mut env_steps, mut written) = (0, Ok(()));
     let is_spent = if args.policy == Policy::Moves {
         let worlds = set_up_worlds(
@@ -187,7 +187,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
             env_steps = at.spent;
             !stop()
         })?;
-        best = Best::judged(moved.orders);
+        best = BestPaths::judged(moved.orders);
         !moved.has_converged
     } else {
         let mut watch = |spent: u64, ended: &[Episode]| {

@@ -14,7 +14,7 @@ use super::setup::set_up;
 use super::terminal::Told;
 use crate::run::{Parameter, RunConfig};
 use drape_calibrate::{
-    Calibrated, FittedCurve, Lab, Observed, calibrate, posterior, scaled, scatter_table,
+    Calibrated, FittedCurve, Lab, ObservedCloth, calibrate, posterior, scaled, scatter_table,
     write_material,
 };
 use drape_cloth::fabric::{Drape, Material};
@@ -232,7 +232,7 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
             )));
         }
     }
-    let states: Vec<Observed> = scanned
+    let states: Vec<ObservedCloth> = scanned
         .iter()
         .enumerate()
         .map(|(k, points)| seen[k.min(seen.len() - 1)].observed(points))
@@ -348,9 +348,9 @@ impl Seen {
         })
     }
 
-    fn observed(&self, points: &[Vec3]) -> Observed {
+    fn observed(&self, points: &[Vec3]) -> ObservedCloth {
         let (env, presses) = (self.env.clone(), self.presses.clone());
-        Observed::new(self.scene.clone(), env, presses, points)
+        ObservedCloth::new(self.scene.clone(), env, presses, points)
     }
 }
 

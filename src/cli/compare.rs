@@ -17,7 +17,7 @@ use crate::run::RunConfig;
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::read_text;
 use drape_cloth::math::Vec3;
-use drape_cloth::mesh::compare::Spread;
+use drape_cloth::mesh::compare::Distances;
 use drape_cloth::mesh::read_mesh;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::{GridConfig, Tool};
@@ -266,8 +266,8 @@ fn scan_text(report: &ScanReport) -> String {
         undraped_share_run,
         ..
     } = &report.deviation;
-    let row = |name: &str, s: &Spread| {
-        let Spread {
+    let row = |name: &str, s: &Distances| {
+        let Distances {
             mean,
             rms,
             p95,

@@ -20,6 +20,7 @@ use drape_learn::policy::DeviceKind;
 use drape_learn::ppo::{Agent, Sampling};
 use drape_proof::presses::again;
 use drape_proof::{Case, Method, Physics, Row, Sensitivity, Watch};
+use drape_report::Table;
 use drape_study::study::region;
 use drape_task::env::{Draping, End, Played, Task, Tasks, most_environments};
 use drape_task::path::PathFigures;
@@ -348,23 +349,42 @@ fn text(report: &Report) -> String {
     let accuracy = report.accuracy.map_or(String::new(), |accuracy| {
         format!(", {} steps", accuracy.name())
     });
+    let sampled = report.sampled.as_ref();
+    let (none, one) = (f64::NAN, [episode.region_final_m, episode.surplus_final_m]);
+    // Score, its deviation, the best; distance and surplus.
+    let of = |all: &EpisodeStatistics| {
+        let scores = [all.mean_score, all.deviation, all.best_score];
+        (scores, [all.mean_region_final_m, all.mean_surplus_final_m])
+    };
+    let mut rows = vec![("episode", 1, ([episode.score, none, episode.score], one))];
+    rows.extend(sampled.map(|all| ("sampled", all.episodes.len(), of(all))));
+    rows.push(("random", random.episodes.len(), of(random)));
+    let title = format!(
+        "{}: {}{accuracy}; scores in %",
+        report.run.display(),
+        report.played
+    );
+    let table = Table::of("episodes", title, &rows)
+        .text("order", |(order, ..)| *order)
+        .text("count", |(_, count, _)| *count)
+        .number("score", 2, |(.., (scores, _))| 100.0 * scores[0])
+        .number("deviation", 2, |(.., (scores, _))| 100.0 * scores[1])
+        .number("best", 2, |(.., (scores, _))| 100.0 * scores[2])
+        .number("off the tool [m]", 4, |(.., (_, left))| left[0])
+        .number("surplus [mm]", 2, |(.., (_, left))| 1e3 * left[1]);
     let locked = episode.locked_share.map_or(String::new(), |share| {
         format!(", {:.1} % of the area locked", 100.0 * share)
     });
     let mut lines = vec![
-        format!("{}: {}{accuracy}", report.run.display(), report.played),
+        table.end().text(),
         format!(
-            "  region: {:.4} m of {:.3} m off the tool, {:.2} mm of {:.2} mm surplus a yarn; score \
-             {:.2} %",
-            episode.region_final_m,
+            "the episode began {:.3} m off the tool, with {:.2} mm of surplus; {}",
             episode.region_initial_m,
-            1e3 * episode.surplus_final_m,
             1e3 * episode.surplus_initial_m,
-            100.0 * episode.score
+            episode.path.text()
         ),
         format!(
-            "  whole sheet: {:.3} m of {:.3} m off the tool, {:.2} mm of {:.2} mm surplus a yarn; \
-             through itself in {} places",
+            "  whole sheet: {:.3} m of {:.3} m, {:.2} mm of {:.2} mm; through itself in {} places",
             episode.sheet_final_m,
             episode.sheet_initial_m,
             1e3 * episode.sheet_surplus_final_m,
@@ -372,42 +392,16 @@ fn text(report: &Report) -> String {
             episode.self_intersections
         ),
         format!(
-            "  undraped inner vertices {}; {}; {:.2} ms a step",
+            "  undraped inner vertices {}; yarn strain p95 {:.2} %, maximum {:.1} %",
             episode.undraped_inner,
-            episode.path.text(),
-            1e3 * episode.seconds / episode.steps as f64
+            100.0 * episode.strain_p95,
+            100.0 * episode.strain_max
         ),
         format!(
-            "  yarn strain p95 {:.2} %, maximum {:.1} %; shear at most {:.0} degrees{locked}; v_rms \
-             {:.1} mm/s; {:.2} s",
-            100.0 * episode.strain_p95,
-            100.0 * episode.strain_max,
-            episode.shear_max_deg,
-            episode.v_rms_mm_s,
-            episode.seconds
+            "  shear at most {:.0} degrees{locked}; v_rms {:.1} mm/s; {:.2} s",
+            episode.shear_max_deg, episode.v_rms_mm_s, episode.seconds
         ),
     ];
-    if let Some(sampled) = &report.sampled {
-        lines.push(format!(
-            "sampled policy, {} episodes: score {:.2} +- {:.2} %, best {:.2} %",
-            sampled.episodes.len(),
-            100.0 * sampled.mean_score,
-            100.0 * sampled.deviation,
-            100.0 * sampled.best_score
-        ));
-    }
-    lines.push(format!(
-        "masked random, {} episodes: {:.4} +- {:.4} m off the tool, {:.2} +- {:.2} mm surplus a yarn; \
-         score {:.2} +- {:.2} %, best {:.2} %",
-        random.episodes.len(),
-        random.mean_region_final_m,
-        random.deviation_region_final_m,
-        1e3 * random.mean_surplus_final_m,
-        1e3 * random.deviation_surplus_final_m,
-        100.0 * random.mean_score,
-        100.0 * random.deviation,
-        100.0 * random.best_score
-    ));
     let diverged = random.diverged + report.sampled.as_ref().map_or(0, |s| s.diverged);
     if diverged > 0 {
         lines.push(format!(
@@ -426,5 +420,6 @@ fn text(report: &Report) -> String {
     }
     lines.extend(report.sensitivity.iter().map(proof::of_one));
     lines.push(format!("pictures in {}", report.pictures.display()));
+    lines.push(format!("next: drape robot {}", report.run.display()));
     lines.join("\n")
 }

@@ -8,7 +8,7 @@ use anyhow::anyhow;
 use super::Failure;
 use super::output::Progress;
 use crate::run::Parameter;
-use drape_calibrate::{Estimate, FACTORS, Observed, explain, prior};
+use drape_calibrate::{Estimate, FACTORS, ObservedCloth, explain, prior};
 use drape_task::env::{Quantity, Scatter};
 
 /// Root mean square distance between scans and simulated cloth beyond which nothing can be believed [m]
@@ -28,7 +28,7 @@ pub(super) fn same_scan([one, other]: [impl Display; 2]) -> Failure {
 
 /// What explains states best, with a progress bar. Refuses those that lie elsewhere, by the names of their scans.
 pub(super) fn explained(
-    states: &[Observed],
+    states: &[ObservedCloth],
     scans: &[PathBuf],
     scatter: &Scatter,
     json: bool,

@@ -46,7 +46,7 @@ impl Failure {
         Self::new(error, true)
     }
 
-    /// The same, a file that could not be written being meant for `folder`.
+    /// Names a file that could not be written as one of `folder`, for which it was meant.
     pub(super) fn moved_to(mut self, folder: &Path) -> Self {
         if let Some(WriteError::Io { path, .. }) = self.error.downcast_mut() {
             *path = folder.join(path.file_name().unwrap_or_default());

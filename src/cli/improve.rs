@@ -16,10 +16,10 @@ use super::setup::{LIES, open_run, set_up_run, set_up_worlds};
 use super::signals::stop_on_signal;
 use super::terminal::{Told, tell};
 use crate::run::{
-    Best, Parameter, RunConfig, RunFolder, RunInfo, ScanFile, Turn, digest, kept_presses,
+    BestPaths, Parameter, RunConfig, RunFolder, RunInfo, ScanFile, Turn, digest, kept_presses,
     search_by_moves,
 };
-use drape_calibrate::{Estimate, FACTORS, Observed, posterior, scaled, write_material};
+use drape_calibrate::{Estimate, FACTORS, ObservedCloth, posterior, scaled, write_material};
 use drape_cloth::file::read_bytes;
 use drape_cloth::scene::{Fabric, Scene};
 use drape_cloth::sim::{Bending, BendingStiffness, Tension};
@@ -188,7 +188,7 @@ fn explain(args: &ImproveArgs) -> Result<Explained, Failure> {
     let state = |file: &PathBuf| {
         let seen = args.placing.seen(file, &pressed)?;
         let (scene, env) = (scene.clone(), env.clone());
-        Ok(Observed::new(scene, env, path.clone(), &seen.points))
+        Ok(ObservedCloth::new(scene, env, path.clone(), &seen.points))
     };
     let states = args.scan.iter().map(state);
     let states = states.collect::<Result<Vec<_>, Failure>>()?;
@@ -274,7 +274,7 @@ fn improved(
     drop(progress);
     let digest = folder.config_digest()?;
     let keep = |orders: Vec<(Vec<u32>, f64)>| {
-        let best = Best::judged(orders).sequence(judge.task(), digest.clone());
+        let best = BestPaths::judged(orders).sequence(judge.task(), digest.clone());
         let best = best.expect("a search gives what it began with at least");
         folder.write_best_sequence(&best).map(|()| best)
     };

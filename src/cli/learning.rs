@@ -18,7 +18,7 @@ use super::setup::read_config;
 use crate::run::{RunFolder, curve, read_metrics};
 use drape_cloth::file::{check_name, read_text};
 use drape_study::study::StudyError;
-use drape_study::trainings::{Arm, LearnedRun, Trainings};
+use drape_study::trainings::{LearnedRun, Trainings, Treatment};
 
 /// One training of the study.
 struct Training {
@@ -34,7 +34,7 @@ pub(super) fn train(
     options: &Trainings,
     out: &Path,
     progress: &(dyn Fn(f64, &str) + Sync),
-) -> Result<Vec<Arm>, StudyError> {
+) -> Result<Vec<Treatment>, StudyError> {
     learnt(options, out, progress).map_err(|failure| match failure.is_input {
         true => StudyError::Invalid(failure.to_string()),
         false => StudyError::Damaged(failure.to_string().into()),
@@ -45,7 +45,7 @@ fn learnt(
     options: &Trainings,
     out: &Path,
     progress: &(dyn Fn(f64, &str) + Sync),
-) -> Result<Vec<Arm>, Failure> {
+) -> Result<Vec<Treatment>, Failure> {
     // What configurations say wrong is refused before the first training.
     let configs: Vec<Option<&Path>> = match &*options.configs {
         [] => vec![None],
@@ -72,7 +72,7 @@ fn learnt(
         }
         trainings.extend(planned(options, config, &out.join(&name))?);
         let runs = Vec::new();
-        arms.push(Arm { name, runs });
+        arms.push(Treatment { name, runs });
     }
     run_all(&trainings, options.jobs.into(), progress)?;
     for (arm, trainings) in arms.iter_mut().zip(trainings.chunks(options.seeds.into())) {

@@ -28,6 +28,7 @@ mod robot;
 mod scanned;
 mod scene;
 mod setup;
+mod shell;
 mod signals;
 mod stack;
 mod study;
@@ -38,7 +39,7 @@ mod training;
 mod view;
 
 use anyhow::anyhow;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::cluster::check_alone;
 pub use failure::Failure;
@@ -73,6 +74,8 @@ enum Command {
     Study(study::StudyArgs),
     View(view::ViewArgs),
     Bench(study::Measure<drape_study::bench::Bench>),
+    Completions(shell::CompletionsArgs),
+    Man(shell::ManArgs),
 }
 
 impl Cli {
@@ -116,6 +119,8 @@ impl Cli {
             Command::Study(args) => study::run(args),
             Command::View(args) => view::run(args),
             Command::Bench(study) => study.run(None),
+            Command::Completions(args) => shell::complete(&args, Self::command()),
+            Command::Man(_) => shell::manual(Self::command()),
         }
     }
 }

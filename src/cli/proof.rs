@@ -13,6 +13,7 @@ use crate::run::{
 };
 use drape_cloth::scene::Scene;
 use drape_proof::{Case, Method, Physics, Proof, Row, Sensitivity, Watch, choose, prove};
+use drape_report::Table;
 use drape_task::env::Draping;
 use drape_task::path::{Frame, write_json};
 use drape_task::recording::Recording;
@@ -192,41 +193,40 @@ pub(super) fn play(
     played.map_err(|error| rollout_failure(error, place))
 }
 
-/// A line for each row.
+/// A table for the solver and one for the twin, a row an order.
 pub(super) fn text(rows: &[Row]) -> String {
-    let line = |row: &Row| {
-        let (f, name) = (&row.best, row.physics.name());
-        let diverged = match row.diverged {
-            0 => String::new(),
-            diverged => format!(", {diverged} diverged"),
+    let mut parts = Vec::new();
+    for physics in [Physics::Solver, Physics::Twin] {
+        let rows: Vec<&Row> = rows.iter().filter(|row| row.physics == physics).collect();
+        let Some(first) = rows.first() else { continue };
+        let title = format!(
+            "proof by the {}, worlds: {}; the best of each order: scores in %, surplus in mm, robot in s",
+            physics.name(),
+            first.worlds
+        );
+        let table = Table::of("proof", title, &rows)
+            .text("order", |row| row.order.clone())
+            .text("count", |row| row.count)
+            .number("score", 1, |row| 100.0 * row.best.score)
+            .number("worst quarter", 1, |row| {
+                100.0 * row.best.worst_quarter_score
+            })
+            .number("worst", 1, |row| 100.0 * row.best.worst_score)
+            .number("nominal", 1, |row| 100.0 * row.best.nominal_score)
+            .number("surplus", 2, |row| 1e3 * row.best.surplus_m)
+            .number("undraped", 1, |row| row.best.undraped_inner)
+            .number("presses", 0, |row| row.best.path.presses)
+            .number("strokes", 0, |row| row.best.path.strokes)
+            .number("robot", 0, |row| row.best.robot_s);
+        parts.push(table.end().text());
+        let diverged = rows.iter().filter(|row| row.diverged > 0);
+        let line = |row: &&Row| {
+            format!(
+                "of the {} of order {}, {} diverged",
+                row.count, row.order, row.diverged
+            )
         };
-        let begin = format!("proof, {name}: {:>3} {:<8}", row.count, row.order);
-        if !f.score.is_finite() {
-            return format!("{begin}: none came to its end{diverged}");
-        }
-        let percent = |share: f64| 100.0 * share;
-        let worlds = match row.worlds {
-            1 => String::new(),
-            worlds => format!(
-                " in {worlds} worlds (worst quarter {:.2}, worst {:.2}, as the scene says {:.2})",
-                percent(f.worst_quarter_score),
-                percent(f.worst_score),
-                percent(f.nominal_score)
-            ),
-        };
-        format!(
-            "{begin} score {:.2} +- {:.2} %{diverged}; the best {:.2} %{worlds}, {:.4} m off the tool, {:.2} mm \
-             surplus a yarn, {:.1} inner vertices undraped, shear at most {:.0} degrees, {}, {:.0} s of a robot",
-            percent(row.mean_score),
-            percent(row.deviation_score),
-            percent(f.score),
-            f.distance_m,
-            1e3 * f.surplus_m,
-            f.undraped_inner,
-            f.shear_deg,
-            f.path.text(),
-            f.robot_s
-        )
-    };
-    rows.iter().map(line).collect::<Vec<_>>().join("\n")
+        parts.extend(diverged.map(line));
+    }
+    parts.join("\n")
 }

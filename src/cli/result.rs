@@ -19,7 +19,7 @@ use drape_cloth::scene::Scene;
 use drape_report::{Camera, Chart, Level, SERIES, Series};
 use drape_task::env::{Draping, EnvConfig};
 use drape_task::path::{DrapingPoint, strokes};
-use drape_task::recording::{Frame, Recording};
+use drape_task::recording::{RecordedFrame, Recording};
 
 /// Random episodes that a training is compared with.
 const BASELINE_EPISODES: usize = 32;
@@ -177,7 +177,7 @@ pub(super) fn write_recording(
     let step = last.div_ceil(FRAMES).max(1);
     let chosen: Vec<usize> = (0..last).step_by(step).chain([last]).collect();
     let studio = Studio::new(scene, Camera::isometric, PICTURE_SIZE);
-    let shot = |frame: &Frame, text: &str| studio.distance(&frame.position, text);
+    let shot = |frame: &RecordedFrame, text: &str| studio.distance(&frame.position, text);
     let top = Studio::new(scene, Camera::top, PICTURE_SIZE);
     let film = Studio::new(scene, Camera::isometric, FILM_SIZE);
     write_together(folder, |folder| {

@@ -15,7 +15,7 @@ use drape_cloth::file::write_atomic;
 use drape_cloth::mesh::write_stl;
 use drape_cloth::scene::{Scene, SceneConfig, Summary};
 use drape_report::Camera;
-use drape_scan::Fit;
+use drape_scan::ScanFit;
 
 /// Width and height of the pictures [px].
 const SIZE: [usize; 2] = [960, 720];
@@ -56,7 +56,7 @@ struct Report {
     summary: Summary,
     /// How the blank fits its scan.
     #[serde(skip_serializing_if = "Option::is_none")]
-    fit: Option<Fit>,
+    fit: Option<ScanFit>,
     /// Wall time of setting up the scene [s].
     seconds: f64,
 }
@@ -127,7 +127,7 @@ pub(super) fn caption(summary: &Summary) -> String {
     )
 }
 
-fn fit_text(fit: &Fit) -> String {
+fn fit_text(fit: &ScanFit) -> String {
     format!(
         "\nscan         {:.2} mm off in the mean, p95 {:.2} mm; {:.1} % of the vertices unseen\n\
          let go       sprang back by {:.2} mm in the mean",

@@ -13,7 +13,7 @@ use drape_cloth::fabric::Lamina;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::{Deepest, Source};
-use drape_scan::Fit;
+use drape_scan::ScanFit;
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, EnvConfig, Member, Scatter, Task, Worlds};
 
@@ -50,7 +50,7 @@ pub(super) fn set_up_fitted(
     config: &SceneConfig,
     place: &str,
     json: bool,
-) -> Result<(Scene, Option<Fit>), Failure> {
+) -> Result<(Scene, Option<ScanFit>), Failure> {
     let progress = Progress::new("draping", json);
     let scene = drape_scan::set_up(config, |_, share, _| progress.set(share));
     drop(progress);
@@ -61,7 +61,7 @@ pub(super) fn set_up_fitted(
 }
 
 /// What is odd about a fit: a scan without marks may lie in several ways.
-pub(super) fn odd_fit(fit: &Fit, scene: &Scene) -> Vec<String> {
+pub(super) fn odd_fit(fit: &ScanFit, scene: &Scene) -> Vec<String> {
     let (others, dropped, mean) = (fit.other_places, fit.dropped_count, fit.mean_mm);
     let others = (others > 0).then(|| {
         format!(
@@ -230,7 +230,7 @@ pub(super) fn set_up_scenes(
 ) -> Result<Scenes, Failure> {
     let mut all = vec![first];
     let members = config.members().or_invalid_in(place)?;
-    let place_of = |member: &crate::run::Member| match &member.name {
+    let place_of = |member: &crate::run::FamilyMember| match &member.name {
         Some(name) => format!("{place}: {name}"),
         None => place.into(),
     };

@@ -16,13 +16,13 @@ use super::output::print;
 use super::setup::read_config;
 use super::terminal::{Told, tell};
 use super::training::{TrainArgs, train};
-use crate::cluster::Session;
+use crate::cluster::ClusterSession;
 use crate::run::{RunConfig, RunError, RunFolder};
 use drape_cloth::file::{ValueError, read_toml, write_atomic};
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::scene::Scene;
 use drape_cloth::tool::{MeshSource, Source};
-use drape_field::{Gap, vtu};
+use drape_field::{PlyGap, vtu};
 use drape_learn::policy::DeviceKind;
 use drape_task::path::Frame;
 
@@ -103,7 +103,7 @@ struct Lie {
     /// Greatest distance of a vertex from what is below [m]: what it spans is solid for the next ply.
     spanned_m: f64,
     /// How far pressed vertices lie over the sheet of the ply below; none for the first ply.
-    gap: Option<Gap>,
+    gap: Option<PlyGap>,
 }
 
 impl Lie {
@@ -119,7 +119,9 @@ impl Lie {
         let near = near.filter(|(_, phi)| **phi <= within);
         let pressed: Vec<[f64; 3]> = near.map(|(x, _)| *x).collect();
         let pressed = tool.in_scene(&pressed);
-        let gap = below.map(|below| Gap::new(below, &pressed)).transpose()?;
+        let gap = below
+            .map(|below| PlyGap::new(below, &pressed))
+            .transpose()?;
         Ok(Self {
             thickness_m: scene.lamina.material.thickness(),
             spanned_m: distances.into_iter().fold(0.0, f64::max),
@@ -139,7 +141,7 @@ pub fn run(args: StackArgs) -> Result<(), Failure> {
             root.display()
         )));
     }
-    let session = Session::start().map_err(Failure::invalid)?;
+    let session = ClusterSession::start().map_err(Failure::invalid)?;
     let mut plies = Vec::new();
     // The sheet of the ply below in the scene [m], and the file of the tool that it makes.
     let mut below: Option<(TriMesh, PathBuf)> = None;
@@ -259,7 +261,7 @@ fn train_ply(
     number: usize,
     config: RunConfig,
     args: &StackArgs,
-    session: &Session,
+    session: &ClusterSession,
 ) -> Result<PathBuf, Failure> {
     let name = format!("ply-{number}");
     let run = root.join(&name);

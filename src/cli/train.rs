@@ -3,11 +3,11 @@ use super::failure::Interrupted;
 use super::output::print;
 pub use super::training::TrainArgs;
 use super::training::{Outcome, text, train};
-use crate::cluster::Session;
+use crate::cluster::ClusterSession;
 
 /// Runs `drape train`.
 pub fn run(args: TrainArgs) -> Result<(), Failure> {
-    let session = Session::start().map_err(Failure::invalid)?;
+    let session = ClusterSession::start().map_err(Failure::invalid)?;
     let printed = |outcome: Option<Outcome>| {
         let Some(outcome) = outcome else {
             return Ok(None);

@@ -15,7 +15,7 @@ use super::result::{self, EpisodeStatistics};
 use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
 use super::signals::{is_checkpoint_wanted, stop_on_signal};
 use super::terminal::{Told, tell};
-use crate::cluster::Session;
+use crate::cluster::ClusterSession;
 use crate::run::{Demonstrations, Preparation, RunConfig, RunFolder, RunInfo, Training, changed};
 use drape_cloth::file::{ValueError, read_text};
 use drape_cloth::sim::Accuracy;
@@ -124,7 +124,10 @@ pub(super) struct Outcome {
 }
 
 /// Trains, or goes on with a training. Gives what the first process has to print.
-pub(super) fn train(args: &TrainArgs, session: &Session) -> Result<Option<Outcome>, Failure> {
+pub(super) fn train(
+    args: &TrainArgs,
+    session: &ClusterSession,
+) -> Result<Option<Outcome>, Failure> {
     let cluster = &session.cluster;
     let quiet = args.json || !cluster.is_first();
     let mut training = begin(args, session)?;
@@ -203,7 +206,7 @@ pub(super) fn train(args: &TrainArgs, session: &Session) -> Result<Option<Outcom
 }
 
 /// A new run, or the one to be resumed.
-fn begin(args: &TrainArgs, session: &Session) -> Result<Training, Failure> {
+fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure> {
     let cluster = &session.cluster;
     let quiet = args.json || !cluster.is_first();
     let resumed = args.resume.as_deref().map(RunFolder::open);
@@ -374,8 +377,8 @@ pub(super) fn text(outcome: &Outcome) -> String {
         (false, _) => format!("interrupted; go on with: drape train --resume {run}"),
     };
     format!(
-        "{run}: {} environment steps in {:.0} s ({:.0} a second; simulation {:.0} %, inference \
-         {:.0} %, update {:.0} %)\n\
+        "{run}: {} environment steps in {:.0} s, {:.0} a second\n\
+         time: simulation {:.0} %, inference {:.0} %, update {:.0} %\n\
          score: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{diverged}{next}",
         outcome.env_steps,
         outcome.seconds,

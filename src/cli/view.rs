@@ -31,7 +31,7 @@ use drape_learn::ppo::{Agent, Sampling};
 use drape_robot::CellConfig;
 use drape_task::env::{Draping, EpisodeState, ImageShape, Tasks};
 use drape_task::path::PressedPoint;
-use drape_task::recording::{Frame, Recording};
+use drape_task::recording::{RecordedFrame, Recording};
 use drape_view::{Host, Offers, Rival, RobotJob, RobotPlace, Server, Session, Shared, Spec, Watch};
 
 /// Random episodes that presses by hand are shown beside, and vertices of the largest blank on which they are played.
@@ -285,7 +285,7 @@ fn open(page: &str) {
 
 /// What stands beside the presses.
 enum Beside {
-    Frames(Vec<Frame>),
+    Frames(Vec<RecordedFrame>),
     /// Places in the frame of the scene [m].
     State(Vec<[f64; 3]>),
 }
@@ -514,7 +514,7 @@ impl Host for Desk {
         Ok(best.vertices)
     }
 
-    fn beside(&self, draping: &Draping) -> Vec<Frame> {
+    fn beside(&self, draping: &Draping) -> Vec<RecordedFrame> {
         match &self.beside {
             None => Vec::new(),
             Some(Beside::Frames(frames)) => frames.clone(),

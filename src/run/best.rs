@@ -70,13 +70,13 @@ impl BestSequence {
 
 /// The best sequences of a run, best first, each once.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Best(Vec<Scored>);
+pub struct BestPaths(Vec<Scored>);
 
 /// Best episodes that are kept. A score in the task's own steps may not hold in finer physics, and
 /// what one policy plays holds or falls together: so there are many, of as many policies.
 const MOST: usize = 64;
 
-impl Best {
+impl BestPaths {
     /// Lists that have been judged, best first.
     pub fn judged(orders: Vec<(Vec<u32>, f64)>) -> Self {
         let scored = |(vertices, score)| Scored { vertices, score };

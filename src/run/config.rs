@@ -10,7 +10,7 @@ use toml::{Spanned, Table, Value};
 
 use super::folder::{Input, digest};
 use super::robot::ReachMap;
-use super::scenes::{Member, SceneRange};
+use super::scenes::{FamilyMember, SceneRange};
 use drape_cloth::file::{
     ReadError, ValueError, parse_toml_with, read_bytes, read_text, read_toml, refuse_lists,
 };
@@ -167,7 +167,7 @@ impl RunConfig {
         }
     }
 
-    /// The same training of another task, whose scene is read from where its files are now.
+    /// This training of another task, whose scene is read from where its files are now.
     ///
     /// # Errors
     /// If there is no folder from which they count.
@@ -231,11 +231,11 @@ impl RunConfig {
     }
 
     /// Refuses what the blanks alone tell to be impossible, before their falls, which take long where they are large:
-    /// members that cannot be, see [`Member::check`], images that differ in size, rollouts that exhaust the memory, and
+    /// members that cannot be, see [`FamilyMember::check`], images that differ in size, rollouts that exhaust the memory, and
     /// networks that do not fit the image.
     pub fn check_before_fall(&self) -> Result<()> {
         let members = self.members()?;
-        let check = |member: &Member| member.check(self.environments, self.search);
+        let check = |member: &FamilyMember| member.check(self.environments, self.search);
         let shapes: Vec<ImageShape> = members.iter().map(check).collect::<Result<_>>()?;
         let size = |of: ImageShape| format!("{} x {} pixels", of.rows, of.columns);
         for (member, &shape) in members.iter().zip(&shapes) {
@@ -353,7 +353,7 @@ impl RunConfig {
     ///
     /// # Errors
     /// If a scene cannot be drawn, or there are fewer environments than scenes.
-    pub fn members(&self) -> Result<Vec<Member>, ValueError> {
+    pub fn members(&self) -> Result<Vec<FamilyMember>, ValueError> {
         let mut scenes = vec![(None, (self.scene.clone(), self.env.clone()))];
         for (number, range) in self.scenes.iter().enumerate() {
             let drawn = range.draw((&self.scene, &self.env), (self.seed, number))?;
@@ -363,7 +363,7 @@ impl RunConfig {
         let (all, count) = (self.environments, scenes.len());
         let expected = format!("one at least for each of {count} scenes");
         ValueError::unless(all >= count, "environments", all, expected)?;
-        let member = |(k, (name, (scene, env)))| Member {
+        let member = |(k, (name, (scene, env)))| FamilyMember {
             name,
             scene,
             env,

@@ -150,7 +150,7 @@ mod tests {
         assert_eq!(scalar_event(1.5, 300, &[("d", 2.0)]), expected);
     }
 
-    /// The same event as serialised and framed by TensorBoard's `RecordWriter`.
+    /// An event as serialised and framed by TensorBoard's `RecordWriter`.
     #[test]
     fn record_matches_the_bytes_of_tensorboard() {
         let golden = b"\x18\0\0\0\0\0\0\0\xa3\x7f\x4b\x22\

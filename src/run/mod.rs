@@ -22,7 +22,7 @@ mod search;
 mod training;
 mod turns;
 
-pub use best::{Best, BestSequence};
+pub use best::{BestPaths, BestSequence};
 pub use changes::changed;
 pub use checkpoint::Checkpoint;
 pub use config::{RunConfig, TrainingPreset};
@@ -34,7 +34,7 @@ pub use rollout::{
     EpisodeSummary, PlayedEpisode, RolloutError, Rules, parallel_episodes, play, random_episodes,
     replay,
 };
-pub use scenes::{Member, SceneRange};
+pub use scenes::{FamilyMember, SceneRange};
 pub use search::search_by_moves;
 pub use training::{Preparation, Scenes, Training};
 pub use turns::{Parameter, ScanFile, Turn, kept_presses};

@@ -10,7 +10,7 @@ use anyhow::{Context, Result, anyhow, ensure};
 use drape_cloth::file::read_text;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::Scene;
-use drape_robot::{Arm, Cell, CellConfig, PathPoint, Surface, contact};
+use drape_robot::{Arm, Cell, CellConfig, ObstacleSurface, PathPoint, contact};
 use drape_task::path::{DrapingPoint, Feasibility, Frame, PressedPoint, Rolling, stroke_points};
 
 /// The cell that `config` describes, round the tool of a scene.
@@ -36,7 +36,7 @@ pub fn cell(config: &CellConfig, scene: &Scene) -> Result<Cell> {
         }
     };
     let mesh = scene.tool.mesh_in_scene();
-    let surface = Surface {
+    let surface = ObstacleSurface {
         corners: mesh.vertices,
         triangles: mesh.triangles,
     };
@@ -98,7 +98,7 @@ impl ReachMap {
         if let Some(&ways) = self.found.read().expect("no panic").get(&key) {
             return ways;
         }
-        // The same whichever point asks first.
+        // Whichever point asks first.
         let middle = Vec3::from(place.map(|k| f64::from(k) * SPACING));
         let surface = self
             .scene

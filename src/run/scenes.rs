@@ -110,7 +110,7 @@ struct Both {
 
 /// One of the scenes that a policy learns on.
 #[derive(Clone, Debug)]
-pub struct Member {
+pub struct FamilyMember {
     /// What messages call it, as in "`scenes.0`, member 2", which counts from 0; none of the run's own scene.
     pub name: Option<String>,
     pub scene: SceneConfig,
@@ -119,7 +119,7 @@ pub struct Member {
     pub environments: usize,
 }
 
-impl Member {
+impl FamilyMember {
     /// Refuses what needs no fall to be refused: values that cannot be, blanks of which `count` environments exhaust the
     /// memory, and regions off them; where they `search`, too few steps for episodes to end. Gives the size of the
     /// images.

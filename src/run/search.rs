@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::best::Best;
+use super::best::BestPaths;
 use super::config::RunConfig;
 use drape_cloth::scene::Scene;
 use drape_proof::orders::sequences;
@@ -37,7 +37,7 @@ pub fn search_by_moves(
     let (mut starts, mut drawn) = (known, 0);
     go_on(at(drawn));
     if starts.is_empty() {
-        let mut best = Best::default();
+        let mut best = BestPaths::default();
         let mut watch = |spent, ended: &[Episode]| {
             for episode in ended {
                 best.remember(episode.score, &episode.actions, judge.task());

@@ -6,7 +6,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 
-use super::best::{Best, BestSequence, Scored};
+use super::best::{BestPaths, BestSequence, Scored};
 use super::checkpoint::Checkpoint;
 use super::config::RunConfig;
 use super::demonstrations::{Demonstrations, beginners_order};
@@ -63,7 +63,7 @@ struct Memory {
     /// Score of the best greedy episode so far.
     best_greedy: Option<f64>,
     /// The best episode of each iteration, the greedy ones and those shown, best first, each path once.
-    best: Best,
+    best: BestPaths,
     /// Scores of the last episodes of the training, oldest first.
     recent: Vec<f64>,
     /// What comes before the first rollout is done.
@@ -342,7 +342,7 @@ impl Training {
             let steps = all * count as u64 / tasks.count() as u64;
             let member = member(&task.scene, &task.config, count);
             let mut draping = Draping::on(vec![member], &self.cluster)?;
-            let mut best = Best::default();
+            let mut best = BestPaths::default();
             let mut truncated = 0;
             let mut watch = |spent: u64, ended: &[Episode]| {
                 for episode in ended.iter().filter(|e| e.end == End::Terminated) {
@@ -416,7 +416,7 @@ impl Training {
         let rated = config.scatter.rated(&config.env);
         let mut judge = Judge::new(scene, &self.worlds, &rated)?;
         let found = search_by_moves(&mut judge, scene, config, known, config.polish, go_on)?;
-        let best = Best::judged(found.orders);
+        let best = BestPaths::judged(found.orders);
         self.memory.best = best.before(&self.memory.best);
         self.write_best()
     }

@@ -293,13 +293,19 @@ fn sampled_episodes_are_told_apart_and_repeat() {
         folder.path(),
         &["eval", "runs/a", "--sample", "--episodes", "2"],
     );
-    assert!(text.starts_with("runs/a: best\n  region: "), "{text}");
-    assert!(text.contains("\nsampled policy, 2 episodes: "), "{text}");
-    assert!(text.contains("\nmasked random, 2 episodes: "), "{text}");
-    assert!(
-        text.ends_with("pictures in runs/a/pictures/eval\n"),
-        "{text}"
-    );
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines[0], "runs/a: best; scores in %");
+    assert!(lines[1].starts_with("order    count  score"), "{text}");
+    for (line, begin) in [
+        (2, "episode      1"),
+        (3, "sampled      2"),
+        (4, "random       2"),
+    ] {
+        assert!(lines[line].starts_with(begin), "{text}");
+    }
+    assert!(lines.iter().all(|line| line.len() <= 100), "{text}");
+    let end = "pictures in runs/a/pictures/eval\nnext: drape robot runs/a\n";
+    assert!(text.ends_with(end), "{text}");
 }
 
 #[test]

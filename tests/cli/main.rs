@@ -117,6 +117,18 @@ fn help_version_and_missing_commands() {
         stdout(folder.path(), &["--version"]),
         concat!("drape ", env!("CARGO_PKG_VERSION"), "\n")
     );
+    let told = ["man", "completions"].map(|of| {
+        let args = [of, "bash"];
+        stdout(folder.path(), &args[..1 + usize::from(of != "man")])
+    });
+    for command in ["train", "view", "calibrate"] {
+        assert!(told[0].contains(&format!(".SH DRAPE {}", command.to_uppercase())));
+        assert!(
+            told[1].contains(&format!("drape__subcmd__{command}")),
+            "{}",
+            told[1]
+        );
+    }
     for args in [&["--help"][..], &["tool", "--help"], &["scene", "--help"]] {
         assert!(stdout(folder.path(), args).contains("Usage: drape"));
     }

@@ -184,6 +184,7 @@ fn text_has_no_control_codes_where_nobody_watches() {
         "{stdout}"
     );
     assert!(stdout.ends_with("next: drape eval runs/a\n"), "{stdout}");
+    assert!(stdout.lines().all(|line| line.len() <= 100), "{stdout}");
     let control = |c: char| c.is_control() && c != '\n';
     assert!(!stdout.contains(control), "{stdout:?}");
 }

@@ -2,7 +2,7 @@
 
 /// What a column of numbers holds, in SI.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Column {
+pub enum CsvColumn {
     /// Overhang at 41.5 degrees [m].
     Overhang,
     Strain,
@@ -33,8 +33,8 @@ pub enum Column {
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// Names with their units, and what takes them to SI.
-const COLUMNS: [(&str, Column, f64); 32] = {
-    use Column::*;
+const COLUMNS: [(&str, CsvColumn, f64); 32] = {
+    use CsvColumn::*;
     [
         ("overhang_mm", Overhang, 1e-3),
         ("overhang_cm", Overhang, 1e-2),
@@ -88,9 +88,9 @@ pub const TESTS: &str = "those of one test: overhang_*; strain and stress_* or f
     normal_force_*; areal_mass_* or thickness_*";
 
 impl Test {
-    /// The test that has these columns, in the order of [`Column`].
-    pub fn of(columns: &[Column]) -> Option<Self> {
-        use Column::*;
+    /// The test that has these columns, in the order of [`CsvColumn`].
+    pub fn of(columns: &[CsvColumn]) -> Option<Self> {
+        use CsvColumn::*;
         Some(match columns {
             [Overhang] => Self::Cantilever,
             [Strain, Stress | LineForce] => Self::Tension,
@@ -117,7 +117,7 @@ impl Test {
     }
 }
 
-impl Column {
+impl CsvColumn {
     /// What a name in the header says, and the factor to SI. The error is what was expected.
     pub fn named(name: &str) -> Result<(Self, f64), String> {
         let known = COLUMNS.iter().find(|(known, ..)| *known == name);
@@ -143,7 +143,7 @@ impl Column {
         value <= self.most() && (value > 0.0 || may_be_zero && value == 0.0)
     }
 
-    /// What [`Column::is_valid`] asks for, in a unit of that many of SI.
+    /// What [`CsvColumn::is_valid`] asks for, in a unit of that many of SI.
     pub fn expected(self, factor: f64) -> String {
         let sign = if self.may_be_zero() { ">=" } else { ">" };
         // Four digits: factors of degrees have no end.
@@ -156,7 +156,7 @@ impl Column {
     }
 
     fn may_be_zero(self) -> bool {
-        use Column::*;
+        use CsvColumn::*;
         matches!(
             self,
             Strain | Stress | LineForce | Angle | Displacement | Force

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use drape_cloth::file::{ReadError, read_text};
 
-use crate::columns::{Column, TESTS, Test};
+use crate::columns::{CsvColumn, TESTS, Test};
 use crate::curve::Sample;
 
 /// What standard tests have measured. First warp or positive, then weft or negative.
@@ -50,7 +50,7 @@ impl Lab {
         found.map_err(|fault| ReadError::fault(path, fault))
     }
 
-    fn add(&mut self, test: Test, columns: &[Column], rows: Vec<Row>) -> Result<(), String> {
+    fn add(&mut self, test: Test, columns: &[CsvColumn], rows: Vec<Row>) -> Result<(), String> {
         // Specimens of this file, on either side.
         let mut names: [Vec<String>; 2] = Default::default();
         for row in rows {
@@ -61,13 +61,13 @@ impl Lab {
                 None => 0..2,
             };
             if test == Test::Sheet {
-                self.areal_mass.extend(of(Column::ArealMass));
-                self.thickness.extend(of(Column::Thickness));
+                self.areal_mass.extend(of(CsvColumn::ArealMass));
+                self.thickness.extend(of(CsvColumn::Thickness));
                 continue;
             }
             for side in sides {
                 match test {
-                    Test::Cantilever => self.overhang[side].extend(of(Column::Overhang)),
+                    Test::Cantilever => self.overhang[side].extend(of(CsvColumn::Overhang)),
                     Test::Friction => {
                         let [resting, sliding] = friction(of);
                         self.friction[side][0].extend(resting);
@@ -85,7 +85,7 @@ impl Lab {
                             names.push(row.specimen.clone());
                             curves.push(Specimen {
                                 samples: Vec::new(),
-                                is_per_width: of(Column::Stress).is_none(),
+                                is_per_width: of(CsvColumn::Stress).is_none(),
                             });
                         }
                         let first = curves.len() - names.len();
@@ -106,8 +106,8 @@ impl Row {
 }
 
 /// Static and dynamic coefficient, as far as they were measured.
-fn friction(of: impl Fn(Column) -> Option<f64>) -> [Option<f64>; 2] {
-    use Column::*;
+fn friction(of: impl Fn(CsvColumn) -> Option<f64>) -> [Option<f64>; 2] {
+    use CsvColumn::*;
     [
         (StaticFriction, StaticAngle, StaticForce),
         (DynamicFriction, DynamicAngle, DynamicForce),
@@ -119,8 +119,8 @@ fn friction(of: impl Fn(Column) -> Option<f64>) -> [Option<f64>; 2] {
 }
 
 /// What a row says of the curve.
-fn sample(test: Test, of: impl Fn(Column) -> Option<f64>) -> Result<Sample, String> {
-    use Column::*;
+fn sample(test: Test, of: impl Fn(CsvColumn) -> Option<f64>) -> Result<Sample, String> {
+    use CsvColumn::*;
     let the = |column| of(column).expect("a column of the test");
     let stress = || of(Stress).or(of(LineForce)).expect("a column of the test");
     Ok(match test {
@@ -157,7 +157,7 @@ fn sample(test: Test, of: impl Fn(Column) -> Option<f64>) -> Result<Sample, Stri
 }
 
 /// Test, columns in their order, and rows.
-fn rows(text: &str) -> Result<(Test, Vec<Column>, Vec<Row>), String> {
+fn rows(text: &str) -> Result<(Test, Vec<CsvColumn>, Vec<Row>), String> {
     let lines = text.lines().map(str::trim).enumerate();
     let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
     let (top, first) = lines.next().ok_or("is empty, expected a header and rows")?;
@@ -165,14 +165,14 @@ fn rows(text: &str) -> Result<(Test, Vec<Column>, Vec<Row>), String> {
     let is_semicolon = first.contains(';');
     let header = cells(first, is_semicolon);
     let (mut direction, mut specimen) = (None, None);
-    let mut places: Vec<(Column, usize, f64)> = Vec::new();
+    let mut places: Vec<(CsvColumn, usize, f64)> = Vec::new();
     for (place, name) in header.iter().enumerate() {
         let number = place + 1;
         match *name {
             "direction" if direction.is_none() => direction = Some(place),
             "specimen" if specimen.is_none() => specimen = Some(place),
             _ => {
-                let (column, factor) = Column::named(name).map_err(|expected| {
+                let (column, factor) = CsvColumn::named(name).map_err(|expected| {
                     format!("line {top}: column {number} is \"{name}\", expected {expected}")
                 })?;
                 if places.iter().any(|&(known, ..)| known == column) {
@@ -185,7 +185,7 @@ fn rows(text: &str) -> Result<(Test, Vec<Column>, Vec<Row>), String> {
         }
     }
     places.sort_by_key(|&(column, ..)| column);
-    let columns: Vec<Column> = places.iter().map(|&(column, ..)| column).collect();
+    let columns: Vec<CsvColumn> = places.iter().map(|&(column, ..)| column).collect();
     let test = Test::of(&columns).ok_or_else(|| {
         format!(
             "line {top}: columns are {}, expected {TESTS}",
@@ -208,7 +208,7 @@ fn rows(text: &str) -> Result<(Test, Vec<Column>, Vec<Row>), String> {
                 "line {line}: has {found} columns, expected {expected} as in the header"
             ));
         }
-        let number = |&(column, place, factor): &(Column, usize, f64)| {
+        let number = |&(column, place, factor): &(CsvColumn, usize, f64)| {
             let found = record[place];
             let text = match is_semicolon {
                 true => found.replace(',', "."),

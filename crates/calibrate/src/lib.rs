@@ -21,6 +21,6 @@ pub use estimate::{EVALUATIONS, Estimate, Query, estimate};
 pub use fabric::{Calibrated, FitError, FittedCurve, calibrate};
 pub use file::{scatter_table, write_material};
 pub use lab::{Lab, Specimen};
-pub use observed::{FACTORS, Factors, Observed, SimulationError, explain};
+pub use observed::{FACTORS, Factors, ObservedCloth, SimulationError, explain};
 pub use scaled::{posterior, prior, scaled};
 pub use specimens::{Measured, factor_spread, measured};

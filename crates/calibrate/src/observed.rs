@@ -30,7 +30,7 @@ const MOST_POINTS: usize = 3000;
 const BLOCKS: f64 = 3.0;
 
 /// A state of cloth that was seen.
-pub struct Observed {
+pub struct ObservedCloth {
     /// What fell, as its configuration says.
     pub scene: Arc<Scene>,
     /// How it was pressed, and where; nowhere if it only fell.
@@ -53,7 +53,7 @@ pub enum SimulationError {
     Sheet(#[from] SheetError),
 }
 
-impl Observed {
+impl ObservedCloth {
     /// A scan of the cloth of a scene after presses, as they are made in `env`. Of many points every so manieth is used.
     pub fn new(scene: Arc<Scene>, env: EnvConfig, presses: Vec<u32>, points: &[Vec3]) -> Self {
         let every = points.len().div_ceil(MOST_POINTS).max(1);
@@ -195,7 +195,7 @@ const BETWEEN_MODELS: f64 = 2.0;
 /// # Errors
 /// If a world diverges on the way.
 pub fn explain(
-    states: &[Observed],
+    states: &[ObservedCloth],
     prior: Factors,
     mut progress: impl FnMut(usize, f64),
 ) -> Result<(Estimate, Vec<f64>), SimulationError> {

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::sync::Arc;
 
-use drape_calibrate::{FACTORS, Lab, Observed, calibrate, explain};
+use drape_calibrate::{FACTORS, Lab, ObservedCloth, calibrate, explain};
 use drape_cloth::fabric::{Curve, Family, Material};
 use drape_cloth::file::parse_toml;
 use drape_cloth::math::{Purpose, Stream, Vec3};
@@ -234,9 +234,9 @@ fn drawn_fabrics_come_back_from_scans_of_the_twin() {
         let observed = |scene: &Arc<Scene>| {
             let position = fallen(scene, &parameters);
             let points = scan(scene, &position, &mut stream);
-            Observed::new(scene.clone(), EnvConfig::default(), Vec::new(), &points)
+            ObservedCloth::new(scene.clone(), EnvConfig::default(), Vec::new(), &points)
         };
-        let states: Vec<Observed> = scenes.iter().map(observed).collect();
+        let states: Vec<ObservedCloth> = scenes.iter().map(observed).collect();
         let (found, _) = explain(&states, [0.5; 4], |_, _| ()).unwrap();
         for (k, quantity) in FACTORS.iter().enumerate() {
             let [low, high] = found.interval(k);

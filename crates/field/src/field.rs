@@ -21,7 +21,7 @@ const LEAST_COSINE: f64 = FRAC_1_SQRT_2;
 pub struct Fibre {
     /// Unit vector along the warp, in the element's plane.
     pub warp: Vec3,
-    /// The same along the weft; at a right angle to the warp only where the fabric is not sheared.
+    /// Along the weft; at a right angle to the warp only where the fabric is not sheared.
     pub weft: Vec3,
     /// By how much the angle between the yarns has closed from 90 degrees [degrees], negative where it has opened.
     pub shear_deg: f64,
@@ -94,7 +94,7 @@ impl Field {
         }
     }
 
-    /// The same fabric in the elements of another mesh in the same frame: what the triangle nearest to the middle of an
+    /// This fabric in the elements of another mesh in the same frame: what the triangle nearest to the middle of an
     /// element has, turned into the element's plane. There is none where that triangle is farther away than `within` [m] or
     /// steeper than 45 degrees against the element, or where the middle lies beside the fabric. Which side of the element is
     /// up does not count.

@@ -23,6 +23,6 @@ pub use composite_cae::composite_cae;
 pub use elements_csv::elements_csv;
 pub use field::{Fibre, Field, FieldSummary, OntoError};
 pub use flat_pattern::FlatPattern;
-pub use ply::{Gap, next_tool};
+pub use ply::{PlyGap, next_tool};
 pub use radioss::radioss;
 pub use vtu::vtu;

@@ -41,7 +41,7 @@ pub fn next_tool(
 
 /// How far points lie over a ply.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Gap {
+pub struct PlyGap {
     /// How many lie over or beneath it; others, beside it, do not count.
     pub points: usize,
     pub mean_m: f64,
@@ -49,7 +49,7 @@ pub struct Gap {
     pub least_m: f64,
 }
 
-impl Gap {
+impl PlyGap {
     /// Distances of `points` [m] from the sheet of the ply `below`, along the normal of its nearest facet; none where
     /// no point lies over it.
     ///
@@ -145,12 +145,12 @@ mod tests {
         let ply = sheet(|x, y| [x, y, 0.1 * x]);
         let over = |h: f64| [0.01 - h * 0.1, 0.003, 0.001 + h];
         let beside = [0.2, 0.0, -0.01];
-        let gap = Gap::new(&ply, &[over(0.002), beside, over(-0.001)]);
+        let gap = PlyGap::new(&ply, &[over(0.002), beside, over(-0.001)]);
         let gap = gap.unwrap().unwrap();
         let length = 1.01f64.sqrt();
         assert_eq!(gap.points, 2);
         assert!((gap.least_m + 0.001 * length).abs() < 1e-12);
         assert!((gap.mean_m - 0.0005 * length).abs() < 1e-12);
-        assert_eq!(Gap::new(&ply, &[beside]).unwrap(), None);
+        assert_eq!(PlyGap::new(&ply, &[beside]).unwrap(), None);
     }
 }

@@ -1,6 +1,8 @@
 //! A training step to be timed, by our convolutions and by burn's.
 
-use crate::policy::convolutions::{Conv, Dense, Initializer, Kind, Layer, burn_features, features};
+use crate::policy::convolutions::{
+    Conv, Dense, Initializer, Layer, StageKind, burn_features, features,
+};
 use crate::ppo::Adam;
 use burn::module::Module;
 use burn::optim::GradientsParams;
@@ -93,7 +95,7 @@ impl Network {
     fn forward(&self, images: Tensor<4>, implementation: Implementation) -> [Tensor<2>; 2] {
         let layer = |conv| Layer {
             conv,
-            kind: Kind::Pool,
+            kind: StageKind::Pool,
         };
         let layers: Vec<Layer> = self.convolutions.iter().map(layer).collect();
         let features = match implementation {

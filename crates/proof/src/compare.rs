@@ -4,7 +4,7 @@
 mod figures;
 pub mod picture;
 
-pub use figures::{Angles, Comparison, Inapplicable, Measures, Parts, Shear, Strain, Tooling};
+pub use figures::{Angles, Comparison, DrapeMeasures, Inapplicable, Parts, Shear, Strain, Tooling};
 
 use std::collections::BTreeSet;
 
@@ -12,7 +12,7 @@ use drape_cloth::fabric::{Drape, Family, Tangents};
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::TriMesh;
 use drape_cloth::mesh::compare::{
-    Contour, Foot, Sheet, SheetError, Spread, WrinkleFilter, wrinkles,
+    Contour, Distances, Foot, Sheet, SheetError, WrinkleFilter, wrinkles,
 };
 use drape_cloth::tool::Surface;
 
@@ -163,7 +163,7 @@ fn parts(a: &Surveyed, b: &Surveyed, feet: &[Vec<Foot>; 2], part: Part) -> Parts
             all.filter(|(v, _)| is_in_part(surface, *v))
                 .map(|(_, pair)| pair)
         };
-        topology[k] = Spread::new(chosen().map(|(foot, &area)| (MM * foot.deviation, area)));
+        topology[k] = Distances::new(chosen().map(|(foot, &area)| (MM * foot.deviation, area)));
         hausdorff = chosen().fold(hausdorff, |most, (foot, _)| most.max(MM * foot.distance));
         let total: f64 = chosen().map(|(_, area)| area).sum();
         let outside = chosen().filter(|(foot, _)| foot.is_beyond);
@@ -173,7 +173,7 @@ fn parts(a: &Surveyed, b: &Surveyed, feet: &[Vec<Foot>; 2], part: Part) -> Parts
     if let (Some(a), Some(b)) = (&a.drape, &b.drape) {
         // The flat blank of a drape has the same sides as its triangles: never refused.
         if let Ok(flat) = Sheet::new(&b.flat()) {
-            points = Spread::new(point_distances(a, b, &flat, part));
+            points = Distances::new(point_distances(a, b, &flat, part));
             angles = fibre_angles(a, b, &flat, part);
         }
     }
@@ -221,9 +221,9 @@ fn fibre_angles(a: &Drape, b: &Drape, flat: &Sheet, part: Part) -> Option<[Angle
     }
     let of = |family: usize| {
         let angles = || pairs.iter().map(|(angles, area)| (angles[family], *area));
-        let spread = Spread::new(angles().map(|(angle, area)| (angle.to_degrees(), area)))?;
+        let spread = Distances::new(angles().map(|(angle, area)| (angle.to_degrees(), area)))?;
         let agrees = |angle: f64| f64::from(u8::from(angle.to_degrees() < FIBRE));
-        let agree = Spread::new(angles().map(|(angle, area)| (agrees(angle), area)))?;
+        let agree = Distances::new(angles().map(|(angle, area)| (agrees(angle), area)))?;
         Some(Angles {
             share_below: agree.mean,
             spread,
@@ -233,7 +233,7 @@ fn fibre_angles(a: &Drape, b: &Drape, flat: &Sheet, part: Part) -> Option<[Angle
 }
 
 /// What one drape is measured by alone.
-fn measures(surface: &Surveyed, contour: Option<Contour>, criteria: &Criteria) -> Measures {
+fn measures(surface: &Surveyed, contour: Option<Contour>, criteria: &Criteria) -> DrapeMeasures {
     let mesh = &surface.mesh;
     let wrinkles = wrinkles(mesh, WRINKLE).map(|mut found| {
         found.amplitude *= MM;
@@ -248,10 +248,10 @@ fn measures(surface: &Surveyed, contour: Option<Contour>, criteria: &Criteria) -
     let is_locked = |t: &Tangents| t.shear().abs().to_degrees() > LOCKING;
     let locked = all.iter().filter(|(t, _)| is_locked(t));
     let locked = locked.fold(0.0, |sum, (_, area)| sum + area);
-    let shear = Spread::new(all.iter().map(|(t, area)| (t.shear().to_degrees(), *area)));
+    let shear = Distances::new(all.iter().map(|(t, area)| (t.shear().to_degrees(), *area)));
     let of = |f: fn(f64) -> f64| {
         let both = |(t, area): &(Tangents, f64)| t.strain().map(|strain| (f(strain), *area));
-        Spread::new(all.iter().flat_map(both))
+        Distances::new(all.iter().flat_map(both))
     };
     let parts = (of(f64::abs).zip(of(|s| s.max(0.0)))).zip(of(|s| (-s).max(0.0)));
     let strain = parts.map(|((all, tension), compression)| Strain {
@@ -262,7 +262,7 @@ fn measures(surface: &Surveyed, contour: Option<Contour>, criteria: &Criteria) -
         compression_p95: compression.p95,
         compression_max: compression.max,
     });
-    Measures {
+    DrapeMeasures {
         vertices: mesh.vertices.len(),
         triangles: mesh.triangles.len(),
         area_mm2: MM * MM * mesh.area(),

@@ -216,7 +216,7 @@ fn light(normal: [f32; 3]) -> f32 {
     AMBIENT + (1.0 - AMBIENT) * (dot(normal, KEY_LIGHT) / length).max(0.0)
 }
 
-/// The same surface, where facets at an angle share no vertex and hence no normal.
+/// This surface, where facets at an angle share no vertex and hence no normal.
 pub fn creased(mesh: &TriMesh) -> TriMesh {
     // Copies of each vertex with the normal of the facet that needed it first.
     let mut copies: Vec<Vec<(Vec3, u32)>> = vec![Vec::new(); mesh.vertices.len()];

@@ -151,7 +151,7 @@ impl Arm {
         arm.checked().map_err(|fault| fail(String::new(), fault))
     }
 
-    /// The same with axes at unit length, or what is wrong with it.
+    /// With axes at unit length, or what is wrong with it.
     pub(crate) fn checked(mut self) -> Result<Self, String> {
         let finite = |pose: &Pose| pose.to_homogeneous().iter().all(|x| x.is_finite());
         let far = |v: &Vector3<f64>| v.norm() > 100.0;

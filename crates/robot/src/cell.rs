@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use super::place::{Place, Pose, metres, pose};
 use super::program::Speeds;
-use super::roller::Roller;
+use super::roller::RollerShape;
 
 /// What stands around a tool: a file beside the scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -321,9 +321,9 @@ impl CellConfig {
 
 impl RollerConfig {
     /// As the planner and programs see it.
-    pub fn roller(&self) -> Roller {
+    pub fn roller(&self) -> RollerShape {
         let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), self.turned_deg.to_radians());
-        Roller {
+        RollerShape {
             middle: Pose::from_parts(metres(self.middle_mm).into(), turned),
             radius: 0.5e-3 * self.diameter_mm,
             width: 1e-3 * self.width_mm,

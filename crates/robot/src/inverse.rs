@@ -1,6 +1,6 @@
 //! Joints that bring the flange to a pose.
 //!
-//! A [`Solver`] looks at the axes of an arm, not at its name, for a geometry that it can solve in closed form. What that
+//! A [`InverseSolver`] looks at the axes of an arm, not at its name, for a geometry that it can solve in closed form. What that
 //! gives is refined on the arm as it is: axes may miss the pattern a little, as calibrated ones do.
 
 mod axes;
@@ -28,7 +28,7 @@ const NEARBY: f64 = 0.5;
 
 /// Finds all joints for a pose of an arm's flange.
 #[derive(Clone, Debug)]
-pub struct Solver {
+pub struct InverseSolver {
     arm: Arm,
     geometry: Geometry,
 }
@@ -42,7 +42,7 @@ enum Geometry {
     General,
 }
 
-impl Solver {
+impl InverseSolver {
     /// Prepares for an arm.
     pub fn new(arm: &Arm) -> Self {
         let axes = Axes::of(arm);

@@ -29,15 +29,17 @@ pub use cell::{
     BlockConfig, CapsuleConfig, CellConfig, CellError, LimitsConfig, MotionConfig, RollerConfig,
     TurntableConfig,
 };
-pub use inverse::Solver;
+pub use inverse::InverseSolver;
 /// A place [m].
 pub type Point = nalgebra::Point3<f64>;
-pub use obstacles::Surface;
+pub use obstacles::ObstacleSurface;
 pub use path::{PathPoint, contact};
 pub use place::{Place, Pose};
 pub use plan::{FailedPoint, NoHome, Plan, Reached};
-pub use program::{Contact, Moment, Motion, Program, ProgramError, ProgramStroke, Speeds, Station};
+pub use program::{
+    Contact, Motion, Program, ProgramError, ProgramMoment, ProgramStroke, Speeds, Station,
+};
 pub use remedy::BaseProposal;
-pub use roller::Roller;
+pub use roller::RollerShape;
 pub use soft::Pushed;
 pub use workcell::{Cell, Check};

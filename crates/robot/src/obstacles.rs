@@ -15,7 +15,7 @@ use super::place::metres;
 
 /// A surface that stands in the cell, in the scene's frame: corners [m] and triangles.
 #[derive(Clone, Debug)]
-pub struct Surface {
+pub struct ObstacleSurface {
     pub corners: Vec<Vector3<f64>>,
     pub triangles: Vec<[u32; 3]>,
 }
@@ -85,7 +85,7 @@ pub(crate) const TOOL: &str = "tool";
 
 impl Obstacles {
     /// What the arm of a cell may hit; `tool` is in the scene at the table's angle 0.
-    pub fn new(arm: &Arm, config: &CellConfig, tool: &Surface) -> Self {
+    pub fn new(arm: &Arm, config: &CellConfig, tool: &ObstacleSurface) -> Self {
         let mut moving = Vec::new();
         for (k, hull) in arm.hulls.iter().enumerate() {
             let corners: Vec<_> = hull.iter().map(vector).collect();

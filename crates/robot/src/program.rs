@@ -5,14 +5,14 @@ mod urscript;
 
 use super::arm::{Arm, Joints};
 use super::place::Pose;
-use super::roller::Roller;
+use super::roller::RollerShape;
 
 /// What a controller is told, in order.
 #[derive(Clone, Debug)]
 pub struct Program<'a> {
     pub name: String,
     pub arm: &'a Arm,
-    pub roller: Roller,
+    pub roller: RollerShape,
     pub speeds: Speeds,
     /// Where the arm begins and ends [rad].
     pub home: Joints,
@@ -53,7 +53,7 @@ pub struct Station {
 pub struct ProgramStroke {
     /// Index into the program's stations.
     pub station: usize,
-    /// How far the arm leans about the roller's axis [rad], see [`Roller::contact`]; the same for the whole stroke.
+    /// How far the arm leans about the roller's axis [rad], see [`RollerShape::contact`]; the same for the whole stroke.
     pub tilt: f64,
     /// Corners of the free way, straight in joints, from where the arm is to `approach`, both left out.
     pub transfer: Vec<Joints>,
@@ -81,7 +81,7 @@ pub struct Contact {
 
 /// Where an arm is at a moment of a program, and what it does there.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moment {
+pub struct ProgramMoment {
     /// Since the program began [s].
     pub at: f64,
     pub joints: Joints,
@@ -135,8 +135,8 @@ impl Program<'_> {
 
     /// When the arm is where: every corner, approach and contact, straight in joints between free ones and straight in
     /// space between contacts, at constant speeds.
-    pub fn moments(&self) -> Vec<Moment> {
-        let mut moments = vec![Moment {
+    pub fn moments(&self) -> Vec<ProgramMoment> {
+        let mut moments = vec![ProgramMoment {
             at: 0.0,
             joints: self.home,
             stroke: 0,
@@ -152,7 +152,7 @@ impl Program<'_> {
                 time += seconds.max(self.fastest(&last, &joints)).max(1e-3);
                 last = joints;
                 pressed = pressed.max(point);
-                moments.push(Moment {
+                moments.push(ProgramMoment {
                     at: time,
                     joints,
                     stroke: k,
@@ -212,7 +212,7 @@ impl Program<'_> {
         for joints in self.way_home.iter().chain([&self.home]) {
             time += self.free(&from, joints).max(1e-3);
             from = *joints;
-            moments.push(Moment {
+            moments.push(ProgramMoment {
                 at: time,
                 joints: *joints,
                 stroke: self.strokes.len().saturating_sub(1),

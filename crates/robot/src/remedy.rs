@@ -32,7 +32,7 @@ const TILTS: [f64; 3] = [45.0, 60.0, 75.0];
 const SHARES: [f64; 3] = [0.75, 0.5, 0.25];
 
 impl Cell {
-    /// The same cell with its arm elsewhere.
+    /// This cell with its arm elsewhere.
     pub fn moved(&self, base: Pose) -> Self {
         let mut cell = self.clone();
         cell.base = base;

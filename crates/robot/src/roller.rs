@@ -4,7 +4,7 @@ use super::place::Pose;
 
 /// The roller at the end of an arm: a cylinder that turns about the y axis of its frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Roller {
+pub struct RollerShape {
     /// The frame of its middle in the flange's; z leads away from the flange, y along its axis.
     pub middle: Pose,
     /// [m]
@@ -16,7 +16,7 @@ pub struct Roller {
     pub centre_of_mass: Vector3<f64>,
 }
 
-impl Roller {
+impl RollerShape {
     /// The frame of the contact in the flange's, where the arm leans by `tilt` [rad] about the roller's axis: z into the
     /// surface, y along the axis, the origin in the middle of the line of contact. A cylinder touches alike at any tilt.
     pub fn contact(&self, tilt: f64) -> Pose {

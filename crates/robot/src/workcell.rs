@@ -6,10 +6,10 @@ use nalgebra::{Rotation3, Translation3, Vector3};
 
 use super::arm::{Arm, Joints};
 use super::cell::{CellConfig, LimitsConfig, MotionConfig};
-use super::inverse::Solver;
-use super::obstacles::{Clearance, Obstacles, Surface, Touch, frames};
+use super::inverse::InverseSolver;
+use super::obstacles::{Clearance, ObstacleSurface, Obstacles, Touch, frames};
 use super::place::Pose;
-use super::roller::Roller;
+use super::roller::RollerShape;
 
 /// What a point of a path has to pass, in the order in which it is asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
@@ -39,7 +39,7 @@ pub(crate) struct Fault {
 }
 
 impl Fault {
-    /// The same of a contact that is off by so much.
+    /// This fault, of a contact that is off by so much.
     fn deviated(&self, by: &str) -> Self {
         Self {
             check: Check::Deviation,
@@ -66,9 +66,9 @@ impl Clearance {
 #[derive(Clone)]
 pub struct Cell {
     pub arm: Arm,
-    pub(crate) solver: Solver,
+    pub(crate) solver: InverseSolver,
     pub(crate) obstacles: Obstacles,
-    pub(crate) roller: Roller,
+    pub(crate) roller: RollerShape,
     pub(crate) limits: LimitsConfig,
     pub(crate) motion: MotionConfig,
     pub(crate) home: Option<Joints>,
@@ -91,7 +91,7 @@ pub(crate) const STEP: [f64; 2] = [3e-3, 0.06];
 impl Cell {
     /// A cell around a tool, whose surface is in the scene and whose own frame `tool_pose` takes there. Where the
     /// configuration names no base, the arm stands beside the tool; see also [`Cell::best_base`].
-    pub fn new(arm: Arm, config: &CellConfig, surface: &Surface, tool_pose: &Pose) -> Self {
+    pub fn new(arm: Arm, config: &CellConfig, surface: &ObstacleSurface, tool_pose: &Pose) -> Self {
         let infinite = Vector3::repeat(f64::INFINITY);
         let bounds = surface
             .corners
@@ -116,7 +116,7 @@ impl Cell {
                 base.pose()
             });
         Self {
-            solver: Solver::new(&arm),
+            solver: InverseSolver::new(&arm),
             obstacles: Obstacles::new(&arm, config, surface),
             arm,
             roller: config.roller.roller(),

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use drape_robot::{Arm, Joints, Pose, Solver};
+use drape_robot::{Arm, InverseSolver, Joints, Pose};
 use nalgebra::{Quaternion, Translation3, Unit, UnitQuaternion, Vector3, Vector4};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -29,7 +29,7 @@ fn the_crb_stands_where_its_description_says() {
 fn inverse_undoes_forward() {
     for name in Arm::names() {
         let arm = Arm::shipped(name).unwrap();
-        let solver = Solver::new(&arm);
+        let solver = InverseSolver::new(&arm);
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let (mut found, mut solutions, count) = (0, 0, 10_000);
         let (mut worst_way, mut worst_angle) = (0f64, 0f64);
@@ -72,7 +72,7 @@ fn inverse_undoes_forward() {
 fn branches_are_those_of_another_solver() {
     for name in Arm::names() {
         let arm = Arm::shipped(name).unwrap();
-        let solver = Solver::new(&arm);
+        let solver = InverseSolver::new(&arm);
         let file = format!("{}/tests/fixtures/{name}.json", env!("CARGO_MANIFEST_DIR"));
         let text = std::fs::read_to_string(file).unwrap();
         let fixture: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -147,7 +147,7 @@ fn other_wrists_are_undone_too() {
         // By Levenberg and Marquardt from poses all over: not all branches.
         ("bent", bent, 40, 0.7),
     ] {
-        let solver = Solver::new(&arm);
+        let solver = InverseSolver::new(&arm);
         let mut rng = ChaCha8Rng::seed_from_u64(9);
         let mut found = 0;
         for _ in 0..count {

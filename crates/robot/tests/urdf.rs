@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use drape_robot::{Arm, Solver};
+use drape_robot::{Arm, InverseSolver};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -47,7 +47,7 @@ fn a_description_is_the_arm_that_it_describes() {
         assert!((a.speed - b.speed).abs() < 1e-9);
     }
     assert_eq!(read.hulls[0].len(), 8);
-    assert!(Solver::new(&read).solve(&a).len() > 1);
+    assert!(InverseSolver::new(&read).solve(&a).len() > 1);
 }
 
 #[test]

@@ -23,5 +23,5 @@ mod twins;
 pub use cloud::Cloud;
 pub use repair::{Changes, repair};
 pub use rigid::{AlignError, Rigid, icp, kabsch};
-pub use scan::{Fit, MOST_OFF, set_up};
+pub use scan::{MOST_OFF, ScanFit, set_up};
 pub use seen::{Deviation, Seen, seen};

@@ -29,7 +29,7 @@ const MEASURED: usize = 50_000;
 
 /// How well a scan and the blank that was fitted to it agree.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Fit {
+pub struct ScanFit {
     /// Mean and 95th percentile of the distance of scanned points to the blank, as the scene starts with it [mm].
     pub mean_mm: f64,
     pub p95_mm: f64,
@@ -57,7 +57,7 @@ pub struct Fit {
 pub fn set_up(
     config: &SceneConfig,
     watch: impl FnMut(&Scene, f64, &dyn Fn() -> Snapshot),
-) -> Result<(Scene, Option<Fit>), SceneError> {
+) -> Result<(Scene, Option<ScanFit>), SceneError> {
     let Some(path) = &config.placement.scan else {
         return Ok((Scene::watched(config, watch)?, None));
     };
@@ -86,7 +86,7 @@ pub fn set_up(
 }
 
 /// The state of the scene's blank that fits a scan, of which `points` are those of the blank, thinned.
-fn fitted(scene: &Scene, cloud: &Cloud, points: &[Vec3]) -> Result<(Snapshot, Fit), String> {
+fn fitted(scene: &Scene, cloud: &Cloud, points: &[Vec3]) -> Result<(Snapshot, ScanFit), String> {
     let unit = scene.config.placement.scan_unit;
     let scale = unit.map_or(1e-3, Unit::metres);
     let (rigid, other_places) = placed(scene, points, scale)?;
@@ -158,7 +158,7 @@ fn fitted(scene: &Scene, cloud: &Cloud, points: &[Vec3]) -> Result<(Snapshot, Fi
     let [vertices_mean_mm, vertices_p95_mm] = mean_and_p95(of_seen.collect());
     let sprang = held.iter().zip(&state.position);
     let sprang = sprang.map(|(a, b)| (Vec3::from(*a) - Vec3::from(*b)).norm());
-    let fit = Fit {
+    let fit = ScanFit {
         mean_mm,
         p95_mm,
         vertices_mean_mm,

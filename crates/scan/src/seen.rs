@@ -2,7 +2,7 @@
 
 use drape_cloth::file::{ReadError, ValueError};
 use drape_cloth::math::Vec3;
-use drape_cloth::mesh::compare::{Sheet, SheetError, Spread};
+use drape_cloth::mesh::compare::{Distances, Sheet, SheetError};
 use drape_cloth::scene::{Scene, SceneError, Unit};
 use rstar::RTree;
 use serde::Serialize;
@@ -31,9 +31,9 @@ pub struct Seen {
 #[derive(Clone, Debug, Serialize)]
 pub struct Deviation {
     /// Distances of the scanned points from the blank [mm], positive on its upper side.
-    pub scan_to_run_mm: Spread,
+    pub scan_to_run_mm: Distances,
     /// Those of seen vertices to the nearest scanned point [mm], no smaller than what lies between points.
-    pub run_to_scan_mm: Option<Spread>,
+    pub run_to_scan_mm: Option<Distances>,
     /// Share of the scanned points that are farther from the blank than the diagonal of a cell; they count above.
     pub far_share: f64,
     /// Share of the vertices that no point is as near to; they do not count above.
@@ -134,8 +134,8 @@ impl Seen {
         };
         let alike = |x: &f64| (1e3 * x, 1.0);
         Ok(Deviation {
-            scan_to_run_mm: Spread::new(off.iter().map(alike)).expect("there are points"),
-            run_to_scan_mm: Spread::new(seen.clone().map(alike)),
+            scan_to_run_mm: Distances::new(off.iter().map(alike)).expect("there are points"),
+            run_to_scan_mm: Distances::new(seen.clone().map(alike)),
             far_share: far / off.len() as f64,
             unseen_share: 1.0 - seen.count() as f64 / gaps.len() as f64,
             undraped_share_scan: share(&self.points),

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 /// An edge of more than two facets.
 pub const MANY: usize = usize::MAX;
 
-/// The same edge in the other facet that has it, for each half-edge: itself at a border, or [`MANY`]. Half-edge
+/// The edge in the other facet that has it, for each half-edge: itself at a border, or [`MANY`]. Half-edge
 /// number 3 f + k is that of facet f from its corner k to the next.
 pub fn twins(triangles: &[[u32; 3]]) -> Vec<usize> {
     let numbered = |half| (undirected(edge(triangles, half)), half);
@@ -29,7 +29,7 @@ pub fn edge(triangles: &[[u32; 3]], half: usize) -> [u32; 2] {
     [corners[k], corners[(k + 1) % 3]]
 }
 
-/// The same for an edge in either direction.
+/// That for an edge in either direction.
 pub fn undirected([from, to]: [u32; 2]) -> [u32; 2] {
     [from.min(to), from.max(to)]
 }

@@ -8,7 +8,7 @@ use std::time::Instant;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Mark, Misplacement, Scene, SceneConfig, Unit};
 use drape_cloth::sim::Parameters;
-use drape_scan::{Fit, Rigid, kabsch, set_up};
+use drape_scan::{Rigid, ScanFit, kabsch, set_up};
 use nalgebra::Point3;
 use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -178,7 +178,7 @@ fn scanned(
     config: &SceneConfig,
     text: &str,
     marks: Vec<Mark>,
-) -> Result<(Scene, Vec<[f64; 3]>, Fit), String> {
+) -> Result<(Scene, Vec<[f64; 3]>, ScanFit), String> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scan.xyz");
     fs::write(&file, text).unwrap();
@@ -208,7 +208,7 @@ fn apart(found: &[[f64; 3]], truth: &Scene) -> [f64; 2] {
     ]
 }
 
-/// The same once the best rigid motion is taken out [mm].
+/// That once the best rigid motion is taken out [mm].
 fn apart_in_shape(found: &[[f64; 3]], truth: &Scene) -> [f64; 2] {
     let [from, to] = [found, &truth.initial.position]
         .map(|all| all.iter().map(|&x| Vec3::from(x)).collect::<Vec<_>>());

@@ -119,7 +119,7 @@ impl Study for Bench {
         let cases = cases.map(|(solver, on)| ((solver, on), on_sheet(solved_by(solver), on)));
         let core = sample(repeats, cases, told(0.1, 0.4, "solvers"), time);
 
-        let best = Device::group(Isa::best());
+        let best = BenchDevice::group(Isa::best());
         let changed = |name, change| (name, on_sheet(physics(change), best));
         let first = [
             changed("default", ""),
@@ -238,13 +238,13 @@ fn sample<N, C>(
 
 /// What computes environments: so many together, in a precision, on an instruction set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Device {
+pub struct BenchDevice {
     lanes: usize,
     precision: Precision,
     isa: Isa,
 }
 
-impl Device {
+impl BenchDevice {
     /// As many environments as an instruction set has lanes, as training steps them.
     pub fn group(isa: Isa) -> Self {
         Self {
@@ -269,8 +269,8 @@ impl Device {
 }
 
 /// Every solver on every device: the rows of the table `core`.
-pub fn variants() -> Vec<(Solver, Device)> {
-    let devices = Device::all();
+pub fn variants() -> Vec<(Solver, BenchDevice)> {
+    let devices = BenchDevice::all();
     let of = |solver| devices.iter().map(move |device| (solver, *device));
     Solver::ALL.into_iter().flat_map(of).collect()
 }
@@ -319,7 +319,7 @@ fn differing(is_timed: bool) -> Result<Vec<Arc<Scene>>, SceneError> {
 }
 
 /// A sheet on which shear and bending are listed and find nothing to do.
-fn absent(scene: &Scene, device: Device) -> Timed {
+fn absent(scene: &Scene, device: BenchDevice) -> Timed {
     let mut lamina = Lamina::clone(&scene.lamina);
     lamina.diagonals.clear();
     Timed::new(scene, &lamina, &physics(ABSENT), device)
@@ -330,7 +330,7 @@ pub struct Timed(Cpu);
 
 impl Timed {
     /// `lamina` under `physics` on `on`, over the tool of `scene`.
-    pub fn new(scene: &Scene, lamina: &Lamina, physics: &PhysicsConfig, on: Device) -> Self {
+    pub fn new(scene: &Scene, lamina: &Lamina, physics: &PhysicsConfig, on: BenchDevice) -> Self {
         let world = World::new(
             Model::new(lamina, physics).over_that_of(&scene.model),
             scene.tool.clone(),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::statistics::{bootstrap, extremes, interquartile_mean, probability_of_improvement};
 use crate::study::{Context, Report, Study, StudyError};
-use crate::trainings::{Arm, Curve, LearnedRun, Trainings};
+use crate::trainings::{Curve, LearnedRun, Trainings, Treatment};
 use drape_report::{Band, Chart, SERIES, Series};
 use drape_report::{Format::Digits, Table};
 
@@ -63,7 +63,7 @@ const FIGURES: [Figure; 9] = [
 ];
 
 /// A figure of those runs of an arm that have it.
-fn values(arm: &Arm, (_, of): Figure) -> Vec<f64> {
+fn values(arm: &Treatment, (_, of): Figure) -> Vec<f64> {
     arm.runs.iter().filter_map(of).collect()
 }
 
@@ -88,7 +88,7 @@ impl Study for Learning {
     }
 }
 
-fn figures(arms: &[Arm]) -> Table {
+fn figures(arms: &[Treatment]) -> Table {
     let mut rows = Vec::new();
     for arm in arms {
         for figure in FIGURES {
@@ -113,7 +113,7 @@ fn figures(arms: &[Arm]) -> Table {
 }
 
 /// Every run, for files.
-fn runs(arms: &[Arm]) -> Table {
+fn runs(arms: &[Treatment]) -> Table {
     let mut rows = Vec::new();
     for arm in arms {
         rows.extend(arm.runs.iter().map(|run| (&*arm.name, run)));
@@ -127,7 +127,7 @@ fn runs(arms: &[Arm]) -> Table {
     table.end()
 }
 
-fn improvement(arms: &[Arm]) -> Table {
+fn improvement(arms: &[Treatment]) -> Table {
     let mut rows = Vec::new();
     for arm in &arms[1..] {
         for figure in &FIGURES[..SCORES] {
@@ -167,7 +167,7 @@ const CURVES: [(&str, &str, OfRun); 3] = [
 
 /// Interquartile means over the runs of each arm with their intervals, at the steps that all of
 /// them have.
-fn chart(arms: &[Arm], title: &str, of: OfRun) -> Chart {
+fn chart(arms: &[Treatment], title: &str, of: OfRun) -> Chart {
     let mut chart = Chart {
         title: format!("{title}: interquartile means and 95 % intervals"),
         x_label: "environment steps".into(),
@@ -209,12 +209,12 @@ mod tests {
         }
     }
 
-    fn arm(name: &str, scores: &[f64]) -> Arm {
+    fn arm(name: &str, scores: &[f64]) -> Treatment {
         let runs = scores
             .iter()
             .zip(1..)
             .map(|(&score, seed)| run(seed, score));
-        Arm {
+        Treatment {
             name: name.into(),
             runs: runs.collect(),
         }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::trainings::{Arm, Trainings};
+use crate::trainings::{Trainings, Treatment};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::{SceneConfig, SceneError};
@@ -46,7 +46,7 @@ pub struct Context<'a> {
     /// Reads all paths that it has kept.
     pub read_kept: Reader<'a, KeptPaths>,
     /// Trains in the folder of the study, and reads what the runs have left.
-    pub train: &'a dyn Fn(&Trainings) -> Result<Vec<Arm>, StudyError>,
+    pub train: &'a dyn Fn(&Trainings) -> Result<Vec<Treatment>, StudyError>,
 }
 
 /// Reads something of a folder.

@@ -26,7 +26,7 @@ pub struct Trainings {
 
 /// The runs of one configuration.
 #[derive(Clone, Debug, Default)]
-pub struct Arm {
+pub struct Treatment {
     pub name: String,
     pub runs: Vec<LearnedRun>,
 }

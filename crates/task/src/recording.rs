@@ -41,12 +41,12 @@ pub struct Recording {
     /// Where in the scene it was pressed, in order.
     pub presses: Vec<PressedPoint>,
     /// What there was before the first press, and after each.
-    pub frames: Vec<Frame>,
+    pub frames: Vec<RecordedFrame>,
 }
 
 /// A moment of a [`Recording`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Frame {
+pub struct RecordedFrame {
     /// Where every vertex is [m].
     #[serde(with = "as_short")]
     pub position: Vec<[f64; 3]>,
@@ -89,7 +89,7 @@ impl Recording {
         }
         let pressed = task.points(&episode.presses()[self.presses.len()..]);
         self.presses.extend(pressed);
-        self.frames.push(Frame {
+        self.frames.push(RecordedFrame {
             position: cloth.position.clone(),
             touched: cloth.pressed.touched.clone(),
             draped: cloth.pressed.draped.clone(),
@@ -144,7 +144,7 @@ impl Recording {
         let is_whole = read.frames.len() == read.presses.len() + 1
             && read.start.position.len() == count
             && frames.all(|frame| {
-                let Frame {
+                let RecordedFrame {
                     touched, draped, ..
                 } = frame;
                 [frame.position.len(), touched.len(), draped.len()] == [count; 3]

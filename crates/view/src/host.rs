@@ -7,7 +7,7 @@ use drape_cloth::sim::Snapshot;
 use drape_cloth::tool::ToolConfig;
 use drape_task::env::{Draping, EnvConfig};
 use drape_task::path::PressedPoint;
-use drape_task::recording::{Frame, Recording};
+use drape_task::recording::{RecordedFrame, Recording};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -77,7 +77,7 @@ pub trait Host {
     fn path(&mut self, draping: &Draping) -> Result<Vec<u32>, Self::Error>;
 
     /// What is shown beside them at first, step by step.
-    fn beside(&self, draping: &Draping) -> Vec<Frame>;
+    fn beside(&self, draping: &Draping) -> Vec<RecordedFrame>;
 
     /// Whether a robot is shown before anybody asks for it.
     fn has_robot(&self) -> bool;

@@ -27,6 +27,6 @@ mod stage;
 pub use command::{Change, Command};
 pub use host::{Host, Offers, Rival, Spec, Watch};
 pub use moment::{Moment, Numbers, Shared};
-pub use robot::{Robot, RobotJob, RobotMoment, RobotPlace};
+pub use robot::{RobotJob, RobotMoment, RobotPlace, ViewedRobot};
 pub use server::Server;
 pub use session::Session;

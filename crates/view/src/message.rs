@@ -12,13 +12,13 @@ pub struct Message {
 }
 
 /// A type of numbers that JavaScript has arrays of.
-pub trait Number: Copy {
+pub trait WireNumber: Copy {
     const NAME: &'static str;
     fn write(self, to: &mut Vec<u8>);
 }
 
 macro_rules! numbers {
-    ($($type:ty),*) => {$(impl Number for $type {
+    ($($type:ty),*) => {$(impl WireNumber for $type {
         const NAME: &'static str = stringify!($type);
         fn write(self, to: &mut Vec<u8>) {
             to.extend(self.to_le_bytes());
@@ -41,7 +41,7 @@ impl Message {
     }
 
     /// With one more column.
-    pub fn with<N: Number>(mut self, name: &str, numbers: impl IntoIterator<Item = N>) -> Self {
+    pub fn with<N: WireNumber>(mut self, name: &str, numbers: impl IntoIterator<Item = N>) -> Self {
         let start = self.body.len();
         numbers.into_iter().for_each(|n| n.write(&mut self.body));
         let count = (self.body.len() - start) / size_of::<N>();

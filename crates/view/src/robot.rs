@@ -23,7 +23,7 @@ pub struct RobotPlace {
 }
 
 /// What a robot makes of presses.
-pub struct Robot {
+pub struct ViewedRobot {
     /// What the arm is called.
     pub name: String,
     pub place: RobotPlace,
@@ -48,7 +48,7 @@ pub struct RobotMoment {
 }
 
 /// Asks a robot, on a thread of its own.
-pub type RobotJob = Box<dyn FnOnce() -> Result<Robot, String> + Send>;
+pub type RobotJob = Box<dyn FnOnce() -> Result<ViewedRobot, String> + Send>;
 
 /// A robot as it is sent to pages.
 pub struct Shown {
@@ -58,7 +58,7 @@ pub struct Shown {
 }
 
 impl Shown {
-    pub fn new(number: u64, robot: &Robot) -> Arc<Self> {
+    pub fn new(number: u64, robot: &ViewedRobot) -> Arc<Self> {
         let header = json!({
             "kind": "robot",
             "robot": number,
@@ -98,7 +98,7 @@ pub struct Asking {
     shown: Option<Arc<Shown>>,
     /// How many have been shown.
     count: u64,
-    asked: Option<Receiver<Result<Robot, String>>>,
+    asked: Option<Receiver<Result<ViewedRobot, String>>>,
     wish: Option<(Option<RobotPlace>, bool)>,
 }
 
@@ -152,7 +152,7 @@ impl Asking {
         }
     }
 
-    fn show(&mut self, robot: &Robot) {
+    fn show(&mut self, robot: &ViewedRobot) {
         self.count += 1;
         self.shown = Some(Shown::new(self.count, robot));
     }

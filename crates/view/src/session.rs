@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use drape_cloth::sim::Accuracy;
 use drape_task::env::Draping;
 use drape_task::path::stroke_points;
-use drape_task::recording::{Frame, Recording};
+use drape_task::recording::{RecordedFrame, Recording};
 
 use super::command::{Change, Command};
 use super::export::still_page;
@@ -50,7 +50,7 @@ pub struct Session<H: Host> {
     waiting: VecDeque<u32>,
     pull: Option<(u32, [f64; 3])>,
     /// What is shown beside the presses, step by step.
-    beside: Vec<Frame>,
+    beside: Vec<RecordedFrame>,
     status: Status,
     said: u64,
     rivals: Option<Receiver<Vec<Rival>>>,
@@ -381,7 +381,7 @@ impl<H: Host> Session<H> {
         self.stages += 1;
         let number = self.stages;
         self.status.rivals.clear();
-        // The same blank on the same tool lies as it did.
+        // This blank on this tool lies as it did.
         let lies = (spec.scene == self.spec.scene).then(|| self.draping.scene().clone());
         let set_up = match lies {
             Some(scene) => Draping::new(scene.clone(), &spec.env, 1)

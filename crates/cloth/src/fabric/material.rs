@@ -30,7 +30,7 @@ impl Curve {
         &self.0
     }
 
-    /// The same law, `factor` times as stiff.
+    /// This law, `factor` times as stiff.
     pub fn scaled(&self, factor: f64) -> Self {
         Self(self.0.iter().map(|&[e, s]| [e, factor * s]).collect())
     }
@@ -44,7 +44,7 @@ impl Curve {
         1e6 * (p[1] + (strain - p[0]) * (q[1] - p[1]) / (q[0] - p[0]))
     }
 
-    /// The same law with `gain` times its first slope on top from the strain `start` on.
+    /// This law with `gain` times its first slope on top from the strain `start` on.
     fn stiffened(&self, start: f64, gain: f64) -> Self {
         let mut strains: Vec<f64> = self.0.iter().map(|p| p[0]).collect();
         // One strain beyond all, to tell the last slope.

@@ -40,7 +40,7 @@ impl Membrane {
         }
     }
 
-    /// The same, half of a cell with yarns along two of its sides.
+    /// A membrane that is half of a cell with yarns along two of its sides.
     pub(crate) fn of_yarns(vertices: [u32; 3], rest: [[f64; 2]; 3], warp: [f64; 2]) -> Self {
         Self {
             has_yarns: true,

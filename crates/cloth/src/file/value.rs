@@ -45,7 +45,7 @@ impl ValueError {
         Self::unless((min..=max).contains(&found), key, found, expected)
     }
 
-    /// The same with its key in the table `outer`.
+    /// This error with its key in the table `outer`.
     pub fn within(mut self, outer: &str) -> Self {
         self.key = format!("{outer}.{}", self.key);
         self

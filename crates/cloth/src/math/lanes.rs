@@ -8,7 +8,7 @@ use std::ops::{Add, Div, Mul, Neg, Range, Sub};
 pub trait Real: Lanes<Scalar = Self> + PartialOrd + std::fmt::Debug {
     /// Nearest number to `x`.
     fn from_f64(x: f64) -> Self;
-    /// The same number in f64.
+    /// This number in f64.
     fn to_f64(self) -> f64;
 }
 
@@ -41,7 +41,7 @@ pub trait Lanes:
     /// where that is not worth its code.
     const TRANSPOSE: Option<fn(&mut [Self])> = None;
 
-    /// The same number in every lane.
+    /// One number in every lane.
     fn splat(x: Self::Scalar) -> Self;
     /// `self` times `factor` plus `addend`, rounded once. Slow where the processor cannot fuse them.
     fn mul_add(self, factor: Self, addend: Self) -> Self;
@@ -135,7 +135,7 @@ pub trait Lanes:
         Self::splat(Self::Scalar::from_f64(0.0))
     }
 
-    /// The same number in every lane, rounded from f64.
+    /// One number in every lane, rounded from f64.
     #[inline(always)]
     fn of(x: f64) -> Self {
         Self::splat(Self::Scalar::from_f64(x))

@@ -19,7 +19,7 @@ pub fn surplus(lamina: &Lamina, tool: &Tool, positions: &[[f64; 3]], region: &Fi
     sum / yarns.max(1) as f64
 }
 
-/// The same summed over the yarns [m], and how many they are, for vertices with these [`feet`].
+/// Surplus summed over the yarns [m], and how many they are, for vertices with these [`feet`].
 pub fn summed_surplus(lamina: &Lamina, feet: &[Vec3], region: &FixedBitSet) -> (f64, usize) {
     let foot = |v: u32| feet[v as usize];
     let (mut sum, mut yarns) = (0.0, 0);

@@ -5,13 +5,13 @@
 //! mesh is fine.
 
 mod contour;
+mod distances;
 mod sheet;
-mod spread;
 mod wrinkles;
 
 pub use contour::{Contour, ContourDeviation, Holes};
+pub use distances::Distances;
 pub use sheet::{Foot, Sheet, SheetError};
-pub use spread::Spread;
 pub use wrinkles::{WrinkleFilter, Wrinkles, wrinkles};
 
 #[cfg(test)]

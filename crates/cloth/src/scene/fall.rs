@@ -42,7 +42,7 @@ impl Scene {
         Self::watched(config, |_, share, _| progress(share))
     }
 
-    /// The same for who wants to see it fall: `watch` is told the scene, which has no initial state yet, the
+    /// For who wants to see it fall: `watch` is told the scene, which has no initial state yet, the
     /// simulated share and where the blank is then.
     pub fn watched(
         config: &SceneConfig,
@@ -164,7 +164,7 @@ impl Scene {
         Ok(states)
     }
 
-    /// The same initial state under other physics: what differs then is the episode alone.
+    /// This initial state under other physics: what differs then is the episode alone.
     /// `physics` must have been checked.
     pub fn with_physics(&self, physics: PhysicsConfig) -> Self {
         let mut scene = self.clone();

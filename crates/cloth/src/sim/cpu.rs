@@ -58,7 +58,7 @@ impl Cpu {
         Self::on(world, count, precision, Isa::best())
     }
 
-    /// The same on an instruction set.
+    /// This, on an instruction set.
     pub fn on(world: &World, count: usize, precision: Precision, isa: Isa) -> Self {
         let model = &world.model;
         let make = match isa {

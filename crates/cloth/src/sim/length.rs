@@ -73,7 +73,7 @@ impl<V: Lanes> EdgeResponse<V> for Plain {
     }
 }
 
-/// The same with another compliance beyond a tension: where the projection by the law before it would end with more.
+/// That with another compliance beyond a tension: where the projection by the law before it would end with more.
 pub(super) struct Limited<'a>(pub &'a [Limit]);
 
 impl<V: Lanes> EdgeResponse<V> for Limited<'_> {
@@ -158,7 +158,7 @@ pub(super) fn pull_of<V: Lanes>(edge: Vec3x<V>, density: V, min_warm: V) -> (Vec
     (pull, density.max(-density))
 }
 
-/// The same of the edge after number `i` of a yarn, 0 at its end.
+/// That of the edge after number `i` of a yarn, 0 at its end.
 #[inline(always)]
 pub(super) fn pull_after<V: Lanes>(
     line: &impl Chain<V>,

@@ -135,7 +135,7 @@ pub(super) struct Along<'a, V: Lanes, C> {
     pub law: LineLaw<V>,
     /// [m]
     pub x: &'a mut [Vec3x<V>],
-    /// The same at the start of the substep [m]; of a row of diagonals, where its law bends.
+    /// That at the start of the substep [m]; of a row of diagonals, where its law bends.
     pub previous: &'a [Vec3x<V>],
     /// [m/N]
     pub mobility: &'a [V],
@@ -145,7 +145,7 @@ pub(super) struct Along<'a, V: Lanes, C> {
 }
 
 impl<V: Lanes, C> Along<'_, V, C> {
-    /// The same for one of several stages.
+    /// That for one of several stages.
     #[inline(always)]
     pub fn again(&mut self) -> Along<'_, V, C> {
         Along {

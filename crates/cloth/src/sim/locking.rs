@@ -37,7 +37,7 @@ pub(super) struct Locking {
     per_growth: f64,
     /// Length of a diagonal over that at rest, shortened and lengthened to the locking angle.
     stretch: [f64; 2],
-    /// The same, shortened to MAX_SINE: any shorter it resists with that compliance.
+    /// That, shortened to MAX_SINE: any shorter it resists with that compliance.
     least: f64,
 }
 

@@ -29,7 +29,7 @@ pub(super) enum Pass {
     Edges(EdgeClass, Vec<Limit>),
     /// Diagonals, one colour.
     Diagonals(EdgeClass, Trellis),
-    /// The same by a curve of several slopes.
+    /// Shear by a curve of several slopes.
     CurvedDiagonals(EdgeClass, ShearCurve),
     /// Their locking.
     LockingDiagonals(EdgeClass, Locking),

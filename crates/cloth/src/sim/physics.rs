@@ -47,7 +47,7 @@ pub enum BendingStiffness {
     /// What the material's bimodulus gives.
     #[default]
     Material,
-    /// The same for warp and weft [N m].
+    /// One for warp and weft [N m].
     NewtonMetre(f64),
 }
 

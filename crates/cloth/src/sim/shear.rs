@@ -99,7 +99,7 @@ fn chord(sine: f64, per_growth: f64) -> f64 {
     sine / sine.asin() * cosine * 2.0 / (stretch * (stretch + 1.0))
 }
 
-/// The same for a constraint that is the sine itself: sin gamma cos gamma / gamma, within 0.1 %
+/// That for a constraint that is the sine itself: sin gamma cos gamma / gamma, within 0.1 %
 /// up to 60 degrees (least relative squares).
 #[inline(always)]
 pub(super) fn share_of_sine<V: Lanes>(sine: V) -> V {

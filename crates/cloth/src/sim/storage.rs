@@ -21,7 +21,7 @@ pub(super) trait Storage: Send + Sync {
     /// Place and lane of a vertex of environment `lane`.
     fn slot(&self, lane: usize, vertex: usize) -> [usize; 2];
 
-    /// The same of the force of a yarn edge.
+    /// That of the force of a yarn edge.
     fn edge_slot(&self, lane: usize, edge: usize) -> [usize; 2];
 
     fn cloth(&self) -> &Cloth<Self::V>;

@@ -308,7 +308,7 @@ fn length(key: &str, mm: f64) -> Result<f64, ValueError> {
     positive(key, mm, 1e5)
 }
 
-/// The same of a height: no blank hangs higher.
+/// That of a height: no blank hangs higher.
 fn height(key: &str, mm: f64) -> Result<f64, ValueError> {
     positive(key, mm, 1e4)
 }

@@ -307,7 +307,7 @@ static WORLDS: LazyLock<Vec<World>> = LazyLock::new(|| {
                 stiffening: 20.0,
             });
             worlds.push(world(&lamina, listed.clone()));
-            // The same by a curve that bends, stiffer one way and softer the other.
+            // Shear by a curve that bends, stiffer one way and softer the other.
             let shear = &mut lamina.material.shear;
             shear.positive = curve([[0.05, 0.0025], [0.2, 0.03], [0.9, 1.0]]);
             shear.negative = curve([[0.02, 0.002], [0.1, 0.004], [0.9, 0.02]]);
@@ -465,7 +465,7 @@ fn reference(world: &World, steps: usize) -> Vec<Snapshot> {
     (0..CASES).map(one).collect()
 }
 
-/// The same of every world at the end.
+/// That of every world at the end.
 static ENDS: LazyLock<Vec<Vec<Snapshot>>> = LazyLock::new(|| {
     let worlds = WORLDS.iter();
     worlds.map(|world| reference(world, STEPS)).collect()

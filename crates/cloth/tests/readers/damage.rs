@@ -55,7 +55,7 @@ pub fn folder() -> PathBuf {
     folder
 }
 
-/// The same text with a byte-order mark, with other line ends, in Latin-1 and in UTF-16.
+/// A text with a byte-order mark, with other line ends, in Latin-1 and in UTF-16.
 pub fn dialects(text: &str) -> Vec<Vec<u8>> {
     let returns = text.replace('\n', "\r");
     let wide = |text: &str| text.encode_utf16().flat_map(u16::to_le_bytes).collect();

@@ -19,7 +19,7 @@ pub enum DeviceKind {
 
 /// A device that this build or machine cannot offer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum DeviceError {
+pub enum NetworkDeviceError {
     #[error("device `gpu` is not in this build: rebuild with `--features gpu`")]
     NotBuilt,
     #[error("device `{device}`: {error}")]
@@ -47,24 +47,24 @@ impl DeviceKind {
     ///
     /// # Errors
     /// The cargo feature that it needs is off, or this machine has none.
-    pub fn open(self) -> Result<Device, DeviceError> {
+    pub fn open(self) -> Result<Device, NetworkDeviceError> {
         match self {
             Self::Flex => Ok(Device::flex()),
             #[cfg(feature = "gpu")]
             Self::Gpu(number) => match sim::Adapter::number(number) {
                 Ok(adapter) => Ok(of_burn(&adapter)),
-                Err(error) => Err(DeviceError::Absent {
+                Err(error) => Err(NetworkDeviceError::Absent {
                     device: self,
                     error,
                 }),
             },
             #[cfg(not(feature = "gpu"))]
-            Self::Gpu(_) => Err(DeviceError::NotBuilt),
+            Self::Gpu(_) => Err(NetworkDeviceError::NotBuilt),
         }
     }
 }
 
-/// The same device as the cloth's, so that both share its memory.
+/// The cloth's device, so that both share its memory.
 #[cfg(feature = "gpu")]
 pub(super) fn of_burn(adapter: &sim::Adapter) -> Device {
     Device::new(burn::backend::DispatchDevice::Cube(adapter.device()))

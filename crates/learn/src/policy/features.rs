@@ -2,8 +2,8 @@
 
 use super::conv::Plane;
 use super::layer::Conv;
-pub use super::stages::Kind;
-use super::stages::{Pullback, Stage, forward};
+pub use super::stages::StageKind;
+use super::stages::{NetworkStage, Pullback, forward};
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::NoCheckpointing;
 use burn::backend::autodiff::grads::Gradients;
@@ -19,7 +19,7 @@ use drape_cloth::math::Isa;
 /// A convolution with what comes before and after it.
 pub struct Layer<'a> {
     pub conv: &'a Conv,
-    pub kind: Kind,
+    pub kind: StageKind,
 }
 
 /// Features `[batch, channel * row * column]` of images `[batch, channel, row, column]`. There is
@@ -37,17 +37,17 @@ pub fn features(images: Tensor<4>, layers: &[Layer]) -> Tensor<2> {
 pub fn burn_features(images: Tensor<4>, layers: &[Layer]) -> Tensor<2> {
     let mut kept: Vec<Tensor<4>> = Vec::new();
     let convolved = layers.iter().fold(images, |mut x, layer| {
-        if layer.kind == Kind::Up {
+        if layer.kind == StageKind::Up {
             let finer = kept.pop().expect("every Up has its Down");
             let [_, _, rows, columns] = finer.dims();
             x = squares(x).narrow(2, 0, rows).narrow(3, 0, columns) + finer;
         }
         let x = layer.conv.forward(x);
         match layer.kind {
-            Kind::Linear => x,
-            Kind::Plain | Kind::Up => relu(x),
-            Kind::Pool => max_pool2d(relu(x), MaxPoolOptions::new([2, 2])),
-            Kind::Down => {
+            StageKind::Linear => x,
+            StageKind::Plain | StageKind::Up => relu(x),
+            StageKind::Pool => max_pool2d(relu(x), MaxPoolOptions::new([2, 2])),
+            StageKind::Down => {
                 let x = relu(x);
                 kept.push(x.clone());
                 max_pool2d(even(x), MaxPoolOptions::new([2, 2]))
@@ -88,7 +88,7 @@ fn own_features(images: &Tensor<4>, layers: &[Layer], isa: Isa) -> Option<Tensor
     let stages = layers.iter().map(|layer| {
         let [outputs, inputs, ..] = layer.conv.weight.dims();
         let kind = layer.kind;
-        Stage {
+        NetworkStage {
             inputs,
             outputs,
             kind,
@@ -195,7 +195,7 @@ mod tests {
     fn run(
         convolutions: &[Conv],
         images: Tensor<4>,
-        kinds: &[Kind],
+        kinds: &[StageKind],
         features: fn(Tensor<4>, &[Layer]) -> Tensor<2>,
     ) -> Vec<Vec<f32>> {
         let layers = convolutions.iter().zip(kinds);
@@ -226,7 +226,7 @@ mod tests {
     #[test]
     fn features_and_gradients_are_those_of_burn() {
         let device = Device::flex().autodiff();
-        use Kind::{Down, Linear, Plain, Pool, Up};
+        use StageKind::{Down, Linear, Plain, Pool, Up};
         let ours = |images: Tensor<4>, layers: &[Layer]| {
             own_features(&images, layers, Isa::best()).expect("flex has ours")
         };
@@ -261,7 +261,7 @@ mod tests {
         let device = Device::flex().autodiff();
         let convolutions = convolutions(&[1, 2, 2], &device);
         for number in [f32::NAN, f32::INFINITY] {
-            for kind in [Kind::Plain, Kind::Pool, Kind::Down] {
+            for kind in [StageKind::Plain, StageKind::Pool, StageKind::Down] {
                 let mut numbers = vec![0.0; 64];
                 numbers[27] = number;
                 let images = TensorData::new(numbers, [1, 1, 8, 8]);
@@ -285,7 +285,7 @@ mod tests {
         let numbers = |convolutions: &[Conv], images| {
             let layer = |conv| Layer {
                 conv,
-                kind: Kind::Pool,
+                kind: StageKind::Pool,
             };
             let layers: Vec<Layer> = convolutions.iter().map(layer).collect();
             let features = own_features(&images, &layers, Isa::best())

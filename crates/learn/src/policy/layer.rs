@@ -45,7 +45,7 @@ impl Initializer {
         self.conv_with_gains(inputs, &vec![gain; outputs])
     }
 
-    /// The same with a gain for each output.
+    /// A layer with a gain for each output.
     pub fn conv_with_gains(&mut self, inputs: usize, gains: &[f64]) -> Conv {
         let (outputs, width) = (gains.len(), 9 * inputs);
         let mut weight = self.orthogonal(outputs, width, 1.0);

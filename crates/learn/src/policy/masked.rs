@@ -57,7 +57,7 @@ pub fn draw(
     action.expect("an observation allows an action")
 }
 
-/// The same for each row of log-probabilities `[row, action]`, where they are. Rows that allow nothing give
+/// That for each row of log-probabilities `[row, action]`, where they are. Rows that allow nothing give
 /// the number of actions.
 pub fn draw_rows(
     log_probs: Tensor<2>,

@@ -30,12 +30,12 @@ mod unet;
 
 pub(crate) use batch::Batch;
 pub use config::{CompactConfig, NetworkConfig, PaperConfig, PolicyConfig, UnetConfig};
-pub use device::{DeviceError, DeviceKind};
+pub use device::{DeviceKind, NetworkDeviceError};
 pub use network::{ActorCritic, Network};
 pub use prediction::Prediction;
 
 /// What other networks can be built of.
 pub(crate) mod convolutions {
-    pub use super::features::{Kind, Layer, burn_features, features};
+    pub use super::features::{Layer, StageKind, burn_features, features};
     pub use super::layer::{Conv, Dense, Initializer};
 }

@@ -1,5 +1,5 @@
 use super::config::PaperConfig;
-use super::features::{Kind, Layer, features};
+use super::features::{Layer, StageKind, features};
 use super::layer::{Conv, Dense, Initializer, POLICY_GAIN, RELU_GAIN, VALUE_GAIN};
 use super::prediction::Prediction;
 use burn::module::Module;
@@ -84,7 +84,10 @@ impl Vgg {
     fn forward(&self, image: Tensor<4>) -> Tensor<2> {
         let layers = self.blocks.iter().flat_map(|[first, second]| {
             let layer = |conv, kind| Layer { conv, kind };
-            [layer(first, Kind::Plain), layer(second, Kind::Pool)]
+            [
+                layer(first, StageKind::Plain),
+                layer(second, StageKind::Pool),
+            ]
         });
         let mut x = features(image, &layers.collect::<Vec<_>>());
         for dense in &self.dense {

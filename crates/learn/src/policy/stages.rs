@@ -10,29 +10,29 @@ use std::sync::{Arc, Mutex};
 
 /// One 3x3 convolution with stride 1, padding 1 and bias.
 #[derive(Clone, Copy, Debug)]
-pub struct Stage {
+pub struct NetworkStage {
     pub inputs: usize,
     pub outputs: usize,
-    pub kind: Kind,
+    pub kind: StageKind,
 }
 
 /// What comes before and after a convolution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum StageKind {
     /// ReLU.
     Plain,
     /// No ReLU; the last stage only.
     Linear,
     /// ReLU and 2x2 max-pooling, which leaves out an odd last row and column.
     Pool,
-    /// ReLU, which an [`Kind::Up`] takes later, and 2x2 max-pooling of all rows and columns.
+    /// ReLU, which an [`StageKind::Up`] takes later, and 2x2 max-pooling of all rows and columns.
     Down,
-    /// Pixels become squares of 2 x 2, to which what the last [`Kind::Down`] without an `Up` has
+    /// Pixels become squares of 2 x 2, to which what the last [`StageKind::Down`] without an `Up` has
     /// kept is added. ReLU after the convolution.
     Up,
 }
 
-impl Stage {
+impl NetworkStage {
     fn weight_count(self) -> usize {
         9 * self.inputs * self.outputs
     }
@@ -49,7 +49,7 @@ const UNIT: usize = 16;
 /// after stage, the weights `[output, input, tap]` and the biases. `plane` is that of the images;
 /// no stage may leave it without pixels.
 pub fn forward(
-    stages: Vec<Stage>,
+    stages: Vec<NetworkStage>,
     plane: Plane,
     parameters: &[f32],
     images: &[f32],
@@ -66,7 +66,7 @@ pub fn forward(
 }
 
 fn run<V: Lanes<Scalar = f32>, const N: usize>(
-    stages: Vec<Stage>,
+    stages: Vec<NetworkStage>,
     plane: Plane,
     parameters: &[f32],
     images: &[f32],
@@ -134,7 +134,7 @@ fn run<V: Lanes<Scalar = f32>, const N: usize>(
 
 /// Stages with the weights of both directions.
 struct Net<const N: usize> {
-    stages: Vec<Stage>,
+    stages: Vec<NetworkStage>,
     /// Of what each stage convolves, and of what it gives.
     planes: Vec<[Plane; 2]>,
     forward: Vec<Weights<N>>,
@@ -142,17 +142,17 @@ struct Net<const N: usize> {
 }
 
 impl<const N: usize> Net<N> {
-    fn new(stages: Vec<Stage>, mut plane: Plane, mut parameters: &[f32]) -> Self {
+    fn new(stages: Vec<NetworkStage>, mut plane: Plane, mut parameters: &[f32]) -> Self {
         let (mut planes, mut skipped) = (Vec::new(), Vec::new());
         let (mut forward, mut backward) = (Vec::new(), Vec::new());
         for stage in &stages {
-            if stage.kind == Kind::Up {
+            if stage.kind == StageKind::Up {
                 plane = skipped.pop().expect("every Up has its Down");
             }
             let next = match stage.kind {
-                Kind::Plain | Kind::Linear | Kind::Up => plane,
-                Kind::Pool => plane.pooled(),
-                Kind::Down => {
+                StageKind::Plain | StageKind::Linear | StageKind::Up => plane,
+                StageKind::Pool => plane.pooled(),
+                StageKind::Down => {
                     skipped.push(plane);
                     plane.halved()
                 }
@@ -226,7 +226,7 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Forward<'_, V, N> {
         let mut skipped: Vec<usize> = Vec::new();
         for (k, stage) in net.stages.iter().enumerate() {
             let [plane, next] = net.planes[k];
-            if stage.kind == Kind::Up {
+            if stage.kind == StageKind::Up {
                 let kept = skipped.pop().expect("every Up has its Down");
                 let coarse = (&*planes[planes.len() - 1], net.planes[k - 1][1]);
                 planes.push(spread(coarse, &planes[kept], plane));
@@ -238,9 +238,9 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Forward<'_, V, N> {
             let mut whole = Vec::new();
             let weights = &net.forward[k];
             match stage.kind {
-                Kind::Pool | Kind::Down => {
+                StageKind::Pool | StageKind::Down => {
                     winners = vec![V::zero(); stage.outputs * next.pixels()];
-                    if stage.kind == Kind::Down {
+                    if stage.kind == StageKind::Down {
                         whole = zeros(plane);
                     }
                     let size = [2 * next.rows, 2 * next.columns];
@@ -250,7 +250,7 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Forward<'_, V, N> {
                         size,
                         weights,
                         |output, row, column, mut square| {
-                            if stage.kind == Kind::Down {
+                            if stage.kind == StageKind::Down {
                                 square = square.map(|x| V::zero().max(x));
                                 if column + 1 == plane.columns {
                                     (square[1], square[3]) = (V::zero(), V::zero());
@@ -266,7 +266,7 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Forward<'_, V, N> {
                         },
                     );
                 }
-                Kind::Plain | Kind::Up | Kind::Linear => {
+                StageKind::Plain | StageKind::Up | StageKind::Linear => {
                     let size = [next.rows, next.columns];
                     convolve(
                         x,
@@ -274,7 +274,7 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Forward<'_, V, N> {
                         size,
                         weights,
                         |output, row, column, mut square| {
-                            if stage.kind != Kind::Linear {
+                            if stage.kind != StageKind::Linear {
                                 square = square.map(|x| V::zero().max(x));
                             }
                             put(&mut y, next, [output, row, column], square);
@@ -284,10 +284,10 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Forward<'_, V, N> {
                 }
             }
             let output = match stage.kind {
-                Kind::Linear | Kind::Pool => None,
+                StageKind::Linear | StageKind::Pool => None,
                 _ => Some(planes.len()),
             };
-            if stage.kind == Kind::Down {
+            if stage.kind == StageKind::Down {
                 skipped.push(planes.len());
                 planes.push(whole);
             }
@@ -351,13 +351,13 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
             let output = kept.output.map(|output| &*self.kept.planes[output]);
             let below = |gradient: V, y: V| V::select(V::zero().lt(y), gradient, V::zero());
             match (stage.kind, output) {
-                (Kind::Plain | Kind::Up, Some(y)) => {
+                (StageKind::Plain | StageKind::Up, Some(y)) => {
                     let pairs = gradient.iter().zip(y);
                     for (own, (gradient, y)) in own.iter_mut().zip(pairs) {
                         *own = below(*gradient, *y);
                     }
                 }
-                (Kind::Down, Some(y)) => {
+                (StageKind::Down, Some(y)) => {
                     clear_border(own, plane, next);
                     unpool(gradient, next, &kept.winners, own, plane);
                     skips -= 1;
@@ -365,7 +365,7 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
                         *own = *own + below(*gradient, *y);
                     }
                 }
-                (Kind::Pool, _) => {
+                (StageKind::Pool, _) => {
                     clear_border(own, plane, next);
                     unpool(gradient, next, &kept.winners, own, plane);
                 }
@@ -397,7 +397,7 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Backward<'_, V, N> {
                     put(planes, plane, [input, row, column], square);
                 },
             );
-            if stage.kind == Kind::Up {
+            if stage.kind == StageKind::Up {
                 clear_extension(planes, plane);
                 if skipped.len() == skips {
                     skipped.push(Vec::new());
@@ -561,9 +561,9 @@ fn add_weights<V: Lanes<Scalar = f32>, const I: usize, const O: usize>(
     x: &[V],
     gradient: &[V],
     plane: Plane,
-    Stage {
+    NetworkStage {
         inputs, outputs, ..
-    }: Stage,
+    }: NetworkStage,
     weights: &mut [f32],
 ) {
     let mut sums = vec![V::zero(); sum_count::<I, O>(inputs, outputs)];

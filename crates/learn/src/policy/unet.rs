@@ -7,7 +7,7 @@
 //! play on images of any size.
 
 use super::config::UnetConfig;
-use super::features::{Kind, Layer, features};
+use super::features::{Layer, StageKind, features};
 use super::layer::{Conv, Dense, Initializer, POLICY_GAIN, RELU_GAIN, VALUE_GAIN};
 use super::pixels::PLANES;
 use super::prediction::Prediction;
@@ -67,10 +67,10 @@ impl UnetNetwork {
         let [batch, pixels] = [planes.dims()[0], self.rows * self.columns];
         let image = planes.reshape([batch, PLANES, self.rows, self.columns]);
         let layer = |kind| move |conv| Layer { conv, kind };
-        let layers = self.down.iter().map(layer(Kind::Down));
-        let layers = layers.chain([&self.bottom].map(layer(Kind::Plain)));
-        let layers = layers.chain(self.up.iter().map(layer(Kind::Up)));
-        let layers = layers.chain([&self.head].map(layer(Kind::Linear)));
+        let layers = self.down.iter().map(layer(StageKind::Down));
+        let layers = layers.chain([&self.bottom].map(layer(StageKind::Plain)));
+        let layers = layers.chain(self.up.iter().map(layer(StageKind::Up)));
+        let layers = layers.chain([&self.head].map(layer(StageKind::Linear)));
         let x = features(image, &layers.collect::<Vec<_>>());
         let x = x.reshape([batch, 1 + VALUE_CHANNELS, pixels]);
         let logits = x.clone().narrow(1, 0, 1).reshape([batch, pixels]);

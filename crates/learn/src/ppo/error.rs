@@ -1,11 +1,11 @@
-use crate::policy::DeviceError;
+use crate::policy::NetworkDeviceError;
 use drape_cloth::file::ValueError;
 
 /// An agent that cannot be made, or a training that cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
     #[error(transparent)]
-    Device(#[from] DeviceError),
+    Device(#[from] NetworkDeviceError),
     #[error("policy")]
     Policy(#[source] ValueError),
     #[error("ppo")]

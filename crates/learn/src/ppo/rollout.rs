@@ -47,7 +47,7 @@ pub struct Seconds {
 #[derive(Debug, Default)]
 pub struct Rollout {
     /// What was seen before each action.
-    pub seen: Seen,
+    pub seen: SeenRollout,
     pub actions: Vec<u32>,
     pub log_probs: Vec<f32>,
     pub values: Vec<f32>,
@@ -66,7 +66,7 @@ pub struct Rollout {
 
 /// Everything seen in a rollout, in order.
 #[derive(Debug, Default)]
-pub struct Seen {
+pub struct SeenRollout {
     pieces: Vec<Observations>,
     /// `[piece]`: rows before its end.
     ends: Vec<usize>,
@@ -75,7 +75,7 @@ pub struct Seen {
 /// Pixels of a piece on a GPU: 64 MiB, half of what the smallest buffers hold.
 const MOST_PIXELS: usize = 1 << 24;
 
-impl Seen {
+impl SeenRollout {
     /// Of what all tasks saw, step by step. On a GPU in few pieces, so that few operations choose among
     /// them; elsewhere nothing is copied.
     pub fn new(steps: Vec<Observations>) -> Self {
@@ -172,7 +172,7 @@ pub fn collect<T: Tasks>(
         history.push(seen);
         rollout.actions.extend(actions);
     }
-    rollout.seen = Seen::new(history);
+    rollout.seen = SeenRollout::new(history);
     let seen = tasks.observations();
     rollout.last_values = cluster.split(tasks.count(), |own| {
         network.values(&network.batch(own.map(|task| (seen, task))))

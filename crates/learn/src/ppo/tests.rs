@@ -175,7 +175,7 @@ fn trainer(config: PpoConfig, seed: u64) -> Trainer<Order> {
     Trainer::new(config, &policy(), Order::new(16), seed, DeviceKind::Flex).unwrap()
 }
 
-/// The same with observations that are encoded where the network is.
+/// That with observations that are encoded where the network is.
 fn keeping_trainer(config: PpoConfig, seed: u64) -> Trainer<Order> {
     let mut trainer = trainer(config, seed);
     trainer.actor_critic.encodes_there = true;
@@ -489,7 +489,7 @@ fn unet_solves_the_order_from_three_seeds() {
     }
 }
 
-/// The same weights play on an image of any size, and there is the same logit wherever the same is
+/// Equal weights play on an image of any size, and there is the same logit wherever the same is
 /// seen: here beside a draped pixel in the middle of two flat images.
 #[test]
 fn unet_plays_at_any_size() {

@@ -88,7 +88,7 @@ impl<T: Tasks> Trainer<T> {
         })
     }
 
-    /// The same training, computed by all processes of a cluster together: each has made it with the same
+    /// This training, computed by all processes of a cluster together: each has made it with the same
     /// arguments and calls the same functions of it.
     ///
     /// # Errors

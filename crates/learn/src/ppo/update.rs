@@ -4,7 +4,7 @@ use super::error::NotFinite;
 use super::gae::{Next, gae};
 use super::imitation::Memory;
 use super::loss;
-use super::rollout::{Rollout, Seen};
+use super::rollout::{Rollout, SeenRollout};
 use super::shared;
 use crate::policy::{ActorCritic, Batch, masked};
 use burn::optim::GradientsParams;
@@ -153,7 +153,7 @@ pub fn imitate(mut learner: Learner, moves: &[Shown]) -> Result<f32, NotFinite> 
 
 /// Samples of one gradient step.
 struct Minibatch<'a> {
-    seen: &'a Seen,
+    seen: &'a SeenRollout,
     /// Their numbers there.
     rows: Vec<usize>,
     actions: Vec<u32>,
@@ -359,7 +359,7 @@ mod tests {
         let (on, end) = (Next::Step, Next::Terminated);
         let cut = Next::Truncated { value: 9.0 };
         let rollout = Rollout {
-            seen: Seen::new(vec![seen([0, 0, 1]); 3]),
+            seen: SeenRollout::new(vec![seen([0, 0, 1]); 3]),
             next: vec![end, on, on, on, on, end, on, cut, on],
             returns: vec![3.0, 7.0, 5.0],
             last_values: vec![0.0; 3],

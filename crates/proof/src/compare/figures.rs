@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use drape_cloth::mesh::compare::{ContourDeviation, Holes, Spread, Wrinkles};
+use drape_cloth::mesh::compare::{ContourDeviation, Distances, Holes, Wrinkles};
 use drape_report::{Format::Digits, Table};
 
 /// How drape A differs from the reference B, and what each is like.
@@ -17,14 +17,18 @@ pub struct Comparison {
     /// Within the region and outside of it; none without a region.
     pub inside: Option<Parts>,
     pub outside: Option<Parts>,
-    pub a: Measures,
-    pub b: Measures,
+    pub a: DrapeMeasures,
+    pub b: DrapeMeasures,
     /// What is null, and why.
     pub not_applicable: Vec<Inapplicable>,
 }
 
 /// A figure of one drape for a reader: its name, its unit, and how it is got.
-type Alone = (&'static str, &'static str, fn(&Measures) -> Option<f64>);
+type Alone = (
+    &'static str,
+    &'static str,
+    fn(&DrapeMeasures) -> Option<f64>,
+);
 
 const ALONE: [Alone; 18] = [
     ("pieces", "", |m| Some(m.pieces? as f64)),
@@ -59,9 +63,9 @@ impl Comparison {
         let mut add = |part, figure, unit, values: Option<[f64; 6]>| {
             rows.extend(values.map(|values| (part, figure, unit, values)));
         };
-        let spread = |s: Spread| [s.mean, s.rms, s.p95, s.min, s.max, nan];
+        let spread = |s: Distances| [s.mean, s.rms, s.p95, s.min, s.max, nan];
         let angle = |a: Angles| {
-            let Spread { mean, p95, max, .. } = a.spread;
+            let Distances { mean, p95, max, .. } = a.spread;
             [mean, nan, p95, nan, max, 1e2 * a.share_below]
         };
         let most = |max: f64| [nan, nan, nan, nan, max, nan];
@@ -113,14 +117,14 @@ impl Comparison {
 pub struct Parts {
     /// Signed distance of A's vertices from B [mm], positive on B's upper side, weighed with
     /// their areas; and the other way round.
-    pub topology_a_to_b_mm: Option<Spread>,
-    pub topology_b_to_a_mm: Option<Spread>,
+    pub topology_a_to_b_mm: Option<Distances>,
+    pub topology_b_to_a_mm: Option<Distances>,
     /// Greatest distance of any vertex of one from the other [mm].
     pub hausdorff_mm: Option<f64>,
     /// Shares of A's and of B's area that lie sideways of the other's border [-].
     pub beyond_border_share: [f64; 2],
     /// Distance between the same material points [mm].
-    pub material_points_mm: Option<Spread>,
+    pub material_points_mm: Option<Distances>,
     /// Warp and weft [deg].
     pub fibre_angle_deg: Option<[Angles; 2]>,
 }
@@ -132,12 +136,12 @@ pub struct Angles {
     pub share_below: f64,
     /// Over the area [deg].
     #[serde(flatten)]
-    pub spread: Spread,
+    pub spread: Distances,
 }
 
 /// What one drape is measured by alone.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Measures {
+pub struct DrapeMeasures {
     pub vertices: usize,
     pub triangles: usize,
     /// Area as it lies [mm^2].
@@ -159,7 +163,7 @@ pub struct Measures {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Shear {
     #[serde(flatten)]
-    pub spread: Spread,
+    pub spread: Distances,
     /// Area on the flat blank that is sheared beyond locking [mm^2].
     pub locked_area_mm2: f64,
 }
@@ -181,7 +185,7 @@ pub struct Strain {
 pub struct Tooling {
     /// Area of the vertices with a gap [mm^2].
     pub bridged_area_mm2: f64,
-    /// The same as a share of the whole area [-].
+    /// That as a share of the whole area [-].
     pub bridged_share: f64,
     /// How deep the surface lies inside the tool, anywhere, by the exact distance [mm].
     pub penetration_mm: f64,

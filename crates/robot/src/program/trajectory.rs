@@ -95,7 +95,7 @@ impl Program<'_> {
         Ok(serde_json::to_string_pretty(&document).expect("numbers are finite") + "\n")
     }
 
-    /// The same as CSV in millimetres and degrees, the quaternion's real part first.
+    /// As CSV in millimetres and degrees, the quaternion's real part first.
     ///
     /// # Errors
     /// If there is no stroke, or a number is not finite.

@@ -1,12 +1,12 @@
 //! A dome on a table and a path over it.
 
-use drape_robot::{Arm, Cell, CellConfig, PathPoint, Place, Pose, Surface};
+use drape_robot::{Arm, Cell, CellConfig, ObstacleSurface, PathPoint, Place, Pose};
 use nalgebra::Vector3;
 
 const RADIUS: f64 = 0.075;
 
 /// A closed half ball of 75 mm on the ground, and a path over it: strokes down from near the top, and a press.
-pub fn dome() -> Surface {
+pub fn dome() -> ObstacleSurface {
     let (rows, columns) = (12, 24);
     let mut corners = vec![Vector3::new(0.0, 0.0, RADIUS)];
     for row in 1..=rows {
@@ -33,7 +33,7 @@ pub fn dome() -> Surface {
             at(rows, column + 1),
         ]);
     }
-    Surface { corners, triangles }
+    ObstacleSurface { corners, triangles }
 }
 
 fn on_dome(polar: f64, azimuth: f64) -> Vector3<f64> {

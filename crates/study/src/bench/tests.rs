@@ -20,7 +20,7 @@ fn what_is_not_listed_is_not_computed() {
         // A place outside every array: to touch it would panic.
         *diagonal = [u32::MAX; 2];
     }
-    for backend in Device::all() {
+    for backend in BenchDevice::all() {
         let mut unlisted = Timed::new(&scene, &lamina, &physics(UNLISTED), backend);
         let mut absent = absent(&scene, backend);
         for case in [&mut unlisted, &mut absent] {

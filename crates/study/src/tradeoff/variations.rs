@@ -85,7 +85,7 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
     all
 }
 
-/// The same model, its fall and its presses stepped otherwise.
+/// A model, its fall and its presses stepped otherwise.
 fn stepped(around: &Around, stepping: Stepping) -> Around {
     let (mut scene, mut env) = around.clone();
     scene.fall.set_stepping(stepping);
@@ -93,7 +93,7 @@ fn stepped(around: &Around, stepping: Stepping) -> Around {
     (scene, env)
 }
 
-/// The same model, converged: 48 000 substeps a second, and 2400 refreshes of the tool's planes,
+/// A model, converged: 48 000 substeps a second, and 2400 refreshes of the tool's planes,
 /// more than any preset has.
 pub fn converged(around: &Around) -> Around {
     let (mut scene, mut env) = stepped(around, Stepping::every(48_000.0, 20));

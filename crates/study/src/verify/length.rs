@@ -169,7 +169,7 @@ pub const CATENARY: [f64; 2] = [0.37, 0.30];
 /// Its sag [m].
 pub const SAG: f64 = 0.095_689;
 
-/// The same as found with a strip of `edges` edges.
+/// That as found with a strip of `edges` edges.
 pub fn catenary_sag(solver: &dyn Solve, edges: usize) -> f64 {
     let [length, span] = CATENARY;
     let strip = rigid(strip(Family::Warp, length, edges));

@@ -170,7 +170,7 @@ fn hanging_strip_has_the_stiffness_of_the_law() {
     }
 }
 
-/// The same of a strip whose width is no whole number of cells: one row of whole cells between
+/// That of a strip whose width is no whole number of cells: one row of whole cells between
 /// two yarns, and membranes on both sides of it.
 #[test]
 fn yarns_and_membranes_carry_together() {

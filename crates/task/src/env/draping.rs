@@ -9,7 +9,7 @@ use super::group::{Group, groups};
 use super::memory::check_memory;
 use super::reward::{Reward, Taken, score};
 use super::rules::Task;
-use super::scatter::{World as Drawn, Worlds};
+use super::scatter::{ScatteredWorld, Worlds};
 use super::task::{End, Episode, ImageShape, StepOutcome, Tasks};
 use super::terrain::Terrain;
 use crate::cluster::{Cluster, Shared};
@@ -207,14 +207,14 @@ impl Draping {
         Ok(draping)
     }
 
-    /// The same environments without [`Draping::finished`], for learners, who do not ask: on a GPU the
+    /// These environments without [`Draping::finished`], for learners, who do not ask: on a GPU the
     /// cloth then stays there.
     pub fn forgetting_ends(mut self) -> Self {
         self.keeps_ends = false;
         self
     }
 
-    /// The same environments with another reward than the paper's.
+    /// These environments with another reward than the paper's.
     pub fn with_reward(mut self, reward: Reward) -> Self {
         self.reward = reward;
         self
@@ -317,12 +317,12 @@ impl Draping {
     ///
     /// # Panics
     /// If there are no such worlds.
-    pub fn enter(&mut self, index: usize, world: Option<&Drawn>) {
+    pub fn enter(&mut self, index: usize, world: Option<&ScatteredWorld>) {
         let (group, place) = self.place(index);
         let slot = &mut self.slots[index];
         let mut own = slot.own.clone();
         slot.lie = world.map(|world| world.lie);
-        if let Some(Drawn { lie, parameters }) = world {
+        if let Some(ScatteredWorld { lie, parameters }) = world {
             let of = self.scattered[slot.scene]
                 .as_ref()
                 .expect("worlds to draw from");

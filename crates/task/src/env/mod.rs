@@ -24,6 +24,6 @@ pub use objective::{Goal, Objective};
 pub use replay::{Played, ReplayDiverged};
 pub use reward::{Reward, Taken, Term, score};
 pub use rules::Task;
-pub use scatter::{Quantity, Scatter, Spread, World, Worlds, mean_and_worst_quarter};
+pub use scatter::{Quantity, Scatter, ScatteredWorld, Spread, Worlds, mean_and_worst_quarter};
 pub use task::{End, Episode, ImageShape, StepOutcome, Tasks};
 pub use terrain::Terrain;

@@ -40,7 +40,7 @@ impl Default for Reward {
 }
 
 impl Reward {
-    /// The same with one more term.
+    /// This reward with one more term.
     pub fn with(mut self, term: Term) -> Self {
         self.0.push(term);
         self

@@ -189,7 +189,7 @@ impl Scatter {
         self.rated(env).pop().expect("one at least")
     }
 
-    /// The same where a blank was fitted to a scan, `fit_error` [m] off it: it lies as far off its place and is as wavy,
+    /// This scatter where a blank was fitted to a scan, `fit_error` [m] off it: it lies as far off its place and is as wavy,
     /// unless something is said of how it lies.
     fn about(&self, fit_error: f64) -> Self {
         let mut about = self.clone();
@@ -309,7 +309,7 @@ struct Lie {
 
 /// One of many worlds.
 #[derive(Clone, Debug, PartialEq)]
-pub struct World {
+pub struct ScatteredWorld {
     /// Number of its lie.
     pub lie: usize,
     /// How it differs, on top of what the task says.
@@ -380,7 +380,7 @@ impl Worlds {
     }
 
     /// The world of a number, always the same. Lies take turns, and begin one later each time.
-    pub fn world(&self, number: u64) -> World {
+    pub fn world(&self, number: u64) -> ScatteredWorld {
         let count = self.lies.len() as u64;
         let lie = ((number + number / count) % count) as usize;
         debug_assert!(
@@ -391,7 +391,7 @@ impl Worlds {
         let presses = self
             .scatter
             .presses(Stream::new(self.seed, Purpose::Worlds, index));
-        World {
+        ScatteredWorld {
             lie,
             parameters: self.lies[lie].fabric.and(&presses),
         }

@@ -194,7 +194,7 @@ fn cut(env: &Draping) -> impl Iterator<Item = &Membrane> {
     membranes.filter(|membrane| !membrane.has_yarns)
 }
 
-/// The same for `v` and its neighbours on them.
+/// That of `v` and its neighbours on them.
 fn slack_around(env: &Draping, config: &EnvConfig, state: &Snapshot, v: usize) -> bool {
     let yarns = env.scene().lamina.yarns.iter();
     let pairs = yarns.flat_map(|yarn| yarn.vertices.windows(2));

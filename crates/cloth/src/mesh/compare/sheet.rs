@@ -36,7 +36,7 @@ pub struct Foot {
     pub weights: [f64; 3],
     /// Distance from there to the point [m].
     pub distance: f64,
-    /// The same along the sheet's normal, positive on its upper side [m]. Beyond the border
+    /// That along the sheet's normal, positive on its upper side [m]. Beyond the border
     /// only the part along the normal: what lies sideways is for the contour to measure.
     pub deviation: f64,
     /// The point lies sideways of the border.

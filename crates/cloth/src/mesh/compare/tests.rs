@@ -40,22 +40,22 @@ fn moved(mut mesh: TriMesh, by: Vec3) -> TriMesh {
     mesh
 }
 
-fn deviation(a: &TriMesh, b: &TriMesh) -> Spread {
+fn deviation(a: &TriMesh, b: &TriMesh) -> Distances {
     let sheet = Sheet::new(b).unwrap();
     let values = a.vertices.iter().map(|&x| sheet.foot(x).deviation);
-    Spread::new(values.zip(a.vertex_areas())).unwrap()
+    Distances::new(values.zip(a.vertex_areas())).unwrap()
 }
 
 #[test]
 fn weights_decide_mean_and_percentile() {
-    let spread = Spread::new([(-3.0, 1.0), (1.0, 94.0), (2.0, 5.0)]).unwrap();
+    let spread = Distances::new([(-3.0, 1.0), (1.0, 94.0), (2.0, 5.0)]).unwrap();
     assert!((spread.mean - 1.01).abs() < 1e-12);
     assert!((spread.rms - 1.23f64.sqrt()).abs() < 1e-12);
     assert_eq!((spread.p95, spread.min, spread.max), (2.0, -3.0, 2.0));
-    let spread = Spread::new([(-3.0, 1.0), (1.0, 95.0), (2.0, 4.0)]).unwrap();
+    let spread = Distances::new([(-3.0, 1.0), (1.0, 95.0), (2.0, 4.0)]).unwrap();
     assert_eq!(spread.p95, 1.0);
-    assert_eq!(Spread::new([]), None);
-    assert_eq!(Spread::new([(1.0, 0.0)]), None);
+    assert_eq!(Distances::new([]), None);
+    assert_eq!(Distances::new([(1.0, 0.0)]), None);
 }
 
 /// A plane that is moved along its normal lies that far away, whichever way it is inclined,

@@ -2,7 +2,7 @@ use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::spread::Spread;
+use super::distances::Distances;
 use crate::math::Vec3;
 use crate::mesh::{TriMesh, patches};
 
@@ -39,7 +39,7 @@ pub struct Wrinkles {
 pub fn wrinkles(mesh: &TriMesh, filter: WrinkleFilter) -> Option<Wrinkles> {
     let deviation = high_pass(mesh, filter.cutoff);
     let areas = mesh.vertex_areas();
-    let spread = Spread::new(deviation.iter().copied().zip(areas.iter().copied()))?;
+    let spread = Distances::new(deviation.iter().copied().zip(areas.iter().copied()))?;
     let neighbors = neighbors_of(mesh);
     let mut open: Vec<bool> = deviation.iter().map(|&d| d > filter.height).collect();
     let next = |v: usize| neighbors[v].iter().copied();

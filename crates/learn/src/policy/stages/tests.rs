@@ -7,17 +7,17 @@ struct Case {
     images: usize,
     size: [usize; 2],
     inputs: usize,
-    layers: &'static [(usize, Kind)],
+    layers: &'static [(usize, StageKind)],
 }
 
 /// Odd sides, single pixels, channels that fill no vector, images that fill none.
 const CASES: [Case; 9] = {
-    use Kind::*;
+    use StageKind::*;
     const fn case(
         images: usize,
         size: [usize; 2],
         inputs: usize,
-        layers: &'static [(usize, Kind)],
+        layers: &'static [(usize, StageKind)],
     ) -> Case {
         Case {
             images,
@@ -63,9 +63,9 @@ const CASES: [Case; 9] = {
 };
 
 impl Case {
-    fn stages(&self) -> Vec<Stage> {
+    fn stages(&self) -> Vec<NetworkStage> {
         let mut inputs = self.inputs;
-        let stage = |&(outputs, kind): &(usize, Kind)| Stage {
+        let stage = |&(outputs, kind): &(usize, StageKind)| NetworkStage {
             inputs: std::mem::replace(&mut inputs, outputs),
             outputs,
             kind,
@@ -81,7 +81,7 @@ impl Case {
         let stages = self.stages();
         let count = stages.iter().map(|s| s.weight_count() + s.outputs);
         // Every Up has its Down, so only pools make images smaller here.
-        let pools = stages.iter().filter(|stage| stage.kind == Kind::Pool);
+        let pools = stages.iter().filter(|stage| stage.kind == StageKind::Pool);
         let pools = pools.count();
         let features = stages[stages.len() - 1].outputs * (self.size[0] >> pools);
         [
@@ -108,7 +108,7 @@ fn plain(case: &Case, parameters: &[f64], images: &[f32]) -> Vec<f64> {
         let ([mut rows, mut columns], mut at) = (case.size, 0);
         let mut kept = Vec::new();
         for stage in case.stages() {
-            if stage.kind == Kind::Up {
+            if stage.kind == StageKind::Up {
                 let (finer, [down, right]): (Vec<f64>, [usize; 2]) = kept.pop().unwrap();
                 let sum = finer.iter().enumerate().map(|(k, kept)| {
                     let (row, column) = (k / right, k % right);
@@ -132,7 +132,7 @@ fn plain(case: &Case, parameters: &[f64], images: &[f32]) -> Vec<f64> {
                     }
                 }
                 match stage.kind {
-                    Kind::Linear => sum,
+                    StageKind::Linear => sum,
                     _ => sum.max(0.0),
                 }
             };
@@ -143,8 +143,8 @@ fn plain(case: &Case, parameters: &[f64], images: &[f32]) -> Vec<f64> {
                 }
             }
             let halved = match stage.kind {
-                Kind::Pool => [rows / 2, columns / 2],
-                Kind::Down => [rows.div_ceil(2), columns.div_ceil(2)],
+                StageKind::Pool => [rows / 2, columns / 2],
+                StageKind::Down => [rows.div_ceil(2), columns.div_ceil(2)],
                 _ => {
                     x = whole;
                     continue;
@@ -160,7 +160,7 @@ fn plain(case: &Case, parameters: &[f64], images: &[f32]) -> Vec<f64> {
                     *best = number.max(*best);
                 }
             }
-            if stage.kind == Kind::Down {
+            if stage.kind == StageKind::Down {
                 kept.push((whole, [rows, columns]));
             }
             [rows, columns] = halved;

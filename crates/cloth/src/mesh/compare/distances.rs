@@ -2,7 +2,7 @@ use serde::Serialize;
 
 /// Key figures of a quantity over an area, in the unit of the quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Spread {
+pub struct Distances {
     pub mean: f64,
     /// Root of the mean square.
     pub rms: f64,
@@ -12,7 +12,7 @@ pub struct Spread {
     pub max: f64,
 }
 
-impl Spread {
+impl Distances {
     /// Of pairs of value and weight >= 0; none if there is nothing, or nothing with weight.
     pub fn new(values: impl IntoIterator<Item = (f64, f64)>) -> Option<Self> {
         let mut values: Vec<(f64, f64)> = values.into_iter().collect();
