@@ -1,5 +1,5 @@
 use std::path::PathBuf;
-use std::time::{Instant, SystemTime};
+use std::time::Instant;
 
 use clap::ValueEnum;
 use serde::Serialize;
@@ -9,15 +9,16 @@ use super::failure::{Interrupted, OrInvalid};
 use super::output::{Progress, percent, print};
 use super::proof;
 use super::result::rollout_failure;
-use super::setup::{LIES, read_config, set_up_run, set_up_worlds};
+use super::searched::{Named, Searched};
+use super::setup::read_config;
 use super::signals::stop_on_signal;
 use super::terminal::{Told, tell};
-use crate::run::{BestPaths, Rules, RunConfig, RunFolder, RunInfo, replay, search_by_moves};
+use crate::run::{BestPaths, Budget, Rules, RunConfig, replay};
 use drape_proof::Row;
-use drape_task::env::{Draping, Episode, Worlds};
+use drape_task::env::{Draping, Episode};
 use drape_task::path::PathFigures;
 use drape_task::search::{
-    Arena, CrossEntropy, Judge, at_random, cross_entropy, in_order, outwards, sweeps,
+    Arena, CrossEntropy, at_random, cross_entropy, in_order, outwards, sweeps,
 };
 
 /// Search the best path of a task without learning: what a trained policy has to beat
@@ -145,51 +146,36 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         Policy::Moves => config.steps,
         _ => 0,
     };
-    RunFolder::check_free(&args.runs, args.name.as_deref(), false)?;
-    let (scene, kept) = set_up_run(&config, &place, args.json)?;
-    config.equip(&scene).or_invalid_in(&place)?;
-    let draping = Draping::new(scene.clone(), &config.env, config.environments);
-    let mut draping = draping.or_invalid_in(&place)?;
-    let mut start = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&place)?;
-    let info = RunInfo {
-        search: Some(args.policy.name()),
-        ..RunInfo::new(config.seed, SystemTime::now())
+    let named = Named {
+        runs: &args.runs,
+        name: args.name.as_deref(),
+        search: args.policy.name(),
     };
-    let kept = (&*kept.0, &*kept.1);
-    let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info)?;
-    let _lock = folder.lock()?;
-    if !args.json {
-        tell(format_args!("writing {}", folder.path.display()));
-    }
+    let run = Searched::begin(config, place, named, args.json)?;
+    let Searched {
+        config,
+        place,
+        scene,
+        folder,
+        ..
+    } = &run;
+    let draping = Draping::new(scene.clone(), &config.env, config.environments);
+    let mut draping = draping.or_invalid_in(place)?;
+    let mut start = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(place)?;
 
     let asked = stop_on_signal()?;
     let stop = || asked().is_some();
-    let progress = Progress::of_steps(0, config.steps, args.json);
     let began = Instant::now();
     let digest = folder.config_digest()?;
     let (mut best, mut found) = (BestPaths::default(), Found::default());
     let (mut env_steps, mut written) = (0, Ok(()));
     let is_spent = if args.policy == Policy::Moves {
-        let worlds = set_up_worlds(
-            &scene,
-            &config.scatter,
-            LIES,
-            config.seed,
-            &place,
-            args.json,
-        )?;
-        let worlds = worlds.unwrap_or_else(|| Worlds::nominal(&scene).into());
-        let mut judge = Judge::new(&scene, &worlds, &config.scatter.rated(&config.env))
-            .or_invalid_in(&place)?;
-        let known = Vec::new();
-        let moved = search_by_moves(&mut judge, &scene, &config, known, config.steps, |at| {
-            progress.searching(at);
-            env_steps = at.spent;
-            !stop()
-        })?;
+        let (moved, spent) = run.by_moves(Vec::new(), Budget::Presses(config.steps))?;
+        env_steps = spent;
         best = BestPaths::judged(moved.orders);
         !moved.has_converged
     } else {
+        let progress = Progress::of_steps(0, config.steps, args.json);
         let mut watch = |spent: u64, ended: &[Episode]| {
             env_steps = spent;
             let before = best.score();
@@ -207,31 +193,25 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
             written.is_ok() && !stop()
         };
         let mut arena = Arena::new(&mut draping, config.steps, &mut watch);
-        args.policy.play(&mut arena, &start, &config)
+        args.policy.play(&mut arena, &start, config)
     };
     written?;
     let seconds = began.elapsed().as_secs_f64();
-    drop(progress);
     let interrupted = asked();
     let was_stopped = interrupted.is_some();
 
     let (mut path, mut rows) = (None, Vec::new());
-    match best.sequence(start.task(0), digest) {
+    match run.keep(&best)? {
         None => tell(
             "warning: every episode has diverged or none has ended, so there is no best sequence: raise \
              --steps or `env.substep_rate`",
         ),
         Some(sequence) => {
-            folder.write_best_sequence(&sequence)?;
             let played = replay(&mut start, &sequence.vertices, Rules::Robot, |_| ())
                 .map_err(|error| rollout_failure(error, &folder.best_sequence))?;
             path = Some(played.summary.path);
             if !was_stopped {
-                if !args.json {
-                    tell("proving the best paths");
-                }
-                let method = proof::by_solver(&config);
-                rows = proof::proved(&folder, &scene, &config, sequence, method, args.json)?;
+                rows = run.prove(sequence)?;
             }
         }
     }

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::Failure;
 use super::args::accuracy;
 use super::failure::{OrInvalid, proof_failure};
-use super::loaded::{Loaded, Source};
+use super::loaded::{Loaded, Source, policy_paths};
 use super::output::{OutFolder, Progress, print};
 use super::picture;
 use super::proof;
@@ -14,7 +14,7 @@ use super::terminal::Told;
 use crate::run::{EpisodeSummary, parallel_episodes};
 use drape_cloth::fabric::Drape;
 use drape_cloth::file::check_writable;
-use drape_cloth::math::{Purpose, Stream};
+use drape_cloth::math::Stream;
 use drape_cloth::sim::{Accuracy, Observation};
 use drape_learn::policy::DeviceKind;
 use drape_learn::ppo::{Agent, Sampling};
@@ -22,7 +22,6 @@ use drape_proof::presses::again;
 use drape_proof::{Case, Method, Physics, Row, Sensitivity, Watch};
 use drape_report::Table;
 use drape_study::study::region;
-use drape_task::env::{Draping, End, Played, Task, Tasks, most_environments};
 use drape_task::path::PathFigures;
 use drape_task::recording::Recording;
 
@@ -219,8 +218,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         }
     }
     if let (Some(agent), Some(_), true) = (&agent, &args.scene, args.prove) {
-        let greedy = played.recording.vertices();
-        proof = Some(proved_elsewhere(agent, greedy, &loaded, count)?);
+        proof = Some(proved_elsewhere(agent, &loaded, count)?);
     }
     let title = checkpoint.map_or("sequence", |_| "policy");
     write_recording(&played.recording, scene, &pictures.path, title)?;
@@ -306,30 +304,10 @@ impl Again {
     }
 }
 
-/// Proves the `greedy` path of an agent and `count` drawn ones on a scene that the run does not
-/// know.
-fn proved_elsewhere(
-    agent: &Agent,
-    greedy: Vec<u32>,
-    loaded: &Loaded,
-    count: usize,
-) -> Result<Vec<Row>, Failure> {
+/// Proves what an agent plays, greedily and drawn so often, on a scene that the run does not know.
+fn proved_elsewhere(agent: &Agent, loaded: &Loaded, count: usize) -> Result<Vec<Row>, Failure> {
     let (scene, env) = (&loaded.scene, &loaded.env);
-    let most = most_environments(scene.lamina.vertex_count());
-    let mut stream = Stream::new(0, Purpose::Evaluation, 0);
-    let choose = |draping: &Draping, _| {
-        let seen: Vec<_> = (0..draping.count())
-            .map(|k| draping.observation(k))
-            .collect();
-        agent.act(&seen, Sampling::Drawn(&mut stream))
-    };
-    let vertices = |_: &Task, played: Played| {
-        let vertices = played.end.presses().iter().map(|&(v, _)| v).collect();
-        (played.episode.end != End::Diverged).then_some(vertices)
-    };
-    let drawn = Draping::play_all((scene, env), (count, most), choose, vertices).or_invalid()?;
-    let mut paths: Vec<Vec<u32>> = vec![greedy];
-    paths.extend(drawn.into_iter().flatten());
+    let paths = policy_paths(agent, scene, env, count)?;
     let case = Case {
         env,
         ..proof::case(scene, &loaded.config)
@@ -378,11 +356,11 @@ fn text(report: &Report) -> String {
     let mut lines = vec![
         table.end().text(),
         format!(
-            "the episode began {:.3} m off the tool, with {:.2} mm of surplus; {}",
+            "the episode began {:.3} m off the tool, with {:.2} mm of surplus",
             episode.region_initial_m,
-            1e3 * episode.surplus_initial_m,
-            episode.path.text()
+            1e3 * episode.surplus_initial_m
         ),
+        format!("  {}", episode.path.text()),
         format!(
             "  whole sheet: {:.3} m of {:.3} m, {:.2} mm of {:.2} mm; through itself in {} places",
             episode.sheet_final_m,

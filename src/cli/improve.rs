@@ -1,6 +1,5 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::SystemTime;
 
 use anyhow::{Context as _, anyhow};
 use serde::Serialize;
@@ -9,15 +8,15 @@ use super::Failure;
 use super::explained::{doubts, explained, factors, line, same_scan};
 use super::failure::{Interrupted, OrInvalid};
 use super::loaded::{Loaded, Source};
-use super::output::{OutFolder, Progress, percent, print};
+use super::output::{OutFolder, percent, print};
 use super::proof;
 use super::scanned::ScanArgs;
-use super::setup::{LIES, open_run, set_up_run, set_up_worlds};
+use super::searched::{Named, Searched};
+use super::setup::open_run;
 use super::signals::stop_on_signal;
 use super::terminal::{Told, tell};
 use crate::run::{
-    BestPaths, Parameter, RunConfig, RunFolder, RunInfo, ScanFile, Turn, digest, kept_presses,
-    search_by_moves,
+    BestPaths, Budget, Parameter, RunConfig, RunFolder, ScanFile, Turn, digest, kept_presses,
 };
 use drape_calibrate::{Estimate, FACTORS, ObservedCloth, posterior, scaled, write_material};
 use drape_cloth::file::read_bytes;
@@ -25,8 +24,7 @@ use drape_cloth::scene::{Fabric, Scene};
 use drape_cloth::sim::{Bending, BendingStiffness, Tension};
 use drape_proof::Row;
 use drape_proof::presses::resting;
-use drape_task::env::{Quantity, Worlds};
-use drape_task::search::Judge;
+use drape_task::env::Quantity;
 
 /// Learn from scans of what was pressed: a better fabric, and a better path for it
 ///
@@ -237,65 +235,42 @@ fn adopt(
 /// on. Gives the score of the old path in it and the proof of the new one.
 fn improved(
     args: &ImproveArgs,
-    mut config: RunConfig,
+    config: RunConfig,
     path: &[u32],
     known: Vec<Vec<u32>>,
     turns: &[Turn],
 ) -> Result<(RunFolder, f64, Vec<Row>), Failure> {
     let place = format!("{} with the fabric of the scans", args.run.display());
-    let (scene, kept) = set_up_run(&config, &place, args.json)?;
-    config.equip(&scene).or_invalid_in(&place)?;
-    let info = RunInfo {
-        search: Some("improve".into()),
-        ..RunInfo::new(config.seed, SystemTime::now())
+    let named = Named {
+        runs: &args.runs,
+        name: args.name.as_deref(),
+        search: "improve".into(),
     };
-    let kept = (&*kept.0, &*kept.1);
-    let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info)?;
-    let _lock = folder.lock()?;
-    folder.write_turns(turns)?;
-    if !args.json {
-        tell(format_args!("writing {}", folder.path.display()));
-    }
-    let asked = stop_on_signal()?;
-    let stop = || asked().is_some();
-
-    let scatter = &config.scatter;
-    let worlds = set_up_worlds(&scene, scatter, LIES, config.seed, &place, args.json)?;
-    let worlds = worlds.unwrap_or_else(|| Worlds::nominal(&scene).into());
-    let rated = scatter.rated(&config.env);
-    let mut judge = Judge::new(&scene, &worlds, &rated).or_invalid_in(&place)?;
+    let budget = Budget::Presses(config.polish);
+    let run = Searched::begin(config, place, named, args.json)?;
+    run.folder.write_turns(turns)?;
     let mut starts = vec![path.to_vec()];
     starts.extend(known.into_iter().filter(|list| list != path));
-    let progress = Progress::of_steps(0, config.polish, args.json);
-    let found = search_by_moves(&mut judge, &scene, &config, starts, config.polish, |at| {
-        progress.searching(at);
-        !stop()
-    })?;
-    drop(progress);
-    let digest = folder.config_digest()?;
-    let keep = |orders: Vec<(Vec<u32>, f64)>| {
-        let best = BestPaths::judged(orders).sequence(judge.task(), digest.clone());
-        let best = best.expect("a search gives what it began with at least");
-        folder.write_best_sequence(&best).map(|()| best)
+    let mut orders = run.by_moves(starts, budget)?.0.orders;
+    let keep = |orders| {
+        let best = run.keep(&BestPaths::judged(orders))?;
+        Ok::<_, Failure>(best.expect("a search gives what it began with at least"))
     };
-    let mut orders = found.orders;
-    if let Some(signal) = asked() {
+    if let Some(signal) = stop_on_signal()?() {
         keep(orders)?;
         tell(format_args!(
             "interrupted; prove what is found with: drape eval {} --sequence --prove",
-            folder.path.display()
+            run.folder.path.display()
         ));
         return Err(Interrupted(signal).into());
     }
-    let before = proof::score(proof::case(&scene, &config), path, args.json)?;
+    let before = proof::score(proof::case(&run.scene, &run.config), path, args.json)?;
     if orders.iter().all(|(list, _)| list != path) {
         // It is a rival, whatever the search thought of it.
         orders.insert(1, (path.to_vec(), before));
     }
-    let best = keep(orders)?;
-    let method = proof::by_solver(&config);
-    let rows = proof::proved(&folder, &scene, &config, best, method, args.json)?;
-    Ok((folder, before, rows))
+    let rows = run.prove(keep(orders)?)?;
+    Ok((run.folder, before, rows))
 }
 
 fn text(outcome: &Outcome) -> String {

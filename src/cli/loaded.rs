@@ -14,10 +14,12 @@ use crate::run::{
     BestSequence, Checkpoint, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, play, replay,
 };
 use drape_cloth::fabric::Lamina;
+use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
+use drape_cloth::sim::Observation;
 use drape_learn::policy::{DeviceKind, NetworkConfig};
 use drape_learn::ppo::{Agent, NETWORK, Sampling, read_section};
-use drape_task::env::{Draping, EnvConfig, Tasks};
+use drape_task::env::{Draping, End, EnvConfig, Played, Task, Tasks, most_environments};
 
 /// What is to be played of a run.
 #[derive(Clone, Copy)]
@@ -233,6 +235,33 @@ pub(super) fn load_agent(
     read_section(&checkpoint.sections, NETWORK, |bytes| agent.load(bytes))
         .with_context(|| path.display().to_string())?;
     Ok(agent)
+}
+
+/// What an agent presses on a scene, greedily first and then drawn so often, without the episodes that diverge.
+pub(super) fn policy_paths(
+    agent: &Agent,
+    scene: &Arc<Scene>,
+    env: &EnvConfig,
+    drawn: usize,
+) -> Result<Vec<Vec<u32>>, Failure> {
+    let most = most_environments(scene.lamina.vertex_count());
+    let mut stream = Stream::new(0, Purpose::Evaluation, 0);
+    let vertices = |_: &Task, played: Played| {
+        let vertices = played.end.presses().iter().map(|&(v, _)| v).collect();
+        (played.episode.end != End::Diverged).then_some(vertices)
+    };
+    let greedy = |draping: &Draping, _| agent.act(&observations(draping), Sampling::Greedy);
+    let mut paths = Draping::play_all((scene, env), (1, most), greedy, vertices).or_invalid()?;
+    let choose =
+        |draping: &Draping, _| agent.act(&observations(draping), Sampling::Drawn(&mut stream));
+    paths.extend(Draping::play_all((scene, env), (drawn, most), choose, vertices).or_invalid()?);
+    Ok(paths.into_iter().flatten().collect())
+}
+
+fn observations(draping: &Draping) -> Vec<Observation<'_>> {
+    (0..draping.count())
+        .map(|k| draping.observation(k))
+        .collect()
 }
 
 /// A checkpoint of a run, and where it is.

@@ -21,12 +21,14 @@ mod loaded;
 mod next_tool;
 mod output;
 mod picture;
+mod plan;
 mod planned;
 mod proof;
 mod result;
 mod robot;
 mod scanned;
 mod scene;
+mod searched;
 mod setup;
 mod shell;
 mod signals;
@@ -60,6 +62,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed at work (disk full, simul
 #[derive(Debug, Subcommand)]
 enum Command {
     Train(train::TrainArgs),
+    Plan(plan::PlanArgs),
     Stack(stack::StackArgs),
     Baseline(baseline::BaselineArgs),
     Eval(eval::EvalArgs),
@@ -105,6 +108,7 @@ impl Cli {
         }
         match self.command {
             Command::Train(args) => train::run(args),
+            Command::Plan(args) => plan::run(args),
             Command::Stack(args) => stack::run(args),
             Command::Baseline(args) => baseline::run(args),
             Command::Eval(args) => eval::run(args),

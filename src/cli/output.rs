@@ -174,12 +174,13 @@ impl Progress {
         self.bar.set_message(brought);
     }
 
-    /// Shows where a search by moves is.
-    pub fn searching(&self, at: Searching) {
+    /// Shows where a search by moves is, of which such a share is done.
+    pub fn searching(&self, share: f64, at: Searching) {
         let best = at
             .best
             .map(|best| format!("worth of the best {}", percent(Some(best))));
-        self.step(at.spent, best.unwrap_or("choosing where to begin".into()));
+        let best = best.unwrap_or("choosing where to begin".into());
+        self.tell(share, &format!("{} presses, {best}", at.spent));
     }
 }
 

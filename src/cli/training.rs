@@ -333,9 +333,10 @@ fn polish(
     if !json {
         tell("polishing the best paths");
     }
-    let progress = Progress::of_steps(0, training.config.polish, json);
+    let all = training.config.polish as f64;
+    let progress = Progress::new("polishing", json);
     training.polish(|at| {
-        progress.searching(at);
+        progress.searching(at.spent as f64 / all, at);
         !stop()
     })?;
     Ok(())

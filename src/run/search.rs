@@ -1,4 +1,5 @@
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::Result;
 
@@ -18,17 +19,46 @@ const KNOWN: usize = 16;
 /// that they begin with.
 const DRAWN: u64 = 4;
 
+/// Share of its time after which a search chooses among what it has found.
+const SEARCHING: f64 = 0.85;
+
+/// How long a search goes on.
+#[derive(Clone, Copy, Debug)]
+pub enum Budget {
+    /// So many presses, which come to the same on every machine of a kind.
+    Presses(u64),
+    /// Until then, with as many as the machine makes.
+    Until(Instant),
+}
+
+impl Budget {
+    /// The share that is spent, of a search that began then.
+    pub fn share(self, began: Instant, spent: u64) -> f64 {
+        match self {
+            Self::Presses(presses) => spent as f64 / presses.max(1) as f64,
+            Self::Until(end) => {
+                let all = end.saturating_duration_since(began).as_secs_f64();
+                began.elapsed().as_secs_f64() / all.max(f64::MIN_POSITIVE)
+            }
+        }
+    }
+}
+
 /// The best of `known` lists, or else of what the cross-entropy method finds in the world of the scene, and of orders that
-/// anybody could think of, changed by moves; so many presses in all. `go_on` is told where the search is, and whether to
-/// go on is what it says.
+/// anybody could think of, changed by moves. `go_on` is told where the search is, and whether to go on is what it says.
 pub fn search_by_moves(
     judge: &mut Judge,
     scene: &Arc<Scene>,
     config: &RunConfig,
     known: Vec<Vec<u32>>,
-    presses: u64,
+    budget: Budget,
     mut go_on: impl FnMut(Searching) -> bool + Send,
 ) -> Result<Found> {
+    let began = Instant::now();
+    let is_within = |share: f64| match budget {
+        Budget::Presses(_) => true,
+        Budget::Until(_) => budget.share(began, 0) < share,
+    };
     let at = |spent| Searching {
         rounds: 0,
         spent,
@@ -43,10 +73,14 @@ pub fn search_by_moves(
                 best.remember(episode.score, &episode.actions, judge.task());
             }
             drawn = spent;
-            go_on(at(spent))
+            go_on(at(spent)) && is_within(1.0 / DRAWN as f64)
         };
         let mut draping = Draping::new(scene.clone(), &config.env, config.environments)?;
-        let mut arena = Arena::new(&mut draping, presses / DRAWN, &mut watch);
+        let most = match budget {
+            Budget::Presses(presses) => presses / DRAWN,
+            Budget::Until(_) => u64::MAX,
+        };
+        let mut arena = Arena::new(&mut draping, most, &mut watch);
         let method = CrossEntropy::alike(config.search_alike);
         cross_entropy(&mut arena, method, config.seed);
         starts.extend(best.lists().cloned());
@@ -57,16 +91,30 @@ pub fn search_by_moves(
     }
     let method = Moves::default();
     let lists: Vec<&[u32]> = starts.iter().map(|list| &**list).collect();
-    let before = judge.spent();
+    let (before, racing) = (judge.spent(), Instant::now());
     // Numbers that the search comes to never.
     let ranked = judge.race(0, &lists, 1 << 30..(1 << 30) + 9, method.chains);
     let chosen = ranked.iter().take(method.chains);
     let chosen: Vec<Vec<u32>> = chosen.map(|&(k, _)| starts[k].clone()).collect();
     let spent = drawn + judge.spent() - before;
-    let left = presses.saturating_sub(spent);
+    let left = match budget {
+        Budget::Presses(presses) => presses.saturating_sub(spent),
+        Budget::Until(end) => {
+            // As fast as the race was, which was in the coarsest steps.
+            let raced = (judge.spent() - before) as f64 / racing.elapsed().as_secs_f64();
+            let rates = config.scatter.rated(&config.env);
+            let rates: Vec<f64> = rates
+                .iter()
+                .map(|env| env.stepping().substep_rate)
+                .collect();
+            let slower = rates.iter().sum::<f64>() / (rates.len() as f64 * rates[0]);
+            let seconds = end.saturating_duration_since(Instant::now()).as_secs_f64();
+            (SEARCHING * seconds * raced / slower) as u64
+        }
+    };
     let watch = |at: Searching| {
         let spent = spent + at.spent;
-        go_on(Searching { spent, ..at })
+        go_on(Searching { spent, ..at }) && is_within(SEARCHING)
     };
     Ok(moves(judge, &chosen, method, left, config.seed, watch))
 }

@@ -14,7 +14,7 @@ use super::events::{create_events, reopen_logs, scalar_record};
 use super::folder::RunFolder;
 use super::log::Log;
 use super::metrics::{kept_lines, metrics_line};
-use super::search::search_by_moves;
+use super::search::{Budget, search_by_moves};
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{
@@ -415,7 +415,8 @@ impl Training {
         let scene = self.evaluation.scene();
         let rated = config.scatter.rated(&config.env);
         let mut judge = Judge::new(scene, &self.worlds, &rated)?;
-        let found = search_by_moves(&mut judge, scene, config, known, config.polish, go_on)?;
+        let budget = Budget::Presses(config.polish);
+        let found = search_by_moves(&mut judge, scene, config, known, budget, go_on)?;
         let best = BestPaths::judged(found.orders);
         self.memory.best = best.before(&self.memory.best);
         self.write_best()

@@ -13,6 +13,7 @@ mod improve;
 mod inp;
 mod inputs;
 mod learning;
+mod plan;
 mod robot;
 mod run;
 mod scan;

@@ -9,7 +9,7 @@ use drape_cloth::scene::Scene;
 use drape_cloth::sim::Stepping;
 use drape_proof::Case;
 use drape_report::{Chart, SERIES, Series, Table};
-use drape_task::env::mean_and_worst_quarter;
+use drape_task::env::{Quantity, mean_and_worst_quarter};
 
 /// Tell how well few worlds and coarse steps say which path holds: the rank correlation with the
 /// finite-element twin's mean over worlds
@@ -33,6 +33,11 @@ pub struct Judging {
     /// Worlds of the twin
     #[arg(long, default_value_t = 6, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=100))]
     twin_worlds: u16,
+
+    /// Also let each quantity that scatters vary by itself, in as many worlds of both, for the best path of the
+    /// first run
+    #[arg(long)]
+    alone: bool,
 }
 
 /// Substeps [1/s] of the judges.
@@ -73,7 +78,7 @@ struct Judged {
 
 impl Study for Judging {
     const NAME: &'static str = "judge";
-    const TABLES: &'static [&'static str] = &["judges", "paths"];
+    const TABLES: &'static [&'static str] = &["judges", "paths", "alone"];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let read = |path: &PathBuf| (context.read_kept)(path);
@@ -120,13 +125,39 @@ impl Study for Judging {
             self.twin_worlds,
             lists.len()
         );
-        let mut report = Report::new([table(&judges, title), paths]);
+        let mut tables = vec![table(&judges, title), paths];
+        if self.alone {
+            tables.push(self.alone(case, refs[0], context)?);
+        }
+        let mut report = Report::new(tables);
         report.image("judge.png", chart(&judges).image());
         Ok(report)
     }
 }
 
 impl Judging {
+    /// What each quantity by itself does to a path.
+    fn alone(&self, case: Case, path: &[u32], context: &Context) -> Result<Table, StudyError> {
+        let (count, finest) = (usize::from(self.twin_worlds), case.scatter.finest(case.env));
+        let mut rows: Vec<(Quantity, [Vec<f64>; 2])> = Vec::new();
+        for &quantity in case.scatter.spreads.keys() {
+            let scatter = &case.scatter.only(quantity);
+            let one = Case { scatter, ..case };
+            let (mut solver, _) = one.scores(&[path], count, finest.clone(), context.watch())?;
+            let mut twin = one.scores_in_twin(&[path], count, context.watch())?;
+            rows.push((quantity, [solver.remove(0), twin.remove(0)]));
+        }
+        rows.sort_by(|(_, [a, _]), (_, [b, _])| mean(a).total_cmp(&mean(b)));
+        let title = format!("Each quantity by itself, {count} worlds: scores of the best path");
+        Ok(Table::of("alone", title, &rows)
+            .text("varies", |(quantity, _)| quantity.name())
+            .number("solver, mean [%]", 1, |(_, [solver, _])| 1e2 * mean(solver))
+            .number("worst [%]", 1, |(_, [solver, _])| 1e2 * worst(solver))
+            .number("twin, mean [%]", 1, |(_, [_, twin])| 1e2 * mean(twin))
+            .number("its worst [%]", 1, |(_, [_, twin])| 1e2 * worst(twin))
+            .end())
+    }
+
     /// Numbers of runs, and lists.
     fn chosen<'a>(&self, kept: &'a [KeptPaths]) -> Vec<(usize, &'a Vec<u32>)> {
         let each = usize::from(self.paths).div_ceil(kept.len());

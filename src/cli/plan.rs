@@ -1,0 +1,178 @@
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::anyhow;
+use serde::Serialize;
+
+use super::Failure;
+use super::failure::{Interrupted, OrInvalid};
+use super::loaded::{load_agent, policy_paths};
+use super::output::print;
+use super::proof;
+use super::searched::{Named, Searched};
+use super::setup::{open_run, read_config};
+use super::signals::stop_on_signal;
+use super::terminal::{Told, tell};
+use crate::run::{BestPaths, Budget, RunConfig};
+use drape_learn::policy::NetworkConfig;
+use drape_proof::Row;
+use drape_task::env::Draping;
+
+/// Find a path for a task in seconds, without training on it
+///
+/// A search by moves begins with simple orders and with what a trained policy plays (`--from`), or else what the
+/// cross-entropy method finds, and the best is proved. Leaves a run folder as `train` does, without metrics and
+/// checkpoints. Ctrl-C, SIGTERM and SIGHUP stop it, with the exit code 130, 143 or 129.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  drape plan task.toml --seconds 20
+  drape plan task.toml --from runs/domes --name a
+  drape plan task.toml --steps 100000 --json")]
+pub struct PlanArgs {
+    /// Configuration file, as for `train`; the built-in quickstart if not given
+    config: Option<PathBuf>,
+
+    /// Run whose last policy plays the task first; its network has to be a `unet`, or the task that of the run
+    #[arg(long, value_name = "RUN")]
+    from: Option<PathBuf>,
+
+    /// Seconds of policy and search together; fall, proof and pictures come on top. What is found
+    /// depends on the machine
+    #[arg(long, value_name = "S", default_value_t = 20, conflicts_with = "steps",
+          value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    seconds: u32,
+
+    /// Presses of the search instead, which come to the same bits each time
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=RunConfig::MAX_STEPS))]
+    steps: Option<u64>,
+
+    /// Seed of all random streams, instead of the configuration's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=RunConfig::MAX_SEED))]
+    seed: Option<u64>,
+
+    /// Name of the run; date and minute (UTC) if not given
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+
+    /// Folder that holds the runs
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    runs: PathBuf,
+
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// Paths of a policy: the greedy one, and those that are drawn.
+const DRAWN: usize = 32;
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Outcome {
+    run: Told,
+    /// Not interrupted.
+    complete: bool,
+    /// Paths that the policy has played to their end.
+    policy_paths: usize,
+    /// Presses of the search, whether it had come to its end before, and the time of policy and search.
+    env_steps: u64,
+    converged: bool,
+    seconds: f64,
+    /// What the best path is worth in the worlds that it was found in.
+    best_score: Option<f64>,
+    proof: Vec<Row>,
+}
+
+/// Runs `drape plan`.
+pub fn run(args: PlanArgs) -> Result<(), Failure> {
+    let (mut config, place) = read_config(args.config.as_deref())?;
+    config.seed = args.seed.unwrap_or(config.seed);
+    // What moves find keeps to no mask, as what is polished does not.
+    config.polish = args.steps.unwrap_or(config.polish.max(1));
+    if let Some(from) = &args.from {
+        check_policy(from, &config)?;
+    }
+    let asked = stop_on_signal()?;
+    let named = Named {
+        runs: &args.runs,
+        name: args.name.as_deref(),
+        search: "plan".into(),
+    };
+    let run = Searched::begin(config, place, named, args.json)?;
+    let began = Instant::now();
+    let budget = match args.steps {
+        Some(steps) => Budget::Presses(steps),
+        None => Budget::Until(began + Duration::from_secs(args.seconds.into())),
+    };
+    let known = match &args.from {
+        Some(from) => played(from, &run)?,
+        None => Vec::new(),
+    };
+    let policy_paths = known.len();
+    let (found, env_steps) = run.by_moves(known, budget)?;
+    let seconds = began.elapsed().as_secs_f64();
+    let best = BestPaths::judged(found.orders);
+    let sequence = run.keep(&best)?;
+    let interrupted = asked();
+    let mut rows = Vec::new();
+    match sequence.filter(|_| interrupted.is_none()) {
+        Some(sequence) => rows = run.prove(sequence)?,
+        None => tell(format_args!(
+            "interrupted; prove what is found with: drape eval {} --sequence --prove",
+            run.folder.path.display()
+        )),
+    }
+    let outcome = Outcome {
+        run: (&run.folder.path).into(),
+        complete: interrupted.is_none(),
+        policy_paths,
+        env_steps,
+        converged: found.has_converged,
+        seconds,
+        best_score: best.score(),
+        proof: rows,
+    };
+    print(&outcome, args.json, text)?;
+    interrupted.map_or(Ok(()), |signal| Err(Interrupted(signal).into()))
+}
+
+/// Refuses a policy that cannot play the task, before its blank falls.
+fn check_policy(from: &Path, config: &RunConfig) -> Result<(), Failure> {
+    let (folder, own) = open_run(from)?;
+    folder.check_trained().or_invalid()?;
+    let is_any = matches!(own.policy.network, NetworkConfig::Unet(_));
+    if !is_any && (&own.scene, &own.env.region_mm) != (&config.scene, &config.env.region_mm) {
+        return Err(Failure::invalid(anyhow!(
+            "{}: `policy.network` plays on the run's own scene only, expected `unet`",
+            folder.config.display()
+        )));
+    }
+    Ok(())
+}
+
+/// What the policy of a run plays on the task of another.
+fn played(from: &Path, run: &Searched) -> Result<Vec<Vec<u32>>, Failure> {
+    let (folder, own) = open_run(from)?;
+    let draping = Draping::new(run.scene.clone(), &run.config.env, 1);
+    let agent = load_agent(&folder, &own, "last", &draping.or_invalid_in(&run.place)?)?;
+    policy_paths(&agent, &run.scene, &run.config.env, DRAWN)
+}
+
+fn text(outcome: &Outcome) -> String {
+    let run = outcome.run.display();
+    let end = match outcome.converged {
+        true => ", which found no better",
+        false => "",
+    };
+    let begin = format!(
+        "{run}: {} paths of a policy, {} presses of search{end}, in {:.1} s",
+        outcome.policy_paths, outcome.env_steps, outcome.seconds
+    );
+    match outcome.complete {
+        true => format!(
+            "{begin}\n{}\nnext: drape robot {run}",
+            proof::text(&outcome.proof)
+        ),
+        false => begin,
+    }
+}

@@ -1,0 +1,107 @@
+//! A run that a search without training fills.
+
+use std::fs::File;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Instant, SystemTime};
+
+use super::Failure;
+use super::failure::OrInvalid;
+use super::output::Progress;
+use super::proof;
+use super::setup::{LIES, set_up_run, set_up_worlds};
+use super::signals::stop_on_signal;
+use super::terminal::tell;
+use crate::run::{BestPaths, BestSequence, Budget, RunConfig, RunFolder, RunInfo, search_by_moves};
+use drape_cloth::scene::Scene;
+use drape_proof::Row;
+use drape_task::env::{Task, Worlds};
+use drape_task::search::{Found, Judge};
+
+/// A new run, its scene set up.
+pub(super) struct Searched {
+    pub config: RunConfig,
+    /// What messages call the configuration.
+    pub place: String,
+    pub scene: Arc<Scene>,
+    pub folder: RunFolder,
+    _lock: File,
+    json: bool,
+}
+
+/// What a run is called, and where.
+pub(super) struct Named<'a> {
+    pub runs: &'a Path,
+    pub name: Option<&'a str>,
+    /// What searches.
+    pub search: String,
+}
+
+impl Searched {
+    /// Sets up the scene of a configuration and makes the run.
+    pub fn begin(
+        mut config: RunConfig,
+        place: String,
+        named: Named,
+        json: bool,
+    ) -> Result<Self, Failure> {
+        RunFolder::check_free(named.runs, named.name, false)?;
+        let (scene, kept) = set_up_run(&config, &place, json)?;
+        config.equip(&scene).or_invalid_in(&place)?;
+        let info = RunInfo {
+            search: Some(named.search),
+            ..RunInfo::new(config.seed, SystemTime::now())
+        };
+        let folder = RunFolder::create(named.runs, named.name, (&kept.0, &kept.1), &info)?;
+        let lock = folder.lock()?;
+        if !json {
+            tell(format_args!("writing {}", folder.path.display()));
+        }
+        Ok(Self {
+            config,
+            place,
+            scene,
+            folder,
+            _lock: lock,
+            json,
+        })
+    }
+
+    /// Searches by moves from the `known` orders on, with the presses spent; a signal stops it.
+    pub fn by_moves(&self, known: Vec<Vec<u32>>, budget: Budget) -> Result<(Found, u64), Failure> {
+        let (scene, config, place) = (&self.scene, &self.config, &self.place);
+        let asked = stop_on_signal()?;
+        let scatter = &config.scatter;
+        let worlds = set_up_worlds(scene, scatter, LIES, config.seed, place, self.json)?;
+        let worlds = worlds.unwrap_or_else(|| Worlds::nominal(scene).into());
+        let rated = scatter.rated(&config.env);
+        let mut judge = Judge::new(scene, &worlds, &rated).or_invalid_in(place)?;
+        let (progress, began) = (Progress::new("searching", self.json), Instant::now());
+        let mut spent = 0;
+        let found = search_by_moves(&mut judge, scene, config, known, budget, |at| {
+            progress.searching(budget.share(began, at.spent), at);
+            spent = at.spent;
+            asked().is_none()
+        })?;
+        Ok((found, spent))
+    }
+
+    /// Writes the best paths into the run; none if there are none.
+    pub fn keep(&self, best: &BestPaths) -> Result<Option<BestSequence>, Failure> {
+        let task = Task::new(self.scene.clone(), &self.config.env).or_invalid_in(&self.place)?;
+        let sequence = best.sequence(&task, self.folder.config_digest()?);
+        if let Some(sequence) = &sequence {
+            self.folder.write_best_sequence(sequence)?;
+        }
+        Ok(sequence)
+    }
+
+    /// Proves them.
+    pub fn prove(&self, best: BestSequence) -> Result<Vec<Row>, Failure> {
+        if !self.json {
+            tell("proving the best paths");
+        }
+        let (config, method) = (&self.config, proof::by_solver(&self.config));
+        proof::proved(&self.folder, &self.scene, config, best, method, self.json)
+    }
+}
