@@ -17,7 +17,7 @@ use drape_cloth::fabric::Drape;
 use drape_cloth::mesh::read_mesh;
 use drape_cloth::scene::Scene;
 use drape_cloth::tool::Pose;
-use drape_proof::Watch;
+use drape_proof::Listener;
 use drape_proof::presses::again;
 use drape_proof::{Criteria, Surveyed, compare};
 use drape_task::cluster::Cluster;
@@ -161,7 +161,7 @@ fn recordings() {
         fs::write(&file, bytes).unwrap();
         let read = Recording::read(&file).map_err(line)?;
         let length = read.presses.len() + read.frames.len();
-        let pressed = again(&read, &scene, Watch::QUIET).map_err(line)?;
+        let pressed = again(&read, &scene, Listener::QUIET).map_err(line)?;
         assert_eq!(pressed.presses.len() + pressed.frames.len(), length);
         Ok(())
     });

@@ -13,7 +13,7 @@ use drape_cloth::math::{Purpose, Stream, Vec3};
 use drape_cloth::scene::{Misplacement, ScanFrame, Scene, Unit};
 use drape_cloth::sim::Parameters;
 use drape_learn::ppo::{Agent, NETWORK, Sampling, read_section};
-use drape_proof::Watch;
+use drape_proof::Listener;
 use drape_proof::presses::{replay, replay_in_twin, resting_in_twin};
 use drape_task::env::{Draping, Quantity, Task, Tasks, Worlds};
 
@@ -113,7 +113,7 @@ fn shop(run: &Path, hidden: &Parameters, stream: &mut Stream) -> (f64, String) {
     let mut env = config.env.clone();
     env.parameters = env.parameters.and(hidden);
     let task = Task::new(lying, &env).unwrap();
-    let (ends, _) = replay_in_twin(&[(&task, &path)], &|_, _| (), Watch::QUIET).unwrap();
+    let (ends, _) = replay_in_twin(&[(&task, &path)], &|_, _| (), Listener::QUIET).unwrap();
     let cloth = ends[0].as_ref().expect("the twin does not diverge").cloth();
     let scan = scanned(&scene, &cloth.position, 1, NOISE_MM, stream);
     (task.score(cloth), scan)

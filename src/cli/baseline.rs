@@ -170,7 +170,8 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
     let (mut best, mut found) = (BestPaths::default(), Found::default());
     let (mut env_steps, mut written) = (0, Ok(()));
     let is_spent = if args.policy == Policy::Moves {
-        let (moved, spent) = run.by_moves(Vec::new(), Budget::Presses(config.steps))?;
+        let (moved, spent) =
+            run.by_moves(&run.worlds()?, Vec::new(), Budget::Presses(config.steps))?;
         env_steps = spent;
         best = BestPaths::judged(moved.orders);
         !moved.has_converged
@@ -243,7 +244,7 @@ fn text(outcome: &Outcome, is_spent: bool) -> String {
         (false, Some(_)) => {
             format!("interrupted; prove what is found with: drape eval {run} --sequence --prove")
         }
-        (true, Some(_)) => format!("{}\nnext: drape export {run}", proof::text(&outcome.proof)),
+        (true, Some(_)) => format!("{}\nnext: drape robot {run}", proof::text(&outcome.proof)),
         (_, None) => "no best sequence".into(),
     };
     format!(

@@ -19,7 +19,7 @@ use drape_cloth::sim::{Accuracy, Observation};
 use drape_learn::policy::DeviceKind;
 use drape_learn::ppo::{Agent, Sampling};
 use drape_proof::presses::again;
-use drape_proof::{Case, Method, Physics, Row, Sensitivity, Watch};
+use drape_proof::{Case, Listener, Method, Physics, Row, Sensitivity};
 use drape_report::Table;
 use drape_study::study::region;
 use drape_task::path::PathFigures;
@@ -135,6 +135,9 @@ struct Report {
     sensitivity: Vec<Sensitivity>,
     /// Where the pictures are.
     pictures: Told,
+    /// On another scene than the run's.
+    #[serde(skip)]
+    is_elsewhere: bool,
 }
 
 /// Runs `drape eval`.
@@ -235,6 +238,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         proof,
         sensitivity,
         pictures: (&pictures.path).into(),
+        is_elsewhere: args.scene.is_some(),
     };
     print(&report, json, text)
 }
@@ -262,7 +266,7 @@ fn press_again(file: &Path, loaded: &Loaded, pictures: &Path) -> Result<(), Fail
     let progress = Progress::new("pressing again", loaded.json);
     let told = |share: f64, doing: &str| progress.tell(share, doing);
     let place = Some(file.display().to_string());
-    let found = again(&recorded, &loaded.scene, Watch(&told));
+    let found = again(&recorded, &loaded.scene, Listener(&told));
     let found = found.map_err(|error| proof_failure(error, place))?;
     drop(progress);
     write_recording(&recorded, &loaded.scene, pictures, "recorded")?;
@@ -307,7 +311,7 @@ impl Again {
 /// Proves what an agent plays, greedily and drawn so often, on a scene that the run does not know.
 fn proved_elsewhere(agent: &Agent, loaded: &Loaded, count: usize) -> Result<Vec<Row>, Failure> {
     let (scene, env) = (&loaded.scene, &loaded.env);
-    let paths = policy_paths(agent, scene, env, count)?;
+    let paths = policy_paths(agent, scene, env, count, 0)?;
     let case = Case {
         env,
         ..proof::case(scene, &loaded.config)
@@ -398,6 +402,8 @@ fn text(report: &Report) -> String {
     }
     lines.extend(report.sensitivity.iter().map(proof::of_one));
     lines.push(format!("pictures in {}", report.pictures.display()));
-    lines.push(format!("next: drape robot {}", report.run.display()));
+    if !report.is_elsewhere {
+        lines.push(format!("next: drape robot {}", report.run.display()));
+    }
     lines.join("\n")
 }

@@ -251,7 +251,7 @@ fn improved(
     run.folder.write_turns(turns)?;
     let mut starts = vec![path.to_vec()];
     starts.extend(known.into_iter().filter(|list| list != path));
-    let mut orders = run.by_moves(starts, budget)?.0.orders;
+    let mut orders = run.by_moves(&run.worlds()?, starts, budget)?.0.orders;
     let keep = |orders| {
         let best = run.keep(&BestPaths::judged(orders))?;
         Ok::<_, Failure>(best.expect("a search gives what it began with at least"))

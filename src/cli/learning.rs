@@ -51,7 +51,7 @@ fn learnt(
         [] => vec![None],
         configs => configs.iter().map(|path| Some(&**path)).collect(),
     };
-    let (mut arms, mut trainings, mut names) = (Vec::new(), Vec::new(), BTreeSet::new());
+    let (mut treatments, mut trainings, mut names) = (Vec::new(), Vec::new(), BTreeSet::new());
     for config in configs {
         let name = config.map_or("quickstart".into(), name_of);
         // Beside the folders of runs stand the files of the study.
@@ -72,15 +72,18 @@ fn learnt(
         }
         trainings.extend(planned(options, config, &out.join(&name))?);
         let runs = Vec::new();
-        arms.push(Treatment { name, runs });
+        treatments.push(Treatment { name, runs });
     }
     run_all(&trainings, options.jobs.into(), progress)?;
-    for (arm, trainings) in arms.iter_mut().zip(trainings.chunks(options.seeds.into())) {
+    for (treatment, trainings) in treatments
+        .iter_mut()
+        .zip(trainings.chunks(options.seeds.into()))
+    {
         for training in trainings {
-            arm.runs.push(read(training)?);
+            treatment.runs.push(read(training)?);
         }
     }
-    Ok(arms)
+    Ok(treatments)
 }
 
 fn name_of(config: &Path) -> String {
@@ -171,8 +174,10 @@ fn complete(training: &Training, threads: usize) -> Result<(), Failure> {
     if folder.exists() {
         command.args([option("resume", folder), "--json".into()]);
     } else {
-        let arm = folder.parent().expect("it stands in the folder of its arm");
-        command.arg(option("runs", arm));
+        let treatment = folder
+            .parent()
+            .expect("it stands in the folder of its treatment");
+        command.arg(option("runs", treatment));
         let values = [("seed", training.seed), ("steps", training.steps)];
         for (key, value) in values {
             command.args([format!("--{key}"), value.to_string()]);

@@ -243,9 +243,10 @@ pub(super) fn policy_paths(
     scene: &Arc<Scene>,
     env: &EnvConfig,
     drawn: usize,
+    seed: u64,
 ) -> Result<Vec<Vec<u32>>, Failure> {
     let most = most_environments(scene.lamina.vertex_count());
-    let mut stream = Stream::new(0, Purpose::Evaluation, 0);
+    let mut stream = Stream::new(seed, Purpose::Evaluation, 0);
     let vertices = |_: &Task, played: Played| {
         let vertices = played.end.presses().iter().map(|&(v, _)| v).collect();
         (played.episode.end != End::Diverged).then_some(vertices)
@@ -265,7 +266,10 @@ fn observations(draping: &Draping) -> Vec<Observation<'_>> {
 }
 
 /// A checkpoint of a run, and where it is.
-fn read_checkpoint(folder: &RunFolder, name: &str) -> Result<(PathBuf, Checkpoint), Failure> {
+pub(super) fn read_checkpoint(
+    folder: &RunFolder,
+    name: &str,
+) -> Result<(PathBuf, Checkpoint), Failure> {
     folder.check_trained()?;
     let path = checkpoint_path(folder, name);
     if !matches!(name, "best" | "last") && !path.exists() {

@@ -124,7 +124,7 @@ impl Cli {
             Command::View(args) => view::run(args),
             Command::Bench(study) => study.run(None),
             Command::Completions(args) => shell::complete(&args, Self::command()),
-            Command::Man(_) => shell::manual(Self::command()),
+            Command::Man(args) => shell::manual(&args, Self::command()),
         }
     }
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::failure::{Interrupted, OrInvalid};
-use super::loaded::{load_agent, policy_paths};
+use super::loaded::{load_agent, policy_paths, read_checkpoint};
 use super::output::print;
 use super::proof;
 use super::searched::{Named, Searched};
@@ -32,12 +32,16 @@ pub struct PlanArgs {
     /// Configuration file, as for `train`; the built-in quickstart if not given
     config: Option<PathBuf>,
 
-    /// Run whose last policy plays the task first; its network has to be a `unet`, or the task that of the run
+    /// Run whose policy plays the task first; its network has to be a `unet`, or blank and region those of the run
     #[arg(long, value_name = "RUN")]
     from: Option<PathBuf>,
 
-    /// Seconds of policy and search together; fall, proof and pictures come on top. What is found
-    /// depends on the machine
+    /// Checkpoint of that policy: best, last or a file
+    #[arg(long, value_name = "NAME", default_value = "last", requires = "from")]
+    checkpoint: String,
+
+    /// Seconds of policy and search together; falls, proof and pictures come on top, and what is begun is ended. What
+    /// is found depends on the machine
     #[arg(long, value_name = "S", default_value_t = 20, conflicts_with = "steps",
           value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     seconds: u32,
@@ -63,8 +67,8 @@ pub struct PlanArgs {
     json: bool,
 }
 
-/// Paths of a policy: the greedy one, and those that are drawn.
-const DRAWN: usize = 32;
+/// Paths of a policy that are drawn, beside the greedy one: as many as a search looks at.
+const DRAWN: usize = 15;
 
 /// What `--json` prints.
 #[derive(Serialize)]
@@ -74,7 +78,7 @@ struct Outcome {
     complete: bool,
     /// Paths that the policy has played to their end.
     policy_paths: usize,
-    /// Presses of the search, whether it had come to its end before, and the time of policy and search.
+    /// Presses of the search, its races included, whether it had come to its end before, and the time of policy and search.
     env_steps: u64,
     converged: bool,
     seconds: f64,
@@ -90,7 +94,7 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
     // What moves find keeps to no mask, as what is polished does not.
     config.polish = args.steps.unwrap_or(config.polish.max(1));
     if let Some(from) = &args.from {
-        check_policy(from, &config)?;
+        check_policy(from, &args.checkpoint, &config)?;
     }
     let asked = stop_on_signal()?;
     let named = Named {
@@ -99,24 +103,36 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
         search: "plan".into(),
     };
     let run = Searched::begin(config, place, named, args.json)?;
+    let worlds = run.worlds()?;
     let began = Instant::now();
     let budget = match args.steps {
         Some(steps) => Budget::Presses(steps),
         None => Budget::Until(began + Duration::from_secs(args.seconds.into())),
     };
     let known = match &args.from {
-        Some(from) => played(from, &run)?,
+        Some(from) => played(from, &args.checkpoint, &run)?,
         None => Vec::new(),
     };
     let policy_paths = known.len();
-    let (found, env_steps) = run.by_moves(known, budget)?;
+    let (found, env_steps) = run.by_moves(&worlds, known, budget)?;
     let seconds = began.elapsed().as_secs_f64();
     let best = BestPaths::judged(found.orders);
     let sequence = run.keep(&best)?;
     let interrupted = asked();
     let mut rows = Vec::new();
     match sequence.filter(|_| interrupted.is_none()) {
-        Some(sequence) => rows = run.prove(sequence)?,
+        Some(sequence) => {
+            rows = run.prove(sequence)?;
+            let best = rows
+                .iter()
+                .max_by(|a, b| a.best.score.total_cmp(&b.best.score));
+            if let Some(other) = best.filter(|row| row.order != rows[0].order) {
+                tell(format_args!(
+                    "warning: the best of order {} scores more than the path: give the search more time",
+                    other.order
+                ));
+            }
+        }
         None => tell(format_args!(
             "interrupted; prove what is found with: drape eval {} --sequence --prove",
             run.folder.path.display()
@@ -137,13 +153,17 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
 }
 
 /// Refuses a policy that cannot play the task, before its blank falls.
-fn check_policy(from: &Path, config: &RunConfig) -> Result<(), Failure> {
+fn check_policy(from: &Path, checkpoint: &str, config: &RunConfig) -> Result<(), Failure> {
     let (folder, own) = open_run(from)?;
-    folder.check_trained().or_invalid()?;
+    read_checkpoint(&folder, checkpoint)?;
     let is_any = matches!(own.policy.network, NetworkConfig::Unet(_));
-    if !is_any && (&own.scene, &own.env.region_mm) != (&config.scene, &config.env.region_mm) {
+    let seen = |config: &RunConfig| {
+        let RunConfig { scene, env, .. } = config;
+        (scene.blank.clone(), env.region_mm, env.crop)
+    };
+    if !is_any && seen(&own) != seen(config) {
         return Err(Failure::invalid(anyhow!(
-            "{}: `policy.network` plays on the run's own scene only, expected `unet`",
+            "{}: `policy.network` plays on the run's own blank and region only, expected `unet`",
             folder.config.display()
         )));
     }
@@ -151,11 +171,16 @@ fn check_policy(from: &Path, config: &RunConfig) -> Result<(), Failure> {
 }
 
 /// What the policy of a run plays on the task of another.
-fn played(from: &Path, run: &Searched) -> Result<Vec<Vec<u32>>, Failure> {
+fn played(from: &Path, checkpoint: &str, run: &Searched) -> Result<Vec<Vec<u32>>, Failure> {
     let (folder, own) = open_run(from)?;
     let draping = Draping::new(run.scene.clone(), &run.config.env, 1);
-    let agent = load_agent(&folder, &own, "last", &draping.or_invalid_in(&run.place)?)?;
-    policy_paths(&agent, &run.scene, &run.config.env, DRAWN)
+    let agent = load_agent(
+        &folder,
+        &own,
+        checkpoint,
+        &draping.or_invalid_in(&run.place)?,
+    )?;
+    policy_paths(&agent, &run.scene, &run.config.env, DRAWN, run.config.seed)
 }
 
 fn text(outcome: &Outcome) -> String {
@@ -164,9 +189,13 @@ fn text(outcome: &Outcome) -> String {
         true => ", which found no better",
         false => "",
     };
+    let policy = match outcome.policy_paths {
+        0 => String::new(),
+        count => format!("{count} paths of a policy, "),
+    };
     let begin = format!(
-        "{run}: {} paths of a policy, {} presses of search{end}, in {:.1} s",
-        outcome.policy_paths, outcome.env_steps, outcome.seconds
+        "{run}: {policy}{} presses of search{end}, in {:.1} s",
+        outcome.env_steps, outcome.seconds
     );
     match outcome.complete {
         true => format!(

@@ -12,8 +12,8 @@ use crate::run::{
     self, BestSequence, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, path_points, replay,
 };
 use drape_cloth::scene::Scene;
-use drape_proof::{Case, Method, Physics, Proof, Row, Sensitivity, Watch, choose, prove};
-use drape_report::Table;
+use drape_proof::{Case, Listener, Method, Physics, Proof, Row, Sensitivity, choose, prove};
+use drape_report::{Format, Table};
 use drape_task::env::Draping;
 use drape_task::path::{Frame, write_json};
 use drape_task::recording::Recording;
@@ -121,18 +121,18 @@ pub(super) fn found(
     let progress = Progress::new("proof", json);
     let told = |share: f64, doing: &str| progress.tell(share, doing);
     let failure = |error| proof_failure(error, place.clone());
-    let mut choice = choose(case, paths, method, Watch(&told)).map_err(failure)?;
+    let mut choice = choose(case, paths, method, Listener(&told)).map_err(failure)?;
     if let Some(path) = &mut choice.path {
         pruned(path)?;
     }
-    prove(case, &choice, method.judge, Watch(&told)).map_err(failure)
+    prove(case, &choice, method.judge, Listener(&told)).map_err(failure)
 }
 
 /// The score of a path where paths are proved, NaN if it diverges there.
 pub(super) fn score(case: Case, path: &[u32], json: bool) -> Result<f64, Failure> {
     let progress = Progress::new("the old path", json);
     let told = |share: f64, doing: &str| progress.tell(share, doing);
-    let found = drape_proof::figures(case, path, Watch(&told));
+    let found = drape_proof::figures(case, path, Listener(&told));
     Ok(found.map_err(|error| proof_failure(error, None))?.score)
 }
 
@@ -144,7 +144,7 @@ pub(super) fn sensitivity(
 ) -> Result<Vec<Sensitivity>, Failure> {
     let progress = Progress::new("one quantity at a time", json);
     let told = |share: f64, doing: &str| progress.tell(share, doing);
-    let found = drape_proof::sensitivity(case, path, Watch(&told));
+    let found = drape_proof::sensitivity(case, path, Listener(&told));
     found.map_err(|error| proof_failure(error, None))
 }
 
@@ -204,15 +204,20 @@ pub(super) fn text(rows: &[Row]) -> String {
             physics.name(),
             first.worlds
         );
+        // In one world they are all the same.
+        let several = match first.worlds {
+            1 => Format::Hidden,
+            _ => Format::Fixed(2),
+        };
         let table = Table::of("proof", title, &rows)
             .text("order", |row| row.order.clone())
             .text("count", |row| row.count)
-            .number("score", 1, |row| 100.0 * row.best.score)
-            .number("worst quarter", 1, |row| {
+            .number("score", 2, |row| 100.0 * row.best.score)
+            .number("worst quarter", several, |row| {
                 100.0 * row.best.worst_quarter_score
             })
-            .number("worst", 1, |row| 100.0 * row.best.worst_score)
-            .number("nominal", 1, |row| 100.0 * row.best.nominal_score)
+            .number("worst", several, |row| 100.0 * row.best.worst_score)
+            .number("nominal", several, |row| 100.0 * row.best.nominal_score)
             .number("surplus", 2, |row| 1e3 * row.best.surplus_m)
             .number("undraped", 1, |row| row.best.undraped_inner)
             .number("presses", 0, |row| row.best.path.presses)

@@ -67,22 +67,34 @@ impl Searched {
         })
     }
 
-    /// Searches by moves from the `known` orders on, with the presses spent; a signal stops it.
-    pub fn by_moves(&self, known: Vec<Vec<u32>>, budget: Budget) -> Result<(Found, u64), Failure> {
-        let (scene, config, place) = (&self.scene, &self.config, &self.place);
+    /// Sets up the worlds that searches by moves press in.
+    pub fn worlds(&self) -> Result<Arc<Worlds>, Failure> {
+        let (scatter, seed) = (&self.config.scatter, self.config.seed);
+        let worlds = set_up_worlds(&self.scene, scatter, LIES, seed, &self.place, self.json)?;
+        Ok(worlds.unwrap_or_else(|| Worlds::nominal(&self.scene).into()))
+    }
+
+    /// Searches by moves from the `known` orders on, or from what the cross-entropy method finds, with the presses made; a
+    /// signal stops it.
+    pub fn by_moves(
+        &self,
+        worlds: &Arc<Worlds>,
+        known: Vec<Vec<u32>>,
+        budget: Budget,
+    ) -> Result<(Found, u64), Failure> {
+        let (scene, config) = (&self.scene, &self.config);
         let asked = stop_on_signal()?;
-        let scatter = &config.scatter;
-        let worlds = set_up_worlds(scene, scatter, LIES, config.seed, place, self.json)?;
-        let worlds = worlds.unwrap_or_else(|| Worlds::nominal(scene).into());
-        let rated = scatter.rated(&config.env);
-        let mut judge = Judge::new(scene, &worlds, &rated).or_invalid_in(place)?;
+        let rated = config.scatter.rated(&config.env);
+        let mut judge = Judge::new(scene, worlds, &rated).or_invalid_in(&self.place)?;
         let (progress, began) = (Progress::new("searching", self.json), Instant::now());
-        let mut spent = 0;
-        let found = search_by_moves(&mut judge, scene, config, known, budget, |at| {
+        let (found, spent) = search_by_moves(&mut judge, scene, config, known, budget, |at| {
             progress.searching(budget.share(began, at.spent), at);
-            spent = at.spent;
             asked().is_none()
         })?;
+        drop(progress);
+        if found.rounds == 0 && asked().is_none() {
+            tell("warning: the search had no time for a single move: give it more");
+        }
         Ok((found, spent))
     }
 

@@ -2,6 +2,7 @@
 
 use std::io::{Write, stdout};
 
+use anyhow::{Context as _, anyhow};
 use clap::Command;
 use clap_complete::{Shell, generate};
 use clap_mangen::Man;
@@ -17,29 +18,39 @@ pub struct CompletionsArgs {
     shell: Shell,
 }
 
-/// Print the manual page, for `man -l -`
+/// Print the manual page of the program or of a command
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  drape man > ~/.local/share/man/man1/drape.1")]
-pub struct ManArgs {}
+#[command(after_help = "Examples:
+  drape man > ~/.local/share/man/man1/drape.1
+  drape man study judge | man -l -")]
+pub struct ManArgs {
+    #[arg(value_name = "COMMAND")]
+    command: Vec<String>,
+}
 
 /// Runs `drape completions`.
 pub fn complete(args: &CompletionsArgs, mut command: Command) -> Result<(), Failure> {
     let mut text = Vec::new();
     generate(args.shell, &mut command, "drape", &mut text);
-    Ok(stdout().write_all(&text)?)
+    write(&text)
 }
 
-/// Runs `drape man`: the page of the program with the options of all commands.
-pub fn manual(mut command: Command) -> Result<(), Failure> {
+/// Runs `drape man`.
+pub fn manual(args: &ManArgs, mut command: Command) -> Result<(), Failure> {
     command.build();
-    let mut text = Vec::new();
-    Man::new(command.clone()).render(&mut text)?;
-    for one in command.get_subcommands() {
-        writeln!(text, ".SH DRAPE {}", one.get_name().to_uppercase())?;
-        let one = Man::new(one.clone());
-        one.render_description_section(&mut text)?;
-        one.render_options_section(&mut text)?;
+    for name in &args.command {
+        let found = command.find_subcommand(name).cloned();
+        command = found.ok_or_else(|| {
+            let of = command.get_name();
+            Failure::invalid(anyhow!("{of} has no command `{name}`, see {of} --help"))
+        })?;
     }
-    Ok(stdout().write_all(&text)?)
+    let mut text = Vec::new();
+    Man::new(command).render(&mut text)?;
+    write(&text)
+}
+
+fn write(text: &[u8]) -> Result<(), Failure> {
+    let written = stdout().write_all(text);
+    Ok(written.context("cannot write to standard output")?)
 }

@@ -55,7 +55,7 @@ pub struct RunInfo {
     pub platform: String,
     /// UTC, ISO 8601.
     pub created: String,
-    /// What `drape baseline` searched with, or `improve` after the command; a training has none.
+    /// What `drape baseline` searched with, or `improve` or `plan` after the command; a training has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<String>,
 }
@@ -334,7 +334,8 @@ impl RunFolder {
         match info.and_then(|info| info.search) {
             None => Ok(()),
             Some(name) => {
-                let command = ["baseline --policy ", ""][usize::from(name == "improve")];
+                let is_command = matches!(&*name, "improve" | "plan");
+                let command = ["baseline --policy ", ""][usize::from(is_command)];
                 bail!(RunError::Searched(
                     self.path.clone(),
                     command.to_owned() + &name

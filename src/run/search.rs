@@ -15,9 +15,10 @@ use drape_task::search::{
 /// Lists that a search by moves looks at before it begins.
 const KNOWN: usize = 16;
 
-/// Where nothing is known, one press in so many is one of the cross-entropy method: moves alone stay with the kind of path
-/// that they begin with.
-const DRAWN: u64 = 4;
+/// Where nothing is known, the cross-entropy method comes first: moves alone stay with the kind of path that they begin
+/// with. It has so many presses, but neither less nor more than these shares of all.
+const DRAWN: u64 = 60_000;
+const DRAWN_SHARES: [f64; 2] = [0.25, 0.75];
 
 /// Share of its time after which a search chooses among what it has found.
 const SEARCHING: f64 = 0.85;
@@ -35,17 +36,18 @@ impl Budget {
     /// The share that is spent, of a search that began then.
     pub fn share(self, began: Instant, spent: u64) -> f64 {
         match self {
-            Self::Presses(presses) => spent as f64 / presses.max(1) as f64,
+            Self::Presses(presses) => (spent as f64 / presses.max(1) as f64).min(1.0),
             Self::Until(end) => {
                 let all = end.saturating_duration_since(began).as_secs_f64();
-                began.elapsed().as_secs_f64() / all.max(f64::MIN_POSITIVE)
+                (began.elapsed().as_secs_f64() / all.max(1e-9)).min(1.0)
             }
         }
     }
 }
 
 /// The best of `known` lists, or else of what the cross-entropy method finds in the world of the scene, and of orders that
-/// anybody could think of, changed by moves. `go_on` is told where the search is, and whether to go on is what it says.
+/// anybody could think of, changed by moves; with the presses made in all. `go_on` is told where the search is, and whether
+/// to go on is what it says.
 pub fn search_by_moves(
     judge: &mut Judge,
     scene: &Arc<Scene>,
@@ -53,8 +55,8 @@ pub fn search_by_moves(
     known: Vec<Vec<u32>>,
     budget: Budget,
     mut go_on: impl FnMut(Searching) -> bool + Send,
-) -> Result<Found> {
-    let began = Instant::now();
+) -> Result<(Found, u64)> {
+    let (began, at_first) = (Instant::now(), judge.spent());
     let is_within = |share: f64| match budget {
         Budget::Presses(_) => true,
         Budget::Until(_) => budget.share(began, 0) < share,
@@ -73,11 +75,15 @@ pub fn search_by_moves(
                 best.remember(episode.score, &episode.actions, judge.task());
             }
             drawn = spent;
-            go_on(at(spent)) && is_within(1.0 / DRAWN as f64)
+            let [least, most] = DRAWN_SHARES;
+            go_on(at(spent)) && (is_within(least) || spent < DRAWN && is_within(most))
         };
         let mut draping = Draping::new(scene.clone(), &config.env, config.environments)?;
         let most = match budget {
-            Budget::Presses(presses) => presses / DRAWN,
+            Budget::Presses(presses) => {
+                let [least, most] = DRAWN_SHARES.map(|share| (share * presses as f64) as u64);
+                DRAWN.clamp(least, most)
+            }
             Budget::Until(_) => u64::MAX,
         };
         let mut arena = Arena::new(&mut draping, most, &mut watch);
@@ -116,5 +122,6 @@ pub fn search_by_moves(
         let spent = spent + at.spent;
         go_on(Searching { spent, ..at }) && is_within(SEARCHING)
     };
-    Ok(moves(judge, &chosen, method, left, config.seed, watch))
+    let found = moves(judge, &chosen, method, left, config.seed, watch);
+    Ok((found, drawn + judge.spent() - at_first))
 }

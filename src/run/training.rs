@@ -416,7 +416,7 @@ impl Training {
         let rated = config.scatter.rated(&config.env);
         let mut judge = Judge::new(scene, &self.worlds, &rated)?;
         let budget = Budget::Presses(config.polish);
-        let found = search_by_moves(&mut judge, scene, config, known, budget, go_on)?;
+        let (found, _) = search_by_moves(&mut judge, scene, config, known, budget, go_on)?;
         let best = BestPaths::judged(found.orders);
         self.memory.best = best.before(&self.memory.best);
         self.write_best()

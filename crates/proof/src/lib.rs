@@ -19,4 +19,4 @@ pub use prove::{
     Best, Case, Choice, Figures, Method, Physics, Proof, Row, Sensitivity, choose, figures, prove,
     sensitivity,
 };
-pub use watch::Watch;
+pub use watch::Listener;

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use cpu_time::ThreadTime;
 
 use crate::twin::{fallen, lying, press_config, twin_config, twin_of};
-use crate::{ProofError, Watch};
+use crate::{Listener, ProofError};
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::{Misplacement, Scene};
 use drape_cloth::sim::{Parameters, Presses, Snapshot};
@@ -39,7 +39,7 @@ pub fn replay(
 pub fn replay_in_twin(
     lists: &[(&Task, &[u32])],
     observe: &(dyn Fn(usize, &EpisodeState) + Sync),
-    watch: Watch,
+    watch: Listener,
 ) -> Result<(Vec<Option<EpisodeState>>, f64), ProofError> {
     let numbered: Vec<usize> = (0..lists.len()).collect();
     let played = watch.each(&numbered, |&number| {
@@ -94,7 +94,11 @@ pub fn resting_in_twin(
 ///
 /// # Errors
 /// If it diverges, or was recorded on another blank than that of `scene`.
-pub fn again(recording: &Recording, scene: &Scene, watch: Watch) -> Result<Recording, ProofError> {
+pub fn again(
+    recording: &Recording,
+    scene: &Scene,
+    watch: Listener,
+) -> Result<Recording, ProofError> {
     if recording.rest != scene.lamina.rest || recording.tool != scene.tool.mesh {
         let fault = "recorded on another blank or tool than the scene's";
         return Err(ProofError::Invalid(fault));

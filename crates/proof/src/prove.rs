@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::orders::sequences;
 use crate::presses::{replay_in_twin, resting_in_twin};
 use crate::twin::twin_of;
-use crate::{ProofError, Watch};
+use crate::{Listener, ProofError};
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::measure::sheared;
 use drape_cloth::scene::{Misplacement, Scene};
@@ -175,7 +175,7 @@ pub fn choose(
     case: Case,
     paths: &[Vec<u32>],
     method: Method,
-    watch: Watch,
+    watch: Listener,
 ) -> Result<Choice, ProofError> {
     let Case { scene, env, .. } = case;
     if method.judge == Physics::Twin {
@@ -206,7 +206,7 @@ pub fn prove(
     case: Case,
     choice: &Choice,
     judge: Physics,
-    watch: Watch,
+    watch: Listener,
 ) -> Result<Proof, ProofError> {
     let Case { scene, env, .. } = case;
     let Choice { groups, chosen, .. } = choice;
@@ -273,7 +273,7 @@ pub fn prove(
 ///
 /// # Errors
 /// If a fall diverges.
-pub fn figures(case: Case, path: &[u32], watch: Watch) -> Result<Figures, ProofError> {
+pub fn figures(case: Case, path: &[u32], watch: Listener) -> Result<Figures, ProofError> {
     let worlds = case.worlds(LIES, SEEDS[1], watch)?;
     let mut judge = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
     let numbers = case.numbers(0..PROVING as u64);
@@ -286,7 +286,11 @@ pub fn figures(case: Case, path: &[u32], watch: Watch) -> Result<Figures, ProofE
 ///
 /// # Errors
 /// If a fall diverges.
-pub fn sensitivity(case: Case, path: &[u32], watch: Watch) -> Result<Vec<Sensitivity>, ProofError> {
+pub fn sensitivity(
+    case: Case,
+    path: &[u32],
+    watch: Listener,
+) -> Result<Vec<Sensitivity>, ProofError> {
     let quantities: Vec<Quantity> = case.scatter.spreads.keys().copied().collect();
     let of = |&quantity: &Quantity| {
         let scatter = case.scatter.only(quantity);
@@ -294,7 +298,7 @@ pub fn sensitivity(case: Case, path: &[u32], watch: Watch) -> Result<Vec<Sensiti
             scatter: &scatter,
             ..case
         };
-        let worlds = alone.worlds(SENSITIVITY, SEEDS[2], Watch::QUIET)?;
+        let worlds = alone.worlds(SENSITIVITY, SEEDS[2], Listener::QUIET)?;
         let mut judge = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
         let numbers: Vec<Option<u64>> = (0..SENSITIVITY as u64).map(Some).collect();
         let left = pressed(&mut judge, &[path], &numbers, |_, _| ()).remove(0);
@@ -323,46 +327,63 @@ pub fn sensitivity(case: Case, path: &[u32], watch: Watch) -> Result<Vec<Sensiti
 }
 
 impl Case<'_> {
-    /// Scores of lists in worlds that no path is proved in, stepped so finely, `[list][world]` [-], nothing for what
-    /// diverges; and the CPU time of a list and world [s].
+    /// Worlds in which no path is proved.
     ///
     /// # Errors
     /// If a fall diverges.
+    pub fn other_worlds(&self, watch: Listener) -> Result<Arc<Worlds>, ProofError> {
+        self.worlds(LIES, SEEDS[0], watch)
+    }
+
+    /// Worlds in which paths are proved.
+    ///
+    /// # Errors
+    /// If a fall diverges.
+    pub fn proving_worlds(&self, watch: Listener) -> Result<Arc<Worlds>, ProofError> {
+        self.worlds(LIES, SEEDS[1], watch)
+    }
+
+    /// Scores of lists in the first `count` worlds, stepped as `env` says, `[list][world]` [-], 0 for what diverges; and the
+    /// CPU time of a list and world [s].
+    ///
+    /// # Errors
+    /// If the task cannot be.
     pub fn scores(
         &self,
         lists: &[&[u32]],
+        worlds: &Arc<Worlds>,
         count: usize,
         env: EnvConfig,
-        watch: Watch,
+        watch: Listener,
     ) -> Result<(Vec<Vec<f64>>, f64), ProofError> {
-        let worlds = self.worlds(LIES, SEEDS[0], watch)?;
-        let mut judge = Judge::new(self.scene, &worlds, &[env])?;
+        let doing = format!("{} substeps a second", env.stepping().substep_rate);
+        let mut judge = Judge::new(self.scene, worlds, &[env])?;
         let numbers: Vec<Option<u64>> = (0..count as u64).map(Some).collect();
         let began = ProcessTime::now();
-        let told = |done, all| watch.count(done, all, "pressing");
+        let told = |done, all| watch.count(done, all, &doing);
         let left = pressed(&mut judge, lists, &numbers, told);
         let seconds = began.elapsed().as_secs_f64() / (lists.len() * count) as f64;
         Ok((scores(&left), seconds))
     }
 
-    /// Scores of lists in so many worlds of the twin, as [`scores`](Self::scores).
+    /// Scores of lists in these worlds of the twin, as [`scores`](Self::scores).
     ///
     /// # Errors
     /// If the scene has what the twin has nothing for, or a fall diverges.
     pub fn scores_in_twin(
         &self,
         lists: &[&[u32]],
+        worlds: &Worlds,
         count: usize,
-        watch: Watch,
+        watch: Listener,
     ) -> Result<Vec<Vec<f64>>, ProofError> {
-        let worlds = self.worlds(LIES, SEEDS[1], watch)?;
         let numbers: Vec<Option<u64>> = (0..count as u64).map(Some).collect();
-        let (left, _) = in_twin(*self, &worlds, lists, &numbers, watch)?;
+        let (left, _) = in_twin(*self, worlds, lists, &numbers, watch)?;
         Ok(scores(&left))
     }
 
     /// Worlds to draw from, under a seed of their own.
-    fn worlds(&self, lies: usize, seed: u64, watch: Watch) -> Result<Arc<Worlds>, ProofError> {
+    fn worlds(&self, lies: usize, seed: u64, watch: Listener) -> Result<Arc<Worlds>, ProofError> {
         let told = |share| watch.tell(share, "falling");
         let worlds = Worlds::new(self.scene, self.scatter, lies, self.seed ^ seed, told)?;
         Ok(worlds.into())
@@ -385,7 +406,7 @@ fn best_of(
     case: Case,
     groups: &[(&str, Vec<Vec<u32>>, usize)],
     judge: Physics,
-    watch: Watch,
+    watch: Listener,
 ) -> Result<Vec<Chosen>, ProofError> {
     let worlds = case.worlds(CHOOSING.iter().sum::<u64>() as usize, SEEDS[0], watch)?;
     let mut solver = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
@@ -457,7 +478,7 @@ fn best_in_twin(
     case: Case,
     worlds: &Worlds,
     lists: &[&[u32]],
-    watch: Watch,
+    watch: Listener,
 ) -> Result<Option<usize>, ProofError> {
     let mut numbers = case.numbers(0..TWIN_CHOOSING[1] as u64);
     if numbers.len() > 1 {
@@ -502,7 +523,7 @@ fn in_twin(
     worlds: &Worlds,
     lists: &[&[u32]],
     numbers: &[Option<u64>],
-    watch: Watch,
+    watch: Listener,
 ) -> Result<(Vec<Vec<Option<Left>>>, Option<Recording>), ProofError> {
     let Case { scene, env, .. } = case;
     watch.tell(0.0, "the twin's falls");
@@ -542,7 +563,7 @@ fn in_twin(
     Ok((rows, recording.into_inner().ok()))
 }
 
-/// `[list][world]`; what diverges scores nothing.
+/// `[list][world]`, 0 for what diverges.
 fn scores(left: &[Vec<Option<Left>>]) -> Vec<Vec<f64>> {
     let score = |left: &Option<Left>| left.map_or(0.0, |left| left.score);
     let row = |left: &Vec<Option<Left>>| left.iter().map(score).collect();

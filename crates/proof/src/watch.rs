@@ -4,14 +4,14 @@ use rayon::prelude::*;
 
 /// Is told the share of long work that is done, 0 to 1, and what is being done.
 #[derive(Clone, Copy)]
-pub struct Watch<'a>(pub &'a (dyn Fn(f64, &str) + Sync));
+pub struct Listener<'a>(pub &'a (dyn Fn(f64, &str) + Sync));
 
-impl Watch<'static> {
+impl Listener<'static> {
     /// Tells nobody.
     pub const QUIET: Self = Self(&|_, _| ());
 }
 
-impl Watch<'_> {
+impl Listener<'_> {
     pub fn tell(&self, share: f64, doing: &str) {
         (self.0)(share, doing);
     }

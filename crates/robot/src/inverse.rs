@@ -1,6 +1,6 @@
 //! Joints that bring the flange to a pose.
 //!
-//! A [`InverseSolver`] looks at the axes of an arm, not at its name, for a geometry that it can solve in closed form. What that
+//! An [`InverseSolver`] looks at the axes of an arm, not at its name, for a geometry that it can solve in closed form. What that
 //! gives is refined on the arm as it is: axes may miss the pattern a little, as calibrated ones do.
 
 mod axes;

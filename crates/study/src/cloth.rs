@@ -34,7 +34,7 @@ impl Piece {
         }
     }
 
-    /// That on a tool.
+    /// This piece on a tool.
     pub fn on(mut self, tool: &Arc<Tool>) -> Self {
         self.tool = Some(tool.clone());
         self
@@ -61,7 +61,7 @@ pub fn yarns_alone(damping: f64) -> PhysicsConfig {
     }
 }
 
-/// That, and a bending `stiffness` along the yarns [N m].
+/// [`yarns_alone`] and a bending `stiffness` along the yarns [N m].
 pub fn bending_yarns(damping: f64, stiffness: f64) -> PhysicsConfig {
     PhysicsConfig {
         bending: Bending::Yarns,
@@ -79,7 +79,7 @@ pub fn tool_config(source: Source, pose: Pose, spacing_mm: f64) -> ToolConfig {
     ToolConfig { source, pose, grid }
 }
 
-/// That of a valid `shape`.
+/// The tool of a valid `shape`.
 pub fn tool(shape: Shape, pose: Pose, spacing_mm: f64) -> Tool {
     let config = tool_config(Source::Shape(shape), pose, spacing_mm);
     Tool::new(&config).expect("the tools of the studies are valid")

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::statistics::{bootstrap, extremes, interquartile_mean, probability_of_improvement};
 use crate::study::{Context, Report, Study, StudyError};
-use crate::trainings::{Curve, LearnedRun, Trainings, Treatment};
+use crate::trainings::{LearnedRun, LearningCurve, Trainings, Treatment};
 use drape_report::{Band, Chart, SERIES, Series};
 use drape_report::{Format::Digits, Table};
 
@@ -40,7 +40,7 @@ fn explained(run: &LearnedRun, third: usize) -> Option<f64> {
     (length > 0).then(|| values.clone().sum::<f64>() / values.count() as f64)
 }
 
-fn last(curve: &Curve) -> Option<f64> {
+fn last(curve: &LearningCurve) -> Option<f64> {
     Some(curve.last()?.1)
 }
 
@@ -62,9 +62,9 @@ const FIGURES: [Figure; 9] = [
     ("last third", |run| explained(run, 2)),
 ];
 
-/// A figure of those runs of an arm that have it.
-fn values(arm: &Treatment, (_, of): Figure) -> Vec<f64> {
-    arm.runs.iter().filter_map(of).collect()
+/// A figure of those runs of an treatment that have it.
+fn values(treatment: &Treatment, (_, of): Figure) -> Vec<f64> {
+    treatment.runs.iter().filter_map(of).collect()
 }
 
 impl Study for Learning {
@@ -76,30 +76,30 @@ impl Study for Learning {
     }
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
-        let arms = (context.train)(&self.trainings)?;
-        let mut report = Report::new([figures(&arms), runs(&arms)]);
-        if arms.len() > 1 {
-            report.tables.push(improvement(&arms));
+        let treatments = (context.train)(&self.trainings)?;
+        let mut report = Report::new([figures(&treatments), runs(&treatments)]);
+        if treatments.len() > 1 {
+            report.tables.push(improvement(&treatments));
         }
         for (name, title, of) in CURVES {
-            report.image(name, chart(&arms, title, of).image());
+            report.image(name, chart(&treatments, title, of).image());
         }
         Ok(report)
     }
 }
 
-fn figures(arms: &[Treatment]) -> Table {
+fn figures(treatments: &[Treatment]) -> Table {
     let mut rows = Vec::new();
-    for arm in arms {
+    for treatment in treatments {
         for figure in FIGURES {
-            let values = values(arm, figure);
+            let values = values(treatment, figure);
             let interval = bootstrap([&values], |[values]| interquartile_mean(values));
-            rows.push((arm, figure.0, values, interval));
+            rows.push((treatment, figure.0, values, interval));
         }
     }
     let title = "Interquartile means over runs with their 95 % intervals (bootstrap)";
     Table::of("figures", title, &rows)
-        .text("configuration", |(arm, ..)| &*arm.name)
+        .text("configuration", |(treatment, ..)| &*treatment.name)
         .text("figure", |(_, name, ..)| *name)
         .text("runs", |(.., values, _)| values.len())
         .number("mean", Digits(4), |(.., values, _)| {
@@ -113,10 +113,10 @@ fn figures(arms: &[Treatment]) -> Table {
 }
 
 /// Every run, for files.
-fn runs(arms: &[Treatment]) -> Table {
+fn runs(treatments: &[Treatment]) -> Table {
     let mut rows = Vec::new();
-    for arm in arms {
-        rows.extend(arm.runs.iter().map(|run| (&*arm.name, run)));
+    for treatment in treatments {
+        rows.extend(treatment.runs.iter().map(|run| (&*treatment.name, run)));
     }
     let mut table = Table::of("runs", "", &rows)
         .text("configuration", |(name, _)| *name)
@@ -127,23 +127,23 @@ fn runs(arms: &[Treatment]) -> Table {
     table.end()
 }
 
-fn improvement(arms: &[Treatment]) -> Table {
+fn improvement(treatments: &[Treatment]) -> Table {
     let mut rows = Vec::new();
-    for arm in &arms[1..] {
+    for treatment in &treatments[1..] {
         for figure in &FIGURES[..SCORES] {
-            let values = [arm, &arms[0]].map(|arm| values(arm, *figure));
+            let values = [treatment, &treatments[0]].map(|treatment| values(treatment, *figure));
             let values = values.each_ref().map(Vec::as_slice);
             let found = probability_of_improvement(values);
             let interval = bootstrap(values, probability_of_improvement);
-            rows.push((arm, figure.0, found, interval));
+            rows.push((treatment, figure.0, found, interval));
         }
     }
     let title = format!(
         "Probability that a run scores more than one of {}, with its 95 % interval",
-        arms[0].name
+        treatments[0].name
     );
     Table::of("improvement", title, &rows)
-        .text("configuration", |(arm, ..)| &*arm.name)
+        .text("configuration", |(treatment, ..)| &*treatment.name)
         .text("figure", |(_, name, ..)| *name)
         .number("probability", 2, |(_, _, found, _)| *found)
         .number("low", 2, |(.., interval)| interval[0])
@@ -152,7 +152,7 @@ fn improvement(arms: &[Treatment]) -> Table {
 }
 
 /// One of the curves of a run.
-type OfRun = fn(&LearnedRun) -> &Curve;
+type OfRun = fn(&LearnedRun) -> &LearningCurve;
 
 /// Names of pictures, their titles, and whose curves they show.
 const CURVES: [(&str, &str, OfRun); 3] = [
@@ -165,24 +165,24 @@ const CURVES: [(&str, &str, OfRun); 3] = [
     ("best.png", "Best score so far", |run| &run.best),
 ];
 
-/// Interquartile means over the runs of each arm with their intervals, at the steps that all of
+/// Interquartile means over the runs of each treatment with their intervals, at the steps that all of
 /// them have.
-fn chart(arms: &[Treatment], title: &str, of: OfRun) -> Chart {
+fn chart(treatments: &[Treatment], title: &str, of: OfRun) -> Chart {
     let mut chart = Chart {
         title: format!("{title}: interquartile means and 95 % intervals"),
         x_label: "environment steps".into(),
         y_label: "score [%]".into(),
         ..Chart::default()
     };
-    for (arm, color) in arms.iter().zip(SERIES.into_iter().cycle()) {
+    for (treatment, color) in treatments.iter().zip(SERIES.into_iter().cycle()) {
         let mut steps = BTreeMap::<u64, Vec<f64>>::new();
-        for &(step, score) in arm.runs.iter().flat_map(of) {
+        for &(step, score) in treatment.runs.iter().flat_map(of) {
             steps.entry(step).or_default().push(1e2 * score);
         }
-        steps.retain(|_, scores| scores.len() == arm.runs.len());
+        steps.retain(|_, scores| scores.len() == treatment.runs.len());
         let at = |(&step, scores): (&u64, &Vec<f64>)| [step as f64, interquartile_mean(scores)];
         chart.series.push(Series {
-            label: arm.name.clone(),
+            label: treatment.name.clone(),
             points: steps.iter().map(at).collect(),
             color,
         });
@@ -209,7 +209,7 @@ mod tests {
         }
     }
 
-    fn arm(name: &str, scores: &[f64]) -> Treatment {
+    fn treatment(name: &str, scores: &[f64]) -> Treatment {
         let runs = scores
             .iter()
             .zip(1..)
@@ -222,8 +222,11 @@ mod tests {
 
     #[test]
     fn figures_are_means_and_what_runs_lack_is_none() {
-        let arms = [arm("a", &[0.25, 0.5, 0.75]), arm("b", &[1.0, 1.0])];
-        let rows = figures(&arms).json();
+        let treatments = [
+            treatment("a", &[0.25, 0.5, 0.75]),
+            treatment("b", &[1.0, 1.0]),
+        ];
+        let rows = figures(&treatments).json();
         let rows = rows.as_array().unwrap();
         assert_eq!(rows.len(), 2 * FIGURES.len());
         assert_eq!(
@@ -247,15 +250,15 @@ mod tests {
         assert_eq!(thirds, [0.5, 2.5, 5.0]);
         assert_eq!(explained(&LearnedRun::default(), 0), None);
 
-        let text = figures(&arms).text();
+        let text = figures(&treatments).text();
         let line = text.lines().find(|line| line.contains("greedy")).unwrap();
         assert!(line.split_whitespace().last() == Some("-"), "{line}");
     }
 
     #[test]
     fn arms_are_held_against_the_first() {
-        let arms = [arm("a", &[0.25, 0.5]), arm("b", &[0.5, 0.75])];
-        let rows = improvement(&arms).json();
+        let treatments = [treatment("a", &[0.25, 0.5]), treatment("b", &[0.5, 0.75])];
+        let rows = improvement(&treatments).json();
         assert_eq!(rows[0]["probability"], 0.875);
         assert_eq!(
             (&rows[0]["low"], &rows[0]["high"]),
@@ -266,9 +269,9 @@ mod tests {
 
     #[test]
     fn curves_have_the_steps_that_all_runs_have() {
-        let mut arms = [arm("a", &[0.25, 0.75])];
-        arms[0].runs[1].mean.push((30, 1.0));
-        let chart = chart(&arms, "", |run| &run.mean);
+        let mut treatments = [treatment("a", &[0.25, 0.75])];
+        treatments[0].runs[1].mean.push((30, 1.0));
+        let chart = chart(&treatments, "", |run| &run.mean);
         assert_eq!(chart.series[0].points, [[10.0, 10.0], [20.0, 50.0]]);
         assert_eq!(
             chart.bands[0].points,

@@ -6,7 +6,7 @@ use crate::trainings::{Trainings, Treatment};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::{SceneConfig, SceneError};
-use drape_proof::{ProofError, Watch};
+use drape_proof::{Listener, ProofError};
 use drape_report::{Image, Table};
 use drape_task::env::{EnvConfig, Scatter};
 
@@ -82,12 +82,12 @@ impl Context<'_> {
         }
     }
 
-    /// See [`Watch`].
-    pub fn watch(&self) -> Watch<'_> {
-        Watch(self.progress)
+    /// See [`Listener`].
+    pub fn watch(&self) -> Listener<'_> {
+        Listener(self.progress)
     }
 
-    /// See [`Watch::each`].
+    /// See [`Listener::each`].
     pub fn each<C: Sync, R: Send>(&self, cases: &[C], run: impl Fn(&C) -> R + Sync) -> Vec<R> {
         self.watch().each(cases, run)
     }

@@ -36,10 +36,10 @@ pub struct Treatment {
 pub struct LearnedRun {
     pub seed: u64,
     /// Scores by environment step [-]: mean of the last episodes, greedy policy, best so far.
-    pub mean: Curve,
-    pub greedy: Curve,
-    pub best: Curve,
-    pub explained_variance: Curve,
+    pub mean: LearningCurve,
+    pub greedy: LearningCurve,
+    pub best: LearningCurve,
+    pub explained_variance: LearningCurve,
     /// Score of the proved path [-].
     pub proved: Option<f64>,
     /// Inner vertices of the region that the proved path leaves undraped.
@@ -49,4 +49,4 @@ pub struct LearnedRun {
 }
 
 /// Finite values by environment step.
-pub type Curve = Vec<(u64, f64)>;
+pub type LearningCurve = Vec<(u64, f64)>;

@@ -381,7 +381,7 @@ impl<H: Host> Session<H> {
         self.stages += 1;
         let number = self.stages;
         self.status.rivals.clear();
-        // This blank on this tool lies as it did.
+        // An equal scene lies as this one does: nothing falls.
         let lies = (spec.scene == self.spec.scene).then(|| self.draping.scene().clone());
         let set_up = match lies {
             Some(scene) => Draping::new(scene.clone(), &spec.env, 1)

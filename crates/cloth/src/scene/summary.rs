@@ -20,10 +20,10 @@ pub struct Summary {
     /// 95th percentile and maximum of the absolute yarn strain [-].
     pub strain_p95: f64,
     pub strain_max: f64,
-    /// That of tension alone: yarns hardly stretch, so this must be small.
+    /// Of the tensile strain alone: yarns hardly stretch, so this must be small.
     pub tension_p95: f64,
     pub tension_max: f64,
-    /// That of compression alone, as positive numbers: surplus that is crushed because
+    /// Of the compressive strain alone, as positive numbers: surplus that is crushed because
     /// the mesh cannot fold it away.
     pub compression_p95: f64,
     pub compression_max: f64,

@@ -22,7 +22,7 @@ use crate::tool::{Features, SMOOTH, Tool, Tools};
 /// as often as that asks for.
 const TRAVEL: f64 = 14e-3;
 
-/// That of cloth that nothing presses and that moves slowly [m].
+/// How far cloth may come that nothing presses and that moves slowly [m].
 const CALM: f64 = 2e-3;
 
 /// A triangle whose corners have moved less than this is not looked at again [m].

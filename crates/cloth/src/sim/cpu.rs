@@ -58,7 +58,7 @@ impl Cpu {
         Self::on(world, count, precision, Isa::best())
     }
 
-    /// This, on an instruction set.
+    /// `count` > 0 environments on an instruction set.
     pub fn on(world: &World, count: usize, precision: Precision, isa: Isa) -> Self {
         let model = &world.model;
         let make = match isa {

@@ -73,7 +73,7 @@ impl<V: Lanes> EdgeResponse<V> for Plain {
     }
 }
 
-/// That with another compliance beyond a tension: where the projection by the law before it would end with more.
+/// A response with another compliance beyond a tension: where the projection by the law before it would end with more.
 pub(super) struct Limited<'a>(pub &'a [Limit]);
 
 impl<V: Lanes> EdgeResponse<V> for Limited<'_> {

@@ -47,7 +47,7 @@ pub enum BendingStiffness {
     /// What the material's bimodulus gives.
     #[default]
     Material,
-    /// One for warp and weft [N m].
+    /// This, for warp and weft alike [N m].
     NewtonMetre(f64),
 }
 

@@ -65,7 +65,7 @@ impl Stepping {
         Control::new(dt, whole(dt * self.substep_rate), interval)
     }
 
-    /// That under a roller.
+    /// A control step of `dt` [s] under a roller.
     pub fn press(self, dt: f64) -> Control {
         Control {
             sweeps: PRESS_SWEEPS,

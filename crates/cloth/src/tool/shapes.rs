@@ -308,7 +308,7 @@ fn length(key: &str, mm: f64) -> Result<f64, ValueError> {
     positive(key, mm, 1e5)
 }
 
-/// That of a height: no blank hangs higher.
+/// Checks a height [mm] and converts it to [m]: no blank hangs higher.
 fn height(key: &str, mm: f64) -> Result<f64, ValueError> {
     positive(key, mm, 1e4)
 }

@@ -121,7 +121,7 @@ impl Surface {
         (distance, point)
     }
 
-    /// That with the facet or wall on which the point lies.
+    /// Distance, nearest point, and the facet or wall on which the point lies.
     fn closest(&self, x: Vec3, bound: f64) -> (f64, Vec3, Option<shape::Triangle>) {
         let target = to_parry(&x);
         let within = |mesh: &shape::TriMesh, bound: f64| {

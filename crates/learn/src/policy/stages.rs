@@ -25,7 +25,7 @@ pub enum StageKind {
     Linear,
     /// ReLU and 2x2 max-pooling, which leaves out an odd last row and column.
     Pool,
-    /// ReLU, which an [`StageKind::Up`] takes later, and 2x2 max-pooling of all rows and columns.
+    /// ReLU, which a [`StageKind::Up`] takes later, and 2x2 max-pooling of all rows and columns.
     Down,
     /// Pixels become squares of 2 x 2, to which what the last [`StageKind::Down`] without an `Up` has
     /// kept is added. ReLU after the convolution.

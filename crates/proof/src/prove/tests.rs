@@ -45,8 +45,8 @@ fn case<'a>(scene: &'a Arc<Scene>, env: &'a EnvConfig, scatter: &'a Scatter) -> 
 }
 
 fn found(case: Case, paths: &[Vec<u32>], random: usize, judge: Physics) -> Proof {
-    let choice = choose(case, paths, Method { random, judge }, Watch::QUIET).unwrap();
-    prove(case, &choice, judge, Watch::QUIET).unwrap()
+    let choice = choose(case, paths, Method { random, judge }, Listener::QUIET).unwrap();
+    prove(case, &choice, judge, Listener::QUIET).unwrap()
 }
 
 fn by(judge: Physics) -> Method {
@@ -96,11 +96,11 @@ fn what_is_proved_is_what_is_left_of_the_choice() {
     let (scene, env, none) = (scene(), env(), Scatter::default());
     let case = case(&scene, &env, &none);
     let paths = sequences(&scene, &env, Order::Random, 2, 3).unwrap();
-    let mut choice = choose(case, &paths, by(Physics::Solver), Watch::QUIET).unwrap();
+    let mut choice = choose(case, &paths, by(Physics::Solver), Listener::QUIET).unwrap();
     let path = choice.path.as_mut().unwrap();
     path.truncate(path.len() / 2);
     let half = path.clone();
-    let found = prove(case, &choice, Physics::Solver, Watch::QUIET).unwrap();
+    let found = prove(case, &choice, Physics::Solver, Listener::QUIET).unwrap();
     assert_eq!(found.best.as_ref().unwrap().path, half);
     let pressed = row(&found, Physics::Solver, "path").best.path.presses;
     assert_eq!(pressed, half.len() as f64);
@@ -150,7 +150,7 @@ fn paths_are_proved_in_worlds_that_chose_none() {
     assert!(recording.by_twin && recording.vertices() == best.path);
     let last = recording.frames.last().unwrap();
     assert!((last.score - twin.nominal_score).abs() < 1e-12);
-    let alone = sensitivity(case, &best.path, Watch::QUIET).unwrap();
+    let alone = sensitivity(case, &best.path, Listener::QUIET).unwrap();
     assert_eq!(alone.len(), scatter.spreads.len());
     assert!(
         alone
@@ -201,7 +201,7 @@ fn a_proof_is_never_coarser_than_the_training() {
 fn twin_chooses_among_the_best() {
     let (scene, env, scatter) = (scene(), env(), scatter());
     let case = case(&scene, &env, &scatter);
-    let quiet = Watch::QUIET;
+    let quiet = Listener::QUIET;
     let paths = sequences(&scene, &env, Order::Random, 8, 2).unwrap();
     let [by_solver, by_twin] = [Physics::Solver, Physics::Twin].map(|judge| {
         choose(case, &paths, by(judge), quiet)

@@ -40,7 +40,7 @@ pub struct FabricCard {
     pub areal_mass: f64,
     /// Points of strain and stress [MPa], from [0, 0] on, of warp and weft.
     pub tension: [Vec<[f64; 2]>; 2],
-    /// Both counted positive.
+    /// Points of compressive strain and stress [MPa], both counted positive, of warp and weft.
     pub compression: [Vec<[f64; 2]>; 2],
     /// Points of change of the yarn angle [rad] and stress [MPa], for closing and opening.
     pub shear: [Vec<[f64; 2]>; 2],
