@@ -116,6 +116,9 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
     let policy_paths = known.len();
     let (found, env_steps) = run.by_moves(&worlds, known, budget)?;
     let seconds = began.elapsed().as_secs_f64();
+    if found.rounds == 0 && asked().is_none() {
+        tell("warning: the search had no time for a single move: give it more");
+    }
     let best = BestPaths::judged(found.orders);
     let sequence = run.keep(&best)?;
     let interrupted = asked();

@@ -91,10 +91,6 @@ impl Searched {
             progress.searching(budget.share(began, at.spent), at);
             asked().is_none()
         })?;
-        drop(progress);
-        if found.rounds == 0 && asked().is_none() {
-            tell("warning: the search had no time for a single move: give it more");
-        }
         Ok((found, spent))
     }
 

@@ -145,7 +145,10 @@ fn sequence_is_replayed_with_another_accuracy() {
     );
     let args = ["eval", "runs/a", "--accuracy", "fast", "--episodes", "2"];
     let text = stdout(path, &args);
-    assert!(text.starts_with("runs/a: best, fast steps\n"), "{text}");
+    assert!(
+        text.starts_with("runs/a: best, fast steps; scores in %\n"),
+        "{text}"
+    );
 
     let args = ["eval", "runs/a", "--accuracy", "acurate"];
     let output = drape(path, &args);

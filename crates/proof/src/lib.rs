@@ -5,18 +5,19 @@
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
 #![allow(rustdoc::broken_intra_doc_links)]
 
+mod case;
 mod compare;
 mod error;
+mod listener;
 pub mod orders;
 pub mod presses;
 mod prove;
 pub mod twin;
-mod watch;
 
+pub use case::{Case, Figures};
 pub use compare::{Comparison, Criteria, Inapplicable, Parts, Surveyed, compare, picture};
 pub use error::ProofError;
+pub use listener::Listener;
 pub use prove::{
-    Best, Case, Choice, Figures, Method, Physics, Proof, Row, Sensitivity, choose, figures, prove,
-    sensitivity,
+    Best, Choice, Method, Physics, Proof, Row, Sensitivity, choose, figures, prove, sensitivity,
 };
-pub use watch::Listener;

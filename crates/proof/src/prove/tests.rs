@@ -1,6 +1,10 @@
+use std::sync::Arc;
+
 use super::*;
+use drape_cloth::scene::Scene;
 use drape_cloth::tool::{Shape, Source};
-use drape_task::env::{Draping, Spread};
+use drape_task::env::{Draping, EnvConfig, Scatter, Spread};
+use drape_task::path::PathFigures;
 
 fn scene() -> Arc<Scene> {
     let mut config = crate::twin::tests::config();
