@@ -19,7 +19,9 @@ fn plans_are_searched_and_proved() {
         command.args(more).env("RAYON_NUM_THREADS", threads);
         let output = command.current_dir(path).output().unwrap();
         let stderr = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.success() && stderr.is_empty(), "{stderr}");
+        // On a slow machine two seconds may be too few for a move.
+        let is_told = stderr.is_empty() || more[0] == "--seconds" && stderr.starts_with("warning");
+        assert!(output.status.success() && is_told, "{stderr}");
         let outcome: Value = serde_json::from_slice(&output.stdout).unwrap();
         (outcome, files(&path.join("runs").join(name)))
     };
