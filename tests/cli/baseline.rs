@@ -96,7 +96,7 @@ fn moves_are_searched_in_scattered_worlds() {
         let name = format!("moves-{threads}");
         let mut command = Command::new(env!("CARGO_BIN_EXE_drape"));
         command.args(["baseline", "scattered.toml", "--json", "--policy", "moves"]);
-        // Cross-entropy has three quarters, and the race of where to begin a part of the rest.
+        // Cross-entropy has a half, and the race of where to begin a part of the rest.
         command.args(["--name", &name, "--steps", "60000"]);
         command.env("RAYON_NUM_THREADS", threads).current_dir(path);
         let output = command.output().unwrap();
