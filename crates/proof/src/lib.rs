@@ -1,5 +1,5 @@
 //! Whether a path holds: [proofs](prove()) in worlds that chose none of it, in the fast solver and in the
-//! finite-element [twin](twin), [orders] that anybody could think of, which it has to beat, and drapes
+//! finite-element [twin], [orders] that anybody could think of, which it has to beat, and drapes
 //! [compared](compare()).
 
 // Units stand in brackets, as in "length [m]", which rustdoc takes for links to nowhere.
