@@ -18,7 +18,7 @@ const KNOWN: usize = 16;
 /// Where nothing is known, the cross-entropy method comes first: moves alone stay with the kind of path that they begin
 /// with. It has so many presses, but neither less nor more than these shares of all.
 const DRAWN: u64 = 60_000;
-const DRAWN_SHARES: [f64; 2] = [0.25, 0.5];
+const DRAWN_SHARES: [f64; 2] = [0.25, 0.75];
 
 /// Share of its time after which a search chooses among what it has found.
 const SEARCHING: f64 = 0.85;
