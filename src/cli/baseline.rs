@@ -9,7 +9,7 @@ use super::failure::{Interrupted, OrInvalid};
 use super::output::{Progress, percent, print};
 use super::proof;
 use super::result::rollout_failure;
-use super::searched::{Named, Searched};
+use super::searched::{NewRun, Searched};
 use super::setup::read_config;
 use super::signals::stop_on_signal;
 use super::terminal::{Told, tell};
@@ -46,13 +46,8 @@ pub struct BaselineArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=RunConfig::MAX_SEED))]
     seed: Option<u64>,
 
-    /// Name of the run; date and minute (UTC) if not given
-    #[arg(long, value_name = "NAME")]
-    name: Option<String>,
-
-    /// Folder that holds the runs
-    #[arg(long, value_name = "DIR", default_value = "runs")]
-    runs: PathBuf,
+    #[command(flatten)]
+    new: NewRun,
 
     /// Print one JSON object instead of text
     #[arg(long)]
@@ -146,12 +141,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         Policy::Moves => config.steps,
         _ => 0,
     };
-    let named = Named {
-        runs: &args.runs,
-        name: args.name.as_deref(),
-        search: args.policy.name(),
-    };
-    let run = Searched::begin(config, place, named, args.json)?;
+    let run = Searched::begin(config, place, &args.new, args.policy.name(), args.json)?;
     let Searched {
         config,
         place,

@@ -11,7 +11,7 @@ use super::loaded::{Loaded, Source};
 use super::output::{OutFolder, percent, print};
 use super::proof;
 use super::scanned::ScanArgs;
-use super::searched::{Named, Searched};
+use super::searched::{NewRun, Searched};
 use super::setup::open_run;
 use super::signals::stop_on_signal;
 use super::terminal::{Told, tell};
@@ -51,13 +51,8 @@ pub struct ImproveArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=RunConfig::MAX_STEPS))]
     polish: Option<u64>,
 
-    /// Name of the new run; date and minute (UTC) if not given
-    #[arg(long, value_name = "NAME")]
-    name: Option<String>,
-
-    /// Folder that holds the runs
-    #[arg(long, value_name = "DIR", default_value = "runs")]
-    runs: PathBuf,
+    #[command(flatten)]
+    new: NewRun,
 
     /// Print one JSON object instead of text
     #[arg(long)]
@@ -99,8 +94,8 @@ pub fn run(args: ImproveArgs) -> Result<(), Failure> {
             "{run} has no proved path, expected proof.json, which `drape eval {run} --sequence --prove` writes"
         )));
     }
-    RunFolder::check_free(&args.runs, args.name.as_deref(), false)?;
-    let _runs = OutFolder::make(&args.runs)?;
+    RunFolder::check_free(&args.new.runs, args.new.name.as_deref(), false)?;
+    let _runs = OutFolder::make(&args.new.runs)?;
     let mut turns = old.read_turns()?;
     let Explained {
         scans,
@@ -241,13 +236,8 @@ fn improved(
     turns: &[Turn],
 ) -> Result<(RunFolder, f64, Vec<Row>), Failure> {
     let place = format!("{} with the fabric of the scans", args.run.display());
-    let named = Named {
-        runs: &args.runs,
-        name: args.name.as_deref(),
-        search: "improve".into(),
-    };
     let budget = Budget::Presses(config.polish);
-    let run = Searched::begin(config, place, named, args.json)?;
+    let run = Searched::begin(config, place, &args.new, "improve".into(), args.json)?;
     run.folder.write_turns(turns)?;
     let mut starts = vec![path.to_vec()];
     starts.extend(known.into_iter().filter(|list| list != path));

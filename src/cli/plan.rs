@@ -9,11 +9,11 @@ use super::failure::{Interrupted, OrInvalid};
 use super::loaded::{load_agent, policy_paths, read_checkpoint};
 use super::output::print;
 use super::proof;
-use super::searched::{Named, Searched};
+use super::searched::{NewRun, Searched};
 use super::setup::{open_run, read_config};
 use super::signals::stop_on_signal;
 use super::terminal::{Told, tell};
-use crate::run::{BestPaths, Budget, RunConfig};
+use crate::run::{BestPaths, Budget, KNOWN, RunConfig};
 use drape_learn::policy::NetworkConfig;
 use drape_proof::Row;
 use drape_task::env::Draping;
@@ -54,21 +54,16 @@ pub struct PlanArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=RunConfig::MAX_SEED))]
     seed: Option<u64>,
 
-    /// Name of the run; date and minute (UTC) if not given
-    #[arg(long, value_name = "NAME")]
-    name: Option<String>,
-
-    /// Folder that holds the runs
-    #[arg(long, value_name = "DIR", default_value = "runs")]
-    runs: PathBuf,
+    #[command(flatten)]
+    new: NewRun,
 
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
 }
 
-/// Paths of a policy that are drawn, beside the greedy one: as many as a search looks at.
-const DRAWN: usize = 15;
+/// Paths of a policy that are drawn, beside the greedy one.
+const DRAWN: usize = KNOWN - 1;
 
 /// What `--json` prints.
 #[derive(Serialize)]
@@ -97,12 +92,7 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
         check_policy(from, &args.checkpoint, &config)?;
     }
     let asked = stop_on_signal()?;
-    let named = Named {
-        runs: &args.runs,
-        name: args.name.as_deref(),
-        search: "plan".into(),
-    };
-    let run = Searched::begin(config, place, named, args.json)?;
+    let run = Searched::begin(config, place, &args.new, "plan".into(), args.json)?;
     let worlds = run.worlds()?;
     let began = Instant::now();
     let budget = match args.steps {
@@ -126,10 +116,9 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
     match sequence.filter(|_| interrupted.is_none()) {
         Some(sequence) => {
             rows = run.prove(sequence)?;
-            let best = rows
-                .iter()
-                .max_by(|a, b| a.best.score.total_cmp(&b.best.score));
-            if let Some(other) = best.filter(|row| row.order != rows[0].order) {
+            // What has diverged has no score.
+            let better = |row: &&Row| row.best.score > rows[0].best.score;
+            if let Some(other) = rows.iter().find(better) {
                 tell(format_args!(
                     "warning: the best of order {} scores more than the path: give the search more time",
                     other.order

@@ -1,7 +1,7 @@
 //! A run that a search without training fills.
 
 use std::fs::File;
-use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Instant, SystemTime};
 
@@ -29,30 +29,36 @@ pub(super) struct Searched {
     json: bool,
 }
 
-/// What a run is called, and where.
-pub(super) struct Named<'a> {
-    pub runs: &'a Path,
-    pub name: Option<&'a str>,
-    /// What searches.
-    pub search: String,
+/// What a new run is called, and where it goes.
+#[derive(Debug, clap::Args)]
+pub(super) struct NewRun {
+    /// Name of the run; date and minute (UTC) if not given
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+
+    /// Folder that holds the runs
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    pub runs: PathBuf,
 }
 
 impl Searched {
-    /// Sets up the scene of a configuration and makes the run.
+    /// Sets up the scene of a configuration and makes the run, which keeps what `search` fills it.
     pub fn begin(
         mut config: RunConfig,
         place: String,
-        named: Named,
+        NewRun { name, runs }: &NewRun,
+        search: String,
         json: bool,
     ) -> Result<Self, Failure> {
-        RunFolder::check_free(named.runs, named.name, false)?;
+        let name = name.as_deref();
+        RunFolder::check_free(runs, name, false)?;
         let (scene, kept) = set_up_run(&config, &place, json)?;
         config.equip(&scene).or_invalid_in(&place)?;
         let info = RunInfo {
-            search: Some(named.search),
+            search: Some(search),
             ..RunInfo::new(config.seed, SystemTime::now())
         };
-        let folder = RunFolder::create(named.runs, named.name, (&kept.0, &kept.1), &info)?;
+        let folder = RunFolder::create(runs, name, (&kept.0, &kept.1), &info)?;
         let lock = folder.lock()?;
         if !json {
             tell(format_args!("writing {}", folder.path.display()));

@@ -35,6 +35,6 @@ pub use rollout::{
     replay,
 };
 pub use scenes::{FamilyMember, SceneRange};
-pub use search::{Budget, search_by_moves};
+pub use search::{Budget, KNOWN, search_by_moves};
 pub use training::{Preparation, Scenes, Training};
 pub use turns::{Parameter, ScanFile, Turn, kept_presses};

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 
 use super::best::BestPaths;
 use super::config::RunConfig;
@@ -12,8 +12,8 @@ use drape_task::search::{
     Arena, CrossEntropy, Found, Judge, Moves, Order, Searching, cross_entropy, moves,
 };
 
-/// Lists that a search by moves looks at before it begins.
-const KNOWN: usize = 16;
+/// Known lists that a search by moves looks at before it begins.
+pub const KNOWN: usize = 16;
 
 /// Where nothing is known, the cross-entropy method comes first: moves alone stay with the kind of path that they begin
 /// with. It has so many presses, but neither less nor more than these shares of all.
@@ -94,6 +94,9 @@ pub fn search_by_moves(
     starts.truncate(KNOWN);
     for (order, count) in [(Order::Outwards, 8), (Order::Sweep, 4), (Order::Random, 4)] {
         starts.extend(sequences(scene, &config.env, order, count, config.seed)?);
+    }
+    if starts.is_empty() {
+        bail!("every order diverges, expected one to begin with: raise `env.substep_rate`");
     }
     let method = Moves::default();
     let lists: Vec<&[u32]> = starts.iter().map(|list| &**list).collect();

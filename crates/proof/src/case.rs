@@ -70,16 +70,16 @@ impl Case<'_> {
     ///
     /// # Errors
     /// If a fall diverges.
-    pub fn other_worlds(&self, watch: Listener) -> Result<Arc<Worlds>, ProofError> {
-        self.worlds(LIES, SEEDS[0], watch)
+    pub fn other_worlds(&self, listener: Listener) -> Result<Arc<Worlds>, ProofError> {
+        self.worlds(LIES, SEEDS[0], listener)
     }
 
     /// Worlds in which paths are proved.
     ///
     /// # Errors
     /// If a fall diverges.
-    pub fn proving_worlds(&self, watch: Listener) -> Result<Arc<Worlds>, ProofError> {
-        self.worlds(LIES, SEEDS[1], watch)
+    pub fn proving_worlds(&self, listener: Listener) -> Result<Arc<Worlds>, ProofError> {
+        self.worlds(LIES, SEEDS[1], listener)
     }
 
     /// Scores of lists in the first `count` worlds, stepped as `env` says, `[list][world]` [-], 0 for what diverges; and the
@@ -93,13 +93,13 @@ impl Case<'_> {
         worlds: &Arc<Worlds>,
         count: usize,
         env: EnvConfig,
-        watch: Listener,
+        listener: Listener,
     ) -> Result<(Vec<Vec<f64>>, f64), ProofError> {
         let doing = format!("{} substeps a second", env.stepping().substep_rate);
         let mut judge = Judge::new(self.scene, worlds, &[env])?;
         let numbers: Vec<Option<u64>> = (0..count as u64).map(Some).collect();
         let began = ProcessTime::now();
-        let told = |done, all| watch.count(done, all, &doing);
+        let told = |done, all| listener.count(done, all, &doing);
         let left = pressed(&mut judge, lists, &numbers, told);
         let seconds = began.elapsed().as_secs_f64() / (lists.len() * count) as f64;
         Ok((scores(&left), seconds))
@@ -114,10 +114,10 @@ impl Case<'_> {
         lists: &[&[u32]],
         worlds: &Worlds,
         count: usize,
-        watch: Listener,
+        listener: Listener,
     ) -> Result<Vec<Vec<f64>>, ProofError> {
         let numbers: Vec<Option<u64>> = (0..count as u64).map(Some).collect();
-        let (left, _) = in_twin(*self, worlds, lists, &numbers, watch)?;
+        let (left, _) = in_twin(*self, worlds, lists, &numbers, listener)?;
         Ok(scores(&left))
     }
 
@@ -126,9 +126,9 @@ impl Case<'_> {
         &self,
         lies: usize,
         seed: u64,
-        watch: Listener,
+        listener: Listener,
     ) -> Result<Arc<Worlds>, ProofError> {
-        let told = |share| watch.tell(share, "falling");
+        let told = |share| listener.tell(share, "falling");
         let worlds = Worlds::new(self.scene, self.scatter, lies, self.seed ^ seed, told)?;
         Ok(worlds.into())
     }
@@ -169,10 +169,10 @@ pub(crate) fn in_twin(
     worlds: &Worlds,
     lists: &[&[u32]],
     numbers: &[Option<u64>],
-    watch: Listener,
+    listener: Listener,
 ) -> Result<(Vec<Vec<Option<Left>>>, Option<Recording>), ProofError> {
     let Case { scene, env, .. } = case;
-    watch.tell(0.0, "the twin's falls");
+    listener.tell(0.0, "the twin's falls");
     let drawn: Vec<(Misplacement, Parameters)> = (numbers.iter())
         .map(|number| {
             let world = number.map(|number| worlds.world(number));
@@ -181,7 +181,7 @@ pub(crate) fn in_twin(
             (off.unwrap_or_default(), parameters.unwrap_or_default())
         })
         .collect();
-    let falls = watch.each(&drawn, |(off, fabric)| resting_in_twin(scene, off, fabric));
+    let falls = listener.each(&drawn, |(off, fabric)| resting_in_twin(scene, off, fabric));
     let falls: Vec<_> = falls.into_iter().collect::<Result<_, ProofError>>()?;
     let tasks = falls.into_iter().zip(&drawn).map(|(scene, (_, fabric))| {
         let mut env = env.clone();
@@ -199,7 +199,7 @@ pub(crate) fn in_twin(
     let jobs = lists
         .iter()
         .flat_map(|list| tasks.iter().map(move |task| (task, *list)));
-    let (ends, _) = replay_in_twin(&jobs.collect::<Vec<_>>(), &see, watch)?;
+    let (ends, _) = replay_in_twin(&jobs.collect::<Vec<_>>(), &see, listener)?;
     let left = ends
         .iter()
         .enumerate()

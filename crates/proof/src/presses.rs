@@ -39,10 +39,10 @@ pub fn replay(
 pub fn replay_in_twin(
     lists: &[(&Task, &[u32])],
     observe: &(dyn Fn(usize, &EpisodeState) + Sync),
-    watch: Listener,
+    listener: Listener,
 ) -> Result<(Vec<Option<EpisodeState>>, f64), ProofError> {
     let numbered: Vec<usize> = (0..lists.len()).collect();
-    let played = watch.each(&numbered, |&number| {
+    let played = listener.each(&numbered, |&number| {
         let (task, list) = lists[number];
         let (scene, env) = (&task.scene, &task.config);
         let mut config = twin_config(&scene.config)?;
@@ -97,7 +97,7 @@ pub fn resting_in_twin(
 pub fn again(
     recording: &Recording,
     scene: &Scene,
-    watch: Listener,
+    listener: Listener,
 ) -> Result<Recording, ProofError> {
     if recording.rest != scene.lamina.rest || recording.tool != scene.tool.mesh {
         let fault = "recorded on another blank or tool than the scene's";
@@ -124,10 +124,10 @@ pub fn again(
         let mut again = again.lock().expect("nobody panics");
         again.see(&task, episode);
         let share = again.presses.len() as f64 / vertices.len().max(1) as f64;
-        watch.tell(share, "pressing again");
+        listener.tell(share, "pressing again");
     };
     let has_ended = match recording.by_twin {
-        true => replay_in_twin(&[(&task, &vertices)], &see, watch)?.0[0].is_some(),
+        true => replay_in_twin(&[(&task, &vertices)], &see, listener)?.0[0].is_some(),
         false => {
             let mut draping = Draping::new(begun, env, 1)?;
             let watch = |draping: &Draping, index, _| see(index, &draping.episode(index));

@@ -119,7 +119,7 @@ pub fn choose(
     case: Case,
     paths: &[Vec<u32>],
     method: Method,
-    watch: Listener,
+    listener: Listener,
 ) -> Result<Choice, ProofError> {
     let Case { scene, env, .. } = case;
     if method.judge == Physics::Twin {
@@ -134,7 +134,7 @@ pub fn choose(
     ] {
         groups.push((name, sequences(scene, env, order, count, case.seed)?, count));
     }
-    let chosen = best_of(case, &groups, method.judge, watch)?;
+    let chosen = best_of(case, &groups, method.judge, listener)?;
     Ok(Choice {
         path: chosen[0].0.map(|k| paths[k].clone()),
         groups,
@@ -150,7 +150,7 @@ pub fn prove(
     case: Case,
     choice: &Choice,
     judge: Physics,
-    watch: Listener,
+    listener: Listener,
 ) -> Result<Proof, ProofError> {
     let Case { scene, env, .. } = case;
     let Choice { groups, chosen, .. } = choice;
@@ -158,7 +158,7 @@ pub fn prove(
     let others = others.map(|((_, lists, _), (best, _))| best.map_or(&[][..], |k| &lists[k]));
     let path = choice.path.as_deref().unwrap_or_default();
     let lists: Vec<&[u32]> = std::iter::once(path).chain(others).collect();
-    let worlds = case.worlds(LIES, SEEDS[1], watch)?;
+    let worlds = case.worlds(LIES, SEEDS[1], listener)?;
     let row = |physics, k: usize, left: &[Option<Left>]| {
         let scores: Vec<f64> = chosen[k].1.iter().flatten().copied().collect();
         let [mean_score, deviation_score] = mean_and_deviation(&scores);
@@ -177,7 +177,7 @@ pub fn prove(
     let mut rows = Vec::new();
     let numbers: Vec<Option<u64>> = case.numbers(0..PROVING as u64);
     let mut solver = Judge::new(scene, &worlds, &[case.scatter.finest(env)])?;
-    let told = |done, all| watch.count(done, all, "proving");
+    let told = |done, all| listener.count(done, all, "proving");
     let found = pressed(&mut solver, &lists, &numbers, told);
     rows.extend(
         found
@@ -193,7 +193,7 @@ pub fn prove(
     let mut recording = None;
     if let (Physics::Twin, Some(path)) = (judge, &mut best) {
         let numbers = case.numbers(0..TWIN as u64);
-        let (found, seen) = in_twin(case, &worlds, &lists, &numbers, watch)?;
+        let (found, seen) = in_twin(case, &worlds, &lists, &numbers, listener)?;
         rows.extend(
             found
                 .iter()
@@ -217,11 +217,11 @@ pub fn prove(
 ///
 /// # Errors
 /// If a fall diverges.
-pub fn figures(case: Case, path: &[u32], watch: Listener) -> Result<Figures, ProofError> {
-    let worlds = case.worlds(LIES, SEEDS[1], watch)?;
+pub fn figures(case: Case, path: &[u32], listener: Listener) -> Result<Figures, ProofError> {
+    let worlds = case.worlds(LIES, SEEDS[1], listener)?;
     let mut judge = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
     let numbers = case.numbers(0..PROVING as u64);
-    let told = |done, all| watch.count(done, all, "proving");
+    let told = |done, all| listener.count(done, all, "proving");
     let left = pressed(&mut judge, &[path], &numbers, told).remove(0);
     Ok(Figures::new(&left, case.env))
 }
@@ -233,7 +233,7 @@ pub fn figures(case: Case, path: &[u32], watch: Listener) -> Result<Figures, Pro
 pub fn sensitivity(
     case: Case,
     path: &[u32],
-    watch: Listener,
+    listener: Listener,
 ) -> Result<Vec<Sensitivity>, ProofError> {
     let quantities: Vec<Quantity> = case.scatter.spreads.keys().copied().collect();
     let of = |&quantity: &Quantity| {
@@ -262,7 +262,7 @@ pub fn sensitivity(
         })
     };
     // One after the other: each takes all cores.
-    let told = |k: usize| watch.count(k, quantities.len(), "");
+    let told = |k: usize| listener.count(k, quantities.len(), "");
     let each = quantities.iter().enumerate();
     let all = each.map(|(k, quantity)| of(quantity).inspect(|_| told(k + 1)));
     let mut all: Vec<Sensitivity> = all.collect::<Result<_, ProofError>>()?;
@@ -278,9 +278,9 @@ fn best_of(
     case: Case,
     groups: &[(&str, Vec<Vec<u32>>, usize)],
     judge: Physics,
-    watch: Listener,
+    listener: Listener,
 ) -> Result<Vec<Chosen>, ProofError> {
-    let worlds = case.worlds(CHOOSING.iter().sum::<u64>() as usize, SEEDS[0], watch)?;
+    let worlds = case.worlds(CHOOSING.iter().sum::<u64>() as usize, SEEDS[0], listener)?;
     let mut solver = Judge::new(case.scene, &worlds, &[case.scatter.finest(case.env)])?;
     let all: Vec<(usize, usize)> = (groups.iter().enumerate())
         .flat_map(|(group, (_, paths, _))| (0..paths.len()).map(move |k| (group, k)))
@@ -289,7 +289,7 @@ fn best_of(
         true => [0..CHOOSING[0], CHOOSING[0]..CHOOSING[0] + CHOOSING[1]],
         false => [0..1, 0..0],
     };
-    let told = |done, all| watch.count(done, all, "choosing");
+    let told = |done, all| listener.count(done, all, "choosing");
     let mut press = |those: &[(usize, usize)], worlds: std::ops::Range<u64>| {
         let lists: Vec<&[u32]> = those
             .iter()
@@ -339,7 +339,7 @@ fn best_of(
     if judge == Physics::Twin && ranked[0].len() > 1 {
         ranked[0].truncate(TWIN_CHOOSING[0]);
         let lists: Vec<&[u32]> = ranked[0].iter().map(|&k| &*groups[0].1[k]).collect();
-        let best = best_in_twin(case, &worlds, &lists, watch)?;
+        let best = best_in_twin(case, &worlds, &lists, listener)?;
         found[0].0 = best.map(|place| ranked[0][place]).or(found[0].0);
     }
     Ok(found)
@@ -350,14 +350,14 @@ fn best_in_twin(
     case: Case,
     worlds: &Worlds,
     lists: &[&[u32]],
-    watch: Listener,
+    listener: Listener,
 ) -> Result<Option<usize>, ProofError> {
     let mut numbers = case.numbers(0..TWIN_CHOOSING[1] as u64);
     if numbers.len() > 1 {
         // The world of the scene is no draw.
         numbers.remove(0);
     }
-    let (left, _) = in_twin(case, worlds, lists, &numbers, watch)?;
+    let (left, _) = in_twin(case, worlds, lists, &numbers, listener)?;
     let worth = |left: &[Option<Left>]| -> Option<f64> {
         let all: Option<Vec<f64>> = left.iter().map(|left| Some(left.as_ref()?.worth)).collect();
         Some(case.scatter.judge(&all?))

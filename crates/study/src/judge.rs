@@ -107,9 +107,9 @@ impl Study for Judging {
             seed: 0,
         };
         let refs: Vec<&[u32]> = lists.iter().map(|(_, list)| list.as_slice()).collect();
-        let worlds = case.proving_worlds(context.watch())?;
+        let worlds = case.proving_worlds(context.listener())?;
         let count = usize::from(self.twin_worlds);
-        let truth = case.scores_in_twin(&refs, &worlds, count, context.watch())?;
+        let truth = case.scores_in_twin(&refs, &worlds, count, context.listener())?;
         let means: Vec<f64> = truth.iter().map(|scores| mean(scores)).collect();
         let judges = judges(case, &refs, &means, context)?;
         let mut rows: Vec<(usize, &Path, usize)> = Vec::new();
@@ -146,9 +146,10 @@ impl Judging {
             let scatter = &case.scatter.only(quantity);
             let one = Case { scatter, ..case };
             // The same draws in both.
-            let (worlds, watch) = (one.proving_worlds(context.watch())?, context.watch());
-            let (mut solver, _) = one.scores(&[path], &worlds, count, finest.clone(), watch)?;
-            let mut twin = one.scores_in_twin(&[path], &worlds, count, watch)?;
+            let listener = context.listener();
+            let worlds = one.proving_worlds(listener)?;
+            let (mut solver, _) = one.scores(&[path], &worlds, count, finest.clone(), listener)?;
+            let mut twin = one.scores_in_twin(&[path], &worlds, count, listener)?;
             rows.push((quantity, [solver.remove(0), twin.remove(0)]));
         }
         rows.sort_by(|(_, [a, _]), (_, [b, _])| mean(a).total_cmp(&mean(b)));
@@ -182,7 +183,7 @@ fn judges(
     context: &Context,
 ) -> Result<Vec<Judged>, StudyError> {
     let most = COUNTS[COUNTS.len() - 1];
-    let worlds = case.other_worlds(context.watch())?;
+    let worlds = case.other_worlds(context.listener())?;
     let mut found = Vec::new();
     for rate in RATES {
         let mut env = case.env.clone();
@@ -191,7 +192,7 @@ fn judges(
             substep_rate: rate,
             contact_rate,
         });
-        let (scores, seconds) = case.scores(lists, &worlds, most, env, context.watch())?;
+        let (scores, seconds) = case.scores(lists, &worlds, most, env, context.listener())?;
         for count in COUNTS {
             // Over the lists of these numbers, mean over disjoint sets of worlds.
             let correlation = |of: Measure, numbers: &[usize]| {
@@ -252,3 +253,6 @@ fn chart(judges: &[Judged]) -> Chart {
         ..Chart::default()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -83,13 +83,13 @@ impl Context<'_> {
     }
 
     /// See [`Listener`].
-    pub fn watch(&self) -> Listener<'_> {
+    pub fn listener(&self) -> Listener<'_> {
         Listener(self.progress)
     }
 
     /// See [`Listener::each`].
     pub fn each<C: Sync, R: Send>(&self, cases: &[C], run: impl Fn(&C) -> R + Sync) -> Vec<R> {
-        self.watch().each(cases, run)
+        self.listener().each(cases, run)
     }
 }
 
