@@ -45,8 +45,14 @@ fn training_counts_diverged_episodes_and_goes_on() {
     let folder =
         RunFolder::create(root.path(), Some("a"), (&config.to_toml(), &[]), &info).unwrap();
     let metrics = folder.metrics.clone();
-    let mut training =
-        Training::new(config, vec![(lost(), None)], folder, &Cluster::default()).unwrap();
+    let mut training = Training::new(
+        config,
+        vec![(lost(), None)],
+        folder,
+        &Cluster::default(),
+        None,
+    )
+    .unwrap();
     for _ in 0..2 {
         let report = training.advance().unwrap();
         // Every step of every environment ends an episode.

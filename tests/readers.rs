@@ -92,6 +92,7 @@ fn begun(name: &str) -> (RunConfig, Arc<Scene>, RunFolder) {
         vec![(scene.clone(), None)],
         run.clone(),
         &Cluster::default(),
+        None,
     )
     .unwrap();
     training.prepare(|_, _| true).unwrap();

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::Failure;
 use super::args::accuracy;
 use super::failure::{OrInvalid, proof_failure};
-use super::loaded::{Loaded, Source, policy_paths};
+use super::loaded::{Loaded, Source, observations, policy_paths};
 use super::output::{OutFolder, Progress, print};
 use super::picture;
 use super::proof;
@@ -22,6 +22,7 @@ use drape_proof::presses::again;
 use drape_proof::{Case, Listener, Method, Physics, Row, Sensitivity};
 use drape_report::Table;
 use drape_study::study::region;
+use drape_task::env::Draping;
 use drape_task::path::PathFigures;
 use drape_task::recording::Recording;
 
@@ -87,7 +88,8 @@ pub struct EvalArgs {
 
     /// Also play the best paths of the run, beside K random orders, sweeps and orders outwards from a
     /// place, in worlds that scatter as the configuration says, in the finest of its steps, or at `accurate`
-    /// if nothing scatters; keep the best for `export`, and say which quantity by itself hurts it most
+    /// if nothing scatters; keep the best for `export`, and say which quantity by itself hurts it most. Of a checkpoint
+    /// also what looking is worth where worlds scatter: its greedy path (`blind`) beside the policy that sees each
     #[arg(long)]
     prove: bool,
 
@@ -220,8 +222,14 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
             }
         }
     }
-    if let (Some(agent), Some(_), true) = (&agent, &args.scene, args.prove) {
-        proof = Some(proved_elsewhere(agent, &loaded, count)?);
+    if let (Some(agent), true) = (&agent, args.prove) {
+        if args.scene.is_some() {
+            proof = Some(proved_elsewhere(agent, &loaded, count)?);
+        }
+        if !loaded.config.scatter.spreads.is_empty() {
+            let rows = looked(agent, &played.recording.vertices(), &loaded)?;
+            proof.get_or_insert_default().extend(rows);
+        }
     }
     let title = checkpoint.map_or("sequence", |_| "policy");
     write_recording(&played.recording, scene, &pictures.path, title)?;
@@ -322,6 +330,19 @@ fn proved_elsewhere(agent: &Agent, loaded: &Loaded, count: usize) -> Result<Vec<
     };
     let all = |_: &mut Vec<u32>| Ok(());
     Ok(proof::found(case, &paths, method, None, all, loaded.json)?.rows)
+}
+
+/// What the greedy path of an agent leaves in the worlds of a proof, and what the agent does that sees each.
+fn looked(agent: &Agent, path: &[u32], loaded: &Loaded) -> Result<[Row; 2], Failure> {
+    let case = Case {
+        env: &loaded.env,
+        ..proof::case(&loaded.scene, &loaded.config)
+    };
+    let greedy = |draping: &Draping| agent.act(&observations(draping), Sampling::Greedy);
+    let progress = Progress::new("looking", loaded.json);
+    let told = |share: f64, doing: &str| progress.tell(share, doing);
+    let rows = drape_proof::looked(case, path, greedy, Listener(&told));
+    rows.map_err(|error| proof_failure(error, None))
 }
 
 fn text(report: &Report) -> String {

@@ -9,12 +9,14 @@ use serde::Serialize;
 use super::Failure;
 use super::failure::OrInvalid;
 use super::field::{FieldReport, OntoArgs, Writer as FieldWriter, picture, write_pattern};
-use super::loaded::{Loaded, Source};
+use super::loaded::{Loaded, Source, read_checkpoint};
 use super::next_tool::{NEXT_TOOL, write_next_tool};
 use super::output::{check_outputs, print};
 use super::planned::{Planned, name};
 use super::result::path;
+use super::setup::open_run;
 use super::terminal::Told;
+use crate::run::{Weights, digest};
 use drape_cloth::fabric::{Curve, Drape, Family};
 use drape_cloth::file::{ValueError, write_atomic};
 use drape_cloth::math::Vec3;
@@ -38,7 +40,7 @@ pub struct ExportArgs {
     /// URScript, joints over time for ROS, or points with joints. Or what the fabric has become (docs/FIELDS.md): yarn
     /// directions, shear and thickness of every element as VTU, for Abaqus, for Radioss, as HDF5 Composite CAE or
     /// as CSV, with a picture of the shear; and the flat pattern of the blank as DXF. Or the tool that the next ply falls on
-    /// (docs/PLIES.md), as STL in millimetres
+    /// (docs/PLIES.md), as STL in millimetres. Or the policy, for `--from` of `drape train` and `plan`
     #[arg(long, value_enum, default_value_t = Format::Json)]
     format: Format,
 
@@ -54,8 +56,8 @@ pub struct ExportArgs {
     #[command(flatten)]
     onto: OntoArgs,
 
-    /// File to write; trajectory.json, trajectory.csv, draping.inp, program.*, field.*, pattern.dxf or next-tool.stl in the
-    /// run folder if not given
+    /// File to write; trajectory.json, trajectory.csv, draping.inp, program.*, field.*, pattern.dxf, next-tool.stl or
+    /// policy.drape in the run folder if not given
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 
@@ -92,6 +94,7 @@ enum Format {
     CsvElements,
     Dxf,
     NextTool,
+    Policy,
 }
 
 impl Format {
@@ -154,6 +157,9 @@ struct Report {
 /// Runs `drape export`.
 pub fn run(args: ExportArgs) -> Result<(), Failure> {
     let mesh = args.onto.read(args.format.field().is_some())?;
+    if let Format::Policy = args.format {
+        return policy(&args);
+    }
     let source = match &args.checkpoint {
         Some(name) => Source::Checkpoint(name),
         None => Source::Path,
@@ -167,6 +173,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
             Format::Calculix | Format::Abaqus => json.with_file_name("draping.inp"),
             Format::Dxf => json.with_file_name("pattern.dxf"),
             Format::NextTool => json.with_file_name(NEXT_TOOL),
+            Format::Policy => unreachable!("it needs no path"),
             _ => match (args.format.program(), args.format.field()) {
                 (Some((_, end)), _) => json.with_file_name("program").with_extension(end),
                 (_, Some((_, end))) => json.with_file_name("field").with_extension(end),
@@ -246,6 +253,40 @@ fn text(report: &Report) -> String {
         Some(field) => format!("{said}\n{}", field.text()),
         None => said,
     }
+}
+
+/// What is printed of a policy.
+#[derive(Serialize)]
+struct PolicyReport {
+    file: Told,
+    parameters: usize,
+    digest: String,
+}
+
+/// Writes the policy of a checkpoint, the last one unless another is named.
+fn policy(args: &ExportArgs) -> Result<(), Failure> {
+    let (folder, config) = open_run(&args.run)?;
+    let name = args.checkpoint.as_deref().unwrap_or("last");
+    let (read, checkpoint) = read_checkpoint(&folder, name)?;
+    let weights = Weights::of(&config.policy, &checkpoint);
+    let weights = weights.with_context(|| read.display().to_string())?;
+    let default = || folder.path.join("policy.drape");
+    let file = args.out.clone().unwrap_or_else(default);
+    check_outputs([&*file], [&*read])?;
+    weights.write(&file)?;
+    let report = PolicyReport {
+        parameters: weights.network().len() / size_of::<f32>(),
+        digest: digest(weights.network()),
+        file: file.into(),
+    };
+    print(&report, args.json, |report| {
+        format!(
+            "{}: {} parameters, {}",
+            report.file.display(),
+            report.parameters,
+            report.digest
+        )
+    })
 }
 
 /// What is printed of a robot's program.

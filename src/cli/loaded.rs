@@ -11,14 +11,15 @@ use super::proof;
 use super::result::{episode_progress, rollout_failure};
 use super::setup::{open_run, set_up, set_up_member};
 use crate::run::{
-    BestSequence, Checkpoint, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, play, replay,
+    BestSequence, Checkpoint, PlayedEpisode, Proved, Rules, RunConfig, RunFolder, Weights, play,
+    replay,
 };
 use drape_cloth::fabric::Lamina;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Observation;
 use drape_learn::policy::{DeviceKind, NetworkConfig};
-use drape_learn::ppo::{Agent, NETWORK, Sampling, read_section};
+use drape_learn::ppo::{Agent, Sampling};
 use drape_task::env::{Draping, End, EnvConfig, Played, Task, Tasks, most_environments};
 
 /// What is to be played of a run.
@@ -229,12 +230,30 @@ pub(super) fn load_agent(
     draping: &Draping,
 ) -> Result<Agent, Failure> {
     let (path, checkpoint) = read_checkpoint(folder, name)?;
-    let seen = (draping.shape(), &*draping.terrains());
-    let agent = Agent::new(&config.policy, seen, config.seed, config.device);
-    let mut agent = agent.or_invalid()?;
-    read_section(&checkpoint.sections, NETWORK, |bytes| agent.load(bytes))
-        .with_context(|| path.display().to_string())?;
-    Ok(agent)
+    let weights = Weights::of(&config.policy, &checkpoint);
+    let agent = weights.and_then(|weights| weights.agent(draping, config.device));
+    Ok(agent.with_context(|| path.display().to_string())?)
+}
+
+/// The policy of a checkpoint of the run, or of the file, at `from`, for the task of a configuration.
+pub(super) fn read_weights(
+    from: &Path,
+    checkpoint: &str,
+    config: &RunConfig,
+) -> Result<Weights, Failure> {
+    let weights = match from.is_file() {
+        true => Weights::read(from).or_invalid()?,
+        false => {
+            let (folder, own) = open_run(from)?;
+            let (path, checkpoint) = read_checkpoint(&folder, checkpoint)?;
+            let weights = Weights::of(&own.policy, &checkpoint);
+            weights.with_context(|| path.display().to_string())?
+        }
+    };
+    let members = config.members().or_invalid()?;
+    let shape = members[0].check(1, 0).or_invalid()?;
+    weights.check(shape).or_invalid_in(from.display())?;
+    Ok(weights)
 }
 
 /// What an agent presses on a scene, greedily first and then drawn so often, without the episodes that diverge.
@@ -259,7 +278,8 @@ pub(super) fn policy_paths(
     Ok(paths.into_iter().flatten().collect())
 }
 
-fn observations(draping: &Draping) -> Vec<Observation<'_>> {
+/// What all environments show.
+pub(super) fn observations(draping: &Draping) -> Vec<Observation<'_>> {
     (0..draping.count())
         .map(|k| draping.observation(k))
         .collect()

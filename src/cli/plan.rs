@@ -1,20 +1,18 @@
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use anyhow::anyhow;
 use serde::Serialize;
 
 use super::Failure;
 use super::failure::{Interrupted, OrInvalid};
-use super::loaded::{load_agent, policy_paths, read_checkpoint};
+use super::loaded::{policy_paths, read_weights};
 use super::output::print;
 use super::proof;
 use super::searched::{NewRun, Searched};
-use super::setup::{open_run, read_config};
+use super::setup::read_config;
 use super::signals::stop_on_signal;
 use super::terminal::{Told, tell};
-use crate::run::{BestPaths, Budget, KNOWN, RunConfig};
-use drape_learn::policy::NetworkConfig;
+use crate::run::{BestPaths, Budget, KNOWN, RunConfig, Weights};
 use drape_proof::Row;
 use drape_task::env::Draping;
 
@@ -32,11 +30,12 @@ pub struct PlanArgs {
     /// Configuration file, as for `train`; the built-in quickstart if not given
     config: Option<PathBuf>,
 
-    /// Run whose policy plays the task first; its network has to be a `unet`, or blank and region those of the run
-    #[arg(long, value_name = "RUN")]
+    /// Policy that plays the task first, of a run or a file of `drape export --format policy`; its network has to be a
+    /// `unet`, or to have learned on images of this size
+    #[arg(long, value_name = "RUN|FILE")]
     from: Option<PathBuf>,
 
-    /// Checkpoint of that policy: best, last or a file
+    /// Checkpoint of that run: best, last or a file
     #[arg(long, value_name = "NAME", default_value = "last", requires = "from")]
     checkpoint: String,
 
@@ -88,9 +87,9 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
     config.seed = args.seed.unwrap_or(config.seed);
     // What moves find keeps to no mask, as what is polished does not.
     config.polish = args.steps.unwrap_or(config.polish.max(1));
-    if let Some(from) = &args.from {
-        check_policy(from, &args.checkpoint, &config)?;
-    }
+    let from = args.from.as_deref();
+    let weights = from.map(|from| read_weights(from, &args.checkpoint, &config));
+    let weights = weights.transpose()?;
     let asked = stop_on_signal()?;
     let run = Searched::begin(config, place, &args.new, "plan".into(), args.json)?;
     let worlds = run.worlds()?;
@@ -99,8 +98,8 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
         Some(steps) => Budget::Presses(steps),
         None => Budget::Until(began + Duration::from_secs(args.seconds.into())),
     };
-    let known = match &args.from {
-        Some(from) => played(from, &args.checkpoint, &run)?,
+    let known = match &weights {
+        Some(weights) => played(weights, &run)?,
         None => Vec::new(),
     };
     let policy_paths = known.len();
@@ -144,35 +143,12 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
     interrupted.map_or(Ok(()), |signal| Err(Interrupted(signal).into()))
 }
 
-/// Refuses a policy that cannot play the task, before its blank falls.
-fn check_policy(from: &Path, checkpoint: &str, config: &RunConfig) -> Result<(), Failure> {
-    let (folder, own) = open_run(from)?;
-    read_checkpoint(&folder, checkpoint)?;
-    let is_any = matches!(own.policy.network, NetworkConfig::Unet(_));
-    let seen = |config: &RunConfig| {
-        let RunConfig { scene, env, .. } = config;
-        (scene.blank.clone(), env.region_mm, env.crop)
-    };
-    if !is_any && seen(&own) != seen(config) {
-        return Err(Failure::invalid(anyhow!(
-            "{}: `policy.network` plays on the run's own blank and region only, expected `unet`",
-            folder.config.display()
-        )));
-    }
-    Ok(())
-}
-
-/// What the policy of a run plays on the task of another.
-fn played(from: &Path, checkpoint: &str, run: &Searched) -> Result<Vec<Vec<u32>>, Failure> {
-    let (folder, own) = open_run(from)?;
-    let draping = Draping::new(run.scene.clone(), &run.config.env, 1);
-    let agent = load_agent(
-        &folder,
-        &own,
-        checkpoint,
-        &draping.or_invalid_in(&run.place)?,
-    )?;
-    policy_paths(&agent, &run.scene, &run.config.env, DRAWN, run.config.seed)
+/// What a policy plays on the task of a run.
+fn played(weights: &Weights, run: &Searched) -> Result<Vec<Vec<u32>>, Failure> {
+    let (scene, config) = (&run.scene, &run.config);
+    let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&run.place)?;
+    let agent = weights.agent(&draping, config.device)?;
+    policy_paths(&agent, scene, &config.env, DRAWN, config.seed)
 }
 
 fn text(outcome: &Outcome) -> String {

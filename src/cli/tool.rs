@@ -20,13 +20,16 @@ use drape_scan::{Changes, repair};
 const GRID_SAMPLES: usize = 20_000;
 
 /// Names of the shapes.
-pub(super) const SHAPES: [&str; 6] = [
+pub(super) const SHAPES: [&str; 9] = [
     "rib",
     "hemisphere",
     "double-dome",
     "plate",
     "cylinder",
     "incline",
+    "trough",
+    "saddle",
+    "hills",
 ];
 
 /// What the distance may err by near the surface [mm].
@@ -45,8 +48,8 @@ const COARSEST: f64 = 0.01;
   drape tool punch.ply --scale 0.0254 --picture punch.png --grid-error
   drape tool scan.ply --repair --out tool.stl")]
 pub struct ToolArgs {
-    /// Shape of the tool: rib, hemisphere, double-dome, plate, cylinder or incline; or an STL or
-    /// PLY file
+    /// Shape of the tool: rib, hemisphere, double-dome, plate, cylinder, incline, trough, saddle or hills;
+    /// or an STL or PLY file
     #[arg(value_name = "SHAPE|FILE")]
     tool: PathBuf,
 

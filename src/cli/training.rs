@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::Failure;
 use super::args::accuracy;
 use super::failure::OrInvalid;
+use super::loaded::read_weights;
 use super::output::{Progress, percent};
 use super::proof;
 use super::result::{self, EpisodeStatistics};
@@ -33,6 +34,7 @@ const CHECKPOINT_INTERVAL: u64 = 10;
 #[derive(Debug, Default, clap::Args)]
 #[command(after_help = "Examples:
   drape train task.toml --name a
+  drape train task.toml --from runs/domes
   drape train task.toml --demonstrate presses-1.drape presses-2.drape
   drape train --resume runs/a
   drape train --resume runs/a --steps 400000 --set ppo.learning_rate=5e-4 --set environments=64")]
@@ -67,6 +69,14 @@ pub struct TrainArgs {
     /// Changes a key of the run that is gone on with, in TOML; one that may not change lists those that may
     #[arg(long, value_name = "KEY=VALUE", requires = "resume")]
     set: Vec<String>,
+
+    /// Policy to learn on from, of a run or a file of `drape export --format policy`, with its network
+    #[arg(long, value_name = "RUN|FILE", conflicts_with = "resume")]
+    from: Option<PathBuf>,
+
+    /// Checkpoint of that run: best, last or a file
+    #[arg(long, value_name = "NAME", default_value = "last", requires = "from")]
+    checkpoint: String,
 
     /// Imitate presses before learning, and keep them as rivals: recordings, or sequences as `best_sequence.json` has
     /// them, made by hand in `drape view` or by other runs on this blank. Presses that the task does not allow are passed
@@ -243,6 +253,12 @@ fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure
     if let Some(accuracy) = args.accuracy {
         config.env.set_accuracy(accuracy);
     }
+    let from = args.from.as_deref();
+    let weights = from.map(|from| read_weights(from, &args.checkpoint, &config));
+    let weights = weights.transpose()?;
+    if let Some(weights) = &weights {
+        config.policy = weights.policy.clone();
+    }
     let count = args.demonstrate.len();
     if count > 0 {
         let most = config.members().or_invalid_in(&place)?[0].environments;
@@ -299,7 +315,13 @@ fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure
     if !quiet {
         tell(format_args!("writing {}", folder.path.display()));
     }
-    Ok(Training::new(config, scenes, folder, cluster)?)
+    Ok(Training::new(
+        config,
+        scenes,
+        folder,
+        cluster,
+        weights.as_ref(),
+    )?)
 }
 
 /// What comes before the first rollout.

@@ -21,6 +21,7 @@ mod scenes;
 mod search;
 mod training;
 mod turns;
+mod weights;
 
 pub use best::{BestPaths, BestSequence};
 pub use changes::changed;
@@ -38,3 +39,4 @@ pub use scenes::{FamilyMember, SceneRange};
 pub use search::{Budget, KNOWN, search_by_moves};
 pub use training::{Preparation, Scenes, Training};
 pub use turns::{Parameter, ScanFile, Turn, kept_presses};
+pub use weights::Weights;

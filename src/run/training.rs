@@ -3,7 +3,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use serde::{Deserialize, Serialize};
 
 use super::best::{BestPaths, BestSequence, Scored};
@@ -15,6 +15,7 @@ use super::folder::RunFolder;
 use super::log::Log;
 use super::metrics::{kept_lines, metrics_line};
 use super::search::{Budget, search_by_moves};
+use super::weights::Weights;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{
@@ -75,6 +76,9 @@ struct Memory {
 /// Episodes of a search, all cut off by `env.max_steps`, after which none is expected to end: eight of its generations.
 const HOPELESS: usize = 8 * 64;
 
+/// Environments that search on a scene, at least.
+const SEARCHING: usize = 16;
+
 /// Episodes that the mean score of a report is taken over.
 const RECENT: usize = 50;
 
@@ -100,15 +104,21 @@ pub enum Preparation {
 }
 
 impl Training {
-    /// A new training in a new run folder. All processes of the cluster make it and call the same functions of
-    /// it; the first writes.
+    /// A new training in a new run folder, from the weights of another or from scratch. All processes of the cluster
+    /// make it and call the same functions of it; the first writes.
     pub fn new(
         config: RunConfig,
         scenes: Scenes,
         folder: RunFolder,
         cluster: &Cluster,
+        weights: Option<&Weights>,
     ) -> Result<Self> {
-        Self::set_up(config, scenes, folder, cluster, Reward::default())?.begin()
+        let mut new = Self::set_up(config, scenes, folder, cluster, Reward::default())?;
+        if let Some(weights) = weights {
+            let loaded = new.trainer.load_network(weights.network());
+            loaded.map_err(|fault| anyhow!(fault))?;
+        }
+        new.begin()
     }
 
     /// One with neither logs nor a checkpoint yet.
@@ -340,7 +350,8 @@ impl Training {
         for (number, task) in tasks.tasks().iter().enumerate() {
             let count = tasks.environments(number).count();
             let steps = all * count as u64 / tasks.count() as u64;
-            let member = member(&task.scene, &task.config, count);
+            // Of a family with few environments on each scene no lane stays empty.
+            let member = member(&task.scene, &task.config, count.max(SEARCHING));
             let mut draping = Draping::on(vec![member], &self.cluster)?;
             let mut best = BestPaths::default();
             let mut truncated = 0;

@@ -44,7 +44,64 @@ fn plans_are_searched_and_proved() {
     assert_eq!(exported["proved"], "solver");
 }
 
-/// A policy whose weights belong to places plays no other task, and a run without one plays none; both are refused
+/// What a policy knows is a file of its own, from which plans come to the bits that they come to from its run, and trainings
+/// begin: with steps of next to nothing they end with it.
+#[test]
+fn policies_are_files() {
+    let folder = trained();
+    let path = folder.path();
+    let export = |run: &str| {
+        let args = ["export", run, "--format", "policy", "--json"];
+        (json(path, &args), path.join(run).join("policy.drape"))
+    };
+    let (report, file) = export("runs/a");
+    assert_eq!(report["file"], "runs/a/policy.drape");
+    assert!(number(&report["parameters"]) > 1000.0);
+    let plan = |name: &str, from: &str| {
+        let begin = ["plan", "task.toml", "--steps", "4000", "--json"];
+        json(
+            path,
+            &[&begin[..], &["--name", name, "--from", from]].concat(),
+        );
+        fs::read(path.join("runs").join(name).join("best_sequence.json")).unwrap()
+    };
+    fs::write(path.join("task.toml"), format!("{CONFIG}{SCATTER}")).unwrap();
+    assert!(plan("run", "runs/a") == plan("file", "runs/a/policy.drape"));
+
+    let slow = CONFIG.replace("[ppo]", "[ppo]\nlearning_rate = 1e-37");
+    fs::write(path.join("slow.toml"), slow).unwrap();
+    let train = |name: &str, more: &[&str]| {
+        let begin = [
+            "train",
+            "slow.toml",
+            "--name",
+            name,
+            "--seed",
+            "9",
+            "--json",
+        ];
+        json(path, &[&begin[..], more].concat());
+        fs::read(export(&format!("runs/{name}")).1).unwrap()
+    };
+    let policy = fs::read(file).unwrap();
+    assert!(train("on", &["--from", "runs/a/policy.drape"]) == policy);
+    assert!(train("scratch", &[]) != policy);
+
+    fs::write(path.join("cut.drape"), &policy[..99]).unwrap();
+    for (from, fault) in [("cut.drape", "cut short"), ("runs/b", "runs/b")] {
+        for command in ["plan", "train"] {
+            let output = drape(path, &[command, "slow.toml", "--from", from]);
+            assert_eq!(output.status.code(), Some(2));
+            let stderr = String::from_utf8(output.stderr).unwrap();
+            assert!(
+                stderr.contains(fault) && stderr.lines().count() == 1,
+                "{stderr}"
+            );
+        }
+    }
+}
+
+/// A policy whose weights belong to places plays on images of its size alone, and a run without one plays none; both are refused
 /// before a blank falls.
 #[test]
 fn policies_that_cannot_play_are_refused() {
@@ -53,7 +110,10 @@ fn policies_that_cannot_play_are_refused() {
     let other = CONFIG.replace("-80.0, -80.0]", "-60.0, -60.0]");
     fs::write(path.join("other.toml"), other).unwrap();
     fs::create_dir(path.join("runs/empty")).unwrap();
-    for (from, fault) in [("runs/a", "expected `unet`"), ("runs/empty", "runs/empty")] {
+    for (from, fault) in [
+        ("runs/a", "expected a `unet`"),
+        ("runs/empty", "runs/empty"),
+    ] {
         let output = drape(path, &["plan", "other.toml", "--from", from, "--json"]);
         assert_eq!(output.status.code(), Some(2));
         let stderr = String::from_utf8(output.stderr).unwrap();

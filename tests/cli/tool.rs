@@ -25,6 +25,9 @@ fn every_shape_is_written_with_its_values() {
         ("plate", "base_mm=7.5", 0.0),
         ("cylinder", "radius_mm = 55", 55.0),
         ("incline", "angle_deg=45", 200.0),
+        ("trough", "depth_mm=30", 0.0),
+        ("saddle", "height_mm=25", 25.0),
+        ("hills", "seed=3", 27.5),
     ] {
         let report = json(
             folder.path(),

@@ -218,7 +218,7 @@ fn scores(left: &[Vec<Option<Left>>]) -> Vec<Vec<f64>> {
 
 impl Left {
     /// What presses have left that have ended so; none if that is beyond belief.
-    fn new(task: &Task, end: &EpisodeState) -> Option<Self> {
+    pub fn new(task: &Task, end: &EpisodeState) -> Option<Self> {
         let worth = task.worth(end)?;
         let (cloth, path) = (end.cloth(), task.figures(&task.points(end.presses())));
         let sheared = sheared(

@@ -19,5 +19,6 @@ pub use compare::{Comparison, Criteria, Inapplicable, Parts, Surveyed, compare, 
 pub use error::ProofError;
 pub use listener::Listener;
 pub use prove::{
-    Best, Choice, Method, Physics, Proof, Row, Sensitivity, choose, figures, prove, sensitivity,
+    Best, Choice, Method, Physics, Proof, Row, Sensitivity, choose, figures, looked, prove,
+    sensitivity,
 };

@@ -8,7 +8,8 @@ use crate::orders::sequences;
 use crate::twin::twin_of;
 use crate::{Listener, ProofError};
 use drape_cloth::math::mean_and_deviation;
-use drape_task::env::{Quantity, Worlds};
+use drape_task::cluster::Cluster;
+use drape_task::env::{Draping, End, Member, Quantity, Task, Tasks, Worlds};
 use drape_task::recording::Recording;
 use drape_task::search::{Judge, Order};
 
@@ -46,7 +47,7 @@ pub struct Method {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     pub physics: Physics,
-    /// `path` for those that are proved, else `random`, `sweep` or `outwards`.
+    /// `path` for those that are proved, else `random`, `sweep` or `outwards`; or, see [`looked`], `blind` or `policy`.
     pub order: String,
     /// Paths that the best was chosen from, and those of them that diverged in some world.
     pub count: usize,
@@ -211,6 +212,65 @@ pub fn prove(
         best,
         recording,
     })
+}
+
+/// What looking is worth, in the worlds in which [`prove`] proves: a row `blind` of a path, and a row `policy` of who
+/// sees each of the worlds and chooses every press by that. `choose` gives an action to each environment.
+///
+/// # Errors
+/// If a fall diverges.
+pub fn looked(
+    case: Case,
+    path: &[u32],
+    mut choose: impl FnMut(&Draping) -> Vec<u32>,
+    listener: Listener,
+) -> Result<[Row; 2], ProofError> {
+    let worlds = case.worlds(LIES, SEEDS[1], listener)?;
+    let numbers = case.numbers(0..PROVING as u64);
+    let env = case.scatter.finest(case.env);
+    let mut judge = Judge::new(case.scene, &worlds, std::slice::from_ref(&env))?;
+    let blind = pressed(&mut judge, &[path], &numbers, |_, _| ()).remove(0);
+    let member = Member {
+        scene: case.scene.clone(),
+        config: env,
+        count: numbers.len(),
+        worlds: Some(worlds.clone()),
+    };
+    let mut draping = Draping::on(vec![member], &Cluster::default())?;
+    for (index, number) in numbers.iter().enumerate() {
+        let world = number.map(|number| worlds.world(number));
+        draping.enter(index, world.as_ref());
+    }
+    let task = |index| draping.task(index).clone();
+    let tasks: Vec<Task> = (0..numbers.len()).map(task).collect();
+    let mut ends: Vec<Option<Option<Left>>> = vec![None; tasks.len()];
+    while ends.iter().any(Option::is_none) {
+        let actions = choose(&draping);
+        for (index, outcome) in draping.step(&actions).into_iter().enumerate() {
+            if let (Some(episode), None) = (outcome.episode, &ends[index]) {
+                let end = draping.finished(index);
+                let end = end.filter(|_| episode.end != End::Diverged);
+                ends[index] = Some(end.and_then(|end| Left::new(&tasks[index], end)));
+            }
+        }
+        let ended = ends.iter().flatten().count();
+        listener.count(ended, ends.len(), "looking");
+    }
+    let seen: Vec<Option<Left>> = ends.into_iter().flatten().collect();
+    let row = |order: &str, left: &[Option<Left>]| {
+        let best = Figures::new(left, case.env);
+        Row {
+            physics: Physics::Solver,
+            order: order.into(),
+            count: 1,
+            diverged: usize::from(best.score.is_nan()),
+            mean_score: best.score,
+            deviation_score: 0.0,
+            worlds: left.len().saturating_sub(1).max(1),
+            best,
+        }
+    };
+    Ok([row("blind", &blind), row("policy", &seen)])
 }
 
 /// What a path leaves in the worlds in which [`prove`] proves what was chosen.

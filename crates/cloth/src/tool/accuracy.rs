@@ -118,7 +118,10 @@ mod tests {
     use super::*;
     use crate::tool::tests::blocks;
     use crate::tool::{Atlas, Tools};
-    use crate::tool::{Cylinder, DoubleDome, GridConfig, Hemisphere, Incline, Plate, Rib, Shape};
+    use crate::tool::{
+        Cylinder, DoubleDome, GridConfig, Hemisphere, Hills, Incline, Plate, Rib, Saddle, Shape,
+        Trough,
+    };
 
     fn rib(spacing_mm: f64) -> Tool {
         let grid = GridConfig {
@@ -220,6 +223,9 @@ mod tests {
             Shape::DoubleDome(DoubleDome::default()),
             Shape::Cylinder(Cylinder::default()),
             Shape::Incline(Incline::default()),
+            Shape::Trough(Trough::default()),
+            Shape::Saddle(Saddle::default()),
+            Shape::Hills(Hills::default()),
         ] {
             let tool = Tool::from_mesh(shape.mesh().unwrap(), &GridConfig::default()).unwrap();
             let error = tool.grid_error(20_000);

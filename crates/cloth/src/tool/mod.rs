@@ -26,7 +26,9 @@ pub(crate) use features::Features;
 pub use features::SMOOTH;
 pub use grid::DistanceGrid;
 pub(crate) use lanes::{Atlas, Tools};
-pub use shapes::{Cylinder, DoubleDome, Hemisphere, Incline, Plate, Rib, Shape};
+pub use shapes::{
+    Cylinder, DoubleDome, Hemisphere, Hills, Incline, Plate, Rib, Saddle, Shape, Trough,
+};
 pub use solid::Tool;
 pub use surface::{Surface, SurfacePoint};
 

@@ -74,6 +74,12 @@ impl Patch {
         }
     }
 
+    /// Height of its lowest vertex [m].
+    pub fn lowest(&self) -> f64 {
+        let heights = self.vertices.iter().map(|vertex| vertex.z);
+        heights.fold(f64::INFINITY, f64::min)
+    }
+
     /// Closes the patch by a vertical skirt down to the height `bottom` [m] and a fan round
     /// the middle of the bottom. Adds one vertex for each border vertex, and one more.
     pub fn into_body(self, bottom: f64) -> TriMesh {

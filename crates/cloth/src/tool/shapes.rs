@@ -3,7 +3,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use serde::{Deserialize, Serialize};
 
 use crate::file::ValueError;
-use crate::math::Vec3;
+use crate::math::{Purpose, Stream, Vec3};
 use crate::mesh::{MOST_FACETS, TriMesh};
 
 use super::patch::{Patch, mound};
@@ -21,6 +21,9 @@ pub enum Shape {
     Plate(Plate),
     Cylinder(Cylinder),
     Incline(Incline),
+    Trough(Trough),
+    Saddle(Saddle),
+    Hills(Hills),
 }
 
 /// A rib with a curved crest that crosses a plate along x:
@@ -109,6 +112,51 @@ pub struct Incline {
     pub base_mm: f64,
 }
 
+/// A groove across a plate along x: z = −D (1 − (y/B)²)³ for |y| < B, and 0 beside it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Trough {
+    /// D.
+    pub depth_mm: f64,
+    /// B.
+    pub half_width_mm: f64,
+    pub plate_mm: [f64; 2],
+    pub base_mm: f64,
+    /// Vertices of the upper face along x and y.
+    pub vertex_counts: [usize; 2],
+}
+
+/// A hyperbolic paraboloid, z = H ((x/X)² − (y/Y)²), where X and Y are half the plate's sizes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Saddle {
+    /// H, by which two sides rise and the others fall.
+    pub height_mm: f64,
+    pub plate_mm: [f64; 2],
+    pub base_mm: f64,
+    /// Vertices of the upper face along x and y.
+    pub vertex_counts: [usize; 2],
+}
+
+/// A smooth random height field: z = Σ h exp(−|p − c|² / 2 r²), with heights h drawn between −H/3 and H, radii r between
+/// R and 2 R, and centres c on the inner half of the plate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Hills {
+    /// Of the draw.
+    pub seed: u32,
+    /// Hills, hollows among them.
+    pub hill_count: usize,
+    /// H.
+    pub height_mm: f64,
+    /// R.
+    pub radius_mm: f64,
+    pub plate_mm: [f64; 2],
+    pub base_mm: f64,
+    /// Vertices of the upper face along x and y.
+    pub vertex_counts: [usize; 2],
+}
+
 impl Default for Rib {
     /// 4575 vertices and 9146 triangles.
     fn default() -> Self {
@@ -179,6 +227,43 @@ impl Default for Incline {
     }
 }
 
+impl Default for Trough {
+    fn default() -> Self {
+        Self {
+            depth_mm: 40.0,
+            half_width_mm: 100.0,
+            plate_mm: [400.0, 400.0],
+            base_mm: 20.0,
+            vertex_counts: [65, 65],
+        }
+    }
+}
+
+impl Default for Saddle {
+    fn default() -> Self {
+        Self {
+            height_mm: 40.0,
+            plate_mm: [400.0, 400.0],
+            base_mm: 20.0,
+            vertex_counts: [65, 65],
+        }
+    }
+}
+
+impl Default for Hills {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            hill_count: 4,
+            height_mm: 60.0,
+            radius_mm: 40.0,
+            plate_mm: [400.0, 400.0],
+            base_mm: 20.0,
+            vertex_counts: [81, 81],
+        }
+    }
+}
+
 impl Default for Shape {
     fn default() -> Self {
         Self::Rib(Rib::default())
@@ -198,6 +283,9 @@ impl Shape {
             Self::Plate(shape) => shape.mesh(),
             Self::Cylinder(shape) => shape.mesh(),
             Self::Incline(shape) => shape.mesh(),
+            Self::Trough(shape) => shape.mesh(),
+            Self::Saddle(shape) => shape.mesh(),
+            Self::Hills(shape) => shape.mesh(),
         }
     }
 }
@@ -211,18 +299,60 @@ impl Rib {
         let drop = self.crest_drop;
         let expected = "at least 0 and below 1";
         ValueError::unless((0.0..1.0).contains(&drop), "crest_drop", drop, expected)?;
-        for found in self.vertex_counts {
-            count("vertex_counts", found, 2)?;
-        }
-        product("vertex_counts", self.vertex_counts)?;
-        let [columns, rows] = self.vertex_counts;
-        let patch = Patch::grid(columns, rows, |u, v| {
-            let (x, y) = (u * half_x, v * half_y);
-            let crest = height * (1.0 - drop * u * u);
-            let flank = (1.0 - (y / half_width).powi(2)).max(0.0).powi(3);
-            Vec3::new(x, y, crest * flank)
+        let half = [half_x, half_y];
+        let patch = heights(half, self.vertex_counts, |u, v| {
+            height * (1.0 - drop * u * u) * flank(v * half_y / half_width)
         });
-        Ok(patch.into_body(-self.base_mm * 1e-3))
+        Ok(patch?.into_body(-self.base_mm * 1e-3))
+    }
+}
+
+impl Trough {
+    fn mesh(&self) -> Result<TriMesh, ValueError> {
+        let half = plate(self.plate_mm, self.base_mm)?;
+        let depth = height("depth_mm", self.depth_mm)?;
+        let half_width = length("half_width_mm", self.half_width_mm)?;
+        within("half_width_mm", self.half_width_mm, 0.0, half[1] * 1e3)?;
+        let patch = heights(half, self.vertex_counts, |_, v| {
+            -depth * flank(v * half[1] / half_width)
+        });
+        Ok(patch?.into_body(-depth - self.base_mm * 1e-3))
+    }
+}
+
+impl Saddle {
+    fn mesh(&self) -> Result<TriMesh, ValueError> {
+        let half = plate(self.plate_mm, self.base_mm)?;
+        let height = height("height_mm", self.height_mm)?;
+        let patch = heights(half, self.vertex_counts, |u, v| height * (u * u - v * v));
+        Ok(patch?.into_body(-height - self.base_mm * 1e-3))
+    }
+}
+
+impl Hills {
+    fn mesh(&self) -> Result<TriMesh, ValueError> {
+        let half = plate(self.plate_mm, self.base_mm)?;
+        let height = height("height_mm", self.height_mm)?;
+        let radius = length("radius_mm", self.radius_mm)?;
+        count("hill_count", self.hill_count, 1)?;
+        let mut stream = Stream::new(self.seed.into(), Purpose::Scenes, 0);
+        let mut drawn = |least: f64, most: f64| least + (most - least) * stream.uniform();
+        let hills: Vec<[f64; 4]> = (0..self.hill_count)
+            .map(|_| {
+                let centre = half.map(|half| 0.5 * half * drawn(-1.0, 1.0));
+                let [rise, radius] = [drawn(-height / 3.0, height), drawn(radius, 2.0 * radius)];
+                [centre[0], centre[1], rise, radius]
+            })
+            .collect();
+        let patch = heights(half, self.vertex_counts, |u, v| {
+            let [x, y] = [u * half[0], v * half[1]];
+            let hill = |[cx, cy, rise, radius]: &[f64; 4]| {
+                rise * (-0.5 * ((x - cx).powi(2) + (y - cy).powi(2)) / radius.powi(2)).exp()
+            };
+            hills.iter().map(hill).sum()
+        })?;
+        let bottom = patch.lowest().min(0.0) - self.base_mm * 1e-3;
+        Ok(patch.into_body(bottom))
     }
 }
 
@@ -336,6 +466,27 @@ fn count(key: &str, found: usize, min: usize) -> Result<(), ValueError> {
     ValueError::unless((min..=4096).contains(&found), key, found, expected)
 }
 
+/// The upper face of a plate of which half the size is given, at the height `z` [m] for shares (u, v) ∈ [−1, 1]² of that.
+fn heights(
+    [half_x, half_y]: [f64; 2],
+    vertex_counts: [usize; 2],
+    z: impl Fn(f64, f64) -> f64,
+) -> Result<Patch, ValueError> {
+    for found in vertex_counts {
+        count("vertex_counts", found, 2)?;
+    }
+    product("vertex_counts", vertex_counts)?;
+    let [columns, rows] = vertex_counts;
+    Ok(Patch::grid(columns, rows, |u, v| {
+        Vec3::new(u * half_x, v * half_y, z(u, v))
+    }))
+}
+
+/// What a flank keeps of the height at a share of its half-width.
+fn flank(share: f64) -> f64 {
+    (1.0 - share.powi(2)).max(0.0).powi(3)
+}
+
 /// A [`mound`] of so many segments and rings.
 fn dome(
     half_size: [f64; 2],
@@ -355,7 +506,7 @@ mod tests {
     use super::*;
     use crate::mesh::{border, to_stl_bytes};
 
-    fn all() -> [Shape; 6] {
+    fn all() -> [Shape; 9] {
         [
             Shape::Rib(Rib::default()),
             Shape::Hemisphere(Hemisphere::default()),
@@ -363,6 +514,9 @@ mod tests {
             Shape::Plate(Plate::default()),
             Shape::Cylinder(Cylinder::default()),
             Shape::Incline(Incline::default()),
+            Shape::Trough(Trough::default()),
+            Shape::Saddle(Saddle::default()),
+            Shape::Hills(Hills::default()),
         ]
     }
 
@@ -423,6 +577,17 @@ mod tests {
         );
         let shape = Plate::default();
         close(shape.mesh().unwrap(), slab(shape.plate_mm, 20.0), 1e-12);
+        // What a flank of the third power takes: 32/35 of its half-width times its depth.
+        let shape = Trough::default();
+        let groove = 32.0 / 35.0 * 0.1 * 0.04 * 0.4;
+        close(
+            shape.mesh().unwrap(),
+            slab(shape.plate_mm, 60.0) - groove,
+            1e-3,
+        );
+        // What two sides rise the others fall.
+        let shape = Saddle::default();
+        close(shape.mesh().unwrap(), slab(shape.plate_mm, 60.0), 1e-3);
         let shape = DoubleDome {
             waist_radius_mm: 60.0,
             ..DoubleDome::default()
@@ -433,6 +598,25 @@ mod tests {
             capsule + slab(shape.plate_mm, 20.0),
             1e-3,
         );
+    }
+
+    #[test]
+    fn hills_repeat_under_a_seed_and_lie_within_their_height() {
+        let of = |seed| {
+            let shape = Hills {
+                seed,
+                hill_count: 1,
+                ..Hills::default()
+            };
+            shape.mesh().unwrap()
+        };
+        assert!(of(3).vertices == of(3).vertices && of(3).vertices != of(4).vertices);
+        for seed in 0..20 {
+            let (low, high) = of(seed).bounds();
+            // One hill rises or falls, and nothing else does; far from it the plate lies at 0.
+            assert!(high.z <= 0.06 && low.z >= -0.04, "{seed}: {low} {high}");
+            assert!(high.z.abs() < 1e-3 || (low.z + 0.02).abs() < 1e-3, "{seed}");
+        }
     }
 
     #[test]

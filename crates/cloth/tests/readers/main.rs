@@ -202,6 +202,9 @@ fn scenes() {
         "plate",
         "cylinder",
         "incline",
+        "trough",
+        "saddle",
+        "hills",
     ];
     let shapes = shapes.map(|kind| {
         format!(

@@ -238,6 +238,14 @@ impl<T: Tasks> Trainer<T> {
         named.map(|(name, bytes)| (name.into(), bytes)).collect()
     }
 
+    /// Takes the parameters of another learner's network, as [`Agent::save`] gives them, and nothing else of it.
+    ///
+    /// # Errors
+    /// If they are of another network, changing nothing.
+    pub fn load_network(&mut self, bytes: &[u8]) -> Result<(), String> {
+        self.actor_critic.load(bytes)
+    }
+
     /// Goes back to what [`Trainer::save`] returned, for the same network and tasks of the same kind. Where there is
     /// another number of them they begin anew, and keep their random streams as far as they had some. Fails,
     /// changing nothing, if they are of another training.

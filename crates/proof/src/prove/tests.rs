@@ -227,3 +227,40 @@ fn twin_chooses_among_the_best() {
     );
     assert!(twin > solver, "{twin} {solver}");
 }
+
+/// Who presses by a list whatever is seen leaves what the list leaves, in every world; who looks and chooses something else
+/// leaves something else.
+#[test]
+fn who_does_not_look_is_blind() {
+    let (scene, env, scatter) = (scene(), env(), scatter());
+    let case = case(&scene, &env, &scatter);
+    // The order of the image, which the masks allow wherever the last stencil has been.
+    let first = |draping: &Draping, index: usize| draping.observation(index).allowed().next();
+    let actions = |draping: &Draping| -> Vec<u32> {
+        let all = 0..draping.count();
+        all.map(|index| first(draping, index).unwrap()).collect()
+    };
+    let mut draping = Draping::new(scene.clone(), &scatter.finest(&env), 1).unwrap();
+    let path = draping.play(actions).remove(0).end;
+    let path: Vec<u32> = path.presses().iter().map(|&(vertex, _)| vertex).collect();
+    let mut made = 0;
+    let by_list = |draping: &Draping| {
+        let next = path.get(made).and_then(|&vertex| draping.action(vertex));
+        made += 1;
+        let all = 0..draping.count();
+        all.map(|index| {
+            let allowed = next.filter(|&next| draping.observation(index).allows(next));
+            allowed.unwrap_or_else(|| first(draping, index).unwrap())
+        })
+        .collect()
+    };
+    let [blind, same] = looked(case, &path, by_list, Listener::QUIET).unwrap();
+    assert_eq!(
+        [&*blind.order, &*same.order, "solver"],
+        ["blind", "policy", same.physics.name()]
+    );
+    assert_eq!((blind.worlds, same.worlds), (24, 24));
+    assert_eq!(blind.best.nominal_score, same.best.nominal_score);
+    let [_, other] = looked(case, &path, actions, Listener::QUIET).unwrap();
+    assert!(other.best.score.is_finite() && other.best.score != blind.best.score);
+}

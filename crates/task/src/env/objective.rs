@@ -19,6 +19,7 @@ pub enum Objective {
 }
 
 /// An objective of one region of a scene, where vertices have come from a known place.
+#[derive(Clone)]
 pub struct Goal {
     objective: Objective,
     scene: Arc<Scene>,

@@ -19,6 +19,7 @@ use drape_cloth::scene::Scene;
 use drape_cloth::sim::{Snapshot, Stencil, View};
 
 /// A scene and what is to be done on it.
+#[derive(Clone)]
 pub struct Task {
     pub scene: Arc<Scene>,
     pub config: EnvConfig,
