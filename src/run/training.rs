@@ -76,8 +76,9 @@ struct Memory {
 /// Episodes of a search, all cut off by `env.max_steps`, after which none is expected to end: eight of its generations.
 const HOPELESS: usize = 8 * 64;
 
-/// Environments that search on a scene, at least.
+/// Environments that search on a scene, at least, where each makes so many steps.
 const SEARCHING: usize = 16;
+const WORTHWHILE: usize = 1000;
 
 /// Episodes that the mean score of a report is taken over.
 const RECENT: usize = 50;
@@ -350,8 +351,9 @@ impl Training {
         for (number, task) in tasks.tasks().iter().enumerate() {
             let count = tasks.environments(number).count();
             let steps = all * count as u64 / tasks.count() as u64;
-            // Of a family with few environments on each scene no lane stays empty.
-            let member = member(&task.scene, &task.config, count.max(SEARCHING));
+            // No lane stays empty of a family that has few environments on each scene, if its steps suffice for so many.
+            let lanes = SEARCHING.min(steps as usize / WORTHWHILE);
+            let member = member(&task.scene, &task.config, count.max(lanes));
             let mut draping = Draping::on(vec![member], &self.cluster)?;
             let mut best = BestPaths::default();
             let mut truncated = 0;
