@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::Failure;
 use super::failure::OrInvalid;
 use super::field::{FieldReport, OntoArgs, Writer as FieldWriter, picture, write_pattern};
-use super::loaded::{Loaded, Source, read_checkpoint};
+use super::loaded::{Loaded, Source, read_checkpoint, shape_of};
 use super::next_tool::{NEXT_TOOL, write_next_tool};
 use super::output::{check_outputs, print};
 use super::planned::{Planned, name};
@@ -268,7 +268,7 @@ fn policy(args: &ExportArgs) -> Result<(), Failure> {
     let (folder, config) = open_run(&args.run)?;
     let name = args.checkpoint.as_deref().unwrap_or("last");
     let (read, checkpoint) = read_checkpoint(&folder, name)?;
-    let weights = Weights::of(&config.policy, &checkpoint);
+    let weights = Weights::of(&config.policy, shape_of(&config)?, &checkpoint);
     let weights = weights.with_context(|| read.display().to_string())?;
     let default = || folder.path.join("policy.drape");
     let file = args.out.clone().unwrap_or_else(default);

@@ -20,7 +20,9 @@ use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Observation;
 use drape_learn::policy::{DeviceKind, NetworkConfig};
 use drape_learn::ppo::{Agent, Sampling};
-use drape_task::env::{Draping, End, EnvConfig, Played, Task, Tasks, most_environments};
+use drape_task::env::{
+    Draping, End, EnvConfig, ImageShape, Played, Task, Tasks, most_environments,
+};
 
 /// What is to be played of a run.
 #[derive(Clone, Copy)]
@@ -230,7 +232,7 @@ pub(super) fn load_agent(
     draping: &Draping,
 ) -> Result<Agent, Failure> {
     let (path, checkpoint) = read_checkpoint(folder, name)?;
-    let weights = Weights::of(&config.policy, &checkpoint);
+    let weights = Weights::of(&config.policy, draping.shape(), &checkpoint);
     let agent = weights.and_then(|weights| weights.agent(draping, config.device));
     Ok(agent.with_context(|| path.display().to_string())?)
 }
@@ -246,14 +248,19 @@ pub(super) fn read_weights(
         false => {
             let (folder, own) = open_run(from)?;
             let (path, checkpoint) = read_checkpoint(&folder, checkpoint)?;
-            let weights = Weights::of(&own.policy, &checkpoint);
+            let weights = Weights::of(&own.policy, shape_of(&own)?, &checkpoint);
             weights.with_context(|| path.display().to_string())?
         }
     };
-    let members = config.members().or_invalid()?;
-    let shape = members[0].check(1, 0).or_invalid()?;
-    weights.check(shape).or_invalid_in(from.display())?;
+    let checked = weights.check(shape_of(config)?);
+    checked.or_invalid_in(from.display())?;
     Ok(weights)
+}
+
+/// Size of the images of a run, before its blank falls.
+pub(super) fn shape_of(config: &RunConfig) -> Result<ImageShape, Failure> {
+    let members = config.members().or_invalid()?;
+    members[0].check(1, 0).or_invalid()
 }
 
 /// What an agent presses on a scene, greedily first and then drawn so often, without the episodes that diverge.

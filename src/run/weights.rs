@@ -1,13 +1,13 @@
 use std::path::Path;
 
-use anyhow::{Result, anyhow};
+use anyhow::{Result, anyhow, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::checkpoint::Checkpoint;
 use drape_cloth::file::{Sealed, WriteError};
-use drape_learn::policy::{DeviceKind, PolicyConfig};
+use drape_learn::policy::{DeviceKind, NetworkConfig, PolicyConfig};
 use drape_learn::ppo::{Agent, NETWORK, read_section};
-use drape_task::env::{Draping, ImageShape, Tasks, Terrain};
+use drape_task::env::{Draping, ImageShape, Tasks};
 
 const FILE: Sealed = Sealed {
     name: "a policy",
@@ -19,14 +19,17 @@ const FILE: Sealed = Sealed {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weights {
     pub policy: PolicyConfig,
+    /// Rows and columns of the images that it has learned on.
+    learned_on: [usize; 2],
     network: Vec<u8>,
 }
 
 impl Weights {
-    /// Of a checkpoint of a run with that policy.
-    pub fn of(policy: &PolicyConfig, checkpoint: &Checkpoint) -> Result<Self> {
+    /// Of a checkpoint of a run with that policy and images.
+    pub fn of(policy: &PolicyConfig, shape: ImageShape, checkpoint: &Checkpoint) -> Result<Self> {
         Ok(Self {
             policy: policy.clone(),
+            learned_on: [shape.rows, shape.columns],
             network: read_section(&checkpoint.sections, NETWORK, |bytes| Ok(bytes.to_vec()))?,
         })
     }
@@ -49,9 +52,19 @@ impl Weights {
     /// Refuses images that its network does not take.
     ///
     /// # Errors
-    /// If it is of images of another size.
+    /// If its weights belong to places, and it has learned on images of another size.
     pub fn check(&self, shape: ImageShape) -> Result<()> {
-        self.seeing((shape, &[]), DeviceKind::Flex).map(drop)
+        let is_of_any_size = matches!(self.policy.network, NetworkConfig::Unet(_));
+        let [rows, columns] = self.learned_on;
+        let ImageShape {
+            rows: r,
+            columns: c,
+        } = shape;
+        ensure!(
+            is_of_any_size || [r, c] == self.learned_on,
+            "`policy.network` has learned on {rows} x {columns} pixels, expected {r} x {c}, or a `unet`"
+        );
+        Ok(())
     }
 
     /// The policy, for tasks that look like these.
@@ -59,18 +72,10 @@ impl Weights {
     /// # Errors
     /// If its network is of images of another size, or cannot be on the device.
     pub fn agent(&self, draping: &Draping, device: DeviceKind) -> Result<Agent> {
-        self.seeing((draping.shape(), &draping.terrains()), device)
-    }
-
-    fn seeing(&self, seen: (ImageShape, &[&Terrain]), device: DeviceKind) -> Result<Agent> {
+        self.check(draping.shape())?;
+        let seen = (draping.shape(), &*draping.terrains());
         let mut agent = Agent::new(&self.policy, seen, 0, device)?;
-        agent.load(&self.network).map_err(|fault| {
-            let ImageShape { rows, columns } = seen.0;
-            anyhow!(
-                "`policy.network` does not play on {rows} x {columns} pixels, expected a `unet` or what has \
-                 learned on as many: {fault}"
-            )
-        })?;
+        agent.load(&self.network).map_err(|fault| anyhow!(fault))?;
         Ok(agent)
     }
 }

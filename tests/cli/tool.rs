@@ -27,7 +27,7 @@ fn every_shape_is_written_with_its_values() {
         ("incline", "angle_deg=45", 200.0),
         ("trough", "depth_mm=30", 0.0),
         ("saddle", "height_mm=25", 25.0),
-        ("hills", "seed=3", 27.5),
+        ("hills", "seed=3", 81.7),
     ] {
         let report = json(
             folder.path(),
