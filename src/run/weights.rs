@@ -7,7 +7,7 @@ use super::checkpoint::Checkpoint;
 use drape_cloth::file::{Sealed, WriteError};
 use drape_learn::policy::{DeviceKind, NetworkConfig, PolicyConfig};
 use drape_learn::ppo::{Agent, NETWORK, read_section};
-use drape_task::env::{Draping, ImageShape, Tasks};
+use drape_task::env::{Draping, ImageShape, Tasks, Terrain};
 
 const FILE: Sealed = Sealed {
     name: "a policy",
@@ -49,10 +49,11 @@ impl Weights {
         &self.network
     }
 
-    /// Refuses images that its network does not take.
+    /// Refuses what could not play on such images, before a blank falls.
     ///
     /// # Errors
-    /// If its weights belong to places, and it has learned on images of another size.
+    /// If its weights belong to places, and it has learned on images of another size; or if they do not fit its network,
+    /// or the network such images.
     pub fn check(&self, shape: ImageShape) -> Result<()> {
         let is_of_any_size = matches!(self.policy.network, NetworkConfig::Unet(_));
         let [rows, columns] = self.learned_on;
@@ -64,16 +65,18 @@ impl Weights {
             is_of_any_size || [r, c] == self.learned_on,
             "`policy.network` has learned on {rows} x {columns} pixels, expected {r} x {c}, or a `unet`"
         );
-        Ok(())
+        self.seeing((shape, &[]), DeviceKind::Flex).map(drop)
     }
 
     /// The policy, for tasks that look like these.
     ///
     /// # Errors
-    /// If its network is of images of another size, or cannot be on the device.
+    /// If its weights or these images do not fit its network, or that cannot be on the device.
     pub fn agent(&self, draping: &Draping, device: DeviceKind) -> Result<Agent> {
-        self.check(draping.shape())?;
-        let seen = (draping.shape(), &*draping.terrains());
+        self.seeing((draping.shape(), &draping.terrains()), device)
+    }
+
+    fn seeing(&self, seen: (ImageShape, &[&Terrain]), device: DeviceKind) -> Result<Agent> {
         let mut agent = Agent::new(&self.policy, seen, 0, device)?;
         agent.load(&self.network).map_err(|fault| anyhow!(fault))?;
         Ok(agent)

@@ -116,12 +116,10 @@ fn halton(mut i: usize, base: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tool::shapes::tests::all;
     use crate::tool::tests::blocks;
     use crate::tool::{Atlas, Tools};
-    use crate::tool::{
-        Cylinder, DoubleDome, GridConfig, Hemisphere, Hills, Incline, Plate, Rib, Saddle, Shape,
-        Trough,
-    };
+    use crate::tool::{GridConfig, Plate, Shape};
 
     fn rib(spacing_mm: f64) -> Tool {
         let grid = GridConfig {
@@ -217,16 +215,7 @@ mod tests {
 
     #[test]
     fn every_shape_keeps_a_tenth_of_a_millimetre() {
-        for shape in [
-            Shape::Rib(Rib::default()),
-            Shape::Hemisphere(Hemisphere::default()),
-            Shape::DoubleDome(DoubleDome::default()),
-            Shape::Cylinder(Cylinder::default()),
-            Shape::Incline(Incline::default()),
-            Shape::Trough(Trough::default()),
-            Shape::Saddle(Saddle::default()),
-            Shape::Hills(Hills::default()),
-        ] {
+        for shape in all() {
             let tool = Tool::from_mesh(shape.mesh().unwrap(), &GridConfig::default()).unwrap();
             let error = tool.grid_error(20_000);
             assert!(error.max < 0.1, "{shape:?}: {error}");

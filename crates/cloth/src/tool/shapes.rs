@@ -502,4 +502,4 @@ fn dome(
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -228,8 +228,8 @@ fn twin_chooses_among_the_best() {
     assert!(twin > solver, "{twin} {solver}");
 }
 
-/// Who presses by a list whatever is seen leaves what the list leaves, in every world; who looks and chooses something else
-/// leaves something else.
+/// Who presses by the list, whatever is seen, leaves what the list leaves where the masks allow it, as in the world of the
+/// scene; who goes by what each world shows leaves something else in the others.
 #[test]
 fn who_does_not_look_is_blind() {
     let (scene, env, scatter) = (scene(), env(), scatter());

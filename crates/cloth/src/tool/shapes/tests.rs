@@ -1,7 +1,8 @@
 use super::*;
 use crate::mesh::{border, to_stl_bytes};
 
-fn all() -> [Shape; 9] {
+/// One of each kind.
+pub fn all() -> [Shape; 9] {
     [
         Shape::Rib(Rib::default()),
         Shape::Hemisphere(Hemisphere::default()),
