@@ -141,7 +141,14 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         Policy::Moves => config.steps,
         _ => 0,
     };
-    let run = Searched::begin(config, place, &args.new, args.policy.name(), args.json)?;
+    let run = Searched::begin(
+        config,
+        place,
+        &args.new,
+        args.policy.name(),
+        None,
+        args.json,
+    )?;
     let Searched {
         config,
         place,

@@ -16,7 +16,7 @@ use super::planned::{Planned, name};
 use super::result::path;
 use super::setup::open_run;
 use super::terminal::Told;
-use crate::run::{Weights, digest};
+use crate::run::Weights;
 use drape_cloth::fabric::{Curve, Drape, Family};
 use drape_cloth::file::{ValueError, write_atomic};
 use drape_cloth::math::Vec3;
@@ -276,7 +276,7 @@ fn policy(args: &ExportArgs) -> Result<(), Failure> {
     weights.write(&file)?;
     let report = PolicyReport {
         parameters: weights.network().len() / size_of::<f32>(),
-        digest: digest(weights.network()),
+        digest: weights.digest(),
         file: file.into(),
     };
     print(&report, args.json, |report| {

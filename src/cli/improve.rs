@@ -237,7 +237,7 @@ fn improved(
 ) -> Result<(RunFolder, f64, Vec<Row>), Failure> {
     let place = format!("{} with the fabric of the scans", args.run.display());
     let budget = Budget::Presses(config.polish);
-    let run = Searched::begin(config, place, &args.new, "improve".into(), args.json)?;
+    let run = Searched::begin(config, place, &args.new, "improve".into(), None, args.json)?;
     run.folder.write_turns(turns)?;
     let mut starts = vec![path.to_vec()];
     starts.extend(known.into_iter().filter(|list| list != path));

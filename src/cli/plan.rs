@@ -91,7 +91,14 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
     let weights = from.map(|from| read_weights(from, &args.checkpoint, &config));
     let weights = weights.transpose()?;
     let asked = stop_on_signal()?;
-    let run = Searched::begin(config, place, &args.new, "plan".into(), args.json)?;
+    let run = Searched::begin(
+        config,
+        place,
+        &args.new,
+        "plan".into(),
+        weights.as_ref(),
+        args.json,
+    )?;
     let worlds = run.worlds()?;
     let began = Instant::now();
     let budget = match args.steps {

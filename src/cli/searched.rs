@@ -12,7 +12,9 @@ use super::proof;
 use super::setup::{LIES, set_up_run, set_up_worlds};
 use super::signals::stop_on_signal;
 use super::terminal::tell;
-use crate::run::{BestPaths, BestSequence, Budget, RunConfig, RunFolder, RunInfo, search_by_moves};
+use crate::run::{
+    BestPaths, BestSequence, Budget, RunConfig, RunFolder, RunInfo, Weights, search_by_moves,
+};
 use drape_cloth::scene::Scene;
 use drape_proof::Row;
 use drape_task::env::{Task, Worlds};
@@ -48,6 +50,7 @@ impl Searched {
         place: String,
         NewRun { name, runs }: &NewRun,
         search: String,
+        weights: Option<&Weights>,
         json: bool,
     ) -> Result<Self, Failure> {
         let name = name.as_deref();
@@ -56,6 +59,7 @@ impl Searched {
         config.equip(&scene).or_invalid_in(&place)?;
         let info = RunInfo {
             search: Some(search),
+            policy: weights.map(Weights::digest),
             ..RunInfo::new(config.seed, SystemTime::now())
         };
         let folder = RunFolder::create(runs, name, (&kept.0, &kept.1), &info)?;

@@ -17,7 +17,9 @@ use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
 use super::signals::{is_checkpoint_wanted, stop_on_signal};
 use super::terminal::{Told, tell};
 use crate::cluster::ClusterSession;
-use crate::run::{Demonstrations, Preparation, RunConfig, RunFolder, RunInfo, Training, changed};
+use crate::run::{
+    Demonstrations, Preparation, RunConfig, RunFolder, RunInfo, Training, Weights, changed,
+};
 use drape_cloth::file::{ValueError, read_text};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
@@ -301,7 +303,10 @@ fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure
     let shown = Demonstrations::read(&args.demonstrate, &scene.lamina).or_invalid()?;
     let scenes = set_up_scenes(&config, scene, &place, quiet)?;
 
-    let info = RunInfo::new(config.seed, SystemTime::now());
+    let info = RunInfo {
+        policy: weights.as_ref().map(Weights::digest),
+        ..RunInfo::new(config.seed, SystemTime::now())
+    };
     let kept = (&*kept.0, &*kept.1);
     let create = || {
         let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info)?;

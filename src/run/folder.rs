@@ -58,6 +58,9 @@ pub struct RunInfo {
     /// What `drape baseline` searched with, or `improve` or `plan` after the command; a training has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<String>,
+    /// [`Weights::digest`](super::Weights::digest) of the policy that it began from, if it did from one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub policy: Option<String>,
 }
 
 impl RunInfo {
@@ -71,6 +74,7 @@ impl RunInfo {
             platform: format!("{ARCH}-{OS}"),
             created: format_rfc3339_seconds(now).to_string(),
             search: None,
+            policy: None,
         }
     }
 }
@@ -327,11 +331,14 @@ impl RunFolder {
         Ok(run)
     }
 
+    /// Where it came from; none if the file is damaged.
+    pub fn read_info(&self) -> Option<RunInfo> {
+        read_json(&self.info, "what tells of a run").ok()
+    }
+
     /// Refuses a run that was never trained, but searched.
     pub fn check_trained(&self) -> Result<()> {
-        // Nothing else of it counts here, damaged or not.
-        let info = read_json::<RunInfo>(&self.info, "what tells of a run").ok();
-        match info.and_then(|info| info.search) {
+        match self.read_info().and_then(|info| info.search) {
             None => Ok(()),
             Some(name) => {
                 let is_command = matches!(&*name, "improve" | "plan");

@@ -4,6 +4,7 @@ use anyhow::{Result, anyhow, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::checkpoint::Checkpoint;
+use super::folder::digest;
 use drape_cloth::file::{Sealed, WriteError};
 use drape_learn::policy::{DeviceKind, NetworkConfig, PolicyConfig};
 use drape_learn::ppo::{Agent, NETWORK, read_section};
@@ -42,6 +43,11 @@ impl Weights {
     /// Writes the file whole or not at all.
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
         FILE.write(path, self)
+    }
+
+    /// [`digest`] of the parameters.
+    pub fn digest(&self) -> String {
+        digest(&self.network)
     }
 
     /// The parameters, as [`Agent::save`] gives them.

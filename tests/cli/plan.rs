@@ -87,6 +87,23 @@ fn policies_are_files() {
     assert!(train("on", &["--from", "runs/a/policy.drape"]) == policy);
     assert!(train("scratch", &[]) != policy);
 
+    // Each says from which policy it began, and none begins anew without it.
+    let digest = |run: &str| {
+        let info = fs::read_to_string(path.join("runs").join(run).join("run.json")).unwrap();
+        serde_json::from_str::<Value>(&info).unwrap()["policy"].clone()
+    };
+    assert_eq!(
+        [digest("file"), digest("on")],
+        [0, 1].map(|_| report["digest"].clone())
+    );
+    assert!(digest("scratch").is_null());
+    fs::remove_file(path.join("runs/on/checkpoints/last.drape")).unwrap();
+    fs::write(path.join("runs/on/metrics.jsonl"), "").unwrap();
+    let output = drape(path, &["train", "--resume", "runs/on"]);
+    assert_eq!(output.status.code(), Some(1));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.contains("begin it anew with --from"), "{stderr}");
+
     fs::write(path.join("cut.drape"), &policy[..99]).unwrap();
     for (from, fault) in [("cut.drape", "cut short"), ("runs/b", "runs/b")] {
         for command in ["plan", "train"] {
