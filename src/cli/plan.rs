@@ -13,6 +13,7 @@ use super::setup::read_config;
 use super::signals::stop_on_signal;
 use super::terminal::{Told, tell};
 use crate::run::{BestPaths, Budget, KNOWN, RunConfig, Weights};
+use drape_learn::policy::DeviceKind;
 use drape_proof::Row;
 use drape_task::env::Draping;
 
@@ -53,6 +54,10 @@ pub struct PlanArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=RunConfig::MAX_SEED))]
     seed: Option<u64>,
 
+    /// Where networks and cloth are computed: flex (the CPU), gpu or gpu:N
+    #[arg(long, value_name = "DEVICE")]
+    device: Option<DeviceKind>,
+
     #[command(flatten)]
     new: NewRun,
 
@@ -87,6 +92,8 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
     config.seed = args.seed.unwrap_or(config.seed);
     // What moves find keeps to no mask, as what is polished does not.
     config.polish = args.steps.unwrap_or(config.polish.max(1));
+    config.set_device(args.device);
+    config.device.open().or_invalid_in(&place)?;
     let from = args.from.as_deref();
     let weights = from.map(|from| read_weights(from, &args.checkpoint, &config));
     let weights = weights.transpose()?;
