@@ -9,7 +9,7 @@ use super::obstacles::Touch;
 use super::path::{PathPoint, contacts};
 use super::place::Pose;
 use super::program::{Contact, Program, ProgramStroke, Station};
-use super::strokes::{Candidate, Effort, Found};
+use super::strokes::{Candidate, Effort, Found, Turning};
 use super::workcell::{Cell, Check};
 
 /// What an arm makes of a path.
@@ -130,7 +130,7 @@ impl Cell {
     /// The fewest pieces of a stroke that the arm can roll over.
     fn pieces(&self, first: usize, points: &[PathPoint]) -> (Vec<Piece>, Vec<FailedPoint>) {
         let frames = contacts(points);
-        let is_press = points.iter().all(|point| point.travel.is_none());
+        let turning = Turning::of(points);
         let indices: Vec<usize> = (first..first + points.len()).collect();
         let (mut pieces, mut failed, mut at) = (Vec::new(), Vec::new(), 0);
         while at < frames.len() {
@@ -138,7 +138,7 @@ impl Cell {
                 candidates,
                 reached,
                 fault,
-            } = self.along(&frames[at..], &indices[at..], is_press);
+            } = self.along(&frames[at..], &indices[at..], turning);
             if reached > 0 {
                 pieces.push(Piece { candidates });
                 at += reached;
@@ -379,9 +379,9 @@ impl Cell {
     /// What each point takes by itself; `moved` is the same arm on another base.
     pub fn reached(&self, path: &[PathPoint], moved: Option<&Self>) -> Reached {
         let frames = frames(path);
-        let effort = |(frame, is_press): &(Pose, bool)| {
-            let own = self.effort(frame, *is_press);
-            let elsewhere = || moved.is_some_and(|cell| cell.effort(frame, *is_press).is_ok());
+        let effort = |(frame, turning): &(Pose, Turning)| {
+            let own = self.effort(frame, *turning);
+            let elsewhere = || moved.is_some_and(|cell| cell.effort(frame, *turning).is_ok());
             own.map_err(|_| elsewhere())
         };
         let efforts: Vec<Result<Effort, bool>> = frames.par_iter().map(effort).collect();
@@ -513,13 +513,13 @@ fn strokes(path: &[PathPoint]) -> Vec<(usize, &[PathPoint])> {
     each.collect()
 }
 
-/// The contact frame of each point, and whether it is pressed without travel.
-pub(crate) fn frames(path: &[PathPoint]) -> Vec<(Pose, bool)> {
+/// The contact frame of each point, and how the roller may be turned there.
+pub(crate) fn frames(path: &[PathPoint]) -> Vec<(Pose, Turning)> {
     let each = strokes(path).into_iter().flat_map(|(_, points)| {
-        let is_press = points.iter().all(|point| point.travel.is_none());
+        let turning = Turning::of(points);
         contacts(points)
             .into_iter()
-            .map(move |frame| (frame, is_press))
+            .map(move |frame| (frame, turning))
     });
     each.collect()
 }

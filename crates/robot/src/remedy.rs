@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::path::PathPoint;
 use super::place::Pose;
 use super::plan::{Plan, frames};
-use super::strokes::{Way, turned};
+use super::strokes::{Turning, Way, turned};
 use super::workcell::{Cell, Check};
 
 /// A place for the arm's base.
@@ -43,9 +43,9 @@ impl Cell {
     pub fn best_base(&self, path: &[PathPoint]) -> Option<(Pose, BaseProposal)> {
         let frames = frames(path);
         // Where the roller itself does not fit no arm helps.
-        let fits = |(frame, is_press): &&(Pose, bool)| self.fits_somehow(frame, *is_press);
+        let fits = |(frame, turning): &&(Pose, Turning)| self.fits_somehow(frame, *turning);
         let of = frames.len();
-        let frames: Vec<&(Pose, bool)> = frames.iter().filter(fits).collect();
+        let frames: Vec<&(Pose, Turning)> = frames.iter().filter(fits).collect();
         let mut moves: Vec<Vector3<f64>> = Vec::new();
         for x in ACROSS {
             for y in ACROSS {
@@ -55,7 +55,7 @@ impl Cell {
         moves.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
         let count = |by: &Vector3<f64>| {
             let cell = self.moved(Translation3::from(*by) * self.base);
-            let reaches = |(frame, is_press): &&&(Pose, bool)| cell.can_reach(frame, *is_press);
+            let reaches = |(frame, turning): &&&(Pose, Turning)| cell.can_reach(frame, *turning);
             match cell.base_in() {
                 Some(_) => None,
                 None => Some(frames.iter().filter(reaches).count()),
@@ -88,27 +88,27 @@ impl Cell {
 
     /// Which points of a path the arm reaches, each by itself and without deviations.
     pub fn reachable(&self, path: &[PathPoint]) -> Vec<bool> {
-        let reach = |(frame, is_press): &(Pose, bool)| self.can_reach(frame, *is_press);
+        let reach = |(frame, turning): &(Pose, Turning)| self.can_reach(frame, *turning);
         frames(path).par_iter().map(reach).collect()
     }
 
     /// Whether the roller fits on a contact in any direction and at any tilt.
-    fn fits_somehow(&self, frame: &Pose, is_press: bool) -> bool {
+    fn fits_somehow(&self, frame: &Pose, turning: Turning) -> bool {
         let ways = self
-            .ways(is_press)
+            .ways(turning)
             .into_iter()
             .filter(|way| way.station == 0);
         ways.into_iter()
             .any(|way| self.fits(&turned(frame, way.yaw), way.tilt).is_ok())
     }
 
-    fn can_reach(&self, frame: &Pose, is_press: bool) -> bool {
+    fn can_reach(&self, frame: &Pose, turning: Turning) -> bool {
         // No deviations: they cost a dozen times as much, and this ranks places only.
         let tilts = |way: &&Way| {
             way.tilt == 0.0 || way.tilt.abs() > 0.9 * self.limits.tilt_deg.to_radians()
         };
-        let ways = self.ways(is_press);
-        let turned = |way: &&Way| !is_press || way.yaw % FRAC_PI_2 < 0.1;
+        let ways = self.ways(turning);
+        let turned = |way: &&Way| turning == Turning::Rolling || way.yaw % FRAC_PI_2 < 0.1;
         ways.iter()
             .filter(tilts)
             .filter(turned)
@@ -129,8 +129,8 @@ impl Cell {
         let best = self.best_base(path).filter(|(base, _)| *base != self.base);
         let best = best.map(|(base, proposal)| (self.moved(base), proposal));
         plan.failed.par_iter_mut().for_each(|failed| {
-            let (frame, is_press) = &frames[failed.index];
-            let holds = |cell: &Self| cell.effort(frame, *is_press).is_ok();
+            let (frame, turning) = &frames[failed.index];
+            let holds = |cell: &Self| cell.effort(frame, *turning).is_ok();
             let with = |change: &dyn Fn(&mut Self)| {
                 let mut cell = self.clone();
                 change(&mut cell);
@@ -155,7 +155,7 @@ impl Cell {
             }) {
                 let [way, angle] = [self.limits.deviation_mm, self.limits.deviation_deg].map(|most| share * most);
                 format!("hold the roller to {way} mm and {angle} degrees (limits.deviation_mm, deviation_deg)")
-            } else if !self.fits_somehow(frame, *is_press) {
+            } else if !self.fits_somehow(frame, *turning) {
                 "none but a smaller roller or holder: they do not fit there, whatever arm holds them".into()
             } else {
                 "none found: another base, more tilt and less deviation do not reach it".into()

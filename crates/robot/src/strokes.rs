@@ -7,6 +7,7 @@ use nalgebra::{Rotation3, Translation3, Vector3};
 
 use super::arm::Joints;
 use super::obstacles::Touch;
+use super::path::PathPoint;
 use super::place::Pose;
 use super::program::Contact;
 use super::workcell::{Cell, Check, FAR, Fault, STEP};
@@ -51,6 +52,25 @@ pub(crate) struct Found {
     pub fault: Option<(Fault, String)>,
 }
 
+/// How a roller may be turned about the normal of what it presses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Turning {
+    /// At will: it presses without rolling.
+    Free,
+    /// Along its way, or back to front.
+    Rolling,
+}
+
+impl Turning {
+    /// Of the points of a stroke.
+    pub fn of(stroke: &[PathPoint]) -> Self {
+        match stroke.iter().all(|point| point.travel.is_none()) {
+            true => Self::Free,
+            false => Self::Rolling,
+        }
+    }
+}
+
 /// Candidates of a station that are enough, and of all stations.
 const ENOUGH: [usize; 2] = [3, 12];
 /// What a tilt of 10 degrees is worth [s], a manipulability of a tenth, and a clearance of nothing.
@@ -62,15 +82,15 @@ const TILTS: usize = 3;
 
 impl Cell {
     /// All ways to hold points, those that take least first.
-    pub(crate) fn ways(&self, is_press: bool) -> Vec<Way> {
+    pub(crate) fn ways(&self, turning: Turning) -> Vec<Way> {
         let most = self.limits.tilt_deg.to_radians();
         let tilts = match most > 0.0 {
             true => TILTS as i32,
             false => 0,
         };
-        let yaws: Vec<f64> = match is_press {
-            true => (0..16).map(|k| f64::from(k) * FRAC_PI_8).collect(),
-            false => vec![0.0, PI],
+        let yaws: Vec<f64> = match turning {
+            Turning::Free => (0..16).map(|k| f64::from(k) * FRAC_PI_8).collect(),
+            Turning::Rolling => vec![0.0, PI],
         };
         let mut ways = Vec::new();
         for station in 0..self.angles.len() {
@@ -96,8 +116,8 @@ impl Cell {
     }
 
     /// Ways along the contacts `frames`, or as many of them as some way has.
-    pub(crate) fn along(&self, frames: &[Pose], points: &[usize], is_press: bool) -> Found {
-        let ways = self.ways(is_press);
+    pub(crate) fn along(&self, frames: &[Pose], points: &[usize], turning: Turning) -> Found {
+        let ways = self.ways(turning);
         let mut open: Vec<(f64, Way, Joints)> = Vec::new();
         let (mut faults, mut poses) = (Vec::new(), 0);
         let mut fitting = Vec::new();
@@ -313,7 +333,10 @@ impl Cell {
         let margin = 1e3 * FAR.min(1e-3 * (self.limits.clearance_mm + self.limits.deviation_mm));
         let share = margin / self.limits.clearance_mm.max(0.1);
         let mut bits = 0;
-        let ways = self.ways(false).into_iter().filter(|way| way.yaw == 0.0);
+        let ways = self
+            .ways(Turning::Rolling)
+            .into_iter()
+            .filter(|way| way.yaw == 0.0);
         let mut fitting = Vec::new();
         for (k, way) in ways.enumerate().take(64) {
             if self.fits_in(contact, &way, &mut fitting).is_err() {
@@ -332,9 +355,9 @@ impl Cell {
     }
 
     /// The least that a point takes by itself, if it can be reached at all.
-    pub(crate) fn effort(&self, frame: &Pose, is_press: bool) -> Result<Effort, Fault> {
+    pub(crate) fn effort(&self, frame: &Pose, turning: Turning) -> Result<Effort, Fault> {
         let (mut worst, mut fitting) = (None::<Fault>, Vec::new());
-        for way in self.ways(is_press) {
+        for way in self.ways(turning) {
             let fits = self.fits_in(&turned(frame, way.yaw), &way, &mut fitting);
             match fits.and_then(|()| self.reaches(frame, &way, true)) {
                 Ok(_) => return Ok(way.effort),

@@ -7,7 +7,7 @@
 //! modulus by the sign of its C: the law of yarns and diagonals, integrated over the triangle.
 //!
 //! Linear triangles have constant strain. Where yarns run obliquely to the mesh they cannot
-//! follow inextensible yarns in bending lines, and lock; `docs/PHYSICS.md` says by how much.
+//! follow inextensible yarns in bending lines, and lock: a strip is then at least twice as stiff.
 
 use super::bend::along_yarn;
 use super::curve::{Lagged, of_sign, within};

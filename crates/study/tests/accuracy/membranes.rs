@@ -392,16 +392,3 @@ fn membranes_across_the_yarns_lock() {
         "{across} N/m is not far above {along} N/m"
     );
 }
-
-#[test]
-#[ignore = "measures what docs/PHYSICS.md reports; minutes"]
-fn locking_measured() {
-    for (cell, vertices) in [(10.0, [9, 4]), (5.0, [17, 7]), (2.5, [33, 13])] {
-        for h in [5e-6, 2e-6] {
-            let along = bias_stiffness(&bias_strip(cell), h, 0.1);
-            let square = membranes([0.08, 0.03], vertices, 45.0, Material::interglas_92125());
-            let across = bias_stiffness(&square, h, 0.1);
-            println!("cell {cell} mm, h {h:e} s: along {along:.1}, across {across:.1} N/m");
-        }
-    }
-}
