@@ -12,7 +12,7 @@ use super::field::{FieldReport, OntoArgs, Writer as FieldWriter, picture, write_
 use super::loaded::{Loaded, Source, read_checkpoint, shape_of};
 use super::next_tool::{NEXT_TOOL, write_next_tool};
 use super::output::{check_outputs, print};
-use super::planned::{Planned, name};
+use super::planned::{FOLDER, Planned, RESOLVED, name};
 use super::result::path;
 use super::setup::open_run;
 use super::terminal::Told;
@@ -299,6 +299,9 @@ struct ProgramReport {
     reachable: usize,
     strokes: usize,
     program_s: f64,
+    /// Neither the run nor the command has named one.
+    #[serde(skip)]
+    is_default_cell: bool,
 }
 
 /// Writes the program by which a robot presses the path of the run.
@@ -329,18 +332,28 @@ fn program(
         reachable: planned.path.len() - planned.plan.failed.len(),
         strokes: program.strokes.len(),
         program_s: program.seconds(),
+        is_default_cell: args.cell.is_none()
+            && loaded.config.cell.is_none()
+            && !loaded.folder.path.join(FOLDER).join(RESOLVED).exists(),
         file: file.into(),
     };
     print(&report, args.json, |report| {
-        format!(
-            "{}: {} of {} points in {} strokes by a {}, {:.1} s; `drape robot` says why others are not pressed",
+        let mut text = format!(
+            "{}: {} of {} points in {} strokes by a {}, {:.1} s",
             report.file.display(),
             report.reachable,
             report.points,
             report.strokes,
             report.robot,
             report.program_s
-        )
+        );
+        if report.reachable < report.points {
+            text += "; `drape robot` says why others are not pressed";
+        }
+        if report.is_default_cell {
+            text += "\nwarning: no cell was given, so this is for the default one and no other: name yours with --cell";
+        }
+        text
     })
 }
 

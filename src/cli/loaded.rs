@@ -86,14 +86,23 @@ impl Loaded {
                 env = config.env.clone();
                 scene
             }
-            Some(_) if !matches!(config.policy.network, NetworkConfig::Unet(_)) => {
-                return Err(Failure::invalid(anyhow!(
-                    "{place}: `policy.network` plays on the run's own scene only, expected `unet`"
-                )));
-            }
             Some((file, region)) => {
                 env.region_mm = region.or(env.region_mm);
                 let other = SceneConfig::read(file).or_invalid()?;
+                if !matches!(config.policy.network, NetworkConfig::Unet(_)) {
+                    let mut task = config.clone();
+                    (task.scene, task.env) = (other.clone(), env.clone());
+                    let [own, seen] = [shape_of(&config)?, shape_of(&task)?];
+                    if own != seen {
+                        return Err(Failure::invalid(anyhow!(
+                            "{place}: `policy.network` has learned on {} x {} pixels, expected {} x {}, or a `unet`",
+                            own.rows,
+                            own.columns,
+                            seen.rows,
+                            seen.columns
+                        )));
+                    }
+                }
                 set_up_member((&other, &env), &file.display().to_string(), json)?
             }
         };
@@ -245,6 +254,12 @@ pub(super) fn read_weights(
 ) -> Result<Weights, Failure> {
     let weights = match from.is_file() {
         true => Weights::read(from).or_invalid()?,
+        false if !from.exists() => {
+            let shown = from.display();
+            return Err(Failure::invalid(anyhow!(
+                "there is no run or policy {shown}"
+            )));
+        }
         false => {
             let (folder, own) = open_run(from)?;
             let (path, checkpoint) = read_checkpoint(&folder, checkpoint)?;

@@ -46,7 +46,7 @@ pub struct PlanArgs {
           value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     seconds: u32,
 
-    /// Presses of the search instead, which come to the same bits each time
+    /// Presses of the search instead, which come to the same bits each time; some thousand more choose among what it finds
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=RunConfig::MAX_STEPS))]
     steps: Option<u64>,
 
@@ -120,7 +120,13 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
     let (found, env_steps) = run.by_moves(&worlds, known, budget)?;
     let seconds = began.elapsed().as_secs_f64();
     if found.rounds == 0 && asked().is_none() {
-        tell("warning: the search had no time for a single move: give it more");
+        let lacked = match budget {
+            Budget::Presses(_) => "presses",
+            Budget::Until(_) => "time",
+        };
+        tell(format_args!(
+            "warning: the search had no {lacked} left for a single move: give it more"
+        ));
     }
     let best = BestPaths::judged(found.orders);
     let sequence = run.keep(&best)?;
@@ -129,14 +135,6 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
     match sequence.filter(|_| interrupted.is_none()) {
         Some(sequence) => {
             rows = run.prove(sequence)?;
-            // What has diverged has no score.
-            let better = |row: &&Row| row.best.score > rows[0].best.score;
-            if let Some(other) = rows.iter().find(better) {
-                tell(format_args!(
-                    "warning: the best of order {} scores more than the path: give the search more time",
-                    other.order
-                ));
-            }
         }
         None => tell(format_args!(
             "interrupted; prove what is found with: drape eval {} --sequence --prove",

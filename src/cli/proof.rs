@@ -224,6 +224,14 @@ pub(super) fn text(rows: &[Row]) -> String {
             .number("strokes", 0, |row| row.best.path.strokes)
             .number("robot", 0, |row| row.best.robot_s);
         parts.push(table.end().text());
+        // What has diverged has no score.
+        let better = |row: &&&Row| first.order == "path" && row.best.score > first.best.score;
+        if let Some(other) = rows.iter().find(better) {
+            parts.push(format!(
+                "the best of order {} scores more than the path: more steps of training or search find better ones",
+                other.order
+            ));
+        }
         let diverged = rows.iter().filter(|row| row.diverged > 0);
         let line = |row: &&Row| {
             format!(

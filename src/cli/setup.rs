@@ -10,6 +10,7 @@ use super::output::Progress;
 use super::terminal::tell;
 use crate::run::{Input, RunConfig, RunFolder, Scenes};
 use drape_cloth::fabric::Lamina;
+use drape_cloth::file::read_text;
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::tool::{Deepest, Source};
@@ -201,8 +202,26 @@ pub fn read_config(path: Option<&Path>) -> Result<(RunConfig, String), Failure> 
     let Some(path) = path else {
         return Ok((RunConfig::quickstart(), "built-in quickstart".into()));
     };
-    let config = RunConfig::read(path).or_invalid()?;
-    Ok((config, path.display().to_string()))
+    let place = path.display().to_string();
+    match RunConfig::read(path) {
+        Ok(config) => Ok((config, place)),
+        Err(_) if is_scene(path) => Err(Failure::invalid(anyhow!(
+            "{place}: a scene, expected a run configuration, which names it as `scene_file`"
+        ))),
+        Err(error) => Err(error).or_invalid(),
+    }
+}
+
+/// Whether a file has tables of a scene at its top.
+fn is_scene(path: &Path) -> bool {
+    let table = read_text(path)
+        .ok()
+        .and_then(|text| text.parse::<toml::Table>().ok());
+    table.is_some_and(|table| {
+        ["tool", "blank", "placement"]
+            .iter()
+            .any(|key| table.contains_key(*key))
+    })
 }
 
 /// What a run keeps of its configuration: as text, and files.

@@ -69,7 +69,12 @@ pub struct TrainArgs {
     pub(super) resume: Option<PathBuf>,
 
     /// Changes a key of the run that is gone on with, in TOML; one that may not change lists those that may
-    #[arg(long, value_name = "KEY=VALUE", requires = "resume")]
+    #[arg(
+        long,
+        value_name = "KEY=VALUE",
+        requires = "resume",
+        conflicts_with = "from"
+    )]
     set: Vec<String>,
 
     /// Policy to learn on from, of a run or a file of `drape export --format policy`, with its network
@@ -143,6 +148,9 @@ pub(super) fn train(
     let cluster = &session.cluster;
     let quiet = args.json || !cluster.is_first();
     let mut training = begin(args, session)?;
+    if training.is_complete() && !quiet {
+        tell("no steps are left: --steps and --polish take a training further");
+    }
     let asked = stop_on_signal()?;
     // All processes stop together, so all ask.
     let asked = || cluster.gather(asked()).into_iter().flatten().next();
@@ -407,7 +415,7 @@ pub(super) fn text(outcome: &Outcome) -> String {
     format!(
         "{run}: {} environment steps in {:.0} s, {:.0} a second\n\
          time: simulation {:.0} %, inference {:.0} %, update {:.0} %\n\
-         score: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{diverged}{next}",
+         score in the world of the scene: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{diverged}{next}",
         outcome.env_steps,
         outcome.seconds,
         outcome.env_steps_per_second,

@@ -114,8 +114,7 @@ pub enum RunError {
     #[error("run {} already exists: choose another name, {_1}or remove the folder", .0.display())]
     Taken(PathBuf, &'static str),
     #[error(
-        "{} has no policy, as `drape {_1}` made it: `eval --sequence` replays \
-         its best path",
+        "{} has no policy, as `drape {_1}` made it; what it has is its best path (eval --sequence)",
         .0.display()
     )]
     Searched(PathBuf, String),

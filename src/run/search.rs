@@ -47,7 +47,7 @@ impl Budget {
 
 /// The best of `known` lists, or else of what the cross-entropy method finds in the world of the scene, and of orders that
 /// anybody could think of, changed by moves; with the presses made in all. `go_on` is told where the search is, and whether
-/// to go on is what it says.
+/// to go on is what it says; what comes before the moves is then as it was found, in the world of the scene.
 pub fn search_by_moves(
     judge: &mut Judge,
     scene: &Arc<Scene>,
@@ -67,7 +67,7 @@ pub fn search_by_moves(
         best: None,
     };
     let (mut starts, mut drawn) = (known, 0);
-    go_on(at(drawn));
+    let mut is_wanted = go_on(at(drawn));
     if starts.is_empty() {
         let mut best = BestPaths::default();
         let mut watch = |spent, ended: &[Episode]| {
@@ -76,7 +76,8 @@ pub fn search_by_moves(
             }
             drawn = spent;
             let [least, most] = DRAWN_SHARES;
-            go_on(at(spent)) && (is_within(least) || spent < DRAWN && is_within(most))
+            is_wanted = go_on(at(spent));
+            is_wanted && (is_within(least) || spent < DRAWN && is_within(most))
         };
         let mut draping = Draping::new(scene.clone(), &config.env, config.environments)?;
         let most = match budget {
@@ -89,6 +90,14 @@ pub fn search_by_moves(
         let mut arena = Arena::new(&mut draping, most, &mut watch);
         let method = CrossEntropy::alike(config.search_alike);
         cross_entropy(&mut arena, method, config.seed);
+        if !is_wanted {
+            let found = Found {
+                orders: best.into_judged(),
+                rounds: 0,
+                has_converged: false,
+            };
+            return Ok((found, drawn));
+        }
         starts.extend(best.lists().cloned());
     }
     starts.truncate(KNOWN);

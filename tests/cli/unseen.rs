@@ -46,7 +46,24 @@ fn a_policy_of_a_family_plays_on_a_scene_of_another_size() {
     let output = drape(folder.path(), &eval("runs/single"));
     assert_eq!(output.status.code(), Some(2));
     let message = String::from_utf8(output.stderr).unwrap();
-    assert!(message.contains("expected `unet`"), "{message}");
+    assert!(message.contains("or a `unet`"), "{message}");
+    // On images of its size it plays.
+    write(
+        "same.toml",
+        scene.replace("[blank]", "[placement]\nheight_mm = 3.0\n[blank]"),
+    );
+    let same = [
+        "eval",
+        "runs/single",
+        "--checkpoint",
+        "last",
+        "--scene",
+        "same.toml",
+        "--out",
+        "y",
+        "--json",
+    ];
+    assert!(json(folder.path(), &same)["episode"]["score"].is_number());
     // A region off the blank.
     let elsewhere = [
         "--scene",

@@ -10,8 +10,8 @@ use crate::arm::Joints;
 use crate::place::Pose;
 
 impl Program<'_> {
-    /// The program as a URScript function for each stroke; metres and radians, poses in the robot's base. The roller is
-    /// pressed along its z by force mode.
+    /// The program as a URScript function for each stroke; metres and radians, poses in the robot's base. Force mode
+    /// presses along z of the point that was reached last.
     ///
     /// # Errors
     /// If there is no stroke, or a number is not finite.
@@ -89,13 +89,12 @@ impl Program<'_> {
                     "    movel({at}, a=0.5, v={speed}) # point {}",
                     contact.point
                 );
-                if j == 0 {
-                    let _ = writeln!(
-                        out,
-                        "    force_mode(get_actual_tcp_pose(), [0, 0, 1, 0, 0, 0], [0, 0, {}, 0, 0, 0], 2, [0.1, 0.1, 0.05, 0.17, 0.17, 0.17])",
-                        number(self.speeds.force, 3)
-                    );
-                }
+                // At each: the frame in which the force acts stays where it is put.
+                let _ = writeln!(
+                    out,
+                    "    force_mode({at}, [0, 0, 1, 0, 0, 0], [0, 0, {}, 0, 0, 0], 2, [0.1, 0.1, 0.05, 0.17, 0.17, 0.17])",
+                    number(self.speeds.force, 3)
+                );
             }
             if stroke.contacts.len() == 1 {
                 let _ = writeln!(out, "    sleep({})", number(self.speeds.press_s, 3));
