@@ -351,7 +351,7 @@ fn program(
             text += "; `drape robot` says why others are not pressed";
         }
         if report.is_default_cell {
-            text += "\nwarning: no cell was given, so this is for the default one and no other: name yours with --cell";
+            text += "\nwarning: no cell was given, so this is for the default one: name yours with --cell";
         }
         text
     })

@@ -415,7 +415,7 @@ pub(super) fn text(outcome: &Outcome) -> String {
     format!(
         "{run}: {} environment steps in {:.0} s, {:.0} a second\n\
          time: simulation {:.0} %, inference {:.0} %, update {:.0} %\n\
-         score in the world of the scene: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{diverged}{next}",
+         score in one world: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{diverged}{next}",
         outcome.env_steps,
         outcome.seconds,
         outcome.env_steps_per_second,
