@@ -12,7 +12,7 @@ use super::field::{FieldReport, OntoArgs, Writer as FieldWriter, picture, write_
 use super::loaded::{Loaded, Source, read_checkpoint, shape_of};
 use super::next_tool::{NEXT_TOOL, write_next_tool};
 use super::output::{check_outputs, print};
-use super::planned::{FOLDER, Planned, RESOLVED, name};
+use super::planned::{Planned, name};
 use super::result::path;
 use super::setup::open_run;
 use super::terminal::Told;
@@ -24,7 +24,7 @@ use drape_cloth::sim::{Bending, BendingStiffness};
 use drape_field::{abaqus, composite_cae, elements_csv, radioss, vtu};
 use drape_learn::policy::DeviceKind;
 use drape_proof::Physics;
-use drape_robot::{Program, ProgramError};
+use drape_robot::{CellConfig, Program, ProgramError};
 use drape_task::env::Scatter;
 use drape_task::path::inp::{Deck, Dialect, DrapingDeck, FabricCard};
 use drape_task::path::{DrapingPoint, Frame, PathFigures, write_csv, write_json};
@@ -299,7 +299,7 @@ struct ProgramReport {
     reachable: usize,
     strokes: usize,
     program_s: f64,
-    /// Neither the run nor the command has named one.
+    /// That is of nobody's shop.
     #[serde(skip)]
     is_default_cell: bool,
 }
@@ -326,15 +326,18 @@ fn program(
     let program = planned.cell.program(&planned.plan, &name(&args.run));
     let text = writer(&program).with_context(|| file.display().to_string())?;
     write_atomic(&file, |to| to.write_all(text.as_bytes()))?;
+    // The base of the default one is found anew for each path.
+    let cell = CellConfig {
+        base: None,
+        ..planned.config.clone()
+    };
     let report = ProgramReport {
         robot: planned.cell.arm.name.clone(),
         points: planned.path.len(),
         reachable: planned.path.len() - planned.plan.failed.len(),
         strokes: program.strokes.len(),
         program_s: program.seconds(),
-        is_default_cell: args.cell.is_none()
-            && loaded.config.cell.is_none()
-            && !loaded.folder.path.join(FOLDER).join(RESOLVED).exists(),
+        is_default_cell: cell == CellConfig::unnamed(),
         file: file.into(),
     };
     print(&report, args.json, |report| {

@@ -91,6 +91,7 @@ impl Loaded {
                 let other = SceneConfig::read(file).or_invalid()?;
                 if !matches!(config.policy.network, NetworkConfig::Unet(_)) {
                     let mut task = config.clone();
+                    task.scenes.clear();
                     (task.scene, task.env) = (other.clone(), env.clone());
                     let [own, seen] = [shape_of(&config)?, shape_of(&task)?];
                     if own != seen {

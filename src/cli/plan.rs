@@ -136,6 +136,7 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
         Some(sequence) => {
             rows = run.prove(sequence)?;
         }
+        None if best.score().is_none() => tell("interrupted before anything was found"),
         None => tell(format_args!(
             "interrupted; prove what is found with: drape eval {} --sequence --prove",
             run.folder.path.display()

@@ -228,7 +228,7 @@ pub(super) fn text(rows: &[Row]) -> String {
         let better = |row: &&&Row| first.order == "path" && row.best.score > first.best.score;
         if let Some(other) = rows.iter().find(better) {
             parts.push(format!(
-                "order {} scores more than the path: give training or search more steps",
+                "order {} scores more, costs apart: give training or search more steps",
                 other.order
             ));
         }

@@ -212,15 +212,15 @@ pub fn read_config(path: Option<&Path>) -> Result<(RunConfig, String), Failure> 
     }
 }
 
-/// Whether a file has tables of a scene at its top.
+/// Whether a file has tables of a scene at its top, and none of a run configuration.
 fn is_scene(path: &Path) -> bool {
     let table = read_text(path)
         .ok()
         .and_then(|text| text.parse::<toml::Table>().ok());
+    let has = |table: &toml::Table, keys: &[&str]| keys.iter().any(|key| table.contains_key(*key));
     table.is_some_and(|table| {
-        ["tool", "blank", "placement"]
-            .iter()
-            .any(|key| table.contains_key(*key))
+        has(&table, &["tool", "blank", "placement"])
+            && !has(&table, &["preset", "scene", "scene_file", "env"])
     })
 }
 

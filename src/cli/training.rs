@@ -69,12 +69,7 @@ pub struct TrainArgs {
     pub(super) resume: Option<PathBuf>,
 
     /// Changes a key of the run that is gone on with, in TOML; one that may not change lists those that may
-    #[arg(
-        long,
-        value_name = "KEY=VALUE",
-        requires = "resume",
-        conflicts_with = "from"
-    )]
+    #[arg(long, value_name = "KEY=VALUE", requires = "resume")]
     set: Vec<String>,
 
     /// Policy to learn on from, of a run or a file of `drape export --format policy`, with its network
@@ -148,7 +143,8 @@ pub(super) fn train(
     let cluster = &session.cluster;
     let quiet = args.json || !cluster.is_first();
     let mut training = begin(args, session)?;
-    if training.is_complete() && !quiet {
+    let is_asked = args.steps.is_some() || args.polish.is_some();
+    if training.is_complete() && training.folder.proof.exists() && !is_asked && !quiet {
         tell("no steps are left: --steps and --polish take a training further");
     }
     let asked = stop_on_signal()?;
@@ -229,6 +225,12 @@ pub(super) fn train(
 fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure> {
     let cluster = &session.cluster;
     let quiet = args.json || !cluster.is_first();
+    // What conflicts with `--resume` would let clap pass this.
+    if args.resume.is_none() && !args.set.is_empty() {
+        return Err(Failure::invalid(anyhow!(
+            "`--set` changes a run that is gone on with, expected --resume"
+        )));
+    }
     let resumed = args.resume.as_deref().map(RunFolder::open);
     let resumed = resumed.transpose().or_invalid()?;
     if let Some(folder) = &resumed {
@@ -284,6 +286,13 @@ fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure
     // All that can be wrong with the configuration shows before the folder is made.
     config.device.open().or_invalid_in(&place)?;
     if let Some(folder) = resumed {
+        let has_policy = folder.read_info().is_some_and(|info| info.policy.is_some());
+        if has_policy && !folder.last_checkpoint.exists() {
+            let shown = folder.path.display();
+            return Err(Failure::invalid(anyhow!(
+                "{shown} began from a policy and ended before its first checkpoint: begin another with --from"
+            )));
+        }
         let taken = Training::taken(&folder)?;
         let mut checked = config.clone();
         if let Some(taken) = taken {

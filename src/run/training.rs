@@ -189,12 +189,6 @@ impl Training {
         let has_begun = path.exists() || fs::metadata(&folder.metrics).is_ok_and(|m| m.len() > 0);
         // All have looked before the first writes.
         if !cluster.any(has_begun) {
-            if folder.read_info().is_some_and(|info| info.policy.is_some()) {
-                let shown = folder.path.display();
-                bail!(
-                    "{shown} began from a policy and ended before its first checkpoint: begin it anew with --from"
-                );
-            }
             if cluster.is_first() {
                 for log in [&folder.metrics, &folder.events] {
                     let _ = fs::remove_file(log);

@@ -100,9 +100,15 @@ fn policies_are_files() {
     fs::remove_file(path.join("runs/on/checkpoints/last.drape")).unwrap();
     fs::write(path.join("runs/on/metrics.jsonl"), "").unwrap();
     let output = drape(path, &["train", "--resume", "runs/on"]);
-    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(output.status.code(), Some(2));
     let stderr = String::from_utf8(output.stderr).unwrap();
-    assert!(stderr.contains("begin it anew with --from"), "{stderr}");
+    assert!(stderr.contains("begin another with --from"), "{stderr}");
+    // Keys are changed of runs that are gone on with, and of no others.
+    let output = drape(
+        path,
+        &["train", "slow.toml", "--from", "runs/a", "--set", "steps=9"],
+    );
+    assert_eq!(output.status.code(), Some(2));
 
     fs::write(path.join("cut.drape"), &policy[..99]).unwrap();
     for (from, fault) in [("cut.drape", "cut short"), ("runs/b", "runs/b")] {
