@@ -18,7 +18,7 @@ use drape_cloth::fabric::Lamina;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Observation;
-use drape_learn::policy::{DeviceKind, NetworkConfig};
+use drape_learn::policy::DeviceKind;
 use drape_learn::ppo::{Agent, Sampling};
 use drape_task::env::{
     Draping, End, EnvConfig, ImageShape, Played, Task, Tasks, most_environments,
@@ -89,20 +89,11 @@ impl Loaded {
             Some((file, region)) => {
                 env.region_mm = region.or(env.region_mm);
                 let other = SceneConfig::read(file).or_invalid()?;
-                if !matches!(config.policy.network, NetworkConfig::Unet(_)) {
+                if let Source::Checkpoint(name) = source {
                     let mut task = config.clone();
                     task.scenes.clear();
                     (task.scene, task.env) = (other.clone(), env.clone());
-                    let [own, seen] = [shape_of(&config)?, shape_of(&task)?];
-                    if own != seen {
-                        return Err(Failure::invalid(anyhow!(
-                            "{place}: `policy.network` has learned on {} x {} pixels, expected {} x {}, or a `unet`",
-                            own.rows,
-                            own.columns,
-                            seen.rows,
-                            seen.columns
-                        )));
-                    }
+                    read_weights(run, name, &task)?;
                 }
                 set_up_member((&other, &env), &file.display().to_string(), json)?
             }

@@ -47,7 +47,8 @@ impl Budget {
 
 /// The best of `known` lists, or else of what the cross-entropy method finds in the world of the scene, and of orders that
 /// anybody could think of, changed by moves; with the presses made in all. `go_on` is told where the search is, and whether
-/// to go on is what it says; what comes before the moves is then as it was found, in the world of the scene.
+/// to go on is what it says: a search that ends before its moves gives what the cross-entropy method has found, with scores
+/// of the world of the scene.
 pub fn search_by_moves(
     judge: &mut Judge,
     scene: &Arc<Scene>,

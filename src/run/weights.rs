@@ -13,7 +13,7 @@ use drape_task::env::{Draping, ImageShape, Tasks, Terrain};
 const FILE: Sealed = Sealed {
     name: "a policy",
     kind: 2,
-    format: 1,
+    format: 2,
 };
 
 /// A policy apart from the run that taught it: what its network is, and its parameters.

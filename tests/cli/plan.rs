@@ -109,6 +109,8 @@ fn policies_are_files() {
         &["train", "slow.toml", "--from", "runs/a", "--set", "steps=9"],
     );
     assert_eq!(output.status.code(), Some(2));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.contains("expected --resume"), "{stderr}");
 
     fs::write(path.join("cut.drape"), &policy[..99]).unwrap();
     for (from, fault) in [("cut.drape", "cut short"), ("runs/b", "runs/b")] {

@@ -188,6 +188,19 @@ fn urscript_puts_the_roller_on_the_points() {
                 count += 1;
             }
             assert_eq!(count, 31);
+            // At each point the force acts in its frame.
+            let frame = |word| {
+                move |line: &str| {
+                    line.trim()
+                        .strip_prefix(word)?
+                        .split(']')
+                        .next()
+                        .map(str::to_owned)
+                }
+            };
+            let [at, pressed]: [Vec<String>; 2] = ["movel(p", "force_mode(p"]
+                .map(|word| text.lines().filter_map(frame(word)).collect());
+            assert_eq!(at, pressed);
             let opened = text
                 .lines()
                 .filter(|line| line.trim().starts_with("def "))
