@@ -125,6 +125,15 @@ impl Format {
             _ => None,
         }
     }
+
+    /// Names of those that write a fibre field.
+    fn with_elements() -> String {
+        let all = Self::value_variants().iter();
+        let names = all.filter(|format| format.field().is_some());
+        let names: Vec<_> = names.filter_map(Self::to_possible_value).collect();
+        let names: Vec<_> = names.iter().map(|name| name.get_name()).collect();
+        names.join(", ")
+    }
 }
 
 type Writer = fn(&Program) -> Result<String, ProgramError>;
@@ -156,7 +165,8 @@ struct Report {
 
 /// Runs `drape export`.
 pub fn run(args: ExportArgs) -> Result<(), Failure> {
-    let mesh = args.onto.read(args.format.field().is_some())?;
+    let others = args.format.field().is_none().then(Format::with_elements);
+    let mesh = args.onto.read(others.as_deref())?;
     if let Format::Policy = args.format {
         return policy(&args);
     }

@@ -74,15 +74,14 @@ impl FieldReport {
 }
 
 impl OntoArgs {
-    /// Reads the mesh, which only formats with elements may have.
-    pub fn read(&self, has_elements: bool) -> Result<Option<TriMesh>, Failure> {
+    /// Reads the mesh, which only formats with elements may have: `formats` are their names if this is none.
+    pub fn read(&self, formats: Option<&str>) -> Result<Option<TriMesh>, Failure> {
         let Some(path) = &self.onto else {
             return Ok(None);
         };
-        if !has_elements {
-            let error = "`--onto` is for formats with elements, expected vtu, abaqus-orientation, radioss, hdf5 or \
-                         csv-elements";
-            return Err(Failure::invalid(anyhow!(error)));
+        if let Some(formats) = formats {
+            let error = anyhow!("`--onto` is for formats with elements, expected one of {formats}");
+            return Err(Failure::invalid(error));
         }
         let read = read_mesh(path, self.scale.unwrap_or(1e-3)).or_invalid()?;
         let refused = |fault: String| Err(Failure::invalid(anyhow!("{}: {fault}", path.display())));

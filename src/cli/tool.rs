@@ -19,19 +19,6 @@ use drape_scan::{Changes, repair};
 /// Points at which the distance grid is compared.
 const GRID_SAMPLES: usize = 20_000;
 
-/// Names of the shapes.
-pub(super) const SHAPES: [&str; 9] = [
-    "rib",
-    "hemisphere",
-    "double-dome",
-    "plate",
-    "cylinder",
-    "incline",
-    "trough",
-    "saddle",
-    "hills",
-];
-
 /// What the distance may err by near the surface [mm].
 const GRID_ERROR: &str = "0.1";
 
@@ -129,7 +116,7 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
     let written = args.picture.iter().chain(&args.out);
     check_outputs(written.map(PathBuf::as_path), [&*args.tool])?;
     let name = args.tool.to_string_lossy();
-    let is_file = !SHAPES.contains(&&*name) && (args.tool.is_file() || name.contains('.'));
+    let is_file = !Shape::KINDS.contains(&&*name) && (args.tool.is_file() || name.contains('.'));
     let scale = args.scale.unwrap_or(1e-3);
     let (shape, mut mesh, dropped) = if is_file {
         if let Some(set) = args.set.first() {
@@ -230,9 +217,9 @@ fn picture(mesh: &TriMesh, file: &Path) -> Result<(), Failure> {
 pub(super) fn shape(name: &str, set: &[String]) -> Result<Shape, Error> {
     let kind = toml::Table::from_iter([("kind".to_owned(), name.into())]);
     ensure!(
-        SHAPES.contains(&name),
+        Shape::KINDS.contains(&name),
         "there is no shape or file {name}, expected a file or one of {}",
-        SHAPES.join(", ")
+        Shape::KINDS.join(", ")
     );
     let parse = |pairs: &[String]| {
         // The line of an error without a place is the first: it must not be quoted.

@@ -16,7 +16,7 @@ use super::loaded::load_agent;
 use super::planned::cell_config;
 use super::setup::{missed, odd_fit, oddities, open_run, read_config, warn};
 use super::terminal::{show, tell};
-use super::tool::{SHAPES, shape};
+use super::tool::shape;
 use crate::run::{
     BestSequence, Demonstrations, RunConfig, RunFolder, TrainingPreset, curve, digest, play,
     random_episodes, read_metrics,
@@ -26,7 +26,7 @@ use drape_cloth::file::{ValueError, check_name, check_writable, read_toml, write
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Fabric, Scene, SceneConfig};
 use drape_cloth::sim::{Accuracy, Snapshot};
-use drape_cloth::tool::{GridConfig, MeshSource, Pose, Source, ToolConfig};
+use drape_cloth::tool::{GridConfig, MeshSource, Pose, Shape, Source, ToolConfig};
 use drape_learn::ppo::{Agent, Sampling};
 use drape_robot::CellConfig;
 use drape_task::env::{Draping, EpisodeState, ImageShape, Tasks};
@@ -247,7 +247,7 @@ fn offers(args: &ViewArgs) -> Offers {
         grid: GridConfig::default(),
     };
     let by_default = |name| shape(name, &[]).expect("a shape has defaults");
-    let shapes = SHAPES.map(|name| (name.into(), tool(Source::Shape(by_default(name)))));
+    let shapes = Shape::KINDS.map(|name| (name.into(), tool(Source::Shape(by_default(name)))));
     let mesh = |path: &PathBuf| MeshSource {
         path: path.clone(),
         scale: 1e-3,

@@ -26,6 +26,21 @@ pub enum Shape {
     Hills(Hills),
 }
 
+impl Shape {
+    /// What `kind` may be.
+    pub const KINDS: [&str; 9] = [
+        "rib",
+        "hemisphere",
+        "double-dome",
+        "plate",
+        "cylinder",
+        "incline",
+        "trough",
+        "saddle",
+        "hills",
+    ];
+}
+
 /// A rib with a curved crest that crosses a plate along x:
 /// z = H (1 − k (x/X)²) (1 − (y/B)²)³ for |y| < B, and 0 beside it, where X is half the
 /// plate's size along x.

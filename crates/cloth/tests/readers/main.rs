@@ -12,7 +12,7 @@ use drape_cloth::fabric::{BlankConfig, Lamina, Material};
 use drape_cloth::file::in_words;
 use drape_cloth::mesh::{TriMesh, read_mesh};
 use drape_cloth::scene::{Scene, SceneConfig};
-use drape_cloth::tool::{GridConfig, Tool};
+use drape_cloth::tool::{GridConfig, Shape, Tool};
 
 /// Memory is counted for the whole process: one at a time.
 fn alone() -> MutexGuard<'static, ()> {
@@ -195,18 +195,7 @@ fn scenes() {
         blank = { size_mm = [100, 90], vertices = [9, 8], mass = \"datasheet\", yarn_angle_deg = 5 }\n\
         physics = { bending = \"dihedral\", tension = \"material\", strain_limit = 0.1, adhesion = 1, \
         shear_locking = true, self_collision = { thickness_mm = 0.5 }, solver = \"gauss_seidel\" }\n";
-    let shapes = [
-        "rib",
-        "hemisphere",
-        "double-dome",
-        "plate",
-        "cylinder",
-        "incline",
-        "trough",
-        "saddle",
-        "hills",
-    ];
-    let shapes = shapes.map(|kind| {
+    let shapes = Shape::KINDS.map(|kind| {
         format!(
             "[blank]\nvertices = [9, 9]\n[tool.source.shape]\nkind = \"{kind}\"\nbase_mm = 20\n"
         )

@@ -107,6 +107,14 @@ impl ActorCritic {
         }
     }
 
+    /// The same parameters in a graph of gradients of its own, so that threads do not wait for each other.
+    pub(crate) fn fork(&self) -> Self {
+        Self {
+            network: self.network.clone().fork(&self.device()),
+            ..self.clone()
+        }
+    }
+
     /// Device of constants such as advantages. Numbers put there meet the network without
     /// gradients of their own.
     pub fn device(&self) -> Device {

@@ -4,14 +4,15 @@ use super::error::NotFinite;
 use super::gae::{Next, gae};
 use super::imitation::Memory;
 use super::loss;
-use super::rollout::{Rollout, SeenRollout};
+use super::rollout::Rollout;
 use super::shared;
 use crate::policy::{ActorCritic, Batch, masked};
-use burn::optim::GradientsParams;
+use burn::optim::{GradientsAccumulator, GradientsParams};
 use burn::tensor::{Bool, Device, Int, Tensor, TensorData};
 use drape_cloth::math::Stream;
 use drape_cloth::sim::Observations;
 use drape_task::cluster::Cluster;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -72,13 +73,12 @@ pub fn update(
         shuffle.shuffle(&mut order);
         for piece in 0..pieces {
             let indices = &order[piece * order.len() / pieces..(piece + 1) * order.len() / pieces];
-            let imitated = match (&config.imitation, memory) {
-                (Some(c), Some(memory)) => memory.draw(c.samples, imitation),
-                _ => Vec::new(),
+            let (imitated, weight) = match (&config.imitation, memory) {
+                (Some(c), Some(memory)) => (memory.draw(c.samples, imitation), c.coefficient),
+                _ => (Vec::new(), 0.0),
             };
             let minibatch = Minibatch::new(config, rollout, &advantages, &returns, indices);
-            let terms = evaluate(&learner, minibatch, &imitated);
-            let found = descend(&mut learner, terms)?;
+            let found = descend(&mut learner, &minibatch, &imitated, weight)?;
             sum = std::array::from_fn(|k| sum[k] + found[k]);
         }
     }
@@ -127,35 +127,21 @@ fn group_advantages(rollout: &Rollout) -> Vec<f32> {
     advantages
 }
 
-/// A move that is to be imitated: a row of what was seen, and the action.
+/// A row of what was seen.
+type Seen<'a> = (&'a Observations, usize);
+/// A move that is to be imitated: such a row, and the action.
 type Shown<'a> = (&'a Observations, usize, u32);
 
 /// Takes a step towards moves that are to be imitated, and nothing else. Gives the cross-entropy before it
 /// [nat].
 pub fn imitate(mut learner: Learner, moves: &[Shown]) -> Result<f32, NotFinite> {
-    let actor_critic = &*learner.actor_critic;
-    let device = actor_critic.device();
-    let own = learner.cluster.share(moves.len());
-    let share = own.len() as f32 / moves.len() as f32;
-    let moves = &moves[own];
-    let batch = actor_critic.batch(moves.iter().map(|&(seen, row, _)| (seen, row)));
-    let (prediction, invalid) = actor_critic.predict(&batch);
-    let log_probs = masked::log_softmax(prediction.logits, invalid);
-    let actions = int_tensor(moves.iter().map(|&(_, _, action)| action), &device);
-    let loss = -masked::log_prob(log_probs, actions).mean();
-    let terms = Terms {
-        total: loss.clone() * share,
-        parts: vec![Tensor::zeros([3], &device), loss],
-        shares: [0.0, share],
-    };
-    Ok(descend(&mut learner, terms)?[3])
+    Ok(descend(&mut learner, &Minibatch::default(), moves, 1.0)?[3])
 }
 
 /// Samples of one gradient step.
+#[derive(Default)]
 struct Minibatch<'a> {
-    seen: &'a SeenRollout,
-    /// Their numbers there.
-    rows: Vec<usize>,
+    seen: Vec<Seen<'a>>,
     actions: Vec<u32>,
     log_probs: Vec<f32>,
     advantages: Vec<f32>,
@@ -176,8 +162,7 @@ impl<'a> Minibatch<'a> {
             advantages = loss::normalised(&advantages, config.advantage_floor);
         }
         Self {
-            seen: &rollout.seen,
-            rows: indices.to_vec(),
+            seen: indices.iter().map(|&i| rollout.seen.row(i)).collect(),
             actions: indices.iter().map(|&i| rollout.actions[i]).collect(),
             log_probs: pick(&rollout.log_probs),
             advantages,
@@ -186,109 +171,86 @@ impl<'a> Minibatch<'a> {
     }
 
     /// Some of the samples, as many as `own`.
-    fn part(mut self, own: Range<usize>) -> Self {
-        let cut = |numbers: Vec<f32>| numbers[own.clone()].to_vec();
-        self.rows = self.rows[own.clone()].to_vec();
-        self.actions = self.actions[own.clone()].to_vec();
-        self.log_probs = cut(self.log_probs);
-        self.advantages = cut(self.advantages);
-        self.returns = cut(self.returns);
-        self
+    fn part(&self, own: Range<usize>) -> Self {
+        let cut = |numbers: &[f32]| numbers[own.clone()].to_vec();
+        Self {
+            seen: self.seen[own.clone()].to_vec(),
+            actions: self.actions[own.clone()].to_vec(),
+            log_probs: cut(&self.log_probs),
+            advantages: cut(&self.advantages),
+            returns: cut(&self.returns),
+        }
     }
 }
 
-/// The loss of the samples that fall to this process.
-struct Terms {
-    /// To be summed over all processes.
-    total: Tensor<1>,
-    /// Means over its own samples: policy loss, value loss, entropy, imitation loss, KL, clip fraction.
-    parts: Vec<Tensor<1>>,
-    /// Its share of the minibatch and of the moves to be imitated.
+/// What one thread takes the gradient of: samples of a minibatch, moves to be imitated, and which share they
+/// are of all.
+struct Part<'a> {
+    samples: Minibatch<'a>,
+    imitated: &'a [Shown<'a>],
     shares: [f32; 2],
 }
 
-/// The loss of a minibatch and of some moves to be imitated:
-/// c₁ policy + c₂ value - c₃ entropy + c₄ imitation.
-fn evaluate(learner: &Learner, minibatch: Minibatch, imitated: &[Shown]) -> Terms {
+/// Parts of a minibatch of which threads take gradients side by side: as many on any number of threads, so
+/// that sums have the same bits.
+const PARTS: usize = 8;
+
+/// Takes one step against the gradient of the loss of a minibatch and of some moves to be imitated,
+/// c₁ policy + c₂ value - c₃ entropy + `weight` imitation, over all processes and limited to the largest norm
+/// allowed. Gives policy loss, value loss, entropy, imitation loss, KL, clip fraction, and the norm.
+fn descend(
+    learner: &mut Learner,
+    minibatch: &Minibatch,
+    imitated: &[Shown],
+    weight: f32,
+) -> Result<[f32; 7], NotFinite> {
     let Learner {
         config, cluster, ..
     } = learner;
     let actor_critic = &*learner.actor_critic;
-    let [samples, moves] = [minibatch.actions.len(), imitated.len()];
-    let minibatch = minibatch.part(cluster.share(samples));
-    let imitated = &imitated[cluster.share(moves)];
-    let share = |own: usize, all: usize| own as f32 / all.max(1) as f32;
-    let shares = [
-        share(minibatch.actions.len(), samples),
-        share(imitated.len(), moves),
-    ];
-    let device = actor_critic.device();
-    let (own, others) = (minibatch.actions.len(), imitated.len());
-    // One pass through the network for both kinds of samples.
-    let rows = minibatch
-        .rows
-        .iter()
-        .map(|&sample| minibatch.seen.row(sample));
-    let rows = rows.chain(imitated.iter().map(|&(seen, row, _)| (seen, row)));
-    let batch = actor_critic.batch(rows);
-    let actions = minibatch.actions.iter().copied();
-    let actions = actions.chain(imitated.iter().map(|&(_, _, action)| action));
-
-    let (prediction, invalid) = actor_critic.predict(&batch);
-    let log_probs = masked::log_softmax(prediction.logits, invalid.clone());
-    let log_prob = masked::log_prob(log_probs.clone(), int_tensor(actions, &device));
-
-    let new = log_prob.clone().narrow(0, 0, own);
-    let old = tensor(&minibatch.log_probs, &device);
-    let advantage = tensor(&minibatch.advantages, &device);
-    let returns = tensor(&minibatch.returns, &device);
-    let weight = entropy_weights(config, &batch, &invalid, own);
-
-    let policy = loss::policy_loss(new.clone(), old.clone(), advantage, config.clip_range);
-    let value = loss::value_loss(prediction.value.narrow(0, 0, own), returns);
-    let entropy = masked::entropy(log_probs.narrow(0, 0, own), invalid.narrow(0, 0, own));
-    let entropy = (entropy * weight).mean();
-    let mut total = policy.clone() * (config.policy_coefficient * shares[0])
-        + value.clone() * (config.value_coefficient * shares[0])
-        - entropy.clone() * (config.entropy_coefficient * shares[0]);
-    let imitation = match &config.imitation {
-        Some(imitation) if others > 0 => {
-            let cross_entropy = -log_prob.narrow(0, own, others).mean();
-            total = total + cross_entropy.clone() * (imitation.coefficient * shares[1]);
-            cross_entropy
-        }
-        _ => Tensor::zeros([1], &device),
+    let part_count = if actor_critic.encodes_there { 1 } else { PARTS };
+    let part = |k: usize| {
+        let own = |count: usize| {
+            let own = cluster.share(count);
+            let end = |k: usize| own.start + k * own.len() / part_count;
+            end(k)..end(k + 1)
+        };
+        let share = |own: usize, all: usize| own as f32 / all.max(1) as f32;
+        let samples = minibatch.part(own(minibatch.actions.len()));
+        let imitated_part = &imitated[own(imitated.len())];
+        let shares = [
+            share(samples.actions.len(), minibatch.actions.len()),
+            share(imitated_part.len(), imitated.len()),
+        ];
+        (
+            actor_critic.fork(),
+            Part {
+                samples,
+                imitated: imitated_part,
+                shares,
+            },
+        )
     };
-    let kl = loss::approx_kl(new.clone(), old.clone());
-    let clipped = loss::clip_fraction(new, old, config.clip_range);
-    Terms {
-        total,
-        parts: vec![policy, value, entropy, imitation, kl, clipped],
-        shares,
-    }
-}
+    let parts: Vec<_> = (0..part_count).map(part).collect();
+    let found = (parts.into_par_iter())
+        .map(|(actor_critic, part)| evaluate(config, &actor_critic, &part, weight));
+    let found: Vec<_> = found.collect();
 
-/// Takes one step against the gradient of the loss of all processes, limited to the largest norm allowed.
-/// Gives its terms and the norm.
-fn descend(learner: &mut Learner, terms: Terms) -> Result<[f32; 7], NotFinite> {
-    let Learner {
-        config, cluster, ..
-    } = learner;
-    // All terms in one transfer.
-    let parts = Tensor::cat(terms.parts, 0).into_data();
-    let mut parts: Vec<f32> = parts.try_into_vec().expect("terms are f32");
-    for (k, part) in parts.iter_mut().enumerate() {
-        *part *= terms.shares[usize::from(k == 3)];
+    let network = &actor_critic.network;
+    let mut gradients = GradientsAccumulator::new();
+    let mut terms = vec![0.0; 6];
+    for (of_part, own) in found {
+        gradients.accumulate(network, of_part);
+        terms = terms.iter().zip(own).map(|(sum, own)| sum + own).collect();
     }
-    let network = &learner.actor_critic.network;
-    let mut gradients = GradientsParams::from_grads(terms.total.backward(), network);
-    shared::sum(cluster, network, &mut gradients, &mut parts);
+    let mut gradients = gradients.grads();
+    shared::sum(cluster, network, &mut gradients, &mut terms);
     let finite = |quantity, number: f32| match number.is_finite() {
         true => Ok(()),
         false => Err(NotFinite { quantity }),
     };
     let losses = ["policy loss", "value loss", "entropy", "imitation loss"];
-    for (quantity, &number) in losses.into_iter().zip(&parts) {
+    for (quantity, &number) in losses.into_iter().zip(&terms) {
         finite(quantity, number)?;
     }
     let norm = global_norm(network, &gradients);
@@ -301,7 +263,66 @@ fn descend(learner: &mut Learner, terms: Terms) -> Result<[f32; 7], NotFinite> {
     let adam = &mut *learner.adam;
     learner.actor_critic.network =
         adam.step(network, gradients, scale.into(), config.learning_rate);
-    Ok(std::array::from_fn(|k| *parts.get(k).unwrap_or(&norm)))
+    Ok(std::array::from_fn(|k| *terms.get(k).unwrap_or(&norm)))
+}
+
+/// What a part adds to the gradient and to the terms of the loss.
+fn evaluate(
+    config: &PpoConfig,
+    actor_critic: &ActorCritic,
+    part: &Part,
+    weight: f32,
+) -> (GradientsParams, Vec<f32>) {
+    let Part {
+        samples,
+        imitated,
+        shares: [share, imitated_share],
+    } = part;
+    let device = actor_critic.device();
+    let (own, others) = (samples.actions.len(), imitated.len());
+    if own + others == 0 {
+        return (GradientsParams::new(), vec![0.0; 6]);
+    }
+    // One pass through the network for both kinds of samples.
+    let rows = samples.seen.iter().copied();
+    let rows = rows.chain(imitated.iter().map(|&(seen, row, _)| (seen, row)));
+    let batch = actor_critic.batch(rows);
+    let actions = samples.actions.iter().copied();
+    let actions = actions.chain(imitated.iter().map(|&(_, _, action)| action));
+
+    let (prediction, invalid) = actor_critic.predict(&batch);
+    let log_probs = masked::log_softmax(prediction.logits, invalid.clone());
+    let log_prob = masked::log_prob(log_probs.clone(), int_tensor(actions, &device));
+    let mut total = Tensor::zeros([1], &device);
+    let mut terms = vec![total.clone(); 6];
+    if own > 0 {
+        let new = log_prob.clone().narrow(0, 0, own);
+        let old = tensor(&samples.log_probs, &device);
+        let advantage = tensor(&samples.advantages, &device);
+        let returns = tensor(&samples.returns, &device);
+        let weights = entropy_weights(config, &batch, &invalid, own);
+        let policy = loss::policy_loss(new.clone(), old.clone(), advantage, config.clip_range);
+        let value = loss::value_loss(prediction.value.narrow(0, 0, own), returns);
+        let entropy = masked::entropy(log_probs.narrow(0, 0, own), invalid.narrow(0, 0, own));
+        let entropy = (entropy * weights).mean();
+        total = policy.clone() * (config.policy_coefficient * share)
+            + value.clone() * (config.value_coefficient * share)
+            - entropy.clone() * (config.entropy_coefficient * share);
+        let kl = loss::approx_kl(new.clone(), old.clone());
+        let clipped = loss::clip_fraction(new, old, config.clip_range);
+        for (k, term) in [(0, policy), (1, value), (2, entropy), (4, kl), (5, clipped)] {
+            terms[k] = term * *share;
+        }
+    }
+    if others > 0 {
+        let imitation = -log_prob.narrow(0, own, others).mean() * *imitated_share;
+        total = total + imitation.clone() * weight;
+        terms[3] = imitation;
+    }
+    // All terms in one transfer.
+    let terms = Tensor::cat(terms, 0).into_data().try_into_vec();
+    let gradients = GradientsParams::from_grads(total.backward(), &actor_critic.network);
+    (gradients, terms.expect("terms are f32"))
 }
 
 /// Weight of each of the first `count` states' entropy: 1, or 1 / ln(valid actions) if normalised. A state
@@ -349,6 +370,7 @@ fn int_tensor(numbers: impl Iterator<Item = u32>, device: &Device) -> Tensor<1, 
 
 #[cfg(test)]
 mod tests {
+    use super::super::rollout::SeenRollout;
     use super::*;
 
     /// Two tasks on scene 0, one on scene 1, three steps: an episode has the same advantage from its first

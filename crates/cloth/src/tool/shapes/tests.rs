@@ -3,17 +3,19 @@ use crate::mesh::{border, to_stl_bytes};
 
 /// One of each kind.
 pub fn all() -> [Shape; 9] {
-    [
-        Shape::Rib(Rib::default()),
-        Shape::Hemisphere(Hemisphere::default()),
-        Shape::DoubleDome(DoubleDome::default()),
-        Shape::Plate(Plate::default()),
-        Shape::Cylinder(Cylinder::default()),
-        Shape::Incline(Incline::default()),
-        Shape::Trough(Trough::default()),
-        Shape::Saddle(Saddle::default()),
-        Shape::Hills(Hills::default()),
-    ]
+    Shape::KINDS.map(|kind| toml::from_str(&format!("kind = \"{kind}\"")).unwrap())
+}
+
+#[test]
+fn every_kind_is_listed() {
+    let error = toml::from_str::<Shape>("kind = \"ball\"")
+        .unwrap_err()
+        .to_string();
+    let quoted = Shape::KINDS.map(|kind| format!("`{kind}`"));
+    assert!(
+        error.contains(&format!("expected one of {}", quoted.join(", "))),
+        "{error}"
+    );
 }
 
 #[test]
