@@ -188,7 +188,7 @@ fn moved(from: &Path, to: &Path) -> io::Result<bool> {
 }
 
 /// Folders in that of a run.
-const FOLDERS: [&str; 3] = ["events", "checkpoints", "pictures"];
+const FOLDERS: [&str; 3] = ["pictures", "events", "checkpoints"];
 
 impl RunFolder {
     fn at(path: PathBuf) -> Self {
@@ -272,7 +272,7 @@ impl RunFolder {
     }
 
     fn fill(&self, (config, inputs): (&str, &[Input]), info: &RunInfo) -> Result<()> {
-        self.make_folders()?;
+        self.make_folders(info.search.is_none())?;
         for (path, content) in inputs {
             let path = self.path.join(path);
             let folder = path.parent().expect("an input stands in a folder");
@@ -283,9 +283,10 @@ impl RunFolder {
         write_json(&self.info, info)
     }
 
-    /// Makes the folders in it that are missing.
-    fn make_folders(&self) -> Result<()> {
-        for name in FOLDERS {
+    /// Makes the folders in it that are missing: a search has pictures alone.
+    fn make_folders(&self, is_training: bool) -> Result<()> {
+        let count = if is_training { FOLDERS.len() } else { 1 };
+        for name in &FOLDERS[..count] {
             let path = self.path.join(name);
             fs::create_dir_all(&path).with_context(|| cannot_create(&path))?;
         }
@@ -306,7 +307,7 @@ impl RunFolder {
             Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => {}
             locked => locked.with_context(|| format!("cannot lock {}", path.display()))?,
         }
-        self.make_folders()?;
+        self.make_folders(self.check_trained().is_ok())?;
         for folder in std::iter::once("").chain(FOLDERS) {
             remove_temporaries(&self.path.join(folder));
         }

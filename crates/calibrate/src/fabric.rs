@@ -71,13 +71,10 @@ pub fn calibrate(lab: &Lab, base: Option<&Material>, name: &str) -> Result<Calib
         spreads: Vec::new(),
     };
     let thickness_mm = made.scalar("thickness_mm", &lab.thickness, 1e3, |m| m.thickness_mm);
-    let mass = |of: fn(&ArealMass) -> f64| move |m: &Material| of(&m.areal_mass_g_m2);
-    let key = "areal_mass_g_m2";
-    let datasheet = made.scalar(key, &lab.areal_mass, 1e3, mass(|mass| mass.datasheet));
-    let paper = match lab.areal_mass.is_empty() {
-        true => base.map_or(0.0, mass(|mass| mass.paper)),
-        false => datasheet,
-    };
+    let of = |m: &Material| m.areal_mass_g_m2.datasheet;
+    let datasheet = made.scalar("areal_mass_g_m2", &lab.areal_mass, 1e3, of);
+    let kept = base.filter(|_| lab.areal_mass.is_empty());
+    let paper = kept.and_then(|m| m.areal_mass_g_m2.paper);
     let areal_mass_g_m2 = ArealMass { paper, datasheet };
     made.spread(Quantity::ArealMass, [&lab.areal_mass[..]]);
 

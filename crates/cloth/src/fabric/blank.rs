@@ -8,7 +8,7 @@ use crate::file::{ReadError, ValueError, is_default};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MassModel {
-    /// The paper's particle masses.
+    /// The paper's particle masses, where the material has them.
     #[default]
     Paper,
     /// The fabric's data sheet.

@@ -107,10 +107,9 @@ impl Lamina {
         let mut diagonals = Vec::new();
         let mut membranes = Vec::new();
         let (sin, cos) = config.yarn_angle_deg.to_radians().sin_cos();
-        let areal_mass = match config.mass {
-            MassModel::Paper => 1e-3 * material.areal_mass_g_m2.paper,
-            MassModel::Datasheet => 1e-3 * material.areal_mass_g_m2.datasheet,
-        };
+        let mass = &material.areal_mass_g_m2;
+        let of_paper = mass.paper.filter(|_| config.mass == MassModel::Paper);
+        let areal_mass = 1e-3 * of_paper.unwrap_or(mass.datasheet);
         let is_trellis = is_trellis(&material, grid.cell);
         let third = areal_mass * grid.cell[0] * grid.cell[1] / 6.0;
         let mut mass = vec![0.0; rest.len()];

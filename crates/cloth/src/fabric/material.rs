@@ -149,8 +149,9 @@ pub struct ShearLocking {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArealMass {
-    /// As in the paper's model [g/m^2].
-    pub paper: f64,
+    /// As in the paper's model [g/m^2]; that of the data sheet if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub paper: Option<f64>,
     /// As in the fabric's data sheet [g/m^2].
     pub datasheet: f64,
 }
@@ -216,10 +217,14 @@ impl Material {
             let expected = "points on one straight line: yarns buckle long before a second slope";
             ValueError::unless(is_valid, key, format!("{:?}", curve.0), expected)?;
         }
+        let mass = &self.areal_mass_g_m2;
         for (key, value) in [
             ("thickness_mm", self.thickness_mm),
-            ("areal_mass_g_m2.paper", self.areal_mass_g_m2.paper),
-            ("areal_mass_g_m2.datasheet", self.areal_mass_g_m2.datasheet),
+            (
+                "areal_mass_g_m2.paper",
+                mass.paper.unwrap_or(mass.datasheet),
+            ),
+            ("areal_mass_g_m2.datasheet", mass.datasheet),
         ] {
             let is_valid = value > 0.0 && value.is_finite();
             ValueError::unless(is_valid, key, value, "a number > 0")?;

@@ -229,7 +229,7 @@ fn straight_points_cost_nothing() {
 fn soft_wefts_hang_straight_and_even() {
     let mut material = Material::interglas_92125();
     material.thickness_mm = 0.5;
-    material.areal_mass_g_m2.paper = 1000.0;
+    material.areal_mass_g_m2.paper = Some(1000.0);
     material.shear.positive = Curve::line(50e3);
     material.shear.negative = Curve::line(50e3);
     for (warp, weft) in [(600e6, 0.1e6), (0.2e6, 0.1e6)] {
