@@ -74,7 +74,7 @@ impl FieldReport {
 }
 
 impl OntoArgs {
-    /// Reads the mesh, which only formats with elements may have: `formats` are their names if this is none.
+    /// Reads the mesh, which only formats with elements may have. `formats` are the names of these, if this is another.
     pub fn read(&self, formats: Option<&str>) -> Result<Option<TriMesh>, Failure> {
         let Some(path) = &self.onto else {
             return Ok(None);

@@ -187,7 +187,7 @@ fn moved(from: &Path, to: &Path) -> io::Result<bool> {
     }
 }
 
-/// Folders in that of a run.
+/// Folders in that of a run; the first is all that a search has.
 const FOLDERS: [&str; 3] = ["pictures", "events", "checkpoints"];
 
 impl RunFolder {

@@ -1,5 +1,5 @@
 //! What is known comes back: Table 2 from tests sampled from it, and drawn fabrics from scans of the finite-element
-//! twin. `--nocapture` shows the tables of docs/CALIBRATE.md.
+//! twin. `--nocapture` shows the table of docs/CALIBRATE.md.
 
 use std::fmt::Write as _;
 use std::fs;

@@ -217,14 +217,11 @@ impl Material {
             let expected = "points on one straight line: yarns buckle long before a second slope";
             ValueError::unless(is_valid, key, format!("{:?}", curve.0), expected)?;
         }
-        let mass = &self.areal_mass_g_m2;
+        let ArealMass { datasheet, paper } = self.areal_mass_g_m2;
         for (key, value) in [
             ("thickness_mm", self.thickness_mm),
-            (
-                "areal_mass_g_m2.paper",
-                mass.paper.unwrap_or(mass.datasheet),
-            ),
-            ("areal_mass_g_m2.datasheet", mass.datasheet),
+            ("areal_mass_g_m2.datasheet", datasheet),
+            ("areal_mass_g_m2.paper", paper.unwrap_or(datasheet)),
         ] {
             let is_valid = value > 0.0 && value.is_finite();
             ValueError::unless(is_valid, key, value, "a number > 0")?;

@@ -16,7 +16,7 @@ use crate::math::{Lanes, Vec3x};
 /// nothing changes, so it goes away with h^2. Inertia keeps a press from dragging cloth in: pressed
 /// on a hemisphere, places are 12.0 mm off the finite-element twin's with 5, 7.6 with 2.5, 6.9 with
 /// 2, where 80 times as many substeps leave 6.5. Less tears single edges: by 2 a sheet whose presses
-/// are over may shake, by 1 it diverges (docs/NOTES.md).
+/// are over may shake, by 1 it diverges.
 pub(super) const CROSSING: f64 = 2.5;
 
 /// Share of its displacement that such a vertex loses in a substep, as its inertia grows without

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::file::ValueError;
 
 /// Solves of the yarns' lengths in a substep under the roller, which pulls on all that it presses
-/// at once: with one, paths rank less as in finite elements (docs/NOTES.md).
+/// at once: with one, paths rank less as in finite elements.
 const PRESS_SWEEPS: usize = 2;
 
 /// How finely cloth is stepped, owned by whoever steps it. Mesh, law and tool stay as asked for.

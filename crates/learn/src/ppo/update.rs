@@ -132,7 +132,7 @@ type Seen<'a> = (&'a Observations, usize);
 /// A move that is to be imitated: such a row, and the action.
 type Shown<'a> = (&'a Observations, usize, u32);
 
-/// Takes a step towards moves that are to be imitated, and nothing else. Gives the cross-entropy before it
+/// Takes a step towards moves that are to be imitated, one at least, and nothing else. Gives the cross-entropy before it
 /// [nat].
 pub fn imitate(mut learner: Learner, moves: &[Shown]) -> Result<f32, NotFinite> {
     Ok(descend(&mut learner, &Minibatch::default(), moves, 1.0)?[3])
@@ -192,8 +192,9 @@ struct Part<'a> {
 }
 
 /// Parts of a minibatch of which threads take gradients side by side: as many on any number of threads, so
-/// that sums have the same bits.
+/// that sums have the same bits. They are of whole lanes, as convolutions take images. One part fills a GPU.
 const PARTS: usize = 8;
+const LANES: usize = 16;
 
 /// Takes one step against the gradient of the loss of a minibatch and of some moves to be imitated,
 /// c₁ policy + c₂ value - c₃ entropy + `weight` imitation, over all processes and limited to the largest norm
@@ -212,7 +213,16 @@ fn descend(
     let part = |k: usize| {
         let own = |count: usize| {
             let own = cluster.share(count);
-            let end = |k: usize| own.start + k * own.len() / part_count;
+            let end = |k: usize| {
+                let even = k * own.len() / part_count;
+                let whole = (even + LANES / 2) / LANES * LANES;
+                own.start
+                    + if k < part_count {
+                        whole.min(own.len())
+                    } else {
+                        even
+                    }
+            };
             end(k)..end(k + 1)
         };
         let share = |own: usize, all: usize| own as f32 / all.max(1) as f32;
@@ -223,7 +233,10 @@ fn descend(
             share(imitated_part.len(), imitated.len()),
         ];
         (
-            actor_critic.fork(),
+            match part_count {
+                1 => actor_critic.clone(),
+                _ => actor_critic.fork(),
+            },
             Part {
                 samples,
                 imitated: imitated_part,

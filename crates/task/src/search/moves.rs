@@ -34,7 +34,7 @@ impl Default for Moves {
 }
 
 /// Worlds of a round. Candidates are seen in the first, those that are left in the second. Where worlds do not
-/// differ one is enough. More steps on few worlds come to better orders than few steps on more (docs/NOTES.md).
+/// differ one is enough. More steps on few worlds come to better orders than few steps on more.
 const STAGES: [Range<usize>; 2] = [0..1, 1..2];
 /// Generations of a search at least, and presses of one at most. Rates take turns by generation: what is judged by one
 /// alone is tuned to its steps, and holds less in the twin.
