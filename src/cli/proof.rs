@@ -241,12 +241,7 @@ pub(super) fn text(rows: &[Row]) -> String {
         };
         parts.extend(diverged.map(line));
         let lost = |row: &&&Row| row.best.score.is_nan() && row.diverged < row.count;
-        let line = |row: &&Row| {
-            format!(
-                "the best of order {} diverges, if not in all worlds",
-                row.order
-            )
-        };
+        let line = |row: &&Row| format!("the best of order {} diverges in this proof", row.order);
         parts.extend(rows.iter().filter(lost).map(line));
     }
     parts.join("\n")

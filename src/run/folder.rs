@@ -272,7 +272,8 @@ impl RunFolder {
     }
 
     fn fill(&self, (config, inputs): (&str, &[Input]), info: &RunInfo) -> Result<()> {
-        self.make_folders(info.search.is_none())?;
+        let has_all = info.search.is_none();
+        self.make_folders(if has_all { &FOLDERS } else { &FOLDERS[..1] })?;
         for (path, content) in inputs {
             let path = self.path.join(path);
             let folder = path.parent().expect("an input stands in a folder");
@@ -283,10 +284,9 @@ impl RunFolder {
         write_json(&self.info, info)
     }
 
-    /// Makes the folders in it that are missing: a search has pictures alone.
-    fn make_folders(&self, is_training: bool) -> Result<()> {
-        let count = if is_training { FOLDERS.len() } else { 1 };
-        for name in &FOLDERS[..count] {
+    /// Makes those of these folders in it that are missing.
+    fn make_folders(&self, names: &[&str]) -> Result<()> {
+        for name in names {
             let path = self.path.join(name);
             fs::create_dir_all(&path).with_context(|| cannot_create(&path))?;
         }
@@ -307,7 +307,8 @@ impl RunFolder {
             Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => {}
             locked => locked.with_context(|| format!("cannot lock {}", path.display()))?,
         }
-        self.make_folders(self.check_trained().is_ok())?;
+        let has_all = self.check_trained().is_ok();
+        self.make_folders(if has_all { &FOLDERS } else { &FOLDERS[..1] })?;
         for folder in std::iter::once("").chain(FOLDERS) {
             remove_temporaries(&self.path.join(folder));
         }

@@ -383,6 +383,18 @@ mod tests {
     }
 
     #[test]
+    fn a_material_without_the_papers_mass_weighs_what_its_data_sheet_says() {
+        let weighs = |paper| {
+            let mut material = Material::interglas_92125();
+            material.areal_mass_g_m2.paper = paper;
+            let lamina = Lamina::new(&BlankConfig::default(), material).unwrap();
+            1e3 * lamina.mass.iter().sum::<f64>() / lamina.area()
+        };
+        assert!((weighs(None) - 280.0).abs() < 1e-9);
+        assert!((weighs(Some(875.0)) - 875.0).abs() < 1e-9);
+    }
+
+    #[test]
     fn standard_lamina_is_that_of_the_paper() {
         let lamina = standard();
         assert_eq!(lamina.vertex_count(), 4225);
