@@ -305,6 +305,8 @@ impl RunConfig {
             cell.locate(folder)?;
         }
         config.check().with_context(|| path.display().to_string())?;
+        let [warp, weft] = config.scene.blank.cell();
+        config.scatter.suit(warp.min(weft));
         Ok(config)
     }
 

@@ -9,18 +9,19 @@ use drape_cloth::scene::Scene;
 use drape_cloth::sim::Stepping;
 use drape_proof::Case;
 use drape_report::{Chart, SERIES, Series, Table};
-use drape_task::env::{Quantity, mean_and_worst_quarter};
+use drape_task::env::{EnvConfig, Quantity, mean_and_worst_quarter};
 
 /// Tell how well few worlds and coarse steps say which path holds: the rank correlation with the
 /// finite-element twin's mean over worlds
 ///
 /// Presses paths that runs on one task have kept, in scattered worlds of the fast solver at several rates of
-/// substeps and in others of the twin. Correlations are means over disjoint sets of worlds, with 95 % intervals
-/// over paths.
+/// substeps and in others of the twin, or of the solver in its finest steps. Correlations are means over disjoint sets
+/// of worlds, with 95 % intervals over paths.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape study judge runs/a runs/b
-  drape study judge runs/a runs/b runs/c --paths 30 --twin-worlds 6 --json > judge.json")]
+  drape study judge runs/a runs/b runs/c --paths 30 --twin-worlds 6 --json > judge.json
+  drape study judge runs/a --finest                  # how fine steps a mesh takes, in minutes")]
 pub struct Judging {
     /// Run folders of one task and one scatter
     #[arg(required = true, value_name = "RUN")]
@@ -34,6 +35,10 @@ pub struct Judging {
     #[arg(long, default_value_t = 6, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=100))]
     twin_worlds: u16,
 
+    /// Instead of the twin ask 24 worlds of the fast solver, in 24000 substeps a second
+    #[arg(long, conflicts_with_all = ["twin_worlds", "alone"])]
+    finest: bool,
+
     /// Also let each quantity that scatters vary by itself, in as many worlds of both, for the best path of the
     /// first run
     #[arg(long)]
@@ -41,7 +46,9 @@ pub struct Judging {
 }
 
 /// Substeps [1/s] of the judges.
-const RATES: [f64; 4] = [600.0, 1200.0, 2400.0, 12_000.0];
+const RATES: [f64; 6] = [300.0, 600.0, 1200.0, 2400.0, 4800.0, 12_000.0];
+/// Substeps [1/s] of what they are held against with `--finest`.
+const FINEST: f64 = 24_000.0;
 /// Worlds that they see.
 const COUNTS: [usize; 5] = [1, 3, 6, 12, 24];
 
@@ -108,23 +115,30 @@ impl Study for Judging {
         };
         let refs: Vec<&[u32]> = lists.iter().map(|(_, list)| list.as_slice()).collect();
         let worlds = case.proving_worlds(context.listener())?;
-        let count = usize::from(self.twin_worlds);
-        let truth = case.scores_in_twin(&refs, &worlds, count, context.listener())?;
+        let (listener, most) = (context.listener(), COUNTS[COUNTS.len() - 1]);
+        let (truth, asked) = if self.finest {
+            let env = stepped(case, FINEST);
+            let (scores, _) = case.scores(&refs, &worlds, most, env, listener)?;
+            (scores, format!("{most} worlds at {FINEST}/s"))
+        } else {
+            let count = usize::from(self.twin_worlds);
+            let scores = case.scores_in_twin(&refs, &worlds, count, listener)?;
+            (scores, format!("{count} worlds of the twin"))
+        };
         let means: Vec<f64> = truth.iter().map(|scores| mean(scores)).collect();
         let judges = judges(case, &refs, &means, context)?;
         let mut rows: Vec<(usize, &Path, usize)> = Vec::new();
         for (k, (run, list)) in lists.iter().enumerate() {
             rows.push((k, &self.runs[*run], list.len()));
         }
-        let paths = Table::of("paths", "", &rows)
+        let paths = Table::of("paths", format!("In {asked}"), &rows)
             .text("run", |(_, run, _)| run.display().to_string())
             .text("presses", |(.., presses)| *presses)
-            .number("twin, mean [%]", 1, |(k, ..)| 1e2 * means[*k])
+            .number("mean [%]", 1, |(k, ..)| 1e2 * means[*k])
             .number("worst [%]", 1, |(k, ..)| 1e2 * worst(&truth[*k]))
             .end();
         let title = format!(
-            "Rank correlation with the mean of {} worlds of the twin, {} paths",
-            self.twin_worlds,
+            "Rank correlation with the mean of {asked}, {} paths",
             lists.len()
         );
         let mut tables = vec![table(&judges, title), paths];
@@ -176,6 +190,13 @@ impl Judging {
     }
 }
 
+/// The task in so many substeps a second.
+fn stepped(case: Case, substep_rate: f64) -> EnvConfig {
+    let mut env = case.env.clone();
+    env.set_stepping(Stepping::every(substep_rate, 5));
+    env
+}
+
 fn judges(
     case: Case,
     lists: &[&[u32]],
@@ -186,12 +207,7 @@ fn judges(
     let worlds = case.other_worlds(context.listener())?;
     let mut found = Vec::new();
     for rate in RATES {
-        let mut env = case.env.clone();
-        let contact_rate = 0.2 * rate;
-        env.set_stepping(Stepping {
-            substep_rate: rate,
-            contact_rate,
-        });
+        let env = stepped(case, rate);
         let (scores, seconds) = case.scores(lists, &worlds, most, env, context.listener())?;
         for count in COUNTS {
             // Over the lists of these numbers, mean over disjoint sets of worlds.
@@ -248,7 +264,7 @@ fn chart(judges: &[Judged]) -> Chart {
     Chart {
         title: "Judging by the worst quarter of worlds".into(),
         x_label: "worlds".into(),
-        y_label: "rank correlation with the twin [-]".into(),
+        y_label: "rank correlation [-]".into(),
         series: series.collect(),
         ..Chart::default()
     }

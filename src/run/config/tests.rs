@@ -42,6 +42,25 @@ fn accuracy_survives_its_text_and_explicit_rates_win() {
     assert_eq!(found(&explicit), (12_000.0, 300.0));
 }
 
+/// Where worlds differ, finer cells are judged in finer steps, unless it is said how fine.
+#[test]
+fn judging_is_as_fine_as_cells_take() {
+    let rates = |cells: usize, scatter: &str| {
+        let blank = format!("size_mm = [256, 256], vertices = [{}, 9]", cells + 1);
+        let text =
+            format!("scatter = {{ {scatter} }}\nscene.tool = {{}}\nscene.blank = {{ {blank} }}");
+        let config = parse(&text).unwrap();
+        assert_eq!(parse(&config.to_toml()).as_ref(), Ok(&config));
+        config.scatter.substep_rates
+    };
+    assert_eq!(rates(16, "friction = 0.1"), [1200.0, 2400.0]);
+    assert_eq!(rates(32, "friction = 0.1"), [1200.0, 2400.0]);
+    assert_eq!(rates(64, "friction = 0.1"), [4800.0, 9600.0]);
+    assert_eq!(rates(1024, "friction = 0.1"), [480_000.0, 960_000.0]);
+    assert_eq!(rates(64, "friction = 0.1, substep_rates = [600]"), [600.0]);
+    assert!(rates(64, "risk = 0.5").is_empty());
+}
+
 #[test]
 fn another_network_replaces_the_preset_s() {
     let paper = RunConfig::preset(TrainingPreset::Paper);

@@ -113,10 +113,12 @@ impl BlankConfig {
     }
 
     /// Sides of a cell along warp and weft [m].
-    pub(super) fn cell(&self) -> [f64; 2] {
+    pub fn cell(&self) -> [f64; 2] {
         match self.cell_mm {
             Some(cell) => [1e-3 * cell; 2],
-            None => [0, 1].map(|k| self.size_mm[k] * 1e-3 / (self.vertices[k] - 1) as f64),
+            None => {
+                [0, 1].map(|k| self.size_mm[k] * 1e-3 / self.vertices[k].saturating_sub(1) as f64)
+            }
         }
     }
 

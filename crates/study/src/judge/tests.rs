@@ -49,12 +49,19 @@ fn kept() -> KeptPaths {
 }
 
 fn judged(change: &dyn Fn(&Path, &mut KeptPaths)) -> Result<Report, StudyError> {
-    let study = Judging {
-        runs: vec!["a".into(), "b".into()],
-        paths: 8,
-        twin_worlds: 2,
-        alone: true,
-    };
+    run(
+        Judging {
+            runs: vec!["a".into(), "b".into()],
+            paths: 8,
+            twin_worlds: 2,
+            finest: false,
+            alone: true,
+        },
+        change,
+    )
+}
+
+fn run(study: Judging, change: &dyn Fn(&Path, &mut KeptPaths)) -> Result<Report, StudyError> {
     let read = |path: &Path| {
         let mut kept = kept();
         change(path, &mut kept);
@@ -82,12 +89,9 @@ fn judges_are_held_against_the_twin() {
     assert_eq!(paths.len(), 8);
     // Equal paths in equal worlds, whichever run has kept them.
     for k in 0..4 {
-        assert_eq!(
-            paths[k]["twin_mean_percent"],
-            paths[k + 4]["twin_mean_percent"]
-        );
+        assert_eq!(paths[k]["mean_percent"], paths[k + 4]["mean_percent"]);
     }
-    assert_ne!(paths[0]["twin_mean_percent"], paths[1]["twin_mean_percent"]);
+    assert_ne!(paths[0]["mean_percent"], paths[1]["mean_percent"]);
     let alone = rows(&alone);
     assert_eq!(alone.len(), 2);
     for row in alone {
@@ -95,6 +99,26 @@ fn judges_are_held_against_the_twin() {
             assert!(row[physics].as_f64().unwrap() > 50.0, "{row}");
         }
     }
+}
+
+/// Steps rank paths the more as the finest do the finer they are.
+#[test]
+fn coarse_steps_are_held_against_fine_ones() {
+    let study = Judging {
+        runs: vec!["a".into()],
+        paths: 4,
+        twin_worlds: 1,
+        finest: true,
+        alone: false,
+    };
+    let report = run(study, &|_, _| ()).unwrap();
+    let judges = report.tables[0].json();
+    let correlation = |row: &Value| row["mean"].as_f64().unwrap();
+    let all = judges.as_array().unwrap();
+    assert_eq!(all.len(), RATES.len() * COUNTS.len());
+    let (coarsest, finest) = (&all[COUNTS.len() - 1], &all[all.len() - 1]);
+    assert!(correlation(finest) >= correlation(coarsest), "{judges}");
+    assert!(correlation(finest) > 0.5, "{judges}");
 }
 
 /// Runs on other tasks, and one whose worlds do not differ, are refused by name.

@@ -65,8 +65,9 @@ pub struct Scatter {
     /// Judges by the mean over worlds (0), by that of their worst quarter (1), or in between.
     #[serde(default)]
     pub risk: f64,
-    /// Substeps [1/s] by which paths are judged, as fine as `accurate` if none are given. A search takes each for an
-    /// equal share of its presses, the first first; proofs take the last.
+    /// Substeps [1/s] by which paths are judged. If none are given, those of [`Scatter::suit`] where anything varies, and
+    /// `accurate` where nothing does. A search takes each for an equal share of its presses, the first first; proofs take
+    /// the last.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub substep_rates: Vec<f64>,
     /// Whether every episode of a training is in a world of its own, too.
@@ -75,6 +76,11 @@ pub struct Scatter {
     #[serde(flatten)]
     pub spreads: BTreeMap<Quantity, Spread>,
 }
+
+/// Rates [1/s] that suit cells of this side [m], and how many times as fine they become at most.
+const RATES: [f64; 2] = [1200.0, 2400.0];
+const REFERENCE_CELL: f64 = 8e-3;
+const MOST_FINER: f64 = 400.0;
 
 impl Quantity {
     /// Least and greatest value.
@@ -161,6 +167,16 @@ impl Scatter {
     pub fn judge(&self, scores: &[f64]) -> f64 {
         let [mean, worst] = mean_and_worst_quarter(scores);
         (1.0 - self.risk) * mean + self.risk * worst
+    }
+
+    /// Where worlds differ and no rates are given, judges by 1200 and 2400 substeps a second on cells of a side of 8 mm
+    /// and more, and on finer ones by as many times more as a yarn has more stretches squared: in coarser steps paths rank
+    /// otherwise than in the twin (docs/SCATTER.md). `cell` is the shorter side [m].
+    pub fn suit(&mut self, cell: f64) {
+        if self.substep_rates.is_empty() && !self.spreads.is_empty() {
+            let finer = (REFERENCE_CELL / cell).powi(2).clamp(1.0, MOST_FINER);
+            self.substep_rates = RATES.map(|rate| rate * finer.round()).to_vec();
+        }
     }
 
     /// The task in steps of each rate by which paths are judged.
