@@ -46,7 +46,7 @@ pub struct Judging {
 }
 
 /// Substeps [1/s] of the judges.
-const RATES: [f64; 6] = [300.0, 600.0, 1200.0, 2400.0, 4800.0, 12_000.0];
+const RATES: [f64; 6] = [600.0, 1200.0, 2400.0, 4800.0, 9600.0, 12_000.0];
 /// Substeps [1/s] of what they are held against with `--finest`.
 const FINEST: f64 = 24_000.0;
 /// Worlds that they see.
