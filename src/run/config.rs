@@ -306,7 +306,7 @@ impl RunConfig {
         }
         config.check().with_context(|| path.display().to_string())?;
         let [warp, weft] = config.scene.blank.cell();
-        config.scatter.suit(warp.min(weft));
+        config.scatter.suit(warp.min(weft), &config.env);
         Ok(config)
     }
 

@@ -48,7 +48,7 @@ fn judging_is_as_fine_as_cells_take() {
     let rates = |cells: usize, scatter: &str| {
         let blank = format!("size_mm = [256, 256], vertices = [{}, 9]", cells + 1);
         let text =
-            format!("scatter = {{ {scatter} }}\nscene.tool = {{}}\nscene.blank = {{ {blank} }}");
+            format!("scatter = {{ {scatter} }}\nscene = {{ tool = {{}}, blank = {{ {blank} }} }}");
         let config = parse(&text).unwrap();
         assert_eq!(parse(&config.to_toml()).as_ref(), Ok(&config));
         config.scatter.substep_rates
@@ -59,6 +59,10 @@ fn judging_is_as_fine_as_cells_take() {
     assert_eq!(rates(1024, "friction = 0.1"), [480_000.0, 960_000.0]);
     assert_eq!(rates(64, "friction = 0.1, substep_rates = [600]"), [600.0]);
     assert!(rates(64, "risk = 0.5").is_empty());
+    // Nor coarser than in training.
+    let trained = "friction = 0.1 }\nenv = { substep_rate = 6000.0";
+    assert_eq!(rates(64, trained), [6000.0, 9600.0]);
+    assert_eq!(rates(32, trained), [6000.0]);
 }
 
 #[test]

@@ -169,13 +169,15 @@ impl Scatter {
         (1.0 - self.risk) * mean + self.risk * worst
     }
 
-    /// Where worlds differ and no rates are given, judges by 1200 and 2400 substeps a second on cells of a side of 8 mm
-    /// and more, and on finer ones by as many times more as a yarn has more stretches squared: in coarser steps paths rank
-    /// otherwise than in the twin (docs/SCATTER.md). `cell` is the shorter side [m].
-    pub fn suit(&mut self, cell: f64) {
+    /// Where worlds differ and no rates are given, judges by 1200 and 2400 substeps a second, on cells of less than 8 mm by
+    /// (8 mm / `cell`)² times as many: in coarser steps paths rank otherwise than in fine ones (docs/SCATTER.md). Never in
+    /// coarser steps than episodes have. `cell` is the shorter side of a cell [m].
+    pub fn suit(&mut self, cell: f64, env: &EnvConfig) {
         if self.substep_rates.is_empty() && !self.spreads.is_empty() {
             let finer = (REFERENCE_CELL / cell).powi(2).clamp(1.0, MOST_FINER);
-            self.substep_rates = RATES.map(|rate| rate * finer.round()).to_vec();
+            let own = env.stepping().substep_rate;
+            self.substep_rates = RATES.map(|rate| own.max(rate * finer.round())).to_vec();
+            self.substep_rates.dedup();
         }
     }
 
