@@ -112,7 +112,7 @@ impl BlankConfig {
         ValueError::unless(is_valid, "blank.yarn_angle_deg", angle, expected)
     }
 
-    /// Sides of a cell along warp and weft [m].
+    /// Sides of a cell along warp and weft [m], infinite where there is no cell.
     pub fn cell(&self) -> [f64; 2] {
         match self.cell_mm {
             Some(cell) => [1e-3 * cell; 2],

@@ -303,10 +303,7 @@ pub fn mean_and_worst_quarter(scores: &[f64]) -> [f64; 2] {
 
 /// Steps at a rate, with a fifth as many refreshes of contact.
 fn with_rate(substep_rate: f64) -> Stepping {
-    Stepping {
-        substep_rate,
-        contact_rate: 0.2 * substep_rate,
-    }
+    Stepping::every(substep_rate, 5)
 }
 
 /// Worlds to draw from: as many lies of the blank as have been simulated, each in its fabric, and any number
