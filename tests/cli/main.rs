@@ -99,7 +99,7 @@ fn scene(tool: &str) -> String {
         "[blank]\nvertices = [17, 17]\n\
          [fall]\nfall_s = 0.2\nsettle_s = 0.5\nsubstep_rate = 1200\n\
          [[clamps]]\nat_mm = [0, -185]\n\
-         [tool.grid]\nspacing_mm = 4\n{tool}"
+         [tool.grid]\nspacing_mm = 8\n{tool}"
     )
 }
 

@@ -45,7 +45,7 @@ at_mm = [0.0, -185.0]
 kind = "rib"
 
 [scene.tool.grid]
-spacing_mm = 4
+spacing_mm = 8
 "#;
 
 /// What a complete run leaves, sorted.

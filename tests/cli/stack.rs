@@ -41,7 +41,7 @@ substep_rate = 1200
 kind = "hemisphere"
 
 [scene.tool.grid]
-spacing_mm = 4
+spacing_mm = 8
 "#;
 
 const PLIES: &str = "config = \"base.toml\"\n[[plies]]\nangle_deg = 0\n[[plies]]\nangle_deg = 45\n\

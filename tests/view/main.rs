@@ -18,7 +18,7 @@ stencil_mm = 30.0
 [ppo]
 rollout_steps = 8
 [scene.tool.grid]
-spacing_mm = 4.0
+spacing_mm = 8.0
 [scene.tool.source.shape]
 kind = "hemisphere"
 radius_mm = 75.0
