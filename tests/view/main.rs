@@ -17,6 +17,11 @@ region_mm = [-131.0, -131.0, 0.0, 0.0]
 stencil_mm = 30.0
 [ppo]
 rollout_steps = 8
+[ppo.imitation]
+episodes = 4
+samples = 16
+coefficient = 0.3
+pretraining = 20
 [scene.tool.grid]
 spacing_mm = 8.0
 [scene.tool.source.shape]
