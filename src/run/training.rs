@@ -76,7 +76,7 @@ struct Memory {
 /// Episodes of a search, all cut off by `env.max_steps`, after which none is expected to end: eight of its generations.
 const HOPELESS: usize = 8 * 64;
 
-/// Environments that search on a scene, at least, where each makes so many steps.
+/// Environments that search on a scene, at least, where each makes so many steps: two groups of lanes, for two cores.
 const SEARCHING: usize = 32;
 const WORTHWHILE: usize = 500;
 

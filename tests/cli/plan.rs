@@ -7,12 +7,14 @@ const SCATTER: &str =
     "\n[scatter]\nrisk = 0.5\nsubstep_rates = [600.0]\nfriction = 0.2\nstencil = 0.1\n";
 
 /// So many presses come to the same bits on any number of threads, also from what a policy plays; the best path is
-/// no worse than orders that anybody could think of.
+/// better than orders that anybody could think of.
 #[test]
 fn plans_are_searched_and_proved() {
     let folder = trained();
     let path = folder.path();
-    fs::write(path.join("task.toml"), format!("{CONFIG}{SCATTER}")).unwrap();
+    // Nearly every order brings this blank on to the tool, but not without surplus.
+    let task = CONFIG.replace("\"distance\"", "\"surplus\"");
+    fs::write(path.join("task.toml"), format!("{task}{SCATTER}")).unwrap();
     let plan = |name: &str, threads: &str, more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_drape"));
         command.args(["plan", "task.toml", "--name", name, "--json"]);
@@ -30,8 +32,7 @@ fn plans_are_searched_and_proved() {
     let played = number(&outcome["policy_paths"]);
     assert!((1.0..=16.0).contains(&played), "{outcome}");
     let score = |k: usize| number(&outcome["proof"][k]["score"]);
-    // Nearly every order drapes this blank: what is lost with a start shows, what is gained does not.
-    assert!((1..4).all(|k| score(0) > score(k) - 0.03), "{outcome}");
+    assert!((1..4).all(|k| score(0) > score(k)), "{outcome}");
     let (_, three) = plan("three", "3", &from);
     for name in ["best_sequence.json", "proof.json", "trajectory.json"] {
         assert!(one[name] == three[name], "{name}");
