@@ -77,7 +77,10 @@ impl Bending {
     pub fn add_forces(&self, x: &Field, f: &mut Field) {
         for triples in &self.triples {
             for axis in 0..3 {
-                let [a, b, c] = [0, 1, 2].map(|corner| triples.block.load(&x[axis], corner));
+                // One by one: in a closure they would not be compiled for the vectors of this machine.
+                let a = triples.block.load(&x[axis], 0);
+                let b = triples.block.load(&x[axis], 1);
+                let c = triples.block.load(&x[axis], 2);
                 let mut pull = [0.0; WIDTH];
                 let mut back = [0.0; WIDTH];
                 for l in 0..WIDTH {

@@ -6,6 +6,7 @@
 //! as long as the force that this needs is below the static limit: what sticks does not creep.
 
 use super::energy::Energies;
+use super::pack::{Field, WIDTH, zeros};
 use crate::math::Vec3;
 use crate::tool::Tool;
 
@@ -24,23 +25,24 @@ const LIPSCHITZ: f64 = 0.9;
 /// exp(-v / this) (Abaqus' exponential decay). A jump would set softly landing cloth sliding.
 const SLIP_SPEED: f64 = 2e-4;
 
-/// The tool's tangent plane near a vertex, while the vertex stays near where the plane was taken.
+/// The tool's tangent plane near a vertex, normal . x = offset [m].
 #[derive(Clone, Copy)]
 struct Plane {
-    /// Where it was taken [m].
-    at: Vec3,
-    /// Square of the displacement after which it is out of date [m^2]; negative for at once.
-    reach: f64,
     normal: Vec3,
-    /// Plane: normal . x = offset [m].
     offset: f64,
-    /// The vertex may touch the tool before the plane is refreshed.
-    is_near: bool,
 }
 
 /// Planes of all vertices.
 pub(super) struct Contact {
     planes: Vec<Plane>,
+    /// Where each was taken [m].
+    at: Field,
+    /// Square of the displacement after which it is out of date [m^2]: negative for at once, infinite in padding.
+    reach: Vec<f64>,
+    /// Which are, as [`Contact::find_stale`] says.
+    is_stale: Vec<bool>,
+    /// Whether the vertex may touch the tool before the plane is refreshed.
+    is_near: Vec<bool>,
     /// Whether a vertex is pressed on to the tool, and with which force [N].
     pub pressure: Vec<f64>,
     /// Static and dynamic coefficient.
@@ -86,38 +88,63 @@ impl Step {
 
 impl Contact {
     pub fn new(count: usize, friction: Option<[f64; 2]>, tack: Option<Vec<f64>>) -> Self {
-        let stale = Plane {
-            at: Vec3::zeros(),
-            reach: -1.0,
+        let plane = Plane {
             normal: Vec3::z(),
             offset: 0.0,
-            is_near: false,
         };
-        Self {
-            planes: vec![stale; count],
+        let mut contact = Self {
+            planes: vec![plane; count],
+            at: zeros(count),
+            reach: vec![f64::INFINITY; count.next_multiple_of(WIDTH)],
+            is_stale: vec![false; count.next_multiple_of(WIDTH)],
+            is_near: vec![false; count],
             pressure: vec![0.0; count],
             friction,
             tack,
             press_speed: f64::INFINITY,
-        }
+        };
+        contact.forget();
+        contact
     }
 
     /// Forgets all planes: tool or positions are others.
     pub fn forget(&mut self) {
-        for plane in &mut self.planes {
-            plane.reach = -1.0;
+        self.reach[..self.planes.len()].fill(-1.0);
+    }
+
+    /// Finds the planes that are out of date where the vertices go, from `x` [m] by `v` [m/s] for `drift` [s].
+    #[inline(always)]
+    pub fn find_stale(&mut self, x: &Field, v: &Field, drift: f64) {
+        for first in (0..self.reach.len()).step_by(WIDTH) {
+            let block = first..first + WIDTH;
+            let mut square = [0.0; WIDTH];
+            for axis in 0..3 {
+                let (x, v) = (&x[axis][block.clone()], &v[axis][block.clone()]);
+                let at = &self.at[axis][block.clone()];
+                for l in 0..WIDTH {
+                    let off = x[l] + v[l] * drift - at[l];
+                    square[l] += off * off;
+                }
+            }
+            let (reach, is_stale) = (&self.reach[block.clone()], &mut self.is_stale[block]);
+            for l in 0..WIDTH {
+                is_stale[l] = square[l] > reach[l];
+            }
         }
     }
 
-    /// Whether the tool or pressure may act on vertex `i`, which goes from `x` to `next` [m].
-    pub fn may_act(&mut self, tool: &Tool, i: usize, x: Vec3, next: Vec3) -> bool {
-        let plane = &mut self.planes[i];
+    /// Whether vertex `i` is far from the tool, and its plane still tells.
+    pub fn is_clear(&self, i: usize) -> bool {
+        !self.is_stale[i] && !self.is_near[i] && self.pressure[i] <= 0.0
+    }
+
+    /// Whether the tool or pressure may act on vertex `i` at `x` [m]; refreshes its plane.
+    pub fn may_act(&mut self, tool: &Tool, i: usize, x: Vec3) -> bool {
         let is_pressed = self.pressure[i] > 0.0;
-        if (next - plane.at).norm_squared() > plane.reach {
-            let range = if self.tack.is_some() { TACK_RANGE } else { 0.0 };
-            *plane = Plane::near(tool, x, range, is_pressed);
+        if self.is_stale[i] {
+            self.refresh(tool, i, x, is_pressed);
         }
-        plane.is_near || is_pressed
+        self.is_near[i] || is_pressed
     }
 
     /// The force of the tool and of pressure on vertex `i` [N]; adds its works to `ledger`.
@@ -178,11 +205,10 @@ impl Contact {
         ledger.friction -= impulse * rubbed.dot(&mean);
         (after - start).map(|dv| step.force(*mass, dv))
     }
-}
 
-impl Plane {
-    /// The tangent plane near `x` [m], and how long it may be used.
-    fn near(tool: &Tool, x: Vec3, range: f64, is_pressed: bool) -> Self {
+    /// Takes the tangent plane near `x` [m].
+    fn refresh(&mut self, tool: &Tool, i: usize, x: Vec3, is_pressed: bool) {
+        let range = if self.tack.is_some() { TACK_RANGE } else { 0.0 };
         let (height, normal) = tool.distance(x.into());
         let normal = Vec3::from(normal);
         let is_near = height <= 2.0 * REFRESH + range;
@@ -193,12 +219,14 @@ impl Plane {
         if is_pressed {
             reach = reach.min(PRESSED_REFRESH);
         }
-        Self {
-            at: x,
-            reach: reach * reach,
+        for (at, x) in self.at.iter_mut().zip(&x) {
+            at[i] = *x;
+        }
+        self.reach[i] = reach * reach;
+        self.is_near[i] = is_near;
+        self.planes[i] = Plane {
             normal,
             offset: normal.dot(&x) - height,
-            is_near,
-        }
+        };
     }
 }

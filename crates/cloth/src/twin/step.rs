@@ -71,9 +71,13 @@ impl Twin {
 
     /// Adds the forces of the tool and of pressure on what no clamp holds.
     fn touch(&mut self, tool: &Tool, step: &Step) {
+        self.vectorize(Task::FindStale(step.drift));
         for i in 0..self.count {
+            if self.contact.is_clear(i) || self.held[i].is_some() {
+                continue;
+            }
             let (x, v) = (at(&self.x, i), at(&self.v, i));
-            if !self.contact.may_act(tool, i, x, x + v * step.drift) || self.held[i].is_some() {
+            if !self.contact.may_act(tool, i, x) {
                 continue;
             }
             let (f, mass) = (at(&self.f, i), self.mass[i]);
@@ -132,6 +136,8 @@ impl Twin {
 enum Task {
     /// Forces at the present positions.
     Forces,
+    /// Which planes of the tool are out of date after a step so long [s].
+    FindStale(f64),
     /// Velocities and positions after a step.
     Move(Step),
 }
@@ -166,6 +172,7 @@ impl Kernel for Run<'_> {
                 twin.peak = pass.peak;
                 twin.ledger.viscosity += pass.dissipated;
             }
+            Task::FindStale(drift) => twin.contact.find_stale(&twin.x, &twin.v, drift),
             Task::Move(step) => {
                 let mut square = [0.0; WIDTH];
                 let is_damped = step.damped > 0.0;
