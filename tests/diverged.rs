@@ -42,8 +42,7 @@ fn training_counts_diverged_episodes_and_goes_on() {
     config.ppo.epochs = 1;
     let root = tempfile::tempdir().unwrap();
     let info = RunInfo::new(config.seed, SystemTime::now());
-    let folder =
-        RunFolder::create(root.path(), Some("a"), (&config.to_toml(), &[]), &info).unwrap();
+    let folder = RunFolder::create(root.path(), Some("a"), &config.to_toml(), &[], &info).unwrap();
     let metrics = folder.metrics.clone();
     let mut training = Training::new(
         config,

@@ -85,7 +85,7 @@ fn begun(name: &str) -> (RunConfig, Arc<Scene>, RunFolder) {
     fs::write(&file, TINY).unwrap();
     let config = RunConfig::read(&file).unwrap();
     let info = RunInfo::new(1, SystemTime::now());
-    let run = RunFolder::create(&root, Some(name), (&config.to_toml(), &[]), &info).unwrap();
+    let run = RunFolder::create(&root, Some(name), &config.to_toml(), &[], &info).unwrap();
     let scene = Arc::new(Scene::new(&config.scene, |_| ()).unwrap());
     let mut training = Training::new(
         config.clone(),

@@ -218,8 +218,9 @@ fn played_on(scene: &Arc<Scene>, run: &Path, config: &RunConfig) -> Vec<u32> {
     let folder = RunFolder::open(run).unwrap();
     let checkpoint = Checkpoint::of_run(&folder.best_checkpoint, &folder).unwrap();
     let mut draping = Draping::new(scene.clone(), &config.env, 1).unwrap();
-    let seen = (draping.shape(), &*draping.terrains());
-    let mut agent = Agent::new(&config.policy, seen, config.seed, config.device).unwrap();
+    let (shape, terrains) = (draping.shape(), draping.terrains());
+    let agent = Agent::new(&config.policy, shape, &terrains, config.seed, config.device);
+    let mut agent = agent.unwrap();
     read_section(&checkpoint.sections, NETWORK, |bytes| agent.load(bytes)).unwrap();
     let choose = |seen: &Draping| agent.act(&[seen.observation(0)], Sampling::Greedy)[0];
     play(&mut draping, choose, |_| ())

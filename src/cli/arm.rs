@@ -18,9 +18,11 @@ const MOST: f64 = 2000.0;
 
 /// How the robot of a cell makes some presses, at `place` if there is one; how it moves if it is to `plan`.
 pub(super) fn robot(
-    (mut config, told): (CellConfig, String),
+    mut config: CellConfig,
+    told: &str,
     scene: &Arc<Scene>,
-    (points, rolling): (&[PressedPoint], Rolling),
+    points: &[PressedPoint],
+    rolling: Rolling,
     place: Option<RobotPlace>,
     plan: bool,
 ) -> Result<ViewedRobot, Failure> {
@@ -36,11 +38,11 @@ pub(super) fn robot(
             step_deg: place.step_deg,
             at_mm,
         });
-        config.check().or_invalid_in(&told)?;
+        config.check().or_invalid_in(told)?;
     }
     let points = strokes(points, rolling)?;
     match plan {
-        true => planned(&points, (config, told), scene),
+        true => planned(&points, config, told, scene),
         false => reached(&points, &config, scene),
     }
 }
@@ -74,10 +76,11 @@ fn reached(
 /// How it moves.
 fn planned(
     points: &[DrapingPoint],
-    cell: (CellConfig, String),
+    config: CellConfig,
+    told: &str,
     scene: &Arc<Scene>,
 ) -> Result<ViewedRobot, Failure> {
-    let mut planned = Planned::of(points, cell, scene, |_| ())?;
+    let mut planned = Planned::of(points, config, told, scene, |_| ())?;
     planned.cell.find_remedies(&planned.path, &mut planned.plan);
     let Planned { cell, plan, .. } = &planned;
     let mut told: Vec<_> = points.iter().map(|point| (point.vertex, None)).collect();
@@ -142,8 +145,7 @@ fn place(config: &CellConfig, cell: &Cell) -> RobotPlace {
 
 /// What moves with the arm, and what stands around and does not turn with the tool, or does.
 fn parts(cell: &Cell) -> Vec<Vec<[Vec3; 3]>> {
-    let standing = [false, true].map(|turns| cell.blocks(turns));
-    cell.shapes().into_iter().chain(standing).collect()
+    cell.shapes().into_iter().chain(cell.blocks()).collect()
 }
 
 /// Where these are in the frame of the tool, at a station of the cell.

@@ -106,6 +106,9 @@ struct Outcome {
     path: Option<PathFigures>,
     /// The best paths in finer steps, beside other orders.
     proof: Vec<Row>,
+    /// All steps, not only all orders.
+    #[serde(skip)]
+    is_spent: bool,
 }
 
 /// Episodes of a search.
@@ -223,14 +226,15 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         best_score: best.score(),
         path,
         proof: rows,
+        is_spent,
     };
-    print(&outcome, args.json, |outcome| text(outcome, is_spent))?;
+    print(&outcome, args.json, text)?;
     interrupted.map_or(Ok(()), |signal| Err(Interrupted(signal).into()))
 }
 
-fn text(outcome: &Outcome, is_spent: bool) -> String {
+fn text(outcome: &Outcome) -> String {
     let (run, found) = (outcome.run.display(), &outcome.found);
-    let end = match is_spent {
+    let end = match outcome.is_spent {
         true => "",
         false => "; it has come to its end",
     };

@@ -233,8 +233,8 @@ fn beside_run(args: &CompareArgs) -> Result<(), Failure> {
         let sheet = pressed.tool.in_scene(&pressed.initial.position);
         let sheet = pressed.lamina.mesh(&sheet);
         let title = "signed distance of the scan from the run [mm], positive above, grey where nothing was seen";
-        let colors = (&deviation.at_vertices[..], range, title);
-        picture::signed(&sheet, colors, Some(&tool), &[]).save_png(file)?;
+        let off = &deviation.at_vertices;
+        picture::signed(&sheet, off, range, title, Some(&tool), &[]).save_png(file)?;
     }
     let origin = |path: &Path, kind| Origin {
         path: path.into(),

@@ -217,13 +217,13 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         Format::Abaqus => deck(&loaded, &points, frame, Dialect::Abaqus)?.write(&file)?,
         Format::Dxf => write_pattern(&loaded.scene, &points, &file)?,
         Format::NextTool => {
-            let draped = (&*loaded.scene, played.recording.end());
-            write_next_tool(draped, &frame, &loaded.folder.path, &file)?;
+            let (draped, run) = (played.recording.end(), &loaded.folder.path);
+            write_next_tool(&loaded.scene, draped, &frame, run, &file)?;
         }
         _ => {
             let (writer, _) = args.format.field().expect("programs are written above");
-            let draped = (&*loaded.scene, played.recording.end());
-            field = Some(args.onto.write(mesh, draped, &frame, writer, &file)?);
+            let (scene, draped) = (&loaded.scene, played.recording.end());
+            field = Some((args.onto).write(mesh, scene, draped, &frame, writer, &file)?);
         }
     }
     let report = Report {

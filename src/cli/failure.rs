@@ -29,21 +29,19 @@ impl Interrupted {
 /// mend. What else the user got wrong becomes a failure of the input (exit code 2) by `or_invalid`.
 #[derive(Debug)]
 pub struct Failure {
-    error: Error,
+    pub(super) error: Error,
     /// Whether the user can mend it.
     pub is_input: bool,
 }
 
 impl Failure {
-    /// Wrong usage or configuration where it `is_input`, or else a failure at work.
-    pub(super) fn new(error: impl Into<Error>, is_input: bool) -> Self {
-        let error = error.into();
-        Self { error, is_input }
-    }
-
     /// Wrong usage or configuration.
     pub fn invalid(error: impl Into<Error>) -> Self {
-        Self::new(error, true)
+        let error = error.into();
+        Self {
+            error,
+            is_input: true,
+        }
     }
 
     /// Names a file that could not be written as one of `folder`, for which it was meant.
@@ -120,20 +118,18 @@ pub(super) fn study_failure(error: StudyError, place: Option<String>) -> Failure
         }
         _ => error.into(),
     };
-    Failure::new(error, is_input)
+    Failure { error, is_input }
 }
 
 /// Names the scene that the error of a proof is about, if it is told.
 pub(super) fn proof_failure(error: ProofError, place: Option<String>) -> Failure {
     let is_input = error.is_input();
     let error = Error::new(error);
-    Failure::new(
-        match place {
-            Some(place) => error.context(place),
-            None => error,
-        },
-        is_input,
-    )
+    let error = match place {
+        Some(place) => error.context(place),
+        None => error,
+    };
+    Failure { error, is_input }
 }
 
 #[cfg(test)]

@@ -101,7 +101,8 @@ impl OntoArgs {
     pub fn write(
         &self,
         mesh: Option<TriMesh>,
-        (scene, position): (&Scene, &[[f64; 3]]),
+        scene: &Scene,
+        position: &[[f64; 3]],
         frame: &Frame,
         writer: Writer,
         file: &Path,

@@ -94,7 +94,7 @@ pub fn run(args: ImproveArgs) -> Result<(), Failure> {
             "{run} has no proved path, expected proof.json, which `drape eval {run} --sequence --prove` writes"
         )));
     }
-    RunFolder::check_free(&args.new.runs, args.new.name.as_deref(), false)?;
+    RunFolder::check_free(&args.new.runs, args.new.name.as_deref(), Some("improve"))?;
     let _runs = OutFolder::make(&args.new.runs)?;
     let mut turns = old.read_turns()?;
     let Explained {

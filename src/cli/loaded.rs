@@ -95,7 +95,7 @@ impl Loaded {
                     (task.scene, task.env) = (other.clone(), env.clone());
                     read_weights(run, name, &task)?;
                 }
-                set_up_member((&other, &env), &file.display().to_string(), json)?
+                set_up_member(&other, &env, &file.display().to_string(), json)?
             }
         };
         Ok(Self {
@@ -285,10 +285,10 @@ pub(super) fn policy_paths(
         (played.episode.end != End::Diverged).then_some(vertices)
     };
     let greedy = |draping: &Draping, _| agent.act(&observations(draping), Sampling::Greedy);
-    let mut paths = Draping::play_all((scene, env), (1, most), greedy, vertices).or_invalid()?;
+    let mut paths = Draping::play_all(scene, env, 1, most, greedy, vertices).or_invalid()?;
     let choose =
         |draping: &Draping, _| agent.act(&observations(draping), Sampling::Drawn(&mut stream));
-    paths.extend(Draping::play_all((scene, env), (drawn, most), choose, vertices).or_invalid()?);
+    paths.extend(Draping::play_all(scene, env, drawn, most, choose, vertices).or_invalid()?);
     Ok(paths.into_iter().flatten().collect())
 }
 

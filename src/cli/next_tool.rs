@@ -16,19 +16,20 @@ use drape_task::path::Frame;
 pub(super) const NEXT_TOOL: &str = "next-tool.stl";
 
 /// A blank whose vertices are at `position` [m], in the scene.
-pub(super) fn sheet((scene, position): (&Scene, &[[f64; 3]])) -> TriMesh {
+pub(super) fn sheet(scene: &Scene, position: &[[f64; 3]]) -> TriMesh {
     scene.lamina.mesh(&scene.tool.in_scene(position))
 }
 
 /// Writes the tool that the next ply falls on, in a frame, where a blank of `run` has come to lie with its vertices at
-/// given positions [m].
+/// `position` [m].
 pub(super) fn write_next_tool(
-    draped: (&Scene, &[[f64; 3]]),
+    scene: &Scene,
+    position: &[[f64; 3]],
     frame: &Frame,
     run: &Path,
     file: &Path,
 ) -> Result<(), Failure> {
-    let (scene, sheet) = (draped.0, sheet(draped));
+    let sheet = sheet(scene, position);
     let thickness = scene.lamina.material.thickness();
     let refused = || format!("{}: no ply can be laid on this one", run.display());
     let next = next_tool(&scene.tool.mesh_in_scene(), &sheet, thickness);

@@ -270,7 +270,7 @@ mod tests {
             ..EnvConfig::default()
         };
         let task = Task::new(scene.clone().into(), &env).unwrap();
-        let mut recording = Recording::new(&task, false);
+        let mut recording = Recording::new(&task);
         let presses = path.iter().map(|&v| (v, state.position[v as usize]));
         let presses: Vec<_> = presses.collect();
         for count in 0..=presses.len() {

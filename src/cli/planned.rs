@@ -38,7 +38,7 @@ pub(super) struct Planned {
 impl Planned {
     /// Plans the path of a run in the cell of [`cell_config`].
     pub fn new(loaded: &Loaded, file: Option<&Path>) -> Result<Self, Failure> {
-        let cell = cell_config(file, Some(&loaded.folder), &loaded.config)?;
+        let (cell, place) = cell_config(file, Some(&loaded.folder), &loaded.config)?;
         let (played, _) = loaded.play_path()?;
         let points = path(&played.recording)?;
         let progress = Progress::new("strokes", loaded.json);
@@ -47,7 +47,7 @@ impl Planned {
             let done = done.fetch_add(more, Ordering::Relaxed) + more;
             progress.set(done as f64 / points.len().max(1) as f64);
         };
-        let mut planned = Self::of(&points, cell, &loaded.scene, watch)?;
+        let mut planned = Self::of(&points, cell, &place, &loaded.scene, watch)?;
         let sheets = sheets(&played.recording, &loaded.scene);
         planned.collisions = planned.cell.collisions(&planned.plan);
         planned.pushed = planned
@@ -56,15 +56,15 @@ impl Planned {
         Ok(planned)
     }
 
-    /// Plans a path in a cell, of which messages say where it is from; it is not played. `watch` hears how many more points
-    /// are done.
+    /// Plans a path in a cell, which is from `place`; it is not played. `watch` hears how many more points are done.
     pub fn of(
         points: &[DrapingPoint],
-        (mut config, place): (CellConfig, String),
+        mut config: CellConfig,
+        place: &str,
         scene: &Scene,
         watch: impl Fn(usize) + Sync,
     ) -> Result<Self, Failure> {
-        let mut cell = cell(&config, scene).or_invalid_in(&place)?;
+        let mut cell = cell(&config, scene).or_invalid_in(place)?;
         let path = path_points(points, scene);
         if config.base.is_none() {
             // Wherever it reaches most; a shop that has a place names it.
@@ -79,7 +79,7 @@ impl Planned {
             cell = cell.moved(base.pose());
             config.base = Some(base);
         }
-        let plan = cell.plan(&path, watch).or_invalid_in(&place)?;
+        let plan = cell.plan(&path, watch).or_invalid_in(place)?;
         Ok(Self {
             collisions: Vec::new(),
             pushed: Vec::new(),

@@ -196,5 +196,5 @@ pub(super) fn write_recording(
 pub(super) fn rollout_failure(error: RolloutError, place: &Path) -> Failure {
     let is_input = !matches!(error, RolloutError::Diverged(_));
     let error = anyhow::Error::new(error).context(place.display().to_string());
-    Failure::new(error, is_input)
+    Failure { error, is_input }
 }

@@ -274,8 +274,9 @@ impl<'a> Stage<'a> {
             mesh
         };
         drawing.mesh(&turned(self.tool.clone()), |_| TOOL, 0.0);
-        drawing.mesh(&turned(soup(cell.blocks(true))), |_| BLOCK, 0.0);
-        drawing.mesh(&soup(cell.blocks(false)), |_| BLOCK, 0.0);
+        let [standing, turning] = cell.blocks().map(soup);
+        drawing.mesh(&turned(turning), |_| BLOCK, 0.0);
+        drawing.mesh(&standing, |_| BLOCK, 0.0);
         drawing.mesh(&arm_mesh(cell, joints), |_| ARM, 0.0);
         for (k, point) in path.iter().enumerate() {
             let failed = plan.failed.iter().any(|failed| failed.index == k);

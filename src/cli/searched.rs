@@ -54,15 +54,15 @@ impl Searched {
         json: bool,
     ) -> Result<Self, Failure> {
         let name = name.as_deref();
-        RunFolder::check_free(runs, name, false)?;
-        let (scene, kept) = set_up_run(&config, &place, json)?;
+        RunFolder::check_free(runs, name, Some(&search))?;
+        let (scene, (kept, inputs)) = set_up_run(&config, &place, json)?;
         config.equip(&scene).or_invalid_in(&place)?;
         let info = RunInfo {
             search: Some(search),
             policy: weights.map(Weights::digest),
             ..RunInfo::new(config.seed, SystemTime::now())
         };
-        let folder = RunFolder::create(runs, name, (&kept.0, &kept.1), &info)?;
+        let folder = RunFolder::create(runs, name, &kept, &inputs, &info)?;
         let lock = folder.lock()?;
         if !json {
             tell(format_args!("writing {}", folder.path.display()));

@@ -261,7 +261,7 @@ pub(super) fn set_up_scenes(
             all.push(scene.clone());
             continue;
         }
-        let mut scene = set_up_member((&member.scene, &member.env), &place, quiet)?;
+        let mut scene = set_up_member(&member.scene, &member.env, &place, quiet)?;
         if let Some((other, _)) = known.find(|(_, other)| other.tool == member.scene.tool) {
             Arc::make_mut(&mut scene).tool = other.tool.clone();
         }
@@ -319,13 +319,14 @@ pub fn set_up_tasks(
     quiet: bool,
 ) -> Result<Draping, Failure> {
     config.check_before_fall().or_invalid_in(place)?;
-    let scene = set_up_member((&config.scene, &config.env), place, quiet)?;
+    let scene = set_up_member(&config.scene, &config.env, place, quiet)?;
     Draping::new(scene, &config.env, count).or_invalid_in(place)
 }
 
 /// Sets up a scene with a task on it.
 pub(super) fn set_up_member(
-    (scene, env): (&SceneConfig, &EnvConfig),
+    scene: &SceneConfig,
+    env: &EnvConfig,
     place: &str,
     quiet: bool,
 ) -> Result<Arc<Scene>, Failure> {

@@ -9,7 +9,7 @@ use toml::{Table, Value};
 
 use super::Failure;
 use super::failure::{Interrupted, OrInvalid};
-use super::field::OntoArgs;
+use super::field::{OntoArgs, Writer};
 use super::loaded::{self, Loaded};
 use super::next_tool::{NEXT_TOOL, sheet, write_next_tool};
 use super::output::print;
@@ -109,7 +109,8 @@ struct Lie {
 impl Lie {
     /// That of a blank whose vertices are at `position` [m], of which those `within` a distance [m] count as pressed.
     fn new(
-        (scene, position): (&Scene, &[[f64; 3]]),
+        scene: &Scene,
+        position: &[[f64; 3]],
         within: f64,
         below: Option<&TriMesh>,
     ) -> Result<Self, Failure> {
@@ -156,30 +157,26 @@ pub fn run(args: StackArgs) -> Result<(), Failure> {
             let fault = "has no proved path, expected one for its fibre field and for the next ply";
             return Err(anyhow!("{} {fault}", run.display()).into());
         };
-        let draped = (&*loaded.scene, played.recording.end());
-        let frame = Frame::tool(&loaded.scene.config.tool.pose);
+        let (scene, draped) = (&*loaded.scene, played.recording.end());
+        let frame = Frame::tool(&scene.config.tool.pose);
         let field = run.join("field.vtu");
         let onto = OntoArgs::default();
-        onto.write(
-            None,
-            draped,
-            &frame,
-            |field, remarks| vtu(field, remarks).into(),
-            &field,
-        )?;
+        let writer: Writer = |field, remarks| vtu(field, remarks).into();
+        onto.write(None, scene, draped, &frame, writer, &field)?;
         let within = 1e-3 * loaded.env.drape_threshold_mm;
+        let under = below.as_ref().map(|(sheet, _)| sheet);
         plies.push(Draped {
             angle_deg: ply.angle_deg,
             score: proved.path.score,
             points: proved.path.vertices.len(),
-            lie: Lie::new(draped, within, below.as_ref().map(|(sheet, _)| sheet))?,
+            lie: Lie::new(scene, draped, within, under)?,
             field: field.into(),
             run: (&run).into(),
         });
         if number < stack.plies.len() {
             let file = run.join(NEXT_TOOL);
-            write_next_tool(draped, &frame, &run, &file)?;
-            below = Some((sheet(draped), file));
+            write_next_tool(scene, draped, &frame, &run, &file)?;
+            below = Some((sheet(scene, draped), file));
         }
     }
     print(&Report { plies }, args.json, text)

@@ -313,9 +313,9 @@ fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure
         return Ok(training);
     }
     if cluster.is_first() {
-        RunFolder::check_free(&args.runs, args.name.as_deref(), true)?;
+        RunFolder::check_free(&args.runs, args.name.as_deref(), None)?;
     }
-    let (scene, kept) = set_up_run(&config, &place, quiet)?;
+    let (scene, (kept, inputs)) = set_up_run(&config, &place, quiet)?;
     config.equip(&scene).or_invalid_in(&place)?;
     let shown = Demonstrations::read(&args.demonstrate, &scene.lamina).or_invalid()?;
     let scenes = set_up_scenes(&config, scene, &place, quiet)?;
@@ -324,9 +324,8 @@ fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure
         policy: weights.as_ref().map(Weights::digest),
         ..RunInfo::new(config.seed, SystemTime::now())
     };
-    let kept = (&*kept.0, &*kept.1);
     let create = || {
-        let folder = RunFolder::create(&args.runs, args.name.as_deref(), kept, &info)?;
+        let folder = RunFolder::create(&args.runs, args.name.as_deref(), &kept, &inputs, &info)?;
         shown.keep(&folder).map(|()| folder)
     };
     let made = cluster.is_first().then(create).transpose()?;

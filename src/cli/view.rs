@@ -193,7 +193,7 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
     let shared = Arc::new(Shared::default());
     if let Some(file) = &args.export {
         check_writable(file)?;
-        let page = Session::new(host, spec, (shared, commands))?.export();
+        let page = Session::new(host, spec, shared, commands)?.export();
         let page = page.map_err(|error| anyhow!(error))?;
         write_atomic(file, |file| file.write_all(page.as_bytes()))?;
         return Ok(show(&match args.json {
@@ -201,7 +201,7 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
             false => format!("written to {}", file.display()),
         })?);
     }
-    let server = Server::open(args.port, &args.allow_host, (shared.clone(), sender));
+    let server = Server::open(args.port, &args.allow_host, shared.clone(), sender);
     let server = server.with_context(|| format!("cannot listen on port {}", args.port))?;
     let (address, token) = (
         format!("http://{}/", server.address()?),
@@ -216,7 +216,7 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
     if args.open {
         open(&page);
     }
-    Session::new(host, spec, (shared, commands))?.run();
+    Session::new(host, spec, shared, commands)?.run();
     Ok(())
 }
 
@@ -522,7 +522,7 @@ impl Host for Desk {
                 let (mut cloth, origin) = (draping.state(0), draping.scene().tool.origin);
                 let place = |&x: &[f64; 3]| (Vec3::from(x) - origin).into();
                 cloth.position = position.iter().map(place).collect();
-                let mut made = Recording::new(draping.task(0), false);
+                let mut made = Recording::new(draping.task(0));
                 made.see(draping.task(0), &EpisodeState::new(Vec::new(), cloth));
                 made.frames
             }
@@ -540,10 +540,10 @@ impl Host for Desk {
         place: Option<RobotPlace>,
         plan: bool,
     ) -> RobotJob {
-        let (cell, scene) = (self.cell.clone(), draping.scene().clone());
+        let ((cell, told), scene) = (self.cell.clone(), draping.scene().clone());
         let (points, rolling) = (points.to_vec(), draping.config().rolling());
         Box::new(move || {
-            let found = robot(cell, &scene, (&points, rolling), place, plan);
+            let found = robot(cell, &told, &scene, &points, rolling, place, plan);
             found.map_err(|error| error.to_string())
         })
     }

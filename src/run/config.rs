@@ -358,7 +358,7 @@ impl RunConfig {
     pub fn members(&self) -> Result<Vec<FamilyMember>, ValueError> {
         let mut scenes = vec![(None, (self.scene.clone(), self.env.clone()))];
         for (number, range) in self.scenes.iter().enumerate() {
-            let drawn = range.draw((&self.scene, &self.env), (self.seed, number))?;
+            let drawn = range.draw(&self.scene, &self.env, self.seed, number)?;
             let name = |member| Some(format!("`scenes.{number}`, member {member}"));
             scenes.extend(drawn.into_iter().enumerate().map(|(k, one)| (name(k), one)));
         }

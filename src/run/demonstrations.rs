@@ -79,7 +79,8 @@ impl Demonstrations {
         &self,
         number: usize,
         pressed: &mut usize,
-        (tasks, task): (&Draping, usize),
+        tasks: &Draping,
+        task: usize,
     ) -> Option<u32> {
         let list = self.0.get(number)?;
         while let Some(&vertex) = list.get(*pressed) {

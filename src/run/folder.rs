@@ -209,15 +209,17 @@ impl RunFolder {
     }
 
     /// Makes the folder of a new run, `root/name`, or named by the minute without a name, with
-    /// `config` (TOML, resolved), the files it is read with and `info` in it. It appears whole or
+    /// `config` (TOML, resolved), the `inputs` it is read with and `info` in it. It appears whole or
     /// not at all, and never in place of another.
     pub fn create(
         root: &Path,
         name: Option<&str>,
-        config: (&str, &[Input]),
+        config: &str,
+        inputs: &[Input],
         info: &RunInfo,
     ) -> Result<Self> {
-        Self::check_free(root, name, info.search.is_none())?;
+        let search = info.search.as_deref();
+        Self::check_free(root, name, search)?;
         let names: Box<dyn Iterator<Item = String>> = match name {
             None => Box::new(dated_names("", SystemTime::now())),
             Some(name) => Box::new(std::iter::once(name.into())),
@@ -235,7 +237,7 @@ impl RunFolder {
         }
         let unfinished = unfinished.tempdir_in(root);
         let unfinished = unfinished.with_context(|| cannot_create(root))?;
-        let filled = Self::at(unfinished.path().into()).fill(config, info);
+        let filled = Self::at(unfinished.path().into()).fill(config, inputs, info);
         filled.with_context(|| cannot_create(&root.join(name.unwrap_or_default())))?;
         let mut last = root.into();
         for name in names {
@@ -246,11 +248,12 @@ impl RunFolder {
             }
             last = path;
         }
-        bail!(Self::taken(last, info.search.is_none()))
+        bail!(Self::taken(last, search))
     }
 
-    /// Whether a run, a training or not, can be given this name: what [`RunFolder::create`] asks again after the work.
-    pub fn check_free(root: &Path, name: Option<&str>, is_training: bool) -> Result<()> {
+    /// Whether a run that `search` fills, or else a training, can be given this name: what [`RunFolder::create`] asks again
+    /// after the work.
+    pub fn check_free(root: &Path, name: Option<&str>, search: Option<&str>) -> Result<()> {
         let Some(name) = name else { return Ok(()) };
         let is_name = Path::new(name).file_name() == Some(name.as_ref())
             && !name.starts_with(UNFINISHED)
@@ -260,18 +263,18 @@ impl RunFolder {
         }
         let path = root.join(name);
         match path.symlink_metadata() {
-            Ok(_) => bail!(Self::taken(path, is_training)),
+            Ok(_) => bail!(Self::taken(path, search)),
             Err(_) => Ok(()),
         }
     }
 
-    fn taken(path: PathBuf, is_training: bool) -> RunError {
+    fn taken(path: PathBuf, search: Option<&str>) -> RunError {
         let other = Self::open(&path).and_then(|other| other.check_trained());
-        let is_resumed = is_training && other.is_ok();
+        let is_resumed = search.is_none() && other.is_ok();
         RunError::Taken(path, if is_resumed { "resume it, " } else { "" })
     }
 
-    fn fill(&self, (config, inputs): (&str, &[Input]), info: &RunInfo) -> Result<()> {
+    fn fill(&self, config: &str, inputs: &[Input], info: &RunInfo) -> Result<()> {
         let has_all = info.search.is_none();
         self.make_folders(if has_all { &FOLDERS } else { &FOLDERS[..1] })?;
         for (path, content) in inputs {
@@ -440,7 +443,7 @@ mod tests {
     fn created_folder_opens_and_gives_back_what_went_in() {
         let root = tempfile::tempdir().unwrap();
         let root = root.path().join("runs");
-        let created = RunFolder::create(&root, Some("a"), (CONFIG, &[]), &info()).unwrap();
+        let created = RunFolder::create(&root, Some("a"), CONFIG, &[], &info()).unwrap();
         let run = RunFolder::open(&root.join("a")).unwrap();
         assert_eq!(run, created);
         assert_eq!(fs::read_to_string(&run.config).unwrap(), CONFIG);
@@ -465,7 +468,7 @@ mod tests {
         }
         let before = SystemTime::now() - 2 * STALE;
         File::open(&old).unwrap().set_modified(before).unwrap();
-        let run = RunFolder::create(root, Some("a"), (CONFIG, &[]), &info()).unwrap();
+        let run = RunFolder::create(root, Some("a"), CONFIG, &[], &info()).unwrap();
         assert!(!old.exists() && new.exists());
 
         let temporary = run.path.join("checkpoints/.drape-a.tmp");
@@ -490,8 +493,8 @@ mod tests {
     #[test]
     fn existing_run_is_refused_and_untouched() {
         let root = tempfile::tempdir().unwrap();
-        RunFolder::create(root.path(), Some("a"), (CONFIG, &[]), &info()).unwrap();
-        let error = RunFolder::create(root.path(), Some("a"), ("", &[]), &info()).unwrap_err();
+        RunFolder::create(root.path(), Some("a"), CONFIG, &[], &info()).unwrap();
+        let error = RunFolder::create(root.path(), Some("a"), "", &[], &info()).unwrap_err();
         assert!(error.to_string().contains("choose another name"), "{error}");
         let run = RunFolder::open(&root.path().join("a")).unwrap();
         assert_eq!(fs::read_to_string(&run.config).unwrap(), CONFIG);
@@ -521,7 +524,7 @@ mod tests {
             "a\u{1b}b",
         ] {
             let error =
-                RunFolder::create(root.path(), Some(name), (CONFIG, &[]), &info()).unwrap_err();
+                RunFolder::create(root.path(), Some(name), CONFIG, &[], &info()).unwrap_err();
             assert!(error.is::<RunError>(), "{name}: {error}");
         }
         assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0);
@@ -541,7 +544,7 @@ mod tests {
     #[test]
     fn best_sequence_round_trips_and_damage_is_located() {
         let root = tempfile::tempdir().unwrap();
-        let run = RunFolder::create(root.path(), Some("a"), (CONFIG, &[]), &info()).unwrap();
+        let run = RunFolder::create(root.path(), Some("a"), CONFIG, &[], &info()).unwrap();
         run.write_best_sequence(&sequence()).unwrap();
         assert_eq!(run.read_best_sequence().unwrap(), sequence());
 

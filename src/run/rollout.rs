@@ -92,7 +92,7 @@ pub fn play(
     mut told: impl FnMut(usize),
 ) -> Result<PlayedEpisode, RolloutError> {
     let (start, mut watching) = (Instant::now(), Duration::ZERO);
-    let mut recording = Recording::new(draping.task(0), false);
+    let mut recording = Recording::new(draping.task(0));
     let mut played = draping.play(|draping| {
         let before = Instant::now();
         told(recording.frames.len());
@@ -139,7 +139,7 @@ pub fn replay(
     }
     let limit = draping.config().max_steps.unwrap_or(usize::MAX);
     let mut broken = None;
-    let mut recording = Recording::new(draping.task(0), false);
+    let mut recording = Recording::new(draping.task(0));
     let mut seconds = 0.0;
     let mut start = Instant::now();
     let ends = draping.replay(&[vertices], |draping, _, step| {
@@ -217,7 +217,7 @@ pub fn parallel_episodes(
         let is_whole = one.episode.end != End::Diverged;
         is_whole.then(|| summarise(task, &one.end, 0.0))
     };
-    let all = Draping::play_all((scene, config), (count, most), choose, ended)?;
+    let all = Draping::play_all(scene, config, count, most, choose, ended)?;
     let mut summaries: Vec<EpisodeSummary> = all.into_iter().flatten().collect();
     let seconds = start.elapsed().as_secs_f64() / count as f64;
     summaries.iter_mut().for_each(|one| one.seconds = seconds);

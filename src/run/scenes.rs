@@ -41,15 +41,17 @@ fn one() -> usize {
 const MOST: usize = 256;
 
 impl SceneRange {
-    /// The scenes with their tasks, drawn under `seed` for the `number`th range of a run with the scene
-    /// and the task of `base`.
+    /// The scenes with their tasks, drawn under `seed` for the `number`th range of a run with this scene
+    /// and this task.
     ///
     /// # Errors
     /// If a key is none of a number, or a drawn value is refused.
     pub fn draw(
         &self,
-        (scene, env): (&SceneConfig, &EnvConfig),
-        (seed, number): (u64, usize),
+        scene: &SceneConfig,
+        env: &EnvConfig,
+        seed: u64,
+        number: usize,
     ) -> Result<Vec<(SceneConfig, EnvConfig)>, ValueError> {
         let key = |key: &str| format!("scenes.{number}.{key}");
         let expected = format!("a number from 1 to {MOST}");
@@ -210,16 +212,17 @@ mod tests {
 
     fn draw(
         range: &SceneRange,
-        place: (u64, usize),
+        seed: u64,
+        number: usize,
     ) -> Result<Vec<(SceneConfig, EnvConfig)>, ValueError> {
         let (scene, env) = base();
-        range.draw((&scene, &env), place)
+        range.draw(&scene, &env, seed, number)
     }
 
     #[test]
     fn members_differ_in_what_varies_and_repeat_under_a_seed() {
         let (base, task) = base();
-        let drawn = |seed| draw(&range("placement.tilt_deg", [10.0, 20.0]), (seed, 0));
+        let drawn = |seed| draw(&range("placement.tilt_deg", [10.0, 20.0]), seed, 0);
         let members = drawn(1).unwrap();
         let tilts: Vec<f64> = members.iter().map(|m| m.0.placement.tilt_deg).collect();
         assert!(tilts.iter().all(|tilt| (10.0..20.0).contains(tilt)));
@@ -237,7 +240,7 @@ mod tests {
     #[test]
     fn all_numbers_vary() {
         let one = |key: &str, value: f64| {
-            let (scene, env) = draw(&range(key, [value; 2]), (1, 0)).unwrap().remove(0);
+            let (scene, env) = draw(&range(key, [value; 2]), 1, 0).unwrap().remove(0);
             assert_ne!((&scene, &env), (&base().0, &base().1), "{key}");
             (scene, env)
         };
@@ -263,13 +266,13 @@ mod tests {
                 .tilt_axis_deg,
             90.0
         );
-        let seeds = draw(&range("env.parameters.seed", [0.0, 1e6]), (1, 0)).unwrap();
+        let seeds = draw(&range("env.parameters.seed", [0.0, 1e6]), 1, 0).unwrap();
         assert!(seeds[0].1 != seeds[1].1);
     }
 
     #[test]
     fn keys_and_ranges_that_cannot_be_are_named() {
-        let error = |key: &str, values| draw(&range(key, values), (1, 2)).unwrap_err();
+        let error = |key: &str, values| draw(&range(key, values), 1, 2).unwrap_err();
         assert_eq!(
             error("placement.tilt", [0.0, 1.0]).to_string(),
             "`scenes.2.vary` is placement.tilt, expected the key of a number in the scene, its `material` or \

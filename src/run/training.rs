@@ -310,7 +310,7 @@ impl Training {
                 0
             };
             if number < before {
-                let next = demonstrations.next(number, pressed, (tasks, task));
+                let next = demonstrations.next(number, pressed, tasks, task);
                 return next.unwrap_or_else(|| beginners_order(tasks, &own, number));
             }
             let next = found[scene].get(number - before);

@@ -71,7 +71,7 @@ impl Weights {
             is_of_any_size || [r, c] == self.learned_on,
             "`policy.network` has learned on {rows} x {columns} pixels, expected {r} x {c}, or a `unet`"
         );
-        self.seeing((shape, &[]), DeviceKind::Flex).map(drop)
+        self.load(shape, &[], DeviceKind::Flex).map(drop)
     }
 
     /// The policy, for tasks that look like these.
@@ -79,11 +79,11 @@ impl Weights {
     /// # Errors
     /// If its weights or these images do not fit its network, or that cannot be on the device.
     pub fn agent(&self, draping: &Draping, device: DeviceKind) -> Result<Agent> {
-        self.seeing((draping.shape(), &draping.terrains()), device)
+        self.load(draping.shape(), &draping.terrains(), device)
     }
 
-    fn seeing(&self, seen: (ImageShape, &[&Terrain]), device: DeviceKind) -> Result<Agent> {
-        let mut agent = Agent::new(&self.policy, seen, 0, device)?;
+    fn load(&self, shape: ImageShape, terrains: &[&Terrain], device: DeviceKind) -> Result<Agent> {
+        let mut agent = Agent::new(&self.policy, shape, terrains, 0, device)?;
         agent.load(&self.network).map_err(|fault| anyhow!(fault))?;
         Ok(agent)
     }

@@ -91,7 +91,7 @@ pub fn calibrate(lab: &Lab, base: Option<&Material>, name: &str) -> Result<Calib
         let stiffness = |overhang: &f64| GRAVITY * 1e-3 * datasheet * (0.5 * overhang).powi(3);
         let stiffness: Vec<f64> = overhangs.map(stiffness).collect();
         let key = format!("{side}.compression");
-        let compression = made.compression(&key, family, &stiffness, (&tension, thickness), lab)?;
+        let compression = made.compression(&key, family, &stiffness, &tension, thickness, lab)?;
         stiffnesses.push(stiffness);
         let [resting, sliding] = &lab.friction[k];
         let key = format!("{side}.static_friction");
@@ -320,7 +320,8 @@ impl Making<'_> {
         key: &str,
         family: Family,
         stiffness: &[f64],
-        (tension, thickness): (&Curve, f64),
+        tension: &Curve,
+        thickness: f64,
         lab: &Lab,
     ) -> Result<Curve, FitError> {
         let bending = match measured(stiffness) {

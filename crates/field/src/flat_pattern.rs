@@ -65,14 +65,14 @@ impl FlatPattern<'_> {
         };
         for outline in loops(border(self.blank)?) {
             let places: Vec<_> = outline.iter().map(at).collect();
-            dxf.polyline("OUTLINE", &places, true);
+            dxf.polyline("OUTLINE", &places, CLOSED);
         }
         let (low, high) = self.blank.bounds();
         let middle = [0, 1].map(|k| 0.5 * (low[k] + high[k]));
         let [x, y] = self.warp;
         for (layer, along) in [("WARP", [x, y]), ("WEFT", [-y, x])] {
             let end = |sign: f64| [0, 1].map(|k| middle[k] + sign * 0.5 * MARK * along[k]);
-            dxf.polyline(layer, &[end(-1.0), end(1.0)], false);
+            dxf.polyline(layer, &[end(-1.0), end(1.0)], OPEN);
             dxf.text(layer, end(1.0), &layer.to_lowercase());
         }
         for vertex in self.clamped {
@@ -89,7 +89,7 @@ impl FlatPattern<'_> {
                     dxf.entity("POINT", "STROKES");
                     dxf.place(first);
                 }
-                _ => dxf.polyline("STROKES", &places, false),
+                _ => dxf.polyline("STROKES", &places, OPEN),
             }
             dxf.text("STROKES", first, &(number + 1).to_string());
         }
@@ -106,6 +106,10 @@ const LAYERS: [(&str, &str); 5] = [
     ("CLAMPS", "1"),
     ("STROKES", "6"),
 ];
+
+/// Flags of polylines.
+const OPEN: &str = "0";
+const CLOSED: &str = "1";
 
 /// Closed loops of vertices along directed edges. No two loops touch, or the blank would not hang together there.
 fn loops(edges: Vec<[u32; 2]>) -> Vec<Vec<u32>> {
@@ -148,12 +152,12 @@ impl Dxf {
         self.pairs(&[(10, &x), (20, &y), (30, "0.0")]);
     }
 
-    fn polyline(&mut self, layer: &str, places: &[[f64; 2]], is_closed: bool) {
+    fn polyline(&mut self, layer: &str, places: &[[f64; 2]], flag: &str) {
         self.entity("POLYLINE", layer);
         // Vertices follow.
         self.pairs(&[(66, "1")]);
         self.place([0.0; 2]);
-        self.pairs(&[(70, if is_closed { "1" } else { "0" })]);
+        self.pairs(&[(70, flag)]);
         for &at in places {
             self.entity("VERTEX", layer);
             self.place(at);

@@ -189,7 +189,10 @@ pub(crate) fn in_twin(
         Task::new(scene, &env)
     });
     let tasks: Vec<Task> = tasks.collect::<Result<_, _>>()?;
-    let recording = Mutex::new(Recording::new(&tasks[0], true));
+    let recording = Mutex::new(Recording {
+        by_twin: true,
+        ..Recording::new(&tasks[0])
+    });
     let see = |pressed: usize, episode: &EpisodeState| {
         if pressed == 0 {
             let mut recording = recording.lock().expect("nobody panics");

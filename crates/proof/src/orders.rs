@@ -15,7 +15,8 @@ pub fn play<T>(
     scene: &Arc<Scene>,
     config: &EnvConfig,
     order: Order,
-    (count, seed): (usize, u64),
+    count: usize,
+    seed: u64,
     mut progress: impl FnMut(usize),
     of: impl Fn(Played) -> T,
 ) -> Result<Vec<T>, ValueError> {
@@ -37,7 +38,7 @@ pub fn play<T>(
         is_whole.then(|| of(played))
     };
     let most = most_environments(scene.lamina.vertex_count());
-    let kept = Draping::play_all((scene, config), (count, most), choose, of)?;
+    let kept = Draping::play_all(scene, config, count, most, choose, of)?;
     Ok(kept.into_iter().flatten().collect())
 }
 
@@ -50,7 +51,7 @@ pub fn sequences(
     seed: u64,
 ) -> Result<Vec<Vec<u32>>, ValueError> {
     let vertices = |played: Played| played.end.presses().iter().map(|&(v, _)| v).collect();
-    let mut lists: Vec<Vec<u32>> = play(scene, config, order, (count, seed), |_| (), vertices)?;
+    let mut lists: Vec<Vec<u32>> = play(scene, config, order, count, seed, |_| (), vertices)?;
     lists.retain(|list| !list.is_empty());
     Ok(lists)
 }

@@ -53,8 +53,8 @@ pub fn replay_in_twin(
         let state =
             |twin: &Twin, presses: &Presses| EpisodeState::new(presses.clone(), twin.snapshot());
         let shown = |twin: &Twin, presses: &Presses| observe(number, &state(twin, presses));
-        let list = (list, 1e-3 * env.stencil_mm);
-        let ended = twin.replay(&scene.lamina, &scene.tool, &press, list, shown);
+        let (lamina, tool, side) = (&scene.lamina, &scene.tool, 1e-3 * env.stencil_mm);
+        let ended = twin.replay(lamina, tool, &press, list, side, shown);
         let ended = ended.ok().map(|presses| state(&twin, &presses));
         Ok((ended, began.elapsed().as_secs_f64()))
     });
@@ -119,7 +119,10 @@ pub fn again(
         false => Arc::new(scene.clone()),
     };
     let task = Task::new(of_scores, env)?;
-    let again = Mutex::new(Recording::new(&task, recording.by_twin));
+    let again = Mutex::new(Recording {
+        by_twin: recording.by_twin,
+        ..Recording::new(&task)
+    });
     let see = |_: usize, episode: &EpisodeState| {
         let mut again = again.lock().expect("nobody panics");
         again.see(&task, episode);

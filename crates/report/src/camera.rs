@@ -16,9 +16,9 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Looks along `direction` at the box from `bounds.0` to `bounds.1` [m]; `up`, in another
+    /// Looks along `direction` at the box from `low` to `high` [m]; `up`, in another
     /// direction, is upright in the picture. Directions need no unit length.
-    pub fn new(direction: Vec3, up: Vec3, (low, high): (Vec3, Vec3)) -> Self {
+    pub fn new(direction: Vec3, up: Vec3, low: Vec3, high: Vec3) -> Self {
         let back = -direction.normalize();
         let right = up.cross(&back).normalize();
         let axes = [right, back.cross(&right), back];
@@ -33,12 +33,12 @@ impl Camera {
 
     /// From above: x to the right, y up in the picture.
     pub fn top(bounds: (Vec3, Vec3)) -> Self {
-        Self::new(-Vec3::z(), Vec3::y(), bounds)
+        Self::new(-Vec3::z(), Vec3::y(), bounds.0, bounds.1)
     }
 
     /// From the front, left and above, by 35 degrees each way: y leads away from the eye.
     pub fn isometric(bounds: (Vec3, Vec3)) -> Self {
-        Self::new(Vec3::new(0.574, 0.819, -0.7), Vec3::z(), bounds)
+        Self::new(Vec3::new(0.574, 0.819, -0.7), Vec3::z(), bounds.0, bounds.1)
     }
 
     /// The map into a picture of `width` by `height` samples.

@@ -121,12 +121,14 @@ impl Obstacles {
             TOOL,
             SharedShape::new(mesh),
             Pose::identity(),
-            true,
         )];
         for block in &config.obstacles {
             let half = 0.5 * metres(block.size_mm);
             let shape = SharedShape::new(Cuboid::new(vector(&half)));
-            standing.push(Standing::new(&block.name, shape, block.pose(), block.turns));
+            standing.push(Standing {
+                turns: block.turns,
+                ..Standing::new(&block.name, shape, block.pose())
+            });
         }
         // Neighbours overlap at their joint.
         let link = |part: &Part| part.frame.min(6);
@@ -324,15 +326,14 @@ impl Obstacles {
         shapes
     }
 
-    /// Triangles of what stands around but the tool and does or does not turn with the table, at its angle 0.
-    pub fn blocks(&self, turns: bool) -> Vec<[Vector3<f64>; 3]> {
-        let others = self
-            .standing
-            .iter()
-            .filter(|standing| standing.name != TOOL && standing.turns == turns);
-        others
-            .flat_map(|standing| triangles(&*standing.shape, &standing.at))
-            .collect()
+    /// Triangles of what stands around but the tool: what stays where it is, and what turns with the table, at its angle 0.
+    pub fn blocks(&self) -> [Vec<[Vector3<f64>; 3]>; 2] {
+        let mut blocks = [Vec::new(), Vec::new()];
+        for standing in self.standing.iter().filter(|one| one.name != TOOL) {
+            let triangles = triangles(&*standing.shape, &standing.at);
+            blocks[usize::from(standing.turns)].extend(triangles);
+        }
+        blocks
     }
 }
 
@@ -364,13 +365,14 @@ impl Part {
 }
 
 impl Standing {
-    fn new(name: &str, shape: SharedShape, at: Pose, turns: bool) -> Self {
+    /// One that turns with the table.
+    fn new(name: &str, shape: SharedShape, at: Pose) -> Self {
         let around = shape.compute_local_aabb();
         Self {
             name: name.into(),
             shape,
             at,
-            turns,
+            turns: true,
             around,
         }
     }

@@ -146,10 +146,10 @@ impl Cell {
         frames(&self.arm, joints, &self.base)
     }
 
-    /// Triangles of what stands around but the tool and does or does not turn with the table, at its angle 0, in the scene
-    /// [m].
-    pub fn blocks(&self, turns: bool) -> Vec<[Vector3<f64>; 3]> {
-        self.obstacles.blocks(turns)
+    /// Triangles of what stands around but the tool, in the scene [m]: what stays where it is, and what turns with the
+    /// table, at its angle 0.
+    pub fn blocks(&self) -> [Vec<[Vector3<f64>; 3]>; 2] {
+        self.obstacles.blocks()
     }
 
     /// What the turntable does to the scene at a station.

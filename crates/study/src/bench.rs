@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::statistics::{extremes, median};
-use crate::study::{CORNER, Context, Report, Study, StudyError};
+use crate::study::{CORNER, Context, Effort, Report, Study, StudyError};
 use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
@@ -96,12 +96,13 @@ impl Study for Bench {
     ];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
+        let effort = Effort::from(self.quick);
         if let Backend::Gpu(number) = self.device {
             let scene = standard_scene(|share| (context.progress)(0.1 * share, "falling"));
-            return gpu::run(number, (&scene, CONTROL), self.quick, context);
+            return gpu::run(number, &scene, CONTROL, effort, context);
         }
         // Turns of every variant, control steps of a turn, actions of a turn of the throughput.
-        let (repeats, steps, actions) = if self.quick { (9, 2, 8) } else { (31, 6, 20) };
+        let (repeats, steps, actions) = effort.pick((9, 2, 8), (31, 6, 20));
         let repeats = self.repeats.map_or(repeats, usize::from);
         // Steps of training take long.
         let trainings = repeats.div_ceil(3);
@@ -409,7 +410,13 @@ mod gpu {
     use super::*;
     use drape_cloth::sim::DeviceError;
 
-    pub fn run(_: usize, _: (&Scene, Control), _: bool, _: &Context) -> Result<Report, StudyError> {
+    pub fn run(
+        _: usize,
+        _: &Scene,
+        _: Control,
+        _: Effort,
+        _: &Context,
+    ) -> Result<Report, StudyError> {
         Err(StudyError::Invalid(format!(
             "`--device`: {}",
             DeviceError::NotBuilt

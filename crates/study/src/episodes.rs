@@ -69,7 +69,7 @@ impl Study for Episodes {
             let told = |steps| (context.progress)((steps as f64 / expected).min(1.0), order.name());
             let count = usize::from(self.count);
             let rested = |played: Played| rest(&scene, &env, &region, played.end.cloth());
-            let ends: Vec<Rested> = play(&scene, &env, order, (count, 1), told, rested)?;
+            let ends: Vec<Rested> = play(&scene, &env, order, count, 1, told, rested)?;
             let diverged = count - ends.len();
             rows.extend(FIGURES.map(|(name, of)| {
                 let values: Vec<f64> = ends.iter().map(of).collect();

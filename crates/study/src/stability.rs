@@ -90,11 +90,13 @@ pub fn compute(sweeps: &[Sweep], context: &Context) -> Vec<SweepCell> {
             }
         }
     }
-    context.each(&places, |&(sweep, at, variant)| cell(sweep, at, variant))
+    context.each(&places, |&(sweep, at, (solver, precision))| {
+        cell(sweep, at, solver, precision)
+    })
 }
 
 /// One cell. A panic costs this cell alone, so that the study can tell of it.
-fn cell(sweep: &Sweep, at: [usize; 2], (solver, precision): (Solver, Precision)) -> SweepCell {
+fn cell(sweep: &Sweep, at: [usize; 2], solver: Solver, precision: Precision) -> SweepCell {
     let start = Instant::now();
     let knobs = sweep.knobs(at, solver);
     let tried = || (sweep.trial)(&knobs).map(|trial| trial.run(&knobs, precision));
@@ -125,7 +127,7 @@ impl Study for Stability {
     const TABLES: &'static [&'static str] = &["counts", "cells"];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
-        let sweeps = only(sweeps(self.quick), &self.names, |sweep| sweep.name)?;
+        let sweeps = only(sweeps(self.quick.into()), &self.names, |sweep| sweep.name)?;
         let cells = compute(&sweeps, context);
 
         let mut groups: Vec<_> = (sweeps.iter())

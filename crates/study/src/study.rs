@@ -35,6 +35,31 @@ pub trait Study {
     }
 }
 
+/// How much of a study is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// What takes little time.
+    Quick,
+    Full,
+}
+
+impl Effort {
+    /// Whichever of two values it takes.
+    pub(crate) fn pick<T>(self, quick: T, full: T) -> T {
+        match self {
+            Self::Quick => quick,
+            Self::Full => full,
+        }
+    }
+}
+
+impl From<bool> for Effort {
+    /// As `--quick` asks for, if it is given.
+    fn from(quick: bool) -> Self {
+        if quick { Self::Quick } else { Self::Full }
+    }
+}
+
 /// What a study is given by whoever runs it.
 pub struct Context<'a> {
     /// Is told the share that is done, 0 to 1, and what is being done.

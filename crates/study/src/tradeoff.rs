@@ -57,7 +57,7 @@ impl Study for Tradeoff {
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
         let (scene, mut env) = (SceneConfig::rib(), EnvConfig::compact());
         env.region_mm = Some(if self.quick { QUICK_REGION } else { CORNER });
-        let variations = variations(&scene, &env, self.quick);
+        let variations = variations(&scene, &env, self.quick.into());
         let mut measuring = Measuring::new(&scene, &env)?;
         let mut rows = Vec::with_capacity(variations.len());
         for (done, variation) in variations.iter().enumerate() {

@@ -21,7 +21,7 @@ mod motion;
 mod shear;
 pub mod solve;
 
-use crate::study::{Context, Report, Study, StudyError, only};
+use crate::study::{Context, Effort, Report, Study, StudyError, only};
 use drape_report::Format::{Digits, Hidden};
 use drape_report::Table;
 
@@ -73,15 +73,15 @@ pub struct ClosedForm {
     ask: Ask,
 }
 
-/// Every case, group by group. Where the study is `quick` the costly ones have coarser meshes, or
+/// Every case, group by group. Where it has to be quick the costly ones have coarser meshes, or
 /// are without the twin, which would take minutes.
-pub fn cases(quick: bool) -> Vec<ClosedForm> {
+pub fn cases(effort: Effort) -> Vec<ClosedForm> {
     let groups = [
         ("bending", bending::asks()),
         ("length", length::asks()),
-        ("shear", shear::asks(quick)),
-        ("drape", dome::asks(quick)),
-        ("contact", contact::asks(quick)),
+        ("shear", shear::asks(effort)),
+        ("drape", dome::asks(effort)),
+        ("contact", contact::asks(effort)),
         ("motion", motion::asks()),
     ];
     let of_group = |(group, asks): (_, Vec<Ask>)| {
@@ -117,7 +117,7 @@ impl Study for Verify {
     const TABLES: &'static [&'static str] = &["errors", "counts", "cases"];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
-        let chosen = only(cases(self.quick), &self.groups, |case| case.group)?;
+        let chosen = only(cases(self.quick.into()), &self.groups, |case| case.group)?;
         let subjects = Subject::all();
         let rows = ask(&chosen, &subjects, context);
 

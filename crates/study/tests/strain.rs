@@ -25,7 +25,7 @@ fn random_episodes_stretch_single_edges_only() {
     let env = corner();
     let region = env.region(&rib.lamina).unwrap();
     let rest = |played: Played| rest(&rib, &env, &region, played.end.cloth());
-    let ends = play(&rib, &env, Order::Random, (16, 5), |_| (), rest).unwrap();
+    let ends = play(&rib, &env, Order::Random, 16, 5, |_| (), rest).unwrap();
     assert_eq!(ends.len(), 16, "some have diverged");
     for rested in &ends {
         let summary = &rested.summary;

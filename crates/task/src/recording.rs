@@ -65,11 +65,11 @@ pub struct RecordedFrame {
 }
 
 impl Recording {
-    /// One that nothing has been seen of yet.
-    pub fn new(task: &Task, by_twin: bool) -> Self {
+    /// One by the fast solver that nothing has been seen of yet.
+    pub fn new(task: &Task) -> Self {
         let scene = &task.scene;
         Self {
-            by_twin,
+            by_twin: false,
             env: task.config.clone(),
             rest: scene.lamina.rest.clone(),
             triangles: scene.lamina.triangles.clone(),

@@ -23,7 +23,8 @@ pub type Fallen = (Arc<Stage>, Vec<Vec<[f32; 3]>>, Draping);
 pub fn fallen<H: Host>(
     host: &mut H,
     spec: &Spec,
-    (shared, status): (&Shared, &mut Status),
+    shared: &Shared,
+    status: &mut Status,
     number: u64,
 ) -> Result<Fallen, H::Error> {
     let (mut stage, mut frames) = (None, Vec::new());

@@ -35,7 +35,7 @@ pub fn picture(moment: &Moment, shade: Shade, look: &Look) -> Option<Vec<u8>> {
     if !is_seen {
         return None;
     }
-    let mut drawing = Drawing::new(&Camera::new(direction, up, (low, high)), size);
+    let mut drawing = Drawing::new(&Camera::new(direction, up, low, high), size);
     drawing.mesh(&stage.tool, |_| TOOL, 0.0);
     let [from, to] = look.range;
     let share = |value: &f32| (f64::from(*value) - from) / (to - from);

@@ -84,7 +84,8 @@ impl Server {
     pub fn open(
         port: u16,
         hosts: &[String],
-        (shared, commands): (Arc<Shared>, SyncSender<Command>),
+        shared: Arc<Shared>,
+        commands: SyncSender<Command>,
     ) -> io::Result<Self> {
         let own = ["localhost", "127.0.0.1", "[::1]"].map(String::from);
         let token = rand::random::<[u8; 16]>().map(|byte| format!("{byte:02x}"));

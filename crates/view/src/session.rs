@@ -68,7 +68,8 @@ impl<H: Host> Session<H> {
     pub fn new(
         mut host: H,
         spec: Spec,
-        (shared, commands): (Arc<Shared>, Receiver<Command>),
+        shared: Arc<Shared>,
+        commands: Receiver<Command>,
     ) -> Result<Self, H::Error> {
         let offers = host.offers();
         let mut status = Status {
@@ -82,7 +83,7 @@ impl<H: Host> Session<H> {
                 .collect(),
             ..Status::default()
         };
-        let (stage, fall, draping) = fallen(&mut host, &spec, (&shared, &mut status), 1)?;
+        let (stage, fall, draping) = fallen(&mut host, &spec, &shared, &mut status, 1)?;
         let mut session = Self {
             at: fall.len(),
             past: Past::new(&draping, &host.path(&draping)?),
@@ -390,13 +391,11 @@ impl<H: Host> Session<H> {
                     (stage, std::mem::take(&mut self.fall), draping)
                 })
                 .map_err(|error| error.to_string()),
-            None => fallen(
-                &mut self.host,
-                &spec,
-                (&self.shared, &mut self.status),
-                number,
-            )
-            .map_err(|error| error.to_string()),
+            None => {
+                let (shared, status) = (&self.shared, &mut self.status);
+                let fallen = fallen(&mut self.host, &spec, shared, status, number);
+                fallen.map_err(|error| error.to_string())
+            }
         };
         match set_up {
             Ok((stage, fall, draping)) => {
@@ -440,7 +439,7 @@ impl<H: Host> Session<H> {
             self.say(fault.into());
             return None;
         }
-        let mut made = Recording::new(self.draping.task(0), false);
+        let mut made = Recording::new(self.draping.task(0));
         self.draping.replay(&[&vertices], |draping, _, _| {
             made.see(draping.task(0), &draping.episode(0));
         });

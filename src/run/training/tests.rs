@@ -25,8 +25,7 @@ fn begun(reward: Reward, change: impl Fn(&mut RunConfig)) -> (Training, tempfile
     let scenes = vec![(scene, None); 1 + config.scenes.len()];
     let root = tempfile::tempdir().unwrap();
     let info = RunInfo::new(config.seed, SystemTime::now());
-    let folder =
-        RunFolder::create(root.path(), Some("a"), (&config.to_toml(), &[]), &info).unwrap();
+    let folder = RunFolder::create(root.path(), Some("a"), &config.to_toml(), &[], &info).unwrap();
     let training = Training::set_up(config, scenes, folder, &Cluster::default(), reward);
     (training.unwrap().begin().unwrap(), root)
 }

@@ -23,7 +23,8 @@ impl Measures {
     /// Of a sheet whose vertices are `at` these places [m].
     pub fn new(lamina: &Lamina, tool: &Tool, region: &FixedBitSet, at: &[[f64; 3]]) -> Self {
         let nearest: Vec<_> = at.iter().map(|&x| tool.distance(x)).collect();
-        let feet = at.iter().zip(&nearest).map(|(&x, &near)| foot(x, near));
+        let feet = at.iter().zip(&nearest);
+        let feet = feet.map(|(&x, &(phi, normal))| foot(x, phi, normal));
         let feet: Vec<_> = feet.collect();
         let mut sheet = region.clone();
         sheet.insert_range(..);

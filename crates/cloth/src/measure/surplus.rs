@@ -54,12 +54,14 @@ pub fn crushed(lamina: &Lamina, tool: &Tool, positions: &[[f64; 3]]) -> Vec<f64>
 
 /// The points of the tool that are nearest to vertices.
 pub fn feet(tool: &Tool, positions: &[[f64; 3]]) -> Vec<Vec3> {
-    let foot = |x: &[f64; 3]| foot(*x, tool.distance(*x));
-    positions.iter().map(foot).collect()
+    let nearest = positions.iter().map(|&x| (x, tool.distance(x)));
+    nearest
+        .map(|(x, (phi, normal))| foot(x, phi, normal))
+        .collect()
 }
 
-/// The point of the tool that is nearest to `x`, from its distance and the normal there.
-pub fn foot(x: [f64; 3], (phi, normal): (f64, [f64; 3])) -> Vec3 {
+/// The point of the tool that is nearest to `x`, from the distance `phi` [m] and the `normal` there.
+pub fn foot(x: [f64; 3], phi: f64, normal: [f64; 3]) -> Vec3 {
     Vec3::from(x) - Vec3::from(normal) * phi
 }
 

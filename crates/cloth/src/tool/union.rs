@@ -84,7 +84,7 @@ fn exposed(surface: &Surface, mesh: &TriMesh) -> TriMesh {
             }
             parts = parts
                 .into_iter()
-                .flat_map(|part| split(part, across, (n, offset), step))
+                .flat_map(|part| split(part, across, n, offset, step))
                 .collect();
         }
         let is_bare = |part: &Vec<Vec3>| {
@@ -109,7 +109,7 @@ fn exposed(surface: &Surface, mesh: &TriMesh) -> TriMesh {
 }
 
 /// Both sides of a polygon along the plane of a facet, if that reaches it.
-fn split(part: Vec<Vec3>, facet: [Vec3; 3], (n, offset): (Vec3, f64), step: f64) -> Vec<Vec<Vec3>> {
+fn split(part: Vec<Vec3>, facet: [Vec3; 3], n: Vec3, offset: f64, step: f64) -> Vec<Vec<Vec3>> {
     let height = |x: &Vec3| n.dot(x) - offset;
     let is_beside = |k: usize| {
         let outwards = (facet[(k + 1) % 3] - facet[k]).cross(&n);

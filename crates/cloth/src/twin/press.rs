@@ -87,7 +87,8 @@ impl Twin {
         lamina: &Lamina,
         tool: &Tool,
         config: &PressConfig,
-        (list, side): (&[u32], f64),
+        list: &[u32],
+        side: f64,
         mut observe: impl FnMut(&Self, &Presses),
     ) -> Result<Presses, Diverged> {
         let own = self.config.parameters.clone();

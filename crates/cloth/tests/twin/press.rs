@@ -39,7 +39,7 @@ fn pressed_cloth_comes_down_and_stays() {
         let height = |twin: &Twin| plate.distance(twin.position(middle)).0;
         assert!(height(&twin) > 0.007);
         let mut presses = 0;
-        let replay = twin.replay(&sheet, &plate, &config, (&[middle], 0.018), |_, _| {
+        let replay = twin.replay(&sheet, &plate, &config, &[middle], 0.018, |_, _| {
             presses += 1
         });
         assert_eq!((presses, replay.unwrap()[0].0), (2, middle));
@@ -141,7 +141,7 @@ fn factors_are_those_of_another_lamina() {
         twin.set_positions(&at.collect::<Vec<_>>());
         let mut press = PressConfig::default();
         press.roller.pressure *= pressure;
-        let replay = twin.replay(sheet, &dome, &press, (&[40, 12], side * 0.018), |_, _| ());
+        let replay = twin.replay(sheet, &dome, &press, &[40, 12], side * 0.018, |_, _| ());
         assert!(replay.is_ok());
         twin.positions()
     };

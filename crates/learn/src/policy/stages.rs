@@ -228,8 +228,8 @@ impl<V: Lanes<Scalar = f32>, const N: usize> Kernel for Forward<'_, V, N> {
             let [plane, next] = net.planes[k];
             if stage.kind == StageKind::Up {
                 let kept = skipped.pop().expect("every Up has its Down");
-                let coarse = (&*planes[planes.len() - 1], net.planes[k - 1][1]);
-                planes.push(spread(coarse, &planes[kept], plane));
+                let (coarse, coarse_plane) = (&planes[planes.len() - 1], net.planes[k - 1][1]);
+                planes.push(spread(coarse, coarse_plane, &planes[kept], plane));
             }
             let input = planes.len() - 1;
             let x = &*planes[input];
@@ -439,7 +439,8 @@ fn clear_border<V: Lanes<Scalar = f32>>(planes: &mut [V], plane: Plane, pooled: 
 /// Planes whose pixels are those of `kept` and of the `coarse` squares around them.
 #[inline(always)]
 fn spread<V: Lanes<Scalar = f32>>(
-    (coarse, coarse_plane): (&[V], Plane),
+    coarse: &[V],
+    coarse_plane: Plane,
     kept: &[V],
     plane: Plane,
 ) -> Vec<V> {

@@ -16,7 +16,8 @@ pub enum Sampling<'a> {
 /// A network with initial weights, able to learn.
 pub(super) fn actor_critic(
     config: &PolicyConfig,
-    (shape, terrains): (ImageShape, &[&Terrain]),
+    shape: ImageShape,
+    terrains: &[&Terrain],
     seed: u64,
     device: DeviceKind,
 ) -> Result<ActorCritic, TrainError> {
@@ -34,11 +35,12 @@ impl Agent {
     /// An agent whose initial weights come from `seed`.
     pub fn new(
         config: &PolicyConfig,
-        seen: (ImageShape, &[&Terrain]),
+        shape: ImageShape,
+        terrains: &[&Terrain],
         seed: u64,
         device: DeviceKind,
     ) -> Result<Self, TrainError> {
-        Ok(Self::of(&actor_critic(config, seen, seed, device)?))
+        actor_critic(config, shape, terrains, seed, device).map(|made| Self::of(&made))
     }
 
     /// The agent that `actor_critic` is now.

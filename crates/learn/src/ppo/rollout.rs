@@ -111,7 +111,8 @@ impl SeenRollout {
 /// and notes them in `memory`. Rewards are multiplied by the task's factor. Each process of the cluster
 /// asks the network about its part of the tasks.
 pub fn collect<T: Tasks>(
-    (agent, cluster): (&Agent, &Cluster),
+    agent: &Agent,
+    cluster: &Cluster,
     tasks: &mut T,
     streams: &mut [Stream],
     mut memory: Option<&mut Memory>,

@@ -331,14 +331,8 @@ fn rollout_notes_ends_scaled_rewards_and_the_values_behind_truncations() {
         let mut tasks = Order::new(1);
         tasks.end = end;
         let streams = &mut [Stream::new(5, Purpose::Actions, 0)];
-        let rollout = collect(
-            (&agent, &Cluster::default()),
-            &mut tasks,
-            streams,
-            None,
-            6,
-            &[0.5],
-        );
+        let cluster = Cluster::default();
+        let rollout = collect(&agent, &cluster, &mut tasks, streams, None, 6, &[0.5]);
         let value = agent.value(&[seen(&[ORDER.to_vec()]).row(0)])[0];
         let expected = match end {
             End::Terminated | End::Diverged => Next::Terminated,
@@ -452,18 +446,12 @@ fn papers_network_learns_and_survives_its_file() {
     assert_eq!(iteration.episodes.len(), 2 * (100 / ORDER.len()));
     assert!(trainer.agent().save() != before);
 
-    let mut agent = Agent::new(&policy, (SHAPE, &[&ramp(SHAPE)]), 77, DeviceKind::Flex).unwrap();
+    let mut agent = Agent::new(&policy, SHAPE, &[&ramp(SHAPE)], 77, DeviceKind::Flex).unwrap();
     let task = Order::new(1);
     agent.load(&trainer.agent().save()).unwrap();
     let seen = [task.observation(0)];
     assert_eq!(agent.value(&seen), trainer.agent().value(&seen));
-    let other = Agent::new(
-        &self::policy(),
-        (SHAPE, &[&ramp(SHAPE)]),
-        0,
-        DeviceKind::Flex,
-    )
-    .unwrap();
+    let other = Agent::new(&self::policy(), SHAPE, &[&ramp(SHAPE)], 0, DeviceKind::Flex).unwrap();
     assert!(agent.load(&other.save()).is_err());
 }
 
@@ -509,7 +497,7 @@ fn unet_plays_at_any_size() {
             columns: side,
         };
         let terrain = flat(shape);
-        let agent = Agent::new(&unet(), (shape, &[&terrain]), seed, DeviceKind::Flex);
+        let agent = Agent::new(&unet(), shape, &[&terrain], seed, DeviceKind::Flex);
         (agent.unwrap(), seen(shape))
     };
     let ((small, small_seen), (mut large, large_seen)) = (agent(32, 1), agent(64, 2));

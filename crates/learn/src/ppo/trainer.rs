@@ -64,8 +64,7 @@ impl<T: Tasks> Trainer<T> {
     ) -> Result<Self, TrainError> {
         config.validate().map_err(TrainError::Ppo)?;
         let weights = Stream::new(seed, Purpose::Weights, 0).bits();
-        let actor_critic =
-            actor_critic(policy, (tasks.shape(), &tasks.terrains()), weights, device)?;
+        let actor_critic = actor_critic(policy, tasks.shape(), &tasks.terrains(), weights, device)?;
         let count = tasks.count();
         let scenes = tasks.terrains().len();
         let memory = |c: &ImitationConfig| Memory::new(c.episodes, scenes, count);
@@ -170,7 +169,8 @@ impl<T: Tasks> Trainer<T> {
         };
         let reward_factors: Vec<f32> = (0..self.tasks.count()).map(factor).collect();
         let rollout = collect(
-            (&Agent::of(&self.actor_critic), &self.cluster),
+            &Agent::of(&self.actor_critic),
+            &self.cluster,
             &mut self.tasks,
             &mut progress.actions,
             self.memory.as_mut(),

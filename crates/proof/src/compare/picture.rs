@@ -41,14 +41,16 @@ pub fn deviation(
     let outline = region.map_or(Vec::new(), |region| outline(a, region));
     let title = "signed distance of A from B [mm], positive on B's upper side";
     let tool = tool.map(|tool| &tool.mesh);
-    signed(&a.mesh, (&deviations, range, title), tool, &outline)
+    signed(&a.mesh, &deviations, range, title, tool, &outline)
 }
 
 /// A surface from the side and from above over the tool, coloured by signed distances of its vertices up to `range` [mm],
 /// as the tool where they are NaN; `title` says what they are. Lines of `outline` are drawn on it.
 pub fn signed(
     mesh: &TriMesh,
-    (deviations, range, title): (&[f64], f64, &str),
+    deviations: &[f64],
+    range: f64,
+    title: &str,
     tool: Option<&TriMesh>,
     outline: &[[Vec3; 2]],
 ) -> Image {

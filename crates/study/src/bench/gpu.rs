@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::training;
-use crate::study::{Context, Report, StudyError};
+use crate::study::{Context, Effort, Report, StudyError};
 use drape_cloth::scene::Scene;
 use drape_cloth::sim::{
     Adapter, Backend, Control, Cpu, DeviceError, Gpu, Model, PhysicsConfig, Precision, Snapshot,
@@ -42,13 +42,14 @@ struct Drift {
 /// Fills the tables `gpu` and `agreement` in control steps like `frame`, and the table `training`.
 pub fn run(
     number: usize,
-    (scene, frame): (&Scene, Control),
-    quick: bool,
+    scene: &Scene,
+    frame: Control,
+    effort: Effort,
     context: &Context,
 ) -> Result<Report, StudyError> {
     let invalid = |error: DeviceError| StudyError::Invalid(format!("`--device`: {error}"));
     let adapter = Adapter::number(number).map_err(invalid)?;
-    let patience = if quick { 0.1 * PATIENCE } else { PATIENCE };
+    let patience = effort.pick(0.1 * PATIENCE, PATIENCE);
     let (mut rates, mut drifts) = (Vec::new(), Vec::new());
     for (k, solver) in Solver::ALL.into_iter().enumerate() {
         let world = World {
@@ -63,19 +64,13 @@ pub fn run(
                 Err(error) => return Err(invalid(error)),
             };
             let (traffic, launches) = (gpu.traffic(&frame), gpu.launches(&frame));
-            let on_gpu = rate(gpu, &frame, quick);
+            let on_gpu = rate(gpu, &frame, effort);
+            let cpu = Cpu::new(&world, environments, Precision::F32);
             let rate_of = |numbers: f64| 1e-9 * on_gpu * numbers;
             rates.push(Rate {
                 solver,
                 environments,
-                rates: [
-                    on_gpu,
-                    rate(
-                        Cpu::new(&world, environments, Precision::F32),
-                        &frame,
-                        quick,
-                    ),
-                ],
+                rates: [on_gpu, rate(cpu, &frame, effort)],
                 moved: [traffic.bytes, traffic.operations].map(rate_of),
                 launches,
             });
@@ -84,7 +79,7 @@ pub fn run(
                 break;
             }
         }
-        let most = if quick { 2 } else { AFTER.len() };
+        let most = effort.pick(2, AFTER.len());
         for substeps in AFTER.into_iter().take(most) {
             (context.progress)(0.3 + 0.3 * k as f64, "agreement");
             // As often refreshed as in the other table.
@@ -118,7 +113,7 @@ pub fn run(
         .text("substeps", |drift| drift.substeps)
         .number("GPU [um]", 3, |drift| drift.off[0])
         .number("CPU in f64 [um]", 3, |drift| drift.off[1]);
-    let training = training::table(number, quick, patience, context)?;
+    let training = training::table(number, effort, patience, context)?;
     Ok(Report::new([rates.end(), drifts.end(), training]))
 }
 
@@ -131,7 +126,7 @@ fn world(scene: &Scene, solver: Solver) -> World {
 }
 
 /// Environments times substeps in a second, after a step that compiles and fills caches.
-fn rate(mut backend: impl Backend, frame: &Control, quick: bool) -> f64 {
+fn rate(mut backend: impl Backend, frame: &Control, effort: Effort) -> f64 {
     let mut step = || {
         let start = Instant::now();
         backend.step(frame, &[]);
@@ -140,7 +135,7 @@ fn rate(mut backend: impl Backend, frame: &Control, quick: bool) -> f64 {
         start.elapsed().as_secs_f64()
     };
     step();
-    let turns = if quick { 1 } else { 3 };
+    let turns = effort.pick(1, 3);
     let best = (0..turns).map(|_| step()).fold(f64::INFINITY, f64::min);
     (backend.count() * frame.substeps) as f64 / best
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::study::{CORNER, Context, StudyError, stencil_mm};
+use crate::study::{CORNER, Context, Effort, StudyError, stencil_mm};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Device;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
@@ -42,10 +42,10 @@ impl Row {
 }
 
 /// Fills the table `training`, with the GPU of a `number` and without. After an iteration that takes longer
-/// than `patience` [s], more environments are not tried; `quick` tries no more than the fewest.
+/// than `patience` [s], more environments are not tried; a quick one tries no more than the fewest.
 pub fn table(
     number: usize,
-    quick: bool,
+    effort: Effort,
     patience: f64,
     context: &Context,
 ) -> Result<Table, StudyError> {
@@ -63,7 +63,7 @@ pub fn table(
     };
     let failed = |error: TrainError| StudyError::Named("training", Box::new(error));
     let (flex, gpu) = (DeviceKind::Flex, DeviceKind::Gpu(number));
-    let most = if quick { 1 } else { COUNTS.len() };
+    let most = effort.pick(1, COUNTS.len());
     let mut rows = Vec::new();
     let devices = [
         (Device::Cpu, flex),

@@ -3,6 +3,7 @@
 use super::hanging::{EDGES, heavy};
 use super::trial::{FRAME, Knobs, Tried};
 use super::{free, hanging, lying};
+use crate::study::Effort;
 use drape_cloth::sim::Solver;
 
 /// What is varied along a side of a sweep.
@@ -43,14 +44,13 @@ impl Sweep {
     }
 }
 
-/// All sweeps; `quick` is the ends and what lies between them coarsely.
-pub fn sweeps(quick: bool) -> Vec<Sweep> {
+/// All sweeps; a quick one is the ends and what lies between them coarsely.
+pub fn sweeps(effort: Effort) -> Vec<Sweep> {
     // Coarse values and fine ones.
-    let list =
-        |name, coarse: &[f64], fine: &[f64]| axis(name, if quick { coarse } else { fine }, label);
+    let list = |name, coarse: &[f64], fine: &[f64]| axis(name, effort.pick(coarse, fine), label);
     // From 10^low to 10^high, coarsely by as many decades at a time.
     let decades = |name, low: i32, high: i32, coarse: usize| {
-        let step = if quick { coarse } else { 1 };
+        let step = effort.pick(coarse, 1);
         let values: Vec<f64> = (low..=high).step_by(step).map(|e| 10f64.powi(e)).collect();
         axis(name, &values, label)
     };

@@ -1,8 +1,9 @@
 use super::*;
+use crate::study::Effort;
 
 /// The quick form of a sweep, of some ticks of each axis only.
 fn cut(name: &str, x: &[usize], y: &[usize]) -> Sweep {
-    let mut sweep = only(sweeps(true), &[name.into()], |sweep| sweep.name).unwrap();
+    let mut sweep = only(sweeps(Effort::Quick), &[name.into()], |sweep| sweep.name).unwrap();
     let mut sweep = sweep.remove(0);
     for (axis, chosen) in sweep.axes.iter_mut().zip([x, y]) {
         axis.ticks = chosen.iter().map(|&i| axis.ticks[i].clone()).collect();
@@ -61,7 +62,7 @@ fn refusals_and_panics_cost_one_cell_each() {
 
 #[test]
 fn sweeps_have_names_of_their_own_and_their_quick_form_is_smaller() {
-    let (quick, full) = (sweeps(true), sweeps(false));
+    let (quick, full) = (sweeps(Effort::Quick), sweeps(Effort::Full));
     let mut names: Vec<_> = quick.iter().map(|sweep| sweep.name).collect();
     names.sort_unstable();
     names.dedup();

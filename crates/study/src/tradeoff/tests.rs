@@ -1,4 +1,5 @@
 use super::*;
+use crate::study::Effort;
 
 /// A coarse blank that falls for a moment, and a corner of it.
 fn small() -> (SceneConfig, EnvConfig) {
@@ -18,7 +19,7 @@ fn small() -> (SceneConfig, EnvConfig) {
 #[test]
 fn errors_fall_with_the_rate_to_none_at_the_reference() {
     let (scene, env) = small();
-    let mut chosen = variations(&scene, &env, true);
+    let mut chosen = variations(&scene, &env, Effort::Quick);
     let rates = ["60/s", "600/s", "12000/s"];
     chosen.retain(|v| v.axis == "yarn" && rates.contains(&v.value.as_str()) || v.axis == "pushed");
     let mut itself = chosen[0].clone();
@@ -50,7 +51,7 @@ fn errors_fall_with_the_rate_to_none_at_the_reference() {
 #[test]
 fn models_keep_three_cells_under_the_stencil_and_the_fall_of_the_scene() {
     let around = (SceneConfig::rib(), EnvConfig::default());
-    let all = variations(&around.0, &around.1, false);
+    let all = variations(&around.0, &around.1, Effort::Full);
     let mut models = all.iter().filter(|v| ["mesh", "physics"].contains(&v.axis));
     assert!(models.all(|v| v.around.0.fall == around.0.fall));
     let sides: Vec<_> = all

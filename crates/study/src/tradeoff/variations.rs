@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use crate::points::coarser;
-use crate::study::{lamina, stencil_mm};
+use crate::study::{Effort, lamina, stencil_mm};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
@@ -30,7 +30,7 @@ pub struct Variation {
 /// The settings around a scene and a task, one axis at a time. A fall takes the rate of its
 /// method; that of a model is the scene's own, for at the rate of the presses the error of the
 /// method would hide what the model changes. The first of an axis of models is their reference.
-pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Variation> {
+pub fn variations(scene: &SceneConfig, env: &EnvConfig, effort: Effort) -> Vec<Variation> {
     let around = stepped(&(scene.clone(), env.clone()), env.stepping());
     let reference = converged(&around);
     let mut all = Vec::new();
@@ -57,7 +57,7 @@ pub fn variations(scene: &SceneConfig, env: &EnvConfig, quick: bool) -> Vec<Vari
     model.0.fall.set_stepping(scene.fall.stepping());
     // The finest first. All have the places of the coarsest.
     let here = scene.blank.vertices;
-    let finer = (!quick).then(|| here.map(|n| 2 * (n - 1) + 1));
+    let finer = (effort == Effort::Full).then(|| here.map(|n| 2 * (n - 1) + 1));
     let meshes = finer.into_iter().chain([here]).chain(coarser(scene));
     let meshes = meshes.map(|vertices| {
         let (mut scene, mut env) = model.clone();

@@ -121,11 +121,11 @@ impl PaperCase {
 
         let start = ThreadTime::now();
         let press = press_config(&self.env, Hold::Pressure);
-        let presses = (&*self.sequence, 1e-3 * self.env.stencil_mm);
+        let (list, side) = (&self.sequence, 1e-3 * self.env.stencil_mm);
         let told = |_: &Twin, presses: &Presses| {
             progress(presses.len() as f64 / self.sequence.len() as f64);
         };
-        let ended = twin.replay(&scene.lamina, &scene.tool, &press, presses, told);
+        let ended = twin.replay(&scene.lamina, &scene.tool, &press, list, side, told);
         ended.map_err(|error| StudyError::Named(name, error.into()))?;
         Ok(Ran {
             name,

@@ -8,13 +8,14 @@ use crate::cloth::{
     AREAL_MASS, GRAVITY, Piece, clamped, evened, mean_at, on_slope, placed, rubbing, section,
     sheet, slid, strip, tool, yarns_alone,
 };
+use crate::study::Effort;
 use crate::truth::halved;
 use drape_cloth::fabric::Family;
 use drape_cloth::sim::Bending;
 use drape_cloth::tool::{Cylinder, Pose, Shape, Tool};
 
-/// Incline, capstan, without the twin where the study is `quick`, and lift-off.
-pub(super) fn asks(quick: bool) -> Vec<Ask> {
+/// Incline, capstan, without the twin where it has to be quick, and lift-off.
+pub(super) fn asks(effort: Effort) -> Vec<Ask> {
     let incline = [0.28f64, 0.25].map(|mu| -> Ask {
         Box::new(move |solver| {
             let case = format!("incline: slips with friction {mu} at");
@@ -24,7 +25,7 @@ pub(super) fn asks(quick: bool) -> Vec<Ask> {
     });
     let capstan = [0.28f64, 0.25].map(|mu| -> Ask {
         Box::new(move |solver| {
-            if quick && solver.fast().is_none() {
+            if effort == Effort::Quick && solver.fast().is_none() {
                 return Vec::new();
             }
             let case = format!("capstan: slips with friction {mu} at");

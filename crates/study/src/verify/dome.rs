@@ -5,6 +5,7 @@ use std::sync::{Arc, LazyLock};
 use super::shear::shear_at;
 use super::solve::{Answer, Ask, Solve};
 use crate::cloth::{GRAVITY, Piece, bending_yarns, laid, shearing, sheet, tool};
+use crate::study::Effort;
 use drape_cloth::math::Vec3;
 use drape_cloth::tool::{Hemisphere, Pose, Shape, Tool};
 
@@ -35,13 +36,13 @@ static DOME: LazyLock<Arc<Tool>> = LazyLock::new(|| {
     tool(Shape::Hemisphere(dome), Pose::default(), 3.0).into()
 });
 
-/// The fishnet; where the study is `quick` on a coarser mesh and without the twin.
-pub(super) fn asks(quick: bool) -> Vec<Ask> {
+/// The fishnet; where it has to be quick on a coarser mesh and without the twin.
+pub(super) fn asks(effort: Effort) -> Vec<Ask> {
     vec![Box::new(move |solver| {
-        if quick && solver.fast().is_none() {
+        if effort == Effort::Quick && solver.fast().is_none() {
             return Vec::new();
         }
-        let line = wrap(solver, if quick { 20 } else { 40 });
+        let line = wrap(solver, effort.pick(20, 40));
         let at = |[polar, shear]: [f64; 2]| {
             let found = at_polar(&line, polar.to_radians()).to_degrees();
             let case = format!("hemisphere: shear at {polar:.0} deg");

@@ -62,7 +62,8 @@ pub(super) fn asks() -> Vec<Ask> {
 fn hanging_strain(
     solver: &dyn Solve,
     strip: Lamina,
-    (edges, length): (usize, f64),
+    edges: usize,
+    length: f64,
     physics: PhysicsConfig,
     speed: f64,
 ) -> f64 {
@@ -82,7 +83,7 @@ fn strain_under(solver: &dyn Solve, family: Family, force: f64) -> f64 {
     }
     let mut physics = yarns_alone(200.0);
     physics.tension = Some(Tension::Material);
-    hanging_strain(solver, strip, (edges, length), physics, 1e-8)
+    hanging_strain(solver, strip, edges, length, physics, 1e-8)
 }
 
 /// Force per width [N/m] that strains a strip by `strain`: the weight that does, searched by
@@ -108,7 +109,7 @@ const CHAIN: (usize, f64) = (64, 0.37);
 /// Mean strain of a strip that hangs by its upper end.
 pub fn hanging(solver: &dyn Solve, family: Family) -> f64 {
     let strip = strip(family, CHAIN.1, CHAIN.0);
-    hanging_strain(solver, strip, CHAIN, yarns_alone(20.0), 1e-9)
+    hanging_strain(solver, strip, CHAIN.0, CHAIN.1, yarns_alone(20.0), 1e-9)
 }
 
 /// What its weight strains it by, the law's first slope: rho g L / (2 E t).

@@ -4,6 +4,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
 
 use super::solve::{Answer, Ask, Solve};
 use crate::cloth::{Piece, laid, rigid, shearing, sheet, yarns_alone};
+use crate::study::Effort;
 use drape_cloth::fabric::{BlankConfig, Curve, Family, Lamina, MassModel, Material};
 use drape_cloth::math::Vec3;
 use drape_cloth::measure::shear;
@@ -12,8 +13,8 @@ use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig, Snapshot};
 /// Shear stiffness G h of the test pieces [N/m].
 const SHEAR_STIFFNESS: f64 = 17.5;
 
-/// Picture frame, hanging cells and bias extension; the specimen of the latter is coarser where the study is `quick`.
-pub(super) fn asks(quick: bool) -> Vec<Ask> {
+/// Picture frame, hanging cells and bias extension; the specimen of the latter is coarser where it has to be quick.
+pub(super) fn asks(effort: Effort) -> Vec<Ask> {
     let frame: Ask = Box::new(|solver| {
         let at = |d: f64| {
             let case = format!("picture frame: shear at {:.0} mm", 1e3 * d);
@@ -30,7 +31,7 @@ pub(super) fn asks(quick: bool) -> Vec<Ask> {
         };
         [4.0, 20.0, 35.0, 50.0].map(at).into()
     });
-    let cells = if quick { 5 } else { 10 };
+    let cells = effort.pick(5, 10);
     // The diagonals of the mesh along the pull and across it.
     let bias = [(45.0, "across"), (-45.0, "along")].map(|(turn, diagonals)| -> Ask {
         Box::new(move |solver| {

@@ -112,7 +112,7 @@ fn chain_stretches_as_in_the_table() {
 fn rows_are_ordered_by_case_and_the_same_on_one_thread() {
     let subjects = Subject::all();
     let run = || {
-        let motion = only(cases(true), &["motion".into()], |case| case.group);
+        let motion = only(cases(Effort::Quick), &["motion".into()], |case| case.group);
         ask(&motion.unwrap(), &subjects, &Context::quiet())
     };
     let rows = run();

@@ -4,7 +4,7 @@
 use super::*;
 use drape_cloth::math::Isa;
 use drape_study::stability::{Outcome, SweepCell, compute, sweeps};
-use drape_study::study::{Context, only};
+use drape_study::study::{Context, Effort, only};
 
 const SIDE: f64 = 0.06;
 const CELLS: usize = 6;
@@ -265,7 +265,7 @@ fn yarn_between_ends_too_far_apart_comes_to_rest_straight() {
 #[test]
 fn extremes_are_converged_wrong_or_diverged_and_nothing_else() {
     let names = ["time_step", "speed", "start", "pressure", "sliver"].map(String::from);
-    let chosen = only(sweeps(true), &names, |sweep| sweep.name).unwrap();
+    let chosen = only(sweeps(Effort::Quick), &names, |sweep| sweep.name).unwrap();
     let cells = compute(&chosen, &Context::quiet());
     let of = |name: &'static str| cells.iter().filter(move |cell| cell.sweep == name);
     for cell in &cells {

@@ -1,11 +1,11 @@
 //! What `drape study verify` tells of the accurate preset, held as claims.
 
 use drape_cloth::sim::{Accuracy, Solver};
-use drape_study::study::Context;
+use drape_study::study::{Context, Effort};
 use drape_study::verify::{Subject, Verified, ask, cases};
 
 fn rows(groups: &[&str], subject: Subject) -> Vec<Verified> {
-    let mut chosen = cases(true);
+    let mut chosen = cases(Effort::Quick);
     chosen.retain(|case| groups.contains(&case.group));
     ask(&chosen, &[subject], &Context::quiet())
 }

@@ -33,8 +33,10 @@ impl Draping {
     /// # Errors
     /// Those of [`Draping::new`].
     pub fn play_all<T>(
-        (scene, config): (&Arc<Scene>, &EnvConfig),
-        (count, most): (usize, usize),
+        scene: &Arc<Scene>,
+        config: &EnvConfig,
+        count: usize,
+        most: usize,
         mut choose: impl FnMut(&Self, usize) -> Vec<u32>,
         of: impl Fn(&Task, Played) -> T,
     ) -> Result<Vec<T>, ValueError> {

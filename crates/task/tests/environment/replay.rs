@@ -46,9 +46,8 @@ fn episodes_of_a_task_do_not_depend_on_their_company() {
             };
             (0..env.count()).map(choose).collect()
         };
-        let task = (&*COARSE, &small_region());
         let end = |_: &Task, played: Played| played.episode;
-        Draping::play_all(task, (5, most), choose, end).unwrap()
+        Draping::play_all(&COARSE, &small_region(), 5, most, choose, end).unwrap()
     };
     let all = play(5);
     assert_eq!((all.len(), play(2), play(1)), (5, all.clone(), all));
