@@ -5,7 +5,7 @@ use super::error::TrainError;
 use super::imitation::Memory;
 use super::rollout::{EpisodeRecord, Seconds, collect};
 use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
-use super::update::{Learner, UpdateMetrics, imitate, update};
+use super::update::{Learner, Streams, UpdateMetrics, imitate, update};
 use crate::policy::{ActorCritic, DeviceKind, PolicyConfig};
 use drape_cloth::math::{Purpose, Stream};
 use drape_task::cluster::Cluster;
@@ -35,8 +35,7 @@ struct Progress {
     env_steps: u64,
     /// `[task]`.
     actions: Vec<Stream>,
-    /// Of the updates.
-    update: [Stream; 2],
+    update: Streams,
 }
 
 /// What one rollout and its update gave.
@@ -78,7 +77,10 @@ impl<T: Tasks> Trainer<T> {
                 actions: (0..count as u32)
                     .map(|task| Stream::new(seed, Purpose::Actions, task))
                     .collect(),
-                update: [0, 1].map(|k| Stream::new(seed, Purpose::Shuffle, k)),
+                update: Streams {
+                    shuffle: Stream::new(seed, Purpose::Shuffle, 0),
+                    imitation: Stream::new(seed, Purpose::Shuffle, 1),
+                },
             },
             config,
             cluster: Cluster::default(),
@@ -134,7 +136,7 @@ impl<T: Tasks> Trainer<T> {
             return Ok(());
         };
         for step in 0..imitation.pretraining {
-            let moves = memory.draw(imitation.samples, &mut self.progress.update[1]);
+            let moves = memory.draw(imitation.samples, &mut self.progress.update.imitation);
             if moves.is_empty() {
                 break;
             }

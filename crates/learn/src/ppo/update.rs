@@ -34,6 +34,31 @@ pub struct UpdateMetrics {
     pub explained_variance: f32,
 }
 
+impl UpdateMetrics {
+    /// `of` each number of both.
+    fn each(self, other: Self, of: impl Fn(f32, f32) -> f32) -> Self {
+        Self {
+            policy_loss: of(self.policy_loss, other.policy_loss),
+            value_loss: of(self.value_loss, other.value_loss),
+            entropy: of(self.entropy, other.entropy),
+            imitation_loss: of(self.imitation_loss, other.imitation_loss),
+            approx_kl: of(self.approx_kl, other.approx_kl),
+            clip_fraction: of(self.clip_fraction, other.clip_fraction),
+            gradient_norm: of(self.gradient_norm, other.gradient_norm),
+            explained_variance: of(self.explained_variance, other.explained_variance),
+        }
+    }
+}
+
+/// Random streams of updates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Streams {
+    /// Orders the samples.
+    pub shuffle: Stream,
+    /// Chooses among the moves that are to be imitated.
+    pub imitation: Stream,
+}
+
 /// What an update changes, and by what rules. Each process of the cluster takes its part of every minibatch.
 pub struct Learner<'a> {
     pub config: &'a PpoConfig,
@@ -45,13 +70,12 @@ pub struct Learner<'a> {
 /// Improves the learner on `rollout` for some epochs and says how it went.
 ///
 /// Each epoch takes every sample once, in a new random order, in minibatches of nearly equal
-/// size. Stops at the first loss or gradient that is not finite, before it does harm. Of the random
-/// streams the first orders the samples, the second chooses among the moves to be imitated.
+/// size. Stops at the first loss or gradient that is not finite, before it does harm.
 pub fn update(
     mut learner: Learner,
     rollout: &Rollout,
     memory: Option<&Memory>,
-    [shuffle, imitation]: &mut [Stream; 2],
+    streams: &mut Streams,
 ) -> Result<UpdateMetrics, NotFinite> {
     let config = learner.config;
     let (rewards, values) = (&rollout.rewards, &rollout.values);
@@ -68,30 +92,27 @@ pub fn update(
 
     let mut order: Vec<usize> = (0..rewards.len()).collect();
     let pieces = order.len().div_ceil(config.minibatch_size);
-    let mut sum = [0.0; 7];
+    let mut sum = UpdateMetrics::default();
     for _ in 0..config.epochs {
-        shuffle.shuffle(&mut order);
+        streams.shuffle.shuffle(&mut order);
         for piece in 0..pieces {
             let indices = &order[piece * order.len() / pieces..(piece + 1) * order.len() / pieces];
             let (imitated, weight) = match (&config.imitation, memory) {
-                (Some(c), Some(memory)) => (memory.draw(c.samples, imitation), c.coefficient),
+                (Some(c), Some(memory)) => {
+                    let moves = memory.draw(c.samples, &mut streams.imitation);
+                    (moves, c.coefficient)
+                }
                 _ => (Vec::new(), 0.0),
             };
             let minibatch = Minibatch::new(config, rollout, &advantages, &returns, indices);
             let found = descend(&mut learner, &minibatch, &imitated, weight)?;
-            sum = std::array::from_fn(|k| sum[k] + found[k]);
+            sum = sum.each(found, |sum, own| sum + own);
         }
     }
-    let mean = sum.map(|x| x / (config.epochs * pieces) as f32);
+    let steps = (config.epochs * pieces) as f32;
     Ok(UpdateMetrics {
-        policy_loss: mean[0],
-        value_loss: mean[1],
-        entropy: mean[2],
-        imitation_loss: mean[3],
-        approx_kl: mean[4],
-        clip_fraction: mean[5],
-        gradient_norm: mean[6],
         explained_variance: loss::explained_variance(values, &returns),
+        ..sum.each(sum, |sum, _| sum / steps)
     })
 }
 
@@ -135,7 +156,7 @@ type Shown<'a> = (&'a Observations, usize, u32);
 /// Takes a step towards moves that are to be imitated, one at least, and nothing else. Gives the cross-entropy before it
 /// [nat].
 pub fn imitate(mut learner: Learner, moves: &[Shown]) -> Result<f32, NotFinite> {
-    Ok(descend(&mut learner, &Minibatch::default(), moves, 1.0)?[3])
+    Ok(descend(&mut learner, &Minibatch::default(), moves, 1.0)?.imitation_loss)
 }
 
 /// Samples of one gradient step.
@@ -198,13 +219,13 @@ const LANES: usize = 16;
 
 /// Takes one step against the gradient of the loss of a minibatch and of some moves to be imitated,
 /// c₁ policy + c₂ value - c₃ entropy + `weight` imitation, over all processes and limited to the largest norm
-/// allowed. Gives policy loss, value loss, entropy, imitation loss, KL, clip fraction, and the norm.
+/// allowed. Says nothing of the explained variance.
 fn descend(
     learner: &mut Learner,
     minibatch: &Minibatch,
     imitated: &[Shown],
     weight: f32,
-) -> Result<[f32; 7], NotFinite> {
+) -> Result<UpdateMetrics, NotFinite> {
     let Learner {
         config, cluster, ..
     } = learner;
@@ -251,10 +272,12 @@ fn descend(
 
     let network = &actor_critic.network;
     let mut gradients = GradientsAccumulator::new();
-    let mut terms = vec![0.0; 6];
+    let mut terms = [0.0; 6];
     for (of_part, own) in found {
         gradients.accumulate(network, of_part);
-        terms = terms.iter().zip(own).map(|(sum, own)| sum + own).collect();
+        for (sum, own) in terms.iter_mut().zip(own) {
+            *sum += own;
+        }
     }
     let mut gradients = gradients.grads();
     shared::sum(cluster, network, &mut gradients, &mut terms);
@@ -262,21 +285,38 @@ fn descend(
         true => Ok(()),
         false => Err(NotFinite { quantity }),
     };
-    let losses = ["policy loss", "value loss", "entropy", "imitation loss"];
-    for (quantity, &number) in losses.into_iter().zip(&terms) {
-        finite(quantity, number)?;
-    }
-    let norm = global_norm(network, &gradients);
-    finite("gradient norm", norm)?;
+    let [
+        policy_loss,
+        value_loss,
+        entropy,
+        imitation_loss,
+        approx_kl,
+        clip_fraction,
+    ] = terms;
+    finite("policy loss", policy_loss)?;
+    finite("value loss", value_loss)?;
+    finite("entropy", entropy)?;
+    finite("imitation loss", imitation_loss)?;
+    let gradient_norm = global_norm(network, &gradients);
+    finite("gradient norm", gradient_norm)?;
     let scale = match config.max_grad_norm {
-        Some(limit) if norm > limit => limit / norm,
+        Some(limit) if gradient_norm > limit => limit / gradient_norm,
         _ => 1.0,
     };
     let network = network.clone();
     let adam = &mut *learner.adam;
     learner.actor_critic.network =
         adam.step(network, gradients, scale.into(), config.learning_rate);
-    Ok(std::array::from_fn(|k| *terms.get(k).unwrap_or(&norm)))
+    Ok(UpdateMetrics {
+        policy_loss,
+        value_loss,
+        entropy,
+        imitation_loss,
+        approx_kl,
+        clip_fraction,
+        gradient_norm,
+        explained_variance: 0.0,
+    })
 }
 
 /// What a part adds to the gradient and to the terms of the loss.
