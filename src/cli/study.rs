@@ -243,12 +243,18 @@ fn read_run(path: &Path) -> Result<TrainedPath, StudyError> {
     })
 }
 
-/// All paths that a run folder has kept.
+/// All paths that a run folder has kept, the proved one first.
 fn read_kept(path: &Path) -> Result<KeptPaths, StudyError> {
     let damaged = |error: anyhow::Error| StudyError::Damaged(error.into());
     let (folder, config) = read_config(path)?;
     let best = folder.read_best_sequence().map_err(damaged)?;
     let best = checked(&folder, best, &folder.best_sequence)?;
+    let mut lists: Vec<Vec<u32>> = best.all().cloned().collect();
+    if let Some(proved) = folder.read_proof().map_err(damaged)? {
+        let proved = checked(&folder, proved.path, &folder.proof)?.vertices;
+        lists.retain(|list| *list != proved);
+        lists.insert(0, proved);
+    }
     let RunConfig {
         scene,
         env,
@@ -259,6 +265,6 @@ fn read_kept(path: &Path) -> Result<KeptPaths, StudyError> {
         scene,
         env,
         scatter,
-        lists: best.all().cloned().collect(),
+        lists,
     })
 }

@@ -37,6 +37,22 @@ fn plans_are_searched_and_proved() {
     for name in ["best_sequence.json", "proof.json", "trajectory.json"] {
         assert!(one[name] == three[name], "{name}");
     }
+    // What is judged first is what was proved, beside what else was kept.
+    let args = [
+        "study",
+        "judge",
+        "runs/one",
+        "--paths",
+        "4",
+        "--twin-worlds",
+        "2",
+    ];
+    let judged = json(path, &[&args[..], &["--out", "judged", "--json"]].concat());
+    let presses = judged["paths"].as_array().unwrap().iter();
+    let presses: Vec<f64> = presses.map(|path| number(&path["presses"])).collect();
+    assert!((2..=4).contains(&presses.len()), "{judged}");
+    let proved = &outcome["proof"][0]["path"]["presses"];
+    assert_eq!(presses[0], number(proved));
     // Nothing but time bounds it.
     let (outcome, _) = plan("timed", "2", &["--seconds", "2"]);
     assert_eq!(outcome["policy_paths"], 0);

@@ -27,7 +27,7 @@ pub struct Judging {
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
 
-    /// Paths, as many of each run, rounded up, evenly from its best to its worst that it has kept
+    /// Paths, as many of each run, rounded up, evenly from the proved one to the worst that it has kept
     #[arg(long, default_value_t = 30, value_name = "N", value_parser = clap::value_parser!(u16).range(4..=100))]
     paths: u16,
 
