@@ -7,8 +7,7 @@ use super::best::BestPaths;
 use super::config::RunConfig;
 use drape_cloth::scene::Scene;
 use drape_proof::orders::sequences;
-use drape_task::cluster::Cluster;
-use drape_task::env::{Draping, Episode, Member};
+use drape_task::env::{Draping, Episode};
 use drape_task::search::{
     Arena, CrossEntropy, Found, Judge, Moves, Order, Searching, cross_entropy, moves,
 };
@@ -46,9 +45,10 @@ impl Budget {
     }
 }
 
-/// The best of `known` lists, or else of what the cross-entropy method finds, and of orders that anybody could think of,
-/// changed by moves; with the presses made in all. `go_on` is told where the search is, and whether to go on is what it
-/// says: a search that ends before its moves gives what the cross-entropy method has found, each with its score in one world.
+/// The best of `known` lists, or else of what the cross-entropy method finds in the world of the scene, and of orders that
+/// anybody could think of, changed by moves; with the presses made in all. `go_on` is told where the search is, and whether
+/// to go on is what it says: a search that ends before its moves gives what the cross-entropy method has found, with scores
+/// of the world of the scene.
 pub fn search_by_moves(
     judge: &mut Judge,
     scene: &Arc<Scene>,
@@ -80,15 +80,7 @@ pub fn search_by_moves(
             is_wanted = go_on(at(spent));
             is_wanted && (is_within(least) || spent < DRAWN && is_within(most))
         };
-        // Each episode in a world of its own: what is good in that of the scene alone holds less.
-        let worlds = Some(judge.worlds().clone()).filter(|worlds| worlds.differ());
-        let member = Member {
-            scene: scene.clone(),
-            config: config.env.clone(),
-            count: config.environments,
-            worlds,
-        };
-        let mut draping = Draping::on(vec![member], &Cluster::default())?;
+        let mut draping = Draping::new(scene.clone(), &config.env, config.environments)?;
         let most = match budget {
             Budget::Presses(presses) => {
                 let [least, most] = DRAWN_SHARES.map(|share| (share * presses as f64) as u64);

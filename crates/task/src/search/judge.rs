@@ -147,7 +147,7 @@ impl Judge {
     }
 
     /// By what worlds scatter, and how they are judged.
-    pub fn worlds(&self) -> &Arc<Worlds> {
+    pub fn worlds(&self) -> &Worlds {
         &self.worlds
     }
 
