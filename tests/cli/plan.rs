@@ -37,22 +37,22 @@ fn plans_are_searched_and_proved() {
     for name in ["best_sequence.json", "proof.json", "trajectory.json"] {
         assert!(one[name] == three[name], "{name}");
     }
-    // What is judged first is what was proved, beside what else was kept.
-    let args = [
-        "study",
-        "judge",
-        "runs/one",
-        "--paths",
-        "4",
-        "--twin-worlds",
-        "2",
-    ];
-    let judged = json(path, &[&args[..], &["--out", "judged", "--json"]].concat());
-    let presses = judged["paths"].as_array().unwrap().iter();
-    let presses: Vec<f64> = presses.map(|path| number(&path["presses"])).collect();
-    assert!((2..=4).contains(&presses.len()), "{judged}");
-    let proved = &outcome["proof"][0]["path"]["presses"];
-    assert_eq!(presses[0], number(proved));
+    // A study of what judges a path begins with the proved one, whichever the search had thought the best.
+    let file = path.join("runs/one/best_sequence.json");
+    let mut kept: Value = serde_json::from_slice(&one["best_sequence.json"]).unwrap();
+    let proved: Value = serde_json::from_slice(&one["proof.json"]).unwrap();
+    let proved = &proved["path"]["vertices"];
+    let mut shorter = proved.as_array().unwrap().clone();
+    shorter.pop();
+    let lengths = [shorter.len() + 1, shorter.len()];
+    kept["vertices"] = shorter.into();
+    kept["others"] = serde_json::json!([{ "vertices": proved, "score": 0.5 }]);
+    fs::write(file, kept.to_string()).unwrap();
+    let args = "study judge runs/one --paths 4 --twin-worlds 2 --out judged --json";
+    let judged = json(path, &args.split(' ').collect::<Vec<_>>());
+    let paths = judged["paths"].as_array().unwrap().iter();
+    let presses: Vec<f64> = paths.map(|path| number(&path["presses"])).collect();
+    assert_eq!(presses, lengths.map(|length| length as f64));
     // Nothing but time bounds it.
     let (outcome, _) = plan("timed", "2", &["--seconds", "2"]);
     assert_eq!(outcome["policy_paths"], 0);

@@ -281,42 +281,37 @@ fn descend(
     }
     let mut gradients = gradients.grads();
     shared::sum(cluster, network, &mut gradients, &mut terms);
-    let finite = |quantity, number: f32| match number.is_finite() {
-        true => Ok(()),
-        false => Err(NotFinite { quantity }),
+    let found = UpdateMetrics {
+        policy_loss: terms[0],
+        value_loss: terms[1],
+        entropy: terms[2],
+        imitation_loss: terms[3],
+        approx_kl: terms[4],
+        clip_fraction: terms[5],
+        gradient_norm: global_norm(network, &gradients),
+        ..UpdateMetrics::default()
     };
-    let [
-        policy_loss,
-        value_loss,
-        entropy,
-        imitation_loss,
-        approx_kl,
-        clip_fraction,
-    ] = terms;
-    finite("policy loss", policy_loss)?;
-    finite("value loss", value_loss)?;
-    finite("entropy", entropy)?;
-    finite("imitation loss", imitation_loss)?;
-    let gradient_norm = global_norm(network, &gradients);
-    finite("gradient norm", gradient_norm)?;
+    let norm = found.gradient_norm;
+    for (quantity, number) in [
+        ("policy loss", found.policy_loss),
+        ("value loss", found.value_loss),
+        ("entropy", found.entropy),
+        ("imitation loss", found.imitation_loss),
+        ("gradient norm", norm),
+    ] {
+        if !number.is_finite() {
+            return Err(NotFinite { quantity });
+        }
+    }
     let scale = match config.max_grad_norm {
-        Some(limit) if gradient_norm > limit => limit / gradient_norm,
+        Some(limit) if norm > limit => limit / norm,
         _ => 1.0,
     };
     let network = network.clone();
     let adam = &mut *learner.adam;
     learner.actor_critic.network =
         adam.step(network, gradients, scale.into(), config.learning_rate);
-    Ok(UpdateMetrics {
-        policy_loss,
-        value_loss,
-        entropy,
-        imitation_loss,
-        approx_kl,
-        clip_fraction,
-        gradient_norm,
-        explained_variance: 0.0,
-    })
+    Ok(found)
 }
 
 /// What a part adds to the gradient and to the terms of the loss.
