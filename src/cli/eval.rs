@@ -45,9 +45,9 @@ pub struct EvalArgs {
     #[arg(long, value_name = "best|last|FILE", default_value = "best")]
     checkpoint: String,
 
-    /// Episodes of the random policy, and of the sampled one with --sample
+    /// Episodes of the random policy, and of the sampled one with --sample; 0 for nothing to compare with
     #[arg(long, value_name = "K", default_value_t = 32,
-          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=4096))]
+          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(0..=4096))]
     episodes: usize,
 
     /// Also draw actions from the policy, K episodes, instead of its best action only
@@ -128,7 +128,8 @@ struct Report {
     deviations_above_random: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     sampled: Option<EpisodeStatistics>,
-    random: EpisodeStatistics,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    random: Option<EpisodeStatistics>,
     /// What `--prove` has found.
     #[serde(skip_serializing_if = "Option::is_none")]
     proof: Option<Vec<Row>>,
@@ -178,9 +179,12 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     }
 
     let (count, json) = (args.episodes, args.json);
-    let random = EpisodeStatistics::random(scene, env, count, json)?;
+    let random = match count {
+        0 => None,
+        _ => Some(EpisodeStatistics::random(scene, env, count, json)?),
+    };
     let mut sampled = None;
-    if let (Some(agent), true) = (&agent, args.sample) {
+    if let (Some(agent), true) = (&agent, args.sample && count > 0) {
         let draw =
             |seen: Observation, stream: &mut Stream| agent.act(&[seen], Sampling::Drawn(stream))[0];
         let play = |told: &dyn Fn(f64)| parallel_episodes(scene, env, count, draw, told);
@@ -234,12 +238,15 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     let title = checkpoint.map_or("sequence", |_| "policy");
     write_recording(&played.recording, scene, &pictures.path, title)?;
 
-    let above = played.summary.score - random.mean_score;
+    let deviations = |random: &EpisodeStatistics| {
+        let above = played.summary.score - random.mean_score;
+        (random.deviation > 0.0).then(|| above / random.deviation)
+    };
     let report = Report {
         run: (&args.run).into(),
         played: checkpoint.unwrap_or("sequence").into(),
         accuracy: args.accuracy,
-        deviations_above_random: (random.deviation > 0.0).then(|| above / random.deviation),
+        deviations_above_random: random.as_ref().and_then(deviations),
         episode: played.summary,
         sampled,
         random,
@@ -346,13 +353,11 @@ fn looked(agent: &Agent, path: &[u32], loaded: &Loaded) -> Result<[Row; 2], Fail
 }
 
 fn text(report: &Report) -> String {
-    let Report {
-        episode, random, ..
-    } = report;
+    let Report { episode, .. } = report;
     let accuracy = report.accuracy.map_or(String::new(), |accuracy| {
         format!(", {} steps", accuracy.name())
     });
-    let sampled = report.sampled.as_ref();
+    let (sampled, random) = (report.sampled.as_ref(), report.random.as_ref());
     let (none, one) = (f64::NAN, [episode.region_final_m, episode.surplus_final_m]);
     // Score, its deviation, the best; distance and surplus.
     let of = |all: &EpisodeStatistics| {
@@ -361,7 +366,7 @@ fn text(report: &Report) -> String {
     };
     let mut rows = vec![("episode", 1, ([episode.score, none, episode.score], one))];
     rows.extend(sampled.map(|all| ("sampled", all.episodes.len(), of(all))));
-    rows.push(("random", random.episodes.len(), of(random)));
+    rows.extend(random.map(|all| ("random", all.episodes.len(), of(all))));
     let title = format!(
         "{}: {}{accuracy}; scores in %",
         report.run.display(),
@@ -405,7 +410,7 @@ fn text(report: &Report) -> String {
             episode.shear_max_deg, episode.v_rms_mm_s, episode.seconds
         ),
     ];
-    let diverged = random.diverged + report.sampled.as_ref().map_or(0, |s| s.diverged);
+    let diverged: usize = sampled.iter().chain(&random).map(|all| all.diverged).sum();
     if diverged > 0 {
         lines.push(format!(
             "episodes left out because they diverged: {diverged}"

@@ -420,7 +420,10 @@ fn best_paths_are_proved_in_finer_physics() {
     };
     assert_eq!(export(), ("twin".into(), proved["path"]["score"].clone()));
     // What the twin has proved stays, also where a complete run is gone on with.
-    json(path, &[&args[..], &["--prove"]].concat());
+    let alone = ["eval", "runs/a", "--prove", "--episodes", "0", "--json"];
+    let alone = json(path, &alone);
+    assert!(alone.get("random").is_none());
+    assert_eq!(alone["proof"].as_array().unwrap().len(), 1);
     json(path, &["train", "--resume", "runs/a", "--json"]);
     assert_eq!(read_json(&run.join("proof.json")), proved);
     let text = stdout(path, &["export", "runs/a"]);
