@@ -103,7 +103,7 @@ fn set_up(
         .map_err(Failure::invalid)?;
     // Nothing is searched for here.
     config.search = 0;
-    let draping = set_up_tasks(&config, config.environments, &place, true)?;
+    let draping = set_up_tasks(&config, config.environments, &place)?;
     // By what its files hold, wherever they are.
     config.keep_inputs()?;
     let at = draping.scene().initial.position.as_flattened().iter();

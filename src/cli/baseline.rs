@@ -48,10 +48,6 @@ pub struct BaselineArgs {
 
     #[command(flatten)]
     new: NewRun,
-
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
@@ -144,14 +140,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         Policy::Moves => config.steps,
         _ => 0,
     };
-    let run = Searched::begin(
-        config,
-        place,
-        &args.new,
-        args.policy.name(),
-        None,
-        args.json,
-    )?;
+    let run = Searched::begin(config, place, &args.new, args.policy.name(), None)?;
     let Searched {
         config,
         place,
@@ -176,7 +165,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         best = BestPaths::judged(moved.orders);
         !moved.has_converged
     } else {
-        let progress = Progress::of_steps(0, config.steps, args.json);
+        let progress = Progress::of_steps(0, config.steps);
         let mut watch = |spent: u64, ended: &[Episode]| {
             env_steps = spent;
             let before = best.score();
@@ -228,7 +217,7 @@ pub fn run(args: BaselineArgs) -> Result<(), Failure> {
         proof: rows,
         is_spent,
     };
-    print(&outcome, args.json, text)?;
+    print(&outcome, text)?;
     interrupted.map_or(Ok(()), |signal| Err(Interrupted(signal).into()))
 }
 

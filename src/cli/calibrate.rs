@@ -70,10 +70,6 @@ pub struct CalibrateArgs {
     /// PNG of the curves over what tests have measured
     #[arg(long, value_name = "FILE.png", value_parser = png, requires = "test")]
     picture: Option<PathBuf>,
-
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 /// What is printed.
@@ -112,7 +108,7 @@ pub fn run(args: CalibrateArgs) -> Result<(), Failure> {
     if let Some(file) = &args.out {
         write_material(file, &material, &report.notes, &report.scatter)?;
     }
-    print(&report, args.json, text)
+    print(&report, text)
 }
 
 fn by_tests(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
@@ -243,7 +239,7 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
             return Err(same_scan(twins));
         }
     }
-    let estimate = explained(&states, scans, &first.scatter, args.json)?;
+    let estimate = explained(&states, scans, &first.scatter)?;
     let (lamina, physics) = (&first.scene.lamina, first.scene.model.physics());
     if estimate.rms > lamina.cell_diagonal() {
         let names: Vec<String> = scans
@@ -293,7 +289,7 @@ impl Seen {
                     "`--presses` is for scenes, expected none beside a run, whose path is pressed";
                 return Err(Failure::invalid(anyhow!("{place}: {error}")));
             }
-            let loaded = Loaded::open(path, Source::Path, None, None, args.json)?;
+            let loaded = Loaded::open(path, Source::Path, None, None)?;
             let presses = loaded.play_path()?.0.recording.vertices();
             let config = &loaded.config;
             return Ok(Self {
@@ -316,7 +312,7 @@ impl Seen {
                 (scene, EnvConfig::default(), Scatter::default())
             }
         };
-        let scene = Arc::new(set_up(&scene, &place, args.json)?);
+        let scene = Arc::new(set_up(&scene, &place)?);
         let mut presses = Vec::new();
         if let Some(file) = &args.presses {
             presses.extend(

@@ -70,10 +70,6 @@ pub struct CompareArgs {
 
     #[command(flatten)]
     scan: ScanArgs,
-
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 /// What is printed.
@@ -188,7 +184,7 @@ pub fn run(args: CompareArgs) -> Result<(), Failure> {
         comparison,
         picture: args.out.map(Told::from),
     };
-    print(&report, args.json, text)
+    print(&report, text)
 }
 
 /// The report for a reader; what is not applicable is listed at the end.
@@ -217,7 +213,7 @@ fn beside_run(args: &CompareArgs) -> Result<(), Failure> {
             args.b.display()
         )));
     }
-    let loaded = Loaded::open(&args.b, Source::Path, None, None, args.json)?;
+    let loaded = Loaded::open(&args.b, Source::Path, None, None)?;
     let (played, _) = loaded.play_path()?;
     let pressed = resting(&loaded.scene, played.recording.end().to_vec());
     let seen = args.scan.seen(&args.a, &pressed)?;
@@ -253,7 +249,7 @@ fn beside_run(args: &CompareArgs) -> Result<(), Failure> {
         }],
         picture: args.out.clone().map(Told::from),
     };
-    print(&report, args.json, scan_text)
+    print(&report, scan_text)
 }
 
 fn scan_text(report: &ScanReport) -> String {
@@ -319,7 +315,7 @@ fn is_stl(path: &Path) -> bool {
 /// The drape at `path`, with its scene if it is a run.
 fn survey(path: &Path, args: &CompareArgs) -> Result<(Surveyed, Option<Scene>, Kind), Failure> {
     let (surveyed, scene, kind) = if path.is_dir() {
-        let loaded = Loaded::open(path, Source::Path, None, None, args.json)?;
+        let loaded = Loaded::open(path, Source::Path, None, None)?;
         let (played, _) = loaded.play_path()?;
         let Scene { lamina, tool, .. } = &*loaded.scene;
         let drape = Drape::new(lamina, &tool.in_scene(played.recording.end()));

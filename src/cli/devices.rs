@@ -2,16 +2,8 @@ use serde::Serialize;
 
 use super::Failure;
 use super::output::print;
-use super::terminal::tell;
+use super::terminal::note;
 use drape_cloth::math::Isa;
-
-/// List what `--device` can name on this machine
-#[derive(Debug, clap::Args)]
-pub struct DevicesArgs {
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    json: bool,
-}
 
 /// What is printed.
 #[derive(Serialize)]
@@ -32,7 +24,7 @@ struct Listed {
 }
 
 /// Runs `drape devices`.
-pub fn run(args: DevicesArgs) -> Result<(), Failure> {
+pub fn run() -> Result<(), Failure> {
     let threads = rayon::current_num_threads();
     let isa = format!("{:?}", Isa::best()).to_lowercase();
     let mut devices = vec![Listed {
@@ -42,9 +34,9 @@ pub fn run(args: DevicesArgs) -> Result<(), Failure> {
         largest_buffer_mib: None,
     }];
     devices.extend(gpus());
-    print(&Report { devices }, args.json, text)?;
-    if !args.json && cfg!(not(feature = "gpu")) {
-        tell("this build computes on no GPU: rebuild with `--features gpu` to see them");
+    print(&Report { devices }, text)?;
+    if cfg!(not(feature = "gpu")) {
+        note("this build computes on no GPU: rebuild with `--features gpu` to see them");
     }
     Ok(())
 }

@@ -106,10 +106,6 @@ pub struct EvalArgs {
     /// Also write where every vertex of the blank lies after the episode, for `drape compare`
     #[arg(long, value_name = "FILE")]
     state: Option<PathBuf>,
-
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 /// What is printed.
@@ -153,7 +149,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         (None, true) => Source::Sequence,
         (None, false) => Source::Checkpoint(&args.checkpoint),
     };
-    let mut loaded = Loaded::open(&args.run, source, on, args.device, args.json)?;
+    let mut loaded = Loaded::open(&args.run, source, on, args.device)?;
     let pictures = match out {
         Some(folder) => folder,
         None => OutFolder::make(&loaded.folder.pictures.join("eval"))?,
@@ -178,22 +174,17 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         Drape::new(&scene.lamina, &end).write(file)?;
     }
 
-    let (count, json) = (args.episodes, args.json);
+    let count = args.episodes;
     let random = match count {
         0 => None,
-        _ => Some(EpisodeStatistics::random(scene, env, count, json)?),
+        _ => Some(EpisodeStatistics::random(scene, env, count)?),
     };
     let mut sampled = None;
     if let (Some(agent), true) = (&agent, args.sample && count > 0) {
         let draw =
             |seen: Observation, stream: &mut Stream| agent.act(&[seen], Sampling::Drawn(stream))[0];
         let play = |told: &dyn Fn(f64)| parallel_episodes(scene, env, count, draw, told);
-        sampled = Some(EpisodeStatistics::new(
-            "sampled episodes",
-            count,
-            json,
-            play,
-        )?);
+        sampled = Some(EpisodeStatistics::new("sampled episodes", count, play)?);
     }
     let (mut proof, mut sensitivity) = (None, Vec::new());
     if let Some(best) = best {
@@ -209,17 +200,10 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
                 judge,
             },
         );
-        proof = Some(proof::proved(
-            &loaded.folder,
-            scene,
-            config,
-            best,
-            method,
-            json,
-        )?);
+        proof = Some(proof::proved(&loaded.folder, scene, config, best, method)?);
         if let Some(proved) = loaded.folder.read_proof()? {
             let case = proof::case(scene, &loaded.config);
-            sensitivity = proof::sensitivity(case, &proved.path.vertices, json)?;
+            sensitivity = proof::sensitivity(case, &proved.path.vertices)?;
             if !sensitivity.is_empty() {
                 let bars = picture::sensitivity(&sensitivity);
                 bars.save_png(&pictures.path.join("sensitivity.png"))?;
@@ -255,7 +239,7 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
         pictures: (&pictures.path).into(),
         is_elsewhere: args.scene.is_some(),
     };
-    print(&report, json, text)
+    print(&report, text)
 }
 
 /// What is printed of a recording that was pressed again.
@@ -278,7 +262,7 @@ struct Again {
 
 fn press_again(file: &Path, loaded: &Loaded, pictures: &Path) -> Result<(), Failure> {
     let recorded = Recording::read(file).or_invalid()?;
-    let progress = Progress::new("pressing again", loaded.json);
+    let progress = Progress::new("pressing again");
     let told = |share: f64, doing: &str| progress.tell(share, doing);
     let place = Some(file.display().to_string());
     let found = again(&recorded, &loaded.scene, Listener(&told));
@@ -297,7 +281,7 @@ fn press_again(file: &Path, loaded: &Loaded, pictures: &Path) -> Result<(), Fail
         apart_m: found.apart(&recorded),
         pictures: pictures.into(),
     };
-    print(&report, loaded.json, Again::text)
+    print(&report, Again::text)
 }
 
 impl Again {
@@ -336,7 +320,7 @@ fn proved_elsewhere(agent: &Agent, loaded: &Loaded, count: usize) -> Result<Vec<
         judge: Physics::Solver,
     };
     let all = |_: &mut Vec<u32>| Ok(());
-    Ok(proof::found(case, &paths, method, None, all, loaded.json)?.rows)
+    Ok(proof::found(case, &paths, method, None, all)?.rows)
 }
 
 /// What the greedy path of an agent leaves in the worlds of a proof, and what the agent does that sees each.
@@ -346,7 +330,7 @@ fn looked(agent: &Agent, path: &[u32], loaded: &Loaded) -> Result<[Row; 2], Fail
         ..proof::case(&loaded.scene, &loaded.config)
     };
     let greedy = |draping: &Draping| agent.act(&observations(draping), Sampling::Greedy);
-    let progress = Progress::new("looking", loaded.json);
+    let progress = Progress::new("looking");
     let told = |share: f64, doing: &str| progress.tell(share, doing);
     let rows = drape_proof::looked(case, path, greedy, Listener(&told));
     rows.map_err(|error| proof_failure(error, None))

@@ -31,9 +31,8 @@ pub(super) fn explained(
     states: &[ObservedCloth],
     scans: &[PathBuf],
     scatter: &Scatter,
-    json: bool,
 ) -> Result<Estimate, Failure> {
-    let progress = Progress::new("calibrating", json);
+    let progress = Progress::new("calibrating");
     let told = |number: usize, share: f64| {
         let done = (number as f64 - 1.0 + share) / drape_calibrate::EVALUATIONS as f64;
         progress.tell(done, &format!("evaluation {number}"));

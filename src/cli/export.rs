@@ -70,10 +70,6 @@ pub struct ExportArgs {
     /// if not given
     #[arg(long, value_name = "DEVICE")]
     device: Option<DeviceKind>,
-
-    /// Print one JSON object about the export instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -174,7 +170,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         Some(name) => Source::Checkpoint(name),
         None => Source::Path,
     };
-    let loaded = Loaded::open(&args.run, source, None, args.device, args.json)?;
+    let loaded = Loaded::open(&args.run, source, None, args.device)?;
     let file = args.out.clone().unwrap_or_else(|| {
         let json = loaded.folder.trajectory.clone();
         match args.format {
@@ -238,7 +234,7 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
         frame: args.frame,
         field,
     };
-    print(&report, args.json, text)
+    print(&report, text)
 }
 
 fn text(report: &Report) -> String {
@@ -289,7 +285,7 @@ fn policy(args: &ExportArgs) -> Result<(), Failure> {
         digest: weights.digest(),
         file: file.into(),
     };
-    print(&report, args.json, |report| {
+    print(&report, |report| {
         format!(
             "{}: {} parameters, {}",
             report.file.display(),
@@ -350,7 +346,7 @@ fn program(
         is_default_cell: cell == CellConfig::unnamed(),
         file: file.into(),
     };
-    print(&report, args.json, |report| {
+    print(&report, |report| {
         let mut text = format!(
             "{}: {} of {} points in {} strokes by a {}, {:.1} s",
             report.file.display(),

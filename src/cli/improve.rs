@@ -53,10 +53,6 @@ pub struct ImproveArgs {
 
     #[command(flatten)]
     new: NewRun,
-
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 /// What `--json` prints.
@@ -150,7 +146,7 @@ pub fn run(args: ImproveArgs) -> Result<(), Failure> {
         found,
         proof: rows,
     };
-    print(&outcome, args.json, text)
+    print(&outcome, text)
 }
 
 /// Presses the path of the run again, puts the scans on to where it ends, and finds the fabric that explains them.
@@ -172,7 +168,7 @@ fn explain(args: &ImproveArgs) -> Result<Explained, Failure> {
             return Err(same_scan([&scan.file, &first.file]));
         }
     }
-    let loaded = Loaded::open(&args.run, Source::Path, None, None, args.json)?;
+    let loaded = Loaded::open(&args.run, Source::Path, None, None)?;
     let (played, _) = loaded.play_path()?;
     let (scene, path) = (&loaded.scene, played.recording.vertices());
     let pressed = resting(scene, played.recording.end().to_vec());
@@ -185,7 +181,7 @@ fn explain(args: &ImproveArgs) -> Result<Explained, Failure> {
     };
     let states = args.scan.iter().map(state);
     let states = states.collect::<Result<Vec<_>, Failure>>()?;
-    let estimate = explained(&states, &args.scan, scatter, args.json)?;
+    let estimate = explained(&states, &args.scan, scatter)?;
     Ok(Explained {
         scans,
         path,
@@ -237,7 +233,7 @@ fn improved(
 ) -> Result<(RunFolder, f64, Vec<Row>), Failure> {
     let place = format!("{} with the fabric of the scans", args.run.display());
     let budget = Budget::Presses(config.polish);
-    let run = Searched::begin(config, place, &args.new, "improve".into(), None, args.json)?;
+    let run = Searched::begin(config, place, &args.new, "improve".into(), None)?;
     run.folder.write_turns(turns)?;
     let mut starts = vec![path.to_vec()];
     starts.extend(known.into_iter().filter(|list| list != path));
@@ -254,7 +250,7 @@ fn improved(
         ));
         return Err(Interrupted(signal).into());
     }
-    let before = proof::score(proof::case(&run.scene, &run.config), path, args.json)?;
+    let before = proof::score(proof::case(&run.scene, &run.config), path)?;
     if orders.iter().all(|(list, _)| list != path) {
         // It is a rival, whatever the search thought of it.
         orders.insert(1, (path.to_vec(), before));

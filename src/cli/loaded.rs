@@ -45,8 +45,6 @@ pub(super) struct Loaded {
     pub env: EnvConfig,
     /// Cloth is computed on another device than in training.
     is_elsewhere: bool,
-    /// Nobody is told how far work is.
-    pub json: bool,
 }
 
 impl Loaded {
@@ -57,7 +55,6 @@ impl Loaded {
         source: Source,
         on: Option<(&Path, Option<[f64; 4]>)>,
         device: Option<DeviceKind>,
-        json: bool,
     ) -> Result<Self, Failure> {
         let (folder, mut config) = open_run(run)?;
         let trained_on = config.env.device;
@@ -81,7 +78,7 @@ impl Loaded {
                         read_best_sequence(&folder, count)?;
                     }
                 }
-                let scene = Arc::new(set_up(&config.scene, &place.to_string(), json)?);
+                let scene = Arc::new(set_up(&config.scene, &place.to_string())?);
                 config.equip(&scene).or_invalid_in(place)?;
                 env = config.env.clone();
                 scene
@@ -95,7 +92,7 @@ impl Loaded {
                     (task.scene, task.env) = (other.clone(), env.clone());
                     read_weights(run, name, &task)?;
                 }
-                set_up_member(&other, &env, &file.display().to_string(), json)?
+                set_up_member(&other, &env, &file.display().to_string())?
             }
         };
         Ok(Self {
@@ -104,7 +101,6 @@ impl Loaded {
             config,
             scene,
             env,
-            json,
         })
     }
 
@@ -115,7 +111,7 @@ impl Loaded {
         checkpoint: Option<&str>,
     ) -> Result<(PlayedEpisode, Option<Agent>), Failure> {
         let mut draping = Draping::new(self.scene.clone(), &self.env, 1).or_invalid()?;
-        let told = episode_progress(&draping, self.json);
+        let told = episode_progress(&draping);
         let Some(name) = checkpoint else {
             let best = self.best_sequence()?;
             // In other steps than it was found in, or rounded otherwise, the masks would differ too.
@@ -153,7 +149,6 @@ impl Loaded {
             &proved.path.vertices,
             proof::case(&self.scene, &self.config),
             place,
-            self.json,
         )?;
         Ok((played, Some(proved)))
     }

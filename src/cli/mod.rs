@@ -53,6 +53,10 @@ pub use setup::{read_config, set_up_tasks};
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
+
+    /// Print one JSON object instead of text
+    #[arg(long, global = true)]
+    json: bool,
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed at work (disk full, simulation diverged, ...); \
@@ -68,7 +72,8 @@ enum Command {
     Eval(eval::EvalArgs),
     Export(export::ExportArgs),
     Robot(robot::RobotArgs),
-    Devices(devices::DevicesArgs),
+    /// List what `--device` can name on this machine
+    Devices,
     Tool(tool::ToolArgs),
     Scene(scene::SceneArgs),
     Compare(compare::CompareArgs),
@@ -98,13 +103,18 @@ impl Cli {
     /// Runs the command that was asked for.
     pub fn run(self) -> Result<(), Failure> {
         signals::survive()?;
+        terminal::set_json(self.json);
         // Later it would be a panic that there are too few.
         let threads = rayon::ThreadPoolBuilder::new().build_global();
         threads.map_err(|error| {
             anyhow!("cannot start threads: {error}; ask for fewer by RAYON_NUM_THREADS")
         })?;
-        if !matches!(self.command, Command::Train(_) | Command::Devices(_)) {
+        if !matches!(self.command, Command::Train(_) | Command::Devices) {
             check_alone().map_err(Failure::invalid)?;
+        }
+        if self.json && matches!(self.command, Command::Completions(_) | Command::Man(_)) {
+            let wrong = anyhow!("`--json`: what a shell or man reads is no JSON, expected none");
+            return Err(Failure::invalid(wrong));
         }
         match self.command {
             Command::Train(args) => train::run(args),
@@ -114,7 +124,7 @@ impl Cli {
             Command::Eval(args) => eval::run(args),
             Command::Export(args) => export::run(args),
             Command::Robot(args) => robot::run(args),
-            Command::Devices(args) => devices::run(args),
+            Command::Devices => devices::run(),
             Command::Tool(args) => tool::run(args),
             Command::Scene(args) => scene::run(args),
             Command::Compare(args) => compare::run(args),

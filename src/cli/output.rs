@@ -11,7 +11,7 @@ use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, P
 use serde::Serialize;
 
 use super::Failure;
-use super::terminal::{show, tell};
+use super::terminal::{is_json, show, tell, tells};
 use drape_cloth::file::{UNFINISHED, check_name, check_writable};
 use drape_task::search::Searching;
 
@@ -20,14 +20,13 @@ pub(super) fn percent(score: Option<f64>) -> String {
     score.map_or("-".into(), |score| format!("{:.2} %", 100.0 * score))
 }
 
-/// Prints what was found on stdout: as one `json` object, in which numbers that are not finite become
+/// Prints what was found on stdout: with `--json` as one object, in which numbers that are not finite become
 /// `null`, or else as `text` has it.
 pub(super) fn print<R: Serialize>(
     found: &R,
-    json: bool,
     text: impl FnOnce(&R) -> String,
 ) -> Result<(), Failure> {
-    let text = match json {
+    let text = match is_json() {
         true => serde_json::to_string_pretty(found)?,
         false => text(found),
     };
@@ -126,21 +125,21 @@ const STEPS: u64 = 1000;
 
 impl Progress {
     /// Starts with nothing done of what is called `title`.
-    pub fn new(title: &'static str, json: bool) -> Self {
+    pub fn new(title: &'static str) -> Self {
         let bar = ProgressBar::hidden().with_message(title).with_prefix(title);
         bar.set_length(STEPS);
-        Self::start(bar, "{msg} [{bar:40}] {percent:>3} %{rest}", None, json)
+        Self::start(bar, "{msg} [{bar:40}] {percent:>3} %{rest}", None)
     }
 
     /// Starts with `done` of `total` steps.
-    pub fn of_steps(done: u64, total: u64, json: bool) -> Self {
+    pub fn of_steps(done: u64, total: u64) -> Self {
         let bar = ProgressBar::hidden().with_position(done);
         bar.set_length(total);
         let template = "{bar:24} {pos}/{len} steps{rest}; {msg}";
-        Self::start(bar, template, Some(done), json)
+        Self::start(bar, template, Some(done))
     }
 
-    fn start(bar: ProgressBar, template: &str, begun: Option<u64>, json: bool) -> Self {
+    fn start(bar: ProgressBar, template: &str, begun: Option<u64>) -> Self {
         let style = ProgressStyle::with_template(template).expect("the template is valid");
         let rest = move |state: &ProgressState, out: &mut dyn fmt::Write| {
             let steps = [state.pos(), state.len().unwrap_or(0)];
@@ -148,9 +147,9 @@ impl Progress {
         };
         bar.set_style(style.with_key("rest", rest));
         let mut lines = None;
-        if io::stderr().is_terminal() && !json {
+        if tells() && io::stderr().is_terminal() {
             bar.set_draw_target(ProgressDrawTarget::stderr());
-        } else if !json {
+        } else if tells() {
             let bar = bar.clone();
             lines = every(INTERVAL, move || tell(line(&bar, begun)));
         }

@@ -60,10 +60,6 @@ pub struct PlanArgs {
 
     #[command(flatten)]
     new: NewRun,
-
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 /// Paths of a policy that are drawn, beside the greedy one.
@@ -98,14 +94,7 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
     let weights = from.map(|from| read_weights(from, &args.checkpoint, &config));
     let weights = weights.transpose()?;
     let asked = stop_on_signal()?;
-    let run = Searched::begin(
-        config,
-        place,
-        &args.new,
-        "plan".into(),
-        weights.as_ref(),
-        args.json,
-    )?;
+    let run = Searched::begin(config, place, &args.new, "plan".into(), weights.as_ref())?;
     let worlds = run.worlds()?;
     let began = Instant::now();
     let budget = match args.steps {
@@ -152,7 +141,7 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
         best_score: best.score(),
         proof: rows,
     };
-    print(&outcome, args.json, text)?;
+    print(&outcome, text)?;
     interrupted.map_or(Ok(()), |signal| Err(Interrupted(signal).into()))
 }
 

@@ -41,7 +41,7 @@ impl Planned {
         let (cell, place) = cell_config(file, Some(&loaded.folder), &loaded.config)?;
         let (played, _) = loaded.play_path()?;
         let points = path(&played.recording)?;
-        let progress = Progress::new("strokes", loaded.json);
+        let progress = Progress::new("strokes");
         let done = AtomicUsize::new(0);
         let watch = |more: usize| {
             let done = done.fetch_add(more, Ordering::Relaxed) + more;

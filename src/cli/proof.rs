@@ -27,13 +27,12 @@ pub(super) fn proved(
     config: &RunConfig,
     mut best: BestSequence,
     method: Method,
-    json: bool,
 ) -> Result<Vec<Row>, Failure> {
     best.others.truncate(2 * config.proof_paths - 1);
     let paths: Vec<Vec<u32>> = best.all().cloned().collect();
     let (case, place) = (case(scene, config), folder.config.display().to_string());
-    let prune = |path: &mut Vec<u32>| pressable(path, scene, config, &folder.config, json);
-    let found = found(case, &paths, method, Some(place), prune, json)?;
+    let prune = |path: &mut Vec<u32>| pressable(path, scene, config, &folder.config);
+    let found = found(case, &paths, method, Some(place), prune)?;
     let Some(chosen) = found.best else {
         tell("warning: all of the best paths diverge where they are to be proved");
         return Ok(found.rows);
@@ -57,7 +56,7 @@ pub(super) fn proved(
             proof: found.rows.clone(),
         })?,
     };
-    let played = play(&proved.path.vertices, case, &folder.proof, json)?.recording;
+    let played = play(&proved.path.vertices, case, &folder.proof)?.recording;
     let frame = Frame::tool(&scene.config.tool.pose);
     write_json(&folder.trajectory, &result::path(&played)?, &frame)?;
     let old = Recording::read(&folder.recording).ok();
@@ -78,7 +77,6 @@ fn pressable(
     scene: &Arc<Scene>,
     config: &RunConfig,
     place: &Path,
-    json: bool,
 ) -> Result<(), Failure> {
     let Some(cell) = &config.cell else {
         return Ok(());
@@ -87,7 +85,7 @@ fn pressable(
     let cell = run::cell(cell, scene).or_invalid_in(&name)?;
     let mut without = 0;
     loop {
-        let played = play(path, case(scene, config), place, json)?.recording;
+        let played = play(path, case(scene, config), place)?.recording;
         let points = path_points(&result::path(&played)?, scene);
         let failed = cell.plan(&points, |_| ()).or_invalid_in(&name)?.failed;
         let pressed = played.vertices().into_iter().enumerate();
@@ -116,9 +114,8 @@ pub(super) fn found(
     method: Method,
     place: Option<String>,
     pruned: impl Fn(&mut Vec<u32>) -> Result<(), Failure>,
-    json: bool,
 ) -> Result<Proof, Failure> {
-    let progress = Progress::new("proof", json);
+    let progress = Progress::new("proof");
     let told = |share: f64, doing: &str| progress.tell(share, doing);
     let failure = |error| proof_failure(error, place.clone());
     let mut choice = choose(case, paths, method, Listener(&told)).map_err(failure)?;
@@ -129,20 +126,16 @@ pub(super) fn found(
 }
 
 /// The score of a path where paths are proved, NaN if it diverges there.
-pub(super) fn score(case: Case, path: &[u32], json: bool) -> Result<f64, Failure> {
-    let progress = Progress::new("the old path", json);
+pub(super) fn score(case: Case, path: &[u32]) -> Result<f64, Failure> {
+    let progress = Progress::new("the old path");
     let told = |share: f64, doing: &str| progress.tell(share, doing);
     let found = drape_proof::figures(case, path, Listener(&told));
     Ok(found.map_err(|error| proof_failure(error, None))?.score)
 }
 
 /// See [`sensitivity`](drape_proof::sensitivity).
-pub(super) fn sensitivity(
-    case: Case,
-    path: &[u32],
-    json: bool,
-) -> Result<Vec<Sensitivity>, Failure> {
-    let progress = Progress::new("one quantity at a time", json);
+pub(super) fn sensitivity(case: Case, path: &[u32]) -> Result<Vec<Sensitivity>, Failure> {
+    let progress = Progress::new("one quantity at a time");
     let told = |share: f64, doing: &str| progress.tell(share, doing);
     let found = drape_proof::sensitivity(case, path, Listener(&told));
     found.map_err(|error| proof_failure(error, None))
@@ -181,14 +174,9 @@ pub(super) fn case<'a>(scene: &'a Arc<Scene>, config: &'a RunConfig) -> Case<'a>
 
 /// Plays a path as a robot presses it, in the fast solver and the world of the scene, whether or not
 /// the twin has proved it too.
-pub(super) fn play(
-    path: &[u32],
-    case: Case,
-    place: &Path,
-    json: bool,
-) -> Result<PlayedEpisode, Failure> {
+pub(super) fn play(path: &[u32], case: Case, place: &Path) -> Result<PlayedEpisode, Failure> {
     let mut draping = Draping::new(case.scene.clone(), &case.scatter.finest(case.env), 1)?;
-    let told = episode_progress(&draping, json);
+    let told = episode_progress(&draping);
     let played = replay(&mut draping, path, Rules::Robot, told);
     played.map_err(|error| rollout_failure(error, place))
 }

@@ -10,7 +10,7 @@ use super::Failure;
 use super::output::{Progress, write_together};
 use super::picture::Studio;
 use super::setup::{odd_depth, warn};
-use super::terminal::tell;
+use super::terminal::note;
 use crate::run::{
     EpisodeSummary, RolloutError, RunFolder, Training, curve, random_episodes, read_metrics,
 };
@@ -49,10 +49,9 @@ impl EpisodeStatistics {
     pub fn new(
         title: &'static str,
         count: usize,
-        json: bool,
         play: impl FnOnce(&dyn Fn(f64)) -> Result<Vec<EpisodeSummary>, RolloutError>,
     ) -> Result<Self, Failure> {
-        let progress = Progress::new(title, json);
+        let progress = Progress::new(title);
         let episodes = play(&|share| progress.set(share))?;
         if episodes.is_empty() {
             return Err(anyhow!("all {title} diverged").into());
@@ -79,26 +78,19 @@ impl EpisodeStatistics {
     }
 
     /// Of the masked random policy.
-    pub fn random(
-        scene: &Arc<Scene>,
-        env: &EnvConfig,
-        count: usize,
-        json: bool,
-    ) -> Result<Self, Failure> {
+    pub fn random(scene: &Arc<Scene>, env: &EnvConfig, count: usize) -> Result<Self, Failure> {
         let play = |told: &dyn Fn(f64)| random_episodes(scene, env, count, told);
-        Self::new("random episodes", count, json, play)
+        Self::new("random episodes", count, play)
     }
 }
 
 /// The random baseline of a training.
-pub(super) fn baseline(training: &Training, json: bool) -> Result<EpisodeStatistics, Failure> {
-    if !json {
-        tell(format_args!(
-            "playing {BASELINE_EPISODES} random episodes for comparison"
-        ));
-    }
+pub(super) fn baseline(training: &Training) -> Result<EpisodeStatistics, Failure> {
+    note(format_args!(
+        "playing {BASELINE_EPISODES} random episodes for comparison"
+    ));
     let (scene, env) = (training.scene(), &training.config.env);
-    EpisodeStatistics::random(scene, env, BASELINE_EPISODES, json)
+    EpisodeStatistics::random(scene, env, BASELINE_EPISODES)
 }
 
 /// The draping points of an episode.
@@ -141,8 +133,8 @@ pub(super) fn reward_curve(
 }
 
 /// What hears how far an episode is.
-pub(super) fn episode_progress(draping: &Draping, json: bool) -> impl FnMut(usize) + use<> {
-    let progress = Progress::new("episode", json);
+pub(super) fn episode_progress(draping: &Draping) -> impl FnMut(usize) + use<> {
+    let progress = Progress::new("episode");
     let expected = draping.task(0).expected_presses() as f64;
     move |presses| progress.set((presses as f64 / expected).min(1.0))
 }

@@ -34,10 +34,6 @@ pub struct RobotArgs {
     /// given
     #[arg(long, value_name = "FILE")]
     cell: Option<PathBuf>,
-
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 /// What is printed.
@@ -85,7 +81,7 @@ const BLOCK: Color = [120, 120, 124];
 /// Runs `drape robot`.
 pub fn run(args: RobotArgs) -> Result<(), Failure> {
     let start = Instant::now();
-    let loaded = Loaded::open(&args.run, Source::Path, None, None, args.json)?;
+    let loaded = Loaded::open(&args.run, Source::Path, None, None)?;
     let mut planned = Planned::new(&loaded, args.cell.as_deref())?;
     let better = planned.cell.find_remedies(&planned.path, &mut planned.plan);
     let Planned {
@@ -126,7 +122,7 @@ pub fn run(args: RobotArgs) -> Result<(), Failure> {
     std::fs::create_dir_all(&folder)
         .map_err(|error| anyhow!("cannot create {}: {error}", folder.display()))?;
     write_together(&folder, |to| pictures(&planned, &loaded.scene, to))?;
-    print(&report, args.json, Report::text)
+    print(&report, Report::text)
 }
 
 impl Report {

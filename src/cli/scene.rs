@@ -43,10 +43,6 @@ pub struct SceneArgs {
     /// Also write where every vertex of the blank lies, for `drape compare`
     #[arg(long, value_name = "FILE")]
     state: Option<PathBuf>,
-
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 /// What is printed.
@@ -75,7 +71,7 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
     check_outputs(args.state.as_deref(), args.config.as_deref())?;
 
     let start = Instant::now();
-    let (scene, fit) = set_up_fitted(&config, &place, args.json)?;
+    let (scene, fit) = set_up_fitted(&config, &place)?;
     if let Some(fault) = missed(&scene) {
         tell(format_args!("warning: {place}: {fault}"));
     }
@@ -92,7 +88,7 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
         fit,
         seconds,
     };
-    print(&report, args.json, |report| {
+    print(&report, |report| {
         let fit = report.fit.as_ref().map(fit_text).unwrap_or_default();
         let (text, folder) = (text(&scene, &report.summary), folder.display());
         format!("{text}{fit}\nset up in {seconds:.1} s\nwritten to {folder}")

@@ -11,7 +11,7 @@ use super::output::Progress;
 use super::proof;
 use super::setup::{LIES, set_up_run, set_up_worlds};
 use super::signals::stop_on_signal;
-use super::terminal::tell;
+use super::terminal::note;
 use crate::run::{
     BestPaths, BestSequence, Budget, RunConfig, RunFolder, RunInfo, Weights, search_by_moves,
 };
@@ -28,7 +28,6 @@ pub(super) struct Searched {
     pub scene: Arc<Scene>,
     pub folder: RunFolder,
     _lock: File,
-    json: bool,
 }
 
 /// What a new run is called, and where it goes.
@@ -51,11 +50,10 @@ impl Searched {
         NewRun { name, runs }: &NewRun,
         search: String,
         weights: Option<&Weights>,
-        json: bool,
     ) -> Result<Self, Failure> {
         let name = name.as_deref();
         RunFolder::check_free(runs, name, Some(&search))?;
-        let (scene, (kept, inputs)) = set_up_run(&config, &place, json)?;
+        let (scene, (kept, inputs)) = set_up_run(&config, &place)?;
         config.equip(&scene).or_invalid_in(&place)?;
         let info = RunInfo {
             search: Some(search),
@@ -64,23 +62,20 @@ impl Searched {
         };
         let folder = RunFolder::create(runs, name, &kept, &inputs, &info)?;
         let lock = folder.lock()?;
-        if !json {
-            tell(format_args!("writing {}", folder.path.display()));
-        }
+        note(format_args!("writing {}", folder.path.display()));
         Ok(Self {
             config,
             place,
             scene,
             folder,
             _lock: lock,
-            json,
         })
     }
 
     /// Sets up the worlds that searches by moves press in.
     pub fn worlds(&self) -> Result<Arc<Worlds>, Failure> {
         let (scatter, seed) = (&self.config.scatter, self.config.seed);
-        let worlds = set_up_worlds(&self.scene, scatter, LIES, seed, &self.place, self.json)?;
+        let worlds = set_up_worlds(&self.scene, scatter, LIES, seed, &self.place)?;
         Ok(worlds.unwrap_or_else(|| Worlds::nominal(&self.scene).into()))
     }
 
@@ -96,7 +91,7 @@ impl Searched {
         let asked = stop_on_signal()?;
         let rated = config.scatter.rated(&config.env);
         let mut judge = Judge::new(scene, worlds, &rated).or_invalid_in(&self.place)?;
-        let (progress, began) = (Progress::new("searching", self.json), Instant::now());
+        let (progress, began) = (Progress::new("searching"), Instant::now());
         let (found, spent) = search_by_moves(&mut judge, scene, config, known, budget, |at| {
             progress.searching(budget.share(began, at.spent), at);
             asked().is_none()
@@ -116,10 +111,8 @@ impl Searched {
 
     /// Proves them.
     pub fn prove(&self, best: BestSequence) -> Result<Vec<Row>, Failure> {
-        if !self.json {
-            tell("proving the best paths");
-        }
+        note("proving the best paths");
         let (config, method) = (&self.config, proof::by_solver(&self.config));
-        proof::proved(&self.folder, &self.scene, config, best, method, self.json)
+        proof::proved(&self.folder, &self.scene, config, best, method)
     }
 }

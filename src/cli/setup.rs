@@ -42,17 +42,16 @@ pub(super) fn missed(scene: &Scene) -> Option<String> {
 }
 
 /// Sets up the scene that was read from `place`, with a progress bar.
-pub(super) fn set_up(config: &SceneConfig, place: &str, json: bool) -> Result<Scene, Failure> {
-    Ok(set_up_fitted(config, place, json)?.0)
+pub(super) fn set_up(config: &SceneConfig, place: &str) -> Result<Scene, Failure> {
+    Ok(set_up_fitted(config, place)?.0)
 }
 
 /// Does that, and tells how well its blank fits the scan that it starts from, if it has one.
 pub(super) fn set_up_fitted(
     config: &SceneConfig,
     place: &str,
-    json: bool,
 ) -> Result<(Scene, Option<ScanFit>), Failure> {
-    let progress = Progress::new("draping", json);
+    let progress = Progress::new("draping");
     let scene = drape_scan::set_up(config, |_, share, _| progress.set(share));
     drop(progress);
     let (scene, fit) = scene.with_context(|| place.to_string())?;
@@ -178,12 +177,8 @@ pub(super) fn odd_depth(scene: &Scene, position: &[[f64; 3]]) -> Option<String> 
 }
 
 /// Sets a scene up, and refuses one whose blank has missed its tool.
-pub(super) fn set_up_over_tool(
-    config: &SceneConfig,
-    place: &str,
-    json: bool,
-) -> Result<Scene, Failure> {
-    let scene = set_up(config, place, json)?;
+pub(super) fn set_up_over_tool(config: &SceneConfig, place: &str) -> Result<Scene, Failure> {
+    let scene = set_up(config, place)?;
     match missed(&scene) {
         Some(fault) => Err(Failure::invalid(anyhow!("{place}: {fault}"))),
         None => Ok(scene),
@@ -228,15 +223,11 @@ fn is_scene(path: &Path) -> bool {
 type Kept = (String, Vec<Input>);
 
 /// Checks the task of a new run and sets up its scene. Gives what the run keeps, too.
-pub(super) fn set_up_run(
-    config: &RunConfig,
-    place: &str,
-    quiet: bool,
-) -> Result<(Arc<Scene>, Kept), Failure> {
+pub(super) fn set_up_run(config: &RunConfig, place: &str) -> Result<(Arc<Scene>, Kept), Failure> {
     // Just before the scene is set up from them, so that the run keeps what it is made with.
     let mut kept = config.clone();
     let inputs = kept.keep_inputs().or_invalid_in(place)?;
-    let draping = set_up_tasks(config, 1, place, quiet)?;
+    let draping = set_up_tasks(config, 1, place)?;
     Ok((draping.scene().clone(), (kept.to_toml(), inputs)))
 }
 
@@ -245,7 +236,6 @@ pub(super) fn set_up_scenes(
     config: &RunConfig,
     first: Arc<Scene>,
     place: &str,
-    quiet: bool,
 ) -> Result<Scenes, Failure> {
     let mut all = vec![first];
     let members = config.members().or_invalid_in(place)?;
@@ -261,7 +251,7 @@ pub(super) fn set_up_scenes(
             all.push(scene.clone());
             continue;
         }
-        let mut scene = set_up_member(&member.scene, &member.env, &place, quiet)?;
+        let mut scene = set_up_member(&member.scene, &member.env, &place)?;
         if let Some((other, _)) = known.find(|(_, other)| other.tool == member.scene.tool) {
             Arc::make_mut(&mut scene).tool = other.tool.clone();
         }
@@ -279,7 +269,7 @@ pub(super) fn set_up_scenes(
     let with_worlds = |(k, scene): (usize, Arc<Scene>)| {
         let seed = config.seed.wrapping_add(k as u64);
         let place = place_of(&members[k]);
-        let worlds = set_up_worlds(&scene, &config.scatter, lies, seed, &place, quiet)?;
+        let worlds = set_up_worlds(&scene, &config.scatter, lies, seed, &place)?;
         Ok((scene, worlds))
     };
     all.into_iter().enumerate().map(with_worlds).collect()
@@ -295,31 +285,24 @@ pub(super) fn set_up_worlds(
     lies: usize,
     seed: u64,
     place: &str,
-    quiet: bool,
 ) -> Result<Option<Arc<Worlds>>, Failure> {
     if *scatter == Scatter::default() {
         return Ok(None);
     }
-    let progress = Progress::new("scattering", quiet);
+    let progress = Progress::new("scattering");
     let worlds = Worlds::new(scene, scatter, lies, seed, |share| progress.set(share));
     let worlds = worlds.with_context(|| format!("{place}: `scatter`"))?;
     Ok(Some(worlds.into()))
 }
 
-/// Sets up `count` tasks of a configuration that was read from `place`, each at its start. `quiet`
-/// shows no progress.
+/// Sets up `count` tasks of a configuration that was read from `place`, each at its start.
 ///
 /// # Errors
 /// If the memory is exhausted, the scene or the task cannot be, the blank has missed its tool, nothing is left to be brought
 /// down, or the network does not fit the image.
-pub fn set_up_tasks(
-    config: &RunConfig,
-    count: usize,
-    place: &str,
-    quiet: bool,
-) -> Result<Draping, Failure> {
+pub fn set_up_tasks(config: &RunConfig, count: usize, place: &str) -> Result<Draping, Failure> {
     config.check_before_fall().or_invalid_in(place)?;
-    let scene = set_up_member(&config.scene, &config.env, place, quiet)?;
+    let scene = set_up_member(&config.scene, &config.env, place)?;
     Draping::new(scene, &config.env, count).or_invalid_in(place)
 }
 
@@ -328,13 +311,12 @@ pub(super) fn set_up_member(
     scene: &SceneConfig,
     env: &EnvConfig,
     place: &str,
-    quiet: bool,
 ) -> Result<Arc<Scene>, Failure> {
     // A region that is not on the blank shows before the fall.
     let material = scene.read_material().or_invalid_in(place)?;
     let lamina = Lamina::new(&scene.blank, material).or_invalid_in(place)?;
     env.region(&lamina).or_invalid_in(place)?;
-    let scene = Arc::new(set_up_over_tool(scene, place, quiet)?);
+    let scene = Arc::new(set_up_over_tool(scene, place)?);
     let task = Task::new(scene.clone(), env).or_invalid_in(place)?;
     if !task.can_win() {
         return Err(Failure::invalid(anyhow!(

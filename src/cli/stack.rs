@@ -14,7 +14,7 @@ use super::loaded::{self, Loaded};
 use super::next_tool::{NEXT_TOOL, sheet, write_next_tool};
 use super::output::print;
 use super::setup::read_config;
-use super::terminal::{Told, tell};
+use super::terminal::{Told, note};
 use super::training::{TrainArgs, train};
 use crate::cluster::ClusterSession;
 use crate::run::{RunConfig, RunError, RunFolder};
@@ -50,10 +50,6 @@ pub struct StackArgs {
     /// Folder that holds the runs
     #[arg(long, value_name = "DIR", default_value = "runs")]
     runs: PathBuf,
-
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 /// A stack file.
@@ -152,7 +148,7 @@ pub fn run(args: StackArgs) -> Result<(), Failure> {
             config.scene.tool.source = Source::Mesh(MeshSource { path, scale: 1e-3 });
         }
         let run = train_ply(&root, number, config, &args, &session)?;
-        let loaded = Loaded::open(&run, loaded::Source::Path, None, args.device, args.json)?;
+        let loaded = Loaded::open(&run, loaded::Source::Path, None, args.device)?;
         let (played, Some(proved)) = loaded.play_path()? else {
             let fault = "has no proved path, expected one for its fibre field and for the next ply";
             return Err(anyhow!("{} {fault}", run.display()).into());
@@ -179,7 +175,7 @@ pub fn run(args: StackArgs) -> Result<(), Failure> {
             below = Some((sheet(scene, draped), file));
         }
     }
-    print(&Report { plies }, args.json, text)
+    print(&Report { plies }, text)
 }
 
 /// The name of the folder of the plies.
@@ -264,7 +260,6 @@ fn train_ply(
     let run = root.join(&name);
     let mut training = TrainArgs::default();
     training.device = args.device;
-    training.json = args.json;
     if run.exists() {
         let folder = RunFolder::open(&run).or_invalid()?;
         let mut kept = config;
@@ -292,9 +287,7 @@ fn train_ply(
         training.name = Some(name);
         training.runs = root.into();
     }
-    if !args.json {
-        tell(format_args!("ply {number}: {}", run.display()));
-    }
+    note(format_args!("ply {number}: {}", run.display()));
     let outcome = train(&training, session)?;
     match outcome.and_then(|outcome| outcome.interrupted) {
         Some(signal) => Err(Interrupted(signal).into()),

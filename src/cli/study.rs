@@ -10,7 +10,7 @@ use super::Failure;
 use super::failure::{OrInvalid, study_failure};
 use super::learning;
 use super::output::{OutFolder, Progress, print, write_together};
-use super::terminal::{Told, tell};
+use super::terminal::{Told, note};
 use crate::run::{BestSequence, RunConfig, RunFolder, dated_folder};
 use drape_cloth::file::{WriteError, check_writable, read_text, write_atomic};
 use drape_report::replace_tables;
@@ -71,10 +71,6 @@ pub struct Measure<S: clap::Args> {
     /// `STUDY.TABLE: COLUMN, COLUMN` has these columns only
     #[arg(long, value_name = "FILE.md")]
     into: Option<PathBuf>,
-
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 impl<S: clap::Args + Study> Measure<S> {
@@ -102,18 +98,16 @@ impl<S: clap::Args + Study> Measure<S> {
             (None, None) => None,
         };
         let start = Instant::now();
-        let progress = Progress::new(S::NAME, self.json);
+        let progress = Progress::new(S::NAME);
         let told = |share: f64, doing: &str| progress.tell(share, doing);
         let found = self.study.run(&Context {
             progress: &told,
             read_task: &|path| {
                 let (_, RunConfig { scene, env, .. }) = read_config(path)?;
-                if !self.json {
-                    let run = path.display();
-                    tell(format_args!(
-                        "using the scene and the focus region of {run}, not what it has learnt"
-                    ));
-                }
+                let run = path.display();
+                note(format_args!(
+                    "using the scene and the focus region of {run}, not what it has learnt"
+                ));
                 Ok((scene, env))
             },
             read_run: &read_run,
@@ -141,7 +135,7 @@ impl<S: clap::Args + Study> Measure<S> {
             })?;
             write_atomic(path, |file| file.write_all(text.as_bytes()))?;
         }
-        print(&all, self.json, |_| {
+        print(&all, |_| {
             let shown = report.tables.iter().filter(|table| !table.is_hidden());
             let mut parts: Vec<String> = shown.map(|table| table.text() + "\n").collect();
             parts.extend(report.notes);

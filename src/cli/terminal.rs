@@ -5,6 +5,7 @@ use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::{Serialize, Serializer};
 
@@ -12,6 +13,37 @@ use serde::{Serialize, Serializer};
 pub(super) fn tell(line: impl Display) {
     let line = visible(&line.to_string()).replace('\n', "\\u000a");
     let _ = writeln!(io::stderr(), "{line}");
+}
+
+/// What `--json` has said, once for the process: how results are printed.
+static IS_JSON: AtomicBool = AtomicBool::new(false);
+/// Whether anybody is told how far work is. A library is silent.
+static TELLS: AtomicBool = AtomicBool::new(false);
+
+/// Results are printed as text, and stderr tells how far work is, or as JSON while that is silent.
+pub(super) fn set_json(is_json: bool) {
+    IS_JSON.store(is_json, Ordering::Relaxed);
+    TELLS.store(!is_json, Ordering::Relaxed);
+}
+
+/// From now on warnings and errors only, as from all processes of a cluster but the first.
+pub(super) fn hush() {
+    TELLS.store(false, Ordering::Relaxed);
+}
+
+pub(super) fn is_json() -> bool {
+    IS_JSON.load(Ordering::Relaxed)
+}
+
+pub(super) fn tells() -> bool {
+    TELLS.load(Ordering::Relaxed)
+}
+
+/// A line on stderr about what is being done.
+pub(super) fn note(line: impl Display) {
+    if tells() {
+        tell(line);
+    }
 }
 
 /// Prints results on stdout. A reader that has left early is no failure.

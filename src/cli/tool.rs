@@ -71,10 +71,6 @@ pub struct ToolArgs {
     #[arg(long, value_name = "MM", num_args = 0..=1, require_equals = true,
           default_missing_value = GRID_ERROR, value_parser = positive)]
     grid_error: Option<f64>,
-
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 /// What is printed.
@@ -191,7 +187,7 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
         // What is repaired again is the same file.
         write_stl(out, &mesh, if args.repair { "repaired" } else { &name })?;
     }
-    print(&report, args.json, Report::text)?;
+    print(&report, Report::text)?;
     if let (Some(bound), Some(error)) = (args.grid_error, report.grid_error_mm)
         && error.max > bound
     {

@@ -12,7 +12,7 @@ pub fn run(args: TrainArgs) -> Result<(), Failure> {
         let Some(outcome) = outcome else {
             return Ok(None);
         };
-        print(&outcome, args.json, text)?;
+        print(&outcome, text)?;
         Ok(outcome.interrupted)
     };
     let result = train(&args, &session).and_then(printed);

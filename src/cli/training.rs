@@ -15,7 +15,7 @@ use super::proof;
 use super::result::{self, EpisodeStatistics};
 use super::setup::{read_config, set_up_over_tool, set_up_run, set_up_scenes};
 use super::signals::{is_checkpoint_wanted, stop_on_signal};
-use super::terminal::{Told, tell};
+use super::terminal::{Told, hush, note, tell};
 use crate::cluster::ClusterSession;
 use crate::run::{
     Demonstrations, Preparation, RunConfig, RunFolder, RunInfo, Training, Weights, changed,
@@ -103,10 +103,6 @@ pub struct TrainArgs {
         conflicts_with = "resume"
     )]
     pub(super) runs: PathBuf,
-
-    /// Print one JSON object instead of text
-    #[arg(long)]
-    pub(super) json: bool,
 }
 
 /// What `--json` prints.
@@ -141,25 +137,27 @@ pub(super) fn train(
     session: &ClusterSession,
 ) -> Result<Option<Outcome>, Failure> {
     let cluster = &session.cluster;
-    let quiet = args.json || !cluster.is_first();
+    if !cluster.is_first() {
+        hush();
+    }
     let mut training = begin(args, session)?;
     let is_asked = args.steps.is_some() || args.polish.is_some();
-    if training.is_complete() && training.folder.proof.exists() && !is_asked && !quiet {
-        tell("no steps are left: --steps and --polish take a training further");
+    if training.is_complete() && training.folder.proof.exists() && !is_asked {
+        note("no steps are left: --steps and --polish take a training further");
     }
     let asked = stop_on_signal()?;
     // All processes stop together, so all ask.
     let asked = || cluster.gather(asked()).into_iter().flatten().next();
     let stop = || asked().is_some();
     let baseline = match cluster.is_first() {
-        true => Some(result::baseline(&training, args.json)?),
+        true => Some(result::baseline(&training)?),
         false => None,
     };
     let random = baseline.as_ref().map_or(0.0, |random| random.mean_score);
 
-    prepare(&mut training, &stop, quiet)?;
+    prepare(&mut training, &stop)?;
 
-    let progress = Progress::of_steps(training.env_steps(), training.config.steps, quiet);
+    let progress = Progress::of_steps(training.env_steps(), training.config.steps);
     let start = Instant::now();
     let first = training.env_steps();
     let mut seconds = [0.0; 3];
@@ -188,7 +186,7 @@ pub(super) fn train(
     drop(progress);
     let elapsed = start.elapsed().as_secs_f64();
     if training.is_complete() && training.config.polish > 0 && !stop() {
-        polish(&mut training, &stop, quiet)?;
+        polish(&mut training, &stop)?;
     }
     // Who has asked to stop need not wait for a proof: resuming makes it.
     let interrupted = asked();
@@ -197,7 +195,7 @@ pub(super) fn train(
         return Ok(None);
     };
     let proof = match complete {
-        true => finish(&training, &baseline, args.json)?,
+        true => finish(&training, &baseline)?,
         false => Vec::new(),
     };
 
@@ -224,7 +222,6 @@ pub(super) fn train(
 /// A new run, or the one to be resumed.
 fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure> {
     let cluster = &session.cluster;
-    let quiet = args.json || !cluster.is_first();
     // What conflicts with `--resume` would let clap pass this.
     if args.resume.is_none() && !args.set.is_empty() {
         return Err(Failure::invalid(anyhow!(
@@ -305,9 +302,9 @@ fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure
             checked.search = 0;
         }
         checked.check_before_fall().or_invalid_in(&place)?;
-        let scene = Arc::new(set_up_over_tool(&config.scene, &place, quiet)?);
+        let scene = Arc::new(set_up_over_tool(&config.scene, &place)?);
         config.equip(&scene).or_invalid_in(&place)?;
-        let scenes = set_up_scenes(&config, scene, &place, quiet)?;
+        let scenes = set_up_scenes(&config, scene, &place)?;
         let mut training = Training::resume(config, scenes, folder, cluster)?;
         new.map_or(Ok(()), |text| training.reconfigure(&text))?;
         return Ok(training);
@@ -315,10 +312,10 @@ fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure
     if cluster.is_first() {
         RunFolder::check_free(&args.runs, args.name.as_deref(), None)?;
     }
-    let (scene, (kept, inputs)) = set_up_run(&config, &place, quiet)?;
+    let (scene, (kept, inputs)) = set_up_run(&config, &place)?;
     config.equip(&scene).or_invalid_in(&place)?;
     let shown = Demonstrations::read(&args.demonstrate, &scene.lamina).or_invalid()?;
-    let scenes = set_up_scenes(&config, scene, &place, quiet)?;
+    let scenes = set_up_scenes(&config, scene, &place)?;
 
     let info = RunInfo {
         policy: weights.as_ref().map(Weights::digest),
@@ -333,9 +330,7 @@ fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure
     let path = cluster.gather(made.map(|folder| folder.path));
     let path = path.into_iter().flatten().next();
     let folder = RunFolder::open(&path.expect("the first has made it"))?;
-    if !quiet {
-        tell(format_args!("writing {}", folder.path.display()));
-    }
+    note(format_args!("writing {}", folder.path.display()));
     Ok(Training::new(
         config,
         scenes,
@@ -346,11 +341,7 @@ fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure
 }
 
 /// What comes before the first rollout.
-fn prepare(
-    training: &mut Training,
-    stop: &(dyn Fn() -> bool + Sync),
-    json: bool,
-) -> Result<(), Failure> {
+fn prepare(training: &mut Training, stop: &(dyn Fn() -> bool + Sync)) -> Result<(), Failure> {
     let (mut bar, place) = (("", None), training.folder.config.display().to_string());
     let prepared = training.prepare(|doing, share| {
         let (title, told) = match doing {
@@ -358,7 +349,7 @@ fn prepare(
             Preparation::Imitating { loss } => ("imitating", format!("{loss:.3} nat off")),
         };
         if bar.0 != title {
-            bar = (title, Some(Progress::new(title, json)));
+            bar = (title, Some(Progress::new(title)));
         }
         let progress = bar.1.as_ref().expect("it has been started");
         progress.tell(share, &format!("{title}, {told}"));
@@ -368,16 +359,10 @@ fn prepare(
 }
 
 /// Searches on from the best paths of a training that is complete.
-fn polish(
-    training: &mut Training,
-    stop: &(dyn Fn() -> bool + Sync),
-    json: bool,
-) -> Result<(), Failure> {
-    if !json {
-        tell("polishing the best paths");
-    }
+fn polish(training: &mut Training, stop: &(dyn Fn() -> bool + Sync)) -> Result<(), Failure> {
+    note("polishing the best paths");
     let all = training.config.polish as f64;
-    let progress = Progress::new("polishing", json);
+    let progress = Progress::new("polishing");
     training.polish(|at| {
         progress.searching(at.spent as f64 / all, at);
         !stop()
@@ -386,11 +371,7 @@ fn polish(
 }
 
 /// Draws the curve of a training that is complete and proves its best paths. Gives the proof.
-fn finish(
-    training: &Training,
-    baseline: &EpisodeStatistics,
-    json: bool,
-) -> Result<Vec<Row>, Failure> {
+fn finish(training: &Training, baseline: &EpisodeStatistics) -> Result<Vec<Row>, Failure> {
     let (folder, config) = (&training.folder, &training.config);
     result::reward_curve(folder, baseline)?;
     if training.best_score().is_none() {
@@ -400,12 +381,10 @@ fn finish(
         );
         return Ok(Vec::new());
     }
-    if !json {
-        tell("proving the best paths");
-    }
+    note("proving the best paths");
     let best = training.best_sequence()?;
     let method = proof::by_solver(config);
-    proof::proved(folder, training.scene(), config, best, method, json)
+    proof::proved(folder, training.scene(), config, best, method)
 }
 
 pub(super) fn text(outcome: &Outcome) -> String {

@@ -15,7 +15,7 @@ use super::failure::OrInvalid;
 use super::loaded::load_agent;
 use super::planned::cell_config;
 use super::setup::{missed, odd_fit, oddities, open_run, read_config, warn};
-use super::terminal::{show, tell};
+use super::terminal::{is_json, show, tell};
 use super::tool::shape;
 use crate::run::{
     BestSequence, Demonstrations, RunConfig, RunFolder, TrainingPreset, curve, digest, play,
@@ -111,10 +111,6 @@ pub struct ViewArgs {
     /// Do not open it, which is the default
     #[arg(long)]
     no_open: bool,
-
-    /// Print one line of JSON, with address and token, instead of text
-    #[arg(long)]
-    json: bool,
 }
 
 /// Runs `drape view`.
@@ -196,7 +192,7 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
         let page = Session::new(host, spec, shared, commands)?.export();
         let page = page.map_err(|error| anyhow!(error))?;
         write_atomic(file, |file| file.write_all(page.as_bytes()))?;
-        return Ok(show(&match args.json {
+        return Ok(show(&match is_json() {
             true => json!({ "file": file }).to_string(),
             false => format!("written to {}", file.display()),
         })?);
@@ -209,7 +205,7 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
     );
     let page = format!("{address}#{token}");
     server.start();
-    show(&match args.json {
+    show(&match is_json() {
         true => json!({ "address": address, "token": token }).to_string(),
         false => format!("{page}\nCtrl-C ends it"),
     })?;
