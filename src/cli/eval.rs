@@ -6,7 +6,7 @@ use super::Failure;
 use super::args::accuracy;
 use super::failure::{OrInvalid, proof_failure};
 use super::loaded::{Loaded, Source, observations, policy_paths};
-use super::output::{OutFolder, Progress, print};
+use super::output::{OutFolder, Progress, check_outputs, print};
 use super::picture;
 use super::proof;
 use super::result::{EpisodeStatistics, write_recording};
@@ -142,7 +142,11 @@ struct Report {
 /// Runs `drape eval`.
 pub fn run(args: EvalArgs) -> Result<(), Failure> {
     let out = args.out.as_deref().map(OutFolder::make).transpose()?;
-    args.state.as_deref().map(check_writable).transpose()?;
+    let read = args.recording.iter().chain(&args.scene);
+    let read = read
+        .map(PathBuf::as_path)
+        .chain([Path::new(&args.checkpoint)]);
+    check_outputs(args.state.as_deref(), read)?;
     let on = args.scene.as_deref().map(|scene| (scene, args.region));
     let source = match (&args.recording, args.sequence) {
         (Some(_), _) => Source::Other,

@@ -190,7 +190,10 @@ pub fn run(args: ExportArgs) -> Result<(), Failure> {
     let drawn = args.format.field().map(|_| picture(&file));
     let written = std::iter::once(&file).chain(&drawn);
     let read = args.checkpoint.as_deref().map(Path::new);
-    let read = read.into_iter().chain(args.onto.onto.as_deref());
+    let read = read
+        .into_iter()
+        .chain(args.onto.onto.as_deref())
+        .chain(args.cell.as_deref());
     check_outputs(written.map(PathBuf::as_path), read)?;
     if let Some((writer, _)) = args.format.program() {
         return program(&args, &loaded, writer, file);

@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::terminal::{is_json, show, tell, tells};
+use crate::run::RunFolder;
 use drape_cloth::file::{UNFINISHED, check_name, check_writable};
 use drape_task::search::Searching;
 
@@ -33,7 +34,7 @@ pub(super) fn print<R: Serialize>(
     Ok(show(&text).context("cannot write to standard output")?)
 }
 
-/// Checks that files can be written, before the work, and that none of them is one that is read.
+/// Checks that files can be written, before the work, and that none of them is one that is read, or part of a run.
 pub(super) fn check_outputs<'a>(
     outputs: impl IntoIterator<Item = &'a Path>,
     inputs: impl IntoIterator<Item = &'a Path>,
@@ -42,6 +43,13 @@ pub(super) fn check_outputs<'a>(
     let inputs: Vec<PathBuf> = inputs.into_iter().filter_map(same).collect();
     for output in outputs {
         check_writable(output)?;
+        if let Some(run) = RunFolder::of(output) {
+            return Err(Failure::invalid(anyhow!(
+                "{} would be replaced, but the run {} needs it: expected another file to write to",
+                output.display(),
+                run.display()
+            )));
+        }
         if same(output).is_some_and(|output| inputs.contains(&output)) {
             return Err(Failure::invalid(anyhow!(
                 "{} would be replaced, but is read: expected another file to write to",
@@ -265,13 +273,13 @@ mod tests {
 
     #[test]
     fn lines_say_how_far_the_work_is() {
-        let proof = Progress::new("proof", true);
+        let proof = Progress::new("proof");
         proof.set(0.0);
         assert_eq!(line(&proof.bar, None), "proof: 0 %");
         proof.tell(0.35, "the twin's fall");
         let line = super::line(&proof.bar, None);
         assert!(line.starts_with("proof, the twin's fall: 35 %"), "{line}");
-        let training = Progress::of_steps(100, 400, true);
+        let training = Progress::of_steps(100, 400);
         training.step(200, "score: 5 %".into());
         let line = super::line(&training.bar, Some(100));
         assert!(line.starts_with("200/400 steps, "), "{line}");

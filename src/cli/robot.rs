@@ -30,8 +30,8 @@ pub struct RobotArgs {
     /// Run folder
     run: PathBuf,
 
-    /// Robot, roller, table and frame, as docs/ROBOT.md has them; a CRB 15000 that stands where it reaches most if not
-    /// given
+    /// Robot, roller, table and frame, as docs/ROBOT.md has them; if not given the task's own, that of the last plan of
+    /// the run, or a CRB 15000 that stands where it reaches most
     #[arg(long, value_name = "FILE")]
     cell: Option<PathBuf>,
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::anyhow;
 use serde::{Deserialize, Serialize};
 
 use super::Failure;
@@ -69,7 +70,15 @@ impl ScanArgs {
             scan_marks: marks.map_or(Vec::new(), |marks| marks.scan_marks),
             ..scene.config.placement
         };
-        let seen = drape_scan::seen(&scene).or_invalid()?;
+        let seen = drape_scan::seen(&scene).map_err(|error| {
+            // What is wrong with marks stands in the file that they are from.
+            let of_marks = self.marks.as_deref().and_then(|file| {
+                let text = error.to_string();
+                let fault = text.split_once("`placement.scan_marks")?.1;
+                Some(anyhow!("{}: `scan_marks{fault}", file.display()))
+            });
+            Failure::invalid(of_marks.unwrap_or_else(|| error.into()))
+        })?;
         let dropped = (seen.dropped_count > 0).then(|| {
             let count = seen.dropped_count;
             format!("{count} of its points are left out, as their coordinates are no numbers")

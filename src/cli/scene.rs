@@ -68,7 +68,11 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
     };
     let out = OutFolder::make(&args.out)?;
     let folder = &out.path;
-    check_outputs(args.state.as_deref(), args.config.as_deref())?;
+    let written: Vec<PathBuf> = FILES.iter().map(|name| folder.join(name)).collect();
+    let written = written.iter().chain(&args.state).map(PathBuf::as_path);
+    let files = config.files();
+    let read = files.iter().chain(&args.config).map(PathBuf::as_path);
+    check_outputs(written, read)?;
 
     let start = Instant::now();
     let (scene, fit) = set_up_fitted(&config, &place)?;
@@ -95,21 +99,30 @@ pub fn run(args: SceneArgs) -> Result<(), Failure> {
     })
 }
 
+/// What is written into the folder.
+const FILES: [&str; 5] = [
+    "lamina.stl",
+    "tool.stl",
+    "top.png",
+    "isometric.png",
+    "summary.json",
+];
+
 fn write_files(scene: &Scene, summary: &Summary, folder: &Path) -> Result<(), Failure> {
     let state = &scene.initial;
     let lamina = scene.lamina.mesh(&scene.tool.in_scene(&state.position));
-    write_stl(folder.join("lamina.stl"), &lamina, "lamina")?;
-    write_stl(folder.join("tool.stl"), &scene.tool.mesh_in_scene(), "tool")?;
+    let [lamina_file, tool_file, top, isometric, json_file] = FILES.map(|name| folder.join(name));
+    write_stl(lamina_file, &lamina, "lamina")?;
+    write_stl(tool_file, &scene.tool.mesh_in_scene(), "tool")?;
     let caption = caption(summary);
-    let draw = |name: &str, view: View| {
+    let draw = |file: &Path, view: View| {
         let image = Studio::new(scene, view, SIZE).distance(&state.position, &caption);
-        image.save_png(&folder.join(name))
+        image.save_png(file)
     };
-    draw("top.png", Camera::top)?;
-    draw("isometric.png", Camera::isometric)?;
+    draw(&top, Camera::top)?;
+    draw(&isometric, Camera::isometric)?;
     let json = serde_json::to_string_pretty(summary)?;
-    let file = folder.join("summary.json");
-    Ok(write_atomic(&file, |file| writeln!(file, "{json}"))?)
+    Ok(write_atomic(&json_file, |file| writeln!(file, "{json}"))?)
 }
 
 /// Key figures in one line.

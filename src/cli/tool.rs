@@ -1,3 +1,4 @@
+use std::collections::HashSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -97,11 +98,13 @@ struct Report {
 struct Body {
     /// The upper face of a block rather than a closed body.
     open: bool,
-    /// None if open.
+    /// None if open, or where some facets are there twice.
     volume_cm3: Option<f64>,
     /// The mesh as given faced inwards or downwards.
     turned_over: bool,
     facets_without_area: usize,
+    /// Facets with the corners of an earlier one.
+    doubled_facets: usize,
     thinnest_mm: Option<Thinnest>,
     /// What points to another unit.
     unit: Option<String>,
@@ -171,11 +174,19 @@ pub fn run(args: ToolArgs) -> Result<(), Failure> {
         let tool = Tool::from_mesh(mesh.clone(), &GridConfig::default()).or_invalid_in(place)?;
         report.grid_error_mm = Some(tool.grid_error(GRID_SAMPLES));
         let open = tool.surface.is_open();
+        let mut known = HashSet::new();
+        let is_new = |&&triangle: &&[u32; 3]| {
+            let mut corners = triangle;
+            corners.sort_unstable();
+            known.insert(corners)
+        };
+        let doubled = mesh.triangles.len() - mesh.triangles.iter().filter(is_new).count();
         report.body = is_file.then(|| Body {
             open,
-            volume_cm3: (!open).then(|| 1e6 * tool.mesh.signed_volume()),
+            volume_cm3: (!open && doubled == 0).then(|| 1e6 * tool.mesh.signed_volume()),
             turned_over: tool.flipped,
             facets_without_area: dropped,
+            doubled_facets: doubled,
             thinnest_mm: tool.thinnest(GRID_SAMPLES),
             unit: unit_advice((high - low).max(), scale, 0.1..=5.0),
         });
@@ -247,13 +258,21 @@ impl Report {
         if let Some(body) = &self.body {
             text += &match body.volume_cm3 {
                 Some(volume) => format!("\nclosed, {volume:.1} cm3"),
-                None => "\nopen: the upper face of a block".to_owned(),
+                None if body.open => "\nopen: the upper face of a block".to_owned(),
+                None => "\nclosed".to_owned(),
             };
             if body.turned_over {
                 text += ", turned over";
             }
             if body.facets_without_area > 0 {
                 let _ = write!(text, ", {} facets without area", body.facets_without_area);
+            }
+            if body.doubled_facets > 0 {
+                let _ = write!(
+                    text,
+                    ", {} facets with the corners of another, which --repair drops",
+                    body.doubled_facets
+                );
             }
             if let Some(Thinnest { thickness, place }) = body.thinnest_mm {
                 let [x, y, z] = place;

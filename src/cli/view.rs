@@ -13,6 +13,7 @@ use super::args::accuracy;
 use super::arm::robot;
 use super::failure::OrInvalid;
 use super::loaded::load_agent;
+use super::output::check_outputs;
 use super::planned::cell_config;
 use super::setup::{missed, odd_fit, oddities, open_run, read_config, warn};
 use super::terminal::{is_json, show, tell};
@@ -22,7 +23,7 @@ use crate::run::{
     random_episodes, read_metrics,
 };
 use drape_cloth::fabric::{Drape, Lamina};
-use drape_cloth::file::{ValueError, check_name, check_writable, read_toml, write_atomic};
+use drape_cloth::file::{ValueError, check_name, read_toml, write_atomic};
 use drape_cloth::math::Vec3;
 use drape_cloth::scene::{Fabric, Scene, SceneConfig};
 use drape_cloth::sim::{Accuracy, Snapshot};
@@ -188,7 +189,14 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
     let (sender, commands) = sync_channel(COMMANDS);
     let shared = Arc::new(Shared::default());
     if let Some(file) = &args.export {
-        check_writable(file)?;
+        let files = spec.scene.files();
+        let given = what
+            .iter()
+            .chain(&pressed)
+            .chain(&args.beside)
+            .chain(&args.cell);
+        let read = given.chain(&args.tool).chain(&args.material).chain(&files);
+        check_outputs([&**file], read.map(PathBuf::as_path))?;
         let page = Session::new(host, spec, shared, commands)?.export();
         let page = page.map_err(|error| anyhow!(error))?;
         write_atomic(file, |file| file.write_all(page.as_bytes()))?;

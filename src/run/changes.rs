@@ -70,8 +70,8 @@ pub fn changed(text: &str, changes: &[String]) -> Result<Option<String>> {
 }
 
 /// What of a configuration may not change, in an order of its own.
-pub(super) fn fixed(text: &str) -> Result<String> {
-    let mut fixed = values(&table(text)?);
+pub(super) fn fixed(text: &str, path: &Path) -> Result<String> {
+    let mut fixed = values(&parse_toml(text, path)?);
     fixed.retain(|key, _| !FREE.contains(&&**key));
     let lines = fixed
         .iter()
@@ -129,8 +129,9 @@ mod tests {
         let ppo = &table(&text).unwrap()["ppo"];
         assert_eq!(ppo["learning_rate"].as_float(), Some(1e-4));
         assert_eq!(ppo["epochs"].as_integer(), Some(3));
-        assert_eq!(fixed(&text).unwrap(), fixed(TEXT).unwrap());
-        assert_eq!(fixed(TEXT).unwrap(), "env.stencil_mm = 18.0\n");
+        let fixed = |text| fixed(text, Path::new("config.toml")).unwrap();
+        assert_eq!(fixed(&text), fixed(TEXT));
+        assert_eq!(fixed(TEXT), "env.stencil_mm = 18.0\n");
         assert_eq!(set(&["steps = 9", "env.stencil_mm=18.0"]).unwrap(), None);
     }
 

@@ -208,6 +208,27 @@ impl RunFolder {
         }
     }
 
+    /// The run that the file at `path` is a part of: one that a run is gone on with or read from, in whose place nothing
+    /// else may be written.
+    pub fn of(path: &Path) -> Option<PathBuf> {
+        let path = path.canonicalize().ok()?;
+        let mut folders = path.ancestors().skip(1).take(2);
+        let run = folders.find(|folder| Self::at(folder.into()).info.is_file())?;
+        let own = Self::at(run.into());
+        let parts = [
+            &own.config,
+            &own.info,
+            &own.metrics,
+            &own.best_sequence,
+            &own.proof,
+            &own.recording,
+        ];
+        let folders = ["checkpoints", "events", "inputs"].map(|name| run.join(name));
+        let is_part =
+            parts.contains(&&path) || folders.iter().any(|folder| path.starts_with(folder));
+        is_part.then(|| run.into())
+    }
+
     /// Makes the folder of a new run, `root/name`, or named by the minute without a name, with
     /// `config` (TOML, resolved), the `inputs` it is read with and `info` in it. It appears whole or
     /// not at all, and never in place of another.
@@ -357,7 +378,7 @@ impl RunFolder {
 
     /// [`digest`] of what may not change in [`RunFolder::config`], see [`changed`](super::changed).
     pub fn config_digest(&self) -> Result<String> {
-        Ok(digest(fixed(&read_text(&self.config)?)?))
+        Ok(digest(fixed(&read_text(&self.config)?, &self.config)?))
     }
 
     /// Replaces the configuration by one that says the same but for what may change.

@@ -97,3 +97,48 @@ fn a_run_keeps_what_it_was_made_from() {
     let args = ["train", "--resume", "moved/b", "--json"];
     assert_failure(&drape(path, &args), 2, &words);
 }
+
+/// What a command reads, or a run is made of, is not replaced by what it writes: it says so before the work.
+#[test]
+fn nothing_that_is_read_is_written_over() {
+    let folder = trained();
+    let path = folder.path();
+    stdout(path, &["tool", "rib", "--out", "tool.stl"]);
+    let scene = scene(RIB).replace("shape]\nkind = \"rib\"", "mesh]\npath = \"tool.stl\"");
+    fs::write(path.join("scene.toml"), scene).unwrap();
+    let before = files(path);
+    let runs = [
+        "config.toml",
+        "run.json",
+        "proof.json",
+        "metrics.jsonl",
+        "best_sequence.json",
+        "checkpoints/best.drape",
+    ];
+    for file in runs.map(|name| format!("runs/a/{name}")) {
+        for args in [
+            &["export", "runs/a", "--out", &file][..],
+            &["eval", "runs/a", "--episodes", "0", "--state", &file],
+            &["view", "runs/a", "--export", &file],
+            &["tool", "rib", "--out", &file],
+        ] {
+            let message = format!("{file} would be replaced, but the run ");
+            let output = drape(path, args);
+            // A tool is written to a name of its kind alone.
+            let is_refused = output.status.code() == Some(2);
+            assert!(is_refused && String::from_utf8_lossy(&output.stderr).lines().count() == 1);
+            if args[0] != "tool" {
+                assert_failure(&output, 2, &[&message, " needs it"]);
+            }
+        }
+    }
+    for args in [
+        &["scene", "scene.toml", "--out", "."][..],
+        &["scene", "scene.toml", "--out", "o", "--state", "tool.stl"],
+        &["view", "scene.toml", "--export", "tool.stl"],
+        &["view", "scene.toml", "--export", "scene.toml"],
+    ] {
+        assert_failure(&drape(path, args), 2, &[" would be replaced, but is read"]);
+    }
+    assert!(files(path) == before);
+}

@@ -80,6 +80,13 @@ pub(crate) fn weights(samples: &[Sample], of: impl Fn(&Sample) -> f64) -> Vec<f6
     samples.iter().map(weight).collect()
 }
 
+/// How far samples lie off a curve, as a share of what they are, root mean square.
+pub(crate) fn misfit(samples: &[Sample], curve: &[[f64; 2]]) -> f64 {
+    let square =
+        |of: &dyn Fn(&Sample) -> f64| -> f64 { samples.iter().map(|s| of(s).powi(2)).sum() };
+    (square(&|s| s.value - predicted(curve, s)) / square(&|s| s.value)).sqrt()
+}
+
 fn loss(samples: &[Sample], weights: &[f64], curve: &[[f64; 2]]) -> f64 {
     let square = |(s, w): (&Sample, &f64)| w * (s.value - predicted(curve, s)).powi(2);
     samples.iter().zip(weights).map(square).sum()
@@ -225,6 +232,7 @@ mod tests {
             let found = fit(&falling, slopes);
             let grows = |pair: &[[f64; 2]]| pair[0][0] < pair[1][0] && pair[0][1] < pair[1][1];
             assert!(found.windows(2).all(grows), "{found:?}");
+            assert!(misfit(&falling, &found) > 0.2);
         }
     }
 

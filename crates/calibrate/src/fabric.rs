@@ -9,6 +9,9 @@ use crate::specimens::{Measured, factor_spread, measured};
 /// Standard gravity, by which laboratories weigh [m/s²].
 const GRAVITY: f64 = 9.80665;
 
+/// Points that are farther off their curve than this share of them are no noise: stress falls where strain grows.
+const DOUBTFUL: f64 = 0.2;
+
 /// Most slopes of a law that the solver has: of yarns in tension, and of shear.
 const SLOPES: [usize; 2] = [2, 3];
 
@@ -271,6 +274,15 @@ impl Making<'_> {
         let alike: Vec<Sample> = alike.collect();
         let fit = curve::fewest(&alike, most);
         self.tell_slopes(key, &fit, &stresses);
+        let off = curve::misfit(&alike, &fit);
+        if off > DOUBTFUL {
+            self.notes.push(format!(
+                "{key}: points are {:.0} % off the curve, root mean square, expected at most {:.0} %: do they fall where \
+                 the strain grows?",
+                100.0 * off,
+                100.0 * DOUBTFUL
+            ));
+        }
         let end = fit[fit.len() - 1][0];
         self.notes.push(format!(
             "{key} was measured up to {end:.3}; beyond that its last slope goes on"

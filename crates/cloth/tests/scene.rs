@@ -266,7 +266,7 @@ fn impossible_scenes_are_refused_with_key_found_and_expected() {
     );
     refuse(
         |c| c.fall.settle_damping = -2.0,
-        "`fall.settle_damping` is -2, expected a number >= 0",
+        "`fall.settle_damping` is -2, expected a number from 0 to 200",
     );
     refuse(
         |c| c.fall.substep_rate = 10.0,

@@ -92,8 +92,8 @@ pub struct Sensitivity {
 
 /// Worlds that the best of each origin is chosen by, all in the first and the better in the others too,
 const CHOOSING: [u64; 2] = [3, 6];
-/// paths that the twin begins to choose from if it is asked, and worlds in which it does, the better half in the next,
-const TWIN_CHOOSING: [usize; 2] = [12, 3];
+/// paths that the twin chooses from if it is asked, and worlds in which it does,
+const TWIN_CHOOSING: [usize; 2] = [8, 3];
 /// those that it is then proved in,
 const PROVING: usize = 24;
 /// and those of the twin.
@@ -407,7 +407,7 @@ fn best_of(
     Ok(found)
 }
 
-/// The list that the twin judges best of those that came through all worlds; none if all diverge there.
+/// The list that the twin judges best, the first of equal ones; none if all diverge there.
 fn best_in_twin(
     case: Case,
     worlds: &Worlds,
@@ -419,26 +419,15 @@ fn best_in_twin(
         // The world of the scene is no draw.
         numbers.remove(0);
     }
-    let mut ranked: Vec<(usize, Vec<f64>)> = (0..lists.len()).map(|k| (k, Vec::new())).collect();
-    for (round, number) in numbers.into_iter().enumerate() {
-        if round > 0 {
-            // Three at least, which are close.
-            ranked.truncate(ranked.len().div_ceil(2).max(3));
-        }
-        let those: Vec<&[u32]> = ranked.iter().map(|&(k, _)| lists[k]).collect();
-        let (left, _) = in_twin(case, worlds, &those, &[number], listener)?;
-        let ended = ranked
-            .into_iter()
-            .zip(left)
-            .filter_map(|((k, mut worths), left)| {
-                worths.push(left[0]?.worth);
-                Some((k, worths))
-            });
-        ranked = ended.collect();
-        let judged = |worths: &[f64]| case.scatter.judge(worths);
-        ranked.sort_by(|a, b| judged(&b.1).total_cmp(&judged(&a.1)).then(a.0.cmp(&b.0)));
-    }
-    Ok(ranked.first().map(|&(k, _)| k))
+    let (left, _) = in_twin(case, worlds, lists, &numbers, listener)?;
+    let worth = |left: &[Option<Left>]| -> Option<f64> {
+        let all: Option<Vec<f64>> = left.iter().map(|left| Some(left.as_ref()?.worth)).collect();
+        Some(case.scatter.judge(&all?))
+    };
+    let judged = left.iter().enumerate();
+    let judged = judged.filter_map(|(place, left)| Some((place, worth(left)?)));
+    let best = judged.rev().max_by(|a, b| a.1.total_cmp(&b.1));
+    Ok(best.map(|(place, _)| place))
 }
 
 #[cfg(test)]

@@ -13,6 +13,9 @@ impl Curve {
     /// Greatest angle of a shear curve that bends [rad]: yarns that turn farther lie on each other.
     pub(crate) const MAX_ANGLE: f64 = 1.4;
 
+    /// Strains [-] and stresses [MPa] of any material, and many more.
+    const BELIEVABLE: std::ops::RangeInclusive<f64> = 1e-12..=1e12;
+
     /// A straight law of one modulus [Pa]; an infinite one makes yarns of compliance 0.
     pub fn line(modulus: f64) -> Self {
         // The largest stress that a file can hold, in MPa, is infinite in Pa.
@@ -90,7 +93,11 @@ impl Curve {
         let grows = |pair: &[[f64; 2]]| pair[1][0] > pair[0][0] && pair[1][1] > pair[0][1];
         self.0.len() >= 2
             && self.0[0] == [0.0, 0.0]
-            && self.0.iter().flatten().all(|x| x.is_finite())
+            && self.0[1..].iter().all(|&[strain, stress]| {
+                // An infinite modulus is the largest stress.
+                let is_stress = Self::BELIEVABLE.contains(&stress) || stress == f64::MAX;
+                Self::BELIEVABLE.contains(&strain) && is_stress
+            })
             && self.0.windows(2).all(grows)
     }
 }
@@ -197,7 +204,7 @@ impl Material {
             ("shear.positive", &self.shear.positive),
             ("shear.negative", &self.shear.negative),
         ] {
-            let expected = "finite points from [0, 0] on, both coordinates growing";
+            let expected = "points from [0, 0] on, both coordinates growing, from 1e-12 to 1e12";
             ValueError::unless(curve.is_valid(), key, format!("{:?}", curve.0), expected)?;
         }
         for (key, curve) in [
@@ -218,13 +225,13 @@ impl Material {
             ValueError::unless(is_valid, key, format!("{:?}", curve.0), expected)?;
         }
         let ArealMass { datasheet, paper } = self.areal_mass_g_m2;
-        for (key, value) in [
-            ("thickness_mm", self.thickness_mm),
-            ("areal_mass_g_m2.datasheet", datasheet),
-            ("areal_mass_g_m2.paper", paper.unwrap_or(datasheet)),
+        let masses = [0.1, 1e5];
+        for (key, value, range) in [
+            ("thickness_mm", self.thickness_mm, [1e-3, 100.0]),
+            ("areal_mass_g_m2.datasheet", datasheet, masses),
+            ("areal_mass_g_m2.paper", paper.unwrap_or(datasheet), masses),
         ] {
-            let is_valid = value > 0.0 && value.is_finite();
-            ValueError::unless(is_valid, key, value, "a number > 0")?;
+            ValueError::unless_within(key, value, range)?;
         }
         for (key, value) in [
             ("warp.static_friction", self.warp.static_friction),
@@ -398,7 +405,7 @@ mod tests {
         let error = read(&bad).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "m.toml: `thickness_mm` is NaN, expected a number > 0"
+            "m.toml: `thickness_mm` is NaN, expected a number from 0.001 to 100"
         );
         for (good, bad, expected) in [
             (

@@ -44,12 +44,9 @@ pub fn parse_toml_with<T: Serialize>(
         }) {
             message = names;
         }
-        located(
-            text,
-            path,
-            error.span().map_or(0, |span| span.start),
-            message,
-        )
+        let start = error.span().map_or(0, |span| span.start);
+        let entry = faulty_entry(text, start, &error, &parse);
+        located(text, path, entry.unwrap_or(start), message)
     })?;
     // Of a list that is longer than it wants the parser drops the rest.
     let kept = Value::try_from(&value).expect("what was read is representable");
@@ -58,6 +55,50 @@ pub fn parse_toml_with<T: Serialize>(
         Some((start, message)) => Err(located(text, path, start, message)),
         None => Ok(value),
     }
+}
+
+/// Where the entry stands that makes an `error` which names no more than the table at the byte `start`: that without which
+/// there is none, or another. Tables that are told by their kind, or have other keys beside, are read from a copy that
+/// has forgotten where its entries stand.
+fn faulty_entry<T>(
+    text: &str,
+    start: usize,
+    error: &toml::de::Error,
+    parse: &impl Fn(&str) -> Result<T, toml::de::Error>,
+) -> Option<usize> {
+    let document = DeTable::parse(text).ok()?;
+    let (mut table, mut begins) = (document.get_ref(), usize::MAX);
+    while let Some((inner, at)) = table.values().find_map(|value| match value.get_ref() {
+        DeValue::Table(inner) if value.span().contains(&start) => Some((inner, value.span().start)),
+        _ => None,
+    }) {
+        (table, begins) = (inner, at);
+    }
+    if begins != start {
+        return None;
+    }
+    let is_faulty = |(key, value): &(&Spanned<DeString>, &Spanned<DeValue>)| {
+        let line = text[..key.span().start]
+            .rfind('\n')
+            .map_or(0, |end| end + 1);
+        // All of a key with dots, but no more of a table in a line than the entry.
+        let from = match text[line..key.span().start].contains(['{', '=']) {
+            true => key.span().start,
+            false => line,
+        };
+        let without = [&text[..from], &text[value.span().end..]].concat();
+        let is_toml = DeTable::parse(&without).is_ok();
+        let other = parse(&without).err();
+        is_toml
+            && other.is_none_or(|other| {
+                other.message() != error.message() && !other.message().starts_with("missing field")
+            })
+    };
+    let (key, value) = table.iter().find(is_faulty)?;
+    Some(match error.message().starts_with("unknown field") {
+        true => key.span().start,
+        false => value.span().start,
+    })
 }
 
 /// The error at the byte `start` of `text`.
@@ -173,6 +214,41 @@ mod tests {
     struct Part {
         #[serde(rename = "length_mm")]
         _length_mm: f64,
+    }
+
+    #[derive(Debug, Deserialize, Serialize)]
+    #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+    enum Solid {
+        Ball {
+            #[serde(default)]
+            radius_mm: f64,
+            #[serde(default)]
+            height_mm: f64,
+        },
+    }
+
+    /// What is wrong in a table that is told by its kind is found among its entries, wherever these stand.
+    #[test]
+    fn entries_of_tables_told_by_their_kind_are_found() {
+        for (text, place) in [
+            (
+                "[a]\nkind = \"ball\"\nradius_mm = 1\nheight_mm = \"x\"",
+                "4:13: invalid type",
+            ),
+            (
+                "a.kind = \"ball\"\na.height_mm = \"x\"",
+                "2:15: invalid type",
+            ),
+            (
+                "[a]\nkind = \"ball\"\nradius = 1",
+                "3:1: unknown field `radius`",
+            ),
+            ("[a]\nradius_mm = 1", "1:1: missing field `kind`"),
+        ] {
+            let read = parse_toml::<std::collections::BTreeMap<String, Solid>>;
+            let message = read(text, Path::new("a.toml")).unwrap_err().to_string();
+            assert!(message.starts_with(&format!("a.toml:{place}")), "{message}");
+        }
     }
 
     fn message(text: &str) -> String {

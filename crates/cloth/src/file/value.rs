@@ -16,12 +16,9 @@ pub struct ValueError {
 impl ValueError {
     /// Names what stands at `key`, and what was expected there.
     pub fn new(key: &str, found: impl ToString, expected: impl Into<String>) -> Self {
-        // Hundreds of digits say less than an exponent.
-        let found = found.to_string();
-        let long = found.parse().ok().filter(|_| found.len() > 24);
         Self {
             key: key.into(),
-            found: long.map_or(found, |number: f64| format!("{number:e}")),
+            found: shortened(&found.to_string()),
             expected: expected.into(),
         }
     }
@@ -50,4 +47,18 @@ impl ValueError {
         self.key = format!("{outer}.{}", self.key);
         self
     }
+}
+
+/// A text with exponents for numbers of more than 24 digits, which say less.
+fn shortened(text: &str) -> String {
+    let is_of_number = |c: char| c.is_ascii_digit() || c == '.';
+    let parts = text.split_inclusive(|c| !is_of_number(c));
+    let part = |part: &str| {
+        let digits = part.trim_end_matches(|c| !is_of_number(c));
+        match digits.parse::<f64>() {
+            Ok(number) if digits.len() > 24 => format!("{number:e}{}", &part[digits.len()..]),
+            _ => part.into(),
+        }
+    };
+    parts.map(part).collect()
 }

@@ -321,6 +321,12 @@ impl SceneConfig {
         [material, tool, outline, scan].into_iter().flatten()
     }
 
+    /// As [`files_mut`](Self::files_mut), to look at.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut own = self.clone();
+        own.files_mut().map(std::mem::take).collect()
+    }
+
     /// Makes the paths in the scene count from `folder`.
     pub fn resolve(&mut self, folder: &Path) {
         for path in self.files_mut() {
@@ -349,6 +355,8 @@ impl SceneConfig {
         for (key, value, range) in [
             ("fall.fall_s", fall.fall_s, [0.0, 600.0]),
             ("fall.settle_s", fall.settle_s, [0.0, 600.0]),
+            // Where it is greater, cloth that has not come down hardly moves, and seems to be at rest.
+            ("fall.settle_damping", fall.settle_damping, [0.0, 200.0]),
             ("placement.centre_mm", placement.centre_mm[0], FAR_MM),
             ("placement.centre_mm", placement.centre_mm[1], FAR_MM),
             ("placement.height_mm", placement.height_mm, FAR_MM),
@@ -356,9 +364,6 @@ impl SceneConfig {
         ] {
             ValueError::unless_within(key, value, range)?;
         }
-        let damping = fall.settle_damping;
-        let is_valid = damping >= 0.0 && damping.is_finite();
-        ValueError::unless(is_valid, "fall.settle_damping", damping, "a number >= 0")?;
         let stepping = fall.stepping().check();
         stepping.map_err(|error| error.within("fall"))?;
         let tilt = placement.tilt_deg;

@@ -37,9 +37,9 @@ impl Stencil {
         0.5 * side * (1.0 + 1e-6)
     }
 
-    /// How far on the flat blank to look for vertices under it [m].
-    pub(super) fn reach(side: f64) -> f64 {
-        REACH * side
+    /// How far on the flat blank to look for vertices under it, if it is `off` from its vertex [m].
+    pub(super) fn reach(side: f64, off: f64) -> f64 {
+        (REACH * side).max(side + off)
     }
 }
 
@@ -90,7 +90,8 @@ fn sides(normal: &Vec3) -> [Vec3; 2] {
 ///
 /// The stencil is a square of side `side` [m] around `vertex`, its normal that of the tool
 /// there, one side along the projection of the x axis; unless its `aim` is another. All cloth of the
-/// neighbourhood in the column above and below the square counts; `vertex` always does.
+/// neighbourhood in the column above and below the square counts; `vertex` always does, unless the aim is so far off that
+/// it lies beside the square.
 pub fn under_stencil(
     lamina: &Lamina,
     tool: &Tool,
@@ -113,10 +114,12 @@ pub fn under_stencil(
     }
     let half = Stencil::half(side);
     let mut vertices = Vec::new();
-    for v in lamina.within(vertex, Stencil::reach(side)) {
+    let [off, up] = aim.offset.map(f64::abs);
+    let is_aimed_at = off <= half && up <= half;
+    for v in lamina.within(vertex, Stencil::reach(side, off.hypot(up))) {
         let offset = Vec3::from(position(v)) - centre;
         let below = offset.dot(&along).abs() <= half && offset.dot(&across).abs() <= half;
-        if below || v == vertex {
+        if below || (v == vertex && is_aimed_at) {
             vertices.push(v);
         }
     }

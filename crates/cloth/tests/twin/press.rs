@@ -194,3 +194,32 @@ fn box_covers_its_square_on_any_flank() {
         assert_eq!(found.len(), 9, "{tilt}");
     }
 }
+
+/// A roller that is off by more than its side presses where it is, nothing where it should be, and nothing beside the blank.
+#[test]
+fn stencil_that_is_off_presses_there() {
+    let plate = tool(Shape::Plate(Plate::default()), 4.0);
+    let sheet = lamina([0.1, 0.1], [21, 21]);
+    let middle = sheet.vertex_at(10, 10).unwrap();
+    let under = |vertex: u32, offset: [f64; 2]| {
+        let aim = Aim {
+            offset,
+            ..Aim::default()
+        };
+        under_stencil(&sheet, &plate, vertex, 0.018, aim, |v| {
+            let [x, y] = sheet.rest[v as usize];
+            [x, y, 0.0]
+        })
+    };
+    let [x, y] = sheet.rest[middle as usize];
+    for off in [[0.005, 0.0], [0.03, -0.02], [-0.04, 0.04]] {
+        let there = (0..sheet.vertex_count() as u32).find(|&v| {
+            let [a, b] = sheet.rest[v as usize];
+            (a - x - off[0]).abs() + (b - y - off[1]).abs() < 1e-9
+        });
+        let found = under(middle, off);
+        assert_eq!(found, under(there.unwrap(), [0.0; 2]), "{off:?}");
+        assert_eq!(found.len(), 9);
+    }
+    assert!(under(middle, [0.08, 0.0]).is_empty());
+}

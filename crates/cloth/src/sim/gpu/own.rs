@@ -44,7 +44,7 @@ pub(super) fn fields(of: &Own, stencil: Option<&Stencil>) -> [f32; FIELDS] {
     if let Some(stencil) = stencil {
         let side = stencil.side * own.stencil;
         fields[HALF] = Stencil::half(side) as f32;
-        fields[REACH] = (Stencil::reach(side) * (1.0 + 1e-6)) as f32;
+        fields[REACH] = (Stencil::reach(side, 0.0) * (1.0 + 1e-6)) as f32;
         fields[SPEED] = stencil.roller.speed as f32;
     }
     fields[PRESSURE] = own.pressure as f32;

@@ -3,7 +3,6 @@
 
 use cubecl::prelude::*;
 
-use super::super::parameters::Aim;
 use super::super::state::{DRAPED, STENCIL, TOUCHED};
 use super::cloth::{ClothBuffers, SheetBuffers};
 use super::own::{FIELDS, HALF, PRESSURE, REACH, tool_of};
@@ -65,7 +64,9 @@ pub(super) fn lay_stencil(
             across = normal.cross(along);
         }
         let half = cloth.own[own + HALF];
-        let reach = cloth.own[own + REACH];
+        // As `Stencil::reach`.
+        let off = (right_off * right_off + up_off * up_off).sqrt();
+        let reach = cloth.own[own + REACH].max(2.0f32 * half + off);
         let pressure = cloth.own[own + PRESSURE];
         let rest = comptime!(press.rest);
         for v in range_stepped(UNIT_POS_X as usize, n, CUBE_DIM_X as usize) {
@@ -74,7 +75,7 @@ pub(super) fn lay_stencil(
             let x = Vec3g::load(&cloth.position, vectors, n, v);
             let offset = x.minus(centre);
             let below = offset.dot(along).abs() <= half && offset.dot(across).abs() <= half;
-            let is_under = (v == p && right_off < comptime!(Aim::MISSED as f32))
+            let is_under = (v == p && right_off.abs() <= half && up_off.abs() <= half)
                 || (right <= reach && up <= reach && below);
             let mut mark = marks[environment * n + v] & comptime!(!(STENCIL as u32));
             let mut force = 0.0f32;

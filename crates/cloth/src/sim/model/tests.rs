@@ -264,7 +264,7 @@ fn impossible_values_are_refused_with_key_found_and_expected() {
     };
     assert_eq!(
         message(|p| p.speed_cap = f64::NAN),
-        "`physics.speed_cap` is NaN, expected 0 for none, or a number from 1e-6 to 1e6"
+        "`physics.speed_cap` is NaN, expected 0 for none, or a number from 0.05 to 1e6"
     );
     assert_eq!(
         message(|p| (p.shear, p.shear_locking) = (false, true)),
