@@ -321,6 +321,10 @@ impl Seen {
                     .iter()
                     .map(|point| point.vertex),
             );
+            if presses.is_empty() {
+                let fault = anyhow!("{}: has no points, expected one or more", file.display());
+                return Err(Failure::invalid(fault));
+            }
             let count = scene.lamina.vertex_count();
             if let Some(found) = presses.iter().find(|&&v| v as usize >= count) {
                 return Err(Failure::invalid(anyhow!(

@@ -5,6 +5,7 @@ use std::time::{Instant, SystemTime};
 
 use anyhow::{Context as _, anyhow};
 use serde::Serialize;
+use toml::Table;
 
 use super::Failure;
 use super::args::accuracy;
@@ -20,7 +21,7 @@ use crate::cluster::ClusterSession;
 use crate::run::{
     Demonstrations, Preparation, RunConfig, RunFolder, RunInfo, Training, Weights, changed,
 };
-use drape_cloth::file::{ValueError, read_text};
+use drape_cloth::file::{ValueError, parse_toml, read_text};
 use drape_cloth::sim::Accuracy;
 use drape_learn::policy::DeviceKind;
 use drape_proof::Row;
@@ -243,7 +244,9 @@ fn begin(args: &TrainArgs, session: &ClusterSession) -> Result<Training, Failure
             .flatten()
             .chain(args.set.clone())
             .collect();
-        new = changed(&read_text(file).or_invalid()?, &changes).or_invalid_in(file.display())?;
+        let text = read_text(file).or_invalid()?;
+        parse_toml::<Table>(&text, file).or_invalid()?;
+        new = changed(&text, &changes).or_invalid_in(file.display())?;
     }
     let (mut config, place) = match (&new, file) {
         (Some(text), Some(file)) => {
