@@ -214,6 +214,11 @@ fn by_scans(args: &CalibrateArgs) -> Result<(Material, Report), Failure> {
     let scanned = scanned.collect::<Result<Vec<_>, _>>()?;
     let seen = scenes.iter().map(|scene| Seen::read(scene, args));
     let seen = seen.collect::<Result<Vec<_>, _>>()?;
+    let files: Vec<PathBuf> = seen
+        .iter()
+        .flat_map(|seen| seen.scene.config.files())
+        .collect();
+    check_outputs(args.out.as_deref(), files.iter().map(PathBuf::as_path))?;
     let first = &seen[0];
     for (other, path) in seen.iter().zip(scenes) {
         let fabric = |seen: &Seen| {

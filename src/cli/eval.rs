@@ -146,7 +146,11 @@ pub fn run(args: EvalArgs) -> Result<(), Failure> {
     let read = read
         .map(PathBuf::as_path)
         .chain([Path::new(&args.checkpoint)]);
-    check_outputs(args.state.as_deref(), read)?;
+    let recording = out
+        .as_ref()
+        .map(|folder| folder.path.join("recording.drape"));
+    let written = args.state.iter().chain(&recording);
+    check_outputs(written.map(PathBuf::as_path), read)?;
     let on = args.scene.as_deref().map(|scene| (scene, args.region));
     let source = match (&args.recording, args.sequence) {
         (Some(_), _) => Source::Other,

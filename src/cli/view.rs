@@ -45,7 +45,7 @@ const COMMANDS: usize = 1024;
 
 /// Show cloth in a browser, to be turned, pressed and pulled
 ///
-/// Serves one page on this machine until Ctrl-C, and prints its address. All pages with the address see the same cloth.
+/// Serves one page on this machine until Ctrl-C, and prints its address, with --json also its token. All pages with the address see the same cloth.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape view --open

@@ -211,7 +211,17 @@ impl RunFolder {
     /// The run that the file at `path` is a part of: one that a run is gone on with or read from, in whose place nothing
     /// else may be written.
     pub fn of(path: &Path) -> Option<PathBuf> {
-        let path = path.canonicalize().ok()?;
+        // It need not be there yet.
+        let new = || {
+            Some(
+                path.parent()?
+                    .join(".")
+                    .canonicalize()
+                    .ok()?
+                    .join(path.file_name()?),
+            )
+        };
+        let path = path.canonicalize().ok().or_else(new)?;
         let mut folders = path.ancestors().skip(1).take(2);
         let run = folders.find(|folder| Self::at(folder.into()).info.is_file())?;
         let own = Self::at(run.into());
@@ -222,6 +232,9 @@ impl RunFolder {
             &own.best_sequence,
             &own.proof,
             &own.recording,
+            &run.join("demonstrations.json"),
+            &run.join("loop.json"),
+            &run.join("robot/cell.toml"),
         ];
         let folders = ["checkpoints", "events", "inputs"].map(|name| run.join(name));
         let is_part =

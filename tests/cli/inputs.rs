@@ -114,23 +114,30 @@ fn nothing_that_is_read_is_written_over() {
         "metrics.jsonl",
         "best_sequence.json",
         "checkpoints/best.drape",
+        "loop.json",
     ];
     for file in runs.map(|name| format!("runs/a/{name}")) {
         for args in [
             &["export", "runs/a", "--out", &file][..],
             &["eval", "runs/a", "--episodes", "0", "--state", &file],
             &["view", "runs/a", "--export", &file],
-            &["tool", "rib", "--out", &file],
         ] {
             let message = format!("{file} would be replaced, but the run ");
-            let output = drape(path, args);
-            // A tool is written to a name of its kind alone.
-            let is_refused = output.status.code() == Some(2);
-            assert!(is_refused && String::from_utf8_lossy(&output.stderr).lines().count() == 1);
-            if args[0] != "tool" {
-                assert_failure(&output, 2, &[&message, " needs it"]);
-            }
+            assert_failure(&drape(path, args), 2, &[&message, " needs it"]);
         }
+    }
+    for args in [
+        &["tool", "rib", "--out", "runs/a/events/tool.stl"][..],
+        &[
+            "eval",
+            "runs/a",
+            "--episodes",
+            "0",
+            "--out",
+            "runs/a/pictures",
+        ],
+    ] {
+        assert_failure(&drape(path, args), 2, &[" would be replaced, but the run "]);
     }
     for args in [
         &["scene", "scene.toml", "--out", "."][..],

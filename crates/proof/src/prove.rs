@@ -92,8 +92,8 @@ pub struct Sensitivity {
 
 /// Worlds that the best of each origin is chosen by, all in the first and the better in the others too,
 const CHOOSING: [u64; 2] = [3, 6];
-/// paths that the twin chooses from if it is asked, and worlds in which it does,
-const TWIN_CHOOSING: [usize; 2] = [8, 3];
+/// paths that the twin sees if it is asked, and worlds in which it does,
+const TWIN_CHOOSING: [usize; 2] = [12, 3];
 /// those that it is then proved in,
 const PROVING: usize = 24;
 /// and those of the twin.
@@ -367,7 +367,7 @@ fn best_of(
     let judged =
         |left: &[Option<Left>]| of(left, |left| left.worth).map(|all| case.scatter.judge(&all));
     let mut found: Vec<Chosen> = Vec::new();
-    let mut ranked: Vec<Vec<usize>> = Vec::new();
+    let mut ranked: Vec<Vec<(usize, f64)>> = Vec::new();
     for group in 0..groups.len() {
         let own: Vec<usize> = (0..all.len())
             .filter(|&place| all[place].0 == group)
@@ -395,23 +395,27 @@ fn best_of(
         });
         let mut whole: Vec<(usize, f64)> = whole.collect();
         whole.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        ranked.push(whole.into_iter().map(|(k, _)| k).collect());
-        found.push((ranked[group].first().copied(), scores));
+        found.push((whole.first().map(|&(k, _)| k), scores));
+        ranked.push(whole);
     }
     if judge == Physics::Twin && ranked[0].len() > 1 {
         ranked[0].truncate(TWIN_CHOOSING[0]);
-        let lists: Vec<&[u32]> = ranked[0].iter().map(|&k| &*groups[0].1[k]).collect();
-        let best = best_in_twin(case, &worlds, &lists, listener)?;
-        found[0].0 = best.map(|place| ranked[0][place]).or(found[0].0);
+        let lists = ranked[0].iter().map(|&(k, _)| &*groups[0].1[k]);
+        let lists: Vec<&[u32]> = lists.collect();
+        let judged: Vec<f64> = ranked[0].iter().map(|&(_, worth)| worth).collect();
+        let best = best_with_twin(case, &worlds, &lists, &judged, listener)?;
+        found[0].0 = best.map(|place| ranked[0][place].0).or(found[0].0);
     }
     Ok(found)
 }
 
-/// The list that the twin judges best, the first of equal ones; none if all diverge there.
-fn best_in_twin(
+/// The best of ranked lists by what they are worth in the twin and what they were `judged` by the solver, half each: few
+/// worlds of either are a lottery. Only the better half goes on to the next world. None if all diverge in the twin.
+fn best_with_twin(
     case: Case,
     worlds: &Worlds,
     lists: &[&[u32]],
+    judged: &[f64],
     listener: Listener,
 ) -> Result<Option<usize>, ProofError> {
     let mut numbers = case.numbers(0..TWIN_CHOOSING[1] as u64);
@@ -419,15 +423,23 @@ fn best_in_twin(
         // The world of the scene is no draw.
         numbers.remove(0);
     }
-    let (left, _) = in_twin(case, worlds, lists, &numbers, listener)?;
-    let worth = |left: &[Option<Left>]| -> Option<f64> {
-        let all: Option<Vec<f64>> = left.iter().map(|left| Some(left.as_ref()?.worth)).collect();
-        Some(case.scatter.judge(&all?))
-    };
-    let judged = left.iter().enumerate();
-    let judged = judged.filter_map(|(place, left)| Some((place, worth(left)?)));
-    let best = judged.rev().max_by(|a, b| a.1.total_cmp(&b.1));
-    Ok(best.map(|(place, _)| place))
+    let mut left: Vec<(usize, Vec<f64>)> = (0..lists.len()).map(|k| (k, Vec::new())).collect();
+    for (round, number) in numbers.into_iter().enumerate() {
+        if round > 0 {
+            left.truncate(left.len().div_ceil(2).max(3));
+        }
+        let those: Vec<&[u32]> = left.iter().map(|&(k, _)| lists[k]).collect();
+        let (ended, _) = in_twin(case, worlds, &those, &[number], listener)?;
+        let more = left.into_iter().zip(ended);
+        let more = more.filter_map(|((k, mut worths), ended)| {
+            worths.push(ended[0]?.worth);
+            Some((k, worths))
+        });
+        left = more.collect();
+        let worth = |(k, worths): &(usize, Vec<f64>)| judged[*k] + case.scatter.judge(worths);
+        left.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
+    }
+    Ok(left.first().map(|&(k, _)| k))
 }
 
 #[cfg(test)]

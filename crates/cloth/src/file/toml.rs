@@ -1,3 +1,4 @@
+use std::ops::Range;
 use std::path::Path;
 
 use serde::Serialize;
@@ -57,9 +58,12 @@ pub fn parse_toml_with<T: Serialize>(
     }
 }
 
-/// Where the entry stands that makes an `error` which names no more than the table at the byte `start`: that without which
-/// there is none, or another. Tables that are told by their kind, or have other keys beside, are read from a copy that
-/// has forgotten where its entries stand.
+/// Most entries of a file in which one is sought that is at fault: the file is parsed once for each.
+const SOUGHT: usize = 256;
+
+/// Where the entry stands that makes an `error` at the byte `start`, if no entry stands there: that without which there is
+/// none, or another, when those before it are left out, too. Tables that are told by their kind, or have any keys beside
+/// known ones, are read from a copy that has forgotten where its entries stand.
 fn faulty_entry<T>(
     text: &str,
     start: usize,
@@ -67,38 +71,59 @@ fn faulty_entry<T>(
     parse: &impl Fn(&str) -> Result<T, toml::de::Error>,
 ) -> Option<usize> {
     let document = DeTable::parse(text).ok()?;
-    let (mut table, mut begins) = (document.get_ref(), usize::MAX);
-    while let Some((inner, at)) = table.values().find_map(|value| match value.get_ref() {
-        DeValue::Table(inner) if value.span().contains(&start) => Some((inner, value.span().start)),
-        _ => None,
-    }) {
-        (table, begins) = (inner, at);
-    }
-    if begins != start {
+    let mut entries = Vec::new();
+    collect_entries(document.get_ref(), &mut entries);
+    entries.sort_by_key(|[key, _]| key.start);
+    let is_missing = |message: &str| message.starts_with("missing field");
+    let is_there = |[key, value]: &[Range<usize>; 2]| (key.start..value.end).contains(&start);
+    if is_missing(error.message()) || entries.len() > SOUGHT || entries.iter().any(is_there) {
         return None;
     }
-    let is_faulty = |(key, value): &(&Spanned<DeString>, &Spanned<DeValue>)| {
-        let line = text[..key.span().start]
-            .rfind('\n')
-            .map_or(0, |end| end + 1);
+    let mut without: Vec<Range<usize>> = Vec::new();
+    for [key, value] in entries {
+        let line = text[..key.start].rfind('\n').map_or(0, |end| end + 1);
         // All of a key with dots, but no more of a table in a line than the entry.
-        let from = match text[line..key.span().start].contains(['{', '=']) {
-            true => key.span().start,
+        let from = match text[line..key.start].contains(['{', '=']) {
+            true => key.start,
             false => line,
         };
-        let without = [&text[..from], &text[value.span().end..]].concat();
-        let is_toml = DeTable::parse(&without).is_ok();
-        let other = parse(&without).err();
-        is_toml
-            && other.is_none_or(|other| {
-                other.message() != error.message() && !other.message().starts_with("missing field")
-            })
-    };
-    let (key, value) = table.iter().find(is_faulty)?;
-    Some(match error.message().starts_with("unknown field") {
-        true => key.span().start,
-        false => value.span().start,
-    })
+        without.push(from..value.end);
+        let (mut left, mut end) = (String::new(), 0);
+        for gap in &without {
+            left += &text[end..gap.start];
+            end = gap.end;
+        }
+        left += &text[end..];
+        match parse(&left).err().map(|other| other.message().to_owned()) {
+            Some(other) if other == error.message() => continue,
+            Some(other) if is_missing(&other) || DeTable::parse(&left).is_err() => without.pop(),
+            _ => {
+                let name = format!("`{}`", &text[key.clone()]);
+                let is_of_key =
+                    error.message().starts_with("unknown") && error.message().contains(&name);
+                return Some(if is_of_key { key.start } else { value.start });
+            }
+        };
+    }
+    None
+}
+
+/// Keys and values of a table and of those in it, where they stand.
+fn collect_entries(table: &DeTable, into: &mut Vec<[Range<usize>; 2]>) {
+    for (key, value) in table {
+        let is_table = |value: &Spanned<DeValue>| matches!(value.get_ref(), DeValue::Table(_));
+        match value.get_ref() {
+            DeValue::Table(inner) => collect_entries(inner, into),
+            DeValue::Array(list) if list.iter().any(is_table) => {
+                for value in list {
+                    if let DeValue::Table(inner) = value.get_ref() {
+                        collect_entries(inner, into);
+                    }
+                }
+            }
+            _ => into.push([key.span(), value.span()]),
+        }
+    }
 }
 
 /// The error at the byte `start` of `text`.
@@ -199,6 +224,8 @@ fn names_instead(message: &str, nameless: &str, found: &str) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
     use serde::{Deserialize, Serialize};
 
@@ -230,22 +257,32 @@ mod tests {
     /// What is wrong in a table that is told by its kind is found among its entries, wherever these stand.
     #[test]
     fn entries_of_tables_told_by_their_kind_are_found() {
+        let rest = ": invalid type: string \"x\"";
         for (text, place) in [
             (
-                "[a]\nkind = \"ball\"\nradius_mm = 1\nheight_mm = \"x\"",
-                "4:13: invalid type",
+                "[a.b]\nkind = \"ball\"\nradius_mm = 1\nheight_mm = \"x\"",
+                format!("4:13{rest}"),
             ),
             (
-                "a.kind = \"ball\"\na.height_mm = \"x\"",
-                "2:15: invalid type",
+                "a.b.kind = \"ball\"\na.b.height_mm = \"x\"",
+                format!("2:17{rest}"),
             ),
             (
-                "[a]\nkind = \"ball\"\nradius = 1",
-                "3:1: unknown field `radius`",
+                "[a]\nb.kind = \"ball\"\nb.height_mm = \"x\"",
+                format!("3:15{rest}"),
             ),
-            ("[a]\nradius_mm = 1", "1:1: missing field `kind`"),
+            (
+                "[a.b]\nkind = \"ball\"\nradius = 1",
+                "3:1: unknown field `radius`".into(),
+            ),
+            (
+                "[a.b]\nkind = \"ball\"\nradius_mm = \"x\"\nheight_mm = \"x\"",
+                format!("4:13{rest}"),
+            ),
+            ("[a.b]\nkind = \"bal\"", "1:1: unknown name `bal`".into()),
+            ("[a.b]\nradius_mm = 1", "1:1: missing field `kind`".into()),
         ] {
-            let read = parse_toml::<std::collections::BTreeMap<String, Solid>>;
+            let read = parse_toml::<BTreeMap<String, BTreeMap<String, Solid>>>;
             let message = read(text, Path::new("a.toml")).unwrap_err().to_string();
             assert!(message.starts_with(&format!("a.toml:{place}")), "{message}");
         }

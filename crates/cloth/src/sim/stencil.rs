@@ -39,7 +39,7 @@ impl Stencil {
 
     /// How far on the flat blank to look for vertices under it, if it is `off` from its vertex [m].
     pub(super) fn reach(side: f64, off: f64) -> f64 {
-        (REACH * side).max(side + off)
+        REACH * side + if off > Self::half(side) { off } else { 0.0 }
     }
 }
 

@@ -66,7 +66,10 @@ pub(super) fn lay_stencil(
         let half = cloth.own[own + HALF];
         // As `Stencil::reach`.
         let off = (right_off * right_off + up_off * up_off).sqrt();
-        let reach = cloth.own[own + REACH].max(2.0f32 * half + off);
+        let mut reach = cloth.own[own + REACH];
+        if off > half {
+            reach += off;
+        }
         let pressure = cloth.own[own + PRESSURE];
         let rest = comptime!(press.rest);
         for v in range_stepped(UNIT_POS_X as usize, n, CUBE_DIM_X as usize) {
