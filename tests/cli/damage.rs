@@ -56,7 +56,7 @@ fn mistakes_in_the_configuration_are_located_and_nothing_is_made() {
         ),
         (
             "[scene.tool.source]\nshape.kind = \"rib\"\nstl.path = \"a.stl\"",
-            &["config.toml:1:1: several kinds of what can be one only"],
+            &["config.toml:2:14: several kinds of what can be one only"],
         ),
         (
             "environments = 4096\nppo.rollout_steps = 1\n[scene.tool]\n[scene.blank]\nvertices = [1025, 1025]",

@@ -162,11 +162,11 @@ fn mistakes_are_located() {
         ),
         (
             "[scene.tool]\ngrid = [4.0, nan]",
-            "c.toml:1:1: `tool.grid` is a list, expected a table",
+            "c.toml:2:8: `tool.grid` is a list, expected a table",
         ),
         (
             "[policy.network]\npaper = [[8, 16, 32], [256, 256]]",
-            "c.toml:1:1: `policy.network.paper` is a list, expected a table",
+            "c.toml:2:9: `policy.network.paper` is a list, expected a table",
         ),
         (
             "imitation = \"off\"",

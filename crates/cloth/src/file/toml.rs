@@ -279,7 +279,7 @@ mod tests {
                 "[a.b]\nkind = \"ball\"\nradius_mm = \"x\"\nheight_mm = \"x\"",
                 format!("4:13{rest}"),
             ),
-            ("[a.b]\nkind = \"bal\"", "1:1: unknown name `bal`".into()),
+            ("[a.b]\nkind = \"bal\"", "2:8: unknown name `bal`".into()),
             ("[a.b]\nradius_mm = 1", "1:1: missing field `kind`".into()),
         ] {
             let read = parse_toml::<BTreeMap<String, BTreeMap<String, Solid>>>;
