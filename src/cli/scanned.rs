@@ -73,8 +73,8 @@ impl ScanArgs {
         let seen = drape_scan::seen(&scene).map_err(|error| {
             // What is wrong with marks stands in the file that they are from.
             let of_marks = self.marks.as_deref().and_then(|file| {
-                let text = error.to_string();
-                let fault = text.split_once("`placement.scan_marks")?.1;
+                let text = format!(": {error}");
+                let fault = text.split_once(": `placement.scan_marks")?.1;
                 Some(anyhow!("{}: `scan_marks{fault}", file.display()))
             });
             Failure::invalid(of_marks.unwrap_or_else(|| error.into()))

@@ -207,7 +207,9 @@ mod tests {
             vec![[0.0, 0.0], [0.3, 0.015], [0.6, 0.06], [0.8, 0.3]],
         ] {
             for seed in 1..4 {
-                let found = fewest(&noisy(&curve, 200, 0.03, seed), 3);
+                let samples = noisy(&curve, 200, 0.03, seed);
+                let found = fewest(&samples, 3);
+                assert!(misfit(&samples, &found) < 0.05);
                 assert_eq!(found.len(), curve.len(), "{found:?}");
                 for (p, q) in found.iter().zip(&curve).skip(1) {
                     for k in 0..2 {

@@ -367,7 +367,7 @@ fn best_of(
     let judged =
         |left: &[Option<Left>]| of(left, |left| left.worth).map(|all| case.scatter.judge(&all));
     let mut found: Vec<Chosen> = Vec::new();
-    let mut ranked: Vec<Vec<(usize, f64)>> = Vec::new();
+    let mut ranked: Vec<Vec<usize>> = Vec::new();
     for group in 0..groups.len() {
         let own: Vec<usize> = (0..all.len())
             .filter(|&place| all[place].0 == group)
@@ -395,27 +395,24 @@ fn best_of(
         });
         let mut whole: Vec<(usize, f64)> = whole.collect();
         whole.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        found.push((whole.first().map(|&(k, _)| k), scores));
-        ranked.push(whole);
+        ranked.push(whole.into_iter().map(|(k, _)| k).collect());
+        found.push((ranked[group].first().copied(), scores));
     }
     if judge == Physics::Twin && ranked[0].len() > 1 {
         ranked[0].truncate(TWIN_CHOOSING[0]);
-        let lists = ranked[0].iter().map(|&(k, _)| &*groups[0].1[k]);
-        let lists: Vec<&[u32]> = lists.collect();
-        let judged: Vec<f64> = ranked[0].iter().map(|&(_, worth)| worth).collect();
-        let best = best_with_twin(case, &worlds, &lists, &judged, listener)?;
-        found[0].0 = best.map(|place| ranked[0][place].0).or(found[0].0);
+        let lists: Vec<&[u32]> = ranked[0].iter().map(|&k| &*groups[0].1[k]).collect();
+        let best = best_in_twin(case, &worlds, &lists, listener)?;
+        found[0].0 = best.map(|place| ranked[0][place]).or(found[0].0);
     }
     Ok(found)
 }
 
-/// The best of ranked lists by what they are worth in the twin and what they were `judged` by the solver, half each: few
-/// worlds of either are a lottery. Only the better half goes on to the next world. None if all diverge in the twin.
-fn best_with_twin(
+/// The list that the twin judges best, the first of equal ones: only the better half goes on to the next world. None if
+/// all diverge there.
+fn best_in_twin(
     case: Case,
     worlds: &Worlds,
     lists: &[&[u32]],
-    judged: &[f64],
     listener: Listener,
 ) -> Result<Option<usize>, ProofError> {
     let mut numbers = case.numbers(0..TWIN_CHOOSING[1] as u64);
@@ -436,7 +433,7 @@ fn best_with_twin(
             Some((k, worths))
         });
         left = more.collect();
-        let worth = |(k, worths): &(usize, Vec<f64>)| judged[*k] + case.scatter.judge(worths);
+        let worth = |(_, worths): &(usize, Vec<f64>)| case.scatter.judge(worths);
         left.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
     }
     Ok(left.first().map(|&(k, _)| k))

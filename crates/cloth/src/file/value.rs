@@ -62,3 +62,15 @@ fn shortened(text: &str) -> String {
     };
     parts.map(part).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_numbers_have_exponents_wherever_they_stand() {
+        let found = format!("[{}, -{}, 0.35]", 1e300, 1e-300);
+        let error = ValueError::new("key", found, "less");
+        assert_eq!(error.found, "[1e300, -1e-300, 0.35]");
+    }
+}
