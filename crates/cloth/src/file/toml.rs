@@ -130,10 +130,13 @@ fn collect_entries(table: &DeTable, into: &mut Vec<[Range<usize>; 2]>) {
 fn located(text: &str, path: &Path, start: usize, mut message: String) -> ReadError {
     let before = text.get(..start).unwrap_or(text);
     let line_start = before.rfind('\n').map_or(0, |end| end + 1);
-    let line = text[line_start..].lines().next().unwrap_or_default().trim();
+    let line = text[line_start..].lines().next().unwrap_or_default();
+    let table = table_above(line, before.len() - line_start);
     let key = line.split('=').next().unwrap_or_default().trim();
-    if !key.is_empty() && !message.contains(&format!("`{key}`")) {
-        message += &format!(" in `{}`", quote(line));
+    if let Some(table) = table {
+        message += &format!(" in `[{}]`", quote(&table));
+    } else if !key.is_empty() && !message.contains(&format!("`{key}`")) {
+        message += &format!(" in `{}`", quote(line.trim()));
     }
     // Where the file is no TOML at all, a backslash is most often that of a path.
     if line.contains('\\') && DeTable::parse(text).is_err() {
@@ -146,6 +149,17 @@ fn located(text: &str, path: &Path, start: usize, mut message: String) -> ReadEr
         place: format!(":{line}:{column}"),
         fault: message,
     }
+}
+
+/// The table at the `column` of a `line`, where it is there only by the header of another below it.
+fn table_above(line: &str, column: usize) -> Option<String> {
+    let (before, after) = line.split_at_checked(column)?;
+    let above = before.trim_start().strip_prefix('[')?;
+    let (key, _) = after.split_once('.')?;
+    let is_name = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
+    // No number in a list.
+    let is_key = key.starts_with(|c: char| c.is_alphabetic()) && key.chars().all(is_name);
+    is_key.then(|| format!("{}{key}", above.trim_start_matches('[')))
 }
 
 /// Refuses a list at `path` or below where `tables` has a table: the parser would take it for the
@@ -280,11 +294,34 @@ mod tests {
                 format!("4:13{rest}"),
             ),
             ("[a.b]\nkind = \"bal\"", "2:8: unknown name `bal`".into()),
-            ("[a.b]\nradius_mm = 1", "1:1: missing field `kind`".into()),
+            (
+                "[a.b]\nradius_mm = 1",
+                "1:1: missing field `kind` in `[a.b]`".into(),
+            ),
+            (
+                "[[a.b.c]]\nradius_mm = 1",
+                "1:5: missing field `kind` in `[a.b]`".into(),
+            ),
         ] {
             let read = parse_toml::<BTreeMap<String, BTreeMap<String, Solid>>>;
             let message = read(text, Path::new("a.toml")).unwrap_err().to_string();
             assert!(message.starts_with(&format!("a.toml:{place}")), "{message}");
+        }
+    }
+
+    #[test]
+    fn tables_above_are_those_of_headers() {
+        for (line, column, expected) in [
+            ("[a.b.c]", 1, Some("a")),
+            ("[a.b.c]", 3, Some("a.b")),
+            ("[a.b.c]", 5, None),
+            ("[[a.b]]", 2, Some("a")),
+            ("  [1.5, 2]", 3, None),
+            ("[\"a.b\"]", 1, None),
+            ("a.b = 1", 0, None),
+            ("", 1, None),
+        ] {
+            assert_eq!(table_above(line, column).as_deref(), expected, "{line}");
         }
     }
 
