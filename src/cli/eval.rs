@@ -87,7 +87,7 @@ pub struct EvalArgs {
     device: Option<DeviceKind>,
 
     /// Also play the best paths of the run, beside K random orders, sweeps and orders outwards from a
-    /// place, in worlds that scatter as the configuration says, in the finest of its steps, or at `accurate`
+    /// place or inwards to one, in worlds that scatter as the configuration says, in the finest of its steps, or at `accurate`
     /// if nothing scatters; keep the best for `export`, and say which quantity by itself hurts it most. Of a checkpoint
     /// also what looking is worth where worlds scatter: its greedy path (`blind`) beside the policy that sees each
     #[arg(long)]

@@ -19,9 +19,9 @@ use drape_task::env::Draping;
 
 /// Find a path for a task in seconds, without training on it
 ///
-/// A search by moves begins with simple orders and with what a trained policy plays (`--from`), or else what the
-/// cross-entropy method finds, and the best is proved. Leaves a run folder as `train` does, without metrics and
-/// checkpoints. Ctrl-C, SIGTERM and SIGHUP stop it, with the exit code 130, 143 or 129.
+/// A search by moves begins with simple orders, and with what a trained policy plays (`--from`), and the best is proved.
+/// Leaves a run folder as `train` does, without metrics and checkpoints. Ctrl-C, SIGTERM and SIGHUP stop it,
+/// with the exit code 130, 143 or 129.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   drape plan task.toml --seconds 20

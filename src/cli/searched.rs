@@ -79,8 +79,7 @@ impl Searched {
         Ok(worlds.unwrap_or_else(|| Worlds::nominal(&self.scene).into()))
     }
 
-    /// Searches by moves from the `known` orders on, or from what the cross-entropy method finds, with the presses made; a
-    /// signal stops it.
+    /// Searches by moves from the `known` orders and simple ones on, with the presses made; a signal stops it.
     pub fn by_moves(
         &self,
         worlds: &Arc<Worlds>,

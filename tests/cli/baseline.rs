@@ -96,8 +96,7 @@ fn moves_are_searched_in_scattered_worlds() {
         let name = format!("moves-{threads}");
         let mut command = Command::new(env!("CARGO_BIN_EXE_drape"));
         command.args(["baseline", "scattered.toml", "--json", "--policy", "moves"]);
-        // Cross-entropy has 60 000 of them.
-        command.args(["--name", &name, "--steps", "160000"]);
+        command.args(["--name", &name, "--steps", "100000"]);
         command.env("RAYON_NUM_THREADS", threads).current_dir(path);
         let output = command.output().unwrap();
         let stderr = String::from_utf8(output.stderr).unwrap();

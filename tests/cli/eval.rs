@@ -381,7 +381,7 @@ fn best_paths_are_proved_in_finer_physics() {
     assert!(json(path, &args).get("proof").is_none());
     let report = json(path, &[&args[..], &["--prove"]].concat());
     let rows = report["proof"].as_array().unwrap();
-    let orders = ["path", "random", "sweep", "outwards"];
+    let orders = ["path", "random", "sweep", "outwards", "inwards"];
     for (row, order) in rows.iter().zip(orders) {
         assert_eq!(
             (&row["physics"], &row["order"]),
@@ -397,7 +397,7 @@ fn best_paths_are_proved_in_finer_physics() {
         assert!(number(&row["path"]["presses"]) > 0.0);
     }
     let counts: Vec<_> = rows[1..].iter().map(|row| &row["count"]).collect();
-    assert_eq!(counts, [4, 1, 2]);
+    assert_eq!(counts, [4, 1, 2, 9]);
     // As training has proved it, with as many orders.
     assert!(fs::read(run.join("proof.json")).unwrap() == trained["proof.json"]);
     assert_eq!(
@@ -407,11 +407,11 @@ fn best_paths_are_proved_in_finer_physics() {
 
     let report = json(path, &[&args[..], &["--prove", "--twin"]].concat());
     let rows = report["proof"].as_array().unwrap();
-    let twin: Vec<_> = rows[4..].iter().map(|row| &row["count"]).collect();
-    assert_eq!(twin[1..], [4, 1, 2]);
-    assert!(rows[4..].iter().all(|row| row["physics"] == "twin"));
+    let twin: Vec<_> = rows[5..].iter().map(|row| &row["count"]).collect();
+    assert_eq!(twin[1..], [4, 1, 2, 9]);
+    assert!(rows[5..].iter().all(|row| row["physics"] == "twin"));
     let proved = read_json(&run.join("proof.json"));
-    assert_eq!(proved["path"]["score"], rows[4]["score"]);
+    assert_eq!(proved["path"]["score"], rows[5]["score"]);
     let export = || {
         let report = json(path, &["export", "runs/a", "--out", "a.json", "--json"]);
         let points = read_json(&path.join("a.json"));

@@ -11,7 +11,7 @@ use drape_cloth::math::mean_and_deviation;
 use drape_task::cluster::Cluster;
 use drape_task::env::{Draping, End, Member, Quantity, Task, Tasks, Worlds};
 use drape_task::recording::Recording;
-use drape_task::search::{Judge, Order};
+use drape_task::search::{Inwards, Judge, Order};
 
 /// Where a path is proved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -37,7 +37,8 @@ impl Physics {
 /// What paths are held against, and by whom.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Method {
-    /// Random orders, none for no others either; sweeps are a quarter as many and orders outwards half as many.
+    /// Random orders, none for no others either; sweeps are a quarter as many and orders outwards half as many. Orders
+    /// inwards are nine.
     pub random: usize,
     /// Who has the last word on the best path, and proves it last.
     pub judge: Physics,
@@ -47,7 +48,7 @@ pub struct Method {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     pub physics: Physics,
-    /// `path` for those that are proved, else `random`, `sweep` or `outwards`; or, see [`looked`], `blind` or `policy`.
+    /// `path` for those that are proved, else `random`, `sweep`, `outwards` or `inwards`; or, see [`looked`], `blind` or `policy`.
     pub order: String,
     /// Paths that the best was chosen from, and those of them that diverged in some world.
     pub count: usize,
@@ -98,6 +99,8 @@ const TWIN_CHOOSING: [usize; 2] = [12, 3];
 const PROVING: usize = 24;
 /// and those of the twin.
 const TWIN: usize = 6;
+/// Places along either side of the region about which orders inwards are held against a path.
+const INWARDS: usize = 3;
 /// Worlds of one quantity.
 const SENSITIVITY: usize = 8;
 
@@ -136,6 +139,13 @@ pub fn choose(
         if count > 0 {
             groups.push((name, sequences(scene, env, order, count, case.seed)?, count));
         }
+    }
+    if method.random > 0 {
+        let task = Task::new(scene.clone(), env)?;
+        let inwards = Inwards::over(&task, INWARDS).into_iter();
+        let lists: Vec<Vec<u32>> = inwards.map(|one| one.list(&task)).collect();
+        let count = lists.len();
+        groups.push(("inwards", lists, count));
     }
     let chosen = best_of(case, &groups, method.judge, listener)?;
     Ok(Choice {

@@ -8,6 +8,7 @@ mod ends;
 mod family;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod inwards;
 mod replay;
 mod rest;
 mod scatter;
