@@ -179,14 +179,14 @@ mod tests {
     use drape_cloth::scene::{Scene, SceneConfig};
     use std::path::Path;
 
-    /// A blank of 9 x 9 vertices, 10 mm apart, whose yarns run along its sides; the stencil is three cells wide.
+    /// A blank of 17 x 17 vertices, 10 mm apart, whose yarns run along its sides; the stencil is three cells wide.
     fn task() -> Task {
         let path = concat!(
             env!("CARGO_MANIFEST_DIR"),
             "/../../configs/scenes/hemisphere.toml"
         );
         let mut config = SceneConfig::read(Path::new(path)).unwrap();
-        (config.blank.size_mm, config.blank.vertices) = ([80.0, 80.0], [9, 9]);
+        (config.blank.size_mm, config.blank.vertices) = ([160.0, 160.0], [17, 17]);
         (config.fall.fall_s, config.fall.settle_s) = (0.01, 0.01);
         let env = EnvConfig {
             stencil_mm: 31.0,
@@ -214,7 +214,7 @@ mod tests {
             let list = about([0.0, 0.0], way).list(&task);
             assert_eq!(at(list[0]), [0.0, 0.0]);
             let [x, y] = at(list[1]);
-            assert_eq!([x.abs(), y.abs()], [40.0, 40.0], "{way:?}");
+            assert_eq!([x.abs(), y.abs()], [80.0, 80.0], "{way:?}");
             let [x, y] = at(list[list.len() - 1]);
             let tangent = x.abs().min(y.abs()) / x.abs().max(y.abs());
             assert!(tangent < 22.5f64.to_radians().tan(), "{way:?}: {x}, {y}");
@@ -224,9 +224,12 @@ mod tests {
                 assert!(list.iter().any(is_over), "{way:?}: {x}, {y}");
             }
         }
-        // Both sides of a bias at once, or one after the other.
-        let order = |way| about([-0.04, -0.04], way).list(&task);
-        assert_ne!(order(Way::Together), order(Way::Apart));
-        assert_ne!(order(Way::Snaking), order(Way::Apart));
+        // All four corners at once, or from one of them inwards.
+        let order = |way| about([0.0, 0.0], way).list(&task);
+        let radius = |&v: &u32| at(v)[0].hypot(at(v)[1]);
+        let [together, apart] = [Way::Together, Way::Apart].map(order);
+        assert!(together[1..5].iter().all(|v| radius(v) > 113.0));
+        assert!(apart[1..4].is_sorted_by(|a, b| radius(a) > radius(b)));
+        assert_ne!(order(Way::Snaking), apart);
     }
 }
