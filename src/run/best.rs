@@ -83,12 +83,6 @@ impl BestPaths {
         Self(orders.into_iter().map(scored).collect())
     }
 
-    /// The vertices and the score of each.
-    pub fn into_judged(self) -> Vec<(Vec<u32>, f64)> {
-        let each = self.0.into_iter();
-        each.map(|best| (best.vertices, best.score)).collect()
-    }
-
     /// The vertices of all.
     pub fn lists(&self) -> impl Iterator<Item = &Vec<u32>> {
         self.0.iter().map(|best| &best.vertices)

@@ -48,7 +48,8 @@ pub struct Method {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     pub physics: Physics,
-    /// `path` for those that are proved, else `random`, `sweep`, `outwards` or `inwards`; or, see [`looked`], `blind` or `policy`.
+    /// `path` for those that are proved, else `random`, `sweep`, `outwards` or `inwards`; or, see [`looked`], `blind` or
+    /// `policy`.
     pub order: String,
     /// Paths that the best was chosen from, and those of them that diverged in some world.
     pub count: usize,

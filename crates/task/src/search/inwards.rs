@@ -9,8 +9,8 @@ use crate::env::Task;
 /// An order that presses first about a place, which then holds the cloth, and then sectors about it: those on the
 /// bias first, where cloth has to shear, those along the yarns last.
 ///
-/// With the place on top of a tool it drapes better than any order outwards: cloth that is too long is brought in
-/// from the border while the bias is still free to shear, and not pushed in front of the roller.
+/// Held on top of a dome, cloth that is too long is so brought in from the border while the bias is still free to shear,
+/// and not pushed in front of the roller (docs/SCATTER.md).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inwards {
     /// On the flat blank [m].
@@ -76,7 +76,8 @@ impl Inwards {
         ways.into_iter().flat_map(held).flat_map(wide).collect()
     }
 
-    /// The vertices that it presses, until the stencil has been over all that can be pressed.
+    /// The vertices that it presses: every other one that can be pressed is nearer to one of them than the spacing, along both
+    /// yarns, so that in between some may stay untouched.
     pub fn list(&self, task: &Task) -> Vec<u32> {
         let lamina = &task.scene.lamina;
         let side = 1e-3 * task.config.stencil_mm;
