@@ -107,7 +107,8 @@ fn pressable(
 }
 
 /// What a proof of `paths` says, see [`prove`]; nothing is kept. The best of the paths is
-/// `pruned` before. Errors name the `place` of the scene.
+/// `pruned` before; where it diverges in a world of the proof the next best takes its place. Errors name the `place` of
+/// the scene.
 pub(super) fn found(
     case: Case,
     paths: &[Vec<u32>],
@@ -119,10 +120,16 @@ pub(super) fn found(
     let told = |share: f64, doing: &str| progress.tell(share, doing);
     let failure = |error| proof_failure(error, place.clone());
     let mut choice = choose(case, paths, method, Listener(&told)).map_err(failure)?;
-    if let Some(path) = &mut choice.path {
-        pruned(path)?;
+    loop {
+        if let Some(path) = &mut choice.path {
+            pruned(path)?;
+        }
+        let proof = prove(case, &choice, method.judge, Listener(&told)).map_err(failure)?;
+        if !proof.is_lost() || !choice.go_on() {
+            return Ok(proof);
+        }
+        tell("the best path diverges in a world of the proof: the next best is proved");
     }
-    prove(case, &choice, method.judge, Listener(&told)).map_err(failure)
 }
 
 /// The score of a path where paths are proved, NaN if it diverges there.

@@ -74,6 +74,14 @@ pub struct Proof {
     pub recording: Option<Recording>,
 }
 
+impl Proof {
+    /// Whether there is a best path, and it diverges in a world that it is proved in.
+    pub fn is_lost(&self) -> bool {
+        let lost = |row: &Row| row.order == "path" && row.best.score.is_nan();
+        self.best.is_some() && self.rows.iter().any(lost)
+    }
+}
+
 /// The path that is chosen, and its score where it was proved last [-].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Best {
@@ -114,6 +122,19 @@ pub struct Choice {
     chosen: Vec<Chosen>,
 }
 
+impl Choice {
+    /// Gives up the best path, which counts as diverged from now on, for the next best; false if that is unknown.
+    pub fn go_on(&mut self) -> bool {
+        let Chosen { ranked, scores } = &mut self.chosen[0];
+        let Some(&next) = ranked.get(1) else {
+            return false;
+        };
+        scores[ranked.remove(0)] = None;
+        self.path = Some(self.groups[0].1[next].clone());
+        true
+    }
+}
+
 /// Chooses the best of `paths` and of the orders that they are held against, found in the task's own steps. Where
 /// nothing scatters there is one world. The twin as judge has the last word on the path, among the best by the fast
 /// solver.
@@ -150,7 +171,7 @@ pub fn choose(
     }
     let chosen = best_of(case, &groups, method.judge, listener)?;
     Ok(Choice {
-        path: chosen[0].0.map(|k| paths[k].clone()),
+        path: chosen[0].ranked.first().map(|&k| paths[k].clone()),
         groups,
         chosen,
     })
@@ -169,12 +190,15 @@ pub fn prove(
     let Case { scene, env, .. } = case;
     let Choice { groups, chosen, .. } = choice;
     let others = groups.iter().zip(chosen).skip(1);
-    let others = others.map(|((_, lists, _), (best, _))| best.map_or(&[][..], |k| &lists[k]));
+    let others = others.map(|((_, lists, _), chosen)| {
+        let best = chosen.ranked.first();
+        best.map_or(&[][..], |&k| &lists[k])
+    });
     let path = choice.path.as_deref().unwrap_or_default();
     let lists: Vec<&[u32]> = std::iter::once(path).chain(others).collect();
     let worlds = case.worlds(LIES, SEEDS[1], listener)?;
     let row = |physics, k: usize, left: &[Option<Left>]| {
-        let scores: Vec<f64> = chosen[k].1.iter().flatten().copied().collect();
+        let scores: Vec<f64> = chosen[k].scores.iter().flatten().copied().collect();
         let [mean_score, deviation_score] = mean_and_deviation(&scores);
         let (name, _, count) = groups[k];
         Row {
@@ -343,8 +367,13 @@ pub fn sensitivity(
     Ok(all)
 }
 
-/// Of each origin the number of the best list, and the scores of all [-]; none where one diverges.
-type Chosen = (Option<usize>, Vec<Option<f64>>);
+/// Of the lists of one origin the numbers of the better ones, the best first, and the scores of all [-]; none where one
+/// diverges.
+#[derive(Clone, Debug)]
+struct Chosen {
+    ranked: Vec<usize>,
+    scores: Vec<Option<f64>>,
+}
 
 /// The best list of each origin; of the first by the twin, if that is asked.
 fn best_of(
@@ -378,7 +407,6 @@ fn best_of(
     let judged =
         |left: &[Option<Left>]| of(left, |left| left.worth).map(|all| case.scatter.judge(&all));
     let mut found: Vec<Chosen> = Vec::new();
-    let mut ranked: Vec<Vec<usize>> = Vec::new();
     for group in 0..groups.len() {
         let own: Vec<usize> = (0..all.len())
             .filter(|&place| all[place].0 == group)
@@ -406,14 +434,16 @@ fn best_of(
         });
         let mut whole: Vec<(usize, f64)> = whole.collect();
         whole.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        ranked.push(whole.into_iter().map(|(k, _)| k).collect());
-        found.push((ranked[group].first().copied(), scores));
+        let ranked = whole.into_iter().map(|(k, _)| k).collect();
+        found.push(Chosen { ranked, scores });
     }
-    if judge == Physics::Twin && ranked[0].len() > 1 {
-        ranked[0].truncate(TWIN_CHOOSING[0]);
-        let lists: Vec<&[u32]> = ranked[0].iter().map(|&k| &*groups[0].1[k]).collect();
-        let best = best_in_twin(case, &worlds, &lists, listener)?;
-        found[0].0 = best.map(|place| ranked[0][place]).or(found[0].0);
+    let ranked = &mut found[0].ranked;
+    if judge == Physics::Twin && ranked.len() > 1 {
+        let seen = ranked.iter().take(TWIN_CHOOSING[0]);
+        let lists: Vec<&[u32]> = seen.map(|&k| &*groups[0].1[k]).collect();
+        if let Some(best) = best_in_twin(case, &worlds, &lists, listener)? {
+            ranked[..=best].rotate_right(1);
+        }
     }
     Ok(found)
 }

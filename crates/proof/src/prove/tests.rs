@@ -111,6 +111,33 @@ fn what_is_proved_is_what_is_left_of_the_choice() {
     assert_eq!(pressed, half.len() as f64);
 }
 
+/// A best path that is given up counts as diverged, and the next best is proved, until none is left that was ranked.
+#[test]
+fn next_best_takes_the_place_of_what_is_lost() {
+    let (scene, env, none) = (scene(), env(), Scatter::default());
+    let case = case(&scene, &env, &none);
+    let paths = sequences(&scene, &env, Order::Random, 5, 3).unwrap();
+    let mut choice = choose(case, &paths, by(Physics::Solver), Listener::QUIET).unwrap();
+    let proved = |choice: &Choice| {
+        let found = prove(case, choice, Physics::Solver, Listener::QUIET).unwrap();
+        assert!(!found.is_lost());
+        (
+            found.best.clone().unwrap(),
+            row(&found, Physics::Solver, "path"),
+        )
+    };
+    let (best, whole) = proved(&choice);
+    assert!(choice.go_on());
+    let (next, less) = proved(&choice);
+    assert!(paths.contains(&next.path) && next.path != best.path);
+    assert!(next.score < best.score && less.mean_score < whole.mean_score);
+    assert_eq!([whole.diverged, less.diverged, less.count], [0, 1, 5]);
+    let mut lost = prove(case, &choice, Physics::Solver, Listener::QUIET).unwrap();
+    lost.rows[0].best.score = f64::NAN;
+    assert!(lost.is_lost());
+    assert!(!choice.go_on() && choice.path == Some(next.path));
+}
+
 /// What a path costs decides, and is not taken off the score that is told.
 #[test]
 fn costs_decide_which_path_is_best() {
