@@ -13,7 +13,7 @@ use super::setup::{LIES, set_up_run, set_up_worlds};
 use super::signals::stop_on_signal;
 use super::terminal::note;
 use crate::run::{
-    BestPaths, BestSequence, Budget, RunConfig, RunFolder, RunInfo, Start, Weights, search_by_moves,
+    BestPaths, BestSequence, Budget, RunConfig, RunFolder, RunInfo, Weights, search_by_moves,
 };
 use drape_cloth::scene::Scene;
 use drape_proof::Row;
@@ -91,17 +91,10 @@ impl Searched {
         let rated = config.scatter.rated(&config.env);
         let mut judge = Judge::new(scene, worlds, &rated).or_invalid_in(&self.place)?;
         let (progress, began) = (Progress::new("searching"), Instant::now());
-        let (found, spent) = search_by_moves(
-            &mut judge,
-            scene,
-            config,
-            Start::Anew(known),
-            budget,
-            |at| {
-                progress.searching(budget.share(began, at.spent), at);
-                asked().is_none()
-            },
-        )?;
+        let (found, spent) = search_by_moves(&mut judge, scene, config, known, budget, |at| {
+            progress.searching(budget.share(began, at.spent), at);
+            asked().is_none()
+        })?;
         Ok((found, spent))
     }
 

@@ -36,7 +36,7 @@ pub use rollout::{
     replay,
 };
 pub use scenes::{FamilyMember, SceneRange};
-pub use search::{Budget, KNOWN, Start, search_by_moves};
+pub use search::{Budget, KNOWN, search_by_moves};
 pub use training::{Preparation, Scenes, Training};
 pub use turns::{Parameter, ScanFile, Turn, kept_presses};
 pub use weights::Weights;

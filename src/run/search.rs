@@ -39,24 +39,14 @@ impl Budget {
     }
 }
 
-/// What a search begins with, beside sweeps, orders outwards and random ones.
-#[derive(Clone, Debug)]
-pub enum Start {
-    /// The best that a training has kept, if anything: with orders inwards beside it what is found is better in the solver, but worse
-    /// in the twin (docs/NOTES.md).
-    Trained(Vec<Vec<u32>>),
-    /// Orders inwards, and what a policy has played.
-    Anew(Vec<Vec<u32>>),
-}
-
-/// The best of what is known at the `start` and of orders that anybody could think of, changed by moves; with the presses
+/// The best of what is `known` and of orders that anybody could think of, changed by moves; with the presses
 /// made in all. `go_on` is told where the search is, and whether to go on is what it says: a search that ends before its
 /// moves gives what it would begin with.
 pub fn search_by_moves(
     judge: &mut Judge,
     scene: &Arc<Scene>,
     config: &RunConfig,
-    start: Start,
+    mut known: Vec<Vec<u32>>,
     budget: Budget,
     mut go_on: impl FnMut(Searching) -> bool + Send,
 ) -> Result<(Found, u64)> {
@@ -67,21 +57,17 @@ pub fn search_by_moves(
         best: None,
     };
     let mut is_wanted = go_on(at(0));
-    let is_new = matches!(start, Start::Anew(_));
-    let (Start::Trained(mut starts) | Start::Anew(mut starts)) = start;
-    let needs_inwards = is_new || starts.is_empty();
-    starts.truncate(KNOWN);
+    known.truncate(KNOWN);
+    let mut starts = known;
     for (order, count) in [(Order::Outwards, 8), (Order::Sweep, 4), (Order::Random, 4)] {
         starts.extend(sequences(scene, &config.env, order, count, config.seed)?);
     }
     // Worlds that the search comes to never.
     let racing = (1 << 30)..(1 << 30) + 9;
-    if needs_inwards {
-        starts.extend(inwards(judge, racing.end, KNOWN, |spent| {
-            is_wanted = is_wanted && go_on(at(spent));
-            is_wanted && budget.share(began, spent) < INWARDS
-        }));
-    }
+    starts.extend(inwards(judge, racing.end, KNOWN, |spent| {
+        is_wanted = is_wanted && go_on(at(spent));
+        is_wanted && budget.share(began, spent) < INWARDS
+    }));
     if starts.is_empty() {
         bail!("every order diverges, expected one to begin with: raise `env.substep_rate`");
     }

@@ -14,7 +14,7 @@ use super::events::{create_events, reopen_logs, scalar_record};
 use super::folder::RunFolder;
 use super::log::Log;
 use super::metrics::{kept_lines, metrics_line};
-use super::search::{Budget, Start, search_by_moves};
+use super::search::{Budget, search_by_moves};
 use super::weights::Weights;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
@@ -429,14 +429,7 @@ impl Training {
         let rated = config.scatter.rated(&config.env);
         let mut judge = Judge::new(scene, &self.worlds, &rated)?;
         let budget = Budget::Presses(config.polish);
-        let (found, _) = search_by_moves(
-            &mut judge,
-            scene,
-            config,
-            Start::Trained(known),
-            budget,
-            go_on,
-        )?;
+        let (found, _) = search_by_moves(&mut judge, scene, config, known, budget, go_on)?;
         let best = BestPaths::judged(found.orders);
         self.memory.best = best.before(&self.memory.best);
         self.write_best()

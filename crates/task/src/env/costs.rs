@@ -13,6 +13,8 @@ pub struct Costs {
     pub second: f64,
     /// and each inner vertex that ends off the tool, see [`Region::undraped_inner`](super::Region::undraped_inner).
     pub undraped: f64,
+    /// and each vertex that no stencil has been over: what becomes of it hangs on how far cloth is dragged,
+    pub untouched: f64,
     /// and each press that the run's robot cannot make, see [`Feasibility::infeasible`](crate::path::Feasibility::infeasible).
     pub infeasible: f64,
     /// How long the robot takes for a press, beside its way [s],
@@ -31,6 +33,7 @@ impl Default for Costs {
         Self {
             second: 0.0,
             undraped: 0.0,
+            untouched: 0.0,
             infeasible: 0.05,
             press_s: 0.2,
             stroke_s: 3.0,
@@ -47,6 +50,7 @@ impl Costs {
         for (key, value, range) in [
             ("second", self.second, share),
             ("undraped", self.undraped, share),
+            ("untouched", self.untouched, share),
             ("infeasible", self.infeasible, share),
             ("press_s", self.press_s, time),
             ("stroke_s", self.stroke_s, time),
@@ -67,8 +71,10 @@ impl Costs {
             + 1e3 * (path.length_m / self.contact_mm_s + path.jump_m / self.jump_mm_s)
     }
 
-    /// Of a path that has left so many inner vertices undraped.
-    pub(super) fn of(&self, path: &PathFigures, undraped: usize) -> f64 {
-        self.second * self.seconds(path) + self.undraped * undraped as f64
+    /// Of a path that has left so many inner vertices undraped, and so many untouched.
+    pub(super) fn of(&self, path: &PathFigures, undraped: usize, untouched: usize) -> f64 {
+        self.second * self.seconds(path)
+            + self.undraped * undraped as f64
+            + self.untouched * untouched as f64
     }
 }

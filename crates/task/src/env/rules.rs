@@ -178,7 +178,9 @@ impl Task {
             true => self.undraped_inner(state),
             false => 0,
         };
-        costs.of(&self.figures(points), undraped)
+        let touched = &state.pressed.touched;
+        let untouched = self.pressable.difference(touched).count();
+        costs.of(&self.figures(points), undraped, untouched)
             + costs.infeasible * self.infeasible(points) as f64
     }
 

@@ -20,6 +20,8 @@ pub struct Inwards {
     /// How wide a sector is where it is farthest from the place [stencil sides].
     pub width: f64,
     pub way: Way,
+    /// Presses are no nearer to each other along either yarn [stencil sides].
+    pub spacing: f64,
 }
 
 /// How sectors are pressed.
@@ -33,16 +35,16 @@ pub enum Way {
     Snaking,
 }
 
-/// Presses are no nearer to each other along either yarn than this [stencil sides].
-const SPACING: f64 = 0.75;
 /// Places along either side of a region that a search looks at, the finer with the coarser among them; and how many of
 /// all have more tried about them.
 const GRIDS: [usize; 2] = [3, 5];
 const BETTER: usize = 4;
-/// What is tried there.
+/// What is tried there, and nearer presses with the best of all.
 const HOLDS: [f64; 2] = [0.8, 1.5];
 const WIDTHS: [f64; 4] = [0.7, 1.0, 1.4, 2.0];
 const WAYS: [Way; 3] = [Way::Together, Way::Apart, Way::Snaking];
+const DENSE: f64 = 0.5;
+const BEST: usize = 8;
 
 impl Inwards {
     /// One about each place of a grid over the region, that many along either side.
@@ -64,6 +66,7 @@ impl Inwards {
             hold: 1.5,
             width: 1.0,
             way: Way::Snaking,
+            spacing: 0.75,
         };
         (0..places * places).map(at).collect()
     }
@@ -120,7 +123,7 @@ impl Inwards {
             differ.next().unwrap_or(a.0.cmp(&b.0))
         });
         let is_near = |a: [f64; 2], b: [f64; 2]| {
-            (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) < SPACING * side
+            (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) < self.spacing * side
         };
         let mut pressed: Vec<(u32, [f64; 2])> = Vec::new();
         for one in vertices {
@@ -145,10 +148,20 @@ pub fn inwards(
     let mut found: Vec<(f64, Inwards, Vec<u32>)> = Vec::new();
     let mut more: VecDeque<Vec<Inwards>> =
         GRIDS.map(|grid| Inwards::over(judge.task(), grid)).into();
-    let mut is_about_places = true;
+    let mut stage = 0;
     while go_on(judge.spent() - before) {
-        if more.is_empty() && std::mem::take(&mut is_about_places) {
-            more.extend(found.iter().take(BETTER).map(|(_, one, _)| one.kinds()));
+        if more.is_empty() {
+            stage += 1;
+            let orders = found.iter().map(|one| one.1);
+            let dense = |one: Inwards| Inwards {
+                spacing: DENSE,
+                ..one
+            };
+            match stage {
+                1 => more.extend(orders.take(BETTER).map(Inwards::kinds)),
+                2 => more.push_back(orders.take(BEST).map(dense).collect()),
+                _ => break,
+            }
         }
         let Some(orders) = more.pop_front() else {
             break;
@@ -202,6 +215,7 @@ mod tests {
             hold: 0.5,
             width: 0.5,
             way,
+            spacing: 0.75,
         }
     }
 
@@ -232,5 +246,10 @@ mod tests {
         assert!(together[1..5].iter().all(|v| radius(v) > 113.0));
         assert!(apart[1..4].is_sorted_by(|a, b| radius(a) > radius(b)));
         assert_ne!(order(Way::Snaking), apart);
+        let dense = Inwards {
+            spacing: 0.5,
+            ..about([0.0, 0.0], Way::Apart)
+        };
+        assert!(dense.list(&task).len() > apart.len());
     }
 }

@@ -6,10 +6,11 @@ use super::*;
 /// What a path costs is taken off its worth, counted on the tool, and of nothing else.
 #[test]
 fn costs_are_taken_off_what_a_path_is_worth() {
-    let config = |second: f64, undraped: f64| EnvConfig {
+    let config = |second: f64, undraped: f64, untouched: f64| EnvConfig {
         costs: Costs {
             second,
             undraped,
+            untouched,
             infeasible: 0.1,
             press_s: 0.5,
             stroke_s: 2.0,
@@ -21,7 +22,7 @@ fn costs_are_taken_off_what_a_path_is_worth() {
         ..small_region()
     };
     let new = |config: &EnvConfig| Draping::new(COARSE.clone(), config, 1).unwrap();
-    let (plain, costly) = (config(0.0, 0.0), config(0.001, 0.04));
+    let (plain, costly) = (config(0.0, 0.0, 0.0), config(0.001, 0.04, 0.003));
     let (mut env, other) = (new(&plain), new(&costly));
     let mut player = Player::new(3, 1);
     play(&mut env, &mut player, 9);
@@ -29,12 +30,16 @@ fn costs_are_taken_off_what_a_path_is_worth() {
     let points = task.points(end.presses());
     let path = PathFigures::new(&points, costly.rolling());
     let undraped = task.undraped_inner(end.cloth()) as f64;
+    let touched = &end.cloth().pressed.touched;
+    let untouched = task.pressable_vertices().filter(|&v| !touched[v as usize]);
+    let untouched = untouched.count() as f64;
     let counts = [
         path.strokes,
         path.sharp_turns,
         path.jump_m,
         path.length_m,
         undraped,
+        untouched,
     ];
     // All but jumps.
     let is_there = |k: usize| k == 2 || counts[k] > 0.0;
@@ -48,7 +53,8 @@ fn costs_are_taken_off_what_a_path_is_worth() {
     let score = task.score(end.cloth());
     assert_eq!(env.task(0).worth(&end), Some(score));
     let worth = task.worth(&end).unwrap();
-    assert!((score - 0.001 * seconds - 0.04 * undraped - worth).abs() < 1e-12);
+    let cost = 0.001 * seconds + 0.04 * undraped + 0.003 * untouched;
+    assert!((score - cost - worth).abs() < 1e-12);
     assert_eq!(env.scores(), [score]);
 }
 
