@@ -46,7 +46,7 @@ pub fn search_by_moves(
     judge: &mut Judge,
     scene: &Arc<Scene>,
     config: &RunConfig,
-    mut known: Vec<Vec<u32>>,
+    known: Vec<Vec<u32>>,
     budget: Budget,
     mut go_on: impl FnMut(Searching) -> bool + Send,
 ) -> Result<(Found, u64)> {
@@ -57,8 +57,8 @@ pub fn search_by_moves(
         best: None,
     };
     let mut is_wanted = go_on(at(0));
-    known.truncate(KNOWN);
     let mut starts = known;
+    starts.truncate(KNOWN);
     for (order, count) in [(Order::Outwards, 8), (Order::Sweep, 4), (Order::Random, 4)] {
         starts.extend(sequences(scene, &config.env, order, count, config.seed)?);
     }

@@ -375,7 +375,7 @@ struct Chosen {
     scores: Vec<Option<f64>>,
 }
 
-/// The best list of each origin; of the first by the twin, if that is asked.
+/// The better lists of each origin; the best of the first is the twin's choice, if that is asked.
 fn best_of(
     case: Case,
     groups: &[(&str, Vec<Vec<u32>>, usize)],
