@@ -17,9 +17,7 @@ use crate::run::{BestPaths, Budget, Rules, RunConfig, replay};
 use drape_proof::Row;
 use drape_task::env::{Draping, Episode};
 use drape_task::path::PathFigures;
-use drape_task::search::{
-    Arena, CrossEntropy, at_random, cross_entropy, in_order, outwards, sweeps,
-};
+use drape_task::search::{Arena, at_random, in_order, outwards, sweeps};
 
 /// Search the best path of a task without learning: what a trained policy has to beat
 ///
@@ -29,7 +27,7 @@ use drape_task::search::{
 #[command(after_help = "Examples:
   drape baseline --policy moves
   drape baseline task.toml --policy sweep --json
-  drape baseline task.toml --policy cem --steps 50000 --seed 2 --name cem-2")]
+  drape baseline task.toml --policy outwards --steps 50000 --name outwards")]
 pub struct BaselineArgs {
     /// Configuration file, as for `train`; the built-in quickstart if not given
     config: Option<PathBuf>,
@@ -59,8 +57,6 @@ enum Policy {
     Sweep,
     /// Outwards from places of finer and finer grids
     Outwards,
-    /// Cross-entropy method over a priority of each vertex, drawn alike as far as `search_alike` says
-    Cem,
     /// Moves of the order, beside what it was, in scattered worlds
     Moves,
 }
@@ -73,7 +69,6 @@ impl Policy {
             Self::Random => at_random(arena, seed),
             Self::Sweep => return !in_order(arena, sweeps(start)),
             Self::Outwards => return !in_order(arena, outwards(start)),
-            Self::Cem => cross_entropy(arena, CrossEntropy::alike(config.search_alike), seed),
             Self::Moves => unreachable!("they play no episodes"),
         }
         true

@@ -262,7 +262,7 @@ pub(super) fn read_weights(
 /// Size of the images of a run, before its blank falls.
 pub(super) fn shape_of(config: &RunConfig) -> Result<ImageShape, Failure> {
     let members = config.members().or_invalid()?;
-    members[0].check(1, 0).or_invalid()
+    members[0].check(1).or_invalid()
 }
 
 /// What an agent presses on a scene, greedily first and then drawn so often, without the episodes that diverge.

@@ -90,8 +90,9 @@ impl Searched {
         let asked = stop_on_signal()?;
         let rated = config.scatter.rated(&config.env);
         let mut judge = Judge::new(scene, worlds, &rated).or_invalid_in(&self.place)?;
+        let place = (scene, &config.env, config.seed);
         let (progress, began) = (Progress::new("searching"), Instant::now());
-        let (found, spent) = search_by_moves(&mut judge, scene, config, known, budget, |at| {
+        let (found, spent) = search_by_moves(&mut judge, place, known, budget, |at| {
             progress.searching(budget.share(began, at.spent), at);
             asked().is_none()
         })?;

@@ -143,11 +143,4 @@ impl BestPaths {
             others: others.to_vec(),
         })
     }
-
-    /// All of them, as actions.
-    pub fn actions(&self, task: &Task) -> Vec<Vec<u32>> {
-        let action = |&vertex: &u32| task.action(vertex);
-        let actions = |best: &Scored| best.vertices.iter().filter_map(action).collect();
-        self.0.iter().map(actions).collect()
-    }
 }

@@ -44,12 +44,9 @@ pub struct RunConfig {
     pub seed: u64,
     /// Environment steps of the whole training, all environments counted.
     pub steps: u64,
-    /// Environment steps of search before the training, by the cross-entropy method: its best sequences are
-    /// the first to be imitated.
+    /// Presses of search before the training, over all scenes: its best sequences are the first to be imitated.
     pub search: u64,
-    /// How far it draws vertices alike, see [`drape_task::search::CrossEntropy::alike`].
-    pub search_alike: f64,
-    /// Environment steps of search after the training, from its best sequences on, see
+    /// Presses of search after the training, from its best sequences on, see
     /// [`drape_task::search::moves`].
     pub polish: u64,
     /// Environments stepped together.
@@ -148,7 +145,6 @@ impl RunConfig {
             seed: 1,
             steps: 200_000,
             search: 0,
-            search_alike: 0.0,
             polish: 0,
             environments: 32,
             device: DeviceKind::default(),
@@ -235,7 +231,7 @@ impl RunConfig {
     /// networks that do not fit the image.
     pub fn check_before_fall(&self) -> Result<()> {
         let members = self.members()?;
-        let check = |member: &FamilyMember| member.check(self.environments, self.search);
+        let check = |member: &FamilyMember| member.check(self.environments);
         let shapes: Vec<ImageShape> = members.iter().map(check).collect::<Result<_>>()?;
         let size = |of: ImageShape| format!("{} x {} pixels", of.rows, of.columns);
         for (member, &shape) in members.iter().zip(&shapes) {
@@ -388,7 +384,6 @@ impl RunConfig {
         let is_imitated = self.search == 0 || self.ppo.imitation.is_some();
         let expected = "0 where nothing is imitated";
         ValueError::unless(is_imitated, "search", self.search, expected)?;
-        ValueError::unless_within("search_alike", self.search_alike, [0.0, 1.0])?;
         let scatter = self.scatter.check();
         scatter.map_err(|error| error.within("scatter"))?;
         range("environments", self.environments as u64, 8192)?;

@@ -51,6 +51,11 @@ impl Demonstrations {
         Ok(Self(files.iter().map(read).collect::<Result<_>>()?))
     }
 
+    /// Puts others before them.
+    pub(super) fn insert(&mut self, others: Self) {
+        self.0.splice(0..0, others.0);
+    }
+
     /// The vertices of each, in order.
     pub fn lists(&self) -> &[Vec<u32>] {
         &self.0
@@ -92,6 +97,12 @@ impl Demonstrations {
             }
         }
         None
+    }
+}
+
+impl FromIterator<Vec<u32>> for Demonstrations {
+    fn from_iter<I: IntoIterator<Item = Vec<u32>>>(orders: I) -> Self {
+        Self(orders.into_iter().collect())
     }
 }
 

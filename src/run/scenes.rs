@@ -125,29 +125,15 @@ impl FamilyMember {
     /// Refuses what needs no fall to be refused: values that cannot be, blanks of which `count` environments exhaust the
     /// memory, and regions off them; where they `search`, too few steps for episodes to end. Gives the size of the
     /// images.
-    pub fn check(&self, count: usize, search: u64) -> Result<ImageShape> {
-        self.located(self.checked(count, search))
+    pub fn check(&self, count: usize) -> Result<ImageShape> {
+        self.located(self.checked(count))
     }
 
-    fn checked(&self, count: usize, search: u64) -> Result<ImageShape> {
+    fn checked(&self, count: usize) -> Result<ImageShape> {
         self.scene.check()?;
         let lamina = Lamina::new(&self.scene.blank, self.scene.read_material()?)?;
         check_memory(count, lamina.vertex_count())?;
         let region = self.env.region(&lamina)?;
-        if search > 0 {
-            // A stencil holds so many vertices of the flat blank, and of wrinkles under it not twice as many.
-            let cell = lamina.cell_diagonal() / std::f64::consts::SQRT_2;
-            let side = 1e-3 * self.env.stencil_mm * self.env.parameters.stencil;
-            let side = (side / cell).floor() + 1.0;
-            let least = region.vertices.count_ones(..) as f64 / (2.0 * side * side);
-            let least = least.ceil() as u64;
-            let expected = |least| format!("at least {least}, for an episode of `search` to end");
-            let found = self.env.max_steps.unwrap_or(usize::MAX);
-            let can_end = found as u64 >= least;
-            ValueError::unless(can_end, "env.max_steps", found, expected(least))?;
-            let least = least * count as u64;
-            ValueError::unless(search >= least, "search", search, expected(least))?;
-        }
         let [rows, columns] = match self.env.crop {
             true => [region.rows.len(), region.columns.len()],
             false => [lamina.rows, lamina.columns],

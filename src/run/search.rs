@@ -3,9 +3,9 @@ use std::time::Instant;
 
 use anyhow::{Result, bail};
 
-use super::config::RunConfig;
 use drape_cloth::scene::Scene;
 use drape_proof::orders::sequences;
+use drape_task::env::EnvConfig;
 use drape_task::search::{Found, Judge, Moves, Order, Searching, inwards, moves};
 
 /// Known lists that a search by moves looks at before it begins.
@@ -39,13 +39,13 @@ impl Budget {
     }
 }
 
-/// The best of what is `known` and of orders that anybody could think of, changed by moves; with the presses
+/// The best of what is `known` and of orders that anybody could think of for the task on a scene, changed by moves under a
+/// seed; with the presses
 /// made in all. `go_on` is told where the search is, and whether to go on is what it says: a search that ends before its
 /// moves gives what it would begin with.
 pub fn search_by_moves(
     judge: &mut Judge,
-    scene: &Arc<Scene>,
-    config: &RunConfig,
+    (scene, env, seed): (&Arc<Scene>, &EnvConfig, u64),
     known: Vec<Vec<u32>>,
     budget: Budget,
     mut go_on: impl FnMut(Searching) -> bool + Send,
@@ -60,7 +60,7 @@ pub fn search_by_moves(
     let mut starts = known;
     starts.truncate(KNOWN);
     for (order, count) in [(Order::Outwards, 8), (Order::Sweep, 4), (Order::Random, 4)] {
-        starts.extend(sequences(scene, &config.env, order, count, config.seed)?);
+        starts.extend(sequences(scene, env, order, count, seed)?);
     }
     // Worlds that the search comes to never.
     let racing = (1 << 30)..(1 << 30) + 9;
@@ -94,7 +94,7 @@ pub fn search_by_moves(
         Budget::Until(end) => {
             // As fast as the race was, which was in the coarsest steps.
             let raced = (judge.spent() - raced) as f64 / at_race.elapsed().as_secs_f64();
-            let rates = config.scatter.rated(&config.env);
+            let rates = judge.worlds().scatter.rated(env);
             let rates: Vec<f64> = rates
                 .iter()
                 .map(|env| env.stepping().substep_rate)
@@ -112,6 +112,6 @@ pub fn search_by_moves(
         };
         go_on(Searching { spent, ..at }) && !is_over
     };
-    let found = moves(judge, &chosen, method, left, config.seed, watch);
+    let found = moves(judge, &chosen, method, left, seed, watch);
     Ok((found, judge.spent() - before))
 }

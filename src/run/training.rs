@@ -11,19 +11,19 @@ use super::checkpoint::Checkpoint;
 use super::config::RunConfig;
 use super::demonstrations::{Demonstrations, beginners_order};
 use super::events::{create_events, reopen_logs, scalar_record};
-use super::folder::RunFolder;
+use super::folder::{RunFolder, write_json};
 use super::log::Log;
 use super::metrics::{kept_lines, metrics_line};
 use super::search::{Budget, search_by_moves};
 use super::weights::Weights;
-use drape_cloth::file::ValueError;
+use drape_cloth::file::read_json;
 use drape_cloth::scene::Scene;
 use drape_learn::ppo::{
     EpisodeRecord, Iteration, NETWORK, Sampling, Sections, Trainer, decode, encode, read_section,
 };
 use drape_task::cluster::Cluster;
-use drape_task::env::{Draping, End, EnvConfig, Episode, Member, Reward, Tasks, Worlds};
-use drape_task::search::{Arena, CrossEntropy, Judge, Searching, cross_entropy};
+use drape_task::env::{Draping, End, EnvConfig, Member, Reward, Tasks, Worlds};
+use drape_task::search::{Judge, Searching};
 
 /// Checkpoint section of what the run itself remembers.
 const RUN: &str = "run";
@@ -47,8 +47,8 @@ pub struct Training {
     evaluation: Draping,
     /// So many tasks, the first, are on the run's own scene.
     own_tasks: usize,
-    /// Worlds round the run's own scene.
-    worlds: Arc<Worlds>,
+    /// Worlds round each scene.
+    worlds: Vec<Arc<Worlds>>,
     memory: Memory,
     /// What an earlier polish has come to, which the memory knows nothing of.
     polished: Option<Vec<u32>>,
@@ -73,12 +73,13 @@ struct Memory {
     lines: u64,
 }
 
-/// Episodes of a search, all cut off by `env.max_steps`, after which none is expected to end: eight of its generations.
-const HOPELESS: usize = 8 * 64;
-
-/// Environments that search on a scene, at least, where each makes so many steps: two groups of lanes, for two cores.
-const SEARCHING: usize = 32;
-const WORTHWHILE: usize = 500;
+/// What a search has found so far on each scene, for a run that is gone on with.
+#[derive(Default, Serialize, Deserialize)]
+struct Searched {
+    /// Of the whole search.
+    presses: u64,
+    found: Vec<Demonstrations>,
+}
 
 /// Episodes that the mean score of a report is taken over.
 const RECENT: usize = 50;
@@ -131,11 +132,12 @@ impl Training {
         reward: Reward,
     ) -> Result<Self> {
         let lock = cluster.is_first().then(|| folder.lock()).transpose()?;
-        let (own, worlds) = &scenes[0];
-        let worlds = worlds
-            .clone()
-            .unwrap_or_else(|| Worlds::nominal(own).into());
-        let evaluation = member(own, &config.env, 1);
+        let all = scenes.iter().map(|(scene, worlds)| {
+            let nominal = || Worlds::nominal(scene).into();
+            worlds.clone().unwrap_or_else(nominal)
+        });
+        let all: Vec<Arc<Worlds>> = all.collect();
+        let evaluation = member(&scenes[0].0, &config.env, 1);
         let members = config.members()?;
         let own_tasks = members[0].environments;
         let members = scenes.iter().zip(members);
@@ -152,7 +154,7 @@ impl Training {
             trainer: trainer.among(cluster)?,
             evaluation: Draping::on(vec![evaluation], cluster)?,
             own_tasks,
-            worlds,
+            worlds: all,
             config,
             folder,
             memory: Memory::default(),
@@ -285,7 +287,10 @@ impl Training {
     /// the learner see the best that was found, and in the environments that are left orders that anybody could
     /// think of, and imitate them. `go_on` is told what is done and the share of it; when it says no, nothing
     /// has changed.
-    pub fn prepare(&mut self, mut go_on: impl FnMut(Preparation, f64) -> bool) -> Result<()> {
+    pub fn prepare(
+        &mut self,
+        mut go_on: impl FnMut(Preparation, f64) -> bool + Send,
+    ) -> Result<()> {
         let Some(imitation) = &self.config.ppo.imitation else {
             return Ok(());
         };
@@ -294,32 +299,17 @@ impl Training {
         }
         let before = (imitation.pretraining > 0).then(|| self.trainer.save());
         let searching = |best, share| go_on(Preparation::Searching { best }, share);
-        let Some(found) = self.search(searching)? else {
+        let Some(mut found) = self.search(searching)? else {
             return Ok(());
         };
+        found[0].insert(Demonstrations::of(&self.folder)?);
         let mut presses = vec![0; self.trainer.tasks().count()];
-        let demonstrations = Demonstrations::of(&self.folder)?;
         let shown = self.trainer.show(|tasks, task| {
             let scene = usize::from(tasks.observations().views[task]);
             let own: Vec<usize> = tasks.environments(scene).collect();
             let number = own.iter().take_while(|&&other| other != task).count();
-            let pressed = &mut presses[task];
-            let before = if scene == 0 {
-                demonstrations.lists().len()
-            } else {
-                0
-            };
-            if number < before {
-                let next = demonstrations.next(number, pressed, tasks, task);
-                return next.unwrap_or_else(|| beginners_order(tasks, &own, number));
-            }
-            let next = found[scene].get(number - before);
-            let next = next.and_then(|actions| actions.get(*pressed));
-            // In another world than it was found in it may not be.
-            let next = next.filter(|&&action| tasks.observation(task).allows(action));
-            *pressed += 1;
-            next.copied()
-                .unwrap_or_else(|| beginners_order(tasks, &own, number))
+            let next = found[scene].next(number, &mut presses[task], tasks, task);
+            next.unwrap_or_else(|| beginners_order(tasks, &own, number))
         });
         let mut is_whole = true;
         self.trainer.pretrain(|share, loss| {
@@ -337,54 +327,62 @@ impl Training {
         self.checkpoint()
     }
 
-    /// The best action sequences of a search on each scene, best first; none when `go_on`, told the best score
-    /// and the share of the steps, has said no.
+    /// The best orders of a search on each scene, best first; none when `go_on`, told what the best is worth and the share of
+    /// the presses, has said no.
     fn search(
         &self,
-        mut go_on: impl FnMut(Option<f64>, f64) -> bool,
-    ) -> Result<Option<Vec<Vec<Vec<u32>>>>> {
+        mut go_on: impl FnMut(Option<f64>, f64) -> bool + Send,
+    ) -> Result<Option<Vec<Demonstrations>>> {
         let (tasks, all) = (self.trainer.tasks(), self.config.search);
-        if all == 0 {
-            return Ok(Some(vec![Vec::new(); tasks.tasks().len()]));
-        }
-        let (mut found, mut is_whole, mut before) = (Vec::new(), true, 0);
-        for (number, task) in tasks.tasks().iter().enumerate() {
+        let file = self.folder.path.join("searched.json");
+        let (mut found, mut before) = (Vec::new(), 0);
+        let known = match file.exists() {
+            true => read_json(&file, "orders of a search")?,
+            false => Searched::default(),
+        };
+        // All have looked before the first writes.
+        self.cluster.any(false);
+        let known = if known.presses == all {
+            known.found
+        } else {
+            Vec::new()
+        };
+        for (number, (task, worlds)) in tasks.tasks().iter().zip(&self.worlds).enumerate() {
             let count = tasks.environments(number).count();
-            let steps = all * count as u64 / tasks.count() as u64;
-            // No lane stays empty of a family that has few environments on each scene, if its steps suffice for so many.
-            let lanes = SEARCHING.min(steps as usize / WORTHWHILE);
-            let member = member(&task.scene, &task.config, count.max(lanes));
-            let mut draping = Draping::on(vec![member], &self.cluster)?;
-            let mut best = BestPaths::default();
-            let mut truncated = 0;
-            let mut watch = |spent: u64, ended: &[Episode]| {
-                for episode in ended.iter().filter(|e| e.end == End::Terminated) {
-                    best.remember(episode.score, &episode.actions, task);
-                }
-                truncated += ended.iter().filter(|e| e.end == End::Truncated).count();
-                is_whole = go_on(best.score(), (before + spent) as f64 / all as f64);
-                is_whole && (best.score().is_some() || truncated < HOPELESS)
+            let presses = all * count as u64 / tasks.count() as u64;
+            if let Some(known) = known
+                .get(number)
+                .cloned()
+                .or((presses == 0).then(Demonstrations::default))
+            {
+                before += presses;
+                found.push(known);
+                continue;
+            }
+            let rated = match worlds.differ() {
+                true => self.config.scatter.rated(&task.config),
+                false => vec![task.config.clone()],
             };
-            let mut arena = Arena::new(&mut draping, steps, &mut watch);
-            let method = CrossEntropy::alike(self.config.search_alike);
-            cross_entropy(&mut arena, method, self.config.seed);
+            let mut judge = Judge::new(&task.scene, worlds, &rated)?;
+            let (budget, mut is_whole) = (Budget::Presses(presses), true);
+            let place = (&task.scene, &task.config, self.config.seed);
+            let searched = search_by_moves(&mut judge, place, Vec::new(), budget, |at| {
+                is_whole = go_on(at.best, (before + at.spent) as f64 / all as f64);
+                is_whole
+            });
+            let (orders, _) = searched.with_context(|| format!("scene {number}"))?;
             if !is_whole {
                 return Ok(None);
             }
-            if best.score().is_none() {
-                let place = format!("for an episode of `search` to end on scene {number}");
-                let (key, found, what) = match task.config.max_steps {
-                    Some(most) if truncated > 0 => ("env.max_steps", most as u64, "presses"),
-                    _ => ("search", all, "steps"),
-                };
-                bail!(ValueError::new(
-                    key,
-                    found,
-                    format!("enough {what} {place}")
-                ));
+            before += presses;
+            let orders = orders.orders.into_iter().take(count);
+            found.push(orders.map(|(order, _)| order).collect());
+            if self.cluster.is_first() {
+                let presses = all;
+                let searched = Searched { presses, found };
+                write_json(&file, &searched)?;
+                found = searched.found;
             }
-            before += steps;
-            found.push(best.actions(task));
         }
         Ok(Some(found))
     }
@@ -427,9 +425,10 @@ impl Training {
         let known: Vec<Vec<u32>> = known.cloned().collect();
         let scene = self.evaluation.scene();
         let rated = config.scatter.rated(&config.env);
-        let mut judge = Judge::new(scene, &self.worlds, &rated)?;
+        let mut judge = Judge::new(scene, &self.worlds[0], &rated)?;
         let budget = Budget::Presses(config.polish);
-        let (found, _) = search_by_moves(&mut judge, scene, config, known, budget, go_on)?;
+        let place = (scene, &config.env, config.seed);
+        let (found, _) = search_by_moves(&mut judge, place, known, budget, go_on)?;
         let best = BestPaths::judged(found.orders);
         self.memory.best = best.before(&self.memory.best);
         self.write_best()

@@ -3,7 +3,7 @@
 use super::run::*;
 use super::*;
 
-const POLICIES: [&str; 4] = ["random", "sweep", "outwards", "cem"];
+const POLICIES: [&str; 3] = ["random", "sweep", "outwards"];
 
 /// What a search leaves, sorted.
 const FILES: [&str; 12] = [

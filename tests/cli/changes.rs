@@ -81,39 +81,11 @@ fn complete_run_takes_more_steps_and_other_keys() {
     json(path, &["eval", "runs/a", "--episodes", "1", "--json"]);
 }
 
-/// Before the fall where it can be known, and else before the search is over.
+/// Before the fall.
 #[test]
-fn search_that_no_episode_can_end_in_is_refused() {
+fn members_that_cannot_be_are_refused() {
     let folder = folder();
     let path = folder.path();
-    for (steps, presses, words) in [
-        (
-            80_000,
-            5,
-            "config.toml: `env.max_steps` is 5, expected at least 13, for an episode of `search` to end",
-        ),
-        (
-            80_000,
-            14,
-            "config.toml: `env.max_steps` is 14, expected enough presses for an episode of `search`",
-        ),
-        (
-            400,
-            14,
-            "config.toml: `env.max_steps` is 14, expected enough presses for an episode of `search`",
-        ),
-        (
-            20,
-            400,
-            "config.toml: `search` is 20, expected at least 52, for an episode of `search` to end",
-        ),
-    ] {
-        let config = CONFIG.replace("steps = 240", &format!("steps = 240\nsearch = {steps}"));
-        let config = config.replace("[env]", &format!("[env]\nmax_steps = {presses}"));
-        assert_failure(&refused(path, &config), 2, &[words]);
-        assert_eq!(path.join("runs").exists(), presses == 14);
-        let _ = fs::remove_dir_all(path.join("runs"));
-    }
     for (key, words) in [
         (
             "placement.tilt_deg",

@@ -377,16 +377,6 @@ fn interrupted_search_begins_again() {
             assert!(found[name] == expected[name], "{signal}: {name}");
         }
     }
-    // For so many environments it would be too short, but it has been done.
-    let more = [
-        "train",
-        "--resume",
-        "runs/whole",
-        "--set",
-        "environments=640",
-        "--json",
-    ];
-    json(path, &more);
     let off = config.replace(imitation, "");
     let off = off.replace("[ppo]\n", "[ppo]\nimitation = \"off\"\n");
     let message = "config.toml: `search` is 8000, expected 0 where nothing is imitated";

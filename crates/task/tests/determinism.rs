@@ -6,7 +6,7 @@ use std::sync::{Arc, LazyLock};
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_task::env::{Draping, EnvConfig, Episode, Tasks};
-use drape_task::search::{Arena, CrossEntropy, cross_entropy};
+use drape_task::search::{Arena, at_random};
 
 static SCENE: LazyLock<Arc<Scene>> = LazyLock::new(|| Arc::new(rib()));
 
@@ -90,30 +90,20 @@ fn scene_does_not_depend_on_the_number_of_threads() {
     assert!(one.initial == seven.initial);
 }
 
-/// Orders that are drawn alike too; the first are orders outwards and sweeps.
 #[test]
 fn search_does_not_depend_on_the_number_of_threads() {
-    let search = |alike: f64| {
+    let search = || {
         let mut env = Draping::new(SCENE.clone(), &config(), 8).unwrap();
         let mut ended = Vec::new();
         let mut watch = |_: u64, episodes: &[Episode]| {
             ended.extend(episodes.iter().map(|episode| episode.actions.clone()));
             true
         };
-        let mut arena = Arena::new(&mut env, 3000, &mut watch);
-        let method = CrossEntropy {
-            episodes: 8,
-            elites: 2,
-            ..CrossEntropy::alike(alike)
-        };
-        cross_entropy(&mut arena, method, 3);
+        at_random(&mut Arena::new(&mut env, 1000, &mut watch), 3);
         ended
     };
-    for alike in [0.0, 0.2, 1.0] {
-        let [one, seven] = [1, 7].map(|threads| in_threads(threads, || search(alike)));
-        assert!(one.len() > 16 && one == seven, "{alike}");
-    }
-    assert_ne!(search(0.0), search(0.2));
+    let [one, seven] = [1, 7].map(|threads| in_threads(threads, search));
+    assert!(one.len() > 8 && one == seven);
 }
 
 /// One environment alone is computed with its lines side by side in the lanes.

@@ -103,7 +103,7 @@ fn preparation_is_whole_or_not_at_all() {
     let (mut other, _root) = begun(Reward::default(), change);
     let before = other.trainer.save();
     assert!(before != expected);
-    for (searching, most) in [(true, 400), (false, 3)] {
+    for (searching, most) in [(true, 20), (false, 3)] {
         let mut told = 0;
         let refuse = |doing, _| {
             told += usize::from(matches!(doing, Preparation::Searching { .. }) == searching);
@@ -117,14 +117,4 @@ fn preparation_is_whole_or_not_at_all() {
     assert!(other.trainer.save() == expected);
     assert!(other.best_score().is_some() && other.best_score() == whole.best_score());
     other.prepare(|_, _| panic!("it has been done")).unwrap();
-}
-
-/// A search that no episode fits in is refused, rather than passed over.
-#[test]
-fn search_without_an_episode_is_refused() {
-    let (mut training, _root) = begun(Reward::default(), |config| config.search = 6);
-    let error = training.prepare(|_, _| true).unwrap_err().to_string();
-    let expected =
-        "`search` is 6, expected enough steps for an episode of `search` to end on scene 0";
-    assert_eq!(error, expected);
 }

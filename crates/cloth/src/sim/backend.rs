@@ -69,8 +69,8 @@ pub struct Observed {
     pub seen: Observations,
     /// Whether every position is a number within 100 m of the origin `[environment]`.
     pub finite: Vec<bool>,
-    /// How many vertices of its view no press has touched `[environment]`.
-    pub untouched: Vec<usize>,
+    /// How many vertices of its view are left to be pressed `[environment]`, see [`Mask`](super::Mask).
+    pub left: Vec<usize>,
 }
 
 impl Observed {
@@ -84,7 +84,7 @@ impl Observed {
         }
         Self {
             finite: all.iter().flat_map(|one| &one.finite).copied().collect(),
-            untouched: all.iter().flat_map(|one| &one.untouched).copied().collect(),
+            left: all.iter().flat_map(|one| &one.left).copied().collect(),
             seen: Observations::joined(all.into_iter().map(|one| one.seen).collect()),
         }
     }

@@ -197,7 +197,7 @@ impl Backend for Cpu {
     fn observe(&self) -> Observed {
         let (known, count) = (&self.known, self.count());
         let world = &known.world;
-        let (lamina, _) = world.pressed();
+        let pressable = world.pressed();
         let pixels = world.views[0].pixel_count;
         let places = (0..count).map(|environment| self.place(environment));
         let views = places.map(|(group, lane)| self.groups[group].own(lane).view);
@@ -211,15 +211,15 @@ impl Backend for Cpu {
             .par_chunks_mut(pixels)
             .zip(marks.par_chunks_mut(pixels));
         let all = rows.zip(&found).zip(&self.pressed).zip(&views);
-        let untouched = all.map(|((((distance, marks), found), pressed), &view)| {
+        let left = all.map(|((((distance, marks), found), pressed), &view)| {
             let view = &world.views[usize::from(view)];
             for (&pixel, phi) in view.pixels.iter().zip(found) {
                 distance[pixel as usize] = phi.max(0.0) as f32;
             }
-            view.mark(lamina, pressed, marks)
+            view.mark(pressable, pressed, distance, marks)
         });
         Observed {
-            untouched: untouched.collect(),
+            left: left.collect(),
             finite: self.finite(),
             seen: Observations::new(views, distance, marks),
         }

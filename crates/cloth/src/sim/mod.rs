@@ -69,4 +69,4 @@ pub use press::{Press, Roller};
 pub use state::{ALLOWED, DRAPED, Pressed, Presses, STENCIL, Snapshot, TOUCHED};
 pub use stencil::{Stencil, under_stencil};
 pub use stepping::{Accuracy, Control, Stepping};
-pub use view::View;
+pub use view::{Mask, View};

@@ -127,7 +127,8 @@ pub struct Observations {
     pub views: Arc<[u16]>,
     /// Distance to the tool [m], 0 inside and where there is no vertex `[row, pixel]`.
     pub distance: Column<f32>,
-    /// Bits [`TOUCHED`](super::TOUCHED), [`DRAPED`](super::DRAPED) and [`ALLOWED`] `[row, pixel]`.
+    /// Bits [`TOUCHED`](super::TOUCHED), [`DRAPED`](super::DRAPED), [`STENCIL`](super::STENCIL) and [`ALLOWED`]
+    /// `[row, pixel]`.
     pub marks: Column<u8>,
     /// Pixels of a row.
     pub pixel_count: usize,

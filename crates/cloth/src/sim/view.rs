@@ -1,8 +1,24 @@
-use fixedbitset::FixedBitSet;
+use std::sync::Arc;
 
-use super::state::{ALLOWED, DRAPED, Pressed, TOUCHED};
+use fixedbitset::FixedBitSet;
+use serde::{Deserialize, Serialize};
+
+use super::state::{ALLOWED, DRAPED, Pressed, STENCIL, TOUCHED};
+use super::stencil::Stencil;
 use crate::fabric::Lamina;
 use crate::math::bits;
+
+/// Where a press is allowed, and when nothing is left to be pressed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mask {
+    /// On untouched vertices next to the last press or, if there are none, on all untouched ones, until there are none
+    /// (paper, Section 4.2.1): strokes without jumps.
+    #[default]
+    Stroke,
+    /// On all untouched vertices, until all of these are on the tool.
+    Free,
+}
 
 /// What is seen of a blank, as an image, and measured: the vertices of a region.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +31,7 @@ pub struct View {
     pub vertices: Vec<u32>,
     /// These vertices, one bit a vertex of the blank.
     pub region: FixedBitSet,
+    pub mask: Mask,
 }
 
 impl View {
@@ -23,6 +40,7 @@ impl View {
         pixel_count: usize,
         seen: impl Iterator<Item = (u32, u32)>,
         vertex_count: usize,
+        mask: Mask,
     ) -> Self {
         let (pixels, vertices): (Vec<u32>, Vec<u32>) = seen.unzip();
         Self {
@@ -30,34 +48,48 @@ impl View {
             region: bits::set(vertex_count, vertices.iter().map(|&v| v as usize)),
             pixels,
             vertices,
+            mask,
         }
     }
 
-    /// Marks an image by the rules of the task (paper, Section 4.2.1): a press is allowed on untouched
-    /// vertices next to those that were pressed last or, if there are none, on all untouched ones. Gives
-    /// how many these are.
-    pub fn mark(&self, lamina: &Lamina, pressed: &Pressed, marks: &mut [u8]) -> usize {
-        let near = pressed.stencil.iter().flat_map(|&v| lamina.neighbors(v));
+    /// Marks an image by the rules of the task, see [`Mask`], where `distance` [m] `[pixel]` is that to the tool and
+    /// vertices nearer than the stencil's threshold are on it. Gives how many vertices are left to be pressed.
+    pub fn mark(
+        &self,
+        (lamina, stencil): &(Arc<Lamina>, Stencil),
+        pressed: &Pressed,
+        distance: &[f32],
+        marks: &mut [u8],
+    ) -> usize {
+        let last = match self.mask {
+            Mask::Stroke => &pressed.stencil[..],
+            Mask::Free => &[],
+        };
+        let near = last.iter().flat_map(|&v| lamina.neighbors(v));
         let near = bits::set(lamina.vertex_count(), near.map(|v| v as usize));
-        let (mut untouched, mut beside) = (0, false);
+        let threshold = match self.mask {
+            Mask::Stroke => f32::NEG_INFINITY,
+            Mask::Free => stencil.threshold as f32,
+        };
+        let (mut left, mut beside) = (0, false);
         for (&pixel, &vertex) in self.pixels.iter().zip(&self.vertices) {
-            let (mark, vertex) = (&mut marks[pixel as usize], vertex as usize);
-            *mark = match pressed.draped.contains(vertex) {
-                true => DRAPED,
-                false => 0,
-            };
+            let mark = &mut marks[pixel as usize];
+            let is_last = pressed.stencil.binary_search(&vertex).is_ok();
+            let vertex = vertex as usize;
+            let bit = |is_set, bit| if is_set { bit } else { 0 };
+            *mark = bit(pressed.draped.contains(vertex), DRAPED) | bit(is_last, STENCIL);
             if pressed.touched.contains(vertex) {
                 *mark |= TOUCHED;
                 continue;
             }
-            untouched += 1;
+            left += usize::from(distance[pixel as usize] > threshold);
             if near.contains(vertex) {
                 *mark |= ALLOWED;
                 beside = true;
             }
         }
         if !beside {
-            // The stroke is at its end: any untouched vertex of the region may begin a new one.
+            // No stroke is to be gone on with: any untouched vertex of the region may begin a new one.
             for &pixel in &self.pixels {
                 let mark = &mut marks[pixel as usize];
                 if *mark & TOUCHED == 0 {
@@ -65,6 +97,6 @@ impl View {
                 }
             }
         }
-        untouched
+        left
     }
 }

@@ -12,9 +12,9 @@ use drape_cloth::fabric::{BlankConfig, Curve, Lamina, MassModel, Material, Shear
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::measure::Measures;
 use drape_cloth::sim::{
-    ALLOWED, Backend, Bending, BendingStiffness, Control, Cpu, DRAPED, Model, Own, Parameters,
-    PhysicsConfig, Precision, Press, Roller, SelfCollision, Snapshot, Solver, Stencil, TOUCHED,
-    Tension, View, World,
+    ALLOWED, Backend, Bending, BendingStiffness, Control, Cpu, DRAPED, Mask, Model, Own,
+    Parameters, PhysicsConfig, Precision, Press, Roller, STENCIL, SelfCollision, Snapshot, Solver,
+    Stencil, TOUCHED, Tension, View, World,
 };
 #[cfg(feature = "gpu")]
 use drape_cloth::sim::{Adapter, AdapterKind, DeviceError, Gpu};
@@ -142,9 +142,13 @@ fn world(lamina: &Lamina, physics: PhysicsConfig) -> World {
         count as usize + 3,
         (0..count).map(|v| (v, v)),
         count as usize,
+        match physics.solver {
+            Solver::GaussSeidel => Mask::Free,
+            _ => Mask::Stroke,
+        },
     );
     let some = (0..count).filter(|v| v % 3 != 0).map(|v| (v + 2, v));
-    let some = View::new(all.pixel_count, some, count as usize);
+    let some = View::new(all.pixel_count, some, count as usize, all.mask);
     let mut world = World {
         tools: TOOLS.to_vec(),
         presses: Some((lamina.clone().into(), stencil)),
@@ -546,7 +550,9 @@ fn columns_are_those_of_the_snapshots(device: &Device) {
             let pressed = &state.pressed;
             let is_touched = |v: u32| pressed.touched.contains(v as usize);
             let beside = |v: u32| lamina.neighbors(v).any(|w| pressed.stencil.contains(&w));
-            let goes_on = view.vertices.iter().any(|&v| !is_touched(v) && beside(v));
+            let is_stroke = view.mask == Mask::Stroke;
+            let goes_on =
+                { view.vertices.iter() }.any(|&v| !is_touched(v) && beside(v)) && is_stroke;
             for (&pixel, &v) in view.pixels.iter().zip(&view.vertices) {
                 let x = state.position[v as usize];
                 distance[pixel as usize] = tool.distance(x).0.max(0.0);
@@ -554,6 +560,7 @@ fn columns_are_those_of_the_snapshots(device: &Device) {
                 for (bit, is_set) in [
                     (TOUCHED, is_touched(v)),
                     (DRAPED, pressed.draped.contains(v as usize)),
+                    (STENCIL, pressed.stencil.contains(&v)),
                     (ALLOWED, is_allowed),
                 ] {
                     marks[pixel as usize] |= if is_set { bit } else { 0 };
@@ -563,8 +570,11 @@ fn columns_are_those_of_the_snapshots(device: &Device) {
             for (&found, expected) in seen.distance.iter().zip(distance) {
                 close(found.into(), expected, 0.0);
             }
-            let untouched = view.vertices.iter().filter(|&&v| !is_touched(v));
-            assert_eq!(observed.untouched[index], untouched.count());
+            let threshold = world.presses.as_ref().unwrap().1.threshold as f32;
+            let is_off = |pixel: u32| is_stroke || seen.distance[pixel as usize] > threshold;
+            let left = view.pixels.iter().zip(&view.vertices);
+            let left = left.filter(|&(&pixel, &v)| !is_touched(v) && is_off(pixel));
+            assert_eq!(observed.left[index], left.count());
             let expected = Measures::new(lamina, tool, &view.region, &state.position);
             for k in 0..2 {
                 close(found.distance[k], expected.distance[k], 1e-5);

@@ -1,5 +1,6 @@
+use super::pixels::SEEN;
 use burn::tensor::{Bool, Device, Int, Tensor, TensorData};
-use drape_cloth::sim::{ALLOWED, DRAPED, Observation, Observations, TOUCHED};
+use drape_cloth::sim::{ALLOWED, DRAPED, Observation, Observations, STENCIL, TOUCHED};
 
 /// Observations that a network is asked about.
 pub enum Batch<'a> {
@@ -23,7 +24,7 @@ impl Batch<'_> {
 pub struct Images {
     /// [m] `[row, pixel]`
     distance: Tensor<2>,
-    /// [`DRAPED`], [`TOUCHED`], [`ALLOWED`] `[row, pixel]`
+    /// [`DRAPED`], [`TOUCHED`], [`ALLOWED`], [`STENCIL`] `[row, pixel]`
     marks: Tensor<2, Int>,
     /// `[row]`
     pub views: Vec<u16>,
@@ -114,14 +115,20 @@ impl Images {
             .equal_elem(0)
     }
 
-    /// Draped, distance, touched, allowed, each `[row, pixel]`; `scale` is 1 / m.
-    pub fn planes(&self, scale: f32) -> [Tensor<2>; 4] {
+    /// Draped, distance, touched, allowed, under the last press, each `[row, pixel]`; `scale` is 1 / m.
+    pub fn planes(&self, scale: f32) -> [Tensor<2>; SEEN] {
         let plane = |bit: u8| {
             let marked = self.marks.clone().bitwise_and_scalar(i32::from(bit));
             marked.not_equal_elem(0).float()
         };
         let distance = self.distance.clone() * scale;
-        [plane(DRAPED), distance, plane(TOUCHED), plane(ALLOWED)]
+        [
+            plane(DRAPED),
+            distance,
+            plane(TOUCHED),
+            plane(ALLOWED),
+            plane(STENCIL),
+        ]
     }
 }
 

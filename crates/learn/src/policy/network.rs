@@ -5,7 +5,7 @@ use super::layer::Initializer;
 use super::masked;
 use super::paper::PaperNetwork;
 use super::parameters;
-use super::pixels::{PLANES, Patches, terrain_planes, write_all, write_planes};
+use super::pixels::{PLANES, Patches, SEEN, terrain_planes, write_all, write_planes};
 use super::prediction::Prediction;
 use super::unet::UnetNetwork;
 use burn::module::Module;
@@ -39,7 +39,7 @@ enum Encoding {
         /// See [`Patches::sources`].
         sources: Arc<[i32]>,
     },
-    /// Draped, distance, touched, allowed, and the terrain's four planes.
+    /// Draped, distance, touched, allowed, under the last press, and the terrain's four planes.
     All { terrains: Arc<[Vec<f32>]> },
 }
 
@@ -163,7 +163,7 @@ impl ActorCritic {
             Network::Unet(network) => {
                 let inside = input
                     .clone()
-                    .narrow(1, 4 * self.pixel_count, self.pixel_count);
+                    .narrow(1, SEEN * self.pixel_count, self.pixel_count);
                 let share = inside.clone() / inside.sum_dim(1);
                 network.forward(input, share.unsqueeze_dim(1))
             }
@@ -280,7 +280,7 @@ impl ActorCritic {
 
     /// The numbers of [`Self::encode`], computed on the device.
     fn encode_on_device(&self, images: &Images) -> Tensor<2> {
-        let [draped, distance, touched, allowed] = images.planes(self.distance_scale);
+        let [draped, distance, touched, allowed, last] = images.planes(self.distance_scale);
         let device = draped.device();
         match &self.encoding {
             Encoding::Planes => Tensor::cat(vec![draped, distance, touched], 1),
@@ -297,7 +297,7 @@ impl ActorCritic {
                 let views: Vec<i32> = images.views.iter().map(|&k| i32::from(k)).collect();
                 let views = TensorData::new(views, [images.views.len()]);
                 let fixed = fixed.select(0, Tensor::from_data(views, &device));
-                Tensor::cat(vec![draped, distance, touched, allowed, fixed], 1)
+                Tensor::cat(vec![draped, distance, touched, allowed, last, fixed], 1)
             }
         }
     }

@@ -1,4 +1,4 @@
-use drape_cloth::sim::{ALLOWED, DRAPED, Observation, TOUCHED};
+use drape_cloth::sim::{ALLOWED, DRAPED, Observation, STENCIL, TOUCHED};
 use drape_task::env::Terrain;
 
 /// 1 where a mark has a bit, else 0.
@@ -19,7 +19,9 @@ pub fn write_planes(seen: Observation, scale: f32, out: &mut [f32]) {
 }
 
 /// Planes of [`write_all`].
-pub const PLANES: usize = 8;
+pub const PLANES: usize = 9;
+/// Those before the terrain's.
+pub const SEEN: usize = 5;
 /// Height of the tool that is seen as 1 [m].
 const HEIGHT: f32 = 0.1;
 
@@ -35,14 +37,17 @@ pub fn terrain_planes(terrain: &Terrain) -> Vec<f32> {
         .collect()
 }
 
-/// Draped, distance, touched, allowed and the `terrain`'s planes `[PLANES, rows, columns]`; `scale` is 1 / m.
+/// Draped, distance, touched, allowed, under the last press, and the `terrain`'s planes `[PLANES, rows, columns]`; `scale` is
+/// 1 / m.
 pub fn write_all(seen: Observation, terrain: &[f32], scale: f32, out: &mut [f32]) {
     let count = seen.distance.len();
     let (three, rest) = out.split_at_mut(3 * count);
     write_planes(seen, scale, three);
-    let (allowed, fixed) = rest.split_at_mut(count);
-    for (allowed, &mark) in allowed.iter_mut().zip(seen.marks) {
-        *allowed = flag(mark, ALLOWED);
+    let (flags, fixed) = rest.split_at_mut((SEEN - 3) * count);
+    for (plane, bit) in flags.chunks_exact_mut(count).zip([ALLOWED, STENCIL]) {
+        for (pixel, &mark) in plane.iter_mut().zip(seen.marks) {
+            *pixel = flag(mark, bit);
+        }
     }
     fixed.copy_from_slice(terrain);
 }

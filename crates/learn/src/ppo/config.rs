@@ -75,6 +75,9 @@ pub struct ImitationConfig {
     /// Updates of so many samples that only imitate what has been shown, before the first rollout.
     #[serde(default)]
     pub pretraining: usize,
+    /// Draws them in all symmetries of the image: for fabrics whose warp and weft are alike, and a `unet`.
+    #[serde(default)]
+    pub symmetries: bool,
 }
 
 impl PpoConfig {
@@ -121,6 +124,7 @@ impl PpoConfig {
                 samples: 128,
                 coefficient: 0.3,
                 pretraining: 0,
+                symmetries: false,
             }),
             ..Self::paper()
         }

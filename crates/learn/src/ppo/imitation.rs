@@ -4,6 +4,7 @@ use drape_task::env::{End, Episode};
 use serde::{Deserialize, Serialize};
 
 use super::sections::{decode, encode};
+use super::symmetry::{Symmetry, turned};
 
 /// Observations, one a row, and the action taken at each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,6 +61,8 @@ pub struct Memory {
     best: Vec<Vec<Kept>>,
     /// `[task]`: the moves of the episode going on.
     open: Vec<Vec<Move>>,
+    /// In which moves are drawn: the identity at least.
+    symmetries: Vec<Symmetry>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,12 +79,18 @@ struct Saved {
 }
 
 impl Memory {
-    /// Room for the `capacity` best episodes of each scene of `task_count` tasks.
-    pub fn new(capacity: usize, scene_count: usize, task_count: usize) -> Self {
+    /// Room for the `capacity` best episodes of each scene of `task_count` tasks, which are shown in these symmetries.
+    pub fn new(
+        capacity: usize,
+        scene_count: usize,
+        task_count: usize,
+        symmetries: Vec<Symmetry>,
+    ) -> Self {
         Self {
             capacity,
             best: vec![Vec::new(); scene_count],
             open: vec![Vec::new(); task_count],
+            symmetries,
         }
     }
 
@@ -119,9 +128,9 @@ impl Memory {
         self.open.iter_mut().for_each(Vec::clear);
     }
 
-    /// `count` moves of the best episodes, each uniformly among all: observation and action; none if
-    /// there are none.
-    pub fn draw(&self, count: usize, stream: &mut Stream) -> Vec<(&Observations, usize, u32)> {
+    /// `count` moves of the best episodes, each uniformly among all and in one of the symmetries: observations, one a row, and
+    /// actions; none if there are none.
+    pub fn draw(&self, count: usize, stream: &mut Stream) -> (Observations, Vec<u32>) {
         let moves = self.best.iter().flatten().flat_map(|Kept { moves, .. }| {
             let actions = moves.actions.iter().enumerate();
             actions.map(|(row, &action)| (&moves.seen, row, action))
@@ -129,7 +138,15 @@ impl Memory {
         let moves: Vec<_> = moves.collect();
         let count = if moves.is_empty() { 0 } else { count };
         let drawn = (0..count).map(|_| moves[stream.below(moves.len())]);
-        drawn.collect()
+        let drawn: Vec<_> = drawn
+            .map(|(seen, row, action)| (seen.row(row), action))
+            .collect();
+        let ways = self.symmetries.len();
+        let ways: Vec<usize> = match ways {
+            1 => vec![0; count],
+            _ => (0..count).map(|_| stream.below(ways)).collect(),
+        };
+        turned(&drawn, &self.symmetries, &ways, self.best.len())
     }
 
     /// All of it as bytes.
@@ -155,6 +172,7 @@ impl Memory {
             true => Ok(Self {
                 capacity: self.capacity,
                 best,
+                symmetries: self.symmetries.clone(),
                 open: match open.len() == self.open.len() {
                     true => open.into_iter().map(Moves::apart).collect(),
                     false => vec![Vec::new(); self.open.len()],
@@ -170,6 +188,16 @@ mod tests {
     use super::*;
     use drape_cloth::math::Purpose;
     use drape_cloth::sim::ALLOWED;
+    use drape_task::env::ImageShape;
+
+    /// Room for two episodes.
+    fn memory(scenes: usize, tasks: usize) -> Memory {
+        let shape = ImageShape {
+            rows: 2,
+            columns: 4,
+        };
+        Memory::new(2, scenes, tasks, vec![Symmetry::all(shape)[0]])
+    }
 
     fn play(memory: &mut Memory, actions: &[u32], score: f64, end: End) {
         let seen = Observations::new(vec![0], vec![0.0; 8], vec![ALLOWED; 8]);
@@ -188,7 +216,7 @@ mod tests {
 
     #[test]
     fn keeps_the_best_different_terminated_episodes() {
-        let mut memory = Memory::new(2, 1, 1);
+        let mut memory = self::memory(1, 1);
         play(&mut memory, &[1, 2], 1.0, End::Terminated);
         play(&mut memory, &[1, 2], 1.0, End::Terminated);
         play(&mut memory, &[3], 0.5, End::Terminated);
@@ -199,11 +227,7 @@ mod tests {
         let scores: Vec<f64> = memory.best[0].iter().map(|k| k.score).collect();
         assert_eq!(scores, [1.0, 0.7]);
         let mut stream = Stream::new(0, Purpose::Shuffle, 0);
-        let mut drawn: Vec<u32> = memory
-            .draw(50, &mut stream)
-            .iter()
-            .map(|&(_, _, action)| action)
-            .collect();
+        let (_, mut drawn) = memory.draw(50, &mut stream);
         drawn.sort_unstable();
         drawn.dedup();
         assert_eq!(drawn, [1, 2, 6]);
@@ -213,11 +237,11 @@ mod tests {
             3,
             None,
         );
-        let again = Memory::new(2, 1, 1).loaded(&memory.save(), 8).unwrap();
+        let again = self::memory(1, 1).loaded(&memory.save(), 8).unwrap();
         assert_eq!(again.save(), memory.save());
-        let more = Memory::new(2, 1, 2).loaded(&memory.save(), 8).unwrap();
+        let more = self::memory(1, 2).loaded(&memory.save(), 8).unwrap();
         assert_eq!((more.open.len(), &more.best), (2, &memory.best));
-        assert!(Memory::new(2, 2, 1).loaded(&memory.save(), 8).is_err());
-        assert!(Memory::new(2, 1, 1).loaded(&memory.save(), 9).is_err());
+        assert!(self::memory(2, 1).loaded(&memory.save(), 8).is_err());
+        assert!(self::memory(1, 1).loaded(&memory.save(), 9).is_err());
     }
 }

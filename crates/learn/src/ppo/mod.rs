@@ -15,6 +15,7 @@ mod loss;
 mod rollout;
 mod sections;
 mod shared;
+mod symmetry;
 #[cfg(test)]
 mod tests;
 mod trainer;

@@ -253,6 +253,7 @@ fn imitation_alone_solves_the_order() {
             samples: 32,
             coefficient: 0.3,
             pretraining: 0,
+            symmetries: false,
         }),
         ..ppo()
     };

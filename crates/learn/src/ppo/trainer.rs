@@ -5,11 +5,13 @@ use super::error::TrainError;
 use super::imitation::Memory;
 use super::rollout::{EpisodeRecord, Seconds, collect};
 use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
-use super::update::{Learner, Streams, UpdateMetrics, imitate, update};
-use crate::policy::{ActorCritic, DeviceKind, PolicyConfig};
+use super::symmetry::Symmetry;
+use super::update::{Learner, Streams, UpdateMetrics, imitate, shown, update};
+use crate::policy::{ActorCritic, DeviceKind, NetworkConfig, PolicyConfig};
+use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_task::cluster::Cluster;
-use drape_task::env::Tasks;
+use drape_task::env::{Tasks, Terrain};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -63,10 +65,23 @@ impl<T: Tasks> Trainer<T> {
     ) -> Result<Self, TrainError> {
         config.validate().map_err(TrainError::Ppo)?;
         let weights = Stream::new(seed, Purpose::Weights, 0).bits();
-        let actor_critic = actor_critic(policy, tasks.shape(), &tasks.terrains(), weights, device)?;
-        let count = tasks.count();
-        let scenes = tasks.terrains().len();
-        let memory = |c: &ImitationConfig| Memory::new(c.episodes, scenes, count);
+        let (count, shape, scenes) = (tasks.count(), tasks.shape(), tasks.terrains().len());
+        let mut symmetries = Symmetry::all(shape);
+        if !config.imitation.as_ref().is_some_and(|c| c.symmetries) {
+            symmetries.truncate(1);
+        }
+        let has_places = !matches!(policy.network, NetworkConfig::Unet(_));
+        let (is_valid, key) = (symmetries.len() == 1 || !has_places, "imitation.symmetries");
+        ValueError::unless(is_valid, key, true, "false, unless the network is a `unet`")
+            .map_err(TrainError::Ppo)?;
+        let terrains = symmetries.iter().flat_map(|symmetry| {
+            let terrains = tasks.terrains().into_iter();
+            terrains.map(|terrain| symmetry.terrain(terrain))
+        });
+        let terrains: Vec<Terrain> = terrains.collect();
+        let terrains: Vec<&Terrain> = terrains.iter().collect();
+        let actor_critic = actor_critic(policy, shape, &terrains, weights, device)?;
+        let memory = |c: &ImitationConfig| Memory::new(c.episodes, scenes, count, symmetries);
         Ok(Self {
             adam: Adam::new(&actor_critic.network, config.adam_epsilon),
             memory: config.imitation.as_ref().map(memory),
@@ -136,8 +151,9 @@ impl<T: Tasks> Trainer<T> {
             return Ok(());
         };
         for step in 0..imitation.pretraining {
-            let moves = memory.draw(imitation.samples, &mut self.progress.update.imitation);
-            if moves.is_empty() {
+            let (seen, actions) =
+                memory.draw(imitation.samples, &mut self.progress.update.imitation);
+            if actions.is_empty() {
                 break;
             }
             let learner = Learner {
@@ -146,7 +162,7 @@ impl<T: Tasks> Trainer<T> {
                 actor_critic: &mut self.actor_critic,
                 adam: &mut self.adam,
             };
-            let loss = imitate(learner, &moves);
+            let loss = imitate(learner, &shown(&seen, &actions));
             let loss = loss.map_err(|source| TrainError::NotFinite {
                 iteration: 0,
                 source,

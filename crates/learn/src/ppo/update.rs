@@ -97,12 +97,16 @@ pub fn update(
         streams.shuffle.shuffle(&mut order);
         for piece in 0..pieces {
             let indices = &order[piece * order.len() / pieces..(piece + 1) * order.len() / pieces];
-            let (imitated, weight) = match (&config.imitation, memory) {
+            let drawn = match (&config.imitation, memory) {
                 (Some(c), Some(memory)) => {
-                    let moves = memory.draw(c.samples, &mut streams.imitation);
-                    (moves, c.coefficient)
+                    let drawn = memory.draw(c.samples, &mut streams.imitation);
+                    Some((drawn, c.coefficient))
                 }
-                _ => (Vec::new(), 0.0),
+                _ => None,
+            };
+            let (imitated, weight) = match &drawn {
+                Some(((seen, actions), weight)) => (shown(seen, actions), *weight),
+                None => (Vec::new(), 0.0),
             };
             let minibatch = Minibatch::new(config, rollout, &advantages, &returns, indices);
             let found = descend(&mut learner, &minibatch, &imitated, weight)?;
@@ -151,7 +155,13 @@ fn group_advantages(rollout: &Rollout) -> Vec<f32> {
 /// A row of what was seen.
 type Seen<'a> = (&'a Observations, usize);
 /// A move that is to be imitated: such a row, and the action.
-type Shown<'a> = (&'a Observations, usize, u32);
+pub type Shown<'a> = (&'a Observations, usize, u32);
+
+/// Each row of what was seen, with its action.
+pub fn shown<'a>(seen: &'a Observations, actions: &[u32]) -> Vec<Shown<'a>> {
+    let actions = actions.iter().enumerate();
+    actions.map(|(row, &action)| (seen, row, action)).collect()
+}
 
 /// Takes a step towards moves that are to be imitated, one at least, and nothing else. Gives the cross-entropy before it
 /// [nat].
@@ -350,7 +360,7 @@ fn evaluate(
         let returns = tensor(&samples.returns, &device);
         let weights = entropy_weights(config, &batch, &invalid, own);
         let policy = loss::policy_loss(new.clone(), old.clone(), advantage, config.clip_range);
-        let value = loss::value_loss(prediction.value.narrow(0, 0, own), returns);
+        let value = loss::value_loss(prediction.value.clone().narrow(0, 0, own), returns);
         let entropy = masked::entropy(log_probs.narrow(0, 0, own), invalid.narrow(0, 0, own));
         let entropy = (entropy * weights).mean();
         total = policy.clone() * (config.policy_coefficient * share)
@@ -361,6 +371,11 @@ fn evaluate(
         for (k, term) in [(0, policy), (1, value), (2, entropy), (4, kl), (5, clipped)] {
             terms[k] = term * *share;
         }
+    }
+    if own == 0 {
+        // burn forgets only what a backward pass has come to: without it the graphs of all values would be kept, and
+        // looked through at every update.
+        total = total + prediction.value.clone().sum() * 0.0;
     }
     if others > 0 {
         let imitation = -log_prob.narrow(0, own, others).mean() * *imitated_share;

@@ -7,7 +7,7 @@ use crate::path::{Robot, Rolling};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::ValueError;
 use drape_cloth::scene::Scene;
-use drape_cloth::sim::{Accuracy, Device, Parameters, Precision, Roller, Stepping};
+use drape_cloth::sim::{Accuracy, Device, Mask, Parameters, Precision, Roller, Stepping};
 
 /// The draping task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,6 +19,9 @@ pub struct EnvConfig {
     pub region_mm: Option<[f64; 4]>,
     /// Shows the agent the focus region only, instead of the whole blank.
     pub crop: bool,
+    /// Where the agent may press, and when an episode ends.
+    #[serde(skip_serializing_if = "is_default")]
+    pub mask: Mask,
     /// What episodes are judged by and rewarded for.
     pub objective: Objective,
     /// Side of the square stencil [mm].
@@ -72,6 +75,7 @@ impl Default for EnvConfig {
         Self {
             region_mm: None,
             crop: false,
+            mask: Mask::Stroke,
             objective: Objective::default(),
             stencil_mm: 18.0,
             drape_threshold_mm: 1.0,

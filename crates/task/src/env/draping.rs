@@ -295,7 +295,7 @@ impl Draping {
 
     /// Every vertex of the region has been under the stencil in one environment.
     pub fn is_over(&self, index: usize) -> bool {
-        self.observed().untouched[index] == 0
+        self.observed().left[index] == 0
     }
 
     /// Puts one environment to the start of its next episode, in another world where these scatter.
@@ -438,7 +438,7 @@ impl Draping {
         let limit = self.task(index).config.max_steps.unwrap_or(usize::MAX);
         match observed.finite[index] {
             false => Some(End::Diverged),
-            true if observed.untouched[index] == 0 => Some(End::Terminated),
+            true if observed.left[index] == 0 => Some(End::Terminated),
             true => (self.slots[index].episode.presses.len() >= limit).then_some(End::Truncated),
         }
     }

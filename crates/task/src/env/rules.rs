@@ -69,7 +69,12 @@ impl Task {
             let vertex = vertex(&scene, &image, pixel)?;
             (allowed.contains(vertex as usize)).then_some((pixel, vertex))
         });
-        let view = View::new(shape.pixel_count(), seen, scene.lamina.vertex_count());
+        let view = View::new(
+            shape.pixel_count(),
+            seen,
+            scene.lamina.vertex_count(),
+            config.mask,
+        );
         let (objective, at) = (config.objective, &scene.initial.position);
         let goal = Goal::new(objective, scene.clone(), region.vertices.clone(), at);
         ValueError::unless(

@@ -1,11 +1,9 @@
-//! Search without learning: orders that anybody could think of, the cross-entropy method over whole
-//! sequences, and moves of the order in scattered worlds.
+//! Search without learning: orders that anybody could think of, and moves of the order in scattered worlds.
 //!
 //! Everything random comes from streams of a seed, so that what is found depends on nothing else.
 
 mod arena;
 mod board;
-mod cem;
 mod family;
 mod inwards;
 mod judge;
@@ -13,7 +11,6 @@ mod moves;
 mod order;
 
 pub use arena::Arena;
-pub use cem::{CrossEntropy, cross_entropy};
 pub use family::{at_random, in_order, outwards, sweeps};
 pub use inwards::{Inwards, Way, inwards};
 pub use judge::{Ended, Job, Judge};

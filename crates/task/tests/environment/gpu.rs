@@ -1,6 +1,6 @@
 //! The task with its cloth on a GPU.
 
-use drape_cloth::sim::Device;
+use drape_cloth::sim::{Device, Mask};
 use drape_task::env::Task;
 
 use super::checker::check;
@@ -16,7 +16,13 @@ fn on_gpu(config: EnvConfig) -> EnvConfig {
 #[test]
 fn gpu_obeys_the_rules_step_by_step() {
     for (scene, seed) in [(&*COARSE, 1), (&*GAUSS_SEIDEL, 2)] {
-        check(scene, &on_gpu(small_region()), 3, seed);
+        for mask in [Mask::Stroke, Mask::Free] {
+            let config = EnvConfig {
+                mask,
+                ..small_region()
+            };
+            check(scene, &on_gpu(config), 3, seed);
+        }
     }
 }
 

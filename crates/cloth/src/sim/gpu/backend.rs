@@ -363,7 +363,7 @@ impl Backend for Gpu {
                 pixel_count: look_plan.pixels,
             },
             finite: told.iter().map(|&[_, astray]| astray == 0).collect(),
-            untouched: told.iter().map(|&[left, _]| left as usize).collect(),
+            left: told.iter().map(|&[left, _]| left as usize).collect(),
         }
     }
 

@@ -4,6 +4,7 @@
 use cubecl::prelude::*;
 
 use super::super::state::{ALLOWED, DRAPED, STENCIL, TOUCHED};
+use super::super::view::Mask;
 use super::cloth::{ClothBuffers, SheetBuffers};
 use super::own::{FIELDS, VIEW, tool_of};
 use super::plan::{MOST_UNITS, NEIGHBORS, NOTHING, Plan};
@@ -11,8 +12,8 @@ use super::tool::distance;
 use super::transfer::astray;
 use super::vector::Vec3g;
 
-/// Shows distances [m] and marks `[environment, pixel]`, and tells how many vertices of the view are untouched
-/// and how many coordinates are astray `[environment, 2]`.
+/// Shows distances [m] and marks `[environment, pixel]`, and tells how many vertices of the view are left to be
+/// pressed and how many coordinates are astray `[environment, 2]`.
 #[cube(launch_unchecked)]
 pub(super) fn look(
     cloth: &ClothBuffers,
@@ -29,12 +30,15 @@ pub(super) fn look(
     let n = comptime!(plan.vertices);
     let look = comptime!(plan.look.expect("a world with views"));
     let pixels = comptime!(look.pixels);
-    let (touched, draped) = comptime!((TOUCHED as u32, DRAPED as u32));
+    let touched = comptime!(TOUCHED as u32);
+    let shown = comptime!((TOUCHED | DRAPED | STENCIL) as u32);
     let allowed = comptime!(ALLOWED as u32);
+    let press = comptime!(plan.press.expect("a world with presses"));
+    let threshold = sheet.values[comptime!(press.threshold)];
     let view = u32::cast_from(cloth.own[environment * FIELDS + VIEW]) as usize;
     let seen = comptime!(look.seen) + view * pixels;
     let tool = tool_of(&cloth.own, environment, comptime!(plan.grid));
-    // Of this thread's pixels: untouched ones, and those of them beside the stencil.
+    // Of this thread's pixels: those left to be pressed, and untouched ones beside the stencil.
     let mut left = 0u32;
     let mut beside = 0u32;
     for pixel in range_stepped(unit, pixels, units) {
@@ -47,17 +51,22 @@ pub(super) fn look(
             let (phi, _normal) = distance(sheet, x, tool, comptime!(plan.grid));
             // What is no number is shown as 0.
             above = select(phi > 0.0f32, phi, 0.0f32);
-            mark = marks[environment * n + v] & (touched | draped);
+            mark = marks[environment * n + v] & shown;
             if mark & touched == 0 {
-                left += 1;
                 let mut is_beside = false;
-                #[unroll]
-                for i in 0..NEIGHBORS {
-                    let other = sheet.numbers[comptime!(look.near + i * n) + v];
-                    if other != NOTHING {
-                        let near = marks[environment * n + other as usize];
-                        is_beside = is_beside || near & comptime!(STENCIL as u32) != 0;
+                if comptime!(look.mask == Mask::Stroke) {
+                    left += 1;
+                    #[unroll]
+                    for i in 0..NEIGHBORS {
+                        let other = sheet.numbers[comptime!(look.near + i * n) + v];
+                        if other != NOTHING {
+                            let near = marks[environment * n + other as usize];
+                            is_beside = is_beside || near & comptime!(STENCIL as u32) != 0;
+                        }
                     }
+                }
+                if comptime!(look.mask == Mask::Free) {
+                    left += select(above > threshold, 1u32, 0u32);
                 }
                 if is_beside {
                     beside += 1;
@@ -86,7 +95,7 @@ pub(super) fn look(
         told[2 * environment + 1] = all_astray;
     }
     if all_beside == 0 {
-        // The stroke is at its end.
+        // No stroke is to be gone on with.
         for pixel in range_stepped(unit, pixels, units) {
             let at = environment * pixels + pixel;
             if sheet.numbers[seen + pixel] != NOTHING && shown_marks[at] & touched == 0 {

@@ -10,7 +10,7 @@ use super::super::line::Line;
 use super::super::lines::Lines;
 use super::super::model::Pass;
 use super::super::stencil::Stencil;
-use super::super::view::View;
+use super::super::view::{Mask, View};
 use crate::fabric::Lamina;
 
 /// Most threads of a workgroup.
@@ -142,6 +142,7 @@ pub(super) const NEIGHBORS: usize = 8;
 /// [end][edge]. Values: its length at rest [m].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct LookPlan {
+    pub mask: Mask,
     pub pixels: usize,
     pub seen: usize,
     pub near: usize,
@@ -393,7 +394,12 @@ impl Tables {
     }
 
     fn add_look(&mut self, views: &[Arc<View>], lamina: &Lamina) {
-        let Some(pixels) = views.first().map(|view| view.pixel_count) else {
+        let Some(&View {
+            pixel_count: pixels,
+            mask,
+            ..
+        }) = views.first().map(|view| &**view)
+        else {
             return;
         };
         let n = self.plan.vertices;
@@ -417,6 +423,7 @@ impl Tables {
         let ends = [0, 1].map(|k| edges().map(move |(_, ends)| ends[k]).collect::<Vec<_>>());
         let rest: Vec<f64> = edges().map(|(yarn, _)| yarn.rest_length).collect();
         self.plan.look = Some(LookPlan {
+            mask,
             pixels,
             seen: self.add_numbers(seen),
             near: self.add_numbers(near),
