@@ -277,7 +277,7 @@ fn policy(args: &ExportArgs) -> Result<(), Failure> {
     let (folder, config) = open_run(&args.run)?;
     let name = args.checkpoint.as_deref().unwrap_or("last");
     let (read, checkpoint) = read_checkpoint(&folder, name)?;
-    let weights = Weights::of(&config.policy, shape_of(&config)?, &checkpoint);
+    let weights = Weights::of(&config, shape_of(&config)?, &checkpoint);
     let weights = weights.with_context(|| read.display().to_string())?;
     let default = || folder.path.join("policy.drape");
     let file = args.out.clone().unwrap_or_else(default);

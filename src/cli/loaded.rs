@@ -228,7 +228,7 @@ pub(super) fn load_agent(
     draping: &Draping,
 ) -> Result<Agent, Failure> {
     let (path, checkpoint) = read_checkpoint(folder, name)?;
-    let weights = Weights::of(&config.policy, draping.shape(), &checkpoint);
+    let weights = Weights::of(config, draping.shape(), &checkpoint);
     let agent = weights.and_then(|weights| weights.agent(draping, config.device));
     Ok(agent.with_context(|| path.display().to_string())?)
 }
@@ -250,7 +250,7 @@ pub(super) fn read_weights(
         false => {
             let (folder, own) = open_run(from)?;
             let (path, checkpoint) = read_checkpoint(&folder, checkpoint)?;
-            let weights = Weights::of(&own.policy, shape_of(&own)?, &checkpoint);
+            let weights = Weights::of(&own, shape_of(&own)?, &checkpoint);
             weights.with_context(|| path.display().to_string())?
         }
     };

@@ -15,7 +15,7 @@ use super::terminal::{Told, tell};
 use crate::run::{BestPaths, Budget, KNOWN, RunConfig, Weights};
 use drape_learn::policy::DeviceKind;
 use drape_proof::Row;
-use drape_task::env::Draping;
+use drape_task::env::{Draping, EnvConfig};
 
 /// Find a path for a task in seconds, without training on it
 ///
@@ -148,9 +148,13 @@ pub fn run(args: PlanArgs) -> Result<(), Failure> {
 /// What a policy plays on the task of a run.
 fn played(weights: &Weights, run: &Searched) -> Result<Vec<Vec<u32>>, Failure> {
     let (scene, config) = (&run.scene, &run.config);
-    let draping = Draping::new(scene.clone(), &config.env, 1).or_invalid_in(&run.place)?;
+    let env = EnvConfig {
+        mask: weights.mask,
+        ..config.env.clone()
+    };
+    let draping = Draping::new(scene.clone(), &env, 1).or_invalid_in(&run.place)?;
     let agent = weights.agent(&draping, config.device)?;
-    policy_paths(&agent, scene, &config.env, DRAWN, config.seed)
+    policy_paths(&agent, scene, &env, DRAWN, config.seed)
 }
 
 fn text(outcome: &Outcome) -> String {

@@ -355,7 +355,7 @@ fn prepare(training: &mut Training, stop: &(dyn Fn() -> bool + Sync)) -> Result<
             bar = (title, Some(Progress::new(title)));
         }
         let progress = bar.1.as_ref().expect("it has been started");
-        progress.tell(share, &format!("{title}, {told}"));
+        progress.tell(share, &told);
         !stop()
     });
     Ok(prepared.context(place)?)

@@ -123,8 +123,7 @@ pub struct FamilyMember {
 
 impl FamilyMember {
     /// Refuses what needs no fall to be refused: values that cannot be, blanks of which `count` environments exhaust the
-    /// memory, and regions off them; where they `search`, too few steps for episodes to end. Gives the size of the
-    /// images.
+    /// memory, and regions off them. Gives the size of the images.
     pub fn check(&self, count: usize) -> Result<ImageShape> {
         self.located(self.checked(count))
     }

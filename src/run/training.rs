@@ -367,7 +367,8 @@ impl Training {
             let (budget, mut is_whole) = (Budget::Presses(presses), true);
             let place = (&task.scene, &task.config, self.config.seed);
             let searched = search_by_moves(&mut judge, place, Vec::new(), budget, |at| {
-                is_whole = go_on(at.best, (before + at.spent) as f64 / all as f64);
+                let done = before + at.spent.min(presses);
+                is_whole = go_on(at.best, done as f64 / all as f64);
                 is_whole
             });
             let (orders, _) = searched.with_context(|| format!("scene {number}"))?;

@@ -4,8 +4,10 @@ use anyhow::{Result, anyhow, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::checkpoint::Checkpoint;
+use super::config::RunConfig;
 use super::folder::digest;
 use drape_cloth::file::{Sealed, WriteError};
+use drape_cloth::sim::Mask;
 use drape_learn::policy::{DeviceKind, NetworkConfig, PolicyConfig};
 use drape_learn::ppo::{Agent, NETWORK, read_section};
 use drape_task::env::{Draping, ImageShape, Tasks, Terrain};
@@ -13,23 +15,26 @@ use drape_task::env::{Draping, ImageShape, Tasks, Terrain};
 const FILE: Sealed = Sealed {
     name: "a policy",
     kind: 2,
-    format: 2,
+    format: 3,
 };
 
 /// A policy apart from the run that taught it: what its network is, and its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weights {
     pub policy: PolicyConfig,
+    /// Where it has learned to press.
+    pub mask: Mask,
     /// Rows and columns of the images that it has learned on.
     learned_on: [usize; 2],
     network: Vec<u8>,
 }
 
 impl Weights {
-    /// Of a checkpoint of a run with that policy and images.
-    pub fn of(policy: &PolicyConfig, shape: ImageShape, checkpoint: &Checkpoint) -> Result<Self> {
+    /// Of a checkpoint of a run with that configuration and images.
+    pub fn of(config: &RunConfig, shape: ImageShape, checkpoint: &Checkpoint) -> Result<Self> {
         Ok(Self {
-            policy: policy.clone(),
+            policy: config.policy.clone(),
+            mask: config.env.mask,
             learned_on: [shape.rows, shape.columns],
             network: read_section(&checkpoint.sections, NETWORK, |bytes| Ok(bytes.to_vec()))?,
         })

@@ -99,11 +99,11 @@ fn search_does_not_depend_on_the_number_of_threads() {
             ended.extend(episodes.iter().map(|episode| episode.actions.clone()));
             true
         };
-        at_random(&mut Arena::new(&mut env, 1000, &mut watch), 3);
+        at_random(&mut Arena::new(&mut env, 3000, &mut watch), 3);
         ended
     };
     let [one, seven] = [1, 7].map(|threads| in_threads(threads, search));
-    assert!(one.len() > 8 && one == seven);
+    assert!(one.len() > 16 && one == seven);
 }
 
 /// One environment alone is computed with its lines side by side in the lanes.

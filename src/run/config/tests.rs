@@ -174,7 +174,7 @@ fn mistakes_are_located() {
         ),
         (
             "[env]\nacuracy = \"fast\"",
-            "c.toml:2:1: unknown field `acuracy`, expected one of `region_mm`, `crop`, \
+            "c.toml:2:1: unknown field `acuracy`, expected one of `region_mm`, `crop`, `mask`, \
              `objective`, `stencil_mm`, `drape_threshold_mm`, `drape_strain`, `press_s`, \
              `press_mpa`, `press_speed`, `settle_s`, `roller_turn_deg`, `accuracy`, `substep_rate`, \
              `contact_rate`, `max_steps`, `max_tension`, `max_depth_mm`, `precision`, \

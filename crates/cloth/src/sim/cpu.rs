@@ -197,7 +197,7 @@ impl Backend for Cpu {
     fn observe(&self) -> Observed {
         let (known, count) = (&self.known, self.count());
         let world = &known.world;
-        let pressable = world.pressed();
+        let (lamina, _) = world.pressed();
         let pixels = world.views[0].pixel_count;
         let places = (0..count).map(|environment| self.place(environment));
         let views = places.map(|(group, lane)| self.groups[group].own(lane).view);
@@ -216,7 +216,7 @@ impl Backend for Cpu {
             for (&pixel, phi) in view.pixels.iter().zip(found) {
                 distance[pixel as usize] = phi.max(0.0) as f32;
             }
-            view.mark(pressable, pressed, distance, marks)
+            view.mark(lamina, pressed, marks)
         });
         Observed {
             left: left.collect(),

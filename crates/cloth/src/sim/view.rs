@@ -1,10 +1,7 @@
-use std::sync::Arc;
-
 use fixedbitset::FixedBitSet;
 use serde::{Deserialize, Serialize};
 
 use super::state::{ALLOWED, DRAPED, Pressed, STENCIL, TOUCHED};
-use super::stencil::Stencil;
 use crate::fabric::Lamina;
 use crate::math::bits;
 
@@ -16,7 +13,8 @@ pub enum Mask {
     /// (paper, Section 4.2.1): strokes without jumps.
     #[default]
     Stroke,
-    /// On all untouched vertices, until all of these are on the tool.
+    /// On all untouched vertices, until each of these is beside one that has been touched: presses about a stencil apart, in
+    /// any order.
     Free,
 }
 
@@ -52,37 +50,30 @@ impl View {
         }
     }
 
-    /// Marks an image by the rules of the task, see [`Mask`], where `distance` [m] `[pixel]` is that to the tool and
-    /// vertices nearer than the stencil's threshold are on it. Gives how many vertices are left to be pressed.
-    pub fn mark(
-        &self,
-        (lamina, stencil): &(Arc<Lamina>, Stencil),
-        pressed: &Pressed,
-        distance: &[f32],
-        marks: &mut [u8],
-    ) -> usize {
+    /// Marks an image by the rules of the task, see [`Mask`]. Gives how many vertices are left to be pressed.
+    pub fn mark(&self, lamina: &Lamina, pressed: &Pressed, marks: &mut [u8]) -> usize {
         let last = match self.mask {
             Mask::Stroke => &pressed.stencil[..],
             Mask::Free => &[],
         };
         let near = last.iter().flat_map(|&v| lamina.neighbors(v));
         let near = bits::set(lamina.vertex_count(), near.map(|v| v as usize));
-        let threshold = match self.mask {
-            Mask::Stroke => f32::NEG_INFINITY,
-            Mask::Free => stencil.threshold as f32,
+        let is_beside = |vertex: u32| {
+            let mut beside = lamina.neighbors(vertex);
+            self.mask == Mask::Free && beside.any(|v| pressed.touched.contains(v as usize))
         };
         let (mut left, mut beside) = (0, false);
         for (&pixel, &vertex) in self.pixels.iter().zip(&self.vertices) {
             let mark = &mut marks[pixel as usize];
             let is_last = pressed.stencil.binary_search(&vertex).is_ok();
-            let vertex = vertex as usize;
+            let (number, vertex) = (vertex, vertex as usize);
             let bit = |is_set, bit| if is_set { bit } else { 0 };
             *mark = bit(pressed.draped.contains(vertex), DRAPED) | bit(is_last, STENCIL);
             if pressed.touched.contains(vertex) {
                 *mark |= TOUCHED;
                 continue;
             }
-            left += usize::from(distance[pixel as usize] > threshold);
+            left += usize::from(!is_beside(number));
             if near.contains(vertex) {
                 *mark |= ALLOWED;
                 beside = true;

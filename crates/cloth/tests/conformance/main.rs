@@ -570,10 +570,8 @@ fn columns_are_those_of_the_snapshots(device: &Device) {
             for (&found, expected) in seen.distance.iter().zip(distance) {
                 close(found.into(), expected, 0.0);
             }
-            let threshold = world.presses.as_ref().unwrap().1.threshold as f32;
-            let is_off = |pixel: u32| is_stroke || seen.distance[pixel as usize] > threshold;
-            let left = view.pixels.iter().zip(&view.vertices);
-            let left = left.filter(|&(&pixel, &v)| !is_touched(v) && is_off(pixel));
+            let is_apart = |v: u32| is_stroke || !lamina.neighbors(v).any(is_touched);
+            let left = { view.vertices.iter() }.filter(|&&v| !is_touched(v) && is_apart(v));
             assert_eq!(observed.left[index], left.count());
             let expected = Measures::new(lamina, tool, &view.region, &state.position);
             for k in 0..2 {

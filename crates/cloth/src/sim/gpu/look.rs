@@ -33,8 +33,6 @@ pub(super) fn look(
     let touched = comptime!(TOUCHED as u32);
     let shown = comptime!((TOUCHED | DRAPED | STENCIL) as u32);
     let allowed = comptime!(ALLOWED as u32);
-    let press = comptime!(plan.press.expect("a world with presses"));
-    let threshold = sheet.values[comptime!(press.threshold)];
     let view = u32::cast_from(cloth.own[environment * FIELDS + VIEW]) as usize;
     let seen = comptime!(look.seen) + view * pixels;
     let tool = tool_of(&cloth.own, environment, comptime!(plan.grid));
@@ -53,24 +51,29 @@ pub(super) fn look(
             above = select(phi > 0.0f32, phi, 0.0f32);
             mark = marks[environment * n + v] & shown;
             if mark & touched == 0 {
+                // The last press, or any.
                 let mut is_beside = false;
-                if comptime!(look.mask == Mask::Stroke) {
-                    left += 1;
-                    #[unroll]
-                    for i in 0..NEIGHBORS {
-                        let other = sheet.numbers[comptime!(look.near + i * n) + v];
-                        if other != NOTHING {
-                            let near = marks[environment * n + other as usize];
-                            is_beside = is_beside || near & comptime!(STENCIL as u32) != 0;
-                        }
+                let bit = comptime!(match look.mask {
+                    Mask::Stroke => STENCIL as u32,
+                    Mask::Free => TOUCHED as u32,
+                });
+                #[unroll]
+                for i in 0..NEIGHBORS {
+                    let other = sheet.numbers[comptime!(look.near + i * n) + v];
+                    if other != NOTHING {
+                        let near = marks[environment * n + other as usize];
+                        is_beside = is_beside || near & bit != 0;
                     }
                 }
                 if comptime!(look.mask == Mask::Free) {
-                    left += select(above > threshold, 1u32, 0u32);
-                }
-                if is_beside {
-                    beside += 1;
                     mark |= allowed;
+                    left += select(is_beside, 0u32, 1u32);
+                } else {
+                    left += 1;
+                    if is_beside {
+                        beside += 1;
+                        mark |= allowed;
+                    }
                 }
             }
         }
