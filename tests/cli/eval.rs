@@ -563,7 +563,7 @@ fn run_whose_configuration_was_edited_is_refused() {
         assert_failure(&drape(path, args), 2, &[word]);
     }
     fs::write(&file, text.replace("stencil_mm", "stencil_m")).unwrap();
-    let word = "runs/a/config.toml:16:1: unknown field `stencil_m`";
+    let word = "runs/a/config.toml:15:1: unknown field `stencil_m`";
     assert_failure(&drape(path, &["eval", "runs/a"]), 2, &[word]);
     fs::write(
         &file,
