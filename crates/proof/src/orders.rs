@@ -6,6 +6,7 @@ use std::sync::Arc;
 use drape_cloth::file::ValueError;
 use drape_cloth::math::{Purpose, Stream};
 use drape_cloth::scene::Scene;
+use drape_cloth::sim::Mask;
 use drape_task::env::{Draping, End, EnvConfig, Played, Task, Tasks, most_environments};
 use drape_task::search::{Order, choose};
 
@@ -42,7 +43,7 @@ pub fn play<T>(
     Ok(kept.into_iter().flatten().collect())
 }
 
-/// The vertices that `count` episodes in an order press, without those that diverge.
+/// The vertices that `count` episodes in an order press, stroke by stroke, without those that diverge.
 pub fn sequences(
     scene: &Arc<Scene>,
     config: &EnvConfig,
@@ -51,7 +52,11 @@ pub fn sequences(
     seed: u64,
 ) -> Result<Vec<Vec<u32>>, ValueError> {
     let vertices = |played: Played| played.end.presses().iter().map(|&(v, _)| v).collect();
-    let mut lists: Vec<Vec<u32>> = play(scene, config, order, count, seed, |_| (), vertices)?;
+    let config = EnvConfig {
+        mask: Mask::Stroke,
+        ..config.clone()
+    };
+    let mut lists: Vec<Vec<u32>> = play(scene, &config, order, count, seed, |_| (), vertices)?;
     lists.retain(|list| !list.is_empty());
     Ok(lists)
 }

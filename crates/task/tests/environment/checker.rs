@@ -63,6 +63,8 @@ pub fn check(scene: &Arc<Scene>, config: &EnvConfig, count: usize, seed: u64) {
             let rounding = 1e-6 * initial;
             let summed = match config.device {
                 Device::Cpu => 0.0,
+                // Feet of what is left off the tool jump where rounding takes a vertex into another cell of the grid.
+                Device::Gpu(_) if config.mask == Mask::Free => 1e-8 + 1e-3 * last,
                 Device::Gpu(_) => 1e-8,
             };
             assert!((reward - (initial - last)).abs() < rounding + summed);
