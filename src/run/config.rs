@@ -15,7 +15,7 @@ use drape_cloth::file::{
     ReadError, ValueError, parse_toml_with, read_bytes, read_text, read_toml, refuse_lists,
 };
 use drape_cloth::scene::{Scene, SceneConfig};
-use drape_learn::policy::{DeviceKind, PolicyConfig};
+use drape_learn::policy::{DeviceKind, NetworkConfig, PolicyConfig};
 use drape_learn::ppo::PpoConfig;
 use drape_robot::CellConfig;
 use drape_task::env::{EnvConfig, ImageShape, MOST_MIB, Scatter};
@@ -405,6 +405,15 @@ impl RunConfig {
         for member in &self.members()?[1..] {
             member.located(member.scene.check().map_err(Into::into))?;
         }
+        let imitation = self.ppo.imitation.as_ref();
+        let is_mirrored = imitation.is_some_and(|imitation| imitation.symmetries);
+        let has_places = !matches!(self.policy.network, NetworkConfig::Unet(_));
+        ValueError::unless(
+            !(is_mirrored && has_places),
+            "ppo.imitation.symmetries",
+            is_mirrored,
+            "false where the network is no `unet`",
+        )?;
         self.ppo.validate().context("ppo")
     }
 }

@@ -51,6 +51,15 @@ impl Demonstrations {
         Ok(Self(files.iter().map(read).collect::<Result<_>>()?))
     }
 
+    /// Refuses presses that are not on this blank.
+    pub(super) fn check(&self, lamina: &Lamina) -> Result<()> {
+        let count = lamina.vertex_count();
+        let outside = self.0.iter().flatten().find(|&&v| v as usize >= count);
+        outside.map_or(Ok(()), |v| {
+            bail!("a press is on vertex {v}, expected one below {count}")
+        })
+    }
+
     /// Puts others before them.
     pub(super) fn insert(&mut self, others: Self) {
         self.0.splice(0..0, others.0);

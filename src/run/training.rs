@@ -73,14 +73,6 @@ struct Memory {
     lines: u64,
 }
 
-/// What a search has found so far on each scene, for a run that is gone on with.
-#[derive(Default, Serialize, Deserialize)]
-struct Searched {
-    /// Of the whole search.
-    presses: u64,
-    found: Vec<Demonstrations>,
-}
-
 /// Episodes that the mean score of a report is taken over.
 const RECENT: usize = 50;
 
@@ -335,28 +327,25 @@ impl Training {
     ) -> Result<Option<Vec<Demonstrations>>> {
         let (tasks, all) = (self.trainer.tasks(), self.config.search);
         let file = self.folder.path.join("searched.json");
-        let (mut found, mut before) = (Vec::new(), 0);
-        let known = match file.exists() {
+        // What an interrupted search has found, by scene.
+        let known: Vec<Demonstrations> = match file.exists() {
             true => read_json(&file, "orders of a search")?,
-            false => Searched::default(),
+            false => Vec::new(),
         };
         // All have looked before the first writes.
         self.cluster.any(false);
-        let known = if known.presses == all {
-            known.found
-        } else {
-            Vec::new()
-        };
+        let (mut found, mut before) = (known, 0);
         for (number, (task, worlds)) in tasks.tasks().iter().zip(&self.worlds).enumerate() {
             let count = tasks.environments(number).count();
             let presses = all * count as u64 / tasks.count() as u64;
-            if let Some(known) = known
-                .get(number)
-                .cloned()
-                .or((presses == 0).then(Demonstrations::default))
-            {
+            if let Some(known) = found.get(number) {
+                let checked = known.check(&task.scene.lamina);
+                checked.with_context(|| format!("{}: scene {number}", file.display()))?;
                 before += presses;
-                found.push(known);
+                continue;
+            }
+            if presses == 0 {
+                found.push(Demonstrations::default());
                 continue;
             }
             let rated = match worlds.differ() {
@@ -379,10 +368,7 @@ impl Training {
             let orders = orders.orders.into_iter().take(count);
             found.push(orders.map(|(order, _)| order).collect());
             if self.cluster.is_first() {
-                let presses = all;
-                let searched = Searched { presses, found };
-                write_json(&file, &searched)?;
-                found = searched.found;
+                write_json(&file, &found)?;
             }
         }
         Ok(Some(found))

@@ -66,15 +66,15 @@ impl View {
         for (&pixel, &vertex) in self.pixels.iter().zip(&self.vertices) {
             let mark = &mut marks[pixel as usize];
             let is_last = pressed.stencil.binary_search(&vertex).is_ok();
-            let (number, vertex) = (vertex, vertex as usize);
+            let v = vertex as usize;
             let bit = |is_set, bit| if is_set { bit } else { 0 };
-            *mark = bit(pressed.draped.contains(vertex), DRAPED) | bit(is_last, STENCIL);
-            if pressed.touched.contains(vertex) {
+            *mark = bit(pressed.draped.contains(v), DRAPED) | bit(is_last, STENCIL);
+            if pressed.touched.contains(v) {
                 *mark |= TOUCHED;
                 continue;
             }
-            left += usize::from(!is_beside(number));
-            if near.contains(vertex) {
+            left += usize::from(!is_beside(vertex));
+            if near.contains(v) {
                 *mark |= ALLOWED;
                 beside = true;
             }

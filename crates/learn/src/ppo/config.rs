@@ -75,7 +75,8 @@ pub struct ImitationConfig {
     /// Updates of so many samples that only imitate what has been shown, before the first rollout.
     #[serde(default)]
     pub pretraining: usize,
-    /// Draws them in all symmetries of the image: for fabrics whose warp and weft are alike, and a `unet`.
+    /// Draws them in all symmetries of the image: for fabrics whose warp and weft are alike, and a `unet`, as other
+    /// networks see nothing of the terrain that turns with it.
     #[serde(default)]
     pub symmetries: bool,
 }

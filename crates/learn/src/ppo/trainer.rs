@@ -7,8 +7,7 @@ use super::rollout::{EpisodeRecord, Seconds, collect};
 use super::sections::{NETWORK, SectionError, Sections, decode, encode, read_section};
 use super::symmetry::Symmetry;
 use super::update::{Learner, Streams, UpdateMetrics, imitate, shown, update};
-use crate::policy::{ActorCritic, DeviceKind, NetworkConfig, PolicyConfig};
-use drape_cloth::file::ValueError;
+use crate::policy::{ActorCritic, DeviceKind, PolicyConfig};
 use drape_cloth::math::{Purpose, Stream};
 use drape_task::cluster::Cluster;
 use drape_task::env::{Tasks, Terrain};
@@ -70,10 +69,6 @@ impl<T: Tasks> Trainer<T> {
         if !config.imitation.as_ref().is_some_and(|c| c.symmetries) {
             symmetries.truncate(1);
         }
-        let has_places = !matches!(policy.network, NetworkConfig::Unet(_));
-        let (is_valid, key) = (symmetries.len() == 1 || !has_places, "imitation.symmetries");
-        ValueError::unless(is_valid, key, true, "false, unless the network is a `unet`")
-            .map_err(TrainError::Ppo)?;
         let terrains = symmetries.iter().flat_map(|symmetry| {
             let terrains = tasks.terrains().into_iter();
             terrains.map(|terrain| symmetry.terrain(terrain))
