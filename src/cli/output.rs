@@ -223,7 +223,9 @@ fn line(bar: &ProgressBar, begun: Option<u64>) -> String {
     let left = left(begun, [done, total], bar.elapsed());
     let (title, doing) = (bar.prefix(), bar.message());
     match begun {
-        None if doing == title => format!("{title}: {} %{left}", 100 * done / total),
+        None if doing.is_empty() || doing == title => {
+            format!("{title}: {} %{left}", 100 * done / total)
+        }
         None => format!("{title}, {doing}: {} %{left}", 100 * done / total),
         Some(_) if doing.is_empty() => format!("{done}/{total} steps{left}"),
         Some(_) => format!("{done}/{total} steps{left}; {doing}"),

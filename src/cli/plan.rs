@@ -160,7 +160,7 @@ fn played(weights: &Weights, run: &Searched) -> Result<Vec<Vec<u32>>, Failure> {
 fn text(outcome: &Outcome) -> String {
     let run = outcome.run.display();
     let end = match outcome.converged {
-        true => ", which found no better",
+        true => ", whose end brought no more",
         false => "",
     };
     let policy = match outcome.policy_paths {

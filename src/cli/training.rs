@@ -405,7 +405,8 @@ pub(super) fn text(outcome: &Outcome) -> String {
     format!(
         "{run}: {} environment steps in {:.0} s, {:.0} a second\n\
          time: simulation {:.0} %, inference {:.0} %, update {:.0} %\n\
-         score in one world: last episodes {}, best sequence {}, random {:.2} +- {:.2} %\n{diverged}{next}",
+         score in one world: last episodes {}, random {:.2} +- {:.2} %\n\
+         best sequence: {}, after a polish in scattered worlds and less its costs\n{diverged}{next}",
         outcome.env_steps,
         outcome.seconds,
         outcome.env_steps_per_second,
@@ -413,8 +414,8 @@ pub(super) fn text(outcome: &Outcome) -> String {
         share(outcome.inference_share),
         share(outcome.update_share),
         percent(outcome.mean_score),
-        percent(outcome.best_score),
         share(outcome.random_mean_score),
         share(outcome.random_deviation),
+        percent(outcome.best_score),
     )
 }
