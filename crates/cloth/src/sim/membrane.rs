@@ -6,8 +6,8 @@
 //! E t A C1^2 / 2, E t A C2^2 / 2 and G t A gamma^2 / 2 with the area A and the thickness t, each
 //! modulus by the sign of its C: the law of yarns and diagonals, integrated over the triangle.
 //!
-//! No force of theirs lasts from substep to substep as those of yarns do: only hinges, which are solved one by one and
-//! softly, keep it from turning, and a blank with a border of stretched cells is driven by it until it flies.
+//! No force of theirs lasts from substep to substep, as those of yarns do: it would drive a blank whose outline widens the
+//! cells at its border until the blank flies off. Out of their plane only hinges hold them, solved one by one.
 //!
 //! Linear triangles have constant strain. Where yarns run obliquely to the mesh they cannot
 //! follow inextensible yarns in bending lines, and lock: a strip is then at least twice as stiff.
