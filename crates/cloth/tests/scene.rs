@@ -371,40 +371,6 @@ fn clamps_rest_without_settling() {
     }
 }
 
-/// Whether an outline widens the cells at its border, narrows them or lies on the grid: cloth that hangs over a dome
-/// comes to rest.
-#[test]
-fn cut_cells_come_to_rest() {
-    let folder = tempfile::tempdir().unwrap();
-    for [x, y] in [[60.0, 61.0], [61.0, 61.0], [45.0, 45.0], [64.0, 63.0]] {
-        let outline = folder.path().join("outline.txt");
-        std::fs::write(
-            &outline,
-            format!("-{x} -{y}\n{x} -{y}\n{x} {y}\n-{x} {y}\n"),
-        )
-        .unwrap();
-        let scene = folder.path().join("scene.toml");
-        let text = "placement = { over = 'tool', height_mm = 5.0, tilt_deg = 0.0 }
-            [tool.source.shape]
-            kind = 'hemisphere'
-            radius_mm = 30.0
-            [blank]
-            outline = 'outline.txt'
-            cell_mm = 8.0
-            mass = 'datasheet'
-            [fall]
-            fall_s = 0.3
-            settle_s = 0.5
-            substep_rate = 3000.0
-            contact_rate = 600.0";
-        std::fs::write(&scene, text).unwrap();
-        let scene = Scene::new(&SceneConfig::read(&scene).unwrap(), |_| {}).unwrap();
-        let summary = scene.summary(&scene.initial);
-        assert!(summary.v_rms_mm_s < 2.0, "{x} x {y}: {summary:?}");
-        assert!(summary.strain_max < 0.01, "{x} x {y}: {summary:?}");
-    }
-}
-
 /// The scenes with domes list locking; of a material that has none it is refused.
 #[test]
 fn locking_is_listed_where_the_material_has_it() {

@@ -3,6 +3,7 @@ use super::fold::{Bundle, Fold, Places};
 use super::length::{Held, warm_start};
 use super::line::{Along, Chain, Direction};
 use super::lines::Lines;
+use super::membrane::Element;
 use super::model::Model;
 use super::storage::Storage;
 use crate::math::{Lanes, Vec3x};
@@ -162,7 +163,7 @@ impl<V: Lanes> Storage for Alone<V> {
     }
 
     #[inline(always)]
-    fn warm_start(&mut self) {
+    fn warm_start(&mut self, _: &[Vec<Element>]) {
         let (cloth, crossing, held) = (&mut self.cloth, &mut self.crossing, &mut self.held);
         for (weft, places) in &self.fold.wefts {
             let x = Vec3x::components_mut(&mut crossing.position);

@@ -1,9 +1,9 @@
 use super::cloth::Cloth;
 use super::collision::{Around, Layers, SelfContact};
-use super::length::pull_of;
+use super::length::{Held, pull_of};
 use super::line::{Along, Direction, Line};
 use super::lines::Lines;
-use super::membrane::{Element, project_elements};
+use super::membrane::{Element, project_elements, warm_start_elements};
 use super::model::{Model, Pass};
 use super::parameters::Own;
 use super::storage::Storage;
@@ -14,6 +14,8 @@ use crate::tool::Tools;
 pub(super) struct InLanes<V: Lanes> {
     cloth: Cloth<V>,
     self_contact: Option<Box<SelfContact<V>>>,
+    /// What membranes do to their corners; empty without any whose forces last.
+    held: Held<V>,
 }
 
 impl<V: Lanes> InLanes<V> {
@@ -22,14 +24,16 @@ impl<V: Lanes> InLanes<V> {
     pub fn new(model: &Model, used: usize) -> Self {
         let count = model.vertex_count();
         let of_lines = |lines: &Lines| (lines.edge_count, lines.longest);
-        let (edges, longest) = model.lines.as_ref().map_or((0, 0), of_lines);
-        let mut cloth = Cloth::new(count, edges, longest);
+        let (yarn_edges, longest) = model.lines.as_ref().map_or((0, 0), of_lines);
+        let has_lasting = model.edge_count > yarn_edges;
+        let mut cloth = Cloth::new(count, model.edge_count, longest);
         cloth.inverse_mass = model.inverse_mass.iter().map(|&w| V::of(w)).collect();
         cloth.own = vec![Own::default(); used];
         cloth.tack = model.tack.iter().flatten().map(|&t| V::of(t)).collect();
         Self {
             cloth,
             self_contact: (model.layers.is_some()).then(|| Box::new(SelfContact::new(count))),
+            held: Held::new(if has_lasting { count } else { 0 }),
         }
     }
 }
@@ -125,7 +129,26 @@ impl<V: Lanes> Storage for InLanes<V> {
             }
             None => none,
         };
-        (after.0 - before.0, before.1 + after.1)
+        let (pull, stress, held) = (after.0 - before.0, before.1 + after.1, &self.held);
+        match held.stress.is_empty() {
+            true => (pull, stress),
+            false => (pull + held.pull[place], stress + held.stress[place]),
+        }
+    }
+
+    #[inline(always)]
+    fn warm_start(&mut self, membranes: &[Vec<Element>]) {
+        let Held { pull, stress } = &mut self.held;
+        if stress.is_empty() {
+            return;
+        }
+        pull.fill(Vec3x::zero());
+        stress.fill(V::zero());
+        for class in membranes {
+            let (x, density) = (&self.cloth.predicted, &self.cloth.density);
+            let scales = Some(&self.cloth.scales);
+            warm_start_elements(class, x, density, pull, stress, scales);
+        }
     }
 
     #[inline(always)]
@@ -146,7 +169,7 @@ impl<V: Lanes> Storage for InLanes<V> {
         let cloth = &mut self.cloth;
         for class in membranes {
             let (x, w, s) = (&mut cloth.position, &cloth.mobility, Some(&cloth.scales));
-            project_elements(class, x, w, s);
+            project_elements(class, x, w, &mut cloth.density, s);
         }
     }
 

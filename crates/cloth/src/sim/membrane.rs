@@ -6,16 +6,14 @@
 //! E t A C1^2 / 2, E t A C2^2 / 2 and G t A gamma^2 / 2 with the area A and the thickness t, each
 //! modulus by the sign of its C: the law of yarns and diagonals, integrated over the triangle.
 //!
-//! No force of theirs lasts from substep to substep, as those of yarns do: it would drive a blank whose outline widens the
-//! cells at its border until the blank flies off. Out of their plane only hinges hold them, solved one by one.
-//!
 //! Linear triangles have constant strain. Where yarns run obliquely to the mesh they cannot
 //! follow inextensible yarns in bending lines, and lock: a strip is then at least twice as stiff.
 
+use super::bend::along_yarn;
 use super::curve::{Lagged, of_sign, within};
 use super::edges::in_colors;
 use super::law::{EdgeLaw, branch};
-use super::line::Direction;
+use super::line::{Direction, MAX_WARM};
 use super::locking::Locking;
 use super::physics::PhysicsConfig;
 use super::scales::Scales;
@@ -35,8 +33,37 @@ pub(super) struct Element {
     pub gradient: [[f64; 2]; 2],
     /// Of C1 and C2; none where yarns stand for them.
     pub yarns: Option<[EdgeLaw; 2]>,
+    /// The forces of C1 and C2 that last, as those of yarns do; none under Gauss-Seidel.
+    pub lasting: Option<Lasting>,
     /// Of C3 near rest; none if the scene has no shear.
     pub shear: Option<EdgeLaw>,
+}
+
+/// Force densities, force over stretch [J], that last from substep to substep.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lasting {
+    /// Number of that of the warp; that of the weft follows.
+    first: u32,
+    /// The greatest compression that lasts, <= 0, by the rule of the yarns beside it.
+    min_warm: [f64; 2],
+}
+
+impl Lasting {
+    /// Place of the force density of a family, and what of it the next substep starts with.
+    #[inline(always)]
+    fn warm<V: Lanes>(
+        &self,
+        family: usize,
+        density: &[V],
+        scales: Option<&Scales<V>>,
+    ) -> (usize, V) {
+        let place = self.first as usize + family;
+        let mut min_warm = V::of(self.min_warm[family]);
+        if let Some(scales) = scales {
+            min_warm = min_warm * scales.bending[family];
+        }
+        (place, density[place].max(min_warm))
+    }
 }
 
 impl Element {
@@ -48,9 +75,21 @@ impl Element {
     }
 }
 
-/// The elements of a lamina, in colours.
-pub(super) fn elements(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<Element>> {
+/// The elements of a lamina, in colours; force densities that last are counted from `first`.
+pub(super) fn elements(
+    lamina: &Lamina,
+    physics: &PhysicsConfig,
+    first: Option<usize>,
+) -> Vec<Vec<Element>> {
     let thickness = lamina.material.thickness();
+    let mut next = first.map(|first| first as u32);
+    let min_warm = |area: f64| {
+        [Family::Warp, Family::Weft].map(|family| {
+            let length = lamina.cell()[family as usize];
+            let bending = along_yarn(lamina, physics, family, [area / length, length]);
+            -MAX_WARM * bending * length * length
+        })
+    };
     let all: Vec<Element> = lamina
         .membranes
         .iter()
@@ -68,6 +107,11 @@ pub(super) fn elements(lamina: &Lamina, physics: &PhysicsConfig) -> Vec<Vec<Elem
                 vertices: membrane.vertices,
                 gradient: [membrane.gradient[1], membrane.gradient[2]],
                 yarns: (!membrane.has_yarns).then(|| [Family::Warp, Family::Weft].map(yarn)),
+                lasting: next.filter(|_| !membrane.has_yarns).map(|first| {
+                    next = Some(first + 2);
+                    let min_warm = min_warm(membrane.area);
+                    Lasting { first, min_warm }
+                }),
                 shear: (physics.shear)
                     .then(|| law([shear.positive.modulus(), shear.negative.modulus()])),
             }
@@ -92,25 +136,59 @@ pub(super) fn split(classes: &[Vec<Element>]) -> [Vec<Vec<Element>>; 2] {
         |element| element.yarns.is_some(),
         |element| element.shear = None,
     );
+    let without_yarns = |element: &mut Element| (element.yarns, element.lasting) = (None, None);
     [
         along,
-        parts(
-            |element| element.shear.is_some(),
-            |element| element.yarns = None,
-        ),
+        parts(|element| element.shear.is_some(), without_yarns),
     ]
 }
 
 /// Moves the corners along `gradient` of C (that of the first corner is minus the sum of the
 /// others', so that no force is left over) by the XPBD step with lambda = 0 before it.
 #[inline(always)]
-fn apply<V: Lanes>(c: V, [g1, g2]: [Vec3x<V>; 2], alpha: V, x: &mut [Vec3x<V>; 3], w: &[V; 3]) {
+fn apply<V: Lanes>(
+    c: V,
+    [g1, g2]: [Vec3x<V>; 2],
+    alpha: V,
+    x: &mut [Vec3x<V>; 3],
+    w: &[V; 3],
+) -> V {
     let g0 = g1 + g2;
     let sum = w[0] * g0.dot(g0) + w[1] * g1.dot(g1) + w[2] * g2.dot(g2) + alpha;
     let lambda = c / sum.max(V::of(1e-28));
     x[0] = x[0] + g0.scale(lambda * w[0]);
     x[1] = x[1] - g1.scale(lambda * w[1]);
     x[2] = x[2] - g2.scale(lambda * w[2]);
+    lambda
+}
+
+/// Adds what the forces of the last substep, as the elements of one colour lie at `x`, pull at
+/// their corners [N], and the stress there, the sum of |force density| times slope^2 [N/m].
+#[inline(always)]
+pub(super) fn warm_start_elements<V: Lanes>(
+    elements: &[Element],
+    x: &[Vec3x<V>],
+    density: &[V],
+    pull: &mut [Vec3x<V>],
+    stress: &mut [V],
+    scales: Option<&Scales<V>>,
+) {
+    for element in elements {
+        let Some(lasting) = element.lasting else {
+            continue;
+        };
+        let v = element.vertices.map(|v| v as usize);
+        let corners = v.map(|v| x[v]);
+        for (k, slope) in element.slopes::<V>().into_iter().enumerate() {
+            let (_, warm) = lasting.warm(k, density, scales);
+            let f = image(&corners, slope);
+            let shares = [-(slope[0] + slope[1]), slope[0], slope[1]];
+            for (v, share) in v.into_iter().zip(shares) {
+                pull[v] = pull[v] - f.scale(warm * share);
+                stress[v] = stress[v] + warm.max(-warm) * share * share;
+            }
+        }
+    }
 }
 
 /// A column of F.
@@ -146,6 +224,7 @@ pub(super) fn project_elements<V: Lanes>(
     elements: &[Element],
     position: &mut [Vec3x<V>],
     mobility: &[V],
+    density: &mut [V],
     scales: Option<&Scales<V>>,
 ) {
     for element in elements {
@@ -159,7 +238,14 @@ pub(super) fn project_elements<V: Lanes>(
             let c = length - V::of(1.0);
             let gradient = slope.map(|s| n.scale(s));
             let law = law.in_lanes(Scales::on_compliance(scales, k));
-            apply(c, gradient, branch(law, c), &mut x, &w);
+            let Some(lasting) = element.lasting else {
+                apply(c, gradient, branch(law, c), &mut x, &w);
+                continue;
+            };
+            let (place, warm) = lasting.warm(k, density, scales);
+            let alpha = branch(law, density[place]);
+            let force = apply(c - alpha * (warm * length), gradient, alpha, &mut x, &w);
+            density[place] = warm + force / length;
         }
         if let Some(law) = &element.shear {
             let (c, gradient) = sine(&x, slopes);

@@ -64,7 +64,7 @@ impl Pass {
             Self::LockingDiagonals(class, locking) => project_edges(class, locking, x, w, s),
             Self::Triples(triples) => project_triples(triples, x, w, s),
             Self::Hinges(hinges) => project_hinges(hinges, x, w, s),
-            Self::Membrane(elements) => project_elements(elements, x, w, s),
+            Self::Membrane(elements) => project_elements(elements, x, w, &mut cloth.density, s),
             Self::CurvedMembrane(elements, curve) => {
                 shear_elements_by_curve(elements, &Lagged { curve, previous }, x, w, s);
             }
@@ -84,7 +84,8 @@ pub struct Model {
     pub(super) edge_count: usize,
     /// What is projected constraint by constraint, in this order.
     pub(super) passes: Vec<Pass>,
-    /// Membranes along yarns, in colours, beside lines: they follow the yarns.
+    /// Membranes along yarns, in colours, beside lines: they follow the yarns, and their forces last
+    /// like those of yarns.
     pub(super) membranes: Vec<Vec<Element>>,
     pub(super) bending_stiffness: [f64; 2],
     /// Static and dynamic coefficient.
@@ -111,7 +112,8 @@ impl Model {
             passes.extend(yarns.map(|(class, limits)| Pass::Edges(class, limits)));
         }
         let lines = (!by_edge).then(|| Lines::new(lamina, physics, trellis.clone()));
-        let classes = elements(lamina, physics);
+        let yarn_edges = lines.as_ref().map(|lines| lines.edge_count);
+        let classes = elements(lamina, physics, yarn_edges);
         let [membranes, classes] = match (by_edge, &curve) {
             (true, None) => [Vec::new(), classes],
             _ => split(&classes),
@@ -148,7 +150,9 @@ impl Model {
         let friction = physics.friction.then(|| lamina.material.friction());
         Self {
             inverse_mass: lamina.mass.iter().map(|m| 1.0 / m).collect(),
-            edge_count: lines.as_ref().map_or(0, |lines| lines.edge_count),
+            edge_count: yarn_edges.map_or(0, |count| {
+                count + 2 * lamina.membranes.iter().filter(|m| !m.has_yarns).count()
+            }),
             lines,
             passes,
             membranes: if by_edge { Vec::new() } else { membranes },

@@ -87,7 +87,7 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
                 // Yarns have the last word before the tool, and membranes that stand for them: their
                 // stiffness is greatest, so what comes after them shows as strain.
                 Some(lines) => {
-                    warm_start_and_bend_warps(lines, &frame, storage);
+                    warm_start_and_bend_warps(model, lines, &frame, storage);
                     grip(model, presses, storage);
                     shear_along_diagonals(lines, storage);
                     storage.project(&model.passes);
@@ -144,8 +144,13 @@ fn fall<S: Storage>(frame: &Frame<S::V>, storage: &mut S) {
 
 /// What the yarns' forces of the last substep and weight do, and the warps' bending.
 #[inline(always)]
-fn warm_start_and_bend_warps<S: Storage>(lines: &Lines, frame: &Frame<S::V>, storage: &mut S) {
-    storage.warm_start();
+fn warm_start_and_bend_warps<S: Storage>(
+    model: &Model,
+    lines: &Lines,
+    frame: &Frame<S::V>,
+    storage: &mut S,
+) {
+    storage.warm_start(&model.membranes);
     for i in 0..storage.count(lines, Direction::Warp) {
         let mut before = (Vec3x::zero(), S::V::zero());
         let (warp, cloth) = storage.warp(lines, i);

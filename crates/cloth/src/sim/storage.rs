@@ -68,10 +68,10 @@ pub(super) trait Storage: Send + Sync {
 
     /// Finds what [`Storage::weft_pull`] tells, as far as that is not at hand.
     #[inline(always)]
-    fn warm_start(&mut self) {}
+    fn warm_start(&mut self, _membranes: &[Vec<Element>]) {}
 
-    /// What the forces of its weft in the last substep pull at a vertex where it is predicted [N], and their stress,
-    /// the sum of |force density| [N/m].
+    /// What the forces of its weft and its membranes in the last substep pull at a vertex where it is
+    /// predicted [N], and their stress, of edges the sum of |force density| [N/m].
     fn weft_pull(&self, lines: &Lines, place: usize) -> (Vec3x<Self::V>, Self::V);
 
     /// Projects constraints that are no lines, one after the other.
