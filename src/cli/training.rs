@@ -406,7 +406,7 @@ pub(super) fn text(outcome: &Outcome) -> String {
         "{run}: {} environment steps in {:.0} s, {:.0} a second\n\
          time: simulation {:.0} %, inference {:.0} %, update {:.0} %\n\
          score in one world: last episodes {}, random {:.2} +- {:.2} %\n\
-         best sequence: {}, after a polish in scattered worlds and less its costs\n{diverged}{next}",
+         best sequence: {}; of a polish: over scattered worlds, less its costs\n{diverged}{next}",
         outcome.env_steps,
         outcome.seconds,
         outcome.env_steps_per_second,

@@ -210,6 +210,10 @@ fn mistakes_are_located() {
             "c.toml: ppo: `imitation.samples` is 0, expected",
         ),
         (
+            "[ppo.imitation]\nsymmetries = true",
+            "c.toml: `ppo.imitation.symmetries` is true, expected false where the network is no `unet`",
+        ),
+        (
             "[policy.network.compact]\nchanels = 1",
             "c.toml:2:1: unknown field `chanels`, expected one of",
         ),
