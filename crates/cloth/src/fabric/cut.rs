@@ -12,9 +12,9 @@ use super::grid::Grid;
 use super::outline::{Outline, Point, crossing, sides};
 use crate::mesh::{TriMesh, border, patches};
 
-/// A node outside the outline by less than this becomes a vertex: around 0.35, triangles at a
-/// border are squeezed no more than they are stretched.
-const OVERHANG: f64 = 0.35;
+/// A node outside the outline by less than this becomes a vertex: no row of cells at the border of a
+/// rectangle is then left out and those beside it widened, which strain more than squeezed ones.
+const OVERHANG: f64 = 0.5;
 /// A node moves at most this far on to the outline, and into a corner of it.
 const REACH: f64 = 0.9;
 /// The outline turns by at least this much at a corner: cosine of 30 degrees.

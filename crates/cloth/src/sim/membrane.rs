@@ -24,6 +24,16 @@ use crate::math::{Lanes, Vec3x};
 /// Below this squared stretch a direction is lost, and nothing acts along it.
 const MIN_SQUARE: f64 = 1e-12;
 
+/// Sweeps over the elements a substep, and the share of what they add to a force that lasts.
+///
+/// A mode of which a substep takes away the share k of its strain c, while its force l lasts, follows
+/// c'' = l - k (c + c') and l' = -GAIN k c from substep to substep, which is stable for GAIN < k
+/// (Routh and Hurwitz). Where rows of cut cells lie beside yarns, k is small after one sweep: with all of the force
+/// lasting, half of all blanks with rectangular holes flew off their tools. A smaller gain takes longer to
+/// hold what a press pulls, so three sweeps raise k first; presses then strain as much as with one sweep and a gain of 1.
+pub(super) const SWEEPS: usize = 3;
+const GAIN: f64 = 0.4;
+
 /// A triangle, with compliances [1/J] of its dimensionless constraints.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Element {
@@ -245,7 +255,7 @@ pub(super) fn project_elements<V: Lanes>(
             let (place, warm) = lasting.warm(k, density, scales);
             let alpha = branch(law, density[place]);
             let force = apply(c - alpha * (warm * length), gradient, alpha, &mut x, &w);
-            density[place] = warm + force / length;
+            density[place] = warm + V::of(GAIN) * force / length;
         }
         if let Some(law) = &element.shear {
             let (c, gradient) = sine(&x, slopes);

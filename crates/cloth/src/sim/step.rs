@@ -13,6 +13,7 @@ use super::length::{give_way, pull_after, stretch};
 use super::line::{Chain, Direction};
 use super::lines::Lines;
 use super::locking::lock;
+use super::membrane;
 use super::model::Model;
 use super::press::{self, Press};
 use super::shear::shear;
@@ -96,7 +97,9 @@ impl<S: Storage> Kernel for Substeps<'_, S> {
                         stretch_wefts(lines, sweep == 1, storage);
                         let is_last = sweep == control.sweeps && warps_are_last;
                         stretch_warps(lines, is_last.then_some(&frame), goes_on, storage);
-                        storage.stretch_membranes(&model.membranes);
+                        for _ in 0..membrane::SWEEPS {
+                            storage.stretch_membranes(&model.membranes);
+                        }
                     }
                 }
                 None => {
