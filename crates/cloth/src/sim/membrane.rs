@@ -24,15 +24,17 @@ use crate::math::{Lanes, Vec3x};
 /// Below this squared stretch a direction is lost, and nothing acts along it.
 const MIN_SQUARE: f64 = 1e-12;
 
-/// Sweeps over the elements a substep, and the share of what they add to a force that lasts.
+/// Sweeps over the elements a substep.
+pub(super) const SWEEPS: usize = 4;
+
+/// Share of what a sweep adds to a force that lasts, with shear and without.
 ///
 /// A mode of which a substep takes away the share k of its strain c, while its force l lasts, follows
-/// c'' = l - k (c + c') and l' = -GAIN k c from substep to substep, which is stable for GAIN < k
-/// (Routh and Hurwitz). Where rows of cut cells lie beside yarns, k is small after one sweep: with all of the force
-/// lasting, half of all blanks with rectangular holes flew off their tools. A smaller gain takes longer to
-/// hold what a press pulls, so three sweeps raise k first; presses then strain as much as with one sweep and a gain of 1.
-pub(super) const SWEEPS: usize = 3;
-const GAIN: f64 = 0.4;
+/// c'' = l - k (c + c') and l' = -gain k c from substep to substep, which is stable for gain < k
+/// (Routh and Hurwitz). Where rows of cut cells lie beside yarns, k is small after one sweep: with a gain of 1
+/// half of all blanks with rectangular holes flew off their tools. A smaller gain takes longer to hold what
+/// a press pulls, so more sweeps raise k first; presses then strain as much as with one sweep and a gain of 1.
+const GAIN: [f64; 2] = [0.4, 0.1];
 
 /// A triangle, with compliances [1/J] of its dimensionless constraints.
 #[derive(Clone, Copy, Debug)]
@@ -56,6 +58,8 @@ pub(super) struct Lasting {
     first: u32,
     /// The greatest compression that lasts, <= 0, by the rule of the yarns beside it.
     min_warm: [f64; 2],
+    /// Of [`GAIN`].
+    gain: f64,
 }
 
 impl Lasting {
@@ -120,7 +124,11 @@ pub(super) fn elements(
                 lasting: next.filter(|_| !membrane.has_yarns).map(|first| {
                     next = Some(first + 2);
                     let min_warm = min_warm(membrane.area);
-                    Lasting { first, min_warm }
+                    Lasting {
+                        first,
+                        min_warm,
+                        gain: GAIN[usize::from(!physics.shear)],
+                    }
                 }),
                 shear: (physics.shear)
                     .then(|| law([shear.positive.modulus(), shear.negative.modulus()])),
@@ -255,7 +263,7 @@ pub(super) fn project_elements<V: Lanes>(
             let (place, warm) = lasting.warm(k, density, scales);
             let alpha = branch(law, density[place]);
             let force = apply(c - alpha * (warm * length), gradient, alpha, &mut x, &w);
-            density[place] = warm + V::of(GAIN) * force / length;
+            density[place] = warm + V::of(lasting.gain) * force / length;
         }
         if let Some(law) = &element.shear {
             let (c, gradient) = sine(&x, slopes);
