@@ -176,13 +176,14 @@ fn compliances_carry_modulus_thickness_and_area() {
 /// where the law says. Momentum is kept.
 #[test]
 fn lasting_forces_bear_a_load() {
-    for load in [2.0, 20.0] {
+    for (load, gain) in [(2.0, GAIN[0]), (20.0, GAIN[0]), (20.0, GAIN[1])] {
         let mut element = element(45.0, [None; 3]);
         element.yarns = Some([LAW; 2]);
         element.shear = None;
         element.lasting = Some(Lasting {
             first: 0,
             min_warm: [-30.0; 2],
+            gain,
         });
         let slope = element.gradient[1][0];
         let push = Vec3::new(1.0, 1.0, 0.0).normalize() * (load * slope);
@@ -212,6 +213,7 @@ fn only_compression_that_bending_holds_lasts() {
     let lasting = Lasting {
         first: 1,
         min_warm: [-0.5, -0.25],
+        gain: 1.0,
     };
     let density = [9.0, -2.0, -0.1];
     assert_eq!(lasting.warm(0, &density, None), (1, -0.5));
