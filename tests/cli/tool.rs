@@ -1,6 +1,7 @@
 use std::fmt::Write as _;
 
 use super::*;
+use drape_cloth::tool::Shape;
 
 #[test]
 fn rib_is_the_one_in_the_assets() {
@@ -18,7 +19,7 @@ fn rib_is_the_one_in_the_assets() {
 #[test]
 fn every_shape_is_written_with_its_values() {
     let folder = folder();
-    for (shape, set, top) in [
+    let shapes = [
         ("rib", "height_mm=41", 41.0),
         ("hemisphere", "radius_mm=33", 33.0),
         ("double-dome", "plate_mm=[500, 400]", 60.0),
@@ -28,7 +29,9 @@ fn every_shape_is_written_with_its_values() {
         ("trough", "depth_mm=30", 0.0),
         ("saddle", "height_mm=25", 25.0),
         ("hills", "seed=3", 81.7),
-    ] {
+    ];
+    assert_eq!(shapes.map(|(shape, ..)| shape), Shape::KINDS);
+    for (shape, set, top) in shapes {
         let report = json(
             folder.path(),
             &["tool", shape, "--set", set, "--out", "tool.stl", "--json"],
