@@ -65,7 +65,7 @@ pub struct DrapingDeck<'a> {
     pub fabric: &'a FabricCard,
     /// Triangles under the stencil, press by press.
     pub presses: &'a [Vec<u32>],
-    /// Duration of a press in Abaqus [s].
+    /// From one press to the next in Abaqus [s].
     pub press_s: f64,
     /// Pressure on a triangle from its first press on [Pa].
     pub pressure: f64,
