@@ -74,7 +74,7 @@ fn another_network_replaces_the_preset_s() {
 }
 
 /// The quickstart has the scene of a file that other commands can be given, two are on the
-/// built-in rib, and tasks are stepped as the quickstart is.
+/// built-in rib, and regions of tasks are on their blanks.
 #[test]
 fn shipped_configurations_are_what_they_say() {
     let file = |name| {
@@ -90,12 +90,8 @@ fn shipped_configurations_are_what_they_say() {
     let tasks: Vec<RunConfig> = tasks
         .map(|task| RunConfig::read(&task.unwrap().path()).unwrap())
         .collect();
-    assert!(tasks.len() >= 8);
+    assert!(tasks.len() >= 5);
     for config in tasks {
-        assert_eq!(
-            config.env.stepping(),
-            RunConfig::quickstart().env.stepping()
-        );
         let lamina = Lamina::new(&config.scene.blank, Material::interglas_92125()).unwrap();
         assert!(config.env.region(&lamina).is_ok());
     }
