@@ -446,7 +446,7 @@ fn deck(
         tool: &scene.tool.mesh_in_scene(),
         fabric: &fabric,
         presses: &presses,
-        press_s: loaded.config.env.press_s + loaded.config.env.settle_s,
+        step_s: loaded.config.env.press_s + loaded.config.env.settle_s,
         pressure: loaded.config.env.roller().pressure,
         gravity: physics.gravity,
         frame,

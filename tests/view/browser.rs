@@ -420,7 +420,7 @@ fn regions_are_dragged_and_policies_asked() {
     let viewer = Viewer::of(folder, &["runs/a"]);
     let mut browser = page(&viewer, &[]);
     browser.eval("view('top'), $('shade').value = 'policy', $('shade').onchange()");
-    // Per cent of all presses: the colouring before has a range too, and another sum.
+    // Per cent, which sum to 100: the colouring before has a range, too.
     browser.until("Math.abs(moment.value.reduce((a, b) => a + b) - 100) < 1 && !isDirty");
     let most = browser.eval("moment.value.indexOf(Math.max(...moment.value))");
     assert!(browser.eval(&format!("Boolean(moment.marks[{most}] & MARK.allowed)")) == true);

@@ -261,7 +261,7 @@ fn draping_deck() -> Deck {
         tool: &tool,
         fabric: &fabric(),
         presses: &presses,
-        press_s: 0.1,
+        step_s: 0.1,
         pressure: 1e6,
         gravity: 9.81,
         frame: Frame::scene(&Pose::default()),
@@ -351,7 +351,7 @@ fn sheet_pressed_on_a_rib_lies_where_the_twin_has_it() {
             pressure,
             speed: 1.0,
         },
-        press_s: 0.05,
+        step_s: 0.05,
         ..PressConfig::default()
     };
     let mut presses = Vec::new();
@@ -392,7 +392,7 @@ fn sheet_pressed_on_a_rib_lies_where_the_twin_has_it() {
             friction: [0.0; 2],
         },
         presses: &presses,
-        press_s: 0.1,
+        step_s: 0.1,
         pressure,
         gravity: scene.physics.gravity,
         frame: Frame::scene(&scene.tool.pose),

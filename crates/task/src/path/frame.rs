@@ -224,7 +224,7 @@ mod tests {
             tool: &lamina,
             fabric: &fabric,
             presses: &[],
-            press_s: 0.1,
+            step_s: 0.1,
             pressure: 1e6,
             gravity: 1.0,
             frame: *frame,

@@ -66,7 +66,7 @@ pub struct DrapingDeck<'a> {
     /// Triangles under the stencil, press by press.
     pub presses: &'a [Vec<u32>],
     /// From one press to the next in Abaqus [s].
-    pub press_s: f64,
+    pub step_s: f64,
     /// Pressure on a triangle from its first press on [Pa].
     pub pressure: f64,
     /// Along -z of the scene [m/s^2].
@@ -148,7 +148,7 @@ impl DrapingDeck<'_> {
             Dialect::Calculix => self.static_step(&mut deck, &loads),
             Dialect::Abaqus => {
                 for (k, load) in loads.iter().enumerate() {
-                    let seconds = if k == 0 { SETTLING } else { self.press_s };
+                    let seconds = if k == 0 { SETTLING } else { self.step_s };
                     explicit_step(&mut deck, seconds, load);
                 }
             }
