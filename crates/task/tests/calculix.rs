@@ -351,7 +351,7 @@ fn sheet_pressed_on_a_rib_lies_where_the_twin_has_it() {
             pressure,
             speed: 1.0,
         },
-        step_s: 0.05,
+        press_s: 0.05,
         ..PressConfig::default()
     };
     let mut presses = Vec::new();

@@ -45,7 +45,7 @@ fn woven(dialect: Dialect, presses: &[Vec<u32>], yarns: [[Vec3; 2]; 2]) -> Strin
         tool: &tool,
         fabric: &fabric(),
         presses,
-        press_s: 0.1,
+        step_s: 0.1,
         pressure: 1e6,
         gravity: 1.5,
         frame: Frame::tool(&Pose::default()),
