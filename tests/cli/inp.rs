@@ -67,12 +67,15 @@ fn decks_hold_lamina_clamps_and_presses() {
     assert!(abaqus.contains("*FABRIC") && !calculix.contains("*FABRIC"));
 }
 
-/// The elastic shell of CalculiX has its thickness from bending, the fabric of Abaqus has not.
+/// The elastic shell of CalculiX has its thickness from bending, the fabric of Abaqus has not. There a press lasts
+/// until the next.
 #[test]
 fn calculix_needs_bending() {
     let folder = folder();
     let path = folder.path();
-    let config = CONFIG.replace("steps = 240", "steps = 80");
+    let config = CONFIG
+        .replace("steps = 240", "steps = 80")
+        .replace("[env]\n", "[env]\nsettle_s = 0.05\n");
     for [key, value, found] in [
         ["bending", "\"off\"", "off"],
         ["bending_stiffness", "{ newton_metre = 0 }", "0"],
@@ -84,5 +87,7 @@ fn calculix_needs_bending() {
         let word = format!("{run}/config.toml: `physics.{key}` is {found}, expected bending");
         assert_failure(&output, 2, &[&word]);
         stdout(path, &["export", &run, "--format", "abaqus"]);
+        let deck = fs::read_to_string(path.join(&run).join("draping.inp")).unwrap();
+        assert!(deck.contains("\n*DYNAMIC, EXPLICIT\n, 6.66666667e-2\n"));
     }
 }
