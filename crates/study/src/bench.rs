@@ -376,8 +376,12 @@ pub struct Player {
 impl Player {
     /// [`ENVIRONMENTS`] tasks on a wrinkle of the rib, at their start, as many on each scene.
     pub fn new(scenes: &[Arc<Scene>], threads: usize) -> Result<Self, StudyError> {
-        let mut config = EnvConfig::compact();
-        config.region_mm = Some(CORNER);
+        // The shortest press, without rest: a second of any other takes as long.
+        let config = EnvConfig {
+            region_mm: Some(CORNER),
+            crop: true,
+            ..EnvConfig::default()
+        };
         let members = scenes.iter().map(|scene| Member {
             scene: scene.clone(),
             config: config.clone(),

@@ -52,8 +52,11 @@ pub fn table(
     let mut config = SceneConfig::rib();
     config.blank.vertices = [MESH; 2];
     let scene = Arc::new(Scene::new(&config, |_| {})?);
-    let mut env = EnvConfig::compact();
-    env.region_mm = Some(CORNER);
+    let mut env = EnvConfig {
+        region_mm: Some(CORNER),
+        crop: true,
+        ..EnvConfig::default()
+    };
     env.stencil_mm = stencil_mm(&scene.lamina, env.stencil_mm);
     // Imitation begins with the first episode that ends, and with it minibatches grow.
     let ppo = PpoConfig {

@@ -140,10 +140,14 @@ impl EnvConfig {
         }
     }
 
-    /// The agent sees its region only.
+    /// The agent sees its region only. The roller does not throw cloth about, which rests before the next press, as under
+    /// a robot (docs/NOTES.md).
     pub fn compact() -> Self {
         Self {
             crop: true,
+            press_s: 0.03,
+            press_speed: 2.0,
+            settle_s: 0.03,
             ..Self::default()
         }
     }
