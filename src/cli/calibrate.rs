@@ -314,7 +314,7 @@ impl Seen {
             }
             false => {
                 let scene = SceneConfig::read(path).or_invalid()?;
-                (scene, EnvConfig::default(), Scatter::default())
+                (scene, EnvConfig::compact(), Scatter::default())
             }
         };
         let scene = Arc::new(set_up(&scene, &place)?);

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::statistics::{extremes, median};
-use crate::study::{CORNER, Context, Effort, Report, Study, StudyError};
+use crate::study::{CORNER, Context, Effort, Report, Study, StudyError, restless};
 use drape_cloth::fabric::{Lamina, Material};
 use drape_cloth::math::{Isa, Purpose, Stream};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
@@ -22,7 +22,7 @@ use drape_cloth::tool::{Shape, Source};
 use drape_learn::benchmark::{Benchmark, Implementation};
 use drape_report::Table;
 use drape_task::cluster::Cluster;
-use drape_task::env::{Draping, EnvConfig, Member, Tasks};
+use drape_task::env::{Draping, Member, Tasks};
 use drape_task::search::{Order, choose};
 
 /// Measure the speed of simulation and learner on this machine
@@ -376,12 +376,7 @@ pub struct Player {
 impl Player {
     /// [`ENVIRONMENTS`] tasks on a wrinkle of the rib, at their start, as many on each scene.
     pub fn new(scenes: &[Arc<Scene>], threads: usize) -> Result<Self, StudyError> {
-        // The shortest press, without rest: a second of any other takes as long.
-        let config = EnvConfig {
-            region_mm: Some(CORNER),
-            crop: true,
-            ..EnvConfig::default()
-        };
+        let config = restless(Some(CORNER));
         let members = scenes.iter().map(|scene| Member {
             scene: scene.clone(),
             config: config.clone(),

@@ -23,7 +23,7 @@ use cpu_time::ProcessTime;
 
 use crate::points::{apart_mm, nearest, same_points, summed_m};
 use crate::statistics::median;
-use crate::study::{CORNER, Context, Report, Study, StudyError, lamina};
+use crate::study::{CORNER, Context, Report, Study, StudyError, lamina, restless};
 use drape_cloth::math::{Isa, mean_and_deviation};
 use drape_cloth::scene::{Scene, SceneConfig, SceneError};
 use drape_cloth::sim::{Precision, Solver};
@@ -55,8 +55,8 @@ impl Study for Tradeoff {
     const TABLES: &'static [&'static str] = &["settings"];
 
     fn run(&self, context: &Context) -> Result<Report, StudyError> {
-        let (scene, mut env) = (SceneConfig::rib(), EnvConfig::compact());
-        env.region_mm = Some(if self.quick { QUICK_REGION } else { CORNER });
+        let region = if self.quick { QUICK_REGION } else { CORNER };
+        let (scene, env) = (SceneConfig::rib(), restless(Some(region)));
         let variations = variations(&scene, &env, self.quick.into());
         let mut measuring = Measuring::new(&scene, &env)?;
         let mut rows = Vec::with_capacity(variations.len());

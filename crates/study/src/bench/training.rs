@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use crate::study::{CORNER, Context, Effort, StudyError, stencil_mm};
+use crate::study::{CORNER, Context, Effort, StudyError, restless, stencil_mm};
 use drape_cloth::scene::{Scene, SceneConfig};
 use drape_cloth::sim::Device;
 use drape_learn::policy::{DeviceKind, PolicyConfig};
 use drape_learn::ppo::{PpoConfig, TrainError, Trainer};
 use drape_report::Table;
-use drape_task::env::{Draping, EnvConfig};
+use drape_task::env::Draping;
 
 /// Vertices along a side of the sheet on the rib: as many as software Vulkan has the time for.
 const MESH: usize = 33;
@@ -52,11 +52,7 @@ pub fn table(
     let mut config = SceneConfig::rib();
     config.blank.vertices = [MESH; 2];
     let scene = Arc::new(Scene::new(&config, |_| {})?);
-    let mut env = EnvConfig {
-        region_mm: Some(CORNER),
-        crop: true,
-        ..EnvConfig::default()
-    };
+    let mut env = restless(Some(CORNER));
     env.stencil_mm = stencil_mm(&scene.lamina, env.stencil_mm);
     // Imitation begins with the first episode that ends, and with it minibatches grow.
     let ppo = PpoConfig {

@@ -140,8 +140,8 @@ impl EnvConfig {
         }
     }
 
-    /// The agent sees its region only. The roller does not throw cloth about, which rests before the next press, as under
-    /// a robot (docs/NOTES.md).
+    /// The agent sees its region only. The roller is too slow to throw cloth about, and cloth rests before the next press, as
+    /// under a robot (docs/NOTES.md).
     pub fn compact() -> Self {
         Self {
             crop: true,
