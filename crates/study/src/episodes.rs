@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use crate::statistics::extremes;
-use crate::study::{Context, Report, SceneOptions, Study, StudyError, stencil_mm};
+use crate::study::{Context, Report, SceneOptions, Study, StudyError, restless, stencil_mm};
 use drape_cloth::math::mean_and_deviation;
 use drape_cloth::measure::surplus;
 use drape_cloth::scene::{Scene, Summary};
@@ -59,7 +59,7 @@ impl Study for Episodes {
         self.scene.set_mesh(&mut config, None)?;
         let fall = |share| (context.progress)(share, "falling");
         let scene = Arc::new(Scene::new(&config, fall)?);
-        let mut env = self.scene.env(region);
+        let mut env = restless(self.scene.region.or(region));
         env.stencil_mm = stencil_mm(&scene.lamina, env.stencil_mm);
         // An episode takes about a step for each five vertices; progress need not be exact.
         let region = env.region(&scene.lamina)?;

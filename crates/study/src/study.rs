@@ -284,15 +284,10 @@ impl SceneOptions {
         }
         Ok(())
     }
-
-    /// An environment on the region that is asked for, or else on `region`.
-    pub(crate) fn env(&self, region: Option<[f64; 4]>) -> EnvConfig {
-        restless(self.region.or(region))
-    }
 }
 
-/// The agent sees the region only, and cloth does not rest after the paper's press: the hardest case for a solver, and the
-/// least of simulation for a step.
+/// The task on a region [mm], which is all that the agent sees. Cloth does not rest after the paper's press: the hardest case
+/// for a solver, and the least of simulation for a step.
 pub(crate) fn restless(region_mm: Option<[f64; 4]>) -> EnvConfig {
     EnvConfig {
         region_mm,
