@@ -10,17 +10,16 @@ use super::explained::{doubts, explained, factors, line, same_scan};
 use super::failure::OrInvalid;
 use super::loaded::{Loaded, Source};
 use super::output::{check_outputs, print};
-use super::setup::set_up;
+use super::setup::{read_scene_or_run, set_up};
 use super::terminal::Told;
-use crate::run::{Parameter, RunConfig};
+use crate::run::Parameter;
 use drape_calibrate::{
     Calibrated, FittedCurve, Lab, ObservedCloth, calibrate, posterior, scaled, scatter_table,
     write_material,
 };
 use drape_cloth::fabric::{Drape, Material};
-use drape_cloth::file::read_text;
 use drape_cloth::math::Vec3;
-use drape_cloth::scene::{Scene, SceneConfig};
+use drape_cloth::scene::Scene;
 use drape_report::{Chart, Color, Image, SERIES, Series};
 use drape_scan::Cloud;
 use drape_task::env::{EnvConfig, Scatter};
@@ -304,20 +303,9 @@ impl Seen {
                 presses,
             });
         }
-        let table: Option<toml::Table> = read_text(path).or_invalid()?.parse().ok();
-        // A scene cannot do without a tool, a run configuration has it in its scene.
-        let is_run = table.is_some_and(|table| !table.contains_key("tool"));
-        let (scene, env, scatter) = match is_run {
-            true => {
-                let config = RunConfig::read(path).or_invalid()?;
-                (config.scene, config.env, config.scatter)
-            }
-            false => {
-                let scene = SceneConfig::read(path).or_invalid()?;
-                (scene, EnvConfig::compact(), Scatter::default())
-            }
-        };
-        let scene = Arc::new(set_up(&scene, &place)?);
+        let config = read_scene_or_run(path)?;
+        let (env, scatter) = (config.env, config.scatter);
+        let scene = Arc::new(set_up(&config.scene, &place)?);
         let mut presses = Vec::new();
         if let Some(file) = &args.presses {
             presses.extend(

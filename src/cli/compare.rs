@@ -11,15 +11,13 @@ use super::failure::OrInvalid;
 use super::loaded::{Loaded, Source};
 use super::output::{check_outputs, print};
 use super::scanned::ScanArgs;
-use super::setup::{absurd, extent};
+use super::setup::{absurd, extent, read_scene_or_run};
 use super::terminal::{Told, tell};
-use crate::run::RunConfig;
 use drape_cloth::fabric::Drape;
-use drape_cloth::file::read_text;
 use drape_cloth::math::Vec3;
 use drape_cloth::mesh::compare::Distances;
 use drape_cloth::mesh::read_mesh;
-use drape_cloth::scene::{Scene, SceneConfig};
+use drape_cloth::scene::Scene;
 use drape_cloth::tool::{GridConfig, Tool};
 use drape_proof::presses::resting;
 use drape_proof::{Comparison, Criteria, Inapplicable, Surveyed, compare, picture};
@@ -373,12 +371,5 @@ fn on_the_blank(region: [f64; 4], surface: &Surveyed, path: &Path) -> Result<(),
 
 /// The tool of a scene file or of a run configuration.
 fn tool(path: &Path) -> Result<Tool, Failure> {
-    let table: Option<toml::Table> = read_text(path).or_invalid()?.parse().ok();
-    // A scene cannot do without a tool, a run configuration has it in its scene.
-    let is_run = table.is_some_and(|table| !table.contains_key("tool"));
-    let scene = match is_run {
-        true => RunConfig::read(path).or_invalid()?.scene,
-        false => SceneConfig::read(path).or_invalid()?,
-    };
-    Tool::new(&scene.tool).or_invalid_in(path.display())
+    Tool::new(&read_scene_or_run(path)?.scene.tool).or_invalid_in(path.display())
 }

@@ -8,7 +8,7 @@ use super::Failure;
 use super::failure::OrInvalid;
 use super::output::Progress;
 use super::terminal::tell;
-use crate::run::{Input, RunConfig, RunFolder, Scenes};
+use crate::run::{Input, RunConfig, RunFolder, Scenes, TrainingPreset};
 use drape_cloth::fabric::Lamina;
 use drape_cloth::file::read_text;
 use drape_cloth::math::Vec3;
@@ -205,6 +205,16 @@ pub fn read_config(path: Option<&Path>) -> Result<(RunConfig, String), Failure> 
         ))),
         Err(error) => Err(error).or_invalid(),
     }
+}
+
+/// The run configuration in a file, or the scene in it under the compact preset.
+pub fn read_scene_or_run(path: &Path) -> Result<RunConfig, Failure> {
+    if !is_scene(path) {
+        return Ok(read_config(Some(path))?.0);
+    }
+    let mut config = RunConfig::preset(TrainingPreset::Compact);
+    config.scene = SceneConfig::read(path).or_invalid()?;
+    Ok(config)
 }
 
 /// Whether a file has tables of a scene at its top, and none of a run configuration.

@@ -6,7 +6,6 @@ use std::sync::mpsc::sync_channel;
 
 use anyhow::{Context, Error, anyhow};
 use serde_json::{Value, json};
-use toml::Table;
 
 use super::Failure;
 use super::args::accuracy;
@@ -15,17 +14,17 @@ use super::failure::OrInvalid;
 use super::loaded::load_agent;
 use super::output::check_outputs;
 use super::planned::cell_config;
-use super::setup::{missed, odd_fit, oddities, open_run, read_config, warn};
+use super::setup::{missed, odd_fit, oddities, open_run, read_config, read_scene_or_run, warn};
 use super::terminal::{is_json, show, tell};
 use super::tool::shape;
 use crate::run::{
-    BestSequence, Demonstrations, RunConfig, RunFolder, TrainingPreset, curve, digest, play,
-    random_episodes, read_metrics,
+    BestSequence, Demonstrations, RunConfig, RunFolder, curve, digest, play, random_episodes,
+    read_metrics,
 };
 use drape_cloth::fabric::{Drape, Lamina};
-use drape_cloth::file::{ValueError, check_name, read_toml, write_atomic};
+use drape_cloth::file::{ValueError, check_name, write_atomic};
 use drape_cloth::math::Vec3;
-use drape_cloth::scene::{Fabric, Scene, SceneConfig};
+use drape_cloth::scene::{Fabric, Scene};
 use drape_cloth::sim::{Accuracy, Snapshot};
 use drape_cloth::tool::{GridConfig, MeshSource, Pose, Shape, Source, ToolConfig};
 use drape_learn::ppo::{Agent, Sampling};
@@ -137,12 +136,8 @@ pub fn run(mut args: ViewArgs) -> Result<(), Failure> {
             let place = folder.config.display().to_string();
             (Some(folder), (config, place))
         }
-        Some(path) if read_toml::<Table>(path).is_ok_and(|table| table.contains_key("tool")) => {
-            let mut config = RunConfig::preset(TrainingPreset::Compact);
-            config.scene = SceneConfig::read(path).or_invalid()?;
-            (None, (config, path.display().to_string()))
-        }
-        path => (None, read_config(path)?),
+        Some(path) => (None, (read_scene_or_run(path)?, path.display().to_string())),
+        None => (None, read_config(None)?),
     };
     if let Some(accuracy) = args.accuracy {
         config.env.set_accuracy(accuracy);

@@ -95,11 +95,10 @@ pub fn search_by_moves(
             // As fast as the race was, which was in the coarsest steps.
             let raced = (judge.spent() - raced) as f64 / at_race.elapsed().as_secs_f64();
             let rates = judge.worlds().scatter.rated(env);
-            let rates: Vec<f64> = rates
-                .iter()
-                .map(|env| env.stepping().substep_rate)
-                .collect();
-            let slower = rates.iter().sum::<f64>() / (rates.len() as f64 * rates[0]);
+            let coarsest = rates[0].stepping().substep_rate;
+            let share = |env: &EnvConfig| coarsest / env.stepping().substep_rate;
+            // Moves are as long at each of them.
+            let slower = rates.len() as f64 / rates.iter().map(share).sum::<f64>();
             let seconds = end.saturating_duration_since(Instant::now()).as_secs_f64();
             (SEARCHING * seconds * raced / slower) as u64
         }

@@ -125,10 +125,8 @@ struct Warm<'a, V>(&'a mut [V]);
 impl<V: Lanes> Response<V> for Warm<'_, V> {
     #[inline(always)]
     fn at(&self, law: &LineLaw<V>, j: usize, _: V, length: V) -> [V; 2] {
-        let [tension, compression] = law.compliance;
         let c = length - law.rest[0];
-        let compressed = self.0[j].lt(V::zero());
-        let compliance = V::select(compressed, compression, tension);
+        let compliance = branch(law.compliance, self.0[j]);
         let force = self.0[j].max(law.min_warm) * length;
         match law.limit {
             None => [compliance, c - compliance * force],

@@ -170,10 +170,9 @@ struct OneSided<'a>(&'a Locking);
 impl<V: Lanes> Response<V> for OneSided<'_> {
     #[inline(always)]
     fn at(&self, law: &LineLaw<V>, _: usize, square: V, length: V) -> [V; 2] {
-        let [tension, compression] = law.compliance;
         let [rest, inverse_rest] = law.rest;
         let [beyond, share] = self.0.of_diagonal(length * inverse_rest);
-        let at_rest = V::select(beyond.lt(V::zero()), compression, tension);
+        let at_rest = branch(law.compliance, beyond);
         let is_locked = V::zero().lt(self.0.excess(square, inverse_rest));
         [
             V::select(is_locked, at_rest * share, V::of(FREE)),

@@ -172,10 +172,9 @@ struct Cold<'a>(&'a Trellis);
 impl<V: Lanes> Response<V> for Cold<'_> {
     #[inline(always)]
     fn at(&self, law: &LineLaw<V>, _: usize, square: V, length: V) -> [V; 2] {
-        let [tension, compression] = law.compliance;
         let [rest, inverse_rest] = law.rest;
         let c = length - rest;
-        let at_rest = V::select(c.lt(V::zero()), compression, tension);
+        let at_rest = branch(law.compliance, c);
         [at_rest * self.0.share(square, inverse_rest), c]
     }
 }

@@ -3,9 +3,9 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
 
 use super::solve::{Answer, Ask, Solve};
-use crate::cloth::{Piece, laid, rigid, shearing, sheet, yarns_alone};
+use crate::cloth::{Piece, elastic_energy, laid, rigid, shearing, sheet, yarns_alone};
 use crate::study::Effort;
-use drape_cloth::fabric::{BlankConfig, Curve, Family, Lamina, MassModel, Material};
+use drape_cloth::fabric::{BlankConfig, Curve, Lamina, MassModel, Material};
 use drape_cloth::math::Vec3;
 use drape_cloth::measure::shear;
 use drape_cloth::sim::{Bending, BendingStiffness, PhysicsConfig, Snapshot};
@@ -237,7 +237,7 @@ pub fn draw_out(solver: &dyn Solve, lamina: Lamina, extensions: &[f64]) -> Vec<[
         let after = to(&mut piece, d + step);
         let lamina = &piece.lamina;
         let slope = || {
-            let [low, high] = [&before, &after].map(|s| energy(lamina, s));
+            let [low, high] = [&before, &after].map(|s| elastic_energy(lamina, s));
             (high - low) / (2.0 * step)
         };
         let rests = [&before, &at, &after].iter().all(|s| s.v_rms() < 1e-3);
@@ -247,46 +247,4 @@ pub fn draw_out(solver: &dyn Solve, lamina: Lamina, extensions: &[f64]) -> Vec<[
         found.push([d, if_at_rest(shear), if_at_rest(force)]);
     }
     found
-}
-
-/// Elastic energy of a state by the laws of the fast solver, of lengths and of shear [J].
-fn energy(lamina: &Lamina, state: &Snapshot) -> f64 {
-    let material = &lamina.material;
-    let thickness = material.thickness();
-    let along = |family| {
-        let law = material.yarn(family);
-        [&law.tension, &law.compression].map(Curve::modulus)
-    };
-    let shear = [&material.shear.positive, &material.shear.negative].map(Curve::modulus);
-    let branch = |c: f64, [more, less]: [f64; 2]| 0.5 * c * c * if c < 0.0 { less } else { more };
-    let at = |v: u32| Vec3::from(state.position[v as usize]);
-    let length = |a: u32, b: u32| (at(a) - at(b)).norm();
-    let (mut of_lengths, mut of_shear) = (0.0, 0.0);
-    for yarn in &lamina.yarns {
-        let volume = thickness * yarn.width * yarn.rest_length;
-        for pair in yarn.vertices.windows(2) {
-            let c = length(pair[0], pair[1]) / yarn.rest_length - 1.0;
-            of_lengths += volume * branch(c, along(yarn.family));
-        }
-    }
-    let [a, b] = lamina.cell();
-    for &[from, to] in &lamina.diagonals {
-        let growth = length(from, to).powi(2) - lamina.cell_diagonal().powi(2);
-        let gamma = (growth / (2.0 * a * b)).clamp(-1.0, 1.0).asin();
-        of_shear += thickness * a * b * branch(gamma, shear);
-    }
-    for membrane in &lamina.membranes {
-        let volume = thickness * membrane.area;
-        let f = [0, 1].map(|k| -> Vec3 {
-            let corners = membrane.vertices.iter().zip(&membrane.gradient);
-            corners.map(|(v, g)| at(*v) * g[k]).sum()
-        });
-        let yarns = [Family::Warp, Family::Weft].into_iter();
-        for (f, family) in f.iter().zip(yarns.filter(|_| !membrane.has_yarns)) {
-            of_lengths += volume * branch(f.norm() - 1.0, along(family));
-        }
-        let sine = (f[0].dot(&f[1]) / (f[0].norm() * f[1].norm())).clamp(-1.0, 1.0);
-        of_shear += volume * branch(sine.asin(), shear);
-    }
-    of_lengths + of_shear
 }

@@ -22,8 +22,8 @@ use drape_cloth::sim::{
 };
 use drape_cloth::tool::{Incline, Plate, Pose, Shape, Tool};
 use drape_study::cloth::{
-    AREAL_MASS, GRAVITY, NOWHERE, fix, mean_at, momenta, placed, rigid, sheet, strip, tool,
-    yarns_alone,
+    AREAL_MASS, GRAVITY, NOWHERE, elastic_energy, fix, mean_at, momenta, placed, rigid, sheet,
+    strip, tool, yarns_alone,
 };
 use drape_study::verify::solve::Fast;
 

@@ -299,54 +299,6 @@ fn cut_blank_in_free_flight_keeps_its_momentum() {
     }
 }
 
-/// Elastic energy of a plane state [J], every part by its own law.
-fn energy(lamina: &Lamina, state: &Snapshot) -> f64 {
-    let material = &lamina.material;
-    let branch = |c: f64, tension: f64, compression: f64| {
-        0.5 * c * c * if c < 0.0 { compression } else { tension }
-    };
-    let length = |a: u32, b: u32| {
-        (Vec3::from(state.position[a as usize]) - Vec3::from(state.position[b as usize])).norm()
-    };
-    let mut sum = 0.0;
-    for yarn in &lamina.yarns {
-        let law = material.yarn(yarn.family);
-        let volume = THICKNESS * yarn.width * yarn.rest_length;
-        for pair in yarn.vertices.windows(2) {
-            let c = length(pair[0], pair[1]) / yarn.rest_length - 1.0;
-            sum += volume * branch(c, law.tension.modulus(), law.compression.modulus());
-        }
-    }
-    let shear = [
-        material.shear.positive.modulus(),
-        material.shear.negative.modulus(),
-    ];
-    let [a, b] = lamina.cell();
-    for &[from, to] in &lamina.diagonals {
-        let growth = length(from, to).powi(2) - lamina.cell_diagonal().powi(2);
-        let gamma = (growth / (2.0 * a * b)).asin();
-        sum += THICKNESS * a * b * branch(gamma, shear[0], shear[1]);
-    }
-    for membrane in &lamina.membranes {
-        let volume = THICKNESS * membrane.area;
-        let f = [0, 1].map(|k| -> Vec3 {
-            let corners = membrane.vertices.iter().zip(&membrane.gradient);
-            corners
-                .map(|(v, g)| Vec3::from(state.position[*v as usize]) * g[k])
-                .sum()
-        });
-        let yarns = [Family::Warp, Family::Weft].into_iter();
-        for (f, family) in f.iter().zip(yarns.filter(|_| !membrane.has_yarns)) {
-            let law = material.yarn(family);
-            let [tension, compression] = [law.tension.modulus(), law.compression.modulus()];
-            sum += volume * branch(f.norm() - 1.0, tension, compression);
-        }
-        let sine = f[0].dot(&f[1]) / (f[0].norm() * f[1].norm());
-        sum += volume * branch(sine.asin(), shear[0], shear[1]);
-    }
-    sum
-}
-
 /// Force over elongation of a +-45 strip of 80 x 30 mm between rigid clamps at 1 % [N/m], from
 /// its energy.
 fn bias_stiffness(strip: &Lamina, h: f64, seconds: f64) -> f64 {
@@ -366,7 +318,7 @@ fn bias_stiffness(strip: &Lamina, h: f64, seconds: f64) -> f64 {
         seconds,
     );
     let elongation: f64 = 0.08 * strain;
-    2.0 * energy(strip, &end) / elongation.powi(2)
+    2.0 * elastic_energy(strip, &end) / elongation.powi(2)
 }
 
 fn bias_strip(cell_mm: f64) -> Lamina {

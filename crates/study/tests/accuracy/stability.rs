@@ -40,37 +40,17 @@ const STIFFNESS: f64 = 2e-4;
 /// Kinetic and elastic energy [J] under [`undriven`], by the laws of docs/PHYSICS.md.
 fn energy(sheet: &Lamina, state: &Snapshot) -> f64 {
     let x = |v: u32| Vec3::from(state.position[v as usize]);
-    let thickness = sheet.material.thickness();
     let kinetic = state.velocity.iter().zip(&sheet.mass);
     let mut sum: f64 = kinetic
         .map(|(v, m)| 0.5 * m * Vec3::from(*v).norm_squared())
         .sum();
     for yarn in &sheet.yarns {
-        let modulus = sheet.material.yarn(yarn.family).tension.modulus();
-        let k = modulus * thickness * yarn.width / yarn.rest_length;
-        for pair in yarn.vertices.windows(2) {
-            let c = (x(pair[1]) - x(pair[0])).norm() - yarn.rest_length;
-            sum += 0.5 * k * c * c;
-        }
         for v in yarn.vertices.windows(3) {
             let c = x(v[0]) - x(v[1]) * 2.0 + x(v[2]);
             sum += 0.5 * STIFFNESS * yarn.width / yarn.rest_length.powi(3) * c.norm_squared();
         }
     }
-    let cell: f64 = sheet.cell().iter().product();
-    for diagonal in &sheet.diagonals {
-        let [a, b] = diagonal.map(x);
-        let growth = (b - a).norm_squared() - sheet.cell_diagonal().powi(2);
-        let gamma = (0.5 * growth / cell).asin();
-        let shear = &sheet.material.shear;
-        let law = if gamma < 0.0 {
-            &shear.negative
-        } else {
-            &shear.positive
-        };
-        sum += 0.5 * law.modulus() * thickness * cell * gamma * gamma;
-    }
-    sum
+    sum + elastic_energy(sheet, state)
 }
 
 /// A sheet that is let go from a shape full of strain: implicit Euler takes energy out of

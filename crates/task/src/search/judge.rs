@@ -156,9 +156,10 @@ impl Judge {
         self.spent
     }
 
-    /// How many rates there are.
-    pub fn rates(&self) -> usize {
-        self.benches.len()
+    /// Substeps [1/s] of each rate.
+    pub fn rates(&self) -> Vec<f64> {
+        let rate = |bench: &Vec<Draping>| bench[0].tasks()[0].config.stepping().substep_rate;
+        self.benches.iter().map(rate).collect()
     }
 
     /// Presses lists at a rate, as many at once as there are lanes, asks `of` the end of each in the task of its

@@ -36,7 +36,7 @@ impl Default for Moves {
 /// Worlds of a round. Candidates are seen in the first, those that are left in the second. Where worlds do not
 /// differ one is enough. More steps on few worlds come to better orders than few steps on more.
 const STAGES: [Range<usize>; 2] = [0..1, 1..2];
-/// Generations of a search at least, and presses of one at most. Rates take turns by generation: what is judged by one
+/// Generations of a search at least, and presses of one about. Rates take turns by generation: what is judged by one
 /// alone is tuned to its steps, and holds less in the twin.
 const GENERATIONS: u64 = 10;
 const LONGEST: u64 = 60_000;
@@ -114,17 +114,22 @@ pub fn moves(
         goes_on: true,
         watch,
     };
-    let rates = judge.rates() as u64;
-    let generations = GENERATIONS.max(presses.div_ceil(LONGEST)).max(rates);
+    let rates = judge.rates();
+    let generations = GENERATIONS.max(presses.div_ceil(LONGEST)) as usize;
+    let generations = generations.max(rates.len());
+    // The finest last.
+    let turn = |generation| rates.len() - 1 - (generations - 1 - generation) % rates.len();
+    let turns: Vec<usize> = (0..generations).map(turn).collect();
+    // All take equally long.
+    let share = |&rate: &usize| rates[rate].recip();
+    let (whole, mut begun) = (turns.iter().map(share).sum::<f64>(), 0.0);
     // What chains have come to at each rate at most, and how many generations have brought no more.
-    let (mut best, mut idle) = (vec![f64::NEG_INFINITY; judge.rates()], 0);
-    for generation in 0..generations {
-        let share = generation as f64 / (generations - 1) as f64;
-        search.heat = method.hot * (method.cold / method.hot).powf(share);
-        // The finest last.
-        let rate = (rates - 1 - (generations - 1 - generation) % rates) as usize;
-        let until = u128::from(presses) * u128::from(generation + 1) / u128::from(generations);
-        search.until = until as u64 / method.chains as u64;
+    let (mut best, mut idle) = (vec![f64::NEG_INFINITY; rates.len()], 0);
+    for (generation, &rate) in turns.iter().enumerate() {
+        begun += share(&rate) / whole;
+        search.until = (presses as f64 * begun) as u64 / method.chains as u64;
+        let done = generation as f64 / (generations - 1) as f64;
+        search.heat = method.hot * (method.cold / method.hot).powf(done);
         let open = (0..method.chains).filter(|&k| search.chains[k].spent < search.until);
         let open: Vec<usize> = open.collect();
         if open.is_empty() {
@@ -158,7 +163,7 @@ pub fn moves(
     orders.sort();
     orders.dedup();
     let first = search.worlds_of(all.iter().map(|chain| chain.rounds).max().unwrap_or(0), 0);
-    let ranked = judge.race(judge.rates() - 1, &orders, first..first + 21, 2);
+    let ranked = judge.race(rates.len() - 1, &orders, first..first + 21, 2);
     Found {
         orders: ranked
             .into_iter()
