@@ -53,11 +53,10 @@ fn judging_is_as_fine_as_cells_take() {
         assert_eq!(parse(&config.to_toml()).as_ref(), Ok(&config));
         config.scatter.substep_rates
     };
-    assert_eq!(rates(16, "friction = 0.1"), [600.0, 1200.0, 2400.0]);
-    assert_eq!(rates(32, "friction = 0.1"), [600.0, 1200.0, 2400.0]);
-    assert_eq!(rates(64, "friction = 0.1"), [2400.0, 4800.0, 9600.0]);
-    let finest = [240_000.0, 480_000.0, 960_000.0];
-    assert_eq!(rates(1024, "friction = 0.1"), finest);
+    assert_eq!(rates(16, "friction = 0.1"), [1200.0, 2400.0]);
+    assert_eq!(rates(32, "friction = 0.1"), [1200.0, 2400.0]);
+    assert_eq!(rates(64, "friction = 0.1"), [4800.0, 9600.0]);
+    assert_eq!(rates(1024, "friction = 0.1"), [480_000.0, 960_000.0]);
     assert_eq!(rates(64, "friction = 0.1, substep_rates = [600]"), [600.0]);
     assert!(rates(64, "risk = 0.5").is_empty());
     // Nor coarser than in training.

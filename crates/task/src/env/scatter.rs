@@ -77,7 +77,7 @@ pub struct Scatter {
 }
 
 /// Rates [1/s] that suit cells of this side [m], and how many times as fine they become at most.
-const RATES: [f64; 3] = [600.0, 1200.0, 2400.0];
+const RATES: [f64; 2] = [1200.0, 2400.0];
 const REFERENCE_CELL: f64 = 8e-3;
 const MOST_FINER: f64 = 400.0;
 
@@ -168,8 +168,8 @@ impl Scatter {
         (1.0 - self.risk) * mean + self.risk * worst
     }
 
-    /// Where worlds differ and no rates are given, judges by 600, 1200 and 2400 substeps a second, on cells of less than
-    /// 8 mm by (8 mm / `cell`)² times as many: if the last were coarser, paths would rank otherwise than in fine steps
+    /// Where worlds differ and no rates are given, judges by 1200 and 2400 substeps a second, on cells of less than 8 mm by
+    /// (8 mm / `cell`)² times as many: if the last were coarser, paths would rank otherwise than in fine steps
     /// (docs/SCATTER.md). Never in coarser steps than episodes have. `cell` is the shorter side of a cell [m].
     pub fn suit(&mut self, cell: f64, env: &EnvConfig) {
         if self.substep_rates.is_empty() && !self.spreads.is_empty() {
