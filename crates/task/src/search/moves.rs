@@ -117,17 +117,10 @@ pub fn moves(
     let rates = judge.rates();
     let generations = GENERATIONS.max(presses.div_ceil(LONGEST)) as usize;
     let generations = generations.max(rates.len());
-    // The finest last.
-    let turn = |generation| rates.len() - 1 - (generations - 1 - generation) % rates.len();
-    let turns: Vec<usize> = (0..generations).map(turn).collect();
-    // All take equally long.
-    let share = |&rate: &usize| rates[rate].recip();
-    let (whole, mut begun) = (turns.iter().map(share).sum::<f64>(), 0.0);
     // What chains have come to at each rate at most, and how many generations have brought no more.
     let (mut best, mut idle) = (vec![f64::NEG_INFINITY; rates.len()], 0);
-    for (generation, &rate) in turns.iter().enumerate() {
-        begun += share(&rate) / whole;
-        search.until = (presses as f64 * begun) as u64 / method.chains as u64;
+    for (generation, (rate, share)) in turns(&rates, generations).into_iter().enumerate() {
+        search.until = (presses as f64 * share) as u64 / method.chains as u64;
         let done = generation as f64 / (generations - 1) as f64;
         search.heat = method.hot * (method.cold / method.hot).powf(done);
         let open = (0..method.chains).filter(|&k| search.chains[k].spent < search.until);
@@ -172,6 +165,19 @@ pub fn moves(
         rounds: search.rounds,
         has_converged: idle >= IDLE && goes_on,
     }
+}
+
+/// The rate of each generation, the finest last, and the share of all presses that are made when it ends: all take
+/// equally long.
+fn turns(rates: &[f64], generations: usize) -> Vec<(usize, f64)> {
+    let rate = |generation: usize| rates.len() - 1 - (generations - 1 - generation) % rates.len();
+    let share = |generation: usize| rates[rate(generation)].recip();
+    let (whole, mut made) = ((0..generations).map(share).sum::<f64>(), 0.0);
+    let turn = |generation| {
+        made += share(generation) / whole;
+        (rate(generation), made)
+    };
+    (0..generations).map(turn).collect()
 }
 
 /// Chains that are changed, each in rounds of its own.
@@ -461,4 +467,26 @@ fn together(parent: &[u32], better: &[&[u32]]) -> Vec<Arc<[u32]>> {
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn generations_take_equally_long_and_the_finest_rate_is_last() {
+        let rates = [600.0, 1200.0, 2400.0];
+        let turns = turns(&rates, 10);
+        let begun = [0.0].into_iter().chain(turns.iter().map(|turn| turn.1));
+        let time = |(begun, &(rate, made)): (f64, &(usize, f64))| (made - begun) * rates[rate];
+        let times: Vec<f64> = begun.zip(&turns).map(time).collect();
+        assert!(
+            times
+                .iter()
+                .all(|time| (time / times[0] - 1.0).abs() < 1e-12)
+        );
+        assert!((turns[9].1 - 1.0).abs() < 1e-12);
+        let order: Vec<usize> = turns.iter().map(|turn| turn.0).collect();
+        assert_eq!(order, [2, 0, 1, 2, 0, 1, 2, 0, 1, 2]);
+    }
 }
